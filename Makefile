@@ -1,0 +1,38 @@
+# `make demo` and `make test` set everything up first; nothing else is needed but Python 3.11 to 3.13.
+PYTHON ?= python3
+BIN := .venv/bin
+
+.PHONY: demo test check lock bench clean
+
+demo: .venv/ready
+	$(BIN)/whyhot demo
+
+test: .venv/ready check
+	$(BIN)/python -m pytest
+
+check: .venv/ready
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+
+bench: .venv/ready
+	$(PIP) -r requirements-bench.lock
+	$(BIN)/python benchmarks/ingest.py
+	$(BIN)/python benchmarks/integrator.py
+
+# uv where it is there (seconds), pip otherwise (a minute): both install the same locked versions.
+PIP := $(shell command -v uv >/dev/null 2>&1 && echo "uv pip install -q --python $(BIN)/python" || echo "$(BIN)/python -m pip install -q --disable-pip-version-check")
+
+.venv/ready: requirements.lock pyproject.toml
+	test -x $(BIN)/python || $(PYTHON) -m venv .venv
+	$(PIP) -r requirements.lock
+	$(PIP) --no-deps -e .
+	touch $@
+
+# New versions: names and versions only, so that a lock works with any package index.
+lock:
+	uv pip compile pyproject.toml --extra view --group dev --universal --python-version 3.11 --no-header --no-annotate --upgrade -q -o requirements.lock
+	uv pip compile pyproject.toml --extra view --group dev --group bench --universal --python-version 3.11 --no-header --no-annotate --upgrade -q -o requirements-bench.lock
+
+clean:
+	rm -rf .venv demo dist build .mypy_cache .pytest_cache .ruff_cache

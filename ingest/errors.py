@@ -1,0 +1,45 @@
+"""Errors of the facts layer: one class a condition; the message is one line with what, where, why and what to do."""
+
+
+class IngestError(Exception):
+    """Root of everything that `ingest` refuses. `str(error)` is the whole line that a person reads."""
+
+
+class BenchFileError(IngestError):
+    """A bench file says something that cannot be true of these logs."""
+
+
+class TomlError(IngestError):
+    """A TOML file of ours cannot be read, or holds an unknown key."""
+
+
+class UnitError(IngestError):
+    """A unit text that is not known, or does not fit its quantity."""
+
+
+class ExpressionError(IngestError):
+    """The expression of a derived channel is not one of those allowed, or names an unknown signal."""
+
+
+class DatabaseError(IngestError):
+    """A signal database (DBC) cannot be read."""
+
+
+class UnreadableLogError(IngestError):
+    """Nothing in a log file can be read: it is quarantined."""
+
+
+class LedgerError(IngestError):
+    """The ledger refuses: another writer holds it, or an event is not one of ours."""
+
+
+class StoreError(IngestError):
+    """The store folder is missing, is not ours, or cannot be written."""
+
+
+class DamageError(IngestError):
+    """Stored bytes are not what was sealed."""
+
+
+class UnknownSessionError(IngestError):
+    """A session named by id, prefix or name is not in the store, or is not the only one."""
