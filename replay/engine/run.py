@@ -1,0 +1,67 @@
+"""What a replay gives: temperatures of every node, and what each observed channel says of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True)
+class Observed:
+    """One observed channel against the model, at M steps. All arrays (M,).
+
+    `measured`, `modelled` [degC]: mean of the samples in the step, and the model at the same mean time; `sd_K` [K] the
+    channel's own uncertainty of a mean (noise, resolution and session bias); `used` False where samples are held, stuck,
+    saturated or follow a bridged gap of an input; `first_record`, `last_record` int64: lineage into `raw`.
+    """
+
+    channel: str
+    node: str  # a node, or "0.7 a + 0.3 b" for a weighted mean
+    t_ns: NDArray[np.int64]
+    measured: NDArray[np.float64]
+    modelled: NDArray[np.float64]
+    sd_K: float
+    bias_sd_K: float
+    used: NDArray[np.bool_]
+    first_record: NDArray[np.int64]
+    last_record: NDArray[np.int64]
+    raw: NDArray[np.int64]  # index into Run.raw_files
+
+    @property
+    def residual(self) -> NDArray[np.float64]:
+        """measured - modelled [K], (M,)."""
+        return self.measured - self.modelled
+
+
+@dataclass(frozen=True)
+class Run:
+    """An open-loop replay of one session with one model.
+
+    `t_ns` int64 (N + 1,) step boundaries; `temperatures` float64 (N + 1, n) [degC] in the order of `nodes`; `inputs`:
+    column name with unit -> (N,) step means (`speed_rpm`, `current_A`, `coolant_degC`, ...); `losses_W` (N,) the
+    network's whole heat; `summary`: this run's entry of `replay --json`.
+    """
+
+    run: str
+    session: str
+    session_name: str
+    kind: str
+    model: str
+    motor: str
+    level: str
+    digest: str
+    nodes: tuple[str, ...]
+    regions: Mapping[str, str]  # node -> region
+    limits_degC: Mapping[str, float]
+    t_ns: NDArray[np.int64]
+    absolute: bool
+    temperatures: NDArray[np.float64]
+    inputs: Mapping[str, NDArray[np.float64]]
+    losses_W: NDArray[np.float64]
+    observed: tuple[Observed, ...]
+    raw_files: tuple[str, ...]
+    summary: Mapping[str, Any]

@@ -1,0 +1,17 @@
+"""Errors of the shell: one class a condition; the message is one line with what, where, why and what to do."""
+
+
+class ReplayError(Exception):
+    """Root of everything that `replay` refuses. `str(error)` is the whole line that a person reads."""
+
+
+class MotorFileError(ReplayError):
+    """A motor file says something that cannot be true; the line names the entry."""
+
+
+class ReplayDataError(ReplayError):
+    """A session does not hold what a replay with this motor needs."""
+
+
+class ViewerError(ReplayError):
+    """The rerun viewer or SDK is not installed, or did not start."""
