@@ -29,6 +29,10 @@ class UnreadableLogError(IngestError):
     """Nothing in a log file can be read: it is quarantined."""
 
 
+class ChangingFileError(IngestError):
+    """A file changed while it was being sealed."""
+
+
 class LedgerError(IngestError):
     """The ledger refuses: another writer holds it, or an event is not one of ours."""
 

@@ -95,6 +95,7 @@ class DecodeCompleted(Event):
     groups: list[dict[str, Any]] = field(default_factory=list)
     channels: list[dict[str, Any]] = field(default_factory=list)
     products: dict[str, str] = field(default_factory=dict)
+    parts: list[dict[str, Any]] = field(default_factory=list)  # ingest.sessions.parts, where a table holds many specimens
 
 
 @dataclass(frozen=True, kw_only=True)
