@@ -1,0 +1,282 @@
+"""The objects inside the unpacked stream of a BLF file, found and read with array operations.
+
+An object is `LOBJ`, header size, header version, object size, type; those that carry a stamp continue with flags and the
+stamp. Objects stand one behind the other with up to 4 bytes of padding. Layouts as in Vector's binary logging format 4.x
+(the same that python-can and Vector_BLF read).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ingest.formats import FD, REMOTE, TRANSMIT, Frames, Rejected
+
+Ints = NDArray[np.int64]
+
+MAGIC = b"LOBJ"
+PADDING = 4  # bytes between two objects, at most
+LONGEST_OBJECT = 64 << 20  # bytes
+LONGEST_FRAME = 1024  # bytes of an object that holds a frame; the longest is about 200
+LONGEST_PAYLOAD = 64
+MARGIN = 128  # zero bytes behind the stream, so that a layout may be laid over its very end
+LAST_NS = np.iinfo(np.int64).max
+
+HEADER = np.dtype(
+    [
+        ("magic", "S4"), ("header", "<u2"), ("version", "<u2"), ("size", "<u4"), ("type", "<u4"),
+        ("flags", "<u4"), ("client", "<u4"), ("stamp", "<u8"),
+    ]
+)  # fmt: skip
+BASE_BYTES = 16  # of the header, what every object has
+CLASSIC = np.dtype([("bus", "<u2"), ("flags", "u1"), ("dlc", "u1"), ("id", "<u4")])
+FD_100 = np.dtype(
+    [
+        ("bus", "<u2"), ("flags", "u1"), ("dlc", "u1"), ("id", "<u4"), ("frame_ns", "<u4"), ("bits", "u1"),
+        ("fd_flags", "u1"), ("length", "u1"), ("reserved", "V5"),
+    ]
+)  # fmt: skip
+FD_101 = np.dtype(
+    [
+        ("bus", "u1"), ("dlc", "u1"), ("length", "u1"), ("tries", "u1"), ("id", "<u4"), ("frame_ns", "<u4"),
+        ("fd_flags", "<u4"), ("timing", "V18"), ("transmit", "u1"), ("extra", "u1"), ("crc", "<u4"),
+    ]
+)  # fmt: skip
+CLASSIC_TYPES, FD_100_TYPES, FD_101_TYPES = (1, 86), (100,), (101,)
+FRAME_TYPES = (*CLASSIC_TYPES, *FD_100_TYPES, *FD_101_TYPES)
+ERROR_TYPES = (2, 73, 104)
+
+
+def overlay(stream: bytes, layout: np.dtype[np.void], at: Ints) -> NDArray[np.void]:
+    """The records of `layout` that begin at the bytes `at` of `stream` (which ends with MARGIN spare bytes)."""
+    shape = (len(stream) - layout.itemsize + 1,)
+    return np.ndarray(shape, layout, stream, strides=(1,))[at]
+
+
+@dataclass(frozen=True)
+class Objects:
+    """The whole objects of a stream: `at` their first bytes, `head` their headers (N,), and what remains.
+
+    `damage`: (byte, why) where something else stood than an object. `rest` is the first byte that belongs before the
+    next stream, `wanted` the length it must reach to hold a whole object, `aligned` whether it begins with one.
+    """
+
+    at: Ints
+    head: NDArray[np.void]
+    damage: tuple[tuple[int, str], ...]
+    rest: int
+    wanted: int
+    aligned: bool
+
+
+def split(stream: bytes, *, aligned: bool) -> Objects:
+    """Find the objects of `stream` (its MARGIN spare bytes not counted). Not `aligned`: it may begin inside an object.
+
+    Every `LOBJ` is a candidate; the chain of sizes tells the true ones from those inside a payload. Python runs once for
+    each break of that chain, never for each object.
+    """
+    length = len(stream) - MARGIN
+    at = _candidates(stream, length)
+    head = overlay(stream, HEADER, at)
+    chain = _Chain.of(at, head, length)
+    taken, damage, lost = chain.walk(aligned)
+    at, head, end = at[taken], head[taken], chain.end[taken]
+    if lost:
+        return Objects(at, head, damage, max(0, length - BASE_BYTES + 1), 0, False)
+    if len(at) and end[-1] > length:
+        return Objects(at[:-1], head[:-1], damage, int(at[-1]), int(end[-1] - at[-1]), True)
+    return Objects(at, head, damage, int(end[-1]) if len(at) else 0, 0, True)
+
+
+def _candidates(stream: bytes, length: int) -> Ints:
+    """Where `LOBJ` stands with a whole header behind it."""
+    octets = np.frombuffer(stream, np.uint8)[: max(0, length - BASE_BYTES + len(MAGIC))]
+    if len(octets) < len(MAGIC):
+        return np.empty(0, np.int64)
+    hit = np.ones(len(octets) - len(MAGIC) + 1, bool)
+    for offset, letter in enumerate(MAGIC):
+        hit &= octets[offset : offset + len(hit)] == letter
+    return np.flatnonzero(hit)
+
+
+@dataclass(frozen=True)
+class _Chain:
+    """Candidates (N,) and whether the size in each leads to the next."""
+
+    at: Ints
+    end: Ints
+    following: Ints  # the first candidate at or after `end`
+    possible: NDArray[np.bool_]  # its size is one that an object of its type can have
+    good: NDArray[np.bool_]  # and an object, or the end of the stream, follows it
+    length: int
+
+    @classmethod
+    def of(cls, at: Ints, head: NDArray[np.void], length: int) -> _Chain:
+        size = head["size"].astype(np.int64)
+        end = at + size
+        following = np.searchsorted(at, end)
+        gap = np.append(at, end.max(initial=0) + length)[following] - end
+        frame = np.isin(head["type"], (*FRAME_TYPES, *ERROR_TYPES))
+        possible = (size >= BASE_BYTES) & (size <= np.where(frame, LONGEST_FRAME, LONGEST_OBJECT))
+        good = possible & ((gap <= PADDING) | (end > length - BASE_BYTES))
+        return cls(at, end, following, possible, good, length)
+
+    def walk(self, aligned: bool) -> tuple[Ints, tuple[tuple[int, str], ...], bool]:
+        """Candidates that are objects, the damage between them, and whether the stream ends in damage."""
+        count = len(self.at)
+        goods = np.append(np.flatnonzero(self.good), count)
+        breaks = np.append(np.flatnonzero(~self.good | (self.following != np.arange(1, count + 1))), count - 1)
+        taken: list[Ints] = []
+        damage: list[tuple[int, str]] = []
+        here = 0
+        if not aligned or (count and self.at[0] > PADDING) or (not count and self.length > BASE_BYTES + PADDING):
+            damage += [(0, "no object begins here")] if aligned else []
+            here = int(goods[0])
+            if here == count:
+                return np.empty(0, np.int64), tuple(damage), True
+        while here < count:
+            last = int(breaks[np.searchsorted(breaks, here)])
+            if self.good[last]:
+                taken.append(np.arange(here, last + 1))
+                here = int(self.following[last])
+                continue
+            resume = int(goods[np.searchsorted(goods, last + 1)])
+            whole = self.possible[last] and self.end[last] <= (self.at[resume] if resume < count else self.length)
+            taken.append(np.arange(here, last + whole))
+            damage.append(self._damage(last, bool(whole)))
+            here = resume
+            if here == count:
+                return np.concatenate(taken), tuple(damage), True
+        return np.concatenate([np.empty(0, np.int64), *taken]), tuple(damage), False
+
+    def _damage(self, index: int, whole: bool) -> tuple[int, str]:
+        if whole:
+            return int(self.end[index]), "no object begins here"
+        return int(self.at[index]), f"an object says it is {int(self.end[index] - self.at[index]):,} bytes long"
+
+
+# ---- objects that are frames ---------------------------------------------------------------------------------------
+
+WHY = (
+    "",
+    "error frame",
+    "its object is too short for its type",
+    "its channel is above 255",
+    f"its payload is longer than {LONGEST_PAYLOAD} bytes",
+    "its stamp is beyond the year 2262",
+)
+FINE, ERROR_FRAME, SHORT, CHANNEL, LONG, LATE = range(len(WHY))
+SHOWN = 64  # first bytes of a rejected object
+ID_BITS = 0x9FFF_FFFF  # 29 bits, and bit 31 for an extended identifier
+FIELDS = np.dtype(
+    [
+        ("why", "u1"),
+        ("bus", "u1"),
+        ("id", "<u4"),
+        ("flags", "u1"),
+        ("source", "<i8"),
+        ("length", "<i8"),
+        ("present", "<i8"),
+    ]
+)
+
+
+def read_frames(
+    stream: bytes, objects: Objects, start_ns: int, first_record: int, where: Callable[[int], str]
+) -> tuple[Frames, list[Rejected]]:
+    """The frames among `objects`, and what had to be rejected: error frames, damage, impossible values.
+
+    Stamps count from `start_ns` [ns]; records from `first_record` in the order of the stream; `where` says a byte of it.
+    """
+    ours = np.isin(objects.head["type"], (*FRAME_TYPES, *ERROR_TYPES))
+    at, head = objects.at[ours], objects.head[ours]
+    fields = _fields(stream, at, head)
+    t_ns = _stamps(head, start_ns, fields["why"])
+    fields["why"][np.isin(head["type"], ERROR_TYPES)] = ERROR_FRAME
+    damaged_at = np.array([byte for byte, _ in objects.damage], np.int64)
+    record = first_record + np.arange(len(at)) + np.searchsorted(damaged_at, at)
+    rejected = [
+        Rejected(
+            int(record[i]), where(int(at[i])), WHY[fields["why"][i]], stream[at[i] : at[i] + head["size"][i]][:SHOWN]
+        )
+        for i in np.flatnonzero(fields["why"])
+    ]
+    order = first_record + np.searchsorted(at, damaged_at) + np.arange(len(damaged_at))
+    for (byte, why), number in zip(objects.damage, order, strict=True):
+        rejected.append(Rejected(int(number), where(byte), why, stream[byte : byte + SHOWN]))
+    return _frames(stream, fields, t_ns, record), sorted(rejected, key=lambda entry: entry.record)
+
+
+def _fields(stream: bytes, at: Ints, head: NDArray[np.void]) -> NDArray[np.void]:
+    """FIELDS of each object; `why` is SHORT where no layout fits."""
+    fields = np.zeros(len(at), FIELDS)
+    fields["why"] = SHORT
+    header = head["header"].astype(np.int64)
+    space = np.where(header < HEADER.itemsize, -1, head["size"].astype(np.int64) - header)
+    for types, layout, read in LAYOUTS:
+        which = np.flatnonzero(np.isin(head["type"], types) & (space >= layout.itemsize))
+        part = overlay(stream, layout, at[which] + header[which])
+        flags, length, present = read(part, space[which] - layout.itemsize, header[which])
+        long, high = length > LONGEST_PAYLOAD, part["bus"] > np.iinfo(np.uint8).max
+        why = np.select([long, high, present < 0], [LONG, CHANNEL, SHORT], FINE)
+        source = at[which] + header[which] + layout.itemsize
+        length = np.where(flags & REMOTE, 0, length)
+        values = (why, part["bus"] & 0xFF, part["id"] & ID_BITS, flags, source, length, np.minimum(present, length))
+        for name, value in zip(FIELDS.names or (), values, strict=True):
+            fields[name][which] = value
+    return fields
+
+
+def _classic(part: NDArray[np.void], space: Ints, _: Ints) -> tuple[Ints, Ints, Ints]:
+    length = np.minimum(part["dlc"].astype(np.int64), 8)
+    return _flags(part, 0), length, np.where(space < length, -1, length)
+
+
+def _fd_100(part: NDArray[np.void], space: Ints, _: Ints) -> tuple[Ints, Ints, Ints]:
+    length = part["length"].astype(np.int64)
+    return _flags(part, part["fd_flags"] & 1), length, np.where(space < length, -1, length)
+
+
+def _fd_101(part: NDArray[np.void], space: Ints, header: Ints) -> tuple[Ints, Ints, Ints]:
+    """`extra` is where further data begins, from the start of the object; what the file leaves out of a payload is zero."""
+    bits, extra = part["fd_flags"].astype(np.int64), part["extra"].astype(np.int64)
+    flags = FD * (bits >> 12 & 1) | REMOTE * (bits >> 4 & 1) | TRANSMIT * (part["transmit"] != 0)
+    space = np.where(extra > 0, np.clip(extra - header - FD_101.itemsize, 0, space), space)
+    return flags, part["length"].astype(np.int64), space
+
+
+def _flags(part: NDArray[np.void], fd: NDArray[Any] | int) -> Ints:
+    bits = part["flags"].astype(np.int64)
+    return REMOTE * (bits >> 7 & 1) | TRANSMIT * (bits & 1) | FD * np.asarray(fd, np.int64)
+
+
+LAYOUTS: tuple[tuple[tuple[int, ...], np.dtype[np.void], Callable[..., tuple[Ints, Ints, Ints]]], ...] = (
+    (CLASSIC_TYPES, CLASSIC, _classic),
+    (FD_100_TYPES, FD_100, _fd_100),
+    (FD_101_TYPES, FD_101, _fd_101),
+)
+
+
+def _stamps(head: NDArray[np.void], start_ns: int, why: NDArray[np.uint8]) -> Ints:
+    """Flag 1: the stamp counts 10 us, else 1 ns."""
+    scale = np.where(head["flags"] == 1, np.uint64(10_000), np.uint64(1))
+    late = head["stamp"] > np.uint64(LAST_NS - max(0, start_ns)) // scale
+    why[late] = LATE
+    return start_ns + np.where(late, np.uint64(0), head["stamp"] * scale).astype(np.int64)
+
+
+def _frames(stream: bytes, fields: NDArray[np.void], t_ns: Ints, record: Ints) -> Frames:
+    fine = fields["why"] == FINE
+    if not fine.all():
+        fields, t_ns, record = fields[fine], t_ns[fine], record[fine]
+    length, present = fields["length"], fields["present"]
+    offsets = np.concatenate([np.zeros(1, np.int64), np.cumsum(length)])
+    inside = np.arange(offsets[-1]) - np.repeat(offsets[:-1], length)
+    data = np.frombuffer(stream, np.uint8)[np.repeat(fields["source"], length) + inside]
+    if (present < length).any():
+        data[inside >= np.repeat(present, length)] = 0
+    return Frames(t_ns, fields["bus"].copy(), fields["id"].copy(), fields["flags"].copy(), offsets, data, record)

@@ -1,0 +1,156 @@
+"""How a table is written: recognised from its first rows, and refused in one line where it cannot be."""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from ingest.errors import UnreadableLogError
+
+DELIMITERS = (",", ";", "\t")
+SAMPLE_ROWS = 200
+MISSING = frozenset(("", "nan", "NaN", "NA", "N/A", "null", "-", "--", "---"))
+POINT_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
+COMMA_NUMBER = re.compile(r"[+-]?(\d+,?\d*|,\d+)([eE][+-]?\d+)?")
+CODE = re.compile(r"0\d+")  # 0417 is the name of something, no number
+UNIT_IN_NAME = re.compile(r"\[([^\[\]]*)\]\s*$")
+
+
+@dataclass(frozen=True)
+class Dialect:
+    """`names` are unique; `numeric`: column by column, None where the first rows leave it empty."""
+
+    delimiter: str
+    decimal: str
+    names: tuple[str, ...]
+    numeric: tuple[bool | None, ...]
+    units: dict[str, str]
+    units_row: bool
+    renamed: dict[str, list[str]]  # as the header says it -> as it is called here
+    sample: tuple[tuple[str, ...], ...]  # the first rows that fit, cell by cell
+
+    def number(self, cell: str) -> float | None:
+        """The number in `cell`; NaN where it is a sign for "missing", None where it is text."""
+        cell = cell.strip()
+        if cell in MISSING:
+            return float("nan")
+        pattern = POINT_NUMBER if self.decimal == "." else COMMA_NUMBER
+        value = float(cell.replace(",", ".")) if pattern.fullmatch(cell) else None
+        return None if value is None or value in (float("inf"), float("-inf")) else value
+
+
+def cells(line: str, delimiter: str) -> list[str]:
+    """The cells of one line. A line is a row: a quoted cell does not go on in the next."""
+    if '"' not in line:
+        return line.split(delimiter)
+    try:
+        return next(csv.reader([line], delimiter=delimiter), [])
+    except csv.Error:
+        return []
+
+
+def recognise_dialect(lines: Sequence[str], log: str) -> Dialect:
+    """From the first lines of a table, the header first; blank lines left out. Raises UnreadableLogError."""
+    if not lines:
+        raise UnreadableLogError(f"{log}: holds no line with text: nothing to read. Copy the file again.")
+    if len(lines) == 1:
+        raise UnreadableLogError(f"{log}: holds one line and no row below it: nothing to read. Export the table again.")
+    delimiter = _delimiter(lines)
+    header = [cell.strip() for cell in cells(lines[0], delimiter)]
+    rows = [cells(line, delimiter) for line in lines[1 : SAMPLE_ROWS + 2]]
+    if rows and all(len(row) == len(header) + 1 and not row[-1].strip() for row in rows):
+        header.append("")
+    _check_header(header, rows, delimiter, log)
+    fitting = [tuple(cell.strip() for cell in row) for row in rows if len(row) == len(header)]
+    decimal = _decimal(fitting, delimiter)
+    names, renamed = _unique(header)
+    has_units = _is_units_row(fitting, decimal)
+    units = {name: match[1] for name, text in zip(names, header, strict=True) if (match := UNIT_IN_NAME.search(text))}
+    if has_units:
+        units |= {name: _bare(cell) for name, cell in zip(names, fitting[0], strict=True) if cell}
+        fitting = fitting[1:]
+    numeric = tuple(_is_numeric([row[i] for row in fitting], decimal) for i in range(len(names)))
+    return Dialect(delimiter, decimal, names, numeric, units, has_units, renamed, tuple(fitting[:SAMPLE_ROWS]))
+
+
+def _delimiter(lines: Sequence[str]) -> str:
+    """The one that cuts most rows into as many cells as the header, then the one that makes most cells."""
+
+    def fit(delimiter: str) -> tuple[bool, int, int]:
+        count = len(cells(lines[0], delimiter))
+        rows = lines[1 : SAMPLE_ROWS + 2]
+        return count > 1, sum(len(cells(line, delimiter)) in (count, count + 1) for line in rows), count
+
+    return max(DELIMITERS, key=fit)
+
+
+def _check_header(header: Sequence[str], rows: Sequence[Sequence[str]], delimiter: str, log: str) -> None:
+    if any(header) and all(POINT_NUMBER.fullmatch(cell) or COMMA_NUMBER.fullmatch(cell) for cell in header if cell):
+        raise UnreadableLogError(
+            f"{log}: line 1 holds numbers where the names of the columns should be. Put a line of names above them."
+        )
+    lengths = Counter(len(row) for row in rows)
+    if not rows or 2 * lengths[len(header)] >= len(rows):
+        return
+    usual = lengths.most_common(1)[0][0]
+    if delimiter == "," and usual > len(header) > 1:
+        raise UnreadableLogError(
+            f"{log}: rows hold {usual} fields where the header holds {len(header)}: the comma seems to be the decimal "
+            'sign as well as the delimiter. Export it with decimal points, or with ";" between the columns.'
+        )
+    raise UnreadableLogError(
+        f"{log}: most rows hold {usual} fields where line 1 holds {len(header)}: it is not their header. Remove what "
+        "stands above the header, or export the table again."
+    )
+
+
+def _decimal(rows: Sequence[Sequence[str]], delimiter: str) -> str:
+    if delimiter == ",":
+        return "."
+    found = [cell for row in rows for cell in row if COMMA_NUMBER.fullmatch(cell) or POINT_NUMBER.fullmatch(cell)]
+    return "," if sum("," in cell for cell in found) > sum("." in cell for cell in found) else "."
+
+
+def _unique(header: Sequence[str]) -> tuple[tuple[str, ...], dict[str, list[str]]]:
+    """Each name once: an empty one is called by its place, a second `T` is called `T_2`."""
+    taken: dict[str, None] = {}
+    called: dict[str, list[str]] = {}
+    for place, text in enumerate(header, 1):
+        plain = text or f"column_{place}"
+        name, count = plain, 1
+        while name in taken or (count > 1 and name in header):
+            count += 1
+            name = f"{plain}_{count}"
+        taken[name] = None
+        called.setdefault(text, []).append(name)
+    return tuple(taken), {text: names for text, names in called.items() if names != [text]}
+
+
+def _is_units_row(rows: Sequence[Sequence[str]], decimal: str) -> bool:
+    """Whether the first row holds units: text where the rows below hold numbers, and no number but the unit 1."""
+    if len(rows) < 2:
+        return False
+    pattern = POINT_NUMBER if decimal == "." else COMMA_NUMBER
+    numeric = [i for i in range(len(rows[0])) if _is_numeric([row[i] for row in rows[1:]], decimal)]
+    said = [rows[0][i] for i in numeric if rows[0][i] not in MISSING]
+    return any(not pattern.fullmatch(cell) for cell in said) and not any(
+        pattern.fullmatch(cell) and cell != "1" for cell in rows[0]
+    )
+
+
+def _bare(unit: str) -> str:
+    """`[degC]` and `(degC)` as `degC`."""
+    return unit[1:-1].strip() if unit[0] + unit[-1] in ("[]", "()") else unit
+
+
+def _is_numeric(column: Sequence[str], decimal: str) -> bool | None:
+    """More numbers than texts, and no code such as 0417; None where there is neither."""
+    pattern = POINT_NUMBER if decimal == "." else COMMA_NUMBER
+    said = [cell for cell in column if cell not in MISSING]
+    if not said:
+        return None
+    numbers = [cell for cell in said if pattern.fullmatch(cell)]
+    return 2 * len(numbers) > len(said) and not all(CODE.fullmatch(cell) for cell in numbers)

@@ -1,0 +1,173 @@
+"""Stamps written as text, read column by column: a strptime format becomes one regular expression."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+from itertools import pairwise
+from zoneinfo import ZoneInfo
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+from numpy.typing import NDArray
+
+from ingest.errors import UnreadableLogError
+
+Ints = NDArray[np.int64]
+Flags = NDArray[np.bool_]
+
+MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
+DIRECTIVES = {
+    "Y": r"(?P<Y>\d{4})", "y": r"(?P<y>\d{2})", "m": r"(?P<m>\d{1,2})", "d": r"(?P<d>\d{1,2})", "H": r"(?P<H>\d{1,2})",
+    "I": r"(?P<I>\d{1,2})", "M": r"(?P<M>\d{1,2})", "S": r"(?P<S>\d{1,2})", "f": r"(?P<f>\d{1,9})",
+    "p": r"(?P<p>[AaPp][Mm])", "z": r"(?P<z>Z|[+-]\d{2}:?\d{2})", "b": r"(?P<b>[A-Za-z]{3})[a-z]*", "%": "%",
+}  # fmt: skip
+CLOCK = r"(?P<H>\d{1,2}):(?P<M>\d{2})(?::(?P<S>\d{2})(?:[.,](?P<f>\d{1,9})\d*)?)?"
+ISO = rf"^(?P<Y>\d{{4}})-(?P<m>\d{{2}})-(?P<d>\d{{2}})[T ]{CLOCK}\s?(?P<z>Z|[+-]\d{{2}}:?\d{{2}})?$"
+DOTTED = rf"^(?P<d>\d{{1,2}})\.(?P<m>\d{{1,2}})\.(?P<Y>\d{{4}})[T ]\s?{CLOCK}$"
+KNOWN = {"ISO 8601": ISO, "day.month.year": DOTTED}
+SECOND_NS, MINUTE_NS, DAY_NS = 1_000_000_000, 60_000_000_000, 86_400_000_000_000
+FALL_BACK_NS = 30 * MINUTE_NS  # a local clock that goes back by this much or more has been put back
+YEARS = (1970, 2261)  # what int64 nanoseconds hold, from 1970
+
+
+def pattern_of(text: str, log: str) -> str:
+    """The regular expression of a strptime format. Raises UnreadableLogError for a directive that is not known."""
+    parts = ["^"]
+    for literal, directive in re.findall(r"([^%]+)|%(.)", text):
+        if directive and directive not in DIRECTIVES:
+            raise UnreadableLogError(
+                f'{log}: format = "{text}" under [time] of the bench file holds %{directive}, which is not known. '
+                f"Known are {' '.join('%' + name for name in DIRECTIVES)}."
+            )
+        parts.append(DIRECTIVES[directive] if directive else re.escape(literal).replace(r"\ ", r"\s+"))
+    pattern = "".join(parts) + "$"
+    if not all(any(f"(?P<{name}>" in pattern for name in names) for names in ("Yy", "mb", "d")):
+        raise UnreadableLogError(
+            f'{log}: format = "{text}" under [time] of the bench file holds no whole date. Stamps need day, month and '
+            "year; for rows at a fixed rate say rate_hz instead."
+        )
+    return pattern
+
+
+def fits(pattern: str, cells: list[str]) -> bool:
+    """Whether most of `cells` are stamps of `pattern`."""
+    matched = sum(re.match(pattern, cell) is not None for cell in cells)
+    return 2 * matched > len(cells)
+
+
+@dataclass
+class LocalClock:
+    """From a local clock to UTC. Where the clock is put back, an hour comes twice: it counts as the first until the
+    stamps go back by half an hour or more inside it, then as the second. A log that begins inside that hour is taken to
+    begin in the first. An hour that was left out counts on with the offset before it.
+    """
+
+    zone: ZoneInfo
+    ambiguous: int = 0  # rows inside an hour that comes twice
+    skipped: int = 0  # rows inside an hour that was left out
+    _second: bool = False
+    _last_ns: int | None = None
+
+    def to_utc(self, local_ns: Ints) -> Ints:
+        """Nanoseconds UTC of consecutive local stamps (N,) [ns]."""
+        if not len(local_ns) or self.zone.key == "UTC":
+            return local_ns
+        minutes, which = np.unique(local_ns // MINUTE_NS, return_inverse=True)
+        first, second = (np.array([self._offset(minute, fold) for minute in minutes.tolist()]) for fold in (0, 1))
+        twice = (first > second)[which]
+        self.ambiguous += int(twice.sum())
+        self.skipped += int((first < second)[which].sum())
+        return local_ns - np.where(self._later(local_ns, twice), second[which], first[which])
+
+    def _offset(self, minute: int, fold: int) -> int:
+        local = datetime(1970, 1, 1, fold=fold) + timedelta(minutes=minute)
+        offset = local.replace(tzinfo=self.zone, fold=fold).utcoffset()
+        return round((offset or timedelta()).total_seconds()) * SECOND_NS
+
+    def _later(self, local_ns: Ints, twice: Flags) -> Flags:
+        """Which rows are in the second pass of an hour that comes twice."""
+        before = self._last_ns if self._last_ns is not None else int(local_ns[0])
+        back = np.diff(local_ns, prepend=before) <= -FALL_BACK_NS
+        later = np.zeros(len(twice), bool)
+        edges = [0, *(np.flatnonzero(np.diff(twice)) + 1).tolist(), len(twice)]
+        for start, stop in pairwise(edges):
+            if twice[start]:
+                later[start:stop] = np.logical_or.accumulate(back[start:stop]) | (self._second and start == 0)
+        self._second, self._last_ns = bool(later[-1]), int(local_ns[-1])
+        return later
+
+
+def parse(cells: NDArray[np.object_], pattern: str, clock: LocalClock) -> tuple[Ints, Flags]:
+    """(t_ns, bad) of the stamps `cells` (N,) of str: nanoseconds UTC, and whether a cell is no stamp of `pattern`."""
+    found = pc.extract_regex(pc.utf8_trim_whitespace(pa.array(cells, pa.string())), pattern)
+    good = found.is_valid().to_numpy(zero_copy_only=False)
+    part = found.filter(found.is_valid())
+    fields = {field.name: part.field(field.name) for field in found.type}
+    wall, right = _wall_ns(fields, len(part))
+    t_ns = np.zeros(len(cells), np.int64)
+    at = np.flatnonzero(good)[right]
+    fields = {name: values.filter(pa.array(right)) for name, values in fields.items()}
+    t_ns[at] = _utc(wall[right], fields.get("z"), clock)
+    bad = np.ones(len(cells), bool)
+    bad[at] = False
+    return t_ns, bad
+
+
+def _wall_ns(fields: dict[str, pa.Array], count: int) -> tuple[Ints, Flags]:
+    """(ns since 1970 of the wall clock, whether there is such a date and time)."""
+
+    def number(name: str, default: int) -> Ints:
+        if name not in fields:
+            return np.full(count, default, np.int64)
+        text = pc.if_else(pc.equal(fields[name], ""), str(default), fields[name])
+        return np.asarray(pc.cast(text, pa.int64()).to_numpy())
+
+    year = number("Y", 0) if "Y" in fields else number("y", 0) + np.where(number("y", 0) < 69, 2000, 1900)
+    month = _month(fields["b"]) if "b" in fields else number("m", 1)
+    day, hour, minute, second = number("d", 1), number("H", 0), number("M", 0), number("S", 0)
+    if "I" in fields:
+        late = (
+            np.asarray(pc.equal(pc.utf8_lower(fields["p"]), "pm").to_numpy(zero_copy_only=False))
+            if "p" in fields
+            else 0
+        )
+        hour = number("I", 0) % 12 + 12 * late
+    possible = (year >= YEARS[0]) & (year <= YEARS[1]) & (month >= 1) & (month <= 12) & (day >= 1)
+    months = np.where(possible, (year - 1970) * 12 + month - 1, 0).astype("M8[M]")
+    days = months.astype("M8[D]") + (np.where(possible, day, 1) - 1).astype("m8[D]")
+    right = possible & (days.astype("M8[M]") == months) & (hour < 24) & (minute < 60) & (second < 60)
+    clock = (hour * 3600 + minute * 60 + second) * SECOND_NS + _fraction_ns(fields.get("f"), count)
+    return days.astype(np.int64) * DAY_NS + clock, right
+
+
+def _month(names: pa.Array) -> Ints:
+    return np.asarray(pc.fill_null(pc.index_in(pc.utf8_lower(names), pa.array(MONTHS)), -1).to_numpy()) + 1
+
+
+def _fraction_ns(digits: pa.Array | None, count: int) -> Ints:
+    if digits is None:
+        return np.zeros(count, np.int64)
+    nine = pc.utf8_slice_codeunits(pc.binary_join_element_wise(digits, "000000000", ""), 0, 9)
+    return np.asarray(pc.cast(nine, pa.int64()).to_numpy())
+
+
+def _utc(wall_ns: Ints, zones: pa.Array | None, clock: LocalClock) -> Ints:
+    """A stamp with its own offset goes by that, the others by `clock`."""
+    if zones is None:
+        return clock.to_utc(wall_ns)
+    said, which = np.unique(zones.to_numpy(zero_copy_only=False).astype(str), return_inverse=True)
+    offset = np.array([_offset_ns(text) for text in said.tolist()], np.int64)[which]
+    local = (said == "")[which]
+    t_ns = wall_ns - offset
+    t_ns[local] = clock.to_utc(wall_ns[local])
+    return t_ns
+
+
+def _offset_ns(text: str) -> int:
+    if text in ("", "Z"):
+        return 0
+    minutes = int(text[1:3]) * 60 + int(text[-2:])
+    return (-minutes if text[0] == "-" else minutes) * MINUTE_NS

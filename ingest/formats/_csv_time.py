@@ -1,0 +1,208 @@
+"""The time of the rows of a table: which column holds it, and what its cells mean."""
+
+from __future__ import annotations
+
+import re
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, field
+from math import isnan
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ingest.errors import UnreadableLogError
+from ingest.formats import TimeSpec
+from ingest.formats._clock import start_ns, zone_of
+from ingest.formats._csv_dialect import MISSING, Dialect
+from ingest.formats._csv_stamps import KNOWN, LocalClock, fits, parse, pattern_of
+from ingest.nearest import hint
+
+Ints = NDArray[np.int64]
+Flags = NDArray[np.bool_]
+
+UNITS_NS = {"ns": 1.0, "us": 1e3, "µs": 1e3, "μs": 1e3, "ms": 1e6, "s": 1e9, "sec": 1e9, "min": 60e9, "h": 3600e9}
+TIME_NAMES = frozenset(
+    ("t", "time", "times", "timestamp", "timestampepoch", "epoch", "unixtime", "datetime", "elapsed", "elapsedtime")
+) | frozenset(("zeit", "zeitstempel", "datumzeit"))
+EPOCH_NS = (1e18, 4e18)  # a column of numbers between these [ns] counts from 1970: years 2001 to 2096
+LATEST_NS = 9.2e18  # what int64 holds
+
+
+@dataclass(kw_only=True)
+class Clock(ABC):
+    """How a row has its time. `column` is None where none holds it; `is_text`: its cells are wanted as text."""
+
+    says: str
+    absolute: bool
+    column: str | None = None
+    is_text: bool = False
+
+    @abstractmethod
+    def t_ns(self, cells: NDArray[Any], record: Ints) -> tuple[Ints, Flags]:
+        """(t_ns, bad) of consecutive rows (N,); bad where the cell of the column is no time."""
+
+    def counted(self) -> dict[str, int]:
+        """What was counted on the way, for the settings."""
+        return {}
+
+
+@dataclass(kw_only=True)
+class Rate(Clock):
+    """Row k at k / rate."""
+
+    rate_hz: float
+    origin_ns: int
+
+    def t_ns(self, cells: NDArray[Any], record: Ints) -> tuple[Ints, Flags]:
+        return self.origin_ns + np.rint(record * (1e9 / self.rate_hz)).astype(np.int64), np.zeros(len(record), bool)
+
+
+@dataclass(kw_only=True)
+class Counted(Clock):
+    """Numbers of a unit, counted from the origin. `step_ns`: what they are rounded to."""
+
+    unit_ns: float
+    origin_ns: int = 0
+    step_ns: int = 1
+
+    def t_ns(self, cells: NDArray[Any], record: Ints) -> tuple[Ints, Flags]:
+        steps = cells * (self.unit_ns / self.step_ns)
+        bad = ~(np.abs(steps) < (LATEST_NS - self.origin_ns) / self.step_ns)
+        return self.origin_ns + np.rint(np.where(bad, 0.0, steps)).astype(np.int64) * self.step_ns, bad
+
+
+@dataclass(kw_only=True)
+class Stamped(Clock):
+    """Dates and times of a pattern, local or with their own offset."""
+
+    pattern: str
+    local: LocalClock
+    is_text: bool = field(default=True, init=False)
+
+    def t_ns(self, cells: NDArray[Any], record: Ints) -> tuple[Ints, Flags]:
+        return parse(cells, self.pattern, self.local)
+
+    def counted(self) -> dict[str, int]:
+        counts = {"ambiguous_rows": self.local.ambiguous, "skipped_hour_rows": self.local.skipped}
+        return {name: count for name, count in counts.items() if count}
+
+
+def recognise_clock(time: TimeSpec, dialect: Dialect, log: str) -> Clock:
+    """The clock that `[time]` of the bench file states, else the one that the table shows. Raises UnreadableLogError."""
+    start = start_ns(time, log)
+    if time.rate_hz is not None:
+        if not time.rate_hz > 0:
+            raise UnreadableLogError(
+                f"{log}: rate_hz = {time.rate_hz:g} under [time] of the bench file is not above 0."
+            )
+        return Rate(
+            says=f"{time.rate_hz:g} rows a second",
+            absolute=start is not None,
+            rate_hz=time.rate_hz,
+            origin_ns=start or 0,
+        )
+    if time.column is not None:
+        if time.column not in dialect.names:
+            raise UnreadableLogError(
+                f'{log}: column = "{time.column}" under [time] of the bench file is none of the table.'
+                f"{hint(time.column, dialect.names)} Its columns: {', '.join(dialect.names)[:300]}."
+            )
+        return _stated(time, time.column, dialect, start, log)
+    return _found(time, dialect, start, log)
+
+
+def _stated(time: TimeSpec, column: str, dialect: Dialect, start: int | None, log: str) -> Clock:
+    if time.format is not None:
+        local = LocalClock(zone_of(time, log))
+        says = f"{time.format} in {time.zone}"
+        return Stamped(says=says, absolute=True, column=column, pattern=pattern_of(time.format, log), local=local)
+    if time.unit is not None and time.unit not in UNITS_NS:
+        raise UnreadableLogError(
+            f'{log}: unit = "{time.unit}" under [time] of the bench file is no unit of time. Known are {" ".join(UNITS_NS)}.'
+        )
+    clock = _by_content(time, column, dialect, start, log)
+    if clock is None:
+        cell = next((cell for cell in _cells(dialect, column) if cell not in MISSING), "")
+        raise UnreadableLogError(
+            f'{log}: column "{column}" holds "{cell[:60]}", which is no number and no stamp that is known. Say format = '
+            '"%d.%m.%Y %H:%M:%S" (as it is written there) under [time] of the bench file.'
+        )
+    return clock
+
+
+def _found(time: TimeSpec, dialect: Dialect, start: int | None, log: str) -> Clock:
+    named = [name for name in dialect.names if _base_and_unit(name)[0] in TIME_NAMES]
+    if time.format is not None:
+        pattern = pattern_of(time.format, log)
+        fitting = (name for name in (*named, *dialect.names) if _fits(pattern, dialect, name))
+        if column := next(fitting, None):
+            return _stated(time, column, dialect, start, log)
+    for column in named:
+        rising = dialect.numeric[dialect.names.index(column)] is not True or _rises(dialect, column)
+        if rising and (clock := _by_content(time, column, dialect, start, log)):
+            return clock
+    for column in dialect.names:
+        if clock := _stamped(time, column, dialect, log):
+            return clock
+    texts = [name for name in named if dialect.numeric[dialect.names.index(name)] is False]
+    seen = next((cell for name in texts for cell in _cells(dialect, name) if cell not in MISSING), None)
+    holds = f' ("{texts[0]}" holds "{seen[:40]}", which is no whole stamp)' if seen is not None else ""
+    raise UnreadableLogError(
+        f"{log}: no column is recognised as its time{holds}. Under [time] of the bench file say rate_hz = 1.0 (rows at a "
+        'fixed rate), or column = "..." with format or unit.'
+    )
+
+
+def _by_content(time: TimeSpec, column: str, dialect: Dialect, start: int | None, log: str) -> Clock | None:
+    """Numbers counted from the start or from 1970, or stamps of a known form; None for anything else."""
+    if dialect.numeric[dialect.names.index(column)] is not True:
+        return None if time.unit else _stamped(time, column, dialect, log)
+    unit = time.unit or _base_and_unit(column)[1] or dialect.units.get(column)
+    candidates = [unit] if unit in UNITS_NS else ["s", "ms", "us", "ns"]
+    for candidate in candidates:
+        scaled = [value * UNITS_NS[candidate] for value in _numbers(dialect, column)]
+        if EPOCH_NS[0] <= min(scaled) and max(scaled) <= EPOCH_NS[1]:
+            says = f"{candidate} since 1970"
+            return Counted(says=says, absolute=True, column=column, unit_ns=UNITS_NS[candidate], step_ns=1000)
+    says = f"{candidates[0]} from the start"
+    return Counted(
+        says=says, absolute=start is not None, column=column, unit_ns=UNITS_NS[candidates[0]], origin_ns=start or 0
+    )
+
+
+def _stamped(time: TimeSpec, column: str, dialect: Dialect, log: str) -> Clock | None:
+    for says, pattern in KNOWN.items():
+        if _fits(pattern, dialect, column):
+            local = LocalClock(zone_of(time, log))
+            return Stamped(says=f"{says} in {time.zone}", absolute=True, column=column, pattern=pattern, local=local)
+    return None
+
+
+def _cells(dialect: Dialect, column: str) -> list[str]:
+    place = dialect.names.index(column)
+    return [row[place] for row in dialect.sample]
+
+
+def _numbers(dialect: Dialect, column: str) -> list[float]:
+    values = (dialect.number(cell) for cell in _cells(dialect, column))
+    return [value for value in values if value is not None and not isnan(value)]
+
+
+def _fits(pattern: str, dialect: Dialect, column: str) -> bool:
+    said = [cell for cell in _cells(dialect, column) if cell not in MISSING]
+    return bool(said) and fits(pattern, said)
+
+
+def _rises(dialect: Dialect, column: str) -> bool:
+    """Time goes on: at most one step in ten goes back, and the last is later than the first."""
+    values = np.array(_numbers(dialect, column))
+    back = int((np.diff(values) < 0).sum())
+    return len(values) == 1 or (len(values) > 1 and 10 * back <= len(values) and bool(values[-1] > values[0]))
+
+
+def _base_and_unit(name: str) -> tuple[str, str | None]:
+    """("time", "s") of `Time [s]`, `time_s` and `Time in s`."""
+    words = [word for word in re.findall(r"[^\W_]+", name.casefold()) if word != "in"]
+    unit = words.pop() if len(words) > 1 and words[-1] in UNITS_NS else None
+    return "".join(words), unit

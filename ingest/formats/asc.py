@@ -1,0 +1,250 @@
+"""ASC: Vector's text format for CAN logs, packed with gzip or not.
+
+`bus` is the channel number as it stands in the file. The date is a wall clock time without a zone: UTC unless `[time] zone`
+says otherwise, or `[time] start` replaces it. The date of the first trigger block goes before that of the header; a later
+block counts from its own date where its stamps begin again, and goes on where they go on. `timestamps relative`: each
+stamp counts from the line before. Statistics, bus states, requests to send (TxRq) and other events are no frames: they
+are counted in `settings["other_lines"]`. Error frames are found and rejected. Remote frames have no payload.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ingest.errors import UnreadableLogError
+from ingest.formats import EXTENDED, TRANSMIT, Frames, Log, Rejected
+from ingest.formats._asc_lines import HIGHEST_BUS, HIGHEST_ID, STAMP, Line, parse_date, parse_line
+from ingest.formats._clock import start_ns, to_ns, zone_of
+from ingest.formats._text import TextFile
+
+# A data frame as most lines hold it (hexadecimal, one blank between two bytes), or else any line: one match a line.
+LINES = re.compile(
+    rb"^[ \t]*(\d+\.\d+)[ \t]+(\d{1,3})[ \t]+([0-9A-Fa-f]{1,8})(x?)[ \t]+(Rx|Tx)[ \t]+d[ \t]+([0-8])"
+    rb"((?:[ \t][0-9A-Fa-f]{2})*)(?:[ \t].*|\r?)$|^.*$",
+    re.MULTILINE,
+)
+BLOCK_BEGINS = re.compile(rb"[Bb]egin[ \t]+[Tt]rigger[Bb]lock")
+BLOCK_ENDS = re.compile(r"end\s+triggerblock", re.IGNORECASE)
+HEADER_LINE = re.compile(r"(date|base|//|$|(?:no\s+)?internal\s+events)", re.IGNORECASE)
+BASE_LINE = re.compile(r"base\s+(hex|dec)(?:\s+timestamps\s+(absolute|relative))?", re.IGNORECASE)
+LONGEST_S = 1e9  # of a stamp; one that is longer is damaged
+SHOWN = 64  # first bytes of a rejected line
+
+
+@dataclass
+class _Clock:
+    """From the stamps of the lines to nanoseconds UTC."""
+
+    stated_ns: int | None  # [time] start
+    relative: bool = False
+    origin_ns: int = 0
+    last_ns: int | None = None  # counted from the origin
+    date_ns: int | None = None  # a date that was read, until the next stamp says whether time begins there
+    first_date_ns: int | None = None
+
+    def place(self, stamps: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+        """(t_ns, late) of the stamps (N,) [s] of consecutive lines; NaN where a line has none. Late: beyond any log."""
+        seconds = np.nan_to_num(stamps)
+        late = (np.cumsum(seconds) if self.relative else seconds) > LONGEST_S
+        ticks = np.rint(np.where(late, 0.0, seconds) * 1e9).astype(np.int64)
+        timed = np.flatnonzero(~np.isnan(stamps) & ~late)
+        if len(timed):
+            self._begin(int(ticks[timed[0]]))
+            if self.relative:
+                ticks = (self.last_ns or 0) + np.cumsum(ticks)
+            self.last_ns = int(ticks[timed[-1]])
+        return self.origin_ns + ticks, late
+
+    def _begin(self, first_ns: int) -> None:
+        """Let a date that was read count where time begins there."""
+        if self.date_ns is None:
+            return
+        if self.last_ns is None or self.relative or first_ns < self.last_ns:
+            if self.first_date_ns is None:
+                self.first_date_ns = self.date_ns
+            self.origin_ns, self.last_ns = self.date_ns, None
+            if self.stated_ns is not None:
+                self.origin_ns = self.stated_ns + self.date_ns - self.first_date_ns
+        self.date_ns = None
+
+
+@dataclass
+class AscLog(Log):
+    """An ASC file, read from front to back in bounded memory."""
+
+    _clock: _Clock = field(init=False)
+    _base: int = 16
+    _lines: int = 0  # that were read
+    _other: int = 0
+    _frames: int = 0
+    _inside: bool = False  # of a trigger block
+
+    def batches(self) -> Iterator[Frames]:
+        """Frames in file order. Raises UnreadableLogError where the file holds no frame at all."""
+        stated = start_ns(self.time, self.path.name)
+        self._clock = _Clock(stated, origin_ns=stated or 0)
+        self.absolute = stated is not None
+        text = TextFile(self.path)
+        for number, block in enumerate(text.blocks()):
+            header = self._read_header(block) if number == 0 else 0
+            begins = _block_begins(block, header)
+            for first, last in zip([header, *begins], [*begins, len(block)], strict=True):
+                if first < last:
+                    yield from self._segment(block[first:last])
+            if number == 0 and self.found and not self._frames + self._other:
+                break  # not one line of an ASC log
+        self._finish(text)
+
+    def _read_header(self, block: bytes) -> int:
+        """The length of the header in bytes."""
+        self.settings.update(base="hex", stamps="absolute")
+        length = 0
+        for raw in block.splitlines(keepends=True):
+            line = _text_of(raw)
+            if not HEADER_LINE.match(line):
+                break
+            length, self._lines = length + len(raw), self._lines + 1
+            if line.lower().startswith("date"):
+                self._take_date(line[len("date") :])
+            if match := BASE_LINE.match(line):
+                self.settings.update(base=match[1].lower(), stamps=(match[2] or "absolute").lower())
+        self._base = 16 if self.settings["base"] == "hex" else 10
+        self._clock.relative = self.settings["stamps"] == "relative"
+        return length
+
+    def _take_date(self, text: str) -> None:
+        stamp = parse_date(text)
+        if stamp is None:
+            self.settings["date_not_understood"] = text.strip()[:SHOWN]
+            return
+        self.absolute = True
+        self._clock.date_ns = to_ns(stamp.replace(tzinfo=zone_of(self.time, self.path.name)))
+
+    def _segment(self, text: bytes) -> Iterator[Frames]:
+        """The frames of some lines, of which only the first may begin a trigger block."""
+        if match := BLOCK_BEGINS.match(text):
+            self._inside = True
+            self._take_date(_text_of(text[match.end() :].split(b"\n", 1)[0]))
+        lines = text.split(b"\n")
+        table = _Table(len(lines))
+        if self._base == 16:
+            table.fill(LINES.findall(text))
+        for index in np.flatnonzero(np.isnan(table.stamp)).tolist():
+            line = _text_of(lines[index])
+            table.set(index, line, parse_line(line, self._base))
+            self._inside = self._inside and not BLOCK_ENDS.match(line)
+        if not lines[-1]:
+            lines.pop()
+        yield from self._placed(table, lines)
+        self._lines += len(lines)
+
+    def _placed(self, table: _Table, lines: list[bytes]) -> Iterator[Frames]:
+        """Number and time what was found in `lines`."""
+        t_ns, late = self._clock.place(table.stamp)
+        for index in np.flatnonzero(late & table.frame).tolist():
+            table.set(index, "", "has a stamp that no log can reach")
+        found = table.frame.copy()
+        found[list(table.why)] = True
+        record = self.found + np.cumsum(found) - 1
+        for index, why in sorted(table.why.items()):
+            where = f"line {self._lines + index + 1:,}"
+            self.rejected.append(Rejected(int(record[index]), where, why, lines[index][:SHOWN]))
+        frame = np.flatnonzero(table.frame)
+        self.found += int(found.sum())
+        self._frames += len(frame)
+        self._other += sum(map(bool, lines)) - int(found.sum())
+        if len(frame):
+            yield table.frames(frame, t_ns[frame], record[frame])
+
+    def _finish(self, text: TextFile) -> None:
+        self.settings["other_lines"] = self._other
+        self.settings["gz"] = text.packed
+        says = text.ended
+        if says is None and self._inside:
+            says = f"ends in line {self._lines:,}, before the end of its trigger block"
+        if says is None and text.open_line and self.rejected and self.rejected[-1].where == f"line {self._lines:,}":
+            says = f"ends inside line {self._lines:,}"
+        if not self._frames and all(entry.why != "error frame" for entry in self.rejected):
+            raise UnreadableLogError(
+                f"{self.path.name}: {f'{says}: ' if says else ''}no CAN frame is in it ({self._lines:,} lines read). "
+                "Copy the file again, or export it as an ASC log of CAN frames."
+            )
+        if says:
+            self.cut = f"{says}: {self._frames:,} frames were read and kept"
+
+
+class _Table:
+    """What the lines of a text hold: arrays (N,) over the lines, `why` for those that are rejected."""
+
+    def __init__(self, count: int) -> None:
+        self.stamp = np.full(count, np.nan)  # s
+        self.frame = np.zeros(count, bool)
+        self.bus = np.zeros(count, np.uint8)
+        self.can_id = np.zeros(count, np.uint32)
+        self.flags = np.zeros(count, np.uint8)
+        self.source = np.zeros(count, np.int64)  # where the payload begins in `data`
+        self.length = np.zeros(count, np.int64)
+        self.data = bytearray()
+        self.why: dict[int, str] = {}
+
+    def fill(self, matches: list[tuple[bytes, ...]]) -> None:
+        """Take the lines that LINES recognised and that are whole; the others keep no stamp."""
+        stamps, buses, ids, marks, ways, codes, payloads = (np.array(group) for group in zip(*matches, strict=True))
+        at = np.flatnonzero(stamps != b"")
+        if not len(at):
+            return
+        length = np.char.str_len(payloads[at]) // 3
+        bus = buses[at].astype(np.int64)
+        can_id = np.array([int(text, 16) for text in ids[at].tolist()], np.uint32)
+        whole = (length == codes[at].astype(np.int64)) & (bus <= HIGHEST_BUS) & (can_id <= HIGHEST_ID)
+        at, bus, can_id, length = at[whole], bus[whole], can_id[whole], length[whole]
+        self.stamp[at] = stamps[at].astype(np.float64)
+        self.frame[at], self.bus[at] = True, bus
+        self.can_id[at] = can_id | EXTENDED * (marks[at] == b"x")
+        self.flags[at] = TRANSMIT * (ways[at] == b"Tx")
+        self.source[at], self.length[at] = np.cumsum(length) - length, length
+        self.data += bytes.fromhex(b"".join(payloads[at].tolist()).decode())
+
+    def set(self, index: int, line: str, parsed: Line | str | None) -> None:
+        """Take one line that was read by itself."""
+        self.frame[index] = isinstance(parsed, Line)
+        if match := STAMP.match(line):
+            self.stamp[index] = float(match[0])
+        if isinstance(parsed, str):
+            self.why[index] = parsed
+        elif parsed is not None:
+            self.bus[index], self.can_id[index], self.flags[index] = parsed.bus, parsed.can_id, parsed.flags
+            self.source[index], self.length[index] = len(self.data), len(parsed.data)
+            self.data += parsed.data
+
+    def frames(self, at: NDArray[np.int64], t_ns: NDArray[np.int64], record: NDArray[np.int64]) -> Frames:
+        """The frames of the lines `at`."""
+        length = self.length[at]
+        offsets = np.concatenate([np.zeros(1, np.int64), np.cumsum(length)])
+        octets = np.repeat(self.source[at] - offsets[:-1], length) + np.arange(offsets[-1])
+        data = np.frombuffer(bytes(self.data), np.uint8)[octets]
+        return Frames(t_ns, self.bus[at], self.can_id[at], self.flags[at], offsets, data, record)
+
+
+def _block_begins(block: bytes, first: int) -> list[int]:
+    """Where lines begin, from byte `first`, that begin a trigger block."""
+    if b"rigger" not in block:  # much the faster look, and most blocks hold none
+        return []
+    found = (match.start() for match in BLOCK_BEGINS.finditer(block, first))
+    return [at for at in found if not block[block.rfind(b"\n", 0, at) + 1 : at].strip()]
+
+
+def _text_of(line: bytes) -> str:
+    """Only dates hold letters beyond ASCII (Mär): in UTF-8 or in the code page of the machine."""
+    try:
+        return line.decode().strip()
+    except UnicodeDecodeError:
+        return line.decode("cp1252", errors="replace").strip()
+
+
+reader = AscLog

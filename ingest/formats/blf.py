@@ -1,0 +1,154 @@
+"""BLF: Vector's binary logging format. A header, then objects, most of them in containers packed with zlib.
+
+`bus` is the channel number as it stands in the file (from 1). The start of the file is a wall clock time without a zone: it
+is taken as UTC unless `[time] zone` says otherwise, or `[time] start` replaces it; without either, time counts from 0. Error
+frames are records that were found and rejected; remote frames have the flag REMOTE and no payload; objects that are no
+frames are counted by type in `settings["other_objects"]`. Nothing that the file declares is believed before it is checked.
+"""
+
+from __future__ import annotations
+
+import struct
+from bisect import bisect_right
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from datetime import datetime
+from typing import IO
+
+import numpy as np
+
+from ingest.errors import UnreadableLogError
+from ingest.formats import Frames, Log
+from ingest.formats._blf_containers import parts
+from ingest.formats._blf_objects import ERROR_TYPES, FRAME_TYPES, MARGIN, Objects, read_frames, split
+from ingest.formats._clock import start_ns, to_ns, zone_of
+
+HEADER = struct.Struct("<4sL8xQQLL8H8H")  # magic, header size, .., file size, unpacked size, objects, .., start, stop
+BATCH = 4 << 20  # unpacked bytes that are read at once: about 90,000 classic frames
+SHOWN_PROBLEMS = 3
+
+
+@dataclass
+class _Stream:
+    """Unpacked bytes that are not read yet: `wanted` of them hold a whole object; `aligned`: they begin with one."""
+
+    data: bytearray = field(default_factory=bytearray)
+    wanted: int = 0
+    aligned: bool = True
+    begins: list[tuple[int, int]] = field(default_factory=list)  # (byte of `data`, byte of the file), both ascending
+
+    def add(self, at: int, piece: bytes) -> None:
+        self.begins.append((len(self.data), at))
+        self.data += piece
+
+    def keep(self, objects: Objects) -> None:
+        """Drop what was read."""
+        last = max(0, bisect_right(self.begins, (objects.rest, 1 << 63)) - 1)
+        self.begins = [(byte - objects.rest, at) for byte, at in self.begins[last:]]
+        del self.data[: objects.rest]
+        self.wanted, self.aligned = objects.wanted, objects.aligned
+
+    def lose(self) -> None:
+        """What comes next does not continue what was there."""
+        self.data.clear()
+        self.begins.clear()
+        self.wanted, self.aligned = 0, False
+
+    def where(self, byte: int) -> str:
+        first, at = self.begins[max(0, bisect_right(self.begins, (byte, 1 << 63)) - 1)]
+        return f"byte {at:,}, unpacked {byte - first:+,}"
+
+
+@dataclass
+class BlfLog(Log):
+    """A BLF file, read from front to back in bounded memory."""
+
+    _start_ns: int = 0
+    _objects: int = 0  # that the header declares
+    _declared_size: int = 0
+    _problems: list[str] = field(default_factory=list)
+    _other: Counter[int] = field(default_factory=Counter)
+
+    def batches(self) -> Iterator[Frames]:
+        """Frames in file order. Raises UnreadableLogError where the file holds no frame at all."""
+        size = self.path.stat().st_size
+        with self.path.open("rb") as file:
+            first = self._read_header(file, size)
+            stream = _Stream()
+            for part in parts(file, first, size):
+                for piece in range(0, len(part.data), BATCH):
+                    stream.add(part.at, part.data[piece : piece + BATCH])
+                    if len(stream.data) >= max(BATCH, stream.wanted):
+                        yield from self._batch(stream)
+                if part.problem:
+                    self._problems.append(part.problem)
+                    yield from self._batch(stream)
+                    stream.lose()
+            yield from self._batch(stream)
+        self._finish(size, bool(stream.data.strip(b"\0")))
+
+    def _read_header(self, file: IO[bytes], size: int) -> int:
+        """The first byte behind the header of the file."""
+        head = file.read(HEADER.size)
+        if len(head) < HEADER.size or not head.startswith(b"LOGG"):
+            raise UnreadableLogError(
+                f"{self.path.name}: is no BLF file, or ends inside its header ({size:,} bytes): nothing in it can be "
+                "read. Copy the file again."
+            )
+        _, length, self._declared_size, _, self._objects, _, *stamps = HEADER.unpack(head)
+        stated = start_ns(self.time, self.path.name)
+        recorded = self._system_time(stamps[:8])
+        self.absolute = stated is not None or recorded is not None
+        self._start_ns = next((ns for ns in (stated, recorded) if ns is not None), 0)
+        self.settings["start"] = "bench file" if stated is not None else "file header" if self.absolute else "none"
+        return length if HEADER.size <= length <= size else HEADER.size
+
+    def _system_time(self, fields: list[int]) -> int | None:
+        """Windows SYSTEMTIME: year, month, day of week, day, hour, minute, second, millisecond."""
+        year, month, _, day, hour, minute, second, milli = fields
+        try:
+            stamp = datetime(year, month, day, hour, minute, second, milli * 1000)
+        except ValueError:
+            return None
+        return to_ns(stamp.replace(tzinfo=zone_of(self.time, self.path.name)))
+
+    def _batch(self, stream: _Stream) -> Iterator[Frames]:
+        data = bytes(stream.data) + bytes(MARGIN)
+        objects = split(data, aligned=stream.aligned)
+        frames, rejected = read_frames(data, objects, self._start_ns, self.found, stream.where)
+        self.found += len(frames.record) + len(rejected)
+        self.rejected += rejected
+        kinds, counts = np.unique(objects.head["type"], return_counts=True)
+        known = (*FRAME_TYPES, *ERROR_TYPES)
+        self._other.update({int(k): int(n) for k, n in zip(kinds, counts, strict=True) if k not in known})
+        stream.keep(objects)
+        if len(frames.record):
+            yield frames
+
+    def _finish(self, size: int, unread: bool) -> None:
+        self.settings["other_objects"] = {str(kind): count for kind, count in sorted(self._other.items())}
+        if not self._problems and (size < self._declared_size or unread):
+            self._problems.append(f"ends {'inside an object ' if unread else ''}at byte {size:,}")
+        if self._problems and size < self._declared_size:
+            self._problems[-1] += f" of {self._declared_size:,}"
+        if not self.found:
+            says = "; ".join(self._problems[:SHOWN_PROBLEMS]) or "is whole"
+            raise UnreadableLogError(
+                f"{self.path.name}: {says}: no CAN frame is in it ({self._other.total():,} other objects). "
+                "Copy the file again, or record CAN frames into it."
+            )
+        if self._problems:
+            self.cut = f"{self._says()}: {self._kept()}"
+
+    def _says(self) -> str:
+        shown, more = self._problems[:SHOWN_PROBLEMS], len(self._problems) - SHOWN_PROBLEMS
+        return "; ".join(shown) + (f"; and at {more:,} more places" if more > 0 else "")
+
+    def _kept(self) -> str:
+        kept, about = self.found - len(self.rejected), self._objects - self._other.total()
+        of = f" of about {about:,}" if about > kept else ""
+        return f"{kept:,}{of} frames were read and kept"
+
+
+reader = BlfLog

@@ -1,0 +1,246 @@
+"""CSV: tables of text, packed with gzip or not.
+
+Delimiter, decimal sign, encoding, a row of units and the time are recognised from the first 200 rows and stored in
+`settings`. A line is a row: a quoted cell does not go on in the next. Blank lines are no rows. `columns` are those of the
+header without the one that holds the time; an empty name becomes `column_<place>`, a second `T` becomes `T_2`
+(`settings["renamed"]`). A row with too few or too many fields, with text where its column holds numbers, or without a time
+is rejected; a row whose time goes back is kept and counted. In a local zone, the hour that comes twice in autumn counts as
+the first until its stamps go back, then as the second (`settings["ambiguous_rows"]`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.csv
+from numpy.typing import NDArray
+
+from ingest.errors import UnreadableLogError
+from ingest.formats import Log, Rejected, Rows
+from ingest.formats._csv_dialect import MISSING, SAMPLE_ROWS, Dialect, cells, recognise_dialect
+from ingest.formats._csv_time import Clock, recognise_clock
+from ingest.formats._text import TextFile
+
+SINGLY = 64  # rows that are read one by one where they cannot be read together
+SHOWN = 64  # first bytes of a rejected row
+
+
+@dataclass(frozen=True)
+class _Part:
+    """Rows that were read: their places among the lines (N,), and the columns in the order of the header."""
+
+    line: NDArray[np.int64]
+    columns: tuple[NDArray[Any], ...]
+
+
+@dataclass
+class CsvLog(Log):
+    """A table, read from front to back in bounded memory."""
+
+    _dialect: Dialect = field(init=False)
+    _clock: Clock = field(init=False)
+    _numeric: tuple[bool, ...] = ()
+    _lines: int = 0  # that were read
+    _back: int = 0  # steps of time that go back
+    _last_ns: int | None = None
+
+    def batches(self) -> Iterator[Rows]:
+        """Rows in file order. Raises UnreadableLogError where the table, or its time, cannot be recognised."""
+        self.settings["encoding"] = "utf-8"
+        text = TextFile(self.path)
+        for number, block in enumerate(text.blocks()):
+            lines = self._decoded(block, first=number == 0).split("\n")
+            lines = lines[:-1] if not lines[-1] else lines
+            begin = self._begin(lines) if number == 0 else 0
+            self._lines += begin
+            yield from self._rows(lines[begin:], cut=text.open_line and text.ended is not None)
+            self._lines += len(lines) - begin
+        self._finish(text)
+
+    def _decoded(self, block: bytes, *, first: bool) -> str:
+        """UTF-8, and cp1252 for a block that is none."""
+        if first and (block.startswith((b"\xff\xfe", b"\xfe\xff")) or b"\0" in block[:4096]):
+            raise UnreadableLogError(f"{self.path.name}: is no table in UTF-8. Export it as CSV in UTF-8.")
+        try:
+            return block.decode("utf-8-sig" if first else "utf-8").replace("\r\n", "\n")
+        except UnicodeDecodeError:
+            self.settings["encoding"] = "cp1252"
+            return block.decode("cp1252", errors="replace").replace("\r\n", "\n")
+
+    def _begin(self, lines: Sequence[str]) -> int:
+        """Recognise the table from its first lines; the number of lines before its first row."""
+        written = [place for place, line in enumerate(lines[: 2 * SAMPLE_ROWS]) if _is_row(line)]
+        self._dialect = dialect = recognise_dialect([lines[place] for place in written], self.path.name)
+        self._clock = recognise_clock(self.time, dialect, self.path.name)
+        begin = written[1 if dialect.units_row else 0] + 1
+        self._numeric = self._kinds(begin)
+        self.absolute, self.units = self._clock.absolute, dialect.units
+        self.settings.update(
+            delimiter=dialect.delimiter,
+            decimal=dialect.decimal,
+            units_row=dialect.units_row,
+            time_column=self._clock.column,
+            time=self._clock.says,
+        )
+        if dialect.renamed:
+            self.settings["renamed"] = dialect.renamed
+        return begin
+
+    def _kinds(self, begin: int) -> tuple[bool, ...]:
+        """Which columns hold numbers; those that are empty at first are looked at further down the file, from line `begin` on."""
+        kinds = dict(enumerate(self._dialect.numeric))
+        if self._clock.column is not None:
+            kinds[self._dialect.names.index(self._clock.column)] = not self._clock.is_text
+        empty = {place for place, kind in kinds.items() if kind is None}
+        skip = begin
+        for block in TextFile(self.path).blocks() if empty else ():
+            for line in self._decoded(block, first=False).split("\n")[skip:]:
+                row = cells(line, self._dialect.delimiter)
+                for place in [place for place in empty if place < len(row) and row[place].strip() not in MISSING]:
+                    kinds[place] = self._dialect.number(row[place]) is not None
+                    empty.remove(place)
+            skip = 0
+            if not empty:
+                break
+        return tuple(kind is not False for kind in kinds.values())
+
+    # ---- rows ------------------------------------------------------------------------------------------------------
+
+    def _rows(self, lines: list[str], *, cut: bool) -> Iterator[Rows]:
+        """The rows of consecutive lines. `cut`: the last one is not whole."""
+        written = np.array([_is_row(line) for line in lines], bool)
+        record = self.found + np.cumsum(written) - 1
+        self.found += int(written.sum())
+        bad: dict[int, tuple[str, str]] = {}
+        if cut and lines and _is_row(lines[-1]):
+            bad[len(lines) - 1] = ("", "the file ends inside it")
+        parts = [*self._parts(lines, [place for place in np.flatnonzero(written).tolist() if place not in bad], bad)]
+        for part in _joined(parts):
+            t_ns, wrong = self._clock.t_ns(self._time_cells(part), record[part.line])
+            bad |= {int(part.line[i]): self._no_time(part, i) for i in np.flatnonzero(wrong).tolist()}
+            fine = np.flatnonzero(~wrong)
+            named = zip(self._dialect.names, part.columns, strict=True)
+            columns = {name: values[fine] for name, values in named if name != self._clock.column}
+            self._count_back(t_ns[fine])
+            if len(fine):
+                yield Rows(t_ns[fine], columns, record[part.line][fine])
+        for place, (column, why) in sorted(bad.items()):
+            where = f"line {self._lines + place + 1:,}" + (f", column {column}" if column else "")
+            self.rejected.append(Rejected(int(record[place]), where, why, lines[place].encode()[:SHOWN]))
+
+    def _parts(self, lines: list[str], places: list[int], bad: dict[int, tuple[str, str]]) -> Iterator[_Part]:
+        """The lines at `places`, together where that works, else in halves, in the end one by one."""
+        if not places:
+            return
+        columns = self._together([lines[place] for place in places])
+        if columns is not None:
+            yield _Part(np.array(places), columns)
+        elif len(places) <= SINGLY:
+            yield from self._singly(lines, places, bad)
+        else:
+            half = len(places) // 2
+            yield from self._parts(lines, places[:half], bad)
+            yield from self._parts(lines, places[half:], bad)
+
+    def _together(self, lines: list[str]) -> tuple[NDArray[Any], ...] | None:
+        """The columns of `lines`; None where one of them is no row as it should be."""
+        names = [str(place) for place in range(len(self._numeric))]
+        kinds = dict(zip(names, (pa.float64() if kind else pa.string() for kind in self._numeric), strict=True))
+        try:
+            table = pa.csv.read_csv(
+                pa.BufferReader("\n".join(lines).encode()),
+                pa.csv.ReadOptions(use_threads=False, column_names=names, block_size=1 << 30),
+                pa.csv.ParseOptions(delimiter=self._dialect.delimiter, newlines_in_values=False),
+                pa.csv.ConvertOptions(
+                    column_types=kinds,
+                    null_values=sorted(MISSING),
+                    strings_can_be_null=False,
+                    decimal_point=self._dialect.decimal,
+                ),
+            )
+        except (pa.ArrowInvalid, UnicodeError):
+            return None
+        columns = tuple(table[name].to_numpy() for name in names)
+        infinite = any(np.isinf(values).any() for values, kind in zip(columns, self._numeric, strict=True) if kind)
+        return None if infinite or table.num_rows != len(lines) else columns
+
+    def _singly(self, lines: list[str], places: list[int], bad: dict[int, tuple[str, str]]) -> Iterator[_Part]:
+        rows: list[tuple[int, list[float | str]]] = []
+        for place in places:
+            row = self._row(lines[place])
+            if isinstance(row, tuple):
+                bad[place] = row
+            else:
+                rows.append((place, row))
+        if rows:
+            columns = zip(*(row for _, row in rows), strict=True)
+            kinds = [np.float64 if kind else object for kind in self._numeric]
+            arrays = tuple(np.array(values, kind) for values, kind in zip(columns, kinds, strict=True))
+            yield _Part(np.array([place for place, _ in rows]), arrays)
+
+    def _row(self, line: str) -> list[float | str] | tuple[str, str]:
+        """The values of one line, or (column, why it cannot be read)."""
+        row = cells(line, self._dialect.delimiter)
+        if len(row) != len(self._numeric):
+            return "", f"has {len(row):,} fields where the header has {len(self._numeric):,}"
+        values: list[float | str] = []
+        for name, cell, numeric in zip(self._dialect.names, row, self._numeric, strict=True):
+            value = self._dialect.number(cell) if numeric else cell
+            if value is None:
+                return name, f'text "{cell.strip()[:SHOWN]}" where numbers are'
+            values.append(value)
+        return values
+
+    # ---- time and end ----------------------------------------------------------------------------------------------
+
+    def _time_cells(self, part: _Part) -> NDArray[Any]:
+        column = self._clock.column
+        return part.line if column is None else part.columns[self._dialect.names.index(column)]
+
+    def _no_time(self, part: _Part, index: int) -> tuple[str, str]:
+        cell = self._time_cells(part)[index]
+        if str(cell).strip() in MISSING:
+            return self._clock.column or "", "no time"
+        return self._clock.column or "", f'"{str(cell)[:SHOWN]}" is no time ({self._clock.says})'
+
+    def _count_back(self, t_ns: NDArray[np.int64]) -> None:
+        if len(t_ns):
+            before = self._last_ns if self._last_ns is not None else int(t_ns[0])
+            self._back += int((np.diff(t_ns, prepend=before) < 0).sum())
+            self._last_ns = int(t_ns[-1])
+
+    def _finish(self, text: TextFile) -> None:
+        self.settings.update(gz=text.packed, backward_steps=self._back, **self._clock.counted())
+        if not self.found or len(self.rejected) == self.found:
+            says = (
+                f"{self.rejected[0].where}: {self.rejected[0].why}"
+                if self.rejected
+                else "there is none below its header"
+            )
+            raise UnreadableLogError(
+                f"{self.path.name}: no row of it can be read: {says}. Look at the file, or export it again."
+            )
+        ended = text.ended
+        if ended is None and text.open_line and self.rejected and self.rejected[-1].record == self.found - 1:
+            ended = f"ends inside line {self._lines:,}"
+        if ended is not None:
+            self.cut = f"{ended}: {self.found - len(self.rejected):,} rows were read and kept"
+
+
+def _is_row(line: str) -> bool:
+    """A blank line is none; one of tabs alone is a row of empty cells."""
+    return bool(line.strip(" \r"))
+
+
+def _joined(parts: list[_Part]) -> Iterator[_Part]:
+    """The parts as one, in the order of the lines."""
+    if parts:
+        line = np.concatenate([part.line for part in parts])
+        yield _Part(line, tuple(np.concatenate(columns) for columns in zip(*(p.columns for p in parts), strict=True)))
+
+
+reader = CsvLog
