@@ -1,0 +1,1 @@
+"""The catalogue: what a session holds, how good it is, whether its power balances, where it was driven, what it was."""

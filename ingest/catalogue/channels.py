@@ -1,0 +1,239 @@
+"""The channels of a session as arrays, from the Parquet of its decodes, and the few ways to put them side by side."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ingest.bench import Channel, ResolvedChannel, Signal, read_bench, resolve
+from ingest.errors import DamageError, UnitError
+from ingest.events import DecodeCompleted, SessionRecorded
+from ingest.expressions import parse
+from ingest.facts import Facts
+from ingest.quantities import STORED_UNIT, Conversion, converter
+from ingest.signals import Directory
+
+if TYPE_CHECKING:
+    from ingest.store import Store
+
+STALE_MEDIANS = 5.0  # a value is held for as many median intervals of its channel, not longer
+
+Array = NDArray[np.float64]
+_Samples = tuple[NDArray[np.int64], NDArray[np.int64], Array]  # t_ns, record, value
+_Entry = Mapping[str, Any]  # of DecodeCompleted.channels
+
+
+@dataclass(frozen=True, eq=False)
+class ChannelData:
+    """All samples of one channel of a session, over all its files, in the order of time. Arrays (N,).
+
+    `t_ns` int64 [ns]; `value` float64, finite, in the stored unit of the quantity; `record` int64, position among the
+    records of its file; `raw` int64, index into `raws`, the SHA-256 of the session's files that hold this channel.
+    """
+
+    spec: ResolvedChannel
+    t_ns: NDArray[np.int64]
+    value: Array
+    record: NDArray[np.int64]
+    raw: NDArray[np.int64]
+    raws: tuple[str, ...]
+
+    @property
+    def unit(self) -> str | None:
+        """Of `value`: the stored unit of the quantity, or the file's own where no bench file says what it is."""
+        return STORED_UNIT.get(self.spec.quantity, self.spec.unit) or None
+
+    @property
+    def place(self) -> str | None:
+        """Where it measures: a node or boundary, or "0.7 a + 0.3 b" for a weighted mean."""
+        weights = " + ".join(f"{share:g} {node}" for node, share in self.spec.weights.items())
+        return self.spec.node or weights or None
+
+    @property
+    def median_ns(self) -> float:
+        """Median interval between samples [ns]; 0 with fewer than two."""
+        return float(np.median(np.diff(self.t_ns))) if len(self.t_ns) > 1 else 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Aligned:
+    """Channels on common stamps `t_ns` (N,), each valid for the `dt_s` [s] after it; `values`: one (N,) a channel."""
+
+    t_ns: NDArray[np.int64]
+    dt_s: Array
+    values: tuple[Array, ...]
+
+
+def load(store: Store, facts: Facts, session: SessionRecorded) -> list[ChannelData]:
+    """Every channel of a session that has samples, in the order of its files; empty cells are left out.
+
+    These are the channels of the bench file, the ignored ones too. Without a bench file they are all signals: of the
+    quantity that was guessed, in its stored unit, or else of quantity "" in the file's unit. Raises DamageError for
+    Parquet or a bench file that is damaged or not there.
+    """
+    pieces: dict[str, list[tuple[ResolvedChannel, str, _Samples]]] = {}
+    for file in session.files:
+        decode = facts.decodes[file["decode"]]
+        specs = _of_bench(store, facts, decode) if decode.bench else [(one, _guessed(one)) for one in decode.channels]
+        for spec, samples in _of_file(store.decoded(decode.decode), decode, specs, file):
+            pieces.setdefault(spec.name, []).append((spec, decode.raw, samples))
+    return [_joined(some) for some in pieces.values()]
+
+
+def step_of(value: Array) -> float | None:
+    """The smallest step between neighbours in `value` (N,); what is below 1e-9 of it is rounding. None without any."""
+    step = np.abs(np.diff(value))
+    step = step[step > 1e-9 * np.abs(value).max(initial=0.0)]
+    return float(step.min()) if len(step) else None
+
+
+def find(channels: Sequence[ChannelData], quantity: str) -> ChannelData | None:
+    """The first channel with samples of a quantity that the bench file does not ignore."""
+    fitting = (
+        one for one in channels if one.spec.quantity == quantity and one.spec.role != "ignored" and len(one.t_ns)
+    )
+    return next(fitting, None)
+
+
+def current(channels: Sequence[ChannelData]) -> ChannelData | None:
+    """The phase current [A rms]: the channel `current`, else hypot of `current_d` and `current_q` on the stamps of d."""
+    whole, d, q = (find(channels, name) for name in ("current", "current_d", "current_q"))
+    if whole or not d or not q:
+        return whole
+    held = _held(q, d.t_ns)
+    known = np.isfinite(held)
+    return ChannelData(
+        spec=replace(d.spec, name=f"hypot({d.spec.name}, {q.spec.name})", quantity="current"),
+        t_ns=d.t_ns[known],
+        value=np.hypot(d.value, held)[known],
+        record=d.record[known],
+        raw=d.raw[known],
+        raws=d.raws,
+    )
+
+
+def aligned(channels: Sequence[ChannelData]) -> Aligned:
+    """Samples held on the stamps of the slowest of these channels; stamps without a fresh value of each are left out.
+
+    A value is fresh for 5 median intervals of its channel; a gap of the slowest counts as one median interval.
+    """
+    slowest = max(channels, key=lambda channel: channel.median_ns)
+    median = slowest.median_ns
+    values = [_held(channel, slowest.t_ns) for channel in channels]
+    step = np.append(np.diff(slowest.t_ns), median)
+    dt_s = np.where(step > STALE_MEDIANS * median, median, step) / 1e9
+    known = np.isfinite(values).all(axis=0)
+    return Aligned(slowest.t_ns[known], dt_s[known], tuple(value[known] for value in values))
+
+
+def each_second(channels: Sequence[ChannelData]) -> list[Array]:
+    """Means over each second of the time that the channels span together, (N,) each; an empty second holds the last."""
+    span = (min(int(channel.t_ns[0]) for channel in channels), max(int(channel.t_ns[-1]) for channel in channels))
+    return [block_means(channel.t_ns, channel.value, span) for channel in channels]
+
+
+def block_means(t_ns: NDArray[np.int64], value: Array, span: tuple[int, int], block_s: float = 1.0) -> Array:
+    """Means of `value` over blocks of `block_s` [s] from the first to the last stamp of `span` [ns], (N,).
+
+    A block without samples holds the one before; those before the first sample hold the first.
+    """
+    start, end = span
+    block = (t_ns - start) // int(block_s * 1e9)
+    count = (end - start) // int(block_s * 1e9) + 1
+    samples = np.bincount(block, minlength=count)
+    mean = np.bincount(block, value, count) / np.maximum(samples, 1)
+    last = np.maximum.accumulate(np.where(samples > 0, np.arange(count), 0))
+    held: Array = mean[np.maximum(last, block[0])]
+    return held
+
+
+def _of_bench(store: Store, facts: Facts, decode: DecodeCompleted) -> list[tuple[_Entry, ResolvedChannel]]:
+    """What a decode recorded of each channel of its bench file, and the channel, resolved again from the sealed file.
+
+    The samples are converted already; the role is the one of then, when the motor file was at hand.
+    """
+    sha = str(decode.bench)
+    bench = read_bench(store.archive.read(sha), facts.benches[sha].name)
+    signals = [Signal(**entry["signal"]) for entry in decode.channels if entry["signal"]]
+    directory = Directory(signals)
+    here = [one for one in bench.channels if all(directory.find(name) for name in _needs(one))]
+    specs = resolve(replace(bench, channels=tuple(here)), signals)
+    derived = {spec.name: spec for spec in specs if spec.derived}
+    plain = {spec.signals[0]: spec for spec in specs if not spec.derived}
+    found = [
+        (entry, plain.get(Signal(**entry["signal"])) if entry["signal"] else derived.get(entry["name"]))
+        for entry in decode.channels
+    ]
+    return [(entry, replace(spec, name=entry["name"], role=entry["role"])) for entry, spec in found if spec]
+
+
+def _needs(channel: Channel) -> Sequence[str]:
+    return parse(channel.expression).names if channel.expression else (str(channel.signal),)
+
+
+def _guessed(entry: _Entry) -> ResolvedChannel:
+    """A signal without a bench file: with the guessed quantity where the file's unit fits it, else as it stands."""
+    quantity, unit = entry["quantity"] or "", entry["unit"] or ""
+    conversion = Conversion()
+    try:
+        conversion = converter(unit, quantity)
+    except UnitError:
+        quantity = ""
+    return ResolvedChannel(entry["name"], quantity, unit, conversion, signals=(), role=entry["role"])
+
+
+def _of_file(
+    folder: Path, decode: DecodeCompleted, specs: Sequence[tuple[_Entry, ResolvedChannel]], file: Mapping[str, Any]
+) -> Iterator[tuple[ResolvedChannel, _Samples]]:
+    """The samples of each channel in the records of one file that belong to the session."""
+    tables = {
+        group["name"]: _read(
+            folder / group["file"], [one["column"] for one, _ in specs if one["group"] == group["name"]]
+        )
+        for group in decode.groups
+    }
+    for entry, spec in specs:
+        table = tables[entry["group"]]
+        record, value = table["record"], table[entry["column"]]
+        kept = (record >= file["first_record"]) & (record <= file["last_record"]) & np.isfinite(value)
+        if kept.any():
+            stored = value[kept] if decode.bench else spec.conversion(value[kept])
+            yield spec, (table["t_ns"][kept], record[kept], stored)
+
+
+def _read(path: Path, columns: Sequence[str]) -> dict[str, NDArray[Any]]:
+    from ingest import samples
+
+    if not columns:
+        return {}
+    try:
+        table = samples.read(path, list(dict.fromkeys(["t_ns", "record", *columns])))
+    except FileNotFoundError:
+        raise DamageError(
+            f"{path}: the samples are not there. Make them again from the archive with `whyhot rebuild`."
+        ) from None
+    return {name: table.column(name).to_numpy() for name in table.column_names}
+
+
+def _joined(some: Sequence[tuple[ResolvedChannel, str, _Samples]]) -> ChannelData:
+    """One channel from its pieces in several files, sorted by time; its resolution from the data where none was known."""
+    raws = tuple(dict.fromkeys(raw for _, raw, _ in some))
+    t_ns, record, value = (np.concatenate([samples[i] for _, _, samples in some]) for i in range(3))
+    raw = np.concatenate([np.full(len(samples[0]), raws.index(raw), np.int64) for _, raw, samples in some])
+    order = np.argsort(t_ns, kind="stable")
+    value, step = value[order].astype(np.float64), step_of(value[order])
+    spec = some[0][0].with_step(step) if step else some[0][0]
+    return ChannelData(spec, t_ns[order], value, record[order], raw[order], raws)
+
+
+def _held(channel: ChannelData, t_ns: NDArray[np.int64]) -> Array:
+    """The last value at or before each stamp; NaN before the first and where that value is stale."""
+    at = np.searchsorted(channel.t_ns, t_ns, side="right") - 1
+    age = t_ns - channel.t_ns[np.maximum(at, 0)]
+    fresh = (at >= 0) & (age <= STALE_MEDIANS * max(channel.median_ns, 1.0))
+    return np.where(fresh, channel.value[np.maximum(at, 0)], np.nan)

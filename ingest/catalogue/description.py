@@ -1,0 +1,87 @@
+"""What the catalogue knows of one session, as data: of the session, its files and its channels."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from ingest.catalogue.operating_points import OperatingPoints
+from ingest.catalogue.power import PowerBalance
+
+COUNTS = ("decoded", "unknown_id", "wrong_length", "rejected")  # what becomes of a record
+
+
+@dataclass(frozen=True)
+class Repeats:
+    """The gaps of a channel, or its stretches of one kind: how many, the longest [s], all together [s]."""
+
+    kind: str  # gap, held, stuck, saturated
+    times: int
+    longest_s: float
+    total_s: float
+
+
+@dataclass(frozen=True)
+class ChannelDescription:
+    """One channel; `low`, `high`, `noise` (one sigma) and `resolution` as seen, in `unit`; None where too few samples."""
+
+    name: str
+    quantity: str | None
+    unit: str | None
+    node: str | None
+    role: str
+    samples: int
+    rate_Hz: float | None
+    low: float | None
+    high: float | None
+    noise: float | None
+    resolution: float | None
+    repeats: tuple[Repeats, ...]
+
+
+@dataclass(frozen=True)
+class SourceDescription:
+    """One file of a session and what became of its records: found = the sum of the other counts of `balance`."""
+
+    file: str
+    sha256: str
+    decode: str
+    outcome: str
+    why: str | None
+    first_record: int
+    last_record: int
+    balance: Mapping[str, int]
+    unknown_ids: Mapping[str, int]
+    rejections: Sequence[Mapping[str, Any]]
+
+    @property
+    def holds(self) -> bool:
+        return self.balance.get("found", 0) == sum(self.balance.get(key, 0) for key in COUNTS)
+
+
+@dataclass(frozen=True)
+class SessionDescription:
+    """Everything that the catalogue knows of one session. `start` is ISO 8601 UTC, None without absolute time."""
+
+    session: str
+    name: str
+    kind: str
+    kind_why: str
+    start: str | None
+    duration_s: float
+    specimen: str | None
+    batch: str | None
+    motor: str | None
+    bench: str | None  # file name
+    configuration: str | None
+    attributes: Mapping[str, str]
+    sources: tuple[SourceDescription, ...]
+    channels: tuple[ChannelDescription, ...]
+    power: PowerBalance | None
+    operating_points: OperatingPoints | None
+    findings: tuple[str, ...]  # what a person should look at, one line each
+
+    def to_json(self) -> dict[str, Any]:
+        """The answer of `show --json` (schema `whyhot.show/1`)."""
+        return {"schema": "whyhot.show/1", **asdict(self)}

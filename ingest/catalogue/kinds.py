@@ -1,0 +1,193 @@
+"""What kind of test a session was, told from its channels, with one sentence why.
+
+The test kinds: `wltp` follows the WLTC trace; `s1` holds speed and load towards thermal equilibrium; `s2` is short
+pulses of load; `drive` any other changing speed; `dc_check` current at standstill; `insulation_check` electrical values of
+the insulation; `ageing` heat without either; `other` all else.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from importlib.resources import files
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+from numpy.typing import NDArray
+
+from ingest.catalogue.channels import ChannelData, current, each_second, find
+from ingest.catalogue.quality import seconds
+
+INSULATION = ("insulation_resistance", "polarisation_index", "tan_delta", "capacitance", "inception_voltage")
+STANDSTILL_rpm = 5.0
+SPREAD_rpm = 50.0  # less is noise of a motor that creeps
+OVEN_degC = 100.0  # no bench room is as warm
+CURRENT_A = 1.0  # less is offset of a probe
+S1_s = 900  # constant for this long; the time constants of stator and winding are 60 to 850 s
+SMOOTH_s = 10  # constancy is looked at in means of this
+SPEED_CONSTANT, LOAD_CONSTANT, LOADED = 0.03, 0.10, 0.20  # shares of the largest speed, load, load
+PULSE_s = (5, 120)
+WLTC_MATCH = 0.90  # correlation from which a speed is the trace; an FTP-75 reaches 0.4
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class _Trace:
+    """|speed| [rpm] and |load| each second (N,); `load` in `unit`."""
+
+    speed: Array
+    load: Array
+    unit: str
+
+    @property
+    def top_speed(self) -> float:
+        return max(float(np.quantile(self.speed, 0.995)), 1e-9)
+
+    @property
+    def top_load(self) -> float:
+        return max(float(np.quantile(self.load, 0.995)), 1e-9)
+
+
+def recognise(channels: Sequence[ChannelData]) -> tuple[str, str]:
+    """(kind, why) of the session that holds these channels. The first rule that fits decides."""
+    quantities = {channel.spec.quantity for channel in channels}
+    if checked := [name for name in INSULATION if name in quantities]:
+        return "insulation_check", f"holds {', '.join(name.replace('_', ' ') for name in checked)}"
+    if "thermal_resistance" in quantities:
+        return "dc_check", "holds thermal resistances that were evaluated elsewhere"
+    if not any(quantities):
+        return "other", "nothing says what its signals mean: give it a bench file"
+    speed = find(channels, "speed")
+    if speed is None or float(np.abs(speed.value).max()) < STANDSTILL_rpm:
+        return _at_standstill(channels, "no speed is recorded" if speed is None else "nothing turns")
+    load = find(channels, "torque") or current(channels)
+    n, *m = each_second([speed, load] if load else [speed])
+    trace = _Trace(np.abs(n), np.abs(m[0]) if load else np.zeros_like(n), "Nm" if find(channels, "torque") else "A")
+    return _wltp(trace) or _s2(trace) or _s1(trace) or _drive(trace)
+
+
+@lru_cache(maxsize=1)
+def wltc() -> Array:
+    """Speed of the WLTC class 3b [km/h], 1 Hz, (1801,). Source: UN GTR 15, Annex 1."""
+    text = (files("ingest.catalogue") / "wltc_class3b.txt").read_text("ascii")
+    return np.array([float(word) for line in text.splitlines() if not line.startswith("#") for word in line.split()])
+
+
+def _at_standstill(channels: Sequence[ChannelData], why: str) -> tuple[str, str]:
+    flows = current(channels) or find(channels, "current_dc")
+    if flows is not None:
+        (amps,) = each_second([flows])
+        on = np.abs(amps) > max(CURRENT_A, 0.5 * float(np.quantile(np.abs(amps), 0.995)))
+        if on.any():
+            return "dc_check", f"{np.median(np.abs(amps[on])):.0f} A for {seconds(on.sum())}, and {why}"
+    temperatures = [channel for channel in channels if channel.spec.quantity == "temperature"]
+    if not temperatures:
+        return "other", f"{why}, and neither current nor temperature is recorded"
+    hottest = max(temperatures, key=lambda channel: float(channel.value.max()))
+    peak = float(hottest.value.max())
+    oven = [channel for channel in temperatures if (channel.spec.node or channel.spec.name).startswith("oven")]
+    if oven or peak >= OVEN_degC:
+        (hot,) = each_second([hottest])
+        return "ageing", f"{seconds((hot > peak - 10).sum())} within 10 K of {peak:.0f} degC, and {why}"
+    return "other", f"temperatures only, none above {peak:.0f} degC, and {why}"
+
+
+def _wltp(trace: _Trace) -> tuple[str, str] | None:
+    """Whole passes of the WLTC: normalised cross-correlation of the speed with the trace, at every second."""
+    cycle = wltc()
+    if len(trace.speed) < len(cycle):
+        return None
+    match = _correlation(trace.speed, cycle)
+    passes = []
+    while (best := int(match.argmax())) >= 0 and match[best] >= WLTC_MATCH:
+        passes.append(best)
+        match[max(best - len(cycle) + 60, 0) : best + len(cycle) - 60] = -1.0
+    if not passes:
+        return None
+    share = np.mean([_followed(trace.speed[start : start + len(cycle)], cycle) for start in passes])
+    times = f"{len(passes)} times" if len(passes) > 1 else "once"
+    return "wltp", f"speed follows {share:.0%} of the WLTC class 3b trace, {times}"
+
+
+def _correlation(speed: Array, cycle: Array) -> Array:
+    """Pearson's r of `cycle` (M,) with every window of `speed` (N,): (N - M + 1,); 0 where the speed is constant."""
+    size = len(cycle)
+    sums = [np.cumsum(np.r_[0.0, power]) for power in (speed, speed**2)]
+    mean, square = ((total[size:] - total[:-size]) / size for total in sums)
+    spread = np.sqrt(np.maximum(square - mean**2, 0.0))
+    product = np.correlate(speed, cycle - cycle.mean(), mode="valid")
+    return np.where(spread > 1e-6, product / (size * cycle.std() * np.maximum(spread, 1e-6)), 0.0)
+
+
+def _followed(speed: Array, cycle: Array) -> float:
+    """Share of the seconds in which the speed, scaled by one gear ratio, is within 5 % of top speed of the trace."""
+    scaled = speed * float(speed @ cycle) / float(speed @ speed)
+    return float(np.mean(np.abs(scaled - cycle) <= 0.05 * cycle.max()))
+
+
+def _s2(trace: _Trace) -> tuple[str, str] | None:
+    """At least 3 flat pulses of load at constant speed, that make up most of the loaded time."""
+    high = trace.load > 0.5 * trace.top_load
+    starts, ends = _runs(high)
+    flat = [
+        (a, b) for a, b in zip(starts, ends, strict=True) if PULSE_s[0] <= b - a <= PULSE_s[1] and _flat(trace, a, b)
+    ]
+    if len(flat) < 3 or sum(b - a for a, b in flat) < 0.7 * high.sum() or high.mean() > 0.6:
+        return None
+    lengths = [b - a for a, b in flat]
+    level, speed = (np.median([np.median(values[a:b]) for a, b in flat]) for values in (trace.load, trace.speed))
+    between = f"{min(lengths)} to {max(lengths)} s" if min(lengths) < max(lengths) else f"{lengths[0]} s"
+    return (
+        "s2",
+        f"{len(flat)} pulses of {between} at about {level:.0f} {trace.unit} and {speed:,.0f} rpm, with rests between",
+    )
+
+
+def _flat(trace: _Trace, start: int, end: int) -> bool:
+    """Whether speed and load are constant inside a pulse, its first and last second apart."""
+    inner = slice(start + 1, end - 1)
+    return bool(
+        np.ptp(trace.speed[inner]) <= 2 * SPEED_CONSTANT * trace.top_speed
+        and np.ptp(trace.load[inner]) <= 2 * LOAD_CONSTANT * trace.top_load
+    )
+
+
+def _s1(trace: _Trace) -> tuple[str, str] | None:
+    """Speed and load constant for 15 min and more at a time, for most of the time that the motor is loaded."""
+    if len(trace.speed) < S1_s + SMOOTH_s:
+        return None
+    speed, load = (
+        np.convolve(values, np.full(SMOOTH_s, 1 / SMOOTH_s), "valid") for values in (trace.speed, trace.load)
+    )
+    n, m = sliding_window_view(speed, S1_s), sliding_window_view(load, S1_s)
+    constant = (
+        (np.ptp(n, axis=1) <= SPEED_CONSTANT * trace.top_speed)
+        & (np.ptp(m, axis=1) <= LOAD_CONSTANT * trace.top_load)
+        & (n.min(axis=1) > STANDSTILL_rpm)
+        & (m.min(axis=1) > LOADED * trace.top_load)
+    )
+    held = np.convolve(constant, np.ones(S1_s)) > 0.5  # every second of a window that is constant
+    loaded = load > LOADED * trace.top_load
+    if not held.any() or held.sum() < 0.5 * loaded.sum():
+        return None
+    starts, ends = _runs(held)
+    a, b = max(zip(starts, ends, strict=True), key=lambda run: run[1] - run[0])
+    more = f"; {len(starts)} such points" if len(starts) > 1 else ""
+    where = f"{np.median(speed[a:b]):,.0f} rpm and {np.median(load[a:b]):.0f} {trace.unit}"
+    return "s1", f"{where} held for {seconds(b - a)}{more}"
+
+
+def _drive(trace: _Trace) -> tuple[str, str]:
+    turning = trace.speed[trace.speed > STANDSTILL_rpm]
+    low, high = np.quantile(turning, (0.05, 0.95))
+    if high - low > max(2 * SPEED_CONSTANT * trace.top_speed, SPREAD_rpm):
+        return "drive", f"speed varies, {low:,.0f} to {high:,.0f} rpm for 90 % of {seconds(len(turning))} turning"
+    return "other", f"constant speed ({np.median(turning):,.0f} rpm), the load neither held for 15 min nor in pulses"
+
+
+def _runs(flags: NDArray[np.bool_]) -> tuple[list[int], list[int]]:
+    """First index and one past the last of each run of True."""
+    edges = np.diff(np.r_[0, flags.astype(np.int8), 0])
+    return np.flatnonzero(edges == 1).tolist(), np.flatnonzero(edges == -1).tolist()

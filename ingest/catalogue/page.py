@@ -1,0 +1,161 @@
+"""The pages of `whyhot sessions` and `whyhot show` as plain text: no colours, and never wider than asked."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+from ingest.catalogue import operating_points
+from ingest.catalogue.description import COUNTS, ChannelDescription, SessionDescription
+from ingest.catalogue.power import PowerBalance
+from ingest.catalogue.quality import seconds
+
+NONE = "–"
+SHORT = 12  # characters of a hash that are shown
+
+
+def sessions(answer: Mapping[str, Any], width: int = 100) -> str:
+    """The answer of `sessions --json` as a table of at most `width` columns, with what could not be read below it."""
+    if not answer["sessions"] and not answer["quarantined_files"]:
+        return "No session in this store yet.\nnext: whyhot ingest FILE..."
+    rows = [_session_row(one) for one in answer["sessions"]]
+    head = ("session", "kind", "start (UTC)", "length", "motor", "specimen", "channels", "quarantined", "id")
+    lines = [f"{len(rows)} session{'s' * (len(rows) != 1)}"]
+    lines += table(head, rows, width, right=(3, 6, 7)) if rows else []
+    for one in answer["quarantined_files"]:
+        lines += _wrap(f"quarantined: {one['why'] or one['file']}", width)
+    return "\n".join([*lines, "", f"next: whyhot show {rows[-1][0]}"] if rows else lines)
+
+
+def render(description: SessionDescription, width: int = 100) -> str:
+    """The page of `whyhot show` as plain text of at most `width` columns."""
+    blocks = [_heading(description), _sources(description), _findings(description), _channels(description, width)]
+    blocks.append(["Power", *_power(description.power)])
+    if description.operating_points:
+        blocks.append(
+            ["Operating points", *operating_points.draw(description.operating_points, width - 2).splitlines()]
+        )
+    blocks.append([f"next: whyhot replay {description.name}"])
+    indented = [[block[0], *(f"  {line}" for line in block[1:])] for block in blocks if block]
+    return "\n\n".join("\n".join(piece for line in block for piece in _wrap(line, width)) for block in indented)
+
+
+def table(head: Sequence[str], rows: Iterable[Sequence[str]], width: int, right: Sequence[int] = ()) -> list[str]:
+    """Rows under a heading, two blanks between columns, those of `right` flush right; too wide ones lose their ends."""
+    cells = [tuple(head), *(tuple(row) for row in rows)]
+    widths = [max(len(row[i]) for row in cells) for i in range(len(head))]
+    while sum(widths) + 2 * (len(widths) - 1) > width and max(widths) > 6:
+        widths[widths.index(max(widths))] -= 1
+    return [
+        "  ".join(
+            _cut(cell, size).rjust(size) if i in right else _cut(cell, size).ljust(size)
+            for i, (cell, size) in enumerate(zip(row, widths, strict=True))
+        ).rstrip()
+        for row in cells
+    ]
+
+
+def _session_row(one: Mapping[str, Any]) -> tuple[str, ...]:
+    start = one["start"].replace("T", " ")[:16] if one["start"] else NONE
+    about = (one["kind"], start, _clock(one["duration_s"]), one["motor"] or NONE, one["specimen"] or NONE)
+    return one["name"], *about, str(one["channels"]), f"{one['quarantined']:,}", one["session"][:8]
+
+
+def _heading(one: SessionDescription) -> list[str]:
+    when = one.start.replace("T", " ").replace("Z", " UTC") if one.start else "no absolute time"
+    facts = {"motor": one.motor, "specimen": one.specimen, "batch": one.batch, "bench": one.bench}
+    about = [f"{key} {value}" for key, value in {**facts, "configuration": one.configuration}.items() if value]
+    said = [f"{key} = {value}" for key, value in one.attributes.items()]
+    lines = [f"{one.name}   {one.kind}: {one.kind_why}", f"{when}, {_clock(one.duration_s)}, session {one.session}"]
+    return lines + [" · ".join(words) for words in (about, said) if words]
+
+
+def _sources(one: SessionDescription) -> list[str]:
+    lines = ["Sources"]
+    for source in one.sources:
+        counts = " · ".join(f"{key.replace('_', ' ')} {source.balance.get(key, 0):,}" for key in COUNTS)
+        holds = "balance holds" if source.holds else "BALANCE DOES NOT HOLD"
+        rows = f", records {source.first_record:,} to {source.last_record:,}" if len(one.sources) > 1 else ""
+        lines.append(
+            f"{source.file}   {source.balance.get('found', 0):,} records{rows}   sealed {source.sha256[:SHORT]}"
+        )
+        lines.append(f"  {counts}   {holds}")
+        lines += [f"  {source.outcome}: {source.why}"] if source.why else []
+        lines += [f"  rejected at {bad.get('where')}: {bad.get('why')}" for bad in source.rejections[:3]]
+        unknown = sorted(source.unknown_ids.items(), key=lambda pair: -pair[1])[:5]
+        lines += [f"  unknown: {' · '.join(f'{name} {count:,}' for name, count in unknown)}"] if unknown else []
+    return lines
+
+
+def _findings(one: SessionDescription) -> list[str]:
+    return ["Look at", *one.findings] if one.findings else []
+
+
+def _channels(one: SessionDescription, width: int) -> list[str]:
+    head = ("name", "quantity", "unit", "node", "rate", "low", "high", "noise", "gaps", "held")
+    rows = [
+        (
+            *(channel.name, channel.quantity or NONE, channel.unit or NONE),
+            "(ignored)" if channel.role == "ignored" else channel.node or NONE,
+            NONE if channel.rate_Hz is None else f"{channel.rate_Hz:.3g} Hz",
+            *(_number(channel.low), _number(channel.high), NONE if channel.noise is None else f"{channel.noise:.2g}"),
+            _repeats(channel, "gap"),
+            _repeats(channel, "held", "stuck", "saturated"),
+        )
+        for channel in one.channels
+    ]
+    ignored = sum(channel.role == "ignored" for channel in one.channels)
+    count = f"{len(rows) - ignored}, and {ignored} ignored" if ignored else f"{len(rows)}"
+    return [f"Channels ({count})", *table(head, rows, width - 2, right=(4, 5, 6, 7))]
+
+
+def _repeats(channel: ChannelDescription, *kinds: str) -> str:
+    """ "6 x to 240 s, saturated 12 s"."""
+    return ", ".join(
+        ("" if one.kind in ("gap", "held") else f"{one.kind} ")
+        + (f"{one.times} x to " if one.times > 1 else "")
+        + seconds(one.longest_s)
+        for one in channel.repeats
+        if one.kind in kinds
+    )
+
+
+def _power(found: PowerBalance | None) -> list[str]:
+    if found is None:
+        return ["not known: torque, speed or electrical power is not recorded"]
+    numbers = f"{found.electrical_kWh:.2f} kWh in, {found.mechanical_kWh:.2f} kWh at the shaft; see above"
+    lines = [found.says if found.possible else numbers]
+    lines.append(f"electrical power from {found.electrical_from}; {seconds(found.loaded_h * 3600)} under load")
+    best = max((cell for cell in found.efficiency if cell.minutes >= 1), key=lambda cell: cell.efficiency, default=None)
+    if best:
+        lines.append(
+            f"best {best.efficiency:.1%} at {best.speed_rpm[0]:,g} to {best.speed_rpm[1]:,g} rpm, "
+            f"{best.torque_Nm[0]:g} to {best.torque_Nm[1]:g} Nm ({best.minutes:.1f} min)"
+        )
+    return lines
+
+
+def _number(value: float | None) -> str:
+    if value is None:
+        return NONE
+    return f"{value:,.0f}" if abs(value) >= 1000 else f"{value:.4g}"
+
+
+def _clock(duration_s: float) -> str:
+    hours, rest = divmod(round(duration_s), 3600)
+    return f"{hours}:{rest // 60:02d}:{rest % 60:02d}"
+
+
+def _cut(text: str, size: int) -> str:
+    return text if len(text) <= size else text[: size - 1] + "…"
+
+
+def _wrap(line: str, width: int) -> list[str]:
+    """A line in pieces of at most `width`, broken at blanks, what follows indented by two more."""
+    pieces = []
+    while len(line) > width:
+        at = line.rfind(" ", len(line) - len(line.lstrip()) + 1, width + 1)
+        at = at if at > width // 2 else width
+        pieces.append(line[:at].rstrip())
+        line = " " * (len(line) - len(line.lstrip()) + 2 * (len(pieces) == 1)) + line[at:].lstrip()
+    return [*pieces, line]

@@ -1,0 +1,155 @@
+"""Power balance: electrical power in, mechanical power out, and whether what is lost between them can be true."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ingest.catalogue.channels import Aligned, ChannelData, aligned, block_means, find
+from ingest.catalogue.operating_points import round_edges
+
+RPM = 2.0 * np.pi / 60.0  # rad/s
+BLOCK_s = 30.0  # signs are judged on means of this: one sample of lag between two meters is no finding
+LOADED = 0.05  # share of the largest mechanical power from which a block tells anything of the balance
+METERS = 0.02  # of the mechanical power: what torque and power meters of a bench agree to
+IMPOSSIBLE = 0.10  # share of loaded blocks with loss below zero that no transient explains
+OPPOSED = 0.50  # share of loaded blocks that take in both powers, as a motor does for moments while it brakes
+JOULE_PER_KWH = 3.6e6
+CELLS = 6  # of the efficiency map, each way, at most
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class EfficiencyCell:
+    """A speed x torque cell: `efficiency` output / input energy, of the motor or (negative power) the generator."""
+
+    speed_rpm: tuple[float, float]
+    torque_Nm: tuple[float, float]
+    minutes: float
+    efficiency: float
+
+
+@dataclass(frozen=True)
+class PowerBalance:
+    """Electrical minus mechanical power over a session; energies signed (negative: out of the motor's terminals)."""
+
+    electrical_from: str  # which channels
+    electrical_kWh: float
+    mechanical_kWh: float
+    mean_loss_W: float
+    loaded_h: float
+    impossible_share: (
+        float  # of the loaded time, where the mean loss of 30 s is below zero by more than the meters' 2 %
+    )
+    opposed_share: float  # of the loaded time, where one power is above zero and the other below
+    ratio: float | None  # median of mechanical / electrical power where the motor drives under load
+    efficiency: tuple[EfficiencyCell, ...]
+    says: str
+
+    @property
+    def possible(self) -> bool:
+        return self.impossible_share <= IMPOSSIBLE and self.opposed_share <= OPPOSED
+
+
+def balance(channels: Sequence[ChannelData]) -> PowerBalance | None:
+    """The balance of a session; None where electrical power, torque or speed is not recorded.
+
+    Electrical power is the channel `power`, else 3 (Ud Id + Uq Iq) of rms values [equal to 1.5 (Ud Id + Uq Iq) of peak
+    values, amplitude-invariant transform], else voltage_dc current_dc; mechanical power is torque times speed. Samples
+    are held on the stamps of the slowest of these channels.
+    """
+    torque, speed, source = find(channels, "torque"), find(channels, "speed"), _electrical(channels)
+    if torque is None or speed is None or source is None:
+        return None
+    name, used, power_of = source
+    grid = aligned([speed, torque, *used])
+    return _balance(name, grid, power_of(grid.values[2:])) if len(grid.t_ns) else None
+
+
+def _electrical(
+    channels: Sequence[ChannelData],
+) -> tuple[str, list[ChannelData], Callable[[Sequence[Array]], Array]] | None:
+    """What it is called, the channels it needs, and how it comes from their values [W]; None where there is none."""
+    if power := find(channels, "power"):
+        return f"channel {power.spec.name}", [power], lambda values: values[0]
+    dq = [find(channels, name) for name in ("voltage_d", "current_d", "voltage_q", "current_q")]
+    if all(dq):
+        used = [channel for channel in dq if channel]
+        return "3 (Ud Id + Uq Iq), rms", used, lambda v: 3.0 * (v[0] * v[1] + v[2] * v[3])
+    dc = [channel for name in ("voltage_dc", "current_dc") if (channel := find(channels, name))]
+    if len(dc) == 2:
+        return "DC link voltage x current, inverter losses included", dc, lambda v: v[0] * v[1]
+    return None
+
+
+def _balance(name: str, grid: Aligned, electrical: Array) -> PowerBalance:
+    speed_rpm, torque_Nm = grid.values[:2]
+    mechanical = torque_Nm * speed_rpm * RPM
+    span = (int(grid.t_ns[0]), int(grid.t_ns[-1]))
+    into, out = (block_means(grid.t_ns, power, span, BLOCK_s) for power in (electrical, mechanical))
+    loaded = np.abs(out) >= max(LOADED * float(np.quantile(np.abs(out), 0.995)), 1.0)
+    driving = loaded & (into > 0.0)
+    impossible = into - out < -METERS * np.abs(out)
+    found = PowerBalance(
+        electrical_from=name,
+        electrical_kWh=float(electrical @ grid.dt_s) / JOULE_PER_KWH,
+        mechanical_kWh=float(mechanical @ grid.dt_s) / JOULE_PER_KWH,
+        mean_loss_W=float((electrical - mechanical) @ grid.dt_s) / max(float(grid.dt_s.sum()), 1e-9),
+        loaded_h=float(loaded.sum()) * BLOCK_s / 3600.0,
+        impossible_share=float(np.mean(impossible[loaded])) if loaded.any() else 0.0,
+        opposed_share=float(np.mean(into[loaded] * out[loaded] < 0.0)) if loaded.any() else 0.0,
+        ratio=float(np.median(out[driving] / into[driving])) if driving.any() else None,
+        efficiency=_efficiency(electrical, mechanical, speed_rpm, torque_Nm, grid.dt_s),
+        says="",
+    )
+    return replace(found, says=_says(found))
+
+
+def _efficiency(
+    electrical: Array, mechanical: Array, speed_rpm: Array, torque_Nm: Array, dt_s: Array
+) -> tuple[EfficiencyCell, ...]:
+    """Efficiency by energy, in the cells where energy flows one way for 10 s and more, and not next to none."""
+    edges = [round_edges(speed_rpm, CELLS), round_edges(torque_Nm, CELLS)]
+    seconds, into, out = (
+        np.histogram2d(speed_rpm, torque_Nm, bins=edges, weights=weight * dt_s)[0]
+        for weight in (np.ones_like(dt_s), electrical, mechanical)
+    )
+    least = LOADED * float(np.quantile(np.abs(mechanical), 0.995))
+    return tuple(
+        EfficiencyCell(
+            (float(edges[0][i]), float(edges[0][i + 1])),
+            (float(edges[1][j]), float(edges[1][j + 1])),
+            float(seconds[i, j]) / 60.0,
+            float(out[i, j] / into[i, j] if out[i, j] > 0.0 else into[i, j] / out[i, j]),
+        )
+        for i, j in np.argwhere((seconds >= 10.0) & (into * out > 0.0) & (np.abs(out) >= least * seconds)).tolist()
+    )
+
+
+def _says(found: PowerBalance) -> str:
+    """One sentence: that it balances, or which of sign and scale cannot be true."""
+    if found.loaded_h == 0.0:
+        return "no mechanical power: nothing to balance"
+    if found.possible:
+        return (
+            f"power balances: {found.electrical_kWh:.2f} kWh in, {found.mechanical_kWh:.2f} kWh at the shaft, "
+            f"{found.mean_loss_W:.0f} W lost on average"
+        )
+    if found.opposed_share > OPPOSED:
+        return (
+            f"electrical and mechanical power have opposite signs for {found.opposed_share:.0%} of the time under load: "
+            "torque, speed or power has the wrong sign"
+        )
+    share = f"loss is below zero for {found.impossible_share:.0%} of the time under load"
+    if found.ratio is not None and found.ratio > 1.0:
+        return (
+            f"{share}: the shaft gives {found.ratio:.2f} times the electrical power while driving: "
+            "check scale, unit and convention of torque and power"
+        )
+    return (
+        f"{share}, but not as a rule: check whether torque and power were recorded at the same moments, and their zeros"
+    )

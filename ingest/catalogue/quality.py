@@ -1,0 +1,267 @@
+"""Quality of each channel of a session: rate, range, noise, gaps, and stretches in which the sensor told nothing new.
+
+Held and stuck (the rule is fixed): a run of m equal samples is held when m ln(1/p) > 25, p = share of equal neighbours
+of that channel within 10 minutes on either side outside the run (kept within 0.02 to 0.98), the run is longer than 5 s,
+and another channel of the same file moves by more than 10 of its resolutions meanwhile; an input at exactly 0 is never
+held. What a channel resolves is its step, or its noise where that is larger: ten sigma are movement, the last digit of a
+noisy channel is not. A run beside a stretch that is as calm is no fault either: where the calmer side alone explains it
+(other such runs apart) it is the beginning or the end of a rest, and on a real bench at rest temperatures of 0.1 K steps
+repeat for five minutes while a draught moves the ambient.
+
+Of the held runs one is
+
+- saturated, where its value is the largest or smallest that the channel shows and is reached and left gently, as a
+  clipped signal does, or where the channel is held at that very value three times or more (a limit or a code of the
+  converter at which it sticks),
+- stuck, where it lasts to the end of the file or for 10 minutes and more,
+- held otherwise: the last value before a dropout, repeated.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ingest.catalogue.channels import ChannelData, step_of
+from ingest.events import QualityFlagged
+
+EVIDENCE = 25.0  # nats that a run must have against chance
+LEAST_EQUAL, MOST_EQUAL = 0.02, 0.98
+WINDOW_NS = 600_000_000_000  # on either side, for the share of equal neighbours
+SHORTEST_NS = 5_000_000_000
+STUCK_NS = 600_000_000_000
+RESOLUTIONS = 10.0  # that another channel must move
+GENTLY = 10.0  # typical steps between neighbours, with which a clipped signal may leave its limit
+STICKS = 3  # times held at one value
+SET_BY_HAND = ("state", "histogram", "speed_command", "torque_command")  # repeat by their nature: no sensor behind them
+GAP_MEDIANS = 5.0
+GAP_NS = 1_000_000_000  # a shorter one is jitter of the bus: no motor warms within it
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """Samples `first` to `last` (both included) of a channel that told nothing new. `kind`: held, stuck, saturated."""
+
+    kind: str
+    first: int
+    last: int
+    start_ns: int
+    end_ns: int
+    value: float  # stored unit
+
+    @property
+    def duration_s(self) -> float:
+        return (self.end_ns - self.start_ns) / 1e9
+
+
+@dataclass(frozen=True)
+class Gap:
+    """No sample between two stamps: over 5 median intervals and over 1 s."""
+
+    start_ns: int
+    end_ns: int
+
+    @property
+    def duration_s(self) -> float:
+        return (self.end_ns - self.start_ns) / 1e9
+
+
+@dataclass(frozen=True)
+class ChannelQuality:
+    """What one channel's samples look like; numbers in its stored unit, None where there are too few samples.
+
+    `rate_Hz` 1 / median interval; `noise` one sigma, from second differences; `resolution` the smallest step seen;
+    `good` bool (N,): False for the samples of a stretch, but for the first of a held or stuck one: that was measured.
+    """
+
+    name: str
+    ignored: bool  # by the bench file
+    samples: int
+    rate_Hz: float | None
+    low: float | None
+    high: float | None
+    noise: float | None
+    resolution: float | None
+    gaps: tuple[Gap, ...]
+    stretches: tuple[Stretch, ...]
+    good: NDArray[np.bool_]
+
+
+def assess(channels: Sequence[ChannelData]) -> list[ChannelQuality]:
+    """The quality of every channel, in the order given; the others of its file tell whether a repeat is healthy."""
+    least = [_least_movement(channel) for channel in channels]
+    return [_assess(channel, channels, least) for channel in channels]
+
+
+def findings(qualities: Sequence[ChannelQuality]) -> list[QualityFlagged]:
+    """What a person should look at: one flag a channel and kind of stretch, and one for its gaps; none of ignored ones."""
+    found = []
+    for quality in (one for one in qualities if not one.ignored):
+        for kind in ("saturated", "stuck", "held"):
+            if some := [stretch for stretch in quality.stretches if stretch.kind == kind]:
+                found.append(_flag(quality.name, kind, _says(kind, some), some))
+        if quality.gaps:
+            found.append(_flag(quality.name, "gap", _says("gap", quality.gaps), quality.gaps))
+    return found
+
+
+def seconds(value: float) -> str:
+    """A duration as a person says it: `0.8 s`, `240 s`, `12 min`, `3.5 h`."""
+    if value < 10:
+        return f"{value:.1f} s"
+    if value < 600:
+        return f"{value:.0f} s"
+    return f"{value / 60:.0f} min" if value < 7200 else f"{value / 3600:.1f} h"
+
+
+def noise_of(value: NDArray[np.float64]) -> float | None:
+    """One sigma of white noise in `value` (N,), from second differences, blind to steps in up to a tenth of the samples.
+
+    The second difference of white noise has 6 times its variance; of |d| the largest tenth is left out, and the mean of
+    the rest is 0.65735 sigma for a normal distribution. A straight rise, however steep, counts as no noise.
+    """
+    if len(value) < 20:
+        return None
+    bend = np.sort(np.abs(np.diff(value, 2)))
+    return float(bend[: int(0.9 * len(bend))].mean() / (0.65735 * np.sqrt(6.0)))
+
+
+def _assess(channel: ChannelData, channels: Sequence[ChannelData], least: Sequence[float | None]) -> ChannelQuality:
+    t_ns, value = channel.t_ns, channel.value
+    interval = np.diff(t_ns)
+    median = float(np.median(interval)) if len(interval) else 0.0
+    held = _held(channel, channels, least)
+    good = np.ones(len(value), dtype=np.bool_)
+    for stretch in held:
+        good[stretch.first + (stretch.kind != "saturated") : stretch.last + 1] = False
+    return ChannelQuality(
+        name=channel.spec.name,
+        ignored=channel.spec.role == "ignored",
+        samples=len(value),
+        rate_Hz=1e9 / median if median > 0 else None,
+        low=float(value.min()) if len(value) else None,
+        high=float(value.max()) if len(value) else None,
+        noise=noise_of(value),
+        resolution=step_of(channel.value),
+        gaps=_gaps(t_ns, interval, median),
+        stretches=tuple(held),
+        good=good,
+    )
+
+
+def _gaps(t_ns: NDArray[np.int64], interval: NDArray[np.int64], median: float) -> tuple[Gap, ...]:
+    wide = np.flatnonzero(interval > max(GAP_MEDIANS * median, GAP_NS))
+    return tuple(Gap(int(t_ns[i]), int(t_ns[i + 1])) for i in wide)
+
+
+def _least_movement(channel: ChannelData) -> float | None:
+    """10 times what the channel resolves; None for one that never moves."""
+    step = channel.spec.resolution or step_of(channel.value)
+    return RESOLUTIONS * max(step, noise_of(channel.value) or 0.0) if step else None
+
+
+def _held(channel: ChannelData, channels: Sequence[ChannelData], least: Sequence[float | None]) -> list[Stretch]:
+    if channel.spec.quantity in SET_BY_HAND:
+        return []
+    found = []
+    for raw in np.unique(channel.raw).tolist():
+        index = np.flatnonzero(channel.raw == raw)
+        t_ns, value = channel.t_ns[index], channel.value[index]
+        for first, last in _improbable(t_ns, value):
+            span = slice(t_ns[first], t_ns[last])
+            at_zero = value[first] == 0.0 and channel.spec.role != "observed"
+            if not at_zero and _others_move(channel, channel.raws[raw], span, channels, least):
+                kind = _kind(t_ns, value, first, last)
+                a, b = int(index[first]), int(index[last])
+                found.append(Stretch(kind, a, b, int(span.start), int(span.stop), float(value[first])))
+    often = {value for value, times in Counter(one.value for one in found).items() if times >= STICKS}
+    return [replace(one, kind="saturated") if one.value in often else one for one in found]
+
+
+def _improbable(t_ns: NDArray[np.int64], value: NDArray[np.float64]) -> list[tuple[int, int]]:
+    """Runs (first, last) of equal samples, longer than 5 s, that neither both sides together nor one of them explains."""
+    if len(value) < 2:
+        return []
+    equal = np.diff(value) == 0.0
+    edges = np.flatnonzero(~equal) + 1
+    first, last = np.r_[0, edges], np.r_[edges, len(value)] - 1
+    long = (t_ns[last] - t_ns[first] > SHORTEST_NS) & _rare(last - first + 1, np.full(len(first), LEAST_EQUAL))
+    first, last = first[long], last[long]
+    same, pairs = _on_sides(t_ns, first, last, equal), _on_sides(t_ns, first, last, np.ones_like(equal))
+    together, known = same.sum(axis=0), pairs.sum(axis=0)
+    share = np.where(known > 0, together / np.maximum(known, 1), MOST_EQUAL)
+    rare = _rare(last - first + 1, np.clip(share, LEAST_EQUAL, MOST_EQUAL))
+    first, last = first[rare], last[rare]
+    usual = np.ones_like(equal)
+    for a, b in zip(first, last, strict=True):
+        usual[a:b] = False
+    same, pairs = _on_sides(t_ns, first, last, equal & usual), _on_sides(t_ns, first, last, usual)
+    calmer = ((same + 1) / (pairs + 2)).max(axis=0)  # rule of succession: two equal samples make no calm side
+    rare = _rare(last - first + 1, np.maximum(calmer, LEAST_EQUAL))
+    return list(zip(first[rare].tolist(), last[rare].tolist(), strict=True))
+
+
+def _rare(length: NDArray[np.int64], share: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """m ln(1/p) > 25, (N,)."""
+    rare: NDArray[np.bool_] = length * np.log(1.0 / share) > EVIDENCE
+    return rare
+
+
+def _on_sides(
+    t_ns: NDArray[np.int64], first: NDArray[np.int64], last: NDArray[np.int64], pair: NDArray[np.bool_]
+) -> NDArray[np.int64]:
+    """How many pairs of neighbours are True within 10 minutes before and after each run, its edges left out: (2, N)."""
+    total = np.r_[0, np.cumsum(pair)]  # total[j] - total[i]: pairs among samples i..j
+    left = np.searchsorted(t_ns, t_ns[first] - WINDOW_NS)
+    right = np.searchsorted(t_ns, t_ns[last] + WINDOW_NS, side="right") - 1
+    before, after = np.maximum(first - 1, left), np.minimum(last + 1, right)
+    return np.array([total[before] - total[left], total[right] - total[after]])
+
+
+def _others_move(
+    channel: ChannelData, raw: str, span: slice, channels: Sequence[ChannelData], least: Sequence[float | None]
+) -> bool:
+    """Whether another channel of the file `raw` moves by more than its least movement within the stamps of `span`."""
+    for other, movement in zip(channels, least, strict=True):
+        if other is channel or movement is None or raw not in other.raws:
+            continue
+        a, b = np.searchsorted(other.t_ns, span.start), np.searchsorted(other.t_ns, span.stop, side="right")
+        value = other.value[a:b][other.raw[a:b] == other.raws.index(raw)]
+        if len(value) and np.ptp(value) > movement:
+            return True
+    return False
+
+
+def _kind(t_ns: NDArray[np.int64], value: NDArray[np.float64], first: int, last: int) -> str:
+    at_limit = value[first] in (value.min(), value.max())
+    if at_limit and first > 0 and last + 1 < len(value):
+        gently = GENTLY * _typical_step(value)
+        if max(abs(value[first] - value[first - 1]), abs(value[last + 1] - value[last])) <= gently:
+            return "saturated"
+    return "stuck" if last == len(value) - 1 or t_ns[last] - t_ns[first] >= STUCK_NS else "held"
+
+
+def _typical_step(value: NDArray[np.float64]) -> float:
+    step = np.abs(np.diff(value))
+    return float(np.median(step[step > 0.0]))
+
+
+def _says(kind: str, some: Sequence[Stretch | Gap]) -> str:
+    longest = seconds(max(one.duration_s for one in some))
+    times = f", {len(some)} times" if len(some) > 1 else ""
+    at = f" at {some[0].value:.6g}" if isinstance(some[0], Stretch) else ""
+    return {
+        "held": f"holds its last value for up to {longest}{times}: masked",
+        "stuck": f"is stuck{at} for up to {longest}{times}: masked",
+        "saturated": f"is saturated{at} for up to {longest}{times}: masked",
+        "gap": f"has no samples for up to {longest}{times}",
+    }[kind]
+
+
+def _flag(name: str, kind: str, says: str, some: Sequence[Stretch | Gap]) -> QualityFlagged:
+    spans = [{"start_ns": one.start_ns, "end_ns": one.end_ns} for one in some]
+    return QualityFlagged(flag=kind, says=f"{name} {says}", detail={"channel": name, "spans": spans})

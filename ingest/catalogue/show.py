@@ -1,0 +1,150 @@
+"""What `whyhot sessions` and `whyhot show` answer: the catalogue of the store, and one session looked through."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
+from typing import TYPE_CHECKING, Any
+
+from ingest.catalogue import operating_points, page, power, quality
+from ingest.catalogue.channels import ChannelData, load
+from ingest.catalogue.description import ChannelDescription, Repeats, SessionDescription, SourceDescription
+from ingest.catalogue.page import render
+from ingest.catalogue.power import PowerBalance
+from ingest.catalogue.quality import ChannelQuality
+from ingest.events import DecodeCompleted, SessionRecorded
+from ingest.facts import Facts
+
+if TYPE_CHECKING:
+    from ingest.store import Store
+
+__all__ = ["SessionDescription", "describe", "render", "render_sessions", "sessions_json"]
+
+
+def describe(store: Store, facts: Facts, session: SessionRecorded) -> SessionDescription:
+    """Look through the samples of a session. Raises DamageError where they are damaged or missing."""
+    channels = load(store, facts, session)
+    qualities = quality.assess(channels)
+    balance = power.balance(channels)
+    bench = facts.bench_of(session)
+    flagged = [flag.says for file in session.files for flag in facts.flags.get(f"file-{file['raw']}", ())]
+    found = [flag.says for flag in quality.findings(qualities)]
+    return SessionDescription(
+        session=session.session,
+        name=session.name,
+        kind=session.kind,
+        kind_why=session.kind_why,
+        start=iso(session.start_ns) if session.absolute else None,
+        duration_s=_duration_s(session),
+        specimen=session.specimen,
+        batch=session.batch,
+        motor=bench.motor if bench else None,
+        bench=bench.name if bench else None,
+        configuration=session.configuration,
+        attributes=session.attributes,
+        sources=tuple(_source(facts, file) for file in session.files),
+        channels=tuple(_channel(*pair) for pair in zip(channels, qualities, strict=True)),
+        power=balance,
+        operating_points=operating_points.cells(channels),
+        findings=tuple(dict.fromkeys([*flagged, *found, *_impossible(balance)])),
+    )
+
+
+def sessions_json(facts: Facts) -> dict[str, Any]:
+    """The answer of `sessions --json` (schema `whyhot.sessions/1`).
+
+    `quarantined` counts the records of a session's files that were kept but not decoded: rejected, or of another length
+    than their message. `quarantined_files` are those in which nothing could be read; they belong to no session.
+    """
+    return {
+        "schema": "whyhot.sessions/1",
+        "sessions": [_summary(facts, session) for session in facts.sessions],
+        "quarantined_files": _quarantined(facts),
+    }
+
+
+def render_sessions(facts: Facts, width: int = 100) -> str:
+    """The table of all sessions as text of at most `width` columns."""
+    return page.sessions(sessions_json(facts), width)
+
+
+def iso(t_ns: int) -> str:
+    """ISO 8601 UTC of nanoseconds since 1970, with milliseconds where they are not zero."""
+    whole, rest = divmod(t_ns, 1_000_000_000)
+    text = datetime.fromtimestamp(whole, UTC).strftime("%Y-%m-%dT%H:%M:%S")
+    return f"{text}.{rest // 1_000_000:03d}Z" if rest >= 1_000_000 else f"{text}Z"
+
+
+def _impossible(balance: PowerBalance | None) -> list[str]:
+    return [] if balance is None or balance.possible else [balance.says]
+
+
+def _duration_s(session: SessionRecorded) -> float:
+    return (session.end_ns - session.start_ns) / 1e9
+
+
+def _summary(facts: Facts, session: SessionRecorded) -> dict[str, Any]:
+    bench = facts.bench_of(session)
+    raws = list(dict.fromkeys(file["raw"] for file in session.files))
+    decodes = [facts.decodes[decode] for decode in dict.fromkeys(file["decode"] for file in session.files)]
+    return {
+        "session": session.session,
+        "name": session.name,
+        "start": iso(session.start_ns) if session.absolute else None,
+        "duration_s": _duration_s(session),
+        "kind": session.kind,
+        "motor": bench.motor if bench else None,
+        "specimen": session.specimen,
+        "batch": session.batch,
+        "sources": [facts.files[raw].name for raw in raws],
+        "channels": len({one["name"] for decode in decodes for one in decode.channels if one["role"] != "ignored"}),
+        "quarantined": sum(_kept_only(decode) for decode in decodes),
+    }
+
+
+def _kept_only(decode: DecodeCompleted) -> int:
+    return decode.balance.get("rejected", 0) + decode.balance.get("wrong_length", 0)
+
+
+def _quarantined(facts: Facts) -> list[dict[str, Any]]:
+    read = {decode.raw for decode in facts.decodes.values() if decode.outcome != "quarantined"}
+    lost = {decode.raw: decode.why for decode in facts.decodes.values() if decode.raw not in read}
+    return [{"file": facts.files[raw].name, "sha256": raw, "why": why} for raw, why in lost.items()]
+
+
+def _source(facts: Facts, file: Mapping[str, Any]) -> SourceDescription:
+    decode = facts.decodes[file["decode"]]
+    return SourceDescription(
+        file=facts.files[decode.raw].name,
+        sha256=decode.raw,
+        decode=decode.decode,
+        outcome=decode.outcome,
+        why=decode.why,
+        first_record=file["first_record"],
+        last_record=file["last_record"],
+        balance=decode.balance,
+        unknown_ids=decode.unknown_ids,
+        rejections=decode.rejections,
+    )
+
+
+def _channel(data: ChannelData, seen: ChannelQuality) -> ChannelDescription:
+    spans: Sequence[tuple[str, float]] = [
+        *(("gap", gap.duration_s) for gap in seen.gaps),
+        *((stretch.kind, stretch.duration_s) for stretch in seen.stretches),
+    ]
+    kinds = {kind: [length for name, length in spans if name == kind] for kind, _ in spans}
+    return ChannelDescription(
+        name=data.spec.name,
+        quantity=data.spec.quantity or None,
+        unit=data.unit,
+        node=data.place,
+        role=data.spec.role,
+        samples=seen.samples,
+        rate_Hz=seen.rate_Hz,
+        low=seen.low,
+        high=seen.high,
+        noise=seen.noise,
+        resolution=seen.resolution,
+        repeats=tuple(Repeats(kind, len(some), max(some), sum(some)) for kind, some in kinds.items()),
+    )
