@@ -1,0 +1,1 @@
+"""The thermal twin: pure numerics over arrays. No file, no clock, no print."""

@@ -76,3 +76,8 @@ class Network:
     sources: tuple[Source, ...]
     copper: Copper = field(default_factory=Copper)
     scale: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Nodes, then boundaries: the order of every index of a temperature."""
+        return (*(node.name for node in self.nodes), *(boundary.name for boundary in self.boundaries))

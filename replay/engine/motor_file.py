@@ -1,0 +1,209 @@
+"""motor.toml becomes a network: keys and types, defaults, and every refusal with file and line (INTERFACES section 2)."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+
+from ingest.errors import TomlError
+from ingest.toml_file import BOOLEAN, NUMBER, POSITIVE, TEXT, TEXTS, Kind, Table, read
+from replay.errors import MotorFileError
+from twin.check import check
+from twin.errors import NetworkError
+from twin.features import QUANTITY, is_known
+from twin.network import Boundary, Copper, Link, Network, Node, Source, TemperatureFactor, Term
+
+SCHEMA = "whyhot.motor/1"
+SCALES = {  # key of [scale] -> quantity
+    "speed_rpm": "speed",
+    "current_A": "current",
+    "torque_Nm": "torque",
+    "voltage_V": "voltage",
+    "flux_Wb": "flux",
+    "flow_lpm": "flow",
+}
+REGIONS = ("copper", "iron", "magnet", "rotor", "housing", "fluid", "bearing", "other")
+KEYS = {
+    "root": ("schema", "name", "scale", "copper", "node", "boundary", "link", "source"),
+    "copper": ("alpha_per_K", "reference_degC"),
+    "node": ("name", "capacity", "region", "sd", "limit_degC"),
+    "boundary": ("name",),
+    "link": ("between", "terms"),
+    "source": ("node", "terms"),
+    "term": ("coefficient", "sd", "copper", "resistance", "temperature"),
+    "temperature": ("node", "slope_per_K", "reference_degC"),
+}
+LATER = {  # keys of the file format that this version does not compute
+    "circuit": "model the coolant as a boundary, or as nodes with links",
+    "configuration": "write a motor file of its own for the other rig",
+    "map": "write the loss as terms of speed and current",
+    "law": "write the conductance as terms; a temperature factor can stand for its slope",
+}
+
+CAPACITY_SD = 0.15  # prior sds of the logarithm where none is given
+CONDUCTANCE_SD = 0.4
+DC_COPPER_SD, LOSS_SD, MAGNET_LOSS_SD = 0.05, 0.15, 0.5
+
+_BY_NAME = (  # a node's region where neither the file nor a copper loss says it
+    (r"(end)?winding|terminal", "copper"),
+    (r"yoke|teeth|tooth|stator|iron", "iron"),
+    (r"magnet", "magnet"),
+    (r"rotor|shaft|end_?plate|end_?ring", "rotor"),
+    (r"bearing", "bearing"),
+    (r"housing|frame|shield|end_?cap", "housing"),
+    (r"air|jacket|coolant|oil|water", "fluid"),
+)
+_MOTOR_NAME = Kind(
+    "a name of letters, digits, _ . and - in quotes", lambda v: _matching(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,99}", v)
+)
+
+
+def _matching(pattern: str, value: object) -> str:
+    if not (isinstance(value, str) and re.fullmatch(pattern, value)):
+        raise ValueError
+    return value
+
+
+def read_motor(data: bytes, name: str) -> Network:
+    """The network of a motor file's bytes; `name` as in messages.
+
+    Raises MotorFileError with file, line, entry, what is wrong and what to do.
+    """
+    try:
+        root = read(data, name, SCHEMA)
+        network = _network(root)
+    except TomlError as error:
+        raise MotorFileError(str(error)) from None
+    try:
+        check(network)
+    except NetworkError as error:
+        raise MotorFileError(_located(root, error)) from None
+    return network
+
+
+def _network(root: Table) -> Network:
+    _only(root, "root")
+    copper = root.table("copper")
+    heated = _heated(root)
+    nodes = tuple(_node(table, heated) for table in root.tables("node"))
+    if not nodes:
+        raise root.error("there is no [[node]]: a motor needs at least one.")
+    regions = {node.name: node.region for node in nodes}
+    return Network(
+        name=root.need("name", _MOTOR_NAME),
+        nodes=nodes,
+        boundaries=tuple(_boundary(table) for table in root.tables("boundary")),
+        links=tuple(_link(table) for table in root.tables("link")),
+        sources=tuple(_source(table, regions) for table in root.tables("source")),
+        copper=_copper(copper) if copper else Copper(),
+        scale=_scale(root),
+    )
+
+
+def _heated(root: Table) -> set[str]:
+    """Nodes with a loss in copper."""
+    sources = root.tables("source")
+    return {s.need("node", TEXT) for s in sources if any("copper" in t or "resistance" in t for t in s.tables("terms"))}
+
+
+def _only(table: Table, kind: str, extra: tuple[str, ...] = ()) -> None:
+    for key, instead in LATER.items():
+        if key in table:
+            raise table.error(f'"{key}" is not supported by this version of whyhot: {instead}.', key)
+    table.only({*KEYS[kind], *extra})
+
+
+def _scale(root: Table) -> dict[str, float]:
+    table = root.table("scale")
+    if table is None:
+        return {}
+    table.only(set(SCALES))
+    return {quantity: table.need(key, POSITIVE) for key, quantity in SCALES.items() if key in table}
+
+
+def _copper(table: Table) -> Copper:
+    _only(table, "copper")
+    default = Copper()
+    alpha, reference = table.get("alpha_per_K", POSITIVE), table.get("reference_degC", NUMBER)
+    return Copper(
+        alpha_per_K=default.alpha_per_K if alpha is None else alpha,
+        reference_degC=default.reference_degC if reference is None else reference,
+    )
+
+
+def _node(table: Table, heated: set[str]) -> Node:
+    _only(table, "node")
+    name = table.need("name", TEXT)
+    sd = table.get("sd", POSITIVE)
+    return Node(
+        name=name,
+        capacity=table.need("capacity", POSITIVE),
+        region=table.one_of("region", REGIONS) or _region(name, heated),
+        sd=CAPACITY_SD if sd is None else sd,
+        limit_degC=table.get("limit_degC", NUMBER),
+    )
+
+
+def _region(name: str, heated: set[str]) -> str:
+    if name in heated:
+        return "copper"
+    return next((region for pattern, region in _BY_NAME if re.search(rf"(^|_)({pattern})", name)), "other")
+
+
+def _boundary(table: Table) -> Boundary:
+    _only(table, "boundary")
+    return Boundary(table.need("name", TEXT))
+
+
+def _link(table: Table) -> Link:
+    _only(table, "link")
+    ends = table.need("between", TEXTS)
+    if len(ends) != 2:
+        raise table.error(f'between has {len(ends)} names: give two, such as ["rotor_surface", "teeth"].', "between")
+    return Link(ends[0], ends[1], tuple(_term(term, CONDUCTANCE_SD) for term in table.tables("terms")))
+
+
+def _source(table: Table, regions: Mapping[str, str]) -> Source:
+    _only(table, "source")
+    node = table.need("node", TEXT)
+    other = MAGNET_LOSS_SD if regions.get(node) == "magnet" else LOSS_SD
+    return Source(node, tuple(_term(term, DC_COPPER_SD if _is_dc(term) else other) for term in table.tables("terms")))
+
+
+def _is_dc(term: Table) -> bool:
+    """Copper loss that grows with the current squared alone."""
+    used = {key: value for key, value in term.values.items() if is_known(key)}
+    return term.get("copper", BOOLEAN) is True and used == {"current": 2}
+
+
+def _term(table: Table, default_sd: float) -> Term:
+    used = tuple(key for key in table.values if is_known(key))
+    _only(table, "term", (*QUANTITY, *used))
+    if table.get("resistance", NUMBER) not in (None, -1.0):
+        says = "resistance must be -1 (an AC loss, divided by it); for a loss that grows with it write copper = true."
+        raise table.error(says, "resistance")
+    sd = table.get("sd", POSITIVE)
+    temperature = table.table("temperature")
+    return Term(
+        coefficient=table.need("coefficient", NUMBER),
+        exponents={feature: table.need(feature, NUMBER) for feature in used},
+        sd=default_sd if sd is None else sd,
+        copper=table.get("copper", BOOLEAN) or False,
+        resistance=-1 if "resistance" in table else 0,
+        temperature=_temperature(temperature) if temperature else None,
+    )
+
+
+def _temperature(table: Table) -> TemperatureFactor:
+    _only(table, "temperature")
+    return TemperatureFactor(
+        table.need("node", TEXT), table.need("slope_per_K", NUMBER), table.need("reference_degC", NUMBER)
+    )
+
+
+def _located(root: Table, error: NetworkError) -> str:
+    """The refusal of a network at the line of its entry."""
+    at = error.entry
+    single = at.table in ("scale", "copper")
+    table = root.table(at.table) if single else root.tables(at.table)[at.index]
+    return str((table or root).error(f"{error.says}."))

@@ -1,0 +1,46 @@
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from benchmarks.integrator import motor
+from twin.describe import describe
+from twin.network import Boundary, Link, Network, Node, Source, Term
+
+LUMP = Network(
+    name="lump",
+    nodes=(Node("a", 100.0, "other"),),
+    boundaries=(Boundary("coolant"),),
+    links=(Link("a", "coolant", (Term(4.0, {"speed": 1.0}),)),),
+    sources=(),
+    scale={"speed": 1000.0},
+)
+
+
+def test_the_reference_motor_is_the_papers_size() -> None:
+    found = describe(motor("reference_motor"))
+    assert (found.nodes, found.sources) == (21, 13)
+    assert 70 <= found.coefficients <= 81
+    assert found.kernel == "straight-line"
+    assert found.warnings == ()
+    assert 1 < found.at_full_s[1] < found.at_full_s[0] < 3600
+    assert "21 nodes, 2 boundaries" in found.text()
+
+
+def test_time_constants_are_those_of_the_modes() -> None:
+    found = describe(LUMP)
+    assert found.at_full_s == pytest.approx((25.0, 25.0))
+    assert found.at_rest_s == (math.inf, math.inf)
+    assert "without end" in found.text()
+
+
+def test_a_summed_loss_below_zero_is_a_warning_with_place() -> None:
+    loss = Source("a", (Term(10.0, {"speed": 1.0}), Term(-30.0, {"speed": 2.0})))
+    (warning,) = describe(replace(LUMP, sources=(loss,))).warnings
+    assert warning == 'the summed loss of "a" falls to -20 W at speed 1.0: a negative loss cools'
+
+
+def test_negative_terms_whose_sum_stays_positive_are_no_warning() -> None:
+    assert describe(motor("hust_motor")).warnings == ()

@@ -1,0 +1,162 @@
+"""Whether a network can be a motor: every refusal names its entry and says what to do."""
+
+from __future__ import annotations
+
+import difflib
+import math
+import re
+from collections.abc import Iterable, Sequence
+
+from twin import features
+from twin.errors import (
+    BadNameError,
+    BadValueError,
+    CutOffError,
+    DuplicateError,
+    Entry,
+    FactorError,
+    FeatureError,
+    LinkError,
+    UnknownNodeError,
+)
+from twin.network import Link, Network, Source, Term
+
+NAME = re.compile(r"[a-z][a-z0-9_]*")
+
+
+def check(network: Network) -> None:
+    """Raise the first fault found, a subclass of `NetworkError`; nothing is returned for a sound network."""
+    nodes = [node.name for node in network.nodes]
+    boundaries = [boundary.name for boundary in network.boundaries]
+    _check_names([Entry("node", i, name) for i, name in enumerate(nodes)], [])
+    _check_names([Entry("boundary", i, name) for i, name in enumerate(boundaries)], nodes)
+    _check_constants(network)
+    _check_links(network, nodes, boundaries)
+    _check_sources(network, nodes)
+    _check_reached(network, nodes, boundaries)
+
+
+def _check_names(entries: Sequence[Entry], taken: Iterable[str]) -> None:
+    seen = set(taken)
+    for entry in entries:
+        if not NAME.fullmatch(entry.name):
+            raise BadNameError(entry, "a name begins with a-z and holds only a-z, 0-9 and _: rename it")
+        if entry.name in seen:
+            raise DuplicateError(entry, "this name is already taken by an entry above: rename one of them")
+        seen.add(entry.name)
+
+
+def _check_constants(network: Network) -> None:
+    for i, node in enumerate(network.nodes):
+        entry = Entry("node", i, node.name)
+        _positive(entry, "capacity", node.capacity, "the heat capacity of the lump in J/K")
+        _positive(entry, "sd", node.sd, "the prior standard deviation of the logarithm, such as 0.15")
+    for i, (name, value) in enumerate(network.scale.items()):
+        _positive(Entry("scale", i, name), "scale", value, "what 1 means for this quantity")
+    copper = Entry("copper", 0, "copper")
+    _positive(copper, "alpha_per_K", network.copper.alpha_per_K, "0.00393 for copper")
+    if not math.isfinite(network.copper.reference_degC):
+        raise BadValueError(copper, f"reference_degC {network.copper.reference_degC:g} is not finite: give 20")
+
+
+def _positive(entry: Entry, key: str, value: float, what: str) -> None:
+    if not (math.isfinite(value) and value > 0):
+        raise BadValueError(entry, f"{key} {value:g} is not above 0: give {what}")
+
+
+def _check_links(network: Network, nodes: Sequence[str], boundaries: Sequence[str]) -> None:
+    seen: set[frozenset[str]] = set()
+    for i, link in enumerate(network.links):
+        entry = Entry("link", i, f"{link.a}-{link.b}")
+        for end in (link.a, link.b):
+            if end not in nodes and end not in boundaries:
+                raise UnknownNodeError(entry, _unknown(end, "node or boundary", [*nodes, *boundaries]))
+        if link.a == link.b:
+            raise LinkError(entry, "both ends are the same: name two different nodes")
+        if link.a in boundaries and link.b in boundaries:
+            raise LinkError(entry, "both ends are boundaries, which no heat can change: remove it")
+        if frozenset((link.a, link.b)) in seen:
+            raise DuplicateError(entry, "these two are linked above already: put all terms into one link")
+        seen.add(frozenset((link.a, link.b)))
+        _check_terms(network, entry, link, nodes)
+
+
+def _check_sources(network: Network, nodes: Sequence[str]) -> None:
+    seen: set[str] = set()
+    for i, source in enumerate(network.sources):
+        entry = Entry("source", i, source.node)
+        if source.node not in nodes:
+            raise UnknownNodeError(entry, _unknown(source.node, "node", nodes))
+        if source.node in seen:
+            raise DuplicateError(entry, "this node has a source above already: put all terms into one source")
+        seen.add(source.node)
+        _check_terms(network, entry, source, nodes)
+
+
+def _unknown(name: str, kind: str, known: Sequence[str]) -> str:
+    close = difflib.get_close_matches(name, known, n=1, cutoff=0.0)
+    hint = f'did you mean "{close[0]}"?' if close else "there is none at all"
+    return f'there is no {kind} "{name}": {hint}'
+
+
+def _check_terms(network: Network, entry: Entry, place: Link | Source, nodes: Sequence[str]) -> None:
+    if not place.terms:
+        raise LinkError(entry, "it has no terms: give at least one coefficient")
+    for number, term in enumerate(place.terms, 1):
+        _check_coefficient(entry, number, term, isinstance(place, Link))
+        _check_factors(entry, number, term, isinstance(place, Link), nodes)
+        for feature, exponent in term.exponents.items():
+            _check_feature(network, entry, number, feature, exponent)
+
+
+def _check_coefficient(entry: Entry, number: int, term: Term, in_link: bool) -> None:
+    where = f"term {number}: coefficient {term.coefficient:g}"
+    if not math.isfinite(term.coefficient) or term.coefficient == 0:
+        raise BadValueError(entry, f"{where} is not a number other than 0: give W{'/K' * in_link} at features of 1")
+    if in_link and term.coefficient < 0:
+        raise BadValueError(entry, f"{where} is negative: a conductance in W/K is above 0")
+    _positive(entry, f"term {number}: sd", term.sd, "the prior standard deviation of the logarithm, such as 0.4")
+
+
+def _check_factors(entry: Entry, number: int, term: Term, in_link: bool, nodes: Sequence[str]) -> None:
+    if in_link and (term.copper or term.resistance):
+        raise FactorError(entry, f"term {number}: copper and resistance belong to losses: use them in a source only")
+    if term.resistance not in (0, -1):
+        raise FactorError(entry, f"term {number}: resistance {term.resistance} is not -1: for +1 write copper = true")
+    if term.copper and term.resistance:
+        raise FactorError(entry, f"term {number}: copper times resistance -1 is 1: leave both out, or one of them")
+    factor = term.temperature
+    if factor is None:
+        return
+    if factor.node not in nodes:
+        raise UnknownNodeError(entry, f"term {number}: temperature: " + _unknown(factor.node, "node", nodes))
+    if not (math.isfinite(factor.slope_per_K) and math.isfinite(factor.reference_degC)):
+        raise BadValueError(entry, f"term {number}: temperature: slope_per_K and reference_degC must be finite numbers")
+
+
+def _check_feature(network: Network, entry: Entry, number: int, feature: str, exponent: float) -> None:
+    where = f'term {number}: feature "{feature}"'
+    if not features.is_known(feature):
+        raise FeatureError(entry, f'{where} is not known: did you mean "{features.nearest(feature)}"?')
+    if not math.isfinite(exponent) or exponent < 0:
+        raise FeatureError(entry, f"{where} has exponent {exponent:g}: at 0 it would be infinite, give 0 or more")
+    quantity = features.quantity(feature)
+    if quantity is not None and quantity not in network.scale:
+        raise FeatureError(entry, f"{where} has no scale: say in [scale] what 1 means for {quantity}")
+
+
+def _check_reached(network: Network, nodes: Sequence[str], boundaries: Sequence[str]) -> None:
+    neighbours: dict[str, list[str]] = {name: [] for name in (*nodes, *boundaries)}
+    for link in network.links:
+        neighbours[link.a].append(link.b)
+        neighbours[link.b].append(link.a)
+    reached, front = set(boundaries), list(boundaries)
+    while front:
+        fresh = [name for name in neighbours[front.pop()] if name not in reached]
+        reached.update(fresh)
+        front.extend(fresh)
+    for i, name in enumerate(nodes):
+        if name not in reached:
+            raise CutOffError(
+                Entry("node", i, name), "no path of links leads to a boundary, its heat could never leave: link it"
+            )

@@ -1,0 +1,110 @@
+"""A network in numbers: size, heat capacity, time constants, and where its losses would turn negative."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import eigh
+
+from twin import features
+from twin.initial import conductances
+from twin.kernel import STATEMENTS, generate, statements
+from twin.network import Network, Source
+
+_GRID = np.linspace(0.0, 1.0, 11)
+
+
+@dataclass(frozen=True)
+class Description:
+    """What a network is. Time constants [s] are the slowest and fastest mode with the boundaries held, losses aside, at
+    all features 0 (`at_rest`) and all features 1 (`at_full`); `unknowns`: coefficients and capacities.
+    """
+
+    name: str
+    nodes: int
+    boundaries: int
+    links: int
+    sources: int
+    coefficients: int
+    unknowns: int
+    features: tuple[str, ...]
+    capacity_J_per_K: float
+    at_rest_s: tuple[float, float]
+    at_full_s: tuple[float, float]
+    statements: int
+    kernel: str
+    warnings: tuple[str, ...]
+
+    def text(self) -> str:
+        """Lines for a person."""
+        lines = [
+            f"{self.name}: {self.nodes} nodes, {self.boundaries} boundaries, {self.links} links, {self.sources} sources",
+            f"coefficients   {self.coefficients}; with {self.nodes} capacities {self.unknowns} unknowns",
+            f"features       {', '.join(self.features) or 'none'}",
+            f"heat capacity  {self.capacity_J_per_K:,.0f} J/K",
+            f"time constants {_span(self.at_rest_s)} at rest, {_span(self.at_full_s)} with all features at 1",
+            f"kernel         {self.kernel}, {self.statements} statements a step",
+        ]
+        return "\n".join([*lines, *(f"warning: {warning}" for warning in self.warnings)])
+
+
+def _span(constants: tuple[float, float]) -> str:
+    slowest, fastest = ("without end" if math.isinf(c) else f"{c:,.3g} s" for c in constants)
+    return f"{slowest} to {fastest}"
+
+
+def describe(network: Network) -> Description:
+    """The description of a checked network."""
+    monomials = features.monomials(network)
+    source = statements(generate(network))
+    coefficients = sum(1 for _ in features.terms(network))
+    rest, full = np.zeros(len(monomials)), np.ones(len(monomials))
+    return Description(
+        name=network.name,
+        nodes=len(network.nodes),
+        boundaries=len(network.boundaries),
+        links=len(network.links),
+        sources=len(network.sources),
+        coefficients=coefficients,
+        unknowns=coefficients + len(network.nodes),
+        features=tuple(dict.fromkeys(f for m in monomials for f in m.exponents)),
+        capacity_J_per_K=sum(node.capacity for node in network.nodes),
+        at_rest_s=_time_constants(network, rest),
+        at_full_s=_time_constants(network, full),
+        statements=source,
+        kernel="straight-line" if source <= STATEMENTS else "indexed",
+        warnings=tuple(warning for s in network.sources for warning in _negative(s)),
+    )
+
+
+def _time_constants(network: Network, features_row: NDArray[np.float64]) -> tuple[float, float]:
+    """Slowest and fastest mode [s] of C dT/dt = -L T; infinite where a part is cut off at these features."""
+    n = len(network.nodes)
+    conductance = conductances(network, features_row)
+    balance = (np.diag(conductance.sum(axis=1)) - conductance)[:n, :n]
+    rates = eigh(balance, np.diag([node.capacity for node in network.nodes]), eigvals_only=True)
+    slowest, fastest = float(rates[0]), float(rates[-1])
+    return (1 / slowest if slowest > 1e-12 * fastest else math.inf, 1 / fastest if fastest > 0 else math.inf)
+
+
+def _negative(source: Source) -> list[str]:
+    """A warning where the node's summed loss falls below zero for features within 0..1, factors of temperature aside."""
+    used = sorted({f for term in source.terms for f, e in term.exponents.items() if e})
+    if all(term.coefficient > 0 for term in source.terms) or len(used) > 4:
+        return []
+    lowest, where = 0.0, ""
+    for point in itertools.product(_GRID, repeat=len(used)):
+        u = {f: np.array([value]) for f, value in zip(used, point, strict=True)}
+        phi = [features.evaluate((features.monomial(term),), u, 1)[0, 0] for term in source.terms]
+        loss = float(sum(term.coefficient * value for term, value in zip(source.terms, phi, strict=True)))
+        if loss < lowest - 1e-9:
+            lowest, where = loss, ", ".join(f"{f} {value:.1f}" for f, value in zip(used, point, strict=True))
+    return (
+        [f'the summed loss of "{source.node}" falls to {lowest:.3g} W at {where}: a negative loss cools']
+        if where
+        else []
+    )

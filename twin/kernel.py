@@ -1,0 +1,109 @@
+"""From a network to a compiled run: straight-line code for small ones, the index program above."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from typing import Any, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin import codegen, indexed
+from twin.check import check
+from twin.integrators import DEFAULT, Tableau
+from twin.network import Network
+from twin.structure import Parameters, parameters, structure
+
+Load = Callable[[str], Callable[..., None]]
+Run = Callable[[Parameters, NDArray[np.float64], NDArray[np.float64], float, NDArray[np.float64]], None]
+
+INDEX_HEAD = """from __future__ import annotations
+
+import numba
+import numpy as np
+
+
+@numba.njit(error_model="numpy", nogil=True, cache=CACHE)
+"""
+
+# Above this many statements a step, compiling takes longer than straight-line code saves (docs/integrator.md).
+STATEMENTS = 1000
+
+
+@dataclass(frozen=True)
+class Compiled:
+    """A network ready to run. `run(parameters, features, boundaries, step_s, out)` fills `out[1:]` from `out[0]`."""
+
+    network: Network
+    parameters: Parameters
+    run: Run
+    form: str  # "straight-line" | "indexed"
+
+
+def generate(network: Network, tableau: Tableau = DEFAULT) -> str:
+    """The straight-line source of a checked network, whatever its size; the same text for the same topology."""
+    return codegen.generate(structure(network), tableau)
+
+
+def statements(source: str) -> int:
+    """Lines of a straight-line source that a step executes."""
+    return sum(line.startswith("        ") for line in source.splitlines())
+
+
+def load_in_memory(source: str) -> Callable[..., None]:
+    """Compile a kernel's source and forget it with the process. The text asks for `cache=CACHE`: here without."""
+    namespace: dict[str, Any] = {"__name__": "whyhot_kernel"}
+    exec(compile(source.replace("cache=CACHE", "cache=False"), "<whyhot kernel>", "exec"), namespace)  # noqa: S102 -- our own text
+    return cast(Callable[..., None], namespace["run"])
+
+
+def compile_network(network: Network, tableau: Tableau = DEFAULT, load: Load = load_in_memory) -> Compiled:
+    """Check and compile a network; the straight-line form up to `STATEMENTS`, the index program above.
+
+    `load` turns a source text into its compiled `run`; a caller may keep it for a later start. Raises `NetworkError`
+    where the network cannot be a motor.
+    """
+    check(network)
+    source = generate(network, tableau)
+    if statements(source) > STATEMENTS:
+        return compile_indexed(network, tableau, load)
+    kernel = load(source)
+
+    def run(
+        p: Parameters,
+        phi: NDArray[np.float64],
+        boundaries: NDArray[np.float64],
+        step_s: float,
+        out: NDArray[np.float64],
+    ) -> None:
+        kernel(phi, boundaries, step_s, p.coefficients, p.capacities, p.copper, p.factors, out)
+
+    return Compiled(network, parameters(network), run, "straight-line")
+
+
+def compile_indexed(network: Network, tableau: Tableau = DEFAULT, load: Load = load_in_memory) -> Compiled:
+    """Check a network of any size and prepare it for the index program, which is compiled once for all."""
+    check(network)
+    program = indexed.program(structure(network), tableau)
+    kernel = index_program(load)
+
+    def run(
+        p: Parameters,
+        phi: NDArray[np.float64],
+        boundaries: NDArray[np.float64],
+        step_s: float,
+        out: NDArray[np.float64],
+    ) -> None:
+        stage = np.empty((len(program.weights), program.n))
+        kernel(program, phi, boundaries, step_s, p.coefficients, p.capacities, p.copper, p.factors, out, stage)
+
+    return Compiled(network, parameters(network), run, "indexed")
+
+
+@cache
+def index_program(load: Load = load_in_memory) -> Callable[..., None]:
+    """The compiled `indexed.run`."""
+    return load(INDEX_HEAD + inspect.getsource(indexed.run))
