@@ -1,0 +1,115 @@
+"""An answer as text for people, as JSON, as CSV."""
+
+from __future__ import annotations
+
+import csv
+import datetime
+import decimal
+import io
+import json
+import math
+import textwrap
+from typing import Any
+
+from analytics.query import Result
+
+NUMBERS = ("BIGINT", "DECIMAL", "DOUBLE", "FLOAT", "HUGEINT", "INTEGER", "SMALLINT", "TINYINT", "UBIGINT")
+PLAN = ("explain_key", "explain_value")  # the columns of EXPLAIN: a drawing of many lines
+NARROWEST = 12  # characters that a text is cut to at most
+GAP = "  "
+
+
+def to_text(result: Result, width: int = 100) -> str:
+    """A table of at most `width` characters a line; columns that do not fit are named under it."""
+    if result.columns == PLAN:
+        return "\n".join(str(value) for _, value in result.rows).rstrip()
+    cells = [[_cell(value) for value in row] for row in result.rows]
+    widths = [max([len(name), *(len(row[i]) for row in cells)]) for i, name in enumerate(map(_plain, result.columns))]
+    right = [kind.startswith(NUMBERS) for kind in result.types]
+    whole = [kind.startswith((*NUMBERS, "TIME", "DATE")) for kind in result.types]  # half a number is another number
+    least = [wide if keep else min(wide, NARROWEST) for wide, keep in zip(widths, whole, strict=True)]
+    shown, widths = _fit(widths, least, width)
+    lines = [
+        GAP.join(_set(row[i], widths[i], right[i]) for i in range(shown)).rstrip()
+        for row in [[_plain(name) for name in result.columns], ["-" * wide for wide in widths], *cells]
+    ]
+    if shown < len(result.columns):
+        rest = f"not shown, name them to see them: {', '.join(map(_plain, result.columns[shown:]))}"
+        lines += textwrap.wrap(rest, width, break_on_hyphens=False)
+    count = f"the first {len(cells):,} rows" if result.more else f"{len(cells):,} row{'s' * (len(cells) != 1)}"
+    return "\n".join([*lines, f"({count})"])
+
+
+def to_json(result: Result) -> dict[str, Any]:
+    """`{"columns": [{"name", "type"}], "rows": [{name: value}], "more"}` of plain JSON values; times as ISO 8601 text."""
+    names = [{"name": name, "type": kind} for name, kind in zip(result.columns, result.types, strict=True)]
+    rows = [
+        {name: _json(value, kind) for name, kind, value in zip(result.columns, result.types, row, strict=True)}
+        for row in result.rows
+    ]
+    return {"columns": names, "rows": rows, "more": result.more}
+
+
+def to_csv(result: Result) -> str:
+    """Comma-separated values with a line of names; null is empty, every digit of a number is kept."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(result.columns)
+    for row in result.rows:
+        plain = [_json(value, "") for value in row]
+        writer.writerow([json.dumps(value) if isinstance(value, dict | list) else value for value in plain])
+    return text.getvalue()
+
+
+def _fit(widths: list[int], least: list[int], width: int) -> tuple[int, list[int]]:
+    """How many columns are shown, and the width of each: the widest give way first, none below its least."""
+    shown = len(widths)
+    while shown > 1 and sum(least[:shown]) + len(GAP) * (shown - 1) > width:
+        shown -= 1
+    fitted = list(widths[:shown])
+    spare = width - len(GAP) * (shown - 1)
+    while sum(fitted) > spare and (loose := [i for i in range(shown) if fitted[i] > least[i]]):
+        fitted[max(loose, key=lambda i: fitted[i])] -= 1
+    return shown, fitted
+
+
+def _set(cell: str, wide: int, right: bool) -> str:
+    cut = cell if len(cell) <= wide else cell[: wide - 1] + "…"
+    return cut.rjust(wide) if right else cut.ljust(wide)
+
+
+def _cell(value: Any) -> str:
+    if value is None:
+        return "null"
+    if isinstance(value, float):
+        return f"{value:.7g}"
+    return _plain(str(value))
+
+
+def _plain(text: str) -> str:
+    """`text` on one line, with what a terminal would obey written out."""
+    return "".join(one if one.isprintable() else one.encode("unicode_escape").decode() for one in text)
+
+
+def _json(value: Any, kind: str) -> Any:
+    match value:
+        case str() if kind == "JSON":
+            return json.loads(value)
+        case float():
+            return value if math.isfinite(value) else None
+        case decimal.Decimal():
+            return float(value)
+        case datetime.datetime():
+            return value.isoformat() + ("Z" if value.tzinfo is None else "")
+        case datetime.timedelta():
+            return value.total_seconds()
+        case bytes():
+            return value.hex()
+        case dict():
+            return {str(key): _json(one, "") for key, one in value.items()}
+        case list() | tuple():
+            return [_json(one, "") for one in value]
+        case None | bool() | int() | str():
+            return value
+        case _:
+            return str(value)

@@ -1,0 +1,17 @@
+"""Errors of the SQL side: one class a condition; the message is one line with what, where, why and what to do."""
+
+
+class AnalyticsError(Exception):
+    """Root of everything that `analytics` refuses. `str(error)` is the whole line that a person reads."""
+
+
+class WarehouseError(AnalyticsError):
+    """The warehouse cannot be built or opened: a projection it reads is missing or damaged, or the folder is not writable."""
+
+
+class QueryError(AnalyticsError):
+    """A query that DuckDB cannot answer: an unknown name, wrong syntax, a value that does not fit, too little memory."""
+
+
+class RefusedQueryError(AnalyticsError):
+    """A query that would do more than read the views of this store."""

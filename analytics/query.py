@@ -1,0 +1,151 @@
+"""One question in SQL to an open warehouse: checked, asked, answered in rows.
+
+Two walls stand around a question. The connection itself can reach nothing but the store's Parquet files
+(`warehouse.confine`). And the question is parsed first: only what reads is passed on, and of functions that make a table
+only those in `TABLE_FUNCTIONS`, because DuckDB has some that write files or take raw pointers. The parse tree is looked
+at, not only the kind of the statement: from 2.0 on, `WITH x AS (COPY ... TO ...) SELECT` counts as a SELECT.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import duckdb
+
+from analytics.errors import AnalyticsError, QueryError, RefusedQueryError
+from analytics.warehouse import MACROS, MEMORY, VIEWS
+from ingest.nearest import nearest
+
+LONGEST = 100_000  # characters; the parser takes seconds for a megabyte of brackets
+READING_NODES = {"SELECT_NODE", "SET_OPERATION_NODE", "RECURSIVE_CTE_NODE", "CTE_NODE"}
+TABLE_FUNCTIONS = {
+    *MACROS,
+    *("range", "generate_series", "unnest", "json_each", "json_tree", "pragma_table_info", "summary"),
+    *("duckdb_columns", "duckdb_functions", "duckdb_keywords", "duckdb_tables", "duckdb_types", "duckdb_views"),
+}
+REFUSED_FUNCTIONS = {"write_log", "sleep_ms", "nextval", "setval", "setseed", "current_setting", "getvariable"}
+EXPLAIN = re.compile(r"\s*explain(\s+analyze)?\s+(?=\S)", re.IGNORECASE)
+TABLE_INFO = re.compile(r"""\s*pragma\s+table_info\s*\(\s*(['"]?)(\w+)\1\s*\)\s*;?\s*""", re.IGNORECASE)
+ADVICE = "whyhot sql only reads: SELECT, FROM, WITH, VALUES, DESCRIBE, SHOW TABLES, SUMMARIZE, EXPLAIN"
+
+
+@dataclass(frozen=True)
+class Result:
+    """An answer. `columns`: names, made unique; `types`: of DuckDB; `more`: there were more rows than asked for."""
+
+    columns: tuple[str, ...]
+    types: tuple[str, ...]
+    rows: list[tuple[Any, ...]]
+    more: bool = False
+
+
+def run(connection: duckdb.DuckDBPyConnection, sql: str, limit: int | None = None) -> Result:
+    """The answer to one statement, at most `limit` rows of it.
+
+    Raises RefusedQueryError for anything that does more than read, QueryError for what DuckDB cannot answer.
+    """
+    check(connection, sql)
+    try:
+        connection.execute(sql)
+        columns = [(str(column[0]), str(column[1])) for column in connection.description or ()]
+        rows = connection.fetchall() if limit is None else connection.fetchmany(limit + 1)
+    except duckdb.Error as error:
+        raise _explained(connection, error) from None
+    return Result(
+        columns=_unique([name for name, _ in columns]),
+        types=tuple(kind for _, kind in columns),
+        rows=rows[:limit],
+        more=limit is not None and len(rows) > limit,
+    )
+
+
+def check(connection: duckdb.DuckDBPyConnection, sql: str) -> None:
+    """Pass a statement that only reads. Raises RefusedQueryError or, where it cannot be parsed, QueryError."""
+    if len(sql) > LONGEST:
+        raise RefusedQueryError(
+            f"SQL: is {len(sql):,} characters long, at most {LONGEST:,} are taken: ask less at once"
+        )
+    if TABLE_INFO.fullmatch(sql):
+        return
+    for node in _nodes(_tree(connection, EXPLAIN.sub("", sql, count=1))):
+        kind, function = str(node.get("type", "")), str(node.get("function_name", "")).lower()
+        if kind.endswith("_NODE") and kind not in READING_NODES:
+            raise RefusedQueryError(f"SQL: holds {kind.split('_')[0]}, which writes: {ADVICE}")
+        if kind == "TABLE_FUNCTION":
+            _check_table_function(str(node["function"].get("function_name", "")).lower())
+        if function in REFUSED_FUNCTIONS:
+            raise RefusedQueryError(f"SQL: the function {function} is not for queries: leave it out")
+
+
+def _check_table_function(function: str) -> None:
+    if function not in TABLE_FUNCTIONS:
+        raise RefusedQueryError(
+            f"SQL: the table function {function} is not for queries, it could leave the store: read the views "
+            f"({', '.join(VIEWS)})"
+        )
+
+
+def _tree(connection: duckdb.DuckDBPyConnection, sql: str) -> dict[str, Any]:
+    """The parse tree of exactly one reading statement."""
+    try:
+        count = len(connection.extract_statements(sql))
+        if count != 1:
+            raise RefusedQueryError(f"SQL: holds {count} statements: give one at a time")
+        found = connection.execute("SELECT json_serialize_sql(?::VARCHAR)", [sql]).fetchone()
+        tree: dict[str, Any] = json.loads(found[0]) if found else {"error": True}
+    except duckdb.Error as error:
+        raise _explained(connection, error) from None
+    except RecursionError:
+        raise RefusedQueryError("SQL: is nested too deeply: use WITH to name its parts") from None
+    if tree.get("error"):
+        raise RefusedQueryError(f"SQL: {_first_words(sql)} does more than read: {ADVICE}")
+    return tree
+
+
+def _nodes(tree: Any) -> Iterator[dict[str, Any]]:
+    waiting = [tree]
+    while waiting:
+        node = waiting.pop()
+        if isinstance(node, dict):
+            yield node
+            waiting.extend(node.values())
+        elif isinstance(node, list):
+            waiting.extend(node)
+
+
+def _first_words(sql: str) -> str:
+    return " ".join(re.sub(r"--[^\n]*|/\*.*?\*/", " ", sql, flags=re.DOTALL).split()[:2])[:40]
+
+
+def _unique(names: list[str]) -> tuple[str, ...]:
+    """`a, a` as `a, a_2`."""
+    return tuple(
+        name if name not in names[:i] else f"{name}_{names[: i + 1].count(name)}" for i, name in enumerate(names)
+    )
+
+
+def _explained(connection: duckdb.DuckDBPyConnection, error: duckdb.Error) -> AnalyticsError:
+    """DuckDB's complaint as one line, with the names that were probably meant."""
+    said = " ".join(re.split(r"\n\s*\n|\nLINE \d", str(error))[0].split())
+    said = re.sub(r"^[A-Za-z ]*Error: ", "", said)
+    if isinstance(error, duckdb.OutOfMemoryException):
+        return QueryError(f"SQL: needs more memory than the {MEMORY} that a query gets: select fewer rows or columns")
+    if missing := re.match(r'Table with name (".*?"|\S+) does not exist', said):
+        name = missing[1].strip('"')
+        near = nearest(name, VIEWS)
+        hint = f"Nearest: {near[0]}. " if near else ""
+        return QueryError(f"SQL: there is no view {name}. {hint}Views: {', '.join(VIEWS)}")
+    if lost := re.search(r'"([^"]*)/\*\*/[^"]*"', said):  # DuckDB takes a path without a file for a folder
+        return QueryError(f"SQL: {lost[1]}: is missing: run `whyhot rebuild`")
+    if isinstance(error, duckdb.PermissionException):
+        return RefusedQueryError(f"SQL: {said}: a query reads the views of this store only ({', '.join(VIEWS)})")
+    if "pytz" in said:
+        return QueryError("SQL: a time with a zone cannot be shown: cast it, as in now()::TIMESTAMP")
+    if isinstance(error, duckdb.IOException | duckdb.InvalidInputException) and ".parquet" in said:
+        return QueryError(f"SQL: {said[:300]}: run `whyhot rebuild`")
+    advice = "" if "Candidate" in said or "Did you mean" in said else ". `DESCRIBE samples` lists the columns of a view"
+    return QueryError(f"SQL: {said[:400]}{advice}")

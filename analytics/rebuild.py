@@ -1,0 +1,73 @@
+"""Projections made again from nothing: decoded files and warehouse."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from analytics import warehouse
+from analytics.errors import AnalyticsError
+from ingest import facts as folding
+
+if TYPE_CHECKING:
+    from ingest.facts import Facts
+    from ingest.store import Store
+
+
+@dataclass(frozen=True)
+class Rebuilt:
+    """What was made: number of products (recordings and Parquet files) and of views. `differences`: a line each."""
+
+    products: int
+    views: int
+    differences: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+
+
+def rebuild(store: Store, redecode: Callable[[Store, Facts], object], verify: bool = False) -> Rebuilt:
+    """Make decoded/ (by `redecode`) and the warehouse again, from ledger and archive alone.
+
+    With `verify` every product is compared with the SHA-256 that its event names, and every view with what it held
+    before, where that could still be read. Raises what `redecode` and `warehouse.refresh` raise.
+    """
+    before, notes = _before(store) if verify else ({}, ())
+    redecode(store, folding.at(store.ledger))
+    (store.folder / warehouse.FILE).unlink(missing_ok=True)
+    with warehouse.refresh(store) as made:
+        after = warehouse.digest(made.connection) if verify else {}
+    named = _products(folding.at(store.ledger))
+    changed = [f"view {view}: holds other rows than before" for view in before if before[view] != after[view]]
+    return Rebuilt(
+        products=len(named),
+        views=len(warehouse.VIEWS),
+        differences=(*_differences(store, named), *changed) if verify else (),
+        notes=notes,
+    )
+
+
+def _before(store: Store) -> tuple[dict[str, str], tuple[str, ...]]:
+    """What the views hold now; nothing, and why, where they cannot be read."""
+    try:
+        with warehouse.refresh(store) as opened:
+            return warehouse.digest(opened.connection), opened.notes
+    except (AnalyticsError, OSError) as error:
+        return {}, (f"views were not compared, they could not be read before: {error}",)
+
+
+def _products(facts: Facts) -> dict[tuple[str, str], str]:
+    """(decode, file) -> SHA-256 of everything that the sessions read."""
+    used = {file["decode"] for session in facts.sessions for file in session.files}
+    return {(one, file): sha for one in sorted(used) for file, sha in facts.decodes[one].products.items()}
+
+
+def _differences(store: Store, named: dict[tuple[str, str], str]) -> list[str]:
+    found = []
+    for (decode, file), sha256 in named.items():
+        path = store.decoded(decode) / file
+        if not path.is_file():
+            found.append(f"{path}: was not made again")
+        elif hashlib.sha256(path.read_bytes()).hexdigest() != sha256:
+            found.append(f"{path}: differs from what its event names (sha256 {sha256[:12]}...)")
+    return found

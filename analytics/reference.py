@@ -1,0 +1,66 @@
+"""docs/sql.md, written from the comments of the views and the queries in `sql/examples`: `python -m analytics.reference`."""
+
+from __future__ import annotations
+
+from importlib.resources import files
+
+import duckdb
+
+from analytics import warehouse
+
+INTRODUCTION = """# SQL reference
+
+`whyhot sql "SELECT ..."` asks the views below; `analytics.warehouse.connect(folder)` opens them for a notebook. They are
+made anew from the ledger whenever it has changed, and can only be read. A unit is part of a column's name; times are
+int64 nanoseconds UTC (`_ns`) or seconds since the start of the session (`t_s`). With `--as-of` the views hold what was
+known at that event or time. The dialect is [DuckDB's](https://duckdb.org/docs/stable/sql/introduction).
+
+This page is generated: `python -m analytics.reference > docs/sql.md`.
+"""
+
+
+def page() -> str:
+    """The whole page, Markdown."""
+    with duckdb.connect(":memory:") as connection:
+        warehouse.fill(connection, {})
+        parts = [INTRODUCTION, "## Views\n", *(_view(connection, view) for view in warehouse.VIEWS)]
+        parts += ["## Macros\n", *(_macro(connection, macro) for macro in warehouse.MACROS)]
+    return "\n".join([*parts, "## Examples\n", *(_example(text) for text in examples())])
+
+
+def examples() -> list[str]:
+    """The example queries, in order; the first line of each is a comment that says what it answers."""
+    folder = files("analytics").joinpath("sql", "examples")
+    return [part.read_text(encoding="utf-8") for part in sorted(folder.iterdir(), key=lambda part: part.name)]
+
+
+def _view(connection: duckdb.DuckDBPyConnection, view: str) -> str:
+    comment = connection.execute("SELECT comment FROM duckdb_views() WHERE view_name = ?", [view]).fetchall()
+    columns = connection.execute(
+        "SELECT column_name, data_type, comment FROM duckdb_columns() "
+        "WHERE schema_name = 'main' AND table_name = ? ORDER BY column_index",
+        [view],
+    ).fetchall()
+    rows = [f"| `{column}` | {kind} | {_cell(said)} |" for column, kind, said in columns]
+    return "\n".join([f"### {view}\n", f"{comment[0][0]}\n", "| column | type | what |", "|---|---|---|", *rows, ""])
+
+
+def _macro(connection: duckdb.DuckDBPyConnection, macro: str) -> str:
+    found = connection.execute(
+        "SELECT parameters, comment FROM duckdb_functions() WHERE function_name = ? AND NOT internal", [macro]
+    ).fetchall()
+    parameters, comment = found[0]
+    return f"### {macro}({', '.join(parameters)})\n\n{comment}\n"
+
+
+def _example(text: str) -> str:
+    title, _, query = text.partition("\n")
+    return f"### {title.removeprefix('-- ')}\n\n```sql\n{query.strip()}\n```\n"
+
+
+def _cell(said: str | None) -> str:
+    return (said or "").replace("|", "\\|")
+
+
+if __name__ == "__main__":
+    print(page(), end="")

@@ -1,0 +1,32 @@
+CREATE VIEW samples AS
+SELECT
+    s.session,
+    s.session_name,
+    v.channel,
+    v.quantity,
+    v.node,
+    v.unit,
+    v.t_ns,
+    (v.t_ns - s.start_ns) / 1e9 AS t_s,
+    v.value,
+    s.file_id,
+    v.record,
+    s.group_name
+FROM base.values AS v
+JOIN base.segments AS s ON s.file = v.file AND v.record BETWEEN s.first_record AND s.last_record
+WHERE isfinite(v.value);  -- not `isnan`: DuckDB decides that by the statistics of the file, which know nothing of NaN
+
+COMMENT ON VIEW samples IS
+    'One row a measured or derived value, at its native rate. Name a session and a channel where you can: only their files and columns are then read. A value that is absent or not finite has no row; text columns have none either.';
+COMMENT ON COLUMN samples.session IS 'Id of the session';
+COMMENT ON COLUMN samples.session_name IS 'Name of the session';
+COMMENT ON COLUMN samples.channel IS 'Signal of the log, or derived channel of the bench file';
+COMMENT ON COLUMN samples.quantity IS 'temperature, speed, current ... as the bench file says; null without one';
+COMMENT ON COLUMN samples.node IS 'Node or boundary of the motor that it measures';
+COMMENT ON COLUMN samples.unit IS 'Unit of the value: the stored unit of its quantity, else the file''s own';
+COMMENT ON COLUMN samples.t_ns IS 'Time in nanoseconds UTC; from 0 where the file has no absolute time';
+COMMENT ON COLUMN samples.t_s IS 'Time since the start of the session in seconds';
+COMMENT ON COLUMN samples.value IS 'The value in `unit`';
+COMMENT ON COLUMN samples.file_id IS 'SHA-256 of the raw log: the key into `files`';
+COMMENT ON COLUMN samples.record IS 'Position of the record (frame or row) in the raw log, from 0';
+COMMENT ON COLUMN samples.group_name IS 'Message of the bus that carried it, or `rows` of a table';

@@ -1,0 +1,44 @@
+-- What the ledger says, as plain tables that the views read. Filled by analytics/tables.py; every column name is its own
+-- word of `ingest.events`, and `place` keeps an order. Not documented for users: the views are.
+
+CREATE SCHEMA base;
+
+CREATE TABLE base.built_from (what VARCHAR, value VARCHAR);
+
+CREATE TABLE base.events (
+    position BIGINT, stream VARCHAR, version BIGINT, topic VARCHAR, happened VARCHAR, recorded VARCHAR, code VARCHAR,
+    caused_by VARCHAR, digest VARCHAR, payload JSON
+);
+
+CREATE TABLE base.files (raw VARCHAR, name VARCHAR, size BIGINT, format VARCHAR, recorded VARCHAR, place BIGINT);
+
+CREATE TABLE base.decodes (
+    decode VARCHAR, place BIGINT, raw VARCHAR, bench VARCHAR, decoder VARCHAR, outcome VARCHAR, why VARCHAR,
+    absolute BOOLEAN, start_ns BIGINT, end_ns BIGINT,
+    found BIGINT, decoded BIGINT, unknown_id BIGINT, wrong_length BIGINT, rejected BIGINT
+);
+
+CREATE TABLE base.benches (bench VARCHAR, name VARCHAR, motor VARCHAR, model VARCHAR);
+
+CREATE TABLE base.sessions (
+    session VARCHAR, place BIGINT, name VARCHAR, kind VARCHAR, kind_why VARCHAR, specimen VARCHAR, batch VARCHAR,
+    bench VARCHAR, configuration VARCHAR, attributes JSON, absolute BOOLEAN, start_ns BIGINT, end_ns BIGINT
+);
+
+CREATE TABLE base.session_files (session VARCHAR, raw VARCHAR, decode VARCHAR, first_record BIGINT, last_record BIGINT);
+
+-- `file`: the whole path of a Parquet file, spelled as the scan of it spells it.
+CREATE TABLE base.groups (decode VARCHAR, group_name VARCHAR, file VARCHAR);
+
+CREATE TABLE base.channels (
+    decode VARCHAR, place BIGINT, channel VARCHAR, group_name VARCHAR, column_name VARCHAR, quantity VARCHAR,
+    unit VARCHAR, node VARCHAR, role VARCHAR, derived BOOLEAN
+);
+
+-- `session_now`: the current session that the replayed one is, or became part of.
+CREATE TABLE base.runs (
+    run VARCHAR, place BIGINT, session VARCHAR, session_now VARCHAR, motor VARCHAR, model VARCHAR, level VARCHAR,
+    bench VARCHAR, digest VARCHAR, recorded VARCHAR, key JSON, environment JSON, summary JSON
+);
+
+CREATE TABLE base.artefacts (run VARCHAR, kind VARCHAR, file VARCHAR);

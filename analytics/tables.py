@@ -1,0 +1,134 @@
+"""Facts as rows of the tables in schema `base` that `sql/tables.sql` declares."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING, Any
+
+from ingest.envelope import Recorded
+from ingest.errors import UnknownSessionError
+from ingest.events import RawFileSealed, ReplayCompleted
+from ingest.facts import Facts
+
+if TYPE_CHECKING:
+    from ingest.store import Store
+
+Rows = list[dict[str, Any]]
+BALANCE = ("found", "decoded", "unknown_id", "wrong_length", "rejected")
+
+
+def rows(store: Store, facts: Facts, recorded: Sequence[Recorded]) -> dict[str, Rows]:
+    """The rows of every base table but `built_from`, by table. `recorded`: the events that `facts` follow from."""
+    used = {file["decode"] for session in facts.sessions for file in session.files}
+    return {
+        "events": [_event(one) for one in recorded],
+        "files": _files(facts, recorded),
+        "decodes": _decodes(facts),
+        "benches": _benches(facts),
+        "sessions": _sessions(facts),
+        "session_files": [
+            {"session": session.session, **{key: file[key] for key in ("raw", "decode", "first_record", "last_record")}}
+            for session in facts.sessions
+            for file in session.files
+        ],
+        "groups": _groups(store, facts, used),
+        "channels": _channels(facts, used),
+        "runs": _runs(facts, recorded),
+        "artefacts": [
+            {"run": run.run, "kind": kind, "file": str(store.archive.path(sha256).absolute())}
+            for run in facts.runs.values()
+            for kind, sha256 in run.artefacts.items()
+        ],
+    }
+
+
+def _event(one: Recorded) -> dict[str, Any]:
+    names = ("position", "stream", "version", "happened", "recorded", "code", "caused_by", "digest")
+    return {name: getattr(one, name) for name in names} | {"topic": one.event.TOPIC, "payload": _json(vars(one.event))}
+
+
+def _files(facts: Facts, recorded: Iterable[Recorded]) -> Rows:
+    sealed = {one.event.sha256: one.recorded for one in recorded if isinstance(one.event, RawFileSealed)}
+    return [
+        {
+            "raw": file.sha256,
+            "name": file.name,
+            "size": file.size,
+            "format": file.format,
+            "recorded": sealed.get(file.sha256),
+            "place": place,
+        }
+        for place, file in enumerate(facts.files.values())
+    ]
+
+
+def _decodes(facts: Facts) -> Rows:
+    names = ("decode", "raw", "bench", "decoder", "outcome", "why", "absolute", "start_ns", "end_ns")
+    return [
+        {name: getattr(decode, name) for name in names}
+        | {name: decode.balance.get(name, 0) for name in BALANCE}
+        | {"place": place}
+        for place, decode in enumerate(facts.decodes.values())
+    ]
+
+
+def _benches(facts: Facts) -> Rows:
+    return [
+        {"bench": bench.sha256, "name": bench.name, "motor": bench.motor, "model": bench.model}
+        for bench in facts.benches.values()
+    ]
+
+
+def _sessions(facts: Facts) -> Rows:
+    names = ("session", "name", "kind", "kind_why", "specimen", "batch", "bench", "configuration", "absolute")
+    return [
+        {name: getattr(session, name) for name in (*names, "start_ns", "end_ns")}
+        | {"attributes": _json(session.attributes), "place": place}
+        for place, session in enumerate(facts.sessions)
+    ]
+
+
+def _groups(store: Store, facts: Facts, used: Iterable[str]) -> Rows:
+    return [
+        {"decode": decode, "group_name": group["name"], "file": str((store.decoded(decode) / group["file"]).absolute())}
+        for decode in sorted(used)
+        for group in facts.decodes[decode].groups
+    ]
+
+
+def _channels(facts: Facts, used: Iterable[str]) -> Rows:
+    return [
+        {
+            "decode": decode,
+            "place": place,
+            "channel": channel["name"],
+            "group_name": channel["group"],
+            "column_name": channel["column"],
+            **{key: channel.get(key) for key in ("quantity", "unit", "node", "role", "derived")},
+        }
+        for decode in sorted(used)
+        for place, channel in enumerate(facts.decodes[decode].channels)
+    ]
+
+
+def _runs(facts: Facts, recorded: Iterable[Recorded]) -> Rows:
+    when = {one.event.run: one.recorded for one in recorded if isinstance(one.event, ReplayCompleted)}
+    names = ("run", "session", "motor", "model", "level", "bench", "digest")
+    return [
+        {name: getattr(run, name) for name in names}
+        | {name: _json(getattr(run, name)) for name in ("key", "environment", "summary")}
+        | {"session_now": _session_now(facts, run.session), "recorded": when.get(run.run), "place": place}
+        for place, run in enumerate(facts.runs.values())
+    ]
+
+
+def _session_now(facts: Facts, session: str) -> str | None:
+    try:
+        return facts.session(session).session
+    except UnknownSessionError:
+        return None
+
+
+def _json(value: Any) -> str:
+    return json.dumps(value, sort_keys=True, ensure_ascii=False)

@@ -1,0 +1,258 @@
+"""The DuckDB warehouse: ledger and Parquet as views for SQL. A cache that is thrown away and made again at will.
+
+`warehouse.duckdb` is never the record of anything. It holds the facts as small tables and, over the Parquet files of the
+store, views by absolute path; it says in `base.built_from` what it was made from, and is made anew where that has changed.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import os
+import shutil
+import tempfile
+import time
+import warnings
+from collections.abc import Mapping
+from dataclasses import dataclass
+from hashlib import sha256
+from importlib.resources import files
+from pathlib import Path
+from typing import TYPE_CHECKING, Self
+
+import duckdb
+import pyarrow as pa
+
+from analytics import scans, tables
+from analytics.errors import WarehouseError
+from ingest.facts import at as fold_at
+
+if TYPE_CHECKING:
+    from ingest.facts import Facts
+    from ingest.store import Store
+
+FILE = "warehouse.duckdb"
+VIEWS = ("sessions", "channels", "files", "samples", "runs", "residuals", "temperatures", "events")
+MACROS = ("resample",)
+BUILDING = "warehouse-"  # begins the names of folders in which one is being built
+BLOCK = "16384"  # bytes, the least: the tables are small, and each takes a block at least
+MEMORY = "2GiB"  # a query that needs more is refused with a line
+THREADS = 4
+HOUR_S = 3600.0
+
+
+@dataclass(frozen=True)
+class Warehouse:
+    """An open warehouse, confined to reading this store. `notes`: what a person should know of it, a line each."""
+
+    connection: duckdb.DuckDBPyConnection
+    notes: tuple[str, ...] = ()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.connection.close()
+
+
+class _Stale(Exception):
+    """The file was built from something else than what is there now."""
+
+
+class _Broken(Exception):
+    """The file is not as it was built."""
+
+
+def build(store: Store, facts: Facts, target: Path, as_of: str | None = None) -> None:
+    """Make the warehouse of `facts`, as of the same event or time, at `target`: whole or not at all.
+
+    Raises WarehouseError where a Parquet file is missing or damaged, or the folder cannot be written.
+    """
+    rows = tables.rows(store, facts, store.ledger.events(as_of=as_of))
+    try:
+        _sweep(target.parent)
+        with tempfile.TemporaryDirectory(prefix=BUILDING, dir=target.parent) as folder:
+            made = Path(folder) / target.name
+            with duckdb.connect(str(made), config={"default_block_size": BLOCK}) as connection:
+                fill(connection, rows, _source(store))
+            made.replace(target)
+    except (OSError, duckdb.Error) as error:
+        raise WarehouseError(f"{target}: cannot be made ({_line(error)}): see that the folder may be written") from None
+
+
+def refresh(store: Store, as_of: str | None = None) -> Warehouse:
+    """The warehouse of the store as it is now; made anew where the ledger, this package or DuckDB has changed.
+
+    With `as_of` (event number or ISO 8601 time) it is made in memory and the file stays. A file that is not whole is moved
+    aside, made again and told in `notes`. Raises WarehouseError as `build`, LedgerError for a bad `as_of`.
+    """
+    if as_of is not None:
+        return Warehouse(_in_memory(store, as_of))
+    path = store.folder.absolute() / FILE
+    notes: tuple[str, ...] = ()
+    if path.exists() or _log(path).exists():
+        try:
+            return Warehouse(_open(path, _source(store)))
+        except _Stale:
+            pass
+        except _Broken as error:
+            notes = (_set_aside(path, str(error)),)
+    build(store, fold_at(store.ledger), path)
+    return Warehouse(_open(path), notes)
+
+
+def connect(folder: str | Path, as_of: str | None = None) -> duckdb.DuckDBPyConnection:
+    """A connection to the warehouse of the store in `folder`, for notebooks; `refresh` says what it is.
+
+    It cannot leave the store: no other file, no network, no extension, no setting. `analytics.query` also refuses
+    statements that write, this raw connection leaves them to DuckDB. What `refresh` notes comes as a warning.
+    """
+    from ingest.store import Store
+
+    with Store.open(Path(folder)) as store:
+        warehouse = refresh(store, as_of)
+    for note in warehouse.notes:
+        warnings.warn(note, stacklevel=2)
+    return warehouse.connection
+
+
+def fill(
+    connection: duckdb.DuckDBPyConnection, rows: Mapping[str, tables.Rows], source: Mapping[str, str] | None = None
+) -> None:
+    """Make all tables, views and macros in an empty database, from the rows of `analytics.tables`."""
+    connection.begin()  # one transaction: a commit for each statement takes ten times as long
+    connection.execute(_sql("tables"))
+    built_from = [{"what": what, "value": value} for what, value in (source or {}).items()]
+    for table, content in {**rows, "built_from": built_from}.items():
+        if content:
+            connection.register("new_rows", pa.Table.from_pylist(content))
+            connection.execute(f"INSERT INTO base.{table} BY NAME SELECT * FROM new_rows")
+            connection.unregister("new_rows")
+    connection.execute(_sql("segments"))
+    scans.create(connection)
+    for part in (*VIEWS, *MACROS):
+        connection.execute(_sql(part))
+    connection.commit()
+
+
+def confine(connection: duckdb.DuckDBPyConnection) -> None:
+    """Let `connection` read the Parquet files of its views and nothing else, for good.
+
+    No other file, no network, no extension, no spilling to disk, no Python variable as a table; memory and threads are
+    limited, and no setting can be changed afterwards.
+    """
+    found = connection.execute("SELECT file FROM base.groups UNION SELECT file FROM base.artefacts").fetchall()
+    paths = ", ".join(scans.text(file) for (file,) in found)
+    for setting in (
+        "temp_directory = ''",
+        f"allowed_paths = [{paths}]",
+        "enable_external_access = false",
+        "autoinstall_known_extensions = false",
+        "autoload_known_extensions = false",
+        "python_enable_replacements = false",
+        f"memory_limit = '{MEMORY}'",
+        f"threads = {min(THREADS, os.cpu_count() or 1)}",
+        "lock_configuration = true",
+    ):
+        connection.execute(f"SET {setting}")
+
+
+def digest(connection: duckdb.DuckDBPyConnection) -> dict[str, str]:
+    """View -> number of its rows and a sum over their hashes: equal for equal rows in any order.
+
+    Comparable within one version of DuckDB only.
+    """
+    return {view: _digest(connection, view) for view in VIEWS}
+
+
+def _digest(connection: duckdb.DuckDBPyConnection, table: str) -> str:
+    found = connection.execute(f"SELECT count(*), coalesce(sum(hash(t)::HUGEINT), 0) FROM {table} AS t").fetchall()
+    ((count, total),) = found
+    return f"{count}-{total:x}"
+
+
+def _sweep(folder: Path) -> None:
+    """Remove what builds that were killed left behind: not `tmp/`, which a writer empties under a reader's feet."""
+    for old in folder.glob(f"{BUILDING}*"):
+        if time.time() - old.stat().st_mtime > HOUR_S:
+            shutil.rmtree(old, ignore_errors=True)
+
+
+def _in_memory(store: Store, as_of: str) -> duckdb.DuckDBPyConnection:
+    connection = duckdb.connect(":memory:")
+    try:
+        fill(connection, tables.rows(store, fold_at(store.ledger, as_of), store.ledger.events(as_of=as_of)))
+        confine(connection)
+    except BaseException:
+        connection.close()
+        raise
+    return connection
+
+
+def _open(path: Path, source: Mapping[str, str] | None = None) -> duckdb.DuckDBPyConnection:
+    """The file at `path`, attached read-only to a database of its own in memory, read through and confined.
+
+    Attached and not opened: DuckDB would give a second opener in this process the settings, and after a rename the
+    content, of the first. Raises _Stale where it was not built from `source`, _Broken where it is not whole.
+    """
+    if _log(path).exists():
+        raise _Broken("another program wrote to it")
+    connection = duckdb.connect(":memory:")
+    try:
+        connection.execute(f"ATTACH {scans.text(str(path))} AS warehouse (READ_ONLY)")
+        connection.execute("USE warehouse")
+        if source is not None and dict(connection.execute("FROM base.built_from").fetchall()) != source:
+            raise _Stale
+        for (table,) in connection.execute(
+            "SELECT table_name FROM duckdb_tables() WHERE schema_name = 'base'"
+        ).fetchall():
+            _digest(connection, f"base.{table}")  # reading a block is what checks it
+        confine(connection)
+    except duckdb.Error as error:
+        connection.close()
+        raise _Broken(_line(error)) from None
+    except BaseException:
+        connection.close()
+        raise
+    return connection
+
+
+def _set_aside(path: Path, why: str) -> str:
+    """Move a broken file and its log away. Returns the note of it."""
+    taken = [int(old.name.rpartition("-")[2]) for old in path.parent.glob(f"{FILE}.broken-*[0-9]")]
+    aside = path.with_name(f"{FILE}.broken-{max(taken, default=0) + 1}")
+    for old, new in ((path, aside), (_log(path), _log(aside))):
+        with contextlib.suppress(FileNotFoundError):  # another process was first, or there is no log
+            old.replace(new)
+    return f"{path}: was not whole ({why}): made again from the ledger, the old one kept as {aside.name}"
+
+
+def _log(path: Path) -> Path:
+    """Where DuckDB keeps what was written to `path` and not yet merged. After a build there is none."""
+    return path.with_name(f"{path.name}.wal")
+
+
+def _source(store: Store) -> dict[str, str]:
+    """What a warehouse of this store depends on."""
+    head = store.ledger.head()
+    return {
+        "ledger": f"{head.position} {head.root}",
+        "analytics": _own_hash(),
+        "duckdb": duckdb.__version__,
+        "folder": str(store.folder.absolute()),
+    }
+
+
+@functools.cache
+def _own_hash() -> str:
+    parts = [*files("analytics").iterdir(), *files("analytics").joinpath("sql").iterdir()]
+    texts = [part.read_text(encoding="utf-8") for part in parts if part.name.endswith((".py", ".sql"))]
+    return sha256("".join(sorted(texts)).encode()).hexdigest()
+
+
+def _sql(part: str) -> str:
+    return files("analytics").joinpath("sql", f"{part}.sql").read_text(encoding="utf-8")
+
+
+def _line(error: BaseException) -> str:
+    return str(error).splitlines()[0][:200] if str(error) else type(error).__name__

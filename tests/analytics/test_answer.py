@@ -1,0 +1,83 @@
+"""Answers as text, JSON and CSV."""
+
+from __future__ import annotations
+
+import datetime
+import decimal
+import json
+
+from analytics.answer import to_csv, to_json, to_text
+from analytics.query import Result
+
+MIXED = Result(
+    columns=("node", "error_K", "at", "seen"),
+    types=("VARCHAR", "DOUBLE", "TIMESTAMP", "BOOLEAN"),
+    rows=[
+        ("magnet", 6.1, datetime.datetime(2026, 3, 1, 8, 0, 0), True),
+        (None, float("nan"), None, False),
+    ],
+)
+
+
+def test_text_sets_numbers_to_the_right() -> None:
+    assert to_text(MIXED) == (
+        "node    error_K  at                   seen\n"
+        "------  -------  -------------------  -----\n"
+        "magnet      6.1  2026-03-01 08:00:00  True\n"
+        "null        nan  null                 False\n"
+        "(2 rows)"
+    )
+
+
+def test_text_keeps_to_the_width_and_cuts_no_number() -> None:
+    wide = Result(
+        columns=("hash", "t_ns", "says", "more_1", "more_2"),
+        types=("VARCHAR", "BIGINT", "VARCHAR", "VARCHAR", "VARCHAR"),
+        rows=[("f" * 64, 1_760_000_000_000_000_000, "word " * 30, "x" * 30, "y" * 30)],
+    )
+    lines = to_text(wide, width=60).splitlines()
+    assert all(len(line) <= 60 for line in lines)
+    assert "1760000000000000000" in lines[2]
+    assert lines[2].count("…") == 2
+    assert lines[3:] == ["not shown, name them to see them: more_1, more_2", "(1 row)"]
+
+
+def test_text_says_that_there_is_more() -> None:
+    assert to_text(Result(("a",), ("INTEGER",), [(1,)], more=True)).endswith("(the first 1 rows)")
+
+
+def test_text_draws_a_plan_as_it_is() -> None:
+    plan = Result(("explain_key", "explain_value"), ("VARCHAR", "VARCHAR"), [("physical_plan", "top\n bottom\n")])
+    assert to_text(plan) == "top\n bottom"
+
+
+def test_text_shows_what_a_terminal_would_obey() -> None:
+    text = to_text(Result(("a\x1b[2J",), ("VARCHAR",), [("\x1b[31mred\nnext\x07\u202e",)]))
+    assert text == "a\\x1b[2J\n---------------------------\n\\x1b[31mred\\nnext\\x07\\u202e\n(1 row)"
+
+
+def test_json_holds_plain_values_only() -> None:
+    odd = Result(
+        columns=("payload", "amount", "raw", "list", "took"),
+        types=("JSON", "DECIMAL(4,2)", "BLOB", "DOUBLE[]", "INTERVAL"),
+        rows=[('{"a": 1}', decimal.Decimal("1.5"), b"\x01\xff", [1.0, float("inf")], datetime.timedelta(seconds=90))],
+    )
+    assert to_json(odd)["rows"] == [
+        {"payload": {"a": 1}, "amount": 1.5, "raw": "01ff", "list": [1.0, None], "took": 90.0}
+    ]
+    json.dumps(to_json(odd), allow_nan=False)
+
+
+def test_json_names_columns_types_and_times() -> None:
+    answer = to_json(MIXED)
+    assert answer["columns"][1] == {"name": "error_K", "type": "DOUBLE"}
+    assert answer["rows"][0] == {"node": "magnet", "error_K": 6.1, "at": "2026-03-01T08:00:00Z", "seen": True}
+    assert answer["rows"][1] == {"node": None, "error_K": None, "at": None, "seen": False}
+    assert answer["more"] is False
+
+
+def test_csv_quotes_and_keeps_every_digit() -> None:
+    answer = Result(
+        ("a", "b", "c"), ("VARCHAR", "DOUBLE", "JSON"), [('say "hi", you', 0.1 + 0.2, {"x": [1]}), (None, None, None)]
+    )
+    assert to_csv(answer) == 'a,b,c\n"say ""hi"", you",0.30000000000000004,"{""x"": [1]}"\n,,\n'

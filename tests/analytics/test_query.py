@@ -1,0 +1,284 @@
+"""Questions are answered; what would do more than read this store's views is refused with one line."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+import duckdb
+import pytest
+
+from analytics import warehouse
+from analytics.errors import AnalyticsError, QueryError, RefusedQueryError
+from analytics.query import LONGEST, run
+from ingest.store import Store
+
+SECRET = "no query may show this"
+NAMES = "sessions, channels, files, samples, runs, residuals, temperatures, events"
+ADVICE = "whyhot sql only reads: SELECT, FROM, WITH, VALUES, DESCRIBE, SHOW TABLES, SUMMARIZE, EXPLAIN"
+
+
+@pytest.fixture
+def connection(store: Store) -> Iterator[duckdb.DuckDBPyConnection]:
+    with warehouse.refresh(store) as opened:
+        yield opened.connection
+
+
+@pytest.mark.parametrize(
+    "sql",
+    [
+        "SELECT name FROM sessions",
+        "FROM sessions SELECT name;",
+        "-- a comment first\nSELECT name FROM sessions",
+        "WITH a AS (SELECT name FROM sessions), b AS (FROM a) SELECT * FROM b",
+        "WITH RECURSIVE r AS (SELECT 1 AS n UNION ALL SELECT n + 1 FROM r WHERE n < 3) FROM r",
+        "SELECT name FROM sessions UNION ALL SELECT name FROM files ORDER BY ALL LIMIT 3",
+        "VALUES (1), (2), (3)",
+        "TABLE sessions",
+        "SELECT (SELECT max(range) FROM range(3)), x FROM generate_series(1, 3) AS g(x)",
+        "SELECT a.name FROM sessions AS a POSITIONAL JOIN sessions AS b",
+        "SELECT name, key, value FROM sessions, json_each(attributes)",
+        "SELECT * FROM (SELECT channel, value FROM samples) PIVOT (max(value) FOR channel IN ('speed')) , range(3)",
+        "SELECT session_name, row_number() OVER (PARTITION BY session ORDER BY t_s) AS n FROM samples QUALIFY n = 1 AND t_s = 0",
+    ],
+)
+def test_every_way_to_read_is_open(connection: duckdb.DuckDBPyConnection, sql: str) -> None:
+    assert len(run(connection, sql).rows) == 3
+
+
+@pytest.mark.parametrize(
+    ("sql", "shows"),
+    [
+        ("DESCRIBE samples", "t_ns"),
+        ("DESCRIBE SELECT value FROM samples", "DOUBLE"),
+        ("SHOW TABLES", "residuals"),
+        ("SUMMARIZE sessions", "duration_s"),
+        ("PRAGMA table_info('runs')", "mae_K"),
+        ("EXPLAIN SELECT value FROM samples", "plan"),
+        ("explain  analyze SELECT count(*) FROM samples", "plan"),
+        ("SELECT column_name, comment FROM duckdb_columns() WHERE table_name = 'files'", "rejected"),
+    ],
+)
+def test_the_views_explain_themselves(connection: duckdb.DuckDBPyConnection, sql: str, shows: str) -> None:
+    assert shows in str(run(connection, sql).rows)
+
+
+# {outside}: a file beside the store; {inside}: the folder of a decode, {raw}: a Parquet file in it; {db}: another database.
+ESCAPES = [
+    "SELECT * FROM read_csv('/etc/passwd')",
+    "SELECT * FROM read_csv_auto('/etc/passwd', header = false)",
+    "SELECT content FROM read_text('{outside}')",
+    "SELECT content FROM read_blob('{outside}')",
+    "SELECT * FROM read_json('{outside}')",
+    "SELECT * FROM sniff_csv('{outside}')",
+    "SELECT * FROM glob('/etc/*')",
+    "SELECT * FROM '{outside}'",
+    'SELECT * FROM "{outside}"',
+    "SELECT * FROM '{db}'",
+    "SELECT * FROM read_duckdb('{db}', table_name = 's')",
+    "SELECT * FROM read_parquet('{outside}')",
+    "SELECT * FROM read_parquet('{inside}/*.parquet')",
+    "SELECT * FROM read_parquet('{inside}/../../../outside.csv')",
+    "SELECT * FROM parquet_metadata('{raw}')",
+    "SELECT * FROM parquet_kv_metadata('{outside}')",
+    "SELECT (SELECT content FROM read_text('{outside}')) FROM sessions",
+    "SELECT * FROM sessions, LATERAL (SELECT * FROM read_text('{outside}'))",
+    "WITH a AS (SELECT * FROM read_text('{outside}')) SELECT * FROM a",
+    "DESCRIBE SELECT * FROM read_csv('{outside}')",
+    "SUMMARIZE FROM read_csv('{outside}')",
+    "EXPLAIN ANALYZE SELECT * FROM read_text('{outside}')",
+    "SELECT * FROM system.main.read_text('{outside}')",
+    "SELECT * FROM query('SELECT * FROM read_text(''{outside}'')')",
+    "SELECT * FROM query_table('{outside}')",
+    "SELECT * FROM read_csv('https://example.org/x.csv')",
+    "SELECT * FROM 's3://bucket/x.parquet'",
+    "COPY (SELECT 1) TO '{inside}/stolen.csv'",
+    "COPY sessions TO '{outside}'",
+    "COPY (SELECT 1) TO '{raw}' (FORMAT parquet, USE_TMP_FILE false)",
+    "WITH a AS (COPY (SELECT 1) TO '{inside}/stolen.csv') SELECT * FROM a",
+    "WITH a AS (COPY (SELECT 1 AS x) TO '{raw}' (FORMAT parquet, USE_TMP_FILE false)) SELECT * FROM a",
+    "EXPLAIN ANALYZE COPY (SELECT 1) TO '{inside}/stolen.csv'",
+    "EXPORT DATABASE '{inside}/stolen'",
+    "PRAGMA import_database('{inside}')",
+    "IMPORT DATABASE '{inside}'",
+    "ATTACH '{db}' AS other",
+    "ATTACH ':memory:' AS other",
+    "DETACH warehouse",
+    "USE memory",
+    "INSTALL httpfs",
+    "LOAD httpfs",
+    "LOAD '{outside}'",
+    "SET enable_external_access = true",
+    "SET memory_limit = '100GB'",
+    "RESET lock_configuration",
+    "PRAGMA threads = 64",
+    "PRAGMA enable_profiling = 'json'",
+    "PRAGMA profiling_output = '{inside}/stolen.json'",
+    "SELECT * FROM enable_profiling(format = 'json', save_location = '{inside}/stolen.json')",
+    "SELECT * FROM enable_logging(storage = 'file', storage_path = '{inside}/stolen')",
+    "CALL enable_logging()",
+    "SELECT * FROM arrow_scan(1::POINTER, 1::POINTER, 1::POINTER)",
+    "SELECT * FROM pandas_scan(1::POINTER)",
+    "SELECT * FROM duckdb_secrets()",
+    "SELECT * FROM duckdb_settings()",
+    "SELECT * FROM which_secret('x', 's3')",
+    "SELECT getenv('HOME')",
+    "SELECT current_setting('allowed_paths')",
+    "SELECT write_log('x')",
+    "SELECT * FROM checkpoint()",
+    "CHECKPOINT",
+    "CREATE TABLE memory.main.t AS SELECT 1",
+    "CREATE TEMP TABLE t AS SELECT 1",
+    "CREATE SECRET s (TYPE s3)",
+    "CREATE MACRO m() AS TABLE SELECT * FROM read_text('{outside}')",
+    "INSERT INTO base.events (position) VALUES (99)",
+    "WITH a AS (INSERT INTO base.events (position) VALUES (99) RETURNING position) SELECT * FROM a",
+    "WITH a AS (DELETE FROM base.events RETURNING position) SELECT * FROM a",
+    "UPDATE base.sessions SET name = 'x'",
+    "DELETE FROM base.events",
+    "DROP VIEW sessions",
+    "ALTER TABLE base.events RENAME TO gone",
+    "COMMENT ON VIEW sessions IS 'x'",
+    "PREPARE p AS SELECT 1",
+    "BEGIN TRANSACTION",
+    "VACUUM",
+    "SELECT 1; SELECT 2",
+    "SELECT 1; DROP VIEW sessions",
+    "",
+    "-- nothing",
+    "SELECT * FROM a_python_variable",
+    "PRAGMA table_info('sessions'); DROP VIEW sessions",
+]
+
+
+@pytest.mark.parametrize("sql", ESCAPES)
+def test_no_query_leaves_the_store_or_writes(
+    connection: duckdb.DuckDBPyConnection, store: Store, tmp_path: Path, sql: str
+) -> None:
+    a_python_variable = [{"secret": SECRET}]
+    outside, other = tmp_path / "outside.csv", tmp_path / "other.duckdb"
+    outside.write_text(f"secret\n{SECRET}\n")
+    with duckdb.connect(str(other)) as database:
+        database.execute(f"CREATE TABLE s AS SELECT '{SECRET}' AS secret")
+    inside = store.decoded("d2")
+    before = sorted(str(path) for path in tmp_path.rglob("*"))
+    words = {"outside": outside, "inside": inside, "raw": inside / "rows.parquet", "db": other}
+    sql = sql.format(**{word: str(path).replace("'", "''") for word, path in words.items()})
+    with pytest.raises(AnalyticsError) as caught:
+        run(connection, sql)
+    line = str(caught.value)
+    assert line.startswith("SQL: ")
+    assert "\n" not in line
+    assert len(line) < 600
+    assert SECRET not in line
+    assert a_python_variable
+    assert sorted(str(path) for path in tmp_path.rglob("*")) == before
+    assert run(connection, "SELECT max(value) FROM samples WHERE channel = 'oven'").rows == [(189.0,)]
+
+
+def test_the_raw_connection_is_confined_too(
+    connection: duckdb.DuckDBPyConnection, store: Store, tmp_path: Path
+) -> None:
+    (tmp_path / "outside.csv").write_text(SECRET)
+    inside = str(store.decoded("d2")).replace("'", "''")
+    for sql in (
+        f"SELECT * FROM read_text('{tmp_path}/outside.csv')",
+        f"SELECT * FROM read_blob('{inside}/../../../outside.csv')",
+        f"COPY (SELECT 1) TO '{inside}/stolen.csv'",
+        f"COPY (SELECT 1) TO '{inside}/rows.parquet'",
+        f"ATTACH '{tmp_path}/other.duckdb'",
+        "INSTALL httpfs",
+        "SET enable_external_access = true",
+        "SET memory_limit = '100GB'",
+        "DELETE FROM base.events",
+    ):
+        with pytest.raises(duckdb.Error):
+            connection.execute(sql)
+    assert not (store.decoded("d2") / "stolen.csv").exists()
+
+
+def test_memory_and_threads_are_limited(connection: duckdb.DuckDBPyConnection) -> None:
+    rows = connection.execute("SELECT current_setting('memory_limit'), current_setting('threads')").fetchall()
+    assert rows == [("2.0 GiB", min(4, os.cpu_count() or 1))]
+
+
+@pytest.mark.parametrize(
+    ("sql", "says"),
+    [
+        ("COPY sessions TO 'x'", f"SQL: COPY sessions does more than read: {ADVICE}"),
+        ("SELECT 1; SELECT 2", "SQL: holds 2 statements: give one at a time"),
+        (
+            "FROM read_text('x')",
+            f"SQL: the table function read_text is not for queries, it could leave the store: read the views ({NAMES})",
+        ),
+        ("SELECT write_log('x')", "SQL: the function write_log is not for queries: leave it out"),
+    ],
+)
+def test_a_refusal_says_what_and_what_to_do(connection: duckdb.DuckDBPyConnection, sql: str, says: str) -> None:
+    with pytest.raises(RefusedQueryError) as caught:
+        run(connection, sql)
+    assert str(caught.value) == says
+
+
+@pytest.mark.parametrize(
+    ("sql", "says"),
+    [
+        ("FROM sample", f"SQL: there is no view sample. Nearest: samples. Views: {NAMES}"),
+        ("FROM quux", f"SQL: there is no view quux. Views: {NAMES}"),
+        ("SELEKT 1", 'SQL: syntax error at or near "SELEKT". `DESCRIBE samples` lists the columns of a view'),
+    ],
+)
+def test_a_wrong_query_is_explained_in_one_line(connection: duckdb.DuckDBPyConnection, sql: str, says: str) -> None:
+    with pytest.raises(QueryError) as caught:
+        run(connection, sql)
+    assert str(caught.value) == says
+
+
+def test_a_misspelt_column_gets_the_nearest_ones(connection: duckdb.DuckDBPyConnection) -> None:
+    with pytest.raises(QueryError, match=r'^SQL: Referenced column "residual" not found .* "residual_K"'):
+        run(connection, "SELECT residual FROM residuals")
+
+
+def test_a_value_that_does_not_fit_is_one_line(connection: duckdb.DuckDBPyConnection) -> None:
+    with pytest.raises(QueryError, match=r"^SQL: Could not convert string 'hot' to DOUBLE[^\n]*$"):
+        run(connection, "SELECT CAST('hot' AS DOUBLE)")
+
+
+def test_a_time_with_zone_says_how_to_show_it(connection: duckdb.DuckDBPyConnection) -> None:
+    with pytest.raises(QueryError, match=r"cast it, as in now\(\)::TIMESTAMP$"):
+        run(connection, "SELECT now()")
+    assert len(run(connection, "SELECT now()::TIMESTAMP").rows) == 1
+
+
+def test_a_parquet_file_that_vanished_is_one_line(connection: duckdb.DuckDBPyConnection, store: Store) -> None:
+    (store.decoded("d2") / "rows.parquet").unlink()
+    with pytest.raises(QueryError, match=r"^SQL: [^\n]*rows\.parquet: is missing: run `whyhot rebuild`$"):
+        run(connection, "SELECT * FROM samples WHERE channel = 'oven'")
+
+
+@pytest.mark.parametrize("brackets", [3000, LONGEST])
+def test_a_query_of_brackets_is_refused(connection: duckdb.DuckDBPyConnection, brackets: int) -> None:
+    with pytest.raises(AnalyticsError) as caught:
+        run(connection, "SELECT " + "(" * brackets + "1" + ")" * brackets)
+    assert "\n" not in str(caught.value)
+
+
+def test_too_little_memory_is_one_line(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(warehouse, "MEMORY", "40MiB")
+    with (
+        warehouse.refresh(store) as opened,
+        pytest.raises(QueryError, match=r"needs more memory than .* select fewer rows or columns"),
+    ):
+        run(opened.connection, "SELECT list(a) FROM range(30000000) AS r(a)")
+
+
+def test_a_limit_says_that_there_is_more(connection: duckdb.DuckDBPyConnection) -> None:
+    assert [len(run(connection, "FROM sessions", limit=n).rows) for n in (2, 3, 4)] == [2, 3, 3]
+    assert [run(connection, "FROM sessions", limit=n).more for n in (2, 3, 4)] == [True, False, False]
+
+
+def test_columns_of_the_same_name_are_told_apart(connection: duckdb.DuckDBPyConnection) -> None:
+    result = run(connection, "SELECT 1 AS a, 'x' AS a, 2 AS b")
+    assert result.columns == ("a", "a_2", "b")
+    assert result.types == ("INTEGER", "VARCHAR", "INTEGER")

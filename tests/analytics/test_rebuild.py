@@ -1,0 +1,85 @@
+"""Nothing but ledger and archive is precious."""
+
+from __future__ import annotations
+
+import hashlib
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+
+import pyarrow.parquet as pq
+import pytest
+
+from analytics import warehouse
+from analytics.rebuild import rebuild
+from ingest.events import DecodeCompleted
+from ingest.facts import Facts
+from ingest.store import Store
+
+
+class Redecode:
+    """Stands in for the decoder: keeps a copy of decoded/ and brings it back."""
+
+    def __init__(self, store: Store, copy: Path) -> None:
+        self.copy = copy
+        shutil.copytree(store.folder / "decoded", copy)
+
+    def __call__(self, store: Store, facts: Facts) -> None:
+        shutil.rmtree(store.folder / "decoded", ignore_errors=True)
+        shutil.copytree(self.copy, store.folder / "decoded")
+
+
+@pytest.fixture
+def redecode(store: Store, tmp_path: Path) -> Iterator[Redecode]:
+    """The store's events name the hashes of what is decoded now."""
+    for one in store.ledger.events(DecodeCompleted):
+        assert isinstance(one.event, DecodeCompleted)
+        paths = sorted(store.decoded(one.event.decode).glob("*"))
+        products = {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in paths}
+        store.ledger.append(one.stream, DecodeCompleted(**{**vars(one.event), "products": products}))
+    yield Redecode(store, tmp_path / "copy")
+
+
+def digests(store: Store) -> dict[str, str]:
+    with warehouse.refresh(store) as opened:
+        return warehouse.digest(opened.connection)
+
+
+def test_a_rebuild_brings_back_what_was_there(store: Store, redecode: Redecode) -> None:
+    before = digests(store)
+    done = rebuild(store, redecode, verify=True)
+    assert (done.products, done.views, done.differences, done.notes) == (3, len(warehouse.VIEWS), (), ())
+    assert digests(store) == before
+
+
+def test_deleted_projections_come_back_equal_to_what_the_ledger_names(store: Store, redecode: Redecode) -> None:
+    before = digests(store)
+    shutil.rmtree(store.folder / "decoded")
+    (store.folder / "warehouse.duckdb").unlink()
+    done = rebuild(store, redecode, verify=True)
+    assert done.differences == ()
+    assert done.notes[0].startswith("views were not compared, they could not be read before: ")
+    assert digests(store) == before
+
+
+def test_a_product_that_differs_is_named_and_so_are_its_views(store: Store, redecode: Redecode) -> None:
+    path = redecode.copy / "d2" / "rows.parquet"
+    pq.write_table(pq.read_table(path).slice(0, 9), path)
+    done = rebuild(store, redecode, verify=True)
+    product, view = done.differences
+    assert product.startswith(f"{store.decoded('d2') / 'rows.parquet'}: differs from what its event names (sha256 ")
+    assert view == "view samples: holds other rows than before"
+
+
+def test_a_product_that_is_not_made_again_is_named(store: Store, redecode: Redecode) -> None:
+    stream, last = f"file-{'2' * 64}", store.ledger.events(DecodeCompleted, stream=f"file-{'2' * 64}")[-1].event
+    more = {"products": {**vars(last)["products"], "recording.mcap": "0" * 64}}
+    store.ledger.append(stream, DecodeCompleted(**{**vars(last), **more}))
+    done = rebuild(store, redecode, verify=True)
+    assert done.differences == (f"{store.decoded('d2') / 'recording.mcap'}: was not made again",)
+
+
+def test_without_verify_nothing_is_compared(store: Store, redecode: Redecode) -> None:
+    path = redecode.copy / "d2" / "rows.parquet"
+    pq.write_table(pq.read_table(path).slice(0, 9), path)
+    assert rebuild(store, redecode).differences == ()

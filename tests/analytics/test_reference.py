@@ -1,0 +1,51 @@
+"""docs/sql.md says what the views say, and its examples answer."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from analytics import warehouse
+from analytics.query import run
+from analytics.reference import examples, page
+from ingest.store import Store
+
+PAGE = Path(__file__).parents[2] / "docs" / "sql.md"
+
+
+def test_the_page_is_what_the_views_say() -> None:
+    assert PAGE.read_text(encoding="utf-8") == page(), "run: python -m analytics.reference > docs/sql.md"
+
+
+def blocks() -> list[str]:
+    return re.findall(r"```sql\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
+
+
+def test_the_page_shows_every_example() -> None:
+    assert len(blocks()) == len(examples()) >= 10
+
+
+@pytest.mark.parametrize("sql", blocks(), ids=lambda sql: sql.split("\n")[0][:40])
+def test_every_example_on_the_page_has_an_answer(store: Store, sql: str) -> None:
+    with warehouse.refresh(store) as opened:
+        assert run(opened.connection, sql).rows
+
+
+def test_the_lineage_example_leads_from_a_residual_to_records_of_the_raw_log(store: Store) -> None:
+    (lineage,) = [sql for sql in blocks() if "first_record" in sql]
+    with warehouse.refresh(store) as opened:
+        result = run(opened.connection, lineage)
+    found = [dict(zip(result.columns, row, strict=True)) for row in result.rows]
+    assert [row["record"] for row in found] == [5, 6, 7, 8]
+    assert [row["value"] for row in found] == [25.0, 26.0, 27.0, 28.0]
+    assert {(row["residual_K"], row["name"], row["file_id"]) for row in found} == {(3.0, "1_s1.blf", "1" * 64)}
+
+
+def test_the_side_by_side_example_has_a_column_a_channel(store: Store) -> None:
+    (side,) = [sql for sql in blocks() if sql.startswith("PIVOT")]
+    with warehouse.refresh(store) as opened:
+        result = run(opened.connection, side)
+    assert result.columns == ("second", "speed", "MAG_1")
+    assert result.rows[1] == (1.0, 100.0, 21.0)

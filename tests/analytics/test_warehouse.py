@@ -1,0 +1,329 @@
+"""The warehouse holds what the ledger and the Parquet files say, and is thrown away without regret."""
+
+from __future__ import annotations
+
+import os
+import random
+import re
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import duckdb
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from analytics import warehouse
+from analytics.errors import WarehouseError
+from ingest.errors import LedgerError
+from ingest.events import SessionRecorded, SessionRegrouped
+from ingest.store import Store
+
+SECOND = 1_000_000_000
+START = 1_760_000_000 * SECOND
+NewSession = Callable[..., SessionRecorded]
+
+
+def ask(store: Store, sql: str, as_of: str | None = None) -> list[tuple[Any, ...]]:
+    with warehouse.refresh(store, as_of) as opened:
+        return opened.connection.execute(sql).fetchall()
+
+
+def test_sessions_say_what_was_recorded(store: Store) -> None:
+    rows = ask(
+        store, "SELECT name, kind, specimen, duration_s, files, channels, quarantined, motor, bench FROM sessions"
+    )
+    assert rows == [
+        ("1_s1", "s1", None, 11.0, 1, 4, 1, "reference", "bench.toml"),
+        ("oven_a", "ageing", "stator-07", 4.0, 1, 1, 0, "reference", "bench.toml"),
+        ("oven_b", "ageing", "stator-08", 4.0, 1, 1, 0, "reference", "bench.toml"),
+    ]
+
+
+def test_a_session_without_absolute_time_has_no_start(store: Store) -> None:
+    rows = ask(store, "SELECT start IS NULL, start_ns FROM sessions WHERE name <> '1_s1'")
+    assert rows == [(False, START), (True, START + 5 * SECOND)]
+
+
+def test_rows_of_one_table_are_shared_out_to_its_sessions(store: Store) -> None:
+    rows = ask(store, "SELECT session_name, min(record), max(record), min(t_s), max(value) FROM samples "
+                      "WHERE channel = 'oven' GROUP BY ALL ORDER BY ALL")  # fmt: skip
+    assert rows == [("oven_a", 0, 4, 0.0, 184.0), ("oven_b", 5, 9, 0.0, 189.0)]
+
+
+@pytest.mark.parametrize("condition", ["true", "value <= 28", "value < 1e9", "NOT isnan(value)", "value <> 0.5"])
+def test_an_absent_value_has_no_row_whatever_is_asked(store: Store, condition: str) -> None:
+    rows = ask(store, f"SELECT count(*), max(value), max(record) FROM samples WHERE channel = 'MAG_1' AND {condition}")
+    assert rows == [(9, 28.0, 8)]
+
+
+def test_channels_that_differ_in_case_only_keep_their_own_values(store: Store) -> None:
+    rows = ask(store, "SELECT channel, sum(value) FROM samples WHERE group_name = 'temps' GROUP BY ALL ORDER BY ALL")
+    assert rows == [("MAG_1", sum(range(20, 29))), ("mag_1", 0.0)]
+
+
+def test_a_text_column_is_a_channel_without_samples(store: Store) -> None:
+    assert ask(store, "SELECT channel, column_name FROM channels WHERE channel = 'mode'") == [("mode", "mode")]
+    assert ask(store, "SELECT count(*) FROM samples WHERE channel = 'mode'") == [(0,)]
+
+
+def test_files_say_what_became_of_each_record(store: Store) -> None:
+    rows = ask(store, "SELECT name, outcome, found, decoded, unknown_id, wrong_length, rejected, why FROM files")
+    assert rows == [
+        ("1_s1.blf", "decoded", 12, 10, 1, 0, 1, None),
+        ("oven.csv", "decoded", 10, 10, 0, 0, 0, None),
+        ("bad.blf", "quarantined", 0, 0, 0, 0, 0, "bad.blf: is empty"),
+    ]
+
+
+def test_runs_sum_up_their_errors(store: Store) -> None:
+    rows = ask(store, "SELECT run, session_name, mae_K, max_K, worst_node, key->>'seed' FROM runs")
+    assert rows == [("r1", "1_s1", 1.0, 3.0, "magnet", "0")]
+
+
+def test_a_run_of_a_regrouped_session_is_found_under_the_new_one(store: Store, new_session: NewSession) -> None:
+    joined = new_session("1_joined", "1" * 64, "d1", "b" * 64, 0, 11)
+    store.ledger.append("session-1_joined-id", joined)
+    store.ledger.append("session-1_s1-id", SessionRegrouped(session="1_s1-id", into="1_joined-id", why="a file came"))
+    assert ask(store, "SELECT session, session_name FROM runs") == [("1_joined-id", "1_joined")]
+    assert ask(store, "SELECT DISTINCT session_name FROM residuals") == [("1_joined",)]
+
+
+def test_residuals_have_null_where_the_run_has_no_such_column(store: Store) -> None:
+    rows = ask(store, "SELECT channel, t_s, residual_K, used, speed_rpm, current_A FROM residuals ORDER BY t_s")
+    assert rows == [("MAG_1", 1.0, 0.5, True, 1000.0, None), ("MAG_1", 6.0, 3.0, True, 2000.0, None)]
+
+
+def test_temperatures_name_each_node(store: Store) -> None:
+    rows = ask(store, "SELECT node, t_s, temperature_degC FROM temperatures ORDER BY ALL")
+    assert rows == [("magnet", 1.0, 20.5), ("magnet", 6.0, 23.0), ("shaft", 1.0, 30.0), ("shaft", 6.0, 31.0)]
+
+
+def test_events_are_the_ledger(store: Store) -> None:
+    rows = ask(store, "SELECT position, stream, version, topic, payload->>'name' FROM events WHERE position <= 2")
+    assert rows == [
+        (1, f"bench-{'b' * 64}", 1, "whyhot:BenchRegistered", "bench.toml"),
+        (2, f"file-{'1' * 64}", 1, "whyhot:RawFileSealed", "1_s1.blf"),
+    ]
+
+
+def test_resample_takes_a_name_or_an_id(store: Store) -> None:
+    by_name = ask(store, "FROM resample('1_s1', 'MAG_1', 5)")
+    assert by_name == [
+        ("1_s1-id", "MAG_1", 0.0, 22.0, 20.0, 24.0, 5, "degC"),
+        ("1_s1-id", "MAG_1", 5.0, 26.5, 25.0, 28.0, 4, "degC"),
+    ]
+    assert ask(store, "FROM resample('1_s1-id', 'MAG_1', 5)") == by_name
+
+
+def test_a_named_channel_reads_one_column_of_one_kind_of_file(store: Store) -> None:
+    plan = ask(store, "EXPLAIN SELECT value FROM samples WHERE channel = 'speed' AND session_name = '1_s1'")[0][1]
+    assert len(re.findall(r"read_parquet|parquet scan", plan, re.IGNORECASE)) == 1
+    assert "speed_rpm" in plan
+    assert "degC" not in plan
+
+
+def test_an_empty_store_has_all_views_without_rows(tmp_path: Path) -> None:
+    with Store.open(tmp_path / "new", create=True) as store, warehouse.refresh(store) as opened:
+        assert set(warehouse.digest(opened.connection)) == set(warehouse.VIEWS)
+        assert all(digest == "0-0" for digest in warehouse.digest(opened.connection).values())
+
+
+def test_every_view_column_and_macro_is_explained(store: Store) -> None:
+    silent = ask(store, "SELECT table_name, column_name FROM duckdb_columns() WHERE schema_name = 'main' AND NOT internal "
+                        "AND database_name = 'warehouse' AND comment IS NULL")  # fmt: skip
+    assert silent == []
+    views = ask(store, "SELECT view_name, comment FROM duckdb_views() WHERE schema_name = 'main' AND NOT internal")
+    assert {view for view, comment in views if comment} == set(warehouse.VIEWS)
+    macros = ask(store, "SELECT function_name, comment FROM duckdb_functions() WHERE NOT internal")
+    assert {macro for macro, comment in macros if comment} == set(warehouse.MACROS)
+
+
+def test_nothing_new_means_nothing_is_made(store: Store) -> None:
+    warehouse.refresh(store).connection.close()
+    before = (store.folder / "warehouse.duckdb").stat()
+    assert ask(store, "SELECT count(*) FROM sessions") == [(3,)]
+    after = (store.folder / "warehouse.duckdb").stat()
+    assert (before.st_ino, before.st_mtime_ns) == (after.st_ino, after.st_mtime_ns)
+
+
+def test_a_new_event_is_seen_at_once_and_an_open_warehouse_stays_as_it_was(
+    store: Store, new_session: NewSession
+) -> None:
+    with warehouse.refresh(store) as old:
+        late = new_session("late", "2" * 64, "d2", None, 0, 9)
+        store.ledger.append("session-late-id", late)
+        assert ask(store, "SELECT count(*) FROM sessions") == [(4,)]
+        assert old.connection.execute("SELECT count(*) FROM sessions").fetchall() == [(3,)]
+
+
+@pytest.mark.parametrize("what", ["package", "duckdb"])
+def test_another_version_of_package_or_duckdb_makes_it_anew(
+    store: Store, monkeypatch: pytest.MonkeyPatch, what: str
+) -> None:
+    warehouse.refresh(store).connection.close()
+    before = (store.folder / "warehouse.duckdb").stat().st_ino
+    if what == "package":
+        monkeypatch.setattr(warehouse, "_own_hash", lambda: "other")
+    else:
+        monkeypatch.setattr(warehouse.duckdb, "__version__", "9.9.9")
+    with warehouse.refresh(store) as opened:
+        assert opened.notes == ()
+    assert (store.folder / "warehouse.duckdb").stat().st_ino != before
+
+
+def test_a_store_that_was_moved_is_read_where_it_is_now(store: Store, tmp_path: Path) -> None:
+    warehouse.refresh(store).connection.close()
+    store.close()
+    moved = store.folder.rename(tmp_path / "moved")
+    with Store.open(moved) as there:
+        assert ask(there, "SELECT count(*) FROM samples WHERE channel = 'oven'") == [(10,)]
+
+
+def test_as_of_shows_what_was_known_then_and_leaves_the_file(store: Store) -> None:
+    warehouse.refresh(store).connection.close()
+    before = (store.folder / "warehouse.duckdb").stat().st_mtime_ns
+    assert ask(store, "SELECT name FROM sessions", as_of="9") == [("1_s1",), ("oven_a",)]
+    assert ask(store, "SELECT count(*) FROM residuals", as_of="9") == [(0,)]
+    when = ask(store, "SELECT strftime(recorded, '%Y-%m-%dT%H:%M:%S.%fZ') FROM events WHERE position = 8")[0][0]
+    assert ask(store, "SELECT name FROM sessions", as_of=when) == [("1_s1",)]
+    assert (store.folder / "warehouse.duckdb").stat().st_mtime_ns == before
+
+
+def test_as_of_an_event_that_is_not_there_is_refused(store: Store) -> None:
+    with pytest.raises(LedgerError, match="the ledger ends at event 11"):
+        warehouse.refresh(store, as_of="99")
+
+
+def _damage(path: Path, kind: str) -> None:
+    data = bytearray(path.read_bytes())
+    if kind == "cut":
+        path.write_bytes(data[: len(data) // 2])
+    elif kind == "flipped":
+        path.write_bytes(bytes(byte ^ 4 if i % 1000 == 0 else byte for i, byte in enumerate(data)))
+    elif kind == "empty":
+        path.write_bytes(b"")
+    elif kind == "text":
+        path.write_text("not a database\n" * 1000)
+    elif kind == "folder":
+        path.unlink()
+        path.mkdir()
+    elif kind == "log":
+        path.with_name("warehouse.duckdb.wal").write_bytes(random.Random(1).randbytes(1000))
+    elif kind == "written to":
+        with duckdb.connect(str(path)) as connection:
+            connection.execute("DROP TABLE base.built_from")
+
+
+@pytest.mark.parametrize("kind", ["cut", "flipped", "empty", "text", "folder", "log", "written to"])
+def test_a_broken_warehouse_is_kept_aside_and_made_again_with_a_note(store: Store, kind: str) -> None:
+    with warehouse.refresh(store) as opened:
+        before = warehouse.digest(opened.connection)
+    _damage(store.folder / "warehouse.duckdb", kind)
+    with warehouse.refresh(store) as opened:
+        assert warehouse.digest(opened.connection) == before
+        (note,) = opened.notes
+    assert "was not whole" in note
+    assert note.endswith("made again from the ledger, the old one kept as warehouse.duckdb.broken-1")
+    assert "\n" not in note
+    assert (store.folder / "warehouse.duckdb.broken-1").exists()
+    with warehouse.refresh(store) as opened:
+        assert opened.notes == ()
+
+
+def test_twenty_damaged_warehouses_answer_as_before(store: Store) -> None:
+    path, chance = store.folder / "warehouse.duckdb", random.Random(7)
+    with warehouse.refresh(store) as opened:
+        before = warehouse.digest(opened.connection)
+    whole = path.read_bytes()
+    repaired = 0
+    for trial in range(20):
+        data = bytearray(whole)
+        if trial % 2:
+            data[chance.randrange(len(data))] ^= 1 << chance.randrange(8)
+        else:
+            del data[chance.randrange(len(data)) :]
+        path.write_bytes(data)
+        with warehouse.refresh(store) as opened:
+            assert warehouse.digest(opened.connection) == before, trial
+            repaired += len(opened.notes)
+    assert repaired >= 10  # the cut ones at least; a flip may hit a byte that nothing reads
+
+
+def test_the_second_broken_one_does_not_replace_the_first(store: Store) -> None:
+    for number in (1, 2):
+        warehouse.refresh(store).connection.close()
+        _damage(store.folder / "warehouse.duckdb", "text")
+        with warehouse.refresh(store) as opened:
+            assert opened.notes[0].endswith(f"broken-{number}")
+
+
+def test_a_missing_parquet_file_is_named_with_what_to_do(store: Store) -> None:
+    path = store.decoded("d2") / "rows.parquet"
+    path.unlink()
+    with pytest.raises(WarehouseError) as caught:
+        warehouse.refresh(store)
+    assert str(caught.value) == f"{path.absolute()}: is missing: run `whyhot rebuild`"
+    assert not list(store.folder.glob("warehouse*"))
+
+
+def test_a_damaged_parquet_file_is_named_with_what_to_do(store: Store) -> None:
+    path = store.decoded("d2") / "rows.parquet"
+    path.write_bytes(b"no parquet")
+    with pytest.raises(WarehouseError, match=r"rows\.parquet: cannot be read as Parquet .*: run `whyhot rebuild`$"):
+        warehouse.refresh(store)
+
+
+def test_a_missing_residual_file_asks_for_a_backup(store: Store) -> None:
+    ((file,),) = ask(store, "SELECT file FROM base.artefacts WHERE kind = 'residuals'")
+    Path(file).unlink()
+    (store.folder / "warehouse.duckdb").unlink()
+    with pytest.raises(WarehouseError, match=r"restore it from a backup, then run `whyhot verify`$"):
+        warehouse.refresh(store)
+
+
+def test_files_of_other_schemas_are_read_beside_each_other(store: Store) -> None:
+    pq.write_table(
+        pa.table({"t_ns": [START], "record": [0], "oven_degC": [200]}),  # an integer column, and fewer of them
+        store.decoded("d2") / "rows.parquet",
+    )
+    assert ask(store, "SELECT value FROM samples WHERE channel = 'oven'") == [(200.0,)]
+
+
+def test_a_full_disk_is_one_line(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(*_: object, **__: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(warehouse.tempfile, "TemporaryDirectory", full)
+    with pytest.raises(WarehouseError, match=r"warehouse\.duckdb: cannot be made \(.*No space left on device\)"):
+        warehouse.refresh(store)
+
+
+def test_what_a_killed_build_left_is_swept_by_a_later_one(store: Store) -> None:
+    old, young = store.folder / "warehouse-old", store.folder / "warehouse-young"
+    for folder in (old, young):
+        folder.mkdir()
+    os.utime(old, (time.time() - 7200, time.time() - 7200))
+    warehouse.refresh(store).connection.close()
+    assert not old.exists()
+    assert young.exists()
+
+
+def test_a_notebook_gets_a_connection_and_notes_as_warnings(store: Store) -> None:
+    with warehouse.connect(store.folder) as connection:
+        assert connection.execute("SELECT count(*) FROM sessions").fetchall() == [(3,)]
+    _damage(store.folder / "warehouse.duckdb", "text")
+    with pytest.warns(UserWarning, match="was not whole"):
+        warehouse.connect(store.folder).close()
+
+
+def test_the_digest_tells_other_rows_but_not_another_order() -> None:
+    digests = []
+    for values in ("(1, 'a'), (2, 'b')", "(2, 'b'), (1, 'a')", "(1, 'b'), (2, 'a')", "(1, 'a'), (2, 'b'), (2, 'b')"):
+        with duckdb.connect(":memory:") as connection:
+            connection.execute(f"CREATE TABLE t AS FROM (VALUES {values})")
+            digests.append(warehouse._digest(connection, "t"))
+    assert digests[0] == digests[1]
+    assert len(set(digests)) == 3
