@@ -1,0 +1,118 @@
+"""What is inside logs, before anything is stored."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from ingest.bench import read_bench
+from ingest.databases import Database, load
+from ingest.draft import draft_bench
+from ingest.errors import IngestError, UnreadableLogError
+from ingest.formats import Rows, TimeSpec
+from ingest.guessing import guess
+from ingest.intake import signals_in
+from ingest.reading import Reading, preview
+from ingest.recording import read
+from ingest.signals import Signal
+
+
+@dataclass(frozen=True)
+class Seen:
+    """One signal: `quantity` is guessed from name and unit; `low`, `high` for columns of tables, None otherwise."""
+
+    signal: Signal
+    quantity: str | None
+    low: float | None
+    high: float | None
+
+
+@dataclass(frozen=True)
+class InspectedFile:
+    """One file. `reading` None where nothing can be read, `why` then says it; `ranges`: column -> (least, greatest)."""
+
+    path: Path
+    reading: Reading | None
+    why: str | None
+    note: str | None
+    ranges: dict[str, tuple[float, float]]
+
+
+@dataclass(frozen=True)
+class Inspection:
+    """Everything seen. `unknown_ids`: "can1:0x123" -> frames that no database explains."""
+
+    files: tuple[InspectedFile, ...]
+    signals: tuple[Seen, ...]
+    unknown_ids: dict[str, int]
+
+    @property
+    def refusals(self) -> list[str]:
+        """What could not be read, one line a file."""
+        return [one.why for one in self.files if one.why]
+
+
+def inspect(files: Sequence[Path], databases: Sequence[Path], bench: Path | None) -> Inspection:
+    """Read logs in a temporary folder and say what they hold. Raises IngestError for a file that is not there."""
+    for path in files:
+        if not path.is_file():
+            raise IngestError(f"{path}: {'is a folder' if path.is_dir() else 'there is no such file'}: name log files.")
+    loaded = [load(path.read_bytes(), path.name) for path in databases]
+    time = read_bench(bench.read_bytes(), bench.name).time if bench else TimeSpec()
+    with tempfile.TemporaryDirectory() as folder:
+        looked = tuple(_look(path, Path(folder), time, guessing=bench is None) for path in files)
+    readings = [one.reading for one in looked if one.reading]
+    ranges = {name: span for one in looked for name, span in one.ranges.items()}
+    seen = tuple(
+        Seen(
+            signal,
+            guess(signal.name, signal.unit),
+            *(ranges.get(signal.name, (None, None)) if not signal.message else (None, None)),
+        )
+        for signal in signals_in(loaded, readings)
+    )
+    return Inspection(looked, seen, _unknown(loaded, readings))
+
+
+def draft(found: Inspection) -> str:
+    """A bench file for these logs, to be completed by a person."""
+    settings = next((one.reading.settings for one in found.files if one.reading), {})
+    untimed = any(one.note for one in found.files)
+    name = found.files[0].path.name
+    return draft_bench([seen.signal for seen in found.signals], {**settings, "untimed": untimed}, name)
+
+
+def _look(path: Path, folder: Path, time: TimeSpec, *, guessing: bool) -> InspectedFile:
+    try:
+        reading, note = preview(path, folder, time), None
+    except UnreadableLogError as error:
+        if not guessing:
+            return InspectedFile(path, None, str(error), None, {})
+        try:  # a table without a time column can be looked at all the same
+            reading = preview(path, folder, replace(time, rate_hz=1.0))
+        except UnreadableLogError:
+            return InspectedFile(path, None, str(error), None, {})
+        note = "no time column was recognised: looked at as one row a second"
+    return InspectedFile(path, reading, None, note, _ranges(folder / "preview.mcap"))
+
+
+def _ranges(recording: Path) -> dict[str, tuple[float, float]]:
+    spans: dict[str, tuple[float, float]] = {}
+    for _, batch in read(recording):
+        if not isinstance(batch, Rows):
+            return {}
+        for name, values in batch.columns.items():
+            if values.dtype == np.float64 and np.isfinite(values).any():
+                low, high = float(np.nanmin(values)), float(np.nanmax(values))
+                before = spans.get(name, (low, high))
+                spans[name] = (min(low, before[0]), max(high, before[1]))
+    return spans
+
+
+def _unknown(databases: Sequence[Database], readings: Sequence[Reading]) -> dict[str, int]:
+    known = {can_id for database in databases for can_id in database.messages}
+    return {key: count for r in readings for key, count in r.ids.items() if int(key.partition(":")[2], 16) not in known}

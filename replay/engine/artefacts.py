@@ -1,0 +1,85 @@
+"""What a run leaves in the archive: input frame, temperatures and residuals, as Parquet."""
+
+from __future__ import annotations
+
+import io
+import json
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+from numpy.typing import NDArray
+
+from replay.engine.frame import InputFrame
+from replay.engine.run import Observed
+
+Floats = NDArray[np.float64]
+
+AROUND = ("speed_rpm", "torque_Nm", "current_A")  # inputs repeated beside each residual
+
+
+def to_parquet(table: pa.Table) -> bytes:
+    """One Parquet file, page checksums on."""
+    sink = io.BytesIO()
+    pq.write_table(table, sink, compression="zstd", compression_level=1, write_page_checksum=True)
+    return sink.getvalue()
+
+
+def read_parquet(data: bytes) -> pa.Table:
+    """The table again, page checksums verified."""
+    return pq.read_table(io.BytesIO(data), page_checksum_verification=True)
+
+
+def frame_table(frame: InputFrame) -> pa.Table:
+    """One row a step: everything that enters the twin, and the lineage of every observed mean."""
+    columns: dict[str, Any] = {"t_ns": frame.t_ns[:-1], "live": frame.live}
+    columns |= {f"feature:{m.name}": frame.features[:, i] for i, m in enumerate(frame.monomials)}
+    columns |= {f"boundary:{name}": frame.boundaries[:, i] for i, name in enumerate(frame.boundary_names)}
+    columns |= {f"input:{name}": values for name, values in frame.inputs.items()}
+    for o in frame.observations:
+        columns |= {f"{o.channel}:measured_degC": o.measured, f"{o.channel}:samples": o.samples}
+        columns |= {f"{o.channel}:first_record": o.first_record, f"{o.channel}:last_record": o.last_record}
+        columns |= {f"{o.channel}:file": o.raw}
+    return pa.table(columns).replace_schema_metadata(
+        {"step_s": repr(frame.step_s), "files": json.dumps(frame.raw_files)}
+    )
+
+
+def temperature_table(frame: InputFrame, temperatures: Floats, nodes: Sequence[str], heat: Floats) -> pa.Table:
+    """One row an edge of a step, N + 1; a column a node, and the network's heat in the step that begins there [W]."""
+    columns = {f"{node}_degC": temperatures[:, i] for i, node in enumerate(nodes)}
+    return pa.table({"t_ns": frame.t_ns, **columns, "network_heat_W": np.append(heat, np.nan)})
+
+
+def residual_table(frame: InputFrame, observed: Sequence[Observed]) -> pa.Table:
+    """Long: one row an observed channel and step."""
+    return pa.concat_tables([_residuals(frame, o) for o in observed])
+
+
+def _residuals(frame: InputFrame, o: Observed) -> pa.Table:
+    at = steps_of(frame, o)
+    files = pa.array([*frame.raw_files, None], pa.string())
+    whole: Mapping[str, Any] = {
+        "t_ns": o.t_ns,
+        "t_s": (o.t_ns - frame.t_ns[0]) / 1e9,
+        "channel": pa.array([o.channel] * o.t_ns.size, pa.string()),
+        "node": pa.array([o.node] * o.t_ns.size, pa.string()),
+        "measured_degC": o.measured,
+        "modelled_degC": o.modelled,
+        "residual_K": o.residual,
+        "sd_K": np.full(o.t_ns.size, np.hypot(o.sd_K, o.bias_sd_K)),
+        "used": o.used,
+        "file_id": files.take(pa.array(o.raw)),
+        "first_record": o.first_record,
+        "last_record": o.last_record,
+    }
+    missing = np.full(o.t_ns.size, np.nan)
+    return pa.table({**whole, **{name: frame.inputs[name][at] if name in frame.inputs else missing for name in AROUND}})
+
+
+def steps_of(frame: InputFrame, o: Observed) -> NDArray[np.int64]:
+    """The step that each observed mean belongs to, (M,)."""
+    step: NDArray[np.int64] = (o.t_ns - frame.t_ns[0]) // np.int64(frame.t_ns[1] - frame.t_ns[0])
+    return step

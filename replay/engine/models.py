@@ -1,0 +1,70 @@
+"""Motor files as the store knows them: published, found again, and handed to an intake."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from ingest import facts as ledger_facts
+from ingest.events import ModelPublished, MotorRegistered, SessionRecorded
+from ingest.facts import Facts
+from ingest.intake import MotorFile
+from ingest.store import Store
+from replay.engine.motor_file import read_motor
+from replay.errors import ReplayDataError
+
+
+def for_intake(path: Path) -> MotorFile:
+    """A motor file as far as an intake needs it. Raises MotorFileError."""
+    data = path.read_bytes()
+    network = read_motor(data, path.name)
+    return MotorFile(
+        data=data,
+        file=path.name,
+        motor=network.name,
+        nodes=[node.name for node in network.nodes],
+        boundaries=[boundary.name for boundary in network.boundaries],
+    )
+
+
+def publish_model(store: Store, path: Path) -> str:
+    """Seal a motor file and make it known; returns the model id (its SHA-256). Raises MotorFileError."""
+    data = path.read_bytes()
+    network = read_motor(data, path.name)
+    model = store.archive.seal(data)
+    known = ledger_facts.at(store.ledger)
+    if model not in known.models:
+        if not any(published.motor == network.name for published in known.models.values()):
+            store.ledger.append(f"motor-{network.name}", MotorRegistered(name=network.name))
+        event = ModelPublished(model=model, motor=network.name, file=path.name, parent=None)
+        store.ledger.append(f"motor-{network.name}", event)
+    return model
+
+
+def find_model(facts: Facts, text: str) -> str:
+    """A model by id, unique beginning of an id, or motor name (its latest). Raises ReplayDataError with what there is."""
+    named = [event.model for event in facts.models.values() if event.motor == text]
+    if named:
+        return named[-1]
+    found = [model for model in facts.models if model.startswith(text)]
+    if len(found) == 1:
+        return found[0]
+    known = ", ".join(f"{event.motor} {model[:12]}" for model, event in facts.models.items()) or "none"
+    why = "is not one model" if found else "is no model"
+    raise ReplayDataError(
+        f'--model "{text}" {why} of this store. Known: {known}. Or give a motor file (ends in .toml).'
+    )
+
+
+def model_of(facts: Facts, session: SessionRecorded) -> str:
+    """The model that a session's bench file names. Raises ReplayDataError where there is none."""
+    bench = facts.bench_of(session)
+    if bench is None:
+        raise ReplayDataError(
+            f"session {session.name}: was ingested without a bench file: ingest it again with --bench."
+        )
+    if bench.model is None:
+        raise ReplayDataError(
+            f'session {session.name}: {bench.name} names no motor file: add motor = "motor.toml" to it and ingest again, '
+            "or say --model motor.toml."
+        )
+    return bench.model

@@ -1,0 +1,195 @@
+"""Runs: a session replayed, sealed and cited; the same key gives the same digest, or `ReplayDiverged` says where not."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+from numpy.typing import NDArray
+
+from ingest.catalogue import quality
+from ingest.catalogue.channels import ChannelData, load
+from ingest.catalogue.power import balance
+from ingest.events import ReplayCompleted, ReplayDiverged, SessionRecorded
+from ingest.facts import Facts
+from ingest.store import Store
+from replay.engine import frame as frames
+from replay.engine.artefacts import (
+    AROUND,
+    frame_table,
+    read_parquet,
+    residual_table,
+    steps_of,
+    temperature_table,
+    to_parquet,
+)
+from replay.engine.frame import InputFrame
+from replay.engine.identity import digest_of, environment, replay_key, run_id
+from replay.engine.kernel_cache import load_kernel
+from replay.engine.motor_file import read_motor
+from replay.engine.open_loop import initial_temperatures, modelled
+from replay.engine.residuals import by_node, channel_summary
+from replay.engine.run import Observed
+from replay.errors import ReplayDataError
+from twin.errors import TwinError
+from twin.features import monomials
+from twin.integrators import DEFAULT
+from twin.network import Network
+from twin.simulate import Frame, network_heat, simulate
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Completed:
+    """The fact of a run; `known` where the ledger has it already."""
+
+    event: ReplayCompleted | ReplayDiverged
+    known: bool
+
+
+def replay(store: Store, facts: Facts, session: SessionRecorded, model: str, level: str, work: Path) -> Completed:
+    """Open-loop replay of one session with a model (SHA-256 of a motor file in the archive).
+
+    Leaves frame, temperatures and residuals as files in `work`, named by their SHA-256, for the one writer to seal.
+    Raises ReplayDataError where the session lacks an input or the model runs away.
+    """
+    network = read_motor(store.archive.read(model), facts.models[model].file)
+    channels = load(store, facts, session)
+    frame = _frame(session, channels, network)
+    initial, _ = initial_temperatures(network, frame, level)
+    inputs = Frame(step_s=frame.step_s, features=frame.features, boundaries=frame.boundaries)
+    temperatures = _simulated(network, inputs, initial, session)
+    heat = network_heat(network, inputs, temperatures)
+    nodes = tuple(node.name for node in network.nodes)
+    observed = tuple(_observed(o, frame, temperatures, nodes) for o in frame.observations)
+    digest = digest_of([*temperatures.T, *(o.modelled for o in observed), *(o.residual for o in observed)])
+    tables = {
+        "frame": frame_table(frame),
+        "temperatures": temperature_table(frame, temperatures, nodes, heat),
+        "residuals": residual_table(frame, observed),
+    }
+    artefacts = {name: _written(to_parquet(table), work) for name, table in tables.items()}
+    key = replay_key(facts, session, model, level, initial, artefacts["frame"])
+    summary = {
+        "session": session.session,
+        "session_name": session.name,
+        "kind": session.kind,
+        "model": model,
+        "motor": network.name,
+        "level": level,
+        "digest": digest,
+        **_errors(frame, observed),
+        **_heat(heat, channels),
+    }
+    event = ReplayCompleted(
+        run=run_id(key),
+        session=session.session,
+        model=model,
+        motor=network.name,
+        level=level,
+        bench=session.bench,
+        key=key,
+        digest=digest,
+        environment=environment(),
+        artefacts=artefacts,
+        summary=summary,
+    )
+    return _against_the_ledger(store, facts, event, tables["temperatures"])
+
+
+def _frame(session: SessionRecorded, channels: Sequence[ChannelData], network: Network) -> InputFrame:
+    good = [found.good for found in quality.assess(channels)]
+    try:
+        return frames.build(channels, good, network, monomials(network), DEFAULT.step_s)
+    except ReplayDataError as error:
+        raise ReplayDataError(f"session {session.name}: {error}") from None
+
+
+def _simulated(network: Network, inputs: Frame, initial: Floats, session: SessionRecorded) -> Floats:
+    try:
+        return simulate(load_kernel(network), inputs, initial)
+    except TwinError as error:
+        raise ReplayDataError(f"session {session.name}: {error}") from None
+
+
+def _observed(o: frames.Observation, frame: InputFrame, temperatures: Floats, nodes: tuple[str, ...]) -> Observed:
+    there = np.isfinite(o.measured)
+    per_step = float(np.median(o.samples[o.good])) if o.good.any() else 1.0
+    return Observed(
+        channel=o.channel,
+        node=o.label,
+        t_ns=(frame.t_ns[:-1] + np.round(o.place * np.diff(frame.t_ns)).astype(np.int64))[there],
+        measured=o.measured[there],
+        modelled=modelled(o, frame, temperatures, nodes)[there],
+        sd_K=float(np.hypot(o.noise, o.resolution / 12**0.5) / per_step**0.5),
+        bias_sd_K=o.bias_sd,
+        used=(o.good & frame.live)[there],
+        first_record=o.first_record[there],
+        last_record=o.last_record[there],
+        raw=o.raw[there],
+    )
+
+
+def _errors(frame: InputFrame, observed: Sequence[Observed]) -> dict[str, Any]:
+    start = int(frame.t_ns[0])
+    entries = []
+    for o in observed:
+        around = {name: frame.inputs[name][steps_of(frame, o)] for name in AROUND if name in frame.inputs}
+        places = {**around, "temperature_degC": o.measured, "t_s": (o.t_ns - start) / 1e9}
+        entry = channel_summary(o, places, start)
+        if entry is not None:
+            entries.append(entry)
+    return {
+        "duration_s": float((frame.t_ns[-1] - start) / 1e9),
+        "step_s": frame.step_s,
+        "note": frame.note,
+        "mae_K": by_node(entries, "mae_K"),
+        "max_K": by_node(entries, "max_K"),
+        "bias_K": by_node(entries, "bias_K"),
+        "channels": entries,
+    }
+
+
+def _heat(heat: Floats, channels: Sequence[ChannelData]) -> dict[str, float | None]:
+    """The power balance beside the network's own heat, means over the session [W]."""
+    power = balance(channels)
+    return {
+        "network_heat_W": float(heat.mean()),
+        "electrical_minus_mechanical_W": power.mean_loss_W if power else None,
+    }
+
+
+def _against_the_ledger(store: Store, facts: Facts, event: ReplayCompleted, temperatures: pa.Table) -> Completed:
+    before = facts.runs.get(event.run)
+    if before is None or before.environment != event.environment:
+        return Completed(event, known=False)
+    if before.digest == event.digest:
+        return Completed(event, known=True)
+    t_s, column = _first_difference(read_parquet(store.archive.read(before.artefacts["temperatures"])), temperatures)
+    diverged = ReplayDiverged(run=event.run, digest=event.digest, expected=before.digest, t_s=t_s, field=column)
+    return Completed(diverged, known=False)
+
+
+def _first_difference(before: pa.Table, now: pa.Table) -> tuple[float | None, str | None]:
+    """The earliest time [s from start] at which a temperature differs, and its column."""
+    t_ns = now["t_ns"].to_numpy()
+    pairs = {name: (before[name].to_numpy(), now[name].to_numpy()) for name in now.column_names}
+    differing = {
+        name: int(np.argmax(a != b)) for name, (a, b) in pairs.items() if not np.array_equal(a, b, equal_nan=True)
+    }
+    if not differing:
+        return None, None
+    column = min(differing, key=lambda name: differing[name])
+    return float(t_ns[differing[column]] - t_ns[0]) / 1e9, column
+
+
+def _written(data: bytes, work: Path) -> str:
+    sha256 = hashlib.sha256(data).hexdigest()
+    (work / sha256).write_bytes(data)
+    return sha256
