@@ -1,0 +1,1 @@
+"""Where logs, twin and SQL meet: replays, reports and the command line."""

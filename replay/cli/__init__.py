@@ -1,0 +1,102 @@
+"""The command line: one file a verb. A verb parses, calls and words its answer; no logic lives here.
+
+Exit codes: 0 done; 1 done with something refused or quarantined; 2 could not start or stopped before its end; 130 interrupted.
+"""
+
+from __future__ import annotations
+
+import argparse
+import errno
+import sys
+from collections.abc import Sequence
+from importlib import import_module
+
+from replay.cli.answer import Answer, deliver, deliver_error
+
+VERBS: dict[str, str] = {
+    "demo": "the whole way on shipped recordings of a real motor, offline",
+    "inspect": "what is inside log files, before anything is stored; drafts a bench file",
+    "ingest": "seal, record and decode log files, and account for every record",
+    "sessions": "the catalogue of recorded sessions",
+    "show": "one session: channels, gaps, quality, power balance, operating points",
+    "motor": "the motor file as the program sees it (motor check FILE)",
+    "replay": "rerun the twin over sessions and say what it gets wrong",
+    "report": "one HTML file of a replay, readable offline",
+    "view": "measured and modelled temperatures in the rerun viewer",
+    "sql": "ask the warehouse in SQL, read-only",
+    "rebuild": "make samples and warehouse again from sealed facts",
+    "verify": "check every fact and every sealed byte",
+    "head": "the ledger's head: position and Merkle root",
+    "doctor": "versions, SQLite safety, store and disk: what a problem report needs",
+}
+
+# By name, so that a refusal is worded without importing the package that raised it (analytics may not be there).
+ROOTS = ("IngestError", "TwinError", "AnalyticsError", "ReplayError")
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Entry point of the `whyhot` command; returns the exit code."""
+    words = _json_words(list(sys.argv[1:] if argv is None else argv))
+    verb = next((word for word in words if not word.startswith("-")), None)
+    parser = build_parser(verb)
+    args = parser.parse_args(words)
+    if args.verb is None:
+        parser.print_help()
+        return 0
+    try:
+        answer: Answer = import_module(f"replay.cli.{args.verb}").run(args)
+        return deliver(args, answer)
+    except KeyboardInterrupt:
+        print("interrupted: what was finished is kept; the same command goes on from there.", file=sys.stderr)
+        return 130
+    except Exception as error:
+        line = _refusal(error)
+        if line is None:
+            raise
+        return deliver_error(args, line)
+
+
+def build_parser(verb: str | None) -> argparse.ArgumentParser:
+    """Only the verb that is asked for is imported, so that `--help` answers at once."""
+    from whyhot import __version__
+
+    parser = argparse.ArgumentParser(
+        prog="whyhot",
+        description="Why is the motor hotter than the model says?",
+        epilog="`whyhot VERB --help` says more. Begin with: whyhot demo",
+    )
+    parser.add_argument("--version", action="version", version=f"whyhot {__version__}")
+    verbs = parser.add_subparsers(dest="verb", metavar="VERB", title="verbs")
+    for name, says in VERBS.items():
+        sub = verbs.add_parser(name, help=says, description=says[0].upper() + says[1:] + ".")
+        if name == verb:
+            import_module(f"replay.cli.{name}").arguments(sub)
+            sub.add_argument("--store", metavar="DIR", help="the store (default: WHYHOT_STORE, else ./whyhot-store)")
+            sub.add_argument("--json", metavar="FILE.json", nargs="?", const="-", help="answer as JSON, to FILE.json or standard output")
+    return parser
+
+
+def _json_words(words: list[str]) -> list[str]:
+    """`--json` takes the next word only if that ends in .json: `--json out.json` -> `--json=out.json`, else `--json=-`."""
+    joined: list[str] = []
+    rest = iter(range(len(words)))
+    for i in rest:
+        if words[i] != "--json":
+            joined.append(words[i])
+        elif i + 1 < len(words) and words[i + 1].endswith(".json"):
+            joined.append(f"--json={words[i + 1]}")
+            next(rest)
+        else:
+            joined.append("--json=-")
+    return joined
+
+
+def _refusal(error: Exception) -> str | None:
+    """The one line of an error that a file, a flag or the machine caused; None for a defect of ours."""
+    if any(base.__name__ in ROOTS for base in type(error).__mro__):
+        return str(error)
+    if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT):
+        return f"{error.filename or 'the store'}: the disk is full: nothing half-written was kept. Free some space and run it again."
+    if isinstance(error, OSError) and error.filename is not None:
+        return f"{error.filename}: {(error.strerror or 'cannot be used').lower()}. Check the path and its permissions."
+    return None

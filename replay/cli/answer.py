@@ -1,0 +1,70 @@
+"""What a verb answers, and how it reaches people (text) and programs (JSON)."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from ingest.store import Store
+
+
+@dataclass(frozen=True)
+class Answer:
+    """`data` goes out with --json, `text` without; `notes` (refusals, warnings) always go to standard error."""
+
+    data: Mapping[str, Any]
+    text: str
+    code: int = 0
+    notes: Sequence[str] = field(default_factory=tuple)
+
+
+def store_folder(args: argparse.Namespace) -> Path:
+    """--store, else WHYHOT_STORE, else ./whyhot-store."""
+    return Path(args.store or os.environ.get("WHYHOT_STORE") or "whyhot-store")
+
+
+def provenance(store: Store | None, **settings: Any) -> dict[str, Any]:
+    """Code version, store head, seeds and settings: what an answer was computed from."""
+    from whyhot import __version__
+
+    head = store.ledger.head() if store else None
+    return {
+        "code": f"whyhot {__version__}",
+        "store_head": {"position": head.position, "root": head.root} if head else None,
+        "seeds": [],
+        "settings": settings,
+    }
+
+
+def deliver(args: argparse.Namespace, answer: Answer) -> int:
+    """Print or write the answer; returns its exit code."""
+    for note in answer.notes:
+        print(note, file=sys.stderr)
+    if args.json is not None:
+        _write_json(args.json, answer.data)
+    if args.json != "-" and answer.text:
+        print(answer.text)
+    return answer.code
+
+
+def deliver_error(args: argparse.Namespace, line: str) -> int:
+    """A refusal: one line on standard error and, with --json, `{"schema", "error"}`. Exit code 2."""
+    print(line, file=sys.stderr)
+    if args.json is not None:
+        _write_json(args.json, {"schema": f"whyhot.{args.verb}/1", "error": line})
+    return 2
+
+
+def _write_json(target: str, data: Mapping[str, Any]) -> None:
+    text = json.dumps(data, indent=2, ensure_ascii=False, allow_nan=False)
+    if target == "-":
+        print(text)
+    else:
+        Path(target).write_text(text + "\n", encoding="utf-8")

@@ -1,0 +1,62 @@
+"""`whyhot doctor`: what a problem report needs."""
+
+from __future__ import annotations
+
+import argparse
+import locale
+import platform
+import shutil
+import sqlite3
+from importlib.metadata import PackageNotFoundError, version
+
+from replay.cli.answer import Answer, provenance, store_folder
+
+PACKAGES = (
+    "numpy",
+    "scipy",
+    "numba",
+    "pyarrow",
+    "duckdb",
+    "mcap",
+    "eventsourcing",
+    "cantools",
+    "matplotlib",
+    "rerun-sdk",
+)
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """No arguments of its own."""
+
+
+def run(args: argparse.Namespace) -> Answer:
+    from ingest.ledger_lock import has_wal_reset_bug
+
+    folder = store_folder(args)
+    free = shutil.disk_usage(next(p for p in (folder, *folder.absolute().parents) if p.exists())).free
+    affected = has_wal_reset_bug()
+    facts = {
+        "python": platform.python_version(),
+        "platform": platform.platform(),
+        "locale": ".".join(part or "?" for part in locale.getlocale()),
+        "sqlite": sqlite3.sqlite_version,
+        "sqlite_wal_reset_bug": affected,
+        "store": str(folder.absolute()),
+        "store_exists": folder.exists(),
+        "free_bytes": free,
+        "packages": {name: _version(name) for name in PACKAGES},
+    }
+    lines = [f"{name:<22}{value}" for name, value in facts.items() if name != "packages"]
+    lines += [f"{name:<22}{found or 'not installed'}" for name, found in facts["packages"].items()]  # type: ignore[attr-defined]
+    if affected:
+        lines.append(
+            "this SQLite can lose data when two processes write at once: whyhot lets only one write, by ledger.lock"
+        )
+    return Answer({"schema": "whyhot.doctor/1", **facts, "provenance": provenance(None)}, "\n".join(lines))
+
+
+def _version(name: str) -> str | None:
+    try:
+        return version(name)
+    except PackageNotFoundError:
+        return None

@@ -1,0 +1,37 @@
+"""`whyhot ingest FILE...`: logs become facts, and every record is accounted for."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from replay.cli.answer import Answer, provenance, store_folder
+
+KINDS = ("wltp", "s1", "s2", "ageing", "dc_check", "insulation_check", "drive", "other")
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("files", metavar="FILE", nargs="+", type=Path, help="log files (BLF, ASC, CSV; .gz where text)")
+    parser.add_argument("--bench", metavar="B", type=Path, help="bench file: what each signal means")
+    parser.add_argument(
+        "--dbc", metavar="D", type=Path, action="append", default=[], help="signal database; may be repeated"
+    )
+    parser.add_argument("--specimen", metavar="S", help="which motor or part; beats the bench file")
+    parser.add_argument("--batch", metavar="B", help="its batch; beats the bench file")
+    parser.add_argument("--kind", choices=KINDS, help="what test it is; beats the bench file and recognition")
+
+
+def run(args: argparse.Namespace) -> Answer:
+    from ingest.intake import prepare, take_in
+    from ingest.sessions import Override
+    from ingest.store import Store
+    from replay.engine.models import for_intake
+    from replay.show.intake import intake_json, intake_text
+
+    setup = prepare(args.files, args.bench, args.dbc, for_intake)
+    with Store.open(store_folder(args), create=True, write=True) as store:
+        intake = take_in(store, args.files, setup, Override(args.specimen, args.batch, args.kind))
+        store.ledger.seal()
+        data = {**intake_json(intake), "provenance": provenance(store, bench=str(args.bench) if args.bench else None)}
+    nothing = not any(one.decode for one in intake.files)
+    return Answer(data, "" if nothing else intake_text(intake), 1 if intake.refused else 0, intake.refusals)

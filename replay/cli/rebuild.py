@@ -1,0 +1,30 @@
+"""`whyhot rebuild`: samples and warehouse again from nothing but sealed bytes and the ledger."""
+
+from __future__ import annotations
+
+import argparse
+
+from replay.cli.answer import Answer, provenance, store_folder
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--verify", action="store_true", help="compare everything with what it was before")
+
+
+def run(args: argparse.Namespace) -> Answer:
+    from analytics.rebuild import rebuild
+    from ingest.intake import redecode
+    from ingest.store import Store
+
+    with Store.open(store_folder(args), write=True) as store:
+        made = rebuild(store, redecode, verify=args.verify)
+        data = {
+            "schema": "whyhot.rebuild/1",
+            "products": made.products,
+            "views": made.views,
+            "differences": list(made.differences),
+            "provenance": provenance(store, verify=args.verify),
+        }
+    compared = ", each equal to what it was" if args.verify and not made.differences else ""
+    text = f"rebuilt {made.products} decoded files and {made.views} views{compared}"
+    return Answer(data, text, 1 if made.differences else 0, [*made.notes, *made.differences])

@@ -1,0 +1,64 @@
+"""`whyhot replay S...`: the twin over recorded sessions, and what it gets wrong."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from replay.cli.answer import Answer, provenance, store_folder
+
+if TYPE_CHECKING:
+    from ingest.store import Store
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "sessions", metavar="S", nargs="*", help="ids or names of sessions (default: every session with a model)"
+    )
+    parser.add_argument(
+        "--model", metavar="M", help="model id, motor name or motor file (default: what the bench file names)"
+    )
+    parser.add_argument(
+        "--level", choices=("testing", "production"), default="testing", help="channels that the twin may start from"
+    )
+    parser.add_argument(
+        "--workers", type=int, default=1, metavar="N", help="processes (default 1); digests do not depend on it"
+    )
+
+
+def run(args: argparse.Namespace) -> Answer:
+    from ingest import facts
+    from ingest.store import Store
+    from replay.engine.campaign import replay_sessions
+    from replay.show.terminal import replay_text
+
+    with Store.open(store_folder(args), write=True) as store:
+        known = facts.at(store.ledger, None)
+        sessions = [known.session(text) for text in args.sessions] or list(known.sessions)
+        outcomes = replay_sessions(store, sessions, _model(store, args.model), args.level, args.workers)
+        runs = [outcome.run for outcome in outcomes if outcome.run]
+        refusals = [outcome.refusal for outcome in outcomes if outcome.refusal]
+        data = {
+            "schema": "whyhot.replay/1",
+            "runs": [{**event.summary, "run": event.run} for event in runs],
+            "refused": refusals,
+            "provenance": provenance(store, level=args.level, model=args.model),
+        }
+    if not runs:
+        return Answer(
+            {**data, "error": refusals[0] if refusals else "no sessions"}, "", 2, refusals or ["no sessions to replay"]
+        )
+    text = replay_text([event.summary for event in runs], f"whyhot report {runs[0].summary['session_name']}")
+    return Answer(data, text, 1 if refusals else 0, refusals)
+
+
+def _model(store: Store, text: str | None) -> str | None:
+    from ingest import facts
+    from replay.engine.models import find_model, publish_model
+
+    if text is None:
+        return None
+    return (
+        publish_model(store, Path(text)) if text.endswith(".toml") else find_model(facts.at(store.ledger, None), text)
+    )

@@ -1,0 +1,24 @@
+"""`whyhot show S`: one session as it was recorded."""
+
+from __future__ import annotations
+
+import argparse
+
+from replay.cli.answer import Answer, provenance, store_folder
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("session", metavar="S", help="id, unique beginning of an id, or name of a session")
+    parser.add_argument("--as-of", metavar="POINT", help="as known at a ledger position or an ISO time")
+
+
+def run(args: argparse.Namespace) -> Answer:
+    from ingest import facts
+    from ingest.catalogue.show import describe, render
+    from ingest.store import Store
+
+    with Store.open(store_folder(args)) as store:
+        known = facts.at(store.ledger, args.as_of)
+        description = describe(store, known, known.session(args.session))
+        data = {**description.to_json(), "provenance": provenance(store, as_of=args.as_of)}
+        return Answer(data, render(description))

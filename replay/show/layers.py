@@ -1,0 +1,190 @@
+"""Layers for the rerun viewer: one .rrd a layer, all of one session in one recording, so that they lie over one another.
+
+Files with the same application and recording id and different entity paths overlay; so the recording id is the session's.
+Paths: `measured/<node>/<channel>`, `inputs/<quantity>/<channel>`, `phase/<channel>`; `open_loop/<model>/<node>`,
+`residual/<model>/<node>/<channel>`, `masked/<model>/<channel>`, `heat/<model>`; `answer/...` for text. Every function
+raises ViewerError where rerun is not installed.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ingest.catalogue.channels import ChannelData
+from ingest.events import SessionRecorded
+from replay.engine.run import Run
+from replay.errors import ViewerError
+from replay.show import words
+from replay.show.blueprint import APPLICATION, colour, of_channels, of_run, path
+from replay.show.findings import answer, channel_errors, finding
+
+if TYPE_CHECKING:
+    import rerun
+
+MEASURED_WIDTH, MODEL_WIDTH = 2.2, 1.4
+STARTS_S = 2.0  # a viewer that runs this long has started
+MISSING = 'the rerun viewer is not installed: pip install "whyhot[view]"'
+
+
+def write_measured(
+    session: SessionRecorded, channels: Sequence[ChannelData], target: Path, run: Run | None = None
+) -> None:
+    """What was recorded, at its own rate: temperatures of nodes, inputs by quantity, states as phases.
+
+    `run`: the replay that is opened along; both layers then bring the same layout, whichever is read first.
+    """
+    rr = _rerun()
+    full = [channel for channel in channels if channel.t_ns.size]
+    with _recording(session.session, session.name, target, of_run(run) if run else of_channels(full)) as stream:
+        _write_text(stream, path("answer", "recording"), _about(session, full))
+        for i, channel in enumerate(full):
+            where, times = measured_path(channel), _times(channel.t_ns, session.absolute)
+            if channel.spec.quantity == "state":
+                changes = np.flatnonzero(np.r_[True, np.diff(channel.value) != 0])
+                states = [words.number(value) for value in channel.value[changes]]
+                stream.send_columns(
+                    where, [_times(channel.t_ns[changes], session.absolute)], rr.StateChange.columns(state=states)
+                )
+                continue
+            name = f"{channel.spec.name} [{channel.spec.stored_unit}]"
+            _style(stream, where, name, colour(i), MEASURED_WIDTH)
+            stream.send_columns(where, [times], rr.Scalars.columns(scalars=channel.value))
+
+
+def measured_path(channel: ChannelData) -> str:
+    """Entity path of a recorded channel."""
+    spec = channel.spec
+    if spec.quantity == "state":
+        return path("phase", spec.name)
+    if spec.quantity == "temperature" and spec.role == "observed":
+        return path("measured", spec.node or spec.name, spec.name)
+    return path("inputs", spec.quantity, spec.name)
+
+
+def write_open_loop(run: Run, target: Path) -> None:
+    """What the model says: every node's temperature, each channel's residual and masked stretches, the network's heat."""
+    _rerun()
+    model = words.short(run.model)
+    with _recording(run.session, run.session_name, target, of_run(run)) as stream:
+        _write_text(stream, path("answer", model), _findings(run))
+        for i, node in enumerate(run.nodes):
+            where = path("open_loop", model, node)
+            _style(stream, where, f"{words.name(node)} model", colour(i, dark=False), MODEL_WIDTH)
+            _send(stream, where, run.t_ns, run.temperatures[:, i], run.absolute)
+        for observed in run.observed:
+            where = path("residual", model, observed.node, observed.channel)
+            _style(stream, where, f"{observed.channel} − model [K]", colour(_index(run, observed.node)), MODEL_WIDTH)
+            _send(stream, where, observed.t_ns, np.where(observed.used, observed.residual, np.nan), run.absolute)
+            if not observed.used.all():
+                _write_masked(
+                    stream, path("masked", model, observed.channel), observed.t_ns, observed.used, run.absolute
+                )
+        _style(stream, path("heat", model), "the network's heat [W]", colour(1), MODEL_WIDTH)
+        _send(stream, path("heat", model), run.t_ns[:-1], run.losses_W, run.absolute)
+
+
+def _rerun() -> Any:
+    try:
+        import rerun
+    except ImportError as error:
+        raise ViewerError(MISSING) from error
+    return rerun
+
+
+@contextmanager
+def _recording(recording_id: str, name: str, target: Path, blueprint: Any) -> Iterator[rerun.RecordingStream]:
+    rr = _rerun()
+    stream = rr.RecordingStream(APPLICATION, recording_id=recording_id)
+    stream.save(target, default_blueprint=blueprint)
+    stream.send_recording_name(name)
+    try:
+        yield stream
+    finally:
+        stream.flush()
+        stream.disconnect()
+
+
+def _times(t_ns: NDArray[np.int64], absolute: bool) -> Any:
+    """The timeline `time` in UTC, or `since_start` without absolute time: one application holds one type under one name."""
+    rr = _rerun()
+    if absolute:
+        return rr.TimeColumn("time", timestamp=t_ns.astype("datetime64[ns]"))
+    return rr.TimeColumn("since_start", duration=t_ns.astype("timedelta64[ns]"))
+
+
+def _send(stream: Any, where: str, t_ns: NDArray[np.int64], values: NDArray[np.float64], absolute: bool) -> None:
+    stream.send_columns(where, [_times(t_ns, absolute)], _rerun().Scalars.columns(scalars=values))
+
+
+def _style(stream: Any, where: str, name: str, rgba: int, width: float) -> None:
+    rr = _rerun()
+    stream.log(where, rr.SeriesLines(colors=[rgba], widths=[width], names=[name]), static=True)
+
+
+def _write_masked(stream: Any, where: str, t_ns: NDArray[np.int64], used: NDArray[np.bool_], absolute: bool) -> None:
+    rr = _rerun()
+    changes = np.flatnonzero(np.r_[True, np.diff(used)])
+    states = ["used" if used[i] else "masked" for i in changes]
+    stream.log(where, rr.StateConfiguration(values=["used", "masked"], colors=[colour(2), colour(1)]), static=True)
+    stream.send_columns(where, [_times(t_ns[changes], absolute)], rr.StateChange.columns(state=states))
+
+
+def _write_text(stream: Any, where: str, markdown: str) -> None:
+    stream.log(where, _rerun().TextDocument(markdown, media_type="text/markdown"), static=True)
+
+
+def _index(run: Run, node: str) -> int:
+    return run.nodes.index(node) if node in run.nodes else len(run.nodes)
+
+
+def _about(session: SessionRecorded, channels: Sequence[ChannelData]) -> str:
+    seconds = (session.end_ns - session.start_ns) / 1e9
+    rows = "\n".join(f"- {c.spec.name}: {c.spec.quantity}, {c.t_ns.size:,} samples" for c in channels)
+    return f"# {session.name}\n{session.kind} ({session.kind_why}), {words.duration(seconds)}\n\n{rows}\n"
+
+
+def _findings(run: Run) -> str:
+    rows = "\n".join(f"- {finding(error)}" for error in channel_errors(run.summary))
+    source = f"Model {run.motor} {words.short(run.model)}, open loop; digest {words.short(run.digest)}. Residual: measured minus model."
+    return f"# {run.session_name}\n{answer([run.summary])}\n\n{rows}\n\n{source}\n"
+
+
+def view(paths: Sequence[Path]) -> None:
+    """Open layers in the viewer and return; it listens on this machine only, and its usage statistics are switched off.
+
+    Raises ViewerError where rerun is not installed or the viewer stops at once.
+    """
+    program = _program()
+    subprocess.run([program, "analytics", "disable"], capture_output=True, check=False)
+    command = [program, "--bind", "127.0.0.1", "--port", "auto", *map(str, paths)]
+    with tempfile.TemporaryFile() as said:  # not a pipe: the viewer outlives this process
+        viewer = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=said, stderr=said, start_new_session=True)
+        try:
+            code = viewer.wait(STARTS_S)
+        except subprocess.TimeoutExpired:
+            viewer.returncode = 0  # left running on purpose
+            return
+        said.seek(0)
+        why = (said.read().decode(errors="replace").strip().splitlines() or ["no reason given"])[-1]
+    if code:
+        raise ViewerError(
+            f"the rerun viewer stopped at once: {why}. Is there a display? To try again: rerun {' '.join(map(str, paths))}"
+        )
+
+
+def _program() -> str:
+    """The viewer itself: `rerun` on the path is a Python wrapper, and killing that leaves the viewer behind."""
+    found = find_spec("rerun_cli")
+    if found is None or found.origin is None:
+        raise ViewerError(MISSING)
+    return str(Path(found.origin).with_name("rerun.exe" if sys.platform == "win32" else "rerun"))

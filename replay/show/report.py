@@ -1,0 +1,93 @@
+"""The report of a replay: one HTML file that asks for nothing, reads in light and dark and prints on A4."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from importlib.resources import files
+from pathlib import Path
+
+from jinja2 import Environment, StrictUndefined, Template
+from markupsafe import Markup
+
+from replay.engine.run import Observed, Run
+from replay.show import words
+from replay.show.error_maps import error_along, error_map
+from replay.show.figure import Plot
+from replay.show.findings import answer, channel_errors, power_balance
+from replay.show.palette import variables
+from replay.show.plots import groups, inputs_over_time, over_time
+
+COLUMNS = 600  # pixel columns that a line is thinned to ...
+LINES = 120  # ... up to this many lines; above, each gets fewer, so that the file stays under 5 MB
+
+
+@dataclass(frozen=True)
+class ReportContext:
+    """Where the report comes from: the command typed, the store's head, versions of what computed it (name -> version)."""
+
+    command: str
+    store_head: str
+    versions: Mapping[str, str]
+
+
+@dataclass(frozen=True)
+class SessionPlots:
+    """One session's part of the report."""
+
+    run: Run
+    start: str
+    plots: Sequence[Plot]
+
+
+def write_report(runs: Sequence[Run], target: Path, context: ReportContext) -> None:
+    """Write the report of one replay (a run a session, in the order wanted) to `target`. The same runs give the same bytes."""
+    summaries = [run.summary for run in runs]
+    page = _template().render(
+        answer=answer(summaries),
+        runs=runs,
+        errors={run.session: channel_errors(run.summary) for run in runs},
+        sessions=_sessions(runs),
+        maps=[plot for plot in (error_map(runs), error_along(runs)) if plot is not None],
+        balances=power_balance(summaries),
+        notes=[(run.session_name, run.summary["note"]) for run in runs if run.summary.get("note")],
+        context=context,
+        light=variables(dark=False),
+        dark=variables(dark=True),
+    )
+    target.write_text(page, encoding="utf-8")
+
+
+def _template() -> Template:
+    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    environment.filters.update(
+        kelvin=words.kelvin,
+        unbroken=lambda text: re.sub(r"(?<=\d) (?=[°A-Za-z])", "\N{NO-BREAK SPACE}", text),
+        signed_kelvin=words.signed_kelvin,
+        where=words.where,
+        nodename=words.name,
+        duration=words.duration,
+        clock=words.clock,
+        svg=Markup,  # drawn by us, with every name escaped
+    )
+    return environment.from_string(files("replay.show").joinpath("report.html.j2").read_text(encoding="utf-8"))
+
+
+def _sessions(runs: Sequence[Run]) -> list[SessionPlots]:
+    grouped = [(run, groups(run)) for run in runs]
+    lines = sum(3 * len(group) for _, of_run in grouped for group in of_run) + sum(len(run.inputs) for run in runs)
+    columns = min(COLUMNS, COLUMNS * LINES // max(lines, 1))
+    return [SessionPlots(run, _start(run), _plots(run, of_run, columns)) for run, of_run in grouped]
+
+
+def _plots(run: Run, of_run: Sequence[Sequence[Observed]], columns: int) -> list[Plot]:
+    inputs = inputs_over_time(run, columns)
+    return [*(over_time(run, group, columns) for group in of_run), *([inputs] if inputs else [])]
+
+
+def _start(run: Run) -> str:
+    if not run.absolute:
+        return "no absolute time"
+    return f"{datetime.fromtimestamp(int(run.t_ns[0]) // 10**9, UTC):%Y-%m-%d %H:%M:%S} UTC"

@@ -1,0 +1,68 @@
+"""The replay as text, 100 columns wide: the answer first, the next command last."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from replay.show import words
+from replay.show.findings import ChannelError, answer, channel_errors, power_balance
+
+WIDTH = 100
+INDENT = 18
+
+
+def replay_text(summaries: Sequence[Mapping[str, Any]], next_command: str) -> str:
+    """What `whyhot replay` prints: answer, a few lines a session, the next command. No colours, no trailing newline."""
+    lines = _labelled("What is wrong", answer(summaries))
+    for summary in summaries:
+        lines += ["", *_session(summary)]
+    for text in power_balance(summaries):
+        lines += ["", *_labelled("Power balance", text)]
+    return "\n".join([*lines, "", *_labelled("Next", next_command)])
+
+
+def _labelled(label: str, text: str) -> list[str]:
+    wrapped = textwrap.wrap(text, WIDTH - INDENT, break_long_words=False, break_on_hyphens=False) or [""]
+    return [f"{label if i == 0 else '':<{INDENT}}{line}".rstrip() for i, line in enumerate(wrapped)]
+
+
+def _session(summary: Mapping[str, Any]) -> Iterator[str]:
+    head = f"{summary['kind']}, {words.duration(summary['duration_s'])}, model {summary['motor']} {words.short(summary['model'])}"
+    yield from textwrap.wrap(
+        f"{summary['session_name']}   {head}, digest {words.short(summary['digest'])}", WIDTH, subsequent_indent="  "
+    )
+    errors = channel_errors(summary)
+    if not errors:
+        yield "  no channel of this session observes a node of the model with usable samples"
+        return
+    label = {id(e): _label(e, errors) for e in errors}
+    width = max(map(len, label.values()))
+    yield f"  {'':<{width}}   {'mean':>7}  {'worst':>7}  {'bias':>7}   measured minus model"
+    for error in errors:
+        figures = (
+            f"{words.kelvin(error.mae_K):>7}  {words.kelvin(error.max_K):>7}  {words.signed_kelvin(error.bias_K):>7}"
+        )
+        yield from _row(f"  {label[id(error)]:<{width}}   {figures}   ", _verdict(error))
+
+
+def _label(error: ChannelError, errors: Sequence[ChannelError]) -> str:
+    shared = sum(other.node == error.node for other in errors) > 1
+    return f"{words.name(error.node)} ({error.channel})" if shared else words.name(error.node)
+
+
+def _verdict(error: ChannelError) -> str:
+    if error.within_floor:
+        verdict = f"within its floor ({words.kelvin(error.floor_K)})"
+    else:
+        place = words.where(error.where)
+        verdict = f"model {error.direction}" + (
+            f", most {place}" if place else f", worst at {words.clock(error.max_at_s)}"
+        )
+    return verdict + (f"; {error.masked:,} steps masked" if error.masked else "")
+
+
+def _row(start: str, text: str) -> list[str]:
+    lines = textwrap.wrap(text, max(WIDTH - len(start), 30), break_long_words=False, break_on_hyphens=False)
+    return [f"{start if i == 0 else ' ' * len(start)}{line}" for i, line in enumerate(lines)]

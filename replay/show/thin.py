@@ -1,0 +1,33 @@
+"""Long series made short without losing an extreme: first lowest and highest sample of every pixel column."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+GAP = 5  # a hole this many median steps long is drawn as a gap
+
+
+def thin(t: Floats, y: Floats, columns: int) -> tuple[Floats, Floats]:
+    """At most three points a column of time: lowest, highest, and a NaN where one was missing. `t` strictly ascending; both (N,)."""
+    if t.size <= 2 * columns:
+        return t, y
+    column = np.minimum((t - t[0]) / (t[-1] - t[0]) * columns, columns - 1).astype(np.int64)
+    finite, missing = np.flatnonzero(np.isfinite(y)), np.flatnonzero(~np.isfinite(y))
+    order = finite[np.lexsort((y[finite], column[finite]))]
+    new = np.flatnonzero(np.diff(column[order])) + 1  # where the next column begins, in `order`
+    lowest, highest = order[np.r_[0, new][: order.size]], order[np.r_[new, order.size][: order.size] - 1]
+    gaps = missing[np.unique(column[missing], return_index=True)[1]]
+    keep = np.unique(np.concatenate([lowest, highest, gaps]))
+    return t[keep], y[keep]
+
+
+def with_gaps(t: Floats, y: Floats, used: NDArray[np.bool_]) -> tuple[Floats, Floats]:
+    """`y` as NaN where it is not `used`, and a NaN in every hole of `t` that is longer than 5 median steps. All (N,)."""
+    y = np.where(used, y, np.nan)
+    if t.size < 3:
+        return t, y
+    step = np.diff(t)
+    holes = np.flatnonzero(step > GAP * np.median(step)) + 1
+    return np.insert(t, holes, (t[holes - 1] + t[holes]) / 2), np.insert(y, holes, np.nan)

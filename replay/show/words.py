@@ -1,0 +1,86 @@
+"""Numbers and places in plain words, with units. Text only: nothing here may slow the command line down."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+PLACES: Mapping[str, tuple[str, str]] = {  # key of `where` -> words before, unit after; the most telling first
+    "speed_rpm": ("at", "rpm"),
+    "current_A": ("at", "A"),
+    "temperature_degC": ("when it is at", "°C"),
+    "torque_Nm": ("at", "Nm"),
+}
+
+
+def kelvin(value: float) -> str:
+    """`4.36` -> "4.4 K"."""
+    return f"{value:.1f} K"
+
+
+def signed(value: float) -> str:
+    """`4.36` -> "+4.4"; zero has no sign."""
+    return "0.0" if abs(value) < 0.05 else f"{value:+.1f}".replace("-", "−")
+
+
+def signed_kelvin(value: float) -> str:
+    """`4.36` -> "+4.4 K"."""
+    return f"{signed(value)} K"
+
+
+def number(value: float) -> str:
+    """Whole, or with one decimal below 10; thousands with a comma: "3,000", "104", "2.5"."""
+    return f"{value:,.0f}" if abs(value) >= 10 or value == round(value) else f"{value:.1f}"
+
+
+def rounded(value: float) -> float:
+    """To two significant digits above 100, to whole numbers below: bounds of a range carry no more."""
+    if abs(value) < 100:
+        return float(round(value))
+    step = 10.0 ** (len(str(int(abs(value)))) - 2)
+    return round(value / step) * step
+
+
+def clock(seconds: float) -> str:
+    """Seconds since the start of a session as h:mm:ss."""
+    whole = round(seconds)
+    return f"{whole // 3600}:{whole // 60 % 60:02}:{whole % 60:02}"
+
+
+def duration(seconds: float) -> str:
+    """ "45 s", "12 min", "2 h 40 min"."""
+    if seconds < 90:
+        return f"{seconds:.0f} s"
+    minutes = round(seconds / 60)
+    return f"{minutes} min" if minutes < 60 else f"{minutes // 60} h {minutes % 60:02} min"
+
+
+def where(places: Mapping[str, Sequence[float]], told: int = 2) -> str:
+    """`{"speed_rpm": [3000, 4000]}` -> "at 3,000 to 4,000 rpm", the `told` most telling; "" where the error is spread evenly."""
+    parts = [
+        f"{before} {number(rounded(places[key][0]))} to {number(rounded(places[key][1]))} {unit}"
+        for key, (before, unit) in PLACES.items()
+        if key in places and not (key == "torque_Nm" and "current_A" in places)
+    ]
+    if "t_s" in places:
+        parts.append(f"from {clock(places['t_s'][0])} to {clock(places['t_s'][1])}")
+    return joined(parts[:told])
+
+
+def joined(parts: Sequence[str]) -> str:
+    """ "a", "a and b", "a, b and c"."""
+    return " and ".join(filter(None, [", ".join(parts[:-1]), *parts[-1:]]))
+
+
+def name(identifier: str) -> str:
+    """`rotor_surface` -> "rotor surface"."""
+    return identifier.replace("_", " ")
+
+
+def capital(text: str) -> str:
+    """First letter upper case, the rest as it is."""
+    return text[:1].upper() + text[1:]
+
+
+def short(digest: str) -> str:
+    """First eight characters of a hash: enough to tell two apart by eye."""
+    return digest[:8]
