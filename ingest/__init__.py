@@ -1,0 +1,1 @@
+"""Logs become facts: readers, recordings, decoded samples, the ledger, sessions and the catalogue."""
