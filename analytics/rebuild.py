@@ -57,9 +57,8 @@ def _before(store: Store) -> tuple[dict[str, str], tuple[str, ...]]:
 
 
 def _products(facts: Facts) -> dict[tuple[str, str], str]:
-    """(decode, file) -> SHA-256 of everything that the sessions read."""
-    used = {file["decode"] for session in facts.sessions for file in session.files}
-    return {(one, file): sha for one in sorted(used) for file, sha in facts.decodes[one].products.items()}
+    """(decode, file) -> SHA-256 of everything that was decoded."""
+    return {(one.decode, file): sha256 for one in facts.decodes.values() for file, sha256 in one.products.items()}
 
 
 def _differences(store: Store, named: dict[tuple[str, str], str]) -> list[str]:

@@ -41,6 +41,7 @@ RESIDUALS = {
     "first_record": "BIGINT",
     "last_record": "BIGINT",
     "speed_rpm": "DOUBLE",
+    "torque_Nm": "DOUBLE",
     "current_A": "DOUBLE",
 }
 VALUES = {
@@ -103,10 +104,15 @@ def _temperatures(connection: duckdb.DuckDBPyConnection) -> Iterable[str]:
 
 
 def _residuals(connection: duckdb.DuckDBPyConnection) -> Iterable[str]:
-    """One branch for each kind of file; a column that it lacks is null."""
+    """One branch for each kind of file; a column that it lacks is null, and so is a number that is not finite."""
     for schema, files in _alike({file: _schema(file) for file in _artefacts(connection, "residuals")}).items():
         there = dict(schema)
-        yield _branch(files, ", ".join(name(column) if column in there else "NULL" for column in RESIDUALS))
+        yield _branch(files, ", ".join(_or_null(column) if column in there else "NULL" for column in RESIDUALS))
+
+
+def _or_null(column: str) -> str:
+    called = name(column)
+    return f"CASE WHEN isfinite({called}) THEN {called} END" if RESIDUALS[column] == "DOUBLE" else called
 
 
 def _artefacts(connection: duckdb.DuckDBPyConnection, kind: str) -> list[str]:

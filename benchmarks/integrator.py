@@ -23,6 +23,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
+sys.path[:] = [
+    place for place in sys.path if Path(place) != Path(__file__).parent
+]  # else ingest.py here hides the package
+
 from replay.engine.kernel_cache import load
 from replay.engine.motor_file import read_motor
 from twin.features import evaluate, monomial, monomials
@@ -85,7 +89,7 @@ def wltp_like() -> dict[str, Floats]:
                 corners_t, corners_v = [*corners_t, corners_t[-1] + rng.uniform(3, 25)], [*corners_v, target]
     t = np.arange(1800 * RATE_HZ) / RATE_HZ
     speed = np.interp(t, corners_t, corners_v) / 150.0
-    wheel = 0.03 + 0.1 * speed**2 + 38.0 * np.gradient(speed, t)  # rolling, air, inertia
+    wheel = 0.03 + 0.1 * speed**2 + 12.0 * np.gradient(speed, t)  # rolling, air, inertia of 1.8 t
     return {"speed": speed, "current": np.minimum(np.abs(wheel * (speed > 0)), 1.0)}
 
 
@@ -109,8 +113,8 @@ def frame(network: Network, drive: Mapping[str, Floats], step_s: float) -> Frame
 
 
 def initial_of(network: Network) -> Floats:
-    """A cold motor."""
-    return np.full(len(network.nodes), AMBIENT_DEGC)
+    """A motor at the temperature of its coolant."""
+    return np.full(len(network.nodes), COOLANT_DEGC)
 
 
 # --- The tight solution ------------------------------------------------------------------------------------------------------

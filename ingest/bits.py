@@ -85,7 +85,7 @@ def extract(payloads: Payloads, layout: Layout) -> NDArray[np.float64]:
         return _scaled(values, layout)
     top, down = _at_top(payloads, layout), 64 - layout.length
     integers = top.view(np.int64) >> np.int64(down) if layout.signed else top >> np.uint64(down)
-    if isinstance(layout.scale, int) and abs(layout.scale) * 2**layout.length > EXACT and layout.scale != 1:
+    if isinstance(layout.scale, int) and abs(layout.scale) * 2**layout.length > EXACT and not _is_raw(layout):
         return (integers.astype(object) * layout.scale + layout.offset).astype(np.float64)
     return _scaled(integers.astype(np.float64), layout)
 
@@ -106,7 +106,11 @@ def _at_top(payloads: Payloads, layout: Layout) -> Words:
 
 
 def _scaled(values: NDArray[np.float64], layout: Layout) -> NDArray[np.float64]:
-    if layout.scale == 1 and layout.offset == 0:
+    if _is_raw(layout):
         return values
     with np.errstate(over="ignore", invalid="ignore"):  # an infinite or undefined float in a payload stays one
         return values * layout.scale + layout.offset
+
+
+def _is_raw(layout: Layout) -> bool:
+    return layout.scale == 1 and layout.offset == 0

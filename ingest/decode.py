@@ -62,7 +62,7 @@ def decode_file(
     messages, notes = merged(databases)
     batches, texts = _texts(recording.read(path))
     groups = groups_of(reading, messages)
-    missing = plan(groups, channels, bench, texts)
+    said = {"databases": notes, "missing": plan(groups, channels, bench, texts)}
     specimens = Specimens(bench, reading.columns)
     work = _Work(groups, held.collect(path, groups), raw, folder)
     for _, batch in batches:
@@ -70,34 +70,44 @@ def decode_file(
         work.add(batch)
     rows = work.close()
     written = [group for group in groups if group.name in rows]
-    balance = work.account.balance(reading, sum(rows.values()))
-    result, why = outcome(reading, balance)
-    notable = {
-        "databases": notes,
-        "missing": missing,
-        "wrong_length": dict(sorted(work.account.wrong_length.items())),
-        "rejected": work.account.reasons(recording.read_rejected(path) if reading.rejected else ()),
-    }
     return DecodeCompleted(
-        decode=decode_id(raw, [database.sha256 for database in databases], bench.sha256 if bench else None),
-        raw=raw,
-        bench=bench.sha256 if bench else None,
-        databases=[database.sha256 for database in databases],
-        decoder=DECODER,
-        outcome=result,
-        why=why,
-        absolute=reading.absolute,
-        start_ns=reading.start_ns,
-        end_ns=reading.end_ns,
-        balance=balance,
-        unknown_ids=dict(sorted(work.account.unknown_id.items())),
-        rejections=work.account.rejections(reading),
-        settings={**reading.settings, **{name: value for name, value in notable.items() if value}},
+        **_identity(raw, databases, bench),
+        **_outcome(reading, path, work.account, sum(rows.values()), said),
         groups=[_group_entry(group, rows[group.name]) for group in written],
         channels=[output.channel for group in written for output in group.outputs if output.channel],
         products={name: _sha256(folder / name) for name in [RECORDING, *(group.file for group in written)]},
         parts=specimens.parts(),
     )
+
+
+def _identity(raw: str, databases: Sequence[Database], bench: Bench | None) -> dict[str, Any]:
+    shas, sha = [database.sha256 for database in databases], bench.sha256 if bench else None
+    return {"decode": decode_id(raw, shas, sha), "raw": raw, "bench": sha, "databases": shas, "decoder": DECODER}
+
+
+def _outcome(
+    reading: Reading, path: Path, account: Account, decoded: int, said: Mapping[str, list[str]]
+) -> dict[str, Any]:
+    """What the event says of the records. Raises IngestError where the balance does not hold."""
+    account.refuse(recording.read_rejected(path) if reading.rejected else ())
+    balance = account.balance(reading, decoded)
+    result, why = outcome(reading, account, balance)
+    notable = {
+        **said,
+        "wrong_length": dict(sorted(account.wrong_length.items())),
+        "rejected": account.reasons(),
+    }
+    return {
+        "outcome": result,
+        "why": why,
+        "absolute": reading.absolute,
+        "start_ns": reading.start_ns,
+        "end_ns": reading.end_ns,
+        "balance": balance,
+        "unknown_ids": dict(sorted(account.unknown_id.items())),
+        "rejections": account.rejections(),
+        "settings": {**reading.settings, **{name: value for name, value in notable.items() if value}},
+    }
 
 
 def _texts(batches: Iterable[Batch]) -> tuple[Iterator[Batch], set[str]]:

@@ -95,7 +95,9 @@ class DecodeCompleted(Event):
     groups: list[dict[str, Any]] = field(default_factory=list)
     channels: list[dict[str, Any]] = field(default_factory=list)
     products: dict[str, str] = field(default_factory=dict)
-    parts: list[dict[str, Any]] = field(default_factory=list)  # ingest.sessions.parts, where a table holds many specimens
+    parts: list[dict[str, Any]] = field(
+        default_factory=list
+    )  # ingest.sessions.parts, where a table holds many specimens
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -153,7 +155,9 @@ class ReplayCompleted(Event):
     digest: str
     environment: dict[str, str]
     artefacts: dict[str, str]
-    summary: dict[str, Any]  # the run's entry of `replay --json`: mae_K, max_K, bias_K by node, and channels with `where`
+    summary: dict[
+        str, Any
+    ]  # the run's entry of `replay --json`: mae_K, max_K, bias_K by node, and channels with `where`
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -170,7 +174,7 @@ class ReplayDiverged(Event):
 
 @dataclass(frozen=True, kw_only=True)
 class LedgerSealed(Event):
-    """`ledger-0`: Merkle root over every stored column of all events before this one, and its own position."""
+    """`ledger-0`: Merkle root over every stored column of all events up to `position`, the one before this."""
 
     TOPIC: ClassVar[str] = "whyhot:LedgerSealed"
     position: int

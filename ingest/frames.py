@@ -6,9 +6,9 @@ from collections.abc import Collection, Iterator
 from functools import cache
 
 import numpy as np
-import pyarrow as pa
 from numpy.typing import NDArray
 
+from ingest.arrow import from_numpy, to_numpy
 from ingest.bits import Payloads, extract, padded, raw
 from ingest.databases import Message
 from ingest.formats import ERROR, REMOTE, Frames
@@ -28,8 +28,8 @@ class FrameBatch:
     def by_identifier(self) -> Iterator[tuple[int, int, Positions]]:
         """(bus, can_id, positions of its frames with data, in the order of the file): one stable sort for all."""
         with_data = np.flatnonzero((self.frames.flags & (REMOTE | ERROR)) == 0)
-        coded = pa.array(self.frames.can_id[with_data]).dictionary_encode()
-        codes, count = coded.indices.to_numpy(), len(coded.dictionary)
+        coded = from_numpy(self.frames.can_id[with_data]).dictionary_encode()
+        codes, count = to_numpy(coded.indices), len(coded.dictionary)
         order = np.argsort(codes.astype(np.uint16) if count < 2**16 else codes, kind="stable")
         stops = np.cumsum(np.bincount(codes, minlength=count)).tolist()
         for can_id, start, stop in zip(coded.dictionary.to_pylist(), [0, *stops], stops, strict=False):

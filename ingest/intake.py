@@ -209,12 +209,12 @@ def _read(known: Facts, path: Path, setup: Setup, work: Path) -> Taken | _Read:
     try:
         form = recognise(path).name
     except UnreadableLogError as error:
-        return Taken(path.name, size, "", None, known=False, refusal=str(error))
+        return Taken(_name(path), size, "", None, known=False, refusal=str(error))
     with path.open("rb") as file:
         raw = hashlib.file_digest(file, "sha256").hexdigest()
     before = known.decodes.get(_decode_id(raw, setup))
     if before and before.outcome != "quarantined":
-        return Taken(path.name, size, raw, before, known=True, refusal=None)
+        return Taken(_name(path), size, raw, before, known=True, refusal=None)
     return _record(path, raw, form, setup, work)
 
 
@@ -231,22 +231,22 @@ def _keep(store: Store, known: Facts, one: _Read, setup: Setup, channels: Sequen
     """Seal the bytes, then the products, then the events that name them."""
     size = one.path.stat().st_size
     if store.archive.seal(one.path) != one.raw:
-        raise IngestError(f"{one.path.name}: changed while it was read: wait until it is whole, then ingest it again.")
-    if one.raw not in known.files or known.files[one.raw].name != one.path.name:
-        sealed = RawFileSealed(sha256=one.raw, name=one.path.name, size=size, format=one.form)
+        raise IngestError(
+            f"{_name(one.path)}: changed while it was read: wait until it is whole, then ingest it again."
+        )
+    if one.raw not in known.files or known.files[one.raw].name != _name(one.path):
+        sealed = RawFileSealed(sha256=one.raw, name=_name(one.path), size=size, format=one.form)
         store.ledger.append(f"file-{one.raw}", sealed)
     decode = _decode(store, one, one.reading, setup, channels) if one.reading else _quarantined(one, setup)
     before = known.decodes.get(decode.decode)
     if before is None or before.why != decode.why:
         store.ledger.append(f"file-{one.raw}", decode)
     for twin in known.files.values():
-        if twin.name == one.path.name and twin.sha256 != one.raw and one.raw not in known.files:
-            says = (
-                f"{one.path.name}: another file of this name was ingested before, with other bytes ({twin.sha256[:12]})"
-            )
+        if twin.name == _name(one.path) and twin.sha256 != one.raw and one.raw not in known.files:
+            says = f"{_name(one.path)}: another file of this name was ingested before, with other bytes ({twin.sha256[:12]})"
             flag = QualityFlagged(flag="same_name_other_bytes", says=says, detail={"other": twin.sha256})
             store.ledger.append(f"file-{one.raw}", flag)
-    return Taken(one.path.name, size, one.raw, decode, known=False, refusal=one.why)
+    return Taken(_name(one.path), size, one.raw, decode, known=False, refusal=one.why)
 
 
 def _decode(
@@ -258,6 +258,11 @@ def _decode(
     decode = decode_file(reading, one.raw, setup.databases, setup.bench, channels, made)
     store.publish(made, decode.decode)
     return decode
+
+
+def _name(path: Path) -> str:
+    """The file's name as text that can be kept: what is no UTF-8 in it becomes a question mark."""
+    return path.name.encode("utf-8", "replace").decode("utf-8")
 
 
 def _decode_id(raw: str, setup: Setup) -> str:

@@ -32,6 +32,8 @@ from ingest.ledger_lock import WriterLock, reading_uri
 __all__ = ["Head", "Ledger", "Recorded"]
 
 SEALS = "ledger-0"  # the stream of the seals
+Factory = InfrastructureFactory[TrackingRecorder]
+Connection = tuple[Factory, ApplicationRecorder]
 FOR_EVER = "9999"  # after every recorded time
 
 
@@ -46,8 +48,10 @@ class Ledger:
         self._lock = WriterLock(folder / "ledger.lock") if write else None
         self._tree, self._position = Tree(), 0  # over the rows that this object has seen
         self._env = _environment(self.path, write, create)
+        self._connection: Connection | None = None
         try:
-            self._connect()
+            with self._plain_words():
+                self._recorder()
         except BaseException:
             self.close()
             raise
@@ -106,7 +110,7 @@ class Ledger:
         """The stored rows from position `start` to `stop`, unchecked, read `at_once`. Raises LedgerError."""
         while True:
             with self._plain_words():
-                page = self._recorder.select_notifications(start, at_once, stop, topics)
+                page = self._recorder().select_notifications(start, at_once, stop, topics)
             yield from page
             if len(page) < at_once:
                 return
@@ -133,30 +137,43 @@ class Ledger:
 
     def close(self) -> None:
         """End all connections and let the next writer in."""
-        if hasattr(self, "_factory"):
-            self._factory.close()
+        self._disconnect()
         if self._lock is not None:
             self._lock.close()
             self._lock = None
 
-    def _connect(self) -> None:
-        with self._plain_words():
-            factory: InfrastructureFactory[TrackingRecorder] = InfrastructureFactory.construct(self._env)
-            self._factory = factory
-            self._recorder: ApplicationRecorder = factory.application_recorder()
+    def _recorder(self) -> ApplicationRecorder:
+        """The rows, over a connection that is made where there is none. Raises what the database complains of."""
+        if self._connection is None:
+            self._connection = self._connect()
+        return self._connection[1]
+
+    def _connect(self) -> Connection:
+        factory: Factory = InfrastructureFactory.construct(self._env)
+        try:
+            recorder = factory.application_recorder()
             if self.is_file and self._lock is not None:
                 with factory.datastore.get_connection(commit=True) as connection:  # type: ignore[attr-defined]
                     connection.cursor().execute("PRAGMA synchronous=FULL")  # some builds sync less in WAL mode
+        except BaseException:
+            factory.close()
+            raise
+        return factory, recorder
+
+    def _disconnect(self) -> None:
+        if self._connection is not None:
+            self._connection[0].close()
+            self._connection = None
 
     def _last(self) -> Recorded | None:
         with self._plain_words():
-            position = self._recorder.max_notification_id()
-            rows = self._recorder.select_notifications(position, 1) if position else []
+            position = self._recorder().max_notification_id()
+            rows = self._recorder().select_notifications(position, 1) if position else []
         return decode(rows[0], rows[0].id) if rows else None
 
     def _tail(self, stream: str) -> Recorded | None:
         with self._plain_words():
-            rows = self._recorder.select_events(stream, desc=True, limit=1)
+            rows = self._recorder().select_events(stream, desc=True, limit=1)
         return decode(rows[0], 0) if rows else None
 
     def _insert(self, rows: Sequence[StoredEvent]) -> Sequence[int]:
@@ -164,18 +181,13 @@ class Ledger:
         try:
             return self._try_insert(rows)
         except LedgerError as error:
-            if "locked" not in str(error):
+            if "(database is locked)" not in str(error):
                 raise
             return self._try_insert(rows)
 
     def _try_insert(self, rows: Sequence[StoredEvent]) -> Sequence[int]:
-        try:
-            with self._plain_words():
-                return self._recorder.insert_events(rows) or []
-        except LedgerError:
-            self._factory.close()  # a transaction that failed while committing may still be open
-            self._connect()
-            raise
+        with self._plain_words():
+            return self._recorder().insert_events(rows) or []
 
     def _as_of(self, as_of: str | int | None) -> tuple[int | None, str]:
         """`as_of` as (last position, last recorded time)."""
@@ -197,15 +209,20 @@ class Ledger:
 
     @contextmanager
     def _plain_words(self) -> Iterator[None]:
-        """What the database complains of, as one line of ours."""
+        """What the database complains of, as one line of ours; the next call starts with a new connection.
+
+        A transaction that failed while it was committed may still be open on the old one.
+        """
         where = self.path if self.is_file else self._env["PERSISTENCE_MODULE"]
         try:
             yield
         except IntegrityError:
+            self._disconnect()
             raise LedgerError(
                 f"{where}: another program wrote to the same stream meanwhile: run the same command again"
             ) from None
         except DATABASE_ERRORS as error:
+            self._disconnect()
             raise LedgerError(
                 f"{where}: cannot be read or written ({' '.join(str(error).split())}): see that it may be written and the disk "
                 "has space, and restore it from a backup if it is damaged"

@@ -27,7 +27,12 @@ if TYPE_CHECKING:  # the parent needs neither Arrow nor MCAP
 
 SHOWN_REJECTIONS = 100  # of the first rejected records; the recording keeps all of them
 MIB = 1 << 20
-NO_MEMORY = (b"MemoryError", b"bad_alloc", b"failed to map segment", b"Cannot allocate memory")  # in a child's last words
+NO_MEMORY = (
+    b"MemoryError",
+    b"bad_alloc",
+    b"failed to map segment",
+    b"Cannot allocate memory",
+)  # in a child's last words
 
 
 @dataclass(frozen=True)

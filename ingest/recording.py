@@ -26,6 +26,7 @@ from mcap.reader import NonSeekingReader, make_reader
 from mcap.writer import CompressionType, Writer
 from numpy.typing import NDArray
 
+from ingest.arrow import from_numpy, to_numpy
 from ingest.errors import DamageError
 from ingest.formats import ERROR, EXTENDED, REMOTE, Frames, Log, Rejected, Rows
 
@@ -136,7 +137,7 @@ class _Blocks:
         complete: list[tuple[int, str, pa.RecordBatch]] = []
         for topic, part in _by_topic(batch):
             joined, edges = self._joined(topic, part)
-            record = joined.column(RECORD).to_numpy()
+            record = to_numpy(joined.column(RECORD))
             for start, stop in pairwise(edges[:-1]):
                 complete.append((int(record[stop]), topic, joined.slice(start, stop - start)))
             self.open[topic] = joined.slice(edges[-2])
@@ -154,7 +155,7 @@ class _Blocks:
             self._write(topic, pending)
             pending = None
         joined = part if pending is None else pa.concat_batches([pending, part])
-        return joined, _edges(joined.column(T_NS).to_numpy(), ROWS_RECORDS if topic == ROWS else 1)
+        return joined, _edges(to_numpy(joined.column(T_NS)), ROWS_RECORDS if topic == ROWS else 1)
 
     def _write(self, topic: str, block: pa.RecordBatch) -> None:
         self.last_ns = max(0, block.column(T_NS)[0].as_py())
@@ -224,24 +225,22 @@ def _by_topic(batch: Frames | Rows) -> Iterator[tuple[str, pa.RecordBatch]]:
     table = _frames_to_arrow(batch)
     buses = np.unique(batch.bus).tolist()
     for bus in buses:
-        part = table if len(buses) == 1 else table.take(pa.array(np.flatnonzero(batch.bus == bus)))
+        part = table if len(buses) == 1 else table.take(from_numpy(np.flatnonzero(batch.bus == bus)))
         yield f"raw/{bus_name(bus)}", part
 
 
 def _frames_to_arrow(frames: Frames) -> pa.RecordBatch:
     offsets = pa.py_buffer(frames.offsets.astype(np.int32))
     data = pa.Array.from_buffers(pa.binary(), len(frames.t_ns), [None, offsets, pa.py_buffer(frames.data)])
-    t_ns = pa.array(frames.t_ns)
-    arrays = [t_ns, t_ns, pa.array(frames.record), pa.array(frames.can_id), pa.array(frames.flags), data]
+    t_ns = from_numpy(frames.t_ns)
+    arrays = [t_ns, t_ns, from_numpy(frames.record), from_numpy(frames.can_id), from_numpy(frames.flags), data]
     return pa.RecordBatch.from_arrays(arrays, schema=FRAMES_SCHEMA)
 
 
 def _rows_to_arrow(rows: Rows) -> pa.RecordBatch:
     """Columns t_ns, log_t_ns, record, then those of the table, whose names may be anything (also `record`)."""
-    t_ns = pa.array(rows.t_ns)
-    arrays = [t_ns, t_ns, pa.array(rows.record)]
-    for values in rows.columns.values():
-        arrays.append(pa.array(values, pa.string()) if values.dtype == object else pa.array(values, pa.float64()))
+    t_ns = from_numpy(rows.t_ns)
+    arrays = [t_ns, t_ns, from_numpy(rows.record), *map(from_numpy, rows.columns.values())]
     return pa.RecordBatch.from_arrays(arrays, names=[*FIXED, *rows.columns])
 
 
@@ -335,18 +334,18 @@ def _merged(blocks: Iterable[tuple[str, pa.RecordBatch]]) -> Iterator[tuple[str,
 
 def _from_arrow(topic: str, batches: Sequence[pa.RecordBatch]) -> Frames | Rows:
     batch = pa.concat_batches(batches)
-    t_ns, record = batch.column(T_NS).to_numpy(), batch.column(RECORD).to_numpy()
+    t_ns, record = to_numpy(batch.column(T_NS)), to_numpy(batch.column(RECORD))
     if topic == ROWS:
         names = batch.schema.names[len(FIXED) :]
         columns = batch.columns[len(FIXED) :]
-        return Rows(t_ns, {n: c.to_numpy(zero_copy_only=False) for n, c in zip(names, columns, strict=True)}, record)
+        return Rows(t_ns, {name: to_numpy(column) for name, column in zip(names, columns, strict=True)}, record)
     data = batch.column("data")
     _, offsets, values = data.buffers()
     return Frames(
         t_ns=t_ns,
         bus=np.full(len(t_ns), int(topic.removeprefix("raw/can")), np.uint8),
-        can_id=batch.column("can_id").to_numpy(),
-        flags=batch.column("flags").to_numpy(),
+        can_id=to_numpy(batch.column("can_id")),
+        flags=to_numpy(batch.column("flags")),
         offsets=np.frombuffer(offsets, np.int32)[data.offset : data.offset + len(data) + 1].astype(np.int64),
         data=np.frombuffer(values, np.uint8) if values is not None and values.size else np.empty(0, np.uint8),
         record=record,

@@ -17,6 +17,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
+from ingest.arrow import from_numpy
 from ingest.errors import DamageError
 
 FIXED = ("t_ns", "log_t_ns", "file_id", "record")
@@ -58,7 +59,7 @@ class Writer:
 
     def __init__(self, path: Path, file_id: str, columns: Sequence[Column]) -> None:
         self.path = path
-        self._file_id = pa.array([file_id])
+        self._file_id = from_numpy(np.array([file_id], object))
         self._parts: list[Samples] = []
         self._rows = 0
         self._schema = pa.schema(
@@ -102,12 +103,11 @@ class Writer:
         t_ns, log_t_ns, record = (
             np.concatenate([getattr(part, name) for part in parts]) for name in ("t_ns", "log_t_ns", "record")
         )
-        file_id = pa.DictionaryArray.from_arrays(pa.array(np.zeros(len(t_ns), np.int32)), self._file_id)
-        arrays = [pa.array(t_ns), pa.array(log_t_ns), file_id, pa.array(record)]
+        file_id = pa.DictionaryArray.from_arrays(from_numpy(np.zeros(len(t_ns), np.int32)), self._file_id)
+        arrays = [from_numpy(t_ns), from_numpy(log_t_ns), file_id, from_numpy(record)]
         for i, field in enumerate(list(self._schema)[len(FIXED) :]):
-            values = np.concatenate([part.values[i] for part in parts])
-            text = pa.types.is_dictionary(field.type)
-            arrays.append(pa.array(values, pa.string()).cast(field.type) if text else pa.array(values, pa.float64()))
+            array = from_numpy(np.concatenate([part.values[i] for part in parts]))
+            arrays.append(array.cast(field.type) if pa.types.is_dictionary(field.type) else array)
         self._writer.write_table(pa.Table.from_arrays(arrays, schema=self._schema), row_group_size=len(t_ns))
 
     def close(self) -> int:

@@ -86,15 +86,12 @@ MOMENT: Kind[datetime] = Kind(
     lambda value: _check(value, isinstance(value, datetime)),
 )
 TEXTS: Kind[list[str]] = Kind('a list of texts, such as ["a", "b"]', lambda value: [_text(x) for x in _list(value)])
-NUMBERS: Kind[list[float]] = Kind("a list of numbers, such as [1.0, 2.5]", lambda v: [_number(x) for x in _list(v)])
 NAMED_TEXTS: Kind[Mapping[str, str]] = Kind(
     'texts by name, such as {inverter = "sw 4.2"}', lambda v: {key: _text(x) for key, x in _map(v).items()}
 )
 NAMED_NUMBERS: Kind[Mapping[str, float]] = Kind(
     "numbers by name, such as {a = 0.7, b = 0.3}", lambda v: {key: _number(x) for key, x in _map(v).items()}
 )
-
-
 NAME = Kind(  # of a node or boundary
     "a name of lower-case letters, digits and _ that begins with a letter, in quotes",
     lambda value: str(_check(value, bool(re.fullmatch(r"[a-z][a-z0-9_]*", _text(value))))),

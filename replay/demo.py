@@ -14,11 +14,14 @@ from ingest.sessions import Override
 from ingest.store import Store
 from replay.engine.campaign import replay_sessions
 from replay.engine.models import for_intake
+from replay.engine.sealed import load_run
 from replay.errors import ViewerError
 from replay.shipped import example
 from replay.show.documents import write_layers, write_replay_report
+from replay.show.findings import power_balance
 from replay.show.intake import intake_json
-from replay.show.terminal import replay_text
+from replay.show.overview import labelled, overview
+from replay.show.plots import picture
 
 INTRO = """Five bench recordings of a water-cooled interior-magnet motor, and the thermal network that its authors published for it
 (IEEE Trans. Power Electronics 2024, DOI 10.1109/TPEL.2024.3409388; data under MIT licence, examples/hust_motor)."""
@@ -51,12 +54,27 @@ def run_demo(folder: Path, store_folder: Path) -> Demo:
         names = [session.name for session in intake.sessions]
         report = folder / "report.html"
         events = write_replay_report(store, known, names, report, "whyhot demo")
+        picture([load_run(store, known, event) for event in events], folder / "picture")
         layers, note = _layers(store, known, names, folder / "layers")
     summaries = [event.summary for event in events]
     worst = max(summaries, key=lambda summary: max(summary["mae_K"].values()))["session_name"]
-    command = f"whyhot show {worst} --store {store_folder}"
-    paths = [f"Report            {report}", *([f"Layers for rerun  {layers[0].parent}/*.rrd"] if layers else [])]
-    text = "\n".join([INTRO, "", *_ingested(intake), "", replay_text(summaries, command), *paths])
+    lines = [
+        INTRO,
+        "",
+        *_ingested(intake),
+        *(line for text in power_balance(summaries) for line in labelled("Power balance", text)),
+    ]
+    lines += [
+        *overview(summaries),
+        "",
+        *labelled("Report", f"{report}   (the worst recording as a picture: {folder / 'picture.png'})"),
+    ]
+    lines += (
+        labelled("Layers for rerun", f"{layers[0].parent}/*.rrd   (whyhot view {worst} --store {store_folder})")
+        if layers
+        else []
+    )
+    lines += labelled("Next", f"whyhot show {worst} --store {store_folder}")
     data = {
         "schema": "whyhot.demo/1",
         "ingest": intake_json(intake),
@@ -64,18 +82,22 @@ def run_demo(folder: Path, store_folder: Path) -> Demo:
         "report": str(report),
         "layers": [str(path) for path in layers],
     }
-    return Demo(text, data, [outcome.refusal for outcome in outcomes if outcome.refusal] + note)
+    return Demo(
+        "\n".join(lines), data, [*intake.refusals, *(outcome.refusal for outcome in outcomes if outcome.refusal), *note]
+    )
 
 
 def _ingested(intake: Intake) -> list[str]:
     balances = [one.decode.balance for one in intake.files if one.decode]
-    found, decoded, rejected = (sum(balance[key] for balance in balances) for key in ("found", "decoded", "rejected"))
-    sealed = sum(one.size for one in intake.files)
-    lines = [
-        f"Ingested          {len(balances)} recordings, {sealed / 1e3:.0f} kB sealed under their SHA-256; {found:,} rows in the files",
-        f"                  = {decoded:,} decoded + {rejected} rejected: the balance holds",
-    ]
-    return lines + [f"                  {name}: {flag.says}" for name, flag in intake.flags]
+    total = {key: sum(balance[key] for balance in balances) for key in balances[0]}
+    parts = " + ".join(f"{total[key]:,} {key.replace('_', ' ')}" for key in total if key != "found")
+    size = sum(one.size for one in intake.files) / 1e3
+    lines = labelled(
+        "Ingested",
+        f"{len(balances)} recordings, {size:.0f} kB, sealed under their SHA-256. {total['found']:,} rows in the files = {parts}: "
+        "the balance holds.",
+    )
+    return lines + [line for name, flag in intake.flags for line in labelled("", f"{name}: {flag.says}")]
 
 
 def _layers(store: Store, known: facts.Facts, names: Sequence[str], folder: Path) -> tuple[list[Path], list[str]]:

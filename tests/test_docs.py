@@ -1,6 +1,6 @@
 """Pages that cannot go stale. Run as a script it writes docs/cli.md; run by pytest it checks it.
 
-    python tests/test_docs.py
+python tests/test_docs.py
 """
 
 from __future__ import annotations

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import itertools
 import math
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import eigh
 
 from twin import features
 from twin.initial import conductances
@@ -38,6 +38,13 @@ class Description:
     statements: int
     kernel: str
     warnings: tuple[str, ...]
+
+    def to_json(self) -> dict[str, Any]:
+        """The same as JSON holds it: no end is null."""
+        values = asdict(self)
+        for key in ("at_rest_s", "at_full_s"):
+            values[key] = [None if math.isinf(constant) else constant for constant in values[key]]
+        return values
 
     def text(self) -> str:
         """Lines for a person."""
@@ -86,7 +93,8 @@ def _time_constants(network: Network, features_row: NDArray[np.float64]) -> tupl
     n = len(network.nodes)
     conductance = conductances(network, features_row)
     balance = (np.diag(conductance.sum(axis=1)) - conductance)[:n, :n]
-    rates = eigh(balance, np.diag([node.capacity for node in network.nodes]), eigvals_only=True)
+    root = np.sqrt([node.capacity for node in network.nodes])
+    rates = np.linalg.eigvalsh(balance / np.outer(root, root))  # similar to C^-1 L, and symmetric
     slowest, fastest = float(rates[0]), float(rates[-1])
     return (1 / slowest if slowest > 1e-12 * fastest else math.inf, 1 / fastest if fastest > 0 else math.inf)
 

@@ -17,10 +17,15 @@ _LN2_INVERSE = 1.4426950408889634
 
 def power(base: NDArray[np.float64], exponent: float) -> NDArray[np.float64]:
     """`base ** exponent`, base (N,) not negative, exponent not negative; 0 ** 0 is 1. Within 1e-14 of it."""
-    if exponent == int(exponent):
-        return _integer_power(base, int(exponent))
-    if 2 * exponent == int(2 * exponent):
-        return _integer_power(base, int(exponent)) * np.sqrt(base)
+    whole = int(exponent)
+    result = _integer_power(base, whole)
+    return result if exponent == whole else result * _root(base, exponent - whole)
+
+
+def _root(base: NDArray[np.float64], exponent: float) -> NDArray[np.float64]:
+    """The power for an exponent between 0 and 1."""
+    if exponent == 0.5:
+        return np.sqrt(base)
     positive = np.where(base > 0, base, 1.0)
     return np.where(base > 0, _exp(exponent * _log(positive)), 0.0)
 
@@ -40,13 +45,14 @@ def _log(x: NDArray[np.float64]) -> NDArray[np.float64]:
     mantissa, exponent = np.frexp(x)
     low = mantissa < np.sqrt(0.5)
     m = np.where(low, 2 * mantissa, mantissa)
-    k: NDArray[np.float64] = (exponent - low).astype(np.float64)
+    k = (exponent - low).astype(np.float64)
     s = (m - 1) / (m + 1)
     square = s * s
     series = np.zeros_like(s)
     for odd in range(23, 1, -2):
         series = (series + 1 / odd) * square
-    return k * _LN2_HIGH + (2 * s + (2 * s * series + k * _LN2_LOW))
+    result: NDArray[np.float64] = k * _LN2_HIGH + (2 * s + (2 * s * series + k * _LN2_LOW))
+    return result
 
 
 def _exp(x: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -12,6 +12,7 @@ SELECT
     v.sd_K,
     v.used,
     v.speed_rpm,
+    v.torque_Nm,
     v.current_A,
     v.t_ns,
     v.file_id,
@@ -32,10 +33,11 @@ COMMENT ON COLUMN residuals.t_s IS 'Time since the start of the session in secon
 COMMENT ON COLUMN residuals.measured_degC IS 'Mean of the samples in the step';
 COMMENT ON COLUMN residuals.modelled_degC IS 'The twin at the same time';
 COMMENT ON COLUMN residuals.residual_K IS 'measured minus modelled';
-COMMENT ON COLUMN residuals.sd_K IS 'Uncertainty of the measured mean (one standard deviation)';
+COMMENT ON COLUMN residuals.sd_K IS 'Uncertainty of the measured mean, bias of the sensor included (one standard deviation)';
 COMMENT ON COLUMN residuals.used IS 'False where the samples are held, stuck or saturated, or an input is missing';
 COMMENT ON COLUMN residuals.file_id IS 'SHA-256 of the raw log that the samples come from';
 COMMENT ON COLUMN residuals.first_record IS 'First record of the step in that log';
 COMMENT ON COLUMN residuals.last_record IS 'Last record of the step in that log';
 COMMENT ON COLUMN residuals.speed_rpm IS 'Mean speed in the step';
+COMMENT ON COLUMN residuals.torque_Nm IS 'Mean torque in the step';
 COMMENT ON COLUMN residuals.current_A IS 'Mean phase current in the step, rms';

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -79,7 +80,7 @@ def load(store: Store, facts: Facts, session: SessionRecorded) -> list[ChannelDa
     pieces: dict[str, list[tuple[ResolvedChannel, str, _Samples]]] = {}
     for file in session.files:
         decode = facts.decodes[file["decode"]]
-        specs = _of_bench(store, facts, decode) if decode.bench else [(one, _guessed(one)) for one in decode.channels]
+        specs = _of_bench(store, facts, decode) if decode.bench else _guessed(decode)
         for spec, samples in _of_file(store.decoded(decode.decode), decode, specs, file):
             pieces.setdefault(spec.name, []).append((spec, decode.raw, samples))
     return [_joined(some) for some in pieces.values()]
@@ -155,29 +156,38 @@ def block_means(t_ns: NDArray[np.int64], value: Array, span: tuple[int, int], bl
 def _of_bench(store: Store, facts: Facts, decode: DecodeCompleted) -> list[tuple[_Entry, ResolvedChannel]]:
     """What a decode recorded of each channel of its bench file, and the channel, resolved again from the sealed file.
 
-    The samples are converted already; the role is the one of then, when the motor file was at hand.
+    The samples are converted already; which nodes are boundaries was known then, when the motor file was at hand.
     """
     sha = str(decode.bench)
     bench = read_bench(store.archive.read(sha), facts.benches[sha].name)
     signals = [Signal(**entry["signal"]) for entry in decode.channels if entry["signal"]]
     directory = Directory(signals)
     here = [one for one in bench.channels if all(directory.find(name) for name in _needs(one))]
-    specs = resolve(replace(bench, channels=tuple(here)), signals)
+    around = {entry["node"] for entry in decode.channels if entry["role"] == "input" and entry["node"]}
+    specs = resolve(replace(bench, channels=tuple(here)), signals, around)
     derived = {spec.name: spec for spec in specs if spec.derived}
     plain = {spec.signals[0]: spec for spec in specs if not spec.derived}
     found = [
         (entry, plain.get(Signal(**entry["signal"])) if entry["signal"] else derived.get(entry["name"]))
         for entry in decode.channels
     ]
-    return [(entry, replace(spec, name=entry["name"], role=entry["role"])) for entry, spec in found if spec]
+    return [(entry, replace(spec, name=entry["name"])) for entry, spec in found if spec]
 
 
 def _needs(channel: Channel) -> Sequence[str]:
     return parse(channel.expression).names if channel.expression else (str(channel.signal),)
 
 
-def _guessed(entry: _Entry) -> ResolvedChannel:
-    """A signal without a bench file: with the guessed quantity where the file's unit fits it, else as it stands."""
+def _guessed(decode: DecodeCompleted) -> list[tuple[_Entry, ResolvedChannel]]:
+    """The signals of a decode without a bench file; those that share their name are called by group and column."""
+    names = Counter(entry["name"] for entry in decode.channels)
+    specs = [(entry, _guess(entry)) for entry in decode.channels]
+    full = "{group}.{column}".format_map
+    return [(entry, spec if names[spec.name] == 1 else replace(spec, name=full(entry))) for entry, spec in specs]
+
+
+def _guess(entry: _Entry) -> ResolvedChannel:
+    """With the guessed quantity where the file's unit fits it, else as it stands."""
     quantity, unit = entry["quantity"] or "", entry["unit"] or ""
     conversion = Conversion()
     try:

@@ -42,7 +42,7 @@ class ChannelDescription:
 
 @dataclass(frozen=True)
 class SourceDescription:
-    """One file of a session and what became of its records: found = the sum of the other counts of `balance`."""
+    """One file of a session and what became of its records; the balance holds where found is the sum of `COUNTS`."""
 
     file: str
     sha256: str
@@ -54,10 +54,7 @@ class SourceDescription:
     balance: Mapping[str, int]
     unknown_ids: Mapping[str, int]
     rejections: Sequence[Mapping[str, Any]]
-
-    @property
-    def holds(self) -> bool:
-        return self.balance.get("found", 0) == sum(self.balance.get(key, 0) for key in COUNTS)
+    holds: bool  # the balance
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ from ingest.catalogue.operating_points import round_edges
 RPM = 2.0 * np.pi / 60.0  # rad/s
 BLOCK_s = 30.0  # signs are judged on means of this: one sample of lag between two meters is no finding
 LOADED = 0.05  # share of the largest mechanical power from which a block tells anything of the balance
+MEANT = 0.20  # share of it from which a quotient of powers is an efficiency and not the offset of a torque meter
 METERS = 0.02  # of the mechanical power: what torque and power meters of a bench agree to
 IMPOSSIBLE = 0.10  # share of loaded blocks with loss below zero that no transient explains
 OPPOSED = 0.50  # share of loaded blocks that take in both powers, as a motor does for moments while it brakes
@@ -48,11 +49,8 @@ class PowerBalance:
     opposed_share: float  # of the loaded time, where one power is above zero and the other below
     ratio: float | None  # median of mechanical / electrical power where the motor drives under load
     efficiency: tuple[EfficiencyCell, ...]
+    possible: bool  # neither share is more than a transient explains
     says: str
-
-    @property
-    def possible(self) -> bool:
-        return self.impossible_share <= IMPOSSIBLE and self.opposed_share <= OPPOSED
 
 
 def balance(channels: Sequence[ChannelData]) -> PowerBalance | None:
@@ -93,17 +91,21 @@ def _balance(name: str, grid: Aligned, electrical: Array) -> PowerBalance:
     into, out = (block_means(grid.t_ns, power, span, BLOCK_s) for power in (electrical, mechanical))
     loaded = np.abs(out) >= max(LOADED * float(np.quantile(np.abs(out), 0.995)), 1.0)
     driving = loaded & (into > 0.0)
-    impossible = into - out < -METERS * np.abs(out)
+    impossible, opposed = (
+        float(np.mean(flags[loaded])) if loaded.any() else 0.0
+        for flags in (into - out < -METERS * np.abs(out), into * out < 0.0)
+    )
     found = PowerBalance(
         electrical_from=name,
         electrical_kWh=float(electrical @ grid.dt_s) / JOULE_PER_KWH,
         mechanical_kWh=float(mechanical @ grid.dt_s) / JOULE_PER_KWH,
         mean_loss_W=float((electrical - mechanical) @ grid.dt_s) / max(float(grid.dt_s.sum()), 1e-9),
         loaded_h=float(loaded.sum()) * BLOCK_s / 3600.0,
-        impossible_share=float(np.mean(impossible[loaded])) if loaded.any() else 0.0,
-        opposed_share=float(np.mean(into[loaded] * out[loaded] < 0.0)) if loaded.any() else 0.0,
+        impossible_share=impossible,
+        opposed_share=opposed,
         ratio=float(np.median(out[driving] / into[driving])) if driving.any() else None,
         efficiency=_efficiency(electrical, mechanical, speed_rpm, torque_Nm, grid.dt_s),
+        possible=impossible <= IMPOSSIBLE and opposed <= OPPOSED,
         says="",
     )
     return replace(found, says=_says(found))
@@ -112,13 +114,13 @@ def _balance(name: str, grid: Aligned, electrical: Array) -> PowerBalance:
 def _efficiency(
     electrical: Array, mechanical: Array, speed_rpm: Array, torque_Nm: Array, dt_s: Array
 ) -> tuple[EfficiencyCell, ...]:
-    """Efficiency by energy, in the cells where energy flows one way for 10 s and more, and not next to none."""
+    """Efficiency by energy, in the cells where it flows one way for 10 s and more at a power that meters resolve."""
     edges = [round_edges(speed_rpm, CELLS), round_edges(torque_Nm, CELLS)]
     seconds, into, out = (
         np.histogram2d(speed_rpm, torque_Nm, bins=edges, weights=weight * dt_s)[0]
         for weight in (np.ones_like(dt_s), electrical, mechanical)
     )
-    least = LOADED * float(np.quantile(np.abs(mechanical), 0.995))
+    least = MEANT * float(np.quantile(np.abs(mechanical), 0.995))
     return tuple(
         EfficiencyCell(
             (float(edges[0][i]), float(edges[0][i + 1])),

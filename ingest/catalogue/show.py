@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from ingest.catalogue import operating_points, page, power, quality
 from ingest.catalogue.channels import ChannelData, load
-from ingest.catalogue.description import ChannelDescription, Repeats, SessionDescription, SourceDescription
+from ingest.catalogue.description import COUNTS, ChannelDescription, Repeats, SessionDescription, SourceDescription
 from ingest.catalogue.page import render
 from ingest.catalogue.power import PowerBalance
 from ingest.catalogue.quality import ChannelQuality
@@ -125,6 +125,7 @@ def _source(facts: Facts, file: Mapping[str, Any]) -> SourceDescription:
         balance=decode.balance,
         unknown_ids=decode.unknown_ids,
         rejections=decode.rejections,
+        holds=decode.balance.get("found", 0) == sum(decode.balance.get(key, 0) for key in COUNTS),
     )
 
 

@@ -21,17 +21,19 @@ DATE = re.compile(
     r"(?:[.,](?P<fraction>\d+))?\s*(?P<half>am|pm)?\s+(?P<year>\d{4})",
     re.IGNORECASE,
 )
-STAMP = re.compile(r"\d+\.\d+")
+STAMP = re.compile(r"\d+\.\d+", re.ASCII)
 CLASSIC_LINE = re.compile(
-    r"\S+\s+(?P<bus>\d+)\s+(?P<id>\S+)\s+(?P<way>Rx|Tx)\s+(?P<kind>[dr])(?:\s+(?P<dlc>[0-9A-Fa-f]+)(?=\s|$))?(?P<rest>.*)"
+    r"\S+\s+(?P<bus>\d+)\s+(?P<id>\S+)\s+(?P<way>Rx|Tx)\s+(?P<kind>[dr])(?:\s+(?P<dlc>[0-9A-Fa-f]+)(?=\s|$))?(?P<rest>.*)",
+    re.ASCII,
 )
 FD_LINE = re.compile(
     r"\S+\s+CANFD\s+(?P<bus>\d+)\s+(?P<way>Rx|Tx)\s+(?P<id>\S+)\s+(?:(?!\d\s)\S+\s+)?(?P<brs>[01])\s+(?P<esi>[01])\s+"
-    r"(?P<dlc>[0-9A-Fa-f])\s+(?P<length>\d+)(?=\s|$)(?P<rest>.*)"
+    r"(?P<dlc>[0-9A-Fa-f])\s+(?P<length>\d+)(?=\s|$)(?P<rest>.*)",
+    re.ASCII,
 )
 OCTETS = re.compile(r"(?:\s+[0-9A-Fa-f]{2}(?!\S))*")
 ERROR_LINE = re.compile(r"\S+\s+(?:\d+|CANFD\s+\d+\s+(?:Rx|Tx))\s+ErrorFrame\b", re.IGNORECASE)
-FRAME_LINE = re.compile(r"\S+\s+(?:\d+\s+\S+\s+(?:Rx|Tx)\s|CANFD\s)")
+FRAME_LINE = re.compile(r"\S+\s+(?:\d+\s+\S+\s+(?:Rx|Tx)\s|CANFD\s)", re.ASCII)
 OTHER_LINE = re.compile(
     r"//|begin\s|end\s+trigger|(no\s+)?internal\s+events\s|date\s|base\s|\d+\.\d+\s+\S", re.IGNORECASE
 )

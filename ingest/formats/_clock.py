@@ -9,11 +9,13 @@ from ingest.errors import UnreadableLogError
 from ingest.formats import TimeSpec
 
 EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+YEARS = (1971, 2200)  # of a log: in 1970 no clock was set, and int64 nanoseconds end in 2262
 
 
-def to_ns(stamp: datetime) -> int:
-    """Nanoseconds since 1970 UTC of an aware `stamp`."""
-    return (stamp - EPOCH) // timedelta(microseconds=1) * 1000
+def wall_ns(stamp: datetime, time: TimeSpec, log: str) -> int | None:
+    """Nanoseconds UTC of the wall clock `stamp` in the zone of `time`; None for a year that no log is from."""
+    zone = zone_of(time, log)
+    return _ns(stamp.replace(tzinfo=zone)) if YEARS[0] <= stamp.year <= YEARS[1] else None
 
 
 def start_ns(time: TimeSpec, log: str) -> int | None:
@@ -23,11 +25,13 @@ def start_ns(time: TimeSpec, log: str) -> int | None:
     try:
         stamp = datetime.fromisoformat(time.start)
     except ValueError:
+        stamp = None
+    if stamp is None or not YEARS[0] <= stamp.year <= YEARS[1]:
         raise UnreadableLogError(
-            f'{log}: start = "{time.start}" under [time] of the bench file is no ISO 8601 stamp. Write it as '
+            f'{log}: start = "{time.start}" under [time] of the bench file is no ISO 8601 stamp of a log. Write it as '
             "2024-03-01T08:00:00Z."
-        ) from None
-    return to_ns(stamp if stamp.tzinfo else stamp.replace(tzinfo=UTC))
+        )
+    return _ns(stamp if stamp.tzinfo else stamp.replace(tzinfo=UTC))
 
 
 def zone_of(time: TimeSpec, log: str) -> ZoneInfo:
@@ -38,3 +42,7 @@ def zone_of(time: TimeSpec, log: str) -> ZoneInfo:
         raise UnreadableLogError(
             f'{log}: zone = "{time.zone}" under [time] of the bench file is no IANA time zone. Write it as Europe/Rome.'
         ) from None
+
+
+def _ns(stamp: datetime) -> int:
+    return (stamp - EPOCH) // timedelta(microseconds=1) * 1000

@@ -13,9 +13,9 @@ from ingest.errors import UnreadableLogError
 DELIMITERS = (",", ";", "\t")
 SAMPLE_ROWS = 200
 MISSING = frozenset(("", "nan", "NaN", "NA", "N/A", "null", "-", "--", "---"))
-POINT_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
-COMMA_NUMBER = re.compile(r"[+-]?(\d+,?\d*|,\d+)([eE][+-]?\d+)?")
-CODE = re.compile(r"0\d+")  # 0417 is the name of something, no number
+POINT_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
+COMMA_NUMBER = re.compile(r"[+-]?(\d+,?\d*|,\d+)([eE][+-]?\d+)?", re.ASCII)
+CODE = re.compile(r"0\d+", re.ASCII)  # 0417 is the name of something, no number
 UNIT_IN_NAME = re.compile(r"\[([^\[\]]*)\]\s*$")
 
 
@@ -61,7 +61,7 @@ def recognise_dialect(lines: Sequence[str], log: str) -> Dialect:
     delimiter = _delimiter(lines)
     header = [cell.strip() for cell in cells(lines[0], delimiter)]
     rows = [cells(line, delimiter) for line in lines[1 : SAMPLE_ROWS + 2]]
-    if rows and all(len(row) == len(header) + 1 and not row[-1].strip() for row in rows):
+    if all(_open_end(row, header) for row in rows):
         header.append("")
     _check_header(header, rows, delimiter, log)
     fitting = [tuple(cell.strip() for cell in row) for row in rows if len(row) == len(header)]
@@ -80,11 +80,21 @@ def _delimiter(lines: Sequence[str]) -> str:
     """The one that cuts most rows into as many cells as the header, then the one that makes most cells."""
 
     def fit(delimiter: str) -> tuple[bool, int, int]:
-        count = len(cells(lines[0], delimiter))
-        rows = lines[1 : SAMPLE_ROWS + 2]
-        return count > 1, sum(len(cells(line, delimiter)) in (count, count + 1) for line in rows), count
+        header = cells(lines[0], delimiter)
+        rows = [cells(line, delimiter) for line in lines[1 : SAMPLE_ROWS + 2]]
+        cuts = max(len(header), _usual(rows)) > 1
+        return cuts, sum(len(row) - _open_end(row, header) == len(header) for row in rows), len(header)
 
     return max(DELIMITERS, key=fit)
+
+
+def _open_end(row: Sequence[str], header: Sequence[str]) -> bool:
+    """Whether a delimiter ends the row, but not the header."""
+    return len(row) == len(header) + 1 and not row[-1].strip()
+
+
+def _usual(rows: Sequence[Sequence[str]]) -> int:
+    return Counter(map(len, rows)).most_common(1)[0][0]
 
 
 def _check_header(header: Sequence[str], rows: Sequence[Sequence[str]], delimiter: str, log: str) -> None:
@@ -92,10 +102,9 @@ def _check_header(header: Sequence[str], rows: Sequence[Sequence[str]], delimite
         raise UnreadableLogError(
             f"{log}: line 1 holds numbers where the names of the columns should be. Put a line of names above them."
         )
-    lengths = Counter(len(row) for row in rows)
-    if not rows or 2 * lengths[len(header)] >= len(rows):
+    if 2 * sum(len(row) == len(header) for row in rows) >= len(rows):
         return
-    usual = lengths.most_common(1)[0][0]
+    usual = _usual(rows)
     if delimiter == "," and usual > len(header) > 1:
         raise UnreadableLogError(
             f"{log}: rows hold {usual} fields where the header holds {len(header)}: the comma seems to be the decimal "

@@ -14,6 +14,7 @@ import pyarrow.compute as pc
 from numpy.typing import NDArray
 
 from ingest.errors import UnreadableLogError
+from ingest.formats._clock import YEARS
 
 Ints = NDArray[np.int64]
 Flags = NDArray[np.bool_]
@@ -22,7 +23,8 @@ MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", 
 DIRECTIVES = {
     "Y": r"(?P<Y>\d{4})", "y": r"(?P<y>\d{2})", "m": r"(?P<m>\d{1,2})", "d": r"(?P<d>\d{1,2})", "H": r"(?P<H>\d{1,2})",
     "I": r"(?P<I>\d{1,2})", "M": r"(?P<M>\d{1,2})", "S": r"(?P<S>\d{1,2})", "f": r"(?P<f>\d{1,9})",
-    "p": r"(?P<p>[AaPp][Mm])", "z": r"(?P<z>Z|[+-]\d{2}:?\d{2})", "b": r"(?P<b>[A-Za-z]{3})[a-z]*", "%": "%",
+    "p": r"(?P<p>[AaPp][Mm])", "z": r"(?P<z>Z|[+-]\d{2}:?\d{2})", "b": r"(?P<b>[A-Za-z]{3})",
+    "B": r"(?P<b>[A-Za-z]{3})[a-z]*", "%": "%",
 }  # fmt: skip
 CLOCK = r"(?P<H>\d{1,2}):(?P<M>\d{2})(?::(?P<S>\d{2})(?:[.,](?P<f>\d{1,9})\d*)?)?"
 ISO = rf"^(?P<Y>\d{{4}})-(?P<m>\d{{2}})-(?P<d>\d{{2}})[T ]{CLOCK}\s?(?P<z>Z|[+-]\d{{2}}:?\d{{2}})?$"
@@ -30,7 +32,6 @@ DOTTED = rf"^(?P<d>\d{{1,2}})\.(?P<m>\d{{1,2}})\.(?P<Y>\d{{4}})[T ]\s?{CLOCK}$"
 KNOWN = {"ISO 8601": ISO, "day.month.year": DOTTED}
 SECOND_NS, MINUTE_NS, DAY_NS = 1_000_000_000, 60_000_000_000, 86_400_000_000_000
 FALL_BACK_NS = 30 * MINUTE_NS  # a local clock that goes back by this much or more has been put back
-YEARS = (1970, 2261)  # what int64 nanoseconds hold, from 1970
 
 
 def pattern_of(text: str, log: str) -> str:

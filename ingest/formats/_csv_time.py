@@ -23,7 +23,7 @@ Flags = NDArray[np.bool_]
 
 UNITS_NS = {"ns": 1.0, "us": 1e3, "µs": 1e3, "μs": 1e3, "ms": 1e6, "s": 1e9, "sec": 1e9, "min": 60e9, "h": 3600e9}
 TIME_NAMES = frozenset(
-    ("t", "time", "times", "timestamp", "timestampepoch", "epoch", "unixtime", "datetime", "elapsed", "elapsedtime")
+    ("time", "times", "timestamp", "timestampepoch", "epoch", "unixtime", "datetime", "elapsed", "elapsedtime")
 ) | frozenset(("zeit", "zeitstempel", "datumzeit"))
 EPOCH_NS = (1e18, 4e18)  # a column of numbers between these [ns] counts from 1970: years 2001 to 2096
 LATEST_NS = 9.2e18  # what int64 holds
@@ -132,7 +132,7 @@ def _stated(time: TimeSpec, column: str, dialect: Dialect, start: int | None, lo
 
 
 def _found(time: TimeSpec, dialect: Dialect, start: int | None, log: str) -> Clock:
-    named = [name for name in dialect.names if _base_and_unit(name)[0] in TIME_NAMES]
+    named = [name for name in dialect.names if _is_time_name(name)]
     if time.format is not None:
         pattern = pattern_of(time.format, log)
         fitting = (name for name in (*named, *dialect.names) if _fits(pattern, dialect, name))
@@ -199,6 +199,12 @@ def _rises(dialect: Dialect, column: str) -> bool:
     values = np.array(_numbers(dialect, column))
     back = int((np.diff(values) < 0).sum())
     return len(values) == 1 or (len(values) > 1 and 10 * back <= len(values) and bool(values[-1] > values[0]))
+
+
+def _is_time_name(name: str) -> bool:
+    """`T` alone is a temperature, `t` is time."""
+    base = _base_and_unit(name)[0]
+    return base in TIME_NAMES or (base == "t" and name.startswith("t"))
 
 
 def _base_and_unit(name: str) -> tuple[str, str | None]:

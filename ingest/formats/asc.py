@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from ingest.errors import UnreadableLogError
 from ingest.formats import EXTENDED, TRANSMIT, Frames, Log, Rejected
 from ingest.formats._asc_lines import HIGHEST_BUS, HIGHEST_ID, STAMP, Line, parse_date, parse_line
-from ingest.formats._clock import start_ns, to_ns, zone_of
+from ingest.formats._clock import start_ns, wall_ns
 from ingest.formats._text import TextFile
 
 # A data frame as most lines hold it (hexadecimal, one blank between two bytes), or else any line: one match a line.
@@ -119,11 +119,11 @@ class AscLog(Log):
 
     def _take_date(self, text: str) -> None:
         stamp = parse_date(text)
-        if stamp is None:
+        date_ns = wall_ns(stamp, self.time, self.path.name) if stamp else None
+        if date_ns is None:
             self.settings["date_not_understood"] = text.strip()[:SHOWN]
             return
-        self.absolute = True
-        self._clock.date_ns = to_ns(stamp.replace(tzinfo=zone_of(self.time, self.path.name)))
+        self.absolute, self._clock.date_ns = True, date_ns
 
     def _segment(self, text: bytes) -> Iterator[Frames]:
         """The frames of some lines, of which only the first may begin a trigger block."""

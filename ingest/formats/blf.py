@@ -22,7 +22,7 @@ from ingest.errors import UnreadableLogError
 from ingest.formats import Frames, Log
 from ingest.formats._blf_containers import parts
 from ingest.formats._blf_objects import ERROR_TYPES, FRAME_TYPES, MARGIN, Objects, read_frames, split
-from ingest.formats._clock import start_ns, to_ns, zone_of
+from ingest.formats._clock import start_ns, wall_ns
 
 HEADER = struct.Struct("<4sL8xQQLL8H8H")  # magic, header size, .., file size, unpacked size, objects, .., start, stop
 BATCH = 4 << 20  # unpacked bytes that are read at once: about 90,000 classic frames
@@ -111,7 +111,7 @@ class BlfLog(Log):
             stamp = datetime(year, month, day, hour, minute, second, milli * 1000)
         except ValueError:
             return None
-        return to_ns(stamp.replace(tzinfo=zone_of(self.time, self.path.name)))
+        return wall_ns(stamp, self.time, self.path.name)
 
     def _batch(self, stream: _Stream) -> Iterator[Frames]:
         data = bytes(stream.data) + bytes(MARGIN)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import errno
+import os
 import sys
 from collections.abc import Sequence
 from importlib import import_module
@@ -46,6 +47,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         answer: Answer = import_module(f"replay.cli.{args.verb}").run(args)
         return deliver(args, answer)
+    except BrokenPipeError:  # `whyhot ... | head`: nobody reads on
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
     except KeyboardInterrupt:
         print("interrupted: what was finished is kept; the same command goes on from there.", file=sys.stderr)
         return 130
@@ -72,7 +76,13 @@ def build_parser(verb: str | None) -> argparse.ArgumentParser:
         if name == verb:
             import_module(f"replay.cli.{name}").arguments(sub)
             sub.add_argument("--store", metavar="DIR", help="the store (default: WHYHOT_STORE, else ./whyhot-store)")
-            sub.add_argument("--json", metavar="FILE.json", nargs="?", const="-", help="answer as JSON, to FILE.json or standard output")
+            sub.add_argument(
+                "--json",
+                metavar="FILE.json",
+                nargs="?",
+                const="-",
+                help="answer as JSON, to FILE.json or standard output",
+            )
     return parser
 
 

@@ -22,4 +22,4 @@ def run(args: argparse.Namespace) -> Answer:
             "root": head.root,
             "provenance": provenance(store),
         }
-        return Answer(data, f"{head.position} {head.root}")
+        return Answer(data, f"{head.position}:{head.root}")

@@ -3,22 +3,50 @@
 from __future__ import annotations
 
 import argparse
+from typing import TYPE_CHECKING
 
 from replay.cli.answer import Answer, provenance, store_folder
+
+if TYPE_CHECKING:
+    from ingest.chain import Head
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--read", action="store_true", help="read and hash every sealed file and product too")
+    parser.add_argument(
+        "--since",
+        metavar="POSITION:ROOT",
+        help="a head noted earlier (whyhot head): nothing before it may have changed",
+    )
 
 
 def run(args: argparse.Namespace) -> Answer:
     from ingest.store import Store
 
     with Store.open(store_folder(args)) as store:
-        findings = store.verify(read=args.read)
+        findings = store.verify(read=args.read, since=_head(args.since))
+        hints = store.hints()
         head = store.ledger.head()
-        data = {"schema": "whyhot.verify/1", "findings": findings, "provenance": provenance(store, read=args.read)}
+        settings = {"read": args.read, "since": args.since}
+        data = {
+            "schema": "whyhot.verify/1",
+            "findings": findings,
+            "hints": hints,
+            "provenance": provenance(store, **settings),
+        }
     if findings:
-        return Answer(data, f"{len(findings)} findings.", code=1, notes=findings)
+        return Answer(data, f"{len(findings)} findings", code=1, notes=[*findings, *hints])
     depth = "every event and every sealed byte" if args.read else "every event (sealed bytes too with --read)"
-    return Answer(data, f"intact: {depth}; head {head.position} {head.root[:12]}")
+    return Answer(data, f"intact: {depth}; head {head.position}:{head.root}", notes=hints)
+
+
+def _head(text: str | None) -> Head | None:
+    from ingest.chain import Head
+    from ingest.errors import LedgerError
+
+    if text is None:
+        return None
+    position, _, root = text.partition(":")
+    if not position.isdecimal() or len(root) != 64:
+        raise LedgerError(f"--since {text}: is no head: give POSITION:ROOT as `whyhot head` printed it.")
+    return Head(int(position), root)

@@ -80,10 +80,11 @@ def build(
 ) -> InputFrame:
     """The frame of a session for a network.
 
-    `good`: per channel, which samples may be believed (ingest.catalogue.quality). Raises ReplayDataError where an input or
-    a boundary that the network needs has no channel, two channels, or no samples.
+    `good`: per channel, which samples of an observation may be believed (ingest.catalogue.quality). Inputs are taken as
+    they stand: a held set point and a constant one look the same, and the bench really ran at one of them. Raises
+    ReplayDataError where an input or a boundary that the network needs has no channel, two channels, or no samples.
     """
-    clean = {c.spec.name: (c.t_ns[g], c.value[g]) for c, g in zip(channels, good, strict=True)}
+    clean = {c.spec.name: (c.t_ns, c.value) for c in channels}
     needed = {f: _input_of(f, channels) for f in _features(monomials)}
     around = {b.name: _boundary_of(b.name, channels) for b in network.boundaries}
     names = {c.spec.name for c in needed.values()} | {c.spec.name for group in around.values() for c in group}
@@ -229,7 +230,9 @@ def _live(signals: Iterable[Signal], edges: Times, recover_s: float) -> Bools:
 
 def recovery_s(network: Network, mean_features: Floats, channels: Sequence[ChannelData]) -> float:
     """3 times the fastest observed mode: C / sum G of the quickest node with an observed channel, at mean features [s]."""
-    seen = {node for c in channels if c.spec.role == "observed" for node in (c.spec.weights or {c.spec.node or "": 1.0})}
+    seen = {
+        node for c in channels if c.spec.role == "observed" for node in (c.spec.weights or {c.spec.node or "": 1.0})
+    }
     constants = time_constants(network, mean_features)
     return 3.0 * min((constants[n.name] for n in network.nodes if n.name in seen), default=0.0)
 

@@ -9,9 +9,12 @@ from ingest.errors import TomlError
 from ingest.toml_file import BOOLEAN, NUMBER, POSITIVE, TEXT, TEXTS, Kind, Table, read
 from replay.errors import MotorFileError
 from twin.check import check
+from twin.describe import Description, describe
 from twin.errors import NetworkError
 from twin.features import QUANTITY, is_known
 from twin.network import Boundary, Copper, Link, Network, Node, Source, TemperatureFactor, Term
+
+__all__ = ["Description", "describe", "read_motor"]
 
 SCHEMA = "whyhot.motor/1"
 SCALES = {  # key of [scale] -> quantity

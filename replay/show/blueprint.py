@@ -31,6 +31,11 @@ def colour(index: int, dark: bool = True) -> int:
     return int(list(SERIES.values())[index % len(SERIES)][dark][1:] + "ff", 16)
 
 
+def view_of(quantity: str) -> str:
+    """The title of the view of an input, or its quantity where none shows it."""
+    return next((title for title, quantities in INPUTS.items() if quantity in quantities), quantity)
+
+
 def of_channels(channels: Sequence[ChannelData]) -> Any:
     """The layout of a session that has no replay yet."""
     import rerun.blueprint as rrb

@@ -75,13 +75,26 @@ def load_column(runs: Sequence[Run]) -> str | None:
     return next((column for column in LOADS if all(column in run.inputs for run in runs)), None)
 
 
-def round_edges(largest: float, cells: int, smallest: float = 0.0) -> Floats:
-    """Edges at round numbers from `smallest` (rounded down) to `largest` (rounded up), about `cells` of them."""
-    width = ((largest - smallest) or 1.0) / cells
+def round_step(span: float, cells: int) -> float:
+    """A round width [unit of `span`] of which about `cells` fill the span."""
+    width = (span or 1.0) / cells
     power = 10.0 ** np.floor(np.log10(width))
-    step = min((factor * power for factor in (1.0, 2.0, 2.5, 5.0, 10.0)), key=lambda s: abs(np.log(s / width)))
+    return min(
+        (float(factor * power) for factor in (1.0, 2.0, 2.5, 5.0, 10.0)), key=lambda step: abs(np.log(step / width))
+    )
+
+
+def round_edges(smallest: float, largest: float, cells: int) -> Floats:
+    """Edges at round numbers that hold all from `smallest` to `largest`, about `cells` cells."""
+    step = round_step(largest - smallest, cells)
     first, last = np.floor(smallest / step + 1e-9), np.ceil(largest / step - 1e-9)
     return np.asarray(np.arange(first, max(last, first + 1) + 1) * step, dtype=np.float64)
+
+
+def round_centres(largest: float, cells: int) -> Floats:
+    """Edges from 0 of about `cells` cells around round numbers: a test bench holds these, and must not straddle an edge."""
+    step = round_step(largest, cells)
+    return np.asarray(np.r_[0.0, (np.arange(np.floor(largest / step + 0.5) + 1) + 0.5) * step], dtype=np.float64)
 
 
 def in_cells(pool: Pool, x: Floats, y: Floats, x_edges: Floats, y_edges: Floats) -> Cells:

@@ -15,7 +15,17 @@ from numpy.typing import NDArray
 
 from replay.engine.run import Run
 from replay.show import words
-from replay.show.cells import ENOUGH_S, Cells, Pool, along, in_cells, load_column, pool_by_node, round_edges
+from replay.show.cells import (
+    ENOUGH_S,
+    Cells,
+    Pool,
+    along,
+    in_cells,
+    load_column,
+    pool_by_node,
+    round_centres,
+    round_edges,
+)
 from replay.show.figure import Plot, Table, inline_svg, name_lines, style
 from replay.show.palette import COLOURS, DASHES, DIVERGING, SOFT, with_variables
 from replay.show.plots import WIDTH
@@ -46,13 +56,8 @@ def error_map(runs: Sequence[Run]) -> Plot | None:
 
 def _maps(pools: Mapping[str, Pool], load: str) -> dict[str, Cells]:
     def edges(column: str) -> Floats:
-        return round_edges(
-            max(
-                float(np.max(pool.inputs[column], where=np.isfinite(pool.inputs[column]), initial=0.0))
-                for pool in pools.values()
-            ),
-            5,
-        )
+        values = [pool.inputs[column] for pool in pools.values()]
+        return round_centres(max(float(np.max(v, where=np.isfinite(v), initial=0.0)) for v in values), 5)
 
     speeds, loads = edges("speed_rpm"), edges(load)
     return {n: in_cells(p, p.inputs["speed_rpm"], p.inputs[load], speeds, loads) for n, p in pools.items()}
@@ -113,8 +118,8 @@ def _draw_map(axes: Axes, node: str, cells: Cells, colours: ScalarMappable) -> N
     axes.grid(False)
     axes.patch.set(hatch="////", facecolor="none", edgecolor=SOFT[0], linewidth=0)
     axes.set_title(words.capital(words.name(node)), fontsize=8.5, loc="left", pad=3)
-    axes.set_xticks(cells.x_edges[:: 2 if cells.x_edges.size > 4 else 1])
-    axes.set_yticks(cells.y_edges)
+    axes.set_xticks(_centres(cells.x_edges)[:: 2 if cells.x_edges.size > 5 else 1])
+    axes.set_yticks(_centres(cells.y_edges))
     axes.set_xlim(cells.x_edges[0], cells.x_edges[-1])
     axes.set_ylim(cells.y_edges[0], cells.y_edges[-1])
     axes.xaxis.set_major_formatter(lambda value, _: words.number(value))
@@ -136,6 +141,10 @@ def _map_table(maps: Mapping[str, Cells], load: str) -> Table:
         for i, j in np.argwhere(np.isfinite(cells.mean))
     ]
     return Table(("node", "operating cell", "measured − model [K]", "time"), tuple(rows))
+
+
+def _centres(edges: Floats) -> Floats:
+    return np.concatenate([[0.0], (edges[1:-1] + edges[2:]) / 2])
 
 
 def error_along(runs: Sequence[Run]) -> Plot | None:
@@ -168,7 +177,7 @@ def error_along(runs: Sequence[Run]) -> Plot | None:
 
 
 def _edges(values: Sequence[Floats], cells: int) -> Floats:
-    return round_edges(max(float(v.max()) for v in values), cells, min(float(v.min()) for v in values))
+    return round_edges(min(float(v.min()) for v in values), max(float(v.max()) for v in values), cells)
 
 
 def _draw_along(axes: Axes, lines: Mapping[str, Floats], edges: Floats) -> None:

@@ -1,9 +1,9 @@
 """Layers for the rerun viewer: one .rrd a layer, all of one session in one recording, so that they lie over one another.
 
 Files with the same application and recording id and different entity paths overlay; so the recording id is the session's.
-Paths: `measured/<node>/<channel>`, `inputs/<quantity>/<channel>`, `phase/<channel>`; `open_loop/<model>/<node>`,
-`residual/<model>/<node>/<channel>`, `masked/<model>/<channel>`, `heat/<model>`; `answer/...` for text. Every function
-raises ViewerError where rerun is not installed.
+Paths: `measured/<node>/<channel>`, `inputs/<quantity>/<channel>`, `ignored/<quantity>/<channel>`, `phase/<channel>`;
+`open_loop/<model>/<node>`, `residual/<model>/<node>/<channel>`, `masked/<model>/<channel>`, `heat/<model>`; `answer/...`
+for text. Every function raises ViewerError where rerun is not installed.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from __future__ import annotations
 import subprocess
 import sys
 import tempfile
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from importlib.util import find_spec
@@ -25,7 +26,7 @@ from ingest.events import SessionRecorded
 from replay.engine.run import Run
 from replay.errors import ViewerError
 from replay.show import words
-from replay.show.blueprint import APPLICATION, colour, of_channels, of_run, path
+from replay.show.blueprint import APPLICATION, colour, of_channels, of_run, path, view_of
 from replay.show.findings import answer, channel_errors, finding
 
 if TYPE_CHECKING:
@@ -47,7 +48,8 @@ def write_measured(
     full = [channel for channel in channels if channel.t_ns.size]
     with _recording(session.session, session.name, target, of_run(run) if run else of_channels(full)) as stream:
         _write_text(stream, path("answer", "recording"), _about(session, full))
-        for i, channel in enumerate(full):
+        beside: Counter[str] = Counter()  # lines already in the same view
+        for channel in full:
             where, times = measured_path(channel), _times(channel.t_ns, session.absolute)
             if channel.spec.quantity == "state":
                 changes = np.flatnonzero(np.r_[True, np.diff(channel.value) != 0])
@@ -57,7 +59,9 @@ def write_measured(
                 )
                 continue
             name = f"{channel.spec.name} [{channel.spec.stored_unit}]"
-            _style(stream, where, name, colour(i), MEASURED_WIDTH)
+            view_name = where.split("/")[0] + view_of(channel.spec.quantity)
+            _style(stream, where, name, colour(beside[view_name]), MEASURED_WIDTH)
+            beside[view_name] += 1
             stream.send_columns(where, [times], rr.Scalars.columns(scalars=channel.value))
 
 
@@ -68,7 +72,7 @@ def measured_path(channel: ChannelData) -> str:
         return path("phase", spec.name)
     if spec.quantity == "temperature" and spec.role == "observed":
         return path("measured", spec.node or spec.name, spec.name)
-    return path("inputs", spec.quantity, spec.name)
+    return path("ignored" if spec.role == "ignored" else "inputs", spec.quantity, spec.name)
 
 
 def write_open_loop(run: Run, target: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -115,6 +116,7 @@ def add_run(store: Store, run: str, raw: str, session_id: str) -> None:
         "first_record": [0, 5],
         "last_record": [3, 8],
         "speed_rpm": [1000.0, 2000.0],
+        "torque_Nm": [5.0, ABSENT],
     }  # without current_A: the session has none
     temperatures = {"t_ns": step_ns, "magnet_degC": [20.5, 23.0], "shaft_degC": [30.0, 31.0]}
     sealed = {}
@@ -146,10 +148,9 @@ def new_session() -> Callable[..., SessionRecorded]:
     return session
 
 
-@pytest.fixture
-def store(tmp_path: Path) -> Iterator[Store]:
-    """The small store, open for writing."""
-    with Store.open(tmp_path / "it's a store", create=True) as made:
+@contextmanager
+def small_store(folder: Path) -> Iterator[Store]:
+    with Store.open(folder / "it's a store", create=True) as made:
         bench, drive, table, broken = "b" * 64, "1" * 64, "2" * 64, "3" * 64
         made.ledger.append(
             f"bench-{bench}", BenchRegistered(sha256=bench, name="bench.toml", motor="reference", model="m" * 64)
@@ -185,4 +186,18 @@ def store(tmp_path: Path) -> Iterator[Store]:
         ):
             made.ledger.append(f"session-{one.session}", one)
         add_run(made, "r1", drive, "1_s1-id")
+        yield made
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> Iterator[Store]:
+    """The small store, open for writing."""
+    with small_store(tmp_path) as made:
+        yield made
+
+
+@pytest.fixture(scope="module")
+def shared_store(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Store]:
+    """The same, for tests that change nothing in it."""
+    with small_store(tmp_path_factory.mktemp("shared")) as made:
         yield made

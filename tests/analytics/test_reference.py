@@ -28,14 +28,14 @@ def test_the_page_shows_every_example() -> None:
 
 
 @pytest.mark.parametrize("sql", blocks(), ids=lambda sql: sql.split("\n")[0][:40])
-def test_every_example_on_the_page_has_an_answer(store: Store, sql: str) -> None:
-    with warehouse.refresh(store) as opened:
+def test_every_example_on_the_page_has_an_answer(shared_store: Store, sql: str) -> None:
+    with warehouse.refresh(shared_store) as opened:
         assert run(opened.connection, sql).rows
 
 
-def test_the_lineage_example_leads_from_a_residual_to_records_of_the_raw_log(store: Store) -> None:
+def test_the_lineage_example_leads_from_a_residual_to_records_of_the_raw_log(shared_store: Store) -> None:
     (lineage,) = [sql for sql in blocks() if "first_record" in sql]
-    with warehouse.refresh(store) as opened:
+    with warehouse.refresh(shared_store) as opened:
         result = run(opened.connection, lineage)
     found = [dict(zip(result.columns, row, strict=True)) for row in result.rows]
     assert [row["record"] for row in found] == [5, 6, 7, 8]
@@ -43,9 +43,9 @@ def test_the_lineage_example_leads_from_a_residual_to_records_of_the_raw_log(sto
     assert {(row["residual_K"], row["name"], row["file_id"]) for row in found} == {(3.0, "1_s1.blf", "1" * 64)}
 
 
-def test_the_side_by_side_example_has_a_column_a_channel(store: Store) -> None:
+def test_the_side_by_side_example_has_a_column_a_channel(shared_store: Store) -> None:
     (side,) = [sql for sql in blocks() if sql.startswith("PIVOT")]
-    with warehouse.refresh(store) as opened:
+    with warehouse.refresh(shared_store) as opened:
         result = run(opened.connection, side)
     assert result.columns == ("second", "speed", "MAG_1")
     assert result.rows[1] == (1.0, 100.0, 21.0)

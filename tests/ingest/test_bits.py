@@ -72,10 +72,11 @@ def test_signals_over_nine_bytes_are_whole(length: int, big_endian: bool) -> Non
         np.testing.assert_array_equal(extract(payloads(data), layout), reference(layout, data))
 
 
-def test_a_wide_integer_law_rounds_once() -> None:
-    data = np.full((1, 8), 0xFF, np.uint8)
-    layout = Layout(0, 63, scale=3, offset=1)
-    assert extract(payloads(data), layout).tolist() == [float((2**63 - 1) * 3 + 1)]
+@pytest.mark.parametrize(("scale", "offset"), [(3, 1), (1, -40), (-1000, 0)])
+def test_a_wide_integer_law_rounds_once(scale: int, offset: int) -> None:
+    data = np.array([[1, 0, 1, 0, 0, 0, 0, 0x41]], np.uint8)
+    layout = Layout(0, 64, scale=scale, offset=offset)
+    assert extract(payloads(data), layout).tolist() == [float(0x4100000000010001 * scale + offset)]
 
 
 def test_raw_bits_are_not_sign_extended() -> None:

@@ -221,6 +221,13 @@ def test_a_message_on_two_buses_is_two_groups(tmp_path: Path) -> None:
     assert table(tmp_path, event, "can2_Motor")["Speed_rpm"].to_pylist() == [0.5, 1.5, 2.5, 3.5, 4.5]
 
 
+def test_two_messages_of_one_name_are_told_apart_by_identifier(tmp_path: Path) -> None:
+    other = dbc(DBC.replace("BO_ 291 ", "BO_ 290 "), "other.dbc")
+    given = frames([(0, 1, 0x123, 0, bytes(8)), (1, 1, 0x122, 0, bytes(8))])
+    event = decoded(tmp_path, record(tmp_path, given), [dbc(), other])
+    assert {group["name"] for group in event.groups} == {"can1_Motor_0x122", "can1_Motor_0x123"}
+
+
 # ---- bench file ----------------------------------------------------------------------------------------------------
 
 
@@ -412,18 +419,27 @@ def test_every_record_is_decoded_or_counted_with_the_reason(tmp_path: Path) -> N
     assert event.settings["wrong_length"] == {"can1:0x123 Motor": 1}
     assert event.settings["rejected"] == {
         "remote frame, no data": 1,
-        "error frame, no data": 1,
+        "error frame": 1,
         "object of 0 bytes": 1,
     }
     assert event.rejections == [
         {"record": 2, "where": "can1:0x123", "why": "remote frame, no data"},
-        {"record": 6, "where": "can1:0x0", "why": "error frame, no data"},
+        {"record": 6, "where": "can1:0x0", "why": "error frame"},
         {"record": 7, "where": "byte 900", "why": "object of 0 bytes"},
     ]
     assert (event.outcome, event.why) == (
         "salvaged",
         "1 of 8 records cannot be read and were set aside, the first at byte 900: object of 0 bytes",
     )
+
+
+def test_error_frames_are_rejected_records_but_no_damage(tmp_path: Path) -> None:
+    errors = [Rejected(100 + i, f"line {i}", "error frame") for i in range(30)]
+    event = decoded(tmp_path, record(tmp_path, frames(drive(100)), rejected=errors), [dbc()])
+    assert (event.balance["found"], event.balance["rejected"]) == (130, 30)
+    assert (event.outcome, event.why) == ("decoded", None)
+    assert event.settings["rejected"] == {"error frame": 30}
+    assert [entry["record"] for entry in event.rejections] == list(range(100, 120))
 
 
 def test_a_lost_record_stops_the_decode(tmp_path: Path) -> None:
@@ -439,11 +455,30 @@ def test_a_log_that_is_cut_is_salvaged(tmp_path: Path) -> None:
     assert (event.outcome, event.why) == ("salvaged", "ends 7 bytes early; the 100 records before that were kept")
 
 
-def test_without_a_database_every_frame_is_unknown_and_the_way_out_is_said(tmp_path: Path) -> None:
-    event = decoded(tmp_path, record(tmp_path, frames(drive(100))))
-    assert event.balance == {"found": 100, "decoded": 0, "unknown_id": 100, "wrong_length": 0, "rejected": 0}
-    assert event.why == "no frame is of a message that is known: name the signal database with --dbc"
-    assert event.groups == []
+@pytest.mark.parametrize(
+    ("frame", "databases", "counted", "why"),
+    [
+        (
+            (0, 1, 0x123, 0, bytes(8)),
+            [],
+            "unknown_id",
+            "no frame is of a message that is known: name the signal database of this log with --dbc",
+        ),
+        (
+            (0, 1, 0x123, 0, bytes(7)),
+            [dbc()],
+            "wrong_length",
+            "every frame is shorter than its message: the signal database is not the one of this log",
+        ),
+        ((0, 1, 0x123, REMOTE, b""), [dbc()], "rejected", "no frame holds data: nothing to decode"),
+    ],
+)
+def test_where_nothing_can_be_decoded_the_way_out_is_said(
+    tmp_path: Path, frame: Frame, databases: list[Database], counted: str, why: str
+) -> None:
+    event = decoded(tmp_path, record(tmp_path, frames([frame])), databases)
+    assert event.balance == {"found": 1, "decoded": 0, "unknown_id": 0, "wrong_length": 0, "rejected": 0} | {counted: 1}
+    assert (event.outcome, event.why, event.groups, event.channels) == ("decoded", why, [], [])
 
 
 # ---- identity ------------------------------------------------------------------------------------------------------

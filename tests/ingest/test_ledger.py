@@ -3,7 +3,8 @@ from __future__ import annotations
 import json
 import random
 import sqlite3
-from collections.abc import Iterator
+import sys
+from collections.abc import Iterator, Sequence
 from contextlib import closing, suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -11,6 +12,8 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 import pytest
+from eventsourcing.persistence import OperationalError, StoredEvent
+from eventsourcing.sqlite import SQLiteApplicationRecorder
 from made_events import decode, raw, session
 
 from ingest import ledger as ledger_module
@@ -217,8 +220,7 @@ def test_a_locked_database_is_one_sentence_and_works_again_later(
     ledger: Ledger, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("eventsourcing.sqlite.SQLITE3_DEFAULT_LOCK_TIMEOUT", 0.05)
-    ledger._factory.close()
-    ledger._connect()
+    ledger._disconnect()
     with closing(sqlite3.connect(tmp_path / "ledger.sqlite")) as other:
         other.execute("BEGIN IMMEDIATE")
         with pytest.raises(
@@ -230,7 +232,8 @@ def test_a_locked_database_is_one_sentence_and_works_again_later(
 
 
 def test_a_full_disk_stores_nothing_and_the_same_append_works_after(ledger: Ledger) -> None:
-    with ledger._factory.datastore.get_connection(commit=True) as connection:  # type: ignore[attr-defined]
+    assert ledger._connection
+    with ledger._connection[0].datastore.get_connection(commit=True) as connection:  # type: ignore[attr-defined]
         connection.cursor().execute("PRAGMA max_page_count=8")
     long = decode("d", "a", why="x" * 100_000)
     with pytest.raises(LedgerError, match="database or disk is full"):
@@ -238,6 +241,53 @@ def test_a_full_disk_stores_nothing_and_the_same_append_works_after(ledger: Ledg
     assert ledger.events() == []
     assert ledger.append("file-a", long).position == 1
     assert ledger.verify() == []
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs file size limits")
+def test_a_commit_that_fails_stores_nothing_and_the_ledger_stays_usable(ledger: Ledger, tmp_path: Path) -> None:
+    import resource
+
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    refused = 0
+    for more in range(0, 40_000, 4_000):
+        event = decode(f"d{more}", "a", why="x" * 10_000)
+        size = (tmp_path / "ledger.sqlite-wal").stat().st_size
+        resource.setrlimit(resource.RLIMIT_FSIZE, (size + more, hard))
+        try:
+            ledger.append("file-a", event)
+        except LedgerError:
+            refused += 1
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+        if not ledger.events() or ledger.events()[-1].event != event:
+            ledger.append("file-a", event)
+    assert refused >= 3
+    assert len(ledger.events()) == 10
+    assert ledger.verify() == []
+
+
+@pytest.mark.parametrize(("says", "calls"), [("database is locked", 2), ("disk I/O error", 1)])
+def test_only_a_locked_database_is_tried_once_more(
+    ledger: Ledger, monkeypatch: pytest.MonkeyPatch, says: str, calls: int
+) -> None:
+    tried: list[int] = []
+
+    def refuse(recorder: SQLiteApplicationRecorder, rows: Sequence[StoredEvent]) -> None:
+        tried.append(len(rows))
+        raise OperationalError(says)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(SQLiteApplicationRecorder, "insert_events", refuse)
+        with pytest.raises(LedgerError, match=says):
+            ledger.append("file-a", raw("a"))
+    assert tried == [1] * calls
+    assert ledger.append("file-a", raw("a")).position == 1
+
+
+@pytest.mark.parametrize("at_once", [1, 2, 3, 9, 10])
+def test_rows_are_read_page_by_page_without_loss(written: Path, at_once: int) -> None:
+    with closing(Ledger(written)) as ledger:
+        assert [row.id for row in ledger.rows(at_once=at_once)] == list(range(1, 10))
 
 
 def test_a_second_writer_waits_then_says_who_writes(
@@ -388,6 +438,20 @@ def test_flipped_bits_of_the_file_are_found_wherever_they_change_what_is_read(wr
     assert changed > 50
 
 
+def test_damage_in_the_index_by_which_streams_are_found_is_found(written: Path) -> None:
+    path = written / "ledger.sqlite"
+    image = path.read_bytes()
+    places = [place for place in range(len(image)) if image.startswith(b"session-2", place)]
+    rows = stored(written)
+    assert len(places) == 2  # the row, and its entry in the index
+    unread = 0
+    for place in places:
+        path.write_bytes(image[:place] + b"t" + image[place + 1 :])
+        unread += stored(written) == rows
+        assert findings(written)
+    assert unread == 1
+
+
 def test_a_truncated_file_is_found_and_said_in_one_line(written: Path) -> None:
     path = written / "ledger.sqlite"
     image = path.read_bytes()
@@ -443,8 +507,6 @@ def test_a_topic_that_is_not_ours_is_found_and_never_imported(written: Path, tmp
     assert any(says in line for line in findings(written))
     with closing(Ledger(written)) as ledger, pytest.raises(LedgerError, match="antigravity:fly"):
         ledger.events()
-    import sys
-
     assert "antigravity" not in sys.modules
 
 
@@ -462,6 +524,25 @@ def test_a_payload_rewritten_with_a_new_digest_breaks_chain_and_seal(written: Pa
     found = findings(written)
     assert any("does not follow the event before it in its stream" in line for line in found)
     assert any("the seal does not fit: something in events 1 to 3 was changed" in line for line in found)
+
+
+def test_a_version_left_out_is_found_even_where_the_digests_fit(written: Path) -> None:
+    position, stream, version, topic, state = stored(written)[8]
+    forged = canonical(resealed(stream, version + 5, topic, json.loads(state)))
+    change(
+        written, "UPDATE stored_events SET originator_version=?, state=? WHERE rowid=?", version + 5, forged, position
+    )
+    (found,) = findings(written)
+    assert found.endswith("follows version 1 of its stream: events are missing or in another order")
+
+
+def test_rows_before_one_that_cannot_be_read_at_all_are_still_checked(written: Path) -> None:
+    change(written, "UPDATE stored_events SET topic='whyhot:Other' WHERE rowid=2")
+    change(written, "UPDATE stored_events SET topic=CAST(x'ff' AS TEXT) WHERE rowid=6")
+    found = findings(written)
+    assert any(line.startswith("event 2 ") for line in found)
+    assert "Could not decode to UTF-8" in found[-1]
+    assert found[-1].endswith("what follows event 5 could not be checked")
 
 
 def test_a_whole_chain_recomputed_is_found_by_the_seals(written: Path) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -71,7 +72,7 @@ COLUMNS = {  # signal -> column, quantity, stored unit, node, role
 
 def values(offset: float = 0.0) -> dict[str, NDArray[np.float64]]:
     magnet = np.round(60 + offset + T / 40 + np.random.default_rng(3).normal(0, 0.1, N), 1)
-    magnet[400:700] = magnet[400]
+    magnet[400:700], magnet[700] = magnet[399] + 0.2, 90.0
     torque = 100 + 20 * np.sin(T / 40)
     return {
         "n": np.full(N, 3000.0),
@@ -121,7 +122,7 @@ def grouped(store: Store) -> Facts:
     benches = {SHA: read_bench(BENCH, "bench.toml")} if SHA in known.benches else {}
     names = {sha: one.name for sha, one in known.files.items()}
     new = sessions.group(list(known.decodes.values()), benches, names)
-    store.ledger.append_all([(f"session-{one.session}", one) for one in sessions.regroup(known.sessions, new)])  # type: ignore[attr-defined]
+    store.ledger.append_all([(f"session-{one.session}", one) for one in sessions.regroup(known.sessions, new)])
     return ledger_facts.at(store.ledger)
 
 
@@ -175,7 +176,7 @@ def test_empty_cells_and_rows_of_another_session_are_left_out(store: Store) -> N
     given["M"][::2] = np.nan
     given["spare"][:] = np.nan
     facts, session = one_session(store, values=given)
-    half = sessions.replace(session, files=[session.files[0] | {"first_record": 100, "last_record": 199}])
+    half = replace(session, files=[session.files[0] | {"first_record": 100, "last_record": 199}])
     channels = {one.spec.name: one for one in load(store, facts, half)}
     assert "spare" not in channels
     assert channels["M"].record.tolist() == list(range(101, 200, 2))
@@ -192,13 +193,24 @@ def test_without_a_bench_file_signals_have_guessed_quantities_or_none(store: Sto
     assert show.describe(store, facts, session).channels[5].quantity is None
 
 
+def test_signals_of_one_name_in_two_groups_stay_apart_without_a_bench_file(store: Store) -> None:
+    add(store, "3_wltp.csv", 0, bench=False)
+    (known,) = ledger_facts.at(store.ledger).decodes.values()
+    twice = [entry("n", False), entry("n", False) | {"column": "P_W", "quantity": None}]
+    facts = replace(grouped(store), decodes={known.decode: replace(known, channels=twice)})
+    assert [one.spec.name for one in load(store, facts, facts.session("3_wltp"))] == ["rows.n_rpm", "rows.P_W"]
+
+
 def test_missing_samples_say_how_to_make_them_again(store: Store) -> None:
     facts, session = one_session(store)
     path = store.decoded(session.files[0]["decode"]) / "rows.parquet"
     path.unlink()
     with pytest.raises(DamageError) as error:
         load(store, facts, session)
-    assert str(error.value) == f"{path}: the samples are not there. Make them again from the archive with `whyhot rebuild`."
+    assert (
+        str(error.value)
+        == f"{path}: the samples are not there. Make them again from the archive with `whyhot rebuild`."
+    )
 
 
 def test_a_description_holds_everything_that_is_known(store: Store) -> None:
@@ -219,7 +231,7 @@ def test_the_answer_is_json(store: Store) -> None:
     assert answer["schema"] == "whyhot.show/1"
     assert answer["channels"][2]["node"] == "magnet"
     assert answer["power"]["possible"] is True
-    assert answer["sources"][0]["balance"]["found"] == N
+    assert answer["sources"][0]["balance"]["found"] == N and answer["sources"][0]["holds"] is True
 
 
 def test_the_page_says_kind_sources_channels_power_and_points(store: Store) -> None:
@@ -231,7 +243,7 @@ def test_the_page_says_kind_sources_channels_power_and_points(store: Store) -> N
     assert "2025-10-09 08:53:20 UTC, 0:19:59, session " in text
     assert "inverter = sw 4.2" in text
     assert text.endswith("next: whyhot replay 3_wltp")
-    assert next(line for line in text.splitlines() if " MAG_1 " in line).split()[-2:] == ["299", "s"]
+    assert next(line for line in text.splitlines() if "MAG_1  " in line).split()[-2:] == ["299", "s"]
     assert max(map(len, text.splitlines())) <= 100
     assert max(map(len, show.render(description, width=72).splitlines())) <= 72
 
@@ -291,8 +303,6 @@ def test_a_table_too_wide_loses_the_ends_of_its_widest_column() -> None:
     assert lines == ["name               x", "a" * 15 + "…   1", "b                 22"]
 
 
-@pytest.mark.parametrize(
-    ("t_ns", "text"), [(T0, "2025-10-09T08:53:20Z"), (T0 + 7_000_000, "2025-10-09T08:53:20.007Z")]
-)
+@pytest.mark.parametrize(("t_ns", "text"), [(T0, "2025-10-09T08:53:20Z"), (T0 + 7_000_000, "2025-10-09T08:53:20.007Z")])
 def test_stamps_are_utc_with_milliseconds_where_needed(t_ns: int, text: str) -> None:
     assert show.iso(t_ns) == text

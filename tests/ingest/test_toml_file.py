@@ -21,7 +21,6 @@ from ingest.toml_file import (
     NAMED_TEXTS,
     NOT_NEGATIVE,
     NUMBER,
-    NUMBERS,
     POSITIVE,
     TEXT,
     TEXTS,
@@ -137,7 +136,6 @@ GOOD: list[tuple[Kind[Any], str, object]] = [
     (BOOLEAN, "false", False),
     (NAME, '"endwinding_a"', "endwinding_a"),
     (TEXTS, '["a", "b"]', ["a", "b"]),
-    (NUMBERS, "[1, 2.5]", [1.0, 2.5]),
     (NAMED_TEXTS, '{a = "x"}', {"a": "x"}),
     (NAMED_NUMBERS, "{a = 1}", {"a": 1.0}),
     (MOMENT, "2024-03-01T08:00:00", datetime(2024, 3, 1, 8)),
@@ -163,7 +161,6 @@ def test_a_value_of_the_right_kind_is_read(kind: Kind[Any], text: str, value: ob
         (NOT_NEGATIVE, "-1", "x must be a number of 0 or more, found the number -1."),
         (BOOLEAN, "1", "x must be true or false, found the number 1."),
         (TEXTS, '["a", 1]', 'x must be a list of texts, such as ["a", "b"], found a list.'),
-        (NUMBERS, "{a = 1}", "x must be a list of numbers, such as [1.0, 2.5], found a table."),
         (NAMED_NUMBERS, "[1]", "x must be numbers by name, such as {a = 0.7, b = 0.3}, found a list."),
         (
             MOMENT,

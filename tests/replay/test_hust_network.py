@@ -68,7 +68,7 @@ def test_the_published_errors_are_reproduced(number: int) -> None:
     r = _recording(number)
     mae = np.abs(_replayed(r) - _measured(r)).mean(axis=0)
     print(f"id {number}: " + ", ".join(f"{m:.3f} ({p})" for m, p in zip(mae, PUBLISHED_MAE_K[number], strict=True)))
-    np.testing.assert_allclose(np.round(mae, 1), PUBLISHED_MAE_K[number], atol=0.051)
+    np.testing.assert_allclose(mae, PUBLISHED_MAE_K[number], rtol=0, atol=0.06)  # printed to 0.1 K
 
 
 def _published_step(T: Floats, i: float, f: float, coolant: float, ambient: float) -> Floats:
@@ -101,4 +101,4 @@ def test_the_terms_agree_with_the_published_formulas_within_a_thousandth_of_a_ke
         published.append(T)
     difference = np.abs(_replayed(r) - np.array(published[:-1])).max()
     print(f"largest difference {difference:.5f} K")
-    assert difference < 0.002
+    assert difference < 0.001

@@ -66,6 +66,7 @@ def channels(start_s: float = UTC_NS / 1e9) -> list[Any]:
         channel("coolant / in", "temperature", np.full(STEPS, 60.0), t_s=t_s, node="coolant"),
         channel("speed", "speed", np.full(STEPS, 1500.0), t_s=t_s),
         channel("mode", "state", np.repeat([0.0, 1.0], STEPS // 2), t_s=t_s),
+        channel("bearing", "temperature", np.full(STEPS, 40.0), t_s=t_s, role="ignored"),
         channel("never", "torque", np.array([])),
     ]
 
@@ -92,7 +93,12 @@ def test_measured_samples_come_back_at_their_own_time_and_value(measured: Path) 
 
 def test_boundaries_and_drives_are_inputs_by_quantity_and_empty_channels_are_left_out(measured: Path) -> None:
     paths = {entity(batch) for batch in chunks(measured)}
-    assert {"inputs/temperature/coolant\\ \\/\\ in", "inputs/speed/speed", "answer/recording"} <= paths
+    assert {
+        "inputs/temperature/coolant\\ \\/\\ in",
+        "inputs/speed/speed",
+        "ignored/temperature/bearing",
+        "answer/recording",
+    } <= paths
     assert not any("never" in path for path in paths)
 
 

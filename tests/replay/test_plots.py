@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from made_runs import made_run
 
-from replay.show.cells import ENOUGH_S, in_cells, pool_by_node, round_edges
+from replay.show.cells import ENOUGH_S, in_cells, pool_by_node, round_centres, round_edges
 from replay.show.error_maps import error_along, error_map
 from replay.show.palette import SERIES, variables
 from replay.show.plots import groups, inputs_over_time, over_time, picture
@@ -53,10 +53,21 @@ def test_a_hole_in_time_becomes_a_gap() -> None:
     assert gapped_t[np.isnan(gapped_y)].tolist() == [149.5]
 
 
-@pytest.mark.parametrize(("largest", "edges"), [(3990.0, 1000.0), (285.0, 50.0), (16000.0, 2500.0), (0.0, 0.2)])
-def test_cells_have_round_edges_that_hold_the_largest_value(largest: float, edges: float) -> None:
-    made = round_edges(largest, 5)
-    assert np.diff(made) == pytest.approx(edges)
+@pytest.mark.parametrize(
+    ("smallest", "largest", "step"),
+    [(0.0, 3990.0, 1000.0), (21.0, 66.0, 10.0), (0.0, 16000.0, 2500.0), (0.0, 0.0, 0.2)],
+)
+def test_cells_have_round_edges_that_hold_every_value(smallest: float, largest: float, step: float) -> None:
+    made = round_edges(smallest, largest, 5)
+    assert np.diff(made) == pytest.approx(step)
+    assert made[0] <= smallest and made[-1] >= largest
+
+
+@pytest.mark.parametrize(("largest", "step"), [(4003.0, 1000.0), (285.0, 50.0), (0.0, 0.2)])
+def test_operating_cells_lie_around_round_numbers(largest: float, step: float) -> None:
+    made = round_centres(largest, 5)
+    assert made[:2] == pytest.approx([0.0, step / 2])
+    assert np.diff(made[1:]) == pytest.approx(step)
     assert made[-1] >= largest
 
 
@@ -85,7 +96,7 @@ def test_a_cell_with_little_data_says_nothing() -> None:
 def test_the_map_title_names_the_worst_node_cell_and_direction() -> None:
     plot = error_map([made_run()])
     assert plot is not None
-    assert plot.title == "Rotor surface: model 6.0 K too cold at 3,000 to 3,500 rpm and 100 to 125 A current"
+    assert plot.title == "Rotor surface: model 6.0 K too cold at 3,250 to 3,750 rpm and 112 to 138 A current"
     assert plot.table.rows[0][0] == "rotor surface"
 
 

@@ -34,6 +34,7 @@ def test_time_constants_are_those_of_the_modes() -> None:
     assert found.at_full_s == pytest.approx((25.0, 25.0))
     assert found.at_rest_s == (math.inf, math.inf)
     assert "without end" in found.text()
+    assert found.to_json()["at_rest_s"] == [None, None]
 
 
 def test_a_summed_loss_below_zero_is_a_warning_with_place() -> None:

@@ -20,6 +20,6 @@ def test_zero_to_the_zero_is_one_and_zero_to_a_fraction_is_zero() -> None:
 
 
 def test_powers_have_the_same_bits_on_every_machine() -> None:
-    values = power(np.arange(1, 2001) / 1024.0, 0.8)
+    values = power(np.arange(1, 2001) / 1024.0, 1.3)
     digest = hashlib.sha256(values.astype("<f8").tobytes()).hexdigest()
-    assert digest == "29869ac362dafef8110056850bcf5c07469e96c804983648924353da8be02a0f"
+    assert digest == "8788b39ebb487d21a054a09d1b4b3375bcba1a755a638a6790c52079637c5669"

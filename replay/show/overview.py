@@ -1,0 +1,43 @@
+"""Many replays in a few lines: a row a recording, a column a node, and where the largest error of each is."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from replay.show import words
+from replay.show.findings import answer, channel_errors
+
+WIDTH = 100
+INDENT = 18
+
+
+def labelled(label: str, text: str) -> list[str]:
+    """`label` in the left column, `text` wrapped in the right one."""
+    wrapped = textwrap.wrap(text, WIDTH - INDENT, break_long_words=False, break_on_hyphens=False) or [""]
+    return [f"{label if i == 0 else '':<{INDENT}}{line}".rstrip() for i, line in enumerate(wrapped)]
+
+
+def overview(summaries: Sequence[Mapping[str, Any]]) -> list[str]:
+    """The answer in a sentence, then mean absolute errors [K] by recording and node."""
+    nodes = list(dict.fromkeys(node for summary in summaries for node in summary["mae_K"]))
+    head = f"{'mean error':<14}" + "".join(f"{words.name(node):>9}" for node in nodes)
+    return [
+        *labelled("What is wrong", answer(summaries)),
+        "",
+        " " * INDENT + head + "   largest",
+        *(" " * INDENT + _row(summary, nodes) for summary in summaries),
+    ]
+
+
+def _row(summary: Mapping[str, Any], nodes: Sequence[str]) -> str:
+    errors = channel_errors(summary)
+    figures = "".join(f"{summary['mae_K'][node]:>7.1f} K" if node in summary["mae_K"] else " " * 9 for node in nodes)
+    lead = f"{summary['session_name']:<6}{words.duration(summary['duration_s']):>8}{figures}   "
+    if not errors:
+        return lead + "no node is observed"
+    if all(error.within_floor for error in errors):
+        return lead + "all within the sensors' own uncertainty"
+    worst = errors[0]
+    return lead + f"{words.name(worst.node)} {worst.direction}, up to {words.kelvin(worst.max_K)}"

@@ -1,0 +1,20 @@
+"""The benchmark of the way from BLF to Parquet runs, and its ways agree."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+SCRIPT = Path(__file__).parents[2] / "benchmarks" / "ingest.py"
+
+
+def test_all_ways_from_blf_to_parquet_give_the_same_values() -> None:
+    command = [sys.executable, str(SCRIPT), "--frames", "500", "--rounds", "1", "--json"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    result = json.loads(done.stdout)
+    assert result["values_equal"] is True
+    assert result["frames"] == 500
+    assert {"whyhot", "python-can + cantools"} <= set(result["times_whyhot"])

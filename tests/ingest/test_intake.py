@@ -1,0 +1,158 @@
+"""Intake: files of one test join, late files regroup, the same bytes change nothing, and all can be made again."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import can_bench
+import pytest
+
+from ingest import facts
+from ingest.facts import Facts
+from ingest.intake import Intake, MotorFile, prepare, redecode, take_in
+from ingest.sessions import Override
+from ingest.store import Store
+
+LOGGER = """\
+schema = "whyhot.bench/1"
+specimen = "servo-01"
+[time]
+column = "Time"
+format = "%d.%m.%Y %H:%M:%S"
+zone = "Europe/Rome"
+[[channel]]
+signal = "MotorSpeed"
+quantity = "speed"
+unit = "rpm"
+[[channel]]
+signal = "T_room"
+quantity = "temperature"
+unit = "degC"
+node = "ambient"
+"""
+
+
+def _no_motor(path: Path) -> MotorFile:
+    raise AssertionError(f"{path} should not be read")
+
+
+@pytest.fixture(scope="module")
+def logs(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("logs")
+    (folder / "bench.dbc").write_text(can_bench.DBC, encoding="utf-8")
+    (folder / "bench.toml").write_text(LOGGER, encoding="utf-8")
+    (folder / "can.toml").write_text(LOGGER[: LOGGER.rindex("[[channel]]")], encoding="utf-8")
+    can_bench.write_log(folder / "5_drive.blf", seconds=60, start=can_bench.START + 7200)  # in local time, as the zone says
+    rows = [f"09.10.2025 10:53:{25 + k};{21 + k / 10:.1f}".replace(".1;", ",1;") for k in range(30)]
+    (folder / "5_room.csv").write_text("Time;T_room\n" + "\n".join(rows) + "\n", encoding="utf-8")
+    return folder
+
+
+def _take(folder: Path, logs: Path, *names: str, bench: str = "bench.toml", said: Override | None = None) -> Intake:
+    paths = [logs / name for name in names]
+    setup = prepare(paths, logs / bench, [logs / "bench.dbc"], _no_motor)
+    with Store.open(folder, create=True, write=True) as store:
+        return take_in(store, paths, setup, said or Override())
+
+
+def _now(folder: Path) -> Facts:
+    with Store.open(folder) as store:
+        return facts.at(store.ledger)
+
+
+def test_files_of_one_test_are_one_session(logs: Path, tmp_path: Path) -> None:
+    _take(tmp_path / "s", logs, "5_drive.blf", "5_room.csv")
+    (session,) = _now(tmp_path / "s").sessions
+    assert session.name == "5_drive"
+    assert len(session.files) == 2
+    assert session.specimen == "servo-01"
+
+
+def test_a_late_file_regroups_and_the_old_id_still_leads_there(logs: Path, tmp_path: Path) -> None:
+    _take(tmp_path / "s", logs, "5_drive.blf", "5_room.csv")
+    together = _now(tmp_path / "s").sessions[0].session
+    _take(tmp_path / "u", logs, "5_drive.blf", bench="can.toml")
+    alone = _now(tmp_path / "u").sessions[0].session
+    _take(tmp_path / "u", logs, "5_drive.blf", "5_room.csv")
+    known = _now(tmp_path / "u")
+    assert [s.session for s in known.sessions] == [together]
+    assert known.session(alone).session == together
+
+
+def test_a_late_file_may_come_alone_with_the_same_bench_file(logs: Path, tmp_path: Path) -> None:
+    _take(tmp_path / "s", logs, "5_drive.blf", "5_room.csv")
+    shutil.copytree(logs, tmp_path / "more")
+    text = (logs / "5_room.csv").read_text(encoding="utf-8").replace("10:53:", "10:54:")
+    (tmp_path / "more" / "5_more.csv").write_text(text, encoding="utf-8")
+    intake = _take(tmp_path / "s", tmp_path / "more", "5_more.csv")
+    assert not intake.refused
+    (session,) = _now(tmp_path / "s").sessions
+    assert len(session.files) == 3
+
+
+def test_the_same_bytes_under_another_name_are_one_file(logs: Path, tmp_path: Path) -> None:
+    _take(tmp_path / "s", logs, "5_drive.blf", bench="can.toml")
+    shutil.copytree(logs, tmp_path / "copies")
+    (tmp_path / "copies" / "copy.blf").write_bytes((logs / "5_drive.blf").read_bytes())
+    intake = _take(tmp_path / "s", tmp_path / "copies", "copy.blf", bench="can.toml")
+    assert intake.files[0].known
+    assert len(_now(tmp_path / "s").files) == 1
+
+
+def test_other_bytes_under_the_same_name_are_flagged(logs: Path, tmp_path: Path) -> None:
+    _take(tmp_path / "s", logs, "5_drive.blf", bench="can.toml")
+    shutil.copytree(logs, tmp_path / "other")
+    can_bench.write_log(tmp_path / "other" / "5_drive.blf", seconds=60, seed=2, start=can_bench.START + 10_000)
+    _take(tmp_path / "s", tmp_path / "other", "5_drive.blf", bench="can.toml")
+    known = _now(tmp_path / "s")
+    assert len(known.sessions) == 2
+    assert [flag.flag for flags in known.flags.values() for flag in flags if flag.flag.startswith("same")] == [
+        "same_name_other_bytes"
+    ]
+
+
+def test_what_is_said_on_the_command_line_beats_the_bench_file(logs: Path, tmp_path: Path) -> None:
+    _take(
+        tmp_path / "s", logs, "5_drive.blf", bench="can.toml", said=Override(specimen="servo-02", batch="B3", kind="s2")
+    )
+    (session,) = _now(tmp_path / "s").sessions
+    assert (session.specimen, session.batch, session.kind) == ("servo-02", "B3", "s2")
+
+
+def test_a_new_bench_version_is_no_new_session(logs: Path, tmp_path: Path) -> None:
+    _take(tmp_path / "s", logs, "5_drive.blf", "5_room.csv")
+    before = _now(tmp_path / "s").sessions[0]
+    shutil.copytree(logs, tmp_path / "v2")
+    bench = (logs / "bench.toml").read_text(encoding="utf-8")
+    (tmp_path / "v2" / "bench.toml").write_text(bench + "noise = 0.2\n", encoding="utf-8")
+    _take(tmp_path / "s", tmp_path / "v2", "5_drive.blf", "5_room.csv")
+    (after,) = _now(tmp_path / "s").sessions
+    assert after.session == before.session
+    assert after.bench != before.bench
+
+
+def test_products_are_made_again_from_sealed_bytes_alone(logs: Path, tmp_path: Path) -> None:
+    _take(tmp_path / "s", logs, "5_drive.blf", "5_room.csv")
+    products = {
+        path.relative_to(tmp_path / "s"): path.read_bytes()
+        for path in (tmp_path / "s" / "decoded").rglob("*")
+        if path.is_file()
+    }
+    assert len(products) == 5
+    shutil.rmtree(tmp_path / "s" / "decoded")
+    (tmp_path / "s" / "decoded").mkdir()
+    with Store.open(tmp_path / "s", write=True) as store:
+        redecode(store, facts.at(store.ledger))
+    for path, data in products.items():
+        assert (tmp_path / "s" / path).read_bytes() == data, path
+
+
+def test_the_archive_alone_explains_a_recording(logs: Path, tmp_path: Path) -> None:
+    _take(tmp_path / "s", logs, "5_drive.blf", bench="can.toml")
+    known = _now(tmp_path / "s")
+    with Store.open(tmp_path / "s") as store:
+        (raw,) = known.files
+        assert store.archive.read(raw) == (logs / "5_drive.blf").read_bytes()
+        (bench,) = known.benches
+        assert store.archive.read(bench) == (logs / "can.toml").read_bytes()

@@ -1,0 +1,66 @@
+"""The tutorial is run as it stands, and the complete files of the other pages are read. As a script it writes the
+tutorial's logs into a folder, for a reader who wants to follow it: python tests/test_docs_run.py FOLDER
+"""
+
+from __future__ import annotations
+
+import sys
+from datetime import UTC, datetime
+from pathlib import Path
+
+import can
+import can_bench
+import cantools
+import numpy as np
+
+MAGNET_W = 60.0  # at full speed; the motor file of the tutorial says 30
+NOISE_K = 0.05
+SECONDS = 900
+
+
+def write_logs(folder: Path) -> None:
+    """A morning on CAN with the power analyser's table beside it, and an afternoon in which a thermocouple comes off."""
+    (folder / "bench.dbc").write_text(can_bench.DBC, encoding="utf-8")
+    temperatures = _write_can(folder / "monday_am.blf", 1, can_bench.START)
+    _write_power(folder / "monday_am_power.csv", 1, can_bench.START, temperatures)
+    _write_can(folder / "monday_pm.asc", 2, can_bench.START + 7200, comes_off_at=600)
+
+
+def _write_can(path: Path, seed: int, start: float, comes_off_at: int = SECONDS) -> can_bench.Floats:
+    """Drive at 10 Hz, temperatures at 1 Hz, and a counter of which no database knows; the true temperatures."""
+    database = cantools.database.load_string(can_bench.DBC, "dbc")
+    speed, current = can_bench.drive(SECONDS, seed)
+    true = can_bench.truth(speed, current, 30.0, MAGNET_W)
+    read = np.column_stack([true, np.full(len(true), 30.0)])
+    read += np.random.default_rng(seed).normal(0.0, NOISE_K, read.shape)
+    read[comes_off_at:, 1] = read[comes_off_at, 1]
+    with can.Logger(path) as log:
+        for k in range(10 * SECONDS):
+            drive = {"MotorSpeed": speed[k], "MotorTorque": 0.8 * current[k], "PhaseCurrent": current[k]}
+            frames = [(256, database.encode_message("Drive", drive, strict=False))]
+            if k % 10 == 0:
+                names = ("TC_winding", "TC_yoke", "TC_magnet", "TC_coolant")
+                temps = dict(zip(names, read[k // 10], strict=True))
+                frames += [(512, database.encode_message("Temps", temps, strict=False)), (768, bytes([k // 10 % 256]))]
+            for number, data in frames:
+                log.on_message_received(
+                    can.Message(timestamp=start + 0.1 * k, arbitration_id=number, is_extended_id=False, data=data, channel=0)
+                )
+    return true
+
+
+def _write_power(path: Path, seed: int, start: float, temperatures: can_bench.Floats) -> None:
+    """Electrical power [kW] at 1 Hz, 5 s late, as an analyser with continental settings exports it."""
+    speed, current = (values[::10] for values in can_bench.drive(SECONDS, seed))
+    copper = 240.0 * (current / 20.0) ** 2 * (1 + can_bench.ALPHA * (temperatures[:-1, 0] - 20.0))
+    iron = 90.0 * (speed / 6000.0) ** 1.5 + MAGNET_W * (speed / 6000.0) ** 2
+    watts = 0.8 * current * speed * np.pi / 30.0 + copper + iron
+    rows = ["Time;P_el", ";kW"]
+    for second in range(5, SECONDS):
+        stamp = datetime.fromtimestamp(start + second, UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
+        rows.append(f"{stamp};{watts[second] / 1000:.4f}".replace(".", ","))
+    path.write_text("\n".join(rows) + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    write_logs(Path(sys.argv[1]))

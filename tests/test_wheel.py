@@ -1,0 +1,74 @@
+"""The wheel, built and installed into an empty environment without rerun, does the whole demo from an empty folder."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+
+
+def _run(*words: str | Path, cwd: Path, env: dict[str, str] | None = None) -> subprocess.CompletedProcess[str]:
+    done = subprocess.run([str(w) for w in words], cwd=cwd, env=env, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, f"{words}\n{done.stdout[-3000:]}\n{done.stderr[-3000:]}"
+    return done
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("wheel")
+    _run(sys.executable, "-m", "build", "--wheel", "--no-isolation", "--outdir", folder, ROOT, cwd=folder)
+    (built,) = folder.glob("*.whl")
+    return built
+
+
+@pytest.fixture(scope="module")
+def installed(wheel: Path) -> Path:
+    """The folder of programs of an environment that holds the wheel and what it needs, nothing else."""
+    environment = wheel.parent / "env"
+    _run(sys.executable, "-m", "venv", environment, cwd=wheel.parent)
+    python = environment / ("Scripts" if os.name == "nt" else "bin") / "python"
+    uv = shutil.which("uv")
+    install = [uv, "pip", "install", "-q", "--python", python] if uv else [python, "-m", "pip", "install", "-q"]
+    _run(*install, wheel, "-c", ROOT / "requirements.lock", cwd=wheel.parent)
+    return python.parent
+
+
+def test_every_source_and_data_file_is_in_the_wheel(wheel: Path) -> None:
+    inside = set(zipfile.ZipFile(wheel).namelist())
+    packages = ("ingest", "twin", "analytics", "replay", "whyhot", "examples")
+    listed = [name for name in _run("git", "ls-files", *packages, cwd=ROOT).stdout.split() if (ROOT / name).exists()]
+    assert len(listed) > 50
+    assert not {f"replay/{name}" if name.startswith("examples/") else name for name in listed} - inside
+    assert "replay/examples/hust_motor/id_3.csv.gz" in inside
+
+
+def test_help_and_demo_work_from_an_empty_folder(installed: Path, tmp_path: Path) -> None:
+    whyhot = installed / "whyhot"
+    env = {k: v for k, v in os.environ.items() if k not in ("PYTHONPATH", "WHYHOT_STORE")}
+    assert "demo" in _run(whyhot, "--help", cwd=tmp_path, env=env).stdout
+    missing = subprocess.run([installed / "python", "-c", "import rerun"], capture_output=True, check=False)
+    assert missing.returncode != 0, "rerun is left out on purpose"
+    done = _run(whyhot, "demo", "--json", "answer.json", cwd=tmp_path, env=env)
+    assert "demo/report.html" in done.stdout
+    assert 'pip install "whyhot[view]"' in done.stderr
+    answer = json.loads((tmp_path / "answer.json").read_text(encoding="utf-8"))
+    assert [run["session_name"] for run in answer["runs"]] == ["id_1", "id_3", "id_9", "id_10", "id_12"]
+    assert (tmp_path / "demo" / "report.html").stat().st_size > 100_000
+    _run(whyhot, "sql", "SELECT count(*) FROM samples", "--store", "demo/store", cwd=tmp_path, env=env)
+
+
+def test_a_module_that_hides_ours_is_named(installed: Path, tmp_path: Path) -> None:
+    (tmp_path / "analytics.py").write_text("", encoding="utf-8")
+    done = subprocess.run(
+        [installed / "python", "-c", "import whyhot"], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert done.returncode != 0
+    assert "hides whyhot's package 'analytics'" in done.stderr
