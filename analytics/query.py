@@ -24,7 +24,7 @@ LONGEST = 100_000  # characters; the parser takes seconds for a megabyte of brac
 READING_NODES = {"SELECT_NODE", "SET_OPERATION_NODE", "RECURSIVE_CTE_NODE", "CTE_NODE"}
 TABLE_FUNCTIONS = {
     *MACROS,
-    *("range", "generate_series", "unnest", "json_each", "json_tree", "pragma_table_info", "summary"),
+    *("range", "generate_series", "unnest", "json_each", "json_tree", "pragma_table_info"),
     *("duckdb_columns", "duckdb_functions", "duckdb_keywords", "duckdb_tables", "duckdb_types", "duckdb_views"),
 }
 REFUSED_FUNCTIONS = {"write_log", "sleep_ms", "nextval", "setval", "setseed", "current_setting", "getvariable"}

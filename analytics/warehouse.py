@@ -63,18 +63,20 @@ class _Broken(Exception):
     """The file is not as it was built."""
 
 
-def build(store: Store, facts: Facts, target: Path, as_of: str | None = None) -> None:
-    """Make the warehouse of `facts`, as of the same event or time, at `target`: whole or not at all.
+def build(store: Store, facts: Facts, target: Path, source: Mapping[str, str] | None = None) -> None:
+    """Make the warehouse of `facts` at `target`: whole or not at all.
 
+    `source`: what it depends on, taken before the facts, so that an event that comes meanwhile makes the next one stale.
     Raises WarehouseError where a Parquet file is missing or damaged, or the folder cannot be written.
     """
-    rows = tables.rows(store, facts, store.ledger.events(as_of=as_of))
+    source = source or _source(store)
+    rows = tables.rows(store, facts, store.ledger.events())
     try:
         _sweep(target.parent)
         with tempfile.TemporaryDirectory(prefix=BUILDING, dir=target.parent) as folder:
             made = Path(folder) / target.name
             with duckdb.connect(str(made), config={"default_block_size": BLOCK}) as connection:
-                fill(connection, rows, _source(store))
+                fill(connection, rows, source)
             made.replace(target)
     except (OSError, duckdb.Error) as error:
         raise WarehouseError(f"{target}: cannot be made ({_line(error)}): see that the folder may be written") from None
@@ -89,15 +91,16 @@ def refresh(store: Store, as_of: str | None = None) -> Warehouse:
     if as_of is not None:
         return Warehouse(_in_memory(store, as_of))
     path = store.folder.absolute() / FILE
+    source = _source(store)
     notes: tuple[str, ...] = ()
     if path.exists() or _log(path).exists():
         try:
-            return Warehouse(_open(path, _source(store)))
+            return Warehouse(_open(path, source))
         except _Stale:
             pass
         except _Broken as error:
             notes = (_set_aside(path, str(error)),)
-    build(store, fold_at(store.ledger), path)
+    build(store, fold_at(store.ledger), path, source)
     return Warehouse(_open(path), notes)
 
 

@@ -29,9 +29,9 @@ class Account:
 
     def refuse(self, refused: Iterable[Rejected]) -> None:
         """Count what the reader of the log refused."""
-        for entry in refused:
+        for i, entry in enumerate(refused):
             self.rejected[entry.why] += 1
-            if len(self.first_rejected) < SHOWN:
+            if i < SHOWN:
                 self.first_rejected.append(entry)
             if self.first_unreadable is None and entry.why not in NO_DATA:
                 self.first_unreadable = entry

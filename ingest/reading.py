@@ -116,6 +116,7 @@ def _ask_child(name: str, request: Mapping[str, Any], limits: Limits) -> dict[st
             raise UnreadableLogError(_too_slow(name, limits)) from None
         finally:
             child.kill()  # where it has ended, this does nothing
+            child.wait()
     if child.returncode != 0:
         raise UnreadableLogError(_ended(name, child.returncode, err, limits))
     answer: dict[str, Any] = json.loads(out)

@@ -59,6 +59,9 @@ def test_help_and_demo_work_from_an_empty_folder(installed: Path, tmp_path: Path
     done = _run(whyhot, "demo", "--json", "answer.json", cwd=tmp_path, env=env)
     assert "demo/report.html" in done.stdout
     assert 'pip install "whyhot[view]"' in done.stderr
+    quoted = (ROOT / "README.md").read_text(encoding="utf-8").partition("```\nIngested")[2].partition("```")[0].splitlines()
+    assert len(quoted) > 10
+    assert not [line for line in quoted[1:] if line not in done.stdout], "README quotes what the demo prints"
     answer = json.loads((tmp_path / "answer.json").read_text(encoding="utf-8"))
     assert [run["session_name"] for run in answer["runs"]] == ["id_1", "id_3", "id_9", "id_10", "id_12"]
     assert (tmp_path / "demo" / "report.html").stat().st_size > 100_000

@@ -85,6 +85,8 @@ def split(stream: bytes, *, aligned: bool) -> Objects:
     chain = _Chain.of(at, head, length)
     taken, damage, lost = chain.walk(aligned)
     at, head, end = at[taken], head[taken], chain.end[taken]
+    if lost and damage and not stream[damage[-1][0] : length].strip(b"\0"):
+        damage = damage[:-1]  # some writers fill up the end with zeros
     if lost:
         return Objects(at, head, damage, max(0, length - BASE_BYTES + 1), 0, False)
     if len(at) and end[-1] > length:

@@ -12,7 +12,8 @@ import sys
 from collections.abc import Sequence
 from importlib import import_module
 
-from replay.cli.answer import Answer, deliver, deliver_error
+from replay.cli.answer import Answer, deliver, deliver_error, store_folder
+from replay.cli.status import status
 
 VERBS: dict[str, str] = {
     "demo": "the whole way on shipped recordings of a real motor, offline",
@@ -41,10 +42,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     verb = next((word for word in words if not word.startswith("-")), None)
     parser = build_parser(verb)
     args = parser.parse_args(words)
-    if args.verb is None:
-        parser.print_help()
-        return 0
     try:
+        if args.verb is None:
+            print(status(store_folder(args)) or parser.format_help())
+            return 0
         answer: Answer = import_module(f"replay.cli.{args.verb}").run(args)
         return deliver(args, answer)
     except BrokenPipeError:  # `whyhot ... | head`: nobody reads on
@@ -70,6 +71,7 @@ def build_parser(verb: str | None) -> argparse.ArgumentParser:
         epilog="`whyhot VERB --help` says more. Begin with: whyhot demo",
     )
     parser.add_argument("--version", action="version", version=f"whyhot {__version__}")
+    parser.set_defaults(json=None, store=None)
     verbs = parser.add_subparsers(dest="verb", metavar="VERB", title="verbs")
     for name, says in VERBS.items():
         sub = verbs.add_parser(name, help=says, description=says[0].upper() + says[1:] + ".")

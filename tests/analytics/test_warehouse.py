@@ -15,7 +15,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from analytics import warehouse
+from analytics import tables, warehouse
 from analytics.errors import WarehouseError
 from ingest.errors import LedgerError
 from ingest.events import SessionRecorded, SessionRegrouped
@@ -171,6 +171,21 @@ def test_a_new_event_is_seen_at_once_and_an_open_warehouse_stays_as_it_was(
         store.ledger.append("session-late-id", late)
         assert ask(store, "SELECT count(*) FROM sessions") == [(4,)]
         assert old.connection.execute("SELECT count(*) FROM sessions").fetchall() == [(3,)]
+
+
+def test_an_event_that_comes_while_it_is_made_is_seen_the_next_time(
+    store: Store, new_session: NewSession, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    late, rows = new_session("late", "2" * 64, "d2", None, 0, 9), tables.rows
+
+    def slow_rows(*given: Any) -> dict[str, tables.Rows]:
+        if not store.ledger.events(stream="session-late-id"):
+            store.ledger.append("session-late-id", late)
+        return rows(*given)
+
+    monkeypatch.setattr(tables, "rows", slow_rows)
+    assert ask(store, "SELECT count(*) FROM sessions") == [(3,)]
+    assert ask(store, "SELECT count(*) FROM sessions") == [(4,)]
 
 
 @pytest.mark.parametrize("what", ["package", "duckdb"])

@@ -261,6 +261,13 @@ def test_a_damaged_object_in_a_container_is_one_rejected_record(tmp_path: Path) 
     assert log.cut is None
 
 
+def test_zeros_are_padding_at_the_end_and_damage_in_the_middle(tmp_path: Path) -> None:
+    log, frames = read(blf(tmp_path / "end.blf", container(classic(1) + classic(2) + bytes(99))))
+    assert (len(frames), log.found, log.cut) == (2, 2, None)
+    log, frames = read(blf(tmp_path / "middle.blf", container(classic(1) + bytes(99) + classic(2))))
+    assert (len(frames), [entry.why for entry in log.rejected]) == (2, ["no object begins here"])
+
+
 @pytest.mark.parametrize("size", [0, 15, 0xFFFF_FFFF, 60 << 20])
 def test_a_size_that_cannot_be_neither_hangs_nor_fills_memory(tmp_path: Path, size: int) -> None:
     began = time.monotonic()

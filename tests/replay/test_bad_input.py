@@ -162,7 +162,11 @@ def test_a_bench_file_is_refused_before_anything_is_kept(
     ("old", "new", "named"),
     [
         ("capacity = 900.0", "capacity = -900.0", ("motor.toml:", "winding", "capacity")),
-        ('between = ["yoke", "coolant"]', 'between = ["yoke", "winding"]', ("motor.toml", "coolant")),
+        (
+            '[[link]]\nbetween = ["yoke", "magnet"]\nterms = [{coefficient = 1.0}, {coefficient = 2.0, speed = 0.8}]\n',
+            "",
+            ("motor.toml:", "magnet", "boundary"),
+        ),
         ('between = ["winding", "yoke"]', 'between = ["winding", "yok"]', ("motor.toml:", "yok", "yoke")),
         ("speed = 1.5", "sped = 1.5", ("motor.toml:", "sped", "speed")),
     ],
