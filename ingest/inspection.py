@@ -10,14 +10,14 @@ from pathlib import Path
 import numpy as np
 
 from ingest.bench import read_bench
-from ingest.databases import Database, load
+from ingest.databases import Database, load, merged
 from ingest.draft import draft_bench
 from ingest.errors import IngestError, UnreadableLogError
 from ingest.formats import Rows, TimeSpec
 from ingest.guessing import guess
 from ingest.intake import signals_in
 from ingest.reading import Reading, preview
-from ingest.recording import read
+from ingest.recording import id_text, read
 from ingest.signals import Signal
 
 
@@ -114,5 +114,6 @@ def _ranges(recording: Path) -> dict[str, tuple[float, float]]:
 
 
 def _unknown(databases: Sequence[Database], readings: Sequence[Reading]) -> dict[str, int]:
-    known = {can_id for database in databases for can_id in database.messages}
-    return {key: count for r in readings for key, count in r.ids.items() if int(key.partition(":")[2], 16) not in known}
+    messages, _ = merged(databases)
+    known = {id_text(bus, can_id) for one in readings for bus in one.buses for can_id in messages}
+    return {key: count for one in readings for key, count in one.ids.items() if key not in known}

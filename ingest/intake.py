@@ -17,7 +17,7 @@ from ingest import sessions
 from ingest.bench import Bench, Channel, read_bench
 from ingest.catalogue import kinds, quality
 from ingest.catalogue.channels import load
-from ingest.databases import Database, signals_of
+from ingest.databases import Database, merged, signals_of
 from ingest.databases import load as load_database
 from ingest.decode import DECODER, RECORDING, decode_file, decode_id
 from ingest.errors import BenchFileError, IngestError, UnreadableLogError
@@ -37,7 +37,7 @@ from ingest.expressions import parse
 from ingest.facts import Facts
 from ingest.formats import TimeSpec, recognise
 from ingest.reading import Reading, record
-from ingest.recording import Attachment
+from ingest.recording import Attachment, bus_name, id_text
 from ingest.resolving import ResolvedChannel, check_nodes, resolve
 from ingest.sessions import Override
 from ingest.signals import Signal
@@ -310,14 +310,15 @@ def _about(bench: Bench, here: set[str], earlier: set[str]) -> Bench:
 
 def signals_in(databases: Sequence[Database], readings: Sequence[Reading]) -> list[Signal]:
     """Every signal that these logs hold or that their databases know: of a seen message on its bus, else on none."""
-    columns = [Signal(name, unit=r.units.get(name)) for r in readings for name in r.columns]
-    if not any(r.holds == "frames" for r in readings):
-        return list(dict.fromkeys(columns))
-    seen = {(bus, int(number, 16)) for r in readings for bus, number in (key.split(":") for key in r.ids)}
-    found = list(columns)
-    for message in (m for d in databases for m in d.messages.values()):
-        buses: Sequence[str | None] = sorted(bus for bus, can_id in seen if can_id == message.can_id) or [None]
-        found += [signal for bus in buses for signal in signals_of(message, bus)]
+    found = [Signal(name, unit=one.units.get(name)) for one in readings for name in one.columns]
+    if any(one.holds == "frames" for one in readings):
+        messages, _ = merged(databases)
+        seen = {(bus, key) for one in readings for bus in one.buses for key in one.ids}
+        for message in messages.values():
+            buses: Sequence[str | None] = sorted(
+                bus_name(bus) for bus, key in seen if key == id_text(bus, message.can_id)
+            )
+            found += [signal for bus in buses or [None] for signal in signals_of(message, bus)]
     return list(dict.fromkeys(found))
 
 

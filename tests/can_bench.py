@@ -9,8 +9,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 import can
-import cantools
 import numpy as np
+from cantools.database.can import Database
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
@@ -168,7 +168,8 @@ def truth(speed: Floats, current: Floats, coolant: float, magnet_loss: float = 3
 
 def write_log(path: Path, seconds: int = 600, seed: int = 1, start: float = START, magnet_loss: float = 30.0) -> int:
     """Write a session to `path` (.blf or .asc); returns the number of frames."""
-    database = cantools.database.load_string(DBC, "dbc")
+    database = Database()
+    database.add_dbc_string(DBC)
     speed, current = drive(seconds, seed)
     coolant = 30.0
     temperatures = truth(speed, current, coolant, magnet_loss)
@@ -186,7 +187,7 @@ def write_log(path: Path, seconds: int = 600, seed: int = 1, start: float = STAR
     return frames
 
 
-def _frame(database: cantools.database.Database, message: str, values: dict[str, float], stamp: float) -> can.Message:
+def _frame(database: Database, message: str, values: dict[str, float], stamp: float) -> can.Message:
     entry = database.get_message_by_name(message)
     return can.Message(
         timestamp=stamp,

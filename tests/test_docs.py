@@ -33,7 +33,7 @@ def page() -> str:
 def _help(verb: str) -> str:
     parser = build_parser(verb)
     actions = parser._subparsers._group_actions  # type: ignore[union-attr]
-    sub = actions[0].choices[verb]  # type: ignore[index,call-overload]
+    sub = actions[0].choices[verb]  # type: ignore[index]
     sub.formatter_class = partial(argparse.HelpFormatter, width=100)
     text: str = sub.format_help()
     return text

@@ -4,7 +4,11 @@ tutorial's logs into a folder, for a reader who wants to follow it: python tests
 
 from __future__ import annotations
 
+import re
+import shlex
+import subprocess
 import sys
+from collections.abc import Callable, Iterator
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -12,7 +16,14 @@ import can
 import can_bench
 import cantools
 import numpy as np
+import pytest
 
+from ingest.bench import read_bench
+from replay.cli import main
+from replay.engine.motor_file import read_motor
+
+DOCS = Path(__file__).parents[1] / "docs"
+LEFT_OUT = "..."
 MAGNET_W = 60.0  # at full speed; the motor file of the tutorial says 30
 NOISE_K = 0.05
 SECONDS = 900
@@ -44,7 +55,9 @@ def _write_can(path: Path, seed: int, start: float, comes_off_at: int = SECONDS)
                 frames += [(512, database.encode_message("Temps", temps, strict=False)), (768, bytes([k // 10 % 256]))]
             for number, data in frames:
                 log.on_message_received(
-                    can.Message(timestamp=start + 0.1 * k, arbitration_id=number, is_extended_id=False, data=data, channel=0)
+                    can.Message(
+                        timestamp=start + 0.1 * k, arbitration_id=number, is_extended_id=False, data=data, channel=0
+                    )
                 )
     return true
 
@@ -60,6 +73,71 @@ def _write_power(path: Path, seed: int, start: float, temperatures: can_bench.Fl
         stamp = datetime.fromtimestamp(start + second, UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
         rows.append(f"{stamp};{watts[second] / 1000:.4f}".replace(".", ","))
     path.write_text("\n".join(rows) + "\n", encoding="utf-8")
+
+
+def test_the_tutorial_goes_as_it_says(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("WHYHOT_STORE", raising=False)
+    write_logs(tmp_path)
+    page = (DOCS / "tutorial.md").read_text(encoding="utf-8")
+    ran = 0
+    for kind, name, block in _blocks(page):
+        if kind == "toml":
+            (tmp_path / name).write_text(block, encoding="utf-8")
+        elif kind == "console":
+            for command, shown in _commands(block):
+                assert _run(command) == 0, command
+                _assert_printed(shown, capsys.readouterr().out, command)
+                ran += 1
+    assert ran > 10
+
+
+@pytest.mark.parametrize(("page", "reads"), [("bench_file.md", read_bench), ("motor_file.md", read_motor)])
+def test_complete_files_of_a_reference_are_read(page: str, reads: Callable[[bytes, str], object]) -> None:
+    text = (DOCS / page).read_text(encoding="utf-8")
+    whole = [block for kind, _, block in _blocks(text) if kind == "toml" and block.startswith("schema =")]
+    assert len(whole) > 1
+    for block in whole:
+        reads(block.encode(), page)
+
+
+def _blocks(page: str) -> Iterator[tuple[str, str, str]]:
+    """(kind, last `file.toml` named before it, text) of each fenced block, in the order of the page."""
+    for found in re.finditer(r"^```(\w+)\n(.*?)^```$", page, flags=re.MULTILINE | re.DOTALL):
+        names = re.findall(r"`(\w+\.toml)`", page[: found.start()])
+        yield found[1], names[-1] if names else "", found[2]
+
+
+def _commands(block: str) -> Iterator[tuple[str, list[str]]]:
+    """Each command behind `$ `, over several lines where a quote is open, and the lines that are shown of its answer."""
+    for text in re.split(r"^\$ ", block, flags=re.MULTILINE)[1:]:
+        lines = text.rstrip("\n").split("\n")
+        end = 1
+        while "\n".join(lines[:end]).count('"') % 2:
+            end += 1
+        yield "\n".join(lines[:end]), lines[end:]
+
+
+def _run(command: str) -> int:
+    words = shlex.split(command)
+    return main(words[1:]) if words[0] == "whyhot" else subprocess.run(words, check=False).returncode
+
+
+def _assert_printed(shown: list[str], printed: str, command: str) -> None:
+    """Every line shown was printed, in this order, but for the number of blanks; one that ends in ... as a beginning."""
+    rest = iter([_plain(line) for line in printed.splitlines()])
+    for line in shown:
+        wanted = _plain(line)
+        if wanted != LEFT_OUT:
+            begin = wanted.removesuffix(LEFT_OUT).rstrip()
+            fits = (one.startswith(begin) if wanted.endswith(LEFT_OUT) else one == wanted for one in rest)
+            assert any(fits), f"{command}\ndid not print, after the lines before it: {line}\nbut:\n{printed}"
+
+
+def _plain(line: str) -> str:
+    return " ".join(line.split())
 
 
 if __name__ == "__main__":

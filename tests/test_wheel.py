@@ -36,7 +36,9 @@ def installed(wheel: Path) -> Path:
     _run(sys.executable, "-m", "venv", environment, cwd=wheel.parent)
     python = environment / ("Scripts" if os.name == "nt" else "bin") / "python"
     uv = shutil.which("uv")
-    install = [uv, "pip", "install", "-q", "--python", python] if uv else [python, "-m", "pip", "install", "-q"]
+    install: list[str | Path] = (
+        [uv, "pip", "install", "-q", "--python", python] if uv else [python, "-m", "pip", "install", "-q"]
+    )
     _run(*install, wheel, "-c", ROOT / "requirements.lock", cwd=wheel.parent)
     return python.parent
 
@@ -59,7 +61,9 @@ def test_help_and_demo_work_from_an_empty_folder(installed: Path, tmp_path: Path
     done = _run(whyhot, "demo", "--json", "answer.json", cwd=tmp_path, env=env)
     assert "demo/report.html" in done.stdout
     assert 'pip install "whyhot[view]"' in done.stderr
-    quoted = (ROOT / "README.md").read_text(encoding="utf-8").partition("```\nIngested")[2].partition("```")[0].splitlines()
+    quoted = (
+        (ROOT / "README.md").read_text(encoding="utf-8").partition("```\nIngested")[2].partition("```")[0].splitlines()
+    )
     assert len(quoted) > 10
     assert not [line for line in quoted[1:] if line not in done.stdout], "README quotes what the demo prints"
     answer = json.loads((tmp_path / "answer.json").read_text(encoding="utf-8"))

@@ -5,10 +5,12 @@ from __future__ import annotations
 import shutil
 from pathlib import Path
 
+import can
 import can_bench
 import pytest
 
 from ingest import facts
+from ingest.catalogue.channels import load
 from ingest.facts import Facts
 from ingest.intake import Intake, MotorFile, prepare, redecode, take_in
 from ingest.sessions import Override
@@ -43,7 +45,9 @@ def logs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "bench.dbc").write_text(can_bench.DBC, encoding="utf-8")
     (folder / "bench.toml").write_text(LOGGER, encoding="utf-8")
     (folder / "can.toml").write_text(LOGGER[: LOGGER.rindex("[[channel]]")], encoding="utf-8")
-    can_bench.write_log(folder / "5_drive.blf", seconds=60, start=can_bench.START + 7200)  # in local time, as the zone says
+    can_bench.write_log(
+        folder / "5_drive.blf", seconds=60, start=can_bench.START + 7200
+    )  # in local time, as the zone says
     rows = [f"09.10.2025 10:53:{25 + k};{21 + k / 10:.1f}".replace(".1;", ",1;") for k in range(30)]
     (folder / "5_room.csv").write_text("Time;T_room\n" + "\n".join(rows) + "\n", encoding="utf-8")
     return folder
@@ -156,3 +160,25 @@ def test_the_archive_alone_explains_a_recording(logs: Path, tmp_path: Path) -> N
         assert store.archive.read(raw) == (logs / "5_drive.blf").read_bytes()
         (bench,) = known.benches
         assert store.archive.read(bench) == (logs / "can.toml").read_bytes()
+
+
+def test_messages_are_found_by_29_bit_identifier_on_each_bus_and_in_two_databases(tmp_path: Path) -> None:
+    extended = can_bench.DBC.replace("BO_ 256 Drive", f"BO_ {0x80000000 | 0x18FEF100} Drive")
+    for name in ("a.dbc", "b.dbc"):
+        (tmp_path / name).write_text(extended, encoding="utf-8")
+    with can.Logger(str(tmp_path / "two.blf")) as log:
+        for k in range(200):
+            for bus in (0, 1):
+                data = bytes([k, bus, 0, 0, 0, 0, 0, 0])
+                log.on_message_received(
+                    can.Message(can_bench.START + k / 10, 0x18FEF100, is_extended_id=True, data=data, channel=bus)
+                )
+    bench = LOGGER[: LOGGER.rindex("[[channel]]")].replace('"MotorSpeed"', '"can2:Drive.MotorSpeed"')
+    (tmp_path / "bench.toml").write_text(bench, encoding="utf-8")
+    paths = [tmp_path / "two.blf"]
+    setup = prepare(paths, tmp_path / "bench.toml", [tmp_path / "a.dbc", tmp_path / "b.dbc"], _no_motor)
+    with Store.open(tmp_path / "s", create=True, write=True) as store:
+        assert not take_in(store, paths, setup, Override()).refused
+        known = facts.at(store.ledger)
+        (speed,) = [c for c in load(store, known, known.sessions[0]) if c.spec.quantity == "speed"]
+    assert speed.value[:3].tolist() == [256.0, 257.0, 258.0]

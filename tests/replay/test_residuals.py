@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from replay.engine.residuals import by_node, channel_summary, where
 from replay.engine.run import Observed
 
 
-def _observed(residual: np.ndarray, used: np.ndarray | None = None) -> Observed:  # type: ignore[type-arg]
+def _observed(residual: NDArray[np.float64], used: NDArray[np.bool_] | None = None) -> Observed:
     n = residual.size
     return Observed(
         channel="MAG",
