@@ -18,11 +18,7 @@ from ingest.expressions import parse
 from ingest.formats import TimeSpec
 from ingest.nearest import hint
 from ingest.quantities import CONVENTIONS, STORED_UNIT, converter, known_quantity
-from ingest.resolving import ResolvedChannel, check_nodes, resolve
-from ingest.signals import Signal
 from ingest.toml_file import MOMENT, NAME, NAMED_NUMBERS, NAMED_TEXTS, NOT_NEGATIVE, POSITIVE, TEXT, Table, read
-
-__all__ = ["Bench", "Channel", "ResolvedChannel", "Signal", "check_nodes", "read_bench", "resolve"]
 
 SCHEMA = "whyhot.bench/1"
 KINDS = ("wltp", "s1", "s2", "ageing", "dc_check", "insulation_check", "drive", "other")

@@ -6,16 +6,13 @@ import re
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
 
+from ingest.bench import Bench, Channel
 from ingest.errors import BenchFileError
 from ingest.expressions import Expression, parse
 from ingest.nearest import hint
 from ingest.quantities import STORED_UNIT, Conversion, column_suffix, converter, other_unit
 from ingest.signals import Directory, Signal
-
-if TYPE_CHECKING:
-    from ingest.bench import Bench, Channel
 
 _REGIONS = (  # without a motor file, by the beginning of a node's name
     ("copper", r"(winding|endwinding|terminal)"),

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ingest.bench import ResolvedChannel
 from ingest.catalogue.channels import ChannelData
 from ingest.quantities import STORED_UNIT, Conversion
+from ingest.resolving import ResolvedChannel
 
 RAW = "a" * 64
 

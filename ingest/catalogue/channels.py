@@ -11,13 +11,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ingest.bench import Channel, ResolvedChannel, Signal, read_bench, resolve
+from ingest.bench import Channel, read_bench
 from ingest.errors import DamageError, UnitError
 from ingest.events import DecodeCompleted, SessionRecorded
 from ingest.expressions import parse
 from ingest.facts import Facts
 from ingest.quantities import STORED_UNIT, Conversion, converter
-from ingest.signals import Directory
+from ingest.resolving import ResolvedChannel, resolve
+from ingest.signals import Directory, Signal
 
 if TYPE_CHECKING:
     from ingest.store import Store

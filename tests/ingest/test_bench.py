@@ -14,10 +14,12 @@ import pytest
 
 import ingest
 from ingest import bench as bench_module
-from ingest.bench import Bench, Channel, ResolvedChannel, Signal, check_nodes, read_bench, resolve
+from ingest.bench import Bench, Channel, read_bench
 from ingest.errors import BenchFileError, ExpressionError, IngestError, TomlError, UnitError
 from ingest.formats import TimeSpec
 from ingest.quantities import CONVENTIONS, STORED_UNIT, Conversion
+from ingest.resolving import ResolvedChannel, check_nodes, resolve
+from ingest.signals import Signal
 
 PACKAGE = Path(ingest.__file__).parent
 EXAMPLE = PACKAGE.parent / "examples" / "hust_motor"

@@ -12,7 +12,7 @@ import pyarrow as pa
 import pytest
 
 from ingest import recording, samples
-from ingest.bench import Bench, read_bench, resolve
+from ingest.bench import Bench, read_bench
 from ingest.databases import Database, load
 from ingest.decode import RECORDING, decode_file, decode_id
 from ingest.errors import BenchFileError, IngestError
@@ -20,6 +20,7 @@ from ingest.events import DecodeCompleted
 from ingest.formats import ERROR, EXTENDED, REMOTE, Frames, Log, Rejected, Rows, TimeSpec
 from ingest.plan import groups_of
 from ingest.reading import Reading
+from ingest.resolving import resolve
 
 START_NS = 1_700_000_000_000_000_000
 RAW = "ab" * 32

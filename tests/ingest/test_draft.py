@@ -6,8 +6,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ingest.bench import Signal, read_bench, resolve
+from ingest.bench import read_bench
 from ingest.draft import draft_bench
+from ingest.resolving import resolve
+from ingest.signals import Signal
 
 UNITS = st.sampled_from(
     [None, "", "°C", "K", "degF", "A", "Apk", "Vrms", "U/min", "Nm", "kW", "l/min", "bar", "-", "MΩ", "??"]
