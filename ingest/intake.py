@@ -154,13 +154,19 @@ def prepare(
     return Setup(read, data, loaded, motor)
 
 
-def take_in(store: Store, paths: Sequence[Path], setup: Setup, said: Override) -> Intake:
-    """Take log files into the store. Raises IngestError before anything is kept; a file that cannot be read is
+def take_in(
+    store: Store, paths: Sequence[Path], setup: Setup, said: Override, tell: Callable[[str], None] = lambda _: None
+) -> Intake:
+    """Take log files into the store; `tell` hears what is being done. Raises IngestError before anything is kept; a file that cannot be read is
     quarantined and does not stop the others."""
     known = ledger_facts.at(store.ledger)
     work = store.work()
     try:
-        found = [_read(known, path, setup, work) for path in paths]
+        found = []
+        for i, path in enumerate(paths, 1):
+            tell(f"reading {i} of {len(paths)}: {_name(path)}, {path.stat().st_size / 1e6:.1f} MB")
+            found.append(_read(known, path, setup, work))
+        tell("decoding")
         fresh = [one for one in found if isinstance(one, _Read)]
         channels = _resolved(setup, [one.reading for one in fresh if one.reading], known)
         if fresh:

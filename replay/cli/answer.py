@@ -11,6 +11,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from replay.cli.progress import tell
+
 if TYPE_CHECKING:
     from ingest.store import Store
 
@@ -45,6 +47,7 @@ def provenance(store: Store | None, **settings: Any) -> dict[str, Any]:
 
 def deliver(args: argparse.Namespace, answer: Answer) -> int:
     """Print or write the answer; returns its exit code."""
+    tell("")
     for note in answer.notes:
         print(note, file=sys.stderr)
     if args.json is not None:
@@ -56,6 +59,7 @@ def deliver(args: argparse.Namespace, answer: Answer) -> int:
 
 def deliver_error(args: argparse.Namespace, line: str) -> int:
     """A refusal: one line on standard error and, with --json, `{"schema", "error"}`. Exit code 2."""
+    tell("")
     print(line, file=sys.stderr)
     if args.json is not None:
         _write_json(args.json, {"schema": f"whyhot.{args.verb}/1", "error": line})

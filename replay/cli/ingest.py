@@ -25,12 +25,13 @@ def run(args: argparse.Namespace) -> Answer:
     from ingest.intake import prepare, take_in
     from ingest.sessions import Override
     from ingest.store import Store
+    from replay.cli.progress import tell
     from replay.engine.models import for_intake
     from replay.show.intake import intake_json, intake_text
 
     setup = prepare(args.files, args.bench, args.dbc, for_intake)
     with Store.open(store_folder(args), create=True, write=True) as store:
-        intake = take_in(store, args.files, setup, Override(args.specimen, args.batch, args.kind))
+        intake = take_in(store, args.files, setup, Override(args.specimen, args.batch, args.kind), tell)
         store.ledger.seal()
         data = {**intake_json(intake), "provenance": provenance(store, bench=str(args.bench) if args.bench else None)}
     nothing = not any(one.decode for one in intake.files)

@@ -30,13 +30,14 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> Answer:
     from ingest import facts
     from ingest.store import Store
+    from replay.cli.progress import tell
     from replay.engine.campaign import replay_sessions
     from replay.show.terminal import replay_text
 
     with Store.open(store_folder(args), write=True) as store:
         known = facts.at(store.ledger, None)
         sessions = [known.session(text) for text in args.sessions] or list(known.sessions)
-        outcomes = replay_sessions(store, sessions, _model(store, args.model), args.level, args.workers)
+        outcomes = replay_sessions(store, sessions, _model(store, args.model), args.level, args.workers, tell)
         runs = [outcome.run for outcome in outcomes if outcome.run]
         refusals = [outcome.refusal for outcome in outcomes if outcome.refusal]
         data = {

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from multiprocessing import get_context
@@ -39,7 +39,12 @@ class Job:
 
 
 def replay_sessions(
-    store: Store, sessions: Sequence[SessionRecorded], model: str | None, level: str, workers: int
+    store: Store,
+    sessions: Sequence[SessionRecorded],
+    model: str | None,
+    level: str,
+    workers: int,
+    tell: Callable[[str], None] = lambda _: None,
 ) -> list[Outcome]:
     """Replay each session with `model` (None: the one its bench file names) and append the runs that are new.
 
@@ -56,6 +61,7 @@ def replay_sessions(
             outcomes.append(Outcome(session, None, str(error)))
     for (session, _), done in zip(jobs, _each([job for _, job in jobs], workers), strict=True):
         outcomes.append(_append(store, session, done, work))
+        tell(f"replayed {len(outcomes)} of {len(sessions)}: {session.name}")
     order = {session.session: i for i, session in enumerate(sessions)}
     return sorted(outcomes, key=lambda outcome: order[outcome.session.session])
 

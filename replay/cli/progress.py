@@ -1,0 +1,12 @@
+"""Progress on standard error, one line that is overwritten; silent where nobody looks (a pipe, a file, a dumb terminal)."""
+
+from __future__ import annotations
+
+import os
+import sys
+
+
+def tell(line: str) -> None:
+    """Show what is being done now; the empty line clears it."""
+    if sys.stderr.isatty() and os.environ.get("TERM") != "dumb":
+        print(f"\r\033[K{line[:99]}", end="", file=sys.stderr, flush=True)
