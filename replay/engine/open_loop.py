@@ -6,7 +6,6 @@ from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
 from replay.engine.frame import InputFrame, Observation
 from twin.initial import steady_interpolation
@@ -55,6 +54,8 @@ def modelled(observation: Observation, frame: InputFrame, temperatures: Floats, 
 def _lagged(truth: Floats, tau_s: float, step_s: float) -> Floats:
     if tau_s <= 0.0:
         return truth
+    from scipy.signal import lfilter  # slow to import, and most channels have no known lag
+
     a = np.exp(-step_s / tau_s)
     ramp = (1.0 - a) * tau_s / step_s
     out: Floats = lfilter([1.0 - ramp, ramp - a], [1.0, -a], truth - truth[0]) + truth[0]

@@ -22,19 +22,20 @@ def labelled(label: str, text: str) -> list[str]:
 def overview(summaries: Sequence[Mapping[str, Any]]) -> list[str]:
     """The answer in a sentence, then mean absolute errors [K] by recording and node."""
     nodes = list(dict.fromkeys(node for summary in summaries for node in summary["mae_K"]))
-    head = f"{'mean error':<14}" + "".join(f"{words.name(node):>9}" for node in nodes)
+    wide = max((len(summary["session_name"]) for summary in summaries), default=0)
+    head = " " * (wide + 12) + "".join(f"{words.name(node):>9}" for node in nodes)
     return [
         *labelled("What is wrong", answer(summaries)),
         "",
-        " " * INDENT + head + "   largest",
-        *(" " * INDENT + _row(summary, nodes) for summary in summaries),
+        " " * INDENT + head + "   mean error, and the largest",
+        *(" " * INDENT + _row(summary, nodes, wide) for summary in summaries),
     ]
 
 
-def _row(summary: Mapping[str, Any], nodes: Sequence[str]) -> str:
+def _row(summary: Mapping[str, Any], nodes: Sequence[str], wide: int) -> str:
     errors = channel_errors(summary)
     figures = "".join(f"{summary['mae_K'][node]:>7.1f} K" if node in summary["mae_K"] else " " * 9 for node in nodes)
-    lead = f"{summary['session_name']:<6}{words.duration(summary['duration_s']):>8}{figures}   "
+    lead = f"{summary['session_name']:<{wide}}{words.duration(summary['duration_s']):>12}{figures}   "
     if not errors:
         return lead + "no node is observed"
     if all(error.within_floor for error in errors):
