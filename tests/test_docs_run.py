@@ -1,4 +1,4 @@
-"""The tutorial is run as it stands, and the complete files of the other pages are read. As a script it writes the
+"""The tutorial is run as it stands, the complete files of the references are read, and refusals are worded as they say. As a script it writes the
 tutorial's logs into a folder, for a reader who wants to follow it: python tests/test_docs_run.py FOLDER
 """
 
@@ -19,8 +19,12 @@ import numpy as np
 import pytest
 
 from ingest.bench import read_bench
+from ingest.errors import IngestError
+from ingest.resolving import check_nodes, resolve
+from ingest.signals import Signal
 from replay.cli import main
 from replay.engine.motor_file import read_motor
+from replay.errors import ReplayError
 
 DOCS = Path(__file__).parents[1] / "docs"
 LEFT_OUT = "..."
@@ -39,7 +43,8 @@ def write_logs(folder: Path) -> None:
 
 def _write_can(path: Path, seed: int, start: float, comes_off_at: int = SECONDS) -> can_bench.Floats:
     """Drive at 10 Hz, temperatures at 1 Hz, and a counter of which no database knows; the true temperatures."""
-    database = cantools.database.load_string(can_bench.DBC, "dbc")
+    database = cantools.database.can.Database()
+    database.add_dbc_string(can_bench.DBC)
     speed, current = can_bench.drive(SECONDS, seed)
     true = can_bench.truth(speed, current, 30.0, MAGNET_W)
     read = np.column_stack([true, np.full(len(true), 30.0)])
@@ -84,13 +89,14 @@ def test_the_tutorial_goes_as_it_says(
     page = (DOCS / "tutorial.md").read_text(encoding="utf-8")
     ran = 0
     for kind, name, block in _blocks(page):
+        assert kind in ("toml", "console"), f"a block of {kind} is not tested"
         if kind == "toml":
             (tmp_path / name).write_text(block, encoding="utf-8")
-        elif kind == "console":
-            for command, shown in _commands(block):
-                assert _run(command) == 0, command
-                _assert_printed(shown, capsys.readouterr().out, command)
-                ran += 1
+            continue
+        for command, shown in _commands(block):
+            assert _run(command) == 0, command
+            _assert_printed(shown, capsys.readouterr().out, command)
+            ran += 1
     assert ran > 10
 
 
@@ -101,6 +107,54 @@ def test_complete_files_of_a_reference_are_read(page: str, reads: Callable[[byte
     assert len(whole) > 1
     for block in whole:
         reads(block.encode(), page)
+
+
+ENTRY = '[[channel]]\nsignal = "MAG_1"\nquantity = "temperature"\n'
+LUMP = 'name = "m"\n[[node]]\nname = "winding"\ncapacity = 1.0\n[[boundary]]\nname = "c"\n'
+LINK = '[[link]]\nbetween = ["winding", "c"]\nterms = [{coefficient = 1.0'
+
+
+def _meets_a_log(data: bytes, name: str) -> None:
+    log = [Signal("T", bus=bus, message=m) for bus, m in (("can1", "A"), ("can1", "B"), ("can2", "A"))]
+    log += [Signal("EW_A_3v", "TempA", source="bench.dbc"), Signal("MAG_1"), Signal("n", unit="rad/s")]
+    bench = read_bench(data, name)
+    check_nodes(bench, ["magnet"], [])
+    resolve(bench, log)
+
+
+@pytest.mark.parametrize(
+    ("reads", "text"),
+    [
+        (read_bench, f'{ENTRY}unit = "K"\nnod = "a"'),
+        (read_bench, f'{ENTRY}unit = "bar"'),
+        (read_bench, ENTRY.replace("temperature", "current") + 'unit = "Apk"'),
+        (_meets_a_log, ENTRY.replace("MAG_1", "T") + 'unit = "K"'),
+        (_meets_a_log, "\n\n" + ENTRY.replace("MAG_1", "EW_A_3V") + 'unit = "K"'),
+        (_meets_a_log, f'{ENTRY}unit = "K"\nnode = "magnt"'),
+        (_meets_a_log, ENTRY.replace("MAG_1", "n").replace("temperature", "speed") + 'unit = "rpm"'),
+        (read_motor, f"{LUMP}{LINK}, speeed = 1}}]"),
+        (read_motor, f"{LUMP}{LINK}, speed = 1}}]"),
+        (read_motor, LUMP),
+        (read_motor, f"{LUMP}{LINK}}}]\n" + LINK.replace('"winding", "c"', '"c", "winding"') + "}]"),
+        (read_motor, f'{LUMP}[[circuit]]\nname = "jacket"'),
+    ],
+)
+def test_refusals_are_worded_as_on_the_page(reads: Callable[[bytes, str], object], text: str) -> None:
+    name = "motor" if reads is read_motor else "bench"
+    with pytest.raises((IngestError, ReplayError)) as caught:
+        reads(text.encode(), f"{name}.toml")
+    page = (DOCS / f"{name}_file.md").read_text(encoding="utf-8")
+    quoted = re.findall(rf"^\| `({name}\.toml:[^`]*)`", page, flags=re.MULTILINE)
+    says = str(caught.value)
+    assert any(says.startswith(q[:-4]) if q.endswith(" ...") else says == q for q in quoted), says
+
+
+@pytest.mark.parametrize("page", sorted(DOCS.glob("*.md")), ids=lambda page: page.name)
+def test_links_to_headings_find_them(page: Path) -> None:
+    for target, heading in re.findall(r"\]\(([\w/]*\.?\w*)#([\w-]+)\)", page.read_text(encoding="utf-8")):
+        text = (page.parent / target if target else page).read_text(encoding="utf-8")
+        titles = [re.sub(r"[^\w -]", "", title.lower()) for title in re.findall(r"^#+ (.+)$", text, flags=re.MULTILINE)]
+        assert heading in [title.replace(" ", "-") for title in titles], f"{target}#{heading}"
 
 
 def _blocks(page: str) -> Iterator[tuple[str, str, str]]:
@@ -121,8 +175,11 @@ def _commands(block: str) -> Iterator[tuple[str, list[str]]]:
 
 
 def _run(command: str) -> int:
-    words = shlex.split(command)
-    return main(words[1:]) if words[0] == "whyhot" else subprocess.run(words, check=False).returncode
+    if command.startswith("whyhot "):
+        return main(shlex.split(command)[1:])
+    other = subprocess.run(command, shell=True, check=False, stdout=subprocess.PIPE, text=True)
+    print(other.stdout)
+    return other.returncode
 
 
 def _assert_printed(shown: list[str], printed: str, command: str) -> None:
@@ -141,4 +198,5 @@ def _plain(line: str) -> str:
 
 
 if __name__ == "__main__":
+    Path(sys.argv[1]).mkdir(exist_ok=True)
     write_logs(Path(sys.argv[1]))
