@@ -76,7 +76,7 @@ class Account:
 def outcome(reading: Reading, account: Account, balance: dict[str, int]) -> tuple[str, str | None]:
     """("decoded" or "salvaged", the line that says why the log was not decoded whole, without the file's name)."""
     if reading.cut:
-        return "salvaged", f"{reading.cut}; the {reading.written:,} records before that were kept"
+        return "salvaged", reading.cut
     if first := account.first_unreadable:
         unreadable = account.rejected.total() - sum(account.rejected[why] for why in NO_DATA)
         return "salvaged", (

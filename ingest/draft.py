@@ -95,7 +95,7 @@ def _node(name: str) -> str:
     """ "T_EndWinding.A" -> "endwinding_a": a node name, from the words of a signal."""
     ascii_only = words(name).encode("ascii", "ignore").decode()
     kept = [word for word in ascii_only.split("_") if word]
-    if len(kept) > 1 and kept[0] in ("t", "temp", "tmp"):
+    if len(kept) > 1 and kept[0] in ("t", "tc", "temp", "tmp"):
         kept = kept[1:]
     node = "_".join(kept)
     return node if node and node[0].isalpha() else f"node_{node}".rstrip("_")

@@ -135,7 +135,7 @@ class QualityFlagged(Event):
     """`session-<id>` or `file-<sha256>`: something a person should look at, found at ingest."""
 
     TOPIC: ClassVar[str] = "whyhot:QualityFlagged"
-    flag: str  # same_name_other_bytes | held | stuck | saturated | gap
+    flag: str  # same_name_other_bytes | overlap | held | stuck | saturated | gap
     says: str
     detail: dict[str, Any] = field(default_factory=dict)
 

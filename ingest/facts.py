@@ -40,6 +40,7 @@ class Facts:
     decodes: Mapping[str, DecodeCompleted]  # by decode id, the latest last
     sessions: Sequence[SessionRecorded]  # by start (null last), then name with numbers as numbers
     joined: Mapping[str, str]  # old session id -> the one that it became part of
+    old_names: Mapping[str, str]  # name that a session no longer has -> its id then
     runs: Mapping[str, ReplayCompleted]  # by run id
     flags: Mapping[str, Sequence[QualityFlagged]]  # by stream: session-<id> or file-<sha256>
 
@@ -64,6 +65,7 @@ class Facts:
         current = {session.session: session for session in self.sessions}
         ids = {one: self._now(one) for one in [*current, *self.joined]}
         by_name = [session.session for session in self.sessions if session.name == text]
+        by_name = by_name or [self._now(self.old_names[text])] if text in self.old_names else by_name
         by_start = {now for one, now in ids.items() if text and one.startswith(text.lower())}
         found = [ids[text]] if text in ids else by_name or sorted(by_start)
         if len(found) == 1 and found[0] in current:
@@ -103,6 +105,7 @@ def fold(recorded: Iterable[Recorded]) -> Facts:
         decodes=_latest(events, DecodeCompleted, lambda event: event.decode),
         sessions=sorted(sessions.values(), key=order),
         joined=joined,
+        old_names={one.event.name: one.event.session for one in events if isinstance(one.event, SessionRecorded)},
         runs=_latest(events, ReplayCompleted, lambda event: event.run),
         flags=flags,
     )

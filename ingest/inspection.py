@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -19,6 +20,8 @@ from ingest.intake import signals_in
 from ingest.reading import Reading, preview
 from ingest.recording import id_text, read
 from ingest.signals import Signal
+
+NAMED = 3  # logs in the first comment of a draft; more are counted
 
 
 @dataclass(frozen=True)
@@ -66,7 +69,9 @@ def inspect(files: Sequence[Path], databases: Sequence[Path], bench: Path | None
     with tempfile.TemporaryDirectory() as folder:
         looked = tuple(_look(path, Path(folder), time, guessing=bench is None) for path in files)
     readings = [one.reading for one in looked if one.reading]
-    ranges = {name: span for one in looked for name, span in one.ranges.items()}
+    ranges: dict[str, tuple[float, float]] = {}
+    for one in looked:
+        _widen(ranges, one.ranges)
     seen = tuple(
         Seen(
             signal,
@@ -82,7 +87,8 @@ def draft(found: Inspection) -> str:
     """A bench file for these logs, to be completed by a person."""
     settings = next((one.reading.settings for one in found.files if one.reading), {})
     untimed = any(one.note for one in found.files)
-    name = found.files[0].path.name
+    logs = [one.path.name for one in found.files if one.reading]
+    name = ", ".join(logs) if len(logs) <= NAMED else f"{len(logs)} logs"
     return draft_bench([seen.signal for seen in found.signals], {**settings, "untimed": untimed}, name)
 
 
@@ -105,15 +111,22 @@ def _ranges(recording: Path) -> dict[str, tuple[float, float]]:
     for _, batch in read(recording):
         if not isinstance(batch, Rows):
             return {}
-        for name, values in batch.columns.items():
-            if values.dtype == np.float64 and np.isfinite(values).any():
-                low, high = float(np.nanmin(values)), float(np.nanmax(values))
-                before = spans.get(name, (low, high))
-                spans[name] = (min(low, before[0]), max(high, before[1]))
+        numbers = {n: v for n, v in batch.columns.items() if v.dtype == np.float64 and np.isfinite(v).any()}
+        _widen(spans, {name: (float(np.nanmin(v)), float(np.nanmax(v))) for name, v in numbers.items()})
     return spans
+
+
+def _widen(spans: dict[str, tuple[float, float]], more: Mapping[str, tuple[float, float]]) -> None:
+    """Let each of `spans` hold what `more` says of the same column as well."""
+    for name, (low, high) in more.items():
+        before = spans.get(name, (low, high))
+        spans[name] = (min(low, before[0]), max(high, before[1]))
 
 
 def _unknown(databases: Sequence[Database], readings: Sequence[Reading]) -> dict[str, int]:
     messages, _ = merged(databases)
     known = {id_text(bus, can_id) for one in readings for bus in one.buses for can_id in messages}
-    return {key: count for one in readings for key, count in one.ids.items() if key not in known}
+    counts: Counter[str] = Counter()
+    for one in readings:
+        counts.update({key: count for key, count in one.ids.items() if key not in known})
+    return dict(counts)

@@ -10,6 +10,7 @@ import hashlib
 import shutil
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 from pathlib import Path
 
 from ingest import facts as ledger_facts
@@ -35,12 +36,13 @@ from ingest.events import (
 )
 from ingest.expressions import parse
 from ingest.facts import Facts
-from ingest.formats import TimeSpec, recognise
+from ingest.formats import Format, TimeSpec, recognise
 from ingest.reading import Reading, record
 from ingest.recording import Attachment, bus_name, id_text
 from ingest.resolving import ResolvedChannel, check_nodes, resolve
 from ingest.sessions import Override
 from ingest.signals import Signal
+from ingest.specimens import Specimens
 from ingest.store import Store
 
 
@@ -79,10 +81,12 @@ class Setup:
 
 @dataclass(frozen=True)
 class Taken:
-    """What became of one file. `decode` None where it was refused before anything was kept; `known` where nothing was new."""
+    """What became of one file. `holds` "frames" or "rows", None where no format claims it; `decode` None where it was
+    refused before anything was kept; `known` where nothing was new."""
 
     name: str
     size: int
+    holds: str | None
     raw: str
     decode: DecodeCompleted | None
     known: bool
@@ -120,7 +124,7 @@ class _Read:
 
     path: Path
     raw: str
-    form: str
+    form: Format
     recording: Path
     reading: Reading | None
     why: str | None
@@ -168,6 +172,11 @@ def take_in(
             found.append(_read(known, path, setup, work))
         tell("decoding")
         fresh = [one for one in found if isinstance(one, _Read)]
+        for one in fresh:
+            if one.reading and one.reading.holds == "rows":
+                Specimens(
+                    setup.bench, one.reading.columns
+                )  # refuses a column that is not there before anything is kept
         channels = _resolved(setup, [one.reading for one in fresh if one.reading], known)
         if fresh:
             _keep_setup(store, known, setup)
@@ -198,7 +207,7 @@ def _redecode(store: Store, known: Facts, decode: DecodeCompleted) -> None:
     try:
         named = work / sealed.name  # readers know a format by its name
         named.symlink_to(store.archive.path(decode.raw).absolute())
-        one = _record(named, decode.raw, str(sealed.format), setup, work)
+        one = _record(named, decode.raw, recognise(named), setup, work)
         if one.reading is None:
             raise IngestError(f"{sealed.name}: could be read when it was ingested, and cannot now: {one.why}")
         _decode(store, one, one.reading, setup, _resolved(setup, [one.reading], known))
@@ -213,18 +222,18 @@ def _read(known: Facts, path: Path, setup: Setup, work: Path) -> Taken | _Read:
     """Read a file into the working folder; a file that is known, or no log at all, is done with here."""
     size = path.stat().st_size
     try:
-        form = recognise(path).name
+        form = recognise(path)
     except UnreadableLogError as error:
-        return Taken(_name(path), size, "", None, known=False, refusal=str(error))
+        return Taken(_name(path), size, None, "", None, known=False, refusal=str(error))
     with path.open("rb") as file:
         raw = hashlib.file_digest(file, "sha256").hexdigest()
     before = known.decodes.get(_decode_id(raw, setup))
     if before and before.outcome != "quarantined":
-        return Taken(_name(path), size, raw, before, known=True, refusal=None)
+        return Taken(_name(path), size, form.holds, raw, before, known=True, refusal=None)
     return _record(path, raw, form, setup, work)
 
 
-def _record(path: Path, raw: str, form: str, setup: Setup, work: Path) -> _Read:
+def _record(path: Path, raw: str, form: Format, setup: Setup, work: Path) -> _Read:
     recording = work / f"{raw}.mcap"
     try:
         reading = record(path, recording, setup.time, setup.attachments())
@@ -241,7 +250,7 @@ def _keep(store: Store, known: Facts, one: _Read, setup: Setup, channels: Sequen
             f"{_name(one.path)}: changed while it was read: wait until it is whole, then ingest it again."
         )
     if one.raw not in known.files or known.files[one.raw].name != _name(one.path):
-        sealed = RawFileSealed(sha256=one.raw, name=_name(one.path), size=size, format=one.form)
+        sealed = RawFileSealed(sha256=one.raw, name=_name(one.path), size=size, format=one.form.name)
         store.ledger.append(f"file-{one.raw}", sealed)
     decode = _decode(store, one, one.reading, setup, channels) if one.reading else _quarantined(one, setup)
     before = known.decodes.get(decode.decode)
@@ -252,7 +261,7 @@ def _keep(store: Store, known: Facts, one: _Read, setup: Setup, channels: Sequen
             says = f"{_name(one.path)}: another file of this name was ingested before, with other bytes ({twin.sha256[:12]})"
             flag = QualityFlagged(flag="same_name_other_bytes", says=says, detail={"other": twin.sha256})
             store.ledger.append(f"file-{one.raw}", flag)
-    return Taken(_name(one.path), size, one.raw, decode, known=False, refusal=one.why)
+    return Taken(_name(one.path), size, one.form.holds, one.raw, decode, known=False, refusal=one.why)
 
 
 def _decode(
@@ -298,6 +307,10 @@ def _resolved(setup: Setup, readings: Sequence[Reading], known: Facts) -> Sequen
     """The bench file's channels against the signals of all these logs together. Raises BenchFileError."""
     if setup.bench is None or not readings:
         return ()
+    if not setup.databases and any(one.holds == "frames" for one in readings):
+        raise IngestError(
+            f"{setup.bench.name}: names signals, and no signal database tells where they lie in the frames: add --dbc FILE.dbc"
+        )
     signals = signals_in(setup.databases, readings)
     earlier = {channel["name"] for decode in known.decodes.values() for channel in decode.channels}
     boundaries = setup.motor.boundaries if setup.motor else None
@@ -393,8 +406,22 @@ def _group(store: Store, said: Mapping[str, Override]) -> tuple[tuple[str, Quali
         if not event.kind:
             kind, why = kinds.recognise(channels)
             event = replace(event, kind=kind, kind_why=why)
-        found = quality.findings(quality.assess(channels))
+        found = [*_overlaps(known, event), *quality.findings(quality.assess(channels))]
         stream = f"session-{event.session}"
         store.ledger.append_all([(stream, event), *((stream, flag) for flag in found)])
         flags += [(event.name, flag) for flag in found]
     return tuple(flags)
+
+
+def _overlaps(known: Facts, session: SessionRecorded) -> list[QualityFlagged]:
+    """Files of a session that hold the same messages at the same time: a copy, or the same test logged twice."""
+    decodes = [known.decodes[file["decode"]] for file in session.files]
+    flags = []
+    for a, b in combinations(decodes, 2):
+        common = {group["name"] for group in a.groups} & {group["name"] for group in b.groups}
+        from_ns, to_ns = max(a.start_ns or 0, b.start_ns or 0), min(a.end_ns or 0, b.end_ns or 0)
+        if common and a.raw != b.raw and to_ns > from_ns:
+            names = " and ".join(known.files[one.raw].name for one in (a, b))
+            says = f"{names} hold the same messages for {(to_ns - from_ns) / 1e9:.0f} s: equal samples count once in a replay"
+            flags.append(QualityFlagged(flag="overlap", says=says, detail={"groups": sorted(common)}))
+    return flags

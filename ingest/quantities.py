@@ -143,7 +143,7 @@ def other_unit(found: str, unit: str, quantity: str, convention: str = "rms") ->
     A unit that nobody knows, and "-", contradict nothing.
     """
     bare, marked = without_mark(tidy(found))
-    if normal_unit(bare) in (None, "1"):
+    if normal_unit(bare) in (None, "1") and bare not in _ONLY_FOR.get(quantity, {}):
         return False
     if marked and quantity in PEAK and marked != convention:
         return True

@@ -95,15 +95,22 @@ def resolve(
 
 
 def check_nodes(bench: Bench, nodes: Collection[str], boundaries: Collection[str]) -> None:
-    """Refuse a node that the motor file does not have, with the nearest that it has. Raises BenchFileError."""
+    """Refuse a node that the motor file does not have, with the nearest that it has, and a boundary among weights.
+
+    Raises BenchFileError.
+    """
     known = [*nodes, *boundaries]
     for channel in bench.channels:
+        key = "weights" if "weights" in channel.lines else "node"
+        where = f"{bench.name}:{channel.at(key)}:"
         for place in () if channel.role == "ignored" else _places(channel):
             if place not in known:
                 advice = hint(place, known) or f" It has: {', '.join(known)}."
-                key = "node" if channel.node else "weights"
+                raise BenchFileError(f'{where} node "{place}" of {channel.called} is not in the motor file.{advice}')
+            if place in channel.weights and place in boundaries:
                 raise BenchFileError(
-                    f'{bench.name}:{channel.at(key)}: node "{place}" of {channel.called} is not in the motor file.{advice}'
+                    f'{where} {key} of {channel.called} hold "{place}", a boundary, but weights are of nodes only. '
+                    f'Take it out, or write node = "{place}" alone.'
                 )
 
 
@@ -134,8 +141,9 @@ def _only(name: str, found: list[Signal], channel: Channel, bench: Bench, direct
     where = f"{bench.name}:{channel.at(key)}:"
     what = f'signal "{name}"' + (f' in the expression of "{channel.name}"' if channel.expression else "")
     if not found:
-        todo = "Correct the expression." if channel.expression else 'Correct the name, or add role = "ignored".'
-        raise BenchFileError(f"{where} {what} is not in the logs.{directory.nearest(name)} {todo}")
+        todo = "Correct the expression," if channel.expression else 'Correct the name, add role = "ignored",'
+        advice = f"{directory.nearest(name)} {todo} or give the log that holds it in the same command."
+        raise BenchFileError(f"{where} {what} is not in the logs.{advice}")
     if len({signal if signal.message else signal.name for signal in found}) > 1:  # a column of several tables is one
         several = ", ".join(sorted({signal.qualified for signal in found}))
         quotes = " in backquotes" if channel.expression else ""

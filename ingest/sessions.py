@@ -52,8 +52,9 @@ class _Part:
     end_ns: int
 
     @property
-    def place(self) -> tuple[int, str, int]:
-        return self.start_ns, self.raw, self.first
+    def place(self) -> tuple[int, int, str, int]:
+        """By start; of two that start together the longer is first, as a cut copy is the shorter one."""
+        return self.start_ns, -self.end_ns, self.raw, self.first
 
 
 def natural(name: str) -> list[tuple[int, int, str]]:

@@ -26,10 +26,11 @@ OURS = {MARK, "archive", "decoded", "ledger.lock", "ledger.sqlite", "ledger.sqli
 class Store:
     """An open store; use it in a `with` statement. At its end a writer seals what it appended."""
 
-    def __init__(self, folder: Path, ledger: Ledger, *, write: bool) -> None:
+    def __init__(self, folder: Path, ledger: Ledger, *, write: bool, new: bool = False) -> None:
         self.folder = folder
         self.ledger = ledger
         self._write = write
+        self._new = new
         self._tmp = folder / "tmp"
         self.archive = Archive(folder / "archive", self._tmp if write else None)
 
@@ -49,7 +50,7 @@ class Store:
                 _check_mark(folder)
             ledger = Ledger(folder, write=write, create=new)
             try:
-                store = cls(folder, ledger, write=write)
+                store = cls(folder, ledger, write=write, new=new)
                 if write:
                     store._make_ready()
                 return store
@@ -63,11 +64,14 @@ class Store:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        unused = self._new and error is not None and self.ledger.head().position == 0
         try:
             if self._write and error is None:
                 self.ledger.seal()
         finally:
             self.close()
+            if unused:  # what failed at once leaves no store behind
+                shutil.rmtree(self.folder, ignore_errors=True)
 
     def close(self) -> None:
         """Let the next writer in."""

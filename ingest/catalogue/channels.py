@@ -237,9 +237,17 @@ def _joined(some: Sequence[tuple[ResolvedChannel, str, _Samples]]) -> ChannelDat
     t_ns, record, value = (np.concatenate([samples[i] for _, _, samples in some]) for i in range(3))
     raw = np.concatenate([np.full(len(samples[0]), raws.index(raw), np.int64) for _, raw, samples in some])
     order = np.argsort(t_ns, kind="stable")
+    order = order[_once(t_ns[order], value[order], raw[order])]
     value, step = value[order].astype(np.float64), step_of(value[order])
     spec = some[0][0].with_step(step) if step else some[0][0]
     return ChannelData(spec, t_ns[order], value, record[order], raw[order], raws)
+
+
+def _once(t_ns: NDArray[np.int64], value: NDArray[Any], raw: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """False for a sample that the one before it, of another file, is already: a copy of a log adds nothing."""
+    first = np.ones(len(t_ns), dtype=np.bool_)
+    first[1:] = (np.diff(t_ns) != 0) | (value[1:] != value[:-1]) | (raw[1:] == raw[:-1])
+    return first
 
 
 def _held(channel: ChannelData, t_ns: NDArray[np.int64]) -> Array:

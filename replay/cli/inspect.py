@@ -19,14 +19,19 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> Answer:
     from ingest.inspection import draft, inspect
-    from replay.show.inspection import inspection_json, inspection_text
+    from replay.show.inspection import inspection_json, inspection_text, next_step, nothing_to_draft
 
     found = inspect(args.files, args.dbc, args.bench)
-    written = None
-    if args.bench_draft and found.signals:
-        args.bench_draft.write_text(draft(found), encoding="utf-8")
-        written = str(args.bench_draft)
+    notes, wanted, lines = found.refusals, args.bench_draft, [inspection_text(found)]
+    empty = nothing_to_draft(found, args.dbc, wanted) if wanted else None
+    if empty:
+        notes.append(empty)
+    elif wanted:
+        wanted.parent.mkdir(parents=True, exist_ok=True)
+        wanted.write_text(draft(found), encoding="utf-8")
+        lines.append(f"draft bench file: {wanted}")
+    lines.append(f"next: {next_step(found, args.dbc, args.bench, wanted)}")
+    written = str(wanted) if wanted and not empty else None
     data = {**inspection_json(found), "bench_draft": written, "provenance": provenance(None)}
     readable = any(one.reading for one in found.files)
-    text = inspection_text(found) + (f"\ndraft bench file: {written}" if written else "")
-    return Answer(data, text if readable else "", 1 if found.refusals else 0, found.refusals)
+    return Answer(data, "\n".join(lines) if readable else "", 1 if notes else 0, notes)

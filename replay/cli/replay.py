@@ -23,8 +23,14 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "--level", choices=("testing", "production"), default="testing", help="channels that the twin may start from"
     )
     parser.add_argument(
-        "--workers", type=int, default=1, metavar="N", help="processes (default 1); digests do not depend on it"
+        "--workers", type=_count, default=1, metavar="N", help="processes (default 1); digests do not depend on it"
     )
+
+
+def _count(text: str) -> int:
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"{text} is no number of processes: give 1 or more")
+    return int(text)
 
 
 def run(args: argparse.Namespace) -> Answer:

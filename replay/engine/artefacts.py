@@ -23,7 +23,9 @@ AROUND = ("speed_rpm", "torque_Nm", "current_A")  # inputs repeated beside each 
 def to_parquet(table: pa.Table) -> bytes:
     """One Parquet file, page checksums on."""
     sink = io.BytesIO()
-    pq.write_table(table, sink, compression="zstd", compression_level=1, write_page_checksum=True, write_statistics=False)
+    pq.write_table(
+        table, sink, compression="zstd", compression_level=1, write_page_checksum=True, write_statistics=False
+    )
     return sink.getvalue()
 
 

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from ingest.nearest import hint
 from ingest.quantities import STORED_UNIT, column_suffix
 from replay.engine.inputs import Signal, bridge, longest_stretch, pieces
 from replay.errors import ReplayDataError
@@ -88,6 +89,7 @@ def build(
     needed = {f: _input_of(f, channels) for f in _features(monomials)}
     around = {b.name: _boundary_of(b.name, channels) for b in network.boundaries}
     names = {c.spec.name for c in needed.values()} | {c.spec.name for group in around.values() for c in group}
+    observed = _observed_temperatures(channels, network)
     signals = {name: _signal(name, *clean[name]) for name in sorted(names)}
     edges, note = _edges(signals, step_s)
     shown = {name: signals[name] for name in signals} | {
@@ -105,10 +107,10 @@ def build(
         features=features,
         boundaries=boundaries,
         boundary_names=tuple(around),
-        inputs={columns[name]: means[name] for name in means},
+        inputs={columns[name]: means[name] for name in means if name in columns},
         live=_live(signals.values(), edges, recovery_s(network, features.mean(axis=0), channels)),
         observations=tuple(
-            _observe(c, g, edges, raw_files) for c, g in zip(channels, good, strict=True) if c.spec.role == "observed"
+            _observe(c, g, edges, raw_files) for c, g in zip(channels, good, strict=True) if c.spec.name in observed
         ),
         raw_files=raw_files,
         note=note,
@@ -167,6 +169,23 @@ def _boundary_of(name: str, channels: Sequence[ChannelData]) -> list[ChannelData
             f'boundary "{name}" of the motor file has no channel in this session: '
             f'add node = "{name}" to the channel that measures it in the bench file.'
         )
+    return found
+
+
+def _observed_temperatures(channels: Sequence[ChannelData], network: Network) -> set[str]:
+    """Names of the channels that observe nodes of this network; a boundary that is called observed stays a boundary."""
+    nodes, around = {n.name for n in network.nodes}, {b.name for b in network.boundaries}
+    found = set()
+    for spec in (c.spec for c in channels if c.spec.role == "observed" and c.spec.quantity == "temperature"):
+        places = list(spec.weights) or [spec.node or ""]
+        missing = [place for place in places if place not in nodes]
+        if missing and not (len(places) == 1 and places[0] in around):
+            raise ReplayDataError(
+                f'channel "{spec.name}" observes node "{missing[0]}", and motor "{network.name}" has no such node.'
+                f"{hint(missing[0], nodes)} Replay with a model that has it, or correct the bench file."
+            )
+        if not missing:
+            found.add(spec.name)
     return found
 
 

@@ -44,6 +44,8 @@ from twin.simulate import Frame, network_heat, simulate
 
 Floats = NDArray[np.float64]
 
+MELTED_DEGC = 2000.0  # no motor is hotter, or colder below: the model or an input is wrong by orders of magnitude
+
 
 @dataclass(frozen=True)
 class Completed:
@@ -113,9 +115,17 @@ def _frame(session: SessionRecorded, channels: Sequence[ChannelData], network: N
 
 def _simulated(network: Network, inputs: Frame, initial: Floats, session: SessionRecorded) -> Floats:
     try:
-        return simulate(load_kernel(network), inputs, initial)
+        temperatures = simulate(load_kernel(network), inputs, initial)
     except TwinError as error:
         raise ReplayDataError(f"session {session.name}: {error}") from None
+    hot = np.argwhere(np.abs(temperatures) > MELTED_DEGC)
+    if hot.size:
+        step, node = (int(i) for i in hot[0])
+        raise ReplayDataError(
+            f'session {session.name}: node "{network.nodes[node].name}" of the model is beyond {MELTED_DEGC:,.0f} degC at '
+            f"{step * inputs.step_s:,.0f} s: check its losses and links in the motor file, and the units of the inputs."
+        )
+    return temperatures
 
 
 def _observed(o: frames.Observation, frame: InputFrame, temperatures: Floats, nodes: tuple[str, ...]) -> Observed:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import shlex
+from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 from ingest.inspection import InspectedFile, Inspection, Seen
@@ -51,7 +54,7 @@ def _file_json(one: InspectedFile) -> dict[str, Any]:
 
 
 def inspection_text(found: Inspection) -> str:
-    """Files first, then signals with what they seem to be, then the next command."""
+    """Files first, then signals with what they seem to be."""
     lines = [line for one in found.files if one.reading for line in _file_lines(one)]
     width = max((len(seen.signal.qualified) for seen in found.signals), default=0)
     lines += [f"  {_signal_line(seen, width)}" for seen in found.signals[:SHOWN]]
@@ -59,11 +62,32 @@ def inspection_text(found: Inspection) -> str:
         lines.append(f"  and {len(found.signals) - SHOWN} more signals (--json has all)")
     for key, count in list(found.unknown_ids.items())[:10]:
         lines.append(f"  {key}: {count:,} frames that no database explains")
-    names = " ".join(one.path.name for one in found.files)
-    lines.append(
-        f"next: whyhot inspect {names} --bench-draft bench.toml, complete it, then whyhot ingest {names} --bench bench.toml"
-    )
     return "\n".join(lines)
+
+
+def nothing_to_draft(found: Inspection, databases: Sequence[Path], draft: Path) -> str | None:
+    """Why `draft` was not written; None where there are signals to write down."""
+    if found.signals:
+        return None
+    if _frames(found) and not databases:
+        return f"{draft}: no draft was written: frames show no signals without their database. Add --dbc FILE.dbc."
+    return f"{draft}: no draft was written: no signal was found in these logs. Give logs that hold some."
+
+
+def next_step(found: Inspection, databases: Sequence[Path], bench: Path | None, draft: Path | None) -> str:
+    """What to do after `whyhot inspect` with these --dbc, --bench and --bench-draft."""
+    logs = [str(one.path) for one in found.files if one.reading]
+    explained = bool(databases) or not _frames(found)
+    dbc = [word for path in databases for word in ("--dbc", str(path))] if explained else ["--dbc", "FILE.dbc"]
+    if draft and found.signals and explained:
+        return f"complete {draft}, then whyhot ingest {shlex.join([*logs, '--bench', str(draft), *dbc])}"
+    if bench and not draft:
+        return f"whyhot ingest {shlex.join([*logs, '--bench', str(bench), *dbc])}"
+    return f"whyhot inspect {shlex.join([*logs, *dbc, '--bench-draft', str(draft or 'bench.toml')])}"
+
+
+def _frames(found: Inspection) -> bool:
+    return any(one.reading.holds == "frames" for one in found.files if one.reading)
 
 
 def _file_lines(one: InspectedFile) -> list[str]:

@@ -43,13 +43,13 @@ def intake_text(intake: Intake) -> str:
 
 
 def _lines(intake: Intake, taken: Taken, decode: DecodeCompleted) -> list[str]:
-    balance, what = decode.balance, "rows" if decode.settings.get("holds") == "rows" else "frames"
+    balance = decode.balance
     state = "already in the store, nothing new" if taken.known else f"sealed {taken.raw[:12]}"
     mine = [s for s in intake.sessions if any(f["raw"] == taken.raw for f in s.files)]
     where = "".join(f"   session {s.name} ({s.kind}: {s.kind_why})" for s in mine[:1])
     more = f" and {len(mine) - 1} more sessions" if len(mine) > 1 else ""
     return [
-        f"{taken.name}   {_size(taken.size)}   {balance['found']:,} {what}   {state}",
+        f"{taken.name}   {_size(taken.size)}   {balance['found']:,} {taken.holds}   {state}",
         *([f" {where}{more}"] if mine else []),
         (
             f"  decoded {balance['decoded']:,} · unknown id {balance['unknown_id']:,} · wrong length {balance['wrong_length']:,}"

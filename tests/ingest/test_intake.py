@@ -182,3 +182,18 @@ def test_messages_are_found_by_29_bit_identifier_on_each_bus_and_in_two_database
         known = facts.at(store.ledger)
         (speed,) = [c for c in load(store, known, known.sessions[0]) if c.spec.quantity == "speed"]
     assert speed.value[:3].tolist() == [256.0, 257.0, 258.0]
+
+
+def test_a_cut_copy_joins_is_flagged_and_adds_no_sample(logs: Path, tmp_path: Path) -> None:
+    _take(tmp_path / "s", logs, "5_drive.blf", bench="can.toml")
+    shutil.copytree(logs, tmp_path / "cut")
+    can_bench.write_log(tmp_path / "cut" / "0_copy.blf", seconds=30, start=can_bench.START + 7200)
+    _take(tmp_path / "s", tmp_path / "cut", "0_copy.blf", bench="can.toml")
+    with Store.open(tmp_path / "s") as store:
+        known = facts.at(store.ledger)
+        (session,) = known.sessions
+        (speed,) = [c for c in load(store, known, session) if c.spec.quantity == "speed"]
+    assert session.name == "5_drive", "the longer file names the session"
+    assert known.session("5_drive").session == session.session
+    assert len(speed.t_ns) == 600, "equal samples of two files count once"
+    assert "overlap" in {flag.flag for flags in known.flags.values() for flag in flags}
