@@ -82,7 +82,8 @@ def _cell(value: Any) -> str:
     if value is None:
         return "null"
     if isinstance(value, float):
-        return f"{value:.7g}"
+        text = f"{value:.7g}"
+        return text if set(text) & set(".en") else f"{text}.0"  # 0.0 beside 3.5; 1e+20, inf and nan stay
     return _plain(str(value))
 
 

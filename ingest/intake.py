@@ -15,13 +15,13 @@ from pathlib import Path
 
 from ingest import facts as ledger_facts
 from ingest import sessions
-from ingest.bench import Bench, Channel, read_bench
+from ingest.bench import Bench, read_bench
 from ingest.catalogue import kinds, quality
 from ingest.catalogue.channels import load
 from ingest.databases import Database, merged, signals_of
 from ingest.databases import load as load_database
 from ingest.decode import DECODER, RECORDING, decode_file, decode_id
-from ingest.errors import BenchFileError, IngestError, UnreadableLogError
+from ingest.errors import BenchFileError, DamageError, IngestError, UnreadableLogError
 from ingest.events import (
     BenchRegistered,
     DecodeCompleted,
@@ -41,7 +41,7 @@ from ingest.reading import Reading, record
 from ingest.recording import Attachment, bus_name, id_text
 from ingest.resolving import ResolvedChannel, check_nodes, resolve
 from ingest.sessions import Override
-from ingest.signals import Signal
+from ingest.signals import Directory, Signal
 from ingest.specimens import Specimens
 from ingest.store import Store
 
@@ -161,33 +161,35 @@ def prepare(
 def take_in(
     store: Store, paths: Sequence[Path], setup: Setup, said: Override, tell: Callable[[str], None] = lambda _: None
 ) -> Intake:
-    """Take log files into the store; `tell` hears what is being done. Raises IngestError before anything is kept; a file that cannot be read is
-    quarantined and does not stop the others."""
+    """Take log files into the store; `tell` hears what is being done.
+
+    Raises IngestError before anything is kept; a file that cannot be read is quarantined and does not stop the others.
+    """
     known = ledger_facts.at(store.ledger)
     work = store.work()
     try:
-        found = []
+        found: list[Taken | _Read] = []
         for i, path in enumerate(paths, 1):
             tell(f"reading {i} of {len(paths)}: {_name(path)}, {path.stat().st_size / 1e6:.1f} MB")
-            found.append(_read(known, path, setup, work))
+            found.append(_read(known, path, setup, work, {one.raw for one in found}))
         tell("decoding")
         fresh = [one for one in found if isinstance(one, _Read)]
         for one in fresh:
             if one.reading and one.reading.holds == "rows":
-                Specimens(
-                    setup.bench, one.reading.columns
-                )  # refuses a column that is not there before anything is kept
+                Specimens(setup.bench, one.reading.columns)  # a column that is not there is refused here
         channels = _resolved(setup, [one.reading for one in fresh if one.reading], known)
         if fresh:
             _keep_setup(store, known, setup)
-        files = tuple(_keep(store, known, one, setup, channels) if isinstance(one, _Read) else one for one in found)
+        files = [_keep(store, known, one, setup, channels) if isinstance(one, _Read) else one for one in found]
     finally:
         shutil.rmtree(work, ignore_errors=True)
-    kept = {one.raw for one in files if one.decode}
+    decodes = {one.raw: one.decode for one in files if one.decode}
+    files = [replace(one, decode=decodes.get(one.raw)) for one in files]  # of a copy: that of the first
+    kept = set(decodes)
     flags = _group(store, dict.fromkeys(kept, said) if said != Override() else {})
     now = ledger_facts.at(store.ledger)
     touched = tuple(session for session in now.sessions if kept & {file["raw"] for file in session.files})
-    return Intake(files, touched, flags)
+    return Intake(tuple(files), touched, flags)
 
 
 def redecode(store: Store, known: Facts) -> None:
@@ -203,6 +205,9 @@ def redecode(store: Store, known: Facts) -> None:
 def _redecode(store: Store, known: Facts, decode: DecodeCompleted) -> None:
     setup = _sealed_setup(store, known, decode)
     sealed = known.files[decode.raw]
+    damage = store.archive.damage(decode.raw)
+    if damage:
+        raise DamageError(f"{sealed.name}: {damage}: what was made from it before is left as it is")
     work = store.work()
     try:
         named = work / sealed.name  # readers know a format by its name
@@ -218,8 +223,8 @@ def _redecode(store: Store, known: Facts, decode: DecodeCompleted) -> None:
 # ---- one file ------------------------------------------------------------------------------------------------------
 
 
-def _read(known: Facts, path: Path, setup: Setup, work: Path) -> Taken | _Read:
-    """Read a file into the working folder; a file that is known, or no log at all, is done with here."""
+def _read(known: Facts, path: Path, setup: Setup, work: Path, before: set[str]) -> Taken | _Read:
+    """Read a file into the working folder; one that is known, a copy of one read `before`, or no log is done with here."""
     size = path.stat().st_size
     try:
         form = recognise(path)
@@ -227,9 +232,9 @@ def _read(known: Facts, path: Path, setup: Setup, work: Path) -> Taken | _Read:
         return Taken(_name(path), size, None, "", None, known=False, refusal=str(error))
     with path.open("rb") as file:
         raw = hashlib.file_digest(file, "sha256").hexdigest()
-    before = known.decodes.get(_decode_id(raw, setup))
-    if before and before.outcome != "quarantined":
-        return Taken(_name(path), size, form.holds, raw, before, known=True, refusal=None)
+    decode = known.decodes.get(_decode_id(raw, setup))
+    if raw in before or (decode and decode.outcome != "quarantined"):
+        return Taken(_name(path), size, form.holds, raw, decode, known=True, refusal=None)
     return _record(path, raw, form, setup, work)
 
 
@@ -311,20 +316,18 @@ def _resolved(setup: Setup, readings: Sequence[Reading], known: Facts) -> Sequen
         raise IngestError(
             f"{setup.bench.name}: names signals, and no signal database tells where they lie in the frames: add --dbc FILE.dbc"
         )
-    signals = signals_in(setup.databases, readings)
-    earlier = {channel["name"] for decode in known.decodes.values() for channel in decode.channels}
+    here = signals_in(setup.databases, readings)
     boundaries = setup.motor.boundaries if setup.motor else None
-    return resolve(_about(setup.bench, {signal.name for signal in signals}, earlier), signals, boundaries)
+    return resolve(setup.bench, [*here, *_elsewhere(setup.bench, here, known)], boundaries)
 
 
-def _about(bench: Bench, here: set[str], earlier: set[str]) -> Bench:
-    """The bench file without channels that only logs taken in earlier hold: a late file of a session comes alone."""
-
-    def elsewhere(channel: Channel) -> bool:
-        names = parse(channel.expression).names if channel.expression else (channel.name,)
-        return not here & set(names) and earlier >= set(names)
-
-    return replace(bench, channels=tuple(channel for channel in bench.channels if not elsewhere(channel)))
+def _elsewhere(bench: Bench, here: Sequence[Signal], known: Facts) -> list[Signal]:
+    """Signals of the bench file that only logs taken in earlier hold: a late file of a session may come alone."""
+    now = Directory(here)
+    decodes = sorted(known.decodes.values(), key=lambda decode: decode.bench != bench.sha256)
+    before = Directory([Signal(**c["signal"]) for decode in decodes for c in decode.channels if c["signal"]])
+    names = {n for c in bench.channels for n in (parse(c.expression).names if c.expression else (str(c.signal),))}
+    return [before.find(name)[0] for name in sorted(names) if not now.find(name) and before.find(name)]
 
 
 def signals_in(databases: Sequence[Database], readings: Sequence[Reading]) -> list[Signal]:

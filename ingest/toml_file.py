@@ -36,7 +36,7 @@ _HINTS = (  # words of tomllib -> what to do
 
 @dataclass(frozen=True)
 class Kind(Generic[T]):
-    """What a value must be: `wanted` in words, `read` turns it into T or raises ValueError."""
+    """What a value must be: `wanted` in words, `read` turns it into T or raises ValueError, which may say what was found."""
 
     wanted: str
     read: Callable[[Any], T]
@@ -72,8 +72,15 @@ def _list(value: Any) -> list[Any]:
     return list(_check(value, isinstance(value, list)))
 
 
-def _map(value: Any) -> dict[str, Any]:
-    return dict(_check(value, isinstance(value, dict)))
+def _named(value: Any, read_one: Callable[[Any], T]) -> dict[str, T]:
+    """The values of a mapping, each read; the ValueError of one that cannot be names it."""
+    read_all: dict[str, T] = {}
+    for key, one in dict(_check(value, isinstance(value, dict))).items():
+        try:
+            read_all[key] = read_one(one)
+        except ValueError:
+            raise ValueError(f'{_found(one)} for "{key}"') from None
+    return read_all
 
 
 TEXT = Kind("a text in quotes", _text)
@@ -87,10 +94,10 @@ MOMENT: Kind[datetime] = Kind(
 )
 TEXTS: Kind[list[str]] = Kind('a list of texts, such as ["a", "b"]', lambda value: [_text(x) for x in _list(value)])
 NAMED_TEXTS: Kind[Mapping[str, str]] = Kind(
-    'texts by name, such as {inverter = "sw 4.2"}', lambda v: {key: _text(x) for key, x in _map(v).items()}
+    'texts by name, such as {inverter = "sw 4.2"}', lambda value: _named(value, _text)
 )
 NAMED_NUMBERS: Kind[Mapping[str, float]] = Kind(
-    "numbers by name, such as {a = 0.7, b = 0.3}", lambda v: {key: _number(x) for key, x in _map(v).items()}
+    "numbers by name, such as {a = 0.7, b = 0.3}", lambda value: _named(value, _number)
 )
 NAME = Kind(  # of a node or boundary
     "a name of lower-case letters, digits and _ that begins with a letter, in quotes",
@@ -143,8 +150,9 @@ class Table:
             return None
         try:
             return kind.read(self.values[key])
-        except ValueError:
-            raise self.error(f"{key} must be {kind.wanted}, found {_found(self.values[key])}.", key) from None
+        except ValueError as error:
+            found = str(error) or _found(self.values[key])
+            raise self.error(f"{key} must be {kind.wanted}, found {found}.", key) from None
 
     def need(self, key: str, kind: Kind[T]) -> T:
         """As `get`, but refused where it is left out."""

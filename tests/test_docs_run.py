@@ -118,7 +118,7 @@ def _meets_a_log(data: bytes, name: str) -> None:
     log = [Signal("T", bus=bus, message=m) for bus, m in (("can1", "A"), ("can1", "B"), ("can2", "A"))]
     log += [Signal("EW_A_3v", "TempA", source="bench.dbc"), Signal("MAG_1"), Signal("n", unit="rad/s")]
     bench = read_bench(data, name)
-    check_nodes(bench, ["magnet"], [])
+    check_nodes(bench, ["magnet"], ["coolant"])
     resolve(bench, log)
 
 
@@ -131,6 +131,7 @@ def _meets_a_log(data: bytes, name: str) -> None:
         (_meets_a_log, ENTRY.replace("MAG_1", "T") + 'unit = "K"'),
         (_meets_a_log, "\n\n" + ENTRY.replace("MAG_1", "EW_A_3V") + 'unit = "K"'),
         (_meets_a_log, f'{ENTRY}unit = "K"\nnode = "magnt"'),
+        (_meets_a_log, f'{ENTRY}unit = "K"\nweights = {{magnet = 0.9, coolant = 0.1}}'),
         (_meets_a_log, ENTRY.replace("MAG_1", "n").replace("temperature", "speed") + 'unit = "rpm"'),
         (read_motor, f"{LUMP}{LINK}, speeed = 1}}]"),
         (read_motor, f"{LUMP}{LINK}, speed = 1}}]"),

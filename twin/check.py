@@ -94,9 +94,15 @@ def _check_sources(network: Network, nodes: Sequence[str]) -> None:
 
 
 def _unknown(name: str, kind: str, known: Sequence[str]) -> str:
-    close = difflib.get_close_matches(name, known, n=1, cutoff=0.0)
-    hint = f'did you mean "{close[0]}"?' if close else "there is none at all"
-    return f'there is no {kind} "{name}": {hint}'
+    return f'there is no {kind} "{name}": {_meant(name, known)}'
+
+
+def _meant(name: str, known: Sequence[str]) -> str:
+    """The known name that is near; else all of them."""
+    close = difflib.get_close_matches(name, known, n=1, cutoff=0.6)
+    if close:
+        return f'did you mean "{close[0]}"?'
+    return f"known are {', '.join(known)}" if known else "there is none at all"
 
 
 def _check_terms(network: Network, entry: Entry, place: Link | Source, nodes: Sequence[str]) -> None:
@@ -137,7 +143,7 @@ def _check_factors(entry: Entry, number: int, term: Term, in_link: bool, nodes: 
 def _check_feature(network: Network, entry: Entry, number: int, feature: str, exponent: float) -> None:
     where = f'term {number}: feature "{feature}"'
     if not features.is_known(feature):
-        raise FeatureError(entry, f'{where} is not known: did you mean "{features.nearest(feature)}"?')
+        raise FeatureError(entry, f"{where} is not known: {_meant(feature, features.EXAMPLES)}")
     if not math.isfinite(exponent) or exponent < 0:
         raise FeatureError(entry, f"{where} has exponent {exponent:g}: at 0 it would be infinite, give 0 or more")
     quantity = features.quantity(feature)

@@ -48,9 +48,15 @@ class Description:
 
     def text(self) -> str:
         """Lines for a person."""
+        counts = (
+            _count(self.nodes, "node"),
+            _count(self.boundaries, "boundary"),
+            _count(self.links, "link"),
+            _count(self.sources, "source"),
+        )
         lines = [
-            f"{self.name}: {self.nodes} nodes, {self.boundaries} boundaries, {self.links} links, {self.sources} sources",
-            f"coefficients   {self.coefficients}; with {self.nodes} capacities {self.unknowns} unknowns",
+            f"{self.name}: {', '.join(counts)}",
+            f"coefficients   {self.coefficients}; with {_count(self.nodes, 'capacity')} {_count(self.unknowns, 'unknown')}",
             f"features       {', '.join(self.features) or 'none'}",
             f"heat capacity  {self.capacity_J_per_K:,.0f} J/K",
             f"time constants {_span(self.at_rest_s)} at rest, {_span(self.at_full_s)} with all features at 1",
@@ -60,8 +66,19 @@ class Description:
 
 
 def _span(constants: tuple[float, float]) -> str:
-    slowest, fastest = ("without end" if math.isinf(c) else f"{c:,.3g} s" for c in constants)
+    slowest, fastest = ("without end" if math.isinf(c) else f"{_three_digits(c)} s" for c in constants)
     return f"{slowest} to {fastest}"
+
+
+def _three_digits(value: float) -> str:
+    """ "1,260", "52.7": three digits count, thousands are written out."""
+    return f"{float(f'{value:.3g}'):,.12g}"
+
+
+def _count(number: int, what: str) -> str:
+    """ "1 boundary", "2 boundaries"."""
+    several = f"{what[:-1]}ies" if what.endswith("y") else f"{what}s"
+    return f"{number:,} {what if number == 1 else several}"
 
 
 def describe(network: Network) -> Description:

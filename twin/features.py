@@ -6,7 +6,6 @@ flux is 0 at standstill by definition of the frame; `hours_above_<T>degC` counts
 
 from __future__ import annotations
 
-import difflib
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -27,6 +26,7 @@ QUANTITY = {  # feature -> the quantity of [scale] that says what 1 means
     "flux": "flux",
     "flow": "flow",
 }
+EXAMPLES = (*QUANTITY, "flow_jacket", "hours_above_180degC")  # of every kind of feature, for messages
 _FLOW = re.compile(r"flow_[a-z][a-z0-9_]*")
 _HOURS = re.compile(r"hours_above_\d+(\.\d+)?degC")
 
@@ -34,12 +34,6 @@ _HOURS = re.compile(r"hours_above_\d+(\.\d+)?degC")
 def is_known(feature: str) -> bool:
     """Whether `feature` is a name that a term may use."""
     return feature in QUANTITY or bool(_FLOW.fullmatch(feature) or _HOURS.fullmatch(feature))
-
-
-def nearest(feature: str) -> str:
-    """The known feature that is spelt most like `feature`; for messages."""
-    known = [*QUANTITY, "hours_above_180degC"]
-    return (difflib.get_close_matches(feature, known, n=1, cutoff=0.0))[0]
 
 
 def quantity(feature: str) -> str | None:

@@ -46,5 +46,5 @@ COMMENT ON COLUMN files.duration_s IS 'From first to last record in seconds';
 COMMENT ON COLUMN files.found IS 'Records in the file (frames or rows)';
 COMMENT ON COLUMN files.decoded IS 'Records that became samples';
 COMMENT ON COLUMN files.unknown_id IS 'Frames with an identifier that is in no database';
-COMMENT ON COLUMN files.wrong_length IS 'Frames shorter or longer than their message';
+COMMENT ON COLUMN files.wrong_length IS 'Frames shorter than their message; longer ones are decoded';
 COMMENT ON COLUMN files.rejected IS 'Records that could not be read';

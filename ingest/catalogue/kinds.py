@@ -29,6 +29,7 @@ SMOOTH_s = 10  # constancy is looked at in means of this
 SPEED_CONSTANT, LOAD_CONSTANT, LOADED = 0.03, 0.10, 0.20  # shares of the largest speed, load, load
 PULSE_s = (5, 120)
 WLTC_MATCH = 0.90  # correlation from which a speed is the trace; an FTP-75 reaches 0.4
+WLTC_TAIL_s = 100  # of the trace's end that a log may lack
 
 Array = NDArray[np.float64]
 
@@ -95,11 +96,11 @@ def _at_standstill(channels: Sequence[ChannelData], why: str) -> tuple[str, str]
 
 
 def _wltp(trace: _Trace) -> tuple[str, str] | None:
-    """Whole passes of the WLTC: normalised cross-correlation of the speed with the trace, at every second."""
+    """Passes of the WLTC, whole but for its tail: normalised cross-correlation of speed and trace, at every second."""
     cycle = wltc()
-    if len(trace.speed) < len(cycle):
+    if len(trace.speed) < len(cycle) - WLTC_TAIL_s:
         return None
-    match = _correlation(trace.speed, cycle)
+    match = _correlation(trace.speed, cycle[:-WLTC_TAIL_s])
     passes = []
     while (best := int(match.argmax())) >= 0 and match[best] >= WLTC_MATCH:
         passes.append(best)
@@ -122,9 +123,10 @@ def _correlation(speed: Array, cycle: Array) -> Array:
 
 
 def _followed(speed: Array, cycle: Array) -> float:
-    """Share of the seconds in which the speed, scaled by one gear ratio, is within 5 % of top speed of the trace."""
-    scaled = speed * float(speed @ cycle) / float(speed @ speed)
-    return float(np.mean(np.abs(scaled - cycle) <= 0.05 * cycle.max()))
+    """Share of the trace's seconds that the speed, scaled by one gear ratio, follows within 5 % of the trace's top speed."""
+    there = cycle[: len(speed)]
+    scaled = speed * float(speed @ there) / float(speed @ speed)
+    return float(np.sum(np.abs(scaled - there) <= 0.05 * cycle.max())) / len(cycle)
 
 
 def _s2(trace: _Trace) -> tuple[str, str] | None:

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from ingest.catalogue import operating_points
-from ingest.catalogue.description import COUNTS, ChannelDescription, SessionDescription
+from ingest.catalogue.description import COUNTS, ChannelDescription, SessionDescription, SourceDescription
 from ingest.catalogue.power import PowerBalance
 from ingest.catalogue.quality import seconds
 
@@ -14,9 +14,14 @@ NONE = "–"
 SHORT = 12  # characters of a hash that are shown
 
 
-def sessions(answer: Mapping[str, Any], width: int = 100) -> str:
-    """The answer of `sessions --json` as a table of at most `width` columns, with what could not be read below it."""
+def sessions(answer: Mapping[str, Any], width: int = 100, as_of: str | None = None) -> str:
+    """The answer of `sessions --json` as a table of at most `width` columns, with what could not be read below it.
+
+    `as_of`: the ledger position or time of which the answer speaks, None for now.
+    """
     if not answer["sessions"] and not answer["quarantined_files"]:
+        if as_of is not None:
+            return f"No session was known as of {as_of}.\nnext: whyhot sessions"
         return "No session in this store yet.\nnext: whyhot ingest FILE..."
     rows = [_session_row(one) for one in answer["sessions"]]
     head = ("session", "kind", "start (UTC)", "length", "motor", "specimen", "channels", "quarantined", "id")
@@ -35,7 +40,7 @@ def render(description: SessionDescription, width: int = 100) -> str:
         blocks.append(
             ["Operating points", *operating_points.draw(description.operating_points, width - 2).splitlines()]
         )
-    blocks.append([f"next: whyhot replay {description.name}"])
+    blocks.append([f"next: {_next(description)}"])
     indented = [[block[0], *(f"  {line}" for line in block[1:])] for block in blocks if block]
     return "\n\n".join("\n".join(piece for line in block for piece in _wrap(line, width)) for block in indented)
 
@@ -75,7 +80,7 @@ def _sources(one: SessionDescription) -> list[str]:
     for source in one.sources:
         counts = " · ".join(f"{key.replace('_', ' ')} {source.balance.get(key, 0):,}" for key in COUNTS)
         holds = "balance holds" if source.holds else "BALANCE DOES NOT HOLD"
-        rows = f", records {source.first_record:,} to {source.last_record:,}" if len(one.sources) > 1 else ""
+        rows = f", records {source.first_record:,} to {source.last_record:,}" if _is_part(source) else ""
         lines.append(
             f"{source.file}   {source.balance.get('found', 0):,} records{rows}   sealed {source.sha256[:SHORT]}"
         )
@@ -85,6 +90,21 @@ def _sources(one: SessionDescription) -> list[str]:
         unknown = sorted(source.unknown_ids.items(), key=lambda pair: -pair[1])[:5]
         lines += [f"  unknown: {' · '.join(f'{name} {count:,}' for name, count in unknown)}"] if unknown else []
     return lines
+
+
+def _is_part(source: SourceDescription) -> bool:
+    return (source.first_record, source.last_record) != (0, max(source.balance.get("found", 0) - 1, 0))
+
+
+def _next(one: SessionDescription) -> str:
+    """The command that follows, or what a replay of this session lacks."""
+    if one.bench is None:
+        return "whyhot ingest FILE... --bench bench.toml: no bench file says yet what these signals mean"
+    if one.motor is None:
+        return (
+            f'add motor = "motor.toml" to {one.bench} and ingest again, or whyhot replay {one.name} --model motor.toml'
+        )
+    return f"whyhot replay {one.name}"
 
 
 def _findings(one: SessionDescription) -> list[str]:

@@ -53,8 +53,8 @@ def describe(store: Store, facts: Facts, session: SessionRecorded) -> SessionDes
 def sessions_json(facts: Facts) -> dict[str, Any]:
     """The answer of `sessions --json` (schema `whyhot.sessions/1`).
 
-    `quarantined` counts the records of a session's files that were kept but not decoded: rejected, or of another length
-    than their message. `quarantined_files` are those in which nothing could be read; they belong to no session.
+    `quarantined` counts the records of a session's files that were kept but not decoded: rejected, or shorter than
+    their message. `quarantined_files` are those in which nothing could be read; they belong to no session.
     """
     return {
         "schema": "whyhot.sessions/1",
@@ -63,9 +63,9 @@ def sessions_json(facts: Facts) -> dict[str, Any]:
     }
 
 
-def render_sessions(facts: Facts, width: int = 100) -> str:
-    """The table of all sessions as text of at most `width` columns."""
-    return page.sessions(sessions_json(facts), width)
+def render_sessions(facts: Facts, width: int = 100, as_of: str | None = None) -> str:
+    """The table of all sessions as text of at most `width` columns; `as_of` where `facts` are not those of now."""
+    return page.sessions(sessions_json(facts), width, as_of)
 
 
 def iso(t_ns: int) -> str:

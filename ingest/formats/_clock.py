@@ -13,8 +13,11 @@ YEARS = (1971, 2200)  # of a log: in 1970 no clock was set, and int64 nanosecond
 
 
 def wall_ns(stamp: datetime, time: TimeSpec, log: str) -> int | None:
-    """Nanoseconds UTC of the wall clock `stamp` in the zone of `time`; None for a year that no log is from."""
-    zone = zone_of(time, log)
+    """Nanoseconds UTC of the wall clock `stamp` of a file; None for a year that no log is from.
+
+    A zone that explains the column of a table says nothing of files with a date of their own: they are UTC then.
+    """
+    zone = zone_of(time, log) if time.column is None else UTC
     return _ns(stamp.replace(tzinfo=zone)) if YEARS[0] <= stamp.year <= YEARS[1] else None
 
 

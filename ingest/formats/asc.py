@@ -1,6 +1,6 @@
 """ASC: Vector's text format for CAN logs, packed with gzip or not.
 
-`bus` is the channel number as it stands in the file. The date is a wall clock time without a zone: UTC unless `[time] zone`
+`bus` is the channel number as it stands in the file. The date is a wall clock time without a zone: UTC unless `[time] zone` (without a column)
 says otherwise, or `[time] start` replaces it. The date of the first trigger block goes before that of the header; a later
 block counts from its own date where its stamps begin again, and goes on where they go on. `timestamps relative`: each
 stamp counts from the line before. Statistics, bus states, requests to send (TxRq) and other events are no frames: they

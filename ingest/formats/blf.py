@@ -1,7 +1,7 @@
 """BLF: Vector's binary logging format. A header, then objects, most of them in containers packed with zlib.
 
 `bus` is the channel number as it stands in the file (from 1). The start of the file is a wall clock time without a zone: it
-is taken as UTC unless `[time] zone` says otherwise, or `[time] start` replaces it; without either, time counts from 0. Error
+is taken as UTC unless `[time]` names a zone and no column, or `[time] start` replaces it; without either, time counts from 0. Error
 frames are records that were found and rejected; remote frames have the flag REMOTE and no payload; objects that are no
 frames are counted by type in `settings["other_objects"]`. Nothing that the file declares is believed before it is checked.
 """

@@ -11,6 +11,7 @@ import os
 import sys
 from collections.abc import Sequence
 from importlib import import_module
+from typing import NoReturn
 
 from replay.cli.answer import Answer, deliver, deliver_error, store_folder
 from replay.cli.status import status
@@ -55,17 +56,24 @@ def main(argv: Sequence[str] | None = None) -> int:
         print("interrupted: what was finished is kept; the same command goes on from there.", file=sys.stderr)
         return 130
     except Exception as error:
-        line = _refusal(error)
+        line = _refusal(error, args)
         if line is None:
             raise
         return deliver_error(args, line)
+
+
+class _Parser(argparse.ArgumentParser):
+    """Refuses wrong words in one line, as every other refusal."""
+
+    def error(self, message: str) -> NoReturn:
+        self.exit(2, f"{self.prog}: {message}. See {self.prog} --help\n")
 
 
 def build_parser(verb: str | None) -> argparse.ArgumentParser:
     """Only the verb that is asked for is imported, so that `--help` answers at once."""
     from whyhot import __version__
 
-    parser = argparse.ArgumentParser(
+    parser = _Parser(
         prog="whyhot",
         description="Why is the motor hotter than the model says?",
         epilog="`whyhot VERB --help` says more. Begin with: whyhot demo",
@@ -103,12 +111,14 @@ def _json_words(words: list[str]) -> list[str]:
     return joined
 
 
-def _refusal(error: Exception) -> str | None:
+def _refusal(error: Exception, args: argparse.Namespace) -> str | None:
     """The one line of an error that a file, a flag or the machine caused; None for a defect of ours."""
     if any(base.__name__ in ROOTS for base in type(error).__mro__):
         return str(error)
     if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT):
-        return f"{error.filename or 'the store'}: the disk is full: nothing half-written was kept. Free some space and run it again."
+        return (
+            f"{store_folder(args)}: the disk is full: nothing half-written was kept. Free some space and run it again."
+        )
     if isinstance(error, OSError) and error.filename is not None:
         return f"{error.filename}: {(error.strerror or 'cannot be used').lower()}. Check the path and its permissions."
     return None

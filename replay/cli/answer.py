@@ -62,7 +62,7 @@ def deliver_error(args: argparse.Namespace, line: str) -> int:
     tell("")
     print(line, file=sys.stderr)
     if args.json is not None:
-        _write_json(args.json, {"schema": f"whyhot.{args.verb}/1", "error": line})
+        _write_json(args.json, {"schema": f"whyhot.{args.verb}/1", "error": line, "provenance": provenance(None)})
     return 2
 
 

@@ -3,13 +3,8 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
-from typing import TYPE_CHECKING
 
 from replay.cli.answer import Answer, provenance, store_folder
-
-if TYPE_CHECKING:
-    from ingest.store import Store
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -38,12 +33,13 @@ def run(args: argparse.Namespace) -> Answer:
     from ingest.store import Store
     from replay.cli.progress import tell
     from replay.engine.campaign import replay_sessions
+    from replay.engine.models import model_named
     from replay.show.terminal import replay_text
 
     with Store.open(store_folder(args), write=True) as store:
         known = facts.at(store.ledger, None)
         sessions = [known.session(text) for text in args.sessions] or list(known.sessions)
-        outcomes = replay_sessions(store, sessions, _model(store, args.model), args.level, args.workers, tell)
+        outcomes = replay_sessions(store, sessions, model_named(store, args.model), args.level, args.workers, tell)
         runs = [outcome.run for outcome in outcomes if outcome.run]
         refusals = [outcome.refusal for outcome in outcomes if outcome.refusal]
         data = {
@@ -58,14 +54,3 @@ def run(args: argparse.Namespace) -> Answer:
         )
     text = replay_text([event.summary for event in runs], f"whyhot report {runs[0].summary['session_name']}")
     return Answer(data, text, 1 if refusals else 0, refusals)
-
-
-def _model(store: Store, text: str | None) -> str | None:
-    from ingest import facts
-    from replay.engine.models import find_model, publish_model
-
-    if text is None:
-        return None
-    return (
-        publish_model(store, Path(text)) if text.endswith(".toml") else find_model(facts.at(store.ledger, None), text)
-    )

@@ -19,4 +19,4 @@ def run(args: argparse.Namespace) -> Answer:
     with Store.open(store_folder(args)) as store:
         known = facts.at(store.ledger, args.as_of)
         data = {**sessions_json(known), "provenance": provenance(store, as_of=args.as_of)}
-        return Answer(data, render_sessions(known))
+        return Answer(data, render_sessions(known, as_of=args.as_of))

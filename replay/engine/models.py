@@ -68,3 +68,12 @@ def model_of(facts: Facts, session: SessionRecorded) -> str:
             "or say --model motor.toml."
         )
     return bench.model
+
+
+def model_named(store: Store, text: str | None) -> str | None:
+    """The model that a flag says: a motor file (published if new), an id or a motor name; None where nothing is said."""
+    if text is None:
+        return None
+    return (
+        publish_model(store, Path(text)) if text.endswith(".toml") else find_model(ledger_facts.at(store.ledger), text)
+    )

@@ -209,4 +209,5 @@ def _located(root: Table, error: NetworkError) -> str:
     at = error.entry
     single = at.table in ("scale", "copper")
     table = root.table(at.table) if single else root.tables(at.table)[at.index]
-    return str((table or root).error(f"{error.says}."))
+    says = error.says if error.says.endswith("?") else f"{error.says}."
+    return str((table or root).error(says))

@@ -29,6 +29,13 @@ def test_text_sets_numbers_to_the_right() -> None:
     )
 
 
+def test_text_shows_every_double_with_its_decimals() -> None:
+    values = (0.0, 3.5, -664.0, 1e20, float("inf"), 0.1 + 0.2)
+    column = to_text(Result(("a",), ("DOUBLE",), [(value,) for value in values])).splitlines()[2:-1]
+    assert [cell.strip() for cell in column] == ["0.0", "3.5", "-664.0", "1e+20", "inf", "0.3"]
+    assert to_text(Result(("a",), ("BIGINT",), [(0,)])).splitlines()[2].strip() == "0"
+
+
 def test_text_keeps_to_the_width_and_cuts_no_number() -> None:
     wide = Result(
         columns=("hash", "t_ns", "says", "more_1", "more_2"),

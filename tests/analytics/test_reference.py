@@ -19,6 +19,10 @@ def test_the_page_is_what_the_views_say() -> None:
     assert PAGE.read_text(encoding="utf-8") == page(), "run: python -m analytics.reference > docs/sql.md"
 
 
+def test_a_frame_of_wrong_length_is_a_shorter_one() -> None:
+    assert "| `wrong_length` | BIGINT | Frames shorter than their message; longer ones are decoded |" in page()
+
+
 def blocks() -> list[str]:
     return re.findall(r"```sql\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
 

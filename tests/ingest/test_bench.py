@@ -263,7 +263,7 @@ def test_an_unknown_signal_is_refused_with_the_nearest_one_and_where_it_is() -> 
     says = refusal(BenchFileError, f'\n\n[[channel]]\nsignal = "EW_A_3V"\n{TEMPERATURE}node = "n"\n')
     assert says == (
         'bench.toml:4: signal "EW_A_3V" is not in the logs. Nearest: EW_A_3v (bench.dbc, TempA). '
-        'Correct the name, or add role = "ignored".'
+        'Correct the name, add role = "ignored", or give the log that holds it in the same command.'
     )
 
 
@@ -277,7 +277,7 @@ def test_an_expression_that_names_an_unknown_signal_is_refused_with_the_nearest(
     text = '[[derived]]\nname = "i"\nquantity = "current"\nunit = "A"\nexpression = "abs(IdFbkk)"\n'
     assert refusal(BenchFileError, text) == (
         'bench.toml:5: signal "IdFbkk" in the expression of "i" is not in the logs. Nearest: IdFbk (bench.dbc, Motor). '
-        "Correct the expression."
+        "Correct the expression, or give the log that holds it in the same command."
     )
 
 
@@ -321,7 +321,7 @@ ENTRY = '[[channel]] 1 (signal "MAG_1")'
         (
             TomlError,
             "attributes = {a = 3}",
-            'attributes must be texts by name, such as {inverter = "sw 4.2"}, found a table.',
+            'attributes must be texts by name, such as {inverter = "sw 4.2"}, found the number 3 for "a".',
         ),
         (
             UnitError,
@@ -498,6 +498,20 @@ def test_nodes_that_the_motor_does_not_have_are_refused_with_the_nearest() -> No
     )
     with pytest.raises(BenchFileError, match=r'bench.toml:5: node "x" of signal .* It has: magnet, winding, coolant.'):
         check_nodes(read(CHANNEL.replace('node = "magnet"', "weights = {winding = 0.5, x = 0.5}")), nodes, boundaries)
+
+
+@pytest.mark.parametrize("key", ["weights", "node"])
+@pytest.mark.parametrize("shares", ["{magnet = 0.5, coolant = 0.5}", "{coolant = 1.0}"])
+def test_a_boundary_among_weights_is_refused(key: str, shares: str) -> None:
+    text = CHANNEL.replace('node = "magnet"', f"{key} = {shares}")
+    with pytest.raises(BenchFileError) as caught:
+        check_nodes(read(text), ["magnet"], ["coolant"])
+    assert str(caught.value) == (
+        f'bench.toml:5: {key} of signal "MAG_1" hold "coolant", a boundary, but weights are of nodes only. '
+        'Take it out, or write node = "coolant" alone.'
+    )
+    check_nodes(read(text + 'role = "ignored"'), ["magnet"], ["coolant"])
+    check_nodes(read(CHANNEL.replace("magnet", "coolant")), ["magnet"], ["coolant"])
 
 
 def test_the_example_of_the_published_motor_fits_its_recordings() -> None:

@@ -453,7 +453,7 @@ def test_a_lost_record_stops_the_decode(tmp_path: Path) -> None:
 
 def test_a_log_that_is_cut_is_salvaged(tmp_path: Path) -> None:
     event = decoded(tmp_path, record(tmp_path, frames(drive(100)), cut="ends 7 bytes early"), [dbc()])
-    assert (event.outcome, event.why) == ("salvaged", "ends 7 bytes early; the 100 records before that were kept")
+    assert (event.outcome, event.why) == ("salvaged", "ends 7 bytes early")
 
 
 @pytest.mark.parametrize(

@@ -36,6 +36,7 @@ TABLE = [
     Signal("Zeit"),
     Signal("T_Wicklung_1", unit="°C"),
     Signal("ambient", unit="degC"),
+    Signal("TC_coolant", unit="degC"),
     Signal("Drehzahl", unit="U/min"),
     Signal("n2", unit="rpm"),
     Signal("Id", unit="Apk"),
@@ -53,6 +54,7 @@ def test_a_draft_guesses_quantity_unit_and_node() -> None:
         "Torque": ("torque", "Nm", None, "input"),
         "T_Wicklung_1": ("temperature", "°C", "wicklung_1", "observed"),
         "ambient": ("temperature", "degC", "ambient", "input"),
+        "TC_coolant": ("temperature", "degC", "coolant", "input"),
     }
 
 

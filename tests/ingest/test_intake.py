@@ -11,6 +11,7 @@ import pytest
 
 from ingest import facts
 from ingest.catalogue.channels import load
+from ingest.errors import DamageError
 from ingest.facts import Facts
 from ingest.intake import Intake, MotorFile, prepare, redecode, take_in
 from ingest.sessions import Override
@@ -45,9 +46,7 @@ def logs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "bench.dbc").write_text(can_bench.DBC, encoding="utf-8")
     (folder / "bench.toml").write_text(LOGGER, encoding="utf-8")
     (folder / "can.toml").write_text(LOGGER[: LOGGER.rindex("[[channel]]")], encoding="utf-8")
-    can_bench.write_log(
-        folder / "5_drive.blf", seconds=60, start=can_bench.START + 7200
-    )  # in local time, as the zone says
+    can_bench.write_log(folder / "5_drive.blf", seconds=60, start=can_bench.START)  # in local time, as the zone says
     rows = [f"09.10.2025 10:53:{25 + k};{21 + k / 10:.1f}".replace(".1;", ",1;") for k in range(30)]
     (folder / "5_room.csv").write_text("Time;T_room\n" + "\n".join(rows) + "\n", encoding="utf-8")
     return folder
@@ -187,7 +186,7 @@ def test_messages_are_found_by_29_bit_identifier_on_each_bus_and_in_two_database
 def test_a_cut_copy_joins_is_flagged_and_adds_no_sample(logs: Path, tmp_path: Path) -> None:
     _take(tmp_path / "s", logs, "5_drive.blf", bench="can.toml")
     shutil.copytree(logs, tmp_path / "cut")
-    can_bench.write_log(tmp_path / "cut" / "0_copy.blf", seconds=30, start=can_bench.START + 7200)
+    can_bench.write_log(tmp_path / "cut" / "0_copy.blf", seconds=30, start=can_bench.START)
     _take(tmp_path / "s", tmp_path / "cut", "0_copy.blf", bench="can.toml")
     with Store.open(tmp_path / "s") as store:
         known = facts.at(store.ledger)
@@ -197,3 +196,41 @@ def test_a_cut_copy_joins_is_flagged_and_adds_no_sample(logs: Path, tmp_path: Pa
     assert known.session("5_drive").session == session.session
     assert len(speed.t_ns) == 600, "equal samples of two files count once"
     assert "overlap" in {flag.flag for flags in known.flags.values() for flag in flags}
+
+
+def test_the_same_bytes_twice_in_one_command_are_one_file(logs: Path, tmp_path: Path) -> None:
+    shutil.copytree(logs, tmp_path / "in")
+    shutil.copy(logs / "5_drive.blf", tmp_path / "in" / "copy.blf")
+    intake = _take(tmp_path / "s", tmp_path / "in", "5_drive.blf", "5_drive.blf", "copy.blf", bench="can.toml")
+    assert [one.known for one in intake.files] == [False, True, True]
+    assert all(one.decode for one in intake.files)
+    assert len(_now(tmp_path / "s").files) == 1
+
+
+def test_rebuilding_and_late_files_work_with_signals_named_in_full(logs: Path, tmp_path: Path) -> None:
+    shutil.copytree(logs, tmp_path / "in")
+    full = LOGGER.replace('"MotorSpeed"', '"can1:Drive.MotorSpeed"') + (
+        '[[derived]]\nname = "power"\nquantity = "power"\nunit = "W"\n'
+        'expression = "`Drive.MotorTorque` * MotorSpeed * 0.10472"\n'
+    )
+    (tmp_path / "in" / "bench.toml").write_text(full, encoding="utf-8")
+    _take(tmp_path / "s", tmp_path / "in", "5_drive.blf", "5_room.csv")
+    text = (logs / "5_room.csv").read_text(encoding="utf-8").replace("10:53:", "10:54:")
+    (tmp_path / "in" / "5_more.csv").write_text(text, encoding="utf-8")
+    assert not _take(tmp_path / "s", tmp_path / "in", "5_more.csv").refused
+    products = {p: p.read_bytes() for p in (tmp_path / "s" / "decoded").rglob("*.parquet")}
+    with Store.open(tmp_path / "s", write=True) as store:
+        redecode(store, facts.at(store.ledger))
+    assert {p: p.read_bytes() for p in (tmp_path / "s" / "decoded").rglob("*.parquet")} == products
+
+
+def test_damaged_sealed_bytes_are_not_decoded_again(logs: Path, tmp_path: Path) -> None:
+    _take(tmp_path / "s", logs, "5_drive.blf", bench="can.toml")
+    (raw,) = _now(tmp_path / "s").files
+    blob = tmp_path / "s" / "archive" / raw[:2] / raw
+    blob.chmod(0o644)
+    blob.write_bytes(blob.read_bytes()[:-100] + bytes(100))
+    products = {p: p.read_bytes() for p in (tmp_path / "s" / "decoded").rglob("*") if p.is_file()}
+    with Store.open(tmp_path / "s", write=True) as store, pytest.raises(DamageError, match=r"5_drive\.blf"):
+        redecode(store, facts.at(store.ledger))
+    assert {p: p.read_bytes() for p in products} == products

@@ -164,6 +164,10 @@ def test_columns_end_with_the_stored_unit() -> None:
         ("Apk", "A", "current", True),
         ("Arms", "A", "current", False),
         ("N m", "Nm", "torque", False),
+        ("1/s", "rpm", "speed", True),  # a factor of 60
+        ("s^-1", "rpm", "speed_command", True),
+        ("1/s", "1/s", "speed", False),
+        ("G", "m/s2", "acceleration", True),
     ],
 )
 def test_a_unit_row_contradicts_only_what_it_says_otherwise(

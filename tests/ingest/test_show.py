@@ -248,6 +248,29 @@ def test_the_page_says_kind_sources_channels_power_and_points(store: Store) -> N
     assert max(map(len, show.render(description, width=72).splitlines())) <= 72
 
 
+def test_what_a_replay_lacks_is_the_next_step(store: Store) -> None:
+    found = show.describe(store, *one_session(store))
+    without_motor = show.render(replace(found, motor=None), width=200).splitlines()[-1]
+    assert without_motor == (
+        'next: add motor = "motor.toml" to bench.toml and ingest again, or whyhot replay 3_wltp --model motor.toml'
+    )
+    without_bench = show.render(replace(found, bench=None, motor=None), width=200).splitlines()[-1]
+    assert without_bench == (
+        "next: whyhot ingest FILE... --bench bench.toml: no bench file says yet what these signals mean"
+    )
+
+
+def test_records_are_told_where_a_part_of_a_file_is_meant_only(store: Store) -> None:
+    add(store, "b.csv", N + 30)
+    add(store, "a.csv", 0)
+    facts = grouped(store)
+    (session,) = facts.sessions
+    whole = show.render(show.describe(store, facts, session))
+    assert whole.count("1,200 records   sealed") == 2 and "records 0 to" not in whole
+    part = replace(session, files=[session.files[0] | {"first_record": 100, "last_record": 199}])
+    assert "1,200 records, records 100 to 199   sealed" in show.render(show.describe(store, facts, part))
+
+
 def test_lost_records_are_told_on_the_page(store: Store) -> None:
     balance = {"found": N + 5, "decoded": N, "unknown_id": 2, "wrong_length": 1, "rejected": 1}
     bad = [{"record": 7, "where": "line 9", "why": "no number in column M"}]
@@ -296,6 +319,11 @@ def test_the_list_of_sessions_follows_its_schema(store: Store) -> None:
 
 def test_an_empty_store_says_how_to_begin(store: Store) -> None:
     assert show.render_sessions(grouped(store)) == "No session in this store yet.\nnext: whyhot ingest FILE..."
+
+
+def test_a_store_without_sessions_at_a_point_says_so(store: Store) -> None:
+    early = show.render_sessions(grouped(store), as_of="2")
+    assert early == "No session was known as of 2.\nnext: whyhot sessions"
 
 
 def test_a_table_too_wide_loses_the_ends_of_its_widest_column() -> None:

@@ -162,6 +162,8 @@ def test_a_value_of_the_right_kind_is_read(kind: Kind[Any], text: str, value: ob
         (BOOLEAN, "1", "x must be true or false, found the number 1."),
         (TEXTS, '["a", 1]', 'x must be a list of texts, such as ["a", "b"], found a list.'),
         (NAMED_NUMBERS, "[1]", "x must be numbers by name, such as {a = 0.7, b = 0.3}, found a list."),
+        (NAMED_NUMBERS, '{a = 1, b = "2"}', 'such as {a = 0.7, b = 0.3}, found the text "2" for "b".'),
+        (NAMED_TEXTS, "{a = 1}", 'x must be texts by name, such as {inverter = "sw 4.2"}, found the number 1 for "a".'),
         (
             MOMENT,
             '"2024"',

@@ -105,8 +105,9 @@ REFUSED = {
     "unknown node": (
         '"magnet", "winding_a"]',
         '"magnet", "windng_a"]',
-        r'^motor\.toml:18: \[\[link\]\] 2 .*there is no node or boundary "windng_a": did you mean "winding_a"\?',
+        r'^motor\.toml:18: \[\[link\]\] 2 .*there is no node or boundary "windng_a": did you mean "winding_a"\?$',
     ),
+    "no such node": ('node = "magnet"\nterms', 'node = "d"\nterms', r'there is no node "d": known are winding_a, magnet\.$'),
     "source of nothing": ('node = "magnet"\nterms', 'node = "magnets"\nterms', r'^motor\.toml:27: .*no node "magnets"'),
     "three ends": ('["magnet", "winding_a"]', '["magnet", "winding_a", "coolant"]', r"^motor\.toml:19: .*between has 3 names"),
     "unknown feature": ("speed = 0.8", "sped = 0.8", r'^motor\.toml:17: .*terms 2: unknown key "sped"\..*speed'),

@@ -56,6 +56,11 @@ REFUSED: dict[str, tuple[Change, type[errors.NetworkError], str]] = {
         errors.UnknownNodeError,
         'no node or boundary "windin": did you mean "winding"?',
     ),
+    "unlike any": (
+        _link("d", "coolant"),
+        errors.UnknownNodeError,
+        'link "d-coolant": there is no node or boundary "d": known are winding, yoke, coolant',
+    ),
     "itself": (_link("yoke", "yoke"), errors.LinkError, 'link "yoke-yoke": both ends are the same'),
     "outside": (
         lambda n: _link("coolant", "air")(replace(n, boundaries=(*n.boundaries, Boundary("air")))),
@@ -98,6 +103,11 @@ REFUSED: dict[str, tuple[Change, type[errors.NetworkError], str]] = {
         _link(exponents={"sped": 1}),
         errors.FeatureError,
         'feature "sped" is not known: did you mean "speed"?',
+    ),
+    "feature unlike any": (
+        _link(exponents={"x": 1}),
+        errors.FeatureError,
+        'feature "x" is not known: known are speed, current,',
     ),
     "no scale": (
         _source(exponents={"torque": 1}),

@@ -37,6 +37,16 @@ def test_time_constants_are_those_of_the_modes() -> None:
     assert found.to_json()["at_rest_s"] == [None, None]
 
 
+def test_one_is_not_plural_and_no_time_is_a_power_of_ten() -> None:
+    slow = describe(replace(LUMP, nodes=(Node("a", 505_500.0, "other"),)))
+    lines = slow.text().splitlines()
+    assert lines[0] == "lump: 1 node, 1 boundary, 1 link, 0 sources"
+    assert lines[1].endswith("1; with 1 capacity 2 unknowns")
+    assert (
+        lines[4] == "time constants without end to without end at rest, 126,000 s to 126,000 s with all features at 1"
+    )
+
+
 def test_a_summed_loss_below_zero_is_a_warning_with_place() -> None:
     loss = Source("a", (Term(10.0, {"speed": 1.0}), Term(-30.0, {"speed": 2.0})))
     (warning,) = describe(replace(LUMP, sources=(loss,))).warnings
