@@ -16,9 +16,9 @@ from ingest.draft import draft_bench
 from ingest.errors import IngestError, UnreadableLogError
 from ingest.formats import Rows, TimeSpec
 from ingest.guessing import guess
-from ingest.intake import signals_in
 from ingest.reading import Reading, preview
 from ingest.recording import id_text, read
+from ingest.setup import signals_in
 from ingest.signals import Signal
 
 NAMED = 3  # logs in the first comment of a draft; more are counted

@@ -94,6 +94,7 @@ def plan(
     """
     home = {_identity(signal): group for group in groups for signal in group.signals}
     named = {_identity(spec.signals[0]): spec for spec in channels if not spec.derived}
+    called = _channel_names(groups)
     _refuse_text(bench, channels, texts)
     for group in groups:
         taken = Counter(FIXED)
@@ -103,7 +104,8 @@ def plan(
             elif spec := named.get(_identity(signal)):
                 group.outputs.append(_bench_output(group, spec, [(group.name, signal.name)], taken, signal))
             else:
-                group.outputs.append(_file_output(group, signal, bench is None, taken))
+                name = called[group.name, signal.name]
+                group.outputs.append(_file_output(group, signal, name, bench is None, taken))
     missing = [spec.name for key, spec in named.items() if key not in home and spec.role != "ignored"]
     for spec in (spec for spec in channels if spec.derived):
         homes = [home[_identity(signal)] for signal in spec.signals if _identity(signal) in home]
@@ -127,6 +129,21 @@ def _names(seen: Sequence[tuple[int, Message]]) -> list[str]:
     ]
 
 
+def _channel_names(groups: Sequence[Group]) -> dict[Source, str]:
+    """Signal names; as a bench file would write them where another signal has that name too ("can2:Inverter.T"), and
+    with the group where two messages on one bus share even that."""
+    signals = [(group.name, signal) for group in groups for signal in group.signals]
+    bare = Counter(signal.name for _, signal in signals)
+    full = Counter(signal.qualified for _, signal in signals)
+
+    def name(group: str, signal: Signal) -> str:
+        if bare[signal.name] == 1:
+            return signal.name
+        return signal.qualified if full[signal.qualified] == 1 else f"{group}.{signal.name}"
+
+    return {(group, signal.name): name(group, signal) for group, signal in signals}
+
+
 def _identity(signal: Signal) -> tuple[str | None, str | None, str]:
     return signal.bus, signal.message, signal.name
 
@@ -145,8 +162,8 @@ def _text_output(group: Group, signal: Signal, taken: Counter[str]) -> Output:
     return Output(Column(_unique(signal.name, taken), signal.name, text=True), ((group.name, signal.name),))
 
 
-def _file_output(group: Group, signal: Signal, guessing: bool, taken: Counter[str]) -> Output:
-    """A signal that no bench file speaks of: in its own unit, unconverted."""
+def _file_output(group: Group, signal: Signal, name: str, guessing: bool, taken: Counter[str]) -> Output:
+    """A signal that no bench file speaks of, as the channel `name`: in its own unit, unconverted."""
     unit = normal_unit(signal.unit or "")
     column = Column(
         _unique(signal.name + column_suffix(unit), taken),
@@ -154,7 +171,7 @@ def _file_output(group: Group, signal: Signal, guessing: bool, taken: Counter[st
         unit or signal.unit,
         guess(signal.name, signal.unit) if guessing else None,
     )
-    entry = _entry(group, signal, column, "input" if guessing else "ignored")
+    entry = _entry(group, signal, column, "input" if guessing else "ignored") | {"name": name}
     return Output(column, ((group.name, signal.name),), None, entry)
 
 

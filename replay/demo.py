@@ -9,8 +9,9 @@ from pathlib import Path
 from typing import Any
 
 from ingest import facts
-from ingest.intake import Intake, prepare, take_in
+from ingest.intake import Intake, take_in
 from ingest.sessions import Override
+from ingest.setup import prepare
 from ingest.store import Store
 from replay.engine.campaign import replay_sessions
 from replay.engine.models import for_intake

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -180,11 +179,8 @@ def _needs(channel: Channel) -> Sequence[str]:
 
 
 def _guessed(decode: DecodeCompleted) -> list[tuple[_Entry, ResolvedChannel]]:
-    """The signals of a decode without a bench file; those that share their name are called by group and column."""
-    names = Counter(entry["name"] for entry in decode.channels)
-    specs = [(entry, _guess(entry)) for entry in decode.channels]
-    full = "{group}.{column}".format_map
-    return [(entry, spec if names[spec.name] == 1 else replace(spec, name=full(entry))) for entry, spec in specs]
+    """The signals of a decode without a bench file."""
+    return [(entry, _guess(entry)) for entry in decode.channels]
 
 
 def _guess(entry: _Entry) -> ResolvedChannel:

@@ -15,6 +15,9 @@ Of the held runs one is
   converter at which it sticks),
 - stuck, where it lasts to the end of the file or for 10 minutes and more,
 - held otherwise: the last value before a dropout, repeated.
+
+An input is never called saturated, and nothing of it is masked: a set point that is kept and a sensor that is stuck look
+the same, and the bench really ran at one of them. It is said all the same, for a person to judge.
 """
 
 from __future__ import annotations
@@ -75,11 +78,12 @@ class ChannelQuality:
     """What one channel's samples look like; numbers in its stored unit, None where there are too few samples.
 
     `rate_Hz` 1 / median interval; `noise` one sigma, from second differences; `resolution` the smallest step seen;
-    `good` bool (N,): False for the samples of a stretch, but for the first of a held or stuck one: that was measured.
+    `good` bool (N,): False for the samples of a stretch, but for the first of a held or stuck one: that was measured; all
+    True for an input, which is used as it stands.
     """
 
     name: str
-    ignored: bool  # by the bench file
+    role: str  # observed | input | ignored
     samples: int
     rate_Hz: float | None
     low: float | None
@@ -100,12 +104,13 @@ def assess(channels: Sequence[ChannelData]) -> list[ChannelQuality]:
 def findings(qualities: Sequence[ChannelQuality]) -> list[QualityFlagged]:
     """What a person should look at: one flag a channel and kind of stretch, and one for its gaps; none of ignored ones."""
     found = []
-    for quality in (one for one in qualities if not one.ignored):
+    for quality in (one for one in qualities if one.role != "ignored"):
         for kind in ("saturated", "stuck", "held"):
             if some := [stretch for stretch in quality.stretches if stretch.kind == kind]:
-                found.append(_flag(quality.name, kind, _says(kind, some), some))
+                says = _says_constant(some) if quality.role == "input" else _says_masked(kind, some)
+                found.append(_flag(quality.name, kind, says, some))
         if quality.gaps:
-            found.append(_flag(quality.name, "gap", _says("gap", quality.gaps), quality.gaps))
+            found.append(_flag(quality.name, "gap", f"has no samples for {_times(quality.gaps)}", quality.gaps))
     return found
 
 
@@ -136,11 +141,11 @@ def _assess(channel: ChannelData, channels: Sequence[ChannelData], least: Sequen
     median = float(np.median(interval)) if len(interval) else 0.0
     held = _held(channel, channels, least)
     good = np.ones(len(value), dtype=np.bool_)
-    for stretch in held:
+    for stretch in held if channel.spec.role != "input" else ():
         good[stretch.first + (stretch.kind != "saturated") : stretch.last + 1] = False
     return ChannelQuality(
         name=channel.spec.name,
-        ignored=channel.spec.role == "ignored",
+        role=channel.spec.role,
         samples=len(value),
         rate_Hz=1e9 / median if median > 0 else None,
         low=float(value.min()) if len(value) else None,
@@ -175,9 +180,12 @@ def _held(channel: ChannelData, channels: Sequence[ChannelData], least: Sequence
             span = slice(t_ns[first], t_ns[last])
             at_zero = value[first] == 0.0 and channel.spec.role != "observed"
             if not at_zero and _others_move(channel, channel.raws[raw], span, channels, least):
-                kind = _kind(t_ns, value, first, last)
+                clipped = channel.spec.role != "input" and _clipped(value, first, last)
+                kind = "saturated" if clipped else _lasting(t_ns, first, last)
                 a, b = int(index[first]), int(index[last])
                 found.append(Stretch(kind, a, b, int(span.start), int(span.stop), float(value[first])))
+    if channel.spec.role == "input":
+        return found
     often = {value for value, times in Counter(one.value for one in found).items() if times >= STICKS}
     return [replace(one, kind="saturated") if one.value in often else one for one in found]
 
@@ -236,13 +244,16 @@ def _others_move(
     return False
 
 
-def _kind(t_ns: NDArray[np.int64], value: NDArray[np.float64], first: int, last: int) -> str:
-    at_limit = value[first] in (value.min(), value.max())
-    if at_limit and first > 0 and last + 1 < len(value):
-        gently = GENTLY * _typical_step(value)
-        if max(abs(value[first] - value[first - 1]), abs(value[last + 1] - value[last])) <= gently:
-            return "saturated"
-    return "stuck" if last == len(value) - 1 or t_ns[last] - t_ns[first] >= STUCK_NS else "held"
+def _clipped(value: NDArray[np.float64], first: int, last: int) -> bool:
+    """Whether a run is at a limit of the channel and is reached and left gently."""
+    if value[first] not in (value.min(), value.max()) or first == 0 or last + 1 == len(value):
+        return False
+    gently = GENTLY * _typical_step(value)
+    return bool(max(abs(value[first] - value[first - 1]), abs(value[last + 1] - value[last])) <= gently)
+
+
+def _lasting(t_ns: NDArray[np.int64], first: int, last: int) -> str:
+    return "stuck" if last == len(t_ns) - 1 or t_ns[last] - t_ns[first] >= STUCK_NS else "held"
 
 
 def _typical_step(value: NDArray[np.float64]) -> float:
@@ -250,16 +261,24 @@ def _typical_step(value: NDArray[np.float64]) -> float:
     return float(np.median(step[step > 0.0]))
 
 
-def _says(kind: str, some: Sequence[Stretch | Gap]) -> str:
-    longest = seconds(max(one.duration_s for one in some))
-    times = f", {len(some)} times" if len(some) > 1 else ""
-    at = f" at {some[0].value:.6g}" if isinstance(some[0], Stretch) else ""
-    return {
-        "held": f"holds its last value for up to {longest}{times}: masked",
-        "stuck": f"is stuck{at} for up to {longest}{times}: masked",
-        "saturated": f"is saturated{at} for up to {longest}{times}: masked",
-        "gap": f"has no samples for up to {longest}{times}",
+def _says_masked(kind: str, some: Sequence[Stretch]) -> str:
+    how = {
+        "held": "holds its last value",
+        "stuck": f"is stuck at {some[0].value:,.6g}",
+        "saturated": f"is saturated at {some[0].value:,.6g}",
     }[kind]
+    return f"{how} for {_times(some)}: masked"
+
+
+def _says_constant(some: Sequence[Stretch]) -> str:
+    at = f" at {some[0].value:,.6g}" if len({one.value for one in some}) == 1 else ""
+    return f"is constant{at} for {_times(some)} (used as it stands)"
+
+
+def _times(some: Sequence[Stretch | Gap]) -> str:
+    """How long, and how often: "3.0 s", "up to 3.0 s, 2 times"."""
+    longest = seconds(max(one.duration_s for one in some))
+    return f"up to {longest}, {len(some)} times" if len(some) > 1 else longest
 
 
 def _flag(name: str, kind: str, says: str, some: Sequence[Stretch | Gap]) -> QualityFlagged:

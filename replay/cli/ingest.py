@@ -22,8 +22,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> Answer:
-    from ingest.intake import prepare, take_in
+    from ingest.intake import take_in
     from ingest.sessions import Override
+    from ingest.setup import prepare
     from ingest.store import Store
     from replay.cli.progress import tell
     from replay.engine.models import for_intake

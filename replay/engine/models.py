@@ -7,7 +7,7 @@ from pathlib import Path
 from ingest import facts as ledger_facts
 from ingest.events import ModelPublished, MotorRegistered, SessionRecorded
 from ingest.facts import Facts
-from ingest.intake import MotorFile
+from ingest.setup import MotorFile
 from ingest.store import Store
 from replay.engine.motor_file import read_motor
 from replay.errors import ReplayDataError

@@ -229,6 +229,35 @@ def test_two_messages_of_one_name_are_told_apart_by_identifier(tmp_path: Path) -
     assert {group["name"] for group in event.groups} == {"can1_Motor_0x122", "can1_Motor_0x123"}
 
 
+def names(event: DecodeCompleted) -> list[str]:
+    return [entry["name"] for entry in event.channels]
+
+
+def test_signals_of_one_name_on_two_buses_are_channels_of_two_names(tmp_path: Path) -> None:
+    given = frames([(i / 10, 1 + i % 2, 0x123, 0, bytes(8)) for i in range(10)])
+    reading = record(tmp_path, given)
+    guessed = decoded(tmp_path, reading, [dbc()])
+    both = ["can1:Motor.Speed", "can1:Motor.IdFbk", "can1:Motor.IqFbk"]
+    assert names(guessed) == [*both, *(name.replace("can1", "can2") for name in both)]
+    assert {entry["signal"]["name"] for entry in guessed.channels} == {"Speed", "IdFbk", "IqFbk"}
+
+
+def test_a_channel_of_the_bench_file_keeps_its_name_beside_a_signal_of_that_name(tmp_path: Path) -> None:
+    given = frames([(i / 10, 1 + i % 2, 0x123, 0, bytes(8)) for i in range(10)])
+    bench = '[[channel]]\nsignal = "can1:Motor.Speed"\nquantity = "speed"\nunit = "rpm"\n'
+    event = decoded(tmp_path, record(tmp_path, given), [dbc()], bench)
+    speeds = [(entry["name"], entry["role"]) for entry in event.channels if entry["signal"]["name"] == "Speed"]
+    assert speeds == [("Speed", "input"), ("can2:Motor.Speed", "ignored")]
+
+
+def test_channels_of_two_messages_of_one_name_on_one_bus_are_told_apart_by_group(tmp_path: Path) -> None:
+    other = dbc(DBC.replace("BO_ 291 ", "BO_ 290 "), "other.dbc")
+    given = frames([(0, 1, 0x123, 0, bytes(8)), (1, 1, 0x122, 0, bytes(8))])
+    event = decoded(tmp_path, record(tmp_path, given), [dbc(), other])
+    assert {"can1_Motor_0x122.Speed", "can1_Motor_0x123.Speed"} < set(names(event))
+    assert len(set(names(event))) == len(names(event)) == 6
+
+
 # ---- bench file ----------------------------------------------------------------------------------------------------
 
 

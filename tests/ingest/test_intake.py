@@ -13,8 +13,9 @@ from ingest import facts
 from ingest.catalogue.channels import load
 from ingest.errors import DamageError
 from ingest.facts import Facts
-from ingest.intake import Intake, MotorFile, prepare, redecode, take_in
+from ingest.intake import Intake, redecode, take_in
 from ingest.sessions import Override
+from ingest.setup import MotorFile, prepare
 from ingest.store import Store
 
 LOGGER = """\

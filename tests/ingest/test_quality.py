@@ -154,6 +154,19 @@ def test_the_last_value_before_a_dropout_at_the_peak_is_held_and_not_saturated()
     assert stretches(temperature(value), moving()) == [("held", 990, 1299)]
 
 
+def test_an_input_that_is_constant_is_used_as_it_stands_and_never_saturated() -> None:
+    speed = channel("n", "speed", np.full(3600, 7000.0))
+    pulses = channel("M", "torque", np.tile(np.r_[np.full(60, 140.0), np.zeros(60)], 30) + 0.5 * (HOUR % 120 > 60))
+    clipped = channel("i", "current", np.minimum(WAVE + noise(0.1), 78.0))
+    found = assess([speed, pulses, clipped, moving()])
+    says = [flag.says for flag in findings(found)]
+    assert says[0] == "n is constant at 7,000 for 60 min (used as it stands)"
+    assert says[1].startswith("M is constant at 140 for up to 59 s, ")
+    assert all(text.endswith(" times (used as it stands)") for text in says[1:])
+    assert {flag.flag for flag in findings(found)} == {"stuck", "held"}
+    assert all(one.good.all() for one in found)
+
+
 def test_two_long_holds_beside_each_other_are_both_found() -> None:
     assert stretches(temperature(held((1000, 1399), (1401, 1800))), moving()) == [
         ("held", 1000, 1399),
@@ -176,7 +189,7 @@ def test_gaps_are_over_five_medians_and_over_a_second() -> None:
     (a, b) = assess([channel("a", "torque", np.sin(slow), t_s=slow), channel("b", "torque", np.sin(fast), t_s=fast)])
     assert [gap.duration_s for gap in a.gaps] == [pytest.approx(5.9)]
     assert [gap.duration_s for gap in b.gaps] == [pytest.approx(2.01)]
-    assert [flag.says for flag in findings([a])] == ["a has no samples for up to 5.9 s"]
+    assert [flag.says for flag in findings([a])] == ["a has no samples for 5.9 s"]
 
 
 def test_one_sample_is_a_channel_too() -> None:

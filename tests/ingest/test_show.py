@@ -193,14 +193,6 @@ def test_without_a_bench_file_signals_have_guessed_quantities_or_none(store: Sto
     assert show.describe(store, facts, session).channels[5].quantity is None
 
 
-def test_signals_of_one_name_in_two_groups_stay_apart_without_a_bench_file(store: Store) -> None:
-    add(store, "3_wltp.csv", 0, bench=False)
-    (known,) = ledger_facts.at(store.ledger).decodes.values()
-    twice = [entry("n", False), entry("n", False) | {"column": "P_W", "quantity": None}]
-    facts = replace(grouped(store), decodes={known.decode: replace(known, channels=twice)})
-    assert [one.spec.name for one in load(store, facts, facts.session("3_wltp"))] == ["rows.n_rpm", "rows.P_W"]
-
-
 def test_missing_samples_say_how_to_make_them_again(store: Store) -> None:
     facts, session = one_session(store)
     path = store.decoded(session.files[0]["decode"]) / "rows.parquet"
@@ -220,7 +212,7 @@ def test_a_description_holds_everything_that_is_known(store: Store) -> None:
     assert found.attributes == {"inverter": "sw 4.2"}
     magnet = found.channels[2]
     assert [(one.kind, one.times, one.longest_s) for one in magnet.repeats] == [("held", 1, 299.0)]
-    assert found.findings == ("MAG_1 holds its last value for up to 299 s: masked",)
+    assert found.findings == ("MAG_1 holds its last value for 299 s: masked",)
     assert found.power is not None and found.power.electrical_from == "channel P"
     assert found.operating_points is not None and found.operating_points.total_minutes == pytest.approx(20.0)
     assert found.sources[0].holds

@@ -1,0 +1,54 @@
+"""All files of a store grouped into sessions: what is new becomes facts, with its kind and what a person should look at."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from itertools import combinations
+
+from ingest import facts as ledger_facts
+from ingest import sessions
+from ingest.bench import read_bench
+from ingest.catalogue import kinds, quality
+from ingest.catalogue.channels import load
+from ingest.events import QualityFlagged, SessionRecorded, SessionRegrouped
+from ingest.facts import Facts
+from ingest.sessions import Override
+from ingest.store import Store
+
+
+def group_files(store: Store, said: Mapping[str, Override]) -> tuple[tuple[str, QualityFlagged], ...]:
+    """Group all files into sessions, append what is new, and say what a person should look at in new ones."""
+    known = ledger_facts.at(store.ledger)
+    benches = {sha: read_bench(store.archive.read(sha), one.name) for sha, one in known.benches.items()}
+    names = {sha: one.name for sha, one in known.files.items()}
+    overrides = {**sessions.overrides_of(known.sessions, benches), **said}
+    new = sessions.group(list(known.decodes.values()), benches, names, overrides)
+    flags: list[tuple[str, QualityFlagged]] = []
+    for event in sessions.regroup(known.sessions, new):
+        if isinstance(event, SessionRegrouped):
+            store.ledger.append(f"session-{event.session}", event)
+            continue
+        channels = load(store, known, event)
+        if not event.kind:
+            kind, why = kinds.recognise(channels)
+            event = replace(event, kind=kind, kind_why=why)
+        found = [*_overlaps(known, event), *quality.findings(quality.assess(channels))]
+        stream = f"session-{event.session}"
+        store.ledger.append_all([(stream, event), *((stream, flag) for flag in found)])
+        flags += [(event.name, flag) for flag in found]
+    return tuple(flags)
+
+
+def _overlaps(known: Facts, session: SessionRecorded) -> list[QualityFlagged]:
+    """Files of a session that hold the same messages at the same time: a copy, or the same test logged twice."""
+    decodes = [known.decodes[file["decode"]] for file in session.files]
+    flags = []
+    for a, b in combinations(decodes, 2):
+        common = {group["name"] for group in a.groups} & {group["name"] for group in b.groups}
+        from_ns, to_ns = max(a.start_ns or 0, b.start_ns or 0), min(a.end_ns or 0, b.end_ns or 0)
+        if common and a.raw != b.raw and to_ns > from_ns:
+            names = " and ".join(known.files[one.raw].name for one in (a, b))
+            says = f"{names} hold the same messages for {(to_ns - from_ns) / 1e9:.0f} s: equal samples count once in a replay"
+            flags.append(QualityFlagged(flag="overlap", says=says, detail={"groups": sorted(common)}))
+    return flags

@@ -1,0 +1,172 @@
+"""What explains a log: bench file, signal databases and motor file, read, checked and kept with it."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from ingest.bench import Bench, read_bench
+from ingest.databases import Database, merged, signals_of
+from ingest.databases import load as load_database
+from ingest.errors import BenchFileError, IngestError
+from ingest.events import (
+    BenchRegistered,
+    DecodeCompleted,
+    Event,
+    ModelPublished,
+    MotorRegistered,
+    SignalDatabaseRegistered,
+)
+from ingest.expressions import parse
+from ingest.facts import Facts
+from ingest.formats import TimeSpec
+from ingest.reading import Reading
+from ingest.recording import Attachment, bus_name, id_text
+from ingest.resolving import ResolvedChannel, check_nodes, resolve
+from ingest.signals import Directory, Signal
+from ingest.store import Store
+
+
+@dataclass(frozen=True)
+class MotorFile:
+    """A motor file that a bench file names, as far as an intake needs to know it."""
+
+    data: bytes
+    file: str
+    motor: str
+    nodes: Sequence[str]
+    boundaries: Sequence[str]
+
+    @property
+    def model(self) -> str:
+        return hashlib.sha256(self.data).hexdigest()
+
+
+@dataclass(frozen=True)
+class Setup:
+    """What explains the logs: bench file, databases and motor file, read and checked."""
+
+    bench: Bench | None
+    bench_data: bytes
+    databases: tuple[Database, ...]
+    motor: MotorFile | None
+
+    @property
+    def time(self) -> TimeSpec:
+        return self.bench.time if self.bench else TimeSpec()
+
+    def attachments(self) -> list[Attachment]:
+        files = [Attachment(d.name, d.data, "text/x-dbc") for d in self.databases]
+        return files + ([Attachment(self.bench.name, self.bench_data, "application/toml")] if self.bench else [])
+
+
+def prepare(
+    files: Sequence[Path], bench: Path | None, databases: Sequence[Path], motor_file: Callable[[Path], MotorFile]
+) -> Setup:
+    """Check that the logs are there, and read bench file, databases and the motor file that the bench file names.
+
+    `motor_file` reads a motor file (this package knows nothing of networks). Raises BenchFileError, TomlError, UnitError,
+    DatabaseError, or what `motor_file` raises.
+    """
+    for path in files:
+        if not path.is_file():
+            raise IngestError(f"{path}: {'is a folder' if path.is_dir() else 'there is no such file'}: name log files.")
+    loaded = tuple(load_database(_bytes(path, "--dbc"), path.name) for path in databases)
+    if bench is None:
+        return Setup(None, b"", loaded, None)
+    data = _bytes(bench, "--bench")
+    read = read_bench(data, bench.name)
+    motor = None
+    if read.motor is not None:
+        path = bench.parent / read.motor
+        if not path.is_file():
+            raise BenchFileError(
+                f'{bench.name}: motor = "{read.motor}" is not there ({path}): correct the path, or leave `motor` out.'
+            )
+        motor = motor_file(path)
+        check_nodes(read, motor.nodes, motor.boundaries)
+    return Setup(read, data, loaded, motor)
+
+
+def resolved(setup: Setup, readings: Sequence[Reading], known: Facts) -> Sequence[ResolvedChannel]:
+    """The bench file's channels against the signals of all these logs together. Raises BenchFileError."""
+    if setup.bench is None or not readings:
+        return ()
+    if not setup.databases and any(one.holds == "frames" for one in readings):
+        raise IngestError(
+            f"{setup.bench.name}: names signals, and no signal database tells where they lie in the frames: add --dbc FILE.dbc"
+        )
+    here = signals_in(setup.databases, readings)
+    boundaries = setup.motor.boundaries if setup.motor else None
+    return resolve(setup.bench, [*here, *_elsewhere(setup.bench, here, known)], boundaries)
+
+
+def _elsewhere(bench: Bench, here: Sequence[Signal], known: Facts) -> list[Signal]:
+    """Signals of the bench file that only logs taken in earlier hold: a late file of a session may come alone."""
+    now = Directory(here)
+    decodes = sorted(known.decodes.values(), key=lambda decode: decode.bench != bench.sha256)
+    before = Directory([Signal(**c["signal"]) for decode in decodes for c in decode.channels if c["signal"]])
+    names = {n for c in bench.channels for n in (parse(c.expression).names if c.expression else (str(c.signal),))}
+    return [before.find(name)[0] for name in sorted(names) if not now.find(name) and before.find(name)]
+
+
+def signals_in(databases: Sequence[Database], readings: Sequence[Reading]) -> list[Signal]:
+    """Every signal that these logs hold or that their databases know: of a seen message on its bus, else on none."""
+    found = [Signal(name, unit=one.units.get(name)) for one in readings for name in one.columns]
+    if any(one.holds == "frames" for one in readings):
+        messages, _ = merged(databases)
+        seen = {(bus, key) for one in readings for bus in one.buses for key in one.ids}
+        for message in messages.values():
+            buses: Sequence[str | None] = sorted(
+                bus_name(bus) for bus, key in seen if key == id_text(bus, message.can_id)
+            )
+            found += [signal for bus in buses or [None] for signal in signals_of(message, bus)]
+    return list(dict.fromkeys(found))
+
+
+def keep_setup(store: Store, known: Facts, setup: Setup) -> None:
+    """Seal and register what is new of databases, motor file and bench file."""
+    events: list[tuple[str, Event]] = []
+    for database in setup.databases:
+        if database.sha256 not in known.databases:
+            store.archive.seal(database.data)
+            registered = SignalDatabaseRegistered(sha256=database.sha256, name=database.name)
+            events.append((f"database-{database.sha256}", registered))
+    motor = setup.motor
+    if motor and motor.model not in known.models:
+        store.archive.seal(motor.data)
+        if not any(published.motor == motor.motor for published in known.models.values()):
+            events.append((f"motor-{motor.motor}", MotorRegistered(name=motor.motor)))
+        published = ModelPublished(model=motor.model, motor=motor.motor, file=motor.file, parent=None)
+        events.append((f"motor-{motor.motor}", published))
+    bench = setup.bench
+    if bench:
+        now = BenchRegistered(
+            sha256=bench.sha256,
+            name=bench.name,
+            motor=motor.motor if motor else None,
+            model=motor.model if motor else None,
+        )
+        if known.benches.get(bench.sha256) != now:
+            store.archive.seal(setup.bench_data)
+            events.append((f"bench-{bench.sha256}", now))
+    if events:
+        store.ledger.append_all(events)
+
+
+def sealed_setup(store: Store, known: Facts, decode: DecodeCompleted) -> Setup:
+    """Bench file and databases of a decode as they were sealed."""
+    databases = tuple(load_database(store.archive.read(sha), known.databases[sha].name) for sha in decode.databases)
+    if decode.bench is None:
+        return Setup(None, b"", databases, None)
+    data, registered = store.archive.read(decode.bench), known.benches[decode.bench]
+    return Setup(read_bench(data, registered.name), data, databases, None)
+
+
+def _bytes(path: Path, flag: str) -> bytes:
+    try:
+        return path.read_bytes()
+    except FileNotFoundError:
+        raise IngestError(f"{flag} {path}: there is no such file: correct the path.") from None
