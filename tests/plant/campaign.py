@@ -1,0 +1,72 @@
+"""A campaign as a user has it: logs beside motor.toml, bench.toml and bench.dbc."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from plant import logs
+from plant.drives import Drive
+from plant.plant import Plant
+from plant.reduction import motor_toml
+from plant.sensors import NOISE_K, STEP_K, LAG_s, Recording, messages, record, sensors
+
+BIAS_SD_K = 0.5
+INPUTS = (
+    ("Speed", "speed", "rpm", ""),
+    ("Torque", "torque", "Nm", ""),
+    ("TorqueCommand", "torque_command", "Nm", ""),
+    ("Id", "current_d", "A", 'convention = "peak"\n'),
+    ("Iq", "current_q", "A", 'convention = "peak"\n'),
+    ("Power", "power", "W", ""),
+    ("Flow", "flow", "l/min", ""),
+    ("Inlet", "temperature", "degC", 'node = "coolant"\n'),
+    ("Ambient", "temperature", "degC", 'node = "ambient"\n'),
+    ("Outlet", "temperature", "degC", 'role = "ignored"\n'),
+    ("Counter", "counter", "1", 'role = "ignored"\n'),
+)
+
+
+def bench_toml(plant: Plant, layout: str = "six") -> str:
+    """The bench file of one specimen."""
+    text = f'schema = "whyhot.bench/1"\nmotor = "motor.toml"\nspecimen = "plant-{plant.seed:04d}"\n'
+    for signal, quantity, unit, more in INPUTS:
+        text += f'\n[[channel]]\nsignal = "{signal}"\nquantity = "{quantity}"\nunit = "{unit}"\n{more}'
+    for sensor in sensors(layout):
+        text += (
+            f'\n[[channel]]\nsignal = "{sensor.signal}"\nquantity = "temperature"\nunit = "degC"\nnode = "{sensor.node}"\n'
+            f"noise = {NOISE_K}\nbias_sd = {BIAS_SD_K}\nresolution = {STEP_K}\ntime_constant_s = {LAG_s}\n"
+        )
+    return text + (
+        '\n[[derived]]\nname = "current"\nquantity = "current"\nunit = "A"\nexpression = "hypot(Id, Iq) / sqrt(2)"\n'
+    )
+
+
+def sessions(
+    plant: Plant, drives: Sequence[Drive], layout: str = "six", dose_h: Sequence[float] = ()
+) -> list[Recording]:
+    """Run and record drives one after the other; `dose_h` hours above 180 degC before each."""
+    doses = [*dose_h, *[0.0] * (len(drives) - len(dose_h))]
+    return [
+        record(plant, plant.run(drive, number, dose), layout)
+        for number, (drive, dose) in enumerate(zip(drives, doses, strict=True))
+    ]
+
+
+def write_campaign(
+    folder: Path, plant: Plant, sessions: Sequence[Recording], formats: Sequence[str] = ("blf",), layout: str = "six"
+) -> list[Path]:
+    """Write `motor.toml`, `bench.toml`, `bench.dbc` and a log of each session in each format (logs.WRITERS), named
+    `<number>_<name>`; returns the logs. Raises KeyError for a format that is not there."""
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "motor.toml").write_text(motor_toml(), encoding="utf-8")
+    (folder / "bench.toml").write_text(bench_toml(plant, layout), encoding="utf-8")
+    (folder / "bench.dbc").write_text(logs.dbc(messages(layout)), encoding="utf-8")
+    paths = []
+    for recording in sessions:
+        for form in formats:
+            pattern, write = logs.WRITERS[form]
+            path = folder / pattern.format(name=f"{recording.truth.number + 1}_{recording.name}")
+            write(path, recording)
+            paths.append(path)
+    return paths

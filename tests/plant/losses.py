@@ -1,0 +1,159 @@
+"""Where the heat comes from: copper by layer, iron by region from flux and frequency, magnets, bearings, windage, ripple.
+
+Heat is groups of one course over time each, spread over cells by shares that add up to 1 (copper: to its W/A2).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plant.geometry import ALPHA_COPPER, RHO_COPPER_20
+from plant.machine import POLE_PAIRS, VOLTAGE_V, Point, PSI_Wb
+from plant.mesh import Mesh, along
+
+Floats = NDArray[np.float64]
+
+N0, I0 = 16_000.0, 450.0
+F0 = N0 / 60.0 * POLE_PAIRS
+MU0 = 4e-7 * np.pi
+HOT100 = 1.0 + ALPHA_COPPER * 80.0
+HEATS = (
+    *("tips", "teeth", "yoke", "surface", "core", "magnet", "ripple", "gap_drag", "end_drag"),
+    *("bearing_a", "bearing_b", "contact"),
+)
+SLOPES = {
+    "magnet": -0.0008,
+    "bearing_a": -0.004,
+    "bearing_b": -0.004,
+    "surface": -0.0005,
+}  # 1/K about 100 degC, by node
+
+
+@dataclass(frozen=True)
+class LossLaws:
+    """Of one specimen: factor and change of the speed exponent (`tilt`) of each group, of AC and of DC copper."""
+
+    factor: Mapping[str, float] = field(default_factory=dict)
+    tilt: Mapping[str, float] = field(default_factory=dict)
+
+    def of(self, group: str, speed: Floats) -> Floats:
+        return self.factor.get(group, 1.0) * np.maximum(speed, 0.02) ** self.tilt.get(group, 0.0)
+
+
+def iron(frequency: Floats, flux_density: Floats) -> Floats:
+    """W/kg of 0.27 mm sheet at f [Hz] and B [T]: hysteresis and eddy currents, 13 W/kg at 400 Hz and 1 T."""
+    return 0.012 * frequency * flux_density**1.7 + 5.1e-5 * frequency**2 * flux_density**2
+
+
+def tooth_density(flux: Floats) -> Floats:
+    """T in the teeth at a flux linkage [Wb]; saturates."""
+    return 1.95 * (1.0 - np.exp(-1.25 * flux / PSI_Wb))
+
+
+def heats(laws: LossLaws, point: Point, speed_rpm: Floats, inverter: Floats) -> Floats:
+    """(M, groups) W in the order of HEATS."""
+    s, i = np.abs(speed_rpm) / N0, point.current / I0
+    f = s * F0
+    weakening = np.maximum(-point.i_d, 0.0) / (I0 * np.sqrt(2.0))
+    density = tooth_density(point.flux)
+    modulation = np.minimum(np.hypot(point.u_d, point.u_q) / VOLTAGE_V, 1.0)
+    ripple = inverter * (0.5 + 2.0 * modulation * (1.0 - modulation)) * (1.0 + 0.8 * i)
+    course = {
+        "tips": 2.1 * iron(f, 0.95 * density) + 420.0 * s**1.8 * weakening**1.2,
+        "teeth": 1.5 * 2.6 * iron(f, density),
+        "yoke": 1.3 * 9.6 * iron(f, 0.75 * density) * (1.0 + 0.25 * weakening),
+        "surface": 140.0 * s**1.7 + 380.0 * s**1.6 * i**1.9,
+        "core": 35.0 * s**1.3 + 40.0 * s * i,
+        "magnet": 85.0 * s**1.9 + 340.0 * s**1.9 * i**1.9,
+        "ripple": 9.0 * ripple,
+        "gap_drag": 110.0 * s**2.8,
+        "end_drag": 45.0 * s**2.8,
+        "bearing_a": 105.0 * s**1.6 + 4.0 * s,
+        "bearing_b": 88.0 * s**1.6 + 4.0 * s,
+        "contact": 45.0 * i**2,
+    }
+    return np.stack([course[name] * laws.of(name, s) for name in HEATS], axis=1)
+
+
+def shares(mesh: Mesh) -> Floats:
+    """(groups, n): how each group of HEATS spreads over the cells."""
+    n, index, z = mesh.axial, mesh.index, np.linspace(-1.0, 1.0, mesh.axial)
+    result = np.zeros((len(HEATS), len(mesh.cells)))
+
+    def put(group: str, stem: str, total: float, form: Floats | None = None) -> None:
+        weight = np.ones(n) if form is None else form
+        result[HEATS.index(group), along(mesh, stem)] += total * weight / weight.sum()
+
+    ends, middle = 1.0 + 0.25 * z**4, 1.25 - 0.5 * z**2
+    put("tips", "tooth_tip", 1.0, ends)
+    put("teeth", "tooth_mid", 0.52)
+    put("teeth", "tooth_root", 0.48)
+    put("yoke", "yoke_in", 0.56)
+    put("yoke", "yoke_out", 0.44)
+    put("surface", "surface", 1.0, ends)
+    put("core", "core_out", 1.0)
+    put("magnet", "magnet", 1.0, middle)
+    for stem, part in (("magnet", 0.4), ("surface", 0.35), ("tooth_tip", 0.25)):
+        put("ripple", stem, part)
+    put("gap_drag", "gap", 1.0)
+    for cell in ("air_a_in", "air_b_in"):
+        result[HEATS.index("end_drag"), index[cell]] = 0.5
+    for side in "ab":
+        result[HEATS.index(f"bearing_{side}"), [index[f"race_{side}_in"], index[f"race_{side}_out"]]] = 0.5
+    result[HEATS.index("contact"), index["busbar"]] = 1.0
+    return result
+
+
+def direct(mesh: Mesh) -> Floats:
+    """(n,) W/A2 at 20 degC for the rms current of a phase: 3 R I^2 of what copper a cell holds. Two parallel paths."""
+    g, index = mesh.geometry, mesh.index
+    per_m = g.slots * 0.25 * RHO_COPPER_20 / g.bar_area
+    result = np.zeros(len(mesh.cells))
+    for k in range(g.layers):
+        result[along(mesh, f"bar{k}")] = per_m * g.stack / mesh.axial
+        for side in "ab":
+            result[index[f"near_{side}{k}"]] = per_m * g.near_length
+            result[index[f"crown_{side}{k}"]] = per_m * g.crown(side)
+    result[index["busbar"]] = 3 * 0.20e-3
+    return result
+
+
+def skin(mesh: Mesh, frequency: Floats) -> Floats:
+    """(M, layers): R_ac / R_dc - 1 of each bar at 100 degC, k-th from the slot bottom: Dowell / Emde,
+    kr = phi + k (k - 1) psi, with xi = h sqrt(pi f mu0 b_bar / (rho b_slot))."""
+    g = mesh.geometry
+    rho = RHO_COPPER_20 * HOT100
+    xi = g.bar_height * np.sqrt(np.pi * np.maximum(frequency, 0.1) * MU0 * g.bar_width / (rho * g.slot_width))
+    phi = xi * (np.sinh(2 * xi) + np.sin(2 * xi)) / (np.cosh(2 * xi) - np.cos(2 * xi))
+    psi = 2 * xi * (np.sinh(xi) - np.sin(xi)) / (np.cosh(xi) + np.cos(xi))
+    k = np.arange(1, g.layers + 1)
+    rise: Floats = phi[:, None] - 1.0 + k * (k - 1) * psi[:, None]
+    return rise
+
+
+def alternating(laws: LossLaws, mesh: Mesh, current2: Floats, speed_rpm: Floats) -> Floats:
+    """(M, layers + 1): I^2 (R_ac / R_dc - 1) [A2] of each bar of the slot, and behind them of the end windings, such that the
+    loss of a cell at T is this times its W/A2 divided by 1 + alpha (T - 20)."""
+    s = np.abs(speed_rpm) / N0
+    rises = skin(mesh, s * F0) * HOT100**2 * current2[:, None]
+    slot = rises * laws.of("ac_slot", s)[:, None]
+    end = 0.16 * rises.mean(axis=1) * laws.of("ac_end", s)
+    return np.column_stack([slot, end])
+
+
+def alternating_shares(mesh: Mesh) -> Floats:
+    """(layers + 1, n) W/A2 at 20 degC; the inner layers of the end windings lie in more of the stray field."""
+    g, index, dc = mesh.geometry, mesh.index, direct(mesh)
+    result = np.zeros((g.layers + 1, len(mesh.cells)))
+    for k in range(g.layers):
+        bars = along(mesh, f"bar{k}")
+        result[k, bars] = dc[bars]
+        for side in "ab":
+            near, crown = index[f"near_{side}{k}"], index[f"crown_{side}{k}"]
+            form = 0.7 + 0.12 * k
+            result[-1, near], result[-1, crown] = 1.3 * form * dc[near], 0.8 * form * dc[crown]
+    return result
