@@ -8,7 +8,6 @@ import decimal
 import io
 import json
 import math
-import textwrap
 from typing import Any
 
 from analytics.query import Result
@@ -20,7 +19,7 @@ GAP = "  "
 
 
 def to_text(result: Result, width: int = 100) -> str:
-    """A table of at most `width` characters a line; columns that do not fit are named under it."""
+    """A table of every column; long texts are cut to keep a line within `width` characters, as far as that goes."""
     if result.columns == PLAN:
         return "\n".join(str(value) for _, value in result.rows).rstrip()
     cells = [[_cell(value) for value in row] for row in result.rows]
@@ -28,14 +27,11 @@ def to_text(result: Result, width: int = 100) -> str:
     right = [kind.startswith(NUMBERS) for kind in result.types]
     whole = [kind.startswith((*NUMBERS, "TIME", "DATE")) for kind in result.types]  # half a number is another number
     least = [wide if keep else min(wide, NARROWEST) for wide, keep in zip(widths, whole, strict=True)]
-    shown, widths = _fit(widths, least, width)
+    widths = _fit(widths, least, width)
     lines = [
-        GAP.join(_set(row[i], widths[i], right[i]) for i in range(shown)).rstrip()
+        GAP.join(map(_set, row, widths, right)).rstrip()
         for row in [[_plain(name) for name in result.columns], ["-" * wide for wide in widths], *cells]
     ]
-    if shown < len(result.columns):
-        rest = f"not shown, name them to see them: {', '.join(map(_plain, result.columns[shown:]))}"
-        lines += textwrap.wrap(rest, width, break_on_hyphens=False)
     count = f"the first {len(cells):,} rows" if result.more else f"{len(cells):,} row{'s' * (len(cells) != 1)}"
     return "\n".join([*lines, f"({count})"])
 
@@ -61,16 +57,13 @@ def to_csv(result: Result) -> str:
     return text.getvalue()
 
 
-def _fit(widths: list[int], least: list[int], width: int) -> tuple[int, list[int]]:
-    """How many columns are shown, and the width of each: the widest give way first, none below its least."""
-    shown = len(widths)
-    while shown > 1 and sum(least[:shown]) + len(GAP) * (shown - 1) > width:
-        shown -= 1
-    fitted = list(widths[:shown])
-    spare = width - len(GAP) * (shown - 1)
-    while sum(fitted) > spare and (loose := [i for i in range(shown) if fitted[i] > least[i]]):
+def _fit(widths: list[int], least: list[int], width: int) -> list[int]:
+    """The width of each column: the widest give way first, none below its least."""
+    fitted = list(widths)
+    spare = width - len(GAP) * (len(widths) - 1)
+    while sum(fitted) > spare and (loose := [i for i, wide in enumerate(fitted) if wide > least[i]]):
         fitted[max(loose, key=lambda i: fitted[i])] -= 1
-    return shown, fitted
+    return fitted
 
 
 def _set(cell: str, wide: int, right: bool) -> str:

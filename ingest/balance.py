@@ -14,6 +14,10 @@ from ingest.reading import Reading
 from ingest.recording import id_text
 
 SHOWN = 20  # of the first rejected records, and of the most frequent reasons
+TO_DO = {
+    "rows": "correct the cells and ingest the file again",
+    "frames": "copy the file again if the original is whole",
+}
 NO_DATA = ("error frame", "remote frame, no data")  # reasons that are the bus's way, not damage of the log
 
 
@@ -81,7 +85,7 @@ def outcome(reading: Reading, account: Account, balance: dict[str, int]) -> tupl
         unreadable = account.rejected.total() - sum(account.rejected[why] for why in NO_DATA)
         return "salvaged", (
             f"{unreadable:,} of {reading.found:,} records cannot be read and were set aside, the first at "
-            f"{first.where}: {first.why}"
+            f"{first.where}: {first.why}; {TO_DO[reading.holds]}, or leave it so: the rest is used."
         )
     return "decoded", None if balance["decoded"] or not reading.found else _nothing(balance)
 

@@ -21,8 +21,9 @@ from replay.shipped import example
 from replay.show.documents import write_layers, write_replay_report
 from replay.show.findings import power_balance
 from replay.show.intake import intake_json
-from replay.show.overview import labelled, overview
+from replay.show.overview import overview
 from replay.show.plots import picture
+from replay.show.terminal import labelled
 
 INTRO = """Five bench recordings of a water-cooled interior-magnet motor, and the thermal network that its authors published for it
 (IEEE Trans. Power Electronics 2024, DOI 10.1109/TPEL.2024.3409388; data under MIT licence, examples/hust_motor)."""

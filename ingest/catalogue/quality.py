@@ -23,7 +23,7 @@ the same, and the bench really ran at one of them. It is said all the same, for 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -102,13 +102,13 @@ def assess(channels: Sequence[ChannelData]) -> list[ChannelQuality]:
 
 
 def findings(qualities: Sequence[ChannelQuality]) -> list[QualityFlagged]:
-    """What a person should look at: one flag a channel and kind of stretch, and one for its gaps; none of ignored ones."""
-    found = []
+    """What a person should look at: one flag a channel and kind of stretch (of an input one for all), and one for its gaps.
+
+    Ignored channels have none.
+    """
+    found: list[QualityFlagged] = []
     for quality in (one for one in qualities if one.role != "ignored"):
-        for kind in ("saturated", "stuck", "held"):
-            if some := [stretch for stretch in quality.stretches if stretch.kind == kind]:
-                says = _says_constant(some) if quality.role == "input" else _says_masked(kind, some)
-                found.append(_flag(quality.name, kind, says, some))
+        found += _constant(quality) if quality.role == "input" else _masked(quality)
         if quality.gaps:
             found.append(_flag(quality.name, "gap", f"has no samples for {_times(quality.gaps)}", quality.gaps))
     return found
@@ -261,18 +261,18 @@ def _typical_step(value: NDArray[np.float64]) -> float:
     return float(np.median(step[step > 0.0]))
 
 
-def _says_masked(kind: str, some: Sequence[Stretch]) -> str:
-    how = {
-        "held": "holds its last value",
-        "stuck": f"is stuck at {some[0].value:,.6g}",
-        "saturated": f"is saturated at {some[0].value:,.6g}",
-    }[kind]
-    return f"{how} for {_times(some)}: masked"
+def _masked(quality: ChannelQuality) -> Iterator[QualityFlagged]:
+    for kind in ("saturated", "stuck", "held"):
+        if some := [stretch for stretch in quality.stretches if stretch.kind == kind]:
+            how = "holds its last value" if kind == "held" else f"is {kind} at {some[0].value:,.6g}"
+            yield _flag(quality.name, kind, f"{how} for {_times(some)}: masked", some)
 
 
-def _says_constant(some: Sequence[Stretch]) -> str:
-    at = f" at {some[0].value:,.6g}" if len({one.value for one in some}) == 1 else ""
-    return f"is constant{at} for {_times(some)} (used as it stands)"
+def _constant(quality: ChannelQuality) -> Iterator[QualityFlagged]:
+    if some := quality.stretches:
+        kind = "stuck" if "stuck" in {one.kind for one in some} else "held"
+        at = f" at {some[0].value:,.6g}" if len({one.value for one in some}) == 1 else ""
+        yield _flag(quality.name, kind, f"is constant{at} for {_times(some)} (used as it stands)", some)
 
 
 def _times(some: Sequence[Stretch | Gap]) -> str:

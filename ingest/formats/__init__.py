@@ -91,7 +91,7 @@ class Log(ABC):
     settings: dict[str, Any] = field(default_factory=dict)  # what was recognised: delimiter, decimal, encoding ...
     found: int = 0  # records in the file, counted apart from what became of them
     rejected: list[Rejected] = field(default_factory=list)
-    cut: str | None = None  # the file ends before its end: one clause, where and how much is missing
+    cut: str | None = None  # the file ends before its end: one clause, where, how much is missing, and what to do
 
     @abstractmethod
     def batches(self) -> Iterator[Frames] | Iterator[Rows]:
@@ -99,6 +99,10 @@ class Log(ABC):
 
         Raises UnreadableLogError where nothing can be read.
         """
+
+    def mark_cut(self, how: str, kept: str) -> None:
+        """Say in `cut` how the file ends before its end ("ends at byte 316,402") and what was read ("12 frames")."""
+        self.cut = f"{how}: {kept} were read and kept; copy the file again if the original is whole."
 
 
 @dataclass(frozen=True)

@@ -63,25 +63,24 @@ def fits(pattern: str, cells: list[str]) -> bool:
 class LocalClock:
     """From a local clock to UTC. Where the clock is put back, an hour comes twice: it counts as the first until the
     stamps go back by half an hour or more inside it, then as the second. A log that begins inside that hour is taken to
-    begin in the first. An hour that was left out counts on with the offset before it.
+    begin in the first. Where the clock is put forward, an hour does not exist.
     """
 
     zone: ZoneInfo
     ambiguous: int = 0  # rows inside an hour that comes twice
-    skipped: int = 0  # rows inside an hour that was left out
     _second: bool = False
     _last_ns: int | None = None
 
-    def to_utc(self, local_ns: Ints) -> Ints:
-        """Nanoseconds UTC of consecutive local stamps (N,) [ns]."""
+    def to_utc(self, local_ns: Ints) -> tuple[Ints, Flags]:
+        """(nanoseconds UTC, whether there is no such time) of consecutive local stamps (N,) [ns]."""
         if not len(local_ns) or self.zone.key == "UTC":
-            return local_ns
+            return local_ns, np.zeros(len(local_ns), bool)
         minutes, which = np.unique(local_ns // MINUTE_NS, return_inverse=True)
         first, second = (np.array([self._offset(minute, fold) for minute in minutes.tolist()]) for fold in (0, 1))
         twice = (first > second)[which]
         self.ambiguous += int(twice.sum())
-        self.skipped += int((first < second)[which].sum())
-        return local_ns - np.where(self._later(local_ns, twice), second[which], first[which])
+        t_ns = local_ns - np.where(self._later(local_ns, twice), second[which], first[which])
+        return t_ns, (first < second)[which]
 
     def _offset(self, minute: int, fold: int) -> int:
         local = datetime(1970, 1, 1, fold=fold) + timedelta(minutes=minute)
@@ -102,19 +101,29 @@ class LocalClock:
 
 
 def parse(cells: NDArray[np.object_], pattern: str, clock: LocalClock) -> tuple[Ints, Flags]:
-    """(t_ns, bad) of the stamps `cells` (N,) of str: nanoseconds UTC, and whether a cell is no stamp of `pattern`."""
+    """(t_ns, bad) of the stamps `cells` (N,) of str: nanoseconds UTC, and whether a cell is no stamp of `pattern`, or of a
+    local time that does not exist."""
+    at, wall, fields = _walls(cells, pattern)
+    t_ns, bad = np.zeros(len(cells), np.int64), np.ones(len(cells), bool)
+    t_ns[at], bad[at] = _utc(wall, fields.get("z"), clock)
+    return t_ns, bad
+
+
+def time_of_day(cell: str, pattern: str) -> str | None:
+    """ "02:30:00" of one stamp; None where it is none of `pattern`."""
+    _, wall, _ = _walls(np.array([cell], object), pattern)
+    return str(wall.astype("M8[ns]").astype("M8[s]")[0])[-8:] if len(wall) else None
+
+
+def _walls(cells: NDArray[np.object_], pattern: str) -> tuple[Ints, Ints, dict[str, pa.Array]]:
+    """Of the cells that are stamps of `pattern`: (places, ns since 1970 of the wall clock, named groups)."""
     found = pc.extract_regex(pc.utf8_trim_whitespace(pa.array(cells, pa.string())), pattern)
     good = found.is_valid().to_numpy(zero_copy_only=False)
     part = found.filter(found.is_valid())
     fields = {field.name: part.field(field.name) for field in found.type}
     wall, right = _wall_ns(fields, len(part))
-    t_ns = np.zeros(len(cells), np.int64)
-    at = np.flatnonzero(good)[right]
-    fields = {name: values.filter(pa.array(right)) for name, values in fields.items()}
-    t_ns[at] = _utc(wall[right], fields.get("z"), clock)
-    bad = np.ones(len(cells), bool)
-    bad[at] = False
-    return t_ns, bad
+    kept = {name: values.filter(pa.array(right)) for name, values in fields.items()}
+    return np.flatnonzero(good)[right], wall[right], kept
 
 
 def _wall_ns(fields: dict[str, pa.Array], count: int) -> tuple[Ints, Flags]:
@@ -155,16 +164,16 @@ def _fraction_ns(digits: pa.Array | None, count: int) -> Ints:
     return np.asarray(pc.cast(nine, pa.int64()).to_numpy())
 
 
-def _utc(wall_ns: Ints, zones: pa.Array | None, clock: LocalClock) -> Ints:
-    """A stamp with its own offset goes by that, the others by `clock`."""
+def _utc(wall_ns: Ints, zones: pa.Array | None, clock: LocalClock) -> tuple[Ints, Flags]:
+    """A stamp with its own offset goes by that, the others by `clock`; (nanoseconds UTC, whether there is no such time)."""
     if zones is None:
         return clock.to_utc(wall_ns)
     said, which = np.unique(zones.to_numpy(zero_copy_only=False).astype(str), return_inverse=True)
     offset = np.array([_offset_ns(text) for text in said.tolist()], np.int64)[which]
     local = (said == "")[which]
-    t_ns = wall_ns - offset
-    t_ns[local] = clock.to_utc(wall_ns[local])
-    return t_ns
+    t_ns, gone = wall_ns - offset, np.zeros(len(wall_ns), bool)
+    t_ns[local], gone[local] = clock.to_utc(wall_ns[local])
+    return t_ns, gone
 
 
 def _offset_ns(text: str) -> int:

@@ -15,7 +15,7 @@ from ingest.errors import UnreadableLogError
 from ingest.formats import TimeSpec
 from ingest.formats._clock import start_ns, zone_of
 from ingest.formats._csv_dialect import MISSING, Dialect
-from ingest.formats._csv_stamps import KNOWN, LocalClock, fits, parse, pattern_of
+from ingest.formats._csv_stamps import KNOWN, LocalClock, fits, parse, pattern_of, time_of_day
 from ingest.nearest import hint
 
 Ints = NDArray[np.int64]
@@ -26,6 +26,7 @@ TIME_NAMES = frozenset(
     ("time", "times", "timestamp", "timestampepoch", "epoch", "unixtime", "datetime", "elapsed", "elapsedtime")
 ) | frozenset(("zeit", "zeitstempel", "datumzeit"))
 EPOCH_NS = (1e18, 4e18)  # a column of numbers between these [ns] counts from 1970: years 2001 to 2096
+SHOWN = 64  # characters of a cell that is no time
 LATEST_NS = 9.2e18  # what int64 holds
 
 
@@ -41,6 +42,10 @@ class Clock(ABC):
     @abstractmethod
     def t_ns(self, cells: NDArray[Any], record: Ints) -> tuple[Ints, Flags]:
         """(t_ns, bad) of consecutive rows (N,); bad where the cell of the column is no time."""
+
+    def why(self, cell: str) -> str:
+        """Why a cell that `t_ns` called bad is no time."""
+        return f'"{cell[:SHOWN]}" is no time ({self.says})'
 
     def counted(self) -> dict[str, int]:
         """What was counted on the way, for the settings."""
@@ -83,9 +88,14 @@ class Stamped(Clock):
     def t_ns(self, cells: NDArray[Any], record: Ints) -> tuple[Ints, Flags]:
         return parse(cells, self.pattern, self.local)
 
+    def why(self, cell: str) -> str:
+        clock = time_of_day(cell, self.pattern)
+        if clock is None:
+            return super().why(cell)
+        return f"{clock} does not exist in {self.local.zone.key} on that day (clocks went forward)"
+
     def counted(self) -> dict[str, int]:
-        counts = {"ambiguous_rows": self.local.ambiguous, "skipped_hour_rows": self.local.skipped}
-        return {name: count for name, count in counts.items() if count}
+        return {"ambiguous_rows": self.local.ambiguous} if self.local.ambiguous else {}
 
 
 def recognise_clock(time: TimeSpec, dialect: Dialect, log: str) -> Clock:

@@ -175,7 +175,7 @@ class AscLog(Log):
                 "Copy the file again, or export it as an ASC log of CAN frames."
             )
         if says:
-            self.cut = f"{says}: {self._frames:,} frames were read and kept"
+            self.mark_cut(says, f"{self._frames:,} frames")
 
 
 class _Table:

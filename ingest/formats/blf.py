@@ -139,7 +139,7 @@ class BlfLog(Log):
                 "Copy the file again, or record CAN frames into it."
             )
         if self._problems:
-            self.cut = f"{self._says()}: {self._kept()}"
+            self.mark_cut(self._says(), self._kept())
 
     def _says(self) -> str:
         shown, more = self._problems[:SHOWN_PROBLEMS], len(self._problems) - SHOWN_PROBLEMS
@@ -148,7 +148,7 @@ class BlfLog(Log):
     def _kept(self) -> str:
         kept, about = self.found - len(self.rejected), self._objects - self._other.total()
         of = f" of about {about:,}" if about > kept else ""
-        return f"{kept:,}{of} frames were read and kept"
+        return f"{kept:,}{of} frames"
 
 
 reader = BlfLog

@@ -5,7 +5,8 @@ Delimiter, decimal sign, encoding, a row of units and the time are recognised fr
 header without the one that holds the time; an empty name becomes `column_<place>`, a second `T` becomes `T_2`
 (`settings["renamed"]`). A row with too few or too many fields, with text where its column holds numbers, or without a time
 is rejected; a row whose time goes back is kept and counted. In a local zone, the hour that comes twice in autumn counts as
-the first until its stamps go back, then as the second (`settings["ambiguous_rows"]`).
+the first until its stamps go back, then as the second (`settings["ambiguous_rows"]`), and a time in the hour that spring
+leaves out is none.
 """
 
 from __future__ import annotations
@@ -59,6 +60,10 @@ class CsvLog(Log):
             self._lines += begin
             yield from self._rows(lines[begin:], cut=text.open_line and text.ended is not None)
             self._lines += len(lines) - begin
+        if not self._lines:
+            raise UnreadableLogError(
+                f"{self.path.name}: {text.ended or 'unpacks to 0 bytes'}: no row of it can be read. Copy the file again."
+            )
         self._finish(text)
 
     def _decoded(self, block: bytes, *, first: bool) -> str:
@@ -205,7 +210,7 @@ class CsvLog(Log):
         cell = self._time_cells(part)[index]
         if str(cell).strip() in MISSING:
             return self._clock.column or "", "no time"
-        return self._clock.column or "", f'"{str(cell)[:SHOWN]}" is no time ({self._clock.says})'
+        return self._clock.column or "", self._clock.why(str(cell))
 
     def _count_back(self, t_ns: NDArray[np.int64]) -> None:
         if len(t_ns):
@@ -228,7 +233,7 @@ class CsvLog(Log):
         if ended is None and text.open_line and self.rejected and self.rejected[-1].record == self.found - 1:
             ended = f"ends inside line {self._lines:,}"
         if ended is not None:
-            self.cut = f"{ended}: {self.found - len(self.rejected):,} rows were read and kept"
+            self.mark_cut(ended, f"{self.found - len(self.rejected):,} rows")
 
 
 def _is_row(line: str) -> bool:

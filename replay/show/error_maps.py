@@ -39,14 +39,19 @@ READING = "Orange: measured hotter than the model. Blue: measured colder. "
 
 
 def error_map(runs: Sequence[Run]) -> Plot | None:
-    """Node x operating cell (speed x load), mean residual [K]; None where the runs share no speed and load or no sample."""
+    """Node x operating cell (speed x load), mean residual [K]; nodes without a cell of enough data are left out.
+
+    None where there is none, or where the runs share no speed and load.
+    """
     load = load_column(runs)
     if load is None or not all("speed_rpm" in run.inputs for run in runs):
         return None
     pools = dict(list(pool_by_node(runs, ("speed_rpm", load)).items())[:SHOWN])
     if not pools:
         return None
-    maps = _maps(pools, load)
+    maps = {node: cells for node, cells in _maps(pools, load).items() if np.isfinite(cells.mean).any()}
+    if not maps:
+        return None
     title = _map_title(maps, load)
     with style("error map"):
         svg = with_variables(inline_svg(_draw_maps(maps, load), title))
@@ -70,11 +75,8 @@ def _cell_name(cells: Cells, i: int, j: int, load: str) -> str:
 
 
 def _map_title(maps: Mapping[str, Cells], load: str) -> str:
-    known = {node: cells for node, cells in maps.items() if np.isfinite(cells.mean).any()}
-    if not known:
-        return f"No operating cell holds {ENOUGH_S:.0f} s of data"
-    node = max(known, key=lambda n: float(np.nanmax(np.abs(known[n].mean))))
-    cells = known[node]
+    node = max(maps, key=lambda n: float(np.nanmax(np.abs(maps[n].mean))))
+    cells = maps[node]
     i, j = np.unravel_index(int(np.nanargmax(np.abs(cells.mean))), cells.mean.shape)
     value = cells.mean[i, j]
     way = "too cold" if value > 0 else "too hot"
@@ -95,8 +97,7 @@ def _draw_maps(maps: Mapping[str, Cells], load: str) -> Figure:
         "hspace": 0.3,
     }
     axes = figure.subplots(rows, ACROSS, sharex=True, sharey=True, squeeze=False, gridspec_kw=place)
-    finite = [np.abs(c.mean[np.isfinite(c.mean)]) for c in maps.values()]
-    largest = max([1.0, *(float(values.max()) for values in finite if values.size)])
+    largest = max(1.0, *(float(np.nanmax(np.abs(cells.mean))) for cells in maps.values()))
     colours = ScalarMappable(Normalize(-largest, largest), LinearSegmentedColormap.from_list("error", DIVERGING, N=41))
     for ax, (node, cells) in zip(axes.flat, maps.items(), strict=False):
         _draw_map(ax, node, cells, colours)
@@ -148,7 +149,8 @@ def _centres(edges: Floats) -> Floats:
 
 
 def error_along(runs: Sequence[Run]) -> Plot | None:
-    """Mean residual of each node along its temperature and along the time in a session; None where there is no sample."""
+    """Mean residual of each node along its temperature and along the time in a session; None where no cell of either holds
+    enough data, and a panel less where none of its cells does."""
     pools = dict(list(pool_by_node(runs).items())[: len(COLOURS)])
     if not pools:
         return None
@@ -156,17 +158,27 @@ def error_along(runs: Sequence[Run]) -> Plot | None:
     late = _edges([pool.since_start / 60 for pool in pools.values()], 12)
     by_temperature = {node: along(pool, pool.measured, hot) for node, pool in pools.items()}
     by_time = {node: along(pool, pool.since_start / 60, late) for node, pool in pools.items()}
+    shown = [
+        (lines, edges, label)
+        for lines, edges, label in (
+            (by_temperature, hot, "measured temperature [°C]"),
+            (by_time, late, "time since start [min]"),
+        )
+        if any(np.isfinite(mean).any() for mean in lines.values())
+    ]
+    if not shown:
+        return None
     title = _along_title(by_temperature, hot)
     with style("error along"):
         figure = Figure(figsize=(WIDTH, 2.6))
         FigureCanvasAgg(figure)
         place = {"left": 0.085, "right": 0.84, "bottom": 0.18, "top": 0.95, "wspace": 0.1}
-        left, right = figure.subplots(1, 2, sharey=True, gridspec_kw=place)
-        _draw_along(left, by_temperature, hot)
-        _draw_along(right, by_time, late)
-        left.set(xlabel="measured temperature [°C]", ylabel="measured − model [K]")
-        right.set(xlabel="time since start [min]")
-        name_lines(right, _ends(by_time))
+        axes = figure.subplots(1, len(shown), sharey=True, squeeze=False, gridspec_kw=place)[0]
+        for ax, (lines, edges, label) in zip(axes, shown, strict=True):
+            _draw_along(ax, lines, edges)
+            ax.set(xlabel=label)
+        axes[0].set(ylabel="measured − model [K]")
+        name_lines(axes[-1], _ends(shown[-1][0]))
         svg = with_variables(inline_svg(figure, title))
     return Plot(
         title,
@@ -194,9 +206,10 @@ def _ends(lines: Mapping[str, Floats]) -> list[tuple[float, str, str]]:
 
 
 def _along_title(lines: Mapping[str, Floats], edges: Floats) -> str:
-    node, mean = next(iter(lines.items()))
-    if not np.isfinite(mean).any():
+    known = ((node, mean) for node, mean in lines.items() if np.isfinite(mean).any())
+    if (worst := next(known, None)) is None:
         return f"No cell of temperature holds {ENOUGH_S:.0f} s of data"
+    node, mean = worst
     at = int(np.nanargmax(np.abs(mean)))
     way = "too cold" if mean[at] > 0 else "too hot"
     span = f"{words.number(edges[at])} to {words.number(edges[at + 1])} °C"

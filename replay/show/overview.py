@@ -2,21 +2,12 @@
 
 from __future__ import annotations
 
-import textwrap
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 from replay.show import words
 from replay.show.findings import answer, channel_errors
-
-WIDTH = 100
-INDENT = 18
-
-
-def labelled(label: str, text: str) -> list[str]:
-    """`label` in the left column, `text` wrapped in the right one."""
-    wrapped = textwrap.wrap(text, WIDTH - INDENT, break_long_words=False, break_on_hyphens=False) or [""]
-    return [f"{label if i == 0 else '':<{INDENT}}{line}".rstrip() for i, line in enumerate(wrapped)]
+from replay.show.terminal import INDENT, labelled
 
 
 def overview(summaries: Sequence[Mapping[str, Any]]) -> list[str]:

@@ -121,9 +121,9 @@ def _names(group: Sequence[Observed]) -> list[str]:
 
 
 def inputs_over_time(run: Run, columns: int) -> Plot | None:
-    """What drove the motor, one panel a unit, torque only where no current is known; None where the run has no input of a known unit."""
+    """What drove the motor, one panel a unit, torque only where no current is known; None where the run knows no input of such a unit."""
     by_unit: dict[str, list[str]] = {}
-    for column in run.inputs:
+    for column in (name for name, values in run.inputs.items() if np.isfinite(values).any()):
         by_unit.setdefault(column.rpartition("_")[2], []).append(column)
     shown = [(unit, by_unit[unit]) for unit in AXES if unit in by_unit and not (unit == "Nm" and "A" in by_unit)]
     if not shown:

@@ -15,15 +15,16 @@ INDENT = 18
 
 def replay_text(summaries: Sequence[Mapping[str, Any]], next_command: str) -> str:
     """What `whyhot replay` prints: answer, a few lines a session, the next command. No colours, no trailing newline."""
-    lines = _labelled("What is wrong", answer(summaries))
+    lines = labelled("What is wrong", answer(summaries))
     for summary in summaries:
         lines += ["", *_session(summary)]
     for text in power_balance(summaries):
-        lines += ["", *_labelled("Power balance", text)]
-    return "\n".join([*lines, "", *_labelled("Next", next_command)])
+        lines += ["", *labelled("Power balance", text)]
+    return "\n".join([*lines, "", *labelled("Next", next_command)])
 
 
-def _labelled(label: str, text: str) -> list[str]:
+def labelled(label: str, text: str) -> list[str]:
+    """A paragraph beside its label, wrapped."""
     wrapped = textwrap.wrap(text, WIDTH - INDENT, break_long_words=False, break_on_hyphens=False) or [""]
     return [f"{label if i == 0 else '':<{INDENT}}{line}".rstrip() for i, line in enumerate(wrapped)]
 

@@ -42,11 +42,21 @@ def test_text_keeps_to_the_width_and_cuts_no_number() -> None:
         types=("VARCHAR", "BIGINT", "VARCHAR", "VARCHAR", "VARCHAR"),
         rows=[("f" * 64, 1_760_000_000_000_000_000, "word " * 30, "x" * 30, "y" * 30)],
     )
-    lines = to_text(wide, width=60).splitlines()
-    assert all(len(line) <= 60 for line in lines)
+    lines = to_text(wide, width=80).splitlines()
+    assert all(len(line) <= 80 for line in lines)
     assert "1760000000000000000" in lines[2]
-    assert lines[2].count("…") == 2
-    assert lines[3:] == ["not shown, name them to see them: more_1, more_2", "(1 row)"]
+    assert lines[2].count("…") == 4
+    assert lines[3:] == ["(1 row)"]
+
+
+def test_text_never_drops_a_column_that_was_asked_for() -> None:
+    names = ("session", "channel", "file", *(f"record_{i}" for i in range(6)))
+    kinds = (*("VARCHAR",) * 3, *("BIGINT",) * 6)
+    result = Result(names, kinds, [("s" * 40, "c" * 40, "f" * 40, *(10**12 + i for i in range(6)))])
+    head, _, row, count = to_text(result, width=100).splitlines()
+    assert head.split() == list(names) and count == "(1 row)"
+    assert row.split()[3:] == [str(10**12 + i) for i in range(6)]
+    assert row.startswith("s" * 11 + "…  " + "c" * 11 + "…  ") and len(row) > 100
 
 
 def test_text_says_that_there_is_more() -> None:

@@ -13,6 +13,8 @@ from ingest.errors import UnreadableLogError
 from ingest.formats import EXTENDED, FD, REMOTE, TRANSMIT, Frames, Log, TimeSpec, open_log
 from ingest.formats._asc_lines import parse_date
 
+COPY_AGAIN = "; copy the file again if the original is whole."
+
 FILES = Path(__file__).parent / "files"
 Frame = tuple[int, int, int, int, str]  # t_ns, bus, can_id, flags, payload in hexadecimal
 HEAD = "date Tue May 27 04:09:35.000 pm 2014\nbase hex  timestamps absolute\ninternal events logged\n"
@@ -215,18 +217,18 @@ def test_a_packed_log_that_is_cut_keeps_what_comes_before(tmp_path: Path) -> Non
     log, frames = read(path)
     assert 500 < len(frames) < 1500
     assert log.cut == (
-        f"ends inside its packed contents at byte {len(packed) // 2:,}: {len(frames):,} frames were read and kept"
+        f"ends inside its packed contents at byte {len(packed) // 2:,}: {len(frames):,} frames were read and kept{COPY_AGAIN}"
     )
 
 
 def test_a_log_without_the_end_of_its_trigger_block_is_cut(tmp_path: Path) -> None:
     log, _ = read(asc(tmp_path, HEAD + "Begin Triggerblock Tue May 27 04:09:35 pm 2014\n0.1 1 64 Rx d 0\n"))
-    assert log.cut == "ends in line 5, before the end of its trigger block: 1 frames were read and kept"
+    assert log.cut == f"ends in line 5, before the end of its trigger block: 1 frames were read and kept{COPY_AGAIN}"
 
 
 def test_a_log_that_ends_inside_a_line_is_cut(tmp_path: Path) -> None:
     log, _ = read(asc(tmp_path, HEAD + "0.1 1 64 Rx d 0\n0.2 1 64 Rx d 8 0A 0"))
-    assert log.cut == "ends inside line 5: 1 frames were read and kept"
+    assert log.cut == f"ends inside line 5: 1 frames were read and kept{COPY_AGAIN}"
 
 
 def test_a_text_that_is_no_log_is_refused(tmp_path: Path) -> None:

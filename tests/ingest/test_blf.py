@@ -17,6 +17,8 @@ from hypothesis import strategies as st
 from ingest.errors import UnreadableLogError
 from ingest.formats import EXTENDED, FD, REMOTE, TRANSMIT, Frames, Log, TimeSpec, open_log
 
+COPY_AGAIN = "; copy the file again if the original is whole."
+
 START_S = 1_700_000_000
 Frame = tuple[int, int, int, int, bytes]  # t_ns, bus, can_id, flags, payload
 
@@ -221,7 +223,7 @@ def test_a_cut_file_says_where_and_how_much_is_missing(tmp_path: Path) -> None:
     kept = log.found - len(log.rejected)
     assert len(frames) == kept
     assert log.cut == (
-        f"ends inside a container at byte 20,000 of {len(whole):,}: {kept:,} of about 2,000 frames were read and kept"
+        f"ends inside a container at byte 20,000 of {len(whole):,}: {kept:,} of about 2,000 frames were read and kept{COPY_AGAIN}"
     )
 
 
@@ -230,7 +232,7 @@ def test_a_file_cut_between_two_containers_is_noticed_by_its_declared_size(tmp_p
     path = blf(tmp_path / "cut.blf", first, size=900, count=9)
     log, frames = read(path)
     assert len(frames) == 2
-    assert log.cut == f"ends at byte {144 + len(first)} of 900: 2 of about 9 frames were read and kept"
+    assert log.cut == f"ends at byte {144 + len(first)} of 900: 2 of about 9 frames were read and kept{COPY_AGAIN}"
 
 
 def test_a_damaged_container_costs_only_its_own_frames(tmp_path: Path) -> None:
@@ -241,7 +243,7 @@ def test_a_damaged_container_costs_only_its_own_frames(tmp_path: Path) -> None:
     assert [frame[2] for frame in frames][:2] == [1, 2] and frames[-1][2] == 4
     assert log.cut == (
         f"is damaged at byte {144 + len(good)} (a container that cannot be unpacked): "
-        f"{len(frames)} of about 43 frames were read and kept"
+        f"{len(frames)} of about 43 frames were read and kept{COPY_AGAIN}"
     )
 
 

@@ -2,6 +2,7 @@
 
 import gzip
 import random
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,8 @@ from ingest.errors import UnreadableLogError
 from ingest.formats import Log, Rows, TimeSpec, open_log
 from ingest.formats import csv as tables
 from ingest.formats._csv_dialect import MISSING
+
+COPY_AGAIN = "; copy the file again if the original is whole."
 
 FILES = Path(__file__).parent / "files"
 S_NS = 1_000_000_000
@@ -211,7 +214,7 @@ def test_blank_lines_are_no_rows_but_count_as_lines(tmp_path: Path) -> None:
 
 def test_a_last_row_that_is_cut_is_said(tmp_path: Path) -> None:
     log, _, _ = read(table(tmp_path, "t,T,n\n0,20,1\n1,21,1\n2,2"))
-    assert log.cut == "ends inside line 4: 2 rows were read and kept"
+    assert log.cut == f"ends inside line 4: 2 rows were read and kept{COPY_AGAIN}"
 
 
 @settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -365,10 +368,24 @@ def test_the_hour_that_comes_twice_is_told_by_the_step_back(tmp_path: Path) -> N
     assert (log.settings["ambiguous_rows"], log.settings["backward_steps"]) == (4, 0)
 
 
-def test_an_hour_that_was_left_out_is_counted(tmp_path: Path) -> None:
-    path = table(tmp_path, "time,T\n2024-03-31 01:59:59,20\n2024-03-31 02:00:00,20\n")
+@pytest.mark.parametrize("time", [TimeSpec(), TimeSpec(column="time", format="%d.%m.%Y %H:%M:%S")])
+def test_a_time_that_does_not_exist_is_rejected_with_the_reason(tmp_path: Path, time: TimeSpec) -> None:
+    local = ["01:59:59", "02:00:00", "02:30:00", "24:00:00", "03:00:00"]
+    path = table(tmp_path, "time,T\n" + "".join(f"31.03.2024 {clock},20\n" for clock in local))
+    log, t_ns, _ = read(path, replace(time, zone="Europe/Rome"))
+    assert np.diff(t_ns).tolist() == [S_NS]
+    gone = "does not exist in Europe/Rome on that day (clocks went forward)"
+    assert [(entry.where, entry.why) for entry in log.rejected[:2]] == [
+        ("line 3, column time", f"02:00:00 {gone}"),
+        ("line 4, column time", f"02:30:00 {gone}"),
+    ]
+    assert log.rejected[2].why.startswith('"31.03.2024 24:00:00" is no time (')
+
+
+def test_a_stamp_with_its_own_offset_exists_whatever_the_zone(tmp_path: Path) -> None:
+    path = table(tmp_path, "time,T\n2024-03-31T02:30:00+01:00,20\n2024-03-31T02:30:00,20\n")
     log, t_ns, _ = read(path, TimeSpec(zone="Europe/Rome"))
-    assert np.diff(t_ns).tolist() == [S_NS] and log.settings["skipped_hour_rows"] == 1
+    assert len(t_ns) == 1 and log.rejected[0].why.startswith("02:30:00 does not exist in Europe/Rome")
 
 
 # ---- size and packing -----------------------------------------------------------------------------------------------
@@ -407,7 +424,7 @@ def test_a_line_without_end_is_stopped_at_a_limit(tmp_path: Path) -> None:
     path.write_bytes(b"t,T\n0,20\n1,21\n" + b"0" * (6 << 20))
     log, t_ns, _ = read(path)
     assert len(t_ns) == 2
-    assert log.cut == "holds a line longer than 1,048,576 bytes: 2 rows were read and kept"
+    assert log.cut == f"holds a line longer than 1,048,576 bytes: 2 rows were read and kept{COPY_AGAIN}"
 
 
 def test_a_table_of_several_blocks_counts_lines_and_records_through(

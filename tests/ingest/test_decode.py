@@ -459,7 +459,20 @@ def test_every_record_is_decoded_or_counted_with_the_reason(tmp_path: Path) -> N
     ]
     assert (event.outcome, event.why) == (
         "salvaged",
-        "1 of 8 records cannot be read and were set aside, the first at byte 900: object of 0 bytes",
+        (
+            "1 of 8 records cannot be read and were set aside, the first at byte 900: object of 0 bytes; "
+            "copy the file again if the original is whole, or leave it so: the rest is used."
+        ),
+    )
+
+
+def test_cells_that_were_set_aside_say_what_to_do(tmp_path: Path) -> None:
+    rows = Rows(START_NS + np.arange(3), {"T": np.arange(3.0)}, np.arange(3))
+    bad = [Rejected(3, "line 5, column T", 'text "x" where numbers are')]
+    event = decoded(tmp_path, record(tmp_path, rows, rejected=bad))
+    assert event.why == (
+        '1 of 4 records cannot be read and were set aside, the first at line 5, column T: text "x" where numbers are; '
+        "correct the cells and ingest the file again, or leave it so: the rest is used."
     )
 
 

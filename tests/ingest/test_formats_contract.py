@@ -1,5 +1,6 @@
 """What every row of FORMATS keeps, unasked. A new format brings one file: `files/sample` with its first suffix."""
 
+import gzip
 import json
 import random
 import time
@@ -126,6 +127,21 @@ def test_a_sample_with_bytes_changed_is_read_or_refused(entry: Format, tmp_path:
             damaged[chance.randrange(len(damaged))] = chance.choice((0, 10, 255, chance.randrange(256)))
         path.write_bytes(damaged)
         read_damaged(path)
+
+
+@pytest.mark.parametrize(
+    "entry", [one for one in FORMATS if any(name.endswith(".gz") for name in one.suffixes)], ids=lambda one: one.name
+)
+def test_a_packed_sample_that_is_damaged_at_its_beginning_is_read_or_refused(entry: Format, tmp_path: Path) -> None:
+    whole = gzip.compress(sample(entry).read_bytes(), mtime=0)
+    path = tmp_path / f"{sample(entry).name}.gz"
+    for length in range(1, 40):
+        path.write_bytes(whole[:length])
+        read_damaged(path)
+    for at in range(20):
+        for octet in (0, 1, 4, 8, 16, 255):
+            path.write_bytes(whole[:at] + bytes([octet]) + whole[at + 1 :])
+            read_damaged(path)
 
 
 @each_format

@@ -156,14 +156,16 @@ def test_the_last_value_before_a_dropout_at_the_peak_is_held_and_not_saturated()
 
 def test_an_input_that_is_constant_is_used_as_it_stands_and_never_saturated() -> None:
     speed = channel("n", "speed", np.full(3600, 7000.0))
-    pulses = channel("M", "torque", np.tile(np.r_[np.full(60, 140.0), np.zeros(60)], 30) + 0.5 * (HOUR % 120 > 60))
+    pulses = channel("M", "torque", np.where(HOUR % 300 < 60, 140.0, 40 + noise(2)))
     clipped = channel("i", "current", np.minimum(WAVE + noise(0.1), 78.0))
-    found = assess([speed, pulses, clipped, moving()])
+    steps = channel("U", "voltage_dc", np.where(HOUR < 1500, 700.0, np.where(HOUR < 2400, 650 + noise(1), 600.0)))
+    found = assess([speed, pulses, clipped, steps, moving()])
     says = [flag.says for flag in findings(found)]
     assert says[0] == "n is constant at 7,000 for 60 min (used as it stands)"
-    assert says[1].startswith("M is constant at 140 for up to 59 s, ")
-    assert all(text.endswith(" times (used as it stands)") for text in says[1:])
-    assert {flag.flag for flag in findings(found)} == {"stuck", "held"}
+    assert says[1] == "M is constant at 140 for up to 59 s, 12 times (used as it stands)"
+    assert says[2].startswith("i is constant at 78 for up to ") and says[2].endswith(" times (used as it stands)")
+    assert says[3] == "U is constant for up to 25 min, 2 times (used as it stands)"
+    assert [flag.flag for flag in findings(found)] == ["stuck", "held", "held", "stuck"]
     assert all(one.good.all() for one in found)
 
 

@@ -106,6 +106,31 @@ def test_there_is_no_map_where_no_load_was_recorded() -> None:
     assert error_map([run]) is None
 
 
+def test_a_session_too_short_for_any_cell_has_no_plot_of_cells() -> None:
+    short = made_run(steps=int(ENOUGH_S) - 1)
+    assert error_map([short]) is None and error_along([short]) is None
+
+
+def test_a_map_without_a_cell_of_enough_data_is_left_out() -> None:
+    plot = error_map([made_run(masked=(10, 2400))])
+    assert plot is not None
+    assert "Rotor surface" not in plot.svg and "Winding" in plot.svg
+
+
+def test_a_panel_without_a_cell_of_enough_data_is_left_out() -> None:
+    both = error_along([made_run()])
+    brief = error_along([made_run(steps=300)])  # 25 s a cell of time
+    assert both is not None and "time since start" in both.svg and "measured temperature" in both.svg
+    assert brief is not None and "time since start" not in brief.svg and "measured temperature" in brief.svg
+
+
+def test_an_input_without_a_value_has_no_panel() -> None:
+    run = made_run()
+    run.inputs["current_A"][:] = np.nan
+    plot = inputs_over_time(run, 600)
+    assert plot is not None and plot.title == "What drove it: speed and boundaries"
+
+
 def test_the_error_along_temperature_names_the_worst_node() -> None:
     plot = error_along([made_run()])
     assert plot is not None
