@@ -1,7 +1,8 @@
 """Facts: every event of the ledger, in the past tense. Names are stored for ever: add, never rename.
 
 Payload fields are JSON values (str, int, float, bool, None, list, dict); nanoseconds are integers. A stream is named
-`kind-key`: `file-<sha256>`, `database-<sha256>`, `bench-<sha256>`, `motor-<name>`, `session-<id>`, `run-<id>`, `ledger-0`.
+`kind-key`: `file-<sha256>`, `database-<sha256>`, `bench-<sha256>`, `motor-<name>`, `session-<id>`, `run-<id>`,
+`calibration-<id>`, `ledger-0`.
 """
 
 from __future__ import annotations
@@ -170,6 +171,31 @@ class ReplayDiverged(Event):
     expected: str
     t_s: float | None
     field: str | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class CalibrationCompleted(Event):
+    """`calibration-<id>`: a motor's coefficients estimated from sessions; `model` is the motor file that holds them.
+
+    `parameters`: [{name, unit, before, value, log_change, sd, prior_sd, held}], sd of the logarithm; `errors`: [{session,
+    session_name, channel, node, before_K, after_K, bias_K, bias_sd_K}]: mean absolute errors of runs with the one and the
+    other model, and what the channel is taken to read too much in that session.
+    """
+
+    TOPIC: ClassVar[str] = "whyhot:CalibrationCompleted"
+    calibration: str  # = hash of `key`
+    sessions: list[str]
+    parent: str
+    model: str
+    motor: str
+    level: str
+    key: dict[str, Any]
+    environment: dict[str, str]
+    converged: bool
+    iterations: int
+    log_posterior: float
+    parameters: list[dict[str, Any]]
+    errors: list[dict[str, Any]]
 
 
 @dataclass(frozen=True, kw_only=True)

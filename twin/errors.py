@@ -68,3 +68,11 @@ class FrameError(TwinError):
 
 class DivergedError(TwinError):
     """A run left the finite numbers; the line names node and step."""
+
+
+class CauseError(TwinError):
+    """A text that is no cause id; the line says which part cannot be and what could stand there."""
+
+
+class EvidenceError(TwinError):
+    """Columns, residuals or priors that do not fit one another, or are not finite."""

@@ -31,18 +31,19 @@ def simulate(compiled: Compiled, frame: Frame, initial: NDArray[np.float64]) -> 
     The same bits on every repetition. Raises `FrameError` where shapes do not fit or an input is not finite, and
     `DivergedError` where the temperatures leave the finite numbers.
     """
-    _check(compiled.network, frame, initial)
+    check_frame(compiled.network, frame, initial)
     steps, n = len(frame.features), len(compiled.network.nodes)
     out = np.empty((steps + 1, n))
     out[0] = initial
     phi = np.ascontiguousarray(frame.features, dtype=np.float64)
     boundaries = np.ascontiguousarray(frame.boundaries, dtype=np.float64)
     compiled.run(compiled.parameters, phi, boundaries, float(frame.step_s), out)
-    _check_finite(compiled.network, frame, out)
+    check_finite(compiled.network, frame, out)
     return out
 
 
-def _check(network: Network, frame: Frame, initial: NDArray[np.float64]) -> None:
+def check_frame(network: Network, frame: Frame, initial: NDArray[np.float64]) -> None:
+    """Raise `FrameError` where shapes do not fit the network or a number is not finite."""
     steps = len(frame.features)
     expected = {
         "features": (frame.features, (steps, len(features.monomials(network)))),
@@ -59,7 +60,8 @@ def _check(network: Network, frame: Frame, initial: NDArray[np.float64]) -> None
         raise FrameError(f"step_s {frame.step_s:g} is not above 0: give the length of a step in s")
 
 
-def _check_finite(network: Network, frame: Frame, temperatures: NDArray[np.float64]) -> None:
+def check_finite(network: Network, frame: Frame, temperatures: NDArray[np.float64]) -> None:
+    """Raise `DivergedError` where the temperatures left the finite numbers."""
     if np.isfinite(temperatures[-1]).all():  # what is not finite stays so
         return
     step, node = (int(i) for i in np.argwhere(~np.isfinite(temperatures))[0])

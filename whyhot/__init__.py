@@ -9,6 +9,8 @@ from pathlib import Path
 for _name in ("ingest", "twin", "analytics", "replay"):
     _spec = find_spec(_name)
     if _spec and _spec.origin and Path(_spec.origin).parents[1] != Path(__file__).parents[1]:
-        raise ImportError(f"{_spec.origin} hides whyhot's package '{_name}': rename it, or start Python in another folder")
+        raise ImportError(
+            f"{_spec.origin} hides whyhot's package '{_name}': rename it, or start Python in another folder"
+        )
 
 __version__ = "0.1.0"

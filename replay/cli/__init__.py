@@ -23,6 +23,7 @@ VERBS: dict[str, str] = {
     "sessions": "the catalogue of recorded sessions",
     "show": "one session: channels, gaps, quality, power balance, operating points",
     "motor": "the motor file as the program sees it (motor check FILE)",
+    "calibrate": "coefficients from recorded sessions, as a new model",
     "replay": "rerun the twin over sessions and say what it gets wrong",
     "report": "one HTML file of a replay, readable offline",
     "view": "measured and modelled temperatures in the rerun viewer",

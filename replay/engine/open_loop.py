@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from replay.engine.frame import InputFrame, Observation
 from twin.initial import steady_interpolation
 from twin.network import Network
+from twin.outputs import lagged
 
 Floats = NDArray[np.float64]
 
@@ -47,16 +48,5 @@ def modelled(observation: Observation, frame: InputFrame, temperatures: Floats, 
     """
     at = [nodes.index(node) for node in observation.weights]
     truth: Floats = temperatures[:, at] @ np.array(list(observation.weights.values()))
-    reading = _lagged(truth, observation.time_constant_s, frame.step_s)
+    reading = lagged(truth, observation.time_constant_s, frame.step_s)
     return reading[:-1] + observation.place * np.diff(reading)
-
-
-def _lagged(truth: Floats, tau_s: float, step_s: float) -> Floats:
-    if tau_s <= 0.0:
-        return truth
-    from scipy.signal import lfilter  # slow to import, and most channels have no known lag
-
-    a = np.exp(-step_s / tau_s)
-    ramp = (1.0 - a) * tau_s / step_s
-    out: Floats = lfilter([1.0 - ramp, ramp - a], [1.0, -a], truth - truth[0]) + truth[0]
-    return out

@@ -12,7 +12,6 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from ingest.catalogue import quality
 from ingest.catalogue.channels import ChannelData, load
 from ingest.catalogue.power import balance
 from ingest.events import ReplayCompleted, ReplayDiverged, SessionRecorded
@@ -29,6 +28,7 @@ from replay.engine.artefacts import (
     to_parquet,
 )
 from replay.engine.frame import InputFrame
+from replay.engine.frame_of import session_frame
 from replay.engine.identity import digest_of, environment, replay_key, run_id
 from replay.engine.kernel_cache import load_kernel
 from replay.engine.motor_file import read_motor
@@ -37,8 +37,6 @@ from replay.engine.residuals import by_node, channel_summary
 from replay.engine.run import Observed
 from replay.errors import ReplayDataError
 from twin.errors import TwinError
-from twin.features import monomials
-from twin.integrators import DEFAULT
 from twin.network import Network
 from twin.simulate import Frame, network_heat, simulate
 
@@ -63,7 +61,7 @@ def replay(store: Store, facts: Facts, session: SessionRecorded, model: str, lev
     """
     network = read_motor(store.archive.read(model), facts.models[model].file)
     channels = load(store, facts, session)
-    frame = _frame(session, channels, network)
+    frame = session_frame(session, channels, network)
     initial, _ = initial_temperatures(network, frame, level)
     inputs = Frame(step_s=frame.step_s, features=frame.features, boundaries=frame.boundaries)
     temperatures = _simulated(network, inputs, initial, session)
@@ -103,14 +101,6 @@ def replay(store: Store, facts: Facts, session: SessionRecorded, model: str, lev
         summary=summary,
     )
     return _against_the_ledger(store, facts, event, tables["temperatures"])
-
-
-def _frame(session: SessionRecorded, channels: Sequence[ChannelData], network: Network) -> InputFrame:
-    good = [found.good for found in quality.assess(channels)]
-    try:
-        return frames.build(channels, good, network, monomials(network), DEFAULT.step_s)
-    except ReplayDataError as error:
-        raise ReplayDataError(f"session {session.name}: {error}") from None
 
 
 def _simulated(network: Network, inputs: Frame, initial: Floats, session: SessionRecorded) -> Floats:

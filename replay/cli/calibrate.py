@@ -1,0 +1,52 @@
+"""`whyhot calibrate --on S...`: coefficients from recorded sessions, as a new model."""
+
+from __future__ import annotations
+
+import argparse
+
+from replay.cli.answer import Answer, provenance, store_folder
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--on", metavar="S", nargs="+", required=True, help="ids or names of sessions to learn from")
+    parser.add_argument(
+        "--model", metavar="M", help="model id, motor name or motor file (default: what the bench file names)"
+    )
+    parser.add_argument(
+        "--level", choices=("testing", "production"), default="testing", help="channels that may be learnt from"
+    )
+
+
+def run(args: argparse.Namespace) -> Answer:
+    from ingest import facts
+    from ingest.store import Store
+    from replay.engine.models import model_named
+    from replay.show.calibration import calibration_text, free, moved
+    from replay.studies.calibrate import calibrate_sessions
+
+    with Store.open(store_folder(args), write=True) as store:
+        model = model_named(store, args.model)
+        known = facts.at(store.ledger)
+        sessions = [known.session(text) for text in dict.fromkeys(args.on)]
+        event = calibrate_sessions(store, known, sessions, model, args.level).event
+        data = {
+            "schema": "whyhot.calibration/1",
+            "calibration": event.calibration,
+            "model": event.model,
+            "parent": event.parent,
+            "motor": event.motor,
+            "level": event.level,
+            "on": [{"session": session.session, "name": session.name} for session in sessions],
+            "converged": event.converged,
+            "iterations": event.iterations,
+            "log_posterior": event.log_posterior,
+            "parameters": event.parameters,
+            "moved": [p["name"] for p in event.parameters if moved(p)],
+            "left_free": [p["name"] for p in event.parameters if free(p)],
+            "errors": event.errors,
+            "provenance": provenance(store, level=args.level, model=args.model),
+        }
+    unfinished = (
+        [] if event.converged else ["the search did not converge: give more sessions, or check the motor file."]
+    )
+    return Answer(data, calibration_text(data), 1 if unfinished else 0, unfinished)

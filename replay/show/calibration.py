@@ -1,0 +1,72 @@
+"""A calibration as text, 100 columns wide: how much better, what moved, what the data leave free, the next command."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from replay.show import words
+from replay.show.terminal import labelled
+from twin.calibration import LEFT_FREE
+
+
+def calibration_text(data: Mapping[str, Any]) -> str:
+    """What `whyhot calibrate` prints of its JSON answer. No colours, no trailing newline."""
+    lines = labelled("Calibrated", _headline(data))
+    lines += ["", *_errors(data["errors"])]
+    lines += ["", *_moved(data["parameters"])]
+    lines += ["", *labelled("Left free", _free(data["parameters"]))]
+    return "\n".join([*lines, "", *labelled("Next", f"whyhot replay --model {words.short(data['model'])}")])
+
+
+def moved(parameter: Mapping[str, Any]) -> bool:
+    """Whether an estimate is more than one prior standard deviation from the file's value."""
+    return abs(float(parameter["log_change"])) > float(parameter["prior_sd"])
+
+
+def free(parameter: Mapping[str, Any]) -> bool:
+    """Whether the data leave a parameter about as uncertain as it was."""
+    return float(parameter["sd"]) > LEFT_FREE * float(parameter["prior_sd"])
+
+
+def _headline(data: Mapping[str, Any]) -> str:
+    names = words.joined([str(session["name"]) for session in data["on"]])
+    ended = "converged" if data["converged"] else "NOT converged: take the estimates as a start only"
+    return (
+        f"{data['motor']} on {names}: {ended} after {data['iterations']} iterations; model {words.short(data['model'])} "
+        f"from {words.short(data['parent'])}"
+    )
+
+
+def _errors(errors: Sequence[Mapping[str, Any]]) -> Iterator[str]:
+    rows = [(f"{e['session_name']}  {words.name(str(e['node']))} ({e['channel']})", e) for e in errors]
+    width = max((len(label) for label, _ in rows), default=0)
+    yield f"{'Mean error of a replay':<{width}}   {'before':>8}  {'after':>8}   sensor taken to read"
+    for label, entry in rows:
+        errs = f"{entry['before_K']:>6.2f} K  {entry['after_K']:>6.2f} K"
+        much = abs(float(entry["bias_K"])) > 2 * float(entry["bias_sd_K"])
+        note = f", its bias_sd is {words.kelvin(entry['bias_sd_K'])}" if much else ""
+        yield f"{label:<{width}}   {errs}   {words.signed_kelvin(entry['bias_K'])} too much{note}"
+
+
+def _moved(parameters: Sequence[Mapping[str, Any]]) -> Iterator[str]:
+    rows = sorted(filter(moved, parameters), key=lambda p: -abs(float(p["log_change"]) / float(p["prior_sd"])))
+    if not rows:
+        yield from labelled("Moved", "nothing by more than its prior standard deviation")
+        return
+    width = max(len(str(p["name"])) for p in rows)
+    yield f"{'Moved beyond its prior sd':<{width}}   {'before':>10}  {'after':>10}   1 sd"
+    for p in rows:
+        note = "   at its bound" if p["held"] else ""
+        spread = 100.0 * (math.exp(float(p["sd"])) - 1.0)
+        yield f"{p['name']:<{width}}   {p['before']:>10.5g}  {p['value']:>10.5g}   {spread:.1f} %{note}  [{p['unit']}]"
+
+
+def _free(parameters: Sequence[Mapping[str, Any]]) -> str:
+    names = [str(p["name"]) for p in parameters if free(p)]
+    if not names:
+        return "nothing: the data say something about every parameter"
+    return f"{len(names)} of {len(parameters)} parameters keep over {LEFT_FREE:.0%} of their prior sd: " + ", ".join(
+        names
+    )

@@ -1,0 +1,1 @@
+"""Studies: one function each over stored sessions, returning a dataclass."""

@@ -1,0 +1,156 @@
+"""Calibration over stored sessions: estimates, the motor file that holds them as a new model, and the fact of it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import twin
+from ingest.events import CalibrationCompleted, Event, ModelPublished, SessionRecorded
+from ingest.facts import Facts
+from ingest.store import Store
+from replay.engine.identity import environment, run_id, source_hash
+from replay.engine.kernel_cache import load as load_kernel
+from replay.engine.models import model_of
+from replay.engine.motor_file import read_motor
+from replay.engine.motor_text import rewritten
+from replay.errors import ReplayDataError
+from replay.studies.problem import problem_of
+from twin.calibration import BOUND, Calibration, Estimate, Problem, calibrate, kernels
+from twin.calibration_noise import widened_noise
+from twin.errors import TwinError
+from twin.integrators import DEFAULT
+
+UNITS = {"loss": "W", "conductance": "W/K", "capacity": "J/K"}
+
+
+@dataclass(frozen=True)
+class CalibrationResult:
+    """The fact, whether the ledger had it already, and the numbers behind it (covariance included)."""
+
+    event: CalibrationCompleted
+    known: bool
+    calibration: Calibration
+
+
+def calibrate_sessions(
+    store: Store, facts: Facts, sessions: Sequence[SessionRecorded], model: str | None, level: str
+) -> CalibrationResult:
+    """Estimate coefficients and capacities of `model` (None: the one that the sessions' bench files name) from sessions.
+
+    The motor file with the new numbers is sealed and published with its parent. The same question again writes nothing.
+    Raises ReplayDataError where there is no session, the sessions name different models, or one lacks what it needs.
+    """
+    parent = model or _common_model(facts, sessions)
+    name = facts.models[parent].file
+    data = store.archive.read(parent)
+    network = read_motor(data, name)
+    problem = problem_of(store, facts, sessions, network, level)
+    try:
+        kernel = kernels(network, load_kernel)
+        near = calibrate(problem, kernel)
+        problem = replace(problem, noise=widened_noise(problem, kernel, near.beta))
+        result = calibrate(problem, kernel, near.beta)
+    except TwinError as error:
+        raise ReplayDataError(f"calibration of {network.name}: {error}") from None
+    key = _key(facts, sessions, parent, level)
+    named = ", ".join(session.name for session in sessions)
+    says = f"Calibrated on {named} from model {parent[:12]}.\nComments beside a number speak of its value before."
+    text = rewritten(data, name, result.network, says)
+    sealed = store.archive.seal(text)
+    event = CalibrationCompleted(
+        calibration=run_id(key),
+        sessions=[session.session for session in sessions],
+        parent=parent,
+        model=sealed,
+        motor=network.name,
+        level=level,
+        key=key,
+        environment=environment(),
+        converged=result.converged,
+        iterations=result.iterations,
+        log_posterior=result.log_posterior,
+        parameters=[_parameter(estimate) for estimate in result.estimates],
+        errors=_errors(sessions, problem, result),
+    )
+    return CalibrationResult(event, _keep(store, facts, event, name), result)
+
+
+def _common_model(facts: Facts, sessions: Sequence[SessionRecorded]) -> str:
+    if not sessions:
+        raise ReplayDataError("no session to calibrate on: name some with --on. `whyhot sessions` lists them.")
+    named = {model_of(facts, session): session.name for session in sessions}
+    if len(named) > 1:
+        which = ", ".join(f"{session} names {model[:12]}" for model, session in named.items())
+        raise ReplayDataError(
+            f"the sessions' bench files name different motor files ({which}): say which one with --model."
+        )
+    return next(iter(named))
+
+
+def _key(facts: Facts, sessions: Sequence[SessionRecorded], parent: str, level: str) -> dict[str, Any]:
+    """Everything that the estimates may depend on, but for the environment."""
+    decodes = [facts.decodes[file["decode"]] for session in sessions for file in session.files]
+    return {
+        "sessions": sorted(session.session for session in sessions),
+        "raw": sorted({d.raw for d in decodes}),
+        "databases": sorted({sha for d in decodes for sha in d.databases}),
+        "benches": sorted({session.bench for session in sessions if session.bench}),
+        "decoder": sorted({d.decoder for d in decodes}),
+        "parent": parent,
+        "level": level,
+        "settings": {"integrator": DEFAULT.name, "step_s": DEFAULT.step_s, "bound": BOUND},
+        "twin": source_hash(Path(twin.__file__).parent),
+    }
+
+
+def _keep(store: Store, facts: Facts, event: CalibrationCompleted, file: str) -> bool:
+    """Append what the ledger does not have; whether it had the calibration."""
+    stream = f"calibration-{event.calibration}"
+    known = any(
+        isinstance(one.event, CalibrationCompleted) and one.event.calibration == event.calibration
+        for one in store.ledger.events()
+    )
+    events: list[tuple[str, Event]] = []
+    if event.model not in facts.models:
+        published = ModelPublished(model=event.model, motor=event.motor, file=file, parent=event.parent)
+        events.append((f"motor-{event.motor}", published))
+    if not known:
+        events.append((stream, event))
+    if events:
+        store.ledger.append_all(events)
+    return known
+
+
+def _parameter(estimate: Estimate) -> dict[str, Any]:
+    return {
+        "name": estimate.name,
+        "unit": UNITS[estimate.name.split(".", 1)[0]],
+        "before": estimate.before,
+        "value": estimate.value,
+        "log_change": estimate.log_change,
+        "sd": estimate.sd,
+        "prior_sd": estimate.prior_sd,
+        "held": estimate.held,
+    }
+
+
+def _errors(sessions: Sequence[SessionRecorded], problem: Problem, result: Calibration) -> list[dict[str, Any]]:
+    entries = []
+    for (s, channel), before in result.mae_before.items():
+        found = next(c for c in problem.sessions[s].channels if c.name == channel)
+        entries.append(
+            {
+                "session": sessions[s].session,
+                "session_name": sessions[s].name,
+                "channel": channel,
+                "node": " + ".join(found.output.weights),
+                "before_K": before,
+                "after_K": result.mae_after[s, channel],
+                "bias_K": result.bias[s, channel],
+                "bias_sd_K": found.bias_sd,
+            }
+        )
+    return entries
