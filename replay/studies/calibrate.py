@@ -70,7 +70,7 @@ def calibrate_sessions(
         key=key,
         environment=environment(),
         converged=result.converged,
-        iterations=result.iterations,
+        iterations=near.iterations + result.iterations,
         log_posterior=result.log_posterior,
         parameters=[_parameter(estimate) for estimate in result.estimates],
         errors=_errors(sessions, problem, result),
