@@ -19,6 +19,7 @@ bench: .venv/ready
 	$(PIP) -r requirements-bench.lock
 	$(BIN)/python benchmarks/ingest.py
 	$(BIN)/python benchmarks/integrator.py
+	$(BIN)/python benchmarks/calibration.py
 
 # uv where it is there (seconds), pip otherwise (a minute): both install the same locked versions.
 PIP := $(shell command -v uv >/dev/null 2>&1 && echo "uv pip install -q --python $(BIN)/python" || echo "$(BIN)/python -m pip install -q --disable-pip-version-check")
