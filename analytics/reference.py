@@ -35,7 +35,9 @@ def examples() -> list[str]:
 
 
 def _view(connection: duckdb.DuckDBPyConnection, view: str) -> str:
-    comment = connection.execute("SELECT comment FROM duckdb_views() WHERE view_name = ?", [view]).fetchall()
+    comment = connection.execute(
+        "SELECT comment FROM duckdb_views() WHERE schema_name = 'main' AND view_name = ?", [view]
+    ).fetchall()
     columns = connection.execute(
         "SELECT column_name, data_type, comment FROM duckdb_columns() "
         "WHERE schema_name = 'main' AND table_name = ? ORDER BY column_index",

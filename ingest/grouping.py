@@ -41,14 +41,14 @@ def group_files(store: Store, said: Mapping[str, Override]) -> tuple[tuple[str, 
 
 
 def _overlaps(known: Facts, session: SessionRecorded) -> list[QualityFlagged]:
-    """Files of a session that hold the same messages at the same time: a copy, or the same test logged twice."""
+    """Files of a session that hold the same channels at the same time: a copy, or the same test logged twice."""
     decodes = [known.decodes[file["decode"]] for file in session.files]
     flags = []
     for a, b in combinations(decodes, 2):
-        common = {group["name"] for group in a.groups} & {group["name"] for group in b.groups}
+        common = {channel["name"] for channel in a.channels} & {channel["name"] for channel in b.channels}
         from_ns, to_ns = max(a.start_ns or 0, b.start_ns or 0), min(a.end_ns or 0, b.end_ns or 0)
         if common and a.raw != b.raw and to_ns > from_ns:
             names = " and ".join(known.files[one.raw].name for one in (a, b))
-            says = f"{names} hold the same messages for {(to_ns - from_ns) / 1e9:.0f} s: equal samples count once in a replay"
-            flags.append(QualityFlagged(flag="overlap", says=says, detail={"groups": sorted(common)}))
+            says = f"{names} hold the same channels for {(to_ns - from_ns) / 1e9:.0f} s: equal samples count once in a replay"
+            flags.append(QualityFlagged(flag="overlap", says=says, detail={"channels": sorted(common)}))
     return flags

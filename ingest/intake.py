@@ -97,6 +97,8 @@ def take_in(
         for i, path in enumerate(paths, 1):
             tell(f"reading {i} of {len(paths)}: {_name(path)}, {path.stat().st_size / 1e6:.1f} MB")
             found.append(_read(known, path, setup, work, {one.raw for one in found}))
+            if isinstance(found[-1], Taken) and found[-1].raw in known.files and store.archive.damage(found[-1].raw):
+                store.archive.seal(path)  # the true bytes mend what was damaged or lost
         tell("decoding")
         fresh = [one for one in found if isinstance(one, _Read)]
         for one in fresh:
@@ -154,7 +156,7 @@ def _read(known: Facts, path: Path, setup: Setup, work: Path, before: set[str]) 
         return Taken(_name(path), size, None, "", None, known=False, refusal=str(error))
     with path.open("rb") as file:
         raw = hashlib.file_digest(file, "sha256").hexdigest()
-    decode = known.decodes.get(_decode_id(raw, setup))
+    decode = known.decodes.get(_decode_id(raw, form, setup))
     if raw in before or (decode and decode.outcome != "quarantined"):
         return Taken(_name(path), size, form.holds, raw, decode, known=True, refusal=None)
     return _record(path, raw, form, setup, work)
@@ -163,7 +165,7 @@ def _read(known: Facts, path: Path, setup: Setup, work: Path, before: set[str]) 
 def _record(path: Path, raw: str, form: Format, setup: Setup, work: Path) -> _Read:
     recording = work / f"{raw}.mcap"
     try:
-        reading = record(path, recording, setup.time, setup.attachments())
+        reading = record(path, recording, setup.time, setup.attachments(form))
         return _Read(path, raw, form, recording, reading, None)
     except UnreadableLogError as error:
         return _Read(path, raw, form, recording, None, str(error))
@@ -194,10 +196,10 @@ def _keep(store: Store, known: Facts, one: _Read, setup: Setup, channels: Sequen
 def _decode(
     store: Store, one: _Read, reading: Reading, setup: Setup, channels: Sequence[ResolvedChannel]
 ) -> DecodeCompleted:
-    made = one.recording.parent / _decode_id(one.raw, setup)
+    made = one.recording.parent / _decode_id(one.raw, one.form, setup)
     made.mkdir()
     one.recording.rename(made / RECORDING)
-    decode = decode_file(reading, one.raw, setup.databases, setup.bench, channels, made)
+    decode = decode_file(reading, one.raw, setup.databases_of(one.form), setup.bench, channels, made)
     store.publish(made, decode.decode)
     return decode
 
@@ -207,16 +209,17 @@ def _name(path: Path) -> str:
     return path.name.encode("utf-8", "replace").decode("utf-8")
 
 
-def _decode_id(raw: str, setup: Setup) -> str:
-    return decode_id(raw, [d.sha256 for d in setup.databases], setup.bench.sha256 if setup.bench else None)
+def _decode_id(raw: str, form: Format, setup: Setup) -> str:
+    databases = [database.sha256 for database in setup.databases_of(form)]
+    return decode_id(raw, databases, setup.bench.sha256 if setup.bench else None)
 
 
 def _quarantined(one: _Read, setup: Setup) -> DecodeCompleted:
     return DecodeCompleted(
-        decode=_decode_id(one.raw, setup),
+        decode=_decode_id(one.raw, one.form, setup),
         raw=one.raw,
         bench=setup.bench.sha256 if setup.bench else None,
-        databases=[d.sha256 for d in setup.databases],
+        databases=[database.sha256 for database in setup.databases_of(one.form)],
         decoder=DECODER,
         outcome="quarantined",
         why=one.why,

@@ -21,7 +21,7 @@ from ingest.events import (
 )
 from ingest.expressions import parse
 from ingest.facts import Facts
-from ingest.formats import TimeSpec
+from ingest.formats import Format, TimeSpec
 from ingest.reading import Reading
 from ingest.recording import Attachment, bus_name, id_text
 from ingest.resolving import ResolvedChannel, check_nodes, resolve
@@ -57,8 +57,13 @@ class Setup:
     def time(self) -> TimeSpec:
         return self.bench.time if self.bench else TimeSpec()
 
-    def attachments(self) -> list[Attachment]:
-        files = [Attachment(d.name, d.data, "text/x-dbc") for d in self.databases]
+    def databases_of(self, form: Format) -> tuple[Database, ...]:
+        """Those that a log of this format is decoded with: none for a table."""
+        return self.databases if form.holds == "frames" else ()
+
+    def attachments(self, form: Format) -> list[Attachment]:
+        """What the recording of a log carries with it."""
+        files = [Attachment(d.name, d.data, "text/x-dbc") for d in self.databases_of(form)]
         return files + ([Attachment(self.bench.name, self.bench_data, "application/toml")] if self.bench else [])
 
 

@@ -29,7 +29,13 @@ def sessions(answer: Mapping[str, Any], width: int = 100, as_of: str | None = No
     lines += table(head, rows, width, right=(3, 6, 7)) if rows else []
     for one in answer["quarantined_files"]:
         lines += _wrap(f"quarantined: {one['why'] or one['file']}", width)
-    return "\n".join([*lines, "", f"next: whyhot show {rows[-1][0]}"] if rows else lines)
+    return "\n".join([*lines, "", f"next: whyhot show {_called(answer['sessions'])}"] if rows else lines)
+
+
+def _called(sessions: Sequence[Mapping[str, Any]]) -> str:
+    """The last session by its name, or by its id where another has that name."""
+    names, last = [one["name"] for one in sessions], sessions[-1]
+    return str(last["name"] if names.count(last["name"]) == 1 else last["session"])
 
 
 def render(description: SessionDescription, width: int = 100) -> str:

@@ -9,6 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import IO
 
+from ingest.errors import UnreadableLogError
+
 BLOCK = 4 << 20  # bytes that are read at once
 LONGEST_LINE = 1 << 20  # bytes
 RATIO, ALWAYS = 200, 256 << 20  # a packed file may unpack to this many times its size, or to this many bytes
@@ -63,4 +65,10 @@ class TextFile:
         except EOFError:
             self.ended = f"ends inside its packed contents at byte {self.path.stat().st_size:,}"
         except (gzip.BadGzipFile, zlib.error) as error:
-            self.ended = f"is damaged at byte {file.tell():,} (its packed contents: {error})"
+            if total == 0 or "Not a gzipped file" in str(error):  # what follows the packed contents is no part of them
+                self.ended = f"is damaged at byte {file.tell():,} (its packed contents: {error})"
+                return
+            raise UnreadableLogError(
+                f"{self.path.name}: its packed contents are damaged ({error}), any line may be wrong: nothing of it is used. "
+                "Copy the file again."
+            ) from None

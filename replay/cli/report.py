@@ -27,4 +27,4 @@ def run(args: argparse.Namespace) -> Answer:
             "runs": [event.run for event in runs],
             "provenance": provenance(store),
         }
-    return Answer(data, f"{args.out}   {len(runs)} sessions; opens offline in any browser")
+    return Answer(data, f"{args.out}   {len(runs)} session{'s' * (len(runs) != 1)}; opens offline in any browser")

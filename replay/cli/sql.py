@@ -22,4 +22,6 @@ def run(args: argparse.Namespace) -> Answer:
     with Store.open(store_folder(args)) as store, warehouse.refresh(store, args.as_of) as opened:
         result = query.run(opened.connection, args.query)
         data = {"schema": "whyhot.sql/1", **answer.to_json(result), "provenance": provenance(store, as_of=args.as_of)}
-        return Answer(data, (answer.to_csv if args.csv else answer.to_text)(result), notes=opened.notes)
+        return Answer(
+            data, answer.to_csv(result).rstrip("\n") if args.csv else answer.to_text(result), notes=opened.notes
+        )

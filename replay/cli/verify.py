@@ -35,7 +35,7 @@ def run(args: argparse.Namespace) -> Answer:
             "provenance": provenance(store, **settings),
         }
     if findings:
-        return Answer(data, f"{len(findings)} findings", code=1, notes=[*findings, *hints])
+        return Answer(data, f"{len(findings)} finding{'s' * (len(findings) != 1)}", code=1, notes=[*findings, *hints])
     depth = "every event and every sealed byte" if args.read else "every event (sealed bytes too with --read)"
     return Answer(data, f"intact: {depth}; head {head.position}:{head.root}", notes=hints)
 

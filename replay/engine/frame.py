@@ -91,7 +91,9 @@ def build(
     names = {c.spec.name for c in needed.values()} | {c.spec.name for group in around.values() for c in group}
     observed = _observed_temperatures(channels, network)
     signals = {name: _signal(name, *clean[name]) for name in sorted(names)}
-    edges, note = _edges(signals, step_s)
+    recorded = [c.t_ns for c in channels if c.t_ns.size and c.spec.role != "ignored"]
+    whole_ns = max(int(t[-1]) for t in recorded) - min(int(t[0]) for t in recorded)
+    edges, note = _edges(signals, step_s, whole_ns)
     shown = {name: signals[name] for name in signals} | {
         c.spec.name: _signal(c.spec.name, *clean[c.spec.name])
         for c in channels
@@ -197,7 +199,7 @@ def _signal(name: str, t_ns: Times, value: Floats) -> Signal:
     return bridge(t_ns, value)
 
 
-def _edges(signals: Mapping[str, Signal], step_s: float) -> tuple[Times, str | None]:
+def _edges(signals: Mapping[str, Signal], step_s: float, whole_ns: int) -> tuple[Times, str | None]:
     start, end = longest_stretch(signals)
     step_ns = round(step_s * 1e9)
     # the last sample holds for one of its own intervals
@@ -206,10 +208,9 @@ def _edges(signals: Mapping[str, Signal], step_s: float) -> tuple[Times, str | N
         raise ReplayDataError(
             f"inputs overlap for {(end - start) / 1e9:.0f} s only: too little to replay. See `whyhot show`."
         )
-    whole = max(int(s.t_ns[-1]) for s in signals.values()) - min(int(s.t_ns[0]) for s in signals.values())
-    left_out = (whole - (end - start)) / 1e9
+    left_out = (whole_ns - (end - start)) / 1e9
     note = (
-        f"{left_out:.0f} s left out: inputs are silent for more than 10 minutes, or not there together"
+        f"{left_out:.0f} s left out: inputs are silent for more than 10 minutes, or not all there"
         if left_out > 60
         else None
     )

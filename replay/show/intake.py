@@ -43,7 +43,8 @@ def intake_text(intake: Intake) -> str:
     lines = [line for taken in intake.files if taken.decode for line in _lines(intake, taken, taken.decode)]
     lines += _flag_lines(intake)
     if intake.sessions:
-        lines.append(f"next: whyhot show {intake.sessions[0].name}")
+        first, names = intake.sessions[0], [session.name for session in intake.sessions]
+        lines.append(f"next: whyhot show {first.name if names.count(first.name) == 1 else first.session}")
     return "\n".join(lines)
 
 

@@ -436,3 +436,13 @@ def test_a_table_of_several_blocks_counts_lines_and_records_through(
     log, t_ns, _ = read(table(tmp_path, "t,T\n" + "\n".join(rows)))
     assert (log.found, len(t_ns), t_ns[-1]) == (3000, 2999, 2999 * S_NS)
     assert [(entry.record, entry.where) for entry in log.rejected] == [(2500, "line 2,502, column T")]
+
+
+def test_a_packed_table_with_a_flipped_byte_is_not_half_believed(tmp_path: Path) -> None:
+    path = tmp_path / "flip.csv.gz"
+    rows = "".join(f"{k},{20 + k % 7 / 10}\n" for k in range(5000))
+    data = bytearray(gzip.compress(f"time,T\n{rows}".encode(), mtime=0))
+    data[len(data) // 2] ^= 0x10
+    path.write_bytes(data)
+    with pytest.raises(UnreadableLogError, match=r"flip\.csv\.gz: .*any line may be wrong"):
+        list(open_log(path).batches())

@@ -235,3 +235,34 @@ def test_damaged_sealed_bytes_are_not_decoded_again(logs: Path, tmp_path: Path) 
     with Store.open(tmp_path / "s", write=True) as store, pytest.raises(DamageError, match=r"5_drive\.blf"):
         redecode(store, facts.at(store.ledger))
     assert {p: p.read_bytes() for p in products} == products
+
+
+def test_ingesting_the_original_again_mends_a_damaged_or_lost_blob(logs: Path, tmp_path: Path) -> None:
+    _take(tmp_path / "s", logs, "5_drive.blf", bench="can.toml")
+    (raw,) = _now(tmp_path / "s").files
+    blob = tmp_path / "s" / "archive" / raw[:2] / raw
+    for left in (b"x", None):
+        blob.unlink()
+        if left:
+            blob.write_bytes(left)
+        assert _take(tmp_path / "s", logs, "5_drive.blf", bench="can.toml").files[0].known
+        with Store.open(tmp_path / "s") as store:
+            assert store.verify(read=True) == []
+
+
+def test_a_table_is_the_same_with_and_without_a_database(logs: Path, tmp_path: Path) -> None:
+    _take(tmp_path / "s", logs, "5_drive.blf", "5_room.csv")
+    paths = [logs / "5_room.csv"]
+    setup = prepare(paths, logs / "bench.toml", [], _no_motor)
+    with Store.open(tmp_path / "s", write=True) as store:
+        assert take_in(store, paths, setup, Override()).files[0].known
+
+
+def test_tables_of_one_test_with_other_columns_do_not_overlap(logs: Path, tmp_path: Path) -> None:
+    shutil.copytree(logs, tmp_path / "in")
+    text = (logs / "5_room.csv").read_text(encoding="utf-8").replace("T_room", "MotorSpeed")
+    (tmp_path / "in" / "5_speed.csv").write_text(text, encoding="utf-8")
+    _take(tmp_path / "s", tmp_path / "in", "5_speed.csv", "5_room.csv")
+    known = _now(tmp_path / "s")
+    assert len(known.sessions) == 1
+    assert "overlap" not in {flag.flag for flags in known.flags.values() for flag in flags}
