@@ -44,15 +44,17 @@ def run(args: argparse.Namespace) -> Answer:
         "store": str(folder.absolute()),
         "store_exists": folder.exists(),
         "free_bytes": free,
-        "packages": {name: _version(name) for name in PACKAGES},
     }
-    lines = [f"{name:<22}{value}" for name, value in facts.items() if name != "packages"]
-    lines += [f"{name:<22}{found or 'not installed'}" for name, found in facts["packages"].items()]  # type: ignore[attr-defined]
+    packages = {name: _version(name) for name in PACKAGES}
+    lines = [f"{name:<22}{value}" for name, value in facts.items()]
+    lines += [f"{name:<22}{found or 'not installed'}" for name, found in packages.items()]
     if affected:
         lines.append(
             "this SQLite can lose data when two processes write at once: whyhot lets only one write, by ledger.lock"
         )
-    return Answer({"schema": "whyhot.doctor/1", **facts, "provenance": provenance(None)}, "\n".join(lines))
+    return Answer(
+        {"schema": "whyhot.doctor/1", **facts, "packages": packages, "provenance": provenance(None)}, "\n".join(lines)
+    )
 
 
 def _version(name: str) -> str | None:
