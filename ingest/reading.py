@@ -108,8 +108,8 @@ def preview(path: Path, folder: Path, time: TimeSpec | None = None) -> Reading:
 
 def _ask_child(name: str, request: Mapping[str, Any], limits: Limits) -> dict[str, Any]:
     command = [sys.executable, "-P", "-m", "ingest.reading"]
-    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
-    with subprocess.Popen(command, env=_environment(), **pipes) as child:  # type: ignore[call-overload]
+    pipe = subprocess.PIPE
+    with subprocess.Popen(command, env=_environment(), stdin=pipe, stdout=pipe, stderr=pipe) as child:
         try:
             out, err = child.communicate(json.dumps(request).encode(), timeout=limits.seconds)
         except subprocess.TimeoutExpired:
@@ -200,7 +200,7 @@ def _read(path: Path, target: Path, time: TimeSpec, attached: Sequence[dict[str,
     from ingest.recording import Attachment, write
 
     log = open_log(path, time)
-    attachments = [Attachment(**entry | {"data": base64.b64decode(entry["data"])}) for entry in attached]  # type: ignore[arg-type]
+    attachments = [Attachment(one["name"], base64.b64decode(one["data"]), one["media_type"]) for one in attached]
     contents = write(target, log, attachments)
     entry = recognise(path)
     rejections = [asdict(one) | {"raw": one.raw.hex()} for one in log.rejected[:SHOWN_REJECTIONS]]

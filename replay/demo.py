@@ -15,7 +15,6 @@ from ingest.setup import prepare
 from ingest.store import Store
 from replay.engine.campaign import replay_sessions
 from replay.engine.models import for_intake
-from replay.engine.sealed import load_run
 from replay.errors import ViewerError
 from replay.shipped import example
 from replay.show.documents import write_layers, write_replay_report
@@ -55,10 +54,10 @@ def run_demo(folder: Path, store_folder: Path) -> Demo:
         known = facts.at(store.ledger)
         names = [session.name for session in intake.sessions]
         report = folder / "report.html"
-        events = write_replay_report(store, known, names, report, "whyhot demo")
-        picture([load_run(store, known, event) for event in events], folder / "picture")
+        runs = write_replay_report(store, known, names, report, "whyhot demo")
+        picture(runs, folder / "picture")
         layers, note = _layers(store, known, names, folder / "layers")
-    summaries = [event.summary for event in events]
+    summaries = [run.summary for run in runs]
     worst = max(summaries, key=lambda summary: max(summary["mae_K"].values()))["session_name"]
     lines = [
         INTRO,
@@ -80,7 +79,7 @@ def run_demo(folder: Path, store_folder: Path) -> Demo:
     data = {
         "schema": "whyhot.demo/1",
         "ingest": intake_json(intake),
-        "runs": [{**event.summary, "run": event.run} for event in events],
+        "runs": [{**run.summary, "run": run.run} for run in runs],
         "report": str(report),
         "layers": [str(path) for path in layers],
     }

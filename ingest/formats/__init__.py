@@ -111,9 +111,7 @@ class Format:
 
     name: str
     holds: str  # "frames" or "rows"
-    suffixes: tuple[
-        str, ...
-    ]  # lower case, with the dot; ".csv.gz" before ".gz" is matched on the whole end of the name
+    suffixes: tuple[str, ...]  # lower case, with the dot; matched on the whole end of the name (".csv.gz")
     magic: bytes  # the file begins so; b"" where it has no mark
     module: str
 

@@ -24,7 +24,7 @@ def run(args: argparse.Namespace) -> Answer:
         data = {
             "schema": "whyhot.report/1",
             "file": str(args.out),
-            "runs": [event.run for event in runs],
+            "runs": [run.run for run in runs],
             "provenance": provenance(store),
         }
     return Answer(data, f"{args.out}   {len(runs)} session{'s' * (len(runs) != 1)}; opens offline in any browser")

@@ -10,6 +10,7 @@ from ingest.catalogue.channels import load
 from ingest.events import ReplayCompleted, SessionRecorded
 from ingest.facts import Facts
 from ingest.store import Store
+from replay.engine.run import Run
 from replay.engine.sealed import load_run
 from replay.errors import ReplayDataError
 from replay.show.layers import write_measured, write_open_loop
@@ -18,17 +19,15 @@ from replay.show.report import ReportContext, write_report
 NAMED = ("whyhot", "numpy", "scipy", "numba", "pyarrow", "matplotlib")
 
 
-def write_replay_report(
-    store: Store, facts: Facts, sessions: Sequence[str], target: Path, command: str
-) -> list[ReplayCompleted]:
-    """The report of the latest run of each session (all replayed ones where none is named); returns their events.
+def write_replay_report(store: Store, facts: Facts, sessions: Sequence[str], target: Path, command: str) -> list[Run]:
+    """The report of the latest run of each session (all replayed ones where none is named); returns these runs.
 
     Raises ReplayDataError where a session was never replayed.
     """
     chosen = [facts.session(text) for text in sessions] or [s for s in facts.sessions if latest_run(facts, s)]
     if not chosen:
         raise ReplayDataError("no session of this store was replayed yet: whyhot replay, then report.")
-    events = [_run_of(facts, session) for session in chosen]
+    runs = [load_run(store, facts, _run_of(facts, session)) for session in chosen]
     head = store.ledger.head()
     context = ReportContext(
         command=command.strip(),
@@ -36,8 +35,8 @@ def write_replay_report(
         versions={name: version(name) for name in NAMED},
     )
     target.parent.mkdir(parents=True, exist_ok=True)
-    write_report([load_run(store, facts, event) for event in events], target, context)
-    return events
+    write_report(runs, target, context)
+    return runs
 
 
 def write_layers(store: Store, facts: Facts, sessions: Sequence[str], folder: Path) -> list[Path]:
