@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from zoneinfo import ZoneInfo, available_timezones
 
+from ingest.corrections import Correction, read_corrections
 from ingest.errors import BenchFileError, ExpressionError, UnitError
 from ingest.expressions import parse
 from ingest.formats import TimeSpec
@@ -30,7 +31,7 @@ TIME_UNITS = ("s", "ms", "us", "ns", "min", "h")
 
 ROOT_KEYS = (
     *("motor", "specimen", "specimen_column", "batch", "batch_column", "kind", "configuration", "attributes"),
-    *("time", "channel", "derived"),
+    *("time", "channel", "derived", "correction"),
 )
 TIME_KEYS = ("column", "format", "unit", "zone", "rate_hz", "start", "join_gap_s")
 COMMON_KEYS = (
@@ -98,6 +99,7 @@ class Bench:
     time: TimeSpec = field(default_factory=TimeSpec)
     join_gap_s: float = 60.0
     channels: tuple[Channel, ...] = ()
+    corrections: tuple[Correction, ...] = ()
 
 
 def read_bench(data: bytes, name: str) -> Bench:
@@ -127,6 +129,7 @@ def read_bench(data: bytes, name: str) -> Bench:
         time=time,
         join_gap_s=join_gap_s,
         channels=tuple(channels),
+        corrections=read_corrections(root.tables("correction"), channels),
     )
 
 

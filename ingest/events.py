@@ -2,7 +2,7 @@
 
 Payload fields are JSON values (str, int, float, bool, None, list, dict); nanoseconds are integers. A stream is named
 `kind-key`: `file-<sha256>`, `database-<sha256>`, `bench-<sha256>`, `motor-<name>`, `session-<id>`, `run-<id>`,
-`calibration-<id>`, `ledger-0`.
+`calibration-<id>`, `diagnosis-<id>`, `ledger-0`.
 """
 
 from __future__ import annotations
@@ -143,7 +143,8 @@ class QualityFlagged(Event):
 
 @dataclass(frozen=True, kw_only=True)
 class ReplayCompleted(Event):
-    """`run-<id>`: a sealed run. `artefacts`: {frame, temperatures, residuals} -> SHA-256 in the archive (Parquet)."""
+    """`run-<id>`: a sealed run. `artefacts`: {frame, temperatures, residuals, filtered} -> SHA-256 in
+    the archive (Parquet); `filtered` where a filter ran."""
 
     TOPIC: ClassVar[str] = "whyhot:ReplayCompleted"
     run: str  # = hash of `key`
@@ -196,6 +197,78 @@ class CalibrationCompleted(Event):
     log_posterior: float
     parameters: list[dict[str, Any]]
     errors: list[dict[str, Any]]
+
+
+@dataclass(frozen=True, kw_only=True)
+class HeldOutOpened(Event):
+    """`diagnosis-<id>`: sessions that were kept from learning were looked at; what is measured on them after this has been
+    seen before."""
+
+    TOPIC: ClassVar[str] = "whyhot:HeldOutOpened"
+    diagnosis: str
+    sessions: list[str]  # ids
+
+
+@dataclass(frozen=True, kw_only=True)
+class CauseNamed(Event):
+    """`diagnosis-<id>`: a cause entered by evidence and survived being left out. `cause`: its id; `estimate` in `unit`;
+    `probability` of what the data cannot tell from it together."""
+
+    TOPIC: ClassVar[str] = "whyhot:CauseNamed"
+    diagnosis: str
+    cause: str
+    estimate: float
+    unit: str
+    log_bayes_factor: float
+    probability: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class ModelExtended(Event):
+    """`diagnosis-<id>`: a motor or bench file with the causes that improved lies in the archive. `model` extends `parent`,
+    `bench` extends `parent_bench`, the versions that the diagnosis began from; None where nothing was to be added to it."""
+
+    TOPIC: ClassVar[str] = "whyhot:ModelExtended"
+    diagnosis: str
+    parent: str | None  # SHA-256 of motor files
+    model: str | None
+    parent_bench: str | None  # SHA-256 of bench files
+    bench: str | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class GainMeasured(Event):
+    """`diagnosis-<id>`: what the causes gain on the kept sessions. `gain`: [{node, mae_before_K, mae_after_K, ci95_K, interval,
+    published_mae_K, outside_trained_share}]."""
+
+    TOPIC: ClassVar[str] = "whyhot:GainMeasured"
+    diagnosis: str
+    gain: list[dict[str, Any]]
+
+
+@dataclass(frozen=True, kw_only=True)
+class DiagnosisCompleted(Event):
+    """`diagnosis-<id>`: a diagnosis is sealed; `artefact` is the SHA-256 of its document (JSON, `whyhot.diagnosis/1`)."""
+
+    TOPIC: ClassVar[str] = "whyhot:DiagnosisCompleted"
+    diagnosis: str  # = hash of `key`
+    key: dict[str, Any]
+    artefact: str
+    summary: dict[str, Any]
+
+
+@dataclass(frozen=True, kw_only=True)
+class CauseAccepted(Event):
+    """`diagnosis-<id>`: a person took its improved causes: from here on `model` is current in place of `parent`, and `bench` in
+    place of `parent_bench`; None where there is nothing of the kind."""
+
+    TOPIC: ClassVar[str] = "whyhot:CauseAccepted"
+    diagnosis: str
+    causes: list[str]  # ids
+    parent: str | None  # SHA-256 of motor files
+    model: str | None
+    parent_bench: str | None  # SHA-256 of bench files
+    bench: str | None
 
 
 @dataclass(frozen=True, kw_only=True)

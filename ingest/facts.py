@@ -10,8 +10,11 @@ from ingest.envelope import Recorded
 from ingest.errors import UnknownSessionError
 from ingest.events import (
     BenchRegistered,
+    CauseAccepted,
     DecodeCompleted,
+    DiagnosisCompleted,
     Event,
+    HeldOutOpened,
     ModelPublished,
     QualityFlagged,
     RawFileSealed,
@@ -43,6 +46,9 @@ class Facts:
     old_names: Mapping[str, str]  # name that a session no longer has -> its id then
     runs: Mapping[str, ReplayCompleted]  # by run id
     flags: Mapping[str, Sequence[QualityFlagged]]  # by stream: session-<id> or file-<sha256>
+    diagnoses: Mapping[str, DiagnosisCompleted]  # by diagnosis id, the latest last
+    opened: Mapping[str, Sequence[str]]  # current session -> the diagnoses that opened it as a kept one
+    successors: Mapping[str, str]  # model or bench file -> the version that was accepted in its place
 
     def decode_of(self, raw: str, bench: str | None) -> DecodeCompleted | None:
         """The latest decode of a raw file (SHA-256) under a bench file (SHA-256; None: without one)."""
@@ -50,12 +56,16 @@ class Facts:
         return found[-1] if found else None
 
     def bench_of(self, session: SessionRecorded) -> BenchRegistered | None:
-        """The bench file that a session points to now."""
-        return self.benches.get(session.bench) if session.bench else None
+        """The bench file that a session points to now, or the version that was accepted in its place."""
+        return self.benches.get(self.current(session.bench)) if session.bench else None
 
     def model_of(self, bench: BenchRegistered | None) -> ModelPublished | None:
         """The model that a bench file named when it was sealed."""
         return self.models.get(bench.model) if bench and bench.model else None
+
+    def current(self, sha256: str) -> str:
+        """The version of a model or bench file that was accepted in its place, and in place of that one; else itself."""
+        return _end(self.successors, sha256)
 
     def session(self, text: str) -> SessionRecorded:
         """The current session with this id (old ones too), name, or unique beginning of an id.
@@ -63,9 +73,9 @@ class Facts:
         Raises UnknownSessionError where there is none, or more than one.
         """
         current = {session.session: session for session in self.sessions}
-        ids = {one: self._now(one) for one in [*current, *self.joined]}
+        ids = {one: _end(self.joined, one) for one in [*current, *self.joined]}
         by_name = [session.session for session in self.sessions if session.name == text]
-        by_name = by_name or [self._now(self.old_names[text])] if text in self.old_names else by_name
+        by_name = by_name or [_end(self.joined, self.old_names[text])] if text in self.old_names else by_name
         by_start = {now for one, now in ids.items() if text and one.startswith(text.lower())}
         found = [ids[text]] if text in ids else by_name or sorted(by_start)
         if len(found) == 1 and found[0] in current:
@@ -73,14 +83,6 @@ class Facts:
         if len(found) > 1:
             raise UnknownSessionError(f"session {text!r}: {len(found)} are called so: give the id: {', '.join(found)}")
         raise UnknownSessionError(f"session {text!r}: is not in this store. {self._what_there_is(text)}")
-
-    def _now(self, session: str) -> str:
-        """The id that an old id stands for now."""
-        seen = {session}
-        while session in self.joined and self.joined[session] not in seen:
-            session = self.joined[session]
-            seen.add(session)
-        return session
 
     def _what_there_is(self, text: str) -> str:
         if not self.sessions:
@@ -108,6 +110,9 @@ def fold(recorded: Iterable[Recorded]) -> Facts:
         old_names={one.event.name: one.event.session for one in events if isinstance(one.event, SessionRecorded)},
         runs=_latest(events, ReplayCompleted, lambda event: event.run),
         flags=flags,
+        diagnoses=_latest(events, DiagnosisCompleted, lambda event: event.diagnosis),
+        opened=_opened(events, joined),
+        successors=_successors(events),
     )
 
 
@@ -139,3 +144,35 @@ def _sessions(events: Iterable[Recorded]) -> tuple[dict[str, SessionRecorded], d
                 current.pop(event.session, None)
                 joined[event.session] = event.into
     return current, joined
+
+
+def _opened(events: Iterable[Recorded], joined: Mapping[str, str]) -> dict[str, list[str]]:
+    """A session that a late file joined was opened with what it holds of the old one."""
+    opened: dict[str, dict[str, None]] = {}
+    for one in events:
+        if isinstance(one.event, HeldOutOpened):
+            for session in one.event.sessions:
+                opened.setdefault(_end(joined, session), {})[one.event.diagnosis] = None
+    return {session: list(diagnoses) for session, diagnoses in opened.items()}
+
+
+def _successors(events: Iterable[Recorded]) -> dict[str, str]:
+    """What is accepted is current: whatever had its own place before has it no more."""
+    successors: dict[str, str] = {}
+    for one in events:
+        if isinstance(one.event, CauseAccepted):
+            accepted = one.event
+            for parent, child in ((accepted.parent, accepted.model), (accepted.parent_bench, accepted.bench)):
+                if parent and child:
+                    successors[parent] = child
+                    successors.pop(child, None)
+    return successors
+
+
+def _end(leads: Mapping[str, str], start: str) -> str:
+    """Where `start` leads to in the end; a circle ends before it closes."""
+    seen = {start}
+    while start in leads and leads[start] not in seen:
+        start = leads[start]
+        seen.add(start)
+    return start

@@ -14,7 +14,9 @@ from ingest.envelope import Recorded
 from ingest.events import (
     BenchRegistered,
     DecodeCompleted,
+    DiagnosisCompleted,
     Event,
+    ModelExtended,
     ModelPublished,
     RawFileSealed,
     ReplayCompleted,
@@ -60,6 +62,10 @@ def _cites(event: Event) -> Iterator[tuple[str, str]]:
         case ReplayCompleted():
             for name, sha256 in event.artefacts.items():
                 yield sha256, f"{name} of run {event.run}"
+        case DiagnosisCompleted():
+            yield event.artefact, f"document of diagnosis {event.diagnosis}"
+        case ModelExtended():
+            yield from ((one, f"extension by diagnosis {event.diagnosis}") for one in (event.model, event.bench) if one)
 
 
 def _damaged_blobs(archive: Archive, cited: Mapping[str, str], read: bool) -> Iterator[str]:

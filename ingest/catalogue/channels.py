@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ingest.bench import Channel, read_bench
+from ingest.bench import Bench, Channel, read_bench
+from ingest.corrections import AMBIENT, Correction, correct, true_times, true_values
 from ingest.errors import DamageError, UnitError
 from ingest.events import DecodeCompleted, SessionRecorded
 from ingest.expressions import parse
@@ -25,8 +26,8 @@ if TYPE_CHECKING:
 STALE_MEDIANS = 5.0  # a value is held for as many median intervals of its channel, not longer
 
 Array = NDArray[np.float64]
-_Samples = tuple[NDArray[np.int64], NDArray[np.int64], Array]  # t_ns, record, value
 _Entry = Mapping[str, Any]  # of DecodeCompleted.channels
+_Around = Callable[[NDArray[np.int64]], Array]  # stamps (N,) -> temperatures (N,) [degC]
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +35,9 @@ class ChannelData:
     """All samples of one channel of a session, over all its files, in the order of time. Arrays (N,).
 
     `t_ns` int64 [ns]; `value` float64, finite, in the stored unit of the quantity; `record` int64, position among the
-    records of its file; `raw` int64, index into `raws`, the SHA-256 of the session's files that hold this channel.
+    records of its file; `raw` int64, index into `raws`, the SHA-256 of the session's files that hold this channel; `buses`,
+    one for each of these: what stamped its samples there, `can<n>` or the stem of a table's name. Stamps and values are
+    without what the bench file's corrections say is wrong with them; `read`: the values before, where they were corrected.
     """
 
     spec: ResolvedChannel
@@ -43,6 +46,13 @@ class ChannelData:
     record: NDArray[np.int64]
     raw: NDArray[np.int64]
     raws: tuple[str, ...]
+    buses: tuple[str, ...] = ()
+    read: Array | None = None
+
+    @property
+    def recorded(self) -> Array:
+        """The values as they were read (N,): equal neighbours are equal there, whatever was taken off."""
+        return self.value if self.read is None else self.read
 
     @property
     def unit(self) -> str | None:
@@ -73,17 +83,23 @@ class Aligned:
 def load(store: Store, facts: Facts, session: SessionRecorded) -> list[ChannelData]:
     """Every channel of a session that has samples, in the order of its files; empty cells are left out.
 
-    These are the channels of the bench file, the ignored ones too. Without a bench file they are all signals: of the
-    quantity that was guessed, in its stored unit, or else of quantity "" in the file's unit. Raises DamageError for
-    Parquet or a bench file that is damaged or not there.
+    These are the channels of the bench file, the ignored ones too, and its corrections are taken off here: those of the
+    version that was accepted in place of the one that a file was decoded under. Heat along a sensor's leads stays in where
+    the session does not know the ambient. Without a bench file they are all signals: of the quantity that was guessed, in
+    its stored unit, or else of quantity "" in the file's unit. Raises DamageError for Parquet or a bench file that is
+    damaged or not there.
     """
-    pieces: dict[str, list[tuple[ResolvedChannel, str, _Samples]]] = {}
+    pieces: dict[str, list[_Piece]] = {}
     for file in session.files:
         decode = facts.decodes[file["decode"]]
-        specs = _of_bench(store, facts, decode) if decode.bench else _guessed(decode)
-        for spec, samples in _of_file(store.decoded(decode.decode), decode, specs, file):
-            pieces.setdefault(spec.name, []).append((spec, decode.raw, samples))
-    return [_joined(some) for some in pieces.values()]
+        bench = _bench_of(store, facts, decode)
+        sources = _of_bench(bench, decode) if bench else _guessed(decode)
+        for piece in _of_file(store.decoded(decode.decode), decode, sources, file):
+            name = facts.files[decode.raw].name
+            moved = _on_time(piece, bench, name.split(".")[0], session.start_ns)
+            pieces.setdefault(piece.spec.name, []).append(moved)
+    around = _ambient(pieces, session.start_ns)
+    return [_joined(some, session.start_ns, around) for some in pieces.values()]
 
 
 def step_of(value: Array) -> float | None:
@@ -153,34 +169,68 @@ def block_means(t_ns: NDArray[np.int64], value: Array, span: tuple[int, int], bl
     return held
 
 
-def _of_bench(store: Store, facts: Facts, decode: DecodeCompleted) -> list[tuple[_Entry, ResolvedChannel]]:
+@dataclass(frozen=True)
+class _Source:
+    """A channel in one decode: its entry there, what it is, and what is to be taken off its values."""
+
+    entry: _Entry
+    spec: ResolvedChannel
+    steps: tuple[Correction, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class _Piece:
+    """The samples of a channel in one file (N,), values as they were read. `bus` as in the file, None of a table."""
+
+    spec: ResolvedChannel
+    steps: tuple[Correction, ...]
+    raw: str
+    bus: str | None
+    t_ns: NDArray[np.int64]
+    record: NDArray[np.int64]
+    value: Array
+
+
+def _bench_of(store: Store, facts: Facts, decode: DecodeCompleted) -> Bench | None:
+    """The bench file of a decode, or the version that was accepted in its place."""
+    if decode.bench is None:
+        return None
+    sha = facts.current(decode.bench)
+    return read_bench(store.archive.read(sha), facts.benches[sha].name)
+
+
+def _of_bench(bench: Bench, decode: DecodeCompleted) -> list[_Source]:
     """What a decode recorded of each channel of its bench file, and the channel, resolved again from the sealed file.
 
     The samples are converted already; which nodes are boundaries was known then, when the motor file was at hand.
     """
-    sha = str(decode.bench)
-    bench = read_bench(store.archive.read(sha), facts.benches[sha].name)
     signals = [Signal(**entry["signal"]) for entry in decode.channels if entry["signal"]]
     directory = Directory(signals)
-    here = [one for one in bench.channels if all(directory.find(name) for name in _needs(one))]
+    corrected = correct(bench.name, bench.channels, bench.corrections)
+    here = [
+        (channel, steps)
+        for channel, steps in zip(corrected.channels, corrected.steps, strict=True)
+        if channel.quantity and all(directory.find(name) for name in _needs(channel))
+    ]
     around = {entry["node"] for entry in decode.channels if entry["role"] == "input" and entry["node"]}
-    specs = resolve(replace(bench, channels=tuple(here)), signals, around)
-    derived = {spec.name: spec for spec in specs if spec.derived}
-    plain = {spec.signals[0]: spec for spec in specs if not spec.derived}
-    found = [
+    specs = resolve(replace(bench, channels=tuple(channel for channel, _ in here)), signals, around)
+    found = [(spec, steps) for spec, (_, steps) in zip(specs, here, strict=True)]
+    derived = {one[0].name: one for one in found if one[0].derived}
+    plain = {one[0].signals[0]: one for one in found if not one[0].derived}
+    matched = [
         (entry, plain.get(Signal(**entry["signal"])) if entry["signal"] else derived.get(entry["name"]))
         for entry in decode.channels
     ]
-    return [(entry, replace(spec, name=entry["name"])) for entry, spec in found if spec]
+    return [_Source(entry, replace(one[0], name=entry["name"]), one[1]) for entry, one in matched if one]
 
 
 def _needs(channel: Channel) -> Sequence[str]:
     return parse(channel.expression).names if channel.expression else (str(channel.signal),)
 
 
-def _guessed(decode: DecodeCompleted) -> list[tuple[_Entry, ResolvedChannel]]:
+def _guessed(decode: DecodeCompleted) -> list[_Source]:
     """The signals of a decode without a bench file."""
-    return [(entry, _guess(entry)) for entry in decode.channels]
+    return [_Source(entry, _guess(entry)) for entry in decode.channels]
 
 
 def _guess(entry: _Entry) -> ResolvedChannel:
@@ -195,22 +245,44 @@ def _guess(entry: _Entry) -> ResolvedChannel:
 
 
 def _of_file(
-    folder: Path, decode: DecodeCompleted, specs: Sequence[tuple[_Entry, ResolvedChannel]], file: Mapping[str, Any]
-) -> Iterator[tuple[ResolvedChannel, _Samples]]:
+    folder: Path, decode: DecodeCompleted, sources: Sequence[_Source], file: Mapping[str, Any]
+) -> Iterator[_Piece]:
     """The samples of each channel in the records of one file that belong to the session."""
     tables = {
         group["name"]: _read(
-            folder / group["file"], [one["column"] for one, _ in specs if one["group"] == group["name"]]
+            folder / group["file"], [one.entry["column"] for one in sources if one.entry["group"] == group["name"]]
         )
         for group in decode.groups
     }
-    for entry, spec in specs:
-        table = tables[entry["group"]]
-        record, value = table["record"], table[entry["column"]]
+    buses = {entry["group"]: entry["signal"]["bus"] for entry in decode.channels if entry["signal"]}
+    for source in sources:
+        group = source.entry["group"]
+        record, value = tables[group]["record"], tables[group][source.entry["column"]]
         kept = (record >= file["first_record"]) & (record <= file["last_record"]) & np.isfinite(value)
         if kept.any():
-            stored = value[kept] if decode.bench else spec.conversion(value[kept])
-            yield spec, (table["t_ns"][kept], record[kept], stored)
+            stored = value[kept] if decode.bench else source.spec.conversion(value[kept])
+            t_ns = tables[group]["t_ns"][kept]
+            yield _Piece(source.spec, source.steps, decode.raw, buses.get(group), t_ns, record[kept], stored)
+
+
+def _on_time(piece: _Piece, bench: Bench | None, stem: str, start_ns: int) -> _Piece:
+    """With the bus that its clock goes by, a table's own where it is of none, and the stamps that are true of it."""
+    bus = piece.bus or stem
+    return replace(piece, bus=bus, t_ns=true_times(piece.t_ns, bench.corrections if bench else (), bus, start_ns))
+
+
+def _ambient(pieces: Mapping[str, Sequence[_Piece]], start_ns: int) -> _Around | None:
+    """The ambient temperature, mean over its channels, where a reading must be freed of it and the session knows it."""
+    if not any(step.law == "stem" for some in pieces.values() for piece in some for step in piece.steps):
+        return None
+    found = [
+        _joined(some, start_ns, None)
+        for some in pieces.values()
+        if (some[0].spec.node, some[0].spec.quantity) == (AMBIENT, "temperature") and some[0].spec.role != "ignored"
+    ]
+    if not found:
+        return None
+    return lambda t_ns: np.asarray(np.mean([np.interp(t_ns, one.t_ns, one.value) for one in found], axis=0))
 
 
 def _read(path: Path, columns: Sequence[str]) -> dict[str, NDArray[Any]]:
@@ -227,16 +299,36 @@ def _read(path: Path, columns: Sequence[str]) -> dict[str, NDArray[Any]]:
     return {name: table.column(name).to_numpy() for name in table.column_names}
 
 
-def _joined(some: Sequence[tuple[ResolvedChannel, str, _Samples]]) -> ChannelData:
+def _joined(some: Sequence[_Piece], start_ns: int, around: _Around | None) -> ChannelData:
     """One channel from its pieces in several files, sorted by time; its resolution from the data where none was known."""
-    raws = tuple(dict.fromkeys(raw for _, raw, _ in some))
-    t_ns, record, value = (np.concatenate([samples[i] for _, _, samples in some]) for i in range(3))
-    raw = np.concatenate([np.full(len(samples[0]), raws.index(raw), np.int64) for _, raw, samples in some])
+    pieces = {piece.raw: piece for piece in some}
+    raws = tuple(pieces)
+    t_ns, record, read = (
+        np.concatenate([getattr(piece, name) for piece in some]) for name in ("t_ns", "record", "value")
+    )
+    value = np.concatenate([_true_values(piece, start_ns, around) for piece in some]).astype(np.float64)
+    raw = np.concatenate([np.full(len(piece.t_ns), raws.index(piece.raw), np.int64) for piece in some])
     order = np.argsort(t_ns, kind="stable")
-    order = order[_once(t_ns[order], value[order], raw[order])]
-    value, step = value[order].astype(np.float64), step_of(value[order])
-    spec = some[0][0].with_step(step) if step else some[0][0]
-    return ChannelData(spec, t_ns[order], value, record[order], raw[order], raws)
+    order = order[_once(t_ns[order], read[order], raw[order])]
+    read, step = read[order].astype(np.float64), step_of(read[order])
+    return ChannelData(
+        spec=some[0].spec.with_step(step) if step else some[0].spec,
+        t_ns=t_ns[order],
+        value=value[order],
+        record=record[order],
+        raw=raw[order],
+        raws=raws,
+        buses=tuple(str(piece.bus) for piece in pieces.values()),
+        read=read if any(piece.steps for piece in some) else None,
+    )
+
+
+def _true_values(piece: _Piece, start_ns: int, around: _Around | None) -> Array:
+    if not piece.steps:
+        return piece.value
+    stem = around is not None and any(step.law == "stem" for step in piece.steps)
+    ambient = around(piece.t_ns) if around is not None and stem else None
+    return true_values(piece.value, piece.steps, (piece.t_ns - start_ns) / 3.6e12, ambient)
 
 
 def _once(t_ns: NDArray[np.int64], value: NDArray[Any], raw: NDArray[np.int64]) -> NDArray[np.bool_]:

@@ -151,7 +151,7 @@ def _assess(channel: ChannelData, channels: Sequence[ChannelData], least: Sequen
         low=float(value.min()) if len(value) else None,
         high=float(value.max()) if len(value) else None,
         noise=noise_of(value),
-        resolution=step_of(channel.value),
+        resolution=step_of(channel.recorded),
         gaps=_gaps(t_ns, interval, median),
         stretches=tuple(held),
         good=good,
@@ -165,7 +165,7 @@ def _gaps(t_ns: NDArray[np.int64], interval: NDArray[np.int64], median: float) -
 
 def _least_movement(channel: ChannelData) -> float | None:
     """10 times what the channel resolves; None for one that never moves."""
-    step = channel.spec.resolution or step_of(channel.value)
+    step = channel.spec.resolution or step_of(channel.recorded)
     return RESOLUTIONS * max(step, noise_of(channel.value) or 0.0) if step else None
 
 
@@ -175,7 +175,7 @@ def _held(channel: ChannelData, channels: Sequence[ChannelData], least: Sequence
     found = []
     for raw in np.unique(channel.raw).tolist():
         index = np.flatnonzero(channel.raw == raw)
-        t_ns, value = channel.t_ns[index], channel.value[index]
+        t_ns, value = channel.t_ns[index], channel.recorded[index]
         for first, last in _improbable(t_ns, value):
             span = slice(t_ns[first], t_ns[last])
             at_zero = value[first] == 0.0 and channel.spec.role != "observed"

@@ -29,7 +29,7 @@ def replay_key(
     return {
         "raw": sorted({d.raw for d in decodes}),
         "databases": sorted({sha for d in decodes for sha in d.databases}),
-        "bench": session.bench,
+        "bench": facts.current(session.bench) if session.bench else None,
         "decoder": sorted({d.decoder for d in decodes}),
         "clocks": {},
         "model": model,

@@ -56,7 +56,10 @@ def find_model(facts: Facts, text: str) -> str:
 
 
 def model_of(facts: Facts, session: SessionRecorded) -> str:
-    """The model that a session's bench file names. Raises ReplayDataError where there is none."""
+    """The model that a session's bench file names, or the one that was accepted in its place.
+
+    Raises ReplayDataError where there is none.
+    """
     bench = facts.bench_of(session)
     if bench is None:
         raise ReplayDataError(
@@ -67,7 +70,7 @@ def model_of(facts: Facts, session: SessionRecorded) -> str:
             f'session {session.name}: {bench.name} names no motor file: add motor = "motor.toml" to it and ingest again, '
             "or say --model motor.toml."
         )
-    return bench.model
+    return facts.current(bench.model)
 
 
 def model_named(store: Store, text: str | None) -> str | None:

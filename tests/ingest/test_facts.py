@@ -12,7 +12,10 @@ from ingest.envelope import Recorded
 from ingest.errors import UnknownSessionError
 from ingest.events import (
     BenchRegistered,
+    CauseAccepted,
+    DiagnosisCompleted,
     Event,
+    HeldOutOpened,
     ModelPublished,
     QualityFlagged,
     ReplayCompleted,
@@ -196,3 +199,42 @@ def test_facts_are_as_of_an_event_or_a_time(tmp_path: Path) -> None:
         assert len(facts_module.at(ledger).sessions) == 2
         assert len(facts_module.at(ledger, "1").sessions) == 1
         assert len(facts_module.at(ledger, first.recorded).sessions) == 1
+
+
+def accepted(**pairs: str | None) -> CauseAccepted:
+    given: dict[str, str | None] = {"parent": None, "model": None, "parent_bench": None, "bench": None}
+    return CauseAccepted(diagnosis="d", causes=[], **(given | pairs))
+
+
+def test_accepted_versions_are_followed_to_the_last_one() -> None:
+    facts = fold(accepted(parent="m1", model="m2", parent_bench="b1", bench="b2"), accepted(parent="m2", model="m3"))
+    assert [facts.current(one) for one in ("m1", "m2", "m3", "b1", "b2", "other")] == [
+        *("m3", "m3", "m3", "b2", "b2", "other")
+    ]
+
+
+def test_the_last_acceptance_counts_and_what_it_takes_is_replaced_by_nothing() -> None:
+    facts = fold(*(accepted(parent=a, model=b) for a, b in (("m1", "m2"), ("m2", "m3"), ("m3", "m1"))))
+    assert [facts.current(one) for one in ("m1", "m2", "m3")] == ["m1", "m1", "m1"]
+    assert fold(accepted(parent="m1", model="m1")).current("m1") == "m1"
+
+
+def test_a_session_points_to_the_bench_file_that_was_accepted_in_place_of_its_own() -> None:
+    benches = [BenchRegistered(sha256=sha, name="bench.toml", motor=None, model=None) for sha in ("b1", "b2")]
+    facts = fold(*benches, session("1", "1_s1", bench="b1"), accepted(parent_bench="b1", bench="b2"))
+    assert facts.bench_of(facts.session("1")) == benches[1]
+    assert facts.session("1").bench == "b1"
+
+
+def test_diagnoses_are_found_by_id_and_kept_sessions_know_who_opened_them() -> None:
+    done = DiagnosisCompleted(diagnosis="d1", key={}, artefact="a", summary={})
+    facts = fold(
+        session("aa", "1"),
+        *(HeldOutOpened(diagnosis=number, sessions=["aa", "cc"]) for number in ("d1", "d1", "d2")),
+        done,
+        session("bb", "1"),
+        regrouped("aa", "bb"),
+        HeldOutOpened(diagnosis="d3", sessions=["bb"]),
+    )
+    assert facts.diagnoses == {"d1": done}
+    assert facts.opened == {"bb": ["d1", "d2", "d3"], "cc": ["d1", "d2"]}

@@ -1,0 +1,54 @@
+"""`whyhot accept DIAGNOSIS`: the extended model or bench version becomes current."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Mapping
+from typing import Any
+
+from replay.cli.answer import Answer, provenance, store_folder
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("diagnosis", metavar="DIAGNOSIS", help="id of a diagnosis, or its beginning, as d-4f0c")
+
+
+def run(args: argparse.Namespace) -> Answer:
+    from ingest.store import Store
+    from replay.studies.accept import accept
+
+    with Store.open(store_folder(args), write=True) as store:
+        done = accept(store, args.diagnosis)
+        event = done.event
+        data = {
+            "schema": "whyhot.acceptance/1",
+            "diagnosis": event.diagnosis,
+            "causes": event.causes,
+            "parent": event.parent,
+            "model": event.model,
+            "parent_bench": event.parent_bench,
+            "bench": event.bench,
+            "written": not done.known,
+            "provenance": provenance(store),
+        }
+    notes = [
+        f"session {name}: goes on with model {model[:8]}: say --model {str(event.model)[:8]} to replay it."
+        for name, model in done.elsewhere.items()
+    ]
+    return Answer(data, _text(data), notes=notes)
+
+
+def _text(data: Mapping[str, Any]) -> str:
+    from replay.show.terminal import labelled
+    from replay.show.words import joined, short
+
+    now = [
+        f"{what} {short(data[new])} in place of {short(data[old])}"
+        for what, new, old in (("model", "model", "parent"), ("bench file", "bench", "parent_bench"))
+        if data[new]
+    ]
+    told = "is accepted" if data["written"] else "was accepted before: nothing was written"
+    lines = labelled("Accepted" if data["written"] else "Nothing new", f"d-{short(data['diagnosis'])} {told}")
+    lines += labelled("Causes", joined(data["causes"]))
+    lines += labelled("Current", joined(now))
+    return "\n".join([*lines, "", *labelled("Next", "whyhot replay, then whyhot report")])

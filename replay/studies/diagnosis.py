@@ -1,0 +1,161 @@
+"""What a diagnosis says, as data: one dataclass, and `document` its one serialisation (`whyhot.diagnosis/1`)."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, fields
+from typing import Any
+
+SCHEMA = "whyhot.diagnosis/1"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Shown:
+    """What the model as published gets wrong at one channel of one session, before anything is fitted [K]. `floor_K`: what
+    no model could go below; `white`: the residual is as the sensor's noise; `where`: range of each input in which the error
+    is largest, quantity with unit -> [from, to]."""
+
+    session: str
+    session_name: str
+    channel: str
+    node: str
+    mae_K: float
+    max_K: float
+    bias_K: float
+    floor_K: float
+    white: bool
+    where: dict[str, list[float]]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Named:
+    """A cause that entered by evidence and survived being left out. `estimate`, `ci95` in `unit`; `typical_W` at the mean of the
+    training sessions (None where the cause is no heat); `largest_effect_K` on the modelled `largest_effect_node`, in session
+    `largest_effect_session` at `largest_effect_t_s`; `formula` of the term as the extended file has it."""
+
+    id: str
+    says: str
+    members: list[str]
+    estimate: float
+    ci95: list[float]
+    unit: str
+    typical_W: float | None
+    largest_effect_K: float
+    largest_effect_node: str
+    largest_effect_session: str
+    largest_effect_t_s: float
+    formula: str
+    log_bayes_factor: float
+    probability: float
+    member_probability: float
+    indistinguishable_from: list[str]
+    separating_test: str | None
+    significant: bool
+    identified: bool
+    improved: bool
+    why_not_improved: str | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rival:
+    """A candidate that was not named, and why."""
+
+    id: str
+    says: str
+    log_bayes_factor: float
+    why_not: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class UnknownHeat:
+    """A heat at a node that no candidate explains: its range [W] (cooling negative) while it is active, the range of each input
+    and temperature then (name with unit -> [from, to]), and what it goes with, strongest first."""
+
+    node: str
+    watts: list[float]
+    when: dict[str, list[float]]
+    goes_with: list[str]
+    log_bayes_factor: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Gain:
+    """Mean absolute error at a node over the kept sessions [K]: recalibrated without the causes, with them, as published.
+    `ci95_K`: of the difference; `outside_trained_share`: of kept time in speed-current cells that training never visited."""
+
+    node: str
+    mae_before_K: float
+    mae_after_K: float
+    ci95_K: list[float]
+    interval: str
+    published_mae_K: float
+    outside_trained_share: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Masked:
+    """A data fault found before calibration and left out: a held, stuck, saturated or dead stretch of a channel."""
+
+    session: str
+    session_name: str
+    channel: str
+    says: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Diagnosis:
+    """The whole answer. Models are ids: `model` as published, `recalibrated_model` without a new term, `extended_model` with
+    the improved causes (None where nothing is to be added); `extended_bench` likewise for sensors, clocks and inputs.
+
+    `candidates` tried, `steps` simulated once over training, `null_log_bayes_factor` the 95 % quantile of the best of them
+    on data that hold none, `threshold` what a term must exceed; `log_score_gain` of kept sessions with its lower bound.
+    """
+
+    diagnosis: str
+    motor: str
+    level: str
+    model: str
+    train: list[str]
+    held_out: list[str]
+    train_names: list[str]
+    held_out_names: list[str]
+    opened_before: bool  # the kept sessions were opened by an earlier diagnosis
+    shown: list[Shown]
+    causes: list[Named]
+    rivals: list[Rival]
+    unknown: list[UnknownHeat]
+    masked: list[Masked]
+    recalibrated_model: str | None
+    extended_model: str | None
+    extended_bench: str | None
+    gain: list[Gain]
+    log_score_gain: float | None
+    log_score_gain_lower: float | None
+    few_kept_data: bool
+    candidates: int
+    dropped: list[str]  # candidates that made the model unstable
+    steps: int
+    null_log_bayes_factor: float
+    threshold: float
+    next_test: str | None
+    seconds: float
+
+
+def document(diagnosis: Diagnosis, provenance: dict[str, Any]) -> dict[str, Any]:
+    """The JSON answer."""
+    return {"schema": SCHEMA, **asdict(diagnosis), "provenance": provenance}
+
+
+def read(document: dict[str, Any]) -> Diagnosis:
+    """The diagnosis of a document that `document` wrote."""
+    parts = {
+        "shown": Shown,
+        "causes": Named,
+        "rivals": Rival,
+        "unknown": UnknownHeat,
+        "masked": Masked,
+        "gain": Gain,
+    }
+    values = {field.name: document[field.name] for field in fields(Diagnosis)}
+    for name, cls in parts.items():
+        values[name] = [cls(**entry) for entry in values[name]]
+    return Diagnosis(**values)
