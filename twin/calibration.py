@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import DivergedError
-from twin.features import monomial, terms
+from twin.features import product, terms
 from twin.kernel import Compiled, Load, compile_network, load_in_memory
 from twin.network import Network
 from twin.noise import ChannelNoise, Series, whiten
@@ -338,7 +338,7 @@ def names(network: Network) -> tuple[str, ...]:
     """The motor's parameters as `kind.place.law`; a law that stands twice at a place is counted from its second on."""
     places = [(f"conductance.{link.a}-{link.b}", link.terms) for link in network.links]
     places += [(f"loss.{source.node}", source.terms) for source in network.sources]
-    found = [f"{place}.{monomial(term).name}" for place, group in places for term in group]
+    found = [f"{place}.{product(term).name}" for place, group in places for term in group]
     again = [found[:i].count(name) for i, name in enumerate(found)]
     laws = [f"{name}#{count + 1}" if count else name for name, count in zip(found, again, strict=True)]
     return (*laws, *(f"capacity.{node.name}.scale" for node in network.nodes))

@@ -29,7 +29,7 @@ from twin.columns import (
     Place,
     Reading,
 )
-from twin.features import Monomial, is_known, monomial, monomials, quantity
+from twin.features import Monomial, is_known, monomial, monomials, product, quantity
 from twin.network import Network, Term
 from twin.sizes import Sigma
 
@@ -170,19 +170,19 @@ def _entry_factor(cause: Cause, places: tuple[Place, ...], shown: tuple[str, ...
 
 def _laws(own: Sequence[tuple[Term, ...]], table: Sequence[str], features: frozenset[str]) -> Iterator[Monomial]:
     """The laws of the table and of the places' own terms, without the one that a place's only term already is."""
-    only = {monomial(terms[0]) for terms in own if len(terms) == 1}
-    shared = set.intersection(*({monomial(term) for term in terms} for terms in own))
-    ordered = [m for m in dict.fromkeys(monomial(t) for terms in own for t in terms) if m in shared]
+    only = {product(terms[0]) for terms in own if len(terms) == 1}
+    shared = set.intersection(*({product(term) for term in terms} for terms in own))
+    ordered = [m for m in dict.fromkeys(product(t) for terms in own for t in terms) if m in shared]
     for law in table:
         exponents = _exponents(Cause("loss", "any", law), features)
         if exponents is not None:
-            ordered.append(monomial(Term(1.0, exponents)))
+            ordered.append(product(Term(1.0, exponents)))
     yield from (m for m in dict.fromkeys(ordered) if m not in only)
 
 
 def _unit_term(own: Sequence[Term], law: Monomial) -> Term:
     """Coefficient 1 with the law; it falls and rises with temperature as the place's own term of that law does."""
-    like = next((term for term in own if monomial(term) == law), Term(1.0))
+    like = next((term for term in own if product(term) == law), Term(1.0))
     return Term(1.0, law.exponents, copper=like.copper, resistance=like.resistance, temperature=like.temperature)
 
 
@@ -332,7 +332,7 @@ def _clocks(channels: Sequence[ObservedChannel], inputs: Sequence[InputChannel])
 
 
 def _inputs(network: Network, inputs: Sequence[InputChannel]) -> Iterator[Candidate]:
-    used = {feature for m in monomials(network) for feature in m.exponents}
+    used = {feature for m in monomials(network) for feature in m.features}
     for name in dict.fromkeys(i.name for i in inputs if i.name in used):
         own = str(quantity(name))
         gain = FLOW_GAIN if own == "flow" else INPUT_GAIN

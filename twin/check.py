@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import itertools
 import math
 import re
 from collections.abc import Iterable, Sequence
@@ -19,9 +20,10 @@ from twin.errors import (
     LinkError,
     UnknownNodeError,
 )
-from twin.network import Link, Network, Source, Term
+from twin.network import Link, Network, Shape, Source, Term
 
 NAME = re.compile(r"[a-z][a-z0-9_]*")
+MOST_CURRENT = 1.5  # up to this, in units of the scale, a shape must leave a loss its sign: short peaks go beyond 1
 
 
 def check(network: Network) -> None:
@@ -113,6 +115,8 @@ def _check_terms(network: Network, entry: Entry, place: Link | Source, nodes: Se
         _check_factors(entry, number, term, isinstance(place, Link), nodes)
         for feature, exponent in term.exponents.items():
             _check_feature(network, entry, number, feature, exponent)
+        if term.shape is not None:
+            _check_shape(network, entry, number, term.shape, isinstance(place, Link))
 
 
 def _check_coefficient(entry: Entry, number: int, term: Term, in_link: bool) -> None:
@@ -146,9 +150,34 @@ def _check_feature(network: Network, entry: Entry, number: int, feature: str, ex
         raise FeatureError(entry, f"{where} is not known: {_meant(feature, features.EXAMPLES)}")
     if not math.isfinite(exponent) or exponent < 0:
         raise FeatureError(entry, f"{where} has exponent {exponent:g}: at 0 it would be infinite, give 0 or more")
+    _check_scale(network, entry, where, feature)
+
+
+def _check_scale(network: Network, entry: Entry, where: str, feature: str) -> None:
     quantity = features.quantity(feature)
     if quantity is not None and quantity not in network.scale:
         raise FeatureError(entry, f"{where} has no scale: say in [scale] what 1 means for {quantity}")
+
+
+def _check_shape(network: Network, entry: Entry, number: int, shape: Shape, in_link: bool) -> None:
+    where = f"term {number}: shape"
+    if in_link:
+        raise FactorError(entry, f"{where} belongs to losses: use it in a source only")
+    count = len(shape.speed)
+    if count < 2 or {len(shape.factor), len(shape.current_slope)} != {count}:
+        lengths = f"{count} speeds, {len(shape.factor)} factors and {len(shape.current_slope)} current slopes"
+        raise BadValueError(entry, f"{where} has {lengths}: give as many of each, at least 2")
+    if not all(map(math.isfinite, (*shape.speed, *shape.factor, *shape.current_slope))):
+        raise BadValueError(entry, f"{where} holds a number that is not finite: correct it")
+    if shape.speed[0] < 0 or any(b <= a for a, b in itertools.pairwise(shape.speed)):
+        raise BadValueError(entry, f"{where}: its speeds do not rise from 0 or above: sort them, each only once")
+    for feature in features.Monomial((), shape).features:
+        _check_scale(network, entry, f'{where}: feature "{feature}"', feature)
+    for speed, factor, slope in zip(shape.speed, shape.factor, shape.current_slope, strict=True):
+        lowest, current = min((1 + factor + slope * current, current) for current in (0.0, MOST_CURRENT))
+        if lowest <= 0:
+            at = f"{speed * network.scale['speed']:g} rpm and a current of {current:g}"
+            raise BadValueError(entry, f"{where} makes the loss {lowest:.3g} times itself at {at}: keep it above 0")
 
 
 def _check_reached(network: Network, nodes: Sequence[str], boundaries: Sequence[str]) -> None:

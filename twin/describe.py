@@ -95,7 +95,7 @@ def describe(network: Network) -> Description:
         sources=len(network.sources),
         coefficients=coefficients,
         unknowns=coefficients + len(network.nodes),
-        features=tuple(dict.fromkeys(f for m in monomials for f in m.exponents)),
+        features=tuple(dict.fromkeys(f for m in monomials for f in m.features)),
         capacity_J_per_K=sum(node.capacity for node in network.nodes),
         at_rest_s=_time_constants(network, rest),
         at_full_s=_time_constants(network, full),
@@ -118,7 +118,7 @@ def _time_constants(network: Network, features_row: NDArray[np.float64]) -> tupl
 
 def _negative(source: Source) -> list[str]:
     """A warning where the node's summed loss falls below zero for features within 0..1, factors of temperature aside."""
-    used = sorted({f for term in source.terms for f, e in term.exponents.items() if e})
+    used = sorted({f for term in source.terms for f in features.monomial(term).features})
     if all(term.coefficient > 0 for term in source.terms) or len(used) > 4:
         return []
     lowest, where = 0.0, ""

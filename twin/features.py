@@ -6,14 +6,15 @@ flux is 0 at standstill by definition of the frame; `hours_above_<T>degC` counts
 
 from __future__ import annotations
 
+import hashlib
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.network import Network, Term
+from twin.network import Network, Shape, Term
 from twin.powers import power
 
 QUANTITY = {  # feature -> the quantity of [scale] that says what 1 means
@@ -51,9 +52,10 @@ def scale(network: Network, feature: str) -> float:
 
 @dataclass(frozen=True)
 class Monomial:
-    """A product of features to exponents, `((feature, exponent), ...)` in a fixed order, exponents above 0."""
+    """A product of features to exponents, `((feature, exponent), ...)` in a fixed order, exponents above 0, times its shape."""
 
     powers: tuple[tuple[str, float], ...]
+    shape: Shape | None = None
 
     @property
     def exponents(self) -> Mapping[str, float]:
@@ -61,10 +63,21 @@ class Monomial:
         return dict(self.powers)
 
     @property
+    def features(self) -> tuple[str, ...]:
+        """Every feature that must be known to evaluate it: those of the product, then those of the shape."""
+        of_shape = () if self.shape is None else ("speed", "current") if any(self.shape.current_slope) else ("speed",)
+        return tuple(dict.fromkeys((*self.exponents, *of_shape)))
+
+    @property
     def name(self) -> str:
-        """The law as in cause ids: `speed2_current2`, exponents in shortest decimals, 1 not written; `constant`."""
-        written = (f + ("" if e == 1 else f"{e:.15g}") for f, e in self.powers)
-        return "_".join(written) or "constant"
+        """The law as in cause ids: `speed2_current2`, exponents in shortest decimals, 1 not written; `constant`.
+
+        A shape adds digits of its own numbers' hash (`speed1.6*shape4f1c02ab`), so that two products never share a name.
+        """
+        written = "_".join(f + ("" if e == 1 else f"{e:.15g}") for f, e in self.powers) or "constant"
+        if self.shape is None:
+            return written
+        return f"{written}*shape{hashlib.sha256(repr(self.shape).encode()).hexdigest()[:8]}"
 
 
 def _order(feature: str) -> tuple[int, str]:
@@ -72,10 +85,24 @@ def _order(feature: str) -> tuple[int, str]:
     return (known.index(feature) if feature in known else len(known), feature)
 
 
-def monomial(term: Term) -> Monomial:
-    """The product of features of a term; exponents of 0 are left out."""
+def product(term: Term) -> Monomial:
+    """The product of features of a term, exponents of 0 and its shape left out: the law that cause ids name."""
     used = sorted((f for f, e in term.exponents.items() if e != 0), key=_order)
     return Monomial(tuple((f, float(term.exponents[f])) for f in used))
+
+
+def monomial(term: Term) -> Monomial:
+    """All that a term multiplies its coefficient by, temperatures aside; a shape that changes nothing is left out."""
+    shape = term.shape
+    if shape is None or not any((*shape.factor, *shape.current_slope)):
+        return product(term)
+    plain = Shape(_floats(shape.speed), _floats(shape.factor), _floats(shape.current_slope))
+    return replace(product(term), shape=plain)
+
+
+def _floats(values: tuple[float, ...]) -> tuple[float, ...]:
+    """Equal numbers are spelt alike (0, 0.0 and -0.0): equal shapes have one name."""
+    return tuple(float(value) + 0.0 for value in values)
 
 
 def terms(network: Network) -> Iterator[Term]:
@@ -92,7 +119,7 @@ def monomials(network: Network) -> tuple[Monomial, ...]:
     These are the columns of `Frame.features`, in this order.
     """
     found = dict.fromkeys(monomial(term) for term in terms(network))
-    return tuple(m for m in found if m.powers)
+    return tuple(m for m in found if m.powers or m.shape)
 
 
 def evaluate(monomials: tuple[Monomial, ...], u: Mapping[str, NDArray[np.float64]], length: int) -> NDArray[np.float64]:
@@ -109,4 +136,24 @@ def evaluate(monomials: tuple[Monomial, ...], u: Mapping[str, NDArray[np.float64
     for column, item in enumerate(monomials):
         for feature, exponent in item.powers:
             result[:, column] *= power(np.abs(u[feature]), exponent)
+        if item.shape is not None:
+            result[:, column] *= _shape_factor(item.shape, u)
     return result
+
+
+def _shape_factor(shape: Shape, u: Mapping[str, NDArray[np.float64]]) -> NDArray[np.float64]:
+    """(length,): what a shape multiplies by. Elementwise products and sums only, for the reason given in `twin.powers`."""
+    knots = np.array(shape.speed)
+    speed = np.clip(np.abs(u["speed"]), knots[0], knots[-1])
+    left = np.clip(np.searchsorted(knots, speed, side="right") - 1, 0, knots.size - 2)
+    share = (speed - knots[left]) / (knots[left + 1] - knots[left])
+
+    def between(values: tuple[float, ...]) -> NDArray[np.float64]:
+        at = np.array(values)
+        result: NDArray[np.float64] = (1 - share) * at[left] + share * at[left + 1]
+        return result
+
+    factor: NDArray[np.float64] = 1 + between(shape.factor)
+    if any(shape.current_slope):
+        factor = factor + between(shape.current_slope) * np.abs(u["current"])
+    return factor

@@ -21,6 +21,19 @@ class TemperatureFactor:
 
 
 @dataclass(frozen=True)
+class Shape:
+    """Multiply by `1 + sum_k hat_k(speed) (factor_k + current_slope_k current)`, features dimensionless.
+
+    `hat_k` are the tent functions over the rising knots `speed`, 1 at their own knot and 0 at the others, the outermost
+    constant beyond the ends: between knots the deviations are interpolated, and 0 changes nothing. Losses only.
+    """
+
+    speed: tuple[float, ...]
+    factor: tuple[float, ...]
+    current_slope: tuple[float, ...]
+
+
+@dataclass(frozen=True)
 class Term:
     """`coefficient` [W/K in a link, W in a source] times each feature to its exponent, times the optional factors."""
 
@@ -30,6 +43,7 @@ class Term:
     copper: bool = False  # times 1 + alpha (T_node - reference)
     resistance: int = 0  # -1: divided by the same factor
     temperature: TemperatureFactor | None = None
+    shape: Shape | None = None
 
 
 @dataclass(frozen=True)

@@ -139,7 +139,7 @@ def column_name(name: str, quantity: str) -> str:
 
 
 def _features(monomials: Sequence[Monomial]) -> list[str]:
-    return sorted({feature for m in monomials for feature in m.exponents})
+    return sorted({feature for m in monomials for feature in m.features})
 
 
 def _input_of(feature: str, channels: Sequence[ChannelData]) -> ChannelData:

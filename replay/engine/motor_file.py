@@ -12,7 +12,7 @@ from twin.check import check
 from twin.describe import Description, describe
 from twin.errors import NetworkError
 from twin.features import QUANTITY, is_known
-from twin.network import Boundary, Copper, Link, Network, Node, Source, TemperatureFactor, Term
+from twin.network import Boundary, Copper, Link, Network, Node, Shape, Source, TemperatureFactor, Term
 
 __all__ = ["Description", "describe", "read_motor"]
 
@@ -33,8 +33,9 @@ KEYS = {
     "boundary": ("name",),
     "link": ("between", "terms"),
     "source": ("node", "terms"),
-    "term": ("coefficient", "sd", "copper", "resistance", "temperature"),
+    "term": ("coefficient", "sd", "copper", "resistance", "temperature", "shape"),
     "temperature": ("node", "slope_per_K", "reference_degC"),
+    "shape": ("speed_rpm", "factor", "current_slope"),
 }
 LATER = {  # keys of the file format that this version does not compute
     "circuit": "model the coolant as a boundary, or as nodes with links",
@@ -59,12 +60,19 @@ _BY_NAME = (  # a node's region where neither the file nor a copper loss says it
 _MOTOR_NAME = Kind(
     "a name of letters, digits, _ . and - in quotes", lambda v: _matching(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,99}", v)
 )
+_NUMBERS: Kind[tuple[float, ...]] = Kind("a list of numbers, such as [0, 4000, 16000]", lambda v: _each_a_number(v))
 
 
 def _matching(pattern: str, value: object) -> str:
     if not (isinstance(value, str) and re.fullmatch(pattern, value)):
         raise ValueError
     return value
+
+
+def _each_a_number(value: object) -> tuple[float, ...]:
+    if not (isinstance(value, list) and value):
+        raise ValueError
+    return tuple(NUMBER.read(one) for one in value)
 
 
 def read_motor(data: bytes, name: str) -> Network:
@@ -92,14 +100,15 @@ def _network(root: Table) -> Network:
     if not nodes:
         raise root.error("there is no [[node]]: a motor needs at least one.")
     regions = {node.name: node.region for node in nodes}
+    scale = _scale(root)
     return Network(
         name=root.need("name", _MOTOR_NAME),
         nodes=nodes,
         boundaries=tuple(_boundary(table) for table in root.tables("boundary")),
-        links=tuple(_link(table) for table in root.tables("link")),
-        sources=tuple(_source(table, regions) for table in root.tables("source")),
+        links=tuple(_link(table, scale) for table in root.tables("link")),
+        sources=tuple(_source(table, regions, scale) for table in root.tables("source")),
         copper=_copper(copper) if copper else Copper(),
-        scale=_scale(root),
+        scale=scale,
     )
 
 
@@ -158,19 +167,20 @@ def _boundary(table: Table) -> Boundary:
     return Boundary(table.need("name", TEXT))
 
 
-def _link(table: Table) -> Link:
+def _link(table: Table, scale: Mapping[str, float]) -> Link:
     _only(table, "link")
     ends = table.need("between", TEXTS)
     if len(ends) != 2:
         raise table.error(f'between has {len(ends)} names: give two, such as ["rotor_surface", "teeth"].', "between")
-    return Link(ends[0], ends[1], tuple(_term(term, CONDUCTANCE_SD) for term in table.tables("terms")))
+    return Link(ends[0], ends[1], tuple(_term(term, CONDUCTANCE_SD, scale) for term in table.tables("terms")))
 
 
-def _source(table: Table, regions: Mapping[str, str]) -> Source:
+def _source(table: Table, regions: Mapping[str, str], scale: Mapping[str, float]) -> Source:
     _only(table, "source")
     node = table.need("node", TEXT)
     other = MAGNET_LOSS_SD if regions.get(node) == "magnet" else LOSS_SD
-    return Source(node, tuple(_term(term, DC_COPPER_SD if _is_dc(term) else other) for term in table.tables("terms")))
+    sds = [(term, DC_COPPER_SD if _is_dc(term) else other) for term in table.tables("terms")]
+    return Source(node, tuple(_term(term, sd, scale) for term, sd in sds))
 
 
 def _is_dc(term: Table) -> bool:
@@ -179,14 +189,14 @@ def _is_dc(term: Table) -> bool:
     return term.get("copper", BOOLEAN) is True and used == {"current": 2}
 
 
-def _term(table: Table, default_sd: float) -> Term:
+def _term(table: Table, default_sd: float, scale: Mapping[str, float]) -> Term:
     used = tuple(key for key in table.values if is_known(key))
     _only(table, "term", (*QUANTITY, *used))
     if table.get("resistance", NUMBER) not in (None, -1.0):
         says = "resistance must be -1 (an AC loss, divided by it); for a loss that grows with it write copper = true."
         raise table.error(says, "resistance")
     sd = table.get("sd", POSITIVE)
-    temperature = table.table("temperature")
+    temperature, shape = table.table("temperature"), table.table("shape")
     return Term(
         coefficient=table.need("coefficient", NUMBER),
         exponents={feature: table.need(feature, NUMBER) for feature in used},
@@ -194,6 +204,7 @@ def _term(table: Table, default_sd: float) -> Term:
         copper=table.get("copper", BOOLEAN) or False,
         resistance=-1 if "resistance" in table else 0,
         temperature=_temperature(temperature) if temperature else None,
+        shape=_shape(shape, scale) if shape else None,
     )
 
 
@@ -201,6 +212,18 @@ def _temperature(table: Table) -> TemperatureFactor:
     _only(table, "temperature")
     return TemperatureFactor(
         table.need("node", TEXT), table.need("slope_per_K", NUMBER), table.need("reference_degC", NUMBER)
+    )
+
+
+def _shape(table: Table, scale: Mapping[str, float]) -> Shape:
+    _only(table, "shape")
+    if "speed" not in scale:
+        raise table.error("a shape needs what 1 means for speed: say speed_rpm in [scale].")
+    factor, slope = table.need("factor", _NUMBERS), table.get("current_slope", _NUMBERS)
+    return Shape(
+        speed=tuple(knot / scale["speed"] for knot in table.need("speed_rpm", _NUMBERS)),
+        factor=factor,
+        current_slope=(0.0,) * len(factor) if slope is None else slope,
     )
 
 

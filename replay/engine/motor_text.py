@@ -1,66 +1,135 @@
-"""A motor file with other numbers: coefficients and capacities are replaced where they stand, all else stays as written."""
+"""A motor file that says a changed network: numbers are replaced where they stand, what is new joins its own kind."""
 
 from __future__ import annotations
 
-import re
-from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from typing import Any
 
-from ingest.toml_lines import lines
 from replay.engine.motor_file import read_motor
+from replay.engine.toml_edit import edited
+from replay.engine.toml_spans import spans
 from replay.errors import MotorFileError
-from twin.features import terms
-from twin.network import Network
+from twin.network import Link, Network, Node, Source, Term
 
-_NUMBER = r"[+-]?[0-9][0-9_]*(?:\.[0-9_]+)?(?:[eE][+-]?[0-9]+)?"
+# what tells the entries of a kind apart
+_CALLED = {"node": "name", "boundary": "name", "link": "between", "source": "node"}
+_BOM = "\ufeff"
 
 
-def rewritten(data: bytes, name: str, network: Network, says: str) -> bytes:
-    """The motor file `data` (`name` as in messages) with the coefficients and capacities of `network`, to 7 digits, and
-    under its first line the comment `says`. Raises MotorFileError where a number cannot be replaced in its place.
+def written(data: bytes, name: str, network: Network, says: str) -> bytes:
+    """The motor file `data` (`name` as in messages) with what `network` says otherwise, numbers to 7 digits.
+
+    Coefficients, exponents, capacities, factors and shapes may differ, and nodes, boundaries, links, sources and terms may be
+    added behind those that are there. All other text stays as it is. The lines of `says` become comments under the schema,
+    the first one also the comment `# added: ...` of what is added. A network that the file says already gives `data`.
+    Raises MotorFileError where something was taken away or put before others, or the result would not read back as `network`.
     """
-    text = data.decode("utf-8-sig").splitlines(keepends=True)
-    places: defaultdict[tuple[int, str], list[float]] = defaultdict(list)
-    where = lines("".join(text))
-    for path, value in _numbers(network):
-        if path not in where:
-            raise MotorFileError(_refusal(name, path))
-        places[where[path], str(path[-1])].append(value)
-    for (line, key), values in places.items():
-        text[line - 1] = _replaced(text[line - 1], key, values)
-    text.insert(1, "".join(f"# {part}\n" for part in says.splitlines()))
-    result = "".join(text).encode()
-    found, wanted = _values(read_motor(result, name)), _values(network)
-    wrong = [i for i, (a, b) in enumerate(zip(found, wanted, strict=True)) if abs(a - b) > 1e-6 * abs(b)]
-    if wrong:
-        raise MotorFileError(_refusal(name, [path for path, _ in _numbers(network)][wrong[0]]))
+    before = read_motor(data, name)
+    _check_order(name, before, network)
+    text = data.decode()
+    mark = _BOM if text.startswith(_BOM) else ""
+    text = unchanged = text.removeprefix(_BOM)
+    # twice: what is new may change a default (a copper loss makes a node copper), and only then it is said
+    for whole in (False, True):
+        old = _values(read_motor(text.encode(), name), whole)
+        text = edited(text, old, _values(network, whole), says.partition("\n")[0])
+    if text != unchanged:
+        text = _with_comment(text, says)
+    result = (mark + text).encode()
+    _check_same(name, read_motor(result, name), network)
     return result
 
 
-def _numbers(network: Network) -> Iterator[tuple[tuple[str | int, ...], float]]:
-    """Each number's path in the file, in the order of the file's tables."""
-    for i, node in enumerate(network.nodes):
-        yield ("node", i, "capacity"), node.capacity
-    places = [("link", i, link.terms) for i, link in enumerate(network.links)]
-    places += [("source", i, source.terms) for i, source in enumerate(network.sources)]
-    for table, i, group in places:
-        for j, term in enumerate(group):
-            yield (table, i, "terms", j, "coefficient"), term.coefficient
+def _with_comment(text: str, says: str) -> str:
+    """Under the line of the schema; where there is none, above all."""
+    line_break = "\r\n" if "\r\n" in text else "\n"
+    comment = "".join(f"# {line}{line_break}" for line in says.splitlines())
+    schema = spans(text).get(("schema",))
+    at = 0 if schema is None else text.find("\n", schema.end) + 1
+    return text[:at] + comment + text[at:]
 
 
-def _values(network: Network) -> list[float]:
-    return [*(node.capacity for node in network.nodes), *(term.coefficient for term in terms(network))]
+def _values(network: Network, whole: bool) -> dict[str, Any]:
+    """What a motor file can say of a network, numbers to 7 digits. `whole`: also what it may leave to its defaults."""
+    return {
+        "node": [_node(node, whole) for node in network.nodes],
+        "boundary": [{"name": boundary.name} for boundary in network.boundaries],
+        "link": [_place({"between": [link.a, link.b]}, link, network, whole) for link in network.links],
+        "source": [_place({"node": source.node}, source, network, whole) for source in network.sources],
+    }
 
 
-def _replaced(line: str, key: str, values: list[float]) -> str:
-    left = iter(values)
-    pattern = re.compile(rf"(\b{key}\s*=\s*){_NUMBER}")
-    return pattern.sub(lambda m: f"{m[1]}{next(left):.7g}" if values else m[0], line, count=len(values))
+def _node(node: Node, whole: bool) -> dict[str, Any]:
+    limit = {} if node.limit_degC is None else {"limit_degC": _digits(node.limit_degC)}
+    default = {"region": node.region, "sd": _digits(node.sd)} if whole else {}
+    return {"name": node.name, "capacity": _digits(node.capacity), **limit, **default}
 
 
-def _refusal(name: str, path: tuple[str | int, ...]) -> str:
-    table, index = path[0], path[1]
-    return (
-        f"{name}: [[{table}]] number {int(index) + 1}: its {path[-1]} cannot be replaced in its place: write {path[-1]} = "
-        "and the number side by side on one line."
-    )
+def _place(called: dict[str, Any], place: Link | Source, network: Network, whole: bool) -> dict[str, Any]:
+    return {**called, "terms": [_term(term, network, whole) for term in place.terms]}
+
+
+def _term(term: Term, network: Network, whole: bool) -> dict[str, Any]:
+    values: dict[str, Any] = {"coefficient": _digits(term.coefficient)}
+    values |= {feature: _digits(exponent) for feature, exponent in term.exponents.items() if exponent}
+    if term.copper or whole:
+        values["copper"] = term.copper
+    if term.resistance:
+        values["resistance"] = term.resistance
+    if term.temperature is not None:
+        factor = term.temperature
+        slope, reference = _digits(factor.slope_per_K), _digits(factor.reference_degC)
+        values["temperature"] = {"node": factor.node, "slope_per_K": slope, "reference_degC": reference}
+    if term.shape is not None:
+        scale = network.scale["speed"]
+        values["shape"] = {
+            "speed_rpm": [_digits(knot * scale) for knot in term.shape.speed],
+            "factor": [_digits(value) for value in term.shape.factor],
+            "current_slope": [_digits(value) for value in term.shape.current_slope],
+        }
+    return values | ({"sd": _digits(term.sd)} if whole else {})
+
+
+def _digits(value: float) -> float:
+    return float(f"{value:.7g}") + 0.0
+
+
+def _check_order(name: str, before: Network, after: Network) -> None:
+    """Entries that are there keep their places, so that comments beside them go on speaking of them."""
+    old, new = _values(before, whole=False), _values(after, whole=False)
+    for kind, called in _CALLED.items():
+        for i, entry in enumerate(old[kind]):
+            there = new[kind][i] if i < len(new[kind]) else {}
+            if there.get(called) != entry[called] or len(there.get("terms", ())) < len(entry.get("terms", ())):
+                which = "-".join(entry[called]) if isinstance(entry[called], list) else entry[called]
+                raise MotorFileError(
+                    f"{name}: [[{kind}]] {i + 1} ({which}) or one of its terms is not in its place in the new network: "
+                    "a version of a motor file adds at the ends and takes nothing away."
+                )
+
+
+def _check_same(name: str, found: Network, wanted: Network) -> None:
+    values, other = ({**_values(n, whole=True), **_head(n)} for n in (found, wanted))
+    wrong = next(_differences(values, other), None)
+    if wrong is not None:
+        raise MotorFileError(
+            f"{name}: the new version would not say {wrong} as it should be: a version of a motor file changes numbers and "
+            "adds entries, all else has to be edited by hand."
+        )
+
+
+def _head(network: Network) -> dict[str, Any]:
+    copper = {"alpha_per_K": network.copper.alpha_per_K, "reference_degC": network.copper.reference_degC}
+    return {"name": network.name, "scale": dict(network.scale), "copper": copper}
+
+
+def _differences(found: Any, wanted: Any, path: str = "") -> Iterator[str]:
+    """Where two trees of values differ, as `source 2 terms 1 coefficient`."""
+    if isinstance(found, Mapping) and isinstance(wanted, Mapping):
+        for key in dict.fromkeys((*wanted, *found)):
+            yield from _differences(found.get(key), wanted.get(key), f"{path} {key}".strip())
+    elif isinstance(found, list) and isinstance(wanted, list) and len(found) == len(wanted):
+        for i, (one, other) in enumerate(zip(found, wanted, strict=True), 1):
+            yield from _differences(one, other, f"{path} {i}")
+    elif found != wanted:
+        yield path

@@ -15,7 +15,7 @@ from replay.engine.identity import environment, run_id, source_hash
 from replay.engine.kernel_cache import load as load_kernel
 from replay.engine.models import model_of
 from replay.engine.motor_file import read_motor
-from replay.engine.motor_text import rewritten
+from replay.engine.motor_text import written
 from replay.errors import ReplayDataError
 from replay.studies.problem import problem_of
 from twin.calibration import BOUND, Calibration, Estimate, Problem, calibrate, kernels
@@ -58,7 +58,7 @@ def calibrate_sessions(
     key = _key(facts, sessions, parent, level)
     named = ", ".join(session.name for session in sessions)
     says = f"Calibrated on {named} from model {parent[:12]}.\nComments beside a number speak of its value before."
-    text = rewritten(data, name, result.network, says)
+    text = written(data, name, result.network, says)
     sealed = store.archive.seal(text)
     event = CalibrationCompleted(
         calibration=run_id(key),
@@ -97,7 +97,7 @@ def _key(facts: Facts, sessions: Sequence[SessionRecorded], parent: str, level: 
         "sessions": sorted(session.session for session in sessions),
         "raw": sorted({d.raw for d in decodes}),
         "databases": sorted({sha for d in decodes for sha in d.databases}),
-        "benches": sorted({session.bench for session in sessions if session.bench}),
+        "benches": sorted({facts.current(session.bench) for session in sessions if session.bench}),
         "decoder": sorted({d.decoder for d in decodes}),
         "parent": parent,
         "level": level,

@@ -14,9 +14,6 @@ from ingest import facts
 from ingest.events import CalibrationCompleted, ModelPublished
 from ingest.store import Store
 from replay.cli import main
-from replay.engine.motor_file import read_motor
-from replay.engine.motor_text import rewritten
-from replay.errors import MotorFileError
 
 
 @pytest.fixture(scope="module")
@@ -103,24 +100,3 @@ def test_a_session_that_is_not_there_is_refused_in_one_line(bench: Path, capsys:
     answer = _json(bench, capsys, "calibrate", "--on", "3_lost", code=2)
     assert "session '3_lost': is not in this store." in answer["error"]
     assert "\n" not in answer["error"]
-
-
-def test_numbers_are_replaced_where_they_stand_and_comments_stay() -> None:
-    motor = can_bench.MOTOR.replace("coefficient = 12.0}]", "coefficient = 12.0}]  # coefficient = 7 in an older file")
-    network = read_motor(motor.replace("12.0", "13.5").replace("900.0", "1e3").encode(), "motor.toml")
-    text = rewritten(motor.encode(), "motor.toml", network, "Calibrated.\nBy a test.").decode()
-    assert "terms = [{coefficient = 13.5}]  # coefficient = 7 in an older file" in text
-    assert "terms = [{coefficient = 1}, {coefficient = 2, speed = 0.8}]" in text
-    assert text.splitlines()[1:3] == ["# Calibrated.", "# By a test."]
-    assert read_motor(text.encode(), "motor.toml") == network
-
-
-def test_a_number_that_cannot_be_found_in_its_place_is_refused() -> None:
-    motor = can_bench.MOTOR.replace('name = "winding"\ncapacity = 900.0', 'name = "winding"\n"capacity" = 900.0')
-    network = read_motor(motor.replace("900.0", "950.0").encode(), "motor.toml")
-    with pytest.raises(MotorFileError) as refused:
-        rewritten(motor.encode(), "motor.toml", network, "Calibrated.")
-    assert str(refused.value) == (
-        "motor.toml: [[node]] number 1: its capacity cannot be replaced in its place: write capacity = and the number "
-        "side by side on one line."
-    )

@@ -14,7 +14,7 @@ from replay.engine import motor_file
 from replay.engine.motor_file import read_motor
 from replay.errors import MotorFileError
 from twin.features import QUANTITY, monomials, quantity
-from twin.network import Copper, Network, TemperatureFactor
+from twin.network import Copper, Network, Shape, TemperatureFactor
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 SCHEMA: dict[str, Any] = json.loads((files("replay") / "schema" / "motor.schema.json").read_text(encoding="utf-8"))
@@ -71,6 +71,25 @@ def test_a_motor_file_becomes_a_network_with_every_default_filled_in() -> None:
     assert (ac.copper, ac.resistance, ac.exponents) == (False, -1, {"current": 2.0, "speed": 2.0})
 
 
+def test_the_knots_of_a_shape_are_in_rpm_and_its_current_slope_may_be_left_out() -> None:
+    shape = "shape = {speed_rpm = [0, 250, 1000], factor = [0.1, 0, -0.2]}"
+    (term,) = _read(MOTOR.replace("coefficient = -3.0", f"coefficient = -3.0, {shape}")).sources[1].terms
+    assert term.shape == Shape((0.0, 0.25, 1.0), (0.1, 0.0, -0.2), (0.0, 0.0, 0.0))
+    sloped = shape.replace("}", ", current_slope = [0, 0, 0.5]}")
+    (term,) = _read(MOTOR.replace("coefficient = -3.0", f"coefficient = -3.0, {sloped}")).sources[1].terms
+    assert term.shape == Shape((0.0, 0.25, 1.0), (0.1, 0.0, -0.2), (0.0, 0.0, 0.5))
+
+
+def test_a_shape_without_a_scale_of_speed_is_refused() -> None:
+    plain = MOTOR.replace(", speed = 2", "").replace(", speed = 0.8", "").replace("speed_rpm = 1000.0\n", "")
+    shaped = plain.replace(
+        "{coefficient = -3.0}", "{coefficient = 3.0, shape = {speed_rpm = [0, 9], factor = [0, 0.1]}}"
+    )
+    _read(plain)
+    with pytest.raises(MotorFileError, match=r"terms 1, shape: a shape needs what 1 means for speed: say speed_rpm in"):
+        _read(shaped)
+
+
 @pytest.mark.parametrize(
     ("name", "region"),
     [
@@ -119,6 +138,26 @@ REFUSED = {
     "name": ('"two-lumps"', '"two lumps"', r"^motor\.toml:2: name must be a name of letters"),
     "node name": ('name = "coolant"', 'name = "Coolant"', r'^motor\.toml:13: .*a name begins with a-z'),
     "schema": ("whyhot.motor/1", "whyhot.motor/2", r'^motor\.toml:1: schema "whyhot\.motor/2" is newer'),
+    "shape without speed": (
+        "{coefficient = -3.0, speed = 2}",
+        "{coefficient = -3.0, shape = {factor = [0, 0.1]}}",
+        r"^motor\.toml:29: .*terms 1, shape: speed_rpm is missing: it must be a list of numbers",
+    ),
+    "shape of one number": (
+        "{coefficient = -3.0, speed = 2}",
+        "{coefficient = -3.0, shape = {speed_rpm = 0, factor = [0, 0.1]}}",
+        r"^motor\.toml:29: .*speed_rpm must be a list of numbers, such as \[0, 4000, 16000\], found the number 0\.$",
+    ),
+    "shape with another key": (
+        "{coefficient = -3.0, speed = 2}",
+        "{coefficient = -3.0, shape = {speed_rpm = [0, 9], factor = [0, 0.1], slope = [0, 0]}}",
+        r'^motor\.toml:29: .*unknown key "slope"',
+    ),
+    "shape of a cooling loss": (
+        "{coefficient = -3.0, speed = 2}",
+        "{coefficient = 3.0, shape = {speed_rpm = [0, 500], factor = [0, 0.2], current_slope = [0, -0.9]}}",
+        r'^motor\.toml:27: .*term 1: shape makes the loss -0\.15 times itself at 500 rpm and a current of 1\.5: keep it above 0\.$',
+    ),
     "circuit": ("[[boundary]]", '[[circuit]]\nname = "jacket"\n[[boundary]]', r'^motor\.toml:13: "circuit" is not supported by this'),
     "configuration": ("[[boundary]]", "[[configuration]]\n[[boundary]]", r'"configuration" is not supported by this version'),
     "map": ("coefficient = -3.0", 'map = "losses.csv"', r'^motor\.toml:29: .*"map" is not supported by this version'),
@@ -151,7 +190,9 @@ def test_every_shipped_motor_is_read(path: Path) -> None:
 
 def test_the_schema_allows_the_keys_that_the_reader_allows() -> None:
     parts = {"root": SCHEMA, "scale": SCHEMA["properties"]["scale"], "copper": SCHEMA["properties"]["copper"]}
-    parts |= {name: SCHEMA["$defs"][name] for name in ("node", "boundary", "link", "source", "term", "temperature")}
+    parts |= {
+        name: SCHEMA["$defs"][name] for name in ("node", "boundary", "link", "source", "term", "temperature", "shape")
+    }
     keys = motor_file.KEYS | {"scale": tuple(motor_file.SCALES), "term": (*motor_file.KEYS["term"], *QUANTITY)}
     assert {name: set(part["properties"]) for name, part in parts.items()} == {n: set(k) for n, k in keys.items()}
     assert all(part["additionalProperties"] is False for part in parts.values())
@@ -176,5 +217,5 @@ def test_the_bench_beside_a_shipped_motor_names_its_nodes_and_gives_its_inputs(p
     check_nodes(bench, [node.name for node in network.nodes], [boundary.name for boundary in network.boundaries])
     placed = {channel.node for channel in bench.channels}
     assert {boundary.name for boundary in network.boundaries} <= placed
-    needed = {quantity(feature) for monomial in monomials(network) for feature in monomial.exponents}
+    needed = {quantity(feature) for monomial in monomials(network) for feature in monomial.features}
     assert needed <= {channel.quantity for channel in bench.channels}

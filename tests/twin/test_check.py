@@ -7,7 +7,7 @@ import pytest
 
 from twin import errors
 from twin.check import check
-from twin.network import Boundary, Link, Network, Node, Source, TemperatureFactor, Term
+from twin.network import Boundary, Link, Network, Node, Shape, Source, TemperatureFactor, Term
 
 NETWORK = Network(
     name="two",
@@ -114,6 +114,64 @@ REFUSED: dict[str, tuple[Change, type[errors.NetworkError], str]] = {
         errors.FeatureError,
         'feature "torque" has no scale: say in [scale]',
     ),
+    "shape of a link": (
+        _link(shape=Shape((0.0, 1.0), (0.1, 0.1), (0.0, 0.0))),
+        errors.FactorError,
+        "term 1: shape belongs to losses",
+    ),
+    "shape lengths": (
+        _source(shape=Shape((0.0, 1.0), (0.1,), (0.0, 0.0))),
+        errors.BadValueError,
+        "term 1: shape has 2 speeds, 1 factors and 2 current slopes: give as many of each, at least 2",
+    ),
+    "shape of one knot": (
+        _source(shape=Shape((0.0,), (0.1,), (0.0,))),
+        errors.BadValueError,
+        "shape has 1 speeds, 1 factors and 1 current slopes",
+    ),
+    "shape falling": (
+        _source(shape=Shape((0.0, 0.5, 0.5), (0.1, 0.0, 0.0), (0.0, 0.0, 0.0))),
+        errors.BadValueError,
+        "term 1: shape: its speeds do not rise from 0 or above",
+    ),
+    "shape below 0 rpm": (
+        _source(shape=Shape((-0.5, 0.5), (0.1, 0.0), (0.0, 0.0))),
+        errors.BadValueError,
+        "its speeds do not rise from 0 or above",
+    ),
+    "shape nan": (
+        _source(shape=Shape((0.0, 0.5), (0.1, float("nan")), (0.0, 0.0))),
+        errors.BadValueError,
+        "term 1: shape holds a number that is not finite",
+    ),
+    "shape without speed": (
+        lambda n: _source(shape=Shape((0.0, 1.0), (0.1, 0.1), (0.0, 0.0)))(
+            replace(
+                n,
+                links=(Link("winding", "yoke", (Term(1.0),)), Link("yoke", "coolant", (Term(5.0),))),
+                scale={"current": 1.0},
+            )
+        ),
+        errors.FeatureError,
+        'term 1: shape: feature "speed" has no scale: say in [scale] what 1 means for speed',
+    ),
+    "shape without current": (
+        lambda n: _source(shape=Shape((0.0, 1.0), (0.1, 0.1), (0.0, 0.1)))(
+            replace(n, sources=(), scale={"speed": 1000.0})
+        ),
+        errors.FeatureError,
+        'term 1: shape: feature "current" has no scale',
+    ),
+    "shape to nothing": (
+        _source(shape=Shape((0.0, 0.5), (0.1, -1.0), (0.0, 0.0))),
+        errors.BadValueError,
+        "term 1: shape makes the loss 0 times itself at 500 rpm and a current of 0: keep it above 0",
+    ),
+    "shape to nothing by current": (
+        _source(shape=Shape((0.0, 0.5), (0.1, 0.2), (-0.8, 0.0))),
+        errors.BadValueError,
+        "term 1: shape makes the loss -0.1 times itself at 0 rpm and a current of 1.5: keep it above 0",
+    ),
     "exponent": (_link(exponents={"speed": -1.0}), errors.FeatureError, "exponent -1: at 0 it would be infinite"),
 }
 
@@ -129,3 +187,10 @@ def test_a_network_that_cannot_be_a_motor_is_refused_by_its_entry(case: str) -> 
 def test_a_sound_network_passes_and_a_loss_may_be_negative() -> None:
     check(NETWORK)
     check(_source(coefficient=-4.0, exponents={"speed": 2.0})(NETWORK))
+
+
+def test_a_shape_passes_that_leaves_the_loss_its_sign_and_needs_current_only_for_a_slope() -> None:
+    flat = Shape((0.25, 0.5, 1.0), (-0.9, 0.0, 4.0), (0.0, 0.0, 0.0))
+    without_current = replace(NETWORK, sources=(), scale={"speed": 1000.0})
+    check(_source(shape=flat)(without_current))
+    check(_source(shape=replace(flat, current_slope=(0.5, -0.6, 0.0)))(NETWORK))

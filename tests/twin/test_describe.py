@@ -7,7 +7,7 @@ import pytest
 
 from benchmarks.integrator import motor
 from twin.describe import describe
-from twin.network import Boundary, Link, Network, Node, Source, Term
+from twin.network import Boundary, Link, Network, Node, Shape, Source, Term
 
 LUMP = Network(
     name="lump",
@@ -55,3 +55,14 @@ def test_a_summed_loss_below_zero_is_a_warning_with_place() -> None:
 
 def test_negative_terms_whose_sum_stays_positive_are_no_warning() -> None:
     assert describe(motor("hust_motor")).warnings == ()
+
+
+def test_a_shape_counts_in_features_and_in_the_sign_of_the_sum() -> None:
+    shape = Shape((0.0, 0.5, 1.0), (0.0, 0.0, 0.5), (0.0, 0.0, 0.1))
+    loss = Source("a", (Term(10.0), Term(-9.0, shape=shape)))
+    assert describe(replace(LUMP, sources=(replace(loss, terms=(Term(10.0), Term(-9.0))),))).warnings == ()
+    found = describe(replace(LUMP, sources=(loss,)))
+    assert found.features == ("speed", "current")
+    assert found.warnings == (
+        'the summed loss of "a" falls to -4.4 W at current 1.0, speed 1.0: a negative loss cools',
+    )
