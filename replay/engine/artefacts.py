@@ -1,4 +1,4 @@
-"""What a run leaves in the archive: input frame, temperatures and residuals, as Parquet."""
+"""What a run leaves in the archive: input frame, temperatures, residuals and the filter's estimate, as Parquet."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from replay.engine.frame import InputFrame
-from replay.engine.run import Observed
+from replay.engine.run import Filtered, Observed
 
 Floats = NDArray[np.float64]
 
@@ -53,6 +53,36 @@ def temperature_table(frame: InputFrame, temperatures: Floats, nodes: Sequence[s
     """One row an edge of a step, N + 1; a column a node, and the network's heat in the step that begins there [W]."""
     columns = {f"{node}_degC": temperatures[:, i] for i, node in enumerate(nodes)}
     return pa.table({"t_ns": frame.t_ns, **columns, "network_heat_W": np.append(heat, np.nan)})
+
+
+def filtered_table(frame: InputFrame, filtered: Filtered, nodes: Sequence[str]) -> pa.Table:
+    """One row an edge of a step, N + 1; a column a node, and heat in the step that begins there [W]: estimated, with its
+    standard deviation, and modelled."""
+    columns = {f"{node}_degC": filtered.temperatures[:, i] for i, node in enumerate(nodes)}
+    heat = {
+        "estimated_heat_W": filtered.heat_W,
+        "estimated_heat_sd_W": filtered.heat_sd_W,
+        "nominal_heat_W": filtered.nominal_W,
+    }
+    steps = {name: np.append(values, np.nan) for name, values in heat.items()}
+    return pa.table({"t_ns": frame.t_ns, **columns, **steps})
+
+
+def filtered_of(table: pa.Table, entry: Mapping[str, Any], nodes: Sequence[str]) -> Filtered:
+    """The estimate of a table that `filtered_table` made, and the entry `filtered` of its run's summary."""
+    heat, sd, nominal = (
+        table[name].to_numpy()[:-1] for name in ("estimated_heat_W", "estimated_heat_sd_W", "nominal_heat_W")
+    )
+    return Filtered(
+        node=str(entry["node"]),
+        measured=tuple(entry["measured"]),
+        temperatures=np.stack([table[f"{node}_degC"].to_numpy() for node in nodes], axis=1),
+        heat_W=heat,
+        heat_sd_W=sd,
+        nominal_W=nominal,
+        heat_walk_W=float(entry["heat_walk_W_per_sqrt_s"]),
+        nis=float("nan") if entry["nis"] is None else float(entry["nis"]),
+    )
 
 
 def residual_table(frame: InputFrame, observed: Sequence[Observed]) -> pa.Table:

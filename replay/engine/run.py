@@ -38,12 +38,31 @@ class Observed:
 
 
 @dataclass(frozen=True)
+class Filtered:
+    """The same session through the filter, which sees the channels `measured` and estimates the heat at `node`.
+
+    `temperatures` float64 (N + 1, n) [degC], from all readings up to each edge; per step (N,) [W]: `heat_W` the estimated
+    heat, `heat_sd_W` its standard deviation, `nominal_W` what the model has there. `heat_walk_W` [W / sqrt(s)]: how fast
+    the estimate may wander; `nis`: mean squared innovation over its variance, 1 where all is as assumed.
+    """
+
+    node: str
+    measured: tuple[str, ...]
+    temperatures: NDArray[np.float64]
+    heat_W: NDArray[np.float64]
+    heat_sd_W: NDArray[np.float64]
+    nominal_W: NDArray[np.float64]
+    heat_walk_W: float
+    nis: float
+
+
+@dataclass(frozen=True)
 class Run:
     """An open-loop replay of one session with one model.
 
     `t_ns` int64 (N + 1,) step boundaries; `temperatures` float64 (N + 1, n) [degC] in the order of `nodes`; `inputs`:
     column name with unit -> (N,) step means (`speed_rpm`, `current_A`, `coolant_degC`, ...); `losses_W` (N,) the
-    network's whole heat; `summary`: this run's entry of `replay --json`.
+    network's whole heat; `summary`: this run's entry of `replay --json`; `filtered`: None where no filter was run.
     """
 
     run: str
@@ -65,3 +84,4 @@ class Run:
     observed: tuple[Observed, ...]
     raw_files: tuple[str, ...]
     summary: Mapping[str, Any]
+    filtered: Filtered | None = None

@@ -20,6 +20,7 @@ from ingest.store import Store
 from replay.engine import frame as frames
 from replay.engine.artefacts import (
     AROUND,
+    filtered_table,
     frame_table,
     read_parquet,
     residual_table,
@@ -27,6 +28,7 @@ from replay.engine.artefacts import (
     temperature_table,
     to_parquet,
 )
+from replay.engine.filtered import filter_session, filtered_summary, mean_losses
 from replay.engine.frame import InputFrame
 from replay.engine.frame_of import session_frame
 from replay.engine.identity import digest_of, environment, replay_key, run_id
@@ -54,9 +56,10 @@ class Completed:
 
 
 def replay(store: Store, facts: Facts, session: SessionRecorded, model: str, level: str, work: Path) -> Completed:
-    """Open-loop replay of one session with a model (SHA-256 of a motor file in the archive).
+    """Open-loop replay of one session with a model (SHA-256 of a motor file in the archive), and the filter beside it.
 
-    Leaves frame, temperatures and residuals as files in `work`, named by their SHA-256, for the one writer to seal.
+    Leaves frame, temperatures, residuals and the filter's estimate as files in `work`, named by their SHA-256, for the one
+    writer to seal. The digest is that of the open loop: the filter follows from the same frame, and changes nothing in it.
     Raises ReplayDataError where the session lacks an input or the model runs away.
     """
     network = read_motor(store.archive.read(model), facts.models[model].file)
@@ -75,6 +78,9 @@ def replay(store: Store, facts: Facts, session: SessionRecorded, model: str, lev
         "residuals": residual_table(frame, observed),
     }
     artefacts = {name: _written(to_parquet(table), work) for name, table in tables.items()}
+    filtered = filter_session(network, frame, mean_losses(network, inputs, temperatures), level)
+    if filtered is not None:
+        artefacts["filtered"] = _written(to_parquet(filtered_table(frame, filtered, nodes)), work)
     key = replay_key(facts, session, model, level, initial, artefacts["frame"])
     summary = {
         "session": session.session,
@@ -86,6 +92,7 @@ def replay(store: Store, facts: Facts, session: SessionRecorded, model: str, lev
         "digest": digest,
         **_errors(frame, observed),
         **_heat(heat, channels),
+        "filtered": None if filtered is None else filtered_summary(filtered, frame, nodes),
     }
     event = ReplayCompleted(
         run=run_id(key),
@@ -93,7 +100,7 @@ def replay(store: Store, facts: Facts, session: SessionRecorded, model: str, lev
         model=model,
         motor=network.name,
         level=level,
-        bench=session.bench,
+        bench=facts.current(session.bench) if session.bench else None,
         key=key,
         digest=digest,
         environment=environment(),

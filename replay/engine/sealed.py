@@ -12,9 +12,9 @@ import pyarrow.compute as pc
 from ingest.events import ReplayCompleted
 from ingest.facts import Facts
 from ingest.store import Store
-from replay.engine.artefacts import read_parquet
+from replay.engine.artefacts import filtered_of, read_parquet
 from replay.engine.motor_file import read_motor
-from replay.engine.run import Observed, Run
+from replay.engine.run import Filtered, Observed, Run
 
 
 def load_run(store: Store, facts: Facts, event: ReplayCompleted) -> Run:
@@ -46,7 +46,15 @@ def load_run(store: Store, facts: Facts, event: ReplayCompleted) -> Run:
         observed=tuple(_observed(residuals, entry, raw_files) for entry in event.summary["channels"]),
         raw_files=raw_files,
         summary=event.summary,
+        filtered=_filtered(store, event, nodes),
     )
+
+
+def _filtered(store: Store, event: ReplayCompleted, nodes: tuple[str, ...]) -> Filtered | None:
+    """None for a run that was sealed without a filter."""
+    if "filtered" not in event.artefacts:
+        return None
+    return filtered_of(read_parquet(store.archive.read(event.artefacts["filtered"])), event.summary["filtered"], nodes)
 
 
 def _observed(residuals: pa.Table, entry: dict[str, Any], raw_files: tuple[str, ...]) -> Observed:

@@ -56,25 +56,46 @@ def of_channels(channels: Sequence[ChannelData]) -> Any:
     return _page([page], path("answer", "recording"))
 
 
-def of_run(run: Run) -> Any:
-    """The layout of a session with its open-loop replay; it shows the measured layer too, where that file is open."""
+def of_run(run: Run, extended: Run | None = None) -> Any:
+    """The layout of a session with its replay; it shows the measured and the filtered layer too, where those files are open.
+
+    `extended`: a replay of the same session with an extended model, in the same views.
+    """
     import rerun.blueprint as rrb
 
     model = words.short(run.model)
+    models = [("open_loop", model), *([("extended", words.short(extended.model))] if extended else [])]
+    models += [("filtered", model)] if run.filtered else []
+    residuals = [f"+ /{path('residual', id_)}/**" for layer, id_ in models if layer != "filtered"]
     seen = {run.regions[o.node] for o in run.observed if o.node in run.regions}
     unseen = sorted(set(run.regions.values()) - seen)
     masked = not all(o.used.all() for o in run.observed)
     temperatures = rrb.Vertical(
-        _grid([_region(run, model, region) for region in dict.fromkeys(run.regions.values()) if region in seen]),
-        _series("measured − model [K]", [f"+ /{path('residual', model)}/**"]),
+        _grid([_region(run, models, region) for region in dict.fromkeys(run.regions.values()) if region in seen]),
+        _series("measured − model [K]", residuals),
         _inputs({column.rpartition("_")[0] for column in run.inputs} | {"temperature"}),
         *([_states("masked samples and phases", f"+ /{path('masked', model)}/**", "+ /phase/**")] if masked else []),
         row_shares=[4, 2, 2, 1][: 3 + masked],
         name="temperatures",
     )
     heat = _series("the network's heat [W]", [f"+ /{path('heat', model)}"])
-    rest = _grid([heat, *(_region(run, model, region) for region in unseen)], "heat and nodes without a sensor")
-    return _page([temperatures, rest], path("answer", model))
+    rest = _grid([heat, *(_region(run, models, region) for region in unseen)], "heat and nodes without a sensor")
+    return _page(
+        [temperatures, *_estimated_loss(run, models), rest], path("answer", words.short((extended or run).model))
+    )
+
+
+def _estimated_loss(run: Run, models: Sequence[tuple[str, str]]) -> list[Any]:
+    """The filter's tab: the heat that it estimates, and the temperatures around it."""
+    import rerun.blueprint as rrb
+
+    if run.filtered is None:
+        return []
+    node = run.filtered.node
+    heat = _series(f"loss of the {words.name(node)} [W]", [f"+ /{path('loss', words.short(run.model), node)}/**"])
+    around = _region(run, models, run.regions[node])
+    inputs = _inputs({column.rpartition("_")[0] for column in run.inputs} | {"temperature"})
+    return [rrb.Vertical(heat, around, inputs, row_shares=[3, 2, 1], name="Estimated loss")]
 
 
 def _grid(views: Sequence[Any], name: str | None = None) -> Any:
@@ -83,9 +104,9 @@ def _grid(views: Sequence[Any], name: str | None = None) -> Any:
     return rrb.Grid(*views, grid_columns=max(1, min(4, len(views))), name=name)
 
 
-def _region(run: Run, model: str, region: str) -> Any:
+def _region(run: Run, models: Sequence[tuple[str, str]], region: str) -> Any:
     nodes = [node for node in run.nodes if run.regions[node] == region]
-    paths = [f"+ /{path(*parts)}/**" for node in nodes for parts in (("measured", node), ("open_loop", model, node))]
+    paths = [f"+ /{path(*parts, node)}/**" for node in nodes for parts in (("measured",), *models)]
     return _series(f"{region} [°C]", paths, _same_colours(run, nodes))
 
 

@@ -2,7 +2,8 @@
 
 Files with the same application and recording id and different entity paths overlay; so the recording id is the session's.
 Paths: `measured/<node>/<channel>`, `inputs/<quantity>/<channel>`, `ignored/<quantity>/<channel>`, `phase/<channel>`;
-`open_loop/<model>/<node>`, `residual/<model>/<node>/<channel>`, `masked/<model>/<channel>`, `heat/<model>`; `answer/...`
+`open_loop/<model>/<node>`, `residual/<model>/<node>/<channel>`, `masked/<model>/<channel>`, `heat/<model>`;
+`filtered/<model>/<node>`, `loss/<model>/<node>/estimated`, `from`, `to` and `modelled`; `extended/<model>/<node>`; `answer/...`
 for text. Every function raises ViewerError where rerun is not installed.
 """
 
@@ -32,7 +33,8 @@ from replay.show.findings import answer, channel_errors, finding
 if TYPE_CHECKING:
     import rerun
 
-MEASURED_WIDTH, MODEL_WIDTH = 2.2, 1.4
+MEASURED_WIDTH, MODEL_WIDTH, FILTERED_WIDTH, BAND_WIDTH = 2.2, 1.4, 1.0, 0.6
+BAND_SD = 2.0  # the band holds 95 % where the errors are normal
 STARTS_S = 2.0  # a viewer that runs this long has started
 MISSING = 'the rerun viewer is not installed: pip install "whyhot[view]"'
 
@@ -75,15 +77,21 @@ def measured_path(channel: ChannelData) -> str:
     return path("ignored" if spec.role == "ignored" else "inputs", spec.quantity, spec.name)
 
 
-def write_open_loop(run: Run, target: Path) -> None:
-    """What the model says: every node's temperature, each channel's residual and masked stretches, the network's heat."""
+def write_open_loop(run: Run, target: Path, layer: str = "open_loop", over: Run | None = None) -> None:
+    """What the model says: every node's temperature, each channel's residual and masked stretches, the network's heat.
+
+    `layer`: the first part of the temperatures' paths, `extended` for a model that was extended; `over`: the run of the
+    model before, which then is shown in the same views.
+    """
     _rerun()
     model = words.short(run.model)
-    with _recording(run.session, run.session_name, target, of_run(run)) as stream:
+    called = "model" if layer == "open_loop" else f"{words.name(layer)} model"
+    blueprint = of_run(over, run) if over else of_run(run)
+    with _recording(run.session, run.session_name, target, blueprint) as stream:
         _write_text(stream, path("answer", model), _findings(run))
         for i, node in enumerate(run.nodes):
-            where = path("open_loop", model, node)
-            _style(stream, where, f"{words.name(node)} model", colour(i, dark=False), MODEL_WIDTH)
+            where = path(layer, model, node)
+            _style(stream, where, f"{words.name(node)} {called}", colour(i, dark=False), MODEL_WIDTH)
             _send(stream, where, run.t_ns, run.temperatures[:, i], run.absolute)
         for observed in run.observed:
             where = path("residual", model, observed.node, observed.channel)
@@ -95,6 +103,33 @@ def write_open_loop(run: Run, target: Path) -> None:
                 )
         _style(stream, path("heat", model), "the network's heat [W]", colour(1), MODEL_WIDTH)
         _send(stream, path("heat", model), run.t_ns[:-1], run.losses_W, run.absolute)
+
+
+def write_filtered(run: Run, target: Path) -> None:
+    """What the filter says: every node's temperature, and the heat that it estimates with a band, beside the modelled one.
+
+    Raises ValueError for a run without a filter.
+    """
+    _rerun()
+    model, filtered = words.short(run.model), run.filtered
+    if filtered is None:
+        raise ValueError(f"run {run.run} has no filter")
+    with _recording(run.session, run.session_name, target, of_run(run)) as stream:
+        for i, node in enumerate(run.nodes):
+            where = path("filtered", model, node)
+            _style(stream, where, f"{words.name(node)} filtered", colour(i, dark=False), FILTERED_WIDTH)
+            _send(stream, where, run.t_ns, filtered.temperatures[:, i], run.absolute)
+        band = BAND_SD * filtered.heat_sd_W
+        lines = {
+            "modelled": (filtered.nominal_W, 1, MODEL_WIDTH),
+            "from": (filtered.heat_W - band, 0, BAND_WIDTH),
+            "to": (filtered.heat_W + band, 0, BAND_WIDTH),
+            "estimated": (filtered.heat_W, 0, MEASURED_WIDTH),
+        }
+        for name, (watts, index, width) in lines.items():
+            where = path("loss", model, filtered.node, name)
+            _style(stream, where, f"loss of the {words.name(filtered.node)}, {name} [W]", colour(index), width)
+            _send(stream, where, run.t_ns[1:], watts, run.absolute)  # known at the end of each step
 
 
 def _rerun() -> Any:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,8 +13,9 @@ from made_channels import channel
 from made_runs import STEP_NS, UTC_NS, made_run
 
 from ingest.events import SessionRecorded
+from replay.engine.run import Filtered, Run
 from replay.errors import ViewerError
-from replay.show import layers
+from replay.show import blueprint, layers
 
 STEPS = 2400
 
@@ -115,6 +117,76 @@ def test_the_open_loop_layer_holds_every_node_and_the_networks_heat(modelled: Pa
         assert t_ns.tolist() == run.t_ns.tolist()
         assert value == pytest.approx(run.temperatures[:, j])
     assert values(modelled, "heat/9ac1f00d", "Scalars:scalars")[1] == pytest.approx(run.losses_W)
+
+
+def with_filter() -> Run:
+    run = made_run()
+    heat = np.linspace(20.0, 40.0, STEPS)
+    made = Filtered(
+        node="rotor_surface",
+        measured=("T_1", "T_2"),
+        temperatures=run.temperatures + 1.0,
+        heat_W=heat,
+        heat_sd_W=np.full(STEPS, 3.0),
+        nominal_W=heat - 5.0,
+        heat_walk_W=0.4,
+        nis=1.0,
+    )
+    return replace(run, filtered=made)
+
+
+def test_the_filtered_layer_holds_every_node_and_the_loss_with_its_band(tmp_path: Path) -> None:
+    pytest.importorskip("rerun")
+    run, file = with_filter(), tmp_path / "filtered.rrd"
+    layers.write_filtered(run, file)
+    for j, node in enumerate(run.nodes):
+        assert values(file, f"filtered/9ac1f00d/{node}", "Scalars:scalars")[1] == pytest.approx(
+            run.temperatures[:, j] + 1
+        )
+    heat = np.linspace(20.0, 40.0, STEPS)
+    for name, watts in {"estimated": heat, "modelled": heat - 5, "from": heat - 6, "to": heat + 6}.items():
+        t_ns, value = values(file, f"loss/9ac1f00d/rotor_surface/{name}", "Scalars:scalars")
+        assert value == pytest.approx(watts), name
+        assert t_ns.tolist() == run.t_ns[1:].tolist(), name
+
+
+def test_a_run_without_a_filter_has_no_such_layer(tmp_path: Path) -> None:
+    pytest.importorskip("rerun")
+    with pytest.raises(ValueError, match="has no filter"):
+        layers.write_filtered(made_run(), tmp_path / "filtered.rrd")
+
+
+def test_an_extended_model_is_a_layer_of_its_own_over_the_one_before(tmp_path: Path) -> None:
+    pytest.importorskip("rerun")
+    run, file = made_run(model="e47e4ded" * 8), tmp_path / "extended.rrd"
+    layers.write_open_loop(run, file, layer="extended", over=with_filter())
+    assert values(file, "extended/e47e4ded/winding", "Scalars:scalars")[1] == pytest.approx(run.temperatures[:, 0])
+    paths = {entity(batch) for batch in chunks(file)}
+    assert {"residual/e47e4ded/winding/T_1", "heat/e47e4ded", "answer/e47e4ded"} <= paths
+    assert not any(path.startswith("open_loop") for path in paths)
+
+
+def test_the_layout_has_a_tab_for_the_estimated_loss_and_every_model_in_the_same_views() -> None:
+    pytest.importorskip("rerun")
+    both = shown(blueprint.of_run(with_filter(), made_run(model="e47e4ded" * 8)))
+    plain = shown(blueprint.of_run(made_run()))
+    assert "Estimated loss" in both
+    assert "Estimated loss" not in plain
+    rotor = both["rotor [°C]"]
+    for layer in ("measured", "open_loop/9ac1f00d", "extended/e47e4ded", "filtered/9ac1f00d"):
+        assert f"+ /{layer}/rotor_surface/**" in rotor
+    assert plain["rotor [°C]"] == ["+ /measured/rotor_surface/**", "+ /open_loop/9ac1f00d/rotor_surface/**"]
+
+
+def shown(layout: Any) -> dict[str, list[str]]:
+    """Name of each container and view -> what a view shows."""
+    found: dict[str, list[str]] = {}
+    waiting = [layout.root_container]
+    while waiting:
+        part = waiting.pop()
+        found[str(part.name)] = list(getattr(part, "contents", []) if hasattr(part, "origin") else [])
+        waiting += [] if hasattr(part, "origin") else part.contents
+    return found
 
 
 def test_residuals_are_measured_minus_model_with_masked_steps_as_gaps(modelled: Path) -> None:

@@ -1,0 +1,108 @@
+"""What the filter makes of a session: the heat that it estimates at one node, with its band, beside what the model has there."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+from numpy.typing import NDArray
+
+from replay.engine.run import Filtered, Run
+from replay.show import words
+from replay.show.figure import Plot, Table, inline_svg, name_lines, panels, style
+from replay.show.palette import COLOURS, DASHES, SOFT, with_variables
+from replay.show.plots import ROWS, WIDTH, TimeAxis, time_axis
+from replay.show.thin import thin, with_gaps
+
+Floats = NDArray[np.float64]
+
+BAND_SD = 2.0  # the band holds 95 % where the errors are normal
+PLAIN = 2.0  # a mean difference of this many standard deviations is said as one
+NOTE = (
+    "The filter is told where the unknown heat is. Told the wrong node it still finds a history that fits: what it estimates is "
+    "no evidence that the cause is there."
+)
+
+
+def estimated_loss(run: Run, columns: int, cause: str | None = None) -> Plot | None:
+    """Estimated heat with its band over time, the modelled heat beside it, and the temperatures there below; None without a filter.
+
+    `columns` to thin to. `cause`: what the evidence names, in words, where that is not a loss of this node; the title then says
+    that the filter blames the wrong place.
+    """
+    filtered = run.filtered
+    if filtered is None:
+        return None
+    title = _finding(filtered, cause)
+    time = time_axis(run)
+    with style(f"{run.session} estimated loss"):
+        figure, (upper, lower) = panels(WIDTH, (1.6, 1.2))
+        _draw_heat(upper, filtered, time, run.t_ns[1:], columns)
+        _draw_temperatures(lower, run, filtered, time, columns)
+        lower.set_xlim(0, time.of(run.t_ns[-1:])[0])
+        lower.set_xlabel(time.label)
+        svg = with_variables(inline_svg(figure, title))
+    return Plot(title, svg, NOTE, _table(run, filtered, time))
+
+
+def _finding(filtered: Filtered, cause: str | None) -> str:
+    node, extra = words.name(filtered.node), float((filtered.heat_W - filtered.nominal_W).mean())
+    nominal, sd = float(filtered.nominal_W.mean()), float(np.sqrt((filtered.heat_sd_W**2).mean()))
+    amount = f"{words.number(round(abs(extra), 1))} W {'more' if extra > 0 else 'less'}"
+    beside = (
+        f"than the modelled {words.number(round(nominal, 1))} W, ± {words.number(round(BAND_SD * sd, 1))} W at any time"
+    )
+    if cause is not None:
+        return f"Not the {node}: the filter puts {amount} there {beside}, yet the evidence names {cause}"
+    if abs(extra) < PLAIN * sd:
+        return f"The filter sees no other loss at the {node}: {amount} {beside}"
+    return f"The filter puts {amount} loss at the {node} {beside}"
+
+
+def _draw_heat(axes: Axes, filtered: Filtered, time: TimeAxis, t_ns: NDArray[np.int64], columns: int) -> None:
+    """Estimated solid, modelled dashed; grey: two standard deviations of the estimate."""
+    t = time.of(t_ns)
+    band = BAND_SD * filtered.heat_sd_W
+    i = np.unique(np.linspace(0, t.size - 1, columns).astype(np.intp))
+    axes.fill_between(
+        t[i], (filtered.heat_W - band)[i], (filtered.heat_W + band)[i], color=SOFT[0], alpha=0.22, linewidth=0
+    )
+    lines = (("estimated", filtered.heat_W, COLOURS[0], "-"), ("modelled", filtered.nominal_W, COLOURS[1], DASHES[0]))
+    ends = []
+    for name, watts, colour, dashes in lines:
+        axes.plot(*thin(t, watts, columns), color=colour, linestyle=dashes, linewidth=1.2)
+        ends.append((float(watts[-1]), name, colour))
+    axes.axhline(0, color=SOFT[0], linewidth=0.8)
+    axes.set_ylabel(f"loss of the\n{words.name(filtered.node)} [W]")
+    name_lines(axes, ends)
+
+
+def _draw_temperatures(axes: Axes, run: Run, filtered: Filtered, time: TimeAxis, columns: int) -> None:
+    """What is measured there, and what open loop and filter make of it; a channel that the filter did not see is its check."""
+    i, ends = run.nodes.index(filtered.node), []
+    for observed in (o for o in run.observed if o.node == filtered.node):
+        measured = with_gaps(time.of(observed.t_ns), observed.measured, observed.used)
+        axes.plot(*thin(*measured, columns), color=COLOURS[2], linewidth=1.4)
+        name = observed.channel if observed.channel in filtered.measured else f"{observed.channel}, kept"
+        ends.append((float(observed.measured[-1]), name, COLOURS[2]))
+    lines = (
+        (filtered.temperatures, "filtered", COLOURS[0], "-"),
+        (run.temperatures, "open loop", COLOURS[1], DASHES[0]),
+    )
+    for temperatures, name, colour, dashes in lines:
+        axes.plot(*thin(time.of(run.t_ns), temperatures[:, i], columns), color=colour, linestyle=dashes, linewidth=1.1)
+        ends.append((float(temperatures[-1, i]), name, colour))
+    axes.set_ylabel("temperature\nthere [°C]")
+    name_lines(axes, ends)
+
+
+def _table(run: Run, filtered: Filtered, time: TimeAxis) -> Table:
+    i = np.unique(np.linspace(0, filtered.heat_W.size - 1, ROWS).astype(np.intp))
+    node = run.nodes.index(filtered.node)
+    head = (time.label, "estimated [W]", "standard deviation [W]", "modelled [W]", "filtered [°C]", "open loop [°C]")
+    watts = (filtered.heat_W[i], filtered.heat_sd_W[i], filtered.nominal_W[i])
+    degC = (filtered.temperatures[i + 1, node], run.temperatures[i + 1, node])
+    cells = [
+        [f"{t:.2f}" for t in time.of(run.t_ns[i + 1])],
+        *([f"{v:.1f}" for v in values] for values in (*watts, *degC)),
+    ]
+    return Table(head, tuple(zip(*cells, strict=True)))
