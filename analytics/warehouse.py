@@ -32,7 +32,10 @@ if TYPE_CHECKING:
     from ingest.store import Store
 
 FILE = "warehouse.duckdb"
-VIEWS = ("sessions", "channels", "files", "samples", "runs", "residuals", "temperatures", "events")
+VIEWS = (
+    *("sessions", "channels", "files", "samples", "runs", "residuals", "temperatures"),
+    *("ageing_cycles", "dc_checks", "events"),
+)
 MACROS = ("resample",)
 BUILDING = "warehouse-"  # begins the names of folders in which one is being built
 BLOCK = "16384"  # bytes, the least: the tables are small, and each takes a block at least
@@ -132,6 +135,7 @@ def fill(
             connection.execute(f"INSERT INTO base.{table} BY NAME SELECT * FROM new_rows")
             connection.unregister("new_rows")
     connection.execute(_sql("segments"))
+    connection.execute(_sql("regions"))
     scans.create(connection)
     for part in (*VIEWS, *MACROS):
         connection.execute(_sql(part))

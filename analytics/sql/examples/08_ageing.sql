@@ -1,12 +1,15 @@
--- Hours that each specimen spent above 180 degC in the oven
-WITH steps AS (
-    SELECT session, value, lead(t_s) OVER (PARTITION BY session, channel ORDER BY t_s) - t_s AS step_s
-    FROM samples
-    WHERE node = 'oven'
-)
-SELECT s.specimen, s.batch, sum(step_s) FILTER (WHERE value > 180) / 3600 AS above_180degC_h
-FROM steps
-JOIN sessions AS s USING (session)
-WHERE s.kind = 'ageing'
+-- How the insulation of each specimen changes: hours above 180 degC in the oven, and the trend of its thermal resistance
+SELECT
+    a.specimen,
+    a.oven_sessions,
+    a.above_180degC_h,
+    count(d.resistance_K_per_W) AS checks,
+    1e4 * regr_slope(ln(d.resistance_K_per_W), d.dose_h) AS slope_percent_per_100h
+FROM (
+    SELECT specimen, count(*) AS oven_sessions, sum(hours_above_180degC) AS above_180degC_h
+    FROM ageing_cycles
+    GROUP BY specimen
+) AS a
+LEFT JOIN dc_checks AS d ON d.specimen = a.specimen
 GROUP BY ALL
-ORDER BY s.specimen;
+ORDER BY a.specimen;

@@ -1,0 +1,266 @@
+"""`ageing_cycles` and `dc_checks` on sessions made by hand, whose hours, doses and resistances are known."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+from numpy.typing import ArrayLike
+
+from analytics import warehouse
+from analytics.query import run
+from ingest.events import DecodeCompleted, RawFileSealed, SessionRecorded
+from ingest.quantities import STORED_UNIT
+from ingest.resolving import region_by_name
+from ingest.store import Store
+
+HOUR_s = 3600
+START_NS = 1_760_000_000 * 10**9
+STEP_s = 10.0
+STEPS = 241  # 40 min
+T_s = np.arange(STEPS) * STEP_s
+Columns = dict[str, tuple[str, str | None, ArrayLike]]  # channel -> quantity, node, values
+POWER = ("power", None, np.where(T_s >= 60, 1000.0, 5.0))
+COPPER = ("temperature", "winding_a", np.full(STEPS, 100.0))
+IRON = ("temperature", "teeth", np.full(STEPS, 60.0))
+CHECK: Columns = {"P": POWER, "EW": COPPER, "TC": IRON}
+Add = Callable[..., None]
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> Iterator[Store]:
+    with Store.open(tmp_path / "store", create=True) as made:
+        yield made
+
+
+@pytest.fixture
+def add(store: Store) -> Add:
+    """Append a session of one file: sealed, decoded, recorded."""
+
+    def added(name: str, kind: str, at_h: float | None, columns: Columns, step_s: float = STEP_s, **more: Any) -> None:
+        raw, decode = name.encode().hex().ljust(64, "0"), name.encode().hex()
+        size = len(np.asarray(next(iter(columns.values()))[2]))
+        start = START_NS + round((at_h or 0.0) * HOUR_s * 1e9)
+        t_ns = start + np.round(np.arange(size) * step_s * 1e9).astype(np.int64)
+        kept = np.setdiff1d(np.arange(size), more.pop("lost", []))
+        folder = store.decoded(decode)
+        folder.mkdir()
+        fixed = {"t_ns": t_ns[kept], "log_t_ns": t_ns[kept], "file_id": [raw] * len(kept), "record": kept}
+        values = {channel: np.asarray(value, np.float64)[kept] for channel, (_, _, value) in columns.items()}
+        pq.write_table(pa.table({**fixed, **values}), folder / "rows.parquet")
+        ignored = more.pop("ignored", ())
+        channels: list[dict[str, Any]] = [
+            {
+                "name": channel,
+                "group": "rows",
+                "column": channel,
+                "quantity": quantity,
+                "unit": STORED_UNIT[quantity],
+                "node": node,
+                "role": "ignored" if channel in ignored else "observed" if node else "input",
+                "derived": False,
+            }
+            for channel, (quantity, node, _) in columns.items()
+        ]
+        absolute, first, last = at_h is not None, int(t_ns[0]), int(t_ns[-1])
+        balance = {"found": len(kept), "decoded": len(kept), "unknown_id": 0, "wrong_length": 0, "rejected": 0}
+        said: dict[str, Any] = {"specimen": "stator-07", "batch": None} | more
+        file = {"raw": raw, "decode": decode, "first_record": 0, "last_record": size - 1}
+        store.ledger.append(f"file-{raw}", RawFileSealed(sha256=raw, name=f"{name}.csv", size=1, format="csv"))
+        store.ledger.append(
+            f"file-{raw}",
+            DecodeCompleted(
+                decode=decode, raw=raw, bench=None, databases=[], decoder="1", outcome="decoded", why=None, balance=balance,
+                groups=[{"name": "rows", "file": "rows.parquet"}], channels=channels,
+                absolute=absolute, start_ns=first, end_ns=last,
+            ),
+        )  # fmt: skip
+        store.ledger.append(
+            f"session-{decode}",
+            SessionRecorded(
+                session=decode, name=name, kind=kind, kind_why="given", bench=None, configuration=None, attributes={},
+                files=[file], absolute=absolute, start_ns=first, end_ns=last, **said,
+            ),
+        )  # fmt: skip
+
+    return added
+
+
+def ask(store: Store, sql: str) -> list[tuple[Any, ...]]:
+    with warehouse.refresh(store) as opened:
+        return run(opened.connection, sql).rows
+
+
+def oven(*degC: float, node: str = "winding_a") -> Columns:
+    """A temperature an hour."""
+    return {"EW": ("temperature", node, degC)}
+
+
+def test_the_resistance_is_the_rise_from_iron_to_copper_over_the_power(store: Store, add: Add) -> None:
+    add("check", "dc_check", 0.0, CHECK)
+    rows = ask(
+        store,
+        "SELECT resistance_K_per_W, copper_degC, iron_degC, power_W, drift_percent, load_s, why_no_resistance, power_from FROM dc_checks",
+    )
+    assert rows == [(0.04, 100.0, 60.0, 1000.0, 0.0, 2350.0, None, "power")]
+
+
+def test_copper_and_iron_are_means_of_their_channels_and_other_nodes_and_ignored_ones_do_not_count(
+    store: Store, add: Add
+) -> None:
+    more: Columns = {
+        "EW2": ("temperature", "endwinding_b_inner", np.full(STEPS, 120.0)),
+        "TC2": ("temperature", "yoke", np.full(STEPS, 50.0)),
+        "bad": ("temperature", "winding_b", np.full(STEPS, 900.0)),
+        "MAG": ("temperature", "magnet", np.full(STEPS, 800.0)),
+        "room": ("temperature", "ambient", np.full(STEPS, 700.0)),
+    }
+    add("check", "dc_check", 0.0, CHECK | more, ignored=("bad",))
+    rows = ask(store, "SELECT copper_degC, iron_degC, resistance_K_per_W, copper_from, iron_from FROM dc_checks")
+    assert rows == [(110.0, 55.0, 0.055, "EW, EW2", "TC, TC2")]
+
+
+def test_only_the_last_ten_minutes_of_load_give_the_numbers(store: Store, add: Add) -> None:
+    load = np.where((T_s >= 60) & (T_s <= 2000), 1000.0, 0.0)
+    copper = np.where(T_s > 2000, 30.0, np.where(T_s > 1400, 100.2, np.where(T_s > 800, 100.0, 70.0)))
+    add("check", "dc_check", 0.0, {"P": ("power", None, load), "EW": ("temperature", "winding", copper), "TC": IRON})
+    rows = ask(store, "SELECT copper_degC, round(drift_percent, 3), resistance_K_per_W FROM dc_checks")
+    assert rows == [(100.2, 0.5, 0.0402)]
+
+
+@pytest.mark.parametrize(
+    ("volts", "amps"), [("voltage", "current"), ("voltage_dc", "current_dc"), ("voltage", "current_dc")]
+)
+def test_where_no_power_is_recorded_it_is_voltage_times_current_of_either_sign(
+    store: Store, add: Add, volts: str, amps: str
+) -> None:
+    current = np.where(T_s >= 60, -160.0, 0.0)
+    add(
+        "check",
+        "dc_check",
+        0.0,
+        {"U": (volts, None, current / 25), "I": (amps, None, current), "EW": COPPER, "TC": IRON},
+    )
+    rows = ask(store, "SELECT round(power_W, 6), power_from, resistance_K_per_W FROM dc_checks")
+    assert rows == [(1024.0, "voltage x current", 0.0390625)]
+
+
+RISES = ("temperature", "winding", 60 + 40 * (1 - np.exp(-T_s / 600)))
+BREAK = ("power", None, np.where((T_s < 60) | (T_s == 1500), 0.0, 1000.0))
+
+
+@pytest.mark.parametrize(
+    ("columns", "why"),
+    [
+        ({"P": POWER, "TC": IRON}, "no copper temperature: no channel has a node winding*, endwinding* or terminal*"),
+        ({"P": POWER, "EW": COPPER}, "no iron temperature: no channel has a node yoke*, teeth*, tooth*, stator* or iron*"),
+        ({"EW": COPPER, "TC": IRON}, "no power or current is recorded"),
+        (
+            {"I": ("current", None, np.full(STEPS, 160.0)), "EW": COPPER, "TC": IRON},
+            "neither power nor voltage is recorded",
+        ),
+        (CHECK | {"P": ("power", None, np.where(T_s >= 1500, 1000.0, 0.0))}, "loaded for 15.1 min without a break, 20 min are needed"),
+        (CHECK | {"P": BREAK}, "loaded for 15.0 min without a break, 20 min are needed"),
+        (CHECK | {"EW": RISES}, "not steady: changes by 5.9 % in 10 min, 1 % is allowed"),
+        (CHECK | {"EW": ("temperature", "winding", IRON[2])}, "copper is not warmer than iron"),
+        (CHECK | {"P": ("power", None, -np.asarray(POWER[2]))}, "power is not above zero"),
+        (CHECK | {"P": ("power", None, np.zeros(STEPS))}, "loaded for 0.0 min without a break, 20 min are needed"),
+        (
+            {"R": ("thermal_resistance", None, np.full(STEPS, 0.02))},
+            "evaluated elsewhere: its samples of quantity thermal_resistance",
+        ),
+    ],
+    ids=lambda value: value[:30] if isinstance(value, str) else "",
+)  # fmt: skip
+def test_a_check_without_a_resistance_says_why(store: Store, add: Add, columns: Columns, why: str) -> None:
+    add("check", "dc_check", 0.0, columns)
+    assert ask(store, "SELECT resistance_K_per_W, why_no_resistance FROM dc_checks") == [(None, why)]
+
+
+def test_hours_are_those_of_the_hottest_copper_channel_above_180_degC(store: Store, add: Add) -> None:
+    columns: Columns = {
+        "EW": ("temperature", "winding_a", (20, 179, 181, 230, 180, 20)),
+        "EW2": ("temperature", "winding_b", (20, 190, 190, 190, 190, 20)),  # longer, but never as hot
+        "air": ("temperature", "oven", (20, 240, 240, 240, 240, 20)),
+    }
+    add("oven", "ageing", 0.0, columns, step_s=HOUR_s)
+    rows = ask(
+        store,
+        "SELECT hours_above_180degC, highest_degC, mean_above_degC, hottest_channel, longest_gap_s, why_no_hours FROM ageing_cycles",
+    )
+    assert rows == [(2.0, 230.0, 205.5, "EW", 3600.0, None)]
+
+
+def test_a_gap_counts_at_the_sample_before_it_and_is_shown(store: Store, add: Add) -> None:
+    add("oven", "ageing", 0.0, oven(20, 230, 230, 230, 20, 20), step_s=HOUR_s, lost=(2, 3))
+    assert ask(store, "SELECT hours_above_180degC, longest_gap_s / 3600 FROM ageing_cycles") == [(3.0, 3.0)]
+
+
+def test_a_boundary_is_no_copper_and_a_cycle_without_copper_says_so(store: Store, add: Add) -> None:
+    add("oven", "ageing", 0.0, oven(230, 230, node="oven"), step_s=HOUR_s)
+    rows = ask(store, "SELECT name, hours_above_180degC, hottest_channel, why_no_hours FROM ageing_cycles")
+    assert rows == [
+        ("oven", None, None, "no copper temperature: no channel has a node winding*, endwinding* or terminal*")
+    ]
+
+
+def test_the_dose_sums_the_earlier_sessions_of_the_same_specimen_whatever_their_kind(store: Store, add: Add) -> None:
+    for name, at_h in (("first", 0.0), ("second", 20.0), ("third", 40.0)):
+        add(name, "dc_check", at_h, CHECK)
+    add("oven_1", "ageing", 2.0, oven(20, 230, 230, 20), step_s=HOUR_s)
+    add("other", "ageing", 3.0, oven(230, 230, 230), step_s=HOUR_s, specimen="stator-08")
+    add("hot_drive", "s1", 25.0, oven(20, 185, 20), step_s=HOUR_s)
+    add("oven_2", "ageing", 30.0, oven(20, 230, 230, 230, 20), step_s=HOUR_s)
+    add("oven_3", "ageing", 50.0, oven(230, 230), step_s=HOUR_s)
+    rows = ask(store, "SELECT name, dose_h, why_no_dose FROM dc_checks")
+    assert rows == [("first", 0.0, None), ("second", 2.0, None), ("third", 6.0, None)]
+    assert ask(store, "SELECT name FROM ageing_cycles") == [("oven_1",), ("oven_2",), ("oven_3",), ("other",)]
+
+
+@pytest.mark.parametrize(
+    ("check", "cycle", "why"),
+    [
+        ({"specimen": None}, {}, "no specimen is named"),
+        ({"at_h": None}, {}, "no absolute time"),
+        ({}, {"at_h": None}, "an oven session of the specimen has no hours or no absolute time"),
+        ({}, {"columns": oven(230, node="oven")}, "an oven session of the specimen has no hours or no absolute time"),
+    ],
+)
+def test_a_dose_that_is_not_known_is_null_and_says_why(
+    store: Store, add: Add, check: dict[str, Any], cycle: dict[str, Any], why: str
+) -> None:
+    add(**{"name": "check", "kind": "dc_check", "at_h": 20.0, "columns": CHECK} | check)
+    add(**{"name": "cycle", "kind": "ageing", "at_h": 0.0, "columns": oven(230, 230), "step_s": HOUR_s} | cycle)
+    assert ask(store, "SELECT dose_h, why_no_dose, resistance_K_per_W FROM dc_checks") == [(None, why, 0.04)]
+
+
+def test_a_later_cycle_without_hours_does_not_matter(store: Store, add: Add) -> None:
+    add("check", "dc_check", 0.0, CHECK)
+    add("oven", "ageing", 9.0, oven(230, 230, node="oven"), step_s=HOUR_s)
+    assert ask(store, "SELECT dose_h, why_no_dose FROM dc_checks") == [(0.0, None)]
+
+
+NODES = "winding_a endwinding terminal_rack yoke teeth tooth_1 stator iron_2 oven ambient coolant magnet rotor_iron w"
+
+
+@pytest.mark.parametrize("node", NODES.split())
+def test_a_node_has_the_region_that_ingest_gives_it_by_name(store: Store, node: str) -> None:
+    with warehouse.refresh(store) as opened:
+        found = opened.connection.execute("SELECT base.region(?)", [node]).fetchall()
+    assert found == [(region_by_name(node),)]
+
+
+def test_the_example_gives_the_slope_of_each_specimen(store: Store, add: Add) -> None:
+    for k in range(3):
+        copper = np.full(STEPS, 60.0 + 40.0 * np.exp(0.002 * k))  # 0.2 % more each hour
+        add(f"check_{k}", "dc_check", 30.0 * k, CHECK | {"EW": ("temperature", "winding", copper)})
+        add(f"oven_{k}", "ageing", 30.0 * k + 2, oven(230, 20), step_s=HOUR_s)
+    sql = (Path(warehouse.__file__).parent / "sql" / "examples" / "08_ageing.sql").read_text(encoding="utf-8")
+    ((specimen, cycles, hours, checks, slope),) = ask(store, sql)
+    assert (specimen, cycles, hours, checks) == ("stator-07", 3, 3.0, 3)
+    assert slope == pytest.approx(20.0, rel=1e-4)
