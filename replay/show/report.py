@@ -2,22 +2,16 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from importlib.resources import files
 from pathlib import Path
 
-from jinja2 import Environment, StrictUndefined, Template
-from markupsafe import Markup
-
 from replay.engine.run import Observed, Run
-from replay.show import words
 from replay.show.error_maps import error_along, error_map
 from replay.show.figure import Plot
 from replay.show.findings import answer, channel_errors, power_balance
-from replay.show.palette import variables
+from replay.show.page import template
 from replay.show.plots import groups, inputs_over_time, over_time
 
 COLUMNS = 600  # pixel columns that a line is thinned to ...
@@ -45,7 +39,7 @@ class SessionPlots:
 def write_report(runs: Sequence[Run], target: Path, context: ReportContext) -> None:
     """Write the report of one replay (a run a session, in the order wanted) to `target`. The same runs give the same bytes."""
     summaries = [run.summary for run in runs]
-    page = _template().render(
+    page = template("report.html.j2").render(
         answer=answer(summaries),
         runs=runs,
         errors={run.session: channel_errors(run.summary) for run in runs},
@@ -54,32 +48,15 @@ def write_report(runs: Sequence[Run], target: Path, context: ReportContext) -> N
         balances=power_balance(summaries),
         notes=[(run.session_name, run.summary["note"]) for run in runs if run.summary.get("note")],
         context=context,
-        light=variables(dark=False),
-        dark=variables(dark=True),
     )
     target.write_text(page, encoding="utf-8")
-
-
-def _template() -> Template:
-    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-    environment.filters.update(
-        kelvin=words.kelvin,
-        unbroken=lambda text: re.sub(r"(?<=\d) (?=[°A-Za-z])", "\N{NO-BREAK SPACE}", text),
-        signed_kelvin=words.signed_kelvin,
-        where=words.where,
-        nodename=words.name,
-        duration=words.duration,
-        clock=words.clock,
-        svg=Markup,  # drawn by us, with every name escaped
-    )
-    return environment.from_string(files("replay.show").joinpath("report.html.j2").read_text(encoding="utf-8"))
 
 
 def _sessions(runs: Sequence[Run]) -> list[SessionPlots]:
     grouped = [(run, groups(run)) for run in runs]
     lines = sum(3 * len(group) for _, of_run in grouped for group in of_run) + sum(len(run.inputs) for run in runs)
     columns = min(COLUMNS, COLUMNS * LINES // max(lines, 1))
-    return [SessionPlots(run, _start(run), _plots(run, of_run, columns)) for run, of_run in grouped]
+    return [SessionPlots(run, started(run), _plots(run, of_run, columns)) for run, of_run in grouped]
 
 
 def _plots(run: Run, of_run: Sequence[Sequence[Observed]], columns: int) -> list[Plot]:
@@ -87,7 +64,8 @@ def _plots(run: Run, of_run: Sequence[Sequence[Observed]], columns: int) -> list
     return [*(over_time(run, group, columns) for group in of_run), *([inputs] if inputs else [])]
 
 
-def _start(run: Run) -> str:
+def started(run: Run) -> str:
+    """When a session began, to the second."""
     if not run.absolute:
         return "no absolute time"
     return f"{datetime.fromtimestamp(int(run.t_ns[0]) // 10**9, UTC):%Y-%m-%d %H:%M:%S} UTC"
