@@ -26,6 +26,7 @@ AR_TAUS_S = (20.0, 60.0, 180.0)
 OU_SHARES = (1 / 3, 1.0)  # of the slowest mode
 OU_PRIOR_K = 0.5  # half-normal, on ou_sd
 OU_FLOOR_SHARE = 0.003  # of the channel's rise over the coolant: a lumped model is no better than that
+AR_FLOOR_SHARE = 0.0005  # the same of the fast one
 START = (0.15, 0.15)  # ar_sd, ou_sd [K]
 BOUNDS_K = (1e-3, 5.0)
 DRAWS = 16
@@ -61,13 +62,19 @@ def reml(
     """
     _check(observed, precision, rise_K)
     channels = dict.fromkeys(o.series.channel for o in observed)
-    floors = {channel: max(BOUNDS_K[0], OU_FLOOR_SHARE * rise_K[channel]) for channel in channels}
+    floors = {
+        channel: (
+            max(BOUNDS_K[0], AR_FLOOR_SHARE * rise_K[channel]),
+            max(BOUNDS_K[0], OU_FLOOR_SHARE * rise_K[channel]),
+        )
+        for channel in channels
+    }
     z = _orthogonal_draws(len(precision), seed)
     tried: list[Reml] = []
     for tau_a, share in itertools.product(AR_TAUS_S, OU_SHARES):
         start = {
-            c: ChannelNoise(START[0], tau_a, max(START[1], floor), share * slowest_mode_s)
-            for c, floor in floors.items()
+            c: ChannelNoise(max(START[0], ar), tau_a, max(START[1], ou), share * slowest_mode_s)
+            for c, (ar, ou) in floors.items()
         }
         noise = _climb(observed, precision, start, floors, z, FIRST_PASS)
         tried.append(Reml(noise, _log_evidence(observed, precision, noise)))
@@ -107,7 +114,7 @@ def _climb(
     observed: Sequence[Observed],
     precision: Array,
     noise: Mapping[str, ChannelNoise],
-    floors: Mapping[str, float],
+    floors: Mapping[str, tuple[float, float]],
     z: Array,
     steps: int,
 ) -> dict[str, ChannelNoise]:
@@ -162,7 +169,11 @@ def _posterior_columns(
 
 
 def _channel_noise(
-    observed: Sequence[Observed], columns: Sequence[Array], channel: str, start: ChannelNoise, floor: float
+    observed: Sequence[Observed],
+    columns: Sequence[Array],
+    channel: str,
+    start: ChannelNoise,
+    floor: tuple[float, float],
 ) -> ChannelNoise:
     """The two standard deviations that maximise the channel's expected likelihood."""
     own = [(o.series, x) for o, x in zip(observed, columns, strict=True) if o.series.channel == channel]
@@ -173,7 +184,7 @@ def _channel_noise(
         total = sum(deviance(t, white, x, v_a, start.ar_tau_s, v_o, start.ou_tau_s) for t, white, x in packed)
         return float(total + v_o / OU_PRIOR_K**2) / 2
 
-    bounds = [tuple(np.log(BOUNDS_K)), (np.log(floor), np.log(max(BOUNDS_K[1], 2 * floor)))]
+    bounds = [(np.log(least), np.log(max(BOUNDS_K[1], 2 * least))) for least in floor]
     found = minimize(cost, np.log([start.ar_sd, start.ou_sd]), method="L-BFGS-B", bounds=bounds)
     ar_sd, ou_sd = np.exp(found.x)
-    return replace(start, ar_sd=float(ar_sd), ou_sd=float(max(ou_sd, floor)))
+    return replace(start, ar_sd=float(max(ar_sd, floor[0])), ou_sd=float(max(ou_sd, floor[1])))

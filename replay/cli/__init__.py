@@ -24,6 +24,7 @@ VERBS: dict[str, str] = {
     "show": "one session: channels, gaps, quality, power balance, operating points",
     "motor": "the motor file as the program sees it (motor check FILE)",
     "calibrate": "coefficients from recorded sessions, as a new model",
+    "diagnose": "show what the model gets wrong, name the cause, extend the model, measure the gain",
     "accept": "the extended model or bench version of a diagnosis becomes current",
     "replay": "rerun the twin over sessions and say what it gets wrong",
     "report": "one HTML file of a replay, readable offline",

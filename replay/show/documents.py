@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from importlib.metadata import version
 from pathlib import Path
 
 from ingest.catalogue.channels import load
 from ingest.events import ReplayCompleted, SessionRecorded
-from ingest.facts import Facts
+from ingest.facts import Facts, at
 from ingest.store import Store
+from replay.engine.campaign import replay_sessions
 from replay.engine.run import Run
 from replay.engine.sealed import load_run
 from replay.errors import ReplayDataError
-from replay.show.layers import write_measured, write_open_loop
+from replay.show.diagnosis_report import write_diagnosis_report
+from replay.show.layers import write_filtered, write_measured, write_open_loop
 from replay.show.report import ReportContext, write_report
+from replay.studies.diagnosis import Diagnosis
+from replay.studies.formulas import text_diff
 
 NAMED = ("whyhot", "numpy", "scipy", "numba", "pyarrow", "matplotlib")
 
@@ -28,19 +32,14 @@ def write_replay_report(store: Store, facts: Facts, sessions: Sequence[str], tar
     if not chosen:
         raise ReplayDataError("no session of this store was replayed yet: whyhot replay, then report.")
     runs = [load_run(store, facts, _run_of(facts, session)) for session in chosen]
-    head = store.ledger.head()
-    context = ReportContext(
-        command=command.strip(),
-        store_head=f"{head.position} {head.root[:16]}",
-        versions={name: version(name) for name in NAMED},
-    )
     target.parent.mkdir(parents=True, exist_ok=True)
-    write_report(runs, target, context)
+    write_report(runs, target, _context(store, command))
     return runs
 
 
 def write_layers(store: Store, facts: Facts, sessions: Sequence[str], folder: Path) -> list[Path]:
-    """One .rrd a layer and session: `<session>.measured.rrd` and, where it was replayed, `<session>.open_loop.rrd`.
+    """One .rrd a layer and session: `<session>.measured.rrd` and, where it was replayed, `<session>.open_loop.rrd`
+    and, where a filter ran, `<session>.filtered.rrd`.
 
     Raises ViewerError where rerun is not installed.
     """
@@ -54,7 +53,57 @@ def write_layers(store: Store, facts: Facts, sessions: Sequence[str], folder: Pa
         if run:
             paths.append(folder / f"{session.name}.open_loop.rrd")
             write_open_loop(run, paths[-1])
+            if run.filtered:
+                paths.append(folder / f"{session.name}.filtered.rrd")
+                write_filtered(run, paths[-1])
     return paths
+
+
+def write_diagnosis(
+    store: Store, diagnosis: Diagnosis, target: Path, command: str, tell: Callable[[str], None] = lambda _: None
+) -> None:
+    """The report of a diagnosis. Its sessions are replayed first under the model as published, recalibrated and extended, where
+    the ledger does not have these runs."""
+    names = [*diagnosis.train, *diagnosis.held_out]
+    models = {
+        "published": diagnosis.model,
+        "recalibrated": diagnosis.recalibrated_model,
+        "extended": diagnosis.extended_model,
+    }
+    runs: dict[str, dict[str, Run]] = {name: {} for name in names}
+    for label, model in models.items():
+        if model is None:
+            continue
+        facts = at(store.ledger)
+        sessions = [facts.session(name) for name in names]
+        outcomes = replay_sessions(store, sessions, model, diagnosis.level, 1, tell)
+        facts = at(store.ledger)
+        for outcome in outcomes:
+            if outcome.run:
+                runs[outcome.session.session][label] = load_run(store, facts, outcome.run)
+    target.parent.mkdir(parents=True, exist_ok=True)
+    write_diagnosis_report(diagnosis, runs, _difference(store, diagnosis), target, _context(store, command))
+
+
+def _difference(store: Store, diagnosis: Diagnosis) -> str:
+    """What the extended motor and bench files say otherwise."""
+    facts = at(store.ledger)
+    parts = []
+    if diagnosis.extended_model and diagnosis.recalibrated_model:
+        parts.append((diagnosis.recalibrated_model, diagnosis.extended_model))
+    bench = facts.bench_of(facts.session(diagnosis.train[0]))
+    if diagnosis.extended_bench and bench:
+        parts.append((bench.sha256, diagnosis.extended_bench))
+    return "\n".join(text_diff(store.archive.read(old), store.archive.read(new)) for old, new in parts)
+
+
+def _context(store: Store, command: str) -> ReportContext:
+    head = store.ledger.head()
+    return ReportContext(
+        command=command.strip(),
+        store_head=f"{head.position} {head.root[:16]}",
+        versions={name: version(name) for name in NAMED},
+    )
 
 
 def latest_run(facts: Facts, session: SessionRecorded) -> ReplayCompleted | None:

@@ -43,7 +43,7 @@ def calibrate_sessions(
     The motor file with the new numbers is sealed and published with its parent. The same question again writes nothing.
     Raises ReplayDataError where there is no session, the sessions name different models, or one lacks what it needs.
     """
-    parent = model or _common_model(facts, sessions)
+    parent = model or common_model(facts, sessions)
     name = facts.models[parent].file
     data = store.archive.read(parent)
     network = read_motor(data, name)
@@ -78,7 +78,7 @@ def calibrate_sessions(
     return CalibrationResult(event, _keep(store, facts, event, name), result)
 
 
-def _common_model(facts: Facts, sessions: Sequence[SessionRecorded]) -> str:
+def common_model(facts: Facts, sessions: Sequence[SessionRecorded]) -> str:
     if not sessions:
         raise ReplayDataError("no session to calibrate on: name some with --on. `whyhot sessions` lists them.")
     named = {model_of(facts, session): session.name for session in sessions}

@@ -1,0 +1,47 @@
+"""`whyhot diagnose --on S... [--hold-out S...]`: what is wrong, why, and what the extended model gains."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from replay.cli.answer import Answer, provenance, store_folder
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--on", metavar="S", nargs="+", required=True, help="ids or names of sessions to learn from")
+    parser.add_argument(
+        "--hold-out", metavar="S", nargs="+", default=[], help="sessions kept to measure the gain on; opened once"
+    )
+    parser.add_argument(
+        "--model", metavar="M", help="model id, motor name or motor file (default: what the bench file names)"
+    )
+    parser.add_argument(
+        "--level", choices=("testing", "production"), default="testing", help="channels that may be learnt from"
+    )
+    parser.add_argument("--report", metavar="F.html", type=Path, help="write the report of the diagnosis to this file")
+
+
+def run(args: argparse.Namespace) -> Answer:
+    from ingest import facts
+    from ingest.store import Store
+    from replay.cli.progress import tell
+    from replay.engine.models import model_named
+    from replay.show.diagnosis_text import diagnosis_text
+    from replay.show.documents import write_diagnosis
+    from replay.studies.diagnose import diagnose
+    from replay.studies.diagnosis import document
+
+    with Store.open(store_folder(args), write=True) as store:
+        model = model_named(store, args.model)
+        known = facts.at(store.ledger)
+        train = [known.session(text) for text in dict.fromkeys(args.on)]
+        kept = [known.session(text) for text in dict.fromkeys(args.hold_out)]
+        found = diagnose(store, known, train, kept, model, args.level, tell)
+        if args.report:
+            command = "whyhot diagnose --on " + " ".join(args.on)
+            command += " --hold-out " + " ".join(args.hold_out) if args.hold_out else ""
+            write_diagnosis(store, found.diagnosis, args.report, command, tell)
+        data = document(found.diagnosis, provenance(store, level=args.level, model=args.model))
+    notes = [f"{args.report}   opens offline in any browser"] if args.report else []
+    return Answer(data, diagnosis_text(found.diagnosis), notes=notes)

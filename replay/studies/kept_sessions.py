@@ -1,0 +1,130 @@
+"""What the named terms are worth on kept sessions: log score, excess error, mean error by node against two baselines."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from replay.studies.diagnosis import Gain
+from twin.fit import Fit
+from twin.gain import held_out_gain, removes_excess
+from twin.kept import KeptTests, Prediction, floor_of, kept_tests
+from twin.model import Test
+from twin.naming import slowest_mode_s
+
+Floats = NDArray[np.float64]
+
+CELLS = 10  # of speed and of current, each to its largest value in training
+BOOTSTRAP_DRAWS = 1000
+BLOCK_MODES = 2.0  # slowest modes to a block
+OVER_SESSIONS = 5  # kept sessions from which on they are resampled themselves
+
+
+@dataclass(frozen=True)
+class Measured:
+    """`improved`: the log score is better and half of the excess error went; `why` not, where it is not."""
+
+    gain: tuple[Gain, ...]
+    log_score_gain: float | None
+    log_score_gain_lower: float | None
+    few: bool
+    improved: bool
+    why: str | None
+
+
+def measured(base: Fit, final: Fit, train: Sequence[Test], kept: Sequence[Test], named: bool) -> Measured:
+    """Kept sessions under the recalibrated motor, with the named terms, and under the file as published."""
+    before, after = kept_tests(base, final.model, kept), kept_tests(final, final.model, kept)
+    published = kept_tests(None, final.model, kept)
+    block_s = BLOCK_MODES * slowest_mode_s(final)
+    gain = _gain(before, after, published, train, kept, block_s)
+    if not named:
+        return Measured(gain, None, None, False, False, None)
+    score = held_out_gain(before.scored, after.scored, block_s)
+    floors = {s.channel: floor_of(s, final.model) for s in final.model.residuals(final.beta)}
+    halves = removes_excess(_by_channel(before), _by_channel(after), floors)
+    why = None
+    if not score.positive:
+        why = f"the kept sessions are not predicted better: log score {score.total:+.1f}, at least {score.lower:+.1f}"
+    elif not halves:
+        why = "less than half of the excess error of the kept sessions went: recalibration had absorbed the rest"
+    return Measured(gain, score.total, score.lower, score.few, why is None, why)
+
+
+def _by_channel(found: KeptTests) -> dict[str, Floats]:
+    residuals: defaultdict[str, list[Floats]] = defaultdict(list)
+    for one in found.predictions:
+        residuals[one.channel].append(one.residual)
+    return {channel: np.concatenate(parts) for channel, parts in residuals.items()}
+
+
+def _gain(
+    before: KeptTests,
+    after: KeptTests,
+    published: KeptTests,
+    train: Sequence[Test],
+    kept: Sequence[Test],
+    block_s: float,
+) -> tuple[Gain, ...]:
+    nodes: defaultdict[str, list[tuple[Prediction, Prediction, Prediction]]] = defaultdict(list)
+    for trio in zip(before.predictions, after.predictions, published.predictions, strict=True):
+        channel = next(c for c in kept[trio[0].test].channels if c.name == trio[0].channel)
+        nodes[" + ".join(channel.output.weights)].append(trio)
+    outside = _outside_share(train, kept)
+    over = len(kept) >= OVER_SESSIONS
+    found = []
+    for node, trios in nodes.items():
+        mae = [float(np.abs(np.concatenate([t[i].residual for t in trios])).mean()) for i in range(3)]
+        low, high = _interval(trios, block_s, over)
+        found.append(
+            Gain(
+                node=node,
+                mae_before_K=mae[0],
+                mae_after_K=mae[1],
+                ci95_K=[low, high],
+                interval="over sessions" if over else "within these sessions",
+                published_mae_K=mae[2],
+                outside_trained_share=outside,
+            )
+        )
+    return tuple(found)
+
+
+def _interval(
+    trios: Sequence[tuple[Prediction, Prediction, Prediction]], block_s: float, over: bool
+) -> tuple[float, float]:
+    """95 % of the mean difference of absolute errors, blocks (or whole sessions) resampled."""
+    sums: defaultdict[tuple[int, int], list[float]] = defaultdict(lambda: [0.0, 0.0])
+    for before, after, _ in trios:
+        better = np.abs(before.residual) - np.abs(after.residual)
+        block = np.zeros(better.size, dtype=np.int64) if over else (before.t_s // block_s).astype(np.int64)
+        for b in np.unique(block):
+            unit = sums[before.test, int(b)]
+            unit[0] += float(better[block == b].sum())
+            unit[1] += int((block == b).sum())
+    table = np.array(list(sums.values()))
+    draws = np.random.default_rng(0).integers(len(table), size=(BOOTSTRAP_DRAWS, len(table)))
+    drawn = table[draws].sum(axis=1)
+    low, high = np.quantile(drawn[:, 0] / drawn[:, 1], (0.025, 0.975))
+    return float(low), float(high)
+
+
+def _outside_share(train: Sequence[Test], kept: Sequence[Test]) -> float:
+    """Share of kept time in cells of speed and current that training never visited."""
+    names = [name for name in ("speed", "current", "torque") if all(name in t.inputs for t in (*train, *kept))][:2]
+    if not names:
+        return 0.0
+    largest = {name: max(float(t.inputs[name].max()) for t in train) or 1.0 for name in names}
+
+    def cells(test: Test) -> NDArray[np.int64]:
+        at = [np.floor(CELLS * test.inputs[name] / (1.001 * largest[name])).astype(np.int64) for name in names]
+        cell: NDArray[np.int64] = np.sum([a * 1000**i for i, a in enumerate(at)], axis=0)
+        return cell
+
+    visited = np.unique(np.concatenate([cells(t) for t in train]))
+    every = np.concatenate([cells(t) for t in kept])
+    return float(1.0 - np.isin(every, visited).mean())

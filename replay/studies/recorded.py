@@ -1,0 +1,107 @@
+"""Stored sessions as the diagnosis takes them: steps of 2 s, features of every candidate averaged at the native rate."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ingest.catalogue import quality
+from ingest.catalogue.channels import ChannelData, load
+from ingest.events import SessionRecorded
+from ingest.facts import Facts
+from ingest.store import Store
+from replay.engine import frame as frames
+from replay.engine.frame import InputFrame, Observation
+from replay.engine.open_loop import initial_temperatures
+from replay.errors import ReplayDataError
+from twin.features import QUANTITY, Monomial, monomials
+from twin.model import Channel, Test
+from twin.network import Network
+from twin.outputs import BLOCK_S, Output
+from twin.simulate import Frame
+
+Floats = NDArray[np.float64]
+
+STEP_S = 2.0
+
+
+def test_of(
+    store: Store, facts: Facts, session: SessionRecorded, network: Network, wanted: Sequence[Monomial], level: str
+) -> Test:
+    """A session with the products of features `wanted` besides the network's own.
+
+    Raises ReplayDataError where it lacks an input, or no channel of it observes a node.
+    """
+    channels = load(store, facts, session)
+    own = monomials(network)
+    given = {c.spec.quantity for c in channels if c.spec.role == "input"}
+    single = [Monomial(((f, 1.0),)) for f, q in QUANTITY.items() if q in network.scale and f in given]
+    every = tuple(dict.fromkeys([*own, *single, *wanted]))
+    good = [found.good for found in quality.assess(channels)]
+    try:
+        frame = frames.build(channels, good, network, every, STEP_S)
+    except ReplayDataError as error:
+        raise ReplayDataError(f"session {session.name}: {error}") from None
+    return _test(session, frame, network, every, len(own), level, channels)
+
+
+def _test(
+    session: SessionRecorded,
+    frame: InputFrame,
+    network: Network,
+    every: Sequence[Monomial],
+    own: int,
+    level: str,
+    channels: Sequence[ChannelData],
+) -> Test:
+    length = round(BLOCK_S / STEP_S)
+    steps = len(frame.features) // length * length
+    seen = [o for o in frame.observations if level in ("testing", o.level) and o.good[:steps].any()]
+    if not seen:
+        raise ReplayDataError(
+            f"session {session.name}: no usable channel of level {level} observes a node of {network.name}: there is "
+            "nothing to learn from. Say node = ... in the bench file, or leave the session out."
+        )
+    named = {m.name: np.ascontiguousarray(frame.features[:steps, j]) for j, m in enumerate(every)}
+    initial, sd = initial_temperatures(network, _own(frame, own), level)
+    return Test(
+        name=session.name,
+        kind=session.kind,
+        frame=Frame(STEP_S, np.ascontiguousarray(frame.features[:steps, :own]), frame.boundaries[:steps]),
+        inputs={
+            m.powers[0][0]: named[m.name]
+            for m in every
+            if m.shape is None and len(m.powers) == 1 and m.powers[0][1] == 1.0
+        },
+        features=named,
+        initial=initial,
+        initial_sd=sd,
+        channels=tuple(_channel(o, frame, steps, channels) for o in seen),
+    )
+
+
+def _own(frame: InputFrame, own: int) -> InputFrame:
+    from dataclasses import replace
+
+    return replace(frame, features=frame.features[:, :own])
+
+
+def _channel(o: Observation, frame: InputFrame, steps: int, channels: Sequence[ChannelData]) -> Channel:
+    samples = np.where(o.good & frame.live, o.samples, 0).astype(np.float64)[:steps]
+    bus = next(_bus(c) for c in channels if c.spec.name == o.channel)
+    return Channel(
+        name=o.channel,
+        bus=bus,
+        output=Output(weights=o.weights, time_constant_s=o.time_constant_s, samples=samples, place=o.place[:steps]),
+        measured=o.measured[:steps],
+        white_sd=o.noise,
+        resolution=o.resolution,
+        bias_sd=o.bias_sd,
+    )
+
+
+def _bus(channel: ChannelData) -> str:
+    """The bus that stamps a channel; for a table the file itself."""
+    return channel.buses[0]

@@ -1,0 +1,162 @@
+"""A motor of four nodes that uses every law, and tests of it as a bench would record them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.features import Monomial, evaluate, monomials, product
+from twin.kernel import Compiled, compile_network
+from twin.model import Channel, Test
+from twin.network import Boundary, Link, Network, Node, Source, TemperatureFactor, Term
+from twin.outputs import Output, reading
+from twin.simulate import Frame, simulate
+
+Floats = NDArray[np.float64]
+
+COOLANT_DEGC, AMBIENT_DEGC = 40.0, 25.0
+STEP_S, FINE_S = 2.0, 0.5
+WHITE_SD, RESOLUTION, BIAS_SD = 0.05, 0.01, 0.3
+SINGLE = ("speed", "current", "flow")
+CHANNELS = {"W_1": ({"winding": 1.0}, 0.0), "Y_1": ({"yoke": 1.0}, 3.0), "R_1": ({"magnet": 0.7, "case": 0.3}, 6.0)}
+Drive = Mapping[str, Floats]
+
+
+def every_law() -> Network:
+    """Copper, its inverse, temperature factors on a source and on a link, links to two boundaries, several terms."""
+    iron = TemperatureFactor("yoke", -0.001, 40.0)
+    film = TemperatureFactor("case", 0.002, 30.0)
+    return Network(
+        name="every-law",
+        nodes=(
+            Node("winding", 900.0, "copper"),
+            Node("yoke", 2500.0, "iron"),
+            Node("magnet", 600.0, "magnet"),
+            Node("case", 1500.0, "housing"),
+        ),
+        boundaries=(Boundary("coolant"), Boundary("ambient")),
+        links=(
+            Link("winding", "yoke", (Term(12.0),)),
+            Link("yoke", "coolant", (Term(15.0), Term(10.0, {"flow": 0.8}))),
+            Link("yoke", "magnet", (Term(1.5), Term(3.0, {"speed": 0.8}))),
+            Link("yoke", "case", (Term(6.0, temperature=film),)),
+            Link("ambient", "case", (Term(2.0, temperature=film), Term(1.0, {"speed": 0.5}))),
+        ),
+        sources=(
+            Source(
+                "winding",
+                (
+                    Term(500.0, {"current": 2.0}, sd=0.05, copper=True),
+                    Term(150.0, {"current": 2.0, "speed": 2.0}, sd=0.15, resistance=-1),
+                ),
+            ),
+            Source(
+                "yoke",
+                (
+                    Term(200.0, {"speed": 1.5}, sd=0.15, temperature=iron),
+                    Term(60.0, {"speed": 1.0, "current": 1.0}, sd=0.15),
+                ),
+            ),
+            Source("magnet", (Term(80.0, {"speed": 2.0}, sd=0.3),)),
+        ),
+        scale={"speed": 10000.0, "current": 200.0, "flow": 10.0},
+    )
+
+
+def smooth(duration_s: float, step_s: float = FINE_S) -> Drive:
+    """Inputs that swing in minutes."""
+    t = step_s * (np.arange(round(duration_s / step_s)) + 0.5)
+    return {
+        "speed": 0.55 + 0.35 * np.sin(t / 170),
+        "current": 0.5 + 0.3 * np.cos(t / 110),
+        "flow": 0.8 + 0.2 * np.sin(t / 260),
+    }
+
+
+def pulses(duration_s: float, seed: int = 0, step_s: float = FINE_S) -> Drive:
+    """Inputs that jump every 40 s."""
+    rng = np.random.default_rng(seed)
+    steps, held = round(duration_s / step_s), round(40 / step_s)
+    jump = lambda low, high: np.repeat(rng.uniform(low, high, steps // held + 1), held)[:steps]
+    return {"speed": jump(0.1, 1.0), "current": jump(0.1, 1.0), "flow": jump(0.5, 1.0)}
+
+
+@cache
+def _compiled(name: str) -> Compiled:
+    return compile_network(_known[name])
+
+
+_known: dict[str, Network] = {}
+
+
+def compiled(network: Network) -> Compiled:
+    """Of one that differs from another in numbers only, compile once: the name stands for the laws."""
+    _known.setdefault(network.name, network)
+    from twin.structure import parameters
+
+    return replace(_compiled(network.name), network=network, parameters=parameters(network))
+
+
+def truth(network: Network, drive: Drive, initial: Floats) -> Floats:
+    """Temperatures at the edges (N + 1, n) [degC] in steps of 0.5 s."""
+    steps = len(drive["speed"])
+    around = np.tile([COOLANT_DEGC, AMBIENT_DEGC], (steps, 1))
+    return simulate(
+        compiled(network), Frame(FINE_S, evaluate(monomials(network), drive, steps), around), initial
+    )
+
+
+def recorded(
+    network: Network,
+    drive: Drive,
+    initial: Floats,
+    *,
+    true: Network | None = None,
+    more: Sequence[Monomial] = (),
+    seed: int | None = None,
+    samples: Mapping[str, Floats] | None = None,
+    buses: Mapping[str, str] | None = None,
+    off_K: Mapping[str, float] | None = None,
+    name: str = "test",
+) -> Test:
+    """A test of `true` (else of `network`) as `network`'s model takes it: means over steps of 2 s of what 0.5 s steps gave,
+    white noise where there is a seed; `samples` (N,) of a channel's steps, `off_K` its bias."""
+    rng = None if seed is None else np.random.default_rng(seed)
+    k = round(STEP_S / FINE_S)
+    mean = lambda x: np.ascontiguousarray(x[: len(x) // k * k].reshape(-1, k, *x.shape[1:]).mean(axis=1))
+    own = monomials(network)
+    every = tuple(dict.fromkeys([*own, *(Monomial(((f, 1.0),)) for f in SINGLE), *more]))
+    fine = mean(evaluate(every, drive, len(drive["speed"])))
+    named = {m.name: np.ascontiguousarray(fine[:, j]) for j, m in enumerate(every)}
+    steps = len(fine)
+    edges = truth(true or network, drive, initial)
+    channels = []
+    for channel, (weights, tau_s) in CHANNELS.items():
+        held = np.ones(steps) if samples is None else samples.get(channel, np.ones(steps))
+        output = Output(weights, tau_s, 4.0 * held, np.full(steps, 0.5))
+        shown = reading(output, edges, [n.name for n in network.nodes], FINE_S)
+        measured = mean((shown[:-1] + shown[1:]) / 2) + (off_K or {}).get(channel, 0.0)
+        if rng is not None:
+            measured = measured + rng.normal(0, WHITE_SD / 2, steps)
+        bus = (buses or {}).get(channel, "can1")
+        channels.append(Channel(channel, bus, output, measured, WHITE_SD, RESOLUTION, BIAS_SD))
+    return Test(
+        name=name,
+        kind="drive",
+        frame=Frame(STEP_S, np.ascontiguousarray(fine[:, : len(own)]), np.tile([COOLANT_DEGC, AMBIENT_DEGC], (steps, 1))),
+        inputs={f: named[f] for f in SINGLE},
+        features=named,
+        initial=initial.copy(),
+        initial_sd=np.full(len(initial), 0.3),
+        channels=tuple(channels),
+        course={"session": 1.0},
+    )
+
+
+def law(**exponents: float) -> Monomial:
+    """A product of features."""
+    return product(Term(1.0, exponents))

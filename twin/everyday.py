@@ -1,0 +1,206 @@
+"""What a healthy motor may do that its file does not say: every difference a parameter with a prior in physical units.
+
+A candidate cause is tested beyond these; what is left out here is found as a "cause" in every healthy motor.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin import actions, features
+from twin.actions import Parameter, Place
+from twin.model import Test
+from twin.network import Network
+
+Floats = NDArray[np.float64]
+
+BOUND = math.log(4.0)
+EXPONENT_SHARE = 0.2  # sd of an exponent over the exponent: those of a lumped file are fits
+KNOTS = 5
+MAP_SD, COPPER_MAP_SD = 0.2, 0.08
+TILT_PER_K = 0.003
+STANDSTILL_SHARE = 0.002  # of the mean total loss: heat of the current's ripple in the rotor
+PATH_SHARE, MOST_PATH = 0.1, 0.05  # of the smaller end's largest conductance; at most of the median over nodes of it
+COOLANT_K, AMBIENT_K = 0.2, 0.5
+INPUT_GAIN = {"current": 0.005, "current_d": 0.005, "current_q": 0.005, "torque": 0.005, "flow": 0.01}
+CHANNEL_GAIN, CHANNEL_LAG_S, CLOCK_S = 0.01, 0.4, 0.5
+ROTATING = ("rotor", "magnet")
+
+
+def everyday(network: Network, tests: Sequence[Test]) -> tuple[Parameter, ...]:
+    """The parameters of a healthy motor on these tests."""
+    used = {feature for test in tests for feature in test.inputs}
+    return (
+        *_laws(network),
+        *_exponents(network),
+        *_maps(network, tests),
+        *_standstill(network, tests, used),
+        *_paths(network, tests),
+        *_sensors(tests),
+        *(p for number, test in enumerate(tests) for p in of_test(network, test, number)),
+    )
+
+
+def of_test(network: Network, test: Test, number: int) -> Iterator[Parameter]:
+    """What a test brings along: where it starts, what its inputs and sensors are off by."""
+    for i, node in enumerate(network.nodes):
+        yield Parameter(f"start.{node.name}", actions.Start(i), float(test.initial_sd[i]), number)
+    for channel in test.channels:
+        yield Parameter(f"sensor.{channel.name}.bias", actions.Bias(channel.name), channel.bias_sd, number)
+    cooled = _cooled_by_flow(network)
+    for b, boundary in enumerate(network.boundaries):
+        sd = COOLANT_K if boundary.name in cooled else AMBIENT_K
+        yield Parameter(f"boundary.{boundary.name}.bias", actions.BoundaryBias(b), sd, number)
+    used = {name for m in features.monomials(network) for name in m.features}
+    for name in sorted(used & INPUT_GAIN.keys()):
+        yield Parameter(f"input.{name}.gain", actions.InputGain(name), INPUT_GAIN[name], number)
+
+
+def _cooled_by_flow(network: Network) -> set[str]:
+    return {
+        link.b for link in network.links for term in link.terms if any(f.startswith("flow") for f in term.exponents)
+    } | {link.a for link in network.links for term in link.terms if any(f.startswith("flow") for f in term.exponents)}
+
+
+def _laws(network: Network) -> Iterator[Parameter]:
+    for i, term in enumerate(features.terms(network)):
+        yield Parameter(f"term{i}", actions.Scale((i,)), term.sd, low=-BOUND, high=BOUND)
+    for i, node in enumerate(network.nodes):
+        yield Parameter(f"capacity.{node.name}", actions.Capacity((i,)), node.sd, low=-BOUND, high=BOUND)
+
+
+def terms_of(network: Network) -> tuple[dict[tuple[str, str], tuple[int, ...]], dict[str, tuple[int, ...]]]:
+    """Places in `features.terms` of every link and of every source."""
+    at, links, sources = 0, {}, {}
+    for link in network.links:
+        links[link.a, link.b] = tuple(range(at, at + len(link.terms)))
+        at += len(link.terms)
+    for source in network.sources:
+        sources[source.node] = tuple(range(at, at + len(source.terms)))
+        at += len(source.terms)
+    return links, sources
+
+
+def _exponents(network: Network) -> Iterator[Parameter]:
+    """Of films; those of losses are in the maps."""
+    links, _ = terms_of(network)
+    terms = list(features.terms(network))
+    for (a, b), own in links.items():
+        for i in own:
+            for feature, exponent in terms[i].exponents.items():
+                if not feature.startswith("hours") and exponent:
+                    sd = EXPONENT_SHARE * abs(exponent)
+                    yield Parameter(
+                        f"conductance.{a}-{b}.{feature}", actions.Power((i,), feature), sd, low=-0.8, high=0.8
+                    )
+
+
+def _maps(network: Network, tests: Sequence[Test]) -> Iterator[Parameter]:
+    _, sources = terms_of(network)
+    regions = {node.name: node.region for node in network.nodes}
+    names = list(regions)
+    terms = list(features.terms(network))
+    speeds = (
+        tuple(np.linspace(0.0, max(float(t.inputs["speed"].max()) for t in tests), KNOTS).tolist())
+        if all("speed" in t.inputs for t in tests)
+        else ()
+    )
+    for node, own in sources.items():
+        copper = regions[node] == "copper"
+        sd = COPPER_MAP_SD if copper else MAP_SD
+        moving = tuple(i for i in own if terms[i].exponents.get("speed"))
+        if speeds and speeds[-1] > 0 and moving:
+            for knot in range(KNOTS):
+                for current in (False, True):
+                    if current and not all("current" in t.inputs for t in tests):
+                        continue
+                    action = actions.Tent(own, speeds, knot, current)
+                    yield Parameter(f"map.{node}.{knot}{'i' if current else ''}", action, sd, low=-0.9, high=3.0)
+        at = names.index(node)
+        reference = float(np.mean([t.initial[at] for t in tests]))
+        yield Parameter(f"loss.{node}.temperature", actions.Tilt((Place(at),), (own,), (reference,)), TILT_PER_K)
+
+
+def _standstill(network: Network, tests: Sequence[Test], used: set[str]) -> Iterator[Parameter]:
+    if "current" not in used or not all("current2" in t.features for t in tests):
+        return
+    total = mean_loss_W(network, tests)
+    rms = float(np.sqrt(np.mean(np.concatenate([t.features["current2"] for t in tests]) ** 2)))
+    for i, node in enumerate(network.nodes):
+        if node.region in ROTATING:
+            yield Parameter(
+                f"loss.{node.name}.standstill", actions.Added((Place(i),), "current2", rms), STANDSTILL_SHARE * total
+            )
+
+
+def _paths(network: Network, tests: Sequence[Test]) -> Iterator[Parameter]:
+    largest = largest_conductance(network, tests)
+    most = MOST_PATH * float(np.median([largest[node.name] for node in network.nodes]))
+    for a, b in missing(network):
+        sd = min(most, PATH_SHARE * min(largest[end] for end in (a, b) if largest[end]))
+        place = Place(network.names.index(a), network.names.index(b))
+        yield Parameter(f"conductance.{a}-{b}", actions.Added((place,), "constant", 1.0), sd, low=-sd)
+
+
+def missing(network: Network) -> list[tuple[str, str]]:
+    """Pairs of nodes that share a neighbour but no link, and nodes with boundaries they have no link to."""
+    near: dict[str, set[str]] = {name: set() for name in network.names}
+    for link in network.links:
+        near[link.a].add(link.b)
+        near[link.b].add(link.a)
+    nodes, around = [n.name for n in network.nodes], [b.name for b in network.boundaries]
+    pairs = [(a, b) for a, b in combinations(nodes, 2) if (near[a] & near[b]).difference(around)]
+    return [(a, b) for a, b in [*pairs, *((n, b) for n in nodes for b in around)] if b not in near[a]]
+
+
+def _sensors(tests: Sequence[Test]) -> Iterator[Parameter]:
+    channels = {c.name: c for test in tests for c in test.channels}
+    for name, channel in channels.items():
+        yield Parameter(f"sensor.{name}.gain", actions.Gain(name), CHANNEL_GAIN)
+        yield Parameter(f"sensor.{name}.lag", actions.Lag(name), CHANNEL_LAG_S, low=-channel.output.time_constant_s)
+    buses = dict.fromkeys(c.bus for c in channels.values())
+    for bus in buses:
+        own = tuple(name for name, c in channels.items() if c.bus == bus)
+        yield Parameter(f"clock.{bus}.offset", actions.Late(own, False), CLOCK_S)
+
+
+def mean_loss_W(network: Network, tests: Sequence[Test]) -> float:
+    """Mean total loss of the tests by the file, copper at its reference temperature [W]."""
+    _, sources = terms_of(network)
+    terms = list(features.terms(network))
+    total = steps = 0.0
+    for test in tests:
+        column = {m.name: test.frame.features[:, j] for j, m in enumerate(features.monomials(network))}
+        for own in sources.values():
+            for i in own:
+                phi = column.get(features.monomial(terms[i]).name)
+                total += terms[i].coefficient * (len(test.frame.features) if phi is None else float(phi.sum()))
+        steps += len(test.frame.features)
+    return total / steps
+
+
+def mean_conductances(network: Network, tests: Sequence[Test]) -> dict[tuple[str, str], float]:
+    """Mean conductance of every link over the tests by the file [W/K]."""
+    column = np.mean(np.concatenate([t.frame.features for t in tests]), axis=0)
+    at = {m.name: j for j, m in enumerate(features.monomials(network))}
+    found = {}
+    for link in network.links:
+        values = [
+            t.coefficient * (column[at[features.monomial(t).name]] if features.monomial(t).powers else 1.0)
+            for t in link.terms
+        ]
+        found[link.a, link.b] = float(sum(values))
+    return found
+
+
+def largest_conductance(network: Network, tests: Sequence[Test]) -> dict[str, float]:
+    """The largest mean conductance at every node and boundary [W/K]."""
+    found = dict.fromkeys(network.names, 0.0)
+    for (a, b), g in mean_conductances(network, tests).items():
+        found[a], found[b] = max(found[a], g), max(found[b], g)
+    return found

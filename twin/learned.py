@@ -1,0 +1,214 @@
+"""What a fit learnt, as a motor: the network that a motor file can say, and the size of each named term with its band."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin import actions, features
+from twin.actions import Parameter
+from twin.fit import Fit
+from twin.network import Link, Network, Node, Shape, Source, TemperatureFactor, Term
+from twin.structure import NOBODY
+
+Floats = NDArray[np.float64]
+
+WORTH_A_LINE = 0.3  # of its prior sd: an everyday difference below is not written
+
+
+def network_of(found: Fit, monomials: Sequence[features.Monomial]) -> Network:
+    """The network of a fit. `monomials`: the products that added terms may use, by their names.
+
+    A negative path, and what belongs to a test or a sensor, is no part of a motor. A slope of a link with temperature is
+    written for its first end.
+    """
+    network, beta = found.model.network, found.beta
+    terms = _terms(found)
+    by_name = {m.name: m for m in monomials}
+    links = [replace(link, terms=tuple(terms.pop(0) for _ in link.terms)) for link in network.links]
+    sources = [replace(source, terms=tuple(terms.pop(0) for _ in source.terms)) for source in network.sources]
+    nodes = [_node(node, i, found) for i, node in enumerate(network.nodes)]
+    for p, parameter in enumerate(found.model.parameters):
+        match parameter.action:
+            case actions.Added(places, feature, rms, own) if abs(beta[p]) > WORTH_A_LINE * parameter.sd:
+                exponents = dict(by_name[feature].powers) if feature != "constant" else {}
+                term = Term(float(beta[p]) / rms, exponents, copper=own > 0, resistance=min(own, 0))
+                for place in places:
+                    _add(network.names, place, term, links, sources)
+            case actions.Attached(at, lag_s) if beta[p] > 0:
+                for i in at:
+                    name = f"{network.nodes[i].name}_attached"
+                    nodes.append(Node(name, float(beta[p]), network.nodes[i].region))
+                    links.append(Link(network.nodes[i].name, name, (Term(float(beta[p]) / lag_s),)))
+    return replace(network, nodes=tuple(nodes), links=tuple(links), sources=tuple(sources))
+
+
+def _add(names: Sequence[str], place: actions.Place, term: Term, links: list[Link], sources: list[Source]) -> None:
+    if place.b == NOBODY:
+        node = names[place.a]
+        for i, source in enumerate(sources):
+            if source.node == node:
+                sources[i] = replace(source, terms=(*source.terms, term))
+                return
+        sources.append(Source(node, (term,)))
+        return
+    ends = {names[place.a], names[place.b]}
+    for i, link in enumerate(links):
+        if {link.a, link.b} == ends:
+            if term.coefficient > 0:
+                links[i] = replace(link, terms=(*link.terms, term))
+            return
+    if term.coefficient > 0:
+        links.append(Link(names[place.a], names[place.b], (term,)))
+
+
+def _node(node: Node, i: int, found: Fit) -> Node:
+    factor = sum(
+        float(b)
+        for b, p in zip(found.beta, found.model.parameters, strict=True)
+        if isinstance(p.action, actions.Capacity) and i in p.action.nodes
+    )
+    return replace(node, capacity=node.capacity * float(np.exp(factor)))
+
+
+def _terms(found: Fit) -> list[Term]:
+    """The network's own terms with their factors, exponents, shapes and slopes."""
+    network = found.model.network
+    own = list(features.terms(network))
+    log: defaultdict[int, float] = defaultdict(float)
+    powers: defaultdict[int, dict[str, float]] = defaultdict(dict)
+    tents: dict[int, list[tuple[actions.Tent, float]]] = {}
+    slopes: dict[int, TemperatureFactor] = {}
+    for beta, parameter in zip(found.beta.tolist(), found.model.parameters, strict=True):
+        match parameter.action:
+            case actions.Scale(terms):
+                for i in terms:
+                    log[i] += beta
+            case actions.Power((*terms,), feature):
+                for i in terms:
+                    powers[i][feature] = powers[i].get(feature, 0.0) + beta
+            case actions.Tent(terms) as tent:
+                for i in terms:
+                    tents.setdefault(i, []).append((tent, beta))
+            case actions.Tilt(places, terms, references) if abs(beta) > WORTH_A_LINE * parameter.sd:
+                for place, members, reference in zip(places, terms, references, strict=True):
+                    node = network.names[place.a]
+                    slopes |= {i: _slope(slopes.get(i), TemperatureFactor(node, beta, reference)) for i in members}
+    return [
+        replace(
+            term,
+            coefficient=term.coefficient * float(np.exp(log[i])),
+            exponents={f: e + powers[i].get(f, 0.0) for f, e in term.exponents.items()},
+            shape=_shape(tents[i]) if i in tents and term.shape is None else term.shape,
+            temperature=term.temperature or slopes.get(i),
+        )
+        for i, term in enumerate(own)
+    ]
+
+
+def _slope(before: TemperatureFactor | None, factor: TemperatureFactor) -> TemperatureFactor:
+    """Two slopes of one term: an everyday one and a named one, the products of small numbers left out."""
+    if before is None:
+        return factor
+    total = before.slope_per_K + factor.slope_per_K
+    at = before.slope_per_K * before.reference_degC + factor.slope_per_K * factor.reference_degC
+    return TemperatureFactor(factor.node, total, at / total if total else factor.reference_degC)
+
+
+def _shape(tents: Sequence[tuple[actions.Tent, float]]) -> Shape:
+    speeds = tents[0][0].speeds
+    factor, slope = [0.0] * len(speeds), [0.0] * len(speeds)
+    for tent, beta in tents:
+        (slope if tent.current else factor)[tent.knot] += beta
+    return Shape(speeds, tuple(factor), tuple(slope))
+
+
+@dataclass(frozen=True)
+class Size:
+    """A named term as people count it: `value` with its 95 % band in `unit`; `typical_W` its mean heat over training."""
+
+    value: float
+    low: float
+    high: float
+    unit: str
+    typical_W: float | None
+
+
+def size(found: Fit, place: int, unit: str) -> Size:
+    """The size of the parameter at `place`: together with what the healthy differences of the same kind took of it.
+
+    A factor where it multiplies; W or W/K at features of 1 where it adds; else its own unit.
+    """
+    parameter = found.model.parameters[place]
+    weights = _shares(found, parameter)
+    weights[place] = 1.0
+    covariance = np.linalg.inv(found.hessian)
+    value, sd = float(weights @ found.beta), float(np.sqrt(weights @ covariance @ weights))
+    match parameter.action:
+        case actions.Scale() | actions.Capacity():
+            low, middle, high = (float(np.exp(value + k * sd)) for k in (-1.96, 0.0, 1.96))
+            return Size(middle, low, high, "1", _scaled_W(found, parameter.action, middle))
+        case actions.Added(places, feature, rms, _):
+            per, typical = 1 / rms, None
+            if places[0].b == NOBODY:
+                mean = float(
+                    np.mean(
+                        np.concatenate([_feature(t.features, feature, t.frame.features) for t in found.model.tests])
+                    )
+                )
+                typical = value * per * mean * len(places)
+            return Size(value * per, (value - 1.96 * sd) * per, (value + 1.96 * sd) * per, unit, typical)
+        case actions.Tilt():
+            return Size(value, value - 1.96 * sd, value + 1.96 * sd, "1/K", None)
+    return Size(value, value - 1.96 * sd, value + 1.96 * sd, unit, None)
+
+
+def _feature(given: Mapping[str, Floats], name: str, rows: Floats) -> Floats:
+    return np.ones(len(rows)) if name == "constant" else given[name]
+
+
+def _scaled_W(found: Fit, action: actions.Action, factor: float) -> float | None:
+    """What a factor on losses adds to their mean heat."""
+    if not isinstance(action, actions.Scale):
+        return None
+    first = sum(len(link.terms) for link in found.model.network.links)
+    if min(action.terms) < first:
+        return None
+    values = np.concatenate([found.model.course(s, found.beta)[2] for s in range(len(found.model.tests))])
+    return float(values[:, list(action.terms)].sum(axis=1).mean() * (1 - 1 / factor))
+
+
+def _shares(found: Fit, parameter: Parameter) -> Floats:
+    """How much of each healthy difference counts as the named one: a coefficient's own logarithm for `scale`, a channel's own
+    gain or lag, the mean over tests of what each brings along."""
+    weights = np.zeros(len(found.beta))
+    action, tests = parameter.action, len(found.model.tests)
+    for p, other in enumerate(found.model.parameters):
+        own = other.action
+        match action:
+            case actions.Scale(terms) if isinstance(own, actions.Scale) and set(own.terms) <= set(terms):
+                means = _mean_values(found)
+                weights[p] = sum(means[i] for i in own.terms) / sum(means[i] for i in terms)
+            case actions.Capacity(nodes) if isinstance(own, actions.Capacity) and set(own.nodes) <= set(nodes):
+                weights[p] = len(own.nodes) / len(nodes)
+            case (
+                actions.Bias()
+                | actions.Gain()
+                | actions.Lag()
+                | actions.Late()
+                | actions.BoundaryBias()
+                | actions.InputGain()
+            ):
+                if own == action:
+                    weights[p] = 1.0 if other.test is None else 1.0 / tests
+    return weights
+
+
+def _mean_values(found: Fit) -> Floats:
+    values = [found.model.course(s, found.beta)[2] for s in range(len(found.model.tests))]
+    means: Floats = np.abs(np.concatenate(values)).mean(axis=0)
+    return means

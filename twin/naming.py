@@ -1,0 +1,243 @@
+"""Naming: which term the data ask for beyond everything a healthy motor may do, one after the other, and which survive.
+
+Broad noise, then fitted noise with the leading candidates in the design; every candidate scored with all else integrated
+out; the leading ones refitted in full; the best enters where it beats the threshold; at the end every one is left out once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import log_ndtr
+
+from twin.actions import Parameter
+from twin.candidates import Candidate
+from twin.errors import DivergedError
+from twin.evidence import Projector, Scores, null_quantile, score
+from twin.fit import Fit, fit
+from twin.model import Columns, Model
+from twin.noise import ChannelNoise
+from twin.proposals import Proposals
+from twin.reml import Observed, reml
+
+Floats = NDArray[np.float64]
+
+THRESHOLD = 8.0  # ln BF that a term must exceed; healthy motors of another form set it (benchmarks/trials.py)
+MOST_TERMS = 3
+REFITTED = 5
+IN_DESIGN = 10  # leading candidates beside the parameters when the noise is fitted
+NEAR_ENOUGH = 0.5  # of ln posterior, for a refit
+REFIT_LINEARISATIONS = 6
+
+Tell = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Refit:
+    """A candidate after a full fit: ln BF against the model without it by Laplace, amplitude and its sd."""
+
+    candidate: Candidate
+    parameter: Parameter
+    fit: Fit
+    log_bayes_factor: float
+    amplitude: float
+    sd: float
+
+
+@dataclass(frozen=True)
+class Round:
+    """One search for one more term: scores of all candidates at the fit without it, and the refits of the leading ones."""
+
+    base: Fit
+    candidates: tuple[Candidate, ...]
+    parameters: tuple[Parameter, ...]
+    scores: Scores
+    gram: Floats
+    null: float
+    refits: tuple[Refit, ...]
+    dropped: tuple[str, ...]
+
+    def order(self) -> list[int]:
+        """Candidates, best linear score first."""
+        return [int(i) for i in np.argsort(-self.scores.log_bayes_factor, kind="stable")]
+
+
+@dataclass(frozen=True)
+class Naming:
+    """`rounds` in the order of the search, the last one found nothing more (or the most terms were reached); `accepted`: the
+    terms that survived, with ln BF of leaving each out; `final`: the fit with them; `left_out`: those that did not survive."""
+
+    rounds: tuple[Round, ...]
+    accepted: tuple[Refit, ...]
+    left_out: tuple[tuple[Candidate, float], ...]
+    final: Fit
+    threshold: float
+
+
+def search(
+    model: Model, candidates: Sequence[Candidate], tell: Tell = lambda _: None, threshold: float = THRESHOLD
+) -> Naming:
+    """Find the terms. Raises `DivergedError` where the model itself runs away."""
+    tell("calibrating")
+    current = fit(model, np.zeros(len(model.parameters)), enough=NEAR_ENOUGH)
+    current = _refitted_noise(current, candidates, tell)
+    rounds: list[Round] = []
+    accepted: list[tuple[Candidate, Parameter]] = []
+    while True:
+        tell("scoring")
+        found = look(current, [c for c in candidates if c not in [a for a, _ in accepted]], tell)
+        rounds.append(found)
+        best = max(found.refits, key=lambda r: r.log_bayes_factor, default=None)
+        if best is None or best.log_bayes_factor <= max(threshold, found.null) or len(accepted) == MOST_TERMS:
+            break
+        accepted.append((best.candidate, best.parameter))
+        current = _refitted_noise(best.fit, candidates, tell, passes=1)
+    tell("leaving out")
+    return _eliminated(tuple(rounds), accepted, current, model, threshold)
+
+
+def look(current: Fit, candidates: Sequence[Candidate], tell: Tell) -> Round:
+    """Score every candidate at a fit and refit the leading ones."""
+    chosen, parameters, parts, dropped = _linearised(current, candidates)
+    projector, v, e0 = stacked(current, parts)
+    sigma = np.array([p.sd for p in parameters])
+    sign = np.array([c.sign for c in chosen], dtype=np.float64)
+    scores = score(v, e0, projector, sigma, sign)
+    gram = projector.inner(v, v)
+    null = null_quantile(gram, sigma, sign)
+    refits = []
+    leading = [int(i) for i in np.argsort(-scores.log_bayes_factor, kind="stable")[:REFITTED]]
+    for i in leading:
+        if scores.log_bayes_factor[i] < 1.0:
+            continue
+        tell(f"refitting {chosen[i].cause}")
+        refit = refitted(current, chosen[i], parameters[i])
+        if refit is not None:
+            refits.append(refit)
+    return Round(current, tuple(chosen), tuple(parameters), scores, gram, null, tuple(refits), tuple(dropped))
+
+
+def _linearised(
+    current: Fit, candidates: Sequence[Candidate]
+) -> tuple[list[Candidate], list[Parameter], Sequence[Columns], list[str]]:
+    proposals = Proposals(current.model, current.beta)
+    chosen = [c for c in candidates if not c.discrete and not c.repeated]
+    parameters = [proposals.parameter(c) for c in chosen]
+    parts = current.model.linearise(current.beta, parameters)
+    stack = np.concatenate([p.extra for p in parts])
+    good = np.isfinite(stack).all(axis=0) & (np.abs(stack).max(axis=0) > 1e-9)
+    dropped = [str(c.cause) for c, ok in zip(chosen, np.isfinite(stack).all(axis=0), strict=True) if not ok]
+    kept = np.flatnonzero(good)
+    parts = [Columns(p.series, p.at, p.columns, p.extra[:, kept]) for p in parts]
+    return [chosen[i] for i in kept], [parameters[i] for i in kept], parts, dropped
+
+
+def stacked(current: Fit, parts: Sequence[Columns]) -> tuple[Projector, Floats, Floats]:
+    """The projector of the free parameters, whitened candidates (N, c) and the residual referred back to the prior mean."""
+    model, beta = current.model, current.beta
+    free = (beta > model.low) & (beta < model.high)
+    a_rows, v_rows, e_rows = [], [], []
+    for part in parts:
+        white = model.whitened(part.series, np.column_stack([part.series.y, part.columns, part.extra]))
+        p = part.columns.shape[1]
+        a = np.zeros((len(white), beta.size))
+        a[:, part.at] = white[:, 1 : 1 + p]
+        a_rows.append(a)
+        e_rows.append(white[:, 0])
+        v_rows.append(white[:, 1 + p :])
+    a = np.concatenate(a_rows)[:, free]
+    return Projector.of(a, 1 / model.sd[free] ** 2), np.concatenate(v_rows), np.concatenate(e_rows) + a @ beta[free]
+
+
+def refitted(current: Fit, candidate: Candidate, parameter: Parameter) -> Refit | None:
+    """The full fit with one more term, from amplitude 0: its first step moves all else along. None where it runs away."""
+    start = 1e-3 * parameter.sd if parameter.low == 0.0 else 0.0
+    try:
+        found = fit(
+            current.model.plus([parameter]),
+            np.append(current.beta, start),
+            enough=NEAR_ENOUGH,
+            linearisations=REFIT_LINEARISATIONS,
+        )
+    except DivergedError:
+        return None
+    return _compared(found, current, candidate, parameter, len(found.beta) - 1)
+
+
+def _compared(found: Fit, without: Fit, candidate: Candidate, parameter: Parameter, place: int) -> Refit:
+    """ln BF of a term by Laplace on both sides; a half-normal prior where it has a sign."""
+    sd = float(np.sqrt(np.linalg.inv(found.hessian)[place, place]))
+    amplitude = float(found.beta[place])
+    gain = found.log_evidence - without.log_evidence
+    if parameter.low == 0.0 or parameter.high == 0.0:
+        gain += float(np.log(2) + log_ndtr(abs(amplitude) / sd))
+    return Refit(candidate, parameter, found, gain, amplitude, sd)
+
+
+def _refitted_noise(current: Fit, candidates: Sequence[Candidate], tell: Tell, passes: int = 2) -> Fit:
+    """The fit under noise fitted with the leading candidates in the design."""
+    for _ in range(passes):
+        tell("fitting the noise")
+        current = fit(current.model.with_noise(fitted_noise(current, candidates)), current.beta, enough=NEAR_ENOUGH)
+    return current
+
+
+def fitted_noise(current: Fit, candidates: Sequence[Candidate]) -> Mapping[str, ChannelNoise]:
+    """The channels' noise by restricted maximum likelihood, parameters and leading candidates integrated out."""
+    _, parameters, parts, _ = _linearised(current, candidates)
+    projector, v, e0 = stacked(current, parts)
+    sigma = np.array([p.sd for p in parameters])
+    scores = score(v, e0, projector, sigma, np.zeros(len(sigma)))
+    leading = np.argsort(-scores.log_bayes_factor, kind="stable")[:IN_DESIGN]
+    free = (current.beta > current.model.low) & (current.beta < current.model.high)
+    observed = []
+    for part in parts:
+        columns = np.zeros((part.series.y.size, current.beta.size))
+        columns[:, part.at] = part.columns
+        own = np.column_stack([columns[:, free], part.extra[:, leading]])
+        observed.append(Observed(part.series, part.series.y + columns[:, free] @ current.beta[free], own))
+    precision = 1 / np.concatenate([current.model.sd[free], sigma[leading]]) ** 2
+    return reml(observed, precision, slowest_mode_s(current), rises(current.model)).noise
+
+
+def slowest_mode_s(current: Fit) -> float:
+    """The longest time constant of the fitted network at the mean of its tests [s]."""
+    return max(current.model.slowest_s(s, current.beta) for s in range(len(current.model.tests)))
+
+
+def rises(model: Model) -> dict[str, float]:
+    """Channel -> how far it rises over the coldest boundary, at least 1 K."""
+    rise: dict[str, float] = {}
+    for test in model.tests:
+        coldest = float(test.frame.boundaries.mean(axis=0).min())
+        for channel in test.channels:
+            hottest = channel.measured[channel.output.samples > 0].max(initial=coldest)
+            rise[channel.name] = max(rise.get(channel.name, 1.0), float(hottest) - coldest)
+    return rise
+
+
+def _eliminated(
+    rounds: tuple[Round, ...],
+    accepted: list[tuple[Candidate, Parameter]],
+    current: Fit,
+    model: Model,
+    threshold: float,
+) -> Naming:
+    """Leave every term out once, both sides fitted; the weakest goes while it is under the threshold."""
+    left_out: list[tuple[Candidate, float]] = []
+    while accepted:
+        compared = []
+        for i, (candidate, parameter) in enumerate(accepted):
+            place = len(model.parameters) + i
+            without = fit(current.model.without(place), np.delete(current.beta, place), enough=NEAR_ENOUGH)
+            compared.append((_compared(current, without, candidate, parameter, place), without))
+        weakest = min(range(len(compared)), key=lambda i: compared[i][0].log_bayes_factor)
+        if compared[weakest][0].log_bayes_factor > threshold:
+            return Naming(rounds, tuple(c for c, _ in compared), tuple(left_out), current, threshold)
+        left_out.append((accepted[weakest][0], compared[weakest][0].log_bayes_factor))
+        current = compared[weakest][1]
+        del accepted[weakest]
+    return Naming(rounds, (), tuple(left_out), current, threshold)
