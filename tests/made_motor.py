@@ -15,6 +15,7 @@ from twin.model import Channel, Test
 from twin.network import Boundary, Link, Network, Node, Source, TemperatureFactor, Term
 from twin.outputs import Output, reading
 from twin.simulate import Frame, simulate
+from twin.structure import parameters
 
 Floats = NDArray[np.float64]
 
@@ -81,7 +82,10 @@ def pulses(duration_s: float, seed: int = 0, step_s: float = FINE_S) -> Drive:
     """Inputs that jump every 40 s."""
     rng = np.random.default_rng(seed)
     steps, held = round(duration_s / step_s), round(40 / step_s)
-    jump = lambda low, high: np.repeat(rng.uniform(low, high, steps // held + 1), held)[:steps]
+
+    def jump(low: float, high: float) -> Floats:
+        return np.repeat(rng.uniform(low, high, steps // held + 1), held)[:steps]
+
     return {"speed": jump(0.1, 1.0), "current": jump(0.1, 1.0), "flow": jump(0.5, 1.0)}
 
 
@@ -90,14 +94,12 @@ def _compiled(name: str) -> Compiled:
     return compile_network(_known[name])
 
 
-_known: dict[str, Network] = {}
+_known: dict[str, Network] = {}  # name -> the first network of its laws, which stands for all that differ in numbers
 
 
 def compiled(network: Network) -> Compiled:
-    """Of one that differs from another in numbers only, compile once: the name stands for the laws."""
+    """Its kernel, compiled once a name: networks of one name differ in coefficients and capacities only."""
     _known.setdefault(network.name, network)
-    from twin.structure import parameters
-
     return replace(_compiled(network.name), network=network, parameters=parameters(network))
 
 
@@ -105,9 +107,14 @@ def truth(network: Network, drive: Drive, initial: Floats) -> Floats:
     """Temperatures at the edges (N + 1, n) [degC] in steps of 0.5 s."""
     steps = len(drive["speed"])
     around = np.tile([COOLANT_DEGC, AMBIENT_DEGC], (steps, 1))
-    return simulate(
-        compiled(network), Frame(FINE_S, evaluate(monomials(network), drive, steps), around), initial
-    )
+    return simulate(compiled(network), Frame(FINE_S, evaluate(monomials(network), drive, steps), around), initial)
+
+
+def _step_means(x: Floats) -> Floats:
+    """Of (N, ...) at 0.5 s, those over steps of 2 s."""
+    k = round(STEP_S / FINE_S)
+    found: Floats = x[: len(x) // k * k].reshape(-1, k, *x.shape[1:]).mean(axis=1)
+    return np.ascontiguousarray(found)
 
 
 def recorded(
@@ -121,16 +128,15 @@ def recorded(
     samples: Mapping[str, Floats] | None = None,
     buses: Mapping[str, str] | None = None,
     off_K: Mapping[str, float] | None = None,
+    white_sd: float = WHITE_SD,
     name: str = "test",
 ) -> Test:
     """A test of `true` (else of `network`) as `network`'s model takes it: means over steps of 2 s of what 0.5 s steps gave,
     white noise where there is a seed; `samples` (N,) of a channel's steps, `off_K` its bias."""
     rng = None if seed is None else np.random.default_rng(seed)
-    k = round(STEP_S / FINE_S)
-    mean = lambda x: np.ascontiguousarray(x[: len(x) // k * k].reshape(-1, k, *x.shape[1:]).mean(axis=1))
     own = monomials(network)
     every = tuple(dict.fromkeys([*own, *(Monomial(((f, 1.0),)) for f in SINGLE), *more]))
-    fine = mean(evaluate(every, drive, len(drive["speed"])))
+    fine = _step_means(evaluate(every, drive, len(drive["speed"])))
     named = {m.name: np.ascontiguousarray(fine[:, j]) for j, m in enumerate(every)}
     steps = len(fine)
     edges = truth(true or network, drive, initial)
@@ -139,15 +145,17 @@ def recorded(
         held = np.ones(steps) if samples is None else samples.get(channel, np.ones(steps))
         output = Output(weights, tau_s, 4.0 * held, np.full(steps, 0.5))
         shown = reading(output, edges, [n.name for n in network.nodes], FINE_S)
-        measured = mean((shown[:-1] + shown[1:]) / 2) + (off_K or {}).get(channel, 0.0)
+        measured = _step_means((shown[:-1] + shown[1:]) / 2) + (off_K or {}).get(channel, 0.0)
         if rng is not None:
-            measured = measured + rng.normal(0, WHITE_SD / 2, steps)
+            measured = measured + rng.normal(0, white_sd / 2, steps)
         bus = (buses or {}).get(channel, "can1")
-        channels.append(Channel(channel, bus, output, measured, WHITE_SD, RESOLUTION, BIAS_SD))
+        channels.append(Channel(channel, bus, output, measured, white_sd, RESOLUTION, BIAS_SD))
     return Test(
         name=name,
         kind="drive",
-        frame=Frame(STEP_S, np.ascontiguousarray(fine[:, : len(own)]), np.tile([COOLANT_DEGC, AMBIENT_DEGC], (steps, 1))),
+        frame=Frame(
+            STEP_S, np.ascontiguousarray(fine[:, : len(own)]), np.tile([COOLANT_DEGC, AMBIENT_DEGC], (steps, 1))
+        ),
         inputs={f: named[f] for f in SINGLE},
         features=named,
         initial=initial.copy(),

@@ -1,4 +1,4 @@
-"""`whyhot report S...`: one HTML file of sealed runs."""
+"""`whyhot report S...` or `whyhot report DIAGNOSIS`: one HTML file of sealed runs, or of a diagnosis."""
 
 from __future__ import annotations
 
@@ -9,11 +9,15 @@ from replay.cli.answer import Answer, provenance, store_folder
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("sessions", metavar="S", nargs="*", help="replayed sessions (default: all)")
+    parser.add_argument(
+        "sessions", metavar="S", nargs="*", help="replayed sessions (default: all), or one diagnosis as d-4f0c"
+    )
     parser.add_argument("--out", metavar="FILE", type=Path, default=Path("report.html"), help="default: report.html")
 
 
 def run(args: argparse.Namespace) -> Answer:
+    if len(args.sessions) == 1 and args.sessions[0].startswith("d-"):
+        return _of_diagnosis(args)
     from ingest import facts
     from ingest.store import Store
     from replay.show.documents import write_replay_report
@@ -28,3 +32,26 @@ def run(args: argparse.Namespace) -> Answer:
             "provenance": provenance(store),
         }
     return Answer(data, f"{args.out}   {len(runs)} session{'s' * (len(runs) != 1)}; opens offline in any browser")
+
+
+def _of_diagnosis(args: argparse.Namespace) -> Answer:
+    import json
+
+    from ingest import facts
+    from ingest.store import Store
+    from replay.cli.progress import tell
+    from replay.show.documents import write_diagnosis
+    from replay.studies.accept import find_diagnosis
+    from replay.studies.diagnosis import read
+
+    with Store.open(store_folder(args), write=True) as store:
+        completed = find_diagnosis(facts.at(store.ledger), args.sessions[0])
+        diagnosis = read(json.loads(store.archive.read(completed.artefact)))
+        write_diagnosis(store, diagnosis, args.out, f"whyhot report {args.sessions[0]}", tell)
+        data = {
+            "schema": "whyhot.report/1",
+            "file": str(args.out),
+            "diagnosis": diagnosis.diagnosis,
+            "provenance": provenance(store),
+        }
+    return Answer(data, f"{args.out}   diagnosis {args.sessions[0]}; opens offline in any browser")

@@ -19,6 +19,9 @@ NO_SIZE = ("hold", "stuck", "saturation", "dropout", "undersampled")  # faults t
 NUMBERS = ("No cause", "One cause", "Two causes", "Three causes", "Four causes", "Five causes")
 
 
+FAR = 2.0  # floors: a recalibrated model that stays further off on kept sessions lacks something
+
+
 class Ending(Enum):
     """How a diagnosis ends."""
 
@@ -73,7 +76,8 @@ def left_over(diagnosis: Diagnosis) -> list[str]:
     errors = {error.node: error for error in node_errors(diagnosis.shown)}
     if diagnosis.gain:
         floors = {node: error.floor_K for node, error in errors.items()}
-        left = {g.node: g.mae_before_K for g in diagnosis.gain if g.mae_before_K > floors.get(g.node, math.inf)}
+        far = {node: FAR * floor for node, floor in floors.items()}
+        left = {g.node: g.mae_before_K for g in diagnosis.gain if g.mae_before_K > far.get(g.node, math.inf)}
     else:
         asked = diagnosis.next_test is not None
         left = {node: e.mean_K for node, e in errors.items() if asked and not e.within_floor}

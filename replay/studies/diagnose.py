@@ -374,7 +374,7 @@ def _rivals(naming: Naming) -> list[Rival]:
             behind = best - refit.log_bayes_factor
             below = number == len(naming.rounds) - 1
             why = (
-                f"ln BF {refit.log_bayes_factor:.1f} is under the threshold of {naming.threshold:.0f}"
+                f"under the threshold of {naming.threshold:.0f}"
                 if below
                 else f"{behind:.1f} behind in ln BF after both were refitted"
             )
