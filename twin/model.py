@@ -33,7 +33,8 @@ T = TypeVar("T")
 BROAD = ChannelNoise(ar_sd=0.25, ar_tau_s=60.0, ou_sd=0.4, ou_tau_s=600.0)
 LEAST_INPUT = 0.02  # of its scale: where an input is smaller, a bias of it moves nothing
 FIRST_COURSES = 4  # runs until the course about which heats are linearised has settled
-PROBE_S = 0.25  # of time, for the slope of a reading by its stamps or its lag
+PROBE_S = 0.25  # of time, for the slope of a reading by its stamps: past the kinks at whole steps
+LAG_PROBE_S = 0.05  # the same by its lag, which has none
 
 
 @dataclass(frozen=True)
@@ -53,7 +54,8 @@ class Channel:
 @dataclass(frozen=True)
 class Test:
     """One recorded test in steps of `frame.step_s`, whole blocks only. `inputs`: feature -> (N,) dimensionless, step means;
-    `features`: name of a product -> (N,) step means of it; `initial`, `initial_sd` (n,); `course`: what `Course` multiplies with."""
+    `features`: name of a product -> (N,) step means of it; `initial`, `initial_sd` (n,); `course`: what `Course` multiplies with;
+    `start_ns` of the first step."""
 
     __test__ = False
 
@@ -66,6 +68,7 @@ class Test:
     initial_sd: Floats
     channels: tuple[Channel, ...]
     course: Mapping[str, float] = field(default_factory=dict)
+    start_ns: int = 0
 
 
 @dataclass(frozen=True)
@@ -79,6 +82,9 @@ class Columns:
     extra: Floats
 
 
+Known = tuple[Floats, list[Columns]]  # a vector and what linearising there gave
+
+
 class Model:
     """`network` and `tests` with `parameters`; `noise`: channel -> its noise, `BROAD` where there is none."""
 
@@ -89,6 +95,7 @@ class Model:
         parameters: Sequence[Parameter],
         noise: Mapping[str, ChannelNoise] | None = None,
         courses: dict[int, Floats] | None = None,
+        known: Known | None = None,
     ) -> None:
         self.network = network
         self.tests = tuple(tests)
@@ -97,6 +104,7 @@ class Model:
         self._courses = (
             {} if courses is None else dict(courses)
         )  # where heats are linearised: the last run of each test
+        self._known = known  # the last linearisation: noise does not matter to it, and more parameters only add to it
         self._marches = [_March(network, test, self.parameters, s) for s, test in enumerate(self.tests)]
 
     @cached_property
@@ -114,13 +122,13 @@ class Model:
 
     def with_noise(self, noise: Mapping[str, ChannelNoise]) -> Model:
         """The same under another noise."""
-        return Model(self.network, self.tests, self.parameters, noise, self._courses)
+        return Model(self.network, self.tests, self.parameters, noise, self._courses, self._known)
 
     def plus(self, more: Sequence[Parameter]) -> Model:
         """The same with more parameters at the end of the vector."""
         attached = any(isinstance(p.action, actions.Attached) for p in more)
-        courses = None if attached else self._courses
-        return Model(self.network, self.tests, (*self.parameters, *more), self.noise, courses)
+        courses, known = (None, None) if attached else (self._courses, self._known)
+        return Model(self.network, self.tests, (*self.parameters, *more), self.noise, courses, known)
 
     def without(self, place: int) -> Model:
         """The same without one parameter."""
@@ -140,8 +148,38 @@ class Model:
 
     def linearise(self, beta: Floats, extra: Sequence[Parameter] = ()) -> list[Columns]:
         """Residuals and columns of every test and channel. Raises `DivergedError`."""
-        found = self._each(lambda s: self._run(s, beta, settle=True).columns(extra))
-        return [part for parts in found for part in parts]
+        known = self._already(beta)
+        if known is None:
+            found = self._each(lambda s: self._run(s, beta, settle=True).columns(self._marches[s].active, extra))
+            parts = [part for own in found for part in own]
+        else:
+            size, parts = len(known[0]), known[1]
+            if extra or size < beta.size:
+                of_test: dict[int, list[Columns]] = {}
+                for part in parts:
+                    of_test.setdefault(part.series.session, []).append(part)
+                found = self._each(lambda s: self._beside(of_test[s], s, size, beta, extra))
+                parts = [part for own in found for part in own]
+        self._known = beta.copy(), [replace(part, extra=part.extra[:, :0]) for part in parts]
+        return parts
+
+    def _already(self, beta: Floats) -> Known | None:
+        """The last linearisation, if it was here with parameters since added at zero."""
+        if self._known is None:
+            return None
+        size = len(self._known[0])
+        return self._known if np.array_equal(beta[:size], self._known[0]) and not beta[size:].any() else None
+
+    def _beside(
+        self, known: Sequence[Columns], test: int, size: int, beta: Floats, extra: Sequence[Parameter]
+    ) -> list[Columns]:
+        """What is known of a test with the columns of the parameters from `size` on, and those of `extra`."""
+        new = [p for p in self._marches[test].active if p >= size]
+        found = self._run(test, beta, settle=True).columns(new, extra)
+        return [
+            Columns(old.series, np.concatenate([old.at, more.at]), np.hstack([old.columns, more.columns]), more.extra)
+            for old, more in zip(known, found, strict=True)
+        ]
 
     def course(self, test: int, beta: Floats) -> tuple[Floats, Floats, Floats]:
         """Temperatures at the edges (N + 1, n), step means (N, n) [degC] and heat of every term (N, terms) at 1 K per K."""
@@ -150,11 +188,13 @@ class Model:
         return ran.edges[:, :n], ran.means[:, :n], ran.values
 
     def slowest_s(self, test: int, beta: Floats) -> float:
-        """The longest time constant of the network at the mean step of a test [s]."""
+        """The longest time constant of the network at the mean step of a test [s], at most the length of the test."""
         system = self._run(test, beta).system
         middle = np.linalg.inv(system.inverse).mean(axis=0)
         rate = (middle - np.diag(system.storage)) / (system.storage[:, None] * self.tests[test].frame.step_s / 2)
-        return float(1.0 / np.linalg.eigvals(rate).real.min())
+        slowest = float(np.linalg.eigvals(rate).real.min())
+        test_s = len(system.heat) * self.tests[test].frame.step_s
+        return min(1.0 / slowest, test_s) if slowest > 0 else test_s
 
     def _run(self, test: int, beta: Floats, settle: bool = False) -> _Run:
         march = self._marches[test]
@@ -456,9 +496,9 @@ class _Run:
 
     # --- Columns ------------------------------------------------------------------------------------------------------------
 
-    def columns(self, extra: Sequence[Parameter]) -> list[Columns]:
+    def columns(self, at: Sequence[int], extra: Sequence[Parameter]) -> list[Columns]:
+        """Of the parameters at these places of the vector, and of others at zero."""
         march = self.march
-        at = list(march.active)
         wanted = [*(march.parameters[p].action for p in at), *(p.action for p in extra)]
         mine = [True] * len(at) + [p.test in (None, march.number) for p in extra]
         heats = _Heats(self, wanted, mine, len(at))
@@ -508,7 +548,7 @@ class _Run:
             case actions.Stem():
                 return self.stamped(k, self.ambient(action) - self.reading(k, lag_s), late)
             case actions.Lag():
-                low, high = max(0.0, lag_s - PROBE_S), lag_s + PROBE_S
+                low, high = max(0.0, lag_s - LAG_PROBE_S), lag_s + LAG_PROBE_S
                 changed = self.reading(k, high) - self.reading(k, low)
                 return self.stamped(k, self.factor(channel) * changed / (high - low), late)
             case actions.Late(_, _, sign):

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 import twin
@@ -27,35 +26,33 @@ from ingest.events import (
 )
 from ingest.facts import Facts
 from ingest.store import Store
-from replay.engine.bench_text import corrected
 from replay.engine.identity import run_id, source_hash
 from replay.engine.motor_file import read_motor
-from replay.engine.motor_text import written
-from replay.engine.residuals import where
 from replay.errors import ReplayDataError
+from replay.studies.answer_parts import Context, named, place_of, rivals, shown, unknown_heat
 from replay.studies.calibrate import common_model
-from replay.studies.diagnosis import Diagnosis, Named, Rival, Shown, document, read
-from replay.studies.formulas import formula
+from replay.studies.data_faults import DataFault, data_faults
+from replay.studies.diagnosis import Diagnosis, Masked, Named, document, read
+from replay.studies.extension import sealed_bench, sealed_motor
 from replay.studies.kept_sessions import Measured, measured
 from replay.studies.recorded import STEP_S, test_of
 from twin.candidates import Candidate, added_monomials, generate
 from twin.causes import says
-from twin.columns import AddedTerms, InputChannel, ObservedChannel
+from twin.columns import InputChannel, ObservedChannel, Reading
 from twin.errors import TwinError
 from twin.everyday import everyday
 from twin.features import Monomial
 from twin.fit import Fit, fit
-from twin.learned import network_of, size
+from twin.free_heats import Unknown, describe, free_heats
+from twin.learned import size
 from twin.model import Model, Test
-from twin.naming import Naming, Refit, search
+from twin.naming import NEAR_ENOUGH, Naming, Refit, search
 from twin.network import Network
-from twin.noise import floor_variance
+from twin.swaps import Swap, exchanged, misread, scan
 
-Floats = NDArray[np.float64]
 Tell = Callable[[str], None]
 
 LEAST_S = 1200.0  # of training: below, hardly anything of a motor's slow modes is in the data
-RIVALS = 5
 RIPPLE = Monomial((("current", 2.0),))  # the law of the rotor's everyday heat at standstill
 MOTOR_KINDS = ("loss", "conductance", "capacity", "ageing")
 
@@ -155,6 +152,8 @@ class _Campaign:
     candidates: tuple[Candidate, ...]
     monomials: tuple[Monomial, ...]
     observed: tuple[ObservedChannel, ...]
+    loaded: Sequence[Sequence[ChannelData]]
+    starts_ns: tuple[int, ...]
 
 
 def _campaign(question: Question) -> _Campaign:
@@ -168,7 +167,8 @@ def _campaign(question: Question) -> _Campaign:
         test_of(question.store, question.facts, session, network, monomials, question.level)
         for session in question.train
     )
-    return _Campaign(network, tests, candidates, monomials, observed)
+    starts = tuple(test.start_ns for test in tests)
+    return _Campaign(network, tests, candidates, monomials, observed, loaded, starts)
 
 
 def _channels(
@@ -190,37 +190,50 @@ def _channels(
     return tuple(observed.values()), tuple(inputs.values())
 
 
+@dataclass(frozen=True)
+class _Found:
+    """What the search left: its naming, terms that kept sessions spoke against, exchanged channels, and free heats."""
+
+    naming: Naming
+    refused: list[tuple[Refit, str]]
+    swaps: list[Swap]
+    unknown: list[Unknown]
+    log_bf_unknown: float
+    kept: Measured | None
+    base: Fit
+
+
 def _answered(question: Question, identity: str, tell: Tell) -> tuple[Diagnosis, list[Event]]:
     tell("reading the sessions")
     campaign = _campaign(question)
-    model = Model(campaign.network, campaign.tests, everyday(campaign.network, campaign.tests))
-    shown = _shown(question, model)
-    naming = search(model, campaign.candidates, tell)
-    base = _baseline(naming)
-    kept = None
+    network = campaign.network
+    model = Model(network, campaign.tests, everyday(network, campaign.tests))
+    wrong = shown(model, question.train)
+    tell("looking for exchanged and misread channels")
+    if lines := misread(model):
+        raise ReplayDataError(lines[0])
+    swaps = scan(model, campaign.candidates)
     events: list[Event] = []
-    if question.kept:
-        tell("predicting the kept sessions")
+    tests = _kept_tests(question, campaign)
+    if tests:
         events.append(HeldOutOpened(diagnosis=identity, sessions=[s.session for s in question.kept]))
-        tests = [
-            test_of(question.store, question.facts, s, campaign.network, campaign.monomials, question.level)
-            for s in question.kept
-        ]
-        kept = measured(base, naming.final, campaign.tests, tests, len(naming.accepted) > 0)
-    named = [_named(question, campaign, naming, refit, kept) for refit in naming.accepted]
-    improved = kept is not None and kept.improved and bool(named)
+    found = _find(campaign, model, swaps, tests, tell)
+    naming, kept = found.naming, found.kept
+    tell("weighing the data's own faults")
+    faults = data_faults(naming.final, campaign.loaded, campaign.starts_ns, campaign.observed, naming.threshold)
+    context = Context(network, question.train, naming, kept, found.log_bf_unknown)
+    causes = [named(context, refit) for refit in naming.accepted]
+    causes += [_named_swap(swap, kept) for swap in swaps]
+    causes += [_named_fault(fault, kept) for fault in faults]
+    causes.sort(key=lambda cause: -cause.log_bayes_factor)
     tell("writing the models")
-    recalibrated = _sealed_model(
-        question, network_of(base, campaign.monomials), f"Recalibrated by diagnosis {identity}."
-    )
-    extended, bench = None, None
-    if improved:
-        extended = _extended_model(question, campaign, naming, identity)
-        bench = _extended_bench(question, naming, identity)
+    note = f"Recalibrated by diagnosis {identity}."
+    recalibrated = sealed_motor(question.store, question.facts, question.model, found.base, campaign.monomials, note)
+    extended, bench = _extended(question, campaign, found, identity)
     last = naming.rounds[-1]
     answer = Diagnosis(
         diagnosis=identity,
-        motor=campaign.network.name,
+        motor=network.name,
         level=question.level,
         model=question.model,
         train=[s.session for s in question.train],
@@ -228,11 +241,11 @@ def _answered(question: Question, identity: str, tell: Tell) -> tuple[Diagnosis,
         train_names=[s.name for s in question.train],
         held_out_names=[s.name for s in question.kept],
         opened_before=any(question.facts.opened.get(s.session) for s in question.kept),
-        shown=shown,
-        causes=named,
-        rivals=_rivals(naming),
-        unknown=[],
-        masked=[],
+        shown=wrong,
+        causes=causes,
+        rivals=rivals(naming, found.refused),
+        unknown=[unknown_heat(heat, network) for heat in found.unknown],
+        masked=_masked(question, faults),
         recalibrated_model=recalibrated,
         extended_model=extended,
         extended_bench=bench,
@@ -241,57 +254,66 @@ def _answered(question: Question, identity: str, tell: Tell) -> tuple[Diagnosis,
         log_score_gain_lower=kept.log_score_gain_lower if kept else None,
         few_kept_data=bool(kept and kept.few),
         candidates=len(campaign.candidates),
-        dropped=sorted({name for found in naming.rounds for name in found.dropped}),
+        dropped=sorted({name for one in naming.rounds for name in one.dropped}),
         steps=sum(len(t.frame.features) for t in campaign.tests),
         null_log_bayes_factor=last.null,
         threshold=naming.threshold,
-        next_test=None,
+        next_test=next((c.separating_test for c in causes if c.separating_test), None),
         seconds=0.0,
     )
     return answer, events
 
 
-def _shown(question: Question, model: Model) -> list[Shown]:
-    """What the file's own model gets wrong on the training sessions."""
-    shown = []
-    for series in model.residuals(np.zeros(len(model.parameters))):
-        test, session = model.tests[series.session], question.train[series.session]
-        channel = next(c for c in test.channels if c.name == series.channel)
-        at = np.minimum((series.t_s / test.frame.step_s).astype(np.intp), len(test.frame.features) - 1)
-        size_K = np.abs(series.y)
-        network = model.network
-        places = {
-            f"{_unit(f)}": values[at] * network.scale[f] for f, values in test.inputs.items() if f in network.scale
-        }
-        floor = float(np.hypot(np.sqrt(floor_variance(series, model.noise_of(series.channel))), channel.bias_sd))
-        shown.append(
-            Shown(
-                session=session.session,
-                session_name=session.name,
-                channel=series.channel,
-                node=" + ".join(channel.output.weights),
-                mae_K=float(size_K.mean()),
-                max_K=float(size_K.max()),
-                bias_K=float(series.y.mean()),
-                floor_K=floor,
-                white=_white(series.y),
-                where={name: span for name, value in places.items() if (span := where(value, size_K)) is not None},
-            )
-        )
-    return shown
+def _kept_tests(question: Question, campaign: _Campaign) -> list[Test]:
+    return [
+        test_of(question.store, question.facts, s, campaign.network, campaign.monomials, question.level)
+        for s in question.kept
+    ]
 
 
-def _unit(feature: str) -> str:
-    from ingest.quantities import column_suffix
-
-    return feature + column_suffix(feature)
-
-
-def _white(residual: Floats) -> bool:
-    """Whether neighbouring blocks say nothing of each other: lag-1 autocorrelation within two sigma (Bartlett)."""
-    centred = residual - residual.mean()
-    total = float(centred @ centred)
-    return bool(total == 0.0 or abs(float(centred[1:] @ centred[:-1])) / total < 2 / np.sqrt(len(residual)))
+def _find(campaign: _Campaign, model: Model, swaps: list[Swap], kept: list[Test], tell: Tell) -> _Found:
+    """Search, ask whether an unknown heat explains more, and let the kept sessions speak against what makes them worse."""
+    straight, straight_kept = campaign.tests, kept
+    for swap in swaps:
+        column = swap.candidate.column
+        assert isinstance(column, Reading)
+        straight = exchanged(straight, column.channel, column.other)
+        straight_kept = list(exchanged(straight_kept, column.channel, column.other))
+    if swaps:
+        model = Model(campaign.network, straight, everyday(campaign.network, straight))
+    naming = search(model, campaign.candidates, tell)
+    tell("looking for heat that no candidate explains")
+    first = naming.rounds[0]
+    heats = free_heats(first.base)
+    best = heats[0]
+    linear = float(first.scores.log_bayes_factor.max(initial=0.0))
+    unknown: list[Unknown] = []
+    if best.log_bayes_factor > max(naming.threshold, linear):
+        unknown = [describe(first.base, best)]
+        naming = replace(naming, accepted=(), final=first.base)
+    elif naming.accepted:
+        after = free_heats(naming.final)[0]
+        if after.log_bayes_factor > naming.threshold:
+            unknown = [describe(naming.final, after)]
+    refused: list[tuple[Refit, str]] = []
+    base = _baseline(naming)
+    result = None
+    while kept:
+        tell("predicting the kept sessions")
+        result = measured(base, naming.final, straight, straight_kept, bool(naming.accepted))
+        if not naming.accepted or not result.worse:
+            break
+        weakest = min(naming.accepted, key=lambda r: r.log_bayes_factor)
+        refused.append((weakest, "it makes the error of the kept sessions about twice as large"))
+        final = naming.final
+        place = place_of(final, weakest)
+        final = fit(final.model.without(place), np.delete(final.beta, place), enough=NEAR_ENOUGH)
+        naming = replace(naming, accepted=tuple(r for r in naming.accepted if r is not weakest), final=final)
+    if kept and swaps:
+        crossed = Model(campaign.network, campaign.tests, model.parameters, naming.final.model.noise)
+        base = fit(crossed, np.zeros(len(model.parameters)), enough=NEAR_ENOUGH)
+        result = measured(base, naming.final, campaign.tests, kept, True, straight_kept)
+    return _Found(naming, refused, swaps, unknown, best.log_bayes_factor, result, base)
 
 
 def _baseline(naming: Naming) -> Fit:
@@ -299,120 +321,88 @@ def _baseline(naming: Naming) -> Fit:
     first = naming.rounds[0].base
     if not naming.accepted:
         return naming.final
-    return fit(first.model.with_noise(naming.final.model.noise), first.beta, enough=0.5)
+    return fit(first.model.with_noise(naming.final.model.noise), first.beta, enough=NEAR_ENOUGH)
 
 
-def _named(question: Question, campaign: _Campaign, naming: Naming, refit: Refit, kept: Measured | None) -> Named:
-    final, cause = naming.final, refit.candidate.cause
-    place = next(i for i, p in enumerate(final.model.parameters) if p == refit.parameter)
-    found = size(final, place, refit.candidate.unit)
-    effect_K, node, test, t_s = _largest_effect(final, place)
+def _extended(question: Question, campaign: _Campaign, found: _Found, identity: str) -> tuple[str | None, str | None]:
+    """The extended motor and bench files, where the kept sessions got better."""
+    kept, final = found.kept, found.naming.final
+    if kept is None or not kept.improved:
+        return None, None
+    store, facts = question.store, question.facts
+    motor = [r for r in found.naming.accepted if r.candidate.cause.kind in MOTOR_KINDS]
+    amounts = {str(swap.candidate.cause): 1.0 for swap in found.swaps}
+    for refit in found.naming.accepted:
+        if refit not in motor:
+            amounts[str(refit.candidate.cause)] = size(final, place_of(final, refit), refit.candidate.unit).value
+    extended = bench = None
+    if motor:
+        note = f"Extended by diagnosis {identity}: {', '.join(str(r.candidate.cause) for r in motor)}."
+        extended = sealed_motor(store, facts, question.model, final, campaign.monomials, note)
+    parent = facts.bench_of(question.train[0])
+    if amounts and parent:
+        bench = sealed_bench(store, parent.sha256, parent.name, amounts, f"Found by diagnosis {identity}")
+    return extended, bench
+
+
+def _named_swap(swap: Swap, kept: Measured | None) -> Named:
     improved = kept is not None and kept.improved
+    return _plain(
+        str(swap.candidate.cause), says(swap.candidate.cause), 1.0, "1", swap.log_bayes_factor, improved, kept
+    )
+
+
+def _named_fault(fault: DataFault, kept: Measured | None) -> Named:
+    improved = kept is not None and kept.masked_better.get(fault.channel, False)
+    return _plain(str(fault.cause), says(fault.cause), fault.masked_share, "1", fault.log_bayes_factor, improved, kept)
+
+
+def _plain(
+    name: str, words: str, estimate: float, unit: str, log_bf: float, improved: bool, kept: Measured | None
+) -> Named:
+    """A fault of the data: it has no term, and nothing else looks like it."""
+    why = "the kept sessions do not show it" if kept else "no session was kept: say --hold-out"
     return Named(
-        id=str(cause),
-        says=says(cause),
-        members=list(refit.candidate.members),
-        estimate=found.value,
-        ci95=sorted([found.low, found.high]),
-        unit=found.unit,
-        typical_W=found.typical_W,
-        largest_effect_K=effect_K,
-        largest_effect_node=node,
-        largest_effect_session=question.train[test].session,
-        largest_effect_t_s=t_s,
-        formula=_formula(refit, found.value, campaign.network),
-        log_bayes_factor=refit.log_bayes_factor,
-        probability=1.0,
+        id=name,
+        says=words,
+        members=[],
+        estimate=estimate,
+        ci95=[estimate, estimate],
+        unit=unit,
+        typical_W=None,
+        largest_effect_K=0.0,
+        largest_effect_node=name.split(".")[1].partition("@")[0],
+        largest_effect_session="",
+        largest_effect_t_s=0.0,
+        formula="",
+        log_bayes_factor=log_bf,
+        probability=probability_against_none(log_bf),
         member_probability=1.0,
         indistinguishable_from=[],
         separating_test=None,
         significant=True,
         identified=True,
         improved=improved,
-        why_not_improved=None if improved else (kept.why if kept else "no session was kept: say --hold-out"),
+        why_not_improved=None if improved else why,
     )
 
 
-def _largest_effect(final: Fit, place: int) -> tuple[float, str, int, float]:
-    """What a term moves at most: K, the node, the test and the time [s]."""
-    without = final.beta.copy()
-    without[place] = 0.0
-    best = (0.0, final.model.network.nodes[0].name, 0, 0.0)
-    for s, test in enumerate(final.model.tests):
-        moved = final.model.course(s, final.beta)[1] - final.model.course(s, without)[1]
-        k, node = (int(i) for i in np.unravel_index(np.argmax(np.abs(moved)), moved.shape))
-        if abs(moved[k, node]) > best[0]:
-            name = final.model.network.nodes[node].name
-            best = (float(abs(moved[k, node])), name, s, (k + 0.5) * test.frame.step_s)
-    return best
+def probability_against_none(log_bf: float) -> float:
+    """Of a fault that stands alone against no fault, even odds before."""
+    return float(1 / (1 + np.exp(-min(log_bf, 700.0))))
 
 
-def _formula(refit: Refit, value: float, network: Network) -> str:
-    cause, column = refit.candidate.cause, refit.candidate.column
-    if isinstance(column, AddedTerms):
-        return formula(replace(column.terms[0][1], coefficient=value), cause.place, network)
-    if cause.law == "scale":
-        return f"{cause.kind} of {cause.place} times {value:.3g}"
-    return f"{cause}: {value:.4g} {refit.candidate.unit}".rstrip(" 1")
-
-
-def _rivals(naming: Naming) -> list[Rival]:
-    """The best candidates that were not named, and why."""
-    chosen = {str(refit.candidate.cause) for refit in naming.accepted}
-    found: dict[str, Rival] = {}
-    for candidate, value in naming.left_out:
-        why = f"let in first, then left out: without it the fit is no worse than ln BF {value:.1f}"
-        found[str(candidate.cause)] = Rival(
-            id=str(candidate.cause), says=says(candidate.cause), log_bayes_factor=value, why_not=why
+def _masked(question: Question, faults: Sequence[DataFault]) -> list[Masked]:
+    return [
+        Masked(
+            session=question.train[s].session,
+            session_name=question.train[s].name,
+            channel=fault.channel,
+            says=words,
         )
-    for number, one in enumerate(naming.rounds):
-        best = max((r.log_bayes_factor for r in one.refits), default=0.0)
-        for refit in sorted(one.refits, key=lambda r: -r.log_bayes_factor):
-            name = str(refit.candidate.cause)
-            if name in chosen or name in found:
-                continue
-            behind = best - refit.log_bayes_factor
-            below = number == len(naming.rounds) - 1
-            why = (
-                f"under the threshold of {naming.threshold:.0f}"
-                if below
-                else f"{behind:.1f} behind in ln BF after both were refitted"
-            )
-            found[name] = Rival(
-                id=name, says=says(refit.candidate.cause), log_bayes_factor=refit.log_bayes_factor, why_not=why
-            )
-    return list(found.values())[:RIVALS]
-
-
-def _sealed_model(question: Question, network: Network, note: str) -> str:
-    """The motor file of a network, sealed."""
-    data = question.store.archive.read(question.model)
-    return question.store.archive.seal(written(data, question.facts.models[question.model].file, network, note))
-
-
-def _extended_model(question: Question, campaign: _Campaign, naming: Naming, identity: str) -> str | None:
-    causes = [str(r.candidate.cause) for r in naming.accepted if r.candidate.cause.kind in MOTOR_KINDS]
-    if not causes:
-        return None
-    note = f"Extended by diagnosis {identity}: {', '.join(causes)}."
-    return _sealed_model(question, network_of(naming.final, campaign.monomials), note)
-
-
-def _extended_bench(question: Question, naming: Naming, identity: str) -> str | None:
-    """The bench file with what sensors, clocks, inputs and boundaries are off by, sealed."""
-    final = naming.final
-    amounts = {
-        str(refit.candidate.cause): size(
-            final, next(i for i, p in enumerate(final.model.parameters) if p == refit.parameter), refit.candidate.unit
-        ).value
-        for refit in naming.accepted
-        if refit.candidate.cause.kind not in MOTOR_KINDS
-    }
-    bench = question.facts.bench_of(question.train[0])
-    if not amounts or bench is None:
-        return None
-    data = question.store.archive.read(bench.sha256)
-    return question.store.archive.seal(corrected(data, bench.name, amounts, f"Found by diagnosis {identity}"))
+        for fault in faults
+        for s, words in sorted(fault.says.items())
+    ]
 
 
 def _keep(question: Question, answer: Diagnosis, key: dict[str, Any], events: list[Event]) -> None:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,7 @@ from replay.studies.diagnosis import Gain
 from twin.fit import Fit
 from twin.gain import held_out_gain, removes_excess
 from twin.kept import KeptTests, Prediction, floor_of, kept_tests
-from twin.model import Test
+from twin.model import Channel, Test
 from twin.naming import slowest_mode_s
 
 Floats = NDArray[np.float64]
@@ -21,12 +21,15 @@ Floats = NDArray[np.float64]
 CELLS = 10  # of speed and of current, each to its largest value in training
 BOOTSTRAP_DRAWS = 1000
 BLOCK_MODES = 2.0  # slowest modes to a block
+WORSE = 2.0  # times the mean square error: a term that does this to kept sessions is form error
 OVER_SESSIONS = 5  # kept sessions from which on they are resampled themselves
 
 
 @dataclass(frozen=True)
 class Measured:
-    """`improved`: the log score is better and half of the excess error went; `why` not, where it is not."""
+    """`improved`: the log score is better and half of the excess error went; `why` not, where it is not. `worse`: the terms make
+    the mean square error twice as large or more. `masked_better`: channel -> its error is smaller without masked samples,
+    where it has some."""
 
     gain: tuple[Gain, ...]
     log_score_gain: float | None
@@ -34,16 +37,26 @@ class Measured:
     few: bool
     improved: bool
     why: str | None
+    worse: bool
+    masked_better: Mapping[str, bool]
 
 
-def measured(base: Fit, final: Fit, train: Sequence[Test], kept: Sequence[Test], named: bool) -> Measured:
-    """Kept sessions under the recalibrated motor, with the named terms, and under the file as published."""
-    before, after = kept_tests(base, final.model, kept), kept_tests(final, final.model, kept)
+def measured(
+    base: Fit,
+    final: Fit,
+    train: Sequence[Test],
+    kept: Sequence[Test],
+    named: bool,
+    kept_after: Sequence[Test] | None = None,
+) -> Measured:
+    """Kept sessions under the recalibrated motor, with the named terms, and under the file as published. `kept_after`: the
+    sessions with exchanged channels put right, for the motor with the terms."""
+    before, after = kept_tests(base, final.model, kept), kept_tests(final, final.model, kept_after or kept)
     published = kept_tests(None, final.model, kept)
     block_s = BLOCK_MODES * slowest_mode_s(final)
     gain = _gain(before, after, published, train, kept, block_s)
     if not named:
-        return Measured(gain, None, None, False, False, None)
+        return Measured(gain, None, None, False, False, None, False, _masked_better(final, kept))
     score = held_out_gain(before.scored, after.scored, block_s)
     floors = {s.channel: floor_of(s, final.model) for s in final.model.residuals(final.beta)}
     halves = removes_excess(_by_channel(before), _by_channel(after), floors)
@@ -52,7 +65,29 @@ def measured(base: Fit, final: Fit, train: Sequence[Test], kept: Sequence[Test],
         why = f"the kept sessions are not predicted better: log score {score.total:+.1f}, at least {score.lower:+.1f}"
     elif not halves:
         why = "less than half of the excess error of the kept sessions went: recalibration had absorbed the rest"
-    return Measured(gain, score.total, score.lower, score.few, why is None, why)
+    square = [sum(float(p.residual @ p.residual) for p in found.predictions) for found in (before, after)]
+    worse = square[1] > WORSE * square[0]
+    return Measured(gain, score.total, score.lower, score.few, why is None, why, worse, _masked_better(final, kept))
+
+
+def _masked_better(final: Fit, kept: Sequence[Test]) -> dict[str, bool]:
+    """Channels of the kept sessions with masked samples: whether the prediction is nearer to the unmasked ones."""
+    found: dict[str, tuple[list[Floats], list[Floats]]] = {}
+    whole = [replace(t, channels=tuple(_unmasked(c) for c in t.channels)) for t in kept]
+    for one, every in zip(
+        kept_tests(final, final.model, kept).predictions, kept_tests(final, final.model, whole).predictions, strict=True
+    ):
+        if every.residual.size > one.residual.size:
+            with_mask, without = found.setdefault(one.channel, ([], []))
+            with_mask.append(np.abs(one.residual))
+            without.append(np.abs(every.residual))
+    return {c: float(np.concatenate(a).mean()) < float(np.concatenate(b).mean()) for c, (a, b) in found.items()}
+
+
+def _unmasked(channel: Channel) -> Channel:
+    """As if every sample that was recorded were live."""
+    samples = np.where(np.isfinite(channel.measured), np.maximum(channel.output.samples, 1.0), 0.0)
+    return replace(channel, output=replace(channel.output, samples=samples))
 
 
 def _by_channel(found: KeptTests) -> dict[str, Floats]:

@@ -1,4 +1,4 @@
-"""Stored sessions as the diagnosis takes them: steps of 2 s, features of every candidate averaged at the native rate."""
+"""Stored sessions as the diagnosis takes them: steps of 1 s, features of every candidate averaged at the native rate."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from twin.simulate import Frame
 
 Floats = NDArray[np.float64]
 
-STEP_S = 2.0
+STEP_S = 1.0
 
 
 def test_of(
@@ -79,6 +79,7 @@ def _test(
         initial=initial,
         initial_sd=sd,
         channels=tuple(_channel(o, frame, steps, channels) for o in seen),
+        start_ns=int(frame.t_ns[0]),
     )
 
 
