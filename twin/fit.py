@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import groupby
 
 import numpy as np
 from numpy.typing import NDArray
@@ -139,14 +140,17 @@ def _quadratic(
     slope = -beta / sd**2
     cost = float(np.sum((beta / sd) ** 2)) / 2
     kept, left = [], []
-    for part in parts:
-        white = model.whitened(part.series, np.column_stack([part.series.y, part.columns]))
-        residual, own = white[:, 0], white[:, 1:]
-        hessian[np.ix_(part.at, part.at)] += own.T @ own
-        slope[part.at] += own.T @ residual
+    for _, group in groupby(parts, key=lambda part: part.series.session):  # of one test: the same places, one product
+        of_test = list(group)
+        at = of_test[0].at
+        white = [model.whitened(p.series, np.column_stack([p.series.y, p.columns])) for p in of_test]
+        stack = np.concatenate(white)
+        residual, own = stack[:, 0], stack[:, 1:]
+        hessian[np.ix_(at, at)] += own.T @ own
+        slope[at] += own.T @ residual
         cost += float(residual @ residual) / 2
-        kept.append(own)
-        left.append(residual)
+        kept += [w[:, 1:] for w in white]
+        left += [w[:, 0] for w in white]
     return cost, hessian, slope, kept, left
 
 

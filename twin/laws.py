@@ -73,56 +73,48 @@ class Table:
 def psi(laws: Sequence[Law], copper: Copper, temperatures: Floats, boundaries: Floats) -> tuple[Floats, Floats]:
     """psi (L, N) of the laws at temperatures (N, n) [degC] with boundaries (N, b) [degC], and its slope with T_b (L, N)."""
     table = Table.of(laws, copper)
-    value, slope = np.empty((2, len(laws), len(temperatures)))
-    _psi(table.places, table.numbers, table.copper, temperatures, boundaries, value, slope)
-    return value, slope
+    found = np.empty((len(laws), 4, len(temperatures)))
+    _psi(table.places, table.numbers, table.copper, every_place(temperatures, boundaries), found)
+    return found[:, 0], found[:, 2]
+
+
+def every_place(temperatures: Floats, boundaries: Floats) -> Floats:
+    """(n + b, N): a place's temperatures side by side."""
+    found: Floats = np.concatenate([temperatures.T, boundaries.T])
+    return found
 
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
-def _psi(
-    places: Integers,
-    numbers: Floats,
-    copper: Floats,
-    temperatures: Floats,
-    boundaries: Floats,
-    value: Floats,
-    slope: Floats,
-) -> None:
+def _psi(places: Integers, numbers: Floats, copper: Floats, at: Floats, found: Floats) -> None:
     for w in range(len(places)):
-        for k in range(len(temperatures)):
-            value[w, k], _, slope[w, k], _ = psi_at(places[w], numbers[w], copper, temperatures[k], boundaries[k])
+        psi_of(places[w], numbers[w], copper, at, found[w])
 
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
-def psi_at(
-    place: Integers, number: Floats, copper: Floats, temperatures: Floats, boundaries: Floats
-) -> tuple[float, float, float, float]:
-    """psi of one law at one time, and its slopes with T_a, T_b and T_m."""
-    n = temperatures.size
+def psi_of(place: Integers, number: Floats, copper: Floats, at: Floats, found: Floats) -> None:
+    """psi of one law and its slopes with T_a, T_b and T_m: `found` (4, N), of `every_place`."""
     a, b, own, other = place[0], place[1], place[2], place[3]
-    inside = temperatures[a]
-    outside = 0.0
-    if b >= n:
-        outside = boundaries[b - n]
-    elif b != NOBODY:
-        outside = temperatures[b]
-    value, by_a, by_b, by_other = 1.0, 0.0, 0.0, 0.0
-    if b != NOBODY:
-        value, by_a, by_b = outside - inside, -1.0, 1.0
-    if own:
-        resistance = 1 + copper[0] * (inside - copper[1])
-        factor, change = resistance, copper[0]
-        if own < 0:
-            factor, change = 1 / resistance, -copper[0] / resistance**2
-        by_a, by_b, value = by_a * factor + value * change, by_b * factor, value * factor
-    if other != NOBODY:
-        factor = 1 + number[0] * (temperatures[other] - number[1])
-        by_a, by_b, by_other, value = by_a * factor, by_b * factor, value * number[0], value * factor
-    if not np.isnan(number[2]):
-        share = 1.0 if b == NOBODY else 0.5
-        factor = share * (inside + outside) - number[2]
-        by_a, by_b, by_other = by_a * factor + value * share, by_b * factor, by_other * factor
-        if b != NOBODY:
-            by_b += value * share
-        value *= factor
-    return value, by_a, by_b, by_other
+    slope, reference, tilt = number[0], number[1], number[2]
+    tilted, linked = not np.isnan(tilt), b != NOBODY
+    alpha, cold = copper[0], copper[1]
+    inside, outside, elsewhere = at[a], at[b if linked else a], at[other if other != NOBODY else a]
+    share = 0.5 if linked else 1.0
+    for k in range(at.shape[1]):
+        value, by_a, by_b, by_other = 1.0, 0.0, 0.0, 0.0
+        if linked:
+            value, by_a, by_b = outside[k] - inside[k], -1.0, 1.0
+        if own != 0:
+            factor, change = 1 + alpha * (inside[k] - cold), alpha
+            if own < 0:
+                factor, change = 1 / factor, -alpha / factor**2
+            by_a, by_b, value = by_a * factor + value * change, by_b * factor, value * factor
+        if other != NOBODY:
+            factor = 1 + slope * (elsewhere[k] - reference)
+            by_a, by_b, by_other, value = by_a * factor, by_b * factor, value * slope, value * factor
+        if tilted:
+            factor = share * (inside[k] + (outside[k] if linked else 0.0)) - tilt
+            by_a, by_b, by_other = by_a * factor + value * share, by_b * factor, by_other * factor
+            if linked:
+                by_b += value * share
+            value *= factor
+        found[0, k], found[1, k], found[2, k], found[3, k] = value, by_a, by_b, by_other

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import DivergedError
-from twin.laws import Integers, Law, Table, psi_at
+from twin.laws import Integers, Law, Table, every_place, psi_of
 from twin.outputs import Blocks, lag_factors
 from twin.structure import NOBODY
 
@@ -68,7 +68,7 @@ def means(sensor: int, blocks: Blocks, late: Floats) -> list[Mean]:
     found = []
     for by in np.unique(ahead):
         here = np.where(ahead == by, weight, 0.0)
-        old, new = (np.bincount(low, here * part, steps) for part in (1 - share, share))
+        old, new = (np.bincount(low, here * part, steps).astype(np.float64) for part in (1 - share, share))
         if old.any() or new.any():
             found.append(Mean(sensor, old, new, int(by)))
     return found
@@ -76,27 +76,30 @@ def means(sensor: int, blocks: Blocks, late: Floats) -> list[Mean]:
 
 @dataclass(frozen=True)
 class System:
-    """The linear system of every step: law i carries `carried[i]` (N,) times psi, linear about the course (N, n);
-    `storage` (n,) 2 C / h [W/K]."""
+    """The linear system of every step. `matrix` (n, n, N) 2 C / h + L [W/K]; `storage` (n,) 2 C / h [W/K]; `heat` (n, N) b [W]."""
 
-    table: Table
-    carried: Floats
+    matrix: Floats
     storage: Floats
-    course: Floats
-    boundaries: Floats
+    heat: Floats
 
     @classmethod
     def of(
-        cls, table: Table, carried: Floats, capacity: Floats, step_s: float, course: Floats, around: Floats
+        cls, table: Table, carried: Floats, capacity: Floats, step_s: float, course: Floats, boundaries: Floats
     ) -> System:
-        return cls(table, carried, 2 * capacity / step_s, np.ascontiguousarray(course), np.ascontiguousarray(around))
+        """Law i carries `carried[i]` (N,) times psi, linear about the course (N, n)."""
+        length, n = course.shape
+        storage = 2 * capacity / step_s
+        matrix, heat = np.zeros((n, n, length)), np.zeros((n, length))
+        matrix[range(n), range(n)] = storage[:, None]
+        at = every_place(course, boundaries)
+        _assemble(table.places, table.numbers, table.copper, carried, at, matrix, heat)
+        return cls(matrix, storage, heat)
 
     @cached_property
     def inverse(self) -> Floats:
         """(N, n, n) of 2 C / h + L [K/W]."""
-        found = np.empty((len(self.course), self.storage.size, self.storage.size))
-        t = self.table
-        _inverses(t.places, t.numbers, t.copper, self.carried, self.storage, self.course, self.boundaries, found)
+        found = np.ascontiguousarray(self.matrix.transpose(2, 0, 1))
+        _invert(found)
         return found
 
 
@@ -105,11 +108,10 @@ def run(system: System, initial: Floats) -> tuple[Floats, Floats]:
 
     Raises `DivergedError` where they leave the finite numbers or ten thousand degrees.
     """
-    edges = np.empty((len(system.course) + 1, len(initial)))
+    n, length = system.heat.shape
+    edges, found = np.empty((length + 1, n)), np.empty((length, n))
     edges[0] = initial
-    found = np.empty_like(system.course)
-    t, s = system.table, system
-    _run(t.places, t.numbers, t.copper, s.carried, s.storage, s.course, s.boundaries, edges, found)
+    _run(system.matrix, system.storage, system.heat, edges, found)
     if not (np.abs(edges[-1]) < 1e4).all():
         raise DivergedError("temperatures run away: a loss grows faster with temperature than its links carry away")
     return edges, found
@@ -117,118 +119,92 @@ def run(system: System, initial: Floats) -> tuple[Floats, Floats]:
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
 def _assemble(
-    k: int,
     places: Integers,
     numbers: Floats,
     copper: Floats,
     carried: Floats,
-    storage: Floats,
-    course: Floats,
-    boundaries: Floats,
+    at: Floats,
     matrix: Floats,
     heat: Floats,
 ) -> None:
-    """2 C / h + L and b of step k."""
-    n = storage.size
-    matrix[:] = 0.0
-    for i in range(n):
-        matrix[i, i] = storage[i]
-        heat[i] = 0.0
+    """Add L to the matrix and b to the heat, law by law, all steps side by side."""
+    n, length = heat.shape
+    found, constant = np.empty((4, length)), np.empty(length)
+    ends = np.empty(3, np.int64)
     for w in range(len(places)):
-        load = carried[w, k]
-        if load == 0.0:
-            continue
-        value, by_a, by_b, by_other = psi_at(places[w], numbers[w], copper, course[k], boundaries[k])
-        a, b, other = places[w, 0], places[w, 1], places[w, 3]
-        value -= by_a * course[k, a]
-        matrix[a, a] -= load * by_a
-        between = 0 <= b < n
-        if between:
-            value -= by_b * course[k, b]
-            matrix[a, b] -= load * by_b
-        if other != NOBODY:
-            value -= by_other * course[k, other]
-            matrix[a, other] -= load * by_other
-        heat[a] += load * value
-        if between and not places[w, 4]:
-            matrix[b, a] += load * by_a
-            matrix[b, b] += load * by_b
-            if other != NOBODY:
-                matrix[b, other] += load * by_other
-            heat[b] -= load * value
+        psi_of(places[w], numbers[w], copper, at, found)
+        ends[0], ends[1], ends[2] = places[w, 0], places[w, 1], places[w, 3]
+        both = 2 if 0 <= ends[1] < n and not places[w, 4] else 1
+        load = carried[w]
+        for k in range(length):
+            constant[k] = found[0, k]
+        for i in range(3):
+            node = ends[i]
+            if not 0 <= node < n:
+                continue
+            slope, course = found[i + 1], at[node]
+            for k in range(length):
+                constant[k] -= slope[k] * course[k]
+            for e in range(both):
+                sign, row = 1.0 - 2 * e, matrix[ends[e], node]
+                for k in range(length):
+                    row[k] -= sign * load[k] * slope[k]
+        for e in range(both):
+            sign, into = 1.0 - 2 * e, heat[ends[e]]
+            for k in range(length):
+                into[k] += sign * load[k] * constant[k]
 
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
-def _run(
-    places: Integers,
-    numbers: Floats,
-    copper: Floats,
-    carried: Floats,
-    storage: Floats,
-    course: Floats,
-    boundaries: Floats,
-    edges: Floats,
-    found: Floats,
-) -> None:
+def _run(matrix: Floats, storage: Floats, heat: Floats, edges: Floats, found: Floats) -> None:
     n = storage.size
-    matrix, z = np.empty((n, n)), np.empty(n)
+    m, z = np.empty((n, n)), np.empty(n)
     for k in range(len(found)):
-        _assemble(k, places, numbers, copper, carried, storage, course, boundaries, matrix, z)
         for i in range(n):
-            z[i] += storage[i] * edges[k, i]
+            for c in range(n):
+                m[i, c] = matrix[i, c, k]
+            z[i] = heat[i, k] + storage[i] * edges[k, i]
         for i in range(n):
-            pivot = 1 / matrix[i, i]
+            pivot = 1 / m[i, i]
             for r in range(i + 1, n):
-                factor = matrix[r, i] * pivot
+                factor = m[r, i] * pivot
                 if factor != 0.0:
                     for c in range(i + 1, n):
-                        matrix[r, c] -= factor * matrix[i, c]
+                        m[r, c] -= factor * m[i, c]
                     z[r] -= factor * z[i]
         for i in range(n - 1, -1, -1):
             total = z[i]
             for c in range(i + 1, n):
-                total -= matrix[i, c] * z[c]
-            z[i] = total / matrix[i, i]
+                total -= m[i, c] * z[c]
+            z[i] = total / m[i, i]
         for i in range(n):
             found[k, i] = z[i]
             edges[k + 1, i] = 2 * z[i] - edges[k, i]
 
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
-def _inverses(
-    places: Integers,
-    numbers: Floats,
-    copper: Floats,
-    carried: Floats,
-    storage: Floats,
-    course: Floats,
-    boundaries: Floats,
-    found: Floats,
-) -> None:
-    """By Gauss and Jordan, in place."""
-    n = storage.size
-    heat = np.empty(n)
-    for k in range(len(found)):
-        m = found[k]
-        _assemble(k, places, numbers, copper, carried, storage, course, boundaries, m, heat)
+def _invert(matrices: Floats) -> None:
+    """Each (n, n), by Gauss and Jordan, in place."""
+    n = matrices.shape[1]
+    for k in range(len(matrices)):
+        m = matrices[k]
         for i in range(n):
             pivot = 1 / m[i, i]
             m[i, i] = 1.0
             for c in range(n):
                 m[i, c] *= pivot
             for r in range(n):
-                if r != i:
-                    factor = m[r, i]
-                    if factor != 0.0:
-                        m[r, i] = 0.0
-                        for c in range(n):
-                            m[r, c] -= factor * m[i, c]
+                factor = m[r, i]
+                if r != i and factor != 0.0:
+                    m[r, i] = 0.0
+                    for c in range(n):
+                        m[r, c] -= factor * m[i, c]
 
 
 @dataclass(frozen=True)
 class Responses:
     """What blocks do. State: temperatures, then readings (n + m). `through` (B, n + m + o, n + m): the state at a block's start
-    to its end, then to the o means; `heat` (N, n, n + m + o): heat in a step at a node to the same [K/W]; `lagged` (m, n):
+    to its end, then to the o means; `heat` (n, N, n + m + o): heat at a node in a step to the same [K/W]; `lagged` (m, n):
     what the readings are at the start; `ahead` (o,) as in `Mean`."""
 
     through: Floats
@@ -242,7 +218,7 @@ def responses(
     system: System, sensors: Sequence[Sensor], wanted: Sequence[Mean], length: int, step_s: float
 ) -> Responses:
     """Backwards through every block of `length` steps at once. The number of steps is a multiple of it."""
-    count, n, m, o = len(system.course), system.storage.size, len(sensors), len(wanted)
+    (n, count), m, o = system.heat.shape, len(sensors), len(wanted)
     blocks = count // length
     weights = np.array([s.weights for s in sensors])
     factors = np.array(
@@ -257,18 +233,18 @@ def responses(
     by_reading = np.zeros((blocks, rows, m))
     by_state[:, range(n), range(n)] = 1.0
     by_reading[:, range(n, n + m), range(m)] = 1.0
-    heat = np.empty((blocks, length, n, rows))
+    heat = np.empty((n, blocks, length, rows))
     for i in reversed(range(length)):
         by_reading[:, own, place] += new[:, :, i].T
         by_state = by_state + (by_reading * factors[:, 2]) @ weights
         moved = 2 * np.matmul(by_state, inverse[:, i])
-        heat[:, i] = moved.transpose(0, 2, 1)
+        heat[:, :, i] = moved.transpose(2, 0, 1)
         by_state = moved * system.storage - by_state + (by_reading * factors[:, 1]) @ weights
         by_reading = by_reading * factors[:, 0]
         by_reading[:, own, place] += old[:, :, i].T
     # an unlagged reading at a block's start is the temperature itself
     through = np.concatenate([by_state, by_reading], axis=2)
-    return Responses(through, heat.reshape(count, n, rows), weights, tuple(w.ahead for w in wanted), length)
+    return Responses(through, heat.reshape(n, count, rows), weights, tuple(w.ahead for w in wanted), length)
 
 
 @dataclass(frozen=True)
@@ -292,15 +268,13 @@ def columns(
     `pushes`: parameter -> its heats through laws with `psi[law]` (N,); `starts`: parameter -> states whose temperature at
     the start it is.
     """
-    count, n, rows = found.heat.shape
+    n, count, rows = found.heat.shape
     blocks, o = count // found.length, len(found.ahead)
     states = rows - o
     driven = np.zeros((blocks, total, rows))
-    for p, own in pushes.items():
-        for push in own:
-            law = laws[push.law]
-            out_of = law.b if 0 <= law.b < n and not law.one_way else NOBODY
-            _push(found.heat, law.a, out_of, psi[push.law], push.weight, found.length, driven, p)
+    for (a, b), loads in _loads(laws, psi, pushes, n).items():
+        for p, load in loads.items():
+            _push(found.heat, a, b, load, found.length, driven, p)
     state = np.zeros((total, states))
     for p, nodes in starts.items():
         for node in nodes:
@@ -317,17 +291,30 @@ def columns(
     return out
 
 
+def _loads(
+    laws: Sequence[Law], psi: Sequence[Floats], pushes: Mapping[int, Sequence[Push]], n: int
+) -> dict[tuple[int, int], dict[int, Floats]]:
+    """Place -> parameter -> heat (N,) [W] into its first end, and out of its second where that is a node."""
+    found: dict[tuple[int, int], dict[int, Floats]] = {}
+    for p, own in pushes.items():
+        for push in own:
+            law = laws[push.law]
+            place = (law.a, law.b if 0 <= law.b < n and not law.one_way else NOBODY)
+            load, loads = psi[push.law] * push.weight, found.setdefault(place, {})
+            loads[p] = loads[p] + load if p in loads else load
+    return found
+
+
 @numba.njit(error_model="numpy", nogil=True, cache=True)
-def _push(heat: Floats, a: int, b: int, psi: Floats, weight: Floats, length: int, driven: Floats, p: int) -> None:
+def _push(heat: Floats, a: int, b: int, load: Floats, length: int, driven: Floats, p: int) -> None:
     rows = heat.shape[2]
-    for k in range(len(heat)):
-        load = psi[k] * weight[k]
-        if load == 0.0:
+    for k in range(load.size):
+        block, watts = k // length, load[k]
+        if watts == 0.0:
             continue
-        own = driven[k // length, p]
         if b == NOBODY:
             for r in range(rows):
-                own[r] += load * heat[k, a, r]
+                driven[block, p, r] += watts * heat[a, k, r]
         else:
             for r in range(rows):
-                own[r] += load * (heat[k, a, r] - heat[k, b, r])
+                driven[block, p, r] += watts * (heat[a, k, r] - heat[b, k, r])

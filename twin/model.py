@@ -193,7 +193,7 @@ class Model:
         middle = np.linalg.inv(system.inverse).mean(axis=0)
         rate = (middle - np.diag(system.storage)) / (system.storage[:, None] * self.tests[test].frame.step_s / 2)
         slowest = float(np.linalg.eigvals(rate).real.min())
-        test_s = len(system.heat) * self.tests[test].frame.step_s
+        test_s = float(system.heat.shape[1] * self.tests[test].frame.step_s)
         return min(1.0 / slowest, test_s) if slowest > 0 else test_s
 
     def _run(self, test: int, beta: Floats, settle: bool = False) -> _Run:

@@ -138,15 +138,17 @@ def _normal_equations(
 ) -> tuple[Array, Array, float, float]:
     """Lower Cholesky factor of A'A + Lambda, A'e, e'e, ln|R|."""
     gram, right, square, log_r = np.diag(precision), np.zeros(len(precision)), 0.0, 0.0
-    for o in observed:
-        own = noise[o.series.channel]
-        used = np.flatnonzero(o.columns.any(axis=0))  # not the starts and biases of other sessions
-        a = whiten(o.series, own, o.columns[:, used])
-        e = whiten(o.series, own, o.e0[:, None])[:, 0]
+    for _, group in itertools.groupby(observed, key=lambda o: o.series.session):
+        of_session = list(group)
+        used = np.flatnonzero(np.any([o.columns.any(axis=0) for o in of_session], axis=0))  # not other sessions' starts
+        white = np.concatenate(
+            [whiten(o.series, noise[o.series.channel], np.column_stack([o.e0, o.columns[:, used]])) for o in of_session]
+        )
+        e, a = white[:, 0], white[:, 1:]
         gram[np.ix_(used, used)] += a.T @ a
         right[used] += a.T @ e
         square += float(e @ e)
-        log_r += log_det(o.series, own)
+        log_r += sum(log_det(o.series, noise[o.series.channel]) for o in of_session)
     return cholesky(gram, lower=True), right, square, log_r
 
 

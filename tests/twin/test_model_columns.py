@@ -2,23 +2,29 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from made_motor import CHANNELS, every_law, law, pulses, recorded, smooth
 from numpy.typing import NDArray
 
+from benchmarks.integrator import AMBIENT_DEGC, COOLANT_DEGC, motor, wltp_like
 from twin import actions
 from twin.actions import Parameter, Place
-from twin.model import Model, Test
+from twin.everyday import everyday
+from twin.features import Monomial, evaluate, monomials
+from twin.model import Channel, Model, Test
+from twin.outputs import Output
+from twin.simulate import Frame
 
 Floats = NDArray[np.float64]
 
 NEAR = 1e-3  # of a column's largest entry
 WINDING, YOKE, MAGNET, CASE, COOLANT, AMBIENT = range(6)
 DURATION_S = 600.0
-FREE_TERMS = tuple(range(13))
 
 EVERY: dict[str, tuple[actions.Action, float]] = {  # action and a size of its number
     "scale of a link": (actions.Scale((0,)), 0.3),
@@ -174,16 +180,12 @@ def test_the_column_of_a_candidate_is_the_slope_where_it_enters(name: str, tests
 
 def _response_to_a_tent(tests: Sequence[Test], others: Sequence[Parameter], beta: Floats) -> Floats:
     """The same heat as a feature of the tests."""
-    from dataclasses import replace
-
     shaped = []
     for test in tests:
         middle = 2.0 * np.arange(len(test.frame.features)) + 1.0
         tent = np.maximum(0.0, 1 - np.abs(middle - 300.0) / 120.0)
         shaped.append(replace(test, features={**test.features, "tent": tent}))
-    model = Model(
-        every_law(), shaped, [*others, Parameter("tent", actions.Added((Place(CASE),), "tent", 1.0), 20.0)]
-    )
+    model = Model(every_law(), shaped, [*others, Parameter("tent", actions.Added((Place(CASE),), "tent", 1.0), 20.0)])
     return _differences(model, np.append(beta, 0.0), len(beta), 1e-2)
 
 
@@ -194,3 +196,65 @@ def test_a_parameter_of_one_test_moves_no_other(tests: Sequence[Test]) -> None:
     assert [part.at.size for part in parts] == [0, 0, 0, 1, 1, 1]
     assert [bool(part.extra.any()) for part in parts] == [True] * 3 + [False] * 3
     _assert_near(_own_column(model, beta, 0), _differences(model, beta, 0, 1e-3), "start of test 1")
+
+
+OF_A_KIND = 3
+STEPS = 250  # steps of the cycle
+
+
+def _reference_test(seed: int) -> Test:
+    """Part of a driving cycle as the reference motor's sensors see it; what they measured does not matter here."""
+    network = motor("reference_motor")
+    full = {**wltp_like(), "flow": np.ones(len(wltp_like()["speed"]))}
+    u = {name: values[1000 + 400 * seed :][: 4 * STEPS].reshape(STEPS, 4).mean(axis=1) for name, values in full.items()}
+    every = (*monomials(network), *(Monomial(((f, 1.0),)) for f in u), law(current=2.0))
+    phi = evaluate(every, u, STEPS)
+    where = {"rotor_surface": 2.0, "endwinding_a_inner": 0.0, "teeth": 5.0}
+    channels = [
+        Channel(
+            name=node,
+            bus="can1" if tau_s else "can2",
+            output=Output({node: 1.0}, tau_s, np.full(STEPS, 4.0), np.full(STEPS, 0.5)),
+            measured=np.zeros(STEPS),
+            white_sd=0.1,
+            resolution=0.1,
+            bias_sd=0.3,
+        )
+        for node, tau_s in where.items()
+    ]
+    return Test(
+        name=f"cycle {seed}",
+        kind="wltp",
+        frame=Frame(2.0, phi[:, : len(monomials(network))], np.tile([COOLANT_DEGC, AMBIENT_DEGC], (STEPS, 1))),
+        inputs=u,
+        features={m.name: phi[:, j] for j, m in enumerate(every)},
+        initial=np.linspace(COOLANT_DEGC, 75.0, len(network.nodes)),
+        initial_sd=np.ones(len(network.nodes)),
+        channels=tuple(channels),
+    )
+
+
+def test_the_columns_of_the_reference_motor_are_slopes_too() -> None:
+    """A few of every kind of what a healthy motor may do, all else away from its prior mean."""
+    tests = [_reference_test(seed) for seed in range(2)]
+    parameters = everyday(motor("reference_motor"), tests)
+    model = Model(motor("reference_motor"), tests, parameters)
+    rng = np.random.default_rng(3)
+    beta = rng.uniform(-0.4, 0.4, len(parameters)) * model.sd
+    clocks = [isinstance(p.action, actions.Late) for p in parameters]
+    beta[clocks] = 0.6  # s: near whole steps the slope is the mean of both sides
+    parts = model.linearise(beta)
+    seen: Counter[type] = Counter()
+    for place in rng.permutation(len(parameters)):
+        kind = type(parameters[place].action)
+        seen[kind] += 1
+        if seen[kind] > OF_A_KIND:
+            continue
+        full = [np.zeros(len(p.series.y)) for p in parts]
+        for column, part in zip(full, parts, strict=True):
+            if place in part.at:
+                column += part.columns[:, list(part.at).index(place)]
+        expected = _differences(model, beta, int(place), 3e-3 * parameters[place].sd)
+        if np.abs(expected).max() * parameters[place].sd > 1e-6:
+            _assert_near(np.concatenate(full), expected, parameters[place].name)
+    assert len(seen) >= 10
