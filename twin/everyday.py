@@ -22,13 +22,15 @@ Floats = NDArray[np.float64]
 BOUND = math.log(4.0)
 EXPONENT_SHARE = 0.2  # sd of an exponent over the exponent: those of a lumped file are fits
 KNOTS = 5
-MAP_SD, COPPER_MAP_SD = 0.2, 0.08
-TILT_PER_K = 0.003
+MAP_SD = 0.2  # of iron's and magnets' whole loss, of copper's part that grows with speed
+TILT_PER_K, FILM_TILT_PER_K, MOST_TILT_PER_K = 0.003, 0.002, 0.008
 STANDSTILL_SHARE = 0.002  # of the mean total loss: heat of the current's ripple in the rotor
 PATH_SHARE, MOST_PATH = 0.1, 0.05  # of the smaller end's largest conductance; at most of the median over nodes of it
 COOLANT_K, AMBIENT_K = 0.2, 0.5
 INPUT_GAIN = {"current": 0.005, "current_d": 0.005, "current_q": 0.005, "torque": 0.005, "flow": 0.01}
-CHANNEL_GAIN, CHANNEL_LAG_S, CLOCK_S = 0.01, 0.4, 0.5
+CHANNEL_GAIN, CHANNEL_LAG_S = 0.01, 0.8
+CLOCK_S, CLOCK_TEST_S, CLOCK_PPM = 0.5, 0.1, 30.0
+START_K = 3.0  # least sd of a start: a measured one is in the data already, and as wrong as its sensor
 ROTATING = ("rotor", "magnet")
 
 
@@ -38,6 +40,7 @@ def everyday(network: Network, tests: Sequence[Test]) -> tuple[Parameter, ...]:
     return (
         *_laws(network),
         *_exponents(network),
+        *_film_slopes(network, tests),
         *_maps(network, tests),
         *_standstill(network, tests, used),
         *_paths(network, tests),
@@ -49,9 +52,11 @@ def everyday(network: Network, tests: Sequence[Test]) -> tuple[Parameter, ...]:
 def of_test(network: Network, test: Test, number: int) -> Iterator[Parameter]:
     """What a test brings along: where it starts, what its inputs and sensors are off by."""
     for i, node in enumerate(network.nodes):
-        yield Parameter(f"start.{node.name}", actions.Start(i), float(test.initial_sd[i]), number)
+        yield Parameter(f"start.{node.name}", actions.Start(i), max(START_K, float(test.initial_sd[i])), number)
     for channel in test.channels:
         yield Parameter(f"sensor.{channel.name}.bias", actions.Bias(channel.name), channel.bias_sd, number)
+    for bus, own in _buses([test]).items():
+        yield Parameter(f"clock.{bus}.test", actions.Late(own, False), CLOCK_TEST_S, number)
     cooled = _cooled_by_flow(network)
     for b, boundary in enumerate(network.boundaries):
         sd = COOLANT_K if boundary.name in cooled else AMBIENT_K
@@ -100,6 +105,29 @@ def _exponents(network: Network) -> Iterator[Parameter]:
                     )
 
 
+def _film_slopes(network: Network, tests: Sequence[Test]) -> Iterator[Parameter]:
+    """Air conducts better when warm, and radiation and free convection grow with temperature."""
+    links, _ = terms_of(network)
+    regions = {node.name: node.region for node in network.nodes}
+    names = network.names
+    initial = np.mean([test.initial for test in tests], axis=0)
+    outside = np.mean([test.frame.boundaries.mean(axis=0) for test in tests], axis=0)
+    start = np.concatenate([initial, outside])
+    for (a, b), own in links.items():
+        places = sorted((names.index(a), names.index(b)))
+        between = {regions.get(end, "boundary") for end in (a, b)}
+        gap = bool(between & set(ROTATING)) and bool(between & {"copper", "iron"})
+        if gap or between & {"fluid", "boundary"}:
+            place, reference = Place(places[0], places[1]), float(start[places].mean())
+            yield Parameter(
+                f"conductance.{a}-{b}.temperature",
+                actions.Tilt((place,), (own,), (reference,)),
+                FILM_TILT_PER_K,
+                low=-MOST_TILT_PER_K,
+                high=MOST_TILT_PER_K,
+            )
+
+
 def _maps(network: Network, tests: Sequence[Test]) -> Iterator[Parameter]:
     _, sources = terms_of(network)
     regions = {node.name: node.region for node in network.nodes}
@@ -111,19 +139,24 @@ def _maps(network: Network, tests: Sequence[Test]) -> Iterator[Parameter]:
         else ()
     )
     for node, own in sources.items():
-        copper = regions[node] == "copper"
-        sd = COPPER_MAP_SD if copper else MAP_SD
         moving = tuple(i for i in own if terms[i].exponents.get("speed"))
+        shaped = moving if regions[node] == "copper" else own  # what direct current loses in copper is known
         if speeds and speeds[-1] > 0 and moving:
             for knot in range(KNOTS):
                 for current in (False, True):
                     if current and not all("current" in t.inputs for t in tests):
                         continue
-                    action = actions.Tent(own, speeds, knot, current)
-                    yield Parameter(f"map.{node}.{knot}{'i' if current else ''}", action, sd, low=-0.9, high=3.0)
+                    action = actions.Tent(shaped, speeds, knot, current)
+                    yield Parameter(f"map.{node}.{knot}{'i' if current else ''}", action, MAP_SD, low=-0.9, high=3.0)
         at = names.index(node)
         reference = float(np.mean([t.initial[at] for t in tests]))
-        yield Parameter(f"loss.{node}.temperature", actions.Tilt((Place(at),), (own,), (reference,)), TILT_PER_K)
+        yield Parameter(
+            f"loss.{node}.temperature",
+            actions.Tilt((Place(at),), (own,), (reference,)),
+            TILT_PER_K,
+            low=-MOST_TILT_PER_K,
+            high=MOST_TILT_PER_K,
+        )
 
 
 def _standstill(network: Network, tests: Sequence[Test], used: set[str]) -> Iterator[Parameter]:
@@ -163,10 +196,15 @@ def _sensors(tests: Sequence[Test]) -> Iterator[Parameter]:
     for name, channel in channels.items():
         yield Parameter(f"sensor.{name}.gain", actions.Gain(name), CHANNEL_GAIN)
         yield Parameter(f"sensor.{name}.lag", actions.Lag(name), CHANNEL_LAG_S, low=-channel.output.time_constant_s)
-    buses = dict.fromkeys(c.bus for c in channels.values())
-    for bus in buses:
-        own = tuple(name for name, c in channels.items() if c.bus == bus)
+    for bus, own in _buses(tests).items():
         yield Parameter(f"clock.{bus}.offset", actions.Late(own, False), CLOCK_S)
+        yield Parameter(f"clock.{bus}.drift", actions.Late(own, True), CLOCK_PPM)
+
+
+def _buses(tests: Sequence[Test]) -> dict[str, tuple[str, ...]]:
+    """Channels by the bus that stamps them."""
+    buses = {c.name: c.bus for test in tests for c in test.channels}
+    return {bus: tuple(name for name, own in buses.items() if own == bus) for bus in dict.fromkeys(buses.values())}
 
 
 def mean_loss_W(network: Network, tests: Sequence[Test]) -> float:

@@ -124,6 +124,10 @@ class Model:
         """The same under another noise."""
         return Model(self.network, self.tests, self.parameters, noise, self._courses, self._known)
 
+    def with_priors(self, parameters: Sequence[Parameter]) -> Model:
+        """The same parameters with other priors."""
+        return Model(self.network, self.tests, parameters, self.noise, self._courses, self._known)
+
     def plus(self, more: Sequence[Parameter]) -> Model:
         """The same with more parameters at the end of the vector."""
         attached = any(isinstance(p.action, actions.Attached) for p in more)

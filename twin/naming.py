@@ -7,7 +7,7 @@ out; the leading ones refitted in full; the best enters where it beats the thres
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,7 @@ from twin.evidence import Projector, Scores, null_quantile, score
 from twin.fit import Fit, fit
 from twin.model import Columns, Model
 from twin.noise import ChannelNoise
+from twin.pooling import pooled_scales
 from twin.proposals import Proposals
 from twin.reml import Observed, reml
 
@@ -27,7 +28,7 @@ Floats = NDArray[np.float64]
 
 THRESHOLD = 8.0  # ln BF that a term must exceed; healthy motors of another form set it (benchmarks/trials.py)
 MOST_TERMS = 3
-REFITTED = 5
+REFITTED, WORTH_REFITTING = 5, 2.0  # how many, and from which linear ln BF on
 IN_DESIGN = 10  # leading candidates beside the parameters when the noise is fitted
 NEAR_ENOUGH = 0.5  # of ln posterior, for a refit
 REFIT_LINEARISATIONS = 6
@@ -111,11 +112,13 @@ def look(current: Fit, candidates: Sequence[Candidate], tell: Tell) -> Round:
     refits = []
     leading = [int(i) for i in np.argsort(-scores.log_bayes_factor, kind="stable")[:REFITTED]]
     for i in leading:
-        if scores.log_bayes_factor[i] < 1.0:
+        if scores.log_bayes_factor[i] < WORTH_REFITTING:
             continue
         tell(f"refitting {chosen[i].cause}")
         refit = refitted(current, chosen[i], parameters[i])
-        if refit is not None:
+        if refit is None:
+            dropped.append(str(chosen[i].cause))
+        else:
             refits.append(refit)
     return Round(current, tuple(chosen), tuple(parameters), scores, gram, null, tuple(refits), tuple(dropped))
 
@@ -178,29 +181,64 @@ def _compared(found: Fit, without: Fit, candidate: Candidate, parameter: Paramet
 
 
 def _refitted_noise(current: Fit, candidates: Sequence[Candidate], tell: Tell, passes: int = 2) -> Fit:
-    """The fit under noise fitted with the leading candidates in the design."""
-    for _ in range(passes):
+    """The fit under noise fitted with the leading candidates in the design; at first the families' priors are fitted too."""
+    for number in range(passes):
         tell("fitting the noise")
-        current = fit(current.model.with_noise(fitted_noise(current, candidates)), current.beta, enough=NEAR_ENOUGH)
+        noise = _fitted_noise(_design(current, candidates))
+        current = fit(current.model.with_noise(noise), current.beta, enough=NEAR_ENOUGH)
+        if passes > 1 and number == 0:
+            tell("fitting the priors of families")
+            current = fit(_with_pooled_priors(_design(current, candidates)), current.beta, enough=NEAR_ENOUGH)
     return current
 
 
-def fitted_noise(current: Fit, candidates: Sequence[Candidate]) -> Mapping[str, ChannelNoise]:
-    """The channels' noise by restricted maximum likelihood, parameters and leading candidates integrated out."""
+@dataclass(frozen=True)
+class _Design:
+    """A fit with its `leading` candidates beside it: `free` parameters (not at a bound), columns `a` (N, f) and `v` (N, l)
+    whitened, `sigma` (l,) of the candidates, `e0` (N,), and the series with their columns as they stand."""
+
+    current: Fit
+    free: NDArray[np.bool_]
+    a: Floats
+    v: Floats
+    sigma: Floats
+    e0: Floats
+    parts: Sequence[Columns]
+
+
+def _design(current: Fit, candidates: Sequence[Candidate]) -> _Design:
     _, parameters, parts, _ = _linearised(current, candidates)
     projector, v, e0 = stacked(current, parts)
     sigma = np.array([p.sd for p in parameters])
     scores = score(v, e0, projector, sigma, np.zeros(len(sigma)))
     leading = np.argsort(-scores.log_bayes_factor, kind="stable")[:IN_DESIGN]
     free = (current.beta > current.model.low) & (current.beta < current.model.high)
+    kept = [Columns(p.series, p.at, p.columns, p.extra[:, leading]) for p in parts]
+    return _Design(current, free, projector.columns, v[:, leading], sigma[leading], e0, kept)
+
+
+def _fitted_noise(design: _Design) -> Mapping[str, ChannelNoise]:
+    """The channels' noise by restricted maximum likelihood, parameters and leading candidates integrated out."""
+    current, free = design.current, design.free
     observed = []
-    for part in parts:
+    for part in design.parts:
         columns = np.zeros((part.series.y.size, current.beta.size))
         columns[:, part.at] = part.columns
-        own = np.column_stack([columns[:, free], part.extra[:, leading]])
+        own = np.column_stack([columns[:, free], part.extra])
         observed.append(Observed(part.series, part.series.y + columns[:, free] @ current.beta[free], own))
-    precision = 1 / np.concatenate([current.model.sd[free], sigma[leading]]) ** 2
+    precision = 1 / np.concatenate([current.model.sd[free], design.sigma]) ** 2
     return reml(observed, precision, slowest_mode_s(current), rises(current.model)).noise
+
+
+def _with_pooled_priors(design: _Design) -> Model:
+    """The model with the priors of its families of healthy differences scaled by the data."""
+    model = design.current.model
+    columns = np.hstack([design.a, design.v])
+    links = sum(len(link.terms) for link in model.network.links)
+    scales = pooled_scales(
+        model.parameters, design.free, links, columns.T @ columns, columns.T @ design.e0, design.sigma
+    )
+    return model.with_priors([replace(p, sd=p.sd * s) for p, s in zip(model.parameters, scales, strict=True)])
 
 
 def slowest_mode_s(current: Fit) -> float:
@@ -219,6 +257,15 @@ def rises(model: Model) -> dict[str, float]:
     return rise
 
 
+def _without(current: Fit, place: int, calm: Floats) -> Fit:
+    """The fit without one term, from where the others are; from the first fit `calm` with no term where that runs away."""
+    model = current.model.without(place)
+    try:
+        return fit(model, np.delete(current.beta, place), enough=NEAR_ENOUGH)
+    except DivergedError:
+        return fit(model, np.append(calm, np.zeros(len(model.parameters) - len(calm))), enough=NEAR_ENOUGH)
+
+
 def _eliminated(
     rounds: tuple[Round, ...],
     accepted: list[tuple[Candidate, Parameter]],
@@ -232,7 +279,7 @@ def _eliminated(
         compared = []
         for i, (candidate, parameter) in enumerate(accepted):
             place = len(model.parameters) + i
-            without = fit(current.model.without(place), np.delete(current.beta, place), enough=NEAR_ENOUGH)
+            without = _without(current, place, rounds[0].base.beta)
             compared.append((_compared(current, without, candidate, parameter, place), without))
         weakest = min(range(len(compared)), key=lambda i: compared[i][0].log_bayes_factor)
         if compared[weakest][0].log_bayes_factor > threshold:

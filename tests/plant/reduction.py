@@ -36,6 +36,7 @@ LEAST_W_per_K = 0.08  # links below are left out, as nobody would draw them
 RATED = (6000.0, 75.0)  # rpm, Nm
 LEAST_K, LEAST_W, MOST = 4.0, 0.3, 2.5  # what a link's scaling at the rated point needs, and the largest factor
 DC_SD = 0.05
+BEARING_SD = 1.0  # what rolling contacts and their grease conduct is known to a factor of three
 
 Law = tuple[tuple[tuple[str, float], ...], ...]
 LOSS_LAWS: Mapping[str, Law] = {
@@ -380,6 +381,8 @@ def motor_toml(name: str = "mesh-150kW") -> str:
         lines.append(f'[[node]]\nname = "{node}"\ncapacity = {capacity:.5g}\nregion = "{region}"\n{spread}{limit}')
     lines += [f'[[boundary]]\nname = "{boundary}"\n' for boundary in ("coolant", "ambient")]
     for (a, b), terms in reduced.links.items():
+        if any(end.startswith("bearing") for end in (a, b)):
+            terms = tuple(replace(term, sd=BEARING_SD) for term in terms)
         lines.append(f'[[link]]\nbetween = ["{a}", "{b}"]\nterms = [{", ".join(map(_written, terms))}]\n')
     for node, terms in reduced.sources.items():
         lines.append(f'[[source]]\nnode = "{node}"\nterms = [{", ".join(map(_written, terms))}]\n')
