@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: demo test check lock bench clean
+.PHONY: demo test check bench trials notebook lock clean
 
 demo: .venv/ready
 	$(BIN)/whyhot demo
@@ -21,6 +21,13 @@ bench: .venv/ready
 	$(BIN)/python benchmarks/integrator.py
 	$(BIN)/python benchmarks/calibration.py
 
+# How often a hidden effect is named, and nothing where nothing is hidden: hours, and it goes on where it was interrupted.
+trials: .venv/ready
+	$(BIN)/python benchmarks/trials.py
+
+notebook: .venv/ready
+	$(BIN)/marimo edit notebooks/insulation.py
+
 # uv where it is there (seconds), pip otherwise (a minute): both install the same locked versions.
 PIP := $(shell command -v uv >/dev/null 2>&1 && echo "uv pip install -q --python $(BIN)/python" || echo "$(BIN)/python -m pip install -q --disable-pip-version-check")
 
@@ -32,8 +39,9 @@ PIP := $(shell command -v uv >/dev/null 2>&1 && echo "uv pip install -q --python
 
 # New versions: names and versions only, so that a lock works with any package index.
 lock:
-	uv pip compile pyproject.toml --extra view --group dev --universal --python-version 3.11 --no-header --no-annotate --upgrade -q -o requirements.lock
-	uv pip compile pyproject.toml --extra view --group dev --group bench --universal --python-version 3.11 --no-header --no-annotate --upgrade -q -o requirements-bench.lock
+	@command -v uv >/dev/null || { echo "make lock needs uv on the PATH: pip install uv" >&2; exit 1; }
+	uv pip compile pyproject.toml --extra view --extra notebooks --group dev --universal --python-version 3.11 --no-header --no-annotate --upgrade -q -o requirements.lock
+	uv pip compile pyproject.toml --extra view --extra notebooks --group dev --group bench --universal --python-version 3.11 --no-header --no-annotate --upgrade -q -o requirements-bench.lock
 
 clean:
 	rm -rf .venv demo dist build .mypy_cache .pytest_cache .ruff_cache

@@ -150,6 +150,14 @@ class Stem:
 
 
 @dataclass(frozen=True)
+class Beside:
+    """A channel follows p of a node (an index) and 1 - p of its own place: a thermocouple reads a mixture of what it touches."""
+
+    channel: str
+    node: int
+
+
+@dataclass(frozen=True)
 class Late:
     """The stamps of the channels are late by p [s], or by p [ppm] of the time run where `drifts`; `sign` -1: it is all else
     that is late."""
@@ -169,7 +177,7 @@ class FreeHeat:
 
 
 OnTerms = Scale | Power | Tent | Course | InputGain | InputBias
-OnReading = Bias | Gain | Lag | Drift | Stem | Late
+OnReading = Bias | Gain | Lag | Drift | Stem | Beside | Late
 Action = OnTerms | Added | Tilt | Capacity | Attached | Start | BoundaryBias | FreeHeat | OnReading
 
 

@@ -29,6 +29,7 @@ PATH_SHARE, MOST_PATH = 0.1, 0.05  # of the smaller end's largest conductance; a
 COOLANT_K, AMBIENT_K = 0.2, 0.5
 INPUT_GAIN = {"current": 0.005, "current_d": 0.005, "current_q": 0.005, "torque": 0.005, "flow": 0.01}
 CHANNEL_GAIN, CHANNEL_LAG_S = 0.01, 0.8
+BESIDE = 0.1  # share of a neighbour in what a sensor follows: a lump is not the place of its sensor
 CLOCK_S, CLOCK_TEST_S, CLOCK_PPM = 0.5, 0.1, 30.0
 START_K = 3.0  # least sd of a start: a measured one is in the data already, and as wrong as its sensor
 ROTATING = ("rotor", "magnet")
@@ -45,6 +46,7 @@ def everyday(network: Network, tests: Sequence[Test]) -> tuple[Parameter, ...]:
         *_standstill(network, tests, used),
         *_paths(network, tests),
         *_sensors(tests),
+        *_beside(network, tests),
         *(p for number, test in enumerate(tests) for p in of_test(network, test, number)),
     )
 
@@ -205,6 +207,18 @@ def _buses(tests: Sequence[Test]) -> dict[str, tuple[str, ...]]:
     """Channels by the bus that stamps them."""
     buses = {c.name: c.bus for test in tests for c in test.channels}
     return {bus: tuple(name for name, own in buses.items() if own == bus) for bus in dict.fromkeys(buses.values())}
+
+
+def _beside(network: Network, tests: Sequence[Test]) -> Iterator[Parameter]:
+    """A sensor follows a little of what its node is joined to."""
+    names = [node.name for node in network.nodes]
+    for name, channel in {c.name: c for test in tests for c in test.channels}.items():
+        weights = channel.output.weights
+        place = max(weights, key=lambda node: weights[node])
+        joined = {end for link in network.links if place in (link.a, link.b) for end in (link.a, link.b)}
+        for node in sorted(joined & set(names) - {place}, key=names.index):
+            action = actions.Beside(name, names.index(node))
+            yield Parameter(f"sensor.{name}.beside.{node}", action, BESIDE, low=-0.5, high=0.9)
 
 
 def mean_loss_W(network: Network, tests: Sequence[Test]) -> float:

@@ -17,6 +17,7 @@ from twin.structure import NOBODY
 
 Floats = NDArray[np.float64]
 
+LEAST_FACTOR, MOST_CURRENT = 0.05, 1.5  # a law stays above 0 up to this current
 WORTH_A_LINE = 0.3  # of its prior sd: an everyday difference below is not written
 
 
@@ -124,6 +125,8 @@ def _shape(tents: Sequence[tuple[actions.Tent, float]]) -> Shape:
     factor, slope = [0.0] * len(speeds), [0.0] * len(speeds)
     for tent, beta in tents:
         (slope if tent.current else factor)[tent.knot] += beta
+    factor = [max(f, LEAST_FACTOR - 1) for f in factor]
+    slope = [max(c, (LEAST_FACTOR - 1 - f) / MOST_CURRENT) for f, c in zip(factor, slope, strict=True)]
     return Shape(speeds, tuple(factor), tuple(slope))
 
 

@@ -217,9 +217,11 @@ class Model:
         return ran
 
     def _each(self, what: Callable[[int], T]) -> list[T]:
-        """Of every test, two at a time."""
+        """Of every test, two at a time, the longest first."""
+        order = sorted(range(len(self.tests)), key=lambda s: -len(self.tests[s].frame.features))
         with ThreadPoolExecutor(2) as pool:
-            return list(pool.map(what, range(len(self.tests))))
+            found = dict(zip(order, pool.map(what, order), strict=True))
+        return [found[s] for s in range(len(self.tests))]
 
 
 class _March:
@@ -281,6 +283,12 @@ class _March:
         for node, share in channel.output.weights.items():
             weights[names.index(node)] += share
         return weights
+
+    def towards(self, k: int, node: int) -> Floats:
+        """What the weights (states,) of channel k change by for each share of a node beside its place."""
+        change = -self.weights[k]
+        change[node] += 1.0
+        return change
 
     def start(self, beta: Floats) -> Floats:
         """Temperatures at the start (states,)."""
@@ -429,9 +437,16 @@ class _Run:
         extra = sum(self.beta[p] for p, _ in self.on_channel(channel, actions.Lag))
         return max(0.0, channel.output.time_constant_s + float(extra))
 
+    def weights(self, k: int) -> Floats:
+        """Of the states (states,) in what channel k follows."""
+        found = self.march.weights[k]
+        for p, action in self.on_channel(self.march.test.channels[k], actions.Beside):
+            found = found + self.beta[p] * self.march.towards(k, action.node)
+        return found
+
     def reading(self, k: int, lag_s: float) -> Floats:
         """What the sensor itself follows (N + 1,)."""
-        return lagged(self.edges @ self.march.weights[k], lag_s, self.march.test.frame.step_s)
+        return lagged(self.edges @ self.weights(k), lag_s, self.march.test.frame.step_s)
 
     def stamps_late_s(self, channel: Channel) -> Floats:
         """How late the channel's stamps are (N + 1,) [s]."""
@@ -511,7 +526,7 @@ class _Run:
         cuts: list[slice] = []
         step_s = march.test.frame.step_s
         for k, channel in enumerate(march.test.channels):
-            sensors.append(Sensor(march.weights[k], self.lag_s(channel)))
+            sensors.append(Sensor(self.weights(k), self.lag_s(channel)))
             own_means = means(k, march.blocks[k], self.stamps_late_s(channel) / step_s)
             cuts.append(slice(len(wanted_means), len(wanted_means) + len(own_means)))
             wanted_means += own_means
@@ -551,6 +566,9 @@ class _Run:
                 return self.stamped(k, self.march.edges_s / 3600, late)
             case actions.Stem():
                 return self.stamped(k, self.ambient(action) - self.reading(k, lag_s), late)
+            case actions.Beside(_, node):
+                moved = lagged(self.edges @ self.march.towards(k, node), lag_s, self.march.test.frame.step_s)
+                return self.stamped(k, self.factor(channel) * moved, late)
             case actions.Lag():
                 low, high = max(0.0, lag_s - LAG_PROBE_S), lag_s + LAG_PROBE_S
                 changed = self.reading(k, high) - self.reading(k, low)

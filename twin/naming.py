@@ -26,9 +26,10 @@ from twin.reml import Observed, reml
 
 Floats = NDArray[np.float64]
 
-THRESHOLD = 8.0  # ln BF that a term must exceed; healthy motors of another form set it (benchmarks/trials.py)
+THRESHOLD = 12.0  # ln BF that a term must exceed; healthy motors of another form set it (benchmarks/trials.py)
 MOST_TERMS = 3
-REFITTED, WORTH_REFITTING = 5, 2.0  # how many, and from which linear ln BF on
+MOST_SIGMAS = 4.0  # prior sd of a candidate: a larger amplitude is not what its name says
+REFITTED, WORTH_REFITTING = 5, 4.0  # how many, and from which linear ln BF on
 IN_DESIGN = 10  # leading candidates beside the parameters when the noise is fitted
 NEAR_ENOUGH = 0.5  # of ln posterior, for a refit
 REFIT_LINEARISATIONS = 6
@@ -46,6 +47,11 @@ class Refit:
     log_bayes_factor: float
     amplitude: float
     sd: float
+
+    @property
+    def possible(self) -> bool:
+        """Whether the amplitude is one that such a cause can have."""
+        return abs(self.amplitude) <= MOST_SIGMAS * self.parameter.sd
 
 
 @dataclass(frozen=True)
@@ -91,7 +97,8 @@ def search(
         tell("scoring")
         found = look(current, [c for c in candidates if c not in [a for a, _ in accepted]], tell)
         rounds.append(found)
-        best = max(found.refits, key=lambda r: r.log_bayes_factor, default=None)
+        possible = [refit for refit in found.refits if refit.possible]
+        best = max(possible, key=lambda r: r.log_bayes_factor, default=None)
         if best is None or best.log_bayes_factor <= max(threshold, found.null) or len(accepted) == MOST_TERMS:
             break
         accepted.append((best.candidate, best.parameter))

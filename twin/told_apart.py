@@ -13,12 +13,10 @@ from twin.errors import DivergedError
 from twin.everyday import of_test
 from twin.evidence import TOLD_APART, posterior, prior_masses, separation, told_apart_class
 from twin.model import Columns, Model
-from twin.naming import Round
+from twin.naming import MOST_SIGMAS, Round
 from twin.next_tests import Proposed, as_test, menu
 
 Floats = NDArray[np.float64]
-
-MOST_SIGMAS = 4.0  # of the prior: a larger amplitude is outside a candidate's physical range
 
 
 @dataclass(frozen=True)
@@ -58,6 +56,8 @@ def _refitted(found: Round) -> tuple[Floats, Floats, NDArray[np.bool_]]:
     for refit in found.refits:
         i = found.candidates.index(refit.candidate)
         log_bf[i], amplitude[i], refitted[i] = refit.log_bayes_factor, refit.amplitude, True
+        if not refit.possible:
+            log_bf[i] = min(0.0, refit.log_bayes_factor)  # it fits, and is not what its name says
     return log_bf, amplitude, refitted
 
 

@@ -27,7 +27,7 @@ VERBS: dict[str, str] = {
     "diagnose": "show what the model gets wrong, name the cause, extend the model, measure the gain",
     "accept": "the extended model or bench version of a diagnosis becomes current",
     "replay": "rerun the twin over sessions and say what it gets wrong",
-    "report": "one HTML file of a replay, readable offline",
+    "report": "one HTML file of replays or of a diagnosis, readable offline",
     "view": "measured and modelled temperatures in the rerun viewer",
     "sql": "ask the warehouse in SQL, read-only",
     "rebuild": "make samples and warehouse again from sealed facts",

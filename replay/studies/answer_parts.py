@@ -128,7 +128,8 @@ def _entered(naming: Naming, candidate: Candidate) -> Round:
     leading = (
         one
         for one in naming.rounds
-        if one.refits and max(one.refits, key=lambda r: r.log_bayes_factor).candidate == candidate
+        if any(r.candidate == candidate for r in one.refits)
+        and max((r for r in one.refits if r.possible), key=lambda r: r.log_bayes_factor).candidate == candidate
     )
     return next(leading, naming.rounds[0])
 
@@ -172,11 +173,13 @@ def rivals(naming: Naming, refused: Sequence[tuple[Refit, str]]) -> list[Rival]:
     for candidate, value in naming.left_out:
         add(candidate, value, "let in first; left out at the end, the fit is about as good")
     for number, one in enumerate(naming.rounds):
-        best = max((r.log_bayes_factor for r in one.refits), default=0.0)
-        last = number == len(naming.rounds) - 1
+        best = max((r.log_bayes_factor for r in one.refits if r.possible), default=0.0)
         for refit in sorted(one.refits, key=lambda r: -r.log_bayes_factor):
-            value = refit.log_bayes_factor
+            value, last = refit.log_bayes_factor, number == len(naming.rounds) - 1
             behind = f"{best - value:.1f} behind in ln BF after both were refitted"
+            if not refit.possible:
+                behind = f"it would have to be {abs(refit.amplitude) / refit.parameter.sd:.0f} times as large as such a cause usually is"
+                last = False
             add(refit.candidate, value, f"under the threshold of {naming.threshold:.0f}" if last else behind)
     return list(found.values())[:RIVALS]
 

@@ -100,11 +100,11 @@ def diagnose(
     started = time.monotonic()
     with threadpool_limits(1, user_api="blas"):  # the matrices are small: more threads only wait for each other
         try:
-            answer, events = _answered(question, identity, tell)
+            answer = _answered(question, identity, tell)
         except TwinError as error:
             raise ReplayDataError(f"diagnosis with model {question.model[:12]}: {error}") from None
     answer = replace(answer, seconds=round(time.monotonic() - started, 1))
-    _keep(question, answer, key, events)
+    _keep(question, answer, key)
     return Result(answer, False)
 
 
@@ -140,6 +140,7 @@ def _key(question: Question) -> dict[str, Any]:
         "level": question.level,
         "settings": {"step_s": STEP_S},
         "twin": source_hash(Path(twin.__file__).parent),
+        "studies": source_hash(Path(__file__).parent),
     }
 
 
@@ -203,7 +204,7 @@ class _Found:
     base: Fit
 
 
-def _answered(question: Question, identity: str, tell: Tell) -> tuple[Diagnosis, list[Event]]:
+def _answered(question: Question, identity: str, tell: Tell) -> Diagnosis:
     tell("reading the sessions")
     campaign = _campaign(question)
     network = campaign.network
@@ -213,10 +214,10 @@ def _answered(question: Question, identity: str, tell: Tell) -> tuple[Diagnosis,
     if lines := misread(model):
         raise ReplayDataError(lines[0])
     swaps = scan(model, campaign.candidates)
-    events: list[Event] = []
     tests = _kept_tests(question, campaign)
-    if tests:
-        events.append(HeldOutOpened(diagnosis=identity, sessions=[s.session for s in question.kept]))
+    if tests:  # a fact before anything is predicted: who stops here has looked all the same
+        opened = HeldOutOpened(diagnosis=identity, sessions=[s.session for s in question.kept])
+        question.store.ledger.append(f"diagnosis-{identity}", opened)
     found = _find(campaign, model, swaps, tests, tell)
     naming, kept = found.naming, found.kept
     tell("weighing the data's own faults")
@@ -261,7 +262,7 @@ def _answered(question: Question, identity: str, tell: Tell) -> tuple[Diagnosis,
         next_test=next((c.separating_test for c in causes if c.separating_test), None),
         seconds=0.0,
     )
-    return answer, events
+    return answer
 
 
 def _kept_tests(question: Question, campaign: _Campaign) -> list[Test]:
@@ -304,7 +305,7 @@ def _find(campaign: _Campaign, model: Model, swaps: list[Swap], kept: list[Test]
         if not naming.accepted or not result.worse:
             break
         weakest = min(naming.accepted, key=lambda r: r.log_bayes_factor)
-        refused.append((weakest, "it makes the error of the kept sessions about twice as large"))
+        refused.append((weakest, "it makes the kept sessions worse: form error of the sessions learnt from"))
         final = naming.final
         place = place_of(final, weakest)
         final = fit(final.model.without(place), np.delete(final.beta, place), enough=NEAR_ENOUGH)
@@ -405,8 +406,8 @@ def _masked(question: Question, faults: Sequence[DataFault]) -> list[Masked]:
     ]
 
 
-def _keep(question: Question, answer: Diagnosis, key: dict[str, Any], events: list[Event]) -> None:
-    """Seal the answer and append its facts: what was opened, named, extended, measured."""
+def _keep(question: Question, answer: Diagnosis, key: dict[str, Any]) -> None:
+    """Seal the answer and append its facts: what was named, extended, measured."""
     store, facts, name = question.store, question.facts, f"diagnosis-{answer.diagnosis}"
     parent_bench = facts.bench_of(question.train[0])
     artefact = store.archive.seal(json.dumps(document(answer, {}), sort_keys=True).encode())
@@ -419,7 +420,6 @@ def _keep(question: Question, answer: Diagnosis, key: dict[str, Any], events: li
     if answer.extended_bench and parent_bench:
         registered = replace(parent_bench, sha256=answer.extended_bench)
         facts_of.append((f"bench-{answer.extended_bench}", registered))
-    facts_of += [(name, event) for event in events]
     for cause in answer.causes:
         facts_of.append(
             (

@@ -22,13 +22,14 @@ CELLS = 10  # of speed and of current, each to its largest value in training
 BOOTSTRAP_DRAWS = 1000
 BLOCK_MODES = 2.0  # slowest modes to a block
 WORSE = 2.0  # times the mean square error: a term that does this to kept sessions is form error
+LOST = 10.0  # of log score: likewise
 OVER_SESSIONS = 5  # kept sessions from which on they are resampled themselves
 
 
 @dataclass(frozen=True)
 class Measured:
     """`improved`: the log score is better and half of the excess error went; `why` not, where it is not. `worse`: the terms make
-    the mean square error twice as large or more. `masked_better`: channel -> its error is smaller without masked samples,
+    the mean square error twice as large, or lose 10 of log score. `masked_better`: channel -> its error is smaller without masked samples,
     where it has some."""
 
     gain: tuple[Gain, ...]
@@ -66,7 +67,7 @@ def measured(
     elif not halves:
         why = "less than half of the excess error of the kept sessions went: recalibration had absorbed the rest"
     square = [sum(float(p.residual @ p.residual) for p in found.predictions) for found in (before, after)]
-    worse = square[1] > WORSE * square[0]
+    worse = square[1] > WORSE * square[0] or score.total < -LOST
     return Measured(gain, score.total, score.lower, score.few, why is None, why, worse, _masked_better(final, kept))
 
 
