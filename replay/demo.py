@@ -1,10 +1,12 @@
-"""The whole way on shipped recordings: ingest, balance, replay, report, layers."""
+"""The whole way on shipped recordings: ingest, balance, replay, report, layers, and why: the cause, or what cannot be told."""
 
 from __future__ import annotations
 
 import shutil
 from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -13,19 +15,30 @@ from ingest.intake import Intake, take_in
 from ingest.sessions import Override
 from ingest.setup import prepare
 from ingest.store import Store
+from replay.demo_cause import hidden_effect
 from replay.engine.campaign import replay_sessions
 from replay.engine.models import for_intake
 from replay.errors import ViewerError
 from replay.shipped import example
-from replay.show.documents import write_layers, write_replay_report
+from replay.show.diagnosis_text import diagnosis_text
+from replay.show.documents import write_diagnosis, write_layers, write_replay_report
 from replay.show.findings import power_balance
 from replay.show.intake import intake_json
 from replay.show.overview import overview
 from replay.show.plots import picture
 from replay.show.terminal import labelled
+from replay.studies.diagnose import diagnose
+from replay.studies.diagnosis import Diagnosis, document, read
 
 INTRO = """Five bench recordings of a water-cooled interior-magnet motor, and the thermal network that its authors published for it
 (IEEE Trans. Power Electronics 2024, DOI 10.1109/TPEL.2024.3409388; data under MIT licence, examples/hust_motor)."""
+
+
+WHY = "Why? Learnt from id_3 and id_9, kept id_1, id_10 and id_12:"
+LEARN, KEEP = ("id_3", "id_9"), ("id_1", "id_10", "id_12")
+
+HIDDEN = """And a campaign with a hidden effect: CAN logs of a simulated 150 kW motor that differs from its motor file in one thing, and in
+all that a healthy motor differs in (examples/hidden_effect)."""
 
 
 @dataclass(frozen=True)
@@ -42,6 +55,23 @@ def run_demo(folder: Path, store_folder: Path) -> Demo:
 
     Raises ReplayDataError where the examples did not come with the installation.
     """
+    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as beside:  # two motors, two processors
+        hidden = beside.submit(hidden_effect, folder)
+        real = _real_motor(folder, store_folder)
+        found = hidden.result()
+    second = [
+        "",
+        HIDDEN,
+        "",
+        diagnosis_text(read(found)),
+        *labelled("Report", f"{folder / 'why.html'}   (a kept session as a picture: {folder / 'why.png'})"),
+    ]
+    data = {**real.data, "diagnoses": [*real.data["diagnoses"], found]}
+    return Demo("\n".join([real.text, *second]), data, real.notes)
+
+
+def _real_motor(folder: Path, store_folder: Path) -> Demo:
+    """The first half: five recordings of a real motor."""
     motor = example("hust_motor")
     if store_folder == folder / "store":
         shutil.rmtree(store_folder, ignore_errors=True)
@@ -57,6 +87,7 @@ def run_demo(folder: Path, store_folder: Path) -> Demo:
         runs = write_replay_report(store, known, names, report, "whyhot demo")
         picture(runs, folder / "picture")
         layers, note = _layers(store, known, names, folder / "layers")
+        diagnosis = _why(store, known, folder)
     summaries = [run.summary for run in runs]
     worst = max(summaries, key=lambda summary: max(summary["mae_K"].values()))["session_name"]
     lines = [
@@ -75,17 +106,25 @@ def run_demo(folder: Path, store_folder: Path) -> Demo:
         if layers
         else []
     )
-    lines += labelled("Next", f"whyhot show {worst} --store {store_folder}")
+    lines += ["", WHY, "", diagnosis_text(diagnosis)]
     data = {
         "schema": "whyhot.demo/1",
         "ingest": intake_json(intake),
         "runs": [{**run.summary, "run": run.run} for run in runs],
         "report": str(report),
         "layers": [str(path) for path in layers],
+        "diagnoses": [document(diagnosis, {})],
     }
     return Demo(
         "\n".join(lines), data, [*intake.refusals, *(outcome.refusal for outcome in outcomes if outcome.refusal), *note]
     )
+
+
+def _why(store: Store, known: facts.Facts, folder: Path) -> Diagnosis:
+    train, kept = ([known.session(name) for name in names] for names in (LEARN, KEEP))
+    diagnosis = diagnose(store, known, train, kept, None, "testing").diagnosis
+    write_diagnosis(store, diagnosis, folder / "why_real_motor.html", "whyhot demo")
+    return diagnosis
 
 
 def _ingested(intake: Intake) -> list[str]:

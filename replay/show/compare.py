@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,8 +13,8 @@ from numpy.typing import NDArray
 
 from replay.engine.run import Observed, Run
 from replay.show import words
-from replay.show.figure import Plot, Table, inline_svg, name_lines, panels, style
-from replay.show.palette import DASHES, INK, SERIES, SOFT, with_variables
+from replay.show.figure import LEFT, Plot, Table, inline_svg, name_lines, panels, style
+from replay.show.palette import DASHES, INK, PAPER, SERIES, SOFT, with_variables
 from replay.show.plots import ROWS, WIDTH, groups, time_axis
 from replay.show.thin import thin, with_gaps
 
@@ -63,6 +64,26 @@ def _region(models: Mapping[str, Run], group: Sequence[Observed], columns: int) 
         lower[-1].set_xlabel(time_axis(first).label)
         svg = with_variables(inline_svg(figure, title))
     return Plot(title, svg, "", _table(first, series))
+
+
+def picture(models: Mapping[str, Run], target: Path) -> None:
+    """The region that the first model gets most wrong, on white, 900 px wide: `target` with the suffixes .svg and .png.
+
+    Raises ValueError where no channel can be drawn.
+    """
+    first = next(iter(models.values()))
+    channel = max(first.observed, key=_off).channel
+    series = {key: o for key, run in models.items() if (o := _of(run, channel)) is not None}
+    with style("diagnosis picture"):
+        figure, (upper, lower) = panels(9.0, (3.0, 1.7), top=0.7)
+        figure.set_facecolor(PAPER[0])
+        _draw_temperatures(upper, first, series, 900)
+        _draw_residuals(lower, first, series, 900)
+        lower.set_xlabel(time_axis(first).label)
+        figure.text(LEFT, 0.965, _title(series), fontsize=11, fontweight="bold", va="center")
+        upper.set_title(f"kept session {first.session_name}", fontsize=8.5, color=SOFT[0], loc="right")
+        figure.savefig(target.with_suffix(".svg"), metadata={"Date": None})
+        figure.savefig(target.with_suffix(".png"), dpi=200, metadata={"Software": None})
 
 
 def _of(run: Run, channel: str) -> Observed | None:

@@ -61,8 +61,8 @@ def write_layers(store: Store, facts: Facts, sessions: Sequence[str], folder: Pa
 
 def write_diagnosis(
     store: Store, diagnosis: Diagnosis, target: Path, command: str, tell: Callable[[str], None] = lambda _: None
-) -> None:
-    """The report of a diagnosis. Its sessions are replayed first under the model as published, recalibrated and extended, where
+) -> dict[str, dict[str, Run]]:
+    """The report of a diagnosis; returns its runs, session -> model as the report calls it -> run. Its sessions are replayed first under the model as published, recalibrated and extended, where
     the ledger does not have these runs."""
     names = [*diagnosis.train, *diagnosis.held_out]
     models = {
@@ -83,6 +83,7 @@ def write_diagnosis(
                 runs[outcome.session.session][label] = load_run(store, facts, outcome.run)
     target.parent.mkdir(parents=True, exist_ok=True)
     write_diagnosis_report(diagnosis, runs, _difference(store, diagnosis), target, _context(store, command))
+    return runs
 
 
 def _difference(store: Store, diagnosis: Diagnosis) -> str:

@@ -311,6 +311,13 @@ def _cannot_tell(diagnosis: Diagnosis) -> str:
         return "Nothing can be said: no channel of these sessions observes a node of the model with usable samples."
     if not diagnosis.candidates:
         return "Nothing can be said: these sessions leave no candidate that could be tried."
+    fits = [rival for rival in diagnosis.rivals if rival.log_bayes_factor > diagnosis.threshold]
+    if fits:
+        return (
+            f"These sessions cannot tell why: {words.joined(left_over(diagnosis))} stay above the sensors' floor, and what "
+            f"would explain the sessions learnt from ({words.joined([rival.id for rival in fits[:2]])}) is no cause: see the "
+            "rivals."
+        )
     return (
         f"These sessions cannot tell why: {words.joined(left_over(diagnosis))} stay above the sensors' floor, and of "
         f"{diagnosis.candidates:,} candidates none stands out: {_best(diagnosis)}."

@@ -232,7 +232,7 @@ def _answered(question: Question, identity: str, tell: Tell) -> Diagnosis:
     recalibrated = sealed_motor(question.store, question.facts, question.model, found.base, campaign.monomials, note)
     extended, bench = _extended(question, campaign, found, identity)
     last = naming.rounds[-1]
-    answer = Diagnosis(
+    return Diagnosis(
         diagnosis=identity,
         motor=network.name,
         level=question.level,
@@ -262,7 +262,6 @@ def _answered(question: Question, identity: str, tell: Tell) -> Diagnosis:
         next_test=next((c.separating_test for c in causes if c.separating_test), None),
         seconds=0.0,
     )
-    return answer
 
 
 def _kept_tests(question: Question, campaign: _Campaign) -> list[Test]:
