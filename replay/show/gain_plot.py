@@ -34,7 +34,8 @@ def gain_bars(diagnosis: Diagnosis) -> Plot | None:
 
 
 def _title(gains: Sequence[Gain], named: bool) -> str:
-    best = max(gains, key=lambda g: g.mae_before_K - g.mae_after_K)
+    better = [gain for gain in gains if change(gain) == "better"]
+    best = max(better or gains, key=lambda g: g.mae_before_K - g.mae_after_K)
     if not named:
         most = gains[0]
         figures = f"{words.kelvin(most.published_mae_K)} as published, {words.kelvin(most.mae_before_K)} recalibrated"

@@ -52,7 +52,7 @@ from twin.swaps import Swap, exchanged, misread, scan
 
 Tell = Callable[[str], None]
 
-LEAST_S = 1200.0  # of training: below, hardly anything of a motor's slow modes is in the data
+LEAST_S = 900.0  # of training: below, hardly anything of a motor's slow modes is in the data
 RIPPLE = Monomial((("current", 2.0),))  # the law of the rotor's everyday heat at standstill
 MOTOR_KINDS = ("loss", "conductance", "capacity", "ageing")
 
