@@ -172,7 +172,7 @@ def refitted(current: Fit, candidate: Candidate, parameter: Parameter) -> Refit 
             enough=NEAR_ENOUGH,
             linearisations=REFIT_LINEARISATIONS,
         )
-    except DivergedError:
+    except (DivergedError, np.linalg.LinAlgError):
         return None
     return _compared(found, current, candidate, parameter, len(found.beta) - 1)
 

@@ -45,7 +45,8 @@ def data_faults(
     shares: defaultdict[tuple[str, str], list[float]] = defaultdict(list)
     for s, channels in enumerate(loaded):
         for channel, found in zip(channels, quality.assess(channels), strict=True):
-            if channel.spec.name not in names or not len(channel.t_ns):
+            used = {c.name for c in current.model.tests[s].channels}  # a sensor that is stuck throughout is left out
+            if channel.spec.name not in names or channel.spec.name not in used or not len(channel.t_ns):
                 continue
             for kind, value, words, share in _weighed(current, s, channel, found, starts_ns[s]):
                 key = (channel.spec.name, kind)

@@ -103,6 +103,11 @@ def diagnose(
             answer = _answered(question, identity, tell)
         except TwinError as error:
             raise ReplayDataError(f"diagnosis with model {question.model[:12]}: {error}") from None
+        except np.linalg.LinAlgError as error:
+            raise ReplayDataError(
+                f"diagnosis with model {question.model[:12]}: the fit broke off numerically ({error}): check the motor file with "
+                "`whyhot motor check`, and leave out the session that is furthest off (`whyhot replay` says which)."
+            ) from None
     answer = replace(answer, seconds=round(time.monotonic() - started, 1))
     _keep(question, answer, key)
     return Result(answer, False)
@@ -163,7 +168,11 @@ def _campaign(question: Question) -> _Campaign:
     observed, inputs = _channels(loaded, network, question.level)
     candidates = generate(network, observed, inputs)
     given = {i.name for i in inputs}
-    monomials = tuple(dict.fromkeys([*added_monomials(candidates), *([RIPPLE] if "current" in given else [])]))
+    monomials = tuple(
+        dict.fromkeys(
+            [*added_monomials(candidates), *([RIPPLE] if "current" in given and "current" in network.scale else [])]
+        )
+    )
     tests = tuple(
         test_of(question.store, question.facts, session, network, monomials, question.level)
         for session in question.train
@@ -246,7 +255,7 @@ def _answered(question: Question, identity: str, tell: Tell) -> Diagnosis:
         causes=causes,
         rivals=rivals(naming, found.refused),
         unknown=[unknown_heat(heat, network) for heat in found.unknown],
-        masked=_masked(question, faults),
+        masked=[*_masked(question, faults), *_left_out(question, campaign)],
         recalibrated_model=recalibrated,
         extended_model=extended,
         extended_bench=bench,
@@ -392,13 +401,32 @@ def probability_against_none(log_bf: float) -> float:
     return float(1 / (1 + np.exp(-min(log_bf, 700.0))))
 
 
+def _left_out(question: Question, campaign: _Campaign) -> list[Masked]:
+    """Sensors of the motor that say nothing usable in a whole session."""
+    found = []
+    for session, test, channels in zip(question.train, campaign.tests, campaign.loaded, strict=True):
+        there = {c.spec.name for c in channels}
+        used = {c.name for c in test.channels}
+        for observed in campaign.observed:
+            if observed.name in there - used:
+                found.append(
+                    Masked(
+                        session=session.session,
+                        session_name=session.name,
+                        channel=observed.name,
+                        says=f"{observed.name} has no usable sample in this session: left out",
+                    )
+                )
+    return found
+
+
 def _masked(question: Question, faults: Sequence[DataFault]) -> list[Masked]:
     return [
         Masked(
             session=question.train[s].session,
             session_name=question.train[s].name,
             channel=fault.channel,
-            says=words,
+            says=f"{fault.channel} {words}",
         )
         for fault in faults
         for s, words in sorted(fault.says.items())
