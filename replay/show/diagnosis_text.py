@@ -104,7 +104,7 @@ def _cause(diagnosis: Diagnosis, cause: Named) -> Iterator[tuple[str, Sequence[s
             f"{cause.id}   {_evidence(diagnosis, cause)}",
             cause.says,
             verdict.effect(diagnosis, cause),
-            cause.formula,
+            *([cause.formula] if cause.formula else []),
             *([] if cause.improved else [verdict.whether_improved(cause)]),
         ],
     )

@@ -154,6 +154,8 @@ def effect(diagnosis: Diagnosis, cause: Named) -> str:
     """How much, and where it shows most, in words."""
     typical = f"{signed(cause.typical_W)} W at the typical point; " if cause.typical_W is not None else ""
     how_much = f"{size(cause)}; " if size(cause) else ""
+    if not cause.largest_effect_session:
+        return f"{how_much}a fault of the record: no term of the model"
     at = f"{session_name(diagnosis, cause.largest_effect_session)} {words.clock(cause.largest_effect_t_s)}"
     node = words.name(cause.largest_effect_node)
     return f"{how_much}{typical}largest effect {words.signed_kelvin(cause.largest_effect_K)} at the {node}, {at}"
