@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 
@@ -15,9 +17,10 @@ from replay.engine.run import Run
 from replay.engine.sealed import load_run
 from replay.errors import ReplayDataError
 from replay.show.diagnosis_report import write_diagnosis_report
+from replay.show.diagnosis_text import answer_markdown
 from replay.show.layers import write_filtered, write_measured, write_open_loop
 from replay.show.report import ReportContext, write_report
-from replay.studies.diagnosis import Diagnosis
+from replay.studies.diagnosis import Diagnosis, read
 from replay.studies.formulas import text_diff
 
 NAMED = ("whyhot", "numpy", "scipy", "numba", "pyarrow", "matplotlib")
@@ -39,14 +42,16 @@ def write_replay_report(store: Store, facts: Facts, sessions: Sequence[str], tar
 
 def write_layers(store: Store, facts: Facts, sessions: Sequence[str], folder: Path) -> list[Path]:
     """One .rrd a layer and session: `<session>.measured.rrd` and, where it was replayed, `<session>.open_loop.rrd`
-    and, where a filter ran, `<session>.filtered.rrd`.
+    and, where a filter ran, `<session>.filtered.rrd`; `<session>.extended.rrd` where a diagnosis extended the model and its report was
+    made.
 
     Raises ViewerError where rerun is not installed.
     """
     folder.mkdir(parents=True, exist_ok=True)
     paths = []
     for session in (facts.session(text) for text in sessions):
-        event = latest_run(facts, session)
+        extension = _extension(store, facts, session)
+        event = extension.published if extension else latest_run(facts, session)
         run = load_run(store, facts, event) if event else None
         paths.append(folder / f"{session.name}.measured.rrd")
         write_measured(session, load(store, facts, session), paths[-1], run)
@@ -56,7 +61,32 @@ def write_layers(store: Store, facts: Facts, sessions: Sequence[str], folder: Pa
             if run.filtered:
                 paths.append(folder / f"{session.name}.filtered.rrd")
                 write_filtered(run, paths[-1])
+            if extension:  # last: its layout shows both
+                paths.append(folder / f"{session.name}.extended.rrd")
+                extended = load_run(store, facts, extension.extended)
+                says = answer_markdown(extension.diagnosis)
+                write_open_loop(extended, paths[-1], "extended", run, says)
     return paths
+
+
+@dataclass(frozen=True)
+class _Extension:
+    """The last diagnosis that extended a model over a session, with the session's runs before and after."""
+
+    diagnosis: Diagnosis
+    published: ReplayCompleted
+    extended: ReplayCompleted
+
+
+def _extension(store: Store, facts: Facts, session: SessionRecorded) -> _Extension | None:
+    """None where no diagnosis extended a model here, or its report was not made yet (which replays the session)."""
+    runs = {event.model: event for event in facts.runs.values() if event.session == session.session}
+    for completed in reversed(list(facts.diagnoses.values())):
+        if session.session in (*completed.key["train"], *completed.key["kept"]):
+            found = read(json.loads(store.archive.read(completed.artefact)))
+            if found.extended_model in runs and found.model in runs:
+                return _Extension(found, runs[found.model], runs[found.extended_model])
+    return None
 
 
 def write_diagnosis(

@@ -77,18 +77,18 @@ def measured_path(channel: ChannelData) -> str:
     return path("ignored" if spec.role == "ignored" else "inputs", spec.quantity, spec.name)
 
 
-def write_open_loop(run: Run, target: Path, layer: str = "open_loop", over: Run | None = None) -> None:
+def write_open_loop(run: Run, target: Path, layer: str = "open_loop", over: Run | None = None, says: str = "") -> None:
     """What the model says: every node's temperature, each channel's residual and masked stretches, the network's heat.
 
     `layer`: the first part of the temperatures' paths, `extended` for a model that was extended; `over`: the run of the
-    model before, which then is shown in the same views.
+    model before, which then is shown in the same views; `says`: the text panel (Markdown), else what the run got wrong.
     """
     _rerun()
     model = words.short(run.model)
     called = "model" if layer == "open_loop" else f"{words.name(layer)} model"
     blueprint = of_run(over, run) if over else of_run(run)
     with _recording(run.session, run.session_name, target, blueprint) as stream:
-        _write_text(stream, path("answer", model), _findings(run))
+        _write_text(stream, path("answer", model), says or _findings(run))
         for i, node in enumerate(run.nodes):
             where = path(layer, model, node)
             _style(stream, where, f"{words.name(node)} {called}", colour(i, dark=False), MODEL_WIDTH)
