@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from twin.actions import InputGain, Parameter
 from twin.candidates import Candidate, added_monomials, generate
 from twin.causes import Cause
 from twin.columns import ClockError, InputChannel, ObservedChannel
@@ -52,7 +53,8 @@ def _round(
     scores = Scores(at, j, sigma, signs, log_bayes_factor(at, j, sigma, signs))
     candidates = tuple(map(_candidate, CAUSES))
     nothing = cast(Any, None)
-    found = tuple(Refit(candidates[i], nothing, nothing, bf, a, 0.1) for i, (bf, a) in refits.items())
+    one = Parameter("one", InputGain("current"), sd=1.0)
+    found = tuple(Refit(candidates[i], one, nothing, bf, a, 0.1) for i, (bf, a) in refits.items())
     return Round(nothing, candidates, (), scores, 4.0 * rho, 4.0, found, ())
 
 
