@@ -209,7 +209,7 @@ def _conductances(network: Network, features: frozenset[str]) -> Iterator[Candid
             column = AddedTerms(tuple((p, _unit_term(t, law)) for p, t in zip(places, own, strict=True)))
             yield Candidate(Cause("conductance", name, law.name), "W/K", size, 0, column, shown)
     taken = {name for name, _ in _links_with_groups(network, list(present))}
-    for name, places in _links_with_groups(network, _missing(network)):
+    for name, places in _links_with_groups(network, missing(network)):
         if name not in taken:
             shown = tuple("-".join(place) for place in places) if len(places) > 1 else ()
             column = AddedTerms(tuple((place, Term(1.0)) for place in places))
@@ -246,7 +246,7 @@ def _insulated(network: Network, place: Place) -> bool:
     return "copper" in regions and "iron" in regions
 
 
-def _missing(network: Network) -> list[Place]:
+def missing(network: Network) -> list[tuple[str, str]]:
     """Pairs of nodes that share a neighbour but no link, and nodes with boundaries they have no link to."""
     neighbours: dict[str, set[str]] = {name: set() for name in network.names}
     for link in network.links:

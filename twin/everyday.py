@@ -7,13 +7,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
 
 from twin import actions, features
 from twin.actions import Parameter, Place
+from twin.candidates import missing
 from twin.model import Test
 from twin.network import Network
 
@@ -180,17 +180,6 @@ def _paths(network: Network, tests: Sequence[Test]) -> Iterator[Parameter]:
         sd = min(most, PATH_SHARE * min(largest[end] for end in (a, b) if largest[end]))
         place = Place(network.names.index(a), network.names.index(b))
         yield Parameter(f"conductance.{a}-{b}", actions.Added((place,), "constant", 1.0), sd, low=-sd)
-
-
-def missing(network: Network) -> list[tuple[str, str]]:
-    """Pairs of nodes that share a neighbour but no link, and nodes with boundaries they have no link to."""
-    near: dict[str, set[str]] = {name: set() for name in network.names}
-    for link in network.links:
-        near[link.a].add(link.b)
-        near[link.b].add(link.a)
-    nodes, around = [n.name for n in network.nodes], [b.name for b in network.boundaries]
-    pairs = [(a, b) for a, b in combinations(nodes, 2) if (near[a] & near[b]).difference(around)]
-    return [(a, b) for a, b in [*pairs, *((n, b) for n in nodes for b in around)] if b not in near[a]]
 
 
 def _sensors(tests: Sequence[Test]) -> Iterator[Parameter]:

@@ -13,7 +13,6 @@ from twin.everyday import of_test
 from twin.fit import Fit
 from twin.gain import OPENING, Kept
 from twin.model import Model, Test
-from twin.noise import Series
 
 Floats = NDArray[np.float64]
 
@@ -78,8 +77,3 @@ def kept_tests(found: Fit | None, model: Model, tests: Sequence[Test]) -> KeptTe
 def _opened(t_s: Floats) -> float:
     start, end = float(t_s.min()), float(t_s.max())
     return start + OPENING * (end - start)
-
-
-def floor_of(series: Series, model: Model) -> float:
-    """Variance [K^2] of a channel's block means that no model can go below: white and fast noise."""
-    return float(series.white_variance.mean()) + model.noise_of(series.channel).ar_sd ** 2

@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 from replay.studies.diagnosis import Gain
 from twin.fit import Fit
 from twin.gain import held_out_gain, removes_excess
-from twin.kept import KeptTests, Prediction, floor_of, kept_tests
+from twin.kept import KeptTests, Prediction, kept_tests
 from twin.model import Channel, Test
 from twin.naming import slowest_mode_s
+from twin.noise import floor_variance
 
 Floats = NDArray[np.float64]
 
@@ -59,7 +60,7 @@ def measured(
     if not named:
         return Measured(gain, None, None, False, False, None, False, _masked_better(final, kept))
     score = held_out_gain(before.scored, after.scored, block_s)
-    floors = {s.channel: floor_of(s, final.model) for s in final.model.residuals(final.beta)}
+    floors = {s.channel: floor_variance(s, final.model.noise_of(s.channel)) for s in final.model.residuals(final.beta)}
     halves = removes_excess(_by_channel(before), _by_channel(after), floors)
     why = None
     if not score.positive:

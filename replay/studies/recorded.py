@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,7 +66,7 @@ def _test(
             "nothing to learn from. Say node = ... in the bench file, or leave the session out."
         )
     named = {m.name: np.ascontiguousarray(frame.features[:steps, j]) for j, m in enumerate(every)}
-    initial, sd = initial_temperatures(network, _own(frame, own), level)
+    initial, sd = initial_temperatures(network, replace(frame, features=frame.features[:, :own]), level)
     return Test(
         name=session.name,
         kind=session.kind,
@@ -81,12 +82,6 @@ def _test(
         channels=tuple(_channel(o, frame, steps, channels) for o in seen),
         start_ns=int(frame.t_ns[0]),
     )
-
-
-def _own(frame: InputFrame, own: int) -> InputFrame:
-    from dataclasses import replace
-
-    return replace(frame, features=frame.features[:, :own])
 
 
 def _channel(o: Observation, frame: InputFrame, steps: int, channels: Sequence[ChannelData]) -> Channel:

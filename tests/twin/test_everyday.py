@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 
 from twin import actions
 from twin.actions import Parameter
+from twin.candidates import missing
 from twin.everyday import (
     everyday,
     largest_conductance,
     mean_conductances,
     mean_loss_W,
-    missing,
     of_test,
     terms_of,
 )
