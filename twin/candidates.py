@@ -195,7 +195,7 @@ def _places_with_groups(names: Sequence[str]) -> list[tuple[str, tuple[str, ...]
 
 def _conductances(network: Network, features: frozenset[str]) -> Iterator[Candidate]:
     present: dict[Place, tuple[Term, ...]] = {(link.a, link.b): link.terms for link in network.links}
-    for name, places in _links_with_groups(network, list(present)):
+    for name, places in links_with_groups(network, list(present)):
         shown = tuple("-".join(place) for place in places) if len(places) > 1 else ()
         own = [present[place] for place in places]
         size = Sigma(OWN_LINK, "own_conductance", places)
@@ -208,8 +208,8 @@ def _conductances(network: Network, features: frozenset[str]) -> Iterator[Candid
         for law in _laws(own, table, features):
             column = AddedTerms(tuple((p, _unit_term(t, law)) for p, t in zip(places, own, strict=True)))
             yield Candidate(Cause("conductance", name, law.name), "W/K", size, 0, column, shown)
-    taken = {name for name, _ in _links_with_groups(network, list(present))}
-    for name, places in _links_with_groups(network, missing(network)):
+    taken = {name for name, _ in links_with_groups(network, list(present))}
+    for name, places in links_with_groups(network, missing(network)):
         if name not in taken:
             shown = tuple("-".join(place) for place in places) if len(places) > 1 else ()
             column = AddedTerms(tuple((place, Term(1.0)) for place in places))
@@ -258,7 +258,7 @@ def missing(network: Network) -> list[tuple[str, str]]:
     return [(a, b) for a, b in pairs if b not in neighbours[a]]
 
 
-def _links_with_groups(network: Network, places: Sequence[Place]) -> list[tuple[str, tuple[Place, ...]]]:
+def links_with_groups(network: Network, places: Sequence[Place]) -> list[tuple[str, tuple[Place, ...]]]:
     """Each link under its own name, then pairs of links that mirror each other under their common stem."""
     found: dict[str, tuple[Place, ...]] = {link_place(network, *place): (place,) for place in places}
     by_ends = {frozenset(place): place for place in places}
@@ -345,7 +345,7 @@ def _ageing(network: Network) -> Iterator[Candidate]:
     """Slot insulation with the hours above its class: the limit of its copper node, 180 degC where none is given."""
     limits = {node.name: node.limit_degC or 180.0 for node in network.nodes if node.region == "copper"}
     insulated = [(link.a, link.b) for link in network.links if _insulated(network, (link.a, link.b))]
-    for name, places in _links_with_groups(network, insulated):
+    for name, places in links_with_groups(network, insulated):
         limit = next(limits[end] for end in places[0] if end in limits)
         law = f"hours_above_{limit:.15g}degC"
         shown = tuple("-".join(place) for place in places) if len(places) > 1 else ()

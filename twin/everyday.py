@@ -6,16 +6,18 @@ A candidate cause is tested beyond these; what is left out here is found as a "c
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Hashable, Iterator, Mapping, Sequence
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from twin import actions, features
 from twin.actions import Parameter, Place
-from twin.candidates import missing
+from twin.candidates import links_with_groups, missing
+from twin.causes import groups
 from twin.model import Test
-from twin.network import Network
+from twin.network import Network, Term
 
 Floats = NDArray[np.float64]
 
@@ -40,6 +42,7 @@ def everyday(network: Network, tests: Sequence[Test]) -> tuple[Parameter, ...]:
     used = {feature for test in tests for feature in test.inputs}
     return (
         *_laws(network),
+        *_common(network),
         *_exponents(network),
         *_film_slopes(network, tests),
         *_maps(network, tests),
@@ -81,6 +84,50 @@ def _laws(network: Network) -> Iterator[Parameter]:
         yield Parameter(f"capacity.{node.name}", actions.Capacity((i,)), node.sd, low=-BOUND, high=BOUND)
 
 
+def _common(network: Network) -> Iterator[Parameter]:
+    """Both sides of a motor are built alike, and a file that is wrong of one is wrong of the other."""
+    links, sources = terms_of(network)
+    sd = [term.sd for term in features.terms(network)]
+    conductances = {name: [links[m] for m in members] for name, members in alike_links(network).items()}
+    losses = {name: [sources[m] for m in members] for name, members in alike_sources(network).items()}
+    for kind, places in (("conductance", conductances), ("loss", losses)):
+        for name, own in places.items():
+            for k, both in enumerate(zip(*own, strict=True)):
+                if len(both) > 1:
+                    yield Parameter(f"{kind}.{name}.both{k}", actions.Scale(both), sd[both[0]], low=-BOUND, high=BOUND)
+
+
+def alike_links(network: Network) -> dict[str, tuple[tuple[str, str], ...]]:
+    """Every link once, with the one that mirrors it where both have laws of one form: name -> links."""
+    laws = {(link.a, link.b): [_form(term) for term in link.terms] for link in network.links}
+    named = [(name, tuple((a, b) for a, b in places)) for name, places in links_with_groups(network, list(laws))]
+    return _alike(named, laws)
+
+
+def alike_sources(network: Network) -> dict[str, tuple[str, ...]]:
+    """Every source once, with its twin where both have laws of one form: name -> nodes."""
+    laws = {source.node: [_form(term) for term in source.terms] for source in network.sources}
+    singles: list[tuple[str, tuple[str, ...]]] = [(node, (node,)) for node in laws]
+    return _alike([*singles, *groups(laws).items()], laws)
+
+
+K = TypeVar("K", bound=Hashable)
+
+
+def _alike(named: Sequence[tuple[str, tuple[K, ...]]], laws: Mapping[K, object]) -> dict[str, tuple[K, ...]]:
+    found: dict[str, tuple[K, ...]] = {}
+    taken: set[K] = set()
+    for name, members in sorted(named, key=lambda one: -len(one[1])):
+        if not taken & set(members) and all(laws[m] == laws[members[0]] for m in members):
+            found[name] = members
+            taken |= set(members)
+    return found
+
+
+def _form(term: Term) -> tuple[object, ...]:
+    return (*sorted(term.exponents.items()), term.copper, term.resistance)
+
+
 def terms_of(network: Network) -> tuple[dict[tuple[str, str], tuple[int, ...]], dict[str, tuple[int, ...]]]:
     """Places in `features.terms` of every link and of every source."""
     at, links, sources = 0, {}, {}
@@ -97,13 +144,13 @@ def _exponents(network: Network) -> Iterator[Parameter]:
     """Of films; those of losses are in the maps."""
     links, _ = terms_of(network)
     terms = list(features.terms(network))
-    for (a, b), own in links.items():
-        for i in own:
-            for feature, exponent in terms[i].exponents.items():
+    for name, members in alike_links(network).items():
+        for both in zip(*(links[m] for m in members), strict=True):
+            for feature, exponent in terms[both[0]].exponents.items():
                 if not feature.startswith("hours") and exponent:
                     sd = EXPONENT_SHARE * abs(exponent)
                     yield Parameter(
-                        f"conductance.{a}-{b}.{feature}", actions.Power((i,), feature), sd, low=-0.8, high=0.8
+                        f"conductance.{name}.{feature}", actions.Power(both, feature), sd, low=-0.8, high=0.8
                     )
 
 
@@ -111,19 +158,21 @@ def _film_slopes(network: Network, tests: Sequence[Test]) -> Iterator[Parameter]
     """Air conducts better when warm, and radiation and free convection grow with temperature."""
     links, _ = terms_of(network)
     regions = {node.name: node.region for node in network.nodes}
-    names = network.names
     initial = np.mean([test.initial for test in tests], axis=0)
     outside = np.mean([test.frame.boundaries.mean(axis=0) for test in tests], axis=0)
     start = np.concatenate([initial, outside])
-    for (a, b), own in links.items():
-        places = sorted((names.index(a), names.index(b)))
-        between = {regions.get(end, "boundary") for end in (a, b)}
+    for name, members in alike_links(network).items():
+        between = {regions.get(end, "boundary") for end in members[0]}
         gap = bool(between & set(ROTATING)) and bool(between & {"copper", "iron"})
         if gap or between & {"fluid", "boundary"}:
-            place, reference = Place(places[0], places[1]), float(start[places].mean())
+            ends = [sorted(network.names.index(end) for end in link) for link in members]
             yield Parameter(
-                f"conductance.{a}-{b}.temperature",
-                actions.Tilt((place,), (own,), (reference,)),
+                f"conductance.{name}.temperature",
+                actions.Tilt(
+                    tuple(Place(*places) for places in ends),
+                    tuple(links[link] for link in members),
+                    tuple(float(start[places].mean()) for places in ends),
+                ),
                 FILM_TILT_PER_K,
                 low=-MOST_TILT_PER_K,
                 high=MOST_TILT_PER_K,
@@ -140,21 +189,24 @@ def _maps(network: Network, tests: Sequence[Test]) -> Iterator[Parameter]:
         if all("speed" in t.inputs for t in tests)
         else ()
     )
-    for node, own in sources.items():
-        moving = tuple(i for i in own if terms[i].exponents.get("speed"))
-        shaped = moving if regions[node] == "copper" else own  # what direct current loses in copper is known
-        if speeds and speeds[-1] > 0 and moving:
+    for name, members in alike_sources(network).items():
+        copper = regions[members[0]] == "copper"  # what direct current loses there is known
+        shaped = tuple(i for node in members for i in sources[node] if terms[i].exponents.get("speed") or not copper)
+        if speeds and speeds[-1] > 0 and any(terms[i].exponents.get("speed") for i in shaped):
             for knot in range(KNOTS):
                 for current in (False, True):
                     if current and not all("current" in t.inputs for t in tests):
                         continue
                     action = actions.Tent(shaped, speeds, knot, current)
-                    yield Parameter(f"map.{node}.{knot}{'i' if current else ''}", action, MAP_SD, low=-0.9, high=3.0)
-        at = names.index(node)
-        reference = float(np.mean([t.initial[at] for t in tests]))
+                    yield Parameter(f"map.{name}.{knot}{'i' if current else ''}", action, MAP_SD, low=-0.9, high=3.0)
+        at = [names.index(node) for node in members]
         yield Parameter(
-            f"loss.{node}.temperature",
-            actions.Tilt((Place(at),), (own,), (reference,)),
+            f"loss.{name}.temperature",
+            actions.Tilt(
+                tuple(Place(i) for i in at),
+                tuple(sources[node] for node in members),
+                tuple(float(np.mean([t.initial[i] for t in tests])) for i in at),
+            ),
             TILT_PER_K,
             low=-MOST_TILT_PER_K,
             high=MOST_TILT_PER_K,

@@ -20,7 +20,7 @@ from twin.evidence import Projector, Scores, null_quantile, score
 from twin.fit import Fit, fit
 from twin.model import Columns, Model
 from twin.noise import ChannelNoise
-from twin.pooling import pooled_scales
+from twin.pooling import kinds, pooled_scales
 from twin.proposals import Proposals
 from twin.reml import Observed, reml
 
@@ -241,10 +241,8 @@ def _with_pooled_priors(design: _Design) -> Model:
     """The model with the priors of its families of healthy differences scaled by the data."""
     model = design.current.model
     columns = np.hstack([design.a, design.v])
-    links = sum(len(link.terms) for link in model.network.links)
-    scales = pooled_scales(
-        model.parameters, design.free, links, columns.T @ columns, columns.T @ design.e0, design.sigma
-    )
+    kind, gram, right = kinds(model.network), columns.T @ columns, columns.T @ design.e0
+    scales = pooled_scales(model.parameters, design.free, kind, gram, right, design.sigma)
     return model.with_priors([replace(p, sd=p.sd * s) for p, s in zip(model.parameters, scales, strict=True)])
 
 

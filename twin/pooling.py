@@ -18,6 +18,7 @@ from scipy.linalg import cho_factor, cho_solve
 
 from twin import actions
 from twin.actions import Parameter
+from twin.network import Network
 from twin.structure import NOBODY
 
 Floats = NDArray[np.float64]
@@ -28,11 +29,22 @@ ITERATIONS = 15
 POOLED_FROM = 5  # members: fewer say little of their family
 
 
-def family(parameter: Parameter, links: int) -> str | None:
-    """The family of a healthy difference; None where it stands alone. `links`: terms of links, which come before sources."""
+def kinds(network: Network) -> list[str]:
+    """What every term of the network is: of a film (a link to a fluid or boundary, or driven by speed or flow), of conduction,
+    or a loss."""
+    solid = {node.name for node in network.nodes if node.region != "fluid"}
+    found = []
+    for link in network.links:
+        film = not {link.a, link.b} <= solid or any(term.exponents for term in link.terms)
+        found += ["films" if film else "conduction"] * len(link.terms)
+    return found + ["losses" for source in network.sources for _ in source.terms]
+
+
+def family(parameter: Parameter, kind: Sequence[str]) -> str | None:
+    """The family of a healthy difference, `kind` of every term; None where it stands alone."""
     match parameter.action:
         case actions.Scale(terms):
-            return "conductances" if max(terms) < links else "losses"
+            return kind[terms[0]] if len(terms) == 1 else f"{kind[terms[0]]} of both sides"
         case actions.Capacity():
             return "capacities"
         case actions.Power():
@@ -45,7 +57,7 @@ def family(parameter: Parameter, links: int) -> str | None:
 def pooled_scales(
     parameters: Sequence[Parameter],
     free: NDArray[np.bool_],
-    links: int,
+    kind: Sequence[str],
     gram: Floats,
     right: Floats,
     more: Floats,
@@ -53,9 +65,9 @@ def pooled_scales(
     """What the sd of every parameter is to be multiplied with.
 
     `free` (p,): those in `gram` = A'A and `right` = A'e0 of the whitened columns, which go on with terms of prior sd `more`;
-    the others take the scale of their family. `links`: terms of links.
+    the others take the scale of their family. `kind` of every term of the network.
     """
-    names = [family(p, links) for p in parameters]
+    names = [family(p, kind) for p in parameters]
     inside = [name for name, own in zip(names, free, strict=True) if own]
     places = {name: np.array([i for i, other in enumerate(inside) if other == name]) for name in set(inside) if name}
     families = {name: own for name, own in places.items() if len(own) >= POOLED_FROM}

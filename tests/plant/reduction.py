@@ -37,6 +37,7 @@ RATED = (6000.0, 75.0)  # rpm, Nm
 LEAST_K, LEAST_W, MOST = 4.0, 0.3, 2.5  # what a link's scaling at the rated point needs, and the largest factor
 DC_SD = 0.05
 BEARING_SD = 1.0  # what rolling contacts and their grease conduct is known to a factor of three
+GAP_SD = 0.8  # what an air gap conducts to a factor of two: slots, tips as hot as no lump, drag in between
 
 Law = tuple[tuple[tuple[str, float], ...], ...]
 LOSS_LAWS: Mapping[str, Law] = {
@@ -383,6 +384,8 @@ def motor_toml(name: str = "mesh-150kW") -> str:
     for (a, b), terms in reduced.links.items():
         if any(end.startswith("bearing") for end in (a, b)):
             terms = tuple(replace(term, sd=BEARING_SD) for term in terms)
+        if (a, b) == ("rotor_surface", "teeth"):
+            terms = tuple(replace(term, sd=GAP_SD) for term in terms)
         lines.append(f'[[link]]\nbetween = ["{a}", "{b}"]\nterms = [{", ".join(map(_written, terms))}]\n')
     for node, terms in reduced.sources.items():
         lines.append(f'[[source]]\nnode = "{node}"\nterms = [{", ".join(map(_written, terms))}]\n')

@@ -14,6 +14,8 @@ from twin import actions
 from twin.actions import Parameter
 from twin.candidates import missing
 from twin.everyday import (
+    alike_links,
+    alike_sources,
     everyday,
     largest_conductance,
     mean_conductances,
@@ -23,6 +25,7 @@ from twin.everyday import (
 )
 from twin.features import Monomial, monomial, terms
 from twin.model import Model, Test
+from twin.network import Boundary, Link, Network, Node, Source, Term
 
 Floats = NDArray[np.float64]
 
@@ -64,6 +67,7 @@ def test_every_difference_moves_a_reading(found: tuple[Parameter, ...], tests: l
 def test_every_term_and_every_capacity_may_differ(found: tuple[Parameter, ...]) -> None:
     every = list(terms(every_law()))
     scaled = {p.action.terms: p.sd for p in found if isinstance(p.action, actions.Scale)}
+    assert {terms for terms in scaled if len(terms) > 1} == set(), "no two of these places are alike"
     for i, term in enumerate(every):
         assert scaled[(i,)] == term.sd
     nodes = {p.action.nodes for p in found if isinstance(p.action, actions.Capacity)}
@@ -134,3 +138,32 @@ def test_means_over_the_tests_weigh_every_step_alike(tests: list[Test]) -> None:
         for term in source.terms
     )
     assert mean_loss_W(every_law(), [tests[0], short]) == pytest.approx(total)
+
+
+def two_sided() -> Network:
+    """Both ends of a winding alike, but for a second law of one of them."""
+    ends = ("end_a", "end_b")
+    return Network(
+        name="two-sided",
+        nodes=(Node("winding", 500.0, "copper"), *(Node(end, 200.0, "copper") for end in ends)),
+        boundaries=(Boundary("air_a"), Boundary("air_b"), Boundary("coolant")),
+        links=(
+            *(Link("winding", end, (Term(5.0),)) for end in ends),
+            *(Link(end, f"air_{end[-1]}", (Term(1.0), Term(2.0, {"speed": 0.7}))) for end in ends),
+            Link("winding", "coolant", (Term(50.0, {"flow": 0.8}),)),
+        ),
+        sources=(
+            Source("winding", (Term(900.0, {"current": 2.0}, copper=True),)),
+            Source("end_a", (Term(300.0, {"current": 2.0}, copper=True),)),
+            Source("end_b", (Term(300.0, {"current": 2.0}, copper=True), Term(20.0, {"current": 1.0}))),
+        ),
+    )
+
+
+def test_both_sides_of_a_motor_are_off_together_where_their_laws_are_of_one_form() -> None:
+    assert alike_links(two_sided()) == {
+        "winding-end": (("winding", "end_a"), ("winding", "end_b")),
+        "end-air": (("end_a", "air_a"), ("end_b", "air_b")),
+        "winding-coolant": (("winding", "coolant"),),
+    }
+    assert alike_sources(two_sided()) == {"winding": ("winding",), "end_a": ("end_a",), "end_b": ("end_b",)}
