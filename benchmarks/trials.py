@@ -60,10 +60,10 @@ from twin.columns import InputChannel, ObservedChannel
 from twin.errors import DivergedError
 from twin.everyday import everyday
 from twin.fit import Fit, fit
-from twin.free_heats import free_heats
 from twin.kept import kept_tests
+from twin.mode import stacked
 from twin.model import Model, Test
-from twin.naming import THRESHOLD, Naming, search, stacked
+from twin.naming import THRESHOLD, Naming, search
 from twin.network import Network
 from twin.outputs import blocks
 from twin.proposals import Proposals
@@ -336,7 +336,7 @@ def tried(case: Case, campaign: Campaign) -> Result:
     first = naming.rounds[0]
     named = dict(sorted(((str(r.candidate.cause), r.log_bayes_factor) for r in naming.accepted), key=lambda r: -r[1]))
     linear = first.scores.log_bayes_factor
-    heat = free_heats(first.base)[0].log_bayes_factor
+    heat = naming.heats[0].log_bayes_factor
     same: tuple[str, ...] = ()
     improved, ratio = False, None
     if named:

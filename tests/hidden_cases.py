@@ -26,10 +26,9 @@ from replay.studies.recorded import test_of as recorded
 from twin.candidates import Candidate, added_monomials, generate
 from twin.columns import InputChannel, ObservedChannel
 from twin.everyday import everyday
-from twin.fit import fit
-from twin.free_heats import free_heats
+from twin.fit import NEAR_ENOUGH, fit
 from twin.model import Model
-from twin.naming import NEAR_ENOUGH, THRESHOLD, search
+from twin.naming import THRESHOLD, search
 from twin.swaps import scan
 from twin.told_apart import told_apart
 
@@ -114,8 +113,8 @@ def _fault(campaign: _Campaign) -> Answer:
 
 def _first_term(campaign: _Campaign) -> Answer:
     """What the search lets in first: no term gets over an endless threshold, so that it stops there."""
-    found = search(campaign.model, campaign.candidates, threshold=np.inf).rounds[0]
-    heat = free_heats(found.base)[0].log_bayes_factor
+    naming = search(campaign.model, campaign.candidates, threshold=np.inf)
+    found, heat = naming.rounds[0], naming.heats[0].log_bayes_factor
     leading = tuple((str(r.candidate.cause), r.log_bayes_factor) for r in found.refits)
     if heat > max(THRESHOLD, float(found.scores.log_bayes_factor.max())):
         return Answer("unknown", log_bf=heat, leading=leading)

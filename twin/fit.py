@@ -23,6 +23,7 @@ from twin.noise import log_det
 
 Floats = NDArray[np.float64]
 
+NEAR_ENOUGH = 0.5  # of ln posterior, where evidences are compared
 ENOUGH = 0.05  # what is left to gain in ln posterior, by the quadratic model, when the search ends
 LINEARISATIONS = 25
 STEPS = 4  # with one linearisation

@@ -14,8 +14,8 @@ from twin.actions import Parameter
 from twin.everyday import mean_loss_W
 from twin.evidence import TOLD_APART
 from twin.fit import Fit
+from twin.mode import slowest_mode_s, stacked
 from twin.model import Model
-from twin.naming import slowest_mode_s, stacked
 from twin.one_test import alone
 from twin.unknown import (
     SPACING_S,

@@ -1,12 +1,14 @@
 """Naming: which term the data ask for beyond everything a healthy motor may do, one after the other, and which survive.
 
 Broad noise, then fitted noise with the leading candidates in the design; every candidate scored with all else integrated
-out; the leading ones refitted in full; the best enters where it beats the threshold; at the end every one is left out once.
+out; where a free heat at one node explains more than any of them, nothing is named. Else the leading ones are refitted in
+full, the best enters where it beats the threshold, and at the end every one is left out once.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,13 +18,13 @@ from scipy.special import log_ndtr
 from twin.actions import Parameter
 from twin.candidates import Candidate
 from twin.errors import DivergedError
-from twin.evidence import Projector, Scores, null_quantile, score
-from twin.fit import Fit, fit
-from twin.model import Columns, Model
-from twin.noise import ChannelNoise
-from twin.pooling import kinds, pooled_scales
-from twin.proposals import Proposals
-from twin.reml import Observed, reml
+from twin.evidence import Scores, null_quantile, score
+from twin.fit import NEAR_ENOUGH, Fit, fit
+from twin.free_heats import free_heats
+from twin.mode import linearised, stacked
+from twin.model import Model
+from twin.refined import refined, under_its_noise
+from twin.unknown import FreeHeat
 
 Floats = NDArray[np.float64]
 
@@ -30,8 +32,6 @@ THRESHOLD = 12.0  # ln BF that a term must exceed; healthy motors of another for
 MOST_TERMS = 3
 MOST_SIGMAS = 4.0  # prior sd of a candidate: a larger amplitude is not what its name says
 REFITTED, WORTH_REFITTING = 5, 4.0  # how many, and from which linear ln BF on
-IN_DESIGN = 10  # leading candidates beside the parameters when the noise is fitted
-NEAR_ENOUGH = 0.5  # of ln posterior, for a refit
 REFIT_LINEARISATIONS = 6
 
 Tell = Callable[[str], None]
@@ -75,13 +75,21 @@ class Round:
 @dataclass(frozen=True)
 class Naming:
     """`rounds` in the order of the search, the last one found nothing more (or the most terms were reached); `accepted`: the
-    terms that survived, with ln BF of leaving each out; `final`: the fit with them; `left_out`: those that did not survive."""
+    terms that survived, with ln BF of leaving each out; `left_out`: those that did not survive; `final`: the fit with them;
+    `heats`: free heats about the first fit, highest ln BF first."""
 
     rounds: tuple[Round, ...]
     accepted: tuple[Refit, ...]
     left_out: tuple[tuple[Candidate, float], ...]
     final: Fit
+    heats: tuple[FreeHeat, ...]
     threshold: float
+
+    @property
+    def is_unknown(self) -> bool:
+        """Whether a heat of any course explains more than every candidate did, before refits."""
+        linear = float(self.rounds[0].scores.log_bayes_factor.max(initial=0.0))
+        return self.heats[0].log_bayes_factor > max(self.threshold, linear)
 
 
 def search(
@@ -89,77 +97,53 @@ def search(
 ) -> Naming:
     """Find the terms. Raises `DivergedError` where the model itself runs away."""
     tell("calibrating")
-    current = fit(model, np.zeros(len(model.parameters)), enough=NEAR_ENOUGH)
-    current = _refitted_noise(current, candidates, tell)
-    rounds: list[Round] = []
+    current = refined(fit(model, np.zeros(len(model.parameters)), NEAR_ENOUGH), candidates, tell)
+    tell("scoring")
+    first = scored(current, candidates)
+    tell("looking for heat that no candidate explains")
+    found = Naming((first,), (), (), current, free_heats(current), threshold)
+    if found.is_unknown:
+        return found
+    rounds = [with_refits(first, tell)]
     accepted: list[tuple[Candidate, Parameter]] = []
     while True:
-        tell("scoring")
-        found = look(current, [c for c in candidates if c not in [a for a, _ in accepted]], tell)
-        rounds.append(found)
-        possible = [refit for refit in found.refits if refit.possible]
-        best = max(possible, key=lambda r: r.log_bayes_factor, default=None)
-        if best is None or best.log_bayes_factor <= max(threshold, found.null) or len(accepted) == MOST_TERMS:
+        best = max((r for r in rounds[-1].refits if r.possible), key=lambda r: r.log_bayes_factor, default=None)
+        if best is None or best.log_bayes_factor <= max(threshold, rounds[-1].null) or len(accepted) == MOST_TERMS:
             break
         accepted.append((best.candidate, best.parameter))
-        current = _refitted_noise(best.fit, candidates, tell, passes=1)
+        tell("fitting the noise")
+        current = under_its_noise(best.fit, candidates)
+        tell("scoring")
+        left = [c for c in candidates if c not in [a for a, _ in accepted]]
+        rounds.append(with_refits(scored(current, left), tell))
     tell("leaving out")
-    return _eliminated(tuple(rounds), accepted, current, model, threshold)
+    return _eliminated(replace(found, rounds=tuple(rounds), final=current), accepted, model)
 
 
-def look(current: Fit, candidates: Sequence[Candidate], tell: Tell) -> Round:
-    """Score every candidate at a fit and refit the leading ones."""
-    chosen, parameters, parts, dropped = _linearised(current, candidates)
+def scored(current: Fit, candidates: Sequence[Candidate]) -> Round:
+    """The score of every candidate at a fit, none refitted yet."""
+    chosen, parameters, parts, dropped = linearised(current, candidates)
     projector, v, e0 = stacked(current, parts)
     sigma = np.array([p.sd for p in parameters])
     sign = np.array([c.sign for c in chosen], dtype=np.float64)
     scores = score(v, e0, projector, sigma, sign)
     gram = projector.inner(v, v)
     null = null_quantile(gram, sigma, sign)
-    refits = []
-    leading = [int(i) for i in np.argsort(-scores.log_bayes_factor, kind="stable")[:REFITTED]]
-    for i in leading:
-        if scores.log_bayes_factor[i] < WORTH_REFITTING:
-            continue
-        tell(f"refitting {chosen[i].cause}")
-        refit = refitted(current, chosen[i], parameters[i])
-        if refit is None:
-            dropped.append(str(chosen[i].cause))
-        else:
-            refits.append(refit)
-    return Round(current, tuple(chosen), tuple(parameters), scores, gram, null, tuple(refits), tuple(dropped))
+    return Round(current, tuple(chosen), tuple(parameters), scores, gram, null, (), tuple(dropped))
 
 
-def _linearised(
-    current: Fit, candidates: Sequence[Candidate]
-) -> tuple[list[Candidate], list[Parameter], Sequence[Columns], list[str]]:
-    proposals = Proposals(current.model, current.beta)
-    chosen = [c for c in candidates if not c.discrete and not c.repeated]
-    parameters = [proposals.parameter(c) for c in chosen]
-    parts = current.model.linearise(current.beta, parameters)
-    stack = np.concatenate([p.extra for p in parts])
-    good = np.isfinite(stack).all(axis=0) & (np.abs(stack).max(axis=0) > 1e-9)
-    dropped = [str(c.cause) for c, ok in zip(chosen, np.isfinite(stack).all(axis=0), strict=True) if not ok]
-    kept = np.flatnonzero(good)
-    parts = [Columns(p.series, p.at, p.columns, p.extra[:, kept]) for p in parts]
-    return [chosen[i] for i in kept], [parameters[i] for i in kept], parts, dropped
+def with_refits(found: Round, tell: Tell) -> Round:
+    """The round with its leading candidates refitted, two at a time."""
+    leading = [i for i in found.order()[:REFITTED] if found.scores.log_bayes_factor[i] >= WORTH_REFITTING]
 
+    def one(i: int) -> Refit | None:
+        tell(f"refitting {found.candidates[i].cause}")
+        return refitted(found.base, found.candidates[i], found.parameters[i])
 
-def stacked(current: Fit, parts: Sequence[Columns]) -> tuple[Projector, Floats, Floats]:
-    """The projector of the free parameters, whitened candidates (N, c) and the residual referred back to the prior mean."""
-    model, beta = current.model, current.beta
-    free = (beta > model.low) & (beta < model.high)
-    a_rows, v_rows, e_rows = [], [], []
-    for part in parts:
-        white = model.whitened(part.series, np.column_stack([part.series.y, part.columns, part.extra]))
-        p = part.columns.shape[1]
-        a = np.zeros((len(white), beta.size))
-        a[:, part.at] = white[:, 1 : 1 + p]
-        a_rows.append(a)
-        e_rows.append(white[:, 0])
-        v_rows.append(white[:, 1 + p :])
-    a = np.concatenate(a_rows)[:, free]
-    return Projector.of(a, 1 / model.sd[free] ** 2), np.concatenate(v_rows), np.concatenate(e_rows) + a @ beta[free]
+    with ThreadPoolExecutor(2) as pool:
+        refits = list(pool.map(one, leading))
+    lost = [str(found.candidates[i].cause) for i, refit in zip(leading, refits, strict=True) if refit is None]
+    return replace(found, refits=tuple(r for r in refits if r is not None), dropped=(*found.dropped, *lost))
 
 
 def refitted(current: Fit, candidate: Candidate, parameter: Parameter) -> Refit | None:
@@ -187,81 +171,6 @@ def _compared(found: Fit, without: Fit, candidate: Candidate, parameter: Paramet
     return Refit(candidate, parameter, found, gain, amplitude, sd)
 
 
-def _refitted_noise(current: Fit, candidates: Sequence[Candidate], tell: Tell, passes: int = 2) -> Fit:
-    """The fit under noise fitted with the leading candidates in the design; at first the families' priors are fitted too."""
-    for number in range(passes):
-        tell("fitting the noise")
-        noise = _fitted_noise(_design(current, candidates))
-        current = fit(current.model.with_noise(noise), current.beta, enough=NEAR_ENOUGH)
-        if passes > 1 and number == 0:
-            tell("fitting the priors of families")
-            current = fit(_with_pooled_priors(_design(current, candidates)), current.beta, enough=NEAR_ENOUGH)
-    return current
-
-
-@dataclass(frozen=True)
-class _Design:
-    """A fit with its `leading` candidates beside it: `free` parameters (not at a bound), columns `a` (N, f) and `v` (N, l)
-    whitened, `sigma` (l,) of the candidates, `e0` (N,), and the series with their columns as they stand."""
-
-    current: Fit
-    free: NDArray[np.bool_]
-    a: Floats
-    v: Floats
-    sigma: Floats
-    e0: Floats
-    parts: Sequence[Columns]
-
-
-def _design(current: Fit, candidates: Sequence[Candidate]) -> _Design:
-    _, parameters, parts, _ = _linearised(current, candidates)
-    projector, v, e0 = stacked(current, parts)
-    sigma = np.array([p.sd for p in parameters])
-    scores = score(v, e0, projector, sigma, np.zeros(len(sigma)))
-    leading = np.argsort(-scores.log_bayes_factor, kind="stable")[:IN_DESIGN]
-    free = (current.beta > current.model.low) & (current.beta < current.model.high)
-    kept = [Columns(p.series, p.at, p.columns, p.extra[:, leading]) for p in parts]
-    return _Design(current, free, projector.columns, v[:, leading], sigma[leading], e0, kept)
-
-
-def _fitted_noise(design: _Design) -> Mapping[str, ChannelNoise]:
-    """The channels' noise by restricted maximum likelihood, parameters and leading candidates integrated out."""
-    current, free = design.current, design.free
-    observed = []
-    for part in design.parts:
-        columns = np.zeros((part.series.y.size, current.beta.size))
-        columns[:, part.at] = part.columns
-        own = np.column_stack([columns[:, free], part.extra])
-        observed.append(Observed(part.series, part.series.y + columns[:, free] @ current.beta[free], own))
-    precision = 1 / np.concatenate([current.model.sd[free], design.sigma]) ** 2
-    return reml(observed, precision, slowest_mode_s(current), rises(current.model)).noise
-
-
-def _with_pooled_priors(design: _Design) -> Model:
-    """The model with the priors of its families of healthy differences scaled by the data."""
-    model = design.current.model
-    columns = np.hstack([design.a, design.v])
-    kind, gram, right = kinds(model.network), columns.T @ columns, columns.T @ design.e0
-    scales = pooled_scales(model.parameters, design.free, kind, gram, right, design.sigma)
-    return model.with_priors([replace(p, sd=p.sd * s) for p, s in zip(model.parameters, scales, strict=True)])
-
-
-def slowest_mode_s(current: Fit) -> float:
-    """The longest time constant of the fitted network at the mean of its tests [s]."""
-    return max(current.model.slowest_s(s, current.beta) for s in range(len(current.model.tests)))
-
-
-def rises(model: Model) -> dict[str, float]:
-    """Channel -> how far it rises over the coldest boundary, at least 1 K."""
-    rise: dict[str, float] = {}
-    for test in model.tests:
-        coldest = float(test.frame.boundaries.mean(axis=0).min())
-        for channel in test.channels:
-            hottest = channel.measured[channel.output.samples > 0].max(initial=coldest)
-            rise[channel.name] = max(rise.get(channel.name, 1.0), float(hottest) - coldest)
-    return rise
-
-
 def _without(current: Fit, place: int, calm: Floats) -> Fit:
     """The fit without one term, from where the others are; from the first fit `calm` with no term where that runs away."""
     model = current.model.without(place)
@@ -271,25 +180,20 @@ def _without(current: Fit, place: int, calm: Floats) -> Fit:
         return fit(model, np.append(calm, np.zeros(len(model.parameters) - len(calm))), enough=NEAR_ENOUGH)
 
 
-def _eliminated(
-    rounds: tuple[Round, ...],
-    accepted: list[tuple[Candidate, Parameter]],
-    current: Fit,
-    model: Model,
-    threshold: float,
-) -> Naming:
+def _eliminated(found: Naming, accepted: list[tuple[Candidate, Parameter]], model: Model) -> Naming:
     """Leave every term out once, both sides fitted; the weakest goes while it is under the threshold."""
     left_out: list[tuple[Candidate, float]] = []
+    current = found.final
     while accepted:
         compared = []
         for i, (candidate, parameter) in enumerate(accepted):
             place = len(model.parameters) + i
-            without = _without(current, place, rounds[0].base.beta)
+            without = _without(current, place, found.rounds[0].base.beta)
             compared.append((_compared(current, without, candidate, parameter, place), without))
         weakest = min(range(len(compared)), key=lambda i: compared[i][0].log_bayes_factor)
-        if compared[weakest][0].log_bayes_factor > threshold:
-            return Naming(rounds, tuple(c for c, _ in compared), tuple(left_out), current, threshold)
+        if compared[weakest][0].log_bayes_factor > found.threshold:
+            return replace(found, accepted=tuple(c for c, _ in compared), left_out=tuple(left_out), final=current)
         left_out.append((accepted[weakest][0], compared[weakest][0].log_bayes_factor))
         current = compared[weakest][1]
         del accepted[weakest]
-    return Naming(rounds, (), tuple(left_out), current, threshold)
+    return replace(found, left_out=tuple(left_out), final=current)

@@ -42,11 +42,11 @@ from twin.columns import InputChannel, ObservedChannel, Reading
 from twin.errors import TwinError
 from twin.everyday import everyday
 from twin.features import Monomial
-from twin.fit import Fit, fit
+from twin.fit import NEAR_ENOUGH, Fit, fit
 from twin.free_heats import Unknown, describe, free_heats
 from twin.learned import size
 from twin.model import Model, Test
-from twin.naming import NEAR_ENOUGH, Naming, Refit, search
+from twin.naming import Naming, Refit, search
 from twin.network import Network
 from twin.swaps import Swap, exchanged, misread, scan
 
@@ -291,15 +291,9 @@ def _find(campaign: _Campaign, model: Model, swaps: list[Swap], kept: list[Test]
     if swaps:
         model = Model(campaign.network, straight, everyday(campaign.network, straight))
     naming = search(model, campaign.candidates, tell)
-    tell("looking for heat that no candidate explains")
-    first = naming.rounds[0]
-    heats = free_heats(first.base)
-    best = heats[0]
-    linear = float(first.scores.log_bayes_factor.max(initial=0.0))
-    unknown: list[Unknown] = []
-    if best.log_bayes_factor > max(naming.threshold, linear):
-        unknown = [describe(first.base, best)]
-        naming = replace(naming, accepted=(), final=first.base)
+    best, unknown = naming.heats[0], list[Unknown]()
+    if naming.is_unknown:
+        unknown = [describe(naming.final, best)]
     elif naming.accepted:
         after = free_heats(naming.final)[0]
         if after.log_bayes_factor > naming.threshold:

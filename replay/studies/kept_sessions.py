@@ -13,8 +13,8 @@ from replay.studies.diagnosis import Gain
 from twin.fit import Fit
 from twin.gain import held_out_gain, removes_excess
 from twin.kept import KeptTests, Prediction, kept_tests
+from twin.mode import slowest_mode_s
 from twin.model import Channel, Test
-from twin.naming import slowest_mode_s
 from twin.noise import floor_variance
 
 Floats = NDArray[np.float64]

@@ -14,8 +14,8 @@ from twin.actions import FreeHeat, Parameter
 from twin.everyday import everyday
 from twin.fit import Fit, fit
 from twin.free_heats import _responses, describe, free_heats
+from twin.mode import stacked
 from twin.model import Model
-from twin.naming import stacked
 from twin.network import Network, Source, Term
 from twin.noise import ChannelNoise
 from twin.unknown import SPACING_S, tent_times

@@ -17,8 +17,9 @@ from twin.columns import InputChannel, ObservedChannel
 from twin.errors import DivergedError
 from twin.everyday import everyday
 from twin.fit import Fit, fit
+from twin.mode import rises, slowest_mode_s
 from twin.model import Model, Test
-from twin.naming import Naming, look, rises, search, slowest_mode_s
+from twin.naming import Naming, scored, search, with_refits
 from twin.network import Network, Term
 from twin.proposals import Proposals
 
@@ -131,10 +132,10 @@ def test_a_candidate_without_a_finite_column_is_dropped_and_said(calibrated: Fit
     some = [c for c in CANDIDATES if c.cause.kind == "loss"]
     names = {str(c.cause) for c in some if c.cause.law == "speed3"}
     assert names
-    found = look(broken, some, lambda _: None)
+    found = with_refits(scored(broken, some), lambda _: None)
     assert set(found.dropped) == names
     assert names.isdisjoint(str(c.cause) for c in found.candidates)
-    expected = look(calibrated, [c for c in some if str(c.cause) not in names], lambda _: None)
+    expected = with_refits(scored(calibrated, [c for c in some if str(c.cause) not in names]), lambda _: None)
     assert [c.cause for c in found.candidates] == [c.cause for c in expected.candidates]
     np.testing.assert_allclose(found.scores.log_bayes_factor, expected.scores.log_bayes_factor, atol=0.02)
 

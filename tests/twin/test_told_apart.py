@@ -19,8 +19,9 @@ from twin.columns import ClockError, InputChannel, ObservedChannel
 from twin.everyday import everyday, of_test
 from twin.evidence import Scores, log_bayes_factor, posterior, prior_masses
 from twin.fit import Fit, fit
+from twin.mode import stacked
 from twin.model import Model, Test
-from twin.naming import Refit, Round, stacked
+from twin.naming import Refit, Round
 from twin.next_tests import as_test, menu
 from twin.noise import ChannelNoise
 from twin.proposals import Proposals
