@@ -37,6 +37,12 @@ REFIT_LINEARISATIONS = 6
 Tell = Callable[[str], None]
 
 
+def is_possible(parameter: Parameter, amplitude: float) -> bool:
+    """Whether a cause can have this amplitude: within four prior sd, and no less than what is there to be taken away."""
+    taken = parameter.low < 0.0 and amplitude <= parameter.low
+    return abs(amplitude) <= MOST_SIGMAS * parameter.sd and not taken
+
+
 @dataclass(frozen=True)
 class Refit:
     """A candidate after a full fit: ln BF against the model without it by Laplace, amplitude and its sd."""
@@ -50,8 +56,8 @@ class Refit:
 
     @property
     def possible(self) -> bool:
-        """Whether the amplitude is one that such a cause can have."""
-        return abs(self.amplitude) <= MOST_SIGMAS * self.parameter.sd
+        """Whether the amplitude is one that such a cause can have: the data want no more of it than there can be."""
+        return is_possible(self.parameter, self.amplitude)
 
 
 @dataclass(frozen=True)

@@ -43,13 +43,17 @@ class Proposals:
         self._boundaries = np.concatenate([t.frame.boundaries for t in self.tests])
 
     def parameter(self, candidate: Candidate) -> Parameter:
-        """The candidate at amplitude 0, with the sd of its prior; held to its sign where it has one."""
+        """The candidate at amplitude 0, with the sd of its prior; held to its sign where it has one, and where it adds to a law,
+        to what leaves that law above 0 in the mean."""
         action, per = self._action(candidate)
         sd = candidate.sigma.value(self.scales) * per
         low = 0.0 if candidate.sign > 0 else -np.inf
         high = 0.0 if candidate.sign < 0 else np.inf
-        if isinstance(action, actions.Lag):
-            low = 0.0
+        match action, candidate.column:
+            case actions.Lag(), _:
+                low = 0.0
+            case actions.Added(_, feature, rms), AddedTerms(terms) if low < 0.0:
+                low = -min(self._mean_of(place) for place, _ in terms) * rms / self._mean(feature)
         return Parameter(str(candidate.cause), action, sd, low=low, high=high)
 
     def _action(self, candidate: Candidate) -> tuple[actions.Action, float]:
@@ -93,6 +97,16 @@ class Proposals:
         if feature == "constant":
             return 1.0
         return max(1e-12, float(np.sqrt(np.mean(np.concatenate([t.features[feature] for t in self.tests]) ** 2))))
+
+    def _mean(self, feature: str) -> float:
+        """Mean of a product of features over the tests."""
+        if feature == "constant":
+            return 1.0
+        return max(1e-12, float(np.mean(np.concatenate([t.features[feature] for t in self.tests]))))
+
+    def _mean_of(self, names: Names) -> float:
+        """Mean of a source [W] or link [W/K] over the tests about the vector."""
+        return float(self._values[:, list(self.terms(names))].sum(axis=1).mean())
 
     def _tilt(self, places: Sequence[Names]) -> tuple[actions.Action, float]:
         found, references, sizes = [], [], []

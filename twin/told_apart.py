@@ -13,7 +13,7 @@ from twin.errors import DivergedError
 from twin.everyday import of_test
 from twin.evidence import TOLD_APART, posterior, prior_masses, separation, told_apart_class
 from twin.model import Columns, Model
-from twin.naming import MOST_SIGMAS, Round
+from twin.naming import Round, is_possible
 from twin.next_tests import Proposed, as_test, menu
 
 Floats = NDArray[np.float64]
@@ -62,11 +62,9 @@ def _refitted(found: Round) -> tuple[Floats, Floats, NDArray[np.bool_]]:
 
 
 def _possible(found: Round, amplitude: Floats) -> NDArray[np.bool_]:
-    """Whether an amplitude is within its physical range: four prior sd, and of its sign where it has one."""
-    possible: NDArray[np.bool_] = (np.abs(amplitude) <= MOST_SIGMAS * found.scores.sigma) & (
-        found.scores.sign * amplitude >= 0
-    )
-    return possible
+    """Whether an amplitude is within its physical range, and of its sign where it has one."""
+    within = [is_possible(p, float(a)) for p, a in zip(found.parameters, amplitude, strict=True)]
+    return np.array(within) & (found.scores.sign * amplitude >= 0)
 
 
 # --- The next test ----------------------------------------------------------------------------------------------------------

@@ -11,7 +11,8 @@ from made_motor import AMBIENT_DEGC, CHANNELS, COOLANT_DEGC, SINGLE, every_law, 
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from twin import naming
+from twin import actions, naming
+from twin.actions import Parameter
 from twin.candidates import Candidate, added_monomials, generate
 from twin.columns import InputChannel, ObservedChannel
 from twin.errors import DivergedError
@@ -156,3 +157,13 @@ def test_the_slowest_mode_and_the_rises_are_those_of_the_motor(calibrated: Fit) 
     for channel, rise in rises(calibrated.model).items():
         top = max(c.measured.max() for t in calibrated.model.tests for c in t.channels if c.name == channel)
         assert rise == pytest.approx(top - min(COOLANT_DEGC, AMBIENT_DEGC))
+
+
+def test_what_takes_away_more_than_there_is_is_not_possible() -> None:
+    """It ends at its bound; a cause that has a sign may end at 0, and none may be larger than four prior sd."""
+    cooling = Parameter("p", actions.Bias("W_1"), 1.0, low=-2.0)
+    assert naming.is_possible(cooling, -1.9)
+    assert not naming.is_possible(cooling, -2.0)
+    assert naming.is_possible(cooling, 4.0)
+    assert not naming.is_possible(cooling, 4.1)
+    assert naming.is_possible(Parameter("p", actions.Bias("W_1"), 1.0, low=0.0), 0.0)

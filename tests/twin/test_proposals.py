@@ -64,6 +64,17 @@ def test_an_added_heat_is_measured_in_watts_of_root_mean_square(proposals: Propo
     assert found.sd == pytest.approx(0.05 * mean_loss_W(every_law(), tests))
 
 
+def test_no_more_heat_is_taken_away_than_there_is(proposals: Proposals, tests: list[Test]) -> None:
+    """At its bound, what is added makes the mean of the law 0."""
+    found = proposals.parameter(CANDIDATES["loss.magnet.speed2_current2"])
+    own = np.concatenate([proposals.model.course(s, np.zeros(0))[2][:, 12] for s in range(len(tests))])
+    feature = np.concatenate([t.features["speed2_current2"] for t in tests])
+    added = found.low * feature / _rms(tests, "speed2_current2")
+    assert own.mean() > 0
+    assert added.mean() == pytest.approx(-own.mean())
+    assert found.high == np.inf
+
+
 def test_a_heat_in_copper_goes_with_copper(proposals: Proposals) -> None:
     action = proposals.parameter(CANDIDATES["loss.winding.current2"]).action
     assert isinstance(action, actions.Added)

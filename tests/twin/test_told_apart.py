@@ -56,7 +56,7 @@ def _round(
     nothing = cast(Any, None)
     one = Parameter("one", InputGain("current"), sd=1.0)
     found = tuple(Refit(candidates[i], one, nothing, bf, a, 0.1) for i, (bf, a) in refits.items())
-    return Round(nothing, candidates, (), scores, 4.0 * rho, 4.0, found, ())
+    return Round(nothing, candidates, (one,) * 4, scores, 4.0 * rho, 4.0, found, ())
 
 
 ALIKE = np.array([[1.0, 0.999, 0.1, 0.0], [0.999, 1.0, 0.1, 0.0], [0.1, 0.1, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
