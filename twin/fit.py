@@ -22,6 +22,7 @@ from twin.model import Columns, Model
 from twin.noise import log_det
 
 Floats = NDArray[np.float64]
+Tried = tuple[float, list[Floats]]  # cost and whitened residuals
 
 NEAR_ENOUGH = 0.5  # of ln posterior, where evidences are compared
 ENOUGH = 0.05  # what is left to gain in ln posterior, by the quadratic model, when the search ends
@@ -29,6 +30,7 @@ LINEARISATIONS = 25
 STEPS = 4  # with one linearisation
 PROBE = 0.1  # of a step, for the curvature along it
 MOST_BEND = 0.5  # of the step, in the metric of the Hessian
+SHORTEST, WORTH_SHORTENING = 0.05, 0.8  # of a step
 WORTH = 0.5  # of the last step's gain: below, a new linearisation is due
 
 
@@ -76,6 +78,8 @@ def fit(model: Model, start: Floats, enough: float = ENOUGH, linearisations: int
                 beta + step + _bend(model, parts, white, hessian, damping, beta, residual, step), model.low, model.high
             )
             found = _try(model, trial)
+            if found is not None:
+                trial, found = _along(model, beta, cost, slope, trial, found)
             if found is None or found[0] >= cost:
                 damping = damping * 10
                 if moved or damping > 1e6:
@@ -123,13 +127,26 @@ def _bend(
     return bend if size < MOST_BEND * most else np.zeros_like(step)
 
 
-def _try(model: Model, beta: Floats) -> tuple[float, list[Floats]] | None:
+def _try(model: Model, beta: Floats) -> Tried | None:
     try:
         series = model.residuals(beta)
     except DivergedError:
         return None
     white = [model.whitened(s, s.y[:, None])[:, 0] for s in series]
     return float(sum(w @ w for w in white) + np.sum((beta / model.sd) ** 2)) / 2, white
+
+
+def _along(model: Model, beta: Floats, cost: float, slope: Floats, trial: Floats, found: Tried) -> tuple[Floats, Tried]:
+    """The step, or a shorter one to the lowest point of the parabola through its ends where that is lower: a model that misfits
+    bends more than its Gauss-Newton Hessian says, and full steps only swing from side to side of a valley."""
+    downhill = float(slope @ (trial - beta))
+    bent = found[0] - cost + downhill
+    share = downhill / (2 * bent) if bent > 0 else 1.0
+    if not SHORTEST < share < WORTH_SHORTENING:
+        return trial, found
+    shorter = beta + share * (trial - beta)
+    again = _try(model, shorter)
+    return (shorter, again) if again is not None and again[0] < found[0] else (trial, found)
 
 
 def _quadratic(

@@ -28,11 +28,13 @@ from twin.unknown import FreeHeat
 
 Floats = NDArray[np.float64]
 
-THRESHOLD = 12.0  # ln BF that a term must exceed; healthy motors of another form set it (benchmarks/trials.py)
+THRESHOLD = 6.0  # ln BF that a term must exceed; healthy motors of another form set it (benchmarks/trials.py)
 MOST_TERMS = 3
 MOST_SIGMAS = 4.0  # prior sd of a candidate: a larger amplitude is not what its name says
 REFITTED, WORTH_REFITTING = 5, 4.0  # how many, and from which linear ln BF on
 REFIT_LINEARISATIONS = 6
+FAR_BEHIND = 15.0  # of the leading one in linear ln BF: not refitted
+WORTH_TAKING = 0.1  # of a candidate's prior sd: below, a refit starts where all else is
 
 Tell = Callable[[str], None]
 
@@ -140,7 +142,9 @@ def scored(current: Fit, candidates: Sequence[Candidate]) -> Round:
 
 def with_refits(found: Round, tell: Tell) -> Round:
     """The round with its leading candidates refitted, two at a time."""
-    leading = [i for i in found.order()[:REFITTED] if found.scores.log_bayes_factor[i] >= WORTH_REFITTING]
+    linear = found.scores.log_bayes_factor
+    least = max(WORTH_REFITTING, float(linear.max(initial=0.0)) - FAR_BEHIND)
+    leading = [i for i in found.order()[:REFITTED] if linear[i] >= least]
 
     def one(i: int) -> Refit | None:
         tell(f"refitting {found.candidates[i].cause}")
@@ -153,18 +157,37 @@ def with_refits(found: Round, tell: Tell) -> Round:
 
 
 def refitted(current: Fit, candidate: Candidate, parameter: Parameter) -> Refit | None:
-    """The full fit with one more term, from amplitude 0: its first step moves all else along. None where it runs away."""
+    """The full fit with one more term; its first step moves all else along. None where it runs away."""
+    beta, amplitude = _taken_over(current, parameter)
     start = 1e-3 * parameter.sd if parameter.low == 0.0 else 0.0
     try:
         found = fit(
             current.model.plus([parameter]),
-            np.append(current.beta, start),
+            np.append(beta, amplitude or start),
             enough=NEAR_ENOUGH,
             linearisations=REFIT_LINEARISATIONS,
         )
     except (DivergedError, np.linalg.LinAlgError):
         return None
     return _compared(found, current, candidate, parameter, len(found.beta) - 1)
+
+
+def _taken_over(current: Fit, parameter: Parameter) -> tuple[Floats, float]:
+    """The vector and an amplitude of the term that leave the prediction as it is: the term takes what the healthy differences
+    that do the same have had to do so far, of those of single tests their mean. No step of a search finds back from there
+    where a reading bends, as with a lag far beyond its healthy size."""
+    beta, parameters = current.beta.copy(), current.model.parameters
+    same = [p for p, other in enumerate(parameters) if other.action == parameter.action]
+    amplitude = 0.0
+    for of_tests in (False, True):
+        own = [p for p in same if (parameters[p].test is not None) == of_tests]
+        if own:
+            moved = float(beta[own].sum()) / (len(own) if of_tests else 1)
+            beta[own] = beta[own] - moved if of_tests else 0.0
+            amplitude += moved
+    if abs(amplitude) < WORTH_TAKING * parameter.sd or not parameter.low < amplitude < parameter.high:
+        return current.beta, 0.0
+    return beta, amplitude
 
 
 def _compared(found: Fit, without: Fit, candidate: Candidate, parameter: Parameter, place: int) -> Refit:
