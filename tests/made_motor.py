@@ -13,7 +13,7 @@ from twin.features import Monomial, evaluate, monomials, product
 from twin.kernel import Compiled, compile_network
 from twin.model import Channel, Test
 from twin.network import Boundary, Link, Network, Node, Source, TemperatureFactor, Term
-from twin.outputs import Output, reading
+from twin.outputs import Output, lagged
 from twin.simulate import Frame, simulate
 from twin.structure import parameters
 
@@ -144,7 +144,7 @@ def recorded(
     for channel, (weights, tau_s) in CHANNELS.items():
         held = np.ones(steps) if samples is None else samples.get(channel, np.ones(steps))
         output = Output(weights, tau_s, 4.0 * held, np.full(steps, 0.5))
-        shown = reading(output, edges, [n.name for n in network.nodes], FINE_S)
+        shown = lagged(edges @ [weights.get(n.name, 0.0) for n in network.nodes], tau_s, FINE_S)
         measured = _step_means((shown[:-1] + shown[1:]) / 2) + (off_K or {}).get(channel, 0.0)
         if rng is not None:
             measured = measured + rng.normal(0, white_sd / 2, steps)

@@ -27,7 +27,7 @@ def run(features, boundaries, step_s, coefficients, capacities, copper, factors,
 '''
 
 
-class Writer:
+class _Writer:
     """Lines of the body, and what is added to each entry of the step matrix and of its right-hand side."""
 
     def __init__(self, structure: Structure) -> None:
@@ -55,33 +55,18 @@ def generate(structure: Structure, tableau: Tableau) -> str:
 
     It fills `out[1:]` from `out[0]`; arrays as in `Frame` and `Parameters`. `CACHE` is left to whoever loads the text.
     """
-    w = step(structure, tableau)
-    end_step(w, tableau)
-    return HEAD + w.text()
-
-
-def step(structure: Structure, tableau: Tableau) -> Writer:
-    """One step up to its last stage: the state `T` is still that of its start."""
-    w = Writer(structure)
+    w = _Writer(structure)
     _read_state(w, tableau)
     for index, group in enumerate(structure.groups):
         _group(w, index, group)
     _factorise(w)
     _stages(w, tableau)
     w.hoisted += [f"T{i} = out[0, {i}]" for i in range(structure.n)]
-    return w
+    _end_step(w, tableau)
+    return HEAD + w.text()
 
 
-def end_step(w: Writer, tableau: Tableau) -> None:
-    """The state at the step's end, kept in `out`."""
-    last = len(tableau.b) - 1
-    for i in range(w.structure.n):
-        sums = "".join(f" + {b / tableau.gamma!r} * D{s}_{i}" for s, b in enumerate(tableau.b))
-        w.lines.append(f"T{i} = z{last}_{i}" if tableau.stiffly_accurate else f"T{i} = T{i}{sums}")
-    w.lines += [f"out[k + 1, {i}] = T{i}" for i in range(w.structure.n)]
-
-
-def _read_state(w: Writer, tableau: Tableau) -> None:
+def _read_state(w: _Writer, tableau: Tableau) -> None:
     w.hoisted += [f"C{i} = capacities[{i}] / ({tableau.gamma!r} * step_s)" for i in range(w.structure.n)]
     if any(group.own for group in w.structure.groups):
         w.hoisted += ["alpha = copper[0]", "reference = copper[1]"]
@@ -90,7 +75,7 @@ def _read_state(w: Writer, tableau: Tableau) -> None:
     w.lines += [f"B{j} = boundaries[k, {j}]" for j in boundaries]
 
 
-def _group(w: Writer, index: int, group: Group) -> None:
+def _group(w: _Writer, index: int, group: Group) -> None:
     g = f"g{index}"
     w.hoisted += [f"c{i} = coefficients[{i}]" for i, _ in group.terms]
     w.lines.append(f"{g} = " + " + ".join(f"c{i}" if j == CONSTANT else f"c{i} * f{j}" for i, j in group.terms))
@@ -103,7 +88,7 @@ def _group(w: Writer, index: int, group: Group) -> None:
         _link(w, index, group)
 
 
-def _source(w: Writer, index: int, group: Group) -> None:
+def _source(w: _Writer, index: int, group: Group) -> None:
     """Heat g x y into node a, linear about the start: x the copper factor or its inverse, y the temperature factor."""
     g, a = f"g{index}", group.a
     if group.own:
@@ -125,7 +110,7 @@ def _source(w: Writer, index: int, group: Group) -> None:
     w.right[a].append(f"+ {g}")
 
 
-def _link(w: Writer, index: int, group: Group) -> None:
+def _link(w: _Writer, index: int, group: Group) -> None:
     """Heat g y (T_b - T_a) into node a and out of node b, linear about the start in the factor's temperature."""
     g, a, b, m = f"g{index}", group.a, group.b, group.other
     boundary = b >= w.structure.n
@@ -147,7 +132,7 @@ def _link(w: Writer, index: int, group: Group) -> None:
         w.right[b].append(f"+ q{index} * T{m}")
 
 
-def _factorise(w: Writer) -> None:
+def _factorise(w: _Writer) -> None:
     """L and U of the step matrix along the diagonal, row by row in the order of elimination; `d` is 1 / pivot.
 
     Every variable is assigned once: numba compiles that in a fraction of the time that updates in place take.
@@ -168,7 +153,7 @@ def _factorise(w: Writer) -> None:
             w.lines.append(f"l{i}_{p} = {column} * d{p}")
 
 
-def _stages(w: Writer, tableau: Tableau) -> None:
+def _stages(w: _Writer, tableau: Tableau) -> None:
     """`z` is a stage's temperature, `D` its distance from the stage's base."""
     nodes, last = range(w.structure.n), len(tableau.b) - 1
     w.lines += [f"R{i} = " + (" ".join(w.right[i]) or "0.0").removeprefix("+ ") for i in nodes]
@@ -180,7 +165,7 @@ def _stages(w: Writer, tableau: Tableau) -> None:
             w.lines += [f"D{s}_{i} = z{s}_{i} - ({bases[i]})" for i in nodes]
 
 
-def _solve(w: Writer, stage: int, bases: Sequence[str]) -> None:
+def _solve(w: _Writer, stage: int, bases: Sequence[str]) -> None:
     """One stage: forward along the order with L into `v`, backward with U into `z`."""
     order, later = w.structure.pattern.order, w.structure.pattern.later
     for i in order:
@@ -189,3 +174,12 @@ def _solve(w: Writer, stage: int, bases: Sequence[str]) -> None:
     for i in reversed(order):
         known = "".join(f" - u{i}_{j} * z{stage}_{j}" for j in later[i])
         w.lines.append(f"z{stage}_{i} = (v{stage}_{i}{known}) * d{i}")
+
+
+def _end_step(w: _Writer, tableau: Tableau) -> None:
+    """The state at the step's end, kept in `out`."""
+    last = len(tableau.b) - 1
+    for i in range(w.structure.n):
+        sums = "".join(f" + {b / tableau.gamma!r} * D{s}_{i}" for s, b in enumerate(tableau.b))
+        w.lines.append(f"T{i} = z{last}_{i}" if tableau.stiffly_accurate else f"T{i} = T{i}{sums}")
+    w.lines += [f"out[k + 1, {i}] = T{i}" for i in range(w.structure.n)]

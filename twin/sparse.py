@@ -19,11 +19,6 @@ class Pattern:
     order: tuple[int, ...]
     later: tuple[tuple[int, ...], ...]
 
-    @property
-    def entries(self) -> int:
-        """Off-diagonal entries of one factor, fill included."""
-        return sum(len(row) for row in self.later)
-
 
 def factorise(n: int, edges: Iterable[tuple[int, int]]) -> Pattern:
     """Minimum degree order (ties: the lower index) of `n` nodes with couplings `edges`, and the filled pattern."""

@@ -3,25 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+import numpy as np
+from threadpoolctl import threadpool_limits
 
 import twin
 from ingest.events import CalibrationCompleted, Event, ModelPublished, SessionRecorded
 from ingest.facts import Facts
 from ingest.store import Store
 from replay.engine.identity import environment, run_id, source_hash
-from replay.engine.kernel_cache import load as load_kernel
 from replay.engine.models import model_of
 from replay.engine.motor_file import read_motor
 from replay.engine.motor_text import written
 from replay.errors import ReplayDataError
-from replay.studies.problem import problem_of
-from twin.calibration import BOUND, Calibration, Estimate, Problem, calibrate, kernels
-from twin.calibration_noise import widened_noise
+from replay.studies.recorded import STEP_S, test_of
+from twin.calibration import Calibration, Estimate, calibrate
 from twin.errors import TwinError
-from twin.integrators import DEFAULT
+from twin.model import Test
 
 UNITS = {"loss": "W", "conductance": "W/K", "capacity": "J/K"}
 
@@ -47,14 +48,17 @@ def calibrate_sessions(
     name = facts.models[parent].file
     data = store.archive.read(parent)
     network = read_motor(data, name)
-    problem = problem_of(store, facts, sessions, network, level)
-    try:
-        kernel = kernels(network, load_kernel)
-        near = calibrate(problem, kernel)
-        problem = replace(problem, noise=widened_noise(problem, kernel, near.beta))
-        result = calibrate(problem, kernel, near.beta)
-    except TwinError as error:
-        raise ReplayDataError(f"calibration of {network.name}: {error}") from None
+    tests = [test_of(store, facts, session, network, (), level) for session in sessions]
+    with threadpool_limits(1, user_api="blas"):  # the matrices are small: more threads only wait for each other
+        try:
+            result = calibrate(network, tests)
+        except TwinError as error:
+            raise ReplayDataError(f"calibration of {network.name}: {error}") from None
+        except np.linalg.LinAlgError as error:
+            raise ReplayDataError(
+                f"calibration of {network.name}: the fit broke off numerically ({error}): check the motor file with "
+                "`whyhot motor check`, and leave out the session that is furthest off (`whyhot replay` says which)."
+            ) from None
     key = _key(facts, sessions, parent, level)
     named = ", ".join(session.name for session in sessions)
     says = f"Calibrated on {named} from model {parent[:12]}.\nComments beside a number speak of its value before."
@@ -69,11 +73,11 @@ def calibrate_sessions(
         level=level,
         key=key,
         environment=environment(),
-        converged=result.converged,
-        iterations=near.iterations + result.iterations,
-        log_posterior=result.log_posterior,
+        converged=result.fit.converged,
+        iterations=result.iterations,
+        log_posterior=-result.fit.cost,
         parameters=[_parameter(estimate) for estimate in result.estimates],
-        errors=_errors(sessions, problem, result),
+        errors=_errors(sessions, tests, result),
     )
     return CalibrationResult(event, _keep(store, facts, event, name), result)
 
@@ -101,8 +105,9 @@ def _key(facts: Facts, sessions: Sequence[SessionRecorded], parent: str, level: 
         "decoder": sorted({d.decoder for d in decodes}),
         "parent": parent,
         "level": level,
-        "settings": {"integrator": DEFAULT.name, "step_s": DEFAULT.step_s, "bound": BOUND},
+        "settings": {"step_s": STEP_S},
         "twin": source_hash(Path(twin.__file__).parent),
+        "studies": source_hash(Path(__file__).parent),
     }
 
 
@@ -137,10 +142,10 @@ def _parameter(estimate: Estimate) -> dict[str, Any]:
     }
 
 
-def _errors(sessions: Sequence[SessionRecorded], problem: Problem, result: Calibration) -> list[dict[str, Any]]:
+def _errors(sessions: Sequence[SessionRecorded], tests: Sequence[Test], result: Calibration) -> list[dict[str, Any]]:
     entries = []
     for (s, channel), before in result.mae_before.items():
-        found = next(c for c in problem.sessions[s].channels if c.name == channel)
+        found = next(c for c in tests[s].channels if c.name == channel)
         entries.append(
             {
                 "session": sessions[s].session,

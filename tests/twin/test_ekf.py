@@ -16,7 +16,7 @@ from twin.ekf_step import Parts, advance, assemble, row
 from twin.errors import FrameError
 from twin.kernel import Compiled, compile_indexed
 from twin.network import Network, Term
-from twin.outputs import Output, reading
+from twin.outputs import lagged
 from twin.simulate import Frame, network_heat, simulate
 
 Floats = np.ndarray[Any, Any]
@@ -64,8 +64,7 @@ def readings(network: Network, inputs: Frame, temperatures: Floats, missing: flo
     found = []
     for name, tau in LAGS.items():
         place = rng.uniform(0, 1, steps)
-        output = Output({name: 1.0}, tau, np.ones(steps), place)
-        edges = reading(output, temperatures, nodes, inputs.step_s)
+        edges = lagged(temperatures[:, nodes.index(name)], tau, inputs.step_s)
         value = edges[:-1] + place * np.diff(edges) + rng.normal(0, NOISE_K, steps)
         value[rng.random(steps) < missing] = np.nan
         found.append(Reading(name, {name: 1.0}, tau, value, place, np.full(steps, NOISE_K**2)))
