@@ -241,15 +241,21 @@ def _by_name(pairs: Iterable[tuple[str | None, int]]) -> dict[str, list[int]]:
 
 
 def _sensors(channels: Sequence[Channel]) -> dict[str, list[int]]:
-    """Every name that a sensor may go by -> those that go by it: `node@signal`, and the bare node where one node is all
-    that it measures."""
+    """Every name that a sensor may go by -> those that go by it: `node@signal`, and the bare node of those that follow it most, by
+    more than half."""
     names: list[tuple[str | None, int]] = []
+    nearest: dict[str, list[tuple[float, int]]] = {}
     for i, channel in enumerate(channels):
         if _is_temperature(channel) and channel.role != "input" and (channel.node or channel.weights):
-            node = channel.node or max(channel.weights, key=lambda name: channel.weights[name])
+            shares = channel.weights or {str(channel.node): 1.0}
+            node = max(shares, key=lambda name: shares[name])
             signals = {spelt(channel.name), spelt(channel.signal or channel.name)}
             names += [(f"{node}@{signal}", i) for signal in sorted(signals)]
-            names += [(channel.node, i)] if channel.node else []
+            if shares[node] > 0.5:
+                nearest.setdefault(node, []).append((shares[node], i))
+    for node, own in nearest.items():
+        most = max(share for share, _ in own)
+        names += [(node, i) for share, i in own if share == most]
     return _by_name(names)
 
 

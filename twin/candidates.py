@@ -300,9 +300,11 @@ def _boundaries(network: Network) -> Iterator[Candidate]:
 
 
 def sensor_place(channel: ObservedChannel, channels: Sequence[ObservedChannel]) -> str:
-    """A sensor's place in ids: its node where it is the only channel of it alone, else `node@signal`."""
-    of_node = [c for c in channels if len(c.weights) == 1 and c.node == channel.node]
-    return channel.node if of_node == [channel] else f"{channel.node}@{spelt(channel.name)}"
+    """A sensor's place in ids: its node where it is the only channel that follows it alone, or, where none does, the only one that
+    follows it by more than half; else `node@signal`."""
+    own = [c for c in channels if c.node == channel.node and c.weights[c.node] > 0.5]
+    alone = [c for c in own if len(c.weights) == 1]
+    return channel.node if (alone or own) == [channel] else f"{channel.node}@{spelt(channel.name)}"
 
 
 def _sensors(network: Network, channels: Sequence[ObservedChannel]) -> Iterator[Candidate]:
@@ -349,4 +351,5 @@ def _ageing(network: Network) -> Iterator[Candidate]:
         limit = next(limits[end] for end in places[0] if end in limits)
         law = f"hours_above_{limit:.15g}degC"
         shown = tuple("-".join(place) for place in places) if len(places) > 1 else ()
-        yield Candidate(Cause("ageing", name, law), "1/100 h", Sigma(SESSION), 0, EntryFactor(places, law), shown)
+        cause, column = Cause("ageing", name, law), EntryFactor(places, law)
+        yield Candidate(cause, "1/100 h", Sigma(SESSION), 0, column, shown, repeated=True)

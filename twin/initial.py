@@ -19,19 +19,22 @@ def steady_interpolation(
     features_row: NDArray[np.float64],
     boundaries_row: NDArray[np.float64],
     measured: Mapping[str, tuple[float, float]],
+    weights: Mapping[str, Mapping[str, float]] | None = None,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Initial temperatures (n,) [degC] and their prior standard deviations (n,) [K].
 
-    A node of `measured`, node -> (temperature, sd), starts there, with that sd but at least 0.3 K. Every other node takes the steady temperature between measured nodes and boundaries, without losses, with the conductances of
-    `features_row` (m,) (temperature factors at their reference); its sd is 1 K and 1 K a link from the nearest known
-    temperature, within 2 to 4 K. A part that no conductance joins to anything known (a rotor at rest may be one) starts at
-    the mean of what is known.
+    A node of `measured`, node -> (temperature, sd), starts there, with that sd but at least 0.3 K; where `weights` say of the node that
+    it was measured in a mixture, node -> share, its own over a half, the mixture starts there. Every other node takes the
+    steady temperature between measured nodes and boundaries, without losses, with the conductances of `features_row` (m,)
+    (temperature factors at their reference); its sd is 1 K and 1 K a link from the nearest known temperature, within 2 to
+    4 K. A part that no conductance joins to anything known (a rotor at rest may be one) starts at the mean of what is known.
     """
     n = len(network.nodes)
     index = _index(network)
     known = {index[node]: value for node, (value, _) in measured.items()}
     known |= {n + j: float(value) for j, value in enumerate(boundaries_row)}
-    temperatures = _interpolate(conductances(network, features_row), known)
+    mixed = {index[node]: {index[k]: share for k, share in own.items()} for node, own in (weights or {}).items()}
+    temperatures = _interpolate(conductances(network, features_row), known, mixed)
     distance = _links_away(network, index, known)
     sd = np.clip(1.0 + distance[:n], NEAR_SD_K, FAR_SD_K)
     for node, (_, own_sd) in measured.items():
@@ -57,15 +60,23 @@ def _index(network: Network) -> dict[str, int]:
     return {name: i for i, name in enumerate(network.names)}
 
 
-def _interpolate(conductance: NDArray[np.float64], known: Mapping[int, float]) -> NDArray[np.float64]:
+def _interpolate(
+    conductance: NDArray[np.float64], known: Mapping[int, float], mixed: Mapping[int, Mapping[int, float]]
+) -> NDArray[np.float64]:
+    """Of what is `known`, those in `mixed` are the temperature of a mixture."""
     size = len(conductance)
-    fixed = np.array(sorted(known), dtype=np.intp)
     result = np.full(size, np.mean(list(known.values())))
+    fixed = np.array(sorted(known.keys() - mixed.keys()), dtype=np.intp)
     result[fixed] = [known[i] for i in fixed.tolist()]
-    free = np.array([i for i in range(size) if i not in known and _reaches(conductance, i, known)], dtype=np.intp)
+    free = [i for i in range(size) if i in mixed or (i not in known and _reaches(conductance, i, known))]
     balance = np.diag(conductance.sum(axis=1)) - conductance
-    right = -balance[np.ix_(free, fixed)] @ result[fixed]
-    result[free] = np.linalg.solve(balance[np.ix_(free, free)], right)
+    right = np.zeros(size)
+    for i, own in mixed.items():
+        balance[i], right[i] = [own.get(j, 0.0) for j in range(size)], known[i]
+    rest = np.array([i for i in range(size) if i not in free], dtype=np.intp)
+    at = np.array(free, dtype=np.intp)
+    right[at] -= balance[np.ix_(at, rest)] @ result[rest]
+    result[at] = np.linalg.solve(balance[np.ix_(at, at)], right[at])
     return result
 
 

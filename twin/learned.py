@@ -18,14 +18,15 @@ from twin.structure import NOBODY
 Floats = NDArray[np.float64]
 
 LEAST_FACTOR, MOST_CURRENT = 0.05, 1.5  # a law stays above 0 up to this current
-WORTH_A_LINE = 0.3  # of its prior sd: an everyday difference below is not written
+REFERENCE_DIGITS = 1  # of a temperature that a slope is written about
 
 
 def network_of(found: Fit, monomials: Sequence[features.Monomial]) -> Network:
     """The network of a fit. `monomials`: the products that added terms may use, by their names.
 
-    A negative path, and what belongs to a test or a sensor, is no part of a motor. A slope of a link with temperature is
-    written for its first end.
+    A path below 0, and what belongs to a test or a sensor, is no part of a motor (`twin.expressible`). A slope with temperature
+    is written for one node, as the straight line that follows it best over the tests: of a link with the end that says more of
+    the mean of both, of copper beside copper's own.
     """
     network, beta = found.model.network, found.beta
     terms = _terms(found)
@@ -35,7 +36,7 @@ def network_of(found: Fit, monomials: Sequence[features.Monomial]) -> Network:
     nodes = [_node(node, i, found) for i, node in enumerate(network.nodes)]
     for p, parameter in enumerate(found.model.parameters):
         match parameter.action:
-            case actions.Added(places, feature, rms, own) if abs(beta[p]) > WORTH_A_LINE * parameter.sd:
+            case actions.Added(places, feature, rms, own) if beta[p]:
                 exponents = dict(by_name[feature].powers) if feature != "constant" else {}
                 term = Term(float(beta[p]) / rms, exponents, copper=own > 0, resistance=min(own, 0))
                 for place in places:
@@ -83,7 +84,7 @@ def _terms(found: Fit) -> list[Term]:
     log: defaultdict[int, float] = defaultdict(float)
     powers: defaultdict[int, dict[str, float]] = defaultdict(dict)
     tents: dict[int, list[tuple[actions.Tent, float]]] = {}
-    slopes: dict[int, TemperatureFactor] = {}
+    slopes: defaultdict[int, list[_Slope]] = defaultdict(list)
     for beta, parameter in zip(found.beta.tolist(), found.model.parameters, strict=True):
         match parameter.action:
             case actions.Scale(terms):
@@ -95,29 +96,80 @@ def _terms(found: Fit) -> list[Term]:
             case actions.Tent(terms) as tent:
                 for i in terms:
                     tents.setdefault(i, []).append((tent, beta))
-            case actions.Tilt(places, terms, references) if abs(beta) > WORTH_A_LINE * parameter.sd:
+            case actions.Tilt(places, terms, references) if beta:
                 for place, members, reference in zip(places, terms, references, strict=True):
-                    node = network.names[place.a]
-                    slopes |= {i: _slope(slopes.get(i), TemperatureFactor(node, beta, reference)) for i in members}
+                    for i in members:
+                        slopes[i].append(_Slope(place, beta, reference))
+    lines = _straight(found, slopes)
     return [
         replace(
             term,
-            coefficient=term.coefficient * float(np.exp(log[i])),
+            coefficient=term.coefficient * float(np.exp(log[i])) * (lines[i].factor if i in lines else 1.0),
             exponents={f: e + powers[i].get(f, 0.0) for f, e in term.exponents.items()},
             shape=_shape(tents[i]) if i in tents and term.shape is None else term.shape,
-            temperature=term.temperature or slopes.get(i),
+            temperature=lines[i].temperature if i in lines else term.temperature,
         )
         for i, term in enumerate(own)
     ]
 
 
-def _slope(before: TemperatureFactor | None, factor: TemperatureFactor) -> TemperatureFactor:
-    """Two slopes of one term: an everyday one and a named one, the products of small numbers left out."""
-    if before is None:
-        return factor
-    total = before.slope_per_K + factor.slope_per_K
-    at = before.slope_per_K * before.reference_degC + factor.slope_per_K * factor.reference_degC
-    return TemperatureFactor(factor.node, total, at / total if total else factor.reference_degC)
+@dataclass(frozen=True)
+class _Slope:
+    """A term grows by `per_K` of itself for each kelvin of the node, or of the mean of the link's ends, over a reference."""
+
+    place: actions.Place
+    per_K: float
+    reference_degC: float
+
+
+@dataclass(frozen=True)
+class _Line:
+    """A term times `factor`, and a temperature factor that is 1 at the mean of the tests."""
+
+    factor: float
+    temperature: TemperatureFactor
+
+
+def _straight(found: Fit, slopes: Mapping[int, Sequence[_Slope]]) -> dict[int, _Line]:
+    """All slopes of each term as a line of one node's temperature over the tests, steps weighed by what the term carries."""
+    if not slopes:
+        return {}
+    model, network = found.model, found.model.network
+    runs = [model.course(s, found.beta) for s in range(len(model.tests))]
+    outside = np.concatenate([test.frame.boundaries for test in model.tests])
+    t = np.hstack([np.concatenate([means for _, means, _ in runs]), outside])
+    carried = np.concatenate([values for _, _, values in runs])
+    result = {}
+    for i, own in slopes.items():
+        term = list(features.terms(network))[i]
+        wanted = sum((s.per_K * (_mean(t, s.place) - s.reference_degC) for s in own), np.zeros(len(t)))
+        rise = t[:, own[0].place.a] - network.copper.reference_degC
+        wanted = wanted / (1 + network.copper.alpha_per_K * rise) ** (int(term.copper) + term.resistance)
+        nodes = [end for end in (own[0].place.a, own[0].place.b) if 0 <= end < len(network.nodes)]
+        if term.temperature is not None:
+            nodes = [network.names.index(term.temperature.node)]
+            wanted = wanted + term.temperature.slope_per_K * (t[:, nodes[0]] - term.temperature.reference_degC)
+        result[i] = _line(network, t, 1.0 + wanted, np.abs(carried[:, i]), nodes)
+    return result
+
+
+def _mean(t: Floats, place: actions.Place) -> Floats:
+    return t[:, place.a] if place.b == NOBODY else (t[:, place.a] + t[:, place.b]) / 2
+
+
+def _line(network: Network, t: Floats, wanted: Floats, weight: Floats, nodes: Sequence[int]) -> _Line:
+    """The straight line of one of the nodes that is nearest to `wanted` (N,)."""
+    weight = weight / weight.sum() if weight.any() else np.full(len(t), 1 / len(t))
+    middle = float(weight @ wanted)
+    lines = []
+    for node in nodes:
+        reference = round(float(weight @ t[:, node]), REFERENCE_DIGITS)
+        off = t[:, node] - float(weight @ t[:, node])
+        slope = float(weight @ (off * wanted)) / max(float(weight @ off**2), 1e-12)
+        left = float(weight @ (wanted - middle - slope * off) ** 2)
+        at = max(LEAST_FACTOR, middle + slope * (reference - float(weight @ t[:, node])))
+        lines.append((left, _Line(at, TemperatureFactor(network.names[node], slope / at, reference))))
+    return min(lines, key=lambda one: one[0])[1]
 
 
 def _shape(tents: Sequence[tuple[actions.Tent, float]]) -> Shape:

@@ -9,9 +9,10 @@ from numpy.typing import NDArray
 
 from twin.actions import Parameter
 from twin.candidates import Candidate
+from twin.columns import EntryFactor
 from twin.evidence import Projector
 from twin.fit import Fit
-from twin.model import Columns, Model
+from twin.model import Columns, Model, Test
 from twin.proposals import Proposals
 
 Floats = NDArray[np.float64]
@@ -22,7 +23,7 @@ def linearised(
 ) -> tuple[list[Candidate], list[Parameter], Sequence[Columns], list[str]]:
     """Candidates that move a reading, their parameters and columns at a fit, and the ids of those whose columns are not finite."""
     proposals = Proposals(current.model, current.beta)
-    chosen = [c for c in candidates if not c.discrete and not c.repeated]
+    chosen = [c for c in candidates if not c.discrete and (not c.repeated or _is_repeated(c, current.model.tests))]
     parameters = [proposals.parameter(c) for c in chosen]
     parts = current.model.linearise(current.beta, parameters)
     stack = np.concatenate([p.extra for p in parts])
@@ -31,6 +32,14 @@ def linearised(
     kept = np.flatnonzero(good)
     parts = [Columns(p.series, p.at, p.columns, p.extra[:, kept]) for p in parts]
     return [chosen[i] for i in kept], [parameters[i] for i in kept], parts, dropped
+
+
+def _is_repeated(candidate: Candidate, tests: Sequence[Test]) -> bool:
+    """Whether two tests of one kind differ in what the candidate goes with: between kinds, the file's form differs too."""
+    column = candidate.column
+    assert isinstance(column, EntryFactor)
+    seen = {(test.kind, test.course.get(column.by, 0.0)) for test in tests}
+    return len(seen) > len({kind for kind, _ in seen})
 
 
 def stacked(current: Fit, parts: Sequence[Columns]) -> tuple[Projector, Floats, Floats]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,6 +25,12 @@ class Output:
     place: Floats
 
 
+def followed(weights: Mapping[str, float]) -> str | None:
+    """The node that makes up more than half of what a sensor follows; None where none does."""
+    node = max(weights, key=lambda name: weights[name])
+    return node if weights[node] > 0.5 else None
+
+
 @dataclass(frozen=True)
 class Blocks:
     """The block means of one output: mean = sum over the block's steps of `old` x reading at a step's start and `new` x reading at
@@ -38,9 +44,10 @@ class Blocks:
     samples: Floats
 
     def means(self, reading: Floats) -> Floats:
-        """Of readings at the steps' edges (N + 1,), the means of the blocks that are there."""
+        """Of readings at the steps' edges (..., N + 1), the means (..., B) of the blocks that are there."""
         starts = np.arange(0, self.old.size, self.length)
-        means: Floats = np.add.reduceat(self.old * reading[:-1] + self.new * reading[1:], starts)[self.there]
+        weighted = self.old * reading[..., :-1] + self.new * reading[..., 1:]
+        means: Floats = np.add.reduceat(weighted, starts, axis=-1)[..., self.there]
         return means
 
     def measured(self, values: Floats) -> Floats:
@@ -66,18 +73,12 @@ def blocks(output: Output, step_s: float) -> Blocks:
     return Blocks(length, weight * (1 - output.place), weight * output.place, there, total[there])
 
 
-def reading(output: Output, temperatures: Floats, nodes: Sequence[str], step_s: float) -> Floats:
-    """What the sensor reads at the edges (N + 1,) [degC] of node temperatures (N + 1, n)."""
-    at = [nodes.index(node) for node in output.weights]
-    return lagged(temperatures[:, at] @ np.array(list(output.weights.values())), output.time_constant_s, step_s)
-
-
 def lagged(truth: Floats, tau_s: float, step_s: float) -> Floats:
-    """First-order lag of (N + 1,) values at equal steps, in equilibrium at the first; exact for a truth linear in each step."""
+    """First-order lag of (..., N + 1) values at equal steps, in equilibrium at the first; exact where the truth is linear in each step."""
     if tau_s <= 0.0:
         return truth
     a, before, now = lag_factors(tau_s, step_s)
-    out: Floats = lfilter([now, before], [1.0, -a], truth - truth[0]) + truth[0]
+    out: Floats = lfilter([now, before], [1.0, -a], truth - truth[..., :1]) + truth[..., :1]
     return out
 
 

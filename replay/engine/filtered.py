@@ -100,7 +100,7 @@ def _uncertain(network: Network, losses: Mapping[str, float]) -> str | None:
 
 def _production_like(network: Network, frame: InputFrame, level: str) -> list[str]:
     magnets = {node.name for node in network.nodes if node.region == "magnet"}
-    usable = (o for o in frame.observations if level in ("testing", o.level) and not magnets & set(o.weights))
+    usable = (o for o in frame.observations if level in ("testing", o.level) and o.label not in magnets)
     return [o.channel for o in usable]
 
 

@@ -21,6 +21,7 @@ from replay.errors import ReplayDataError
 from twin.features import Monomial, evaluate, scale
 from twin.initial import time_constants
 from twin.network import Network
+from twin.outputs import followed
 
 if TYPE_CHECKING:
     from ingest.catalogue.channels import ChannelData
@@ -34,8 +35,9 @@ CHUNK_STEPS = 4096  # the finest pieces of this many steps are in memory at once
 
 @dataclass(frozen=True)
 class Observation:
-    """An observed channel over the N steps. `measured` [degC] NaN where it has no sample; `place` in [0, 1): mean time
-    within the step; `samples` good samples in the step; `first_record`, `last_record` -1 where none; `raw` index of file."""
+    """An observed channel over the N steps. `label`: the node that it follows by more than half, else "0.5 a + 0.5 b";
+    `measured` [degC] NaN where it has no sample; `place` in [0, 1): mean time within the step; `samples` good samples in the
+    step; `first_record`, `last_record` -1 where none; `raw` index of file."""
 
     channel: str
     label: str
@@ -280,7 +282,7 @@ def _observe(channel: ChannelData, good: Bools, edges: Times, raw_files: tuple[s
     weights = dict(spec.weights) or {spec.node or spec.name: 1.0}
     return Observation(
         channel=spec.name,
-        label=" + ".join(f"{w:g} {node}" for node, w in weights.items()) if len(weights) > 1 else next(iter(weights)),
+        label=followed(weights) or " + ".join(f"{w:g} {node}" for node, w in weights.items()),
         weights=weights,
         level=spec.level,
         noise=spec.noise,

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from replay.engine.frame import InputFrame, Observation
 from twin.initial import steady_interpolation
 from twin.network import Network
-from twin.outputs import lagged
+from twin.outputs import followed, lagged
 
 Floats = NDArray[np.float64]
 
@@ -20,25 +20,31 @@ FIRST_S = 10.0  # a channel that says nothing in this time sets no initial tempe
 def initial_temperatures(network: Network, frame: InputFrame, level: str) -> tuple[Floats, Floats]:
     """Temperatures (n,) [degC] at the first edge and their prior sd (n,) [K]: measured where a channel of this level is,
     elsewhere the network's steady interpolation (twin.initial)."""
-    return steady_interpolation(network, frame.features[0], frame.boundaries[0], _first_measured(frame, level))
+    measured, weights = _first_measured(frame, level)
+    return steady_interpolation(network, frame.features[0], frame.boundaries[0], measured, weights)
 
 
-def _first_measured(frame: InputFrame, level: str) -> Mapping[str, tuple[float, float]]:
-    """node -> (temperature, sd). A channel that is a mean of several nodes sets none of them."""
+def _first_measured(
+    frame: InputFrame, level: str
+) -> tuple[dict[str, tuple[float, float]], dict[str, dict[str, float]]]:
+    """node -> (temperature, sd) of the channels that follow it by more than half, and for those that follow others too, node -> what
+    they follow; means where there are several."""
     steps = max(1, round(FIRST_S / frame.step_s))
-    seen: dict[str, list[tuple[float, float]]] = {}
+    seen: dict[str, list[tuple[float, float, Mapping[str, float]]]] = {}
     for o in frame.observations:
-        if len(o.weights) == 1 and level in ("testing", o.level):
-            good = np.flatnonzero(o.good[:steps])
-            if good.size:
-                seen.setdefault(o.label, []).append((float(o.measured[good[0]]), float(np.hypot(o.noise, o.bias_sd))))
-    return {
-        node: (
-            float(np.mean([v for v, _ in readings])),
-            float(np.mean([sd for _, sd in readings])) / len(readings) ** 0.5,
-        )
-        for node, readings in seen.items()
+        node, good = followed(o.weights), np.flatnonzero(o.good[:steps])
+        if node and good.size and level in ("testing", o.level):
+            reading = (float(o.measured[good[0]]), float(np.hypot(o.noise, o.bias_sd)), o.weights)
+            seen.setdefault(node, []).append(reading)
+    measured = {
+        node: (float(np.mean([v for v, _, _ in own])), float(np.mean([sd for _, sd, _ in own])) / len(own) ** 0.5)
+        for node, own in seen.items()
     }
+    weights = {
+        node: {other: sum(w.get(other, 0.0) for _, _, w in own) / len(own) for _, _, mixed in own for other in mixed}
+        for node, own in seen.items()
+    }
+    return measured, {node: own for node, own in weights.items() if len(own) > 1}
 
 
 def modelled(observation: Observation, frame: InputFrame, temperatures: Floats, nodes: tuple[str, ...]) -> Floats:

@@ -20,7 +20,7 @@ class Observed:
     """
 
     channel: str
-    node: str  # a node, or "0.7 a + 0.3 b" for a weighted mean
+    node: str  # the one that it follows by more than half, else "0.5 a + 0.5 b"
     t_ns: NDArray[np.int64]
     measured: NDArray[np.float64]
     modelled: NDArray[np.float64]

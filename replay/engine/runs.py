@@ -28,6 +28,7 @@ from replay.engine.artefacts import (
     temperature_table,
     to_parquet,
 )
+from replay.engine.bench_versions import with_bench_of
 from replay.engine.filtered import filter_session, filtered_summary, mean_losses
 from replay.engine.frame import InputFrame
 from replay.engine.frame_of import session_frame
@@ -63,6 +64,7 @@ def replay(store: Store, facts: Facts, session: SessionRecorded, model: str, lev
     Raises ReplayDataError where the session lacks an input or the model runs away.
     """
     network = read_motor(store.archive.read(model), facts.models[model].file)
+    facts = with_bench_of(facts, model)
     channels = load(store, facts, session)
     frame = session_frame(session, channels, network)
     initial, _ = initial_temperatures(network, frame, level)

@@ -20,21 +20,24 @@ from replay.show.diagnosis_report import write_diagnosis_report
 from replay.show.diagnosis_text import answer_markdown
 from replay.show.layers import write_filtered, write_measured, write_open_loop
 from replay.show.report import ReportContext, write_report
+from replay.show.words import short
 from replay.studies.diagnosis import Diagnosis, read
 from replay.studies.formulas import text_diff
 
 NAMED = ("whyhot", "numpy", "scipy", "numba", "pyarrow", "matplotlib")
 
 
-def write_replay_report(store: Store, facts: Facts, sessions: Sequence[str], target: Path, command: str) -> list[Run]:
+def write_replay_report(
+    store: Store, facts: Facts, sessions: Sequence[str], target: Path, command: str, model: str | None = None
+) -> list[Run]:
     """The report of the latest run of each session (all replayed ones where none is named); returns these runs.
 
-    Raises ReplayDataError where a session was never replayed.
+    `model`: id of the model that they are to be of, None for any. Raises ReplayDataError where a session has no such run.
     """
-    chosen = [facts.session(text) for text in sessions] or [s for s in facts.sessions if latest_run(facts, s)]
+    chosen = [facts.session(text) for text in sessions] or [s for s in facts.sessions if latest_run(facts, s, model)]
     if not chosen:
-        raise ReplayDataError("no session of this store was replayed yet: whyhot replay, then report.")
-    runs = [load_run(store, facts, _run_of(facts, session)) for session in chosen]
+        raise ReplayDataError(f"no session of this store was replayed{_with(facts, model)}, then report.")
+    runs = [load_run(store, facts, _run_of(facts, session, model)) for session in chosen]
     target.parent.mkdir(parents=True, exist_ok=True)
     write_report(runs, target, _context(store, command))
     return runs
@@ -118,13 +121,11 @@ def write_diagnosis(
 
 def _difference(store: Store, diagnosis: Diagnosis) -> str:
     """What the extended motor and bench files say otherwise."""
-    facts = at(store.ledger)
     parts = []
     if diagnosis.extended_model and diagnosis.recalibrated_model:
         parts.append((diagnosis.recalibrated_model, diagnosis.extended_model))
-    bench = facts.bench_of(facts.session(diagnosis.train[0]))
-    if diagnosis.extended_bench and bench:
-        parts.append((bench.sha256, diagnosis.extended_bench))
+    if diagnosis.extended_bench and diagnosis.recalibrated_bench:
+        parts.append((diagnosis.recalibrated_bench, diagnosis.extended_bench))
     return "\n".join(text_diff(store.archive.read(old), store.archive.read(new)) for old, new in parts)
 
 
@@ -137,13 +138,22 @@ def _context(store: Store, command: str) -> ReportContext:
     )
 
 
-def latest_run(facts: Facts, session: SessionRecorded) -> ReplayCompleted | None:
-    """The run of a session that was recorded last, or None."""
-    return next((event for event in reversed(list(facts.runs.values())) if event.session == session.session), None)
+def latest_run(facts: Facts, session: SessionRecorded, model: str | None = None) -> ReplayCompleted | None:
+    """The run of a session (with this model, where one is given) that was recorded last, or None."""
+    runs = [event for event in facts.runs.values() if event.session == session.session]
+    return next((event for event in reversed(runs) if model in (None, event.model)), None)
 
 
-def _run_of(facts: Facts, session: SessionRecorded) -> ReplayCompleted:
-    event = latest_run(facts, session)
+def _run_of(facts: Facts, session: SessionRecorded, model: str | None) -> ReplayCompleted:
+    event = latest_run(facts, session, model)
     if event is None:
-        raise ReplayDataError(f"session {session.name} was not replayed yet: whyhot replay {session.name}")
+        raise ReplayDataError(f"session {session.name} was not replayed{_with(facts, model, session.name)}")
     return event
+
+
+def _with(facts: Facts, model: str | None, session: str = "") -> str:
+    """ " yet", or with which model not, and the command that would."""
+    command = f"whyhot replay {session}".rstrip()
+    if model is None:
+        return f" yet: {command}"
+    return f" with model {facts.models[model].motor} {short(model)}: {command} --model {short(model)}"

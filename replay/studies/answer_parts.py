@@ -25,6 +25,7 @@ from twin.model import Model
 from twin.naming import Naming, Refit, Round
 from twin.network import Network
 from twin.noise import floor_variance
+from twin.outputs import followed
 from twin.told_apart import separating_test, told_apart
 
 Floats = NDArray[np.float64]
@@ -47,7 +48,7 @@ def shown(model: Model, sessions: Sequence[SessionRecorded]) -> list[Shown]:
                 session=session.session,
                 session_name=session.name,
                 channel=series.channel,
-                node=" + ".join(channel.output.weights),
+                node=followed(channel.output.weights) or " + ".join(channel.output.weights),
                 mae_K=float(size_K.mean()),
                 max_K=float(size_K.max()),
                 bias_K=float(series.y.mean()),
@@ -92,7 +93,8 @@ def named(context: Context, refit: Refit) -> Named:
     apart = told_apart(first, refit.candidate, context.log_bf_unknown)
     others = [member.candidate for member in apart.others]
     kept = context.kept
-    improved = kept is not None and kept.improved
+    improved = kept is not None and kept.improved and not refit.candidate.repeated
+    why = kept.why if kept else "no session was kept: say --hold-out"
     return Named(
         id=str(cause),
         says=says(cause),
@@ -114,7 +116,7 @@ def named(context: Context, refit: Refit) -> Named:
         significant=True,
         identified=all((o.cause.kind, o.cause.place) == (cause.kind, cause.place) for o in others),
         improved=improved,
-        why_not_improved=None if improved else (kept.why if kept else "no session was kept: say --hold-out"),
+        why_not_improved=None if improved else why or "what changes from session to session is said by no file",
     )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, field, fields
 from typing import Any
 
 SCHEMA = "whyhot.diagnosis/1"
@@ -80,7 +80,9 @@ class UnknownHeat:
 @dataclass(frozen=True, kw_only=True)
 class Gain:
     """Mean absolute error at a node over the kept sessions [K]: recalibrated without the causes, with them, as published.
-    `ci95_K`: of the difference; `outside_trained_share`: of kept time in speed-current cells that training never visited."""
+    `ci95_K`: of the difference; `outside_trained_share`: of kept time in speed-current cells that training never visited.
+    `rms_inside_K`, `rms_outside_K`: root mean square error without and with the causes, in cells that training visited and in
+    the others; empty where no kept time was there."""
 
     node: str
     mae_before_K: float
@@ -89,6 +91,8 @@ class Gain:
     interval: str
     published_mae_K: float
     outside_trained_share: float
+    rms_inside_K: list[float] = field(default_factory=list)
+    rms_outside_K: list[float] = field(default_factory=list)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -104,7 +108,8 @@ class Masked:
 @dataclass(frozen=True, kw_only=True)
 class Diagnosis:
     """The whole answer. Models are ids: `model` as published, `recalibrated_model` without a new term, `extended_model` with
-    the improved causes (None where nothing is to be added); `extended_bench` likewise for sensors, clocks and inputs.
+    the improved causes (None where nothing is to be added); `recalibrated_bench` and `extended_bench` are the versions of the bench
+    file that go with them (None where it stays as it is).
 
     `candidates` tried, `steps` simulated once over training, `null_log_bayes_factor` the 95 % quantile of the best of them
     on data that hold none, `threshold` what a term must exceed; `log_score_gain` of kept sessions with its lower bound.
@@ -138,6 +143,7 @@ class Diagnosis:
     threshold: float
     next_test: str | None
     seconds: float
+    recalibrated_bench: str | None = None
 
 
 def document(diagnosis: Diagnosis, provenance: dict[str, Any]) -> dict[str, Any]:
@@ -155,7 +161,7 @@ def read(document: dict[str, Any]) -> Diagnosis:
         "masked": Masked,
         "gain": Gain,
     }
-    values = {field.name: document[field.name] for field in fields(Diagnosis)}
+    values = {field.name: document[field.name] for field in fields(Diagnosis) if field.name in document}
     for name, cls in parts.items():
         values[name] = [cls(**entry) for entry in values[name]]
     return Diagnosis(**values)

@@ -16,6 +16,7 @@ from twin.kept import KeptTests, Prediction, kept_tests
 from twin.mode import slowest_mode_s
 from twin.model import Channel, Test
 from twin.noise import floor_variance
+from twin.outputs import followed
 
 Floats = NDArray[np.float64]
 
@@ -110,8 +111,9 @@ def _gain(
     nodes: defaultdict[str, list[tuple[Prediction, Prediction, Prediction]]] = defaultdict(list)
     for trio in zip(before.predictions, after.predictions, published.predictions, strict=True):
         channel = next(c for c in kept[trio[0].test].channels if c.name == trio[0].channel)
-        nodes[" + ".join(channel.output.weights)].append(trio)
-    outside = _outside_share(train, kept)
+        weights = channel.output.weights
+        nodes[followed(weights) or " + ".join(weights)].append(trio)
+    outside = _outside_trained(train, kept)
     over = len(kept) >= OVER_SESSIONS
     found = []
     for node, trios in nodes.items():
@@ -125,7 +127,9 @@ def _gain(
                 ci95_K=[low, high],
                 interval="over sessions" if over else "within these sessions",
                 published_mae_K=mae[2],
-                outside_trained_share=outside,
+                outside_trained_share=float(np.concatenate(outside).mean()),
+                rms_inside_K=_rms_where(trios, kept, [~steps for steps in outside]),
+                rms_outside_K=_rms_where(trios, kept, outside),
             )
         )
     return tuple(found)
@@ -150,11 +154,25 @@ def _interval(
     return float(low), float(high)
 
 
-def _outside_share(train: Sequence[Test], kept: Sequence[Test]) -> float:
-    """Share of kept time in cells of speed and current that training never visited."""
+def _rms_where(
+    trios: Sequence[tuple[Prediction, Prediction, Prediction]],
+    kept: Sequence[Test],
+    wanted: Sequence[NDArray[np.bool_]],
+) -> list[float]:
+    """Root mean square error before and after [K] of the blocks whose mean time is in a `wanted` step; [] without any."""
+    step = [np.minimum(t[0].t_s // kept[t[0].test].frame.step_s, wanted[t[0].test].size - 1) for t in trios]
+    there = [wanted[t[0].test][s.astype(np.int64)] for t, s in zip(trios, step, strict=True)]
+    if not any(rows.any() for rows in there):
+        return []
+    left = [np.concatenate([t[i].residual[rows] for t, rows in zip(trios, there, strict=True)]) for i in range(2)]
+    return [float(np.sqrt(np.mean(residual**2))) for residual in left]
+
+
+def _outside_trained(train: Sequence[Test], kept: Sequence[Test]) -> list[NDArray[np.bool_]]:
+    """Of each kept test, the steps in cells of speed and current that training never visited."""
     names = [name for name in ("speed", "current", "torque") if all(name in t.inputs for t in (*train, *kept))][:2]
     if not names:
-        return 0.0
+        return [np.zeros(len(t.frame.boundaries), dtype=np.bool_) for t in kept]
     largest = {name: max(float(t.inputs[name].max()) for t in train) or 1.0 for name in names}
 
     def cells(test: Test) -> NDArray[np.int64]:
@@ -163,5 +181,4 @@ def _outside_share(train: Sequence[Test], kept: Sequence[Test]) -> float:
         return cell
 
     visited = np.unique(np.concatenate([cells(t) for t in train]))
-    every = np.concatenate([cells(t) for t in kept])
-    return float(1.0 - np.isin(every, visited).mean())
+    return [~np.isin(cells(t), visited) for t in kept]

@@ -17,6 +17,7 @@ from replay.engine import frame as frames
 from replay.engine.frame import InputFrame, Observation
 from replay.engine.open_loop import initial_temperatures
 from replay.errors import ReplayDataError
+from replay.studies.history import course_of
 from twin.features import QUANTITY, Monomial, monomials
 from twin.model import Channel, Test
 from twin.network import Network
@@ -29,9 +30,15 @@ STEP_S = 1.0
 
 
 def test_of(
-    store: Store, facts: Facts, session: SessionRecorded, network: Network, wanted: Sequence[Monomial], level: str
+    store: Store,
+    facts: Facts,
+    session: SessionRecorded,
+    network: Network,
+    wanted: Sequence[Monomial],
+    level: str,
+    laws: Sequence[str] = (),
 ) -> Test:
-    """A session with the products of features `wanted` besides the network's own.
+    """A session with the products of features `wanted` besides the network's own, and what the `laws` across sessions multiply with.
 
     Raises ReplayDataError where it lacks an input, or no channel of it observes a node.
     """
@@ -45,7 +52,8 @@ def test_of(
         frame = frames.build(channels, good, network, every, STEP_S)
     except ReplayDataError as error:
         raise ReplayDataError(f"session {session.name}: {error}") from None
-    return _test(session, frame, network, every, len(own), level, channels)
+    course = course_of(store, facts, session, laws)
+    return replace(_test(session, frame, network, every, len(own), level, channels), course=course)
 
 
 def _test(

@@ -102,3 +102,39 @@ def test_tables_that_cannot_be_added_to_are_refused(cause: str) -> None:
 def test_a_file_from_another_editor_is_added_to_as_well() -> None:
     text = "\ufeff" + can_bench.BENCH.replace("\n", "\r\n").rstrip()
     assert amounts(written(text, sensor__magnet__bias=1.5)) == {"sensor.magnet.bias": 1.5}
+
+
+def test_what_a_sensor_follows_stands_in_the_place_of_its_node() -> None:
+    text = can_bench.BENCH.replace('node = "magnet"', 'node = "magnet"   # glued')
+    shares = {"TC_magnet": {"magnet": 0.9, "yoke": 0.1}}
+    found = corrected(text.encode(), "bench.toml", {"sensor.magnet.lag": 1.5}, SAYS, shares).decode()
+    same = text.replace('node = "magnet"', "node = {magnet = 0.9, yoke = 0.1}")
+    assert found.startswith(same)
+    assert amounts(found) == {"sensor.magnet.lag": 1.5}
+    again = corrected(
+        found.encode(), "bench.toml", {}, SAYS, {"TC_magnet": {"magnet": 0.8, "yoke": 0.1, "winding": 0.1}}
+    )
+    assert again.decode() == found.replace("{magnet = 0.9, yoke = 0.1}", "{magnet = 0.8, yoke = 0.1, winding = 0.1}")
+
+
+def test_shares_that_are_there_take_their_new_numbers() -> None:
+    text = can_bench.BENCH.replace('node = "magnet"', "weights = {magnet = 0.9, yoke = 0.1}")
+    found = corrected(text.encode(), "bench.toml", {}, SAYS, {"TC_magnet": {"magnet": 0.75, "yoke": 0.25}}).decode()
+    assert found == text.replace("{magnet = 0.9, yoke = 0.1}", "{magnet = 0.75, yoke = 0.25}")
+
+
+def test_a_correction_goes_on_speaking_of_its_sensor_when_that_follows_others_too() -> None:
+    text = written(can_bench.BENCH, sensor__magnet__bias=3.0)
+    found = corrected(
+        text.encode(), "bench.toml", {"sensor.magnet.bias": 1.0}, SAYS, {"TC_magnet": {"magnet": 0.9, "yoke": 0.1}}
+    )
+    assert amounts(found.decode()) == {"sensor.magnet.bias": 4.0}
+
+
+def test_shares_that_would_make_a_correction_speak_of_another_sensor_are_refused() -> None:
+    other = (
+        '[[channel]]\nsignal = "Room"\nquantity = "temperature"\nunit = "degC"\nweights = {magnet = 0.8, yoke = 0.2}\n'
+    )
+    text = written(can_bench.BENCH + other, sensor__magnet__bias=3.0)
+    with pytest.raises(BenchFileError, match="call a sensor that shares its node node@signal"):
+        corrected(text.encode(), "bench.toml", {}, SAYS, {"TC_magnet": {"magnet": 0.7, "yoke": 0.3}})

@@ -29,6 +29,14 @@ def test_measured_nodes_start_as_measured_and_others_between() -> None:
     np.testing.assert_allclose(T, [30.0, 40.0, 60.0, 60.0, 60.0])
 
 
+def test_a_mixture_that_was_measured_starts_as_measured() -> None:
+    weights = {"c": {"c": 0.75, "b": 0.25}}
+    T, sd = steady_interpolation(CHAIN, np.array([1.0]), COOLANT, {"c": (60.0, 0.5)}, weights)
+    # b half way between coolant and c: 0.75 c + 0.25 (c + 20) / 2 = 60
+    np.testing.assert_allclose(T, [20 + (T[2] - 20) / 4, (T[2] + 20) / 2, 57.5 / 0.875, T[2], T[2]])
+    assert sd[2] == 0.5
+
+
 def test_the_prior_grows_with_the_distance_from_what_is_known() -> None:
     _, sd = steady_interpolation(CHAIN, np.array([1.0]), COOLANT, {})
     np.testing.assert_array_equal(sd, [2.0, 3.0, 4.0, 4.0, 4.0])

@@ -1,0 +1,62 @@
+"""What a specimen went through before a session: how many of its kind, and how many hours above a temperature."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+
+from ingest.catalogue.channels import ChannelData, load
+from ingest.events import SessionRecorded
+from ingest.facts import Facts
+from ingest.store import Store
+
+HUNDRED_H = 100.0
+_HOURS = re.compile(r"hours_above_(.+)degC")
+
+
+def course_of(store: Store, facts: Facts, session: SessionRecorded, laws: Sequence[str]) -> dict[str, float]:
+    """What the laws across sessions multiply with (`twin.actions.Course`), law -> number: `session`, how many of its kind the specimen
+    had before; `hours_above_<T>degC`, for how many hours it was hotter in all its sessions before, in 100 h."""
+    if not laws:
+        return {}
+    before = _before(facts, session)
+    limits = {law: float(hours[1]) for law in laws if (hours := _HOURS.fullmatch(law))}
+    hottest = [_hottest(load(store, facts, one)) for one in before] if limits else []
+    of_kind = float(sum(one.kind == session.kind for one in before))
+    return {
+        law: sum(_hours_above(c, limits[law]) for c in hottest if c) / HUNDRED_H if law in limits else of_kind
+        for law in laws
+    }
+
+
+def _before(facts: Facts, session: SessionRecorded) -> list[SessionRecorded]:
+    """Earlier sessions of the specimen (without absolute time: by their names); where none is named, of the motor."""
+    every = list(facts.sessions)
+    earlier = every[: [one.session for one in every].index(session.session)]
+    return [one for one in earlier if _specimen(facts, one) == _specimen(facts, session)]
+
+
+def _specimen(facts: Facts, session: SessionRecorded) -> tuple[str | None, str | None]:
+    bench = facts.bench_of(session)
+    return session.specimen, None if session.specimen or bench is None else bench.motor
+
+
+def _hours_above(channel: ChannelData, limit_degC: float) -> float:
+    """A sample counts until the next one."""
+    return float(np.diff(channel.t_ns)[channel.value[:-1] > limit_degC].sum() / 3.6e12)
+
+
+def _hottest(channels: Iterable[ChannelData]) -> ChannelData | None:
+    """The copper channel with the highest temperature; without any, of the specimen's other temperatures."""
+    own = [
+        c
+        for c in channels
+        if c.spec.quantity == "temperature"
+        and c.spec.role == "observed"
+        and len(c.t_ns)
+        and c.spec.region != "boundary"
+    ]
+    copper = [c for c in own if c.spec.region == "copper"]
+    return max(copper or own, key=lambda c: float(c.value.max()), default=None)
