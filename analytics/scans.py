@@ -49,6 +49,7 @@ VALUES = {
     "quantity": "VARCHAR",
     "unit": "VARCHAR",
     "node": "VARCHAR",
+    "region": "VARCHAR",
     "t_ns": "BIGINT",
     "record": "BIGINT",
     "value": "DOUBLE",
@@ -81,7 +82,7 @@ def _values(connection: duckdb.DuckDBPyConnection) -> Iterable[str]:
     """One branch for each channel of each kind of file: same columns, same channels."""
     channels: dict[str, list[tuple[str, ...]]] = defaultdict(list)
     for file, *channel in connection.execute(
-        "SELECT g.file, c.column_name, c.channel, c.quantity, c.unit, c.node "
+        "SELECT g.file, c.column_name, c.channel, c.quantity, c.unit, c.node, c.region "
         "FROM base.groups AS g JOIN base.channels AS c ON c.decode = g.decode AND c.group_name = g.group_name "
         "ORDER BY g.file, c.place"
     ).fetchall():

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from ingest.envelope import Recorded
 from ingest.errors import UnknownSessionError
-from ingest.events import RawFileSealed, ReplayCompleted
+from ingest.events import RawFileSealed, ReplayCompleted, SessionRecorded
 from ingest.facts import Facts
+from ingest.resolving import region_by_name
 
 if TYPE_CHECKING:
     from ingest.store import Store
@@ -74,19 +75,24 @@ def _decodes(facts: Facts) -> Rows:
 
 
 def _benches(facts: Facts) -> Rows:
-    return [
-        {"bench": bench.sha256, "name": bench.name, "motor": bench.motor, "model": bench.model}
-        for bench in facts.benches.values()
-    ]
+    return [{"bench": bench.sha256, "name": bench.name} for bench in facts.benches.values()]
 
 
 def _sessions(facts: Facts) -> Rows:
     names = ("session", "name", "kind", "kind_why", "specimen", "batch", "bench", "configuration", "absolute")
     return [
         {name: getattr(session, name) for name in (*names, "start_ns", "end_ns")}
-        | {"attributes": _json(session.attributes), "place": place}
+        | {"attributes": _json(session.attributes), "place": place, **_model(facts, session)}
         for place, session in enumerate(facts.sessions)
     ]
+
+
+def _model(facts: Facts, session: SessionRecorded) -> dict[str, str | None]:
+    """The motor file that lay beside the session's bench file when its files came, and its motor."""
+    bench = facts.benches.get(session.bench or "")
+    named = facts.models.get(session.model or "")
+    known = named or bench
+    return {"motor": known.motor if known else None, "model": known.model if known else None}
 
 
 def _groups(store: Store, facts: Facts, used: Iterable[str]) -> Rows:
@@ -106,10 +112,18 @@ def _channels(facts: Facts, used: Iterable[str]) -> Rows:
             "group_name": channel["group"],
             "column_name": channel["column"],
             **{key: channel.get(key) for key in ("quantity", "unit", "node", "role", "derived")},
+            "region": _region(channel),
         }
         for decode in sorted(used)
         for place, channel in enumerate(facts.decodes[decode].channels)
     ]
+
+
+def _region(channel: Mapping[str, Any]) -> str | None:
+    """As the decode says; by the node's name where it was made before decodes said it."""
+    node: str | None = channel.get("node")
+    found: str | None = channel.get("region", region_by_name(node) if node else None)
+    return found
 
 
 def _runs(facts: Facts, recorded: Iterable[Recorded]) -> Rows:

@@ -135,7 +135,6 @@ def fill(
             connection.execute(f"INSERT INTO base.{table} BY NAME SELECT * FROM new_rows")
             connection.unregister("new_rows")
     connection.execute(_sql("segments"))
-    connection.execute(_sql("regions"))
     scans.create(connection)
     for part in (*VIEWS, *MACROS):
         connection.execute(_sql(part))

@@ -36,12 +36,14 @@ WAITING_VALUES = 16_000_000  # of all groups that wait for their row group: 128 
 Batch = tuple[str, Frames | Rows]
 
 
-def decode_id(raw: str, databases: Sequence[str], bench: str | None) -> str:
-    """Identity of a decode: SHA-256 over decoder version and the SHA-256 of log, databases and bench file.
+def decode_id(raw: str, databases: Sequence[str], bench: str | None, model: str | None = None) -> str:
+    """Identity of a decode: SHA-256 over decoder version and the SHA-256 of log, databases, bench and motor file.
 
-    The order of the databases counts: where two differ about a message, the first is used.
+    The order of the databases counts: where two differ about a message, the first is used. The motor file tells nodes
+    from boundaries, so one bench file beside two motor files decodes a log twice.
     """
-    return hashlib.sha256("\n".join([DECODER, raw, *databases, bench or ""]).encode()).hexdigest()
+    named = [bench or "", *([model] if model else [])]
+    return hashlib.sha256("\n".join([DECODER, raw, *databases, *named]).encode()).hexdigest()
 
 
 def decode_file(
@@ -51,12 +53,13 @@ def decode_file(
     bench: Bench | None,
     channels: Sequence[ResolvedChannel],
     folder: Path,
+    model: str | None = None,
 ) -> DecodeCompleted:
     """Decode `folder / "recording.mcap"` into a Parquet file a group beside it; the event that says what came of it.
 
-    `raw` is the SHA-256 of the log, `channels` are those of `bench`, resolved. The same inputs give the same bytes. Raises
-    BenchFileError where the bench file does not fit the log, DamageError where the recording is damaged, and IngestError
-    where records were lost.
+    `raw` is the SHA-256 of the log, `model` that of the motor file, `channels` are those of `bench`, resolved. The same
+    inputs give the same bytes. Raises BenchFileError where the bench file does not fit the log, DamageError where the
+    recording is damaged, and IngestError where records were lost.
     """
     path = folder / RECORDING
     messages, notes = merged(databases)
@@ -71,7 +74,7 @@ def decode_file(
     rows = work.close()
     written = [group for group in groups if group.name in rows]
     return DecodeCompleted(
-        **_identity(raw, databases, bench),
+        **_identity(raw, databases, bench, model),
         **_outcome(reading, path, work.account, sum(rows.values()), said),
         groups=[_group_entry(group, rows[group.name]) for group in written],
         channels=[output.channel for group in written for output in group.outputs if output.channel],
@@ -80,9 +83,10 @@ def decode_file(
     )
 
 
-def _identity(raw: str, databases: Sequence[Database], bench: Bench | None) -> dict[str, Any]:
+def _identity(raw: str, databases: Sequence[Database], bench: Bench | None, model: str | None) -> dict[str, Any]:
     shas, sha = [database.sha256 for database in databases], bench.sha256 if bench else None
-    return {"decode": decode_id(raw, shas, sha), "raw": raw, "bench": sha, "databases": shas, "decoder": DECODER}
+    identity = {"decode": decode_id(raw, shas, sha, model), "decoder": DECODER}
+    return {**identity, "raw": raw, "databases": shas, "bench": sha, "model": model}
 
 
 def _outcome(

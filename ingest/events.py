@@ -71,15 +71,15 @@ class ModelPublished(Event):
 
 @dataclass(frozen=True, kw_only=True)
 class DecodeCompleted(Event):
-    """`file-<sha256>`: what became of every record of a log, under one bench file and its databases.
+    """`file-<sha256>`: what became of every record of a log, under one bench file, its motor file and its databases.
 
     `balance`: found = decoded + unknown_id + wrong_length + rejected. `groups`: [{name, file, rows, columns}];
-    `channels`: [{name, group, column, quantity, unit, node, role, derived}]; `sources`: [{record, where, why}] of the
+    `channels`: [{name, group, column, quantity, unit, node, region, role, derived}]; `sources`: [{record, where, why}] of the
     first rejected records; `products`: file name -> SHA-256 of recording and Parquet, under `decoded/<decode>/`.
     """
 
     TOPIC: ClassVar[str] = "whyhot:DecodeCompleted"
-    decode: str  # hash of raw, databases, bench, decoder version
+    decode: str  # hash of raw, databases, bench, model, decoder version
     raw: str
     bench: str | None
     databases: list[str]
@@ -99,6 +99,7 @@ class DecodeCompleted(Event):
     parts: list[dict[str, Any]] = field(
         default_factory=list
     )  # ingest.sessions.parts, where a table holds many specimens
+    model: str | None = None  # SHA-256 of the motor file that the bench file named then
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -119,6 +120,7 @@ class SessionRecorded(Event):
     start_ns: int
     end_ns: int
     files: list[dict[str, Any]]
+    model: str | None = None  # SHA-256 of the motor file that the bench file named when these files came
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -239,7 +241,7 @@ class ModelExtended(Event):
 @dataclass(frozen=True, kw_only=True)
 class GainMeasured(Event):
     """`diagnosis-<id>`: what the causes gain on the kept sessions. `gain`: [{node, mae_before_K, mae_after_K, ci95_K, interval,
-    published_mae_K, outside_trained_share}]."""
+    published_mae_K, outside_trained_share, rms_inside_K, rms_outside_K}]."""
 
     TOPIC: ClassVar[str] = "whyhot:GainMeasured"
     diagnosis: str

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, TypeVar
 
 from ingest.envelope import Recorded
@@ -56,8 +56,13 @@ class Facts:
         return found[-1] if found else None
 
     def bench_of(self, session: SessionRecorded) -> BenchRegistered | None:
-        """The bench file that a session points to now, or the version that was accepted in its place."""
-        return self.benches.get(self.current(session.bench)) if session.bench else None
+        """The bench file that a session points to now, or the version that was accepted in its place.
+
+        With the motor file that lay beside it when the session's files came: the same bytes may lie beside another by now.
+        """
+        bench = self.benches.get(self.current(session.bench)) if session.bench else None
+        named = self.models.get(session.model) if session.model else None
+        return replace(bench, motor=named.motor, model=named.model) if bench and named else bench
 
     def model_of(self, bench: BenchRegistered | None) -> ModelPublished | None:
         """The model that a bench file named when it was sealed."""

@@ -13,12 +13,12 @@ import numpy as np
 from ingest.bench import read_bench
 from ingest.databases import Database, load, merged
 from ingest.draft import draft_bench
-from ingest.errors import IngestError, UnreadableLogError
+from ingest.errors import UnreadableLogError
 from ingest.formats import Rows, TimeSpec
 from ingest.guessing import guess
 from ingest.reading import Reading, preview
 from ingest.recording import id_text, read
-from ingest.setup import signals_in
+from ingest.setup import refuse_missing, signals_in
 from ingest.signals import Signal
 
 NAMED = 3  # logs in the first comment of a draft; more are counted
@@ -61,9 +61,7 @@ class Inspection:
 
 def inspect(files: Sequence[Path], databases: Sequence[Path], bench: Path | None) -> Inspection:
     """Read logs in a temporary folder and say what they hold. Raises IngestError for a file that is not there."""
-    for path in files:
-        if not path.is_file():
-            raise IngestError(f"{path}: {'is a folder' if path.is_dir() else 'there is no such file'}: name log files.")
+    refuse_missing(files)
     loaded = [load(path.read_bytes(), path.name) for path in databases]
     time = read_bench(bench.read_bytes(), bench.name).time if bench else TimeSpec()
     with tempfile.TemporaryDirectory() as folder:

@@ -27,7 +27,7 @@ from ingest.grouping import group_files
 from ingest.reading import Reading, record
 from ingest.resolving import ResolvedChannel
 from ingest.sessions import Override
-from ingest.setup import Setup, keep_setup, resolved, sealed_setup
+from ingest.setup import Setup, keep_setup, mend_setup, resolved, sealed_setup
 from ingest.specimens import Specimens
 from ingest.store import Store
 
@@ -35,7 +35,8 @@ from ingest.store import Store
 @dataclass(frozen=True)
 class Taken:
     """What became of one file. `holds` "frames" or "rows", None where no format claims it; `decode` None where it was
-    refused before anything was kept; `known` where nothing was new."""
+    refused before anything was kept; `known` where the file was decoded so before, `anew` where its sessions are others
+    now all the same: by another bench or motor file, specimen, or together with another file."""
 
     name: str
     size: int
@@ -44,6 +45,7 @@ class Taken:
     decode: DecodeCompleted | None
     known: bool
     refusal: str | None
+    anew: bool = False
 
 
 def _refusal(one: Taken) -> str | None:
@@ -91,6 +93,7 @@ def take_in(
     Raises IngestError before anything is kept; a file that cannot be read is quarantined and does not stop the others.
     """
     known = ledger_facts.at(store.ledger)
+    mend_setup(store, known, setup)
     work = store.work()
     try:
         found: list[Taken | _Read] = []
@@ -105,8 +108,10 @@ def take_in(
             if one.reading and one.reading.holds == "rows":
                 Specimens(setup.bench, one.reading.columns)  # a column that is not there is refused here
         channels = resolved(setup, [one.reading for one in fresh if one.reading], known)
-        if fresh:
+        again = _again(known, found)
+        if fresh or again:
             keep_setup(store, known, setup)
+        store.ledger.append_all([(f"file-{raw}", decode) for raw, decode in again.items()])
         files = [_keep(store, known, one, setup, channels) if isinstance(one, _Read) else one for one in found]
     finally:
         shutil.rmtree(work, ignore_errors=True)
@@ -116,7 +121,15 @@ def take_in(
     flags = group_files(store, dict.fromkeys(kept, said) if said != Override() else {})
     now = ledger_facts.at(store.ledger)
     touched = tuple(session for session in now.sessions if kept & {file["raw"] for file in session.files})
-    return Intake(tuple(files), touched, flags)
+    new = {file["raw"] for session in touched if session not in known.sessions for file in session.files}
+    return Intake(tuple(replace(one, anew=one.known and one.raw in new) for one in files), touched, flags)
+
+
+def _again(known: Facts, found: Sequence[Taken | _Read]) -> dict[str, DecodeCompleted]:
+    """By raw file: a known decode that one under another bench or motor file followed. Given again, it is the latest."""
+    given = {one.raw: one.decode for one in found if isinstance(one, Taken) and one.decode and one.decode.bench}
+    latest = {one.raw: one for one in known.decodes.values() if one.bench and one.outcome != "quarantined"}
+    return {raw: decode for raw, decode in given.items() if latest.get(raw, decode) != decode}
 
 
 def redecode(store: Store, known: Facts) -> None:
@@ -199,7 +212,7 @@ def _decode(
     made = one.recording.parent / _decode_id(one.raw, one.form, setup)
     made.mkdir()
     one.recording.rename(made / RECORDING)
-    decode = decode_file(reading, one.raw, setup.databases_of(one.form), setup.bench, channels, made)
+    decode = decode_file(reading, one.raw, setup.databases_of(one.form), setup.bench, channels, made, setup.model)
     store.publish(made, decode.decode)
     return decode
 
@@ -211,7 +224,7 @@ def _name(path: Path) -> str:
 
 def _decode_id(raw: str, form: Format, setup: Setup) -> str:
     databases = [database.sha256 for database in setup.databases_of(form)]
-    return decode_id(raw, databases, setup.bench.sha256 if setup.bench else None)
+    return decode_id(raw, databases, setup.bench.sha256 if setup.bench else None, setup.model)
 
 
 def _quarantined(one: _Read, setup: Setup) -> DecodeCompleted:
@@ -227,4 +240,5 @@ def _quarantined(one: _Read, setup: Setup) -> DecodeCompleted:
         start_ns=None,
         end_ns=None,
         balance={"found": 0, "decoded": 0, "unknown_id": 0, "wrong_length": 0, "rejected": 0},
+        model=setup.model,
     )

@@ -181,7 +181,8 @@ def _bench_output(
     """A channel of the bench file, in the stored unit; `signal` None for a derived one."""
     bare = signal.name if signal else spec.name
     column = Column(_unique(bare + column_suffix(spec.quantity), taken), bare, spec.stored_unit, spec.quantity)
-    entry = _entry(group, signal, column, spec.role) | {"name": spec.name, "node": spec.node, "derived": spec.derived}
+    said = {"name": spec.name, "node": spec.node, "region": spec.region, "derived": spec.derived}
+    entry = _entry(group, signal, column, spec.role) | said
     return Output(column, tuple(sources), spec, entry)
 
 
@@ -194,6 +195,7 @@ def _entry(group: Group, signal: Signal | None, column: Column, role: str) -> di
         "quantity": column.quantity,
         "unit": column.unit,
         "node": None,
+        "region": None,
         "role": role,
         "derived": False,
         "signal": vars(signal) if signal else None,

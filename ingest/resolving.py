@@ -71,13 +71,16 @@ class ResolvedChannel:
 
 
 def resolve(
-    bench: Bench, signals: Sequence[Signal], boundaries: Collection[str] | None = None
+    bench: Bench,
+    signals: Sequence[Signal],
+    boundaries: Collection[str] | None = None,
+    regions: Mapping[str, str] | None = None,
 ) -> list[ResolvedChannel]:
     """The channels of `bench` for a log that holds `signals`, in the order of the file.
 
-    `boundaries`: those of the motor file; None without one, then the names tell. Ignored channels that are not in the log
-    are left out. Raises BenchFileError for a signal that is not there or not the only one, and a unit that the log's own
-    unit row contradicts.
+    `boundaries`: those of the motor file; None without one, then the names tell. `regions`: of its nodes, None without
+    one. Ignored channels that are not in the log are left out. Raises BenchFileError for a signal that is not there or not
+    the only one, and a unit that the log's own unit row contradicts.
     """
     directory = Directory(signals)
     found = [(channel, _signals_of(channel, bench, directory)) for channel in bench.channels if channel.quantity]
@@ -90,7 +93,7 @@ def resolve(
         _refuse_unit_row(bench, channel, directory)
         bare = _bare(channel, of_log)
         name = bare if names[bare] == 1 else str(channel.signal)
-        resolved.append(_filled(channel, of_log, name, boundaries))
+        resolved.append(_filled(channel, of_log, name, boundaries, regions))
     return resolved
 
 
@@ -183,7 +186,11 @@ def _refuse_unit_row(bench: Bench, channel: Channel, directory: Directory) -> No
 
 
 def _filled(
-    channel: Channel, of_log: tuple[Signal, ...], name: str, boundaries: Collection[str] | None
+    channel: Channel,
+    of_log: tuple[Signal, ...],
+    name: str,
+    boundaries: Collection[str] | None,
+    regions: Mapping[str, str] | None,
 ) -> ResolvedChannel:
     conversion = converter(channel.unit, channel.quantity, channel.convention)
     role = channel.role or _role(channel, boundaries)
@@ -192,7 +199,6 @@ def _filled(
     if resolution is None and not channel.expression and of_log[0].resolution:
         resolution = of_log[0].resolution * conversion.scale
     noise = max((resolution or 0.0) / 3, _NOISE_K if temperature else 0.0)
-    heaviest = max(channel.weights, key=lambda node: channel.weights[node]) if channel.weights else channel.node
     return ResolvedChannel(
         name=name,
         quantity=channel.quantity,
@@ -203,7 +209,7 @@ def _filled(
         expression=parse(channel.expression) if channel.expression else None,
         node=channel.node,
         weights=channel.weights,
-        region=channel.region or (region_by_name(heaviest) if heaviest else None),
+        region=_region(channel, boundaries, regions),
         level=channel.level,
         noise=noise if channel.noise is None else channel.noise,
         bias_sd=(_BIAS_K if temperature and role == "observed" else 0.0)
@@ -223,6 +229,14 @@ def _role(channel: Channel, boundaries: Collection[str] | None) -> str:
     places = _places(channel) if channel.quantity == "temperature" else []
     outside = [_outside(place, channel.region, boundaries) for place in places]
     return "observed" if places and not all(outside) else "input"
+
+
+def _region(channel: Channel, boundaries: Collection[str] | None, regions: Mapping[str, str] | None) -> str | None:
+    """As the motor file says of the node (of several the heaviest), else the channel, else the node's name."""
+    heaviest = max(channel.weights, key=lambda node: channel.weights[node]) if channel.weights else channel.node
+    if heaviest is None or regions is None:
+        return channel.region or (region_by_name(heaviest) if heaviest else None)
+    return "boundary" if heaviest in (boundaries or ()) else regions.get(heaviest)
 
 
 def _outside(place: str, region: str | None, boundaries: Collection[str] | None) -> bool:

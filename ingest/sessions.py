@@ -11,7 +11,7 @@ from __future__ import annotations
 import hashlib
 import json
 import re
-from collections import Counter, defaultdict
+from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -110,14 +110,15 @@ def group(
 ) -> list[SessionRecorded]:
     """All sessions of these decodes, in the order of `order`.
 
-    `benches`: SHA-256 -> bench file, in the order of their registration (the last of several versions is the current
-    one); `names`: raw SHA-256 -> file name; `overrides`: raw SHA-256 -> what was said for that file. `kind` is "" where
-    neither says one: the data is to tell. Of several decodes of a file under one bench file the last given counts.
+    `decodes` are in the order in which they were given: of several versions of bench and motor file the last is the
+    current one. `benches`: SHA-256 -> bench file; `names`: raw SHA-256 -> file name; `overrides`: raw SHA-256 -> what was
+    said for that file. `kind` is "" where neither says one: the data is to tell.
     """
     overrides = overrides or {}
-    versions = _versions(decodes, benches)
+    versions, place = _versions(decodes), {decode.decode: k for k, decode in enumerate(decodes)}
     whole = [part for raw in versions for part in _parts(versions[raw], benches, overrides.get(raw, Override()))]
-    sessions = [_session(members, versions, benches, names, overrides) for members in _join(whole, versions, benches)]
+    sets = _join(whole, versions, benches)
+    sessions = [_session(members, versions, place, benches, names, overrides) for members in sets]
     return sorted(sessions, key=order)
 
 
@@ -152,14 +153,13 @@ def overrides_of(sessions: Iterable[SessionRecorded], benches: Mapping[str, Benc
     return found
 
 
-def _versions(decodes: Sequence[DecodeCompleted], benches: Mapping[str, Bench]) -> dict[str, list[DecodeCompleted]]:
-    """The readable decodes of each raw file: no bench file first, then by registration, the current one last."""
-    rank = {sha: place for place, sha in enumerate(benches)}
+def _versions(decodes: Sequence[DecodeCompleted]) -> dict[str, list[DecodeCompleted]]:
+    """The readable decodes of each raw file: without a bench file first, the current one last."""
     found: dict[str, list[DecodeCompleted]] = defaultdict(list)
     for decode in decodes:
         if decode.outcome != "quarantined":
             found[decode.raw].append(decode)
-    return {raw: sorted(some, key=lambda decode: rank.get(decode.bench or "", -1)) for raw, some in found.items()}
+    return {raw: sorted(some, key=lambda decode: decode.bench is not None) for raw, some in found.items()}
 
 
 def _parts(versions: list[DecodeCompleted], benches: Mapping[str, Bench], said: Override) -> list[_Part]:
@@ -219,12 +219,13 @@ def _join(
 def _session(
     members: list[_Part],
     versions: Mapping[str, list[DecodeCompleted]],
+    place: Mapping[str, int],
     benches: Mapping[str, Bench],
     names: Mapping[str, str],
     overrides: Mapping[str, Override],
 ) -> SessionRecorded:
     raws = list(dict.fromkeys(part.raw for part in members))
-    sha = _bench_of([versions[raw] for raw in raws], benches)
+    sha, model = _version_of([decode for raw in raws for decode in versions[raw] if decode.bench in benches], place)
     bench = benches.get(sha or "", Bench(sha256="", name=""))
     kind = next((said.kind for raw in raws if (said := overrides.get(raw)) and said.kind), None)
     return SessionRecorded(
@@ -240,20 +241,27 @@ def _session(
         absolute=members[0].absolute,
         start_ns=min(part.start_ns for part in members),
         end_ns=max(part.end_ns for part in members),
-        files=[_file(part, versions[part.raw], sha) for part in members],
+        files=[_file(part, versions[part.raw], (sha, model)) for part in members],
+        model=model,
     )
 
 
-def _bench_of(files: list[list[DecodeCompleted]], benches: Mapping[str, Bench]) -> str | None:
-    """The version that most of the files were decoded under; of equals, the one registered last."""
-    count = Counter(sha for versions in files for sha in {decode.bench for decode in versions})
-    return max(
-        (sha for sha in benches if sha in count), key=lambda sha: (count[sha], [*benches].index(sha)), default=None
-    )
+_Version = tuple[str | None, str | None]  # SHA-256 of bench and motor file
 
 
-def _file(part: _Part, versions: list[DecodeCompleted], bench: str | None) -> dict[str, Any]:
-    decode = next((one for one in reversed(versions) if one.bench == bench), versions[-1])
+def _version_of(decodes: Iterable[DecodeCompleted], place: Mapping[str, int]) -> _Version:
+    """The version that most of the files were decoded under; of equals, the one given last. `place`: decode -> its order."""
+    files: dict[_Version, set[str]] = defaultdict(set)
+    last: dict[_Version, int] = {}
+    for decode in decodes:
+        version = decode.bench, decode.model
+        files[version].add(decode.raw)
+        last[version] = max(last.get(version, -1), place[decode.decode])
+    return max(files, key=lambda version: (len(files[version]), last[version]), default=(None, None))
+
+
+def _file(part: _Part, versions: list[DecodeCompleted], version: _Version) -> dict[str, Any]:
+    decode = next((one for one in reversed(versions) if (one.bench, one.model) == version), versions[-1])
     return {"raw": part.raw, "decode": decode.decode, "first_record": part.first, "last_record": part.last}
 
 

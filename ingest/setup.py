@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -36,7 +36,7 @@ class MotorFile:
     data: bytes
     file: str
     motor: str
-    nodes: Sequence[str]
+    regions: Mapping[str, str]  # node -> region, of every node
     boundaries: Sequence[str]
 
     @property
@@ -46,12 +46,13 @@ class MotorFile:
 
 @dataclass(frozen=True)
 class Setup:
-    """What explains the logs: bench file, databases and motor file, read and checked."""
+    """What explains the logs: bench file, databases and motor file, read and checked. `model`: SHA-256 of the motor file."""
 
     bench: Bench | None
     bench_data: bytes
     databases: tuple[Database, ...]
     motor: MotorFile | None
+    model: str | None = None
 
     @property
     def time(self) -> TimeSpec:
@@ -67,6 +68,15 @@ class Setup:
         return files + ([Attachment(self.bench.name, self.bench_data, "application/toml")] if self.bench else [])
 
 
+def refuse_missing(files: Sequence[Path]) -> None:
+    """Raises IngestError for a log that is not there."""
+    for path in files:
+        if path.is_dir():
+            raise IngestError(f"{path}: is a folder: name the log files in it.")
+        if not path.is_file():
+            raise IngestError(f"{path}: there is no such file: correct the path.")
+
+
 def prepare(
     files: Sequence[Path], bench: Path | None, databases: Sequence[Path], motor_file: Callable[[Path], MotorFile]
 ) -> Setup:
@@ -75,9 +85,7 @@ def prepare(
     `motor_file` reads a motor file (this package knows nothing of networks). Raises BenchFileError, TomlError, UnitError,
     DatabaseError, or what `motor_file` raises.
     """
-    for path in files:
-        if not path.is_file():
-            raise IngestError(f"{path}: {'is a folder' if path.is_dir() else 'there is no such file'}: name log files.")
+    refuse_missing(files)
     loaded = tuple(load_database(_bytes(path, "--dbc"), path.name) for path in databases)
     if bench is None:
         return Setup(None, b"", loaded, None)
@@ -91,8 +99,8 @@ def prepare(
                 f'{bench.name}: motor = "{read.motor}" is not there ({path}): correct the path, or leave `motor` out.'
             )
         motor = motor_file(path)
-        check_nodes(read, motor.nodes, motor.boundaries)
-    return Setup(read, data, loaded, motor)
+        check_nodes(read, motor.regions, motor.boundaries)
+    return Setup(read, data, loaded, motor, motor.model if motor else None)
 
 
 def resolved(setup: Setup, readings: Sequence[Reading], known: Facts) -> Sequence[ResolvedChannel]:
@@ -104,8 +112,10 @@ def resolved(setup: Setup, readings: Sequence[Reading], known: Facts) -> Sequenc
             f"{setup.bench.name}: names signals, and no signal database tells where they lie in the frames: add --dbc FILE.dbc"
         )
     here = signals_in(setup.databases, readings)
-    boundaries = setup.motor.boundaries if setup.motor else None
-    return resolve(setup.bench, [*here, *_elsewhere(setup.bench, here, known)], boundaries)
+    signals = [*here, *_elsewhere(setup.bench, here, known)]
+    if setup.motor is None:
+        return resolve(setup.bench, signals)
+    return resolve(setup.bench, signals, setup.motor.boundaries, setup.motor.regions)
 
 
 def _elsewhere(bench: Bench, here: Sequence[Signal], known: Facts) -> list[Signal]:
@@ -152,7 +162,7 @@ def keep_setup(store: Store, known: Facts, setup: Setup) -> None:
             sha256=bench.sha256,
             name=bench.name,
             motor=motor.motor if motor else None,
-            model=motor.model if motor else None,
+            model=setup.model,
         )
         if known.benches.get(bench.sha256) != now:
             store.archive.seal(setup.bench_data)
@@ -161,13 +171,25 @@ def keep_setup(store: Store, known: Facts, setup: Setup) -> None:
         store.ledger.append_all(events)
 
 
+def mend_setup(store: Store, known: Facts, setup: Setup) -> None:
+    """What was damaged or lost of sealed databases, bench and motor file is mended with the true bytes just given."""
+    given = {database.sha256: database.data for database in setup.databases}
+    if setup.bench:
+        given[setup.bench.sha256] = setup.bench_data
+    if setup.motor:
+        given[setup.motor.model] = setup.motor.data
+    for sha256, data in given.items():
+        if sha256 in {*known.databases, *known.benches, *known.models} and store.archive.damage(sha256):
+            store.archive.seal(data)
+
+
 def sealed_setup(store: Store, known: Facts, decode: DecodeCompleted) -> Setup:
-    """Bench file and databases of a decode as they were sealed."""
+    """Bench file and databases of a decode as they were sealed; of its motor file only which it was."""
     databases = tuple(load_database(store.archive.read(sha), known.databases[sha].name) for sha in decode.databases)
     if decode.bench is None:
         return Setup(None, b"", databases, None)
     data, registered = store.archive.read(decode.bench), known.benches[decode.bench]
-    return Setup(read_bench(data, registered.name), data, databases, None)
+    return Setup(read_bench(data, registered.name), data, databases, None, decode.model)
 
 
 def _bytes(path: Path, flag: str) -> bytes:

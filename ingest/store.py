@@ -20,7 +20,8 @@ from ingest.ledger import Ledger
 
 SCHEMA = "whyhot.store/1"
 MARK = "store.json"
-OURS = {MARK, "archive", "decoded", "ledger.lock", "ledger.sqlite", "ledger.sqlite-shm", "ledger.sqlite-wal", "tmp"}
+OURS = {MARK, "archive", "decoded", "tmp", "ledger.lock", "ledger.sqlite"}
+OURS |= {f"ledger.sqlite-{beside}" for beside in ("shm", "wal", "journal")}  # what SQLite leaves where it was stopped
 
 
 class Store:

@@ -28,7 +28,7 @@ T = TypeVar("T")
 _NAMES = ("name", "signal", "node", "between")  # what an entry is called in a message, first found
 _HINTS = (  # words of tomllib -> what to do
     ("overwrite a value", "this key is written twice in the same table: keep one"),
-    ("twice", "this table is opened twice: put its keys together"),
+    ("twice", "this table is opened twice: put its keys together, or open it as [[...]] where there are several"),
     ("Unescaped '\\'", "write a backslash twice, or put the text in single quotes"),
     ("Invalid value", 'text stands in quotes ("like this"), numbers and true or false do not'),
 )

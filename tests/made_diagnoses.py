@@ -140,6 +140,8 @@ def gain(
         interval="within these sessions",
         published_mae_K=published,
         outside_trained_share=share,
+        rms_inside_K=[1.2 * before, 1.2 * after],
+        rms_outside_K=[2 * before, 2 * after] if share else [],
     )
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -61,15 +62,52 @@ def test_help_and_demo_work_from_an_empty_folder(installed: Path, tmp_path: Path
     done = _run(whyhot, "demo", "--json", "answer.json", cwd=tmp_path, env=env)
     assert "demo/report.html" in done.stdout
     assert 'pip install "whyhot[view]"' in done.stderr
-    quoted = (
-        (ROOT / "README.md").read_text(encoding="utf-8").partition("```\nIngested")[2].partition("```")[0].splitlines()
-    )
-    assert len(quoted) > 10
-    assert not [line for line in quoted[1:] if line not in done.stdout], "README quotes what the demo prints"
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    real, hidden = re.findall(r"^```\n((?:Ingested|What is wrong).*?)^```$", readme, flags=re.MULTILINE | re.DOTALL)
+    assert len(real.splitlines()) > 10 and len(hidden.splitlines()) > 5
+    printed = done.stdout.splitlines()
+    assert not [line for line in real.splitlines() if line not in printed], "README quotes what the demo prints"
+    answer_of_hidden = printed[[line.startswith("And a campaign") for line in printed].index(True) :]
+    assert _not_printed(hidden.splitlines(), answer_of_hidden) == []
     answer = json.loads((tmp_path / "answer.json").read_text(encoding="utf-8"))
     assert [run["session_name"] for run in answer["runs"]] == ["id_1", "id_3", "id_9", "id_10", "id_12"]
     assert (tmp_path / "demo" / "report.html").stat().st_size > 100_000
     _run(whyhot, "sql", "SELECT count(*) FROM samples", "--store", "demo/store", cwd=tmp_path, env=env)
+
+
+def test_a_quoted_line_must_be_printed_word_by_word_and_number_by_number() -> None:
+    printed = ["Named cause  loss.magnet.speed2   probability 98 % (ln BF 35.6)", "  +21.7 W/K (17.3 to 26.2)"]
+    assert _not_printed(printed, ["What is wrong", *printed]) == []
+    assert _not_printed(printed[1:], ["+21.6 W/K (17.3 to 26.3)"]) == [], "another processor rounds otherwise"
+    assert _not_printed(printed[1:], ["+23.0 W/K (17.3 to 26.2)"]) == printed[1:]
+    assert _not_printed(printed[:1], [printed[0].replace("speed2", "speed1.5")]) == printed[:1]
+    assert _not_printed(printed, printed[::-1]) == printed[1:], "in another order"
+
+
+NUMBER = r"(?<![\w.])\d[\d,]*(?:\.\d+)?(?![\w.]*\w)"  # not those in an id, a clock or a name
+
+
+def _not_printed(quoted: list[str], printed: list[str]) -> list[str]:
+    """The quoted lines that do not come in `printed` in this order, blanks aside: words equal, numbers to within 2 % or one
+    in the last digit, as far as processors may differ."""
+    rest, lost = iter(printed), []
+    for line in quoted:
+        if not any(_alike(line, other) for other in rest):
+            lost.append(line)
+            rest = iter(printed)
+    return lost
+
+
+def _alike(quoted: str, printed: str) -> bool:
+    if re.sub(NUMBER, "#", quoted).split() != re.sub(NUMBER, "#", printed).split():
+        return False
+    numbers = zip(re.findall(NUMBER, quoted), re.findall(NUMBER, printed), strict=True)
+    return all(_near(a.replace(",", ""), b.replace(",", "")) for a, b in numbers)
+
+
+def _near(quoted: str, printed: str) -> bool:
+    last_digit = 10.0 ** -len(quoted.partition(".")[2])
+    return abs(float(quoted) - float(printed)) <= max(0.02 * float(quoted), 1.01 * last_digit)
 
 
 def test_a_module_that_hides_ours_is_named(installed: Path, tmp_path: Path) -> None:

@@ -6,7 +6,7 @@ WITH wanted AS (
     SELECT s.session, c.channel
     FROM main.sessions AS s
     JOIN main.channels AS c ON c.session = s.session
-    WHERE c.quantity = 'temperature' AND c.role <> 'ignored' AND base.region(c.node) = 'copper'
+    WHERE c.quantity = 'temperature' AND c.role <> 'ignored' AND c.region = 'copper'
       AND (s.kind = 'ageing' OR s.specimen IN (SELECT o.specimen FROM main.sessions AS o WHERE o.kind = 'dc_check'))
 ),
 steps AS (
@@ -15,7 +15,7 @@ steps AS (
         lead(v.t_s) OVER (PARTITION BY v.session, v.channel ORDER BY v.t_s, v.record) - v.t_s AS step_s
     FROM main.samples AS v
     JOIN wanted AS w ON w.session = v.session AND w.channel = v.channel
-    WHERE v.quantity = 'temperature' AND base.region(v.node) = 'copper'  -- so that other columns are not read
+    WHERE v.quantity = 'temperature' AND v.region = 'copper'  -- so that other columns are not read
 )
 SELECT
     session,
@@ -41,14 +41,14 @@ SELECT
     h.channel AS hottest_channel,
     h.longest_gap_s,
     CASE WHEN h.session IS NULL
-        THEN 'no copper temperature: no channel has a node winding*, endwinding* or terminal*' END AS why_no_hours
+        THEN 'no copper temperature: no channel is of region copper' END AS why_no_hours
 FROM sessions AS s
 LEFT JOIN base.hours AS h ON h.session = s.session
 WHERE s.kind = 'ageing'
 ORDER BY s.specimen, s.start, s.name;
 
 COMMENT ON VIEW ageing_cycles IS
-    'One row an oven session (kind `ageing`): how long and how hot. An hour at 181 degC counts as one at 230 degC here, though it ages the insulation far less. Copper channels are those whose node is called winding*, endwinding* or terminal*; held or stuck samples are not left out.';
+    'One row an oven session (kind `ageing`): how long and how hot. An hour at 181 degC counts as one at 230 degC here, though it ages the insulation far less. Copper channels are those of region copper (see `channels`); held or stuck samples are not left out.';
 COMMENT ON COLUMN ageing_cycles.session IS 'Id of the session';
 COMMENT ON COLUMN ageing_cycles.name IS 'Name of the session';
 COMMENT ON COLUMN ageing_cycles.specimen IS 'Which motor or stator was in the oven';

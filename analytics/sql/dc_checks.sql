@@ -3,7 +3,7 @@
 CREATE VIEW dc_checks AS
 WITH wanted AS (
     SELECT s.session, c.channel, CASE c.quantity
-        WHEN 'temperature' THEN base.region(c.node)
+        WHEN 'temperature' THEN c.region
         WHEN 'power' THEN 'power'
         WHEN 'current' THEN 'current' WHEN 'current_dc' THEN 'current'
         WHEN 'voltage' THEN 'voltage' WHEN 'voltage_dc' THEN 'voltage'
@@ -97,9 +97,9 @@ reasons AS (
             WHEN any_value(l.load_s) < 1200
                 THEN format('loaded for {:.1f} min without a break, 20 min are needed', floor(any_value(l.load_s) / 6) / 10)
             WHEN any_value(v.copper_degC) IS NULL
-                THEN 'no copper temperature: no channel has a node winding*, endwinding* or terminal*'
+                THEN 'no copper temperature: no channel is of region copper'
             WHEN any_value(v.iron_degC) IS NULL
-                THEN 'no iron temperature: no channel has a node yoke*, teeth*, tooth*, stator* or iron*'
+                THEN 'no iron temperature: no channel is of region iron'
             WHEN any_value(v.power_W) IS NULL THEN 'neither power nor voltage is recorded'
             WHEN any_value(v.power_W) <= 0 THEN 'power is not above zero'
             WHEN any_value(v.copper_degC) <= any_value(v.iron_degC) THEN 'copper is not warmer than iron'
@@ -144,7 +144,7 @@ WHERE s.kind = 'dc_check'
 ORDER BY s.specimen, s.start, s.name;
 
 COMMENT ON VIEW dc_checks IS
-    'One row a DC check: the thermal resistance of the stator''s insulation. Steady: at least 20 min of load without a break, and the resistance over the last 10 min within 1 % of that over the 10 min before. Copper channels are those whose node is called winding*, endwinding* or terminal*, iron yoke*, teeth*, tooth*, stator* or iron*; held or stuck samples are not left out. One value holds enamel, resin, liner and the sensors'' places together: compare it with other checks of the same specimen and channels only.';
+    'One row a DC check: the thermal resistance of the stator''s insulation. Steady: at least 20 min of load without a break, and the resistance over the last 10 min within 1 % of that over the 10 min before. Copper and iron channels are those of these regions (see `channels`); held or stuck samples are not left out. One value holds enamel, resin, liner and the sensors'' places together: compare it with other checks of the same specimen and channels only.';
 COMMENT ON COLUMN dc_checks.session IS 'Id of the session';
 COMMENT ON COLUMN dc_checks.name IS 'Name of the session';
 COMMENT ON COLUMN dc_checks.specimen IS 'Which motor or stator was checked';

@@ -5,6 +5,7 @@ SELECT
     v.channel,
     v.quantity,
     v.node,
+    v.region,
     v.unit,
     v.t_ns,
     (v.t_ns - s.start_ns) / 1e9 AS t_s,
@@ -23,6 +24,7 @@ COMMENT ON COLUMN samples.session_name IS 'Name of the session';
 COMMENT ON COLUMN samples.channel IS 'Signal of the log, or derived channel of the bench file';
 COMMENT ON COLUMN samples.quantity IS 'temperature, speed, current ... as the bench file says; null without one';
 COMMENT ON COLUMN samples.node IS 'Node or boundary of the motor that it measures';
+COMMENT ON COLUMN samples.region IS 'copper, iron, magnet ...: as in `channels`';
 COMMENT ON COLUMN samples.unit IS 'Unit of the value: the stored unit of its quantity, else the file''s own';
 COMMENT ON COLUMN samples.t_ns IS 'Time in nanoseconds UTC; from 0 where the file has no absolute time';
 COMMENT ON COLUMN samples.t_s IS 'Time since the start of the session in seconds';

@@ -10,12 +10,12 @@ SELECT
     coalesce(f.files, 0) AS files,
     coalesce(c.channels, 0) AS channels,
     coalesce(f.quarantined, 0) AS quarantined,
-    b.motor,
+    s.motor,
     b.name AS bench,
     s.kind_why,
     s.configuration,
     s.attributes,
-    b.model,
+    s.model,
     s.bench AS bench_id,
     s.start_ns
 FROM base.sessions AS s
@@ -42,7 +42,7 @@ COMMENT ON COLUMN sessions.kind_why IS 'How the kind is known: said by whom, or 
 COMMENT ON COLUMN sessions.specimen IS 'Which motor or stator was on the bench';
 COMMENT ON COLUMN sessions.batch IS 'The batch that the specimen belongs to';
 COMMENT ON COLUMN sessions.motor IS 'Name of the motor that the bench file names';
-COMMENT ON COLUMN sessions.model IS 'SHA-256 of the motor file as it was when the bench file was sealed';
+COMMENT ON COLUMN sessions.model IS 'SHA-256 of the motor file as it lay beside the bench file when the session''s files came';
 COMMENT ON COLUMN sessions.bench IS 'File name of the bench file';
 COMMENT ON COLUMN sessions.bench_id IS 'SHA-256 of the bench file: its version';
 COMMENT ON COLUMN sessions.configuration IS 'Configuration of the motor, where the bench file names one';

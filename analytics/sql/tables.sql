@@ -18,11 +18,12 @@ CREATE TABLE base.decodes (
     found BIGINT, decoded BIGINT, unknown_id BIGINT, wrong_length BIGINT, rejected BIGINT
 );
 
-CREATE TABLE base.benches (bench VARCHAR, name VARCHAR, motor VARCHAR, model VARCHAR);
+CREATE TABLE base.benches (bench VARCHAR, name VARCHAR);
 
 CREATE TABLE base.sessions (
     session VARCHAR, place BIGINT, name VARCHAR, kind VARCHAR, kind_why VARCHAR, specimen VARCHAR, batch VARCHAR,
-    bench VARCHAR, configuration VARCHAR, attributes JSON, absolute BOOLEAN, start_ns BIGINT, end_ns BIGINT
+    bench VARCHAR, motor VARCHAR, model VARCHAR, configuration VARCHAR, attributes JSON, absolute BOOLEAN,
+    start_ns BIGINT, end_ns BIGINT
 );
 
 CREATE TABLE base.session_files (session VARCHAR, raw VARCHAR, decode VARCHAR, first_record BIGINT, last_record BIGINT);
@@ -32,7 +33,7 @@ CREATE TABLE base.groups (decode VARCHAR, group_name VARCHAR, file VARCHAR);
 
 CREATE TABLE base.channels (
     decode VARCHAR, place BIGINT, channel VARCHAR, group_name VARCHAR, column_name VARCHAR, quantity VARCHAR,
-    unit VARCHAR, node VARCHAR, role VARCHAR, derived BOOLEAN
+    unit VARCHAR, node VARCHAR, region VARCHAR, role VARCHAR, derived BOOLEAN
 );
 
 -- `session_now`: the current session that the replayed one is, or became part of.

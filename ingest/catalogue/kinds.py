@@ -109,7 +109,7 @@ def _wltp(trace: _Trace) -> tuple[str, str] | None:
         return None
     share = np.mean([_followed(trace.speed[start : start + len(cycle)], cycle) for start in passes])
     times = f"{len(passes)} times" if len(passes) > 1 else "once"
-    return "wltp", f"speed follows {share:.0%} of the WLTC class 3b trace, {times}"
+    return "wltp", f"speed follows {100 * share:.0f} % of the WLTC class 3b trace, {times}"
 
 
 def _correlation(speed: Array, cycle: Array) -> Array:

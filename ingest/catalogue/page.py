@@ -155,7 +155,7 @@ def _power(found: PowerBalance | None) -> list[str]:
     best = max((cell for cell in found.efficiency if cell.minutes >= 1), key=lambda cell: cell.efficiency, default=None)
     if best:
         lines.append(
-            f"best {best.efficiency:.1%} at {best.speed_rpm[0]:,g} to {best.speed_rpm[1]:,g} rpm, "
+            f"best {100 * best.efficiency:.1f} % at {best.speed_rpm[0]:,g} to {best.speed_rpm[1]:,g} rpm, "
             f"{best.torque_Nm[0]:g} to {best.torque_Nm[1]:g} Nm ({best.minutes:.1f} min)"
         )
     return lines

@@ -100,7 +100,7 @@ def _balance(name: str, grid: Aligned, electrical: Array) -> PowerBalance:
         electrical_kWh=float(electrical @ grid.dt_s) / JOULE_PER_KWH,
         mechanical_kWh=float(mechanical @ grid.dt_s) / JOULE_PER_KWH,
         mean_loss_W=float((electrical - mechanical) @ grid.dt_s) / max(float(grid.dt_s.sum()), 1e-9),
-        loaded_h=float(loaded.sum()) * BLOCK_s / 3600.0,
+        loaded_h=_hours_under_load(mechanical, grid.dt_s) if loaded.any() else 0.0,
         impossible_share=impossible,
         opposed_share=opposed,
         ratio=float(np.median(out[driving] / into[driving])) if driving.any() else None,
@@ -109,6 +109,12 @@ def _balance(name: str, grid: Aligned, electrical: Array) -> PowerBalance:
         says="",
     )
     return replace(found, says=_says(found))
+
+
+def _hours_under_load(mechanical: Array, dt_s: Array) -> float:
+    """Time of the samples (N,) themselves: a pulse of 10 s does not make 30 s of it."""
+    least = max(LOADED * float(np.quantile(np.abs(mechanical), 0.995)), 1.0)
+    return float(dt_s[np.abs(mechanical) >= least].sum()) / 3600.0
 
 
 def _efficiency(
@@ -139,14 +145,14 @@ def _says(found: PowerBalance) -> str:
     if found.possible:
         return (
             f"power balances: {found.electrical_kWh:.2f} kWh in, {found.mechanical_kWh:.2f} kWh at the shaft, "
-            f"{found.mean_loss_W:.0f} W lost on average"
+            f"{found.mean_loss_W:,.0f} W lost on average"
         )
     if found.opposed_share > OPPOSED:
         return (
-            f"electrical and mechanical power have opposite signs for {found.opposed_share:.0%} of the time under load: "
+            f"electrical and mechanical power have opposite signs for {100 * found.opposed_share:.0f} % of the time under load: "
             "torque, speed or power has the wrong sign"
         )
-    share = f"loss is below zero for {found.impossible_share:.0%} of the time under load"
+    share = f"loss is below zero for {100 * found.impossible_share:.0f} % of the time under load"
     if found.ratio is not None and found.ratio > 1.0:
         return (
             f"{share}: the shaft gives {found.ratio:.2f} times the electrical power while driving: "

@@ -191,7 +191,7 @@ class CsvLog(Log):
         """The values of one line, or (column, why it cannot be read)."""
         row = cells(line, self._dialect.delimiter)
         if len(row) != len(self._numeric):
-            return "", f"has {len(row):,} fields where the header has {len(self._numeric):,}"
+            return "", f"has {len(row):,} field{'s' * (len(row) != 1)} where the header has {len(self._numeric):,}"
         values: list[float | str] = []
         for name, cell, numeric in zip(self._dialect.names, row, self._numeric, strict=True):
             value = self._dialect.number(cell) if numeric else cell

@@ -12,6 +12,11 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "sessions", metavar="S", nargs="*", help="replayed sessions (default: all), or one diagnosis as d-4f0c"
     )
+    parser.add_argument(
+        "--model",
+        metavar="M",
+        help="model id, motor name or motor file that the replays are of (default: the last replay of each session)",
+    )
     parser.add_argument("--out", metavar="FILE", type=Path, default=Path("report.html"), help="default: report.html")
 
 
@@ -20,16 +25,19 @@ def run(args: argparse.Namespace) -> Answer:
         return _of_diagnosis(args)
     from ingest import facts
     from ingest.store import Store
+    from replay.engine.models import known_model
     from replay.show.documents import write_replay_report
 
     with Store.open(store_folder(args)) as store:
         known = facts.at(store.ledger, None)
-        runs = write_replay_report(store, known, args.sessions, args.out, "whyhot report " + " ".join(args.sessions))
+        model = None if args.model is None else known_model(known, args.model)
+        command = ["whyhot report", *args.sessions, *([] if args.model is None else ["--model", args.model])]
+        runs = write_replay_report(store, known, args.sessions, args.out, " ".join(command), model)
         data = {
             "schema": "whyhot.report/1",
             "file": str(args.out),
             "runs": [run.run for run in runs],
-            "provenance": provenance(store),
+            "provenance": provenance(store, model=args.model),
         }
     return Answer(data, f"{args.out}   {len(runs)} session{'s' * (len(runs) != 1)}; opens offline in any browser")
 
@@ -40,10 +48,15 @@ def _of_diagnosis(args: argparse.Namespace) -> Answer:
     from ingest import facts
     from ingest.store import Store
     from replay.cli.progress import tell
+    from replay.errors import ReplayDataError
     from replay.show.documents import write_diagnosis
     from replay.studies.accept import find_diagnosis
     from replay.studies.diagnosis import read
 
+    if args.model is not None:
+        raise ReplayDataError(
+            f"--model {args.model}: {args.sessions[0]} shows the models of its own: leave --model out."
+        )
     with Store.open(store_folder(args), write=True) as store:
         completed = find_diagnosis(facts.at(store.ledger), args.sessions[0])
         diagnosis = read(json.loads(store.archive.read(completed.artefact)))

@@ -6,11 +6,12 @@ from pathlib import Path
 
 
 def status(folder: Path) -> str | None:
-    """Two lines on the store in `folder` and the next command; None where there is no store."""
+    """What the store in `folder` holds, what was last found, and the next command; None where there is no store."""
     if not (folder / "store.json").is_file():
         return None
     from ingest import facts
     from ingest.store import Store
+    from replay.show.words import counted
     from whyhot import __version__
 
     with Store.open(folder) as store:
@@ -23,13 +24,13 @@ def status(folder: Path) -> str | None:
         command = "whyhot ingest FILE... --bench bench.toml"
     else:
         command = f"whyhot replay {waiting[0].name}" if waiting and motors else f"whyhot show {known.sessions[-1].name}"
-    head_line = (
-        f"whyhot {__version__} · store {folder} · {len(known.sessions)} sessions, {motors} motors, {size / 1e6:.1f} MB"
-    )
-    return "\n".join(
-        [
-            f"{head_line} · head {head.position}:{head.root[:12]}",
-            f"{len(known.sessions) - len(waiting)} sessions replayed, {len(waiting)} not yet",
-            f"next: {command}   (whyhot --help lists all verbs)",
-        ]
-    )
+    held = f"{counted(len(known.sessions), 'session')}, {counted(motors, 'motor')}, {size / 1e6:.1f} MB"
+    lines = [
+        f"whyhot {__version__} · store {folder} · {held} · head {head.position}:{head.root[:12]}",
+        f"{counted(len(known.sessions) - len(waiting), 'session')} replayed, {len(waiting)} not yet",
+    ]
+    if known.diagnoses:
+        last = list(known.diagnoses.values())[-1]
+        found = ", ".join(last.summary["causes"]) or "no cause named"
+        lines.append(f"last diagnosis: d-{last.diagnosis[:8]} of {last.summary['motor']}: {found}")
+    return "\n".join([*lines, f"next: {command}   (whyhot --help lists all verbs)"])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from pathlib import Path
 
 from ingest import facts as ledger_facts
@@ -21,7 +22,7 @@ def for_intake(path: Path) -> MotorFile:
         data=data,
         file=path.name,
         motor=network.name,
-        nodes=[node.name for node in network.nodes],
+        regions={node.name: node.region for node in network.nodes},
         boundaries=[boundary.name for boundary in network.boundaries],
     )
 
@@ -53,6 +54,21 @@ def find_model(facts: Facts, text: str) -> str:
     raise ReplayDataError(
         f'--model "{text}" {why} of this store. Known: {known}. Or give a motor file (ends in .toml).'
     )
+
+
+def known_model(facts: Facts, text: str) -> str:
+    """As `find_model`; a motor file (ends in .toml) stands for the model with its bytes. Raises ReplayDataError."""
+    if not text.endswith(".toml"):
+        return find_model(facts, text)
+    path = Path(text)
+    if not path.is_file():
+        raise ReplayDataError(f"--model {text}: there is no such file: correct the path, or give a model id.")
+    model = hashlib.sha256(path.read_bytes()).hexdigest()
+    if model not in facts.models:
+        raise ReplayDataError(
+            f"--model {text}: nothing was replayed with this motor file: whyhot replay --model {text}"
+        )
+    return model
 
 
 def model_of(facts: Facts, session: SessionRecorded) -> str:

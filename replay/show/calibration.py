@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from replay.show import words
 from replay.show.terminal import labelled
 from twin.calibration import LEFT_FREE
+
+FEW = 8  # names that a person reads
 
 
 def calibration_text(data: Mapping[str, Any]) -> str:
@@ -42,12 +45,12 @@ def _headline(data: Mapping[str, Any]) -> str:
 def _errors(errors: Sequence[Mapping[str, Any]]) -> Iterator[str]:
     rows = [(f"{e['session_name']}  {words.name(str(e['node']))} ({e['channel']})", e) for e in errors]
     width = max((len(label) for label, _ in rows), default=0)
-    yield f"{'Mean error of a replay':<{width}}   {'before':>8}  {'after':>8}   sensor taken to read"
+    yield f"{'Mean error of a replay':<{width}}   {'before':>8}  {'after':>8}   sensor reads too much by"
     for label, entry in rows:
         errs = f"{entry['before_K']:>6.2f} K  {entry['after_K']:>6.2f} K"
         much = abs(float(entry["bias_K"])) > 2 * float(entry["bias_sd_K"])
         note = f", its bias_sd is {words.kelvin(entry['bias_sd_K'])}" if much else ""
-        yield f"{label:<{width}}   {errs}   {words.signed_kelvin(entry['bias_K'])} too much{note}"
+        yield f"{label:<{width}}   {errs}   {words.signed_kelvin(entry['bias_K'])}{note}"
 
 
 def _moved(parameters: Sequence[Mapping[str, Any]]) -> Iterator[str]:
@@ -56,17 +59,20 @@ def _moved(parameters: Sequence[Mapping[str, Any]]) -> Iterator[str]:
         yield from labelled("Moved", "nothing by more than its prior standard deviation")
         return
     width = max(len(str(p["name"])) for p in rows)
-    yield f"{'Moved beyond its prior sd':<{width}}   {'before':>10}  {'after':>10}   1 sd"
+    units = max(len(str(p["unit"])) for p in rows)
+    yield f"{'Moved beyond its prior sd':<{width}}   {'before':>10}  {'after':>10} {'':<{units}}   1 sd"
     for p in rows:
         note = "   at its bound" if p["held"] else ""
         spread = 100.0 * (math.exp(float(p["sd"])) - 1.0)
-        yield f"{p['name']:<{width}}   {p['before']:>10.5g}  {p['value']:>10.5g}   {spread:.1f} %{note}  [{p['unit']}]"
+        values = f"{p['before']:>10.5g}  {p['value']:>10.5g} {p['unit']:<{units}}"
+        yield f"{p['name']:<{width}}   {values}   {spread:.1f} %{note}"
 
 
 def _free(parameters: Sequence[Mapping[str, Any]]) -> str:
     names = [str(p["name"]) for p in parameters if free(p)]
     if not names:
         return "nothing: the data say something about every parameter"
-    return f"{len(names)} of {len(parameters)} parameters keep over {LEFT_FREE:.0%} of their prior sd: " + ", ".join(
-        names
-    )
+    kinds = Counter(name.partition(".")[0] for name in names)
+    listed = [f"{count} of {kind}" for kind, count in kinds.items()]
+    told = ", ".join(names) if len(names) <= FEW else f"{words.joined(listed)}; --json names them under left_free"
+    return f"{len(names)} of {len(parameters)} parameters keep over {100 * LEFT_FREE:.0f} % of their prior sd: {told}"

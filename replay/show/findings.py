@@ -146,4 +146,4 @@ def _verdict(loss_W: float, heat_W: float) -> str:
         )
     if loss_W < heat_W * (1 - AGREE):
         return "The model makes more heat than was lost: its loss laws are too large here, or the power or torque reading is off."
-    return f"They agree within {AGREE:.0%}."
+    return f"They agree within {100 * AGREE:.0f} %."

@@ -86,13 +86,21 @@ def _draw_intervals(axes: Axes, gains: Sequence[Gain], places: np.ndarray) -> No
 
 def _table(gains: Sequence[Gain], named: bool) -> Table:
     head = ("node", "as published [K]", "recalibrated [K]", *(("with the cause [K]",) if named else ()))
+    head += ("rms at trained points [K]", "rms outside them [K]")
     rows = [
         (
             words.name(g.node),
             f"{g.published_mae_K:.2f}",
             f"{g.mae_before_K:.2f}",
             *((f"{g.mae_after_K:.2f}",) if named else ()),
+            _fall(g.rms_inside_K, named),
+            _fall(g.rms_outside_K, named),
         )
         for g in gains
     ]
     return Table(head, tuple(rows))
+
+
+def _fall(rms_K: Sequence[float], named: bool) -> str:
+    """ "6.20 -> 0.90", recalibrated without a cause to with it; "-" where no kept time was there."""
+    return " -> ".join(f"{value:.2f}" for value in rms_K[: 2 if named else 1]) or "-"

@@ -99,7 +99,8 @@ def _file_lines(one: InspectedFile) -> list[str]:
         else 0.0
     )
     clock = "with absolute time" if reading.absolute else "time from its own start"
-    lines = [f"{one.path.name}   {reading.format}   {reading.found:,} {reading.holds} in {duration(seconds)}, {clock}"]
+    holds = reading.holds if reading.found != 1 else reading.holds.removesuffix("s")
+    lines = [f"{one.path.name}   {reading.format}   {reading.found:,} {holds} in {duration(seconds)}, {clock}"]
     if one.note:
         lines.append(f"  {one.note}: say rate_hz or column under [time] of the bench file")
     if reading.cut:

@@ -41,7 +41,7 @@ def _file(taken: Taken) -> dict[str, Any]:
 def intake_text(intake: Intake) -> str:
     """A few lines a file, width 100, and the next command."""
     lines = [line for taken in intake.files if taken.decode for line in _lines(intake, taken, taken.decode)]
-    lines += _flag_lines(intake)
+    lines += [*_version_lines(intake), *_flag_lines(intake)]
     if intake.sessions:
         first, names = intake.sessions[0], [session.name for session in intake.sessions]
         lines.append(f"next: whyhot show {first.name if names.count(first.name) == 1 else first.session}")
@@ -50,7 +50,9 @@ def intake_text(intake: Intake) -> str:
 
 def _lines(intake: Intake, taken: Taken, decode: DecodeCompleted) -> list[str]:
     balance = decode.balance
-    state = "already in the store, nothing new" if taken.known else f"sealed {taken.raw[:12]}"
+    state = f"sealed {taken.raw[:12]}"
+    if taken.known:
+        state = f"already in the store, {'its session anew' if taken.anew else 'nothing new'}"
     if decode.outcome == "quarantined":
         return [f"{taken.name}   {_size(taken.size)}   quarantined   {state}"]
     mine = [s for s in intake.sessions if any(f["raw"] == taken.raw for f in s.files)]
@@ -64,6 +66,19 @@ def _lines(intake: Intake, taken: Taken, decode: DecodeCompleted) -> list[str]:
             f"  decoded {balance['decoded']:,} · unknown id {balance['unknown_id']:,} · wrong length {balance['wrong_length']:,}"
             f" · rejected {balance['rejected']:,} = {balance['found']:,} {of}: the balance holds"
         ),
+    ]
+
+
+def _version_lines(intake: Intake) -> list[str]:
+    """A line for each session that stays with the bench and motor file that most of its files came with."""
+    given = {taken.raw: (taken.decode.bench, taken.decode.model) for taken in intake.files if taken.decode}
+    return [
+        f"  {session.name}: most of its files came with another bench or motor file, which it keeps: to change that, "
+        "ingest all of them with this one"
+        for session in intake.sessions
+        for version in [(session.bench, session.model)]
+        if session.bench
+        and any(given.get(file["raw"], version) not in (version, (None, None)) for file in session.files)
     ]
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
@@ -11,6 +12,9 @@ from replay.show.findings import ChannelError, answer, channel_errors, power_bal
 
 WIDTH = 100
 INDENT = 18
+NUMBER_AND_UNIT = re.compile(
+    r"(?<=\d) (?=(?:K|°C|degC|W|kW|W/K|J/K|A|Nm|rpm|l/min|%|s|min|h)(?!\w))|(?<=\d) (?=-> \d)|(?<=\d ->) (?=\d)"
+)
 
 
 def replay_text(summaries: Sequence[Mapping[str, Any]], next_command: str) -> str:
@@ -24,9 +28,11 @@ def replay_text(summaries: Sequence[Mapping[str, Any]], next_command: str) -> st
 
 
 def labelled(label: str, text: str) -> list[str]:
-    """A paragraph beside its label, wrapped."""
-    wrapped = textwrap.wrap(text, WIDTH - INDENT, break_long_words=False, break_on_hyphens=False) or [""]
-    return [f"{label if i == 0 else '':<{INDENT}}{line}".rstrip() for i, line in enumerate(wrapped)]
+    """A paragraph beside its label, wrapped; a number and its unit, and "6.1 -> 0.9 K", stay on one line."""
+    bound = NUMBER_AND_UNIT.sub("\N{NO-BREAK SPACE}", text)
+    wrapped = textwrap.wrap(bound, WIDTH - INDENT, break_long_words=False, break_on_hyphens=False) or [""]
+    lines = [f"{label if i == 0 else '':<{INDENT}}{line}".rstrip() for i, line in enumerate(wrapped)]
+    return [line.replace("\N{NO-BREAK SPACE}", " ") for line in lines]
 
 
 def _session(summary: Mapping[str, Any]) -> Iterator[str]:

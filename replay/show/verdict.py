@@ -304,8 +304,13 @@ def _agrees(diagnosis: Diagnosis) -> str:
 
 def _best(diagnosis: Diagnosis) -> str:
     against = f"null {figures(diagnosis.null_log_bayes_factor)}, threshold {figures(diagnosis.threshold)}"
-    best = max((rival.log_bayes_factor for rival in diagnosis.rivals), default=None)
-    return f"none with evidence ({against})" if best is None else f"best ln BF {figures(best)} ({against})"
+    best = max(diagnosis.rivals, key=lambda rival: rival.log_bayes_factor, default=None)
+    if best is None:
+        return f"none with evidence ({against})"
+    found = f"best ln BF {figures(best.log_bayes_factor)} ({against})"
+    if best.log_bayes_factor <= diagnosis.threshold:
+        return found
+    return f"{found}: {best.id}, which is no cause all the same: see the rivals"
 
 
 def _cannot_tell(diagnosis: Diagnosis) -> str:

@@ -57,13 +57,18 @@ def duration(seconds: float) -> str:
 def where(places: Mapping[str, Sequence[float]], told: int = 2) -> str:
     """`{"speed_rpm": [3000, 4000]}` -> "at 3,000 to 4,000 rpm", the `told` most telling; "" where the error is spread evenly."""
     parts = [
-        f"{before} {number(rounded(places[key][0]))} to {number(rounded(places[key][1]))} {unit}"
+        f"{before} {_range(*places[key])} {unit}"
         for key, (before, unit) in PLACES.items()
         if key in places and not (key == "torque_Nm" and "current_A" in places)
     ]
     if "t_s" in places:
         parts.append(f"from {clock(places['t_s'][0])} to {clock(places['t_s'][1])}")
     return joined(parts[:told])
+
+
+def _range(low: float, high: float) -> str:
+    ends = [number(rounded(low)), number(rounded(high))]
+    return " to ".join(dict.fromkeys(ends))
 
 
 def joined(parts: Sequence[str]) -> str:
@@ -74,6 +79,11 @@ def joined(parts: Sequence[str]) -> str:
 def name(identifier: str) -> str:
     """`rotor_surface` -> "rotor surface"."""
     return identifier.replace("_", " ")
+
+
+def counted(count: int, noun: str) -> str:
+    """ "1 session", "3 sessions"."""
+    return f"{count:,} {noun}{'s' * (count != 1)}"
 
 
 def capital(text: str) -> str:

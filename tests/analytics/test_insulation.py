@@ -16,7 +16,6 @@ from analytics import warehouse
 from analytics.query import run
 from ingest.events import DecodeCompleted, RawFileSealed, SessionRecorded
 from ingest.quantities import STORED_UNIT
-from ingest.resolving import region_by_name
 from ingest.store import Store
 
 HOUR_s = 3600
@@ -53,7 +52,7 @@ def add(store: Store) -> Add:
         fixed = {"t_ns": t_ns[kept], "log_t_ns": t_ns[kept], "file_id": [raw] * len(kept), "record": kept}
         values = {channel: np.asarray(value, np.float64)[kept] for channel, (_, _, value) in columns.items()}
         pq.write_table(pa.table({**fixed, **values}), folder / "rows.parquet")
-        ignored = more.pop("ignored", ())
+        ignored, regions = more.pop("ignored", ()), more.pop("regions", None)
         channels: list[dict[str, Any]] = [
             {
                 "name": channel,
@@ -64,6 +63,7 @@ def add(store: Store) -> Add:
                 "node": node,
                 "role": "ignored" if channel in ignored else "observed" if node else "input",
                 "derived": False,
+                **({"region": regions.get(channel)} if regions else {}),
             }
             for channel, (quantity, node, _) in columns.items()
         ]
@@ -157,8 +157,8 @@ BREAK = ("power", None, np.where((T_s < 60) | (T_s == 1500), 0.0, 1000.0))
 @pytest.mark.parametrize(
     ("columns", "why"),
     [
-        ({"P": POWER, "TC": IRON}, "no copper temperature: no channel has a node winding*, endwinding* or terminal*"),
-        ({"P": POWER, "EW": COPPER}, "no iron temperature: no channel has a node yoke*, teeth*, tooth*, stator* or iron*"),
+        ({"P": POWER, "TC": IRON}, "no copper temperature: no channel is of region copper"),
+        ({"P": POWER, "EW": COPPER}, "no iron temperature: no channel is of region iron"),
         ({"EW": COPPER, "TC": IRON}, "no power or current is recorded"),
         (
             {"I": ("current", None, np.full(STEPS, 160.0)), "EW": COPPER, "TC": IRON},
@@ -204,9 +204,7 @@ def test_a_gap_counts_at_the_sample_before_it_and_is_shown(store: Store, add: Ad
 def test_a_boundary_is_no_copper_and_a_cycle_without_copper_says_so(store: Store, add: Add) -> None:
     add("oven", "ageing", 0.0, oven(230, 230, node="oven"), step_s=HOUR_s)
     rows = ask(store, "SELECT name, hours_above_180degC, hottest_channel, why_no_hours FROM ageing_cycles")
-    assert rows == [
-        ("oven", None, None, "no copper temperature: no channel has a node winding*, endwinding* or terminal*")
-    ]
+    assert rows == [("oven", None, None, "no copper temperature: no channel is of region copper")]
 
 
 def test_the_dose_sums_the_earlier_sessions_of_the_same_specimen_whatever_their_kind(store: Store, add: Add) -> None:
@@ -245,14 +243,23 @@ def test_a_later_cycle_without_hours_does_not_matter(store: Store, add: Add) -> 
     assert ask(store, "SELECT dose_h, why_no_dose FROM dc_checks") == [(0.0, None)]
 
 
-NODES = "winding_a endwinding terminal_rack yoke teeth tooth_1 stator iron_2 oven ambient coolant magnet rotor_iron w"
+def test_the_region_that_was_recorded_counts_and_not_the_name(store: Store, add: Add) -> None:
+    columns = CHECK | {
+        "EW": ("temperature", "phase_u", np.full(STEPS, 100.0)),
+        "TC": ("temperature", "lamination", np.full(STEPS, 60.0)),
+        "room": ("temperature", "winding_workshop", np.full(STEPS, 20.0)),
+    }
+    add("check", "dc_check", 0.0, columns, regions={"EW": "copper", "TC": "iron", "room": "boundary"})
+    add("oven", "ageing", 9.0, {"EW": columns["EW"]}, regions={"EW": "copper"})
+    assert ask(store, "SELECT resistance_K_per_W, copper_from, iron_from FROM dc_checks") == [(0.04, "EW", "TC")]
+    assert ask(store, "SELECT hottest_channel FROM ageing_cycles") == [("EW",)]
+    assert ask(store, "SELECT DISTINCT channel, region FROM samples WHERE region = 'iron'") == [("TC", "iron")]
 
 
-@pytest.mark.parametrize("node", NODES.split())
-def test_a_node_has_the_region_that_ingest_gives_it_by_name(store: Store, node: str) -> None:
-    with warehouse.refresh(store) as opened:
-        found = opened.connection.execute("SELECT base.region(?)", [node]).fetchall()
-    assert found == [(region_by_name(node),)]
+def test_of_a_decode_that_recorded_no_region_the_name_of_the_node_tells(store: Store, add: Add) -> None:
+    add("check", "dc_check", 0.0, CHECK)
+    found = ask(store, "SELECT channel, region FROM channels ORDER BY channel")
+    assert found == [("EW", "copper"), ("P", None), ("TC", "iron")]
 
 
 def test_the_example_gives_the_slope_of_each_specimen(store: Store, add: Add) -> None:

@@ -215,6 +215,15 @@ def test_a_region_that_is_said_tells_a_boundary_where_no_motor_file_does(node: s
     assert resolved(text, boundaries=["plate"]).role == ("input" if node == "plate" else "observed")
 
 
+def test_the_motor_file_says_the_region_before_bench_file_and_name() -> None:
+    text = f'[[channel]]\nsignal = "MAG_1"\n{TEMPERATURE}node = "winding"\n'
+    assert resolved(text, boundaries=["plate"], regions={"winding": "other"}).region == "other"
+    assert resolved(text + 'region = "iron"', boundaries=["plate"], regions={"winding": "other"}).region == "other"
+    assert resolved(text, boundaries=["winding"], regions={"lump": "copper"}).region == "boundary"
+    shared = text.replace('node = "winding"', "weights = {winding = 0.3, lump = 0.7}")
+    assert resolved(shared, boundaries=[], regions={"winding": "copper", "lump": "iron"}).region == "iron"
+
+
 def test_a_weighted_channel_is_observed_in_the_region_of_its_heaviest_node() -> None:
     text = f'[[channel]]\nsignal = "MAG_1"\n{TEMPERATURE}'
     for line in ("weights = {air_a = 0.3, winding = 0.7}", "node = {air_a = 0.3, winding = 0.7}"):

@@ -186,6 +186,7 @@ def test_a_table_that_cannot_be_one_is_refused(tmp_path: Path, text: str, says: 
     [
         ("7,20,30,40", "line 9", "has 4 fields where the header has 3"),
         ("7,20", "line 9", "has 2 fields where the header has 3"),
+        ("pause", "line 9", "has 1 field where the header has 3"),
         ("7,ERR,1", "line 9, column T", 'text "ERR" where numbers are'),
         ("7,inf,1", "line 9, column T", 'text "inf" where numbers are'),
         ("7,1e999,1", "line 9, column T", 'text "1e999" where numbers are'),

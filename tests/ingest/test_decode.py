@@ -282,6 +282,7 @@ def test_channels_are_converted_to_the_stored_unit_and_the_rest_keeps_its_own(tm
         "quantity": "temperature",
         "unit": "degC",
         "node": "winding",
+        "region": "copper",
         "role": "observed",
         "derived": False,
         "signal": {

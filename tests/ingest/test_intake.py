@@ -250,6 +250,25 @@ def test_ingesting_the_original_again_mends_a_damaged_or_lost_blob(logs: Path, t
             assert store.verify(read=True) == []
 
 
+def test_what_explains_a_log_is_mended_too_when_it_is_given_again(logs: Path, tmp_path: Path) -> None:
+    _take(tmp_path / "s", logs, "5_drive.blf", bench="can.toml")
+    known = _now(tmp_path / "s")
+    for sha in (*known.databases, *known.benches):
+        blob = tmp_path / "s" / "archive" / sha[:2] / sha
+        blob.unlink()
+        blob.write_bytes(b"x")
+    assert _take(tmp_path / "s", logs, "5_drive.blf", bench="can.toml").files[0].known
+    with Store.open(tmp_path / "s") as store:
+        assert store.verify(read=True) == []
+
+
+def test_a_known_file_says_whether_its_session_is_another_now(logs: Path, tmp_path: Path) -> None:
+    _take(tmp_path / "s", logs, "5_drive.blf", bench="can.toml")
+    (same,) = _take(tmp_path / "s", logs, "5_drive.blf", bench="can.toml").files
+    (other,) = _take(tmp_path / "s", logs, "5_drive.blf", bench="can.toml", said=Override(specimen="servo-09")).files
+    assert (same.known, same.anew, other.known, other.anew) == (True, False, True, True)
+
+
 def test_a_table_is_the_same_with_and_without_a_database(logs: Path, tmp_path: Path) -> None:
     _take(tmp_path / "s", logs, "5_drive.blf", "5_room.csv")
     paths = [logs / "5_room.csv"]

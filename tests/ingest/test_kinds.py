@@ -53,11 +53,11 @@ def test_a_wltp_is_recognised_at_another_rate_and_without_torque() -> None:
 @pytest.mark.parametrize(
     ("speed", "share"),
     [
-        pytest.param(wltc()[:-1], "100%", id="1,800 rows"),
-        pytest.param(wltc()[1:], "100%", id="from second 1"),
-        pytest.param((wltc()[1:] + wltc()[:-1]) / 2, "100%", id="stamps half a second off"),
-        pytest.param(wltc()[2:], "90%", id="from second 2"),
-        pytest.param(wltc()[:-90], "95%", id="without its last 5 %"),
+        pytest.param(wltc()[:-1], "100 %", id="1,800 rows"),
+        pytest.param(wltc()[1:], "100 %", id="from second 1"),
+        pytest.param((wltc()[1:] + wltc()[:-1]) / 2, "100 %", id="stamps half a second off"),
+        pytest.param(wltc()[2:], "90 %", id="from second 2"),
+        pytest.param(wltc()[:-90], "95 %", id="without its last 5 %"),
     ],
 )
 def test_one_wltc_that_lacks_a_second_or_its_end_is_a_wltp(speed: NDArray[np.float64], share: str) -> None:
@@ -67,7 +67,7 @@ def test_one_wltc_that_lacks_a_second_or_its_end_is_a_wltp(speed: NDArray[np.flo
 
 def test_two_wltc_of_which_the_second_is_cut_are_both_counted() -> None:
     kind, why = recognise([channel("n", "speed", np.r_[wltc()[:-1], wltc()[:-90]] * 100.0)])
-    assert (kind, why) == ("wltp", "speed follows 98% of the WLTC class 3b trace, 2 times")
+    assert (kind, why) == ("wltp", "speed follows 98 % of the WLTC class 3b trace, 2 times")
 
 
 def test_a_wltc_without_its_fastest_part_is_a_drive() -> None:

@@ -65,7 +65,7 @@ def test_torque_or_power_of_the_wrong_sign_is_named(power: NDArray[np.float64], 
     found = balanced(machine(power, torque))
     assert not found.possible
     assert found.says == (
-        "electrical and mechanical power have opposite signs for 100% of the time under load: "
+        "electrical and mechanical power have opposite signs for 100 % of the time under load: "
         "torque, speed or power has the wrong sign"
     )
 
@@ -73,7 +73,7 @@ def test_torque_or_power_of_the_wrong_sign_is_named(power: NDArray[np.float64], 
 def test_torque_of_the_wrong_scale_is_named_with_the_ratio() -> None:
     found = balanced(machine(SHAFT / 0.9, torque=TORQUE * 1.3))
     assert found.says == (
-        f"loss is below zero for {found.impossible_share:.0%} of the time under load: the shaft gives 1.17 times the "
+        f"loss is below zero for {100 * found.impossible_share:.0f} % of the time under load: the shaft gives 1.17 times the "
         "electrical power while driving: check scale, unit and convention of torque and power"
     )
 
@@ -82,6 +82,13 @@ def test_a_second_of_lag_between_two_meters_is_no_finding() -> None:
     torque = 60.0 + 60.0 * np.sign(np.sin(T / 40))
     shaft = torque * SPEED * 2 * np.pi / 60
     assert balanced(machine(np.r_[0.0, shaft[:-1]] + 0.1 * shaft + 100.0, torque=torque)).possible
+
+
+def test_time_under_load_is_that_of_the_samples_and_not_longer_than_the_session() -> None:
+    pulses = np.where(T[:1010] % 30 < 10, 100.0, 0.0)
+    few = [channel("n", "speed", SPEED[:1010]), channel("M", "torque", pulses)]
+    found = balanced([*few, channel("P", "power", pulses * 320.0)])
+    assert found.loaded_h * 3600 == pytest.approx(np.sum(pulses > 0))
 
 
 def test_a_motor_that_does_not_turn_has_nothing_to_balance() -> None:

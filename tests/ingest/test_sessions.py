@@ -94,6 +94,16 @@ def test_a_new_bench_version_is_the_same_session_pointing_to_it() -> None:
     assert regroup([old], [new]) == [new]
 
 
+def test_a_session_goes_by_the_motor_file_that_most_of_its_files_came_with_and_of_equals_the_last() -> None:
+    a, b = log("a", 0, 100), log("b", 130, 200)
+    (old,) = grouped(replace(a, model="m1"), replace(b, model="m1"))
+    (half,) = grouped(replace(a, model="m1"), replace(b, model="m1"), replace(a, model="m2", decode="a-m2"))
+    (last,) = grouped(replace(a, model="m1"), replace(b, model="m2"))
+    assert old.session == half.session == last.session
+    assert (old.model, half.model, last.model) == ("m1", "m1", "m2")
+    assert [file["decode"] for file in half.files] == ["a-b1", "b-b1"]
+
+
 def test_a_bench_file_given_later_beats_none() -> None:
     (session,) = grouped(log("a", 0, 9), log("a", 0, 9, None))
     assert (session.bench, session.files[0]["decode"]) == ("b1", "a-b1")

@@ -113,6 +113,14 @@ def test_a_folder_with_other_things_in_it_is_refused(tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.iterdir()] == ["thesis.tex"]
 
 
+@pytest.mark.parametrize("left", ["ledger.lock", "ledger.sqlite-journal", "ledger.sqlite-wal", "ledger.sqlite-shm"])
+def test_what_a_creation_that_was_stopped_left_is_taken_up(tmp_path: Path, left: str) -> None:
+    (tmp_path / "ledger.sqlite").touch()
+    (tmp_path / left).touch()
+    with Store.open(tmp_path, create=True) as store:
+        assert store.verify() == []
+
+
 def test_a_file_in_place_of_a_folder_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "whyhot-store"
     path.write_text("hello")

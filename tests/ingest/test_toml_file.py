@@ -205,7 +205,7 @@ def test_tables_that_are_none_are_refused() -> None:
         ("a = 1\nb 2\n", "bench.toml:2: is not TOML: Expected '=' after a key in a key/value pair (column 3)."),
         ("noise = 0,1\n", "(column 10): decimals take a point, not a comma."),
         ("a = 1\na = 2\n", "bench.toml:2: is not TOML: Cannot overwrite a value (column 6): this key is written twice"),
-        ("[a]\n[a]\n", "this table is opened twice: put its keys together."),
+        ("[a]\n[a]\n", "opened twice: put its keys together, or open it as [[...]] where there are several."),
         ('a = "C:\\data"\n', "write a backslash twice, or put the text in single quotes."),
         ("unit = Nm\n", 'text stands in quotes ("like this")'),
         ("\n\na = [1,\n", "bench.toml:3: is not TOML: "),

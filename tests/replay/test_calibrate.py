@@ -14,6 +14,7 @@ from ingest import facts
 from ingest.events import CalibrationCompleted, ModelPublished
 from ingest.store import Store
 from replay.cli import main
+from replay.show.calibration import calibration_text
 
 
 @pytest.fixture(scope="module")
@@ -94,6 +95,25 @@ def test_the_text_says_what_moved_and_what_to_do_next(bench: Path, capsys: pytes
     assert "Left free" in text
     assert "whyhot replay --model " in text
     assert max(map(len, text.splitlines())) <= 100
+
+
+def test_many_parameters_that_the_data_leave_free_are_counted_and_not_listed() -> None:
+    parameter = {"before": 1.0, "value": 1.0, "log_change": 0.0, "sd": 0.5, "prior_sd": 0.5, "held": False, "unit": "W"}
+    names = [*(f"conductance.a-b{k}.constant" for k in range(7)), "loss.a.current2", "loss.b.current2"]
+    data: dict[str, Any] = {
+        "motor": "servo",
+        "on": [{"name": "1_s1"}],
+        "converged": True,
+        "iterations": 3,
+        "errors": [],
+        "model": "a" * 64,
+        "parent": "b" * 64,
+        "parameters": [parameter | {"name": name} for name in names],
+    }
+    (line,) = [line for line in calibration_text(data).splitlines() if line.startswith("Left free")]
+    assert line.endswith("9 of 9 parameters keep over 90 % of their prior sd: 7 of conductance and 2 of")
+    few = calibration_text(data | {"parameters": data["parameters"][-2:]})
+    assert "2 of 2 parameters keep over 90 % of their prior sd: loss.a.current2," in few
 
 
 def test_a_session_that_is_not_there_is_refused_in_one_line(bench: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -249,6 +249,16 @@ def test_the_ranking_is_cut_to_what_can_be_read_and_keeps_every_named_cause() ->
     assert plot.title == "loss.magnet.speed2_current2: ln BF 310 (null 4.6, threshold 8)"
 
 
+def test_the_table_of_the_gain_tells_trained_points_from_others() -> None:
+    plot = gain_bars(NAMED)
+    assert plot is not None
+    assert plot.table.head[-2:] == ("rms at trained points [K]", "rms outside them [K]")
+    assert {row[0]: row[-2:] for row in plot.table.rows}["magnet"] == ("7.32 -> 1.08", "12.20 -> 1.80")
+    nowhere = replace(NAMED, gain=[replace(gain, rms_outside_K=[]) for gain in NAMED.gain])
+    plot = gain_bars(nowhere)
+    assert plot is not None and {row[-1] for row in plot.table.rows} == {"-"}
+
+
 def test_gain_bars_say_when_nothing_is_better() -> None:
     plot = gain_bars(NOT_IMPROVED)
     assert plot is not None
@@ -259,7 +269,8 @@ def test_without_a_cause_the_bars_compare_published_and_recalibrated_only() -> N
     plot = gain_bars(ABSORBED)
     assert plot is not None
     assert plot.title == "Magnet on kept sessions: mean error 9.0 K as published, 0.3 K recalibrated"
-    assert plot.table.head == ("node", "as published [K]", "recalibrated [K]")
+    assert plot.table.head[:3] == ("node", "as published [K]", "recalibrated [K]")
+    assert "->" not in str(plot.table.rows)
     assert "with the cause" not in plot.svg
 
 

@@ -146,6 +146,12 @@ def test_an_error_that_recalibration_takes_away_is_not_called_agreement() -> Non
     assert "take that away" not in answer(replace(ABSORBED, gain=[]))
 
 
+def test_a_candidate_above_the_threshold_that_was_not_named_is_pointed_at() -> None:
+    refused = replace(RIVALS[0], log_bayes_factor=14.6, why_not="it makes the kept sessions worse")
+    told = f"best ln BF 14.6 (null 4.6, threshold 8): {refused.id}, which is no cause all the same: see the rivals."
+    assert answer(replace(ABSORBED, rivals=[refused])).endswith(told)
+
+
 def test_an_unknown_heat_says_where_how_many_watts_when_and_what_it_goes_with() -> None:
     text = flat(diagnosis_text(UNKNOWN))
     assert (

@@ -58,6 +58,14 @@ def test_a_log_in_which_nothing_can_be_read_has_no_balance() -> None:
     assert text == f"a.blf   1.2 kB   quarantined   sealed {sha('a.blf')[:12]}"
 
 
+def test_a_session_that_keeps_another_bench_or_motor_file_says_so() -> None:
+    file = taken("a.blf", bench="b", model="m2")
+    of = replace(session("5", "a", bench="b"), files=[{"raw": file.raw}], model="m1")
+    kept = "  a: most of its files came with another bench or motor file, which it keeps: to change that, ingest all"
+    assert kept in intake_text(Intake((file,), (of,), ()))
+    assert kept not in intake_text(Intake((file,), (replace(of, model="m2"),), ()))
+
+
 def test_a_bus_that_is_silent_once_is_one_line_and_stays_one_fact_a_channel() -> None:
     flags = [gap("T1", (100, 103.2)), gap("T2", (100.1, 103.1)), gap("sum", (100, 103.3))]
     assert said(flags, T1="can2", T2="can2", sum=None) == ["  a: gaps: 3 channels of can2 silent for 3.0 s, 1 time"]

@@ -57,6 +57,23 @@ def test_a_draft_of_frames_without_a_database_is_refused_in_one_line(logs: Path,
     assert not Path("new").exists()
 
 
+@pytest.mark.parametrize("verb", ["inspect", "ingest"])
+def test_a_log_that_is_not_there_is_told_from_a_folder(verb: str, logs: Path, capsys: Capture) -> None:
+    Path("monday").mkdir()
+    for name, says in (
+        ("tcc.csv", "tcc.csv: there is no such file: correct the path."),
+        ("monday", "monday: is a folder: name the log files in it."),
+    ):
+        assert main([verb, "tc.csv", name]) == 2
+        assert capsys.readouterr().err.strip() == says
+
+
+def test_one_row_is_not_rows(logs: Path, capsys: Capture) -> None:
+    Path("one.csv").write_text("Time,T\n2025-10-09T08:53:21Z,20\n", encoding="utf-8")
+    assert main(["inspect", "one.csv"]) == 0
+    assert capsys.readouterr().out.startswith("one.csv   csv   1 row in 0 s")
+
+
 def test_the_folders_of_a_draft_are_made(logs: Path, capsys: Capture) -> None:
     assert main(["inspect", "tc.csv", "--bench-draft", "new/folder/d.toml"]) == 0
     assert "draft bench file: new/folder/d.toml" in capsys.readouterr().out.splitlines()

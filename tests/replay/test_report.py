@@ -14,7 +14,7 @@ from replay.engine.run import Run
 from replay.show import words
 from replay.show.findings import answer, channel_errors, finding, power_balance
 from replay.show.report import LINES, ReportContext, write_report
-from replay.show.terminal import WIDTH, replay_text
+from replay.show.terminal import WIDTH, labelled, replay_text
 
 CONTEXT = ReportContext(command="whyhot replay 1_s1", store_head="4f0c91", versions={"whyhot": "0.1.0"})
 
@@ -85,7 +85,7 @@ def test_a_finding_within_the_floor_compares_with_the_floor() -> None:
     [
         (1000.0, 400.0, "1,000 W against 400 W (2.5 times). What the network lacks may be the inverter's loss"),
         (300.0, 400.0, "The model makes more heat than was lost"),
-        (410.0, 400.0, "They agree within 15%."),
+        (410.0, 400.0, "They agree within 15 %."),
         (-5.0, 400.0, "check the signs of power, torque and speed"),
     ],
 )
@@ -111,6 +111,7 @@ def test_without_recorded_power_there_is_no_balance() -> None:
             "at 8,000 to 16,000 rpm and from 0:00:00 to 0:01:00",
         ),
         (words.where({}), ""),
+        (words.where({"speed_rpm": [5690.0, 5712.0], "current_A": [7.0, 8.0]}), "at 5,700 rpm and at 7 to 8 A"),
         (words.joined(["a", "b", "c"]), "a, b and c"),
     ],
 )
@@ -124,6 +125,14 @@ def test_the_terminal_text_puts_the_answer_first_and_the_next_command_last_withi
     assert lines[0].startswith("What is wrong     The model is furthest off at the rotor surface")
     assert lines[-1] == "Next              whyhot report 1_s1"
     assert max(map(len, lines)) <= WIDTH
+
+
+def test_a_number_and_its_unit_are_not_parted_by_a_line() -> None:
+    for length in range(60, 90):
+        lines = labelled("Gain", "x" * length + " 3.6 K · 41 % of 1 h and 1.6 -> 0.7 K in 2 seconds")
+        assert not [line for line in lines if re.match(r" +(K|%|h|->|0.7) ", line)], lines
+        assert "\N{NO-BREAK SPACE}" not in "".join(lines)
+    assert labelled("Gain", "x" * 79 + " 2 seconds")[1].strip() == "seconds"
 
 
 def test_the_terminal_lists_each_node_with_error_bias_and_floor() -> None:
