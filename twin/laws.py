@@ -70,12 +70,11 @@ class Table:
         )
 
 
-def psi(laws: Sequence[Law], copper: Copper, temperatures: Floats, boundaries: Floats) -> tuple[Floats, Floats]:
-    """psi (L, N) of the laws at temperatures (N, n) [degC] with boundaries (N, b) [degC], and its slope with T_b (L, N)."""
-    table = Table.of(laws, copper)
-    found = np.empty((len(laws), 4, len(temperatures)))
-    _psi(table.places, table.numbers, table.copper, every_place(temperatures, boundaries), found)
-    return found[:, 0], found[:, 2]
+def psi(table: Table, temperatures: Floats, boundaries: Floats) -> tuple[Floats, Floats]:
+    """psi (L, N) of laws at temperatures (N, n) [degC] with boundaries (N, b) [degC], and its slope with T_b (L, N)."""
+    found = np.empty((2, len(table.places), len(temperatures)))
+    _psi(table.places, table.numbers, table.copper, every_place(temperatures, boundaries), 0, found)
+    return found[0], found[1]
 
 
 def every_place(temperatures: Floats, boundaries: Floats) -> Floats:
@@ -85,36 +84,45 @@ def every_place(temperatures: Floats, boundaries: Floats) -> Floats:
 
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
-def _psi(places: Integers, numbers: Floats, copper: Floats, at: Floats, found: Floats) -> None:
+def _psi(places: Integers, numbers: Floats, copper: Floats, at: Floats, first: int, found: Floats) -> None:
+    one = np.empty((4, at.shape[1]))
     for w in range(len(places)):
-        psi_of(places[w], numbers[w], copper, at, found[w])
+        psi_of(places[w], numbers[w], copper, at, first, one)
+        for k in range(at.shape[1]):
+            found[0, w, k], found[1, w, k] = one[0, k], one[2, k]
 
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
-def psi_of(place: Integers, number: Floats, copper: Floats, at: Floats, found: Floats) -> None:
-    """psi of one law and its slopes with T_a, T_b and T_m: `found` (4, N), of `every_place`."""
+def psi_of(place: Integers, number: Floats, copper: Floats, at: Floats, first: int, found: Floats) -> None:
+    """psi of one law and its slopes with T_a, T_b and T_m: `found` (4, K), in K steps from `first` on, of `every_place`. Factor by
+    factor, so that all steps go through one short loop."""
     a, b, own, other = place[0], place[1], place[2], place[3]
     slope, reference, tilt = number[0], number[1], number[2]
-    tilted, linked = not np.isnan(tilt), b != NOBODY
     alpha, cold = copper[0], copper[1]
-    inside, outside, elsewhere = at[a], at[b if linked else a], at[other if other != NOBODY else a]
-    share = 0.5 if linked else 1.0
-    for k in range(at.shape[1]):
-        value, by_a, by_b, by_other = 1.0, 0.0, 0.0, 0.0
-        if linked:
-            value, by_a, by_b = outside[k] - inside[k], -1.0, 1.0
-        if own != 0:
-            factor, change = 1 + alpha * (inside[k] - cold), alpha
+    linked, steps = 1.0 if b != NOBODY else 0.0, found.shape[1]
+    end = b if linked else a
+    for k in range(steps):
+        found[0, k] = 1.0 - linked + at[end, first + k] - at[a, first + k]
+        found[1, k], found[2, k], found[3, k] = -linked, linked, 0.0
+    if own != 0:
+        for k in range(steps):
+            factor, change = 1 + alpha * (at[a, first + k] - cold), alpha
             if own < 0:
                 factor, change = 1 / factor, -alpha / factor**2
-            by_a, by_b, value = by_a * factor + value * change, by_b * factor, value * factor
-        if other != NOBODY:
-            factor = 1 + slope * (elsewhere[k] - reference)
-            by_a, by_b, by_other, value = by_a * factor, by_b * factor, value * slope, value * factor
-        if tilted:
-            factor = share * (inside[k] + (outside[k] if linked else 0.0)) - tilt
-            by_a, by_b, by_other = by_a * factor + value * share, by_b * factor, by_other * factor
-            if linked:
-                by_b += value * share
-            value *= factor
-        found[0, k], found[1, k], found[2, k], found[3, k] = value, by_a, by_b, by_other
+            found[1, k] = found[1, k] * factor + found[0, k] * change
+            found[2, k] *= factor
+            found[0, k] *= factor
+    if other != NOBODY:
+        for k in range(steps):
+            factor = 1 + slope * (at[other, first + k] - reference)
+            found[1, k] *= factor
+            found[2, k] *= factor
+            found[3, k] = found[0, k] * slope
+            found[0, k] *= factor
+    if not np.isnan(tilt):
+        for k in range(steps):
+            factor = (at[a, first + k] + at[end, first + k]) / 2 - tilt
+            found[1, k] = found[1, k] * factor + found[0, k] * (1.0 - linked / 2)
+            found[2, k] = found[2, k] * factor + found[0, k] * (linked / 2)
+            found[3, k] *= factor
+            found[0, k] *= factor

@@ -146,7 +146,9 @@ def test_columns_say_what_is_wrong(candidates: tuple[Candidate, ...]) -> None:
     assert ageing == EntryFactor((("winding_a", "yoke"), ("winding_b", "yoke")), "hours_above_180degC")
 
 
-def test_only_swaps_are_discrete_and_only_laws_across_sessions_need_a_repeated_kind(candidates: tuple[Candidate, ...]) -> None:
+def test_only_swaps_are_discrete_and_only_laws_across_sessions_need_a_repeated_kind(
+    candidates: tuple[Candidate, ...],
+) -> None:
     assert {c.cause.law.startswith("swap_") for c in candidates if c.discrete} == {True}
     assert {c.cause.law for c in candidates if c.repeated} == {"session", "hours_above_180degC"}
     assert any(c.discrete for c in candidates)

@@ -6,16 +6,15 @@ from collections.abc import Mapping
 
 import numpy as np
 import pytest
-from made_motor import AMBIENT_DEGC, CHANNELS, COOLANT_DEGC, every_law, pulses, recorded, smooth, truth
+from made_motor import AMBIENT_DEGC, COOLANT_DEGC, every_law, pulses, recorded, smooth, truth
 from numpy.typing import NDArray
 
 from twin.errors import DivergedError
 from twin.features import evaluate, monomials
 from twin.laws import Law, Table, psi
-from twin.march import Mean, Sensor, System, means, responses, run
+from twin.march import System, run
 from twin.model import Model
 from twin.network import Network
-from twin.outputs import Output, blocks, lagged
 from twin.structure import parameters, structure
 
 Floats = NDArray[np.float64]
@@ -77,7 +76,7 @@ def test_what_flows_in_is_stored() -> None:
     _, edges, course = _march(network, drive, 2.0)
     carried = _carried(network, drive)
     around = np.tile([COOLANT_DEGC, AMBIENT_DEGC], (len(course), 1))
-    value, _ = psi(_laws(network), network.copper, course, around)
+    value, _ = psi(Table.of(_laws(network), network.copper), course, around)
     from_outside = [law.b < 0 or law.b >= len(network.nodes) for law in _laws(network)]
     heat_J = 2.0 * (carried * value)[from_outside].sum(axis=0)
     stored_J = np.diff(edges, axis=0) @ parameters(network).capacities
@@ -102,67 +101,26 @@ def test_the_slopes_of_a_law_are_those_of_its_value(law: int) -> None:
     carried = rng.uniform(1, 20, (1, 3))
     table = Table.of([one], network.copper)
     system = System.of(table, carried, np.ones(4), 2.0, at, around)
-    loss = np.moveaxis(system.matrix, 2, 0) - np.eye(4)
+    loss = system.matrix - np.eye(4)
     for node in range(4):
         ahead, back = at.copy(), at.copy()
         ahead[:, node] += 1e-4
         back[:, node] -= 1e-4
-        change = carried[0] * (
-            psi([one], network.copper, ahead, around)[0][0] - psi([one], network.copper, back, around)[0][0]
-        )
+        change = carried[0] * (psi(table, ahead, around)[0][0] - psi(table, back, around)[0][0])
         np.testing.assert_allclose(loss[:, one.a, node], -change / 2e-4, rtol=1e-6, atol=1e-7)
-    heat = carried[0] * psi([one], network.copper, at, around)[0][0]
-    np.testing.assert_allclose((system.heat.T - np.einsum("kij,kj->ki", loss, at))[:, one.a], heat, rtol=1e-10)
+    heat = carried[0] * psi(table, at, around)[0][0]
+    np.testing.assert_allclose((system.heat - np.einsum("kij,kj->ki", loss, at))[:, one.a], heat, rtol=1e-10)
     taken = loss[:, one.b] if 0 <= one.b < 4 and not one.one_way else np.zeros((3, 4))
     others = [i for i in range(4) if i not in (one.a, one.b)]
     np.testing.assert_allclose(taken, -loss[:, one.a] if taken.any() else 0.0)
     assert not loss[:, others].any()
 
 
-def test_the_inverse_is_the_inverse() -> None:
-    system, _, _ = _march(every_law(), pulses(60.0, step_s=2.0), 2.0)
-    product = system.inverse @ np.moveaxis(system.matrix, 2, 0)
-    np.testing.assert_allclose(product, np.tile(np.eye(4), (len(product), 1, 1)), atol=1e-12)
-
-
-@pytest.mark.parametrize("late_steps", [0.3, -0.3, 1.0, 4.6, -6.2])
-def test_means_of_late_stamps_are_means_of_the_moved_reading(late_steps: float) -> None:
-    rng = np.random.default_rng(4)
-    steps = 60
-    output = Output({"yoke": 1.0}, 0.0, (rng.random(steps) < 0.8).astype(np.float64), rng.random(steps))
-    cut = blocks(output, 2.0)
-    reading, at = rng.normal(size=steps + 1), np.arange(steps + 1.0)
-    found = np.zeros(steps // cut.length)
-    for mean in means(0, cut, np.full(steps + 1, late_steps)):
-        own = (mean.old * reading[:-1] + mean.new * reading[1:]).reshape(-1, cut.length).sum(axis=1)
-        for block, value in enumerate(own):
-            if 0 <= block + mean.ahead < len(found):
-                found[block + mean.ahead] += value
-            else:
-                assert value == 0
-    np.testing.assert_allclose(found[cut.there], cut.means(np.interp(at - late_steps, at, reading)), atol=1e-12)
-
-
-def test_responses_give_the_run_itself() -> None:
-    """From block to block, with the heats of every step, they give its ends and its sensors' means."""
-    network, drive = every_law(), pulses(200.0, step_s=2.0)
-    system, edges, _ = _march(network, drive, 2.0)
-    steps, names = len(edges) - 1, [node.name for node in network.nodes]
-    sensors, wanted, expected = [], [], []
-    for k, (shares, tau_s) in enumerate(CHANNELS.values()):
-        weights = np.array([shares.get(name, 0.0) for name in names])
-        cut = blocks(Output(shares, tau_s, np.ones(steps), np.full(steps, 0.5)), 2.0)
-        sensors.append(Sensor(weights, tau_s))
-        wanted.append(Mean(k, cut.old, cut.new))
-        expected.append(cut.means(lagged(edges @ weights, tau_s, 2.0)))
-    found = responses(system, sensors, wanted, 5, 2.0)
-    state = np.concatenate([edges[0], found.lagged @ edges[0]])
-    for block, through in enumerate(found.through):
-        own = slice(5 * block, 5 * block + 5)
-        step = through @ state + np.einsum("nk,nkr->r", system.heat[:, own], found.heat[:, own])
-        state = step[: len(state)]
-        np.testing.assert_allclose(state[:4], edges[5 * block + 5], rtol=1e-12)
-        np.testing.assert_allclose(step[len(state) :], [e[block] for e in expected], rtol=1e-12)
+def test_a_step_solves_its_system() -> None:
+    system, edges, course = _march(every_law(), pulses(60.0, step_s=2.0), 2.0)
+    right = system.storage * edges[:-1] + system.heat
+    np.testing.assert_allclose(np.einsum("kij,kj->ki", system.matrix, course), right, rtol=1e-12)
+    np.testing.assert_allclose(edges[1:], 2 * course - edges[:-1], rtol=1e-12)
 
 
 def test_temperatures_that_run_away_are_said() -> None:
