@@ -26,7 +26,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -53,17 +53,17 @@ from plant.sensors import LAG_s, Sensor, lagged, record, sensors
 from replay.engine.identity import source_hash
 from replay.engine.models import for_intake
 from replay.engine.motor_file import read_motor
-from replay.studies.kept_sessions import measured
+from replay.studies import question
+from replay.studies.found import find
 from replay.studies.recorded import test_of
 from twin.candidates import Candidate, added_monomials, generate
 from twin.columns import InputChannel, ObservedChannel
 from twin.errors import DivergedError
 from twin.everyday import everyday
-from twin.fit import Fit, fit
-from twin.kept import kept_tests
+from twin.fit import Fit
 from twin.mode import stacked
 from twin.model import Model, Test
-from twin.naming import THRESHOLD, Naming, search
+from twin.naming import Naming, search
 from twin.network import Network
 from twin.outputs import blocks
 from twin.proposals import Proposals
@@ -84,9 +84,6 @@ MASKED = ("hold", "stuck", "dropout", "saturation")
 READ_WRONG = ("sensor", "clock", "input", "boundary")
 BINS = ((0.0, 3.0), (3.0, 5.0), (5.0, 10.0), (10.0, float("inf")))
 BOUND = 0.95  # of each Clopper-Pearson bound by itself
-VETO = (
-    2.0  # mean squared error of the kept sessions over that without the named terms: from there on they are not named
-)
 
 
 # --- Trials -----------------------------------------------------------------------------------------------------------------
@@ -284,31 +281,28 @@ def _model(campaign: Campaign) -> Model:
 
 @dataclass(frozen=True)
 class Result:
-    """What a diagnosis said of a case. `named`: cause -> ln BF, the strongest first; `same`: what the data cannot tell from the
-    first; `unknown`: ln BF of the best free heat; `linear`: of the best candidate before any refit; `kept_ratio`: mean squared
-    error of the kept sessions over that without the named terms."""
+    """What a diagnosis said of a case. `named`: cause -> ln BF, the strongest first; `refused`: what the kept sessions spoke
+    against; `same`: what the data cannot tell from the first; `is_unknown`: a heat of any course won; `unknown`: ln BF of the
+    best free heat; `linear`: of the best candidate before any refit; `leading`: after the first refits."""
 
     case: Case
     size: float
     d_true: float | None
     named: dict[str, float]
-    same: tuple[str, ...]
-    unknown: float
-    linear: float
-    leading: dict[str, float]
-    improved: bool
-    kept_ratio: float | None
-    seconds: float
+    refused: tuple[str, ...] = ()
+    same: tuple[str, ...] = ()
+    is_unknown: bool = False
+    unknown: float = 0.0
+    linear: float = 0.0
+    leading: dict[str, float] = field(default_factory=dict)
+    improved: bool = False
+    seconds: float = 0.0
     diverged: str = ""
 
     @property
     def answer(self) -> str:
         """`silent`, `unknown`, or the first name."""
-        if self.unknown > max(THRESHOLD, self.linear):
-            return "unknown"
-        if self.named and (self.kept_ratio is None or self.kept_ratio < VETO):
-            return next(iter(self.named))
-        return "silent"
+        return "unknown" if self.is_unknown else next(iter(self.named), "silent")
 
     @property
     def verdict(self) -> str:
@@ -325,50 +319,39 @@ class Result:
 
 
 def tried(case: Case, campaign: Campaign) -> Result:
-    """Diagnose a campaign."""
-    started = time.monotonic()
+    """Diagnose a campaign as `whyhot diagnose` does."""
+    started = time.process_time()
     model = _model(campaign)
-    swapped = scan(model, campaign.candidates)
-    if swapped:
-        named = {str(s.candidate.cause): s.log_bayes_factor for s in swapped}
-        return Result(case, campaign.size, None, named, (), 0.0, 0.0, {}, False, None, time.monotonic() - started)
-    naming = search(model, campaign.candidates)
-    first = naming.rounds[0]
-    named = dict(sorted(((str(r.candidate.cause), r.log_bayes_factor) for r in naming.accepted), key=lambda r: -r[1]))
-    linear = first.scores.log_bayes_factor
-    heat = naming.heats[0].log_bayes_factor
-    same: tuple[str, ...] = ()
-    improved, ratio = False, None
-    if named:
-        leader = max(naming.accepted, key=lambda r: r.log_bayes_factor).candidate
-        entered = next(found for found in naming.rounds if leader in [r.candidate for r in found.refits])
-        same = tuple(str(m.candidate.cause) for m in told_apart(entered, leader, heat).others)
-        improved, ratio = _on_kept(campaign, naming)
+    swaps = scan(model, campaign.candidates)
+    given = question.Campaign(campaign.network, campaign.tests[:LEARNT], campaign.candidates, (), (), (), (), ())
+    found = find(given, model, swaps, list(campaign.tests[LEARNT:]), lambda _: None)
+    naming = found.naming
+    first, linear = naming.rounds[0], naming.rounds[0].scores.log_bayes_factor
+    every = [(str(s.candidate.cause), s.log_bayes_factor) for s in swaps]
+    every += [(str(r.candidate.cause), r.log_bayes_factor) for r in naming.accepted]
     return Result(
         case,
         campaign.size,
         true_strength(campaign, case.cause, first.base) if case.cause else 0.0,
-        named,
-        same,
-        heat,
+        dict(sorted(every, key=lambda one: -one[1])),
+        tuple(str(refit.candidate.cause) for refit, _ in found.refused),
+        _same(naming, found.log_bf_unknown),
+        naming.is_unknown,
+        found.log_bf_unknown,
         float(linear.max()),
         {str(r.candidate.cause): round(r.log_bayes_factor, 1) for r in first.refits},
-        improved,
-        ratio,
-        time.monotonic() - started,
+        found.kept is not None and found.kept.improved,
+        time.process_time() - started,
     )
 
 
-def _on_kept(campaign: Campaign, naming: Naming) -> tuple[bool, float]:
-    """Whether the kept sessions are better with the named terms, and their mean squared error over that without."""
-    first, final = naming.rounds[0].base, naming.final
-    base = fit(first.model.with_noise(final.model.noise), first.beta, enough=0.5)
-    kept = campaign.tests[LEARNT:]
-    after, before = (
-        np.concatenate([p.residual for p in kept_tests(f, final.model, kept).predictions]) for f in (final, base)
-    )
-    found = measured(base, final, campaign.tests[:LEARNT], kept, True)
-    return found.improved, float(np.mean(after**2) / np.mean(before**2))
+def _same(naming: Naming, log_bf_unknown: float) -> tuple[str, ...]:
+    """What the data cannot tell from the strongest term."""
+    if not naming.accepted:
+        return ()
+    leader = max(naming.accepted, key=lambda r: r.log_bayes_factor).candidate
+    entered = next(found for found in naming.rounds if leader in [r.candidate for r in found.refits])
+    return tuple(str(m.candidate.cause) for m in told_apart(entered, leader, log_bf_unknown).others)
 
 
 # --- Rates ------------------------------------------------------------------------------------------------------------------
@@ -444,7 +427,10 @@ def read_results(path: Path) -> list[Result]:
     if not path.exists():
         return []
     rows = [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
-    return [Result(**{**row, "case": Case(**row["case"]), "same": tuple(row["same"])}) for row in rows]
+    return [
+        Result(**{**row, "case": Case(**row["case"]), "same": tuple(row["same"]), "refused": tuple(row["refused"])})
+        for row in rows
+    ]
 
 
 def written(path: Path, result: Result) -> None:
@@ -488,7 +474,7 @@ def one(case: Case, cache: Path, first: int) -> Result:
     try:
         return tried(case, campaign)
     except DivergedError as error:
-        return Result(case, campaign.size, None, {}, (), 0.0, 0.0, {}, False, None, 0.0, str(error))
+        return Result(case, campaign.size, None, {}, diverged=str(error))
 
 
 def _made_within_limits(case: Case, cache: Path, first: int) -> Campaign:

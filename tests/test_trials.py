@@ -30,23 +30,11 @@ from twin.model import Test
 from twin.simulate import Frame
 
 HIDDEN = "loss.magnet.speed2"
-SILENT = Result(
-    case=Case(1, "six", HIDDEN, 4.0),
-    size=60.0,
-    d_true=4.0,
-    named={},
-    same=(),
-    unknown=-1.0,
-    linear=2.0,
-    leading={},
-    improved=False,
-    kept_ratio=None,
-    seconds=1.0,
-)
+SILENT = Result(case=Case(1, "six", HIDDEN, 4.0), size=60.0, d_true=4.0, named={}, unknown=-1.0, linear=2.0)
 
 
 def _named(cause: str, log_bf: float = 20.0) -> Result:
-    return replace(SILENT, named={cause: log_bf}, linear=log_bf, kept_ratio=0.9)
+    return replace(SILENT, named={cause: log_bf}, linear=log_bf)
 
 
 def test_no_seed_is_used_twice_and_a_third_of_the_effects_is_off_the_library() -> None:
@@ -89,9 +77,8 @@ def test_bounds_are_those_of_clopper_and_pearson(k: int, n: int, low: float, hig
         (replace(_named("loss.magnet.scale"), same=(HIDDEN,)), "class"),
         (_named("loss.magnet.scale"), "place"),
         (_named("loss.yoke.scale"), "wrong"),
-        (replace(_named(HIDDEN), kept_ratio=2.5), "silent"),
-        (replace(_named(HIDDEN), unknown=30.0), "wrong"),
-        (replace(SILENT, unknown=5.0), "silent"),
+        (replace(SILENT, refused=(HIDDEN,)), "silent"),
+        (replace(SILENT, is_unknown=True), "wrong"),
     ],
 )
 def test_an_answer_is_judged_against_what_was_hidden(result: Result, verdict: str) -> None:
@@ -100,14 +87,14 @@ def test_an_answer_is_judged_against_what_was_hidden(result: Result, verdict: st
 
 def test_off_the_library_unknown_is_right_and_a_name_is_wrong() -> None:
     outside = replace(SILENT, case=Case(1, "six", "unknown.spray", 4.0))
-    assert replace(outside, unknown=30.0).verdict == "first"
-    assert replace(outside, named={HIDDEN: 40.0}, linear=40.0, unknown=30.0).verdict == "wrong"
+    assert replace(outside, is_unknown=True).verdict == "first"
+    assert replace(outside, named={HIDDEN: 40.0}).verdict == "wrong"
 
 
 def test_rates_are_counted_by_strength_and_healthy_motors_apart() -> None:
     healthy = replace(SILENT, case=Case(2, "six"), d_true=0.0)
     swap = replace(_named("sensor.teeth.swap_yoke"), case=Case(3, "six", "sensor.teeth.swap_yoke"), d_true=None)
-    outside = replace(SILENT, case=Case(4, "six", "unknown.spray", 7.0), d_true=7.0, unknown=30.0)
+    outside = replace(SILENT, case=Case(4, "six", "unknown.spray", 7.0), d_true=7.0, is_unknown=True)
     weak = replace(SILENT, d_true=2.9)
     strong = replace(_named(HIDDEN), d_true=10.0)
     alarm = replace(_named(HIDDEN), case=Case(5, "six"), d_true=0.0, improved=True)

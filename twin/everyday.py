@@ -251,13 +251,17 @@ def _buses(tests: Sequence[Test]) -> dict[str, tuple[str, ...]]:
 
 
 def _beside(network: Network, tests: Sequence[Test]) -> Iterator[Parameter]:
-    """A sensor follows a little of what its node is joined to."""
+    """A sensor follows a little of what its node is joined to, and of the air around it; of nothing across a rotating gap."""
     names = [node.name for node in network.nodes]
+    air = {node.name for node in network.nodes if node.region == "fluid"}
+    turning = {node.name for node in network.nodes if node.region in ROTATING}
     for name, channel in {c.name: c for test in tests for c in test.channels}.items():
         weights = channel.output.weights
         place = max(weights, key=lambda node: weights[node])
         joined = {end for link in network.links if place in (link.a, link.b) for end in (link.a, link.b)}
-        for node in sorted(joined & set(names) - {place}, key=names.index):
+        beside = joined & set(names) - {place}
+        touched = {node for node in beside if node in air or (node in turning) == (place in turning)}
+        for node in sorted(touched, key=names.index):
             action = actions.Beside(name, names.index(node))
             yield Parameter(f"sensor.{name}.beside.{node}", action, BESIDE, low=-0.5, high=0.9)
 

@@ -22,7 +22,7 @@ from twin.fit import Fit
 from twin.free_heats import Unknown
 from twin.learned import size
 from twin.model import Model
-from twin.naming import Naming, Refit, Round
+from twin.naming import MOST_SIGMAS, MOST_TERMS, Naming, Refit, Round
 from twin.network import Network
 from twin.noise import floor_variance
 from twin.outputs import followed
@@ -178,12 +178,22 @@ def rivals(naming: Naming, refused: Sequence[tuple[Refit, str]]) -> list[Rival]:
         best = max((r.log_bayes_factor for r in one.refits if r.possible), default=0.0)
         for refit in sorted(one.refits, key=lambda r: -r.log_bayes_factor):
             value, last = refit.log_bayes_factor, number == len(naming.rounds) - 1
-            behind = f"{best - value:.1f} behind in ln BF after both were refitted"
+            why = f"{best - value:.1f} behind in ln BF after both were refitted"
             if not refit.possible:
-                behind = f"it would have to be {abs(refit.amplitude) / refit.parameter.sd:.0f} times as large as such a cause usually is"
-                last = False
-            add(refit.candidate, value, f"under the threshold of {naming.threshold:.0f}" if last else behind)
+                why = _impossible(refit)
+            elif last and value > naming.threshold:
+                why = f"{MOST_TERMS} terms are the most that are named"
+            elif last:
+                why = f"under the threshold of {naming.threshold:.0f}"
+            add(refit.candidate, value, why)
     return list(found.values())[:RIVALS]
+
+
+def _impossible(refit: Refit) -> str:
+    share = abs(refit.amplitude) / refit.parameter.sd
+    if share > MOST_SIGMAS:
+        return f"it would have to be {share:.0f} times as large as such a cause usually is"
+    return "it would have to take away more than there is"
 
 
 def unknown_heat(heat: Unknown, network: Network) -> UnknownHeat:

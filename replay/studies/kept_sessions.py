@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from replay.studies.diagnosis import Gain
+from twin.errors import DivergedError
 from twin.fit import Fit
 from twin.gain import held_out_gain, removes_excess
 from twin.kept import KeptTests, Prediction, kept_tests
@@ -31,7 +32,7 @@ OVER_SESSIONS = 5  # kept sessions from which on they are resampled themselves
 @dataclass(frozen=True)
 class Measured:
     """`improved`: the log score is better and half of the excess error went; `why` not, where it is not. `worse`: the terms make
-    the mean square error twice as large, or lose 10 of log score. `masked_better`: channel -> its error is smaller without masked samples,
+    the mean square error twice as large, lose 10 of log score, or let the temperatures run away. `masked_better`: channel -> its error is smaller without masked samples,
     where it has some."""
 
     gain: tuple[Gain, ...]
@@ -54,7 +55,13 @@ def measured(
 ) -> Measured:
     """Kept sessions under the recalibrated motor, with the named terms, and under the file as published. `kept_after`: the
     sessions with exchanged channels put right, for the motor with the terms."""
-    before, after = kept_tests(base, final.model, kept), kept_tests(final, final.model, kept_after or kept)
+    before = kept_tests(base, final.model, kept)
+    try:
+        after = kept_tests(final, final.model, kept_after or kept)
+    except DivergedError:
+        if not named:
+            raise
+        return Measured((), None, None, False, False, "with it the kept sessions run away", True, {})
     published = kept_tests(None, final.model, kept)
     block_s = BLOCK_MODES * slowest_mode_s(final)
     gain = _gain(before, after, published, train, kept, block_s)

@@ -21,8 +21,8 @@ from twin.noise import ChannelNoise
 from twin.unknown import SPACING_S, tent_times
 
 INITIAL = np.array([60.0, 50.0, 55.0, 45.0])
-QUIET = ChannelNoise(ar_sd=0.02, ar_tau_s=60.0, ou_sd=0.03, ou_tau_s=600.0)
-HIDDEN_W = 120.0
+QUIET = ChannelNoise(ar_sd=0.1, ar_tau_s=60.0, ou_sd=0.2, ou_tau_s=600.0)
+HIDDEN_W = 80.0
 
 
 def _slow(duration_s: float) -> made.Drive:
