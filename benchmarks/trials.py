@@ -123,6 +123,12 @@ def _can_be_seen(cause: str) -> bool:
     return not cause.startswith("ageing.") and law != "session" and law not in MASKED
 
 
+def _either_way(cause: str) -> tuple[str, frozenset[str], str]:
+    """Kind, place and law; the plant writes the ends of a link in another order than the motor file."""
+    kind, place, law = [*cause.split(".", 2), "", ""][:3]
+    return kind, frozenset(place.split("-")), law
+
+
 def scaled(effect: Effect, by: float) -> Effect:
     """The effect `by` times as large, on the logarithm where its size is a factor."""
     if effect.law == "scale" or effect.cause in FACTORS:
@@ -227,7 +233,7 @@ def kept_as(path: Path, make: Callable[[], Any]) -> Any:
 def true_strength(campaign: Campaign, cause: str, base: Fit) -> float | None:
     """d_true at a fit without the cause; None for a swap, and where the cause is no candidate and moves nothing."""
     kind = cause.split(".", 1)[0]
-    chosen = [c for c in campaign.candidates if str(c.cause) == cause and not c.discrete]
+    chosen = [c for c in campaign.candidates if _either_way(str(c.cause)) == _either_way(cause) and not c.discrete]
     if kind not in ("unknown", *READ_WRONG) and not chosen:
         raise ValueError(f"{cause} is neither off the library nor a candidate of this bench")
     proposals = Proposals(base.model, base.beta)
@@ -310,12 +316,13 @@ class Result:
         library `right` is `unknown`."""
         if self.answer == "silent":
             return "silent"
-        truth = "unknown" if self.case.cause.startswith("unknown.") else self.case.cause
-        if self.answer == truth:
+        answer = _either_way(self.answer)
+        truth = _either_way("unknown" if self.case.cause.startswith("unknown.") else self.case.cause)
+        if answer == truth:
             return "first"
-        if truth in self.same:
+        if truth in [_either_way(cause) for cause in self.same]:
             return "class"
-        return "place" if self.answer.rsplit(".", 1)[0] == truth.rsplit(".", 1)[0] else "wrong"
+        return "place" if answer[:2] == truth[:2] else "wrong"
 
 
 def tried(case: Case, campaign: Campaign) -> Result:

@@ -77,6 +77,10 @@ def test_bounds_are_those_of_clopper_and_pearson(k: int, n: int, low: float, hig
         (replace(_named("loss.magnet.scale"), same=(HIDDEN,)), "class"),
         (_named("loss.magnet.scale"), "place"),
         (_named("loss.yoke.scale"), "wrong"),
+        (
+            replace(_named("conductance.teeth-winding.scale"), case=Case(1, "six", "conductance.winding-teeth.scale")),
+            "first",
+        ),
         (replace(SILENT, refused=(HIDDEN,)), "silent"),
         (replace(SILENT, is_unknown=True), "wrong"),
     ],
