@@ -15,7 +15,7 @@ from hidden_cases import Answer, Case, diagnosed
 from twin.naming import THRESHOLD
 
 HIDDEN = (
-    Case(83, "loss.rotor_surface.speed3", 800.0),
+    Case(83, "loss.rotor_surface.speed2_current2", 1500.0),
     Case(92, "conductance.endwinding_a_inner-coolant.constant", 4.0),  # a path that the motor file lacks
     Case(85, "boundary.coolant.bias", 12.0),
     Case(91, "capacity.rotor_core.scale", 3.0),

@@ -24,6 +24,7 @@ from twin.free_heats import free_heats
 from twin.mode import linearised, stacked
 from twin.model import Model
 from twin.refined import refined, under_its_noise
+from twin.taking_over import taken_over
 from twin.unknown import FreeHeat
 
 Floats = NDArray[np.float64]
@@ -32,9 +33,8 @@ THRESHOLD = 6.0  # ln BF that a term must exceed; healthy motors of another form
 MOST_TERMS = 3
 MOST_SIGMAS = 4.0  # prior sd of a candidate: a larger amplitude is not what its name says
 REFITTED, WORTH_REFITTING = 5, 4.0  # how many, and from which linear ln BF on
-REFIT_LINEARISATIONS = 6
+REFIT_LINEARISATIONS = 15
 FAR_BEHIND = 15.0  # of the leading one in linear ln BF: not refitted
-WORTH_TAKING = 0.1  # of a candidate's prior sd: below, a refit starts where all else is
 
 Tell = Callable[[str], None]
 
@@ -157,8 +157,8 @@ def with_refits(found: Round, tell: Tell) -> Round:
 
 
 def refitted(current: Fit, candidate: Candidate, parameter: Parameter) -> Refit | None:
-    """The full fit with one more term; its first step moves all else along. None where it runs away."""
-    beta, amplitude = _taken_over(current, parameter)
+    """The full fit with one more term, from where it does what healthy differences did in its place. None where it runs away."""
+    beta, amplitude = taken_over(current, candidate, parameter)
     start = 1e-3 * parameter.sd if parameter.low == 0.0 else 0.0
     try:
         found = fit(
@@ -170,24 +170,6 @@ def refitted(current: Fit, candidate: Candidate, parameter: Parameter) -> Refit 
     except (DivergedError, np.linalg.LinAlgError):
         return None
     return _compared(found, current, candidate, parameter, len(found.beta) - 1)
-
-
-def _taken_over(current: Fit, parameter: Parameter) -> tuple[Floats, float]:
-    """The vector and an amplitude of the term that leave the prediction as it is: the term takes what the healthy differences
-    that do the same have had to do so far, of those of single tests their mean. No step of a search finds back from there
-    where a reading bends, as with a lag far beyond its healthy size."""
-    beta, parameters = current.beta.copy(), current.model.parameters
-    same = [p for p, other in enumerate(parameters) if other.action == parameter.action]
-    amplitude = 0.0
-    for of_tests in (False, True):
-        own = [p for p in same if (parameters[p].test is not None) == of_tests]
-        if own:
-            moved = float(beta[own].sum()) / (len(own) if of_tests else 1)
-            beta[own] = beta[own] - moved if of_tests else 0.0
-            amplitude += moved
-    if abs(amplitude) < WORTH_TAKING * parameter.sd or not parameter.low < amplitude < parameter.high:
-        return current.beta, 0.0
-    return beta, amplitude
 
 
 def _compared(found: Fit, without: Fit, candidate: Candidate, parameter: Parameter, place: int) -> Refit:

@@ -53,7 +53,7 @@ class Proposals:
             case actions.Lag(), _:
                 low = 0.0
             case actions.Added(_, feature, rms), AddedTerms(terms) if low < 0.0:
-                low = -min(self._mean_of(place) for place, _ in terms) * rms / self._mean(feature)
+                low = -min(self._mean_of(place) for place, _ in terms) * rms / self.mean(feature)
         return Parameter(str(candidate.cause), action, sd, low=low, high=high)
 
     def _action(self, candidate: Candidate) -> tuple[actions.Action, float]:
@@ -98,7 +98,7 @@ class Proposals:
             return 1.0
         return max(1e-12, float(np.sqrt(np.mean(np.concatenate([t.features[feature] for t in self.tests]) ** 2))))
 
-    def _mean(self, feature: str) -> float:
+    def mean(self, feature: str) -> float:
         """Mean of a product of features over the tests."""
         if feature == "constant":
             return 1.0
