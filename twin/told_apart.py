@@ -18,6 +18,8 @@ from twin.next_tests import Proposed, as_test, menu
 
 Floats = NDArray[np.float64]
 
+STANDS_OUT = 5.0  # d, a cause's size over what noise and calibration leave of it
+
 
 @dataclass(frozen=True)
 class Member:
@@ -78,11 +80,20 @@ def separating_test(found: Round, leader: Candidate, other: Candidate) -> str | 
     expected to fall behind by (a^2 / 2) (v_c - beta v_d)'P(v_c - beta v_d), beta = v_d'P v_c / v_d'P v_d. A test separates
     where that reaches ln 20; of these the one with the largest gain an hour is proposed.
     """
-    at = [found.candidates.index(c) for c in (leader, other)]
+    return _best_test(found, [found.candidates.index(c) for c in (leader, other)], TOLD_APART)
+
+
+def telling_test(found: Round, candidate: Candidate) -> str | None:
+    """The next test, in words, after which a candidate of its present size would stand out: a^2 v'P v / 2 = d^2 / 2 with d = 5."""
+    return _best_test(found, [found.candidates.index(candidate)], STANDS_OUT**2 / 2)
+
+
+def _best_test(found: Round, at: Sequence[int], enough: float) -> str | None:
+    """Of the menu's tests that reach `enough` in ln BF, the one that gains most an hour."""
     amplitude = float(_refitted(found)[1][at[0]])
     base = found.base
     recorded = _Recorded.of(found, at)
-    before = amplitude**2 / 2 * _residual(recorded.gram, recorded.free)
+    before = amplitude**2 / 2 * _residual(recorded.gram, recorded.free, len(at))
     rates: dict[str, float] = {}
     for proposed in menu(base.model.network, base.model.tests):
         try:
@@ -90,15 +101,15 @@ def separating_test(found: Round, leader: Candidate, other: Candidate) -> str | 
         except DivergedError:
             continue
         hours = len(proposed.speed) * base.model.tests[0].frame.step_s / 3600
-        if after > TOLD_APART:
+        if after > enough:
             rates[proposed.words] = (after - before) / hours
     return max(rates, key=lambda words: rates[words]) if rates else None
 
 
 @dataclass(frozen=True)
 class _Recorded:
-    """`gram` (2 + p, 2 + p) of the two candidates and the parameters over the recorded tests, priors of the latter included;
-    `free` (2 + p,): those that are not at a bound."""
+    """`gram` (k + p, k + p) of the one or two candidates `at` and the parameters over the recorded tests, priors of the latter
+    included; `free` (k + p,): those that are not at a bound."""
 
     found: Round
     at: Sequence[int]
@@ -109,13 +120,14 @@ class _Recorded:
     def of(cls, found: Round, at: Sequence[int]) -> _Recorded:
         model, beta = found.base.model, found.base.beta
         parts = model.linearise(beta, [found.parameters[i] for i in at])
-        gram = _gram(model, parts, np.arange(len(beta)), np.zeros((2 + len(beta), 2 + len(beta))))
-        gram[2:, 2:] += np.diag(1 / model.sd**2)
-        free = np.append([True, True], (beta > model.low) & (beta < model.high))
+        k, size = len(at), len(at) + len(beta)
+        gram = _gram(model, parts, np.arange(len(beta)), np.zeros((size, size)), k)
+        gram[k:, k:] += np.diag(1 / model.sd**2)
+        free = np.append(np.ones(k, dtype=np.bool_), (beta > model.low) & (beta < model.high))
         return cls(found, at, gram, free)
 
     def with_test(self, proposed: Proposed) -> float:
-        """v_c'P v_c - (v_c'P v_d)^2 / v_d'P v_d after one more test."""
+        """v_c'P v_c, less (v_c'P v_d)^2 / v_d'P v_d where there is a second candidate, after one more test."""
         base = self.found.base
         test = as_test(base.model.network, base.model.tests, proposed)
         shared = [p for p, one in enumerate(base.model.parameters) if one.test is None]
@@ -125,26 +137,27 @@ class _Recorded:
         parts = model.linearise(
             np.append(base.beta[shared], np.zeros(len(brought))), [self.found.parameters[i] for i in self.at]
         )
-        size, old = len(self.gram) + len(brought), len(self.gram)
+        size, old, k = len(self.gram) + len(brought), len(self.gram), len(self.at)
         gram = np.zeros((size, size))
         gram[:old, :old] = self.gram
         gram[old:, old:] = np.diag([1 / one.sd**2 for one in brought])
-        place = np.array([*shared, *range(old - 2, size - 2)])
-        return _residual(_gram(model, parts, place, gram), np.append(self.free, np.ones(len(brought), dtype=np.bool_)))
+        place = np.array([*shared, *range(old - k, size - k)])
+        free = np.append(self.free, np.ones(len(brought), dtype=np.bool_))
+        return _residual(_gram(model, parts, place, gram, k), free, k)
 
 
-def _gram(model: Model, parts: Sequence[Columns], place: NDArray[np.intp], into: Floats) -> Floats:
-    """Inner products of whitened columns added to `into`: two candidates first, then parameters at `place` of the vector."""
+def _gram(model: Model, parts: Sequence[Columns], place: NDArray[np.intp], into: Floats, k: int) -> Floats:
+    """Inner products of whitened columns added to `into`: k candidates first, then parameters at `place` of the vector."""
     for part in parts:
         white = model.whitened(part.series, np.column_stack([part.extra, part.columns]))
-        at = np.append([0, 1], 2 + place[part.at])
+        at = np.append(np.arange(k), k + place[part.at])
         into[np.ix_(at, at)] += white.T @ white
     return into
 
 
-def _residual(gram: Floats, free: NDArray[np.bool_]) -> float:
-    """What of the first column's square neither the second nor the free parameters can take."""
+def _residual(gram: Floats, free: NDArray[np.bool_], k: int) -> float:
+    """What of the first column's square neither the free parameters nor the second of k candidates can take."""
     kept = gram[np.ix_(free, free)]
-    taken = kept[:2, 2:] @ np.linalg.solve(kept[2:, 2:], kept[2:, :2])
-    c, d, both = (float((kept[:2, :2] - taken)[i, j]) for i, j in ((0, 0), (1, 1), (0, 1)))
-    return max(0.0, c - both**2 / d if d > 0 else c)
+    left = kept[:k, :k] - kept[:k, k:] @ np.linalg.solve(kept[k:, k:], kept[k:, :k])
+    taken = float(left[0, 1] ** 2 / left[1, 1]) if k > 1 and left[1, 1] > 0 else 0.0
+    return max(0.0, float(left[0, 0]) - taken)

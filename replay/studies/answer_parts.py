@@ -26,7 +26,7 @@ from twin.naming import MOST_SIGMAS, MOST_TERMS, Naming, Refit, Round
 from twin.network import Network
 from twin.noise import floor_variance
 from twin.outputs import followed
-from twin.told_apart import separating_test, told_apart
+from twin.told_apart import separating_test, telling_test, told_apart
 
 Floats = NDArray[np.float64]
 
@@ -194,6 +194,14 @@ def _impossible(refit: Refit) -> str:
     if share > MOST_SIGMAS:
         return f"it would have to be {share:.0f} times as large as such a cause usually is"
     return "it would have to take away more than there is"
+
+
+def suspected_test(naming: Naming) -> str | None:
+    """The test after which the best candidate that nothing was named for would stand out, if it is there; None without one."""
+    first = naming.rounds[0]
+    best = max((r for r in first.refits if r.possible), key=lambda r: r.log_bayes_factor, default=None)
+    test = telling_test(first, best.candidate) if best and not naming.accepted else None
+    return f"{test}: it would show whether {best.candidate.cause} is there" if best and test else None
 
 
 def unknown_heat(heat: Unknown, network: Network) -> UnknownHeat:

@@ -26,7 +26,7 @@ from ingest.store import Store
 from replay.engine.bench_versions import MADE, with_bench_of
 from replay.engine.identity import run_id
 from replay.errors import ReplayDataError
-from replay.studies.answer_parts import Context, named, rivals, shown, unknown_heat
+from replay.studies.answer_parts import Context, named, rivals, shown, suspected_test, unknown_heat
 from replay.studies.calibrate import common_model
 from replay.studies.data_faults import data_faults
 from replay.studies.diagnosis import Diagnosis, document, read
@@ -143,7 +143,7 @@ def _answered(question: Question, identity: str, tell: Tell) -> Diagnosis:
         steps=sum(len(t.frame.features) for t in campaign.tests),
         null_log_bayes_factor=last.null,
         threshold=naming.threshold,
-        next_test=next((c.separating_test for c in causes if c.separating_test), None),
+        next_test=next((c.separating_test for c in causes if c.separating_test), None) or suspected_test(naming),
         seconds=0.0,
     )
 

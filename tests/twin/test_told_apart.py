@@ -26,7 +26,7 @@ from twin.next_tests import as_test, menu
 from twin.noise import ChannelNoise
 from twin.proposals import Proposals
 from twin.sizes import Sigma
-from twin.told_apart import _Recorded, separating_test, told_apart
+from twin.told_apart import STANDS_OUT, _Recorded, separating_test, telling_test, told_apart
 
 Floats = NDArray[np.float64]
 
@@ -156,3 +156,22 @@ def test_no_test_separates_what_is_too_small_to_see() -> None:
 def test_no_test_separates_a_candidate_from_itself() -> None:
     found = _searched()
     assert separating_test(found, found.candidates[0], found.candidates[0]) is None
+
+
+def test_a_suspicion_stands_out_after_the_test_proposed_and_not_before() -> None:
+    """Small enough to hide in the recorded test; d^2 / 2 after the proposed one is that of both tests stacked."""
+    found = _searched()
+    at = found.candidates.index(next(c for c in found.candidates if c.cause.law == "speed3"))
+    for share in (0.3, 0.1, 0.03, 0.01):
+        weak = replace(found, scores=replace(found.scores, s=share * found.scores.s))
+        amplitude = float(weak.scores.amplitude[at])
+        words = telling_test(weak, found.candidates[at])
+        if amplitude**2 * found.gram[at, at] < STANDS_OUT**2 and words is not None:
+            break
+    else:
+        pytest.fail("no size that only a test of the menu shows")
+    base = found.base
+    proposed = next(p for p in menu(base.model.network, base.model.tests) if p.words == words)
+    assert amplitude**2 * _Recorded.of(found, [at]).with_test(proposed) > STANDS_OUT**2
+    tiny = replace(found, scores=replace(found.scores, s=1e-6 * found.scores.s))
+    assert telling_test(tiny, found.candidates[at]) is None
