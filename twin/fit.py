@@ -55,6 +55,11 @@ class Fit:
         return -(self.cost + (float(volume) + float(log_r)) / 2)
 
     @property
+    def free(self) -> NDArray[np.bool_]:
+        """Which entries of the vector are not at a bound."""
+        return (self.beta > self.model.low) & (self.beta < self.model.high)
+
+    @property
     def covariance_diagonal(self) -> Floats:
         return np.diag(np.linalg.inv(self.hessian))
 

@@ -45,7 +45,7 @@ def _is_repeated(candidate: Candidate, tests: Sequence[Test]) -> bool:
 def stacked(current: Fit, parts: Sequence[Columns]) -> tuple[Projector, Floats, Floats]:
     """The projector of the free parameters, whitened candidates (N, c) and the residual referred back to the prior mean."""
     model, beta = current.model, current.beta
-    free = (beta > model.low) & (beta < model.high)
+    free = current.free
     a_rows, v_rows, e_rows = [], [], []
     for part in parts:
         white = model.whitened(part.series, np.column_stack([part.series.y, part.columns, part.extra]))

@@ -60,9 +60,8 @@ def _design(current: Fit, candidates: Sequence[Candidate]) -> _Design:
     sigma = np.array([p.sd for p in parameters])
     scores = score(v, e0, projector, sigma, np.zeros(len(sigma)))
     leading = np.argsort(-scores.log_bayes_factor, kind="stable")[:IN_DESIGN]
-    free = (current.beta > current.model.low) & (current.beta < current.model.high)
     kept = [Columns(p.series, p.at, p.columns, p.extra[:, leading]) for p in parts]
-    return _Design(current, free, projector.columns, v[:, leading], sigma[leading], e0, kept)
+    return _Design(current, current.free, projector.columns, v[:, leading], sigma[leading], e0, kept)
 
 
 def _fitted_noise(design: _Design) -> Mapping[str, ChannelNoise]:

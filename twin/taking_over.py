@@ -28,13 +28,14 @@ def taken_over(current: Fit, candidate: Candidate, parameter: Parameter) -> tupl
     match parameter.action, candidate.column:
         case actions.Added(_, feature, rms), AddedTerms(added):
             proposals = Proposals(current.model, current.beta)
-            places = [proposals.terms(place) for place, _ in added]
-            beta, change = _straightened(current, {i for own in places for i in own}, form=True)
-            amplitude = change / len(places) * rms / proposals.mean(feature)
+            own = {i for place, _ in added for i in proposals.terms(place)}
+            beta = _straightened(current, own, form=True)
+            change = _mean(current.model, current.beta, own) - _mean(current.model, beta, own)
+            amplitude = change / len(added) * rms / proposals.mean(feature)
         case actions.Scale(terms), _:
-            beta, change = _straightened(current, set(terms), form=False)
-            mean = _mean(current.model, beta, set(terms))
-            amplitude = float(np.log1p(change / mean)) if mean > 0 and change > -mean else 0.0
+            beta = _straightened(current, set(terms), form=False)
+            bent, straight = (_mean(current.model, vector, set(terms)) for vector in (current.beta, beta))
+            amplitude = float(np.log(bent / straight)) if bent > 0 and straight > 0 else 0.0
         case _:
             beta, amplitude = _same_done(current, parameter.action)
     if abs(amplitude) < WORTH_TAKING * parameter.sd or not parameter.low < amplitude < parameter.high:
@@ -42,9 +43,9 @@ def taken_over(current: Fit, candidate: Candidate, parameter: Parameter) -> tupl
     return beta, amplitude
 
 
-def _straightened(current: Fit, terms: set[int], form: bool) -> tuple[Floats, float]:
-    """The vector with the factors of the terms (and with their `form`: exponents and maps) as in the file, and by how much their
-    mean over the tests was above that [W or W/K]. What acts on other terms too stays."""
+def _straightened(current: Fit, terms: set[int], form: bool) -> Floats:
+    """The vector with the factors of the terms (and with their `form`: exponents and maps) as in the file. What acts on other terms
+    too stays."""
     beta = current.beta.copy()
     for p, other in enumerate(current.model.parameters):
         match other.action:
@@ -52,10 +53,11 @@ def _straightened(current: Fit, terms: set[int], form: bool) -> tuple[Floats, fl
                 beta[p] = 0.0
             case actions.Power(own) | actions.Tent(own) if form and set(own) <= terms:
                 beta[p] = 0.0
-    return beta, _mean(current.model, current.beta, terms) - _mean(current.model, beta, terms)
+    return beta
 
 
 def _mean(model: Model, beta: Floats, terms: set[int]) -> float:
+    """Mean of the terms together over the tests [W or W/K]."""
     if not terms:
         return 0.0
     values = np.concatenate([model.course(s, beta)[2] for s in range(len(model.tests))])

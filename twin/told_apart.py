@@ -123,7 +123,7 @@ class _Recorded:
         k, size = len(at), len(at) + len(beta)
         gram = _gram(model, parts, np.arange(len(beta)), np.zeros((size, size)), k)
         gram[k:, k:] += np.diag(1 / model.sd**2)
-        free = np.append(np.ones(k, dtype=np.bool_), (beta > model.low) & (beta < model.high))
+        free = np.append(np.ones(k, dtype=np.bool_), found.base.free)
         return cls(found, at, gram, free)
 
     def with_test(self, proposed: Proposed) -> float:

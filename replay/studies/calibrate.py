@@ -7,9 +7,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from threadpoolctl import threadpool_limits
-
 import twin
 from ingest.events import CalibrationCompleted, Event, ModelPublished, SessionRecorded
 from ingest.facts import Facts
@@ -19,9 +16,9 @@ from replay.engine.models import model_of
 from replay.engine.motor_file import read_motor
 from replay.engine.motor_text import written
 from replay.errors import ReplayDataError
+from replay.studies.fitting import fitting
 from replay.studies.recorded import STEP_S, test_of
 from twin.calibration import Calibration, Estimate, calibrate
-from twin.errors import TwinError
 from twin.model import Test
 
 UNITS = {"loss": "W", "conductance": "W/K", "capacity": "J/K"}
@@ -49,16 +46,8 @@ def calibrate_sessions(
     data = store.archive.read(parent)
     network = read_motor(data, name)
     tests = [test_of(store, facts, session, network, (), level) for session in sessions]
-    with threadpool_limits(1, user_api="blas"):  # the matrices are small: more threads only wait for each other
-        try:
-            result = calibrate(network, tests)
-        except TwinError as error:
-            raise ReplayDataError(f"calibration of {network.name}: {error}") from None
-        except np.linalg.LinAlgError as error:
-            raise ReplayDataError(
-                f"calibration of {network.name}: the fit broke off numerically ({error}): check the motor file with "
-                "`whyhot motor check`, and leave out the session that is furthest off (`whyhot replay` says which)."
-            ) from None
+    with fitting(f"calibration of {network.name}"):
+        result = calibrate(network, tests)
     key = _key(facts, sessions, parent, level)
     named = ", ".join(session.name for session in sessions)
     says = f"Calibrated on {named} from model {parent[:12]}.\nComments beside a number speak of its value before."

@@ -8,9 +8,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-import numpy as np
-from threadpoolctl import threadpool_limits
-
 from ingest.events import (
     CauseNamed,
     DiagnosisCompleted,
@@ -31,10 +28,10 @@ from replay.studies.calibrate import common_model
 from replay.studies.data_faults import data_faults
 from replay.studies.diagnosis import Diagnosis, document, read
 from replay.studies.extension import Version, version
+from replay.studies.fitting import fitting
 from replay.studies.found import Found, find
 from replay.studies.named_faults import left_out, masked, named_fault, named_swap
 from replay.studies.question import Campaign, Question, campaign_of, check, kept_of, key_of
-from twin.errors import TwinError
 from twin.everyday import everyday
 from twin.model import Model
 from twin.swaps import misread, scan
@@ -72,16 +69,8 @@ def diagnose(
     if identity in facts.diagnoses:
         return Result(read(json.loads(store.archive.read(facts.diagnoses[identity].artefact))), True)
     started = time.monotonic()
-    with threadpool_limits(1, user_api="blas"):  # the matrices are small: more threads only wait for each other
-        try:
-            answer = _answered(question, identity, tell)
-        except TwinError as error:
-            raise ReplayDataError(f"diagnosis with model {question.model[:12]}: {error}") from None
-        except np.linalg.LinAlgError as error:
-            raise ReplayDataError(
-                f"diagnosis with model {question.model[:12]}: the fit broke off numerically ({error}): check the motor file with "
-                "`whyhot motor check`, and leave out the session that is furthest off (`whyhot replay` says which)."
-            ) from None
+    with fitting(f"diagnosis with model {question.model[:12]}"):
+        answer = _answered(question, identity, tell)
     answer = replace(answer, seconds=round(time.monotonic() - started, 1))
     _keep(question, answer, key)
     return Result(answer, False)
