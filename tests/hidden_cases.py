@@ -13,18 +13,15 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from ingest import facts as ledger_facts
-from ingest.catalogue.channels import ChannelData, load
 from ingest.intake import take_in
 from ingest.sessions import Override
 from ingest.setup import prepare
 from ingest.store import Store
 from plant import Effect, Plant, drives, points, sessions, write_campaign
 from replay.engine.models import for_intake
-from replay.engine.motor_file import read_motor
+from replay.studies.calibrate import common_model
 from replay.studies.data_faults import data_faults
-from replay.studies.recorded import test_of as recorded
-from twin.candidates import Candidate, added_monomials, generate
-from twin.columns import InputChannel, ObservedChannel
+from replay.studies.question import Campaign, Question, campaign_of
 from twin.everyday import everyday
 from twin.fit import NEAR_ENOUGH, fit
 from twin.model import Model
@@ -56,16 +53,8 @@ class Answer:
     leading: tuple[tuple[str, float], ...] = ()
 
 
-@dataclass(frozen=True)
-class _Campaign:
-    model: Model
-    candidates: tuple[Candidate, ...]
-    loaded: tuple[tuple[ChannelData, ...], ...]
-    observed: tuple[ObservedChannel, ...]
-
-
-def _campaign(case: Case) -> _Campaign:
-    """An S1 point, S2 pulses and a WLTC, as BLF with motor, bench and DBC file, ingested and read back."""
+def _campaign(case: Case) -> Campaign:
+    """An S1 point, S2 pulses and a WLTC, as BLF with motor, bench and DBC file, ingested and read back as the verb reads them."""
     plant = Plant(case.seed, Effect(case.cause, case.size)) if case.cause else Plant(case.seed)
     plan = [points.s1(plant, 9000.0, 20.0, 0), points.s2(plant, 7000.0, 20.0, 1), drives.wltp(1)]
     with TemporaryDirectory() as name:
@@ -75,45 +64,32 @@ def _campaign(case: Case) -> _Campaign:
         with Store.open(folder / "store", create=True) as store:
             take_in(store, logs, setup, Override())
             known = ledger_facts.at(store.ledger)
-            network = read_motor((folder / "motor.toml").read_bytes(), "motor.toml")
             stored = [known.session(log.stem) for log in logs]
-            loaded = tuple(tuple(load(store, known, session)) for session in stored)
-            specs = [(c.spec, c.buses[0]) for c in loaded[0]]
-            observed = tuple(
-                ObservedChannel(s.name, dict(s.weights) or {str(s.node): 1.0}, bus)
-                for s, bus in specs
-                if s.role == "observed"
-            )
-            inputs = [InputChannel(s.node or s.quantity, bus) for s, bus in specs if s.role == "input"]
-            candidates = tuple(generate(network, observed, inputs))
-            wanted = added_monomials(candidates)
-            tests = [recorded(store, known, session, network, wanted, "testing") for session in stored]
-    return _Campaign(Model(network, tests, everyday(network, tests)), candidates, loaded, observed)
+            return campaign_of(Question(store, known, stored, [], common_model(known, stored), "testing"))
 
 
 def diagnosed(case: Case) -> Answer:
     """What the first step of the search says of a case; for exchanged channels the scan, for a fault of the data its evidence."""
     with threadpool_limits(1, user_api="blas"):
         campaign = _campaign(case)
-        swaps = scan(campaign.model, campaign.candidates)
+        model = Model(campaign.network, campaign.tests, everyday(campaign.network, campaign.tests))
+        swaps = scan(model, campaign.candidates)
         if swaps:
             return Answer(str(swaps[0].candidate.cause), log_bf=swaps[0].log_bayes_factor)
         if case.cause.endswith(".stuck"):
-            return _fault(campaign)
-        return _first_term(campaign)
+            return _fault(campaign, model)
+        return _first_term(campaign, model)
 
 
-def _fault(campaign: _Campaign) -> Answer:
-    model = campaign.model
+def _fault(campaign: Campaign, model: Model) -> Answer:
     current = fit(model, np.zeros(len(model.parameters)), enough=NEAR_ENOUGH)
-    starts = [test.start_ns for test in model.tests]
-    found = data_faults(current, campaign.loaded, starts, campaign.observed, THRESHOLD)
+    found = data_faults(current, campaign.loaded, campaign.starts_ns, campaign.observed, THRESHOLD)
     return Answer(str(found[0].cause), log_bf=found[0].log_bayes_factor) if found else Answer("")
 
 
-def _first_term(campaign: _Campaign) -> Answer:
+def _first_term(campaign: Campaign, model: Model) -> Answer:
     """What the search lets in first: no term gets over an endless threshold, so that it stops there."""
-    naming = search(campaign.model, campaign.candidates, threshold=np.inf)
+    naming = search(model, campaign.candidates, threshold=np.inf)
     found, heat = naming.rounds[0], naming.heats[0].log_bayes_factor
     leading = tuple((str(r.candidate.cause), r.log_bayes_factor) for r in found.refits)
     if heat > max(THRESHOLD, float(found.scores.log_bayes_factor.max())):
