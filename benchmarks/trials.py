@@ -41,7 +41,6 @@ from threadpoolctl import threadpool_limits
 
 import twin
 from ingest import facts
-from ingest.catalogue.channels import load
 from ingest.intake import take_in
 from ingest.sessions import Override
 from ingest.setup import prepare
@@ -52,12 +51,10 @@ from plant.plant import Truth
 from plant.sensors import LAG_s, Sensor, lagged, record, sensors
 from replay.engine.identity import source_hash
 from replay.engine.models import for_intake
-from replay.engine.motor_file import read_motor
 from replay.studies import question
+from replay.studies.calibrate import common_model
 from replay.studies.found import find
-from replay.studies.recorded import test_of
-from twin.candidates import Candidate, added_monomials, generate
-from twin.columns import InputChannel, ObservedChannel
+from twin.candidates import Candidate
 from twin.errors import DivergedError
 from twin.everyday import everyday
 from twin.fit import Fit
@@ -162,10 +159,12 @@ def made(seed: int, layout: str, effect: Effect | None) -> Campaign:
         setup = prepare(logs, folder / "bench.toml", [folder / "bench.dbc"], for_intake)
         with Store.open(folder / "store", create=True) as store:
             take_in(store, logs, setup, Override())
-            network = read_motor((folder / "motor.toml").read_bytes(), "motor.toml")
-            tests, candidates = _tests(store, network, [log.stem for log in logs])
-    moved = moved_by(plant, plan, layout, tests) if effect and effect.kind not in READ_WRONG else ()
-    return Campaign(network, tests, candidates, effect.size if effect else 0.0, moved)
+            known = facts.at(store.ledger)
+            sessions = [known.session(log.stem) for log in logs]
+            asked = question.Question(store, known, sessions, [], common_model(known, sessions), "testing")
+            read = question.campaign_of(asked)
+    moved = moved_by(plant, plan, layout, read.tests) if effect and effect.kind not in READ_WRONG else ()
+    return Campaign(read.network, read.tests, read.candidates, effect.size if effect else 0.0, moved)
 
 
 def planned(plant: Plant) -> list[Drive]:
@@ -181,21 +180,6 @@ def moved_by(plant: Plant, plan: Sequence[Drive], layout: str, tests: Sequence[T
         difference(healthy.run(drive, number), plant.run(drive, number), plant, layout, test)
         for number, (drive, test) in enumerate(zip(plan[:LEARNT], tests, strict=False))
     )
-
-
-def _tests(store: Store, network: Network, names: Sequence[str]) -> tuple[tuple[Test, ...], tuple[Candidate, ...]]:
-    known = facts.at(store.ledger)
-    sessions = [known.session(name) for name in names]
-    channels = load(store, known, sessions[0])
-    observed = [
-        ObservedChannel(c.spec.name, dict(c.spec.weights) or {str(c.spec.node): 1.0}, c.buses[0])
-        for c in channels
-        if c.spec.role == "observed"
-    ]
-    inputs = [InputChannel(c.spec.node or c.spec.quantity, c.buses[0]) for c in channels if c.spec.role == "input"]
-    candidates = generate(network, observed, inputs)
-    wanted = added_monomials(candidates)
-    return tuple(test_of(store, known, session, network, wanted, "testing") for session in sessions), candidates
 
 
 def difference(without: Truth, with_it: Truth, plant: Plant, layout: str, test: Test) -> dict[str, Floats]:
