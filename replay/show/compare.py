@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from replay.engine.run import Observed, Run
 from replay.show import words
-from replay.show.figure import LEFT, Plot, Table, inline_svg, name_lines, panels, style
+from replay.show.figure import LEFT, Plot, Table, inline_svg, name_lines, panels, save, style
 from replay.show.palette import DASHES, INK, PAPER, SERIES, SOFT, with_variables
 from replay.show.plots import ROWS, WIDTH, groups, time_axis
 from replay.show.thin import thin, with_gaps
@@ -82,8 +82,7 @@ def picture(models: Mapping[str, Run], target: Path) -> None:
         lower.set_xlabel(time_axis(first).label)
         figure.text(LEFT, 0.965, _title(series), fontsize=11, fontweight="bold", va="center")
         upper.set_title(f"kept session {first.session_name}", fontsize=8.5, color=SOFT[0], loc="right")
-        figure.savefig(target.with_suffix(".svg"), metadata={"Date": None})
-        figure.savefig(target.with_suffix(".png"), dpi=200, metadata={"Software": None})
+        save(figure, target)
 
 
 def _of(run: Run, channel: str) -> Observed | None:

@@ -9,6 +9,7 @@ import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import matplotlib
@@ -91,6 +92,12 @@ def panels(width: float, heights: Sequence[float], top: float = 0.28) -> tuple[F
     for ax in axes[:, 0]:
         ax.yaxis.set_label_coords(-0.085, 0.5)
     return figure, list(axes[:, 0])
+
+
+def save(figure: Figure, target: Path) -> None:
+    """As `target` with the suffixes .svg and .png; the same figure gives the same bytes."""
+    figure.savefig(target.with_suffix(".svg"), metadata={"Date": None})
+    figure.savefig(target.with_suffix(".png"), dpi=200, metadata={"Software": None})
 
 
 def inline_svg(figure: Figure, label: str) -> str:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from replay.engine.run import Observed, Run
 from replay.show import words
-from replay.show.figure import LEFT, Plot, Table, inline_svg, name_lines, panels, style
+from replay.show.figure import LEFT, Plot, Table, inline_svg, name_lines, panels, save, style
 from replay.show.findings import channel_errors, finding
 from replay.show.palette import COLOURS, DASHES, INK, PAPER, SOFT, with_variables
 from replay.show.thin import thin, with_gaps
@@ -203,5 +203,4 @@ def picture(runs: Sequence[Run], target: Path) -> None:
         upper.set_title(
             f"session {run.session_name}, model {run.motor}, open loop", fontsize=8.5, color=SOFT[0], loc="right"
         )
-        figure.savefig(target.with_suffix(".svg"), metadata={"Date": None})
-        figure.savefig(target.with_suffix(".png"), dpi=200, metadata={"Software": None})
+        save(figure, target)
