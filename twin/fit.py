@@ -37,13 +37,15 @@ WORTH = 0.5  # of the last step's gain: below, a new linearisation is due
 @dataclass(frozen=True)
 class Fit:
     """`beta` the mode (or where the search ended), `hessian` of - ln posterior there (Gauss-Newton), `cost` = - ln posterior up
-    to a constant of the noise; `parts`: residuals and columns there, not whitened."""
+    to a constant of the noise; `parts`: residuals and columns there, not whitened; `left`: what the quadratic model still promises in
+    ln posterior, under what was enough where the search converged."""
 
     model: Model
     beta: Floats
     cost: float
     hessian: Floats
     parts: Sequence[Columns]
+    left: float
     converged: bool
     linearisations: int
 
@@ -103,7 +105,7 @@ def fit(model: Model, start: Floats, enough: float = ENOUGH, linearisations: int
         parts = model.linearise(beta)
         cost, hessian, slope, white, residual = _quadratic(model, parts, beta)
         used += 1
-    return Fit(model, beta, cost, hessian, parts, left < enough, used)
+    return Fit(model, beta, cost, hessian, parts, left, left < enough, used)
 
 
 def _bend(

@@ -23,6 +23,7 @@ from twin.fit import NEAR_ENOUGH, Fit, fit
 from twin.free_heats import free_heats
 from twin.mode import linearised, stacked
 from twin.model import Model
+from twin.patchwork import is_patchwork
 from twin.refined import refined, under_its_noise
 from twin.taking_over import taken_over
 from twin.unknown import FreeHeat
@@ -33,8 +34,9 @@ THRESHOLD = 6.0  # ln BF that a term must exceed; healthy motors of another form
 MOST_TERMS = 3
 MOST_SIGMAS = 4.0  # prior sd of a candidate: a larger amplitude is not what its name says
 REFITTED, WORTH_REFITTING = 5, 4.0  # how many, and from which linear ln BF on
-REFIT_LINEARISATIONS = 15
 FAR_BEHIND = 15.0  # of the leading one in linear ln BF: not refitted
+FIRST_LINEARISATIONS, REFIT_LINEARISATIONS = 4, 15  # of every refit, and of those that may still come near the best
+OUT_OF_REACH = 6.0  # behind the best, twice what tells two apart, with all that a search still promises: it stops there
 
 Tell = Callable[[str], None]
 
@@ -61,6 +63,16 @@ class Refit:
         """Whether the amplitude is one that such a cause can have: the data want no more of it than there can be."""
         return is_possible(self.parameter, self.amplitude)
 
+    @property
+    def ended(self) -> bool:
+        """Whether its search is at its end, at the mode or not."""
+        return self.fit.converged or self.fit.linearisations >= REFIT_LINEARISATIONS
+
+    @property
+    def promised(self) -> float:
+        """ln BF with what the quadratic model promises of a search that has not ended."""
+        return self.log_bayes_factor + (0.0 if self.ended else self.fit.left)
+
 
 @dataclass(frozen=True)
 class Round:
@@ -84,7 +96,7 @@ class Round:
 class Naming:
     """`rounds` in the order of the search, the last one found nothing more (or the most terms were reached); `accepted`: the
     terms that survived, with ln BF of leaving each out; `left_out`: those that did not survive; `final`: the fit with them;
-    `heats`: free heats about the first fit, highest ln BF first."""
+    `heats`: free heats about the first fit, highest ln BF first; `patchwork`: terms that survived only together, none of them named."""
 
     rounds: tuple[Round, ...]
     accepted: tuple[Refit, ...]
@@ -92,12 +104,13 @@ class Naming:
     final: Fit
     heats: tuple[FreeHeat, ...]
     threshold: float
+    patchwork: tuple[Refit, ...] = ()
 
     @property
     def is_unknown(self) -> bool:
-        """Whether a heat of any course explains more than every candidate did, before refits."""
+        """Whether a heat of any course explains more than every candidate did, before refits, or only patchwork fits."""
         linear = float(self.rounds[0].scores.log_bayes_factor.max(initial=0.0))
-        return self.heats[0].log_bayes_factor > max(self.threshold, linear)
+        return bool(self.patchwork) or self.heats[0].log_bayes_factor > max(self.threshold, linear)
 
 
 def search(
@@ -125,7 +138,10 @@ def search(
         left = [c for c in candidates if c not in [a for a, _ in accepted]]
         rounds.append(with_refits(scored(current, left), tell))
     tell("leaving out")
-    return _eliminated(replace(found, rounds=tuple(rounds), final=current), accepted, model)
+    found = _eliminated(replace(found, rounds=tuple(rounds), final=current), accepted, model)
+    if is_patchwork([(r.candidate, r.log_bayes_factor) for r in found.accepted], model.network):
+        return replace(found, accepted=(), patchwork=found.accepted, final=first.base)
+    return found
 
 
 def scored(current: Fit, candidates: Sequence[Candidate]) -> Round:
@@ -141,35 +157,49 @@ def scored(current: Fit, candidates: Sequence[Candidate]) -> Round:
 
 
 def with_refits(found: Round, tell: Tell) -> Round:
-    """The round with its leading candidates refitted, two at a time."""
+    """The round with its leading candidates refitted, two at a time: all begin, and those that may still come near the best go on."""
     linear = found.scores.log_bayes_factor
     least = max(WORTH_REFITTING, float(linear.max(initial=0.0)) - FAR_BEHIND)
     leading = [i for i in found.order()[:REFITTED] if linear[i] >= least]
 
-    def one(i: int) -> Refit | None:
+    def begun(i: int) -> Refit | None:
         tell(f"refitting {found.candidates[i].cause}")
         return refitted(found.base, found.candidates[i], found.parameters[i])
 
     with ThreadPoolExecutor(2) as pool:
-        refits = list(pool.map(one, leading))
-    lost = [str(found.candidates[i].cause) for i, refit in zip(leading, refits, strict=True) if refit is None]
-    return replace(found, refits=tuple(r for r in refits if r is not None), dropped=(*found.dropped, *lost))
+        first = list(pool.map(begun, leading))
+        refits = [r for r in first if r is not None]
+        while True:
+            best = max((r.promised for r in refits if r.possible), default=0.0)
+            further = [not r.ended and r.promised > best - OUT_OF_REACH for r in refits]
+            if not any(further):
+                break
+            refits = list(pool.map(lambda r, on: _went_on(found.base, r) if on else r, refits, further))
+    lost = [str(found.candidates[i].cause) for i, refit in zip(leading, first, strict=True) if refit is None]
+    return replace(found, refits=tuple(refits), dropped=(*found.dropped, *lost))
 
 
 def refitted(current: Fit, candidate: Candidate, parameter: Parameter) -> Refit | None:
-    """The full fit with one more term, from where it does what healthy differences did in its place. None where it runs away."""
+    """The begun fit with one more term, from where it does what healthy differences did in its place. None where it runs away."""
     beta, amplitude = taken_over(current, candidate, parameter)
     start = 1e-3 * parameter.sd if parameter.low == 0.0 else 0.0
     try:
         found = fit(
-            current.model.plus([parameter]),
-            np.append(beta, amplitude or start),
-            enough=NEAR_ENOUGH,
-            linearisations=REFIT_LINEARISATIONS,
+            current.model.plus([parameter]), np.append(beta, amplitude or start), NEAR_ENOUGH, FIRST_LINEARISATIONS
         )
     except (DivergedError, np.linalg.LinAlgError):
         return None
     return _compared(found, current, candidate, parameter, len(found.beta) - 1)
+
+
+def _went_on(current: Fit, begun: Refit) -> Refit:
+    """The refit from where it stopped to its end."""
+    so_far = begun.fit.linearisations
+    found = fit(begun.fit.model, begun.fit.beta, NEAR_ENOUGH, REFIT_LINEARISATIONS - so_far)
+    whole = replace(
+        found, linearisations=REFIT_LINEARISATIONS if not found.converged else so_far + found.linearisations
+    )
+    return _compared(whole, current, begun.candidate, begun.parameter, len(found.beta) - 1)
 
 
 def _compared(found: Fit, without: Fit, candidate: Candidate, parameter: Parameter, place: int) -> Refit:

@@ -92,7 +92,7 @@ def _ending(diagnosis: Diagnosis) -> Iterator[tuple[str, Sequence[str]]]:
         goes_with = f"It goes with {words.joined([words.name(name) for name in heat.goes_with])}. " * bool(
             heat.goes_with
         )
-        evidence = f"ln BF {verdict.figures(heat.log_bayes_factor)}"
+        evidence = f"ln BF {verdict.figures(heat.log_bayes_factor)}{' of the strongest' * bool(heat.patchwork)}"
         yield "Unknown", [verdict.unknown_sentence(heat), f"{goes_with}{words.capital(evidence)}"]
     yield "Rivals", [*_rivals(diagnosis)] or ["none above the null"]
 

@@ -207,7 +207,10 @@ def active(heat: UnknownHeat) -> str:
 
 
 def unknown_sentence(heat: UnknownHeat) -> str:
-    """Where, how many watts, when; no candidate explains it."""
+    """Where, how many watts, when; no candidate explains it. Of patchwork, what fits only together."""
+    if heat.patchwork:
+        together = f"{words.joined(heat.patchwork)} fit only together, so none of them is named"
+        return f"Something at {words.name(heat.node)} has a form that no candidate has: {together}."
     return f"Something {' '.join(filter(None, [watts(heat), active(heat)]))}; no candidate explains it."
 
 

@@ -172,6 +172,9 @@ def rivals(naming: Naming, refused: Sequence[tuple[Refit, str]]) -> list[Rival]:
 
     for refit, reason in refused:
         add(refit.candidate, refit.log_bayes_factor, reason)
+    for refit in naming.patchwork:
+        others = " and ".join(str(r.candidate.cause) for r in naming.patchwork if r is not refit)
+        add(refit.candidate, refit.log_bayes_factor, f"fits only together with {others}, near it: the form of neither")
     for candidate, value in naming.left_out:
         add(candidate, value, "let in first; left out at the end, the fit is about as good")
     for number, one in enumerate(naming.rounds):
@@ -179,7 +182,9 @@ def rivals(naming: Naming, refused: Sequence[tuple[Refit, str]]) -> list[Rival]:
         for refit in sorted(one.refits, key=lambda r: -r.log_bayes_factor):
             value, last = refit.log_bayes_factor, number == len(naming.rounds) - 1
             why = f"{best - value:.1f} behind in ln BF after both were refitted"
-            if not refit.possible:
+            if not refit.ended:
+                why = f"its search was stopped where it promised to stay {best - refit.promised:.1f} behind in ln BF"
+            elif not refit.possible:
                 why = _impossible(refit)
             elif last and value > naming.threshold:
                 why = f"{MOST_TERMS} terms are the most that are named"
@@ -204,7 +209,7 @@ def suspected_test(naming: Naming) -> str | None:
     return f"{test}: it would show whether {best.candidate.cause} is there" if best and test else None
 
 
-def unknown_heat(heat: Unknown, network: Network) -> UnknownHeat:
+def unknown_heat(heat: Unknown, network: Network, patchwork: Sequence[Refit]) -> UnknownHeat:
     """A free heat in stored units."""
     when = {with_unit(f): [low * scale(network, f), high * scale(network, f)] for f, (low, high) in heat.inputs.items()}
     when[f"{heat.node}_degC"] = list(heat.temperature_degC)
@@ -214,4 +219,5 @@ def unknown_heat(heat: Unknown, network: Network) -> UnknownHeat:
         when=when,
         goes_with=list(heat.goes_with),
         log_bayes_factor=heat.log_bayes_factor,
+        patchwork=[str(refit.candidate.cause) for refit in patchwork],
     )

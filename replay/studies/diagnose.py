@@ -117,7 +117,7 @@ def _answered(question: Question, identity: str, tell: Tell) -> Diagnosis:
         shown=wrong,
         causes=causes,
         rivals=rivals(naming, found.refused),
-        unknown=[unknown_heat(heat, network) for heat in found.unknown],
+        unknown=[unknown_heat(heat, network, naming.patchwork) for heat in found.unknown],
         masked=[*masked(question, faults), *left_out(question, campaign)],
         recalibrated_model=recalibrated.motor,
         recalibrated_bench=recalibrated.bench,

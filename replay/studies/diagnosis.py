@@ -68,13 +68,15 @@ class Rival:
 @dataclass(frozen=True, kw_only=True)
 class UnknownHeat:
     """A heat at a node that no candidate explains: its range [W] (cooling negative) while it is active, the range of each input
-    and temperature then (name with unit -> [from, to]), and what it goes with, strongest first."""
+    and temperature then (name with unit -> [from, to]), and what it goes with, strongest first. `patchwork`: candidates that fit
+    only together, each no name of what is there; the range [W] is then that of a heat which changes slowly."""
 
     node: str
     watts: list[float]
     when: dict[str, list[float]]
     goes_with: list[str]
     log_bayes_factor: float
+    patchwork: list[str] = field(default_factory=list)
 
 
 @dataclass(frozen=True, kw_only=True)

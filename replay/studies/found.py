@@ -16,7 +16,9 @@ from twin.fit import NEAR_ENOUGH, Fit, fit
 from twin.free_heats import Unknown, describe, free_heats
 from twin.model import Model, Test
 from twin.naming import Naming, Refit, search
+from twin.patchwork import nodes_of
 from twin.swaps import Swap, exchanged
+from twin.unknown import FreeHeat
 
 Tell = Callable[[str], None]
 
@@ -45,13 +47,6 @@ def find(campaign: Campaign, model: Model, swaps: list[Swap], kept: list[Test], 
     if swaps:
         model = Model(campaign.network, straight, everyday(campaign.network, straight))
     naming = search(model, campaign.candidates, tell)
-    best, unknown = naming.heats[0], list[Unknown]()
-    if naming.is_unknown:
-        unknown = [describe(naming.final, best)]
-    elif naming.accepted:
-        after = free_heats(naming.final)[0]
-        if after.log_bayes_factor > naming.threshold:
-            unknown = [describe(naming.final, after)]
     refused: list[tuple[Refit, str]] = []
     base = _baseline(naming)
     result = None
@@ -66,11 +61,12 @@ def find(campaign: Campaign, model: Model, swaps: list[Swap], kept: list[Test], 
         place = place_of(final, weakest)
         final = fit(final.model.without(place), np.delete(final.beta, place), enough=NEAR_ENOUGH)
         naming = replace(naming, accepted=tuple(r for r in naming.accepted if r is not weakest), final=final)
+    unknown = _unknown(naming)
     if kept and swaps:
         crossed = Model(campaign.network, campaign.tests, model.parameters, naming.final.model.noise)
         base = fit(crossed, np.zeros(len(model.parameters)), enough=NEAR_ENOUGH)
         result = measured(base, naming.final, campaign.tests, kept, True, straight_kept)
-    return Found(naming, refused, swaps, unknown, best.log_bayes_factor, result, base)
+    return Found(naming, refused, swaps, unknown, naming.heats[0].log_bayes_factor, result, base)
 
 
 def _baseline(naming: Naming) -> Fit:
@@ -79,3 +75,24 @@ def _baseline(naming: Naming) -> Fit:
     if not naming.accepted:
         return naming.final
     return fit(first.model.with_noise(naming.final.model.noise), first.beta, enough=NEAR_ENOUGH)
+
+
+def _unknown(naming: Naming) -> list[Unknown]:
+    """The heat that wins over every candidate, or stands where only patchwork fits; else what is left beside the named terms."""
+    if naming.patchwork:
+        return [describe(naming.final, _at_the_patchwork(naming))]
+    if naming.is_unknown:
+        return [describe(naming.final, naming.heats[0])]
+    if naming.accepted:
+        left = free_heats(naming.final)[0]
+        if left.log_bayes_factor > naming.threshold:
+            return [describe(naming.final, left)]
+    return []
+
+
+def _at_the_patchwork(naming: Naming) -> FreeHeat:
+    """The free heat with most evidence where the patchwork acts, with what the patchwork's strongest term has for it."""
+    network = naming.final.model.network
+    nodes = frozenset[str]().union(*(nodes_of(refit.candidate, network) for refit in naming.patchwork))
+    strongest = max(refit.log_bayes_factor for refit in naming.patchwork)
+    return replace(next(h for h in naming.heats if h.node in nodes), log_bayes_factor=strongest)

@@ -178,6 +178,17 @@ def test_an_unknown_heat_without_a_range_says_no_when() -> None:
     assert active(replace(UNKNOWN.unknown[0], when={})) == ""
 
 
+def test_patchwork_says_what_fits_only_together_and_no_watts() -> None:
+    heat = replace(UNKNOWN.unknown[0], patchwork=["loss.magnet.speed2", "loss.rotor_surface.speed"])
+    text = flat(diagnosis_text(replace(UNKNOWN, unknown=[heat])))
+    assert (
+        "Something at endwinding b outer has a form that no candidate has: loss.magnet.speed2 and loss.rotor_surface.speed fit "
+        "only together, so none of them is named."
+    ) in text
+    assert "of the strongest" in text
+    assert " W at endwinding b outer" not in text
+
+
 def test_an_unknown_heat_beside_a_named_cause_is_told_too() -> None:
     both = replace(NAMED, unknown=UNKNOWN.unknown)
     assert "Beside that: something adds 20 to 45 W" in answer(both)

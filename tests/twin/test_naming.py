@@ -122,6 +122,35 @@ def test_a_threshold_above_what_the_data_say_names_nothing() -> None:
     assert search(_model(_with_loss(), 0), CANDIDATES, threshold=1e4).accepted == ()
 
 
+def test_refits_that_cannot_win_any_more_stop_and_the_winner_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Begun with one linearisation each; the winner ends where it ends when all are fitted in full."""
+    model = _model(_with_loss(), 0)
+    current = fit(model, np.zeros(len(model.parameters)))
+    leading = [c for c in CANDIDATES if c.cause.place == "magnet" and c.cause.kind == "loss"]
+    monkeypatch.setattr(naming, "FAR_BEHIND", np.inf)
+    monkeypatch.setattr(naming, "OUT_OF_REACH", np.inf)
+    whole = with_refits(scored(current, leading), lambda _: None).refits
+    monkeypatch.setattr(naming, "OUT_OF_REACH", 0.1)
+    monkeypatch.setattr(naming, "FIRST_LINEARISATIONS", 1)
+    raced = with_refits(scored(current, leading), lambda _: None).refits
+    assert all(one.ended for one in whole)
+    assert any(not one.ended for one in raced)
+    best, same = (max(some, key=lambda r: r.log_bayes_factor) for some in (whole, raced))
+    assert best.candidate == same.candidate
+    assert same.ended
+    assert same.log_bayes_factor == pytest.approx(best.log_bayes_factor, abs=0.5)
+    assert sum(one.fit.linearisations for one in raced) < sum(one.fit.linearisations for one in whole)
+
+
+def test_patchwork_is_no_name(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(naming, "is_patchwork", lambda *_: True)
+    found = search(_model(_with_loss(), 0), CANDIDATES)
+    assert found.accepted == ()
+    assert [str(one.candidate.cause) for one in found.patchwork] == [HIDDEN]
+    assert found.is_unknown
+    assert found.final is found.rounds[0].base
+
+
 def test_a_candidate_without_a_finite_column_is_dropped_and_said(calibrated: Fit) -> None:
     """Its heat is not a number somewhere: the others are scored as if it were not there."""
     model = calibrated.model
