@@ -5,7 +5,9 @@ So the uncalibrated simulation is compared with each reading of the data, its pa
 
     ln p(data) = -(ln|R| + ln|A'A + Lambda| - ln|Lambda| + e'e - e'A (A'A + Lambda)^-1 A'e) / 2,
 
-A, e whitened under noise as wide as what a file's own error leaves (Rasmussen and Williams 2006, 2.7).
+A, e whitened under noise as wide as what a file's own error leaves (Rasmussen and Williams 2006, 2.7). An exchange that
+stands out so must also be ahead once the motor is calibrated to the one and to the other reading, and explain more than any other
+cause: a mass or a loss that the file lacks at one of two like places looks like an exchange before.
 """
 
 from __future__ import annotations
@@ -19,19 +21,22 @@ from scipy.linalg import cholesky, solve_triangular
 
 from twin.candidates import Candidate
 from twin.columns import Reading
+from twin.errors import DivergedError
+from twin.fit import NEAR_ENOUGH, Fit, fit
 from twin.model import Channel, Index, Model, Test
+from twin.naming import scored
 from twin.noise import ChannelNoise, Series, log_det, whiten
 from twin.outputs import blocks
 
 Floats = NDArray[np.float64]
 
 COARSE = ChannelNoise(ar_sd=1.0, ar_tau_s=60.0, ou_sd=2.0, ou_tau_s=600.0)  # [K], what one linear step leaves
-MARGIN = 8.0  # ln BF that a fault must exceed, as any other cause
+MARGIN = 8.0  # ln BF that a fault must exceed, before calibration and after
 
 
 @dataclass(frozen=True)
 class Swap:
-    """An accepted exchange of two channels: ln evidence with their measurements exchanged, less as recorded."""
+    """An accepted exchange of two channels: ln evidence with their measurements exchanged, less as recorded, nothing calibrated."""
 
     candidate: Candidate
     log_bayes_factor: float
@@ -70,11 +75,39 @@ def scan(model: Model, candidates: Sequence[Candidate]) -> list[Swap]:
         if gains[best] <= MARGIN:
             break
         candidate, at = pairs[best]
+        if not _stands_out_calibrated(model, at, candidates):
+            del pairs[best]
+            continue
         found.append(Swap(candidate, gains[best]))
         recorded = _crossed(recorded, at)
+        model = _exchanged_in(model, at)
         taken = {at.channel, at.other}
         pairs = [(c, p) for c, p in pairs if taken.isdisjoint((p.channel, p.other))]
     return found
+
+
+def _stands_out_calibrated(model: Model, pair: Reading, candidates: Sequence[Candidate]) -> bool:
+    """Whether the motor calibrated to the exchanged tests is ahead of that calibrated to the tests as they are, by more than any other
+    cause would be. What cannot be calibrated at all is behind."""
+    as_recorded, crossed = _calibrated(model), _calibrated(_exchanged_in(model, pair))
+    if as_recorded is None or crossed is None:
+        return crossed is not None
+    ahead = crossed.log_evidence - as_recorded.log_evidence
+    others = [c for c in candidates if not c.discrete]
+    if ahead > MARGIN and others:
+        ahead -= float(scored(as_recorded, others).scores.log_bayes_factor.max(initial=0.0))
+    return ahead > MARGIN
+
+
+def _calibrated(model: Model) -> Fit | None:
+    try:
+        return fit(model, np.zeros(len(model.parameters)), NEAR_ENOUGH)
+    except DivergedError:
+        return None
+
+
+def _exchanged_in(model: Model, pair: Reading) -> Model:
+    return Model(model.network, exchanged(model.tests, pair.channel, pair.other), model.parameters, model.noise)
 
 
 def _crossed(recorded: Mapping[str, str], pair: Reading) -> dict[str, str]:

@@ -11,6 +11,7 @@ from replay.studies.answer_parts import place_of
 from replay.studies.kept_sessions import Measured, measured
 from replay.studies.question import Campaign
 from twin.columns import Reading
+from twin.errors import DivergedError
 from twin.everyday import everyday
 from twin.fit import NEAR_ENOUGH, Fit, fit
 from twin.free_heats import Unknown, describe, free_heats
@@ -84,7 +85,10 @@ def _unknown(naming: Naming) -> list[Unknown]:
     if naming.is_unknown:
         return [describe(naming.final, naming.heats[0])]
     if naming.accepted:
-        left = free_heats(naming.final)[0]
+        try:
+            left = free_heats(naming.final)[0]
+        except DivergedError:  # terms that grow with temperature, held just below where they run away
+            return []
         if left.log_bayes_factor > naming.threshold:
             return [describe(naming.final, left)]
     return []

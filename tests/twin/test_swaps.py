@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import made_motor as made
 import numpy as np
@@ -14,7 +15,7 @@ from scipy.stats import multivariate_normal
 from twin import swaps
 from twin.candidates import Candidate
 from twin.causes import Cause
-from twin.columns import Reading
+from twin.columns import CapacityFactor, Reading
 from twin.everyday import everyday
 from twin.model import Model, Test
 from twin.network import Link, Network, Source, Term
@@ -166,3 +167,29 @@ def test_a_channel_in_another_unit_or_of_the_other_sign_is_told(factor: float, o
 def test_channels_in_degc_are_not_called_misread() -> None:
     network = made.every_law()
     assert swaps.misread(_model(network, _tests(network))) == []
+
+
+def test_what_another_cause_explains_better_is_no_exchange(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The pair stands out before calibration and after it, and not beside a candidate that explains as much."""
+    network = made.every_law()
+    tests = swaps.exchanged(_tests(network), "W_1", "Y_1")
+    other = Candidate(Cause("capacity", "yoke", "scale"), "1", Sigma(0.3), 0, CapacityFactor(("yoke",)))
+    assert [swap.candidate for swap in swaps.scan(_model(network, tests), (*PAIRS, other))] == [PAIRS[0]]
+
+    def explains_all(*_: object) -> SimpleNamespace:
+        return SimpleNamespace(scores=SimpleNamespace(log_bayes_factor=np.array([1e6])))
+
+    monkeypatch.setattr(swaps, "scored", explains_all)
+    assert swaps.scan(_model(network, tests), (*PAIRS, other)) == []
+
+
+def test_a_pair_that_calibration_puts_right_is_no_exchange(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Calibrated to the tests as recorded it fits as well: nothing is left that an exchange would explain."""
+    network = made.every_law()
+    tests = swaps.exchanged(_tests(network), "W_1", "Y_1")
+
+    def as_good(*_: object) -> SimpleNamespace:
+        return SimpleNamespace(log_evidence=7.0)
+
+    monkeypatch.setattr(swaps, "fit", as_good)
+    assert swaps.scan(_model(network, tests), PAIRS) == []
