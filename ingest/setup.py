@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from ingest.bench import Bench, read_bench
@@ -22,6 +22,7 @@ from ingest.events import (
 from ingest.expressions import parse
 from ingest.facts import Facts
 from ingest.formats import Format, TimeSpec
+from ingest.nearest import hint
 from ingest.reading import Reading
 from ingest.recording import Attachment, bus_name, id_text
 from ingest.resolving import ResolvedChannel, check_nodes, resolve
@@ -38,6 +39,7 @@ class MotorFile:
     motor: str
     regions: Mapping[str, str]  # node -> region, of every node
     boundaries: Sequence[str]
+    configurations: Mapping[str, Collection[str]] = field(default_factory=dict)  # name -> its nodes and boundaries
 
     @property
     def model(self) -> str:
@@ -100,7 +102,31 @@ def prepare(
             )
         motor = motor_file(path)
         check_nodes(read, motor.regions, motor.boundaries)
+        motor = _configured(read, motor)
     return Setup(read, data, loaded, motor, motor.model if motor else None)
+
+
+def _configured(bench: Bench, motor: MotorFile) -> MotorFile:
+    """The motor file as far as the bench file's configuration has it. Raises BenchFileError."""
+    name = bench.configuration
+    if name is None:
+        return motor
+    if name not in motor.configurations:
+        known = hint(name, motor.configurations) or f" It has: {', '.join(motor.configurations) or 'none'}."
+        raise BenchFileError(f'{bench.name}: configuration = "{name}" is not in {motor.file}.{known}')
+    there = motor.configurations[name]
+    for channel in bench.channels:
+        gone = [place for place in (channel.node, *channel.weights) if place and place not in there]
+        if gone and channel.role != "ignored":
+            raise BenchFileError(
+                f'{bench.name}:{channel.at("node")}: node "{gone[0]}" of {channel.called} is not there in configuration '
+                f'"{name}": take the channel out, or write role = "ignored".'
+            )
+    return replace(
+        motor,
+        regions={node: region for node, region in motor.regions.items() if node in there},
+        boundaries=[boundary for boundary in motor.boundaries if boundary in there],
+    )
 
 
 def resolved(setup: Setup, readings: Sequence[Reading], known: Facts) -> Sequence[ResolvedChannel]:

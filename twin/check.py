@@ -9,6 +9,8 @@ import re
 from collections.abc import Iterable, Sequence
 
 from twin import features
+from twin.configured import configured
+from twin.drops import LAWS
 from twin.errors import (
     BadNameError,
     BadValueError,
@@ -18,9 +20,10 @@ from twin.errors import (
     FactorError,
     FeatureError,
     LinkError,
+    NetworkError,
     UnknownNodeError,
 )
-from twin.network import Link, Network, Shape, Source, Term
+from twin.network import Link, Map, Network, Property, Shape, Source, Term
 
 NAME = re.compile(r"[a-z][a-z0-9_]*")
 MOST_CURRENT = 1.5  # up to this, in units of the scale, a shape must leave a loss its sign: short peaks go beyond 1
@@ -35,7 +38,35 @@ def check(network: Network) -> None:
     _check_constants(network)
     _check_links(network, nodes, boundaries)
     _check_sources(network, nodes)
+    _check_circuits(network, nodes, boundaries)
     _check_reached(network, nodes, boundaries)
+    _check_configurations(network)
+
+
+def _check_configurations(network: Network) -> None:
+    """Each must be a motor of its own."""
+    configurations = network.configurations
+    _check_names([Entry("configuration", i, one.name) for i, one in enumerate(configurations)], [])
+    for i, one in enumerate(configurations):
+        entry = Entry("configuration", i, one.name)
+        for number, name in enumerate(one.remove):
+            if name not in network.names:
+                raise UnknownNodeError(entry, f"remove: {_unknown(name, 'node or boundary', network.names)}")
+            if name in one.remove[:number]:
+                raise DuplicateError(entry, f'remove: "{name}" stands there twice: name it once')
+        for kind, places in (
+            ("link", [frozenset((link.a, link.b)) for link in one.links]),
+            ("source", [frozenset((source.node,)) for source in one.sources]),
+        ):
+            again = next((place for k, place in enumerate(places) if place in places[:k]), None)
+            if again is not None:
+                raise DuplicateError(
+                    entry, f"two of its {kind}s are of {'-'.join(sorted(again))}: put all terms into one"
+                )
+        try:
+            check(configured(network, one.name))
+        except NetworkError as error:
+            raise type(error)(entry, f"{error.entry}: {error.says}") from None
 
 
 def _check_names(entries: Sequence[Entry], taken: Iterable[str]) -> None:
@@ -95,6 +126,37 @@ def _check_sources(network: Network, nodes: Sequence[str]) -> None:
         _check_terms(network, entry, source, nodes)
 
 
+def _check_circuits(network: Network, nodes: Sequence[str], boundaries: Sequence[str]) -> None:
+    _check_names([Entry("circuit", i, circuit.name) for i, circuit in enumerate(network.circuits)], [])
+    for i, circuit in enumerate(network.circuits):
+        entry = Entry("circuit", i, circuit.name)
+        if circuit.inlet not in boundaries:
+            raise UnknownNodeError(entry, f"inlet: {_unknown(circuit.inlet, 'boundary', boundaries)}")
+        if not circuit.nodes:
+            raise LinkError(entry, "it has no nodes: name those that the fluid flows through, in order")
+        for number, node in enumerate(circuit.nodes):
+            if node not in nodes:
+                raise UnknownNodeError(entry, _unknown(node, "node", nodes))
+            if node in circuit.nodes[:number]:
+                raise DuplicateError(entry, f'the fluid flows through "{node}" twice: split it into two nodes')
+        if not features.is_flow(circuit.flow):
+            raise FeatureError(entry, f'flow "{circuit.flow}" is no volume flow: write flow, or flow_<name>')
+        _check_scale(network, entry, f'flow "{circuit.flow}"', circuit.flow)
+        _check_property(entry, "density", circuit.fluid.density, "kg/m3")
+        _check_property(entry, "heat_capacity", circuit.fluid.heat_capacity, "J/(kg K)")
+
+
+def _check_property(entry: Entry, key: str, table: Property, unit: str) -> None:
+    where = f"fluid: {key}"
+    if not table.degC or len(table.degC) != len(table.value):
+        says = f"has {len(table.degC)} temperatures and {len(table.value)} values: give as many of each, at least one"
+        raise BadValueError(entry, f"{where} {says}")
+    if not all(map(math.isfinite, table.degC)) or any(b <= a for a, b in itertools.pairwise(table.degC)):
+        raise BadValueError(entry, f"{where}: its temperatures do not rise: sort them, each only once")
+    for value in table.value:
+        _positive(entry, where, value, f"it in {unit}")
+
+
 def _unknown(name: str, kind: str, known: Sequence[str]) -> str:
     return f'there is no {kind} "{name}": {_meant(name, known)}'
 
@@ -115,7 +177,9 @@ def _check_terms(network: Network, entry: Entry, place: Link | Source, nodes: Se
         _check_factors(entry, number, term, isinstance(place, Link), nodes)
         for feature, exponent in term.exponents.items():
             _check_feature(network, entry, number, feature, exponent)
-        if term.shape is not None:
+        if isinstance(term.shape, Map):
+            _check_map(network, entry, number, term.shape, isinstance(place, Link))
+        elif term.shape is not None:
             _check_shape(network, entry, number, term.shape, isinstance(place, Link))
 
 
@@ -135,6 +199,10 @@ def _check_factors(entry: Entry, number: int, term: Term, in_link: bool, nodes: 
         raise FactorError(entry, f"term {number}: resistance {term.resistance} is not -1: for +1 write copper = true")
     if term.copper and term.resistance:
         raise FactorError(entry, f"term {number}: copper times resistance -1 is 1: leave both out, or one of them")
+    if term.law is not None and not in_link:
+        raise FactorError(entry, f'term {number}: law "{term.law}" belongs to conductances: use it in a link only')
+    if term.law is not None and term.law not in LAWS:
+        raise FactorError(entry, f'term {number}: law "{term.law}" is not known: {_meant(term.law, tuple(LAWS))}')
     factor = term.temperature
     if factor is None:
         return
@@ -180,11 +248,32 @@ def _check_shape(network: Network, entry: Entry, number: int, shape: Shape, in_l
             raise BadValueError(entry, f"{where} makes the loss {lowest:.3g} times itself at {at}: keep it above 0")
 
 
+def _check_map(network: Network, entry: Entry, number: int, table: Map, in_link: bool) -> None:
+    where = f"term {number}: map"
+    for name, knots in (("speeds", table.speed), ("torques", table.torque)):
+        if len(knots) < 2 or not all(map(math.isfinite, knots)):
+            raise BadValueError(entry, f"{where} has {len(knots)} {name}: give at least 2, all finite numbers")
+        if knots[0] < 0 or any(b <= a for a, b in itertools.pairwise(knots)):
+            says = f"its {name} do not rise from 0 or above: features are magnitudes, sort them, each only once"
+            raise BadValueError(entry, f"{where}: {says}")
+    if len(table.values) != len(table.speed) or any(len(row) != len(table.torque) for row in table.values):
+        says = f"needs {len(table.speed)} rows of {len(table.torque)} values: a row for each speed, a value for each torque"
+        raise BadValueError(entry, f"{where} {says}")
+    for row in table.values:
+        for value in row:
+            if not math.isfinite(value) or (in_link and value < 0):
+                raise BadValueError(
+                    entry, f"{where} holds {value:g}: {'a conductance is 0 or more' if in_link else 'correct it'}"
+                )
+    for feature in features.Monomial((), table).features:
+        _check_scale(network, entry, f'{where}: feature "{feature}"', feature)
+
+
 def _check_reached(network: Network, nodes: Sequence[str], boundaries: Sequence[str]) -> None:
     neighbours: dict[str, list[str]] = {name: [] for name in (*nodes, *boundaries)}
-    for link in network.links:
-        neighbours[link.a].append(link.b)
-        neighbours[link.b].append(link.a)
+    for a, b in (*((link.a, link.b) for link in network.links), *features.stream_places(network)):
+        neighbours[a].append(b)
+        neighbours[b].append(a)
     reached, front = set(boundaries), list(boundaries)
     while front:
         fresh = [name for name in neighbours[front.pop()] if name not in reached]
@@ -193,5 +282,6 @@ def _check_reached(network: Network, nodes: Sequence[str], boundaries: Sequence[
     for i, name in enumerate(nodes):
         if name not in reached:
             raise CutOffError(
-                Entry("node", i, name), "no path of links leads to a boundary, its heat could never leave: link it"
+                Entry("node", i, name),
+                "no path of links or circuits leads to a boundary, its heat could never leave: link it",
             )

@@ -1,17 +1,22 @@
 """The straight-line kernel: a whole open-loop run of one topology as source text, every quantity a local variable.
 
-The text depends on the topology alone; coefficients, capacities and factors are arguments, so a refit compiles nothing.
+The text depends on the topology and the tables of fluids alone; coefficients, capacities and factors are arguments, so a refit
+compiles nothing.
 """
 
 from __future__ import annotations
 
+import itertools
 from collections import defaultdict
 from collections.abc import Sequence
 
+from twin.drops import FREE_CONVECTION, RADIATION
 from twin.integrators import Tableau
 from twin.structure import CONSTANT, NOBODY, Group, Structure
 
 HEAD = '''"""One thermal network as straight-line code. Generated: change the generator, not this file."""
+
+import math
 
 import numba
 
@@ -62,12 +67,15 @@ def generate(structure: Structure, tableau: Tableau) -> str:
     _factorise(w)
     _stages(w, tableau)
     w.hoisted += [f"T{i} = out[0, {i}]" for i in range(structure.n)]
+    if tableau.back:
+        w.hoisted += ["gamma = 1.0", "back = 0.0", *(f"P{i} = T{i}" for i in range(structure.n))]
     _end_step(w, tableau)
     return HEAD + w.text()
 
 
 def _read_state(w: _Writer, tableau: Tableau) -> None:
-    w.hoisted += [f"C{i} = capacities[{i}] / ({tableau.gamma!r} * step_s)" for i in range(w.structure.n)]
+    gamma, before = ("gamma", w.lines) if tableau.back else (repr(tableau.gamma), w.hoisted)
+    before += [f"C{i} = capacities[{i}] / ({gamma} * step_s)" for i in range(w.structure.n)]
     if any(group.own for group in w.structure.groups):
         w.hoisted += ["alpha = copper[0]", "reference = copper[1]"]
     boundaries = sorted({g.b - w.structure.n for g in w.structure.groups if g.b >= w.structure.n})
@@ -111,25 +119,78 @@ def _source(w: _Writer, index: int, group: Group) -> None:
 
 
 def _link(w: _Writer, index: int, group: Group) -> None:
-    """Heat g y (T_b - T_a) into node a and out of node b, linear about the start in the factor's temperature."""
+    """Heat g y (T_b - T_a) into node a and, unless it goes one way, out of node b, linear about the start in the factor's
+    temperature."""
     g, a, b, m = f"g{index}", group.a, group.b, group.other
     boundary = b >= w.structure.n
     far = f"B{b - w.structure.n}" if boundary else f"T{b}"
+    gives = not (boundary or group.one_way)
+    if not group.plain:
+        _drop(w, index, group, far)
     if m != NOBODY:
-        w.lines.append(f"q{index} = {g} * s{index} * ({far} - T{a})")
+        drop = f"({far} - T{a})" if group.plain else f"dv{index}"
+        w.lines.append(f"q{index} = {g} * s{index} * {drop}")
         w.lines.append(f"{g} = {g} * y{index}")
         w.add(a, m, f"- q{index}")
         w.right[a].append(f"- q{index} * T{m}")
-    w.add(a, a, f"+ {g}")
+        if gives:
+            w.add(b, m, f"+ q{index}")
+            w.right[b].append(f"+ q{index} * T{m}")
+    to_a, to_b = (g, g) if group.plain else (f"{g} * da{index}", f"{g} * db{index}")
+    w.add(a, a, f"+ {to_a}")
     if boundary:
-        w.right[a].append(f"+ {g} * {far}")
+        w.right[a].append(f"+ {g} * {far}" if group.plain else f"+ {g} * (dv{index} + da{index} * T{a})")
         return
-    w.add(b, b, f"+ {g}")
-    w.add(a, b, f"- {g}")
-    w.add(b, a, f"- {g}")
-    if m != NOBODY:
-        w.add(b, m, f"+ q{index}")
-        w.right[b].append(f"+ q{index} * T{m}")
+    w.add(a, b, f"- {to_b}")
+    if not group.plain:
+        w.lines.append(f"dr{index} = {g} * (dv{index} + da{index} * T{a} - db{index} * {far})")
+        w.right[a].append(f"+ dr{index}")
+    if gives:
+        w.add(b, b, f"+ {to_b}")
+        w.add(b, a, f"- {to_a}")
+        if not group.plain:
+            w.right[b].append(f"- dr{index}")
+
+
+def _drop(w: _Writer, index: int, group: Group, far: str) -> None:
+    """What drives the heat, as `twin.drops`: `dv` at the start, `da` what it falls by per kelvin of a, `db` what it grows by
+    per kelvin of b."""
+    own, i = f"T{group.a}", index
+    if group.law == RADIATION:
+        unit = repr(4 * 293.15**3)
+        w.lines += [
+            f"dc{i} = {own} + 273.15",
+            f"dw{i} = {far} + 273.15",
+            f"dv{i} = (dw{i} * dw{i} + dc{i} * dc{i}) * (dw{i} + dc{i}) * ({far} - {own}) / {unit}",
+            f"da{i} = 4.0 * dc{i} * dc{i} * dc{i} / {unit}",
+            f"db{i} = 4.0 * dw{i} * dw{i} * dw{i} / {unit}",
+        ]
+    elif group.law == FREE_CONVECTION:
+        w.lines += [
+            f"dw{i} = {far} - {own}",
+            f"dc{i} = dw{i} * dw{i} + 0.01",
+            f"dh{i} = math.sqrt(math.sqrt(math.sqrt(dc{i}))) / {100.01**0.125!r}",
+            f"dv{i} = dh{i} * dw{i}",
+            f"da{i} = dh{i} * (1.0 + 0.25 * dw{i} * dw{i} / dc{i})",
+            f"db{i} = da{i}",
+        ]
+    else:
+        _fluid(w, index, group, far)
+
+
+def _fluid(w: _Writer, i: int, group: Group, far: str) -> None:
+    """The heat capacity of the fluid that comes, relative: a table as a sum of ramps."""
+    ramps, slopes = [repr(group.fluid[0][1])], ["0.0"]
+    for (low, before), (high, after) in itertools.pairwise(group.fluid):
+        slope = repr((after - before) / (high - low))
+        ramps.append(f"{slope} * min(max({far} - {low!r}, 0.0), {high - low!r})")
+        slopes.append(f"({slope} if {low!r} < {far} <= {high!r} else 0.0)")
+    w.lines += [
+        f"da{i} = {' + '.join(ramps)}",
+        f"dw{i} = {far} - T{group.a}",
+        f"dv{i} = da{i} * dw{i}",
+        f"db{i} = da{i} + ({' + '.join(slopes)}) * dw{i}",
+    ]
 
 
 def _factorise(w: _Writer) -> None:
@@ -159,7 +220,8 @@ def _stages(w: _Writer, tableau: Tableau) -> None:
     w.lines += [f"R{i} = " + (" ".join(w.right[i]) or "0.0").removeprefix("+ ") for i in nodes]
     for s, row in enumerate(tableau.a):
         added = "".join(f" + {value / tableau.gamma!r} * D{j}_{{i}}" for j, value in enumerate(row) if value)
-        bases = [f"T{i}" + added.format(i=i) for i in nodes]
+        back = " + back * (T{i} - P{i})" if tableau.back else ""
+        bases = [f"T{i}" + (back + added).format(i=i) for i in nodes]
         _solve(w, s, bases)
         if s < last or not tableau.stiffly_accurate:
             w.lines += [f"D{s}_{i} = z{s}_{i} - ({bases[i]})" for i in nodes]
@@ -179,6 +241,9 @@ def _solve(w: _Writer, stage: int, bases: Sequence[str]) -> None:
 def _end_step(w: _Writer, tableau: Tableau) -> None:
     """The state at the step's end, kept in `out`."""
     last = len(tableau.b) - 1
+    if tableau.back:
+        w.lines += [f"gamma = {tableau.gamma!r}", f"back = {tableau.back!r}"]
+        w.lines += [f"P{i} = T{i}" for i in range(w.structure.n)]
     for i in range(w.structure.n):
         sums = "".join(f" + {b / tableau.gamma!r} * D{s}_{i}" for s, b in enumerate(tableau.b))
         w.lines.append(f"T{i} = z{last}_{i}" if tableau.stiffly_accurate else f"T{i} = T{i}{sums}")

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Entry:
-    """Where in a network: `table` (node, boundary, link, source, copper, scale), its `index` there, its `name`."""
+    """Where in a network: `table` (node, boundary, link, source, circuit, configuration, copper, scale), its `index` there, its
+    `name`."""
 
     table: str
     index: int
@@ -39,11 +40,11 @@ class DuplicateError(NetworkError):
 
 
 class UnknownNodeError(NetworkError):
-    """A link, source or factor names a node that is not there."""
+    """A link, source, circuit, configuration or factor names a node that is not there."""
 
 
 class CutOffError(NetworkError):
-    """A node from which no path of links leads to a boundary."""
+    """A node from which no path of links and circuits leads to a boundary."""
 
 
 class BadValueError(NetworkError):
@@ -55,11 +56,15 @@ class FeatureError(NetworkError):
 
 
 class LinkError(NetworkError):
-    """A link from a node to itself or between two boundaries, or a link or source without terms."""
+    """A link from a node to itself or between two boundaries, a link or source without terms, a circuit without nodes."""
 
 
 class FactorError(NetworkError):
-    """A factor that does not belong at its place, such as `copper` in a link."""
+    """A factor or law that does not belong at its place, such as `copper` in a link."""
+
+
+class ConfigurationError(TwinError):
+    """A configuration that a network does not have."""
 
 
 class FrameError(TwinError):

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.network import Network, Shape, Term
+from twin.network import Map, Network, Shape, Term
 from twin.powers import power
 
 QUANTITY = {  # feature -> the quantity of [scale] that says what 1 means
@@ -28,6 +28,8 @@ QUANTITY = {  # feature -> the quantity of [scale] that says what 1 means
     "flow": "flow",
 }
 EXAMPLES = (*QUANTITY, "flow_jacket", "hours_above_180degC")  # of every kind of feature, for messages
+STREAM_DEGC = 20.0  # where the coefficient of a stream holds
+LPM_PER_M3_PER_S = 60_000.0
 _FLOW = re.compile(r"flow_[a-z][a-z0-9_]*")
 _HOURS = re.compile(r"hours_above_\d+(\.\d+)?degC")
 
@@ -44,6 +46,11 @@ def quantity(feature: str) -> str | None:
     return "flow" if _FLOW.fullmatch(feature) else QUANTITY[feature]
 
 
+def is_flow(feature: str) -> bool:
+    """Whether `feature` is a volume flow."""
+    return feature == "flow" or bool(_FLOW.fullmatch(feature))
+
+
 def scale(network: Network, feature: str) -> float:
     """What 1 means for `feature` in this motor, in the stored unit of its quantity (h for hours)."""
     name = quantity(feature)
@@ -52,10 +59,11 @@ def scale(network: Network, feature: str) -> float:
 
 @dataclass(frozen=True)
 class Monomial:
-    """A product of features to exponents, `((feature, exponent), ...)` in a fixed order, exponents above 0, times its shape."""
+    """A product of features to exponents, `((feature, exponent), ...)` in a fixed order, exponents above 0, times its shape or
+    map."""
 
     powers: tuple[tuple[str, float], ...]
-    shape: Shape | None = None
+    shape: Shape | Map | None = None
 
     @property
     def exponents(self) -> Mapping[str, float]:
@@ -65,19 +73,27 @@ class Monomial:
     @property
     def features(self) -> tuple[str, ...]:
         """Every feature that must be known to evaluate it: those of the product, then those of the shape."""
-        of_shape = () if self.shape is None else ("speed", "current") if any(self.shape.current_slope) else ("speed",)
-        return tuple(dict.fromkeys((*self.exponents, *of_shape)))
+        return tuple(dict.fromkeys((*self.exponents, *_inputs_of(self.shape))))
 
     @property
     def name(self) -> str:
         """The law as in cause ids: `speed2_current2`, exponents in shortest decimals, 1 not written; `constant`.
 
-        A shape adds digits of its own numbers' hash (`speed1.6*shape4f1c02ab`), so that two products never share a name.
+        A shape or map adds digits of its own numbers' hash (`speed1.6*shape4f1c02ab`), so that two products never share a name.
         """
         written = "_".join(f + ("" if e == 1 else f"{e:.15g}") for f, e in self.powers) or "constant"
         if self.shape is None:
             return written
-        return f"{written}*shape{hashlib.sha256(repr(self.shape).encode()).hexdigest()[:8]}"
+        kind = "map" if isinstance(self.shape, Map) else "shape"
+        return f"{written}*{kind}{hashlib.sha256(repr(self.shape).encode()).hexdigest()[:8]}"
+
+
+def _inputs_of(shape: Shape | Map | None) -> tuple[str, ...]:
+    if shape is None:
+        return ()
+    if isinstance(shape, Map):
+        return ("speed", "torque")
+    return ("speed", "current") if any(shape.current_slope) else ("speed",)
 
 
 def _order(feature: str) -> tuple[int, str]:
@@ -94,6 +110,9 @@ def product(term: Term) -> Monomial:
 def monomial(term: Term) -> Monomial:
     """All that a term multiplies its coefficient by, temperatures aside; a shape that changes nothing is left out."""
     shape = term.shape
+    if isinstance(shape, Map):
+        plain_map = Map(_floats(shape.speed), _floats(shape.torque), tuple(map(_floats, shape.values)))
+        return replace(product(term), shape=plain_map)
     if shape is None or not any((*shape.factor, *shape.current_slope)):
         return product(term)
     plain = Shape(_floats(shape.speed), _floats(shape.factor), _floats(shape.current_slope))
@@ -113,12 +132,38 @@ def terms(network: Network) -> Iterator[Term]:
         yield from source.terms
 
 
+def placed_terms(network: Network) -> Iterator[tuple[str, Term]]:
+    """`terms` with where they stand: a node, or a link as `a-b`."""
+    for link in network.links:
+        yield from ((f"{link.a}-{link.b}", term) for term in link.terms)
+    for source in network.sources:
+        yield from ((source.node, term) for term in source.terms)
+
+
+def streams(network: Network) -> Iterator[Term]:
+    """What the fluid carries into every node of every circuit, in order: rho cp at `STREAM_DEGC` times the flow [W/K].
+
+    Their coefficients stand behind those of `terms`. They are physics and no parameters: nothing that fits or names laws
+    iterates over them, but an error of the flow acts on them as on any term.
+    """
+    for circuit in network.circuits:
+        per_lpm = circuit.fluid.at(STREAM_DEGC) / LPM_PER_M3_PER_S
+        for _ in circuit.nodes:
+            yield Term(per_lpm * scale(network, circuit.flow), {circuit.flow: 1.0})
+
+
+def stream_places(network: Network) -> Iterator[tuple[str, str]]:
+    """(where the fluid comes from, the node it flows into) of every stream."""
+    for circuit in network.circuits:
+        yield from zip((circuit.inlet, *circuit.nodes), circuit.nodes, strict=False)
+
+
 def monomials(network: Network) -> tuple[Monomial, ...]:
-    """The distinct products that the network's terms use, in order of first use, the constant left out.
+    """The distinct products that the network's terms and streams use, in order of first use, the constant left out.
 
     These are the columns of `Frame.features`, in this order.
     """
-    found = dict.fromkeys(monomial(term) for term in terms(network))
+    found = dict.fromkeys(monomial(term) for term in (*terms(network), *streams(network)))
     return tuple(m for m in found if m.powers or m.shape)
 
 
@@ -136,17 +181,25 @@ def evaluate(monomials: tuple[Monomial, ...], u: Mapping[str, NDArray[np.float64
     for column, item in enumerate(monomials):
         for feature, exponent in item.powers:
             result[:, column] *= power(np.abs(u[feature]), exponent)
-        if item.shape is not None:
+        if isinstance(item.shape, Map):
+            result[:, column] *= _mapped(item.shape, u)
+        elif item.shape is not None:
             result[:, column] *= _shape_factor(item.shape, u)
+    return result
+
+
+def beyond(table: Map, u: Mapping[str, NDArray[np.float64]]) -> NDArray[np.bool_]:
+    """(length,): where speed or torque is outside the table."""
+    result: NDArray[np.bool_] = np.zeros(1, dtype=np.bool_)
+    for feature, knots in (("speed", table.speed), ("torque", table.torque)):
+        at = np.abs(u[feature])
+        result = result | (at < knots[0]) | (at > knots[-1])
     return result
 
 
 def _shape_factor(shape: Shape, u: Mapping[str, NDArray[np.float64]]) -> NDArray[np.float64]:
     """(length,): what a shape multiplies by. Elementwise products and sums only, for the reason given in `twin.powers`."""
-    knots = np.array(shape.speed)
-    speed = np.clip(np.abs(u["speed"]), knots[0], knots[-1])
-    left = np.clip(np.searchsorted(knots, speed, side="right") - 1, 0, knots.size - 2)
-    share = (speed - knots[left]) / (knots[left + 1] - knots[left])
+    left, share = _placed(shape.speed, u["speed"])
 
     def between(values: tuple[float, ...]) -> NDArray[np.float64]:
         at = np.array(values)
@@ -157,3 +210,21 @@ def _shape_factor(shape: Shape, u: Mapping[str, NDArray[np.float64]]) -> NDArray
     if any(shape.current_slope):
         factor = factor + between(shape.current_slope) * np.abs(u["current"])
     return factor
+
+
+def _mapped(table: Map, u: Mapping[str, NDArray[np.float64]]) -> NDArray[np.float64]:
+    """(length,): what a map multiplies by."""
+    values = np.array(table.values)
+    (i, along), (j, across) = _placed(table.speed, u["speed"]), _placed(table.torque, u["torque"])
+    low = (1 - across) * values[i, j] + across * values[i, j + 1]
+    high = (1 - across) * values[i + 1, j] + across * values[i + 1, j + 1]
+    result: NDArray[np.float64] = (1 - along) * low + along * high
+    return result
+
+
+def _placed(rising: tuple[float, ...], u: NDArray[np.float64]) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
+    """(length,) the knot at or before each magnitude, the last but one at most, and the share of the way to the next."""
+    knots = np.array(rising)
+    at = np.clip(np.abs(u), knots[0], knots[-1])
+    left = np.clip(np.searchsorted(knots, at, side="right") - 1, 0, knots.size - 2)
+    return left, (at - knots[left]) / (knots[left + 1] - knots[left])

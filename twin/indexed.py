@@ -8,19 +8,23 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.drops import between, drop
 from twin.integrators import Tableau
 from twin.structure import NOBODY, Group, Structure
 
+Floats = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 
 class Program(NamedTuple):
     """Arrays of indices, and the tableau divided by its gamma.
 
-    `term_*` (K,) are grouped, group g holds `term_start[g]:term_start[g + 1]`. `group` (G, 4): a, b, own, other.
+    `term_*` (K,) are grouped, group g holds `term_start[g]:term_start[g + 1]`. `group` (G, 6): a, b, own, other, law (-1: a
+    fluid's table), 1 where one way. `knots` and `relative` of `knot_start[g]:knot_start[g + 1]`: the table of its fluid.
     `place` (G, 6): positions of (a,a) (b,b) (a,b) (b,a) (a,other) (b,other) in `values`, -1 where there is none.
     `order` (n,); pivot p of `order[p]` has the entries `edge_start[p]:edge_start[p + 1]` with rows `edge_to` (E,);
     `update` (U,): position of the entry that each product of elimination is taken from, in the order of the loops.
@@ -28,17 +32,21 @@ class Program(NamedTuple):
 
     n: int
     gamma: float
+    back: float
     term_start: Index
     term_coefficient: Index
     term_monomial: Index
     group: Index
+    knot_start: Index
+    knots: Floats
+    relative: Floats
     place: Index
     order: Index
     edge_start: Index
     edge_to: Index
     update: Index
-    stages: NDArray[np.float64]  # (s, s) strictly lower
-    weights: NDArray[np.float64]  # (s,)
+    stages: Floats  # (s, s) strictly lower
+    weights: Floats  # (s,)
 
 
 def program(structure: Structure, tableau: Tableau) -> Program:
@@ -56,10 +64,14 @@ def program(structure: Structure, tableau: Tableau) -> Program:
     return Program(
         n=n,
         gamma=tableau.gamma,
+        back=tableau.back,
         term_start=_index(np.cumsum([0, *(len(group.terms) for group in structure.groups)])),
         term_coefficient=_index([i for i, _ in terms]),
         term_monomial=_index([j for _, j in terms]),
-        group=_index([(g.a, g.b, g.own, g.other) for g in structure.groups]).reshape(-1, 4),
+        group=_index([_group(g) for g in structure.groups]).reshape(-1, 6),
+        knot_start=_index(np.cumsum([0, *(len(g.fluid) for g in structure.groups)])),
+        knots=np.array([degC for g in structure.groups for degC, _ in g.fluid], dtype=np.float64),
+        relative=np.array([factor for g in structure.groups for _, factor in g.fluid], dtype=np.float64),
         place=_index([_places(g, n, where) for g in structure.groups]).reshape(-1, 6),
         order=_index(pattern.order),
         edge_start=_index(np.cumsum([0, *lengths])),
@@ -72,6 +84,11 @@ def program(structure: Structure, tableau: Tableau) -> Program:
 
 def _index(values: Any) -> Index:
     return np.array(values, dtype=np.int64)
+
+
+def _group(group: Group) -> tuple[int, int, int, int, int, bool]:
+    law = -1 if group.fluid else group.law
+    return group.a, group.b, group.own, group.other, law, group.one_way
 
 
 def _places(group: Group, n: int, where: dict[tuple[int, int], int]) -> list[int]:
@@ -88,84 +105,129 @@ def _places(group: Group, n: int, where: dict[tuple[int, int], int]) -> list[int
     ]
 
 
+@numba.njit(error_model="numpy", nogil=True, cache=True)
+def assemble(
+    program: Program,
+    constant: Floats,
+    coefficients: Floats,
+    copper: Floats,
+    factors: Floats,
+    phi: Floats,
+    outside: Floats,
+    start: Floats,
+    values: Floats,
+    right: Floats,
+) -> None:
+    """One step: its matrix, eliminated, into `values` (n + 2E,) and its right-hand side into `right` (n,) [W].
+
+    `constant` (n,) C / (gamma h) [W/K]; `phi` (m,) features; `outside` (b,) [degC]. What is not linear in temperature is
+    linearised about `start` (n,).
+    """
+    n, order, edge_start = program.n, program.order, program.edge_start
+    edges = len(program.edge_to)
+    for i in range(len(values)):
+        values[i] = constant[i] if i < n else 0.0
+    for i in range(n):
+        right[i] = 0.0
+    for g in range(len(program.group)):
+        amount = 0.0
+        for t in range(program.term_start[g], program.term_start[g + 1]):
+            j = program.term_monomial[t]
+            amount += coefficients[program.term_coefficient[t]] * (1.0 if j < 0 else phi[j])
+        a, b, own, other, law, one_way = program.group[g]
+        aa, bb, ab, ba, am, bm = program.place[g]
+        if b < 0:
+            own_slope = 0.0
+            if own != 0:
+                factor = 1.0 + copper[0] * (start[a] - copper[1])
+                own_slope = amount * copper[0]
+                if own < 0:
+                    factor = 1.0 / factor
+                    own_slope = -own_slope * factor * factor
+                amount *= factor
+            if other >= 0:
+                factor = 1.0 + factors[g, 0] * (start[other] - factors[g, 1])
+                slope = amount * factors[g, 0]
+                own_slope *= factor
+                amount *= factor
+                values[am] -= slope
+                right[a] -= slope * start[other]
+            values[aa] -= own_slope
+            right[a] += amount - own_slope * start[a]
+            continue
+        far = outside[b - n] if b >= n else start[b]
+        value = far - start[a]
+        if law != 0:
+            value, by_a, by_b = drop(law, start[a], far)
+            first, end = program.knot_start[g], program.knot_start[g + 1]
+            if first < end:
+                relative, growth = between(far, program.knots[first:end], program.relative[first:end])
+                value, by_a, by_b = relative * value, relative * by_a, relative * by_b + growth * value
+        if other >= 0:
+            slope = amount * factors[g, 0] * value
+            amount *= 1.0 + factors[g, 0] * (start[other] - factors[g, 1])
+            values[am] -= slope
+            right[a] -= slope * start[other]
+            if b < n and one_way == 0:
+                values[bm] += slope
+                right[b] += slope * start[other]
+        if law != 0:
+            to_a, to_b = -amount * by_a, amount * by_b
+        else:
+            to_a = to_b = amount
+        values[aa] += to_a
+        if b >= n:
+            right[a] += amount * far if law == 0 else amount * value + to_a * start[a]
+            continue
+        values[ab] -= to_b
+        if one_way == 0:
+            values[ba] -= to_a
+            values[bb] += to_b
+        if law != 0:
+            rest = amount * value + to_a * start[a] - to_b * far
+            right[a] += rest
+            if one_way == 0:
+                right[b] -= rest
+    u = 0
+    for p in range(n):
+        pivot = order[p]
+        values[pivot] = 1.0 / values[pivot]
+        for e in range(edge_start[p], edge_start[p + 1]):
+            multiplier = values[n + edges + e] * values[pivot]
+            values[n + edges + e] = multiplier
+            for f in range(edge_start[p], edge_start[p + 1]):
+                values[program.update[u]] -= multiplier * values[n + f]
+                u += 1
+
+
+@numba.njit(error_model="numpy", nogil=True, cache=True)
 def run(
     program: Program,
-    features: NDArray[np.float64],
-    boundaries: NDArray[np.float64],
+    features: Floats,
+    boundaries: Floats,
     step_s: float,
-    coefficients: NDArray[np.float64],
-    capacities: NDArray[np.float64],
-    copper: NDArray[np.float64],
-    factors: NDArray[np.float64],
-    out: NDArray[np.float64],
-    stage: NDArray[np.float64],
+    coefficients: Floats,
+    capacities: Floats,
+    copper: Floats,
+    factors: Floats,
+    out: Floats,
+    stage: Floats,
 ) -> None:
     """Fill `out` (N + 1, n) from its first row; `stage` (s, n) is left holding the last step's stage temperatures."""
     n, order, edge_start, edge_to = program.n, program.order, program.edge_start, program.edge_to
     edges = len(edge_to)
     constant = capacities / (program.gamma * step_s)
     values, right, delta = np.empty(n + 2 * edges), np.empty(n), np.empty(stage.shape)
+    looking, back, before = program.back != 0.0, 0.0, out[0]
+    if looking:
+        constant = capacities / step_s
     for k in range(len(features)):
         start = out[k]
-        values[:n] = constant
-        values[n:] = 0.0
-        right[:] = 0.0
-        for g in range(len(program.group)):
-            conductance = 0.0
-            for t in range(program.term_start[g], program.term_start[g + 1]):
-                j = program.term_monomial[t]
-                phi = 1.0 if j < 0 else features[k, j]
-                conductance += coefficients[program.term_coefficient[t]] * phi
-            a, b, own, other = program.group[g]
-            aa, bb, ab, ba, am, bm = program.place[g]
-            if b < 0:
-                heat, own_slope, other_slope = conductance, 0.0, 0.0
-                if own != 0:
-                    factor = 1.0 + copper[0] * (start[a] - copper[1])
-                    own_slope = heat * copper[0]
-                    if own < 0:
-                        factor = 1.0 / factor
-                        own_slope = -own_slope * factor * factor
-                    heat *= factor
-                if other >= 0:
-                    factor = 1.0 + factors[g, 0] * (start[other] - factors[g, 1])
-                    other_slope = heat * factors[g, 0]
-                    own_slope *= factor
-                    heat *= factor
-                    values[am] -= other_slope
-                    right[a] -= other_slope * start[other]
-                values[aa] -= own_slope
-                right[a] += heat - own_slope * start[a]
-                continue
-            far = boundaries[k, b - n] if b >= n else start[b]
-            if other >= 0:
-                slope = conductance * factors[g, 0] * (far - start[a])
-                conductance *= 1.0 + factors[g, 0] * (start[other] - factors[g, 1])
-                values[am] -= slope
-                right[a] -= slope * start[other]
-                if b < n:
-                    values[bm] += slope
-                    right[b] += slope * start[other]
-            values[aa] += conductance
-            if b >= n:
-                right[a] += conductance * far
-            else:
-                values[bb] += conductance
-                values[ab] -= conductance
-                values[ba] -= conductance
-        u = 0
-        for p in range(n):
-            values[order[p]] = 1.0 / values[order[p]]
-            for e in range(edge_start[p], edge_start[p + 1]):
-                multiplier = values[n + edges + e] * values[order[p]]
-                values[n + edges + e] = multiplier
-                for f in range(edge_start[p], edge_start[p + 1]):
-                    values[program.update[u]] -= multiplier * values[n + f]
-                    u += 1
+        assemble(program, constant, coefficients, copper, factors, features[k], boundaries[k], start, values, right)
         for s in range(len(stage)):
             z = stage[s]
             for i in range(n):
-                base = start[i]
+                base = start[i] + back * (start[i] - before[i])
                 for j in range(s):
                     base += program.stages[s, j] * delta[j, i]
                 delta[s, i] = base
@@ -182,7 +244,9 @@ def run(
             for i in range(n):
                 delta[s, i] = z[i] - delta[s, i]
         for i in range(n):
-            end = start[i]
+            end = start[i] + back * (start[i] - before[i])
             for s in range(len(stage)):
                 end += program.weights[s] * delta[s, i]
             out[k + 1, i] = end
+        if looking:
+            constant, back, before = capacities / (program.gamma * step_s), program.back, start

@@ -43,7 +43,9 @@ def steady_interpolation(
 
 
 def conductances(network: Network, features_row: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Symmetric (n + b, n + b) [W/K] between nodes, then boundaries, at features (m,); temperature factors at reference."""
+    """(n + b, n + b) [W/K] between nodes, then boundaries, at features (m,): row i holds what node i takes per kelvin of each
+    other. Temperature factors at their reference, radiation about 20 degC, free convection at 10 K, fluids at 20 degC. Symmetric
+    but for circuits."""
     index = _index(network)
     column = {monomial: j for j, monomial in enumerate(features.monomials(network))}
     result = np.zeros((len(index), len(index)))
@@ -53,6 +55,8 @@ def conductances(network: Network, features_row: NDArray[np.float64]) -> NDArray
             j = column.get(features.monomial(term))
             result[a, b] += term.coefficient * (1.0 if j is None else features_row[j])
         result[b, a] = result[a, b]
+    for (before, node), term in zip(features.stream_places(network), features.streams(network), strict=True):
+        result[index[node], index[before]] += term.coefficient * features_row[column[features.monomial(term)]]
     return result
 
 
@@ -96,9 +100,10 @@ def _links_away(network: Network, index: Mapping[str, int], known: Mapping[int, 
     """Links from each node to the nearest known one; infinite where there is none."""
     distance = np.full(len(index), np.inf)
     distance[list(known)] = 0.0
+    ends = [*((link.a, link.b) for link in network.links), *features.stream_places(network)]
+    joined = [(index[a], index[b]) for a, b in ends]
     for _ in index:
-        for link in network.links:
-            a, b = index[link.a], index[link.b]
+        for a, b in joined:
             distance[a], distance[b] = min(distance[a], distance[b] + 1), min(distance[b], distance[a] + 1)
     return distance
 

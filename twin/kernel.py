@@ -11,7 +11,7 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from twin import codegen, indexed
+from twin import codegen, drops, indexed
 from twin.check import check
 from twin.integrators import DEFAULT, Tableau
 from twin.network import Network
@@ -26,7 +26,6 @@ import numba
 import numpy as np
 
 
-@numba.njit(error_model="numpy", nogil=True, cache=CACHE)
 """
 
 # Above this many statements a step, compiling takes longer than straight-line code saves (docs/integrator.md).
@@ -105,5 +104,7 @@ def compile_indexed(network: Network, tableau: Tableau = DEFAULT, load: Load = l
 
 @cache
 def index_program(load: Load = load_in_memory) -> Callable[..., None]:
-    """The compiled `indexed.run`."""
-    return load(INDEX_HEAD + inspect.getsource(indexed.run))
+    """The compiled `indexed.run`, with all that it calls in one text: a cache then never holds parts of different versions."""
+    functions = (drops.drop, drops.between, indexed.assemble, indexed.run)
+    parts = (inspect.getsource(function.py_func) for function in functions)
+    return load(INDEX_HEAD + "\n\n".join(parts).replace("cache=True", "cache=CACHE"))

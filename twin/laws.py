@@ -2,7 +2,8 @@
 
 The heat into node a (and, in a link between nodes, out of node b) is `value(t) psi(T)`, psi a product of
 
-    1 in a source, T_b - T_a in a link;
+    1 in a source, T_b - T_a in a link, or what the link's law makes of them (`twin.drops`);
+    the heat capacity of the fluid that comes out of b, relative, in a circuit;
     1 + alpha (T_a - r) in copper, or its inverse;
     1 + s (T_m - r), m the node of a temperature factor;
     T_a - r, or (T_a + T_b) / 2 - r in a link, where the law is the slope of another with temperature.
@@ -17,8 +18,9 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.drops import LINEAR, between, drop
 from twin.network import Copper
-from twin.structure import NOBODY, Group, Parameters
+from twin.structure import NOBODY, Group, Knots, Parameters
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -28,7 +30,8 @@ Integers = NDArray[np.int64]
 class Law:
     """`a` takes the heat; `b`: NOBODY in a source, a node, or n + boundary. `own`: +1 copper, -1 its inverse, else 0. `other`,
     `slope`, `reference`: the temperature factor, NOBODY where there is none. `tilt`: reference [degC] of a slope law, or None.
-    `one_way`: the heat is not taken out of b (a mass that follows, weighed elsewhere)."""
+    `one_way`: the heat is not taken out of b (a mass that follows, weighed elsewhere; fluid that flows on). `law`, `fluid`: as in
+    `Group`."""
 
     a: int
     b: int = NOBODY
@@ -38,24 +41,37 @@ class Law:
     reference: float = 0.0
     tilt: float | None = None
     one_way: bool = False
+    law: int = LINEAR
+    fluid: Knots = ()
 
     @classmethod
     def of(cls, group: Group, values: Parameters, index: int) -> Law:
         """The law of a network's group."""
         slope, reference = values.factors[index]
-        return cls(group.a, group.b, group.own, group.other, float(slope), float(reference))
+        return cls(
+            group.a,
+            group.b,
+            group.own,
+            group.other,
+            float(slope),
+            float(reference),
+            one_way=group.one_way,
+            law=group.law,
+            fluid=group.fluid,
+        )
 
     @property
     def affine(self) -> bool:
         """Whether psi is linear in the temperatures, so that its slopes are all of it."""
         factors = [self.b != NOBODY, self.own != 0, self.other != NOBODY, self.tilt is not None]
-        return sum(factors) <= 1 and self.own >= 0
+        return sum(factors) <= 1 and self.own >= 0 and self.law == LINEAR and not self.fluid
 
 
 @dataclass(frozen=True)
 class Table:
-    """Laws as a compiled loop reads them. `places` (L, 5): a, b, own, other, 1 where one way; `numbers` (L, 3): slope,
-    reference, tilt (NaN: none); `copper` (2,): alpha [1/K], reference [degC]."""
+    """Laws as a compiled loop reads them. `places` (L, 7): a, b, own, other, 1 where one way, law, knots k of the fluid;
+    `numbers` (L, 3 + 2 most knots): slope, reference, tilt (NaN: none), k temperatures, k factors; `copper` (2,): alpha [1/K],
+    reference [degC]."""
 
     places: Integers
     numbers: Floats
@@ -63,11 +79,13 @@ class Table:
 
     @classmethod
     def of(cls, laws: Sequence[Law], copper: Copper) -> Table:
-        return cls(
-            np.array([(w.a, w.b, w.own, w.other, w.one_way) for w in laws], dtype=np.int64).reshape(-1, 5),
-            np.array([(w.slope, w.reference, np.nan if w.tilt is None else w.tilt) for w in laws]).reshape(-1, 3),
-            np.array([copper.alpha_per_K, copper.reference_degC]),
-        )
+        places = [(w.a, w.b, w.own, w.other, w.one_way, w.law, len(w.fluid)) for w in laws]
+        numbers = np.zeros((len(laws), 3 + 2 * max((len(w.fluid) for w in laws), default=0)))
+        for own, w in zip(numbers, laws, strict=True):
+            own[:3] = w.slope, w.reference, np.nan if w.tilt is None else w.tilt
+            own[3 : 3 + 2 * len(w.fluid)] = [*(degC for degC, _ in w.fluid), *(factor for _, factor in w.fluid)]
+        alpha = np.array([copper.alpha_per_K, copper.reference_degC])
+        return cls(np.array(places, dtype=np.int64).reshape(-1, 7), numbers, alpha)
 
 
 def psi(table: Table, temperatures: Floats, boundaries: Floats) -> tuple[Floats, Floats]:
@@ -104,6 +122,16 @@ def psi_of(place: Integers, number: Floats, copper: Floats, at: Floats, first: i
     for k in range(steps):
         found[0, k] = 1.0 - linked + at[end, first + k] - at[a, first + k]
         found[1, k], found[2, k], found[3, k] = -linked, linked, 0.0
+    if place[5] != LINEAR:
+        for k in range(steps):
+            found[0, k], found[1, k], found[2, k] = drop(place[5], at[a, first + k], at[b, first + k])
+    if place[6] > 0:
+        knots, factors = number[3 : 3 + place[6]], number[3 + place[6] : 3 + 2 * place[6]]
+        for k in range(steps):
+            factor, growth = between(at[b, first + k], knots, factors)
+            found[1, k] *= factor
+            found[2, k] = found[2, k] * factor + found[0, k] * growth
+            found[0, k] *= factor
     if own != 0:
         for k in range(steps):
             factor, change = 1 + alpha * (at[a, first + k] - cold), alpha

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from twin import features
-from twin.network import Network, Term
+from twin.drops import LAWS, LINEAR
+from twin.network import Fluid, Network, Term
 from twin.sparse import Pattern, factorise
 
 CONSTANT = -1  # a term without features
 NOBODY = -1  # no other end, no factor's node
+
+Knots = tuple[tuple[float, float], ...]
 
 
 @dataclass(frozen=True)
@@ -21,7 +25,9 @@ class Group:
 
     `a`: the node that takes the heat. `b`: the link's other end, a node or `n + boundary`, NOBODY in a source.
     `terms`: (coefficient, monomial or CONSTANT). `own`: +1 copper, -1 resistance, 0 none, of the node's own temperature.
-    `other`: node of the temperature factor, or NOBODY; its values are row `index` of `Parameters.factors`.
+    `other`: node of the temperature factor, or NOBODY; its values are row `index` of `Parameters.factors`. `law`: how the
+    link's heat follows its two temperatures (`twin.drops`). `one_way`: the heat is not taken out of b, which flows on.
+    `fluid`: (T_b [degC], factor) of the fluid's heat capacity where it goes with temperature, else empty.
     """
 
     a: int
@@ -29,6 +35,14 @@ class Group:
     terms: tuple[tuple[int, int], ...]
     own: int
     other: int
+    law: int = LINEAR
+    one_way: bool = False
+    fluid: Knots = ()
+
+    @property
+    def plain(self) -> bool:
+        """Whether the heat of a link follows the difference of its two temperatures itself."""
+        return self.law == LINEAR and not self.fluid
 
 
 @dataclass(frozen=True)
@@ -44,8 +58,9 @@ class Structure:
 
 @dataclass(frozen=True)
 class Parameters:
-    """The values of a network. `coefficients` (K,) [W or W/K] in the order of `features.terms`; `capacities` (n,) [J/K];
-    `copper` (2,) alpha [1/K], reference [degC]; `factors` (groups, 2) slope [1/K], reference [degC], 0 where there is none.
+    """The values of a network. `coefficients` (K,) [W or W/K] in the order of `features.terms`, then of `features.streams`;
+    `capacities` (n,) [J/K]; `copper` (2,) alpha [1/K], reference [degC]; `factors` (groups, 2) slope [1/K], reference [degC],
+    0 where there is none.
     """
 
     coefficients: NDArray[np.float64]
@@ -54,49 +69,75 @@ class Parameters:
     factors: NDArray[np.float64]
 
 
-_Key = tuple[int, int, int, int, float, float]  # a, b, own, other, slope, reference
+_Key = tuple[Group, float, float]  # a group still without terms, slope, reference
 
 
-def _grouped(network: Network) -> dict[_Key, list[tuple[int, int]]]:
-    """The terms of each group: place and factors -> (coefficient, monomial) pairs."""
-    place = {name: i for i, name in enumerate(network.names)}
-    column = {monomial: j for j, monomial in enumerate(features.monomials(network))}
-    ends = [sorted((place[link.a], place[link.b])) for link in network.links]
-    places = [(a, b, link.terms) for (a, b), link in zip(ends, network.links, strict=True)]
-    places += [(place[source.node], NOBODY, source.terms) for source in network.sources]
-    groups: dict[_Key, list[tuple[int, int]]] = {}
-    coefficient = 0
-    for a, b, terms in places:
-        for term in terms:
-            pair = (coefficient, column.get(features.monomial(term), CONSTANT))
-            groups.setdefault((a, b, *_factors(term, place)), []).append(pair)
-            coefficient += 1
-    return groups
+def _places(network: Network) -> Iterator[tuple[_Key, Term]]:
+    """The place of every coefficient, in their order."""
+    index = {name: i for i, name in enumerate(network.names)}
+    for link in network.links:
+        a, b = sorted((index[link.a], index[link.b]))
+        for term in link.terms:
+            yield _key(Group(a, b, (), 0, NOBODY), term, index), term
+    for source in network.sources:
+        for term in source.terms:
+            yield _key(Group(index[source.node], NOBODY, (), 0, NOBODY), term, index), term
+    knots = [_knots(circuit.fluid) for circuit in network.circuits for _ in circuit.nodes]
+    streams = zip(features.stream_places(network), features.streams(network), knots, strict=True)
+    for (before, node), term, fluid in streams:
+        group = Group(index[node], index[before], (), 0, NOBODY, one_way=True, fluid=fluid)
+        yield (group, 0.0, 0.0), term
 
 
-def _factors(term: Term, place: dict[str, int]) -> tuple[int, int, float, float]:
-    own = 1 if term.copper else term.resistance
+def _key(group: Group, term: Term, index: dict[str, int]) -> _Key:
+    law = LINEAR if term.law is None else LAWS[term.law]
+    placed = replace(group, own=1 if term.copper else term.resistance, law=law)
     factor = term.temperature
     if factor is None:
-        return own, NOBODY, 0.0, 0.0
-    return own, place[factor.node], factor.slope_per_K, factor.reference_degC
+        return placed, 0.0, 0.0
+    return replace(placed, other=index[factor.node]), factor.slope_per_K, factor.reference_degC
+
+
+def _knots(fluid: Fluid) -> Knots:
+    """The fluid's heat capacity over that at `features.STREAM_DEGC`, at the knots of both its tables; empty if constant."""
+    knots = sorted({*fluid.density.degC, *fluid.heat_capacity.degC})
+    unit = fluid.at(features.STREAM_DEGC)
+    values = tuple((float(degC), fluid.at(degC) / unit) for degC in knots)
+    return values if len({value for _, value in values}) > 1 else ()
+
+
+def _grouped(network: Network) -> dict[_Key, tuple[tuple[int, int], ...]]:
+    """The terms of each group: its key -> (coefficient, monomial) pairs."""
+    column = {monomial: j for j, monomial in enumerate(features.monomials(network))}
+    groups: dict[_Key, list[tuple[int, int]]] = {}
+    for coefficient, (key, term) in enumerate(_places(network)):
+        groups.setdefault(key, []).append((coefficient, column.get(features.monomial(term), CONSTANT)))
+    return {key: tuple(terms) for key, terms in groups.items()}
 
 
 def structure(network: Network) -> Structure:
     """The indices of a checked network."""
     n = len(network.nodes)
-    groups = tuple(Group(a, b, tuple(terms), own, other) for (a, b, own, other, *_), terms in _grouped(network).items())
+    groups = tuple(replace(key[0], terms=terms) for key, terms in _grouped(network).items())
     edges = [(g.a, g.b) for g in groups if 0 <= g.b < n]
     crossed = [(end, g.other) for g in groups if g.other != NOBODY for end in (g.a, g.b) if 0 <= end < n]
-    symmetric = all(g.other == NOBODY or (g.b == NOBODY and g.other == g.a) for g in groups)
-    return Structure(n, len(features.monomials(network)), groups, factorise(n, edges + crossed), symmetric)
+    pattern = factorise(n, edges + crossed)
+    return Structure(n, len(features.monomials(network)), groups, pattern, all(_mirrored(g, n) for g in groups))
+
+
+def _mirrored(group: Group, n: int) -> bool:
+    """Whether what a group adds to the step matrix is symmetric."""
+    if group.other != NOBODY and not (group.b == NOBODY and group.other == group.a):
+        return False
+    return not 0 <= group.b < n or (group.plain and not group.one_way)
 
 
 def parameters(network: Network) -> Parameters:
     """The values of a checked network, in the order of its structure."""
-    factors = [(slope, reference) for _, _, _, _, slope, reference in _grouped(network)]
+    factors = [(slope, reference) for _, slope, reference in _grouped(network)]
+    every = (*features.terms(network), *features.streams(network))
     return Parameters(
-        coefficients=np.array([term.coefficient for term in features.terms(network)]),
+        coefficients=np.array([term.coefficient for term in every]),
         capacities=np.array([node.capacity for node in network.nodes]),
         copper=np.array([network.copper.alpha_per_K, network.copper.reference_degC]),
         factors=np.array(factors, dtype=np.float64).reshape(-1, 2),

@@ -11,12 +11,14 @@ from ingest.facts import Facts
 from ingest.setup import MotorFile
 from ingest.store import Store
 from replay.engine.motor_file import read_motor
+from replay.engine.motor_maps import whole
 from replay.errors import ReplayDataError
+from twin.configured import configured
 
 
 def for_intake(path: Path) -> MotorFile:
-    """A motor file as far as an intake needs it. Raises MotorFileError."""
-    data = path.read_bytes()
+    """A motor file as far as an intake needs it, its maps written into it. Raises MotorFileError."""
+    data = whole(path)
     network = read_motor(data, path.name)
     return MotorFile(
         data=data,
@@ -24,12 +26,13 @@ def for_intake(path: Path) -> MotorFile:
         motor=network.name,
         regions={node.name: node.region for node in network.nodes},
         boundaries=[boundary.name for boundary in network.boundaries],
+        configurations={one.name: configured(network, one.name).names for one in network.configurations},
     )
 
 
 def publish_model(store: Store, path: Path) -> str:
-    """Seal a motor file and make it known; returns the model id (its SHA-256). Raises MotorFileError."""
-    data = path.read_bytes()
+    """Seal a motor file, made whole, and make it known; returns the model id (its SHA-256). Raises MotorFileError."""
+    data = whole(path)
     network = read_motor(data, path.name)
     model = store.archive.seal(data)
     known = ledger_facts.at(store.ledger)
@@ -63,7 +66,7 @@ def known_model(facts: Facts, text: str) -> str:
     path = Path(text)
     if not path.is_file():
         raise ReplayDataError(f"--model {text}: there is no such file: correct the path, or give a model id.")
-    model = hashlib.sha256(path.read_bytes()).hexdigest()
+    model = hashlib.sha256(whole(path)).hexdigest()
     if model not in facts.models:
         raise ReplayDataError(
             f"--model {text}: nothing was replayed with this motor file: whyhot replay --model {text}"

@@ -10,9 +10,25 @@ from ingest.toml_file import BOOLEAN, NUMBER, POSITIVE, TEXT, TEXTS, Kind, Table
 from replay.errors import MotorFileError
 from twin.check import check
 from twin.describe import Description, describe
+from twin.drops import LAWS
 from twin.errors import NetworkError
-from twin.features import QUANTITY, is_known
-from twin.network import Boundary, Copper, Link, Network, Node, Shape, Source, TemperatureFactor, Term
+from twin.features import QUANTITY, STREAM_DEGC, is_known
+from twin.network import (
+    Boundary,
+    Configuration,
+    Copper,
+    Fluid,
+    FluidCircuit,
+    Link,
+    Map,
+    Network,
+    Node,
+    Property,
+    Shape,
+    Source,
+    TemperatureFactor,
+    Term,
+)
 
 __all__ = ["Description", "describe", "read_motor"]
 
@@ -27,21 +43,20 @@ SCALES = {  # key of [scale] -> quantity
 }
 REGIONS = ("copper", "iron", "magnet", "rotor", "housing", "fluid", "bearing", "other")
 KEYS = {
-    "root": ("schema", "name", "scale", "copper", "node", "boundary", "link", "source"),
+    "root": ("schema", "name", "scale", "copper", "node", "boundary", "link", "source", "circuit", "configuration"),
     "copper": ("alpha_per_K", "reference_degC"),
     "node": ("name", "capacity", "region", "sd", "limit_degC"),
     "boundary": ("name",),
     "link": ("between", "terms"),
     "source": ("node", "terms"),
-    "term": ("coefficient", "sd", "copper", "resistance", "temperature", "shape"),
+    "configuration": ("name", "remove", "link", "source"),
+    "circuit": ("name", "inlet", "nodes", "fluid", "flow"),
+    "fluid": ("density", "heat_capacity"),
+    "property": ("degC", "value"),
+    "term": ("coefficient", "sd", "copper", "resistance", "temperature", "shape", "map", "law"),
     "temperature": ("node", "slope_per_K", "reference_degC"),
     "shape": ("speed_rpm", "factor", "current_slope"),
-}
-LATER = {  # keys of the file format that this version does not compute
-    "circuit": "model the coolant as a boundary, or as nodes with links",
-    "configuration": "write a motor file of its own for the other rig",
-    "map": "write the loss as terms of speed and current",
-    "law": "write the conductance as terms; a temperature factor can stand for its slope",
+    "map": ("speed_rpm", "torque_Nm", "values"),
 }
 
 CAPACITY_SD = 0.15  # prior sds of the logarithm where none is given
@@ -63,8 +78,20 @@ _MOTOR_NAME = Kind(
 _NUMBERS: Kind[tuple[float, ...]] = Kind("a list of numbers, such as [0, 4000, 16000]", lambda v: _each_a_number(v))
 
 
+_ROWS: Kind[tuple[tuple[float, ...], ...]] = Kind(
+    "a list of rows of numbers, such as [[0, 5], [40, 60]]", lambda v: tuple(map(_each_a_number, _rows(v)))
+)
+_PROPERTY = Kind("a number above 0, or a table {degC = [20, 90], value = [1050, 1005]}", POSITIVE.read)
+
+
 def _matching(pattern: str, value: object) -> str:
     if not (isinstance(value, str) and re.fullmatch(pattern, value)):
+        raise ValueError
+    return value
+
+
+def _rows(value: object) -> list[object]:
+    if not (isinstance(value, list) and value):
         raise ValueError
     return value
 
@@ -95,8 +122,8 @@ def read_motor(data: bytes, name: str) -> Network:
 def _network(root: Table) -> Network:
     _only(root, "root")
     copper = root.table("copper")
-    heated = _heated(root)
-    nodes = tuple(_node(table, heated) for table in root.tables("node"))
+    heated, flowed = _heated(root), _flowed(root)
+    nodes = tuple(_node(table, heated, flowed) for table in root.tables("node"))
     if not nodes:
         raise root.error("there is no [[node]]: a motor needs at least one.")
     regions = {node.name: node.region for node in nodes}
@@ -109,6 +136,8 @@ def _network(root: Table) -> Network:
         sources=tuple(_source(table, regions, scale) for table in root.tables("source")),
         copper=_copper(copper) if copper else Copper(),
         scale=scale,
+        circuits=tuple(_circuit(table) for table in root.tables("circuit")),
+        configurations=tuple(_configuration(table, regions, scale) for table in root.tables("configuration")),
     )
 
 
@@ -118,10 +147,12 @@ def _heated(root: Table) -> set[str]:
     return {s.need("node", TEXT) for s in sources if any("copper" in t or "resistance" in t for t in s.tables("terms"))}
 
 
+def _flowed(root: Table) -> set[str]:
+    """Nodes of a fluid."""
+    return {node for circuit in root.tables("circuit") for node in circuit.need("nodes", TEXTS)}
+
+
 def _only(table: Table, kind: str, extra: tuple[str, ...] = ()) -> None:
-    for key, instead in LATER.items():
-        if key in table:
-            raise table.error(f'"{key}" is not supported by this version of whyhot: {instead}.', key)
     table.only({*KEYS[kind], *extra})
 
 
@@ -143,22 +174,22 @@ def _copper(table: Table) -> Copper:
     )
 
 
-def _node(table: Table, heated: set[str]) -> Node:
+def _node(table: Table, heated: set[str], flowed: set[str]) -> Node:
     _only(table, "node")
     name = table.need("name", TEXT)
     sd = table.get("sd", POSITIVE)
     return Node(
         name=name,
         capacity=table.need("capacity", POSITIVE),
-        region=table.one_of("region", REGIONS) or _region(name, heated),
+        region=table.one_of("region", REGIONS) or _region(name, heated, flowed),
         sd=CAPACITY_SD if sd is None else sd,
         limit_degC=table.get("limit_degC", NUMBER),
     )
 
 
-def _region(name: str, heated: set[str]) -> str:
-    if name in heated:
-        return "copper"
+def _region(name: str, heated: set[str], flowed: set[str]) -> str:
+    if name in heated or name in flowed:
+        return "copper" if name in heated else "fluid"
     return next((region for pattern, region in _BY_NAME if re.search(rf"(^|_)({pattern})", name)), "other")
 
 
@@ -183,6 +214,44 @@ def _source(table: Table, regions: Mapping[str, str], scale: Mapping[str, float]
     return Source(node, tuple(_term(term, sd, scale) for term, sd in sds))
 
 
+def _circuit(table: Table) -> FluidCircuit:
+    _only(table, "circuit")
+    fluid = table.table("fluid")
+    if fluid is None:
+        says = "fluid is missing: say fluid = {density = 1050.0, heat_capacity = 3500.0}, in kg/m3 and J/(kg K)."
+        raise table.error(says)
+    _only(fluid, "fluid")
+    nodes = table.need("nodes", TEXTS)
+    return FluidCircuit(
+        name=table.need("name", TEXT),
+        inlet=table.need("inlet", TEXT),
+        nodes=tuple(nodes),
+        fluid=Fluid(_property(fluid, "density"), _property(fluid, "heat_capacity")),
+        flow=table.get("flow", TEXT) or "flow",
+    )
+
+
+def _configuration(table: Table, regions: Mapping[str, str], scale: Mapping[str, float]) -> Configuration:
+    _only(table, "configuration")
+    removed = table.get("remove", TEXTS)
+    return Configuration(
+        name=table.need("name", TEXT),
+        remove=tuple(removed or ()),
+        links=tuple(_link(link, scale) for link in table.tables("link")),
+        sources=tuple(_source(source, regions, scale) for source in table.tables("source")),
+    )
+
+
+def _property(fluid: Table, key: str) -> Property:
+    """A number, or a table over temperature."""
+    if not isinstance(fluid.values.get(key), dict):
+        return Property((STREAM_DEGC,), (fluid.need(key, _PROPERTY),))
+    table = fluid.table(key)
+    assert table is not None
+    _only(table, "property")
+    return Property(table.need("degC", _NUMBERS), table.need("value", _NUMBERS))
+
+
 def _is_dc(term: Table) -> bool:
     """Copper loss that grows with the current squared alone."""
     used = {key: value for key, value in term.values.items() if is_known(key)}
@@ -196,7 +265,7 @@ def _term(table: Table, default_sd: float, scale: Mapping[str, float]) -> Term:
         says = "resistance must be -1 (an AC loss, divided by it); for a loss that grows with it write copper = true."
         raise table.error(says, "resistance")
     sd = table.get("sd", POSITIVE)
-    temperature, shape = table.table("temperature"), table.table("shape")
+    temperature = table.table("temperature")
     return Term(
         coefficient=table.need("coefficient", NUMBER),
         exponents={feature: table.need(feature, NUMBER) for feature in used},
@@ -204,7 +273,8 @@ def _term(table: Table, default_sd: float, scale: Mapping[str, float]) -> Term:
         copper=table.get("copper", BOOLEAN) or False,
         resistance=-1 if "resistance" in table else 0,
         temperature=_temperature(temperature) if temperature else None,
-        shape=_shape(shape, scale) if shape else None,
+        shape=_bent(table, scale),
+        law=table.one_of("law", tuple(LAWS)),
     )
 
 
@@ -212,6 +282,30 @@ def _temperature(table: Table) -> TemperatureFactor:
     _only(table, "temperature")
     return TemperatureFactor(
         table.need("node", TEXT), table.need("slope_per_K", NUMBER), table.need("reference_degC", NUMBER)
+    )
+
+
+def _bent(term: Table, scale: Mapping[str, float]) -> Shape | Map | None:
+    """The term's shape or map."""
+    if "map" not in term:
+        shape = term.table("shape")
+        return _shape(shape, scale) if shape else None
+    if "shape" in term:
+        raise term.error("a map is the whole form over speed and torque: leave the shape out.", "shape")
+    if isinstance(term.values["map"], str):
+        table = "map = {speed_rpm = [0, 4000], torque_Nm = [0, 100], values = [[0, 5], [40, 60]]}"
+        says = f'map "{term.values["map"]}" stands in a file of its own, which is not at hand here: write {table}.'
+        raise term.error(says, "map")
+    found = term.table("map")
+    assert found is not None
+    _only(found, "map")
+    for quantity, key in (("speed", "speed_rpm"), ("torque", "torque_Nm")):
+        if quantity not in scale:
+            raise found.error(f"a map needs what 1 means for {quantity}: say {key} in [scale].")
+    return Map(
+        speed=tuple(knot / scale["speed"] for knot in found.need("speed_rpm", _NUMBERS)),
+        torque=tuple(knot / scale["torque"] for knot in found.need("torque_Nm", _NUMBERS)),
+        values=found.need("values", _ROWS),
     )
 
 

@@ -9,22 +9,32 @@ from replay.engine.motor_file import read_motor
 from replay.engine.toml_edit import edited
 from replay.engine.toml_spans import spans
 from replay.errors import MotorFileError
-from twin.network import Link, Network, Node, Source, Term
+from twin.configured import restored
+from twin.network import Configuration, FluidCircuit, Link, Map, Network, Node, Property, Source, Term
 
 # what tells the entries of a kind apart
-_CALLED = {"node": "name", "boundary": "name", "link": "between", "source": "node"}
+_CALLED = {
+    "node": "name",
+    "boundary": "name",
+    "link": "between",
+    "source": "node",
+    "circuit": "name",
+    "configuration": "name",
+}
 _BOM = "\ufeff"
 
 
 def written(data: bytes, name: str, network: Network, says: str) -> bytes:
     """The motor file `data` (`name` as in messages) with what `network` says otherwise, numbers to 7 digits.
 
-    Coefficients, exponents, capacities, factors and shapes may differ, and nodes, boundaries, links, sources and terms may be
-    added behind those that are there. All other text stays as it is. The lines of `says` become comments under the schema,
-    the first one also the comment `# added: ...` of what is added. A network that the file says already gives `data`.
-    Raises MotorFileError where something was taken away or put before others, or the result would not read back as `network`.
+    Coefficients, exponents, capacities, factors and shapes may differ, and nodes, boundaries, links, sources, terms, circuits and
+    configurations may be added behind those that are there; of a network without configurations the file's own stay. All other
+    text stays as it is. The lines of `says` become comments under the schema, the first one also the comment `# added: ...` of
+    what is added. A network that the file says already gives `data`. Raises MotorFileError where something was taken away or put
+    before others, or the result would not read back as `network`.
     """
     before = read_motor(data, name)
+    network = network if network.configurations else restored(before, network)
     _check_order(name, before, network)
     text = data.decode()
     mark = _BOM if text.startswith(_BOM) else ""
@@ -56,7 +66,36 @@ def _values(network: Network, whole: bool) -> dict[str, Any]:
         "boundary": [{"name": boundary.name} for boundary in network.boundaries],
         "link": [_place({"between": [link.a, link.b]}, link, network, whole) for link in network.links],
         "source": [_place({"node": source.node}, source, network, whole) for source in network.sources],
+        "circuit": [_circuit(circuit) for circuit in network.circuits],
+        "configuration": [_configuration(one, network, whole) for one in network.configurations],
     }
+
+
+def _circuit(circuit: FluidCircuit) -> dict[str, Any]:
+    fluid = {"density": _property(circuit.fluid.density), "heat_capacity": _property(circuit.fluid.heat_capacity)}
+    return {
+        "name": circuit.name,
+        "inlet": circuit.inlet,
+        "nodes": list(circuit.nodes),
+        "fluid": fluid,
+        "flow": circuit.flow,
+    }
+
+
+def _property(table: Property) -> Any:
+    """A number where it is one, else the table."""
+    if len(table.value) == 1:
+        return _digits(table.value[0])
+    return {"degC": [_digits(degC) for degC in table.degC], "value": [_digits(value) for value in table.value]}
+
+
+def _configuration(one: Configuration, network: Network, whole: bool) -> dict[str, Any]:
+    parts = {
+        "remove": list(one.remove),
+        "link": [_place({"between": [link.a, link.b]}, link, network, whole) for link in one.links],
+        "source": [_place({"node": source.node}, source, network, whole) for source in one.sources],
+    }
+    return {"name": one.name, **{key: part for key, part in parts.items() if part}}
 
 
 def _node(node: Node, whole: bool) -> dict[str, Any]:
@@ -74,13 +113,21 @@ def _term(term: Term, network: Network, whole: bool) -> dict[str, Any]:
     values |= {feature: _digits(exponent) for feature, exponent in term.exponents.items() if exponent}
     if term.copper or whole:
         values["copper"] = term.copper
+    if term.law is not None:
+        values["law"] = term.law
     if term.resistance:
         values["resistance"] = term.resistance
     if term.temperature is not None:
         factor = term.temperature
         slope, reference = _digits(factor.slope_per_K), _digits(factor.reference_degC)
         values["temperature"] = {"node": factor.node, "slope_per_K": slope, "reference_degC": reference}
-    if term.shape is not None:
+    if isinstance(term.shape, Map):
+        values["map"] = {
+            "speed_rpm": [_digits(knot * network.scale["speed"]) for knot in term.shape.speed],
+            "torque_Nm": [_digits(knot * network.scale["torque"]) for knot in term.shape.torque],
+            "values": [[_digits(value) for value in row] for row in term.shape.values],
+        }
+    elif term.shape is not None:
         scale = network.scale["speed"]
         values["shape"] = {
             "speed_rpm": [_digits(knot * scale) for knot in term.shape.speed],

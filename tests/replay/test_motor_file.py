@@ -158,10 +158,9 @@ REFUSED = {
         "{coefficient = 3.0, shape = {speed_rpm = [0, 500], factor = [0, 0.2], current_slope = [0, -0.9]}}",
         r'^motor\.toml:27: .*term 1: shape makes the loss -0\.15 times itself at 500 rpm and a current of 1\.5: keep it above 0\.$',
     ),
-    "circuit": ("[[boundary]]", '[[circuit]]\nname = "jacket"\n[[boundary]]', r'^motor\.toml:13: "circuit" is not supported by this'),
-    "configuration": ("[[boundary]]", "[[configuration]]\n[[boundary]]", r'"configuration" is not supported by this version'),
-    "map": ("coefficient = -3.0", 'map = "losses.csv"', r'^motor\.toml:29: .*"map" is not supported by this version'),
-    "law": ("speed = 0.8", 'law = "radiation"', r'^motor\.toml:17: .*"law" is not supported by this version'),
+    "map in a file": ("coefficient = -3.0", 'coefficient = 1.0, map = "losses.csv"', r'^motor\.toml:29: .*map "losses\.csv" stands in a file'),
+    "law": ("speed = 0.8", 'law = "radation"', r'^motor\.toml:17: .*law "radation" is none of radiation, free_convection\. Nearest: radiation'),
+    "law of a loss": ("coefficient = -3.0", 'coefficient = 3.0, law = "radiation"', r'^motor\.toml:27: .*law "radiation" belongs to cond'),
     "no nodes": (MOTOR, 'name = "none"', r"there is no \[\[node\]\]: a motor needs at least one"),
 }  # fmt: skip
 
@@ -178,7 +177,8 @@ def test_a_motor_file_is_refused_by_line_and_entry(case: str) -> None:
 def test_a_node_that_no_link_reaches_is_named_at_its_line() -> None:
     alone = MOTOR.replace("[[boundary]]", '[[node]]\nname = "shaft"\ncapacity = 9\n[[boundary]]')
     with pytest.raises(
-        MotorFileError, match=r'^motor\.toml:13: \[\[node\]\] 3 \(name "shaft"\): no path of links leads to a b'
+        MotorFileError,
+        match=r'^motor\.toml:13: \[\[node\]\] 3 \(name "shaft"\): no path of links or circuits leads to a b',
     ):
         _read(alone)
 
@@ -190,9 +190,7 @@ def test_every_shipped_motor_is_read(path: Path) -> None:
 
 def test_the_schema_allows_the_keys_that_the_reader_allows() -> None:
     parts = {"root": SCHEMA, "scale": SCHEMA["properties"]["scale"], "copper": SCHEMA["properties"]["copper"]}
-    parts |= {
-        name: SCHEMA["$defs"][name] for name in ("node", "boundary", "link", "source", "term", "temperature", "shape")
-    }
+    parts |= {name: SCHEMA["$defs"][name] for name in motor_file.KEYS if name in SCHEMA["$defs"]}
     keys = motor_file.KEYS | {"scale": tuple(motor_file.SCALES), "term": (*motor_file.KEYS["term"], *QUANTITY)}
     assert {name: set(part["properties"]) for name, part in parts.items()} == {n: set(k) for n, k in keys.items()}
     assert all(part["additionalProperties"] is False for part in parts.values())

@@ -43,7 +43,7 @@ REFUSED: dict[str, tuple[Change, type[errors.NetworkError], str]] = {
         errors.DuplicateError,
         'boundary "yoke": this name is already taken',
     ),
-    "cut off": (_node(), errors.CutOffError, 'node "shaft": no path of links leads to a boundary'),
+    "cut off": (_node(), errors.CutOffError, 'node "shaft": no path of links or circuits leads to a boundary'),
     "capacity": (_node(capacity=-3.0), errors.BadValueError, 'node "shaft": capacity -3 is not above 0'),
     "capacity nan": (_node(capacity=float("nan")), errors.BadValueError, "capacity nan is not above 0"),
     "scale": (

@@ -1,0 +1,36 @@
+"""Which network a session is about: the motor of its model, in the configuration that its bench file names."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from ingest.events import SessionRecorded
+from ingest.facts import Facts
+from ingest.store import Store
+from replay.engine.motor_file import read_motor
+from replay.errors import ReplayDataError
+from twin.configured import configured
+from twin.errors import ConfigurationError
+from twin.network import Network
+
+
+def network_of(store: Store, facts: Facts, session: SessionRecorded, model: str) -> Network:
+    """The network that `model` (SHA-256 of a motor file in the archive) is in a session.
+
+    Raises ReplayDataError where the motor file does not have the session's configuration.
+    """
+    whole = read_motor(store.archive.read(model), facts.models[model].file)
+    try:
+        return configured(whole, session.configuration)
+    except ConfigurationError as error:
+        raise ReplayDataError(f"session {session.name}: {error}.") from None
+
+
+def refuse_other_rigs(sessions: Sequence[SessionRecorded]) -> None:
+    """Raises ReplayDataError where a session is not of the whole motor: what is learnt goes into its motor file."""
+    for session in sessions:
+        if session.configuration is not None:
+            raise ReplayDataError(
+                f'session {session.name}: is of configuration "{session.configuration}", and only sessions of the whole motor '
+                "can be learnt from: leave it out. `whyhot replay` takes it."
+            )
