@@ -14,12 +14,13 @@ from datetime import UTC, datetime
 from zoneinfo import ZoneInfo, available_timezones
 
 from ingest.corrections import Correction, read_corrections
+from ingest.derating import DeratingRule, read_deratings
 from ingest.errors import BenchFileError, ExpressionError, UnitError
 from ingest.expressions import parse
 from ingest.formats import TimeSpec
 from ingest.nearest import hint
 from ingest.quantities import CONVENTIONS, STORED_UNIT, converter, known_quantity
-from ingest.toml_file import MOMENT, NAME, NAMED_NUMBERS, NAMED_TEXTS, NOT_NEGATIVE, POSITIVE, TEXT, Table, read
+from ingest.toml_file import MOMENT, NAME, NAMED_NUMBERS, NAMED_TEXTS, NOT_NEGATIVE, NUMBER, POSITIVE, TEXT, Table, read
 
 SCHEMA = "whyhot.bench/1"
 KINDS = ("wltp", "s1", "s2", "ageing", "dc_check", "insulation_check", "drive", "other")
@@ -27,16 +28,17 @@ LEVELS = ("testing", "production")
 ROLES = ("observed", "input", "ignored")
 REGIONS = ("copper", "iron", "magnet", "rotor", "housing", "fluid", "bearing", "other", "boundary")
 OBSERVABLE = ("temperature", "power", "heat", "resistance", "flux")
+THERMOMETRIC = ("resistance", "flux")  # they go with the temperature of nodes
 TIME_UNITS = ("s", "ms", "us", "ns", "min", "h")
 
 ROOT_KEYS = (
     *("motor", "specimen", "specimen_column", "batch", "batch_column", "kind", "configuration", "attributes"),
-    *("time", "channel", "derived", "correction"),
+    *("time", "channel", "derived", "correction", "derating"),
 )
 TIME_KEYS = ("column", "format", "unit", "zone", "rate_hz", "start", "join_gap_s")
 COMMON_KEYS = (
     *("quantity", "unit", "node", "weights", "region", "level", "noise", "bias_sd", "resolution", "time_constant_s"),
-    *("sensor", "card", "convention", "role"),
+    *("sensor", "card", "convention", "role", "gain_sd", "reference", "reference_degC", "slope_per_K"),
 )
 CHANNEL_KEYS = ("signal", *COMMON_KEYS)
 DERIVED_KEYS = ("name", "expression", *COMMON_KEYS)
@@ -70,6 +72,10 @@ class Channel:
     card: str | None = None
     convention: str = "rms"
     role: str | None = None  # observed | input | ignored; None = by rule
+    gain_sd: float | None = None  # of the share by which an observed power, heat, resistance or flux reads too much
+    reference: float | None = None  # of an observed resistance or flux: what it reads at reference_degC
+    reference_degC: float = 20.0
+    slope_per_K: float | None = None  # of the reading over the reference
     line: int = 0  # of the bench file, for messages
     lines: Mapping[str, int] = field(default_factory=dict, compare=False, repr=False)  # of its keys
 
@@ -100,6 +106,7 @@ class Bench:
     join_gap_s: float = 60.0
     channels: tuple[Channel, ...] = ()
     corrections: tuple[Correction, ...] = ()
+    deratings: tuple[DeratingRule, ...] = ()
 
 
 def read_bench(data: bytes, name: str) -> Bench:
@@ -130,6 +137,7 @@ def read_bench(data: bytes, name: str) -> Bench:
         join_gap_s=join_gap_s,
         channels=tuple(channels),
         corrections=read_corrections(root.tables("correction"), channels),
+        deratings=read_deratings(root.tables("derating"), channels),
     )
 
 
@@ -177,7 +185,8 @@ def _common(table: Table, *, name: str, signal: str | None, expression: str | No
     scale = converter(unit, quantity, convention).scale if quantity else 1.0
     node, weights = _place(table)
     if role == "observed":
-        _observable(table, quantity, bool(node or weights))
+        _observable(table, quantity, node, weights)
+    _refuse_keys_of_others(table, quantity, role)
     return Channel(
         name=name,
         quantity=quantity,
@@ -196,6 +205,10 @@ def _common(table: Table, *, name: str, signal: str | None, expression: str | No
         card=table.get("card", TEXT),
         convention=convention,
         role=role,
+        gain_sd=table.get("gain_sd", NOT_NEGATIVE),
+        reference=_scaled(table.get("reference", POSITIVE), scale),
+        reference_degC=_reference_degC(table),
+        slope_per_K=_slope(table),
         line=table.line(),
         lines={key: table.line(key) for key in table.values},
     )
@@ -248,13 +261,59 @@ def _place(table: Table) -> tuple[str | None, Mapping[str, float]]:
     return None, weights
 
 
-def _observable(table: Table, quantity: str, placed: bool) -> None:
+def _observable(table: Table, quantity: str, node: str | None, weights: Mapping[str, float]) -> None:
     if quantity not in OBSERVABLE:
         raise _refusal(
             table, "role", f'{quantity} cannot be observed, only {", ".join(OBSERVABLE)}: write role = "input".'
         )
-    if quantity == "temperature" and not placed:
+    if quantity == "temperature" and not (node or weights):
         raise _refusal(table, "role", "an observed temperature needs a node or weights: say what it measures.")
+    if quantity in THERMOMETRIC and not (node or weights):
+        raise _refusal(
+            table, "role", f"an observed {quantity} needs a node or weights: say whose temperature it goes with."
+        )
+    if quantity == "flux" and "slope_per_K" not in table:
+        raise _refusal(
+            table, "role", "an observed flux needs slope_per_K, such as -0.001: say how it falls as the magnets warm."
+        )
+    if quantity == "heat" and not node:
+        raise _refusal(table, "role", 'an observed heat needs the boundary that takes it, such as node = "coolant".')
+    if quantity == "power" and (node or weights):
+        raise _refusal(
+            table,
+            "node" if "node" in table else "weights",
+            "an observed power is that of the whole motor: take it out.",
+        )
+
+
+def _refuse_keys_of_others(table: Table, quantity: str, role: str | None) -> None:
+    """Keys of observed quantities where they would mean nothing."""
+    metered = role == "observed" and quantity != "temperature"
+    for key in ("gain_sd", "reference", "reference_degC", "slope_per_K"):
+        if key not in table:
+            continue
+        if key == "gain_sd" and not metered:
+            raise _refusal(
+                table,
+                key,
+                'gain_sd is of an observed power, heat, resistance or flux: add role = "observed", or take it out.',
+            )
+        if key != "gain_sd" and not (metered and quantity in THERMOMETRIC):
+            raise _refusal(
+                table, key, f'{key} is of an observed resistance or flux: add role = "observed", or take it out.'
+            )
+
+
+def _reference_degC(table: Table) -> float:
+    degC = table.get("reference_degC", NUMBER)
+    return Channel.reference_degC if degC is None else degC
+
+
+def _slope(table: Table) -> float | None:
+    slope = table.get("slope_per_K", NUMBER)
+    if slope == 0.0:
+        raise _refusal(table, "slope_per_K", "slope_per_K is 0: then the reading says nothing of a temperature.")
+    return slope
 
 
 def _time(table: Table | None) -> tuple[TimeSpec, float]:

@@ -145,7 +145,7 @@ class QualityFlagged(Event):
 
 @dataclass(frozen=True, kw_only=True)
 class ReplayCompleted(Event):
-    """`run-<id>`: a sealed run. `artefacts`: {frame, temperatures, residuals, filtered} -> SHA-256 in
+    """`run-<id>`: a sealed run. `artefacts`: {frame, temperatures, heat, residuals, meters, filtered} -> SHA-256 in
     the archive (Parquet); `filtered` where a filter ran."""
 
     TOPIC: ClassVar[str] = "whyhot:ReplayCompleted"

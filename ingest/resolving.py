@@ -20,6 +20,7 @@ _REGIONS = (  # without a motor file, by the beginning of a node's name
     ("boundary", r"(oven|ambient|coolant)"),
 )
 _NOISE_K, _BIAS_K = 0.1, 0.5  # of temperatures, where the bench file says none
+_GAIN = {"power": 0.005, "heat": 0.03, "resistance": 0.002, "flux": 0.01}  # sd of observed ones, where it says none
 
 
 @dataclass(frozen=True)
@@ -47,6 +48,10 @@ class ResolvedChannel:
     time_constant_s: float = 0.0
     sensor: str | None = None
     card: str | None = None
+    gain_sd: float = 0.0  # of an observed power, heat, resistance or flux
+    reference: float | None = None  # of an observed resistance or flux; None: what the session begins with
+    reference_degC: float = Channel.reference_degC
+    slope_per_K: float | None = None
     noise_given: bool = True  # by the bench file
     line: int = 0  # of the bench file
 
@@ -219,6 +224,12 @@ def _filled(
         time_constant_s=channel.time_constant_s,
         sensor=channel.sensor,
         card=channel.card,
+        gain_sd=(_GAIN.get(channel.quantity, 0.0) if role == "observed" else 0.0)
+        if channel.gain_sd is None
+        else channel.gain_sd,
+        reference=channel.reference,
+        reference_degC=channel.reference_degC,
+        slope_per_K=channel.slope_per_K,
         noise_given=channel.noise is not None,
         line=channel.line,
     )

@@ -60,6 +60,9 @@ def of_test(network: Network, test: Test, number: int) -> Iterator[Parameter]:
         yield Parameter(f"start.{node.name}", actions.Start(i), max(START_K, float(test.initial_sd[i])), number)
     for channel in test.channels:
         yield Parameter(f"sensor.{channel.name}.bias", actions.Bias(channel.name), channel.bias_sd, number)
+    for meter in test.meters:
+        if meter.bias_sd:
+            yield Parameter(f"meter.{meter.name}.bias", actions.Bias(meter.name), meter.bias_sd, number)
     for bus, own in _buses([test]).items():
         yield Parameter(f"clock.{bus}.test", actions.Late(own, False), CLOCK_TEST_S, number)
     cooled = _cooled_by_flow(network)
@@ -67,14 +70,16 @@ def of_test(network: Network, test: Test, number: int) -> Iterator[Parameter]:
         sd = COOLANT_K if boundary.name in cooled else AMBIENT_K
         yield Parameter(f"boundary.{boundary.name}.bias", actions.BoundaryBias(b), sd, number)
     used = {name for m in features.monomials(network) for name in m.features}
-    for name in sorted(used & INPUT_GAIN.keys()):
-        yield Parameter(f"input.{name}.gain", actions.InputGain(name), INPUT_GAIN[name], number)
+    for name in sorted(used):
+        known = "flow" if features.quantity(name) == "flow" else name
+        if known in INPUT_GAIN:
+            yield Parameter(f"input.{name}.gain", actions.InputGain(name), INPUT_GAIN[known], number)
 
 
 def _cooled_by_flow(network: Network) -> set[str]:
-    return {
-        link.b for link in network.links for term in link.terms if any(f.startswith("flow") for f in term.exponents)
-    } | {link.a for link in network.links for term in link.terms if any(f.startswith("flow") for f in term.exponents)}
+    """The ends of links that follow a flow, and where the fluid of a circuit comes from."""
+    flowing = [link for link in network.links if any(f.startswith("flow") for t in link.terms for f in t.exponents)]
+    return {end for link in flowing for end in (link.a, link.b)} | {circuit.inlet for circuit in network.circuits}
 
 
 def _laws(network: Network) -> Iterator[Parameter]:
@@ -125,7 +130,7 @@ def _alike(named: Sequence[tuple[str, tuple[K, ...]]], laws: Mapping[K, object])
 
 
 def _form(term: Term) -> tuple[object, ...]:
-    return (*sorted(term.exponents.items()), term.copper, term.resistance)
+    return (*sorted(term.exponents.items()), term.copper, term.resistance, term.law)
 
 
 def terms_of(network: Network) -> tuple[dict[tuple[str, str], tuple[int, ...]], dict[str, tuple[int, ...]]]:
@@ -229,7 +234,10 @@ def _paths(network: Network, tests: Sequence[Test]) -> Iterator[Parameter]:
     largest = largest_conductance(network, tests)
     most = MOST_PATH * float(np.median([largest[node.name] for node in network.nodes]))
     for a, b in missing(network):
-        sd = min(most, PATH_SHARE * min(largest[end] for end in (a, b) if largest[end]))
+        ends = [largest[end] for end in (a, b) if largest[end]]
+        if not ends:  # joined by fluid alone: nothing says how large a path may be
+            continue
+        sd = min(most, PATH_SHARE * min(ends))
         place = Place(network.names.index(a), network.names.index(b))
         yield Parameter(f"conductance.{a}-{b}", actions.Added((place,), "constant", 1.0), sd, low=-sd)
 
@@ -239,6 +247,8 @@ def _sensors(tests: Sequence[Test]) -> Iterator[Parameter]:
     for name, channel in channels.items():
         yield Parameter(f"sensor.{name}.gain", actions.Gain(name), CHANNEL_GAIN)
         yield Parameter(f"sensor.{name}.lag", actions.Lag(name), CHANNEL_LAG_S, low=-channel.output.time_constant_s)
+    for name, sd in {m.name: m.gain_sd for test in tests for m in test.meters if m.gain_sd}.items():
+        yield Parameter(f"meter.{name}.gain", actions.Gain(name), sd)
     for bus, own in _buses(tests).items():
         yield Parameter(f"clock.{bus}.offset", actions.Late(own, False), CLOCK_S)
         yield Parameter(f"clock.{bus}.drift", actions.Late(own, True), CLOCK_PPM)
@@ -287,11 +297,8 @@ def mean_conductances(network: Network, tests: Sequence[Test]) -> dict[tuple[str
     at = {m.name: j for j, m in enumerate(features.monomials(network))}
     found = {}
     for link in network.links:
-        values = [
-            t.coefficient * (column[at[features.monomial(t).name]] if features.monomial(t).powers else 1.0)
-            for t in link.terms
-        ]
-        found[link.a, link.b] = float(sum(values))
+        products = [(t.coefficient, at.get(features.monomial(t).name)) for t in link.terms]
+        found[link.a, link.b] = float(sum(c * (1.0 if j is None else column[j]) for c, j in products))
     return found
 
 

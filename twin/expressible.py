@@ -115,7 +115,12 @@ def readings(found: Fit, named: Collection[int]) -> Readings:
     the healthy differences of the same kind took of it."""
     parameters = list(enumerate(found.model.parameters))
     taken = {one.action for p, one in parameters if p in named}
-    ours = [(one, float(found.beta[p])) for p, one in parameters if p not in named and one.action not in taken]
+    meters = {meter.name for test in found.model.tests for meter in test.meters}
+    ours = [
+        (one, float(found.beta[p]))
+        for p, one in parameters
+        if p not in named and one.action not in taken and getattr(one.action, "channel", None) not in meters
+    ]
     errors: dict[actions.Action, float] = {}
     for one, value in ours:
         if one.test is None and isinstance(one.action, actions.Gain | actions.Late) and value:

@@ -14,6 +14,7 @@ from twin.evidence import Projector
 from twin.fit import Fit
 from twin.model import Columns, Model, Test
 from twin.proposals import Proposals
+from twin.recorded import METER_SHARE
 
 Floats = NDArray[np.float64]
 
@@ -72,4 +73,5 @@ def rises(model: Model) -> dict[str, float]:
         for channel in test.channels:
             hottest = channel.measured[channel.output.samples > 0].max(initial=coldest)
             rise[channel.name] = max(rise.get(channel.name, 1.0), float(hottest) - coldest)
+        rise |= {meter.name: 1 / METER_SHARE for meter in test.meters}
     return rise

@@ -50,9 +50,20 @@ class Blocks:
         means: Floats = np.add.reduceat(weighted, starts, axis=-1)[..., self.there]
         return means
 
+    @property
+    def of_step(self) -> Floats:
+        """Weight (N,) of each step in the mean of its block."""
+        return self.old + self.new
+
+    def of_steps(self, values: Floats) -> Floats:
+        """Of what is constant within each step (..., N), the means (..., B) of the blocks that are there."""
+        starts = np.arange(0, self.old.size, self.length)
+        means: Floats = np.add.reduceat(self.of_step * values, starts, axis=-1)[..., self.there]
+        return means
+
     def measured(self, values: Floats) -> Floats:
         """Of means over the steps (N,), NaN where there is no sample, the means of the blocks that are there."""
-        weight = self.old + self.new
+        weight = self.of_step
         starts = np.arange(0, weight.size, self.length)
         means: Floats = np.add.reduceat(np.where(weight > 0, weight * values, 0.0), starts)[self.there]
         return means

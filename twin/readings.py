@@ -1,4 +1,4 @@
-"""What the channels of one test show of its temperatures, and what that changes by with the parameters of readings."""
+"""What the channels and meters of one test show of it, and what that changes by with the parameters of readings."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from twin import actions
 from twin.actions import Action
 from twin.circuit import Circuit, Run
 from twin.drive import PROBE_S
+from twin.metering import Metering
 from twin.noise import Series
 from twin.outputs import blocks, lagged
 from twin.recorded import Channel
@@ -28,28 +29,32 @@ class Sensing:
 
     def __init__(self, circuit: Circuit, number: int) -> None:
         self.circuit, self.test, self.number = circuit, circuit.test, number
-        channels, step_s = self.test.channels, circuit.step_s
-        self.blocks = [blocks(channel.output, step_s) for channel in channels]
+        channels, sensors, step_s = self.test.channels, self.test.sensors, circuit.step_s
+        self.blocks = [blocks(one.output, step_s) for one in sensors]
         self.times_s = [cut.times_s(step_s) for cut in self.blocks]
         self.weights = [self._weights(channel) for channel in channels]
-        self.measured = [b.measured(c.measured) for b, c in zip(self.blocks, channels, strict=True)]
-        self._own: list[dict[type, list[tuple[int, Action]]]] = [{} for _ in channels]
+        self.measured = [b.measured(c.measured) for b, c in zip(self.blocks, sensors, strict=True)]
+        self.metering = Metering(circuit, self.blocks[len(channels) :])
+        self._own: list[dict[type, list[tuple[int, Action]]]] = [{} for _ in self.blocks]
         for p, action in circuit.active:
             for k in self.read_by(action):
                 self._own[k].setdefault(type(action), []).append((p, action))
 
     def read_by(self, action: Action) -> list[int]:
-        """The channels that an action makes read otherwise than the temperatures say. A stem reads its boundary."""
+        """The channels, then the meters, that an action makes read otherwise than the temperatures say. A stem reads its boundary;
+        a meter reads heats, which anything may change."""
+        count = len(self.test.channels)
+        meters = list(range(count, count + len(self.test.meters)))
         match action:
             case actions.BoundaryBias():
-                return [k for k in range(len(self.test.channels)) if self.of(k, actions.Stem)]
+                return [*(k for k in range(count) if self.of(k, actions.Stem)), *meters]
             case actions.Late(names):
                 about: tuple[str, ...] = () if self.test.is_common(action) else names
             case _ if isinstance(action, actions.OnReading):
                 about = (action.channel,)
             case _:
-                return []
-        return [k for k, channel in enumerate(self.test.channels) if channel.name in about]
+                return meters
+        return [k for k, one in enumerate(self.test.sensors) if one.name in about]
 
     def _weights(self, channel: Channel) -> Floats:
         names = [node.name for node in self.circuit.network.nodes]
@@ -74,7 +79,10 @@ class Sensing:
 
 
 class Readings:
-    """What channel k shows in one run."""
+    """What channel k shows in one run; behind the channels stand the meters."""
+
+    def __new__(cls, sensing: Sensing, run: Run, k: int) -> Readings:  # noqa: PYI034 -- k says which of the two
+        return super().__new__(cls if k < len(sensing.test.channels) else _MeterReadings)
 
     def __init__(self, sensing: Sensing, run: Run, k: int) -> None:
         self.sensing, self.run, self.k = sensing, run, k
@@ -171,3 +179,48 @@ class Readings:
         if rows:
             found = self.stamped(np.array([row for _, row in rows]), self.late_s)
             yield from zip((column for column, _ in rows), found, strict=True)
+
+
+class _MeterReadings(Readings):
+    """What a meter shows in one run. It follows no temperature alone: all of its columns come from `columns`."""
+
+    def __init__(self, sensing: Sensing, run: Run, k: int) -> None:
+        self.sensing, self.run, self.k, self.cut = sensing, run, k, sensing.blocks[k]
+        self.at = k - len(sensing.test.channels)
+        self.meter = sensing.test.meters[self.at]
+        self.factor = 1.0 + self._sum(actions.Gain)
+        self.truth_means = sensing.metering.reading(run, self.at)
+
+    @property
+    def sensor(self) -> Sensor:
+        return Sensor(np.zeros(self.sensing.circuit.states), 0.0)
+
+    def block_means(self) -> list[Mean]:
+        return []
+
+    def series(self) -> Series:
+        shown = (self.factor * self.truth_means + self._sum(actions.Bias)) / self.meter.row
+        return Series(
+            session=self.sensing.number,
+            channel=self.meter.name,
+            t_s=self.sensing.times_s[self.k],
+            y=self.sensing.measured[self.k] / self.meter.row - shown,
+            samples=self.cut.samples,
+            white_sd=self.meter.white_sd / self.meter.row,
+            resolution=self.meter.resolution / self.meter.row,
+        )
+
+    def columns(self, wanted: Sequence[tuple[int, Action]]) -> Iterator[tuple[int, Floats]]:
+        return ((column, moved / self.meter.row) for column, moved in self._moved(wanted))
+
+    def _moved(self, wanted: Sequence[tuple[int, Action]]) -> Iterator[tuple[int, Floats]]:
+        """(column, (B,)) in the meter's unit."""
+        heats = [(column, action) for column, action in wanted if not isinstance(action, actions.Bias | actions.Gain)]
+        if heats:
+            moved = self.factor * self.sensing.metering.columns(self.run, heats)[self.at]
+            yield from ((column, moved[:, column]) for column, _ in heats)
+        for column, action in wanted:
+            if isinstance(action, actions.Bias):
+                yield column, np.ones(len(self.truth_means))
+            elif isinstance(action, actions.Gain):
+                yield column, self.truth_means

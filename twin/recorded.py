@@ -4,15 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from twin import actions
+from twin.observables import Thermometric
 from twin.outputs import Output
 from twin.simulate import Frame
 
 Floats = NDArray[np.float64]
+
+METER_SHARE = 0.08  # of the mean heat: a form of the losses that is 2 % off there leaves a thermometer 0.25 K off
+LEAST_HEAT_W = 1.0
 
 
 @dataclass(frozen=True)
@@ -27,6 +32,37 @@ class Channel:
     white_sd: float
     resolution: float
     bias_sd: float
+
+
+@dataclass(frozen=True)
+class Meter:
+    """An observed channel of one test that is no thermometer, in its own `unit`: what goes with the temperature of nodes (`law`), or
+    else a heat [W], of all sources (`boundary` None) or what a boundary (an index) takes out of the motor. `given` (N,): what the
+    meter of a heat reads besides, known from inputs, as the mechanical power is in the electrical. The stamps are those of the
+    inputs, the weights of `output` mean nothing; `gain_sd`: of the share by which it reads too much; all else as in `Channel`.
+
+    A model's rows of a meter are so many `row`, so that 1 is as much as 1 K of a thermometer and one rule serves the noise of both."""
+
+    name: str
+    bus: str
+    unit: str
+    output: Output
+    measured: Floats
+    white_sd: float
+    resolution: float
+    bias_sd: float
+    gain_sd: float
+    boundary: int | None = None
+    given: Floats | float = 0.0
+    law: Thermometric | None = None
+
+    @cached_property
+    def row(self) -> float:
+        """What 1 in a row stands for: what 1 K changes, or `METER_SHARE` of the mean heat that is read."""
+        if self.law is not None:
+            return abs(self.law.per_K)
+        heat = np.abs(self.measured - self.given)[self.output.samples > 0]
+        return METER_SHARE * max(float(heat.mean()) if heat.size else 0.0, LEAST_HEAT_W)
 
 
 @dataclass(frozen=True)
@@ -47,9 +83,16 @@ class Test:
     channels: tuple[Channel, ...]
     course: Mapping[str, float] = field(default_factory=dict)
     start_ns: int = 0
+    meters: tuple[Meter, ...] = ()
+
+    @property
+    def sensors(self) -> tuple[Channel | Meter, ...]:
+        """Channels, then meters: the order of a model's rows."""
+        return (*self.channels, *self.meters)
 
     def is_common(self, action: actions.Action) -> bool:
-        """Whether the stamps of every channel are late alike: then the drive is delayed instead, which is exact for columns."""
-        if not isinstance(action, actions.Late) or action.drifts:
+        """Whether the stamps of every channel are late alike: then the drive is delayed instead, which is exact for columns. Not
+        where there are meters, whose stamps are those of the drive."""
+        if not isinstance(action, actions.Late) or action.drifts or self.meters:
             return False
         return {channel.name for channel in self.channels} <= set(action.channels)

@@ -12,8 +12,9 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
+from ingest.quantities import column_suffix
 from replay.engine.frame import InputFrame
-from replay.engine.run import Filtered, Observed
+from replay.engine.run import Filtered, HeatCourse, Metered, Observed
 
 Floats = NDArray[np.float64]
 
@@ -44,6 +45,13 @@ def frame_table(frame: InputFrame) -> pa.Table:
         columns |= {f"{o.channel}:measured_degC": o.measured, f"{o.channel}:samples": o.samples}
         columns |= {f"{o.channel}:first_record": o.first_record, f"{o.channel}:last_record": o.last_record}
         columns |= {f"{o.channel}:file": o.raw}
+    for meter in frame.meters:
+        o, unit = meter.seen, column_suffix(meter.what.quantity)
+        columns |= {f"{o.channel}:measured{unit}": o.measured, f"{o.channel}:samples": o.samples}
+        columns |= {f"{o.channel}:first_record": o.first_record, f"{o.channel}:last_record": o.last_record}
+        columns |= {f"{o.channel}:file": o.raw}
+    if frame.mechanical_W is not None:
+        columns["mechanical_W"] = frame.mechanical_W
     return pa.table(columns).replace_schema_metadata(
         {"step_s": repr(frame.step_s), "files": json.dumps(frame.raw_files)}
     )
@@ -85,6 +93,48 @@ def filtered_of(table: pa.Table, entry: Mapping[str, Any], nodes: Sequence[str])
     )
 
 
+def heat_table(frame: InputFrame, heat: HeatCourse) -> pa.Table:
+    """One row a step: losses by kind (`loss:copper_dc_W`) and what each boundary takes (`into:coolant_W`), means over it."""
+    losses = {f"loss:{kind}_W": values for kind, values in heat.kinds.items()}
+    taken = {f"into:{name}_W": values for name, values in heat.boundaries.items()}
+    return pa.table({"t_ns": frame.t_ns[:-1], **losses, **taken})
+
+
+def heat_of(table: pa.Table) -> HeatCourse:
+    """What `heat_table` made a table of."""
+
+    def of(kind: str) -> dict[str, Floats]:
+        names = [name for name in table.column_names if name.startswith(kind)]
+        return {name.removeprefix(kind).removesuffix("_W"): table[name].to_numpy() for name in names}
+
+    return HeatCourse(kinds=of("loss:"), boundaries=of("into:"))
+
+
+def meter_table(frame: InputFrame, meters: Sequence[Metered]) -> pa.Table:
+    """Long: one row an observed meter and step, numbers in the `unit` of its quantity."""
+    return pa.concat_tables([_meter(frame, m) for m in meters])
+
+
+def _meter(frame: InputFrame, m: Metered) -> pa.Table:
+    files, size = pa.array([*frame.raw_files, None], pa.string()), m.t_ns.size
+    said = {"channel": m.channel, "quantity": m.quantity, "unit": m.unit, "place": m.place}
+    return pa.table(
+        {
+            "t_ns": m.t_ns,
+            "t_s": (m.t_ns - frame.t_ns[0]) / 1e9,
+            **{name: pa.array([value] * size, pa.string()) for name, value in said.items()},
+            "measured": m.measured,
+            "modelled": m.modelled,
+            "residual": m.residual,
+            "sd": np.full(size, m.floor),
+            "used": m.used,
+            "file_id": files.take(pa.array(m.raw)),
+            "first_record": m.first_record,
+            "last_record": m.last_record,
+        }
+    )
+
+
 def residual_table(frame: InputFrame, observed: Sequence[Observed]) -> pa.Table:
     """Long: one row an observed channel and step."""
     return pa.concat_tables([_residuals(frame, o) for o in observed])
@@ -111,7 +161,7 @@ def _residuals(frame: InputFrame, o: Observed) -> pa.Table:
     return pa.table({**whole, **{name: frame.inputs[name][at] if name in frame.inputs else missing for name in AROUND}})
 
 
-def steps_of(frame: InputFrame, o: Observed) -> NDArray[np.int64]:
+def steps_of(frame: InputFrame, o: Observed | Metered) -> NDArray[np.int64]:
     """The step that each observed mean belongs to, (M,)."""
     step: NDArray[np.int64] = (o.t_ns - frame.t_ns[0]) // np.int64(frame.t_ns[1] - frame.t_ns[0])
     return step

@@ -16,6 +16,7 @@ from replay.engine.models import model_of
 from replay.engine.runs import Completed, replay
 from replay.errors import ReplayDataError, ReplayError
 from twin.errors import TwinError
+from twin.integrators import DEFAULT
 
 
 @dataclass(frozen=True)
@@ -35,6 +36,7 @@ class Job:
     session: str
     model: str
     level: str
+    integrator: str
     work: Path
 
 
@@ -45,6 +47,7 @@ def replay_sessions(
     level: str,
     workers: int,
     tell: Callable[[str], None] = lambda _: None,
+    integrator: str = DEFAULT.name,
 ) -> list[Outcome]:
     """Replay each session with `model` (None: the one its bench file names) and append the runs that are new.
 
@@ -56,7 +59,8 @@ def replay_sessions(
     jobs: list[tuple[SessionRecorded, Job]] = []
     for session in sessions:
         try:
-            jobs.append((session, Job(store.folder, session.session, model or model_of(facts, session), level, work)))
+            named = model or model_of(facts, session)
+            jobs.append((session, Job(store.folder, session.session, named, level, integrator, work)))
         except ReplayDataError as error:
             outcomes.append(Outcome(session, None, str(error)))
     for (session, _), done in zip(jobs, _each([job for _, job in jobs], workers), strict=True):
@@ -79,7 +83,8 @@ def _work(job: Job) -> Completed | str:
     try:
         with Store.open(job.store) as store:
             facts = ledger_facts.at(store.ledger)
-            return replay(store, facts, facts.session(job.session), job.model, job.level, job.work)
+            session = facts.session(job.session)
+            return replay(store, facts, session, job.model, job.level, job.integrator, job.work)
     except (ReplayError, IngestError, TwinError) as error:
         return str(error)
 

@@ -9,17 +9,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from replay.engine.frame import InputFrame, Observation
-from replay.engine.open_loop import initial_temperatures, modelled
+from replay.engine.frame import InputFrame, Meter, Observation
+from replay.engine.open_loop import initial_temperatures, modelled, referenced
 from replay.engine.run import Filtered
-from twin.ekf import HEAT_SHARE, Reading, Start, filter_heat_at_its_pace
+from twin.ekf import at_their_pace, filter_unknowns
+from twin.filter_inputs import Reading, Start
 from twin.network import Network
 from twin.simulate import Frame, source_heat
+from twin.unknowns import Unknown, UnknownBias, UnknownHeat
 
 Floats = NDArray[np.float64]
 
 LEAST_NOISE_K = 0.01  # of one sample: no sensor is without, whatever its bench file says
 LEAST_LOSS_W = 1.0  # of a motor at rest: the sizes of the unknown heat follow its mean loss
+HEAT_SHARE = 0.05  # sd of the unknown heat at the start, of the mean loss of the whole network
+HEAT_WALK_SHARE = 0.001  # of its random walk per square root of a second, of the same loss: where the search begins
 
 
 def filter_session(
@@ -34,29 +38,35 @@ def filter_session(
 
     `losses`: node -> mean modelled loss [W]. Left out, `node` is the magnet with the largest loss, else the rotor node with
     the largest; `measured` is every channel of this level but those of magnets, which are kept to check the filter. Kept
-    channels set no initial temperature either. Raises `FrameError`, `DivergedError` as `twin.ekf.filter_heat`.
+    channels set no initial temperature either. A resistance is read as the temperature that it stands for, with an error of
+    its own to be found. Raises `FrameError`, `DivergedError` as `twin.ekf.filter_unknowns`.
     """
-    node = node or _uncertain(network, losses)
+    node = node or uncertain_node(network, losses)
     channels = _production_like(network, frame, level) if measured is None else measured
     seen = tuple(o for o in frame.observations if o.channel in channels)
-    if node is None or not seen:
+    meters = [m for m in frame.meters if m.seen.channel in channels and m.what.law is not None]
+    if node is None or not (seen or meters):
         return None
     loss_W = max(sum(losses.values()), LEAST_LOSS_W)
     inputs = Frame(step_s=frame.step_s, features=frame.features, boundaries=frame.boundaries)
     temperatures, sd = initial_temperatures(network, replace(frame, observations=seen), level)
-    start = Start(temperatures, sd, HEAT_SHARE * loss_W)
-    readings = [_reading(o, frame) for o in seen]
-    estimate = filter_heat_at_its_pace(network, inputs, start, node, readings, loss_W)
+    start, heat = Start(temperatures, sd), UnknownHeat(node, HEAT_SHARE * loss_W, HEAT_WALK_SHARE * loss_W)
+    begins = {n.name: (float(t), float(s)) for n, t, s in zip(network.nodes, temperatures, sd, strict=True)}
+    converted = [_as_thermometer(m, begins) for m in meters]
+    readings = [reading_of(o, frame) for o in (*seen, *(o for o, _ in converted))]
+    errors: list[Unknown] = [UnknownBias(o.channel, sd_K) for o, sd_K in converted]
+    unknowns = at_their_pace(network, inputs, start, [heat, *errors], readings)
+    estimate = filter_unknowns(network, inputs, start, unknowns, readings)
     at_node = [i for i, source in enumerate(network.sources) if source.node == node]
     nominal: Floats = source_heat(network, inputs, estimate.temperatures)[:, at_node].sum(axis=1)
     return Filtered(
         node=node,
-        measured=tuple(o.channel for o in seen),
+        measured=tuple(r.channel for r in readings),
         temperatures=estimate.temperatures,
-        heat_W=nominal + estimate.heat_W,
-        heat_sd_W=estimate.heat_sd_W,
+        heat_W=nominal + estimate.found[1:, 0],
+        heat_sd_W=estimate.found_sd[1:, 0],
         nominal_W=nominal,
-        heat_walk_W=estimate.noise.heat_W,
+        heat_walk_W=next(u.walk_W for u in unknowns if isinstance(u, UnknownHeat)),
         nis=estimate.nis,
     )
 
@@ -89,7 +99,7 @@ def filtered_summary(filtered: Filtered, frame: InputFrame, nodes: tuple[str, ..
     }
 
 
-def _uncertain(network: Network, losses: Mapping[str, float]) -> str | None:
+def uncertain_node(network: Network, losses: Mapping[str, float]) -> str | None:
     """Of the paper's losses the magnets' is known least; a network without magnets has them in its rotor."""
     for region in ("magnet", "rotor"):
         here = [node.name for node in network.nodes if node.region == region]
@@ -100,11 +110,27 @@ def _uncertain(network: Network, losses: Mapping[str, float]) -> str | None:
 
 def _production_like(network: Network, frame: InputFrame, level: str) -> list[str]:
     magnets = {node.name for node in network.nodes if node.region == "magnet"}
-    usable = (o for o in frame.observations if level in ("testing", o.level) and o.label not in magnets)
-    return [o.channel for o in usable]
+    all_of_them = (*frame.observations, *(meter.seen for meter in frame.meters))
+    return [o.channel for o in all_of_them if level in ("testing", o.level) and o.label not in magnets]
 
 
-def _reading(o: Observation, frame: InputFrame) -> Reading:
+def _as_thermometer(meter: Meter, begins: Mapping[str, tuple[float, float]]) -> tuple[Observation, float]:
+    """A resistance or flux linkage as the temperature that it stands for, and the sd of its constant error [K]. `begins`: node ->
+    temperature and sd at the start, which are those of a reference that the bench file leaves out."""
+    law, o = referenced(meter, {node: degC for node, (degC, _) in begins.items()}).law, meter.seen
+    assert law is not None  # meters without one are left out
+    degC, per_K = law.temperature(o.measured), abs(law.per_K)
+    if meter.what.referenced:
+        rise = 1 / abs(law.slope_per_K) + abs(float(np.nanmean(degC)) - law.reference_degC)
+        sd_K = float(np.hypot(o.bias_sd / per_K, meter.what.gain_sd * rise))
+    else:
+        sd_K = sum(share * begins[node][1] for node, share in law.weights.items())
+    as_degC = replace(o, weights=law.weights, measured=degC, noise=o.noise / per_K, resolution=o.resolution / per_K)
+    return as_degC, max(sd_K, LEAST_NOISE_K)
+
+
+def reading_of(o: Observation, frame: InputFrame) -> Reading:
+    """A recorded channel as a filter reads it: means of its good samples where no input was bridged."""
     samples = np.maximum(o.samples, 1)
     return Reading(
         channel=o.channel,

@@ -14,9 +14,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from ingest.catalogue.power import RPM
 from ingest.nearest import hint
 from ingest.quantities import STORED_UNIT, column_suffix
 from replay.engine.inputs import Signal, bridge, longest_stretch, pieces
+from replay.engine.meters import SHAFT, Measurand, measurands
 from replay.errors import ReplayDataError
 from twin.features import Monomial, evaluate, scale
 from twin.initial import time_constants
@@ -57,9 +59,18 @@ class Observation:
 
 
 @dataclass(frozen=True)
+class Meter:
+    """An observed channel that is no thermometer: what it measures, and its samples, there in the unit of its quantity."""
+
+    what: Measurand
+    seen: Observation
+
+
+@dataclass(frozen=True)
 class InputFrame:
     """`t_ns` (N + 1,) int64 edges of equal steps; `features` (N, m); `boundaries` (N, b) [degC]; `inputs`: column with
-    unit -> (N,) means; `live` (N,): no input was bridged here; `note`: what of the session was left out, or None."""
+    unit -> (N,) means; `live` (N,): no input was bridged here; `note`: what of the session was left out, or None.
+    `mechanical_W` (N,): means of torque times speed, None where one of them is not recorded, or twice."""
 
     t_ns: Times
     step_s: float
@@ -72,6 +83,8 @@ class InputFrame:
     observations: tuple[Observation, ...]
     raw_files: tuple[str, ...]
     note: str | None
+    meters: tuple[Meter, ...] = ()
+    mechanical_W: Floats | None = None
 
 
 def build(
@@ -92,6 +105,10 @@ def build(
     around = {b.name: _boundary_of(b.name, channels) for b in network.boundaries}
     names = {c.spec.name for c in needed.values()} | {c.spec.name for group in around.values() for c in group}
     observed = _observed_temperatures(channels, network)
+    metered = measurands(channels, network)
+    shaft = _shaft(channels)
+    if any(what.quantity == "power" for what in metered.values()):
+        names |= set(shaft)
     signals = {name: _signal(name, *clean[name]) for name in sorted(names)}
     recorded = [c.t_ns for c in channels if c.t_ns.size and c.spec.role != "ignored"]
     whole_ns = max(int(t[-1]) for t in recorded) - min(int(t[0]) for t in recorded)
@@ -101,7 +118,7 @@ def build(
         for c in channels
         if c.spec.role == "input" and c.spec.name not in names and clean[c.spec.name][0].size > 1
     }
-    features, boundaries, means = _averages(shown, needed, around, network, monomials, edges)
+    features, boundaries, means, mechanical_W = _averages(shown, needed, around, shaft, network, monomials, edges)
     columns = _columns(channels)
     raw_files = tuple(sorted({file for c in channels for file in c.raws}))
     return InputFrame(
@@ -118,7 +135,22 @@ def build(
         ),
         raw_files=raw_files,
         note=note,
+        meters=tuple(
+            Meter(metered[c.spec.name], _observe(c, g, edges, raw_files))
+            for c, g in zip(channels, good, strict=True)
+            if c.spec.name in metered
+        ),
+        mechanical_W=mechanical_W,
     )
+
+
+def _shaft(channels: Sequence[ChannelData]) -> tuple[str, ...]:
+    """The channels of torque and speed, () where one of them is not there, or not the only one."""
+    found = [
+        [c for c in channels if c.spec.quantity == quantity and c.spec.role == "input" and c.t_ns.size > 1]
+        for quantity in SHAFT
+    ]
+    return tuple(one.spec.name for (one,) in found) if all(len(some) == 1 for some in found) else ()
 
 
 def _columns(channels: Sequence[ChannelData]) -> dict[str, str]:
@@ -223,11 +255,12 @@ def _averages(
     signals: Mapping[str, Signal],
     needed: Mapping[str, ChannelData],
     around: Mapping[str, Sequence[ChannelData]],
+    shaft: Sequence[str],
     network: Network,
     monomials: tuple[Monomial, ...],
     edges: Times,
-) -> tuple[Floats, Floats, dict[str, Floats]]:
-    features, boundaries = [], []
+) -> tuple[Floats, Floats, dict[str, Floats], Floats | None]:
+    features, boundaries, mechanical = [], [], []
     means: dict[str, list[Floats]] = {name: [] for name in signals}
     for at in range(0, edges.size - 1, CHUNK_STEPS):
         part = pieces(signals, edges[at : at + CHUNK_STEPS + 1])
@@ -235,9 +268,18 @@ def _averages(
         features.append(part.mean(evaluate(monomials, scaled, part.weight.size)))
         outside = [np.mean([part.values[c.spec.name] for c in group], axis=0) for group in around.values()]
         boundaries.append(part.mean(np.stack(outside, axis=1)))
+        if shaft:
+            torque, speed = (part.values[name] for name in shaft)
+            mechanical.append(part.mean(torque * speed * RPM))
         for name, values in part.values.items():
             means[name].append(part.mean(values))
-    return np.concatenate(features), np.concatenate(boundaries), {name: np.concatenate(m) for name, m in means.items()}
+    whole = {name: np.concatenate(m) for name, m in means.items()}
+    return (
+        np.concatenate(features),
+        np.concatenate(boundaries),
+        whole,
+        np.concatenate(mechanical) if mechanical else None,
+    )
 
 
 def _live(signals: Iterable[Signal], edges: Times, recover_s: float) -> Bools:

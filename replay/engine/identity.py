@@ -22,7 +22,7 @@ Floats = NDArray[np.float64]
 
 
 def replay_key(
-    facts: Facts, session: SessionRecorded, model: str, level: str, initial: Floats, frame: str
+    facts: Facts, session: SessionRecorded, model: str, level: str, initial: Floats, frame: str, integrator: str
 ) -> dict[str, Any]:
     """Everything that a run's digest may depend on, but for the environment. `initial` (n,) [degC]; `frame` SHA-256."""
     decodes = [facts.decodes[file["decode"]] for file in session.files]
@@ -36,7 +36,7 @@ def replay_key(
         "level": level,
         "initial": digest_of([initial]),
         "frame": frame,
-        "settings": {"integrator": DEFAULT.name, "step_s": DEFAULT.step_s},
+        "settings": {"integrator": integrator, "step_s": DEFAULT.step_s},
         "twin": source_hash(Path(twin.__file__).parent),
     }
 

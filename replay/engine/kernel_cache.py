@@ -17,13 +17,14 @@ from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from typing import cast
 
+from twin.integrators import DEFAULT, Tableau
 from twin.kernel import Compiled, compile_network, load_in_memory
 from twin.network import Network
 
 
-def load_kernel(network: Network) -> Compiled:
+def load_kernel(network: Network, method: Tableau = DEFAULT) -> Compiled:
     """The compiled network, from the cache where it was compiled before. Raises `NetworkError` as `compile_network`."""
-    return compile_network(network, load=load)
+    return compile_network(network, method, load)
 
 
 def folder() -> Path:

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from replay.engine.frame import InputFrame, Observation
+from replay.engine.frame import InputFrame, Meter, Observation
+from replay.engine.meters import Measurand
 from twin.initial import steady_interpolation
+from twin.losses import HeatFlows
 from twin.network import Network
+from twin.observables import lagged_means
 from twin.outputs import followed, lagged
 
 Floats = NDArray[np.float64]
@@ -56,3 +60,30 @@ def modelled(observation: Observation, frame: InputFrame, temperatures: Floats, 
     truth: Floats = temperatures[:, at] @ np.array(list(observation.weights.values()))
     reading = lagged(truth, observation.time_constant_s, frame.step_s)
     return reading[:-1] + observation.place * np.diff(reading)
+
+
+def referenced(meter: Meter, initial: Mapping[str, float]) -> Measurand:
+    """What the meter measures, a reference that the bench file leaves out taken from its first good sample: there its nodes have
+    their `initial` temperatures (node -> degC)."""
+    law, good = meter.what.law, np.flatnonzero(meter.seen.good)
+    if law is None or meter.what.referenced or not good.size:
+        return meter.what
+    begins = sum(share * initial[node] for node, share in law.weights.items())
+    return replace(meter.what, law=law.through(float(meter.seen.measured[good[0]]), begins), referenced=True)
+
+
+def metered(
+    meter: Meter, what: Measurand, frame: InputFrame, network: Network, temperatures: Floats, flows: HeatFlows
+) -> Floats:
+    """What the meter would read, (N,) in the unit of its quantity; a power or heat is the mean over the step.
+
+    `what`: its measurand with a reference; `temperatures` (N + 1, n), `flows` the run's heats.
+    """
+    if what.law is not None:
+        return what.law.reading(modelled(meter.seen, frame, temperatures, tuple(node.name for node in network.nodes)))
+    if what.boundary is not None:
+        heat: Floats = flows.boundaries[[b.name for b in network.boundaries].index(what.boundary)]
+    else:
+        assert frame.mechanical_W is not None  # `replay.engine.meters` refuses a power without
+        heat = frame.mechanical_W + flows.made
+    return lagged_means(heat, meter.seen.time_constant_s, frame.step_s)

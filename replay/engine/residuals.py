@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from replay.engine.run import Observed
+from replay.engine.run import Metered, Observed
 
 Floats = NDArray[np.float64]
 
@@ -38,6 +38,33 @@ def channel_summary(observed: Observed, places: Mapping[str, Floats], start_ns: 
         "samples": int(use.sum()),
         "masked": int((~observed.used).sum()),
         "max_at_s": float((observed.t_ns[use][worst] - start_ns) / 1e9),
+        "where": {name: span for name, at in places.items() if (span := where(at[use], size)) is not None},
+    }
+
+
+def meter_summary(metered: Metered, places: Mapping[str, Floats], start_ns: int) -> dict[str, Any] | None:
+    """One entry of `meters` of a run's summary, numbers in `unit`; None where nothing of the channel could be used."""
+    use = metered.used & np.isfinite(metered.residual)
+    if not use.any():
+        return None
+    residual, size = metered.residual[use], np.abs(metered.residual[use])
+    worst = int(np.argmax(size))
+    return {
+        "channel": metered.channel,
+        "quantity": metered.quantity,
+        "place": metered.place,
+        "unit": metered.unit,
+        "mae": float(size.mean()),
+        "max": float(size[worst]),
+        "bias": float(residual.mean()),
+        "mean": float(metered.measured[use].mean()),
+        "white": metered.sd,
+        "bias_sd": metered.bias_sd,
+        "gain_sd": metered.gain_sd,
+        "floor": metered.floor,
+        "samples": int(use.sum()),
+        "masked": int((~metered.used).sum()),
+        "max_at_s": float((metered.t_ns[use][worst] - start_ns) / 1e9),
         "where": {name: span for name, at in places.items() if (span := where(at[use], size)) is not None},
     }
 

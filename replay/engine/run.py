@@ -38,6 +38,48 @@ class Observed:
 
 
 @dataclass(frozen=True)
+class Metered:
+    """An observed channel that is no thermometer, against the model: as `Observed`, all in the `unit` of its quantity. `place`: the
+    nodes or the boundary that it is about, "motor" for a power; `gain_sd`: of the share by which it reads too much."""
+
+    channel: str
+    quantity: str
+    unit: str
+    place: str
+    t_ns: NDArray[np.int64]
+    measured: NDArray[np.float64]
+    modelled: NDArray[np.float64]
+    sd: float
+    bias_sd: float
+    gain_sd: float
+    used: NDArray[np.bool_]
+    first_record: NDArray[np.int64]
+    last_record: NDArray[np.int64]
+    raw: NDArray[np.int64]
+
+    @property
+    def residual(self) -> NDArray[np.float64]:
+        """measured - modelled, (M,)."""
+        return self.measured - self.modelled
+
+    @property
+    def floor(self) -> float:
+        """What the meter itself leaves open, one standard deviation of a mean: noise, offset, and gain of the mean size."""
+        used = np.abs(self.modelled[self.used])
+        size = float(used.mean()) if used.size else 0.0
+        return float(np.hypot(np.hypot(self.sd, self.bias_sd), self.gain_sd * size))
+
+
+@dataclass(frozen=True)
+class HeatCourse:
+    """Where heat comes from and goes to in every step, (N,) [W]: `kinds` (of `twin.losses.KINDS`) the losses, `boundaries` what
+    each takes."""
+
+    kinds: Mapping[str, NDArray[np.float64]]
+    boundaries: Mapping[str, NDArray[np.float64]]
+
+
+@dataclass(frozen=True)
 class Filtered:
     """The same session through the filter, which sees the channels `measured` and estimates the heat at `node`.
 
@@ -62,7 +104,8 @@ class Run:
 
     `t_ns` int64 (N + 1,) step boundaries; `temperatures` float64 (N + 1, n) [degC] in the order of `nodes`; `inputs`:
     column name with unit -> (N,) step means (`speed_rpm`, `current_A`, `coolant_degC`, ...); `losses_W` (N,) the
-    network's whole heat; `summary`: this run's entry of `replay --json`; `filtered`: None where no filter was run.
+    network's whole heat; `summary`: this run's entry of `replay --json`; `filtered`: None where no filter was run; `heat`:
+    None of runs that were sealed before there was one.
     """
 
     run: str
@@ -85,3 +128,5 @@ class Run:
     raw_files: tuple[str, ...]
     summary: Mapping[str, Any]
     filtered: Filtered | None = None
+    meters: tuple[Metered, ...] = ()
+    heat: HeatCourse | None = None

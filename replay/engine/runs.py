@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,8 +12,10 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
+from ingest.bench import read_bench
 from ingest.catalogue.channels import ChannelData, load
 from ingest.catalogue.power import balance
+from ingest.derating import DeratingRule
 from ingest.events import ReplayCompleted, ReplayDiverged, SessionRecorded
 from ingest.facts import Facts
 from ingest.store import Store
@@ -22,6 +24,8 @@ from replay.engine.artefacts import (
     AROUND,
     filtered_table,
     frame_table,
+    heat_table,
+    meter_table,
     read_parquet,
     residual_table,
     steps_of,
@@ -29,19 +33,23 @@ from replay.engine.artefacts import (
     to_parquet,
 )
 from replay.engine.bench_versions import with_bench_of
+from replay.engine.configurations import network_of
 from replay.engine.filtered import filter_session, filtered_summary, mean_losses
-from replay.engine.frame import InputFrame
+from replay.engine.frame import InputFrame, Meter
 from replay.engine.frame_of import session_frame
+from replay.engine.heat_account import efficiency_summary, heat_course, losses_summary
+from replay.engine.hot_spots import derating_summary, hot_spots, limits, watched
 from replay.engine.identity import digest_of, environment, replay_key, run_id
 from replay.engine.kernel_cache import load_kernel
-from replay.engine.motor_file import read_motor
-from replay.engine.open_loop import initial_temperatures, modelled
-from replay.engine.residuals import by_node, channel_summary
-from replay.engine.run import Observed
+from replay.engine.open_loop import initial_temperatures, metered, modelled, referenced
+from replay.engine.residuals import by_node, channel_summary, meter_summary
+from replay.engine.run import Metered, Observed
 from replay.errors import ReplayDataError
 from twin.errors import TwinError
+from twin.integrators import DEFAULT, INTEGRATORS, Tableau
+from twin.losses import HeatFlows, account, heat_flows
 from twin.network import Network
-from twin.simulate import Frame, network_heat, simulate
+from twin.simulate import Frame, simulate
 
 Floats = NDArray[np.float64]
 
@@ -56,34 +64,46 @@ class Completed:
     known: bool
 
 
-def replay(store: Store, facts: Facts, session: SessionRecorded, model: str, level: str, work: Path) -> Completed:
+def replay(
+    store: Store, facts: Facts, session: SessionRecorded, model: str, level: str, integrator: str, work: Path
+) -> Completed:
     """Open-loop replay of one session with a model (SHA-256 of a motor file in the archive), and the filter beside it.
 
-    Leaves frame, temperatures, residuals and the filter's estimate as files in `work`, named by their SHA-256, for the one
-    writer to seal. The digest is that of the open loop: the filter follows from the same frame, and changes nothing in it.
-    Raises ReplayDataError where the session lacks an input or the model runs away.
+    Leaves frame, temperatures, heat, residuals, meters and the filter's estimate as files in `work`, named by their SHA-256, for
+    the one writer to seal. The digest is that of the open loop: the filter follows from the same frame, and changes nothing in it.
+    `integrator`: one of `twin.integrators.INTEGRATORS`; of another than the default the summary says how far off it is, and the heat
+    account is the default's. Raises ReplayDataError where the session lacks an input or the model runs away.
     """
-    network = read_motor(store.archive.read(model), facts.models[model].file)
+    network = network_of(store, facts, session, model)
     facts = with_bench_of(facts, model)
     channels = load(store, facts, session)
     frame = session_frame(session, channels, network)
     initial, _ = initial_temperatures(network, frame, level)
     inputs = Frame(step_s=frame.step_s, features=frame.features, boundaries=frame.boundaries)
-    temperatures = _simulated(network, inputs, initial, session)
-    heat = network_heat(network, inputs, temperatures)
+    reference = _simulated(network, inputs, initial, session, DEFAULT)
+    method = INTEGRATORS[integrator]
+    temperatures = reference if method is DEFAULT else _simulated(network, inputs, initial, session, method)
+    flows = heat_flows(network, inputs, reference)
     nodes = tuple(node.name for node in network.nodes)
     observed = tuple(_observed(o, frame, temperatures, nodes) for o in frame.observations)
-    digest = digest_of([*temperatures.T, *(o.modelled for o in observed), *(o.residual for o in observed)])
+    begins = dict(zip(nodes, initial.tolist(), strict=True))
+    meters = tuple(_metered(m, frame, network, temperatures, flows, begins) for m in frame.meters)
+    compared: tuple[Observed | Metered, ...] = (*observed, *meters)
+    digest = digest_of([*temperatures.T, *(o.modelled for o in compared), *(o.residual for o in compared)])
     tables = {
         "frame": frame_table(frame),
-        "temperatures": temperature_table(frame, temperatures, nodes, heat),
+        "temperatures": temperature_table(frame, temperatures, nodes, flows.made),
         "residuals": residual_table(frame, observed),
+        "heat": heat_table(frame, heat_course(network, flows)),
     }
+    if meters:
+        tables["meters"] = meter_table(frame, meters)
     artefacts = {name: _written(to_parquet(table), work) for name, table in tables.items()}
     filtered = filter_session(network, frame, mean_losses(network, inputs, temperatures), level)
     if filtered is not None:
         artefacts["filtered"] = _written(to_parquet(filtered_table(frame, filtered, nodes)), work)
-    key = replay_key(facts, session, model, level, initial, artefacts["frame"])
+    rules = _deratings(store, facts, session)
+    key = replay_key(facts, session, model, level, initial, artefacts["frame"], integrator)
     summary = {
         "session": session.session,
         "session_name": session.name,
@@ -92,8 +112,15 @@ def replay(store: Store, facts: Facts, session: SessionRecorded, model: str, lev
         "motor": network.name,
         "level": level,
         "digest": digest,
+        **(
+            {} if method is DEFAULT else {"integrator": _off(integrator, temperatures - reference, nodes, frame.step_s)}
+        ),
         **_errors(frame, observed),
-        **_heat(heat, channels),
+        "meters": _meter_errors(frame, meters),
+        **_heat(network, inputs, frame, temperatures, flows, channels),
+        "derating": derating_summary(
+            rules, watched(rules, channels, frame.t_ns[:-1]), network, temperatures, frame.step_s
+        ),
         "filtered": None if filtered is None else filtered_summary(filtered, frame, nodes),
     }
     event = ReplayCompleted(
@@ -112,9 +139,16 @@ def replay(store: Store, facts: Facts, session: SessionRecorded, model: str, lev
     return _against_the_ledger(store, facts, event, tables["temperatures"])
 
 
-def _simulated(network: Network, inputs: Frame, initial: Floats, session: SessionRecorded) -> Floats:
+def _off(integrator: str, difference: Floats, nodes: Sequence[str], step_s: float) -> dict[str, Any]:
+    """The entry `integrator`: where a run is furthest from the default's."""
+    edge, node = (int(i) for i in np.unravel_index(int(np.abs(difference).argmax()), difference.shape))
+    worst = float(abs(difference[edge, node]))
+    return {"name": integrator, "error_K": worst, "node": nodes[node], "at_s": edge * step_s, "against": DEFAULT.name}
+
+
+def _simulated(network: Network, inputs: Frame, initial: Floats, session: SessionRecorded, method: Tableau) -> Floats:
     try:
-        temperatures = simulate(load_kernel(network), inputs, initial)
+        temperatures = simulate(load_kernel(network, method), inputs, initial)
     except TwinError as error:
         raise ReplayDataError(f"session {session.name}: {error}") from None
     hot = np.argwhere(np.abs(temperatures) > MELTED_DEGC)
@@ -145,6 +179,53 @@ def _observed(o: frames.Observation, frame: InputFrame, temperatures: Floats, no
     )
 
 
+def _metered(
+    meter: Meter,
+    frame: InputFrame,
+    network: Network,
+    temperatures: Floats,
+    flows: HeatFlows,
+    begins: Mapping[str, float],
+) -> Metered:
+    what, seen = referenced(meter, begins), meter.seen
+    there = np.isfinite(seen.measured)
+    per_step = float(np.median(seen.samples[seen.good])) if seen.good.any() else 1.0
+    return Metered(
+        channel=seen.channel,
+        quantity=what.quantity,
+        unit=what.unit,
+        place="motor" if what.quantity == "power" else what.boundary or seen.label,
+        t_ns=(frame.t_ns[:-1] + np.round(seen.place * np.diff(frame.t_ns)).astype(np.int64))[there],
+        measured=seen.measured[there],
+        modelled=metered(meter, what, frame, network, temperatures, flows)[there],
+        sd=float(np.hypot(seen.noise, seen.resolution / 12**0.5) / per_step**0.5),
+        bias_sd=seen.bias_sd,
+        gain_sd=what.gain_sd,
+        used=(seen.good & frame.live)[there],
+        first_record=seen.first_record[there],
+        last_record=seen.last_record[there],
+        raw=seen.raw[there],
+    )
+
+
+def _deratings(store: Store, facts: Facts, session: SessionRecorded) -> Sequence[DeratingRule]:
+    if session.bench is None:
+        return ()
+    sha256 = facts.current(session.bench)
+    return read_bench(store.archive.read(sha256), sha256[:12]).deratings
+
+
+def _meter_errors(frame: InputFrame, meters: Sequence[Metered]) -> list[dict[str, Any]]:
+    start = int(frame.t_ns[0])
+    found = []
+    for m in meters:
+        around = {name: frame.inputs[name][steps_of(frame, m)] for name in AROUND if name in frame.inputs}
+        entry = meter_summary(m, {**around, "t_s": (m.t_ns - start) / 1e9}, start)
+        if entry is not None:
+            found.append(entry)
+    return found
+
+
 def _errors(frame: InputFrame, observed: Sequence[Observed]) -> dict[str, Any]:
     start = int(frame.t_ns[0])
     entries = []
@@ -165,12 +246,23 @@ def _errors(frame: InputFrame, observed: Sequence[Observed]) -> dict[str, Any]:
     }
 
 
-def _heat(heat: Floats, channels: Sequence[ChannelData]) -> dict[str, float | None]:
-    """The power balance beside the network's own heat, means over the session [W]."""
+def _heat(
+    network: Network,
+    inputs: Frame,
+    frame: InputFrame,
+    temperatures: Floats,
+    flows: HeatFlows,
+    channels: Sequence[ChannelData],
+) -> dict[str, Any]:
+    """Where heat came from and went to, how hot it made what, and the power balance beside the network's own heat [W]."""
     power = balance(channels)
     return {
-        "network_heat_W": float(heat.mean()),
+        "network_heat_W": float(flows.made.mean()),
         "electrical_minus_mechanical_W": power.mean_loss_W if power else None,
+        "losses": losses_summary(account(network, inputs, temperatures, flows)),
+        "efficiency": efficiency_summary(frame, flows),
+        "hot_spots": hot_spots(network, temperatures, frame.step_s),
+        "limits": limits(network, temperatures, frame.step_s),
     }
 
 

@@ -12,15 +12,15 @@ import pyarrow.compute as pc
 from ingest.events import ReplayCompleted
 from ingest.facts import Facts
 from ingest.store import Store
-from replay.engine.artefacts import filtered_of, read_parquet
-from replay.engine.motor_file import read_motor
-from replay.engine.run import Filtered, Observed, Run
+from replay.engine.artefacts import filtered_of, heat_of, read_parquet
+from replay.engine.configurations import network_of
+from replay.engine.run import Filtered, Metered, Observed, Run
 
 
 def load_run(store: Store, facts: Facts, event: ReplayCompleted) -> Run:
     """The run of an event, arrays from its artefacts (re-hashed on reading; DamageError where they are not what was sealed)."""
     session = facts.session(event.session)
-    network = read_motor(store.archive.read(event.model), facts.models[event.model].file)
+    network = network_of(store, facts, session, event.model)
     frame, temperatures, residuals = (
         read_parquet(store.archive.read(event.artefacts[name])) for name in ("frame", "temperatures", "residuals")
     )
@@ -47,6 +47,8 @@ def load_run(store: Store, facts: Facts, event: ReplayCompleted) -> Run:
         raw_files=raw_files,
         summary=event.summary,
         filtered=_filtered(store, event, nodes),
+        meters=_meters(store, event, raw_files),
+        heat=heat_of(read_parquet(store.archive.read(event.artefacts["heat"]))) if "heat" in event.artefacts else None,
     )
 
 
@@ -55,6 +57,34 @@ def _filtered(store: Store, event: ReplayCompleted, nodes: tuple[str, ...]) -> F
     if "filtered" not in event.artefacts:
         return None
     return filtered_of(read_parquet(store.archive.read(event.artefacts["filtered"])), event.summary["filtered"], nodes)
+
+
+def _meters(store: Store, event: ReplayCompleted, raw_files: tuple[str, ...]) -> tuple[Metered, ...]:
+    if "meters" not in event.artefacts:
+        return ()
+    table = read_parquet(store.archive.read(event.artefacts["meters"]))
+    return tuple(_metered(table, entry, raw_files) for entry in event.summary["meters"])
+
+
+def _metered(table: pa.Table, entry: dict[str, Any], raw_files: tuple[str, ...]) -> Metered:
+    rows = table.filter(pc.equal(table["channel"], entry["channel"]))
+    raw = pc.fill_null(pc.index_in(rows["file_id"], pa.array(raw_files)), -1)
+    return Metered(
+        channel=str(entry["channel"]),
+        quantity=str(entry["quantity"]),
+        unit=str(entry["unit"]),
+        place=str(entry["place"]),
+        sd=float(entry["white"]),
+        bias_sd=float(entry["bias_sd"]),
+        gain_sd=float(entry["gain_sd"]),
+        raw=raw.to_numpy(),
+        t_ns=rows["t_ns"].to_numpy(),
+        measured=rows["measured"].to_numpy(),
+        modelled=rows["modelled"].to_numpy(),
+        used=rows["used"].to_numpy(),
+        first_record=rows["first_record"].to_numpy(),
+        last_record=rows["last_record"].to_numpy(),
+    )
 
 
 def _observed(residuals: pa.Table, entry: dict[str, Any], raw_files: tuple[str, ...]) -> Observed:

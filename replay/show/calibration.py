@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from replay.show import words
+from replay.show import heat_words, words
 from replay.show.terminal import labelled
 from twin.calibration import LEFT_FREE
 
@@ -20,6 +20,8 @@ def calibration_text(data: Mapping[str, Any]) -> str:
     lines += ["", *_errors(data["errors"])]
     lines += ["", *_moved(data["parameters"])]
     lines += ["", *labelled("Left free", _free(data["parameters"]))]
+    for one in data["profiles"]:
+        lines += labelled("Profile", _profile(one))
     return "\n".join([*lines, "", *labelled("Next", f"whyhot replay --model {words.short(data['model'])}")])
 
 
@@ -43,6 +45,15 @@ def _headline(data: Mapping[str, Any]) -> str:
 
 
 def _errors(errors: Sequence[Mapping[str, Any]]) -> Iterator[str]:
+    yield from _thermometers([e for e in errors if "before_K" in e])
+    for e in errors:
+        if "unit" in e:
+            before, after = (heat_words.quantity(e[key], e["unit"]) for key in ("before", "after"))
+            gain = f", meter reads {100 * e['gain']:+.1f} % too much".replace("-", "−") if abs(e["gain"]) > 5e-4 else ""
+            yield f"{e['session_name']}  {words.name(str(e['place']))} ({e['channel']})   {before} -> {after}{gain}"
+
+
+def _thermometers(errors: Sequence[Mapping[str, Any]]) -> Iterator[str]:
     rows = [(f"{e['session_name']}  {words.name(str(e['node']))} ({e['channel']})", e) for e in errors]
     width = max((len(label) for label, _ in rows), default=0)
     yield f"{'Mean error of a replay':<{width}}   {'before':>8}  {'after':>8}   sensor reads too much by"
@@ -50,6 +61,8 @@ def _errors(errors: Sequence[Mapping[str, Any]]) -> Iterator[str]:
         errs = f"{entry['before_K']:>6.2f} K  {entry['after_K']:>6.2f} K"
         much = abs(float(entry["bias_K"])) > 2 * float(entry["bias_sd_K"])
         note = f", its bias_sd is {words.kelvin(entry['bias_sd_K'])}" if much else ""
+        if entry.get("outliers_s"):  # an older calibration does not say
+            note += f"; {entry['outliers_s']:.0f} s left out, it jumped away and back"
         yield f"{label:<{width}}   {errs}   {words.signed_kelvin(entry['bias_K'])}{note}"
 
 
@@ -66,6 +79,15 @@ def _moved(parameters: Sequence[Mapping[str, Any]]) -> Iterator[str]:
         spread = 100.0 * (math.exp(float(p["sd"])) - 1.0)
         values = f"{p['before']:>10.5g}  {p['value']:>10.5g} {p['unit']:<{units}}"
         yield f"{p['name']:<{width}}   {values}   {spread:.1f} %{note}"
+
+
+def _profile(one: Mapping[str, Any]) -> str:
+    """ "loss.magnet.speed2 is 86.2 W, 95 % 80.1 to 93 W, by the data alone"."""
+    low, high = one["ci95"]
+    span = f"{low:.4g} to {high:.4g} {one['unit']}" if low is not None and high is not None else "not bounded"
+    if (low is None) != (high is None):
+        span = f"at least {low:.4g} {one['unit']}" if high is None else f"at most {high:.4g} {one['unit']}"
+    return f"{one['name']} is {one['value']:.4g} {one['unit']}, 95 %: {span}, by the data alone"
 
 
 def _free(parameters: Sequence[Mapping[str, Any]]) -> str:

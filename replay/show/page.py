@@ -7,7 +7,7 @@ import re
 from jinja2 import Environment, PackageLoader, StrictUndefined, Template
 from markupsafe import Markup
 
-from replay.show import words
+from replay.show import heat_words, words
 from replay.show.palette import variables
 
 
@@ -29,6 +29,7 @@ def template(name: str) -> Template:
         nodename=words.name,
         capital=words.capital,
         duration=words.duration,
+        quantity=heat_words.quantity,
         clock=words.clock,
         svg=Markup,  # drawn by us, with every name escaped
     )

@@ -21,6 +21,7 @@ Floats = NDArray[np.float64]
 
 TOGETHER = 4  # channels in one panel
 ROWS = 40  # of the table behind a plot
+NEAR_LIMIT = 0.5  # of the temperatures' range: a limit that is further away is not drawn
 WIDTH = 7.6  # inches: the text width of an A4 page
 AXES: Mapping[str, tuple[str, str]] = {  # unit at the end of an input's name -> (title of its panel, unit)
     "rpm": ("speed", "rpm"),
@@ -89,10 +90,28 @@ def draw_temperatures(axes: Axes, run: Run, group: Sequence[Observed], columns: 
         ends.append((float(observed.measured[-1]), name, colour))
     axes.set_ylabel("temperature [°C]")
     axes.set_xlim(0, time.of(run.t_ns[-1:])[0])
+    _draw_limits(axes, run, group)
     for style_, text in (("-", "measured"), (DASHES[0], "model")):
         axes.plot([], [], color=INK[0], linestyle=style_, label=text)
     axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, frameon=False, borderpad=0, handlelength=2.6)
     name_lines(axes, ends)
+
+
+def _draw_limits(axes: Axes, run: Run, group: Sequence[Observed]) -> None:
+    """The limits of the group's nodes, those that the temperatures come near."""
+    low, high = axes.get_ylim()
+    limits = {run.limits_degC[o.node] for o in group if o.node in run.limits_degC}
+    for limit in sorted(limit for limit in limits if limit < high + NEAR_LIMIT * (high - low)):
+        axes.axhline(limit, color=SOFT[0], linewidth=0.9, linestyle=(0, (1.4, 1.2)))
+        axes.annotate(
+            f"limit {limit:g} °C",
+            (0.005, limit),
+            xycoords=("axes fraction", "data"),
+            xytext=(0, 2),
+            textcoords="offset points",
+            color=SOFT[0],
+            fontsize=7,
+        )
 
 
 def draw_residuals(axes: Axes, run: Run, group: Sequence[Observed], columns: int) -> None:

@@ -8,9 +8,13 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from replay.engine.run import Observed, Run
+from replay.show import heat_words, words
+from replay.show.derating_plot import derating_over_time
 from replay.show.error_maps import error_along, error_map
 from replay.show.figure import Plot
 from replay.show.findings import answer, channel_errors, power_balance
+from replay.show.heat_plots import heat_balance
+from replay.show.meter_plots import meter_over_time
 from replay.show.page import template
 from replay.show.plots import groups, inputs_over_time, over_time
 
@@ -46,10 +50,19 @@ def write_report(runs: Sequence[Run], target: Path, context: ReportContext) -> N
         sessions=_sessions(runs),
         maps=[plot for plot in (error_map(runs), error_along(runs)) if plot is not None],
         balances=power_balance(summaries),
+        heats=[(run.session_name, said) for run in runs if (said := _heat(run))],
+        meters=[(run.session_name, entry) for run in runs for entry in run.summary.get("meters") or ()],
         notes=[(run.session_name, run.summary["note"]) for run in runs if run.summary.get("note")],
         context=context,
     )
     target.write_text(page, encoding="utf-8")
+
+
+def _heat(run: Run) -> list[str]:
+    """What a run says of heat, hot spots, limits and derating, a sentence each."""
+    summary = run.summary
+    told = [heat_words.heat(summary), heat_words.hottest(summary), *heat_words.above_limits(summary)]
+    return [words.capital(text) for text in (*told, *heat_words.derating(summary)) if text]
 
 
 def _sessions(runs: Sequence[Run]) -> list[SessionPlots]:
@@ -61,7 +74,12 @@ def _sessions(runs: Sequence[Run]) -> list[SessionPlots]:
 
 def _plots(run: Run, of_run: Sequence[Sequence[Observed]], columns: int) -> list[Plot]:
     inputs = inputs_over_time(run, columns)
-    return [*(over_time(run, group, columns) for group in of_run), *([inputs] if inputs else [])]
+    deratings = (derating_over_time(run, entry, columns) for entry in run.summary.get("derating") or ())
+    return [
+        *(over_time(run, group, columns) for group in of_run),
+        *(meter_over_time(run, metered, columns) for metered in run.meters),
+        *(plot for plot in (heat_balance(run, columns), *deratings, inputs) if plot is not None),
+    ]
 
 
 def started(run: Run) -> str:

@@ -7,7 +7,7 @@ import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from replay.show import words
+from replay.show import heat_words, words
 from replay.show.findings import ChannelError, answer, channel_errors, power_balance
 
 WIDTH = 100
@@ -40,9 +40,15 @@ def _session(summary: Mapping[str, Any]) -> Iterator[str]:
     yield from textwrap.wrap(
         f"{summary['session_name']}   {head}, digest {words.short(summary['digest'])}", WIDTH, subsequent_indent="  "
     )
+    if (other := summary.get("integrator")) is not None:
+        yield (
+            f"  {other['name']}: up to {other['error_K']:.2f} K from {other['against']}, at the {words.name(other['node'])} at "
+            f"{words.clock(other['at_s'])}"
+        )
     errors = channel_errors(summary)
     if not errors:
         yield "  no channel of this session observes a node of the model with usable samples"
+        yield from _beside(summary)
         return
     label = {id(e): _label(e, errors) for e in errors}
     width = max(map(len, label.values()))
@@ -52,6 +58,17 @@ def _session(summary: Mapping[str, Any]) -> Iterator[str]:
             f"{words.kelvin(error.mae_K):>7}  {words.kelvin(error.max_K):>7}  {words.signed_kelvin(error.bias_K):>7}"
         )
         yield from _row(f"  {label[id(error)]:<{width}}   {figures}   ", _verdict(error))
+    yield from _beside(summary)
+
+
+def _beside(summary: Mapping[str, Any]) -> Iterator[str]:
+    """What other meters say, heat, hot spots, limits and derating."""
+    for entry in summary.get("meters") or ():
+        yield from _row(f"  {entry['channel']} ({entry['quantity']})   ", heat_words.meter(entry))
+    told = [heat_words.heat(summary), heat_words.hottest(summary), *heat_words.above_limits(summary)]
+    for text in (*told, *heat_words.derating(summary)):
+        if text:
+            yield from _row("  ", text)
 
 
 def _label(error: ChannelError, errors: Sequence[ChannelError]) -> str:

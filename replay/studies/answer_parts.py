@@ -38,7 +38,9 @@ def shown(model: Model, sessions: Sequence[SessionRecorded]) -> list[Shown]:
     result = []
     for series in model.residuals(np.zeros(len(model.parameters))):
         test, session = model.tests[series.session], sessions[series.session]
-        channel = next(c for c in test.channels if c.name == series.channel)
+        channel = next((c for c in test.channels if c.name == series.channel), None)
+        if channel is None:  # a meter, whose rows are no temperatures
+            continue
         at = np.minimum((series.t_s / test.frame.step_s).astype(np.intp), len(test.frame.features) - 1)
         size_K = np.abs(series.y)
         places = {with_unit(f): values[at] * scale(model.network, f) for f, values in test.inputs.items()}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,7 +11,9 @@ from typing import Any
 import twin
 from ingest.events import CalibrationCompleted, Event, ModelPublished, SessionRecorded
 from ingest.facts import Facts
+from ingest.nearest import hint
 from ingest.store import Store
+from replay.engine.configurations import refuse_other_rigs
 from replay.engine.identity import environment, run_id, source_hash
 from replay.engine.models import model_of
 from replay.engine.motor_file import read_motor
@@ -19,7 +22,10 @@ from replay.errors import ReplayDataError
 from replay.studies.fitting import fitting
 from replay.studies.recorded import STEP_S, test_of
 from twin.calibration import Calibration, Estimate, calibrate
+from twin.configured import configured
 from twin.model import Test
+from twin.profile import profile
+from twin.recorded import Meter
 
 UNITS = {"loss": "W", "conductance": "W/K", "capacity": "J/K"}
 
@@ -34,21 +40,28 @@ class CalibrationResult:
 
 
 def calibrate_sessions(
-    store: Store, facts: Facts, sessions: Sequence[SessionRecorded], model: str | None, level: str
+    store: Store,
+    facts: Facts,
+    sessions: Sequence[SessionRecorded],
+    model: str | None,
+    level: str,
+    only: Sequence[str] | None = None,
 ) -> CalibrationResult:
-    """Estimate coefficients and capacities of `model` (None: the one that the sessions' bench files name) from sessions.
+    """Estimate coefficients and capacities of `model` (None: the one that the sessions' bench files name) from sessions; `only` those of
+    these names, where some are given.
 
     The motor file with the new numbers is sealed and published with its parent. The same question again writes nothing.
     Raises ReplayDataError where there is no session, the sessions name different models, or one lacks what it needs.
     """
     parent = model or common_model(facts, sessions)
+    refuse_other_rigs(sessions)
     name = facts.models[parent].file
     data = store.archive.read(parent)
-    network = read_motor(data, name)
-    tests = [test_of(store, facts, session, network, (), level) for session in sessions]
+    network = configured(read_motor(data, name), None)
+    tests = [test_of(store, facts, session, network, (), level, meters=True) for session in sessions]
     with fitting(f"calibration of {network.name}"):
-        result = calibrate(network, tests)
-    key = _key(facts, sessions, parent, level)
+        result = calibrate(network, tests, only)
+    key = _key(facts, sessions, parent, level, only)
     named = ", ".join(session.name for session in sessions)
     says = f"Calibrated on {named} from model {parent[:12]}.\nComments beside a number speak of its value before."
     text = written(data, name, result.network, says)
@@ -71,6 +84,23 @@ def calibrate_sessions(
     return CalibrationResult(event, _keep(store, facts, event, name), result)
 
 
+def profiles(result: CalibrationResult, names: Sequence[str]) -> list[dict[str, Any]]:
+    """What the data alone say of each parameter named, everything else fitted anew (`twin.profile`); an end of the interval is None where
+    they do not bound it. Raises ReplayDataError where there is no such parameter."""
+    before = {estimate.name: estimate.before for estimate in result.calibration.estimates}
+    if unknown := [name for name in names if name not in before]:
+        raise ReplayDataError(f"--profile {unknown[0]}: the motor has no such parameter.{hint(unknown[0], before)}")
+    found = []
+    for place, name in [(list(before).index(name), name) for name in names]:
+        with fitting(f"profile of {name}"):
+            one = profile(result.calibration.fit, place)
+        ends = [None if end is None else before[name] * math.exp(end) for end in (one.low, one.high)]
+        value, unit = before[name] * math.exp(one.best), UNITS[name.split(".", 1)[0]]
+        course = [[before[name] * math.exp(v), float(r)] for v, r in zip(one.values, one.rise, strict=True)]
+        found.append({"name": name, "unit": unit, "value": value, "ci95": ends, "course": course})
+    return found
+
+
 def common_model(facts: Facts, sessions: Sequence[SessionRecorded]) -> str:
     if not sessions:
         raise ReplayDataError("no session to calibrate on: name some with --on. `whyhot sessions` lists them.")
@@ -83,7 +113,9 @@ def common_model(facts: Facts, sessions: Sequence[SessionRecorded]) -> str:
     return next(iter(named))
 
 
-def _key(facts: Facts, sessions: Sequence[SessionRecorded], parent: str, level: str) -> dict[str, Any]:
+def _key(
+    facts: Facts, sessions: Sequence[SessionRecorded], parent: str, level: str, only: Sequence[str] | None
+) -> dict[str, Any]:
     """Everything that the estimates may depend on, but for the environment."""
     decodes = [facts.decodes[file["decode"]] for session in sessions for file in session.files]
     return {
@@ -94,7 +126,7 @@ def _key(facts: Facts, sessions: Sequence[SessionRecorded], parent: str, level: 
         "decoder": sorted({d.decoder for d in decodes}),
         "parent": parent,
         "level": level,
-        "settings": {"step_s": STEP_S},
+        "settings": {"step_s": STEP_S} | ({} if only is None else {"only": sorted(only)}),
         "twin": source_hash(Path(twin.__file__).parent),
         "studies": source_hash(Path(__file__).parent),
     }
@@ -132,19 +164,28 @@ def _parameter(estimate: Estimate) -> dict[str, Any]:
 
 
 def _errors(sessions: Sequence[SessionRecorded], tests: Sequence[Test], result: Calibration) -> list[dict[str, Any]]:
+    """One entry a session and channel; those of meters have a `unit` and no K in their keys."""
     entries = []
-    for (s, channel), before in result.mae_before.items():
-        found = next(c for c in tests[s].channels if c.name == channel)
-        entries.append(
-            {
-                "session": sessions[s].session,
-                "session_name": sessions[s].name,
-                "channel": channel,
-                "node": " + ".join(found.output.weights),
-                "before_K": before,
-                "after_K": result.mae_after[s, channel],
-                "bias_K": result.bias[s, channel],
-                "bias_sd_K": found.bias_sd,
+    for (s, name), before in result.mae_before.items():
+        found = next(one for one in tests[s].sensors if one.name == name)
+        entry: dict[str, Any] = {"session": sessions[s].session, "session_name": sessions[s].name, "channel": name}
+        after, bias = result.mae_after[s, name], result.bias.get((s, name), 0.0)
+        if isinstance(found, Meter):
+            entry |= {"place": _place(found, result), "unit": found.unit, "before": before, "after": after}
+            entry |= {
+                "bias": bias,
+                "bias_sd": found.bias_sd,
+                "gain": result.gain.get(name, 0.0),
+                "gain_sd": found.gain_sd,
             }
-        )
+        else:
+            entry |= {"node": " + ".join(found.output.weights), "before_K": before, "after_K": after}
+            entry |= {"bias_K": bias, "bias_sd_K": found.bias_sd, "outliers_s": result.outliers_s.get((s, name), 0.0)}
+        entries.append(entry)
     return entries
+
+
+def _place(meter: Meter, result: Calibration) -> str:
+    if meter.law is not None:
+        return " + ".join(meter.law.weights)
+    return "motor" if meter.boundary is None else result.network.boundaries[meter.boundary].name

@@ -6,7 +6,7 @@ import difflib
 import re
 
 from twin.features import product, scale
-from twin.network import Network, Shape, Term
+from twin.network import Map, Network, Shape, Term
 
 _SYMBOLS = {  # feature -> symbol, unit of its scale
     "speed": ("n", "rpm"),
@@ -29,7 +29,9 @@ def formula(term: Term, place: str, network: Network) -> str:
     what = f"loss of {place} [W]" if len(ends) == 1 else f"conductance {ends[0]} to {ends[1]} [W/K]"
     factors = [_power(feature, exponent, network) for feature, exponent in product(term).powers]
     where = ""
-    if term.shape is not None:
+    if isinstance(term.shape, Map):
+        factors.append("map(n, M)")
+    elif term.shape is not None:
         factors.append("f(n, I)" if any(term.shape.current_slope) else "f(n)")
         where = f", {_shape(term.shape, network)}"
     factors += _temperatures(term, place, network)

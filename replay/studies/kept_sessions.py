@@ -117,9 +117,10 @@ def _gain(
 ) -> tuple[Gain, ...]:
     nodes: defaultdict[str, list[tuple[Prediction, Prediction, Prediction]]] = defaultdict(list)
     for trio in zip(before.predictions, after.predictions, published.predictions, strict=True):
-        channel = next(c for c in kept[trio[0].test].channels if c.name == trio[0].channel)
-        weights = channel.output.weights
-        nodes[followed(weights) or " + ".join(weights)].append(trio)
+        channel = next((c for c in kept[trio[0].test].channels if c.name == trio[0].channel), None)
+        if channel is not None:  # no meter, whose rows are no temperatures
+            weights = channel.output.weights
+            nodes[followed(weights) or " + ".join(weights)].append(trio)
     outside = _outside_trained(train, kept)
     over = len(kept) >= OVER_SESSIONS
     found = []

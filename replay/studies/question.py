@@ -12,12 +12,14 @@ from ingest.catalogue.channels import ChannelData, load
 from ingest.events import SessionRecorded
 from ingest.facts import Facts
 from ingest.store import Store
+from replay.engine.configurations import refuse_other_rigs
 from replay.engine.identity import source_hash
 from replay.engine.motor_file import read_motor
 from replay.errors import ReplayDataError
 from replay.studies.recorded import STEP_S, test_of
 from twin.candidates import Candidate, added_monomials, generate
 from twin.columns import EntryFactor, InputChannel, ObservedChannel
+from twin.configured import configured
 from twin.features import Monomial
 from twin.model import Test
 from twin.network import Network
@@ -48,6 +50,7 @@ def check(train: Sequence[SessionRecorded], kept: Sequence[SessionRecorded]) -> 
         raise ReplayDataError(
             f"{named}: learnt from and kept at once: a kept session must be one that --on does not name."
         )
+    refuse_other_rigs([*train, *kept])
     length_s = sum(s.end_ns - s.start_ns for s in train) / 1e9
     if length_s < LEAST_S:
         raise ReplayDataError(
@@ -91,7 +94,8 @@ class Campaign:
 
 def campaign_of(question: Question) -> Campaign:
     """The training sessions, read. Raises ReplayDataError where one lacks what the model needs."""
-    network = read_motor(question.store.archive.read(question.model), question.facts.models[question.model].file)
+    motor = read_motor(question.store.archive.read(question.model), question.facts.models[question.model].file)
+    network = configured(motor, None)
     loaded = [load(question.store, question.facts, session) for session in question.train]
     observed, inputs = _channels(loaded, network, question.level)
     candidates = generate(network, observed, inputs)
@@ -102,7 +106,11 @@ def campaign_of(question: Question) -> Campaign:
         )
     )
     tests = tuple(
-        test_of(question.store, question.facts, session, network, monomials, question.level, across(candidates))
+        test_of(
+            *(question.store, question.facts, session, network, monomials, question.level),
+            across(candidates),
+            meters=True,
+        )
         for session in question.train
     )
     starts = tuple(test.start_ns for test in tests)
@@ -122,7 +130,7 @@ def _channels(
         if spec.role == "observed" and spec.quantity == "temperature" and set(weights) <= nodes:
             if level in ("testing", spec.level):
                 observed.setdefault(spec.name, ObservedChannel(spec.name, weights, channel.buses[0]))
-        elif spec.role != "ignored":
+        elif spec.role == "input" or (spec.role == "observed" and spec.quantity == "temperature"):
             name = spec.node or spec.quantity if spec.quantity == "temperature" else spec.quantity
             inputs.setdefault(name, InputChannel(name, channel.buses[0]))
     return tuple(observed.values()), tuple(inputs.values())
@@ -134,6 +142,7 @@ def kept_of(question: Question, campaign: Campaign) -> list[Test]:
         test_of(
             *(question.store, question.facts, session, campaign.network, campaign.monomials, question.level),
             across(campaign.candidates),
+            meters=True,
         )
         for session in question.kept
     ]

@@ -15,13 +15,15 @@ from ingest.facts import Facts
 from ingest.store import Store
 from replay.engine import frame as frames
 from replay.engine.frame import InputFrame, Observation
-from replay.engine.open_loop import initial_temperatures
+from replay.engine.meters import Measurand
+from replay.engine.open_loop import initial_temperatures, referenced
 from replay.errors import ReplayDataError
 from replay.studies.history import course_of
 from twin.features import QUANTITY, Monomial, monomials
 from twin.model import Channel, Test
 from twin.network import Network
 from twin.outputs import BLOCK_S, Output
+from twin.recorded import Meter
 from twin.simulate import Frame
 
 Floats = NDArray[np.float64]
@@ -37,8 +39,10 @@ def test_of(
     wanted: Sequence[Monomial],
     level: str,
     laws: Sequence[str] = (),
+    meters: bool = False,
 ) -> Test:
-    """A session with the products of features `wanted` besides the network's own, and what the `laws` across sessions multiply with.
+    """A session with the products of features `wanted` besides the network's own, and what the `laws` across sessions multiply with;
+    with `meters`, what observes power, heat, resistance or flux is learnt from too.
 
     Raises ReplayDataError where it lacks an input, or no channel of it observes a node.
     """
@@ -53,7 +57,8 @@ def test_of(
     except ReplayDataError as error:
         raise ReplayDataError(f"session {session.name}: {error}") from None
     course = course_of(store, facts, session, laws)
-    return replace(_test(session, frame, network, every, len(own), level, channels), course=course)
+    test = replace(_test(session, frame, network, every, len(own), level, channels), course=course)
+    return with_meters(test, frame, network, level, channels) if meters else test
 
 
 def _test(
@@ -89,6 +94,42 @@ def _test(
         initial_sd=sd,
         channels=tuple(_channel(o, frame, steps, channels) for o in seen),
         start_ns=int(frame.t_ns[0]),
+    )
+
+
+def with_meters(test: Test, frame: InputFrame, network: Network, level: str, channels: Sequence[ChannelData]) -> Test:
+    """A test with the frame's meters of this level."""
+    begins = dict(zip((node.name for node in network.nodes), test.initial.tolist(), strict=True))
+    begins_sd = dict(zip(begins, test.initial_sd.tolist(), strict=True))
+    steps = len(test.frame.features)
+    found = []
+    for meter in frame.meters:
+        if level in ("testing", meter.seen.level) and meter.seen.good[:steps].any():
+            what = referenced(meter, begins)
+            own = _meter(_channel(meter.seen, frame, steps, channels), what, frame, network)
+            if what.law is not None and not meter.what.referenced:
+                start_K = np.hypot.reduce([share * begins_sd[node] for node, share in what.law.weights.items()])
+                own = replace(own, bias_sd=float(np.hypot(own.bias_sd, start_K * own.row)))
+            found.append(own)
+    return replace(test, meters=tuple(found))
+
+
+def _meter(whole: Channel, what: Measurand, frame: InputFrame, network: Network) -> Meter:
+    around = [b.name for b in network.boundaries]
+    given = frame.mechanical_W if what.quantity == "power" else None
+    return Meter(
+        name=whole.name,
+        bus=whole.bus,
+        unit=what.unit,
+        output=replace(whole.output, weights={}),
+        measured=whole.measured,
+        white_sd=whole.white_sd,
+        resolution=whole.resolution,
+        bias_sd=whole.bias_sd,
+        gain_sd=what.gain_sd,
+        boundary=None if what.boundary is None else around.index(what.boundary),
+        given=0.0 if given is None else given[: whole.measured.size],
+        law=what.law,
     )
 
 

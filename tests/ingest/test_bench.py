@@ -15,6 +15,7 @@ import pytest
 import ingest
 from ingest import bench as bench_module
 from ingest.bench import Bench, Channel, read_bench
+from ingest.derating import DERATING_KEYS, DeratingRule
 from ingest.errors import BenchFileError, ExpressionError, IngestError, TomlError, UnitError
 from ingest.formats import TimeSpec
 from ingest.quantities import CONVENTIONS, STORED_UNIT, Conversion
@@ -180,11 +181,71 @@ def test_temperatures_of_nodes_are_observed_and_those_of_boundaries_are_inputs(
     assert (channel.role, channel.bias_sd) == (role, bias)
 
 
+OBSERVED = {  # quantity -> what it needs beside
+    "temperature": 'node = "x"',
+    "power": "",
+    "heat": 'node = "coolant"',
+    "resistance": 'node = "x"',
+    "flux": 'node = "x"\nslope_per_K = -0.001',
+}
+
+
+def observed(quantity: str, more: str) -> str:
+    return f'[[channel]]\nsignal = "Speed"\nquantity = "{quantity}"\nunit = "{STORED_UNIT[quantity]}"\nrole = "observed"\n{more}'
+
+
 @pytest.mark.parametrize("quantity", sorted(bench_module.OBSERVABLE))
 def test_what_can_be_observed_may_say_so(quantity: str) -> None:
-    text = f'[[channel]]\nsignal = "Speed"\nquantity = "{quantity}"\nunit = "{STORED_UNIT[quantity]}"\nnode = "x"\n'
-    assert resolved(text + 'role = "observed"').role == "observed"
-    assert resolved(text + 'role = "input"').role == "input"
+    text = observed(quantity, OBSERVED[quantity])
+    assert resolved(text).role == "observed"
+    assert resolved(text.replace("observed", "input").replace("slope_per_K = -0.001", "")).role == "input"
+
+
+@pytest.mark.parametrize(
+    ("quantity", "gain_sd"), [("power", 0.005), ("heat", 0.03), ("resistance", 0.002), ("flux", 0.01)]
+)
+def test_an_observed_meter_has_a_gain_of_its_own_unless_said(quantity: str, gain_sd: float) -> None:
+    text = observed(quantity, OBSERVED[quantity])
+    assert resolved(text).gain_sd == gain_sd
+    assert resolved(text + "\ngain_sd = 0.02").gain_sd == 0.02
+    assert resolved(text.replace("observed", "input").replace("slope_per_K = -0.001", "")).gain_sd == 0.0
+
+
+def test_the_reference_of_a_resistance_is_in_stored_units() -> None:
+    text = observed("resistance", 'node = "x"\nreference = 12.5\nreference_degC = 25').replace('"ohm"', '"mOhm"')
+    channel = resolved(text + "\nnoise = 0.01")
+    assert channel.reference == pytest.approx(0.0125) and channel.noise == pytest.approx(1e-5)
+    assert (channel.reference_degC, channel.slope_per_K) == (25.0, None)
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        (observed("power", 'node = "x"'), "an observed power is that of the whole motor: take it out."),
+        (observed("heat", ""), 'an observed heat needs the boundary that takes it, such as node = "coolant".'),
+        (observed("heat", "weights = {x = 1}"), "an observed heat needs the boundary that takes it"),
+        (
+            observed("resistance", ""),
+            "an observed resistance needs a node or weights: say whose temperature it goes with.",
+        ),
+        (observed("flux", 'node = "x"'), "an observed flux needs slope_per_K, such as -0.001"),
+        (observed("flux", 'node = "x"\nslope_per_K = 0'), "slope_per_K is 0: then the reading says nothing"),
+        (
+            f'[[channel]]\nsignal = "MAG_1"\n{TEMPERATURE}node = "magnet"\ngain_sd = 0.01',
+            'gain_sd is of an observed power, heat, resistance or flux: add role = "observed"',
+        ),
+        (observed("power", "reference = 3"), 'reference is of an observed resistance or flux: add role = "observed"'),
+        (observed("heat", 'node = "x"\nslope_per_K = 3'), "slope_per_K is of an observed resistance or flux"),
+        (
+            observed("resistance", 'node = "x"\nreference_degC = 25').replace("observed", "input"),
+            "reference_degC is of an observed resistance or flux",
+        ),
+    ],
+)
+def test_a_meter_that_cannot_be_is_refused(text: str, says: str) -> None:
+    with pytest.raises(BenchFileError) as error:
+        read(text)
+    assert says in str(error.value) and str(error.value).startswith("bench.toml:")
 
 
 @pytest.mark.parametrize(
@@ -469,6 +530,41 @@ def test_a_start_without_offset_is_local_time_of_the_zone(time: str, start: str)
     assert read(f"[time]\n{time}").time.start == start
 
 
+@pytest.mark.parametrize("heading", ["### What may be observed", "## `[[derating]]`"])
+def test_the_entries_on_the_page_are_read(heading: str) -> None:
+    page = (PACKAGE.parent / "docs" / "bench_file.md").read_text(encoding="utf-8")
+    block = page.partition(f"{heading}\n")[2].partition("```toml\n")[2].partition("```")[0]
+    assert block.startswith("[[")
+    read('[[channel]]\nsignal = "NTC"\n' + TEMPERATURE + 'node = "winding"\n' + block)
+
+
+WATCHED = f'[[channel]]\nsignal = "TempB.MAG_1"\n{TEMPERATURE}node = "magnet"\n'
+
+
+@pytest.mark.parametrize("name", ["MAG_1", "TempB.MAG_1"])
+def test_a_derating_watches_a_thermometer_of_the_bench(name: str) -> None:
+    bench = read(f'{WATCHED}[[derating]]\nchannel = "{name}"\nbegin_degC = 120\nend_degC = 140.5\n')
+    assert bench.deratings == (DeratingRule("MAG_1", 120.0, 140.5),)
+
+
+@pytest.mark.parametrize(
+    ("derating", "says"),
+    [
+        (
+            'channel = "MAG_2"\nbegin_degC = 1\nend_degC = 2',
+            'channel "MAG_2" is no temperature of this bench. Nearest: ',
+        ),
+        ('channel = "MAG_1"\nbegin_degC = 9\nend_degC = 9', "end_degC 9 is not above begin_degC 9: the current falls"),
+        ('channel = "MAG_1"\nbegin = 9\nend_degC = 9', 'unknown key "begin". Nearest: begin_degC.'),
+        ('channel = "MAG_1"\nbegin_degC = 9', "end_degC is missing: it must be a number."),
+    ],
+)
+def test_a_derating_that_cannot_be_is_refused(derating: str, says: str) -> None:
+    with pytest.raises(IngestError) as error:
+        read(f"{WATCHED}[[derating]]\n{derating}\n")
+    assert says in str(error.value) and str(error.value).startswith("bench.toml:")
+
+
 def test_a_unit_row_of_a_table_that_disagrees_is_refused() -> None:
     assert refusal(BenchFileError, CHANNEL, [Signal("MAG_1", unit="K")]) == (
         'bench.toml:4: unit "degC" of signal "MAG_1" disagrees with the unit row of the log, which says "K". '
@@ -553,6 +649,7 @@ def test_the_schema_lists_exactly_the_keys_that_are_read() -> None:
     assert keys(properties["time"]) == set(bench_module.TIME_KEYS)
     assert keys(properties["channel"]["items"]) == set(bench_module.CHANNEL_KEYS)
     assert keys(properties["derived"]["items"]) == set(bench_module.DERIVED_KEYS)
+    assert keys(properties["derating"]["items"]) == set(DERATING_KEYS)
 
 
 def test_the_schema_lists_exactly_the_choices_that_are_read() -> None:

@@ -1,0 +1,112 @@
+"""The hottest winding and magnet of a run, limits, and what derating made of them: entries of a run's summary."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ingest.catalogue.channels import ChannelData
+from ingest.derating import DeratingRule
+from replay.engine.inputs import Signal, held
+from twin.derating import Derating, derated
+from twin.network import Network
+
+Floats = NDArray[np.float64]
+Times = NDArray[np.int64]
+
+REGIONS = {
+    "winding": ("copper",),
+    "magnet": ("magnet", "rotor"),
+}  # hot spot -> where it is sought, the first that is there
+
+
+def hot_spots(network: Network, temperatures: Floats, step_s: float) -> dict[str, dict[str, Any]]:
+    """The entry `hot_spots`: `winding` and `magnet` (the rotor that holds it, where it is no node of its own), each where the motor
+    has such nodes: which was hottest, when and how hot; its limit and what was left of it, None where the motor file says none.
+    `temperatures` (N + 1, n)."""
+    return {spot: _hottest(network, temperatures, step_s, at) for spot in REGIONS if (at := nodes_of(spot, network))}
+
+
+def nodes_of(spot: str, network: Network) -> list[int]:
+    """The nodes among which a hot spot is sought."""
+    by_region = ([i for i, node in enumerate(network.nodes) if node.region == region] for region in REGIONS[spot])
+    return next((found for found in by_region if found), [])
+
+
+def _hottest(network: Network, temperatures: Floats, step_s: float, at: Sequence[int]) -> dict[str, Any]:
+    edge, own = (int(i) for i in np.unravel_index(int(np.argmax(temperatures[:, at])), (len(temperatures), len(at))))
+    node, degC = network.nodes[at[own]], float(temperatures[edge, at[own]])
+    limit = node.limit_degC
+    return {
+        "node": node.name,
+        "max_degC": degC,
+        "at_s": edge * step_s,
+        "limit_degC": limit,
+        "margin_K": None if limit is None else limit - degC,
+    }
+
+
+def limits(network: Network, temperatures: Floats, step_s: float) -> dict[str, dict[str, float]]:
+    """The entry `limits`: of every node with a limit, how long the means of the steps were above it, and the highest."""
+    means = (temperatures[:-1] + temperatures[1:]) / 2
+    return {
+        node.name: {
+            "limit_degC": node.limit_degC,
+            "above_s": step_s * float((means[:, i] > node.limit_degC).sum()),
+            "max_degC": float(temperatures[:, i].max()),
+        }
+        for i, node in enumerate(network.nodes)
+        if node.limit_degC is not None
+    }
+
+
+def watched(
+    rules: Sequence[DeratingRule], channels: Sequence[ChannelData], t_ns: Times
+) -> dict[str, tuple[str, Floats]]:
+    """Of every channel that a rule watches, the place that it follows most and what a controller knew from it at the times `t_ns` (N,):
+    its last sample as it was sent, stuck or not; NaN before the first."""
+    names = {rule.channel for rule in rules}
+    found = {}
+    for one in channels:
+        if one.spec.name in names and one.t_ns.size:
+            place = (
+                max(one.spec.weights, key=lambda node: one.spec.weights[node]) if one.spec.weights else one.spec.node
+            )
+            shown = held(Signal(one.t_ns, one.recorded), t_ns)
+            found[one.spec.name] = (place or "", np.where(t_ns >= one.t_ns[0], shown, np.nan))
+    return found
+
+
+def derating_summary(
+    rules: Sequence[DeratingRule],
+    shown: Mapping[str, tuple[str, Floats]],
+    network: Network,
+    temperatures: Floats,
+    step_s: float,
+) -> list[dict[str, Any]]:
+    """The entry `derating`: every rule beside the run. `shown`: channel -> the place that it follows and what it showed in each step
+    (N,), NaN without a sample. A rule protects the hottest magnet where its sensor is on the rotor, else the hottest winding;
+    one whose sensor this session lacks is left out."""
+    means = (temperatures[:-1] + temperatures[1:]) / 2
+    regions = {node.name: node.region for node in network.nodes}
+    found = []
+    for rule in rules:
+        if rule.channel not in shown:
+            continue
+        node, own = shown[rule.channel]
+        spot = "magnet" if regions.get(node) in REGIONS["magnet"] else "winding"
+        protected = nodes_of(spot, network)
+        if not protected:
+            continue
+        result = derated(Derating(rule.begin_degC, rule.end_degC), own, means[:, protected].max(axis=1), step_s)
+        if result is not None:
+            allowed = (network.nodes[i].limit_degC for i in protected)
+            lowest = min((limit for limit in allowed if limit is not None), default=None)
+            free = result.hottest_free_degC
+            margin = None if lowest is None or free is None else lowest - free
+            found.append({**asdict(rule), "protects": spot, **asdict(result), "margin_K": margin})
+    return found
