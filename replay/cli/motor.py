@@ -1,21 +1,190 @@
-"""`whyhot motor check FILE`: the motor file as the program sees it."""
+"""`whyhot motor check FILE`, and what else there is to do with a motor file: new, scale, slice, plot, reduce."""
 
 from __future__ import annotations
 
 import argparse
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
-from replay.cli.answer import Answer, provenance
+from replay.cli.answer import Answer, provenance, store_folder
+
+if TYPE_CHECKING:
+    from twin.network import Network
+
+# action -> (what it does, flags that it needs, flags that it may have)
+ACTIONS: dict[str, tuple[str, tuple[str, ...], tuple[str, ...]]] = {
+    "check": ("read it, refuse what cannot be, say what it is", ("file",), ()),
+    "new": ("a blank commented file to fill in", ("out",), ("topology",)),
+    "scale": ("the same motor in another size", ("file", "length", "out"), ()),
+    "slice": ("cut along the stack, for a profile", ("file", "into", "stack_mm", "nodes", "out"), ()),
+    "plot": ("a picture of the network", ("file", "out"), ("at",)),
+    "reduce": ("fewer nodes, by their error on sessions", ("file", "to", "on", "out"), ("hold_out", "curve")),
+}
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("action", choices=("check",), help="check: read it, refuse what cannot be, say what it is")
-    parser.add_argument("file", metavar="FILE", type=Path, help="a motor file")
+    from replay.studies.motor_new import DEFAULT, TOPOLOGIES
+
+    says = "; ".join(f"{action}: {what}" for action, (what, _, _) in ACTIONS.items())
+    parser.add_argument("action", choices=tuple(ACTIONS), help=says)
+    parser.add_argument("file", metavar="FILE", nargs="?", type=Path, help="a motor file (all but new)")
+    parser.add_argument(
+        "-o", "--out", metavar="OUT", type=Path, help="the file to write: a motor file, of plot an .svg"
+    )
+    topologies = "; ".join(f"{name}: {what}" for name, what in TOPOLOGIES.items())
+    new = parser.add_argument_group("new")
+    new.add_argument("--topology", choices=tuple(TOPOLOGIES), help=f"{topologies} (default: {DEFAULT})")
+    scale = parser.add_argument_group("scale")
+    scale.add_argument("--length", type=float, metavar="K", help="every length of the motor times K, such as 0.8")
+    slices = parser.add_argument_group("slice")
+    slices.add_argument("--into", type=int, metavar="N", help="slices along the stack")
+    slices.add_argument("--stack-mm", type=float, metavar="L", help="length of the stack in mm")
+    slices.add_argument("--nodes", nargs="+", metavar="NODE", help="the nodes that reach along the stack")
+    plot = parser.add_argument_group("plot")
+    plot.add_argument(
+        "--at",
+        nargs="+",
+        metavar="X=V",
+        help="operating point, such as speed_rpm=6000 current_A=225 (default: half of [scale])",
+    )
+    reduce = parser.add_argument_group("reduce")
+    reduce.add_argument("--to", type=int, metavar="N", help="nodes of the motor that is written")
+    reduce.add_argument("--on", nargs="+", metavar="S", help="sessions whose error decides what is merged")
+    reduce.add_argument("--hold-out", nargs="+", metavar="S", help="sessions that the error is shown on as well")
+    reduce.add_argument("--curve", metavar="F.svg", type=Path, help="draw nodes against error to this file")
+    parser.set_defaults(refuse=parser.error)
 
 
 def run(args: argparse.Namespace) -> Answer:
-    from replay.engine.motor_file import describe, read_motor
+    _check_flags(args)
+    verbs = {"check": _check, "new": _new, "scale": _scale, "slice": _slice, "plot": _plot, "reduce": _reduce}
+    return verbs[args.action](args)
 
-    description = describe(read_motor(args.file.read_bytes(), args.file.name))
-    data = {"schema": "whyhot.motor_check/1", **description.to_json(), "provenance": provenance(None)}
-    return Answer(data, description.text())
+
+def _check_flags(args: argparse.Namespace) -> None:
+    """One line where the action lacks a flag, or has one of another action."""
+    _, needed, allowed = ACTIONS[args.action]
+    every = dict.fromkeys(flag for _, needs, may in ACTIONS.values() for flag in (*needs, *may))
+    for flag in every:
+        given = getattr(args, flag) is not None
+        if flag in needed and not given:
+            args.refuse(f"{args.action} needs {_written(flag)}")
+        if given and flag not in (*needed, *allowed):
+            args.refuse(f"{args.action} takes no {_written(flag)}")
+
+
+def _written(flag: str) -> str:
+    return {"file": "FILE", "out": "-o OUT"}.get(flag, f"--{flag.replace('_', '-')}")
+
+
+def _check(args: argparse.Namespace) -> Answer:
+    from replay.engine.motor_file import describe
+
+    description = describe(_network(args))
+    return Answer(_data("check", **description.to_json()), description.text())
+
+
+def _new(args: argparse.Namespace) -> Answer:
+    from replay.engine.motor_file import read_motor
+    from replay.studies.motor_new import DEFAULT, TOPOLOGIES, template
+
+    topology = args.topology or DEFAULT
+    text = template(topology)
+    network = read_motor(text, f"{topology}.toml")
+    _write(args.out, text)
+    says = f"{args.out}   {TOPOLOGIES[topology]}\nevery number is an order of magnitude: replace it by your motor's"
+    return Answer(_data("new", file=str(args.out), topology=topology, nodes=len(network.nodes)), says)
+
+
+def _scale(args: argparse.Namespace) -> Answer:
+    from replay.engine.motor_file import read_motor
+    from replay.engine.motor_maps import whole
+    from replay.studies.motor_scale import scaled_file
+
+    text = scaled_file(whole(args.file), args.file.name, args.length)
+    network = read_motor(text, args.out.name)
+    _write(args.out, text)
+    data = _data("scale", file=str(args.out), motor=network.name, length=args.length, scale=dict(network.scale))
+    return Answer(data, f"{args.out}   {network.name}\ncheck [scale], and replace what you know of the new motor")
+
+
+def _slice(args: argparse.Namespace) -> Answer:
+    from replay.engine.motor_maps import whole
+    from replay.studies.motor_scale import sliced_file
+
+    text, network = sliced_file(whole(args.file), args.file.name, args.nodes, args.into, args.stack_mm / 1000)
+    _write(args.out, text)
+    data = _data("slice", file=str(args.out), motor=network.name, nodes=len(network.nodes), links=len(network.links))
+    return Answer(data, f"{args.out}   {network.name}: {len(network.nodes)} nodes, {len(network.links)} links")
+
+
+def _plot(args: argparse.Namespace) -> Answer:
+    from replay.show.network_plot import draw_network, operating_point
+
+    if args.out.suffix != ".svg":
+        args.refuse(f"plot writes an SVG: end -o {args.out} in .svg")
+    network = _network(args)
+    point = operating_point(network, args.at or ())
+    draw_network(network, point, args.out)
+    data = _data("plot", file=str(args.out), motor=network.name, nodes=len(network.nodes), at=dict(point))
+    return Answer(data, f"{args.out}   {network.name}: {len(network.nodes)} nodes; opens in any browser")
+
+
+def _reduce(args: argparse.Namespace) -> Answer:
+    from dataclasses import asdict
+
+    from ingest import facts
+    from ingest.store import Store
+    from replay.cli.progress import tell
+    from replay.show.reduction import draw_curve, reduction_text
+    from replay.studies.motor_reduce import reduce_motor
+
+    network = _network(args)
+    with Store.open(store_folder(args)) as store:
+        known = facts.at(store.ledger)
+        on, kept = ([known.session(text) for text in dict.fromkeys(names or ())] for names in (args.on, args.hold_out))
+        found = reduce_motor(store, known, network, args.to, on, kept, tell)
+        data = _data(
+            "reduce",
+            provenance(store, to=args.to),
+            file=str(args.out),
+            motor=network.name,
+            nodes=args.to,
+            on=[session.name for session in on],
+            hold_out=[session.name for session in kept],
+            interest=dict(found.interest),
+            groups={name: list(members) for name, members in found.chosen.groups.items()},
+            curve=[
+                {
+                    "nodes": len(level.groups),
+                    "trained": asdict(level.trained),
+                    "kept": asdict(level.kept) if level.kept else None,
+                }
+                for level in found.curve
+            ],
+        )
+    _write(args.out, found.text)
+    if args.curve is not None:
+        draw_curve(data, args.curve)
+    return Answer(data, reduction_text(data))
+
+
+def _network(args: argparse.Namespace) -> Network:
+    from replay.engine.motor_maps import read_motor_file
+
+    return read_motor_file(args.file)
+
+
+def _data(action: str, made_from: dict[str, Any] | None = None, /, **values: Any) -> dict[str, Any]:
+    return {"schema": f"whyhot.motor_{action}/1", **values, "provenance": made_from or provenance(None)}
+
+
+def _write(path: Path, text: bytes) -> None:
+    """Never over a file that is there. Raises MotorFileError."""
+    from replay.errors import MotorFileError
+
+    try:
+        with path.open("xb") as file:
+            file.write(text)
+    except FileExistsError:
+        raise MotorFileError(f"{path}: is there already: give another name with -o, or remove it first.") from None

@@ -1,0 +1,187 @@
+"""`whyhot motor`: new, scale, slice, plot and reduce, as a person types them."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import can_bench
+import pytest
+
+from replay.cli import main
+from replay.engine.motor_file import read_motor
+from replay.show.reduction import reduction_text
+from replay.studies.motor_new import TOPOLOGIES
+from twin.check import check
+
+REFERENCE = Path(__file__).parents[2] / "examples" / "reference_motor" / "motor.toml"
+
+
+def _run(capsys: pytest.CaptureFixture[str], *words: str | Path, code: int = 0) -> dict[str, Any]:
+    capsys.readouterr()
+    assert main(["motor", *map(str, words), "--json"]) == code
+    answer: dict[str, Any] = json.loads(capsys.readouterr().out)
+    return answer
+
+
+def _refused(capsys: pytest.CaptureFixture[str], *words: str | Path) -> str:
+    """The one line that a wrong command gets."""
+    capsys.readouterr()
+    try:
+        assert main(["motor", *map(str, words)]) == 2
+    except SystemExit as left:
+        assert left.code == 2
+    line = capsys.readouterr().err
+    assert line.count("\n") == 1
+    return line
+
+
+@pytest.mark.parametrize("topology", TOPOLOGIES)
+def test_a_new_motor_file_passes_the_check_and_explains_every_part(
+    topology: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "motor.toml"
+    answer = _run(capsys, "new", "--topology", topology, "-o", file)
+    found = _run(capsys, "check", file)
+    assert (answer["topology"], answer["nodes"]) == (topology, found["nodes"])
+    assert found["warnings"] == []
+    text = file.read_text(encoding="utf-8")
+    assert "order of magnitude" in text.replace("\n# ", " ")
+    assert text.count("#") > 15
+    assert text.count("sd = ") == found["unknowns"], "every number says how well it is known"
+    assert max(map(len, text.splitlines())) <= 130
+
+
+def test_without_a_topology_it_is_the_one_with_a_water_jacket(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert _run(capsys, "new", "-o", tmp_path / "motor.toml")["nodes"] == 21
+
+
+def test_a_file_that_is_there_is_never_written_over(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / "motor.toml"
+    file.write_text("mine")
+    assert re.search(r"motor\.toml: is there already: give another name with -o", _refused(capsys, "new", "-o", file))
+    assert file.read_text() == "mine"
+
+
+def test_a_scaled_file_keeps_comments_and_layout_and_says_what_it_came_from(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "small.toml"
+    answer = _run(capsys, "scale", REFERENCE, "--length", "0.8", "-o", file)
+    assert answer["motor"] == "reference-150kW_x0.8"
+    assert answer["scale"] == {"speed": 16000.0, "current": 360.0, "flow": 6.4}
+    text, before = file.read_text(encoding="utf-8"), REFERENCE.read_text(encoding="utf-8")
+    comments = [line.partition("#")[2] for line in before.splitlines() if "#" in line]
+    assert not [comment for comment in comments if comment not in text]
+    assert "# Scaled from reference-150kW: every length times 0.8" in text
+    assert "capacity = 624.64              # 2.6 kg of steel" in text
+    network = read_motor(text.encode(), "small.toml")
+    check(network)
+    assert network.links[4].terms[0].sd > 0.4
+
+
+def test_a_sliced_motor_is_written_with_several_hundred_nodes(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "sliced.toml"
+    nodes = ["jacket", "yoke", "teeth", "winding_a", "winding_b", "rotor_core", "rotor_surface", "magnet"]
+    _run(capsys, "slice", REFERENCE, "--into", "40", "--stack-mm", "130", "--nodes", *nodes, "-o", file)
+    found = _run(capsys, "check", file)
+    assert (found["nodes"], found["kernel"]) == (293, "indexed")
+    assert found["capacity_J_per_K"] == pytest.approx(_run(capsys, "check", REFERENCE)["capacity_J_per_K"], rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (["check"], "check needs FILE"),
+        (["new"], "new needs -o OUT"),
+        (["scale", "m.toml", "-o", "x.toml"], "scale needs --length"),
+        (["slice", "m.toml", "--into", "4", "-o", "x.toml"], "slice needs --stack-mm"),
+        (["reduce", "m.toml", "--to", "4", "-o", "x.toml"], "reduce needs --on"),
+        (["check", "m.toml", "--to", "4"], "check takes no --to"),
+        (["new", "m.toml", "-o", "x.toml"], "new takes no FILE"),
+        (["plot", "m.toml", "--hold-out", "a", "-o", "x.svg"], "plot takes no --hold-out"),
+        (["plot", "m.toml", "-o", "x.png"], "plot writes an SVG: end -o x.png in .svg"),
+        (["check", "lost.toml"], "lost.toml: "),
+        (["scale", str(REFERENCE), "--length", "40", "-o", "x.toml"], "length 40 times is no motor of the same kind"),
+        (
+            ["slice", str(REFERENCE), "--into", "4", "--stack-mm", "9", "--nodes", "rotor", "-o", "x.toml"],
+            "no such node",
+        ),
+        (["plot", str(REFERENCE), "--at", "speed=4", "-o", "x.svg"], "--at speed=4: say it as KEY=NUMBER; keys of"),
+        (["plot", str(REFERENCE), "--at", "speed_rpm=fast", "-o", "x.svg"], "--at speed_rpm=fast: say it as"),
+        (["plot", str(REFERENCE), "--at", "speed_rpm=nan", "-o", "x.svg"], "--at speed_rpm=nan: say it as"),
+    ],
+)
+def test_what_cannot_be_is_refused_in_one_line(words: list[str], says: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert says in _refused(capsys, *words)
+    assert not Path("x.toml").exists() and not Path("x.svg").exists()
+
+
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two sessions of a servo motor in a store, and its motor cut into 8 slices."""
+    folder = tmp_path_factory.mktemp("reduce")
+    can_bench.write_files(folder)
+    can_bench.write_log(folder / "1_learn.blf", seconds=600, seed=1, magnet_loss=90.0)
+    can_bench.write_log(folder / "2_kept.blf", 300, 2, can_bench.START + 86_400, magnet_loss=90.0)
+    logs = [str(folder / name) for name in ("1_learn.blf", "2_kept.blf")]
+    words = ["ingest", *logs, "--bench", str(folder / "bench.toml"), "--dbc", str(folder / "bench.dbc")]
+    assert main([*words, "--store", str(folder / "store")]) == 0
+    cut = ["--into", "8", "--stack-mm", "60", "--nodes", "winding", "yoke", "magnet", "-o", str(folder / "sliced.toml")]
+    assert main(["motor", "slice", str(folder / "motor.toml"), *cut]) == 0
+    return folder
+
+
+def test_a_sliced_motor_is_reduced_by_recorded_sessions(bench: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    words: list[str | Path] = ["reduce", bench / "sliced.toml", "--to", "6", "--on", "1_learn", "--hold-out", "2_kept"]
+    files: list[str | Path] = ["--curve", bench / "curve.svg", "-o", bench / "six.toml", "--store", bench / "store"]
+    answer = _run(capsys, *words, *files)
+    assert answer["schema"] == "whyhot.motor_reduce/1"
+    sizes = [level["nodes"] for level in answer["curve"]]
+    assert sizes == list(range(24, 2, -1)), "down to the three measured nodes"
+    assert answer["curve"][0]["trained"]["largest_K"] < 1e-6
+    at = answer["curve"][sizes.index(6)]
+    assert 0 <= at["kept"]["mean_K"] < 0.5
+    assert {"winding", "yoke", "magnet"} <= set(answer["groups"])
+    assert {node for node, why in answer["interest"].items() if why.startswith("measured")} == {
+        "winding",
+        "yoke",
+        "magnet",
+    }
+    text = (bench / "six.toml").read_text(encoding="utf-8")
+    network = read_motor(text.encode(), "six.toml")
+    assert {node.name for node in network.nodes} == set(answer["groups"])
+    assert network.name == "servo-5kW_8_slices_6_nodes"
+    assert "# Nodes that stand for others:" in text and re.search(r"_\d+ to _\d+", text)
+    assert "<svg" in (bench / "curve.svg").read_text(encoding="utf-8")
+    lines = reduction_text(answer).splitlines()
+    assert max(map(len, lines)) <= 100
+    (written,) = [line for line in lines if line.endswith("<- written")]
+    assert written.split()[0] == "6"
+    assert main(["replay", "2_kept", "--model", str(bench / "six.toml"), "--store", str(bench / "store")]) == 0
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (["--to", "24", "--on", "1_learn"], "--to 24: servo-5kW_8_slices has 24 nodes: give a number from 1 to 23."),
+        (["--to", "0", "--on", "1_learn"], "--to 0: servo-5kW_8_slices has 24 nodes"),
+        (
+            ["--to", "4", "--on", "1_learn", "--hold-out", "1_learn"],
+            "session 1_learn is both in --on and in --hold-out",
+        ),
+        (["--to", "4", "--on", "3_lost"], "session '3_lost': is not in this store."),
+    ],
+)
+def test_a_reduction_that_cannot_be_is_refused_in_one_line(
+    bench: Path, words: list[str], says: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    line = _refused(capsys, "reduce", bench / "sliced.toml", *words, "-o", bench / "x.toml", "--store", bench / "store")
+    assert says in line
+    assert not (bench / "x.toml").exists()

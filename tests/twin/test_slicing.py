@@ -1,0 +1,164 @@
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from replay.engine.motor_file import read_motor
+from twin.check import check
+from twin.errors import BadValueError, DuplicateError, UnknownNodeError
+from twin.features import evaluate, monomials
+from twin.kernel import STATEMENTS, compile_indexed, generate, statements
+from twin.network import Fluid, FluidCircuit, Network, Property, TemperatureFactor
+from twin.simulate import Frame, simulate
+from twin.slicing import MATERIAL, sliced
+
+REFERENCE = Path(__file__).parents[2] / "examples" / "reference_motor" / "motor.toml"
+CUT = ("jacket", "yoke", "teeth", "winding_a", "winding_b", "rotor_core", "rotor_surface", "magnet")
+
+
+@pytest.fixture(scope="module")
+def reference() -> Network:
+    return read_motor(REFERENCE.read_bytes(), "motor.toml")
+
+
+def _stem(name: str) -> str:
+    """The node of a slice: its name without the number."""
+    head, _, tail = name.rpartition("_")
+    return head if tail.isdigit() else name
+
+
+def _sums(network: Network) -> tuple[dict[str, float], dict[str, list[float]], dict[frozenset[str], list[float]]]:
+    """Capacities, losses and conductances by the nodes that slices come from, term by term."""
+    capacities: dict[str, float] = {}
+    for node in network.nodes:
+        capacities[_stem(node.name)] = capacities.get(_stem(node.name), 0.0) + node.capacity
+    losses: dict[str, list[float]] = {}
+    for source in network.sources:
+        old = losses.setdefault(_stem(source.node), [0.0] * len(source.terms))
+        losses[_stem(source.node)] = [a + t.coefficient for a, t in zip(old, source.terms, strict=True)]
+    links: dict[frozenset[str], list[float]] = {}
+    for link in network.links:
+        key = frozenset((_stem(link.a), _stem(link.b)))
+        if len(key) == 2:
+            old = links.setdefault(key, [0.0] * len(link.terms))
+            links[key] = [a + t.coefficient for a, t in zip(old, link.terms, strict=True)]
+    return capacities, losses, links
+
+
+def test_the_sums_of_a_sliced_motor_are_those_of_the_lumped_one(reference: Network) -> None:
+    cut = sliced(reference, CUT, 12, 0.13)
+    check(cut)
+    assert len(cut.nodes) == 13 + 12 * 7
+    halves = frozenset(("winding_a", "winding_b"))
+    found, wanted = _sums(cut), _sums(reference)
+    assert found[0] == pytest.approx(wanted[0])
+    assert found[1].keys() == wanted[1].keys() and found[2].keys() == wanted[2].keys()
+    for node, losses in wanted[1].items():
+        assert found[1][node] == pytest.approx(losses), node
+    for ends in wanted[2].keys() - {halves}:
+        assert found[2][ends] == pytest.approx(wanted[2][ends]), ends
+
+
+def test_the_parts_touch_slice_by_slice_and_the_ends_at_their_end(reference: Network) -> None:
+    cut = sliced(reference, CUT, 8, 0.13)
+    pairs = {frozenset((link.a, link.b)) for link in cut.links}
+    assert frozenset(("teeth_1", "yoke_1")) in pairs and frozenset(("teeth_1", "yoke_2")) not in pairs
+    assert frozenset(("winding_a_1", "teeth_1")) in pairs
+    assert frozenset(("winding_b_1", "teeth")) in pairs, "side b begins in the middle of the stack"
+    assert frozenset(("winding_a_1", "endwinding_a_inner")) in pairs
+    assert frozenset(("winding_b_4", "endwinding_b_inner")) in pairs
+    assert {pair for pair in pairs if {"air_a"} & pair and any("teeth" in n for n in pair)} == {
+        frozenset(("air_a", "teeth_1"))
+    }
+    assert sum("coolant" in pair for pair in pairs) == 8
+    assert frozenset(("winding_a_4", "winding_b_1")) in pairs, "the two halves are one row of copper"
+
+
+def test_the_middle_slice_keeps_the_name_so_that_a_bench_file_stays_valid(reference: Network) -> None:
+    cut = sliced(reference, CUT, 4, 0.13)
+    assert {node.name for node in reference.nodes} <= {node.name for node in cut.nodes}
+    assert [node.name for node in cut.nodes if node.name.startswith("teeth")] == [
+        "teeth_1",
+        "teeth_2",
+        "teeth",
+        "teeth_4",
+    ]
+
+
+def test_conduction_along_a_row_is_that_of_its_metal(reference: Network) -> None:
+    cut = sliced(reference, CUT, 8, 0.13)
+    along = next(link for link in cut.links if {link.a, link.b} == {"teeth_1", "teeth_2"})
+    area = 2000.0 / MATERIAL["iron"][1] / 0.13
+    assert along.terms[0].coefficient == pytest.approx(4.0 * area / (0.13 / 8))
+    copper = next(link for link in cut.links if {link.a, link.b} == {"winding_a_1", "winding_a_2"})
+    assert copper.terms[0].coefficient == pytest.approx(14.4 * 8 / 2), "14.4 W/K over half the stack in the file"
+
+
+def test_a_temperature_factor_follows_the_slice_at_its_place(reference: Network) -> None:
+    factor = TemperatureFactor("teeth", -0.001, 20.0)
+    sources = tuple(
+        replace(s, terms=tuple(replace(t, temperature=factor) for t in s.terms))
+        if s.node in ("yoke", "shaft", "bearing_a")
+        else s
+        for s in reference.sources
+    )
+    cut = sliced(replace(reference, sources=sources), CUT, 4, 0.13)
+    followed = {s.node: s.terms[0].temperature.node for s in cut.sources if s.terms[0].temperature}
+    assert followed == {
+        "yoke_1": "teeth_1",
+        "yoke_2": "teeth_2",
+        "yoke": "teeth",
+        "yoke_4": "teeth_4",
+        "bearing_a": "teeth",
+    }
+
+
+def test_a_network_of_several_hundred_nodes_runs_by_the_index_program_and_agrees_in_the_mean(
+    reference: Network,
+) -> None:
+    cut = sliced(reference, CUT, 40, 0.13)
+    assert len(cut.nodes) == 293
+    assert statements(generate(cut)) > STATEMENTS
+    steps = 720
+    u = {"speed": np.full(steps, 0.4), "current": np.full(steps, 0.5), "flow": np.ones(steps)}
+    runs = {}
+    for network in (reference, cut):
+        frame = Frame(5.0, evaluate(monomials(network), u, steps), np.tile([65.0, 25.0], (steps, 1)))
+        temperatures = simulate(compile_indexed(network), frame, np.full(len(network.nodes), 65.0))[-1]
+        runs[network.name] = dict(zip((n.name for n in network.nodes), temperatures, strict=True))
+    lumped, profile = runs.values()
+    for name in ("teeth", "yoke", "magnet", "housing", "bearing_a"):
+        mean = np.mean([t for n, t in profile.items() if _stem(n) == name])
+        assert mean == pytest.approx(lumped[name], abs=1.5), name
+    winding = [t for n, t in profile.items() if _stem(n) in ("winding_a", "winding_b")]
+    assert max(winding) - min(winding) > 2.0, "the ends are hotter than the middle of the stack"
+
+
+def test_a_node_that_a_circuit_flows_through_stays_whole(reference: Network) -> None:
+    water = Fluid(Property((20.0,), (1050.0,)), Property((20.0,), (3500.0,)))
+    wet = replace(reference, circuits=(FluidCircuit("channel", "coolant", ("jacket",), water),))
+    assert sliced(wet, ["teeth"], 4, 0.13).circuits == wet.circuits
+    with pytest.raises(
+        BadValueError, match=r'^node "jacket": the fluid of circuit channel flows through it: leave it whole$'
+    ):
+        sliced(wet, CUT, 4, 0.13)
+
+
+def test_what_cannot_be_cut_is_refused_with_what_to_do(reference: Network) -> None:
+    with pytest.raises(UnknownNodeError, match=r'^node "tooth": reference-150kW has no such node: known are shaft,'):
+        sliced(reference, ["tooth"], 4, 0.13)
+    with pytest.raises(DuplicateError, match="name it once"):
+        sliced(reference, ["teeth", "teeth"], 4, 0.13)
+    with pytest.raises(
+        BadValueError, match=r'node "air_a": of region fluid conducts nothing along the shaft: leave it whole'
+    ):
+        sliced(reference, ["air_a"], 4, 0.13)
+    with pytest.raises(BadValueError, match="5 slices cannot be shared out: give 2 or more, an even number"):
+        sliced(reference, CUT, 5, 0.13)
+    with pytest.raises(BadValueError, match=r"1 slices cannot be shared out: give 2 or more$"):
+        sliced(reference, ["teeth"], 1, 0.13)
+    with pytest.raises(BadValueError, match="a stack of 0 m has no length"):
+        sliced(reference, ["teeth"], 4, 0.0)
