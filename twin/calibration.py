@@ -8,7 +8,7 @@ sought twice: under broad noise, then under noise as wide as what the first mode
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -23,7 +23,8 @@ from twin.learned import network_of
 from twin.model import Model, Test
 from twin.network import Network
 from twin.noise import ChannelNoise
-from twin.structure import parameters
+from twin.outliers import outliers, without
+from twin.outputs import BLOCK_S
 
 Floats = NDArray[np.float64]
 
@@ -48,9 +49,10 @@ class Estimate:
 @dataclass(frozen=True)
 class Calibration:
     """`fit`: the mode and all that is known about it, covariance included; `estimates`: its first parameters, those of the
-    motor; `iterations`: linearisations of both searches; `mae_before`, `mae_after`: (test, channel) -> mean absolute residual
-    [K] of block means, of runs of the one and the other motor without any nuisance; `bias`: what the channel reads too much
-    in that test [K]."""
+    motor; `iterations`: linearisations of both searches; `mae_before`, `mae_after`: (test, channel or meter) -> mean absolute
+    residual [K, of meters in their unit] of block means, of runs of the one and the other motor without any nuisance; `bias`: what it reads
+    too much in that test; `gain`: meter -> the share by which it reads too much; `outliers_s`: how long a channel jumped away and back,
+    which was left out (`twin.outliers`)."""
 
     network: Network
     estimates: tuple[Estimate, ...]
@@ -59,12 +61,20 @@ class Calibration:
     mae_before: Mapping[tuple[int, str], float]
     mae_after: Mapping[tuple[int, str], float]
     bias: Mapping[tuple[int, str], float]
+    gain: Mapping[str, float]
+    outliers_s: Mapping[tuple[int, str], float]
 
 
-def calibrate(network: Network, tests: Sequence[Test]) -> Calibration:
-    """The mode and what is known about it. Raises `DivergedError` where the network's own run leaves the finite numbers."""
-    model = Model(network, tests, freedom(network, tests))
+def calibrate(network: Network, tests: Sequence[Test], only: Container[str] | None = None) -> Calibration:
+    """The mode and what is known about it; `only` the parameters of these names move, all where None.
+
+    Raises `DivergedError` where the network's own run leaves the finite numbers.
+    """
+    model = Model(network, tests, freedom(network, tests, only))
     near = fit(model, np.zeros(len(model.parameters)), NEAR_ENOUGH, LINEARISATIONS)
+    if marked := outliers(near):
+        model = Model(network, without(tests, marked), model.parameters)
+        near = fit(model, near.beta, NEAR_ENOUGH, LINEARISATIONS)
     found = fit(model.with_noise(widened_noise(near)), near.beta, linearisations=LINEARISATIONS)
     after = network_of(found, ())
     return Calibration(
@@ -75,28 +85,45 @@ def calibrate(network: Network, tests: Sequence[Test]) -> Calibration:
         mae_before=_mae(network, tests),
         mae_after=_mae(after, tests),
         bias=_biases(found),
+        outliers_s={place: BLOCK_S * int(jumps.sum()) for place, jumps in marked.items()},
+        gain={
+            p.action.channel: float(value)
+            for p, value in zip(found.model.parameters, found.beta, strict=True)
+            if isinstance(p.action, actions.Gain)
+        },
     )
 
 
-def freedom(network: Network, tests: Sequence[Test]) -> tuple[Parameter, ...]:
-    """What a calibration may move: every coefficient, every capacity, then what each test brings along."""
+def freedom(network: Network, tests: Sequence[Test], only: Container[str] | None = None) -> tuple[Parameter, ...]:
+    """What a calibration may move: every coefficient, every capacity, the gain of every meter, then what each test brings along.
+
+    Coefficients and capacities that are not among `only` are held where they are, and stay as uncertain as their priors.
+    """
+
+    def of_motor(name: str, action: actions.Action, sd: float) -> Parameter:
+        bound = BOUND if only is None or name in only else 0.0
+        return Parameter(name, action, sd, low=-bound, high=bound)
+
     laws = zip(_laws(network), terms(network), strict=True)
-    coefficients = (
-        Parameter(name, actions.Scale((i,)), term.sd, low=-BOUND, high=BOUND) for i, (name, term) in enumerate(laws)
-    )
+    coefficients = (of_motor(name, actions.Scale((i,)), term.sd) for i, (name, term) in enumerate(laws))
     capacities = (
-        Parameter(f"capacity.{node.name}.scale", actions.Capacity((i,)), node.sd, low=-BOUND, high=BOUND)
-        for i, node in enumerate(network.nodes)
+        of_motor(f"capacity.{node.name}.scale", actions.Capacity((i,)), node.sd) for i, node in enumerate(network.nodes)
     )
+    gains = {meter.name: meter.gain_sd for test in tests for meter in test.meters if meter.gain_sd}
+    meters = (Parameter(f"meter.{name}.gain", actions.Gain(name), sd) for name, sd in gains.items())
     brought = (p for number, test in enumerate(tests) for p in _of_test(network, test, number))
-    return (*coefficients, *capacities, *brought)
+    return (*coefficients, *capacities, *meters, *brought)
 
 
 def _of_test(network: Network, test: Test, number: int) -> Iterator[Parameter]:
     for i, node in enumerate(network.nodes):
         yield Parameter(f"start.{node.name}", actions.Start(i), float(test.initial_sd[i]), number)
     for channel in test.channels:
-        yield Parameter(f"sensor.{channel.name}.bias", actions.Bias(channel.name), channel.bias_sd, number)
+        if channel.bias_sd:
+            yield Parameter(f"sensor.{channel.name}.bias", actions.Bias(channel.name), channel.bias_sd, number)
+    for meter in test.meters:
+        if meter.bias_sd:
+            yield Parameter(f"meter.{meter.name}.bias", actions.Bias(meter.name), meter.bias_sd, number)
 
 
 def _laws(network: Network) -> tuple[str, ...]:
@@ -128,7 +155,10 @@ def widened_noise(found: Fit) -> dict[str, ChannelNoise]:
 
 
 def _estimates(before: Network, after: Network, found: Fit) -> tuple[Estimate, ...]:
-    old, new = (np.concatenate([p.coefficients, p.capacities]) for p in (parameters(before), parameters(after)))
+    old, new = (
+        np.array([*(term.coefficient for term in terms(n)), *(node.capacity for node in n.nodes)])
+        for n in (before, after)
+    )
     sd = np.sqrt(found.covariance_diagonal)
     return tuple(
         Estimate(
@@ -146,7 +176,12 @@ def _estimates(before: Network, after: Network, found: Fit) -> tuple[Estimate, .
 
 def _mae(network: Network, tests: Sequence[Test]) -> dict[tuple[int, str], float]:
     series = Model(network, tests, ()).residuals(np.zeros(0))
-    return {(one.session, one.channel): float(np.abs(one.y).mean()) for one in series if one.y.size}
+    rows = {(s, meter.name): meter.row for s, test in enumerate(tests) for meter in test.meters}
+    return {
+        (one.session, one.channel): rows.get((one.session, one.channel), 1.0) * float(np.abs(one.y).mean())
+        for one in series
+        if one.y.size
+    }
 
 
 def _biases(found: Fit) -> dict[tuple[int, str], float]:

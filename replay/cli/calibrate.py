@@ -15,6 +15,13 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--level", choices=("testing", "production"), default="testing", help="channels that may be learnt from"
     )
+    parser.add_argument(
+        "--profile",
+        metavar="NAME",
+        nargs="+",
+        default=[],
+        help="parameters, such as loss.magnet.speed2, of which to say what the data alone know (profile likelihood)",
+    )
 
 
 def run(args: argparse.Namespace) -> Answer:
@@ -22,13 +29,14 @@ def run(args: argparse.Namespace) -> Answer:
     from ingest.store import Store
     from replay.engine.models import model_named
     from replay.show.calibration import calibration_text, free, moved
-    from replay.studies.calibrate import calibrate_sessions
+    from replay.studies.calibrate import calibrate_sessions, profiles
 
     with Store.open(store_folder(args), write=True) as store:
         model = model_named(store, args.model)
         known = facts.at(store.ledger)
         sessions = [known.session(text) for text in dict.fromkeys(args.on)]
-        event = calibrate_sessions(store, known, sessions, model, args.level).event
+        result = calibrate_sessions(store, known, sessions, model, args.level)
+        event = result.event
         data = {
             "schema": "whyhot.calibration/1",
             "calibration": event.calibration,
@@ -44,6 +52,7 @@ def run(args: argparse.Namespace) -> Answer:
             "moved": [p["name"] for p in event.parameters if moved(p)],
             "left_free": [p["name"] for p in event.parameters if free(p)],
             "errors": event.errors,
+            "profiles": profiles(result, list(dict.fromkeys(args.profile))),
             "provenance": provenance(store, level=args.level, model=args.model),
         }
     unfinished = (

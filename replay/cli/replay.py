@@ -18,6 +18,12 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "--level", choices=("testing", "production"), default="testing", help="channels that the twin may start from"
     )
     parser.add_argument(
+        "--integrator",
+        choices=("sdirk2", "bdf2"),
+        default="sdirk2",
+        help="bdf2 is the paper's; its distance from sdirk2 is printed (default sdirk2)",
+    )
+    parser.add_argument(
         "--workers", type=_count, default=1, metavar="N", help="processes (default 1); digests do not depend on it"
     )
 
@@ -39,7 +45,8 @@ def run(args: argparse.Namespace) -> Answer:
     with Store.open(store_folder(args), write=True) as store:
         known = facts.at(store.ledger, None)
         sessions = [known.session(text) for text in args.sessions] or list(known.sessions)
-        outcomes = replay_sessions(store, sessions, model_named(store, args.model), args.level, args.workers, tell)
+        model = model_named(store, args.model)
+        outcomes = replay_sessions(store, sessions, model, args.level, args.workers, tell, args.integrator)
         runs = [outcome.run for outcome in outcomes if outcome.run]
         refusals = [outcome.refusal for outcome in outcomes if outcome.refusal]
         data = {

@@ -39,7 +39,7 @@ def write_replay_report(
         raise ReplayDataError(f"no session of this store was replayed{_with(facts, model)}, then report.")
     runs = [load_run(store, facts, _run_of(facts, session, model)) for session in chosen]
     target.parent.mkdir(parents=True, exist_ok=True)
-    write_report(runs, target, _context(store, command))
+    write_report(runs, target, context(store, command))
     return runs
 
 
@@ -115,7 +115,7 @@ def write_diagnosis(
             if outcome.run:
                 runs[outcome.session.session][label] = load_run(store, facts, outcome.run)
     target.parent.mkdir(parents=True, exist_ok=True)
-    write_diagnosis_report(diagnosis, runs, _difference(store, diagnosis), target, _context(store, command))
+    write_diagnosis_report(diagnosis, runs, _difference(store, diagnosis), target, context(store, command))
     return runs
 
 
@@ -129,7 +129,7 @@ def _difference(store: Store, diagnosis: Diagnosis) -> str:
     return "\n".join(text_diff(store.archive.read(old), store.archive.read(new)) for old, new in parts)
 
 
-def _context(store: Store, command: str) -> ReportContext:
+def context(store: Store, command: str) -> ReportContext:
     head = store.ledger.head()
     return ReportContext(
         command=command.strip(),

@@ -106,6 +106,7 @@ def test_many_parameters_that_the_data_leave_free_are_counted_and_not_listed() -
         "converged": True,
         "iterations": 3,
         "errors": [],
+        "profiles": [],
         "model": "a" * 64,
         "parent": "b" * 64,
         "parameters": [parameter | {"name": name} for name in names],
@@ -120,3 +121,23 @@ def test_a_session_that_is_not_there_is_refused_in_one_line(bench: Path, capsys:
     answer = _json(bench, capsys, "calibrate", "--on", "3_lost", code=2)
     assert "session '3_lost': is not in this store." in answer["error"]
     assert "\n" not in answer["error"]
+
+
+def test_a_profile_says_what_the_data_alone_know(bench: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    answer = _json(bench, capsys, "calibrate", "--on", "1_learn", "--profile", "loss.magnet.speed2")
+    (one,) = answer["profiles"]
+    low, high = one["ci95"]
+    assert low < 90.0 < high
+    assert low < one["value"] < high
+    assert min(rise for _, rise in one["course"]) == 0.0
+    text = calibration_text(answer)
+    assert f"loss.magnet.speed2 is {one['value']:.4g} W, 95 %: {low:.4g} to {high:.4g} W, by the data alone" in " ".join(
+        text.split()
+    )
+
+
+def test_a_profile_of_what_is_not_there_is_refused(bench: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    capsys.readouterr()
+    words = ["calibrate", "--on", "1_learn", "--profile", "loss.magnet.speed3", "--store", str(bench / "store")]
+    assert main(words) == 2
+    assert "--profile loss.magnet.speed3: the motor has no such parameter." in capsys.readouterr().err

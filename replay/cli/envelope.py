@@ -1,0 +1,47 @@
+"""`whyhot envelope --on S...`: load over speed that the motor bears for ever and for 10, 30 and 60 s."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from replay.cli.answer import Answer, provenance, store_folder
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--on",
+        metavar="S",
+        nargs="+",
+        required=True,
+        help="ids or names of sessions that show currents over speed and torque",
+    )
+    parser.add_argument(
+        "--model", metavar="M", help="model id, motor name or motor file (default: what the bench file names)"
+    )
+    parser.add_argument(
+        "--level", choices=("testing", "production"), default="testing", help="channels that bands may use"
+    )
+    parser.add_argument(
+        "--out", metavar="FILE.svg", type=Path, help="write the picture to this file, and a .png beside it"
+    )
+
+
+def run(args: argparse.Namespace) -> Answer:
+    from ingest import facts
+    from ingest.store import Store
+    from replay.cli.progress import tell
+    from replay.engine.models import model_named
+    from replay.show.envelope import document, envelope_text, picture
+    from replay.studies.envelope import envelope
+
+    with Store.open(store_folder(args), write=args.model is not None) as store:
+        model = model_named(store, args.model)
+        known = facts.at(store.ledger)
+        sessions = [known.session(text) for text in dict.fromkeys(args.on)]
+        found = envelope(store, known, sessions, model, args.level, tell)
+        data = {**document(found), "provenance": provenance(store, level=args.level, model=args.model)}
+    if args.out:
+        picture(found, args.out)
+    notes = [f"{args.out}   and {args.out.with_suffix('.png').name} beside it"] if args.out else []
+    return Answer(data, envelope_text(found), notes=notes)

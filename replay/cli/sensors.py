@@ -1,0 +1,51 @@
+"""`whyhot sensors --on S...`: what each sensor is worth, and the margin from a vehicle's sensors to the hot spot."""
+
+from __future__ import annotations
+
+import argparse
+
+from replay.cli.answer import Answer, provenance, store_folder
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--on", metavar="S", nargs="+", required=True, help="ids or names of sessions")
+    parser.add_argument(
+        "--model", metavar="M", help="model id, motor name or motor file (default: what the bench file names)"
+    )
+    parser.add_argument(
+        "--vehicle",
+        metavar="CHANNEL",
+        nargs="+",
+        default=[],
+        help="channels that a vehicle has (default: those of level production)",
+    )
+    parser.add_argument(
+        "--risk", type=_share, default=0.01, help="share of the time in which the hot spot may be above (default 0.01)"
+    )
+
+
+def _share(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = 0.0
+    if not 0.0 < value < 0.5:
+        raise argparse.ArgumentTypeError(f"{text} is no share: give a number above 0 and below 0.5, such as 0.01")
+    return value
+
+
+def run(args: argparse.Namespace) -> Answer:
+    from ingest import facts
+    from ingest.store import Store
+    from replay.cli.progress import tell
+    from replay.engine.models import model_named
+    from replay.show.sensors import document, sensors_text
+    from replay.studies.sensors import sensors_worth
+
+    with Store.open(store_folder(args), write=args.model is not None) as store:
+        model = model_named(store, args.model)
+        known = facts.at(store.ledger)
+        sessions = [known.session(text) for text in dict.fromkeys(args.on)]
+        found = sensors_worth(store, known, sessions, model, list(dict.fromkeys(args.vehicle)), args.risk, tell)
+        data = {**document(found), "provenance": provenance(store, model=args.model)}
+    return Answer(data, sensors_text(found))

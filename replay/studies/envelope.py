@@ -1,0 +1,203 @@
+"""Torque over speed that a motor bears for ever and for 10, 30 and 60 s, and how the recorded S1 and S2 sessions ended."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ingest.catalogue.channels import load
+from ingest.events import SessionRecorded
+from ingest.facts import Facts
+from ingest.store import Store
+from replay.engine.configurations import refuse_other_rigs
+from replay.engine.frame import InputFrame, column_name
+from replay.engine.frame_of import session_frame
+from replay.engine.kernel_cache import load_kernel
+from replay.engine.motor_file import read_motor
+from replay.errors import ReplayDataError
+from replay.studies.calibrate import common_model
+from replay.studies.fitting import fitting
+from replay.studies.recorded import test_of
+from twin.calibration import freedom
+from twin.configured import configured
+from twin.envelope import Border, Motor, border, temperatures
+from twin.features import evaluate, monomials, quantity, scale
+from twin.network import Network
+from twin.operating_map import OperatingMap
+from twin.point_choice import information, prior
+
+Floats = NDArray[np.float64]
+Tell = Callable[[str], None]
+
+DURATIONS_S = (math.inf, 60.0, 30.0, 10.0)
+LOADS = {"torque": "torque_Nm", "current": "current_A"}  # the load axis: the first that every session has
+SPEEDS = 10
+AT_LIMIT_K = 3.0  # a session that ended that near the limit ended for it: a thermocouple is not the hot spot
+AT_MOST = 0.97  # of the largest load of all sessions: the inverter's or the battery's limit
+
+
+@dataclass(frozen=True)
+class Ended:
+    """How an S1 or S2 session ended: the limited node that was measured nearest to its limit, how hot; mean `speed_rpm` and largest
+    `load` of the minute before that moment; `reason`: "temperature", "load limit" or "time"."""
+
+    session: SessionRecorded
+    speed_rpm: float
+    load: float
+    node: str | None
+    hottest_degC: float | None
+    reason: str
+
+
+@dataclass(frozen=True)
+class Envelope:
+    """`borders` [speed][duration] over `speeds_rpm` and `DURATIONS_S`, in the unit of `load_column`; `boundaries` as they are held
+    [degC]; `start_degC` the hottest node at the start, at rest in equilibrium with them; `fitted`: the model was made from another one,
+    so that bands are as wide as the sessions leave its parameters unknown, else as wide as its file's `sd`."""
+
+    network: Network
+    model: str
+    load_column: str
+    speeds_rpm: tuple[float, ...]
+    borders: tuple[tuple[Border, ...], ...]
+    boundaries: dict[str, float]
+    start_degC: float
+    fitted: bool
+    ended: tuple[Ended, ...]
+    sessions: tuple[SessionRecorded, ...]
+
+
+def envelope(
+    store: Store, facts: Facts, sessions: Sequence[SessionRecorded], model: str | None, level: str, tell: Tell
+) -> Envelope:
+    """Currents and all other inputs at a torque and speed are as the sessions show them, bands as `Envelope.fitted` says.
+
+    Raises ReplayDataError where no node of the motor has a limit, or the sessions know no speed or load.
+    """
+    if not sessions:
+        raise ReplayDataError("no session to take operating points from: name some with --on.")
+    refuse_other_rigs(sessions)
+    model = model or common_model(facts, sessions)
+    network = configured(read_motor(store.archive.read(model), facts.models[model].file), None)
+    limits = np.array([math.nan if n.limit_degC is None else n.limit_degC for n in network.nodes])
+    if np.isnan(limits).all():
+        raise ReplayDataError(
+            f"no node of {network.name} has a limit: say limit_degC = 180.0 or so for its windings and magnets in the motor file."
+        )
+    tell("reading the sessions")
+    channels = [load(store, facts, session) for session in sessions]
+    frames = [session_frame(s, c, network) for s, c in zip(sessions, channels, strict=True)]
+    column = load_column(frames)
+    points, rest = operating_map(network, frames, column), _at_rest(network, frames)
+    fitted = facts.models[model].parent is not None
+    with fitting(f"envelope of {network.name}"):
+        tell("weighing what the sessions know of the motor")
+        precision = prior(freedom(network, ()))
+        if fitted:
+            for session in sessions:
+                test = test_of(store, facts, session, network, (), level)
+                precision = precision + information(network, test, {})
+        boundaries = np.concatenate([frame.boundaries for frame in frames]).mean(axis=0)
+        covariance = np.asarray(np.linalg.inv(precision), dtype=np.float64)
+        motor = Motor(load_kernel(network), limits, boundaries, covariance)
+        start = temperatures(motor, rest, np.full(len(limits), boundaries.mean()), math.inf)
+        if not np.isfinite(start).all():
+            raise ReplayDataError(
+                f"{network.name} has no steady state at rest: `whyhot motor check` says which node has no way out."
+            )
+        speeds = np.linspace(0.0, points.top_speed, SPEEDS + 1)[1:]
+        borders = []
+        for speed in speeds.tolist():
+            tell(f"{speed:,.0f} rpm")
+            most = points.most_load(speed)
+            drive = _drive(network, points, speed)
+            borders.append(tuple(border(motor, drive, start, s, most) for s in DURATIONS_S) if most > 0 else ())
+    there = [i for i, of_speed in enumerate(borders) if of_speed]
+    return Envelope(
+        network=network,
+        model=model,
+        load_column=column,
+        speeds_rpm=tuple(float(speeds[i]) for i in there),
+        borders=tuple(borders[i] for i in there),
+        boundaries=dict(zip((b.name for b in network.boundaries), map(float, boundaries), strict=True)),
+        start_degC=float(start.max()),
+        fitted=fitted,
+        ended=tuple(_ended(network, sessions, frames, column)),
+        sessions=tuple(sessions),
+    )
+
+
+def load_column(frames: Sequence[InputFrame]) -> str:
+    """Raises ReplayDataError where the sessions do not share a speed and a load."""
+    for name in LOADS.values():
+        if all({"speed_rpm", name} <= frame.inputs.keys() for frame in frames):
+            return name
+    raise ReplayDataError(
+        "the sessions have no speed and torque (or current) in common: there is nothing to draw a curve over."
+    )
+
+
+def operating_map(network: Network, frames: Sequence[InputFrame], column: str) -> OperatingMap:
+    """Every feature of the network's laws over speed and load."""
+    needed = sorted({feature for m in monomials(network) for feature in m.features})
+    columns = {feature: column_name(feature, quantity(feature) or feature) for feature in needed}
+    for feature, name in columns.items():
+        if not all(name in frame.inputs for frame in frames):
+            raise ReplayDataError(f"{feature} is not an input of every session: no curve can be drawn with it.")
+    joined = {f: np.abs(_joined(frames, name)) / scale(network, f) for f, name in columns.items()}
+    return OperatingMap(np.abs(_joined(frames, "speed_rpm")), np.abs(_joined(frames, column)), joined)
+
+
+def _joined(frames: Sequence[InputFrame], name: str) -> Floats:
+    return np.concatenate([frame.inputs[name] for frame in frames])
+
+
+def _drive(network: Network, points: OperatingMap, speed: float) -> Callable[[float], Floats]:
+    """Load -> features at a speed."""
+
+    def features(load: float) -> Floats:
+        values = {name: np.array([value]) for name, value in points.inputs(speed, load).items()}
+        found: Floats = evaluate(monomials(network), values, 1)[0]
+        return found
+
+    return features
+
+
+def _at_rest(network: Network, frames: Sequence[InputFrame]) -> Floats:
+    """Features of a motor that stands still without current, its flows as usual."""
+    needed = {feature for m in monomials(network) for feature in m.features}
+    flows = {f: column_name(f, "flow") for f in needed if f.startswith("flow")}
+    usual = {f: np.array([float(np.nanmedian(_joined(frames, name))) / scale(network, f)]) for f, name in flows.items()}
+    found: Floats = evaluate(monomials(network), {f: np.zeros(1) for f in needed} | usual, 1)[0]
+    return found
+
+
+def _ended(
+    network: Network,
+    sessions: Sequence[SessionRecorded],
+    frames: Sequence[InputFrame],
+    column: str,
+) -> list[Ended]:
+    most = max(float(np.nanmax(np.abs(frame.inputs[column]))) for frame in frames)
+    limits = {node.name: node.limit_degC for node in network.nodes if node.limit_degC is not None}
+    found = []
+    for session, frame in zip(sessions, frames, strict=True):
+        if session.kind not in ("s1", "s2"):
+            continue
+        hottest = [
+            (float(np.nanmax(o.measured)) - limits[o.label], o.label, int(np.nanargmax(o.measured)))
+            for o in frame.observations
+            if o.label in limits and np.isfinite(o.measured).any()
+        ]
+        over, node, end = max(hottest, default=(-math.inf, None, len(frame.features) - 1))
+        last = slice(max(0, end - round(60.0 / frame.step_s)), end + 1)
+        load = float(np.nanmax(np.abs(frame.inputs[column][last])))
+        hot = None if node is None else over + limits[node]
+        reason = "temperature" if over >= -AT_LIMIT_K else "load limit" if load >= AT_MOST * most else "time"
+        speed = float(np.nanmean(np.abs(frame.inputs["speed_rpm"][last])))
+        found.append(Ended(session, speed, load, node, hot, reason))
+    return found

@@ -1,0 +1,167 @@
+"""The paper's protocol over stored sessions: influence on drive cycles, fit on S1 and S2, check and filter on drive cycles.
+
+The template is checked, every coefficient and capacity is weighed by what it moves on the drive cycles, the most influential
+ones are fitted to the S1 and S2 points, and the drive cycles, from which nothing was learnt, are replayed with the model
+before and after, the filter beside it (sections 3.1 and 4.2 of the paper). Which points taught most, and which to
+run next, is asked of the fitted model.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ingest.events import SessionRecorded
+from ingest.facts import Facts
+from ingest.store import Store
+from replay.engine.campaign import replay_sessions
+from replay.engine.configurations import refuse_other_rigs
+from replay.engine.motor_file import read_motor
+from replay.errors import ReplayDataError
+from replay.studies.calibrate import CalibrationResult, calibrate_sessions, common_model
+from replay.studies.fitting import fitting
+from replay.studies.recorded import test_of
+from twin.calibration import freedom
+from twin.configured import configured
+from twin.influence import Influence, influence
+from twin.model import Test
+from twin.network import Network
+from twin.next_tests import as_test, menu
+from twin.noise import ChannelNoise
+from twin.point_choice import Choice, gain_nats, in_order, information, known_K, prior
+
+POINTS, DRIVES = ("s1", "s2"), ("wltp", "drive")  # kinds that are learnt from, and that the model is checked on
+MOVES_K = 0.1  # what one prior sd of a parameter must move at some node on the drive cycles: below, no sensor sees it
+PROPOSED = 3
+
+Floats = NDArray[np.float64]
+Tell = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """A test that was not run: in words, what it adds to all that were [nats], and its length [h]."""
+
+    words: str
+    gain: float
+    hours: float
+
+
+@dataclass(frozen=True)
+class Protocol:
+    """`fitted`: names of the parameters that moved; `choices`: of `points`, in the order in which they teach; `unknown_K` (n,): what
+    the parameters leave unknown of each node on the drives before anything is learnt; `before`, `after`: summaries of the
+    drives' replays with the parent and with the fitted model."""
+
+    network: Network
+    points: tuple[SessionRecorded, ...]
+    drives: tuple[SessionRecorded, ...]
+    influence: Influence
+    fitted: tuple[str, ...]
+    calibration: CalibrationResult
+    choices: tuple[Choice, ...]
+    unknown_K: tuple[float, ...]
+    proposals: tuple[Proposal, ...]
+    before: tuple[Mapping[str, Any], ...]
+    after: tuple[Mapping[str, Any], ...]
+
+
+def run_protocol(
+    store: Store, facts: Facts, sessions: Sequence[SessionRecorded], model: str | None, level: str, tell: Tell
+) -> Protocol:
+    """Run it. The fitted model is published as `calibrate` does, the replays are facts as those of `replay`.
+
+    Raises ReplayDataError where there is no S1 or S2 session, no drive cycle, or a session lacks what the model needs.
+    """
+    refuse_other_rigs(sessions)
+    points, drives = by_kind(sessions)
+    parent = model or common_model(facts, [*points, *drives])
+    network = configured(read_motor(store.archive.read(parent), facts.models[parent].file), None)
+    tell("reading the sessions")
+    of_points, of_drives = (
+        [test_of(store, facts, session, network, (), level) for session in some] for some in (points, drives)
+    )
+    with fitting(f"protocol of {network.name}"):
+        tell("weighing the parameters on the drive cycles")
+        weighed = influence(network, of_drives)
+        by_influence = weighed.order(range(len(network.nodes)))
+        names = [weighed.parameters[i].name for i in by_influence if weighed.per_sd_K[i].max() >= MOVES_K]
+        if not names:
+            raise ReplayDataError(
+                f"nothing in {network.name} moves a node by {MOVES_K} K on {_named(drives)}: there is nothing to fit."
+            )
+        tell(f"fitting {len(names)} of {len(weighed.parameters)} parameters to {_named(points)}")
+        calibration = calibrate_sessions(store, facts, points, parent, level, names)
+        tell("weighing the points")
+        fitted = calibration.calibration
+        noise = fitted.fit.model.noise
+        after_fit = influence(fitted.network, of_drives)
+        taught = [information(fitted.network, test, noise) for test in of_points]
+        choices = in_order(taught, after_fit)
+        proposals = _proposals(fitted.network, of_points, noise, np.sum(taught, axis=0))
+        unknown_K = known_K(prior(after_fit.parameters), after_fit)
+    replays = [_replayed(store, drives, one, level, tell) for one in (parent, calibration.event.model)]
+    return Protocol(
+        network=network,
+        points=points,
+        drives=drives,
+        influence=weighed,
+        fitted=tuple(names),
+        calibration=calibration,
+        choices=tuple(choices),
+        unknown_K=tuple(float(value) for value in unknown_K),
+        proposals=proposals,
+        before=replays[0],
+        after=replays[1],
+    )
+
+
+def by_kind(sessions: Sequence[SessionRecorded]) -> tuple[tuple[SessionRecorded, ...], tuple[SessionRecorded, ...]]:
+    """Those to learn from and those to check on. Raises ReplayDataError where either is missing, or a session is neither."""
+    points, drives = (tuple(s for s in sessions if s.kind in kinds) for kinds in (POINTS, DRIVES))
+    if other := [s for s in sessions if s not in points and s not in drives]:
+        raise ReplayDataError(
+            f"{_named(other)}: of kind {other[0].kind}: the protocol learns from S1 and S2 and checks on drive cycles. "
+            "Leave it out, or say its kind with `kind = ...` in the bench file."
+        )
+    for found, kind, why in ((points, "S1 or S2 session", "to fit to"), (drives, "drive cycle", "to check on")):
+        if not found:
+            raise ReplayDataError(
+                f"no {kind} among those named: add one {why} with --on. `whyhot sessions` lists kinds."
+            )
+    return points, drives
+
+
+def of_interest(network: Network) -> list[int]:
+    """The nodes that a motor's limits are about: windings and magnets; all where there are none."""
+    found = [i for i, node in enumerate(network.nodes) if node.region in ("copper", "magnet")]
+    return found or list(range(len(network.nodes)))
+
+
+def _proposals(
+    network: Network, tests: Sequence[Test], noise: Mapping[str, ChannelNoise], taught: Floats
+) -> tuple[Proposal, ...]:
+    """The tests of the menu that add most an hour to what the recorded ones taught."""
+    before, found = prior(freedom(network, ())) + taught, []
+    for proposed in menu(network, tests):
+        test = as_test(network, tests, proposed)
+        gain = gain_nats(before, information(network, test, noise))
+        found.append(Proposal(proposed.words, gain, len(proposed.speed) * test.frame.step_s / 3600))
+    return tuple(sorted(found, key=lambda p: -p.gain / p.hours)[:PROPOSED])
+
+
+def _replayed(
+    store: Store, drives: Sequence[SessionRecorded], model: str, level: str, tell: Tell
+) -> tuple[Mapping[str, Any], ...]:
+    outcomes = replay_sessions(store, drives, model, level, 1, tell)
+    if refusals := [outcome.refusal for outcome in outcomes if outcome.refusal]:
+        raise ReplayDataError(refusals[0])
+    return tuple(outcome.run.summary for outcome in outcomes if outcome.run)
+
+
+def _named(sessions: Sequence[SessionRecorded]) -> str:
+    return ", ".join(session.name for session in sessions)

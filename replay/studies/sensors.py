@@ -1,0 +1,292 @@
+"""What each sensor is worth: withheld in turn and estimated from the others; and the margin from a vehicle's sensors to the hot spot.
+
+A filter as it would run in a vehicle (readings so far) estimates what the withheld channel shows. The hot spot itself is taken
+from the smoother with every channel, its uncertainty included.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+from scipy.stats import norm
+
+from ingest.catalogue.channels import load
+from ingest.events import SessionRecorded
+from ingest.facts import Facts
+from ingest.store import Store
+from replay.engine.configurations import network_of
+from replay.engine.filtered import HEAT_SHARE, HEAT_WALK_SHARE, LEAST_LOSS_W, mean_losses, reading_of, uncertain_node
+from replay.engine.frame import InputFrame, Observation
+from replay.engine.frame_of import session_frame
+from replay.engine.hot_spots import nodes_of
+from replay.engine.kernel_cache import load_kernel
+from replay.engine.models import model_of
+from replay.engine.open_loop import initial_temperatures, modelled
+from replay.errors import ReplayDataError
+from replay.studies.fitting import fitting
+from twin.ekf import at_their_pace, filter_unknowns
+from twin.filter_inputs import Start
+from twin.network import Network
+from twin.simulate import Frame, simulate
+from twin.smoother import smoothed
+from twin.unknowns import UnknownHeat
+
+Floats = NDArray[np.float64]
+Tell = Callable[[str], None]
+
+SETTLE_S = 300.0  # of a session: what the start was wrong by is no sensor's worth
+Z95 = 1.96
+TOLERATED_K = 2.0  # mean error up to which a sensor is done without
+
+
+@dataclass(frozen=True)
+class Withheld:
+    """A channel estimated without its own readings, over all sessions. `mae_K`, `max_K` of the filter from the `others`, `open_loop_K` mean
+    error of the model alone; `band_K` half width of the 95 % band (mean), `covered` the share of readings within it."""
+
+    channel: str
+    node: str
+    mae_K: float
+    max_K: float
+    open_loop_K: float
+    band_K: float
+    covered: float
+
+
+@dataclass(frozen=True)
+class Left:
+    """One step of doing without: the channel that is missed least of those left, and then the largest mean error [K] of any channel
+    that is done without."""
+
+    channel: str
+    worst_mae_K: float
+
+
+@dataclass(frozen=True)
+class Margin:
+    """From a vehicle's channels to the hottest winding: how much must be left to the limit so that the hot spot passes it in no more than
+    `risk` of the time. `from_sensor_K` above the hottest reading, `from_filter_K` above what a filter makes of them."""
+
+    channels: tuple[str, ...]
+    risk: float
+    from_sensor_K: float
+    from_filter_K: float
+    hottest: str
+
+
+@dataclass(frozen=True)
+class Worth:
+    """`withheld` by channel, `order`: in which they are done without, least missed first; `margin` None without a vehicle's channel."""
+
+    network: Network
+    model: str
+    sessions: tuple[SessionRecorded, ...]
+    node: str
+    withheld: tuple[Withheld, ...]
+    order: tuple[Left, ...]
+    margin: Margin | None
+
+
+@dataclass(frozen=True)
+class _Recorded:
+    """A session as the filters take it."""
+
+    network: Network
+    frame: InputFrame
+    inputs: Frame
+    heat: UnknownHeat
+    open_loop: Floats
+
+    @property
+    def nodes(self) -> tuple[str, ...]:
+        return tuple(node.name for node in self.network.nodes)
+
+    def observation(self, channel: str) -> Observation | None:
+        return next((o for o in self.frame.observations if o.channel == channel), None)
+
+    def start(self, seen: Sequence[Observation]) -> Start:
+        return Start(*initial_temperatures(self.network, replace(self.frame, observations=tuple(seen)), "testing"))
+
+
+def sensors_worth(
+    store: Store,
+    facts: Facts,
+    sessions: Sequence[SessionRecorded],
+    model: str | None,
+    vehicle: Sequence[str],
+    risk: float,
+    tell: Tell,
+) -> Worth:
+    """`vehicle`: channels that a vehicle has; those of level production where none are named.
+
+    Raises ReplayDataError where under two channels observe nodes, or a named channel is not there.
+    """
+    if not sessions:
+        raise ReplayDataError("no session to weigh sensors on: name some with --on. `whyhot sessions` lists them.")
+    models = {model or model_of(facts, session) for session in sessions}
+    if len(models) > 1:
+        raise ReplayDataError("the sessions' bench files name different motor files: say which one with --model.")
+    (model,) = models
+    recorded = []
+    with fitting("weighing sensors"):
+        for session in sessions:
+            tell(f"reading {session.name}")
+            recorded.append(_recorded(store, facts, session, model))
+        channels = sorted({o.channel for one in recorded for o in one.frame.observations})
+        if len(channels) < 2:
+            raise ReplayDataError(
+                "fewer than two channels observe nodes of the motor: there is nothing to estimate one from."
+            )
+        own = tuple(vehicle) or tuple(
+            sorted({o.channel for one in recorded for o in one.frame.observations if o.level == "production"})
+        )
+        if unknown := [name for name in own if name not in channels]:
+            raise ReplayDataError(
+                f'no channel "{unknown[0]}" observes a node in these sessions: name one of {", ".join(channels)}.'
+            )
+        withheld = []
+        for channel in channels:
+            tell(f"without {channel}")
+            withheld.append(_withheld(recorded, channel, [c for c in channels if c != channel]))
+        tell("doing without one after the other")
+        order = _order(recorded, channels, {one.channel: one.mae_K for one in withheld})
+        tell("the margin to the hot spot")
+        margin = _margin(recorded, own, risk) if own else None
+    return Worth(
+        recorded[0].network, model, tuple(sessions), recorded[0].heat.node, tuple(withheld), tuple(order), margin
+    )
+
+
+def _recorded(store: Store, facts: Facts, session: SessionRecorded, model: str) -> _Recorded:
+    network = network_of(store, facts, session, model)
+    frame = session_frame(session, load(store, facts, session), network)
+    inputs = Frame(frame.step_s, frame.features, frame.boundaries)
+    temperatures, sd = initial_temperatures(network, frame, "testing")
+    open_loop = simulate(load_kernel(network), inputs, temperatures)
+    losses = mean_losses(network, inputs, open_loop)
+    loss_W = max(sum(losses.values()), LEAST_LOSS_W)
+    node = uncertain_node(network, losses) or max(losses, key=lambda name: losses[name])
+    heat = UnknownHeat(node, HEAT_SHARE * loss_W, HEAT_WALK_SHARE * loss_W)
+    readings = [reading_of(o, frame) for o in frame.observations]
+    (paced,) = at_their_pace(network, inputs, Start(temperatures, sd), [heat], readings)
+    return _Recorded(network, frame, inputs, paced, open_loop)
+
+
+def _filtered(one: _Recorded, seen: Sequence[str]) -> tuple[Floats, Floats]:
+    """Temperatures and their sd (N + 1, n) from some channels' readings so far."""
+    observations = [o for o in one.frame.observations if o.channel in seen]
+    readings = [reading_of(o, one.frame) for o in observations]
+    found = filter_unknowns(one.network, one.inputs, one.start(observations), [one.heat], readings)
+    return found.temperatures, found.temperatures_sd
+
+
+def _errors(one: _Recorded, channel: str, temperatures: Floats) -> tuple[Floats, NDArray[np.bool_]]:
+    """Measured less estimated (N,) [K] of a channel, and where it counts."""
+    o = one.observation(channel)
+    if o is None:
+        steps = len(one.inputs.features)
+        return np.zeros(steps), np.zeros(steps, dtype=np.bool_)
+    after = np.arange(len(o.measured)) * one.frame.step_s >= SETTLE_S
+    return o.measured - modelled(o, one.frame, temperatures, one.nodes), o.good & one.frame.live & after
+
+
+def _withheld(recorded: Sequence[_Recorded], channel: str, others: Sequence[str]) -> Withheld:
+    errors, alone, bands = [], [], []
+    label = ""
+    for one in recorded:
+        o = one.observation(channel)
+        if o is None:
+            continue
+        label = o.label
+        temperatures, sd = _filtered(one, others)
+        error, use = _errors(one, channel, temperatures)
+        weights = np.array([o.weights.get(node, 0.0) for node in one.nodes])
+        own = sd[1:] @ weights  # as if all nodes of a mixture were off together
+        errors.append(error[use])
+        alone.append(_errors(one, channel, one.open_loop)[0][use])
+        bands.append(Z95 * np.sqrt(own[use] ** 2 + o.noise**2 + o.bias_sd**2))
+    error, band = np.abs(np.concatenate(errors)), np.concatenate(bands)
+    if not error.size:
+        raise ReplayDataError(f'channel "{channel}" has no usable sample after the first {SETTLE_S / 60:.0f} min.')
+    return Withheld(
+        channel=channel,
+        node=label,
+        mae_K=float(error.mean()),
+        max_K=float(error.max()),
+        open_loop_K=float(np.abs(np.concatenate(alone)).mean()),
+        band_K=float(band.mean()),
+        covered=float((error <= band).mean()),
+    )
+
+
+def _order(recorded: Sequence[_Recorded], channels: Sequence[str], first: dict[str, float]) -> list[Left]:
+    """Greedily: at each step the channel without which the worst estimate of all that are done without stays smallest."""
+    left, gone, found = list(channels), list[str](), list[Left]()
+    while len(left) > 1:
+        tried = {c: first[c] if not gone else _worst(recorded, [x for x in left if x != c], [*gone, c]) for c in left}
+        best = min(tried, key=lambda c: tried[c])
+        left.remove(best)
+        gone.append(best)
+        found.append(Left(best, tried[best]))
+    return found
+
+
+def _worst(recorded: Sequence[_Recorded], seen: Sequence[str], gone: Sequence[str]) -> float:
+    """The largest mean error of the channels that are gone, over all sessions [K]."""
+    parts: dict[str, list[Floats]] = {channel: [] for channel in gone}
+    for one in recorded:
+        temperatures, _ = _filtered(one, seen)
+        for channel in gone:
+            error, use = _errors(one, channel, temperatures)
+            parts[channel].append(np.abs(error[use]))
+    return max(float(np.concatenate(errors).mean()) for errors in parts.values())
+
+
+def _margin(recorded: Sequence[_Recorded], vehicle: Sequence[str], risk: float) -> Margin:
+    """The hot spot is the hottest winding node of the smoother with every channel, normal about it."""
+    above_sensor, above_filter, spread, hottest = [], [], [], dict[str, int]()
+    for one in recorded:
+        winding = nodes_of("winding", one.network)
+        seen = [o for o in one.frame.observations if o.channel in vehicle]
+        if not winding or not seen:
+            continue
+        readings = [reading_of(o, one.frame) for o in one.frame.observations]
+        every = smoothed(one.network, one.inputs, one.start(one.frame.observations), [one.heat], readings)
+        at = np.argmax(every.temperatures[1:, winding], axis=1)
+        rows = np.arange(len(at))
+        hot, sd = every.temperatures[1:, winding][rows, at], every.temperatures_sd[1:, winding][rows, at]
+        shown = np.nanmax(np.where([o.good for o in seen], [o.measured for o in seen], np.nan), axis=0, initial=-np.inf)
+        estimated = _filtered(one, vehicle)[0][1:, winding].max(axis=1)
+        use = np.isfinite(shown) & one.frame.live & (rows * one.frame.step_s >= SETTLE_S)
+        above_sensor.append(hot[use] - shown[use])
+        above_filter.append(hot[use] - estimated[use])
+        spread.append(sd[use])
+        for place, count in zip(*np.unique(at[use], return_counts=True), strict=True):
+            name = one.nodes[winding[int(place)]]
+            hottest[name] = hottest.get(name, 0) + int(count)
+    if not hottest:
+        raise ReplayDataError(
+            "no session has a winding node and a channel of the vehicle: there is no hot spot to keep away from."
+        )
+    sd = np.concatenate(spread)
+    return Margin(
+        channels=tuple(vehicle),
+        risk=risk,
+        from_sensor_K=exceeded_by(np.concatenate(above_sensor), sd, risk),
+        from_filter_K=exceeded_by(np.concatenate(above_filter), sd, risk),
+        hottest=max(hottest, key=lambda name: hottest[name]),
+    )
+
+
+def exceeded_by(mean: Floats, sd: Floats, risk: float) -> float:
+    """The m that normals of `mean` and `sd` (N,) [K] exceed with the probability `risk`, all equally likely."""
+
+    def beyond(m: float) -> float:
+        return float(norm.sf(m, mean, sd).mean()) - risk
+
+    reach = 12 * float(sd.max())
+    return float(brentq(beyond, float(mean.min()) - reach, float(mean.max()) + reach))

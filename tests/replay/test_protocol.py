@@ -1,0 +1,139 @@
+"""`whyhot protocol` on logs of a bench whose truth is integrated by scipy: its magnets lose three times what the file says."""
+
+from __future__ import annotations
+
+import json
+import math
+import shutil
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import can_bench
+import pytest
+
+from ingest import facts
+from ingest.store import Store
+from replay.cli import main
+
+FILES = {"1_point": ("s1", 900, 1), "2_pulses": ("s2", 600, 2), "3_drive": ("wltp", 600, 3)}  # kind, seconds, seed
+
+
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("protocol")
+    can_bench.write_files(folder)
+    for day, (name, (kind, seconds, seed)) in enumerate(FILES.items()):
+        log = folder / f"{name}.blf"
+        can_bench.write_log(log, seconds, seed, can_bench.START + day * 86_400, magnet_loss=90.0)
+        words = ["--bench", str(folder / "bench.toml"), "--dbc", str(folder / "bench.dbc"), "--kind", kind]
+        assert main(["ingest", str(log), *words, "--store", str(folder / "store")]) == 0
+    return folder
+
+
+@pytest.fixture(scope="module")
+def answer(bench: Path) -> Mapping[str, Any]:
+    target = bench / "answer.json"
+    words = ["--on", *FILES, "--report", str(bench / "report.html"), "--store", str(bench / "store")]
+    assert main(["protocol", *words, "--json", str(target)]) == 0
+    found: dict[str, Any] = json.loads(target.read_text(encoding="utf-8"))
+    return found
+
+
+def test_points_are_learnt_from_and_drive_cycles_checked(answer: Mapping[str, Any]) -> None:
+    assert answer["schema"] == "whyhot.protocol/1"
+    assert [one["name"] for one in answer["points"]] == ["1_point", "2_pulses"]
+    assert [one["name"] for one in answer["drives"]] == ["3_drive"]
+    assert answer["converged"] is True
+
+
+def test_what_the_magnets_lose_is_influential_and_found(answer: Mapping[str, Any]) -> None:
+    magnet = next(one for one in answer["influence"] if one["name"] == "loss.magnet.speed2")
+    assert magnet["fitted"]
+    assert magnet["per_prior_sd_K"]["magnet"] == max(magnet["per_prior_sd_K"].values())
+    assert abs(math.log(magnet["value"] / 90.0)) < 3 * magnet["sd"]
+    assert next(iter(answer["influence"]))["fitted"]
+
+
+def test_what_moves_nothing_on_the_drive_stays_as_the_file_says(answer: Mapping[str, Any]) -> None:
+    for one in answer["influence"]:
+        assert one["fitted"] == (max(one["per_prior_sd_K"].values()) >= 0.1)
+        if not one["fitted"]:
+            assert one["value"] == one["before"]
+
+
+def test_the_drive_is_predicted_better_without_being_learnt_from(answer: Mapping[str, Any]) -> None:
+    (checked,) = answer["checked"]
+    assert checked["before_mae_K"]["magnet"] > 1.0
+    assert checked["after_mae_K"]["magnet"] < 0.3
+    assert checked["filtered"]["node"] == "magnet"
+
+
+def test_every_point_leaves_less_unknown_and_the_next_ones_are_proposed(answer: Mapping[str, Any]) -> None:
+    course = [answer["unknown_before_K"], *(one["unknown_after_K"] for one in answer["choice"])]
+    assert sorted(one["name"] for one in answer["choice"]) == ["1_point", "2_pulses"]
+    for node in answer["unknown_before_K"]:
+        assert course[0][node] > course[1][node] > course[2][node] > 0
+    gains = [one["gain_nats"] for one in answer["choice"]]
+    assert gains == sorted(gains, reverse=True)
+    rates = [one["gain_nats"] / one["hours"] for one in answer["proposed"]]
+    assert rates == sorted(rates, reverse=True)
+    assert rates[0] > 0
+
+
+def test_the_report_asks_for_nothing_and_shows_every_part(bench: Path, answer: Mapping[str, Any]) -> None:
+    page = (bench / "report.html").read_text(encoding="utf-8")
+    assert "http://" not in page.replace("http://www.w3.org", "")
+    assert "https://" not in page
+    for heading in (
+        "What each parameter moves",
+        "What each point teaches",
+        "Check on drive cycles",
+        "Fitted parameters",
+    ):
+        assert f"<h2>{heading}</h2>" in page
+    assert answer["model"][:12] in page
+    assert page.count("<svg") >= 4
+
+
+def test_text_says_the_gain_and_the_next_point(bench: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Asked again: no fact is added, and the model is the same one."""
+    store = bench / "store"
+    with Store.open(store) as opened:
+        before = opened.ledger.head().position
+    capsys.readouterr()
+    assert main(["protocol", "--on", *FILES, "--store", str(store)]) == 0
+    text = capsys.readouterr().out
+    assert "Fitted to 1_point and 2_pulses, servo-5kW is 0." in text
+    assert "Next point" in text
+    assert max(map(len, text.splitlines())) <= 110
+    with Store.open(store) as opened:
+        assert opened.ledger.head().position == before
+
+
+def test_the_fitted_model_is_published_with_its_parent(bench: Path, answer: Mapping[str, Any]) -> None:
+    with Store.open(bench / "store") as store:
+        models = facts.at(store.ledger).models
+    assert models[answer["model"]].parent == answer["parent"]
+
+
+@pytest.mark.parametrize(
+    ("named", "says"),
+    [
+        (["1_point", "2_pulses"], "no drive cycle among those named: add one to check on with --on."),
+        (["3_drive"], "no S1 or S2 session among those named: add one to fit to with --on."),
+    ],
+)
+def test_what_is_missing_is_said(bench: Path, capsys: pytest.CaptureFixture[str], named: list[str], says: str) -> None:
+    assert main(["protocol", "--on", *named, "--store", str(bench / "store")]) == 2
+    assert says in capsys.readouterr().err
+
+
+def test_a_session_of_another_kind_is_refused(bench: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    store = tmp_path / "store"
+    shutil.copytree(bench / "store", store)
+    can_bench.write_log(tmp_path / "4_other.blf", 300, 4, can_bench.START + 9 * 86_400)
+    words = ["--bench", str(bench / "bench.toml"), "--dbc", str(bench / "bench.dbc"), "--kind", "other"]
+    assert main(["ingest", str(tmp_path / "4_other.blf"), *words, "--store", str(store)]) == 0
+    assert main(["protocol", "--on", *FILES, "4_other", "--store", str(store)]) == 2
+    assert "4_other: of kind other: the protocol learns from S1 and S2" in capsys.readouterr().err

@@ -1,0 +1,117 @@
+"""`whyhot sensors` on logs of a bench whose truth is known, and its margin against normals written out."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import can_bench
+import numpy as np
+import pytest
+from scipy.stats import norm
+
+from replay.cli import main
+from replay.studies.sensors import exceeded_by
+
+
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("sensors")
+    can_bench.write_files(folder)
+    for seed in (1, 2):
+        can_bench.write_log(folder / f"{seed}_drive.blf", 900, seed, can_bench.START + seed * 86_400, magnet_loss=90.0)
+    logs = [str(folder / f"{seed}_drive.blf") for seed in (1, 2)]
+    words = ["ingest", *logs, "--bench", str(folder / "bench.toml"), "--dbc", str(folder / "bench.dbc")]
+    assert main([*words, "--store", str(folder / "store")]) == 0
+    return folder
+
+
+def _asked(bench: Path, *words: str) -> dict[str, Any]:
+    target = bench / "answer.json"
+    command = ["sensors", "--on", "1_drive", "2_drive", *words, "--store", str(bench / "store"), "--json", str(target)]
+    assert main(command) == 0
+    found: dict[str, Any] = json.loads(target.read_text(encoding="utf-8"))
+    return found
+
+
+@pytest.fixture(scope="module")
+def answer(bench: Path) -> Mapping[str, Any]:
+    return _asked(bench)
+
+
+def _by_node(answer: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+    return {one["node"]: one for one in answer["withheld"]}
+
+
+def test_every_channel_is_withheld_once(answer: Mapping[str, Any]) -> None:
+    assert answer["schema"] == "whyhot.sensors/1"
+    assert sorted(_by_node(answer)) == ["magnet", "winding", "yoke"]
+    for one in answer["withheld"]:
+        assert 0 < one["mae_K"] <= one["max_K"]
+        assert one["band_K"] > 0
+        assert 0 <= one["covered"] <= 1
+
+
+def test_the_magnet_whose_loss_is_wrong_is_missed_most(answer: Mapping[str, Any]) -> None:
+    """Three times the loss that the file says, and nothing between it and the yoke that would tell a filter."""
+    found = _by_node(answer)
+    assert found["magnet"]["open_loop_K"] > 1.0
+    assert found["magnet"]["mae_K"] == max(one["mae_K"] for one in found.values())
+
+
+def test_one_after_the_other_is_done_without_least_missed_first(answer: Mapping[str, Any]) -> None:
+    order = [one["channel"] for one in answer["done_without"]]
+    assert len(order) == len(set(order)) == len(answer["withheld"]) - 1
+    first = answer["done_without"][0]
+    least = min(answer["withheld"], key=lambda one: one["mae_K"])
+    assert (first["channel"], first["worst_mae_K"]) == (least["channel"], least["mae_K"])
+    good = [one["channel"] for one in answer["done_without"] if one["worst_mae_K"] <= 2.0]
+    assert answer["dispensable"] == good[: len(answer["dispensable"])]
+
+
+def test_without_a_vehicle_s_channel_there_is_no_margin(bench: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    capsys.readouterr()
+    assert main(["sensors", "--on", "1_drive", "--store", str(bench / "store")]) == 0
+    assert "say which a vehicle has with --vehicle CHANNEL" in " ".join(capsys.readouterr().out.split())
+
+
+def test_the_margin_from_the_winding_s_own_sensor_is_small_and_from_afar_large(
+    bench: Path, answer: Mapping[str, Any]
+) -> None:
+    assert answer["margin"] is None
+    names = {node: one["channel"] for node, one in _by_node(answer).items()}
+    near, far = (_asked(bench, "--vehicle", names[node])["margin"] for node in ("winding", "yoke"))
+    assert near["hottest"] == far["hottest"] == "winding"
+    assert abs(near["from_sensor_K"]) < 2.0
+    assert far["from_sensor_K"] > 3.0
+    assert far["from_filter_K"] < 0.7 * far["from_sensor_K"]
+    bold = _asked(bench, "--vehicle", names["yoke"], "--risk", "0.2")["margin"]
+    assert bold["from_sensor_K"] < far["from_sensor_K"]
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (["--vehicle", "nothing"], 'no channel "nothing" observes a node in these sessions: name one of '),
+        (["--on"], "expected at least one argument"),
+    ],
+)
+def test_wrong_words_are_refused_in_a_line(
+    bench: Path, capsys: pytest.CaptureFixture[str], words: list[str], says: str
+) -> None:
+    command = ["sensors", "--store", str(bench / "store"), *(["--on", "1_drive"] if words[0] != "--on" else []), *words]
+    try:
+        code = main(command)
+    except SystemExit as stop:
+        code = int(stop.code or 0)
+    assert code == 2
+    assert says in capsys.readouterr().err
+
+
+def test_a_margin_is_exceeded_with_its_risk() -> None:
+    mean, sd = np.array([0.0, 5.0, 10.0]), np.array([1.0, 2.0, 0.5])
+    m = exceeded_by(mean, sd, 0.1)
+    assert norm.sf(m, mean, sd).mean() == pytest.approx(0.1)
+    assert exceeded_by(np.zeros(1), np.ones(1), 0.025) == pytest.approx(1.96, abs=0.001)
