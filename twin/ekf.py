@@ -1,90 +1,52 @@
-"""Extended Kalman filter: one unknown heat at one node, estimated from measured temperatures while the motor runs.
+"""Extended Kalman filter: unknown heats and coefficients, estimated from measured temperatures while the motor runs.
 
 The paper's filter (its section 4) estimates the magnets' loss from endwindings and rotor surface; its state is z, dz/dt and
-the unknown input, of size 2p + o. This is the small form of the same: the network's own step (`twin.integrators`, with the
-inputs held) on [temperatures, unknown heat, readings]. The unknown heat stands *beside* the node's modelled loss, held
-within a step, and is a random walk: inverting one step for it would amplify noise to kilowatts (Gillijns and De Moor, 2007,
-doi:10.1016/j.automatica.2006.08.002). A sensor's known lag is a state of its own, exact for a temperature that is linear
-within the step, as `twin.outputs` models it; what is read lies at the samples' mean time within the step.
+the unknown input, of size 2p + o (`twin.ekf_paper`). This is the small form of the same: the network's own step
+(`twin.integrators`, with the inputs held) on [temperatures, unknowns, readings].
 
 Extended: each step is linearised about the estimate at its start. For losses linear in temperature (copper) that is exact;
-of resistances and temperature factors the second derivative is left out of the covariance, never of the estimate. Readings
-of a step are independent and taken one after the other; a missing one is left out. Constant errors of a sensor are no
-state: the filter takes them for temperature, and for heat.
+of resistances, temperature factors and unknown factors the second derivative is left out of the covariance, never of the
+estimate (`twin.ukf` keeps it). Readings of a step are independent and taken one after the other; a missing one is left out.
 
 A filter is told where the unknown heat is. Told the wrong node it still finds a history that fits.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
 
-from twin.check import check
-from twin.ekf_step import Parts, run
-from twin.errors import FrameError
-from twin.indexed import program
-from twin.integrators import DEFAULT
+from twin.ekf_step import run, work
+from twin.filter_inputs import AnyReading, Inputs, Start, inputs_of
 from twin.network import Network
-from twin.outputs import lag_factors
-from twin.simulate import Frame, check_finite, check_frame
-from twin.structure import parameters, structure
+from twin.simulate import Frame, check_finite
+from twin.unknowns import Unknown, UnknownFactor, UnknownHeat
 
 Floats = NDArray[np.float64]
+U = TypeVar("U", bound=Unknown)
 
-# Of every node: what a network's form leaves open. Measured on a conduction mesh whose motor file errs by 2 to 5 K in open loop:
-# 0.02 makes the innovations 5 to 13 times as large (NIS) as the filter thinks, 0.1 1.0 to 1.5 times, at the highest likelihood.
-TEMPERATURE_K_PER_SQRT_S = 0.1
-HEAT_SHARE = 0.05  # sd of the unknown heat at the start, of the mean loss of the whole network
-HEAT_GRID = (0.0002, 0.001, 0.005)  # random walk of the heat, per square root of a second, of the same loss
-READING_SD_K = 0.1  # of a lagging sensor's reading at the start, about equilibrium
-
-
-@dataclass(frozen=True)
-class Reading:
-    """A measured channel over N steps. `weights`: node -> share, sum 1; `time_constant_s`: known first-order lag; `value` (N,)
-    [degC] mean of each step's samples, NaN where there is none; `place` (N,) in [0, 1]: their mean time within the step;
-    `variance` (N,) [K^2] of that mean, above 0 where there is a value."""
-
-    channel: str
-    weights: Mapping[str, float]
-    time_constant_s: float
-    value: Floats
-    place: Floats
-    variance: Floats
-
-
-@dataclass(frozen=True)
-class Start:
-    """Temperatures (n,) [degC] at the first edge with their standard deviations (n,) [K], and that of the unknown heat [W],
-    which starts at 0."""
-
-    temperatures: Floats
-    sd: Floats
-    heat_sd_W: float
-
-
-@dataclass(frozen=True)
-class Noise:
-    """Random walks between steps: of the unknown heat [W / sqrt(s)], and of every node's temperature [K / sqrt(s)]."""
-
-    heat_W: float
-    temperature_K: float = TEMPERATURE_K_PER_SQRT_S
+PACES = (1 / 30, 30.0)  # within which the walks of the unknowns are sought, as factors of what is given
+PACE_ENOUGH = 0.3  # of the logarithm of a pace: the likelihood is flat there, and Brent's last parabola is nearer
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """What the filter knows at each edge from all readings up to it; `heat_W`, `heat_sd_W` (N,): the unknown heat beside the
-    model's own, after each step; `temperatures` (N + 1, n) [degC]; `innovations`, `variances` (N, m) [K, K^2] of each
-    channel given those before it in the step, NaN where it says nothing; `covariance` (S, S) after the last step."""
+    """What a filter knows at each edge from all readings up to it, with standard deviations: `temperatures` (N + 1, n) [degC] and
+    `found` (N + 1, u) of `unknowns` (heat [W] beside the model's own, logarithm of a factor, error [K]); row k + 1 after step k.
+    `innovations`, `variances` (N, m) [K, K^2 or W, W^2] of each channel given those before it in the step, heats last, NaN where it
+    says nothing;
+    `covariance` (S, S) after the last step."""
 
-    noise: Noise
+    unknowns: tuple[Unknown, ...]
     temperatures: Floats
-    heat_W: Floats
-    heat_sd_W: Floats
+    temperatures_sd: Floats
+    found: Floats
+    found_sd: Floats
     innovations: Floats
     variances: Floats
     covariance: Floats
@@ -93,121 +55,81 @@ class Estimate:
     @property
     def nis(self) -> float:
         """Mean squared innovation over its variance: 1 where noise and model are as said; NaN without a reading. It hardly
-        sees the heat's random walk, which is why that is chosen by likelihood."""
+        sees the unknowns' random walks, which is why those are chosen by likelihood."""
         there = np.isfinite(self.innovations)
         return float(np.mean(self.innovations[there] ** 2 / self.variances[there])) if there.any() else float("nan")
 
 
-def filter_heat(
-    network: Network, frame: Frame, start: Start, node: str, readings: Sequence[Reading], noise: Noise
+def filter_unknowns(
+    network: Network, frame: Frame, start: Start, unknowns: Sequence[Unknown], readings: Sequence[AnyReading]
 ) -> Estimate:
-    """Temperatures and the unknown heat at `node` from the readings.
+    """Temperatures and unknowns from the readings. Without a reading the temperatures are those of `simulate` to rounding.
 
-    Without a reading the temperatures are those of `simulate` to rounding. Raises `NetworkError` where the network cannot be
-    a motor, `FrameError` where shapes do not fit, an input is not finite, a variance is not above 0 or a node is not the
-    network's, and `DivergedError` where the temperatures leave the finite numbers.
+    Raises as `twin.filter_inputs.inputs_of`, and `DivergedError` where the temperatures leave the finite numbers.
     """
-    check(network)
-    check_frame(network, frame, start.temperatures)
-    _check(network, frame, start, node, readings)
-    parts = _parts(network, frame.step_s, node, readings, noise)
-    both = _at_the_start(parts, start)
-    steps, m = len(frame.features), len(readings)
-    temperatures = np.empty((steps + 1, parts.program.n))
-    heat, innovations = np.empty((steps, 2)), np.empty((steps, m, 2))
+    inputs = inputs_of(network, frame, start, unknowns, readings)
+    x, covariance = inputs.x.copy(), inputs.covariance.copy()
+    steps, m = inputs.values.shape
+    states, innovations = np.empty((2, steps + 1, inputs.parts.last)), np.empty((steps, m, 2))
     likelihood = run(
-        parts,
-        np.ascontiguousarray(frame.features, dtype=np.float64),
-        np.ascontiguousarray(frame.boundaries, dtype=np.float64),
-        _columns([r.value for r in readings], steps),
-        _columns([r.place for r in readings], steps),
-        _columns([r.variance for r in readings], steps),
-        both,
-        temperatures,
-        heat,
+        inputs.parts,
+        inputs.features,
+        inputs.boundaries,
+        inputs.values,
+        inputs.places,
+        inputs.variances,
+        x,
+        covariance,
+        states[0],
+        states[1],
         innovations,
+        work(inputs.parts, inputs.boundaries.shape[1]),
     )
-    check_finite(network, frame, temperatures)
-    return Estimate(
-        noise=noise,
-        temperatures=temperatures,
-        heat_W=heat[:, 0],
-        heat_sd_W=np.sqrt(heat[:, 1]),
-        innovations=innovations[:, :, 0],
-        variances=innovations[:, :, 1],
-        covariance=both[:, :-1],
-        log_likelihood=float(likelihood),
-    )
+    return estimate_of(inputs, states, innovations, covariance, float(likelihood))
 
 
-def filter_heat_at_its_pace(
-    network: Network, frame: Frame, start: Start, node: str, readings: Sequence[Reading], loss_W: float
+def estimate_of(
+    inputs: Inputs, states: Floats, innovations: Floats, covariance: Floats, log_likelihood: float
 ) -> Estimate:
-    """The same with the random walk of the heat that makes the readings most likely, of `HEAT_GRID` times `loss_W`, the mean
-    loss of the whole network [W]. Raises as `filter_heat`."""
-    tried = (filter_heat(network, frame, start, node, readings, Noise(share * loss_W)) for share in HEAT_GRID)
-    return max(tried, key=lambda estimate: estimate.log_likelihood)
-
-
-def _check(network: Network, frame: Frame, start: Start, node: str, readings: Sequence[Reading]) -> None:
-    nodes, steps = {n.name for n in network.nodes}, len(frame.features)
-    for name in (node, *(name for r in readings for name in r.weights)):
-        if name not in nodes:
-            raise FrameError(f'network "{network.name}" has no node "{name}": name one of {", ".join(sorted(nodes))}')
-    if start.sd.shape != start.temperatures.shape or not (start.sd > 0).all() or not start.heat_sd_W > 0:
-        raise FrameError(
-            f"the start needs a standard deviation above 0 for each of {len(nodes)} nodes and for the heat"
-        )
-    for r in readings:
-        if any(values.shape != (steps,) for values in (r.value, r.place, r.variance)):
-            raise FrameError(f'channel "{r.channel}": give value, place and variance for each of {steps} steps')
-        there = np.isfinite(r.value)
-        if not (np.isfinite(r.place[there]).all() and (r.variance[there] > 0).all()):
-            raise FrameError(f'channel "{r.channel}": a value without a place or a variance above 0: give it a noise')
-
-
-def _parts(network: Network, step_s: float, node: str, readings: Sequence[Reading], noise: Noise) -> Parts:
-    names = [n.name for n in network.nodes]
-    n, m = len(names), len(readings)
-    values, indices = parameters(network), program(structure(network), DEFAULT)
-    weights, lag, state = np.zeros((m, n)), np.zeros((m, 3)), np.full(m, -1, dtype=np.int64)
-    size = n + 1 + m
-    for j, reading in enumerate(readings):
-        weights[j, [names.index(name) for name in reading.weights]] = list(reading.weights.values())
-        if reading.time_constant_s > 0:
-            lag[j] = lag_factors(reading.time_constant_s, step_s)
-            state[j], size = size, size + 1
-    process = np.zeros(size)
-    process[:n] = noise.temperature_K**2 * step_s
-    process[n] = noise.heat_W**2 * step_s
-    return Parts(
-        program=indices,
-        constant=values.capacities / (indices.gamma * step_s),
-        coefficients=values.coefficients,
-        copper=values.copper,
-        factors=values.factors,
-        node=names.index(node),
-        weights=weights,
-        state=state,
-        lag=lag,
-        process=process,
+    """From `states` (2, N + 1, n + u), estimates and variances in the order of the state. Raises `DivergedError`."""
+    n, unknown = len(inputs.network.nodes), np.argsort(inputs.order)
+    check_finite(inputs.network, inputs.frame, states[0, :, :n])
+    sd = np.sqrt(states[1])
+    return Estimate(
+        unknowns=inputs.unknowns,
+        temperatures=states[0, :, :n],
+        temperatures_sd=sd[:, :n],
+        found=states[0, :, n:][:, unknown],
+        found_sd=sd[:, n:][:, unknown],
+        innovations=innovations[:, list(inputs.channels), 0],
+        variances=innovations[:, list(inputs.channels), 1],
+        covariance=covariance,
+        log_likelihood=log_likelihood,
     )
 
 
-def _at_the_start(parts: Parts, start: Start) -> Floats:
-    """Covariance and state, [P | x] (S, S + 1): sensors in equilibrium but for `READING_SD_K`."""
-    n, size = parts.program.n, len(parts.process)
-    onto = np.zeros((size, n + 1))  # temperatures and heat -> state
-    onto[: n + 1] = np.eye(n + 1)
-    own = np.zeros(size)
-    for j, at in enumerate(parts.state.tolist()):
-        for place in {n + 1 + j, at if at >= 0 else n + 1 + j}:
-            onto[place, :n] = parts.weights[j]
-            own[place] = READING_SD_K**2
-    x = onto @ np.append(start.temperatures, 0.0)
-    spread = np.append(start.sd, start.heat_sd_W)
-    return np.column_stack([(onto * spread**2) @ onto.T + np.diag(own), x])
+def at_their_pace(
+    network: Network, frame: Frame, start: Start, unknowns: Sequence[U], readings: Sequence[AnyReading]
+) -> tuple[U, ...]:
+    """The unknowns, the random walks of heats and factors times the one number, within `PACES`, that makes the readings most likely
+    (marginal likelihood, by Brent's bounded search over its logarithm). Raises as `filter_unknowns`."""
+
+    def surprise(log_pace: float) -> float:
+        return -filter_unknowns(network, frame, start, _paced(unknowns, np.exp(log_pace)), readings).log_likelihood
+
+    best = minimize_scalar(surprise, bounds=np.log(PACES), method="bounded", options={"xatol": PACE_ENOUGH})
+    return _paced(unknowns, float(np.exp(best.x)))
 
 
-def _columns(values: Sequence[Floats], steps: int) -> Floats:
-    return np.ascontiguousarray(np.stack(values, axis=1) if values else np.empty((steps, 0)), dtype=np.float64)
+def _paced(unknowns: Sequence[U], pace: float) -> tuple[U, ...]:
+    return tuple(_at_pace(unknown, pace) for unknown in unknowns)
+
+
+def _at_pace(unknown: U, pace: float) -> U:
+    match unknown:
+        case UnknownHeat():
+            return replace(unknown, walk_W=unknown.walk_W * pace)
+        case UnknownFactor():
+            return replace(unknown, walk=unknown.walk * pace)
+        case _:
+            return unknown

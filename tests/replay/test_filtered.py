@@ -20,16 +20,18 @@ from ingest.store import Store
 from plant import Effect, Plant, drives, sessions, write_campaign
 from replay.engine import runs
 from replay.engine.campaign import replay_sessions
-from replay.engine.filtered import filter_session, mean_losses
-from replay.engine.frame import InputFrame
+from replay.engine.filtered import filter_session, filtered_summary, mean_losses
+from replay.engine.frame import InputFrame, Meter
 from replay.engine.frame_of import session_frame
 from replay.engine.identity import digest_of
+from replay.engine.meters import Measurand
 from replay.engine.models import for_intake, model_of
 from replay.engine.motor_file import read_motor
 from replay.engine.run import Filtered, Run
 from replay.engine.sealed import load_run
 from replay.show.filter_plots import estimated_loss
-from twin.network import Network
+from twin.network import Copper, Network
+from twin.observables import Thermometric, copper_slope
 from twin.simulate import Frame
 
 SLOW_S, FAST_S = 400.0, 1200.0
@@ -112,7 +114,7 @@ def test_the_filter_changes_nothing_in_the_open_loop(hidden: Replayed, monkeypat
         known = facts.at(store.ledger)
         session = known.session(hidden.event.session)
         work = hidden.folder.parent
-        without = runs.replay(store, known, session, model_of(known, session), "testing", work)
+        without = runs.replay(store, known, session, model_of(known, session), "testing", "sdirk2", work)
     assert without.known
     assert (without.event.run, without.event.digest) == (hidden.event.run, hidden.event.digest)
 
@@ -134,6 +136,35 @@ def test_a_run_that_was_sealed_without_a_filter_still_loads(hidden: Replayed) ->
         run = load_run(store, facts.at(store.ledger), replace(hidden.event, artefacts=artefacts, summary=summary))
     assert run.filtered is None
     assert estimated_loss(run, 600) is None
+
+
+def as_resistance(frame: InputFrame, channel: str, gain: float, referenced: bool) -> InputFrame:
+    """The frame with a channel in the place of a winding resistance of 15 mOhm at 20 degC, which its meter reads too high by `gain`."""
+    (o,) = (o for o in frame.observations if o.channel == channel)
+    law = Thermometric(o.weights, 0.015, copper_slope(Copper(), 20.0), 20.0)
+    seen = replace(
+        o, measured=(1 + gain) * law.reading(o.measured), noise=o.noise * law.per_K, resolution=0.0, bias_sd=0.0
+    )
+    meter = Meter(Measurand("resistance", 0.01, law=law, referenced=referenced), seen)
+    rest = tuple(o for o in frame.observations if o.channel != channel)
+    return replace(frame, observations=rest, meters=(meter,))
+
+
+@pytest.mark.parametrize(("gain", "referenced"), [(0.0, True), (0.01, True), (0.01, False)])
+def test_a_winding_resistance_is_read_as_the_temperature_that_it_stands_for(
+    hidden: Replayed, gain: float, referenced: bool
+) -> None:
+    frame = as_resistance(hidden.frame, "EW_A_inner", gain, referenced)
+    found = filter_session(hidden.network, frame, losses(hidden), "testing")
+    assert found is not None
+    assert found.measured == ("EW_B_inner", "RS", "EW_A_inner")
+    as_read = filtered(hidden.run)
+    apart = np.abs(found.temperatures - as_read.temperatures)[600:]
+    winding, magnet = (hidden.run.nodes.index(name) for name in ("endwinding_a_inner", "magnet"))
+    assert apart[:, magnet].mean() < 0.5
+    assert apart[:, winding].mean() < 4.0, "1 % of a resistance is 3 K"
+    summary = filtered_summary(found, frame, hidden.run.nodes)
+    assert set(summary["mae_K"]) == {"MAG"}
 
 
 def test_node_and_channels_can_be_said(hidden: Replayed) -> None:

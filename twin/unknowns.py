@@ -1,0 +1,155 @@
+"""What a filter is to find besides temperatures: heats, factors of the motor file's own coefficients, constant errors of sensors;
+each a random walk."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin import features
+from twin.causes import link_place, parse
+from twin.errors import FrameError
+from twin.network import Network, Term
+
+Index = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class UnknownHeat:
+    """Heat into `node` beside the model's own [W]: `sd_W` about 0 at the start, `walk_W` [W / sqrt(s)]."""
+
+    node: str
+    sd_W: float
+    walk_W: float
+
+    @property
+    def name(self) -> str:
+        return self.node
+
+
+@dataclass(frozen=True)
+class UnknownFactor:
+    """The natural logarithm of what multiplies coefficients: `sd` about 0 at the start, `walk` [1 / sqrt(s)]. `of` as causes are
+    written: `conductance.rotor_surface-teeth.scale` every term of the link, `loss.magnet.scale` every term of the source,
+    `loss.magnet.speed2` the term with that law."""
+
+    of: str
+    sd: float
+    walk: float
+
+    @property
+    def name(self) -> str:
+        return self.of
+
+
+@dataclass(frozen=True)
+class UnknownBias:
+    """What a channel reads too much [K, of a heat W]: `sd_K` about 0 at the start, `walk_K` [K / sqrt(s)], 0 for an error that
+    does not drift."""
+
+    channel: str
+    sd_K: float
+    walk_K: float = 0.0
+
+    @property
+    def name(self) -> str:
+        return self.channel
+
+
+Unknown = UnknownHeat | UnknownFactor | UnknownBias
+
+
+@dataclass(frozen=True)
+class Places:
+    """Unknowns as indices, heats before factors before biases: `order` (u,) of the unknowns as given, `heats` (o,) their nodes,
+    `factor_of` (K,) for every coefficient the factor that multiplies it, `bias_of` (m,) for every channel its bias, -1 for
+    none."""
+
+    order: tuple[int, ...]
+    heats: Index
+    factor_of: Index
+    bias_of: Index
+    factors: int
+
+
+def places(network: Network, unknowns: Sequence[Unknown], coefficients: int, channels: Sequence[str]) -> Places:
+    """Raises `FrameError` for a node, link, source or law that the network has not, a channel that is not read, a start without
+    spread, a walk below 0, and for two unknowns of one place."""
+    nodes = [node.name for node in network.nodes]
+    heats: list[int] = []
+    factors: list[int] = []
+    biases: list[int] = []
+    bias_of = np.full(len(channels), -1, dtype=np.int64)
+    factor_of = np.full(coefficients, -1, dtype=np.int64)
+    for i, unknown in enumerate(unknowns):
+        sd, walk = _spread(unknown)
+        if not (sd > 0 and walk >= 0):
+            raise FrameError(f'unknown "{unknown.name}": give a start with an sd above 0 and a walk of at least 0')
+        if isinstance(unknown, UnknownHeat):
+            heats.append(i)
+            continue
+        if isinstance(unknown, UnknownBias):
+            if unknown.channel not in channels:
+                raise FrameError(f'no channel "{unknown.channel}" is read: its error cannot be found; name a reading')
+            if bias_of[channels.index(unknown.channel)] >= 0:
+                raise FrameError(f'two unknown errors of channel "{unknown.channel}": name it once')
+            bias_of[channels.index(unknown.channel)] = len(biases)
+            biases.append(i)
+            continue
+        terms = terms_of(network, unknown.of)
+        if (factor_of[terms] >= 0).any():
+            raise FrameError(f'unknown "{unknown.of}": another unknown multiplies the same coefficient; name it once')
+        factor_of[terms] = len(factors)
+        factors.append(i)
+    at = [node_place(network, unknowns[i].name) for i in heats]
+    if len(set(at)) < len(at):
+        raise FrameError(f"two unknown heats at {nodes[max(at, key=at.count)]}: name the node once")
+    return Places((*heats, *factors, *biases), np.array(at, dtype=np.int64), factor_of, bias_of, len(factors))
+
+
+def _spread(unknown: Unknown) -> tuple[float, float]:
+    match unknown:
+        case UnknownHeat():
+            return unknown.sd_W, unknown.walk_W
+        case UnknownBias():
+            return unknown.sd_K, unknown.walk_K
+        case _:
+            return unknown.sd, unknown.walk
+
+
+def variances(unknowns: Sequence[Unknown], order: Sequence[int], step_s: float) -> tuple[list[float], list[float]]:
+    """Of each unknown, in `order`: its variance at the start, and what a step adds to it."""
+    spreads = [_spread(unknowns[i]) for i in order]
+    return [sd**2 for sd, _ in spreads], [walk**2 * step_s for _, walk in spreads]
+
+
+def node_place(network: Network, name: str) -> int:
+    """The index of a node. Raises `FrameError` where there is none of that name."""
+    nodes = [node.name for node in network.nodes]
+    if name not in nodes:
+        raise FrameError(f'network "{network.name}" has no node "{name}": name one of {", ".join(sorted(nodes))}')
+    return nodes.index(name)
+
+
+def terms_of(network: Network, cause: str) -> list[int]:
+    """Places in `features.terms` of what a cause id names. Raises `CauseError` for what is no id, `FrameError` for what the
+    network has not."""
+    asked = parse(cause)
+    found, laws, first = [], [], 0
+    entries: list[tuple[str, str, tuple[Term, ...]]] = [
+        *(("conductance", link_place(network, link.a, link.b), link.terms) for link in network.links),
+        *(("loss", source.node, source.terms) for source in network.sources),
+    ]
+    place = link_place(network, *asked.ends) if len(asked.ends) == 2 else asked.place
+    for kind, where, terms in entries:
+        if (kind, where) == (asked.kind, place):
+            laws += [features.product(term).name for term in terms]
+            found += [first + i for i, law in enumerate(laws) if asked.law in ("scale", law)]
+        first += len(terms)
+    if not found:
+        there = f"its laws are {', '.join(laws)}" if laws else "there is no such link or source"
+        raise FrameError(f'network "{network.name}" has no coefficient "{cause}": {there}')
+    return found
