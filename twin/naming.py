@@ -212,7 +212,7 @@ def _compared(found: Fit, without: Fit, candidate: Candidate, parameter: Paramet
     return Refit(candidate, parameter, found, gain, amplitude, sd)
 
 
-def _without(current: Fit, place: int, calm: Floats) -> Fit:
+def without_term(current: Fit, place: int, calm: Floats) -> Fit:
     """The fit without one term, from where the others are; from the first fit `calm` with no term where that runs away."""
     model = current.model.without(place)
     try:
@@ -229,7 +229,7 @@ def _eliminated(found: Naming, accepted: list[tuple[Candidate, Parameter]], mode
         compared = []
         for i, (candidate, parameter) in enumerate(accepted):
             place = len(model.parameters) + i
-            without = _without(current, place, found.rounds[0].base.beta)
+            without = without_term(current, place, found.rounds[0].base.beta)
             compared.append((_compared(current, without, candidate, parameter, place), without))
         weakest = min(range(len(compared)), key=lambda i: compared[i][0].log_bayes_factor)
         if compared[weakest][0].log_bayes_factor > found.threshold:

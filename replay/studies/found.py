@@ -16,7 +16,7 @@ from twin.everyday import everyday
 from twin.fit import NEAR_ENOUGH, Fit, fit
 from twin.free_heats import Unknown, describe, free_heats
 from twin.model import Model, Test
-from twin.naming import Naming, Refit, search
+from twin.naming import Naming, Refit, search, without_term
 from twin.patchwork import nodes_of
 from twin.swaps import Swap, exchanged
 from twin.unknown import FreeHeat
@@ -58,9 +58,7 @@ def find(campaign: Campaign, model: Model, swaps: list[Swap], kept: list[Test], 
             break
         weakest = min(naming.accepted, key=lambda r: r.log_bayes_factor)
         refused.append((weakest, "it makes the kept sessions worse: form error of the sessions learnt from"))
-        final = naming.final
-        place = place_of(final, weakest)
-        final = fit(final.model.without(place), np.delete(final.beta, place), enough=NEAR_ENOUGH)
+        final = without_term(naming.final, place_of(naming.final, weakest), naming.rounds[0].base.beta)
         naming = replace(naming, accepted=tuple(r for r in naming.accepted if r is not weakest), final=final)
     unknown = _unknown(naming)
     if kept and swaps:

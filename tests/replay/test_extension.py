@@ -204,7 +204,7 @@ def test_what_was_learnt_with_channels_exchanged_is_said_of_the_channel_that_rea
         (Parameter(str(lag.cause), actions.Lag("TC_winding"), 20.0), 9.0),
     ]
     model = Model(campaign.network, tests, [parameter for parameter, _ in numbers])
-    fit = Fit(model, np.array([value for _, value in numbers]), 0.0, np.diag(model.sd**-2), (), True, 1)
+    fit = Fit(model, np.array([value for _, value in numbers]), 0.0, np.diag(model.sd**-2), (), 0.0, True, 1)
     named = Refit(lag, model.parameters[4], fit, 50.0, 9.0, 1.0)
     made = version(question, campaign, fit, [named], [Swap(swap, 90.0)], "By a test.")
     assert made.motor == question.model  # nothing of the motor was learnt

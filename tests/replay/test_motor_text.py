@@ -17,7 +17,21 @@ from plant import reduction
 from replay.engine.motor_file import read_motor
 from replay.engine.motor_text import written
 from replay.errors import MotorFileError
-from twin.network import Boundary, Link, Network, Node, Shape, Source, TemperatureFactor, Term
+from twin.network import (
+    Boundary,
+    Configuration,
+    Fluid,
+    FluidCircuit,
+    Link,
+    Map,
+    Network,
+    Node,
+    Property,
+    Shape,
+    Source,
+    TemperatureFactor,
+    Term,
+)
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 SHAPE = Shape((0.0, 0.25, 1.0), (0.1, -0.2, 0.05), (0.0, 0.1, 0.0))
@@ -274,8 +288,10 @@ def _changed(network: Network, random: Random) -> Network:
         if some(0.15):
             factor = TemperatureFactor(random.choice(names), random.uniform(-1e-3, 1e-3), 20.0)
             new = replace(new, temperature=factor)
-        if some(0.15) and not in_link:
+        if some(0.15) and not in_link and not isinstance(new.shape, Map):
             new = replace(new, shape=shape(new.shape))
+        if some(0.15) and in_link:
+            new = replace(new, law=random.choice(["radiation", "free_convection"]))
         if some(0.1):
             new = replace(new, sd=moved(new.sd))
         return new
@@ -295,7 +311,21 @@ def _changed(network: Network, random: Random) -> Network:
         links.append(Link(name, random.choice(names), (Term(moved(2.0)), Term(moved(3.0), {"speed": 0.5}))))
         if some():
             sources.append(Source(name, terms((Term(moved(3.0), {"current": 2.0}),), in_link=False)))
-    return replace(network, nodes=tuple(nodes), links=tuple(links), sources=tuple(sources))
+    found = replace(network, nodes=tuple(nodes), links=tuple(links), sources=tuple(sources))
+    return _cooled(found, random) if "flow" in network.scale and some() and not network.circuits else found
+
+
+def _cooled(network: Network, random: Random) -> Network:
+    """With a circuit, and the same motor dry."""
+    table = Property((20.0, 90.0), (3300.0 * random.uniform(0.9, 1.1), 3600.0))
+    through = network.nodes[-1].name
+    fluid = Fluid(Property((20.0,), (1050.0,)), table)
+    still = Link(through, network.boundaries[0].name, (Term(0.7, law="radiation"), Term(random.uniform(1.0, 2.0))))
+    return replace(
+        network,
+        circuits=(FluidCircuit("jacket", network.boundaries[0].name, (through,), fluid),),
+        configurations=(Configuration("dry", (), (still,), (Source(through, (Term(random.uniform(5, 9)),)),)),),
+    )
 
 
 class _Styled:

@@ -4,10 +4,22 @@ import math
 from dataclasses import replace
 
 import pytest
+from made_laws import OIL
 
 from benchmarks.integrator import motor
 from twin.describe import describe
-from twin.network import Boundary, Link, Network, Node, Shape, Source, Term
+from twin.network import (
+    Boundary,
+    Configuration,
+    FluidCircuit,
+    Link,
+    Map,
+    Network,
+    Node,
+    Shape,
+    Source,
+    Term,
+)
 
 LUMP = Network(
     name="lump",
@@ -65,4 +77,43 @@ def test_a_shape_counts_in_features_and_in_the_sign_of_the_sum() -> None:
     assert found.features == ("speed", "current")
     assert found.warnings == (
         'the summed loss of "a" falls to -4.4 W at current 1.0, speed 1.0: a negative loss cools',
+    )
+
+
+def test_circuits_laws_maps_and_configurations_are_said_in_words() -> None:
+    table = Map((0.0, 1.0), (0.0, 2.0), ((0.0, 5.0), (20.0, 40.0)))
+    network = replace(
+        LUMP,
+        nodes=(*LUMP.nodes, Node("oil_1", 50.0, "fluid")),
+        links=(*LUMP.links, Link("a", "oil_1", (Term(2.0, law="free_convection"),))),
+        sources=(Source("a", (Term(1.0, shape=table),)),),
+        scale={"speed": 1000.0, "torque": 30.0, "flow": 6.0},
+        circuits=(FluidCircuit("oil", "coolant", ("oil_1",), OIL, "flow_oil"),),
+        configurations=(Configuration("dry", ("oil_1",)),),
+    )
+    found = describe(network)
+    assert found.circuits == ("oil: coolant > oil_1, 170 W/K at 6 l/min of 20 degC",)
+    assert found.laws == ("free_convection a-oil_1",)
+    assert found.maps == ("a: 0 to 1000 rpm, 0 to 60 Nm",)
+    assert found.configurations == ("dry: 1 node, 1 boundary, 1 link, 1 source, without oil_1",)
+    assert found.features == ("speed", "torque", "flow_oil")
+    assert found.text().splitlines()[6:] == [
+        "circuit        oil: coolant > oil_1, 170 W/K at 6 l/min of 20 degC",
+        "law            free_convection a-oil_1",
+        "map            a: 0 to 1000 rpm, 0 to 60 Nm",
+        "configuration  dry: 1 node, 1 boundary, 1 link, 1 source, without oil_1",
+    ]
+
+
+def test_fluid_that_flows_is_fast() -> None:
+    cooled = replace(LUMP, links=(), scale={"flow": 6.0}, circuits=(FluidCircuit("oil", "coolant", ("a",), OIL),))
+    assert describe(cooled).at_full_s == pytest.approx((100.0 / 170.0, 100.0 / 170.0))
+    assert describe(cooled).at_rest_s == (math.inf, math.inf)
+
+
+def test_a_map_that_falls_below_zero_is_a_warning() -> None:
+    table = Map((0.0, 1.0), (0.0, 1.0), ((0.0, 5.0), (-20.0, 40.0)))
+    both = replace(LUMP, sources=(Source("a", (Term(2.0, shape=table),)),), scale={"speed": 1000.0, "torque": 30.0})
+    assert describe(both).warnings == (
+        'the summed loss of "a" falls to -40 W at speed 1.0, torque 0.0: a negative loss cools',
     )

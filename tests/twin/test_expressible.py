@@ -39,7 +39,7 @@ def fit_at(tests: list[Test], numbers: list[tuple[Parameter, float]], seed: int 
     rng = np.random.default_rng(seed)
     root = rng.normal(size=(len(numbers), len(numbers))) / model.sd
     hessian = root.T @ root + np.diag(1 / model.sd**2)
-    return Fit(model, np.array([value for _, value in numbers]), 0.0, hessian, (), True, 1)
+    return Fit(model, np.array([value for _, value in numbers]), 0.0, hessian, (), 0.0, True, 1)
 
 
 @pytest.fixture(scope="module")

@@ -10,8 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from benchmarks.integrator import DRIVES, EULER, MIDPOINT, MOTORS, SDIRK3, Physics, frame, initial_of, motor, tight
+from benchmarks.integrator import bdf2 as newton_bdf2
 from twin import indexed
-from twin.integrators import DEFAULT, Tableau
+from twin.integrators import BDF2, DEFAULT, INTEGRATORS, Tableau
 from twin.kernel import compile_indexed, compile_network, index_program
 from twin.network import Network
 from twin.simulate import Frame, simulate
@@ -113,3 +114,38 @@ def test_the_index_program_uses_the_same_table(
         straight = simulate(compile_network(network, tableau, plain), inputs, initial_of(network))
         general = simulate(compile_indexed(network, tableau, plain), inputs, initial_of(network))
         np.testing.assert_allclose(straight, general, rtol=0, atol=1e-10)
+
+
+# --- BDF2 ---------------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_both_kernels_make_the_steps_of_bdf2(
+    seed: int, make_network: Callable[..., Network], make_frame: Callable[..., Frame], plain: Load
+) -> None:
+    network = make_network(seed, n=5, linear=True)
+    inputs = make_frame(network, seed)
+    straight = simulate(compile_network(network, BDF2, plain), inputs, initial_of(network))
+    general = simulate(compile_indexed(network, BDF2, plain), inputs, initial_of(network))
+    np.testing.assert_allclose(straight, general, rtol=0, atol=1e-10)
+    np.testing.assert_allclose(straight, newton_bdf2(network, inputs), rtol=0, atol=1e-6)
+
+
+@pytest.mark.parametrize("linear", [True, False])
+def test_bdf2_is_of_second_order_while_inputs_are_held(
+    linear: bool, make_network: Callable[..., Network], make_frame: Callable[..., Frame], plain: Load
+) -> None:
+    network = make_network(2, n=6, linear=linear)
+    one = make_frame(network, 2, steps=1, step_s=64.0)
+    truth, compiled = tight(network, one), compile_network(network, BDF2, plain)
+
+    def error(parts: int) -> float:
+        fine = Frame(64.0 / parts, np.repeat(one.features, parts, axis=0), np.repeat(one.boundaries, parts, axis=0))
+        return float(np.abs(simulate(compiled, fine, initial_of(network))[-1] - truth[-1]).max())
+
+    assert np.log2(error(128) / error(256)) == pytest.approx(2, abs=0.25)
+
+
+def test_integrators_are_known_by_name() -> None:
+    assert {name: method.name for name, method in INTEGRATORS.items()} == {"sdirk2": "sdirk2", "bdf2": "bdf2"}
+    assert INTEGRATORS[DEFAULT.name] is DEFAULT
