@@ -8,12 +8,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from twin import actions, features
+from twin import actions
 from twin.actions import Parameter
 from twin.drive import Drive
 from twin.laws import Law, Table
 from twin.march import System, run
-from twin.network import Network, Source
+from twin.network import Network
 from twin.recorded import Test
 from twin.rows import Entry, Products
 from twin.structure import NOBODY, parameters, structure
@@ -37,7 +37,7 @@ class Circuit:
         ]
         self.states = self.n + len(self.followers)
         self.edges_s: Floats = np.arange(self.steps + 1, dtype=np.float64) * self.step_s
-        self.drive = Drive(_with_streams(network), test, self.active)
+        self.drive = Drive(network, test, self.active)
         values = parameters(network)
         self.capacities = np.concatenate([values.capacities, np.ones(len(self.followers))])
         groups = structure(network).groups
@@ -110,13 +110,6 @@ class Circuit:
         acting = {int(i) for own in (self.of_terms, self.of_features) for i in own.to[own.weights(beta) != 0]}
         affine = all(self.laws[i].affine for i in acting)
         return Run(beta, prompt, tents, late_s, values, carried, affine, system, boundaries, edges, means)
-
-
-def _with_streams(network: Network) -> Network:
-    """The network as its drive sees it: what fluid carries is driven like any term, behind all others."""
-    streams = tuple(features.streams(network))
-    sources = (*network.sources, Source(network.names[0], streams)) if streams else network.sources
-    return replace(network, sources=sources, circuits=())
 
 
 @dataclass(frozen=True)

@@ -40,7 +40,7 @@ class Drive:
 
     def __init__(self, network: Network, test: Test, active: Sequence[tuple[int, actions.Action]]) -> None:
         self.test, self.step_s = test, test.frame.step_s
-        terms = list(features.terms(network))
+        terms = [*features.terms(network), *features.streams(network)]  # what fluid carries is driven like any term
         self.exponents = [features.monomial(term).exponents for term in terms]
         own = {m.name: test.frame.features[:, j] for j, m in enumerate(features.monomials(network))}
         ones = np.ones(len(test.frame.features))

@@ -2,7 +2,7 @@
 
 The filter's estimate lags behind what happens, as later readings cannot speak yet; the smoother's does not. It is the smoother of
 Rauch, Tung and Striebel (doi:10.2514/3.3166) over `twin.ekf`, in the form of Bryson and Frazier as modified by Bierman
-(doi:10.1080/00207177308932487): backward from the last edge it carries l and L, what later readings say, so that
+(Int. J. Control 18 (1973) 65): backward from the last edge it carries l and L, what later readings say, so that
 
     x_s = x - P l,    P_s = P - P L P,
 

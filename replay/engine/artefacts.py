@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ingest.quantities import column_suffix
 from replay.engine.frame import InputFrame
-from replay.engine.run import Filtered, HeatCourse, Metered, Observed
+from replay.engine.run import Filtered, HeatCourse, Metered, Observed, Smoothed
 
 Floats = NDArray[np.float64]
 
@@ -65,31 +65,44 @@ def temperature_table(frame: InputFrame, temperatures: Floats, nodes: Sequence[s
 
 def filtered_table(frame: InputFrame, filtered: Filtered, nodes: Sequence[str]) -> pa.Table:
     """One row an edge of a step, N + 1; a column a node, and heat in the step that begins there [W]: estimated, with its
-    standard deviation, and modelled."""
+    standard deviation, and modelled; temperatures and heat once more as smoothed."""
     columns = {f"{node}_degC": filtered.temperatures[:, i] for i, node in enumerate(nodes)}
     heat = {
         "estimated_heat_W": filtered.heat_W,
         "estimated_heat_sd_W": filtered.heat_sd_W,
         "nominal_heat_W": filtered.nominal_W,
     }
+    if filtered.smoothed is not None:
+        smooth = filtered.smoothed
+        columns |= {f"{node}_smoothed_degC": smooth.temperatures[:, i] for i, node in enumerate(nodes)}
+        heat |= {"smoothed_heat_W": smooth.heat_W, "smoothed_heat_sd_W": smooth.heat_sd_W}
     steps = {name: np.append(values, np.nan) for name, values in heat.items()}
     return pa.table({"t_ns": frame.t_ns, **columns, **steps})
 
 
 def filtered_of(table: pa.Table, entry: Mapping[str, Any], nodes: Sequence[str]) -> Filtered:
     """The estimate of a table that `filtered_table` made, and the entry `filtered` of its run's summary."""
-    heat, sd, nominal = (
-        table[name].to_numpy()[:-1] for name in ("estimated_heat_W", "estimated_heat_sd_W", "nominal_heat_W")
-    )
+
+    def steps(*names: str) -> list[Floats]:
+        return [table[name].to_numpy()[:-1] for name in names]
+
+    def edges(ending: str) -> Floats:
+        return np.stack([table[f"{node}{ending}"].to_numpy() for node in nodes], axis=1)
+
+    heat, sd, nominal = steps("estimated_heat_W", "estimated_heat_sd_W", "nominal_heat_W")
+    smoothed = None
+    if "smoothed_heat_W" in table.column_names:
+        smoothed = Smoothed(edges("_smoothed_degC"), *steps("smoothed_heat_W", "smoothed_heat_sd_W"))
     return Filtered(
         node=str(entry["node"]),
         measured=tuple(entry["measured"]),
-        temperatures=np.stack([table[f"{node}_degC"].to_numpy() for node in nodes], axis=1),
+        temperatures=edges("_degC"),
         heat_W=heat,
         heat_sd_W=sd,
         nominal_W=nominal,
         heat_walk_W=float(entry["heat_walk_W_per_sqrt_s"]),
         nis=float("nan") if entry["nis"] is None else float(entry["nis"]),
+        smoothed=smoothed,
     )
 
 

@@ -1,4 +1,4 @@
-"""The filter over a session: temperatures corrected by the measured channels, and the heat that they ask for at one node."""
+"""Filter and smoother over a session: temperatures corrected by the measured channels, and the heat that they ask for at one node."""
 
 from __future__ import annotations
 
@@ -11,15 +11,17 @@ from numpy.typing import NDArray
 
 from replay.engine.frame import InputFrame, Meter, Observation
 from replay.engine.open_loop import initial_temperatures, modelled, referenced
-from replay.engine.run import Filtered
-from twin.ekf import at_their_pace, filter_unknowns
+from replay.engine.run import Filtered, Smoothed
+from twin.ekf import at_their_pace
 from twin.filter_inputs import Reading, Start
 from twin.network import Network
 from twin.simulate import Frame, source_heat
+from twin.smoother import smoothed
 from twin.unknowns import Unknown, UnknownBias, UnknownHeat
 
 Floats = NDArray[np.float64]
 
+MOST_NODES = 100  # above, a pass over a session takes longer than all else of a replay, by the cube of the nodes
 LEAST_NOISE_K = 0.01  # of one sample: no sensor is without, whatever its bench file says
 LEAST_LOSS_W = 1.0  # of a motor at rest: the sizes of the unknown heat follow its mean loss
 HEAT_SHARE = 0.05  # sd of the unknown heat at the start, of the mean loss of the whole network
@@ -34,7 +36,8 @@ def filter_session(
     node: str | None = None,
     measured: Sequence[str] | None = None,
 ) -> Filtered | None:
-    """Temperatures and the heat at `node` from the channels named in `measured`; None where there is no such node or channel.
+    """Temperatures and the heat at `node` from the channels named in `measured`; None where there is no such node or channel, or the
+    network is too large.
 
     `losses`: node -> mean modelled loss [W]. Left out, `node` is the magnet with the largest loss, else the rotor node with
     the largest; `measured` is every channel of this level but those of magnets, which are kept to check the filter. Kept
@@ -45,7 +48,7 @@ def filter_session(
     channels = _production_like(network, frame, level) if measured is None else measured
     seen = tuple(o for o in frame.observations if o.channel in channels)
     meters = [m for m in frame.meters if m.seen.channel in channels and m.what.law is not None]
-    if node is None or not (seen or meters):
+    if node is None or not (seen or meters) or len(network.nodes) > MOST_NODES:
         return None
     loss_W = max(sum(losses.values()), LEAST_LOSS_W)
     inputs = Frame(step_s=frame.step_s, features=frame.features, boundaries=frame.boundaries)
@@ -56,9 +59,15 @@ def filter_session(
     readings = [reading_of(o, frame) for o in (*seen, *(o for o, _ in converted))]
     errors: list[Unknown] = [UnknownBias(o.channel, sd_K) for o, sd_K in converted]
     unknowns = at_their_pace(network, inputs, start, [heat, *errors], readings)
-    estimate = filter_unknowns(network, inputs, start, unknowns, readings)
+    smooth = smoothed(network, inputs, start, unknowns, readings)
+    estimate = smooth.filtered
     at_node = [i for i, source in enumerate(network.sources) if source.node == node]
-    nominal: Floats = source_heat(network, inputs, estimate.temperatures)[:, at_node].sum(axis=1)
+
+    def modelled_W(temperatures: Floats) -> Floats:
+        heat: Floats = source_heat(network, inputs, temperatures)[:, at_node].sum(axis=1)
+        return heat
+
+    nominal = modelled_W(estimate.temperatures)
     return Filtered(
         node=node,
         measured=tuple(r.channel for r in readings),
@@ -68,6 +77,9 @@ def filter_session(
         nominal_W=nominal,
         heat_walk_W=next(u.walk_W for u in unknowns if isinstance(u, UnknownHeat)),
         nis=estimate.nis,
+        smoothed=Smoothed(
+            smooth.temperatures, modelled_W(smooth.temperatures) + smooth.found[:-1, 0], smooth.found_sd[:-1, 0]
+        ),
     )
 
 
@@ -81,18 +93,23 @@ def mean_losses(network: Network, inputs: Frame, temperatures: Floats) -> dict[s
 
 
 def filtered_summary(filtered: Filtered, frame: InputFrame, nodes: tuple[str, ...]) -> dict[str, Any]:
-    """The entry `filtered` of a run's summary. `mae_K`: of each channel that the filter did not see; `heat_bias_W`: mean of
-    estimated minus modelled heat; `heat_walk_W_per_sqrt_s`: the random walk that made the readings most likely."""
-    errors: dict[str, float] = {}
-    for o in frame.observations:
-        use = o.good & frame.live
-        if o.channel not in filtered.measured and use.any():
-            residual = o.measured - modelled(o, frame, filtered.temperatures, nodes)
-            errors[o.channel] = float(np.abs(residual[use]).mean())
+    """The entry `filtered` of a run's summary. `mae_K`, `smoothed_mae_K`: of each channel that the filter did not see; `heat_bias_W`:
+    mean of estimated minus modelled heat; `heat_walk_W_per_sqrt_s`: the random walk that made the readings most likely."""
+
+    def errors(temperatures: Floats) -> dict[str, float]:
+        found: dict[str, float] = {}
+        for o in frame.observations:
+            use = o.good & frame.live
+            if o.channel not in filtered.measured and use.any():
+                residual = o.measured - modelled(o, frame, temperatures, nodes)
+                found[o.channel] = float(np.abs(residual[use]).mean())
+        return found
+
     return {
         "node": filtered.node,
         "measured": list(filtered.measured),
-        "mae_K": errors,
+        "mae_K": errors(filtered.temperatures),
+        "smoothed_mae_K": None if filtered.smoothed is None else errors(filtered.smoothed.temperatures),
         "heat_bias_W": float((filtered.heat_W - filtered.nominal_W).mean()),
         "heat_walk_W_per_sqrt_s": filtered.heat_walk_W,
         "nis": filtered.nis if np.isfinite(filtered.nis) else None,

@@ -80,12 +80,23 @@ class HeatCourse:
 
 
 @dataclass(frozen=True)
+class Smoothed:
+    """What the filter would have said had it known all readings of the session, those after each moment included: `temperatures`
+    float64 (N + 1, n) [degC]; per step (N,) [W] `heat_W` the estimated heat and `heat_sd_W` its standard deviation."""
+
+    temperatures: NDArray[np.float64]
+    heat_W: NDArray[np.float64]
+    heat_sd_W: NDArray[np.float64]
+
+
+@dataclass(frozen=True)
 class Filtered:
     """The same session through the filter, which sees the channels `measured` and estimates the heat at `node`.
 
     `temperatures` float64 (N + 1, n) [degC], from all readings up to each edge; per step (N,) [W]: `heat_W` the estimated
     heat, `heat_sd_W` its standard deviation, `nominal_W` what the model has there. `heat_walk_W` [W / sqrt(s)]: how fast
-    the estimate may wander; `nis`: mean squared innovation over its variance, 1 where all is as assumed.
+    the estimate may wander; `nis`: mean squared innovation over its variance, 1 where all is as assumed; `smoothed`: None in
+    runs that were sealed without.
     """
 
     node: str
@@ -96,6 +107,7 @@ class Filtered:
     nominal_W: NDArray[np.float64]
     heat_walk_W: float
     nis: float
+    smoothed: Smoothed | None = None
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,5 @@
-"""What the filter makes of a session: the heat that it estimates at one node, with its band, beside what the model has there."""
+"""What filter and smoother make of a session: the heat that they estimate at one node, with its band, beside what the model has
+there."""
 
 from __future__ import annotations
 
@@ -21,6 +22,7 @@ NOTE = (
     "The filter is told where the unknown heat is. Told the wrong node it still finds a history that fits: what it estimates is "
     "no evidence that the cause is there."
 )
+AFTERWARDS = " Smoothed: from all readings of the session, those after each moment included, so it does not lag; the band is its own."
 
 
 def estimated_loss(run: Run, columns: int, cause: str | None = None) -> Plot | None:
@@ -41,7 +43,7 @@ def estimated_loss(run: Run, columns: int, cause: str | None = None) -> Plot | N
         lower.set_xlim(0, time.of(run.t_ns[-1:])[0])
         lower.set_xlabel(time.label)
         svg = with_variables(inline_svg(figure, title))
-    return Plot(title, svg, NOTE, _table(run, filtered, time))
+    return Plot(title, svg, NOTE + (AFTERWARDS if filtered.smoothed else ""), _table(run, filtered, time))
 
 
 def _finding(filtered: Filtered, cause: str | None) -> str:
@@ -59,14 +61,15 @@ def _finding(filtered: Filtered, cause: str | None) -> str:
 
 
 def _draw_heat(axes: Axes, filtered: Filtered, time: TimeAxis, t_ns: NDArray[np.int64], columns: int) -> None:
-    """Estimated solid, modelled dashed; grey: two standard deviations of the estimate."""
+    """Estimated and smoothed solid, modelled dashed; grey: two standard deviations of the smoothed heat, else of the estimated."""
     t = time.of(t_ns)
-    band = BAND_SD * filtered.heat_sd_W
+    best = filtered.smoothed or filtered
+    band = BAND_SD * best.heat_sd_W
     i = np.unique(np.linspace(0, t.size - 1, columns).astype(np.intp))
-    axes.fill_between(
-        t[i], (filtered.heat_W - band)[i], (filtered.heat_W + band)[i], color=SOFT[0], alpha=0.22, linewidth=0
-    )
-    lines = (("estimated", filtered.heat_W, COLOURS[0], "-"), ("modelled", filtered.nominal_W, COLOURS[1], DASHES[0]))
+    axes.fill_between(t[i], (best.heat_W - band)[i], (best.heat_W + band)[i], color=SOFT[0], alpha=0.22, linewidth=0)
+    lines = [("estimated", filtered.heat_W, COLOURS[0], "-"), ("modelled", filtered.nominal_W, COLOURS[1], DASHES[0])]
+    if filtered.smoothed:
+        lines.append(("smoothed", filtered.smoothed.heat_W, COLOURS[3], "-"))
     ends = []
     for name, watts, colour, dashes in lines:
         axes.plot(*thin(t, watts, columns), color=colour, linestyle=dashes, linewidth=1.2)
@@ -84,10 +87,12 @@ def _draw_temperatures(axes: Axes, run: Run, filtered: Filtered, time: TimeAxis,
         axes.plot(*thin(*measured, columns), color=COLOURS[2], linewidth=1.4)
         name = observed.channel if observed.channel in filtered.measured else f"{observed.channel}, kept"
         ends.append((float(observed.measured[-1]), name, COLOURS[2]))
-    lines = (
+    lines = [
         (filtered.temperatures, "filtered", COLOURS[0], "-"),
         (run.temperatures, "open loop", COLOURS[1], DASHES[0]),
-    )
+    ]
+    if filtered.smoothed:
+        lines.append((filtered.smoothed.temperatures, "smoothed", COLOURS[3], "-"))
     for temperatures, name, colour, dashes in lines:
         axes.plot(*thin(time.of(run.t_ns), temperatures[:, i], columns), color=colour, linestyle=dashes, linewidth=1.1)
         ends.append((float(temperatures[-1, i]), name, colour))
@@ -98,11 +103,20 @@ def _draw_temperatures(axes: Axes, run: Run, filtered: Filtered, time: TimeAxis,
 def _table(run: Run, filtered: Filtered, time: TimeAxis) -> Table:
     i = np.unique(np.linspace(0, filtered.heat_W.size - 1, ROWS).astype(np.intp))
     node = run.nodes.index(filtered.node)
-    head = (time.label, "estimated [W]", "standard deviation [W]", "modelled [W]", "filtered [°C]", "open loop [°C]")
+    head: tuple[str, ...] = (
+        time.label,
+        "estimated [W]",
+        "standard deviation [W]",
+        "modelled [W]",
+        "filtered [°C]",
+        "open loop [°C]",
+    )
     watts = (filtered.heat_W[i], filtered.heat_sd_W[i], filtered.nominal_W[i])
     degC = (filtered.temperatures[i + 1, node], run.temperatures[i + 1, node])
-    cells = [
-        [f"{t:.2f}" for t in time.of(run.t_ns[i + 1])],
-        *([f"{v:.1f}" for v in values] for values in (*watts, *degC)),
-    ]
+    numbers = [*watts, *degC]
+    if filtered.smoothed:
+        smooth = filtered.smoothed
+        head = (*head, "smoothed [W]", "standard deviation smoothed [W]", "smoothed [°C]")
+        numbers += [smooth.heat_W[i], smooth.heat_sd_W[i], smooth.temperatures[i + 1, node]]
+    cells = [[f"{t:.2f}" for t in time.of(run.t_ns[i + 1])], *([f"{v:.1f}" for v in values] for values in numbers)]
     return Table(head, tuple(zip(*cells, strict=True)))

@@ -106,7 +106,7 @@ def write_open_loop(run: Run, target: Path, layer: str = "open_loop", over: Run 
 
 
 def write_filtered(run: Run, target: Path) -> None:
-    """What the filter says: every node's temperature, and the heat that it estimates with a band, beside the modelled one.
+    """What filter and smoother say: every node's temperature, and the heat that they estimate with a band, beside the modelled one.
 
     Raises ValueError for a run without a filter.
     """
@@ -119,6 +119,10 @@ def write_filtered(run: Run, target: Path) -> None:
             where = path("filtered", model, node)
             _style(stream, where, f"{words.name(node)} filtered", colour(i, dark=False), FILTERED_WIDTH)
             _send(stream, where, run.t_ns, filtered.temperatures[:, i], run.absolute)
+            if filtered.smoothed is not None:
+                smooth = path("filtered", model, node, "smoothed")
+                _style(stream, smooth, f"{words.name(node)} smoothed", colour(i, dark=False), MODEL_WIDTH)
+                _send(stream, smooth, run.t_ns, filtered.smoothed.temperatures[:, i], run.absolute)
         band = BAND_SD * filtered.heat_sd_W
         lines = {
             "modelled": (filtered.nominal_W, 1, MODEL_WIDTH),
@@ -130,6 +134,14 @@ def write_filtered(run: Run, target: Path) -> None:
             where = path("loss", model, filtered.node, name)
             _style(stream, where, f"loss of the {words.name(filtered.node)}, {name} [W]", colour(index), width)
             _send(stream, where, run.t_ns[1:], watts, run.absolute)  # known at the end of each step
+        if filtered.smoothed is not None:
+            smoothed, band = filtered.smoothed.heat_W, BAND_SD * filtered.smoothed.heat_sd_W
+            heats = {"smoothed": smoothed, "smoothed_from": smoothed - band, "smoothed_to": smoothed + band}
+            for name, watts in heats.items():
+                where = path("loss", model, filtered.node, name)
+                says = f"loss of the {words.name(filtered.node)}, {name.replace('_', ' ')} [W]"
+                _style(stream, where, says, colour(3), MEASURED_WIDTH if name == "smoothed" else BAND_WIDTH)
+                _send(stream, where, run.t_ns[:-1], watts, run.absolute)  # holds in the step that begins there
 
 
 def _rerun() -> Any:

@@ -19,6 +19,7 @@ from ingest.setup import prepare
 from ingest.store import Store
 from plant import Effect, Plant, drives, sessions, write_campaign
 from replay.engine import runs
+from replay.engine.artefacts import filtered_of, filtered_table
 from replay.engine.campaign import replay_sessions
 from replay.engine.filtered import filter_session, filtered_summary, mean_losses
 from replay.engine.frame import InputFrame, Meter
@@ -29,6 +30,7 @@ from replay.engine.models import for_intake, model_of
 from replay.engine.motor_file import read_motor
 from replay.engine.run import Filtered, Run
 from replay.engine.sealed import load_run
+from replay.show import layers
 from replay.show.filter_plots import estimated_loss
 from twin.network import Copper, Network
 from twin.observables import Thermometric, copper_slope
@@ -127,6 +129,52 @@ def test_a_sealed_estimate_is_read_back_as_it_was(hidden: Replayed) -> None:
     assert replace(found, **vars(sealed)) == sealed
     assert sealed.temperatures.shape == hidden.run.temperatures.shape
     assert sealed.heat_W.shape == (hidden.run.t_ns.size - 1,)
+    assert found.smoothed is not None
+    assert sealed.smoothed is not None
+    for name in ("temperatures", "heat_W", "heat_sd_W"):
+        np.testing.assert_array_equal(getattr(found.smoothed, name), getattr(sealed.smoothed, name), err_msg=name)
+
+
+def test_the_smoother_knows_a_change_when_it_happens(hidden: Replayed) -> None:
+    """The speed rises at 400 s, and the hidden loss with it: the filter still puts most of it later."""
+    run = filtered(hidden.run)
+    assert run.smoothed is not None
+    extra = {"filter": run.heat_W - run.nominal_W, "smoother": run.smoothed.heat_W - run.nominal_W}
+    before, after = slice(int((SLOW_S - 60) / 0.5), int((SLOW_S - 30) / 0.5)), slice(-600, None)
+    at = {}
+    for name, watts in extra.items():
+        half = (watts[before].mean() + watts[after].mean()) / 2
+        late = watts[int(SLOW_S / 0.5) - 60 :]
+        at[name] = np.flatnonzero(np.convolve(late, np.ones(20) / 20, "valid") > half)[0] * 0.5 - 30
+    assert at["smoother"] < at["filter"] - 5
+    assert run.smoothed.heat_sd_W[200:-200].max() < run.heat_sd_W[200:-200].min()
+    errors = hidden.event.summary["filtered"]
+    assert errors["smoothed_mae_K"].keys() == errors["mae_K"].keys()
+    assert errors["smoothed_mae_K"]["MAG"] < 1.1 * errors["mae_K"]["MAG"]
+
+
+def test_an_estimate_that_was_sealed_without_a_smoother_still_loads(hidden: Replayed) -> None:
+    run = filtered(hidden.run)
+    table = filtered_table(hidden.frame, replace(run, smoothed=None), hidden.run.nodes)
+    assert not any("smoothed" in column for column in table.column_names)
+    entry = hidden.event.summary["filtered"]
+    assert filtered_of(table, entry, hidden.run.nodes).smoothed is None
+    plot: Any = estimated_loss(replace(hidden.run, filtered=replace(run, smoothed=None)), 600)
+    assert "smoothed" not in plot.svg
+    assert "lag" not in plot.note
+
+
+def test_picture_table_and_layer_show_the_smoother(hidden: Replayed, tmp_path: Path) -> None:
+    chunk = pytest.importorskip("rerun.chunk")
+    plot: Any = estimated_loss(hidden.run, 600)
+    assert "smoothed" in plot.svg
+    assert "does not lag" in plot.note
+    assert plot.table.head[-3:] == ("smoothed [W]", "standard deviation smoothed [W]", "smoothed [°C]")
+    assert all(len(row) == len(plot.table.head) for row in plot.table.rows)
+    layers.write_filtered(hidden.run, tmp_path / "filtered.rrd")
+    batches = [batch.to_record_batch() for batch in chunk.RrdReader(tmp_path / "filtered.rrd").stream()]
+    paths = {batch.schema.metadata[b"rerun:entity_path"].decode().split("/", 3)[-1] for batch in batches}
+    assert {"magnet/smoothed", "magnet/smoothed_from", "magnet/smoothed_to"} <= {p for p in paths if "magnet" in p}
 
 
 def test_a_run_that_was_sealed_without_a_filter_still_loads(hidden: Replayed) -> None:
