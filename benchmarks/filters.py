@@ -102,8 +102,8 @@ class Case:
         return kept
 
 
-def case_of(seed: int, drive: Drive, hidden_W: float) -> Case:
-    """The specimen with or without the hidden loss: its draws are the same."""
+def case_of(seed: int, drive: Drive, hidden_W: float, network: Network | None = None) -> Case:
+    """The specimen with or without the hidden loss, its draws the same, and its own motor file's network or the one given."""
     plant = Plant(seed, (Effect("loss.magnet.speed2", hidden_W),) if hidden_W else ())
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
@@ -113,7 +113,7 @@ def case_of(seed: int, drive: Drive, hidden_W: float) -> Case:
             take_in(store, logs, setup, Override())
             known = facts.at(store.ledger)
             (session,) = known.sessions
-            network = read_motor((folder / "motor.toml").read_bytes(), "motor.toml")
+            network = network or read_motor((folder / "motor.toml").read_bytes(), "motor.toml")
             recorded = session_frame(session, load_channels(store, known, session), network)
     inputs = Frame(recorded.step_s, recorded.features, recorded.boundaries)
     seen = tuple(o for o in recorded.observations if o.channel in SEEN)

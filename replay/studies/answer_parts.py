@@ -176,7 +176,11 @@ def rivals(naming: Naming, refused: Sequence[tuple[Refit, str]]) -> list[Rival]:
         add(refit.candidate, refit.log_bayes_factor, reason)
     for refit in naming.patchwork:
         others = " and ".join(str(r.candidate.cause) for r in naming.patchwork if r is not refit)
-        add(refit.candidate, refit.log_bayes_factor, f"fits only together with {others}, near it: the form of neither")
+        add(
+            refit.candidate,
+            refit.log_bayes_factor,
+            f"fits only together with {others}: none of them has the form of what is there",
+        )
     for candidate, value in naming.left_out:
         add(candidate, value, "let in first; left out at the end, the fit is about as good")
     for number, one in enumerate(naming.rounds):
