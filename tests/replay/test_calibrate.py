@@ -131,8 +131,9 @@ def test_a_profile_says_what_the_data_alone_know(bench: Path, capsys: pytest.Cap
     assert low < one["value"] < high
     assert min(rise for _, rise in one["course"]) == 0.0
     text = calibration_text(answer)
-    assert f"loss.magnet.speed2 is {one['value']:.4g} W, 95 %: {low:.4g} to {high:.4g} W, by the data alone" in " ".join(
-        text.split()
+    assert (
+        f"loss.magnet.speed2 is {one['value']:.4g} W, 95 %: {low:.4g} to {high:.4g} W, by the data alone"
+        in " ".join(text.split())
     )
 
 
