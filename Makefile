@@ -26,7 +26,7 @@ trials: .venv/ready
 	$(BIN)/python benchmarks/trials.py
 
 notebook: .venv/ready
-	$(BIN)/marimo edit notebooks/insulation.py
+	$(BIN)/marimo edit notebooks
 
 # uv where it is there (seconds), pip otherwise (a minute): both install the same locked versions.
 PIP := $(shell command -v uv >/dev/null 2>&1 && echo "uv pip install -q --python $(BIN)/python" || echo "$(BIN)/python -m pip install -q --disable-pip-version-check")

@@ -89,8 +89,7 @@ def statements(seeds: Sequence[int], cycles: int, tell: Callable[[str], None]) -
     of_motor = []
     for seed in seeds:
         tell(f"motor {seed}: calibration")
-        gains, _ = calibrated(seed, FIRST_GUESS_W)
-        _, network = calibrated(seed, 0.0)
+        gains, network = calibrated(seed, FIRST_GUESS_W).gains, calibrated(seed, 0.0).fitted
         tell(f"motor {seed}: filters")
         of_motor.append({**gains, **filtered(seed, cycles, network)})
 
@@ -140,14 +139,24 @@ def errors_K(case: Case, edges: Floats, channels: Sequence[str]) -> tuple[float,
     return max(float(e.mean()) for e in errors), max(float(e.max()) for e in errors)
 
 
-def calibrated(seed: int, hidden_W: float) -> tuple[dict[str, float], Network]:
-    """How far the mean errors on a WLTC fall by a fit to two S1 points and an S2, and the fitted network."""
+@dataclass(frozen=True)
+class Calibrated:
+    """`gains`: how far the mean errors on a WLTC fall; the network as it was guessed and as it was fitted."""
+
+    gains: dict[str, float]
+    guess: Network
+    fitted: Network
+
+
+def calibrated(seed: int, hidden_W: float) -> Calibrated:
+    """A first guess fitted to two S1 points and an S2, checked on a WLTC."""
     plant = Plant(seed, (Effect("loss.magnet.speed2", hidden_W),) if hidden_W else ())
     plan = [points.s1(plant, 6000.0, 30.0, 0), points.s1(plant, 10_000.0, 30.0, 1), points.s2(plant, 8000.0, 20.0, 2)]
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         logs = write_campaign(folder, plant, sessions(plant, [*plan, drives.wltp(1)], layout="six"), layout="six")
         first_guess(folder / "motor.toml", np.random.default_rng(seed))
+        guess = read_motor((folder / "motor.toml").read_bytes(), "motor.toml")
         setup = prepare(logs, folder / "bench.toml", [folder / "bench.dbc"], for_intake)
         with Store.open(folder / "store", create=True) as store:
             take_in(store, logs, setup, Override())
@@ -161,7 +170,7 @@ def calibrated(seed: int, hidden_W: float) -> tuple[dict[str, float], Network]:
     was, now = before.summary["mae_K"], after.summary["mae_K"]
     hottest = max((node for node in was if node.startswith("endwinding")), key=lambda node: was[node])
     gains = {"endwinding gain": was[hottest] - now[hottest], "magnet gain": was["magnet"] - now["magnet"]}
-    return gains, fitted.calibration.network
+    return Calibrated(gains, guess, fitted.calibration.network)
 
 
 def first_guess(path: Path, rng: np.random.Generator) -> None:
