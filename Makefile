@@ -8,7 +8,7 @@ demo: .venv/ready
 	$(BIN)/whyhot demo
 
 test: .venv/ready check
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest -n 2 --dist loadfile
 
 check: .venv/ready
 	$(BIN)/ruff check .
@@ -20,6 +20,8 @@ bench: .venv/ready
 	$(BIN)/python benchmarks/ingest.py
 	$(BIN)/python benchmarks/integrator.py
 	$(BIN)/python benchmarks/calibration.py
+	$(BIN)/python benchmarks/filters.py
+	$(BIN)/python benchmarks/paper.py
 
 # How often a hidden effect is named, and nothing where nothing is hidden: hours, and it goes on where it was interrupted.
 trials: .venv/ready
