@@ -35,7 +35,7 @@ MOST_TERMS = 3
 MOST_SIGMAS = 4.0  # prior sd of a candidate: a larger amplitude is not what its name says
 REFITTED, WORTH_REFITTING = 5, 4.0  # how many, and from which linear ln BF on
 FAR_BEHIND = 10.0  # of the leading one in linear ln BF: not refitted
-FIRST_LINEARISATIONS, REFIT_LINEARISATIONS = 3, 15  # of every refit, and of those that may still come near the best
+FIRST_LINEARISATIONS, REFIT_LINEARISATIONS = 4, 15  # of every refit, and of those that may still come near the best
 OUT_OF_REACH = 6.0  # behind the best, twice what tells two apart, with all that a search still promises: it stops there
 
 Tell = Callable[[str], None]
