@@ -1,4 +1,4 @@
-"""Views over the Parquet files: `base.values`, `base.temperatures`, `base.residuals`.
+"""Views over the Parquet files: `base.values`, `base.temperatures`, `base.residuals`, and `base.ageing_...` of the latest assessment.
 
 A branch of the view is one column of one schema, over the list of all files with that schema; the session comes by a join
 on the file's path. Measured on 250 files (50 sessions of 5 groups with 6 channels, 30 million values): a query that names
@@ -54,18 +54,90 @@ VALUES = {
     "record": "BIGINT",
     "value": "DOUBLE",
 }
+AGEING = {  # artefact of an assessment -> its columns
+    "ageing_cycles": {
+        "session": "VARCHAR",
+        "session_name": "VARCHAR",
+        "specimen": "VARCHAR",
+        "batch": "VARCHAR",
+        "channel": "VARCHAR",
+        "number": "BIGINT",
+        "start_ns": "BIGINT",
+        "heating_from_s": "DOUBLE",
+        "soak_from_s": "DOUBLE",
+        "soak_to_s": "DOUBLE",
+        "cooling_to_s": "DOUBLE",
+        "highest_degC": "DOUBLE",
+        "soak_degC": "DOUBLE",
+        "hours_above": "DOUBLE",
+        "unknown_h": "DOUBLE",
+    },
+    "ageing_checks": {
+        "session": "VARCHAR",
+        "session_name": "VARCHAR",
+        "specimen": "VARCHAR",
+        "batch": "VARCHAR",
+        "start_ns": "BIGINT",
+        "number": "BIGINT",
+        "dose_h": "DOUBLE",
+        "equivalent_low_h": "DOUBLE",
+        "equivalent_high_h": "DOUBLE",
+        "resistance_K_per_W": "DOUBLE",
+        "sd_K_per_W": "DOUBLE",
+        "conductivity_percent": "DOUBLE",
+        "source": "VARCHAR",
+        "state": "VARCHAR",
+        "why": "VARCHAR",
+        "hottest_channel": "VARCHAR",
+        "hottest_degC": "DOUBLE",
+    },
+    "ageing_specimens": {
+        "specimen": "VARCHAR",
+        "batch": "VARCHAR",
+        "checks": "BIGINT",
+        "dose_h": "DOUBLE",
+        "equivalent_low_h": "DOUBLE",
+        "equivalent_high_h": "DOUBLE",
+        "life_used_low": "DOUBLE",
+        "life_used_high": "DOUBLE",
+        "remaining_low_h": "DOUBLE",
+        "remaining_high_h": "DOUBLE",
+        "form": "VARCHAR",
+        "form_probability": "DOUBLE",
+        "change_at_dose_h": "DOUBLE",
+        "slope_percent_per_100h": "DOUBLE",
+        "slope_low": "DOUBLE",
+        "slope_high": "DOUBLE",
+        "fleet_slope_percent_per_100h": "DOUBLE",
+        "fleet_slope_sd": "DOUBLE",
+        "repeatability_percent": "DOUBLE",
+        "significant": "BOOLEAN",
+        "score": "DOUBLE",
+        "outlying": "BOOLEAN",
+        "why": "VARCHAR",
+    },
+    "ageing_batches": {
+        "batch": "VARCHAR",
+        "specimens": "BIGINT",
+        "slope_percent_per_100h": "DOUBLE",
+        "score": "DOUBLE",
+        "outlying": "BOOLEAN",
+    },
+}
 TEMPERATURES = {"node": "VARCHAR", "t_ns": "BIGINT", "temperature_degC": "DOUBLE"}
 SUFFIX = "_degC"
 
 
 def create(connection: duckdb.DuckDBPyConnection) -> None:
-    """Make the three views from `base.groups`, `base.channels` and `base.artefacts`.
+    """Make the views from `base.groups`, `base.channels` and `base.artefacts`.
 
     Raises WarehouseError where a Parquet file that the facts name is missing or damaged.
     """
     _view(connection, "values", VALUES, _values(connection))
     _view(connection, "temperatures", TEMPERATURES, _temperatures(connection))
-    _view(connection, "residuals", RESIDUALS, _residuals(connection))
+    _view(connection, "residuals", RESIDUALS, _tables(connection, "residuals", RESIDUALS))
+    for kind, columns in AGEING.items():
+        _view(connection, kind, columns, _tables(connection, kind, columns))
 
 
 def text(value: str | None) -> str:
@@ -104,16 +176,17 @@ def _temperatures(connection: duckdb.DuckDBPyConnection) -> Iterable[str]:
                 yield _branch(files, f"{text(column.removesuffix(SUFFIX))}, t_ns, {name(actual)}")
 
 
-def _residuals(connection: duckdb.DuckDBPyConnection) -> Iterable[str]:
+def _tables(connection: duckdb.DuckDBPyConnection, kind: str, columns: Mapping[str, str]) -> Iterable[str]:
     """One branch for each kind of file; a column that it lacks is null, and so is a number that is not finite."""
-    for schema, files in _alike({file: _schema(file) for file in _artefacts(connection, "residuals")}).items():
+    for schema, files in _alike({file: _schema(file) for file in _artefacts(connection, kind)}).items():
         there = dict(schema)
-        yield _branch(files, ", ".join(_or_null(column) if column in there else "NULL" for column in RESIDUALS))
+        listed = (_or_null(column, said) if column in there else "NULL" for column, said in columns.items())
+        yield _branch(files, ", ".join(listed))
 
 
-def _or_null(column: str) -> str:
+def _or_null(column: str, kind: str) -> str:
     called = name(column)
-    return f"CASE WHEN isfinite({called}) THEN {called} END" if RESIDUALS[column] == "DOUBLE" else called
+    return f"CASE WHEN isfinite({called}) THEN {called} END" if kind == "DOUBLE" else called
 
 
 def _artefacts(connection: duckdb.DuckDBPyConnection, kind: str) -> list[str]:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from ingest.envelope import Recorded
 from ingest.errors import UnknownSessionError
-from ingest.events import RawFileSealed, ReplayCompleted, SessionRecorded
+from ingest.events import InspectionRecorded, RawFileSealed, ReplayCompleted, SessionRecorded
 from ingest.facts import Facts
 from ingest.resolving import region_by_name
 
@@ -37,10 +37,10 @@ def rows(store: Store, facts: Facts, recorded: Sequence[Recorded]) -> dict[str, 
         "channels": _channels(facts, used),
         "runs": _runs(facts, recorded),
         "artefacts": [
-            {"run": run.run, "kind": kind, "file": str(store.archive.path(sha256).absolute())}
-            for run in facts.runs.values()
-            for kind, sha256 in run.artefacts.items()
+            {"run": run, "kind": kind, "file": str(store.archive.path(sha256).absolute())}
+            for run, kind, sha256 in _artefacts(facts)
         ],
+        "inspections": _inspections(facts, recorded),
     }
 
 
@@ -134,6 +134,22 @@ def _runs(facts: Facts, recorded: Iterable[Recorded]) -> Rows:
         | {name: _json(getattr(run, name)) for name in ("key", "environment", "summary")}
         | {"session_now": _session_now(facts, run.session), "recorded": when.get(run.run), "place": place}
         for place, run in enumerate(facts.runs.values())
+    ]
+
+
+def _artefacts(facts: Facts) -> Iterator[tuple[str, str, str]]:
+    """(id, kind, SHA-256) of the Parquet files of every run, and of the latest assessment of ageing."""
+    for run in facts.runs.values():
+        yield from ((run.run, kind, sha256) for kind, sha256 in run.artefacts.items())
+    for latest in list(facts.assessments.values())[-1:]:
+        yield from ((latest.assessment, f"ageing_{kind}", sha256) for kind, sha256 in latest.artefacts.items())
+
+
+def _inspections(facts: Facts, recorded: Iterable[Recorded]) -> Rows:
+    when = {one.event.inspection: one.recorded for one in recorded if isinstance(one.event, InspectionRecorded)}
+    return [
+        {**vars(one), "recorded": when.get(one.inspection), "place": place}
+        for place, one in enumerate(facts.inspections.values())
     ]
 
 

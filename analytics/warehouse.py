@@ -34,9 +34,10 @@ if TYPE_CHECKING:
 FILE = "warehouse.duckdb"
 VIEWS = (
     *("sessions", "channels", "files", "samples", "runs", "residuals", "temperatures"),
-    *("ageing_cycles", "dc_checks", "events"),
+    *("cycles", "dc_checks", "insulation_checks", "inspections"),
+    *("oven_cycles", "conductivity_by_cycle", "life_used", "fleet_health", "changepoints", "batches", "events"),
 )
-MACROS = ("resample",)
+MACROS = ("resample", "equivalent_hours", "equivalent_hours_10K", "equivalent_hours_of")
 BUILDING = "warehouse-"  # begins the names of folders in which one is being built
 BLOCK = "16384"  # bytes, the least: the tables are small, and each takes a block at least
 MEMORY = "2GiB"  # a query that needs more is refused with a line

@@ -2,7 +2,7 @@
 
 Payload fields are JSON values (str, int, float, bool, None, list, dict); nanoseconds are integers. A stream is named
 `kind-key`: `file-<sha256>`, `database-<sha256>`, `bench-<sha256>`, `motor-<name>`, `session-<id>`, `run-<id>`,
-`calibration-<id>`, `diagnosis-<id>`, `ledger-0`.
+`calibration-<id>`, `diagnosis-<id>`, `inspection-<id>`, `ageing-<id>`, `ledger-0`.
 """
 
 from __future__ import annotations
@@ -182,7 +182,8 @@ class CalibrationCompleted(Event):
 
     `parameters`: [{name, unit, before, value, log_change, sd, prior_sd, held}], sd of the logarithm; `errors`: [{session,
     session_name, channel, node, before_K, after_K, bias_K, bias_sd_K}]: mean absolute errors of runs with the one and the
-    other model, and what the channel is taken to read too much in that session.
+    other model, and what the channel is taken to read too much in that session; `covariance` of all parameters' logarithms (Parquet),
+    None of calibrations that did not keep it.
     """
 
     TOPIC: ClassVar[str] = "whyhot:CalibrationCompleted"
@@ -199,6 +200,7 @@ class CalibrationCompleted(Event):
     log_posterior: float
     parameters: list[dict[str, Any]]
     errors: list[dict[str, Any]]
+    covariance: str | None = None  # SHA-256
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -271,6 +273,39 @@ class CauseAccepted(Event):
     model: str | None
     parent_bench: str | None  # SHA-256 of bench files
     bench: str | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class InspectionRecorded(Event):
+    """`inspection-<id>`: a person looked at a specimen and found something; the file that shows it lies in the archive.
+
+    The same bytes with another finding, specimen, time or session are another inspection.
+    """
+
+    TOPIC: ClassVar[str] = "whyhot:InspectionRecorded"
+    inspection: str  # = hash of all that is below but name and media type
+    sha256: str
+    name: str
+    media_type: str
+    size: int  # bytes
+    specimen: str
+    happened: str | None  # ISO 8601 UTC, as it was said; None where only the session, or nothing, is known
+    session: str | None  # id of the session that it followed, as it was then
+    finding: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class AgeingAssessed(Event):
+    """`ageing-<id>`: the insulation of specimens was assessed from these sessions. `answer` is the SHA-256 of its document
+    (JSON, `whyhot.ageing/1`), `artefacts`: {checks, specimens, batches} -> SHA-256 of its tables in the archive (Parquet)."""
+
+    TOPIC: ClassVar[str] = "whyhot:AgeingAssessed"
+    assessment: str  # = hash of `key`
+    key: dict[str, Any]
+    answer: str
+    artefacts: dict[str, str]
+    sessions: list[str]  # ids
+    digest: str
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -9,12 +9,15 @@ from typing import TYPE_CHECKING, TypeVar
 from ingest.envelope import Recorded
 from ingest.errors import UnknownSessionError
 from ingest.events import (
+    AgeingAssessed,
     BenchRegistered,
+    CalibrationCompleted,
     CauseAccepted,
     DecodeCompleted,
     DiagnosisCompleted,
     Event,
     HeldOutOpened,
+    InspectionRecorded,
     ModelPublished,
     QualityFlagged,
     RawFileSealed,
@@ -46,9 +49,14 @@ class Facts:
     old_names: Mapping[str, str]  # name that a session no longer has -> its id then
     runs: Mapping[str, ReplayCompleted]  # by run id
     flags: Mapping[str, Sequence[QualityFlagged]]  # by stream: session-<id> or file-<sha256>
+    calibrations: Mapping[str, CalibrationCompleted]  # by the model that each published
     diagnoses: Mapping[str, DiagnosisCompleted]  # by diagnosis id, the latest last
     opened: Mapping[str, Sequence[str]]  # current session -> the diagnoses that opened it as a kept one
     successors: Mapping[str, str]  # model or bench file -> the version that was accepted in its place
+    inspections: Mapping[
+        str, InspectionRecorded
+    ]  # by inspection id; each with the session that its own is, or became part of
+    assessments: Mapping[str, AgeingAssessed]  # by assessment id, the latest last
 
     def decode_of(self, raw: str, bench: str | None) -> DecodeCompleted | None:
         """The latest decode of a raw file (SHA-256) under a bench file (SHA-256; None: without one)."""
@@ -115,9 +123,12 @@ def fold(recorded: Iterable[Recorded]) -> Facts:
         old_names={one.event.name: one.event.session for one in events if isinstance(one.event, SessionRecorded)},
         runs=_latest(events, ReplayCompleted, lambda event: event.run),
         flags=flags,
+        calibrations=_latest(events, CalibrationCompleted, lambda event: event.model),
         diagnoses=_latest(events, DiagnosisCompleted, lambda event: event.diagnosis),
         opened=_opened(events, joined),
         successors=_successors(events),
+        inspections=_inspections(events, joined),
+        assessments=_latest(events, AgeingAssessed, lambda event: event.assessment),
     )
 
 
@@ -149,6 +160,11 @@ def _sessions(events: Iterable[Recorded]) -> tuple[dict[str, SessionRecorded], d
                 current.pop(event.session, None)
                 joined[event.session] = event.into
     return current, joined
+
+
+def _inspections(events: Iterable[Recorded], joined: Mapping[str, str]) -> dict[str, InspectionRecorded]:
+    found = _latest(events, InspectionRecorded, lambda event: event.inspection)
+    return {key: replace(one, session=one.session and _end(joined, one.session)) for key, one in found.items()}
 
 
 def _opened(events: Iterable[Recorded], joined: Mapping[str, str]) -> dict[str, list[str]]:

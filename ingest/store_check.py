@@ -12,10 +12,13 @@ from ingest.archive import Archive
 from ingest.chain import Head
 from ingest.envelope import Recorded
 from ingest.events import (
+    AgeingAssessed,
     BenchRegistered,
+    CalibrationCompleted,
     DecodeCompleted,
     DiagnosisCompleted,
     Event,
+    InspectionRecorded,
     ModelExtended,
     ModelPublished,
     RawFileSealed,
@@ -62,8 +65,16 @@ def _cites(event: Event) -> Iterator[tuple[str, str]]:
         case ReplayCompleted():
             for name, sha256 in event.artefacts.items():
                 yield sha256, f"{name} of run {event.run}"
+        case CalibrationCompleted() if event.covariance is not None:
+            yield event.covariance, f"covariance of calibration {event.calibration}"
         case DiagnosisCompleted():
             yield event.artefact, f"document of diagnosis {event.diagnosis}"
+        case InspectionRecorded():
+            yield event.sha256, f"{event.name} of specimen {event.specimen}"
+        case AgeingAssessed():
+            yield event.answer, f"document of ageing assessment {event.assessment}"
+            for name, sha256 in event.artefacts.items():
+                yield sha256, f"{name} of ageing assessment {event.assessment}"
         case ModelExtended():
             yield from ((one, f"extension by diagnosis {event.diagnosis}") for one in (event.model, event.bench) if one)
 

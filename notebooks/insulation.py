@@ -77,8 +77,10 @@ def _(AnalyticsError, IngestError, mo, os, sys, warehouse):
 def _(mo, store):
     oven_rows = mo.sql(
         """
-        SELECT specimen, name, start, hours_above_180degC, highest_degC, mean_above_degC, hottest_channel, longest_gap_s, why_no_hours
-        FROM ageing_cycles
+        SELECT
+            specimen, name, start, hours_above_180degC, equivalent_1eV_h, equivalent_10K_h, highest_degC, mean_above_degC,
+            hottest_channel, unknown_h, why_no_hours
+        FROM cycles
         ORDER BY specimen, start
         """,
         output=False,
@@ -96,8 +98,8 @@ def _(mo, oven_rows):
             ## In the oven
 
             An hour counts whole above 180 °C and not at all below. An hour at 230 °C uses up far more of the insulation's life than
-            one at 181 °C (10 to 32 times an hour at 180 °C, depending on the law), so doses compare only between cycles at the same
-            temperature: look at `mean_above_degC`.
+            one at 181 °C, so doses compare only between cycles at the same temperature: look at `mean_above_degC`, or at the same
+            hours as hours at 180 °C, once by Arrhenius with 1.0 eV and once by the 10 K rule: two rules, never to be added.
             """),
             mo.ui.table(cycles, selection=None),
         ]
@@ -111,7 +113,7 @@ def _(mo, store):
         """
         SELECT
             specimen, name, start, dose_h, resistance_K_per_W, copper_degC, iron_degC, power_W, drift_percent,
-            why_no_resistance, why_no_dose, copper_from, iron_from
+            why_no_resistance, why_no_dose, copper_from, iron_from, concat(copper_from, ' - ', iron_from) AS channels
         FROM dc_checks
         ORDER BY specimen, start
         """,
@@ -251,7 +253,7 @@ def _(COLOURS, DASHES, Figure, checks, mo, trends):
             row
             for row in checks
             if row["specimen"] == trend["specimen"]
-            and f"{row['copper_from']} - {row['iron_from']}" == trend["channels"]
+            and row["channels"] == trend["channels"]
             and None not in (row["resistance_K_per_W"], row["dose_h"])
         ]
         values = [row["resistance_K_per_W"] for row in mine]

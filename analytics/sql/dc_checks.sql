@@ -1,3 +1,27 @@
+-- Hours above 180 degC of a specimen before each of its checks.
+CREATE VIEW base.doses AS
+SELECT
+    c.session,
+    CASE WHEN NOT unknown THEN round(dose, 6) END AS dose_h,
+    CASE
+        WHEN c.specimen IS NULL THEN 'no specimen is named'
+        WHEN c.start IS NULL THEN 'no absolute time'
+        WHEN unknown THEN 'an oven session of the specimen has no hours or no absolute time'
+    END AS why
+FROM main.sessions AS c
+LEFT JOIN (
+    SELECT
+        c.session,
+        coalesce(sum(h.hours_above_180degC) FILTER (WHERE e.start < c.start), 0) AS dose,
+        bool_or(e.kind = 'ageing' AND (e.start IS NULL OR (e.start < c.start AND h.session IS NULL))) AS unknown
+    FROM main.sessions AS c
+    JOIN main.sessions AS e ON e.specimen = c.specimen
+    LEFT JOIN base.hours AS h ON h.session = e.session
+    WHERE c.kind IN ('dc_check', 'insulation_check') AND c.start IS NOT NULL
+    GROUP BY c.session
+) AS d ON d.session = c.session
+WHERE c.kind IN ('dc_check', 'insulation_check');
+
 -- The last 20 min of load of each check in two halves: the later one gives the numbers, the change between them says whether
 -- they are steady. A half is 10 min so that a coolant controller that swings over minutes averages out.
 CREATE VIEW dc_checks AS
@@ -77,22 +101,23 @@ evaluated AS (
         100 * ((copper_degC - iron_degC) / power_W / (early_K / early_W) - 1) AS drift
     FROM means
 ),
-dose AS (
+given AS (  -- rows of a table of checks that were evaluated elsewhere, of which a session may hold several
     SELECT
-        c.session,
-        coalesce(sum(h.hours_above_180degC) FILTER (WHERE e.start < c.start), 0) AS dose_h,
-        bool_or(e.kind = 'ageing' AND (e.start IS NULL OR (e.start < c.start AND h.session IS NULL))) AS unknown
-    FROM sessions AS c
-    JOIN sessions AS e ON e.specimen = c.specimen
-    LEFT JOIN base.hours AS h ON h.session = e.session
-    WHERE c.kind = 'dc_check' AND c.start IS NOT NULL
-    GROUP BY c.session
+        v.session,
+        v.record,
+        any_value(v.t_ns) AS t_ns,
+        any_value(v.value) FILTER (WHERE v.quantity = 'thermal_resistance') AS resistance,
+        any_value(v.value) FILTER (WHERE v.quantity = 'dose') AS dose_h
+    FROM samples AS v
+    WHERE v.quantity IN ('thermal_resistance', 'dose')
+      AND v.session IN (SELECT session FROM channels WHERE quantity = 'thermal_resistance' AND role <> 'ignored')
+    GROUP BY v.session, v.file_id, v.record
+    HAVING resistance IS NOT NULL
 ),
 reasons AS (
     SELECT
         s.session,
         CASE
-            WHEN bool_or(c.quantity = 'thermal_resistance') THEN 'evaluated elsewhere: its samples of quantity thermal_resistance'
             WHEN any_value(l.session) IS NULL THEN 'no power or current is recorded'
             WHEN any_value(l.load_s) < 1200
                 THEN format('loaded for {:.1f} min without a break, 20 min are needed', floor(any_value(l.load_s) / 6) / 10)
@@ -107,7 +132,6 @@ reasons AS (
                 THEN format('not steady: changes by {:.1f} % in 10 min, 1 % is allowed', any_value(v.drift))
         END AS why
     FROM sessions AS s
-    LEFT JOIN channels AS c ON c.session = s.session
     LEFT JOIN loaded AS l ON l.session = s.session
     LEFT JOIN evaluated AS v ON v.session = s.session
     WHERE s.kind = 'dc_check'
@@ -118,41 +142,39 @@ SELECT
     s.name,
     s.specimen,
     s.batch,
-    s.start,
-    CASE WHEN NOT d.unknown THEN round(d.dose_h, 6) END AS dose_h,
-    CASE WHEN r.why IS NULL THEN round(v.resistance, 9) END AS resistance_K_per_W,
+    if(s.start IS NULL OR g.session IS NULL, s.start, make_timestamp_ns(g.t_ns)::TIMESTAMP) AS start,
+    coalesce(g.dose_h, d.dose_h) AS dose_h,
+    CASE WHEN g.session IS NOT NULL THEN g.resistance WHEN r.why IS NULL THEN round(v.resistance, 9) END AS resistance_K_per_W,
     round(v.copper_degC, 6) AS copper_degC,
     round(v.iron_degC, 6) AS iron_degC,
     round(v.power_W, 6) AS power_W,
     round(v.drift, 6) AS drift_percent,
     round(l.load_s, 6) AS load_s,
-    r.why AS why_no_resistance,
-    CASE
-        WHEN s.specimen IS NULL THEN 'no specimen is named'
-        WHEN s.start IS NULL THEN 'no absolute time'
-        WHEN d.unknown THEN 'an oven session of the specimen has no hours or no absolute time'
-    END AS why_no_dose,
-    CASE WHEN v.power_W IS NOT NULL THEN v.power_from END AS power_from,
+    CASE WHEN g.session IS NULL THEN r.why END AS why_no_resistance,
+    CASE WHEN g.dose_h IS NULL THEN d.why END AS why_no_dose,
+    CASE WHEN g.session IS NOT NULL THEN 'given in a table' WHEN v.power_W IS NOT NULL THEN v.power_from END AS power_from,
     v.copper_from,
-    v.iron_from
+    v.iron_from,
+    g.record
 FROM sessions AS s
 JOIN reasons AS r ON r.session = s.session
-LEFT JOIN dose AS d ON d.session = s.session
+JOIN base.doses AS d ON d.session = s.session
+LEFT JOIN given AS g ON g.session = s.session
 LEFT JOIN loaded AS l ON l.session = s.session
 LEFT JOIN evaluated AS v ON v.session = s.session
 WHERE s.kind = 'dc_check'
-ORDER BY s.specimen, s.start, s.name;
+ORDER BY s.specimen, start, dose_h, s.name, g.record;
 
 COMMENT ON VIEW dc_checks IS
-    'One row a DC check: the thermal resistance of the stator''s insulation. Steady: at least 20 min of load without a break, and the resistance over the last 10 min within 1 % of that over the 10 min before. Copper and iron channels are those of these regions (see `channels`); held or stuck samples are not left out. One value holds enamel, resin, liner and the sensors'' places together: compare it with other checks of the same specimen and channels only.';
+    'One row a DC check: the thermal resistance of the stator''s insulation; of a table of checks that were evaluated elsewhere, one row each of its rows. Steady: at least 20 min of load without a break, and the resistance over the last 10 min within 1 % of that over the 10 min before. Copper and iron channels are those of these regions (see `channels`); held or stuck samples are not left out. One value holds enamel, resin, liner and the sensors'' places together: compare it with other checks of the same specimen and channels only.';
 COMMENT ON COLUMN dc_checks.session IS 'Id of the session';
 COMMENT ON COLUMN dc_checks.name IS 'Name of the session';
 COMMENT ON COLUMN dc_checks.specimen IS 'Which motor or stator was checked';
 COMMENT ON COLUMN dc_checks.batch IS 'The batch that the specimen belongs to';
 COMMENT ON COLUMN dc_checks.start IS 'Time of the first record, UTC; null without absolute time';
 COMMENT ON COLUMN dc_checks.dose_h IS
-    'Hours of the hottest copper channel above 180 degC, summed over the specimen''s earlier sessions, whatever their kind';
-COMMENT ON COLUMN dc_checks.resistance_K_per_W IS '(copper_degC - iron_degC) / power_W; null where it is not steady or something is missing';
+    'Hours of the hottest copper channel above 180 degC, summed over the specimen''s earlier sessions, whatever their kind; where a table gives the dose, that';
+COMMENT ON COLUMN dc_checks.resistance_K_per_W IS '(copper_degC - iron_degC) / power_W in K/W, or as a table gives it; null where it is not steady or something is missing';
 COMMENT ON COLUMN dc_checks.copper_degC IS 'Mean of the copper channels over the last 10 min of load';
 COMMENT ON COLUMN dc_checks.iron_degC IS 'Mean of the iron channels over the last 10 min of load';
 COMMENT ON COLUMN dc_checks.power_W IS 'Mean electrical power over the last 10 min of load: V I';
@@ -160,6 +182,8 @@ COMMENT ON COLUMN dc_checks.drift_percent IS 'Change of the resistance from the 
 COMMENT ON COLUMN dc_checks.load_s IS 'How long the load was on without a break before it ended; on: above half of its 99.5 % quantile';
 COMMENT ON COLUMN dc_checks.why_no_resistance IS 'Why the resistance is null';
 COMMENT ON COLUMN dc_checks.why_no_dose IS 'Why the dose is null';
-COMMENT ON COLUMN dc_checks.power_from IS 'power (a channel of it), else voltage x current; of several channels the largest';
+COMMENT ON COLUMN dc_checks.power_from IS
+    'power (a channel of it), else voltage x current, of several channels the largest; `given in a table` where the resistance is';
 COMMENT ON COLUMN dc_checks.copper_from IS 'The copper channels';
 COMMENT ON COLUMN dc_checks.iron_from IS 'The iron channels';
+COMMENT ON COLUMN dc_checks.record IS 'Row of the table that gives it, from 0; null for a log';

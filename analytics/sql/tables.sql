@@ -43,3 +43,9 @@ CREATE TABLE base.runs (
 );
 
 CREATE TABLE base.artefacts (run VARCHAR, kind VARCHAR, file VARCHAR);
+
+-- Of the latest assessment the artefacts are `ageing_checks`, `ageing_specimens` and `ageing_batches`, and `run` is its id.
+CREATE TABLE base.inspections (
+    inspection VARCHAR, place BIGINT, sha256 VARCHAR, name VARCHAR, media_type VARCHAR, size BIGINT, specimen VARCHAR,
+    happened VARCHAR, session VARCHAR, finding VARCHAR, recorded VARCHAR
+);

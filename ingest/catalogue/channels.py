@@ -221,7 +221,11 @@ def _of_bench(bench: Bench, decode: DecodeCompleted) -> list[_Source]:
         (entry, plain.get(Signal(**entry["signal"])) if entry["signal"] else derived.get(entry["name"]))
         for entry in decode.channels
     ]
-    return [_Source(entry, replace(one[0], name=entry["name"]), one[1]) for entry, one in matched if one]
+    return [
+        _Source(entry, replace(one[0], name=entry["name"], region=entry.get("region", one[0].region)), one[1])
+        for entry, one in matched
+        if one
+    ]
 
 
 def _needs(channel: Channel) -> Sequence[str]:

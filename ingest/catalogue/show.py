@@ -46,7 +46,7 @@ def describe(store: Store, facts: Facts, session: SessionRecorded) -> SessionDes
         channels=tuple(_channel(*pair) for pair in zip(channels, qualities, strict=True)),
         power=balance,
         operating_points=operating_points.cells(channels),
-        findings=tuple(dict.fromkeys([*flagged, *found, *_impossible(balance)])),
+        findings=tuple(dict.fromkeys([*flagged, *found, *_impossible(balance), *_inspections(facts, session)])),
     )
 
 
@@ -77,6 +77,12 @@ def iso(t_ns: int) -> str:
 
 def _impossible(balance: PowerBalance | None) -> list[str]:
     return [] if balance is None or balance.possible else [balance.says]
+
+
+def _inspections(facts: Facts, session: SessionRecorded) -> list[str]:
+    """What a person found on the specimen after this session, and the file that shows it."""
+    found = facts.inspections.values()
+    return [f"{one.name}: {one.finding}" for one in found if one.session == session.session]
 
 
 def _duration_s(session: SessionRecorded) -> float:

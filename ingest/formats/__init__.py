@@ -119,6 +119,7 @@ class Format:
 FORMATS: tuple[Format, ...] = (
     Format("blf", "frames", (".blf",), b"LOGG", "ingest.formats.blf"),
     Format("asc", "frames", (".asc", ".asc.gz"), b"", "ingest.formats.asc"),
+    Format("tdms", "rows", (".tdms",), b"TDSm", "ingest.formats.tdms"),
     Format("csv", "rows", (".csv", ".csv.gz", ".txt", ".tsv"), b"", "ingest.formats.csv"),
 )
 

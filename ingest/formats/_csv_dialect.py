@@ -9,13 +9,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from ingest.errors import UnreadableLogError
+from ingest.formats import _csv_numbers
+from ingest.formats._csv_numbers import MISSING, Numerals
 
 DELIMITERS = (",", ";", "\t")
 SAMPLE_ROWS = 200
-MISSING = frozenset(("", "nan", "NaN", "NA", "N/A", "null", "-", "--", "---"))
-POINT_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
-COMMA_NUMBER = re.compile(r"[+-]?(\d+,?\d*|,\d+)([eE][+-]?\d+)?", re.ASCII)
 CODE = re.compile(r"0\d+", re.ASCII)  # 0417 is the name of something, no number
+EITHER = (Numerals("."), Numerals(","))
 UNIT_IN_NAME = re.compile(r"\[([^\[\]]*)\]\s*$")
 
 
@@ -24,22 +24,13 @@ class Dialect:
     """`names` are unique; `numeric`: column by column, None where the first rows leave it empty."""
 
     delimiter: str
-    decimal: str
+    numerals: Numerals
     names: tuple[str, ...]
     numeric: tuple[bool | None, ...]
     units: dict[str, str]
     units_row: bool
     renamed: dict[str, list[str]]  # as the header says it -> as it is called here
     sample: tuple[tuple[str, ...], ...]  # the first rows that fit, cell by cell
-
-    def number(self, cell: str) -> float | None:
-        """The number in `cell`; NaN where it is a sign for "missing", None where it is text."""
-        cell = cell.strip()
-        if cell in MISSING:
-            return float("nan")
-        pattern = POINT_NUMBER if self.decimal == "." else COMMA_NUMBER
-        value = float(cell.replace(",", ".")) if pattern.fullmatch(cell) else None
-        return None if value is None or value in (float("inf"), float("-inf")) else value
 
 
 def cells(line: str, delimiter: str) -> list[str]:
@@ -65,15 +56,15 @@ def recognise_dialect(lines: Sequence[str], log: str) -> Dialect:
         header.append("")
     _check_header(header, rows, delimiter, log)
     fitting = [tuple(cell.strip() for cell in row) for row in rows if len(row) == len(header)]
-    decimal = _decimal(fitting, delimiter)
+    numerals = _csv_numbers.recognise((cell for row in fitting for cell in row), delimiter)
     names, renamed = _unique(header)
-    has_units = _is_units_row(fitting, decimal)
+    has_units = _is_units_row(fitting, numerals)
     units = {name: match[1] for name, text in zip(names, header, strict=True) if (match := UNIT_IN_NAME.search(text))}
     if has_units:
         units |= {name: _bare(cell) for name, cell in zip(names, fitting[0], strict=True) if cell}
         fitting = fitting[1:]
-    numeric = tuple(_is_numeric([row[i] for row in fitting], decimal) for i in range(len(names)))
-    return Dialect(delimiter, decimal, names, numeric, units, has_units, renamed, tuple(fitting[:SAMPLE_ROWS]))
+    numeric = tuple(_is_numeric([row[i] for row in fitting], numerals) for i in range(len(names)))
+    return Dialect(delimiter, numerals, names, numeric, units, has_units, renamed, tuple(fitting[:SAMPLE_ROWS]))
 
 
 def _delimiter(lines: Sequence[str]) -> str:
@@ -98,7 +89,7 @@ def _usual(rows: Sequence[Sequence[str]]) -> int:
 
 
 def _check_header(header: Sequence[str], rows: Sequence[Sequence[str]], delimiter: str, log: str) -> None:
-    if any(header) and all(POINT_NUMBER.fullmatch(cell) or COMMA_NUMBER.fullmatch(cell) for cell in header if cell):
+    if any(header) and all(any(one.is_number(cell) for one in EITHER) for cell in header if cell):
         raise UnreadableLogError(
             f"{log}: line 1 holds numbers where the names of the columns should be. Put a line of names above them."
         )
@@ -116,13 +107,6 @@ def _check_header(header: Sequence[str], rows: Sequence[Sequence[str]], delimite
     )
 
 
-def _decimal(rows: Sequence[Sequence[str]], delimiter: str) -> str:
-    if delimiter == ",":
-        return "."
-    found = [cell for row in rows for cell in row if COMMA_NUMBER.fullmatch(cell) or POINT_NUMBER.fullmatch(cell)]
-    return "," if sum("," in cell for cell in found) > sum("." in cell for cell in found) else "."
-
-
 def _unique(header: Sequence[str]) -> tuple[tuple[str, ...], dict[str, list[str]]]:
     """Each name once: an empty one is called by its place, a second `T` is called `T_2`."""
     taken: dict[str, None] = {}
@@ -138,15 +122,14 @@ def _unique(header: Sequence[str]) -> tuple[tuple[str, ...], dict[str, list[str]
     return tuple(taken), {text: names for text, names in called.items() if names != [text]}
 
 
-def _is_units_row(rows: Sequence[Sequence[str]], decimal: str) -> bool:
+def _is_units_row(rows: Sequence[Sequence[str]], numerals: Numerals) -> bool:
     """Whether the first row holds units: text where the rows below hold numbers, and no number but the unit 1."""
     if len(rows) < 2:
         return False
-    pattern = POINT_NUMBER if decimal == "." else COMMA_NUMBER
-    numeric = [i for i in range(len(rows[0])) if _is_numeric([row[i] for row in rows[1:]], decimal)]
+    numeric = [i for i in range(len(rows[0])) if _is_numeric([row[i] for row in rows[1:]], numerals)]
     said = [rows[0][i] for i in numeric if rows[0][i] not in MISSING]
-    return any(not pattern.fullmatch(cell) for cell in said) and not any(
-        pattern.fullmatch(cell) and cell != "1" for cell in rows[0]
+    return any(not numerals.is_number(cell) for cell in said) and not any(
+        numerals.is_number(cell) and cell != "1" for cell in rows[0]
     )
 
 
@@ -155,11 +138,10 @@ def _bare(unit: str) -> str:
     return unit[1:-1].strip() if unit[0] + unit[-1] in ("[]", "()") else unit
 
 
-def _is_numeric(column: Sequence[str], decimal: str) -> bool | None:
+def _is_numeric(column: Sequence[str], numerals: Numerals) -> bool | None:
     """More numbers than texts, and no code such as 0417; None where there is neither."""
-    pattern = POINT_NUMBER if decimal == "." else COMMA_NUMBER
     said = [cell for cell in column if cell not in MISSING]
     if not said:
         return None
-    numbers = [cell for cell in said if pattern.fullmatch(cell)]
+    numbers = [cell for cell in said if numerals.is_number(cell)]
     return 2 * len(numbers) > len(said) and not all(CODE.fullmatch(cell) for cell in numbers)

@@ -19,17 +19,31 @@ from ingest.formats._clock import YEARS
 Ints = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 
-MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
+MONTHS = {name: number for number, names in enumerate(  # first three letters, English, German and Italian
+    ("jan jän gen", "feb", "mar mär mrz mae", "apr", "may mai mag", "jun giu", "jul lug", "aug ago", "sep set", "oct okt ott",
+     "nov", "dec dez dic"), 1
+) for name in names.split()}  # fmt: skip
+NAME = r"[A-Za-zÀ-ɏ]"  # a letter of a month's name: RE2 has no \w for letters beyond ASCII
 DIRECTIVES = {
     "Y": r"(?P<Y>\d{4})", "y": r"(?P<y>\d{2})", "m": r"(?P<m>\d{1,2})", "d": r"(?P<d>\d{1,2})", "H": r"(?P<H>\d{1,2})",
     "I": r"(?P<I>\d{1,2})", "M": r"(?P<M>\d{1,2})", "S": r"(?P<S>\d{1,2})", "f": r"(?P<f>\d{1,9})",
-    "p": r"(?P<p>[AaPp][Mm])", "z": r"(?P<z>Z|[+-]\d{2}:?\d{2})", "b": r"(?P<b>[A-Za-z]{3})",
-    "B": r"(?P<b>[A-Za-z]{3})[a-z]*", "%": "%",
+    "p": r"(?P<p>[AaPp][Mm])", "z": r"(?P<z>Z|[+-]\d{2}:?\d{2})", "b": rf"(?P<b>{NAME}{{3}})",
+    "B": rf"(?P<b>{NAME}{{3}}){NAME}*", "%": "%",
 }  # fmt: skip
-CLOCK = r"(?P<H>\d{1,2}):(?P<M>\d{2})(?::(?P<S>\d{2})(?:[.,](?P<f>\d{1,9})\d*)?)?"
-ISO = rf"^(?P<Y>\d{{4}})-(?P<m>\d{{2}})-(?P<d>\d{{2}})[T ]{CLOCK}\s?(?P<z>Z|[+-]\d{{2}}:?\d{{2}})?$"
-DOTTED = rf"^(?P<d>\d{{1,2}})\.(?P<m>\d{{1,2}})\.(?P<Y>\d{{4}})[T ]\s?{CLOCK}$"
-KNOWN = {"ISO 8601": ISO, "day.month.year": DOTTED}
+CLOCK = r"(?P<H>\d{1,2})[:.](?P<M>\d{2})(?:[:.](?P<S>\d{2})(?:[.,](?P<f>\d{1,9})\d*)?)?"
+GAP = r"(?:T|,?\s{1,3})"  # between date and time of day
+YEAR = r"(?:(?P<Y>\d{4})|(?P<y>\d{2}))"
+SLASHED = "day/month/year"
+DATES = {
+    "ISO 8601": r"(?P<Y>\d{4})-(?P<m>\d{2})-(?P<d>\d{2})",
+    "day.month.year": rf"(?P<d>\d{{1,2}})\.(?P<m>\d{{1,2}})\.{YEAR}",
+    SLASHED: rf"(?P<d>\d{{1,2}})/(?P<m>\d{{1,2}})/{YEAR}",
+    "day month year": rf"(?P<d>\d{{1,2}})[-./ ]{{1,2}}(?P<b>{NAME}{{3}}){NAME}*[-./ ]{{1,2}}{YEAR}",
+}
+OFFSET = r"\s?(?P<z>Z|[+-]\d{2}:?\d{2})?"
+KNOWN = {says: rf"^{date}{GAP}{CLOCK}{OFFSET if says == 'ISO 8601' else ''}$" for says, date in DATES.items()}
+DATE_ALONE = "|".join(f"^{re.sub('[?]P<[A-Za-z]>', '?:', date)}$" for date in DATES.values())
+CLOCK_ALONE = f"^{CLOCK}$"
 SECOND_NS, MINUTE_NS, DAY_NS = 1_000_000_000, 60_000_000_000, 86_400_000_000_000
 FALL_BACK_NS = 30 * MINUTE_NS  # a local clock that goes back by this much or more has been put back
 
@@ -51,6 +65,14 @@ def pattern_of(text: str, log: str) -> str:
             "year; for rows at a fixed rate say rate_hz instead."
         )
     return pattern
+
+
+def day_first(cells: list[str]) -> bool | None:
+    """Whether dates such as 24/12/2025 begin with the day; None where no cell tells it from the month."""
+    found = [match for cell in cells if (match := re.match(KNOWN[SLASHED], cell))]
+    if any(int(match["m"]) > 12 for match in found):
+        return False
+    return True if any(int(match["d"]) > 12 for match in found) else None
 
 
 def fits(pattern: str, cells: list[str]) -> bool:
@@ -135,7 +157,10 @@ def _wall_ns(fields: dict[str, pa.Array], count: int) -> tuple[Ints, Flags]:
         text = pc.if_else(pc.equal(fields[name], ""), str(default), fields[name])
         return np.asarray(pc.cast(text, pa.int64()).to_numpy())
 
-    year = number("Y", 0) if "Y" in fields else number("y", 0) + np.where(number("y", 0) < 69, 2000, 1900)
+    year = number("Y", 0)
+    if "y" in fields:
+        short = number("y", -1)
+        year = np.where(short < 0, year, short + np.where(short < 69, 2000, 1900))
     month = _month(fields["b"]) if "b" in fields else number("m", 1)
     day, hour, minute, second = number("d", 1), number("H", 0), number("M", 0), number("S", 0)
     if "I" in fields:
@@ -154,7 +179,10 @@ def _wall_ns(fields: dict[str, pa.Array], count: int) -> tuple[Ints, Flags]:
 
 
 def _month(names: pa.Array) -> Ints:
-    return np.asarray(pc.fill_null(pc.index_in(pc.utf8_lower(names), pa.array(MONTHS)), -1).to_numpy()) + 1
+    """1 to 12; 0 for what is no month's name."""
+    place = pc.index_in(pc.utf8_slice_codeunits(pc.utf8_lower(names), 0, 3), pa.array(list(MONTHS)))
+    numbers = np.array([0, *MONTHS.values()])
+    return np.asarray(numbers[np.asarray(pc.fill_null(place, -1).to_numpy()) + 1], np.int64)
 
 
 def _fraction_ns(digits: pa.Array | None, count: int) -> Ints:

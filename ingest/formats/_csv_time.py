@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from math import isnan
 from typing import Any
@@ -14,8 +15,20 @@ from numpy.typing import NDArray
 from ingest.errors import UnreadableLogError
 from ingest.formats import TimeSpec
 from ingest.formats._clock import start_ns, zone_of
-from ingest.formats._csv_dialect import MISSING, Dialect
-from ingest.formats._csv_stamps import KNOWN, LocalClock, fits, parse, pattern_of, time_of_day
+from ingest.formats._csv_dialect import Dialect
+from ingest.formats._csv_numbers import MISSING
+from ingest.formats._csv_stamps import (
+    CLOCK_ALONE,
+    DATE_ALONE,
+    KNOWN,
+    SLASHED,
+    LocalClock,
+    day_first,
+    fits,
+    parse,
+    pattern_of,
+    time_of_day,
+)
 from ingest.nearest import hint
 
 Ints = NDArray[np.int64]
@@ -24,24 +37,26 @@ Flags = NDArray[np.bool_]
 UNITS_NS = {"ns": 1.0, "us": 1e3, "µs": 1e3, "μs": 1e3, "ms": 1e6, "s": 1e9, "sec": 1e9, "min": 60e9, "h": 3600e9}
 TIME_NAMES = frozenset(
     ("time", "times", "timestamp", "timestampepoch", "epoch", "unixtime", "datetime", "elapsed", "elapsedtime")
-) | frozenset(("zeit", "zeitstempel", "datumzeit"))
+) | frozenset(("zeit", "zeitstempel", "datumzeit", "tempo", "dataora", "dataeora"))
 EPOCH_NS = (1e18, 4e18)  # a column of numbers between these [ns] counts from 1970: years 2001 to 2096
 SHOWN = 64  # characters of a cell that is no time
 LATEST_NS = 9.2e18  # what int64 holds
+NO_RECORD = np.empty(0, np.int64)  # stamps need none
 
 
 @dataclass(kw_only=True)
 class Clock(ABC):
-    """How a row has its time. `column` is None where none holds it; `is_text`: its cells are wanted as text."""
+    """How a row has its time. `columns` are those that hold it, none to two (date, time of day); `is_text`: their cells are
+    wanted as text."""
 
     says: str
     absolute: bool
-    column: str | None = None
+    columns: tuple[str, ...] = ()
     is_text: bool = False
 
     @abstractmethod
     def t_ns(self, cells: NDArray[Any], record: Ints) -> tuple[Ints, Flags]:
-        """(t_ns, bad) of consecutive rows (N,); bad where the cell of the column is no time."""
+        """(t_ns, bad) of consecutive rows (N,); bad where the cell of the column, or both `joined`, is no time."""
 
     def why(self, cell: str) -> str:
         """Why a cell that `t_ns` called bad is no time."""
@@ -126,7 +141,7 @@ def _stated(time: TimeSpec, column: str, dialect: Dialect, start: int | None, lo
     if time.format is not None:
         local = LocalClock(zone_of(time, log))
         says = f"{time.format} in {time.zone}"
-        return Stamped(says=says, absolute=True, column=column, pattern=pattern_of(time.format, log), local=local)
+        return Stamped(says=says, absolute=True, columns=(column,), pattern=pattern_of(time.format, log), local=local)
     if time.unit is not None and time.unit not in UNITS_NS:
         raise UnreadableLogError(
             f'{log}: unit = "{time.unit}" under [time] of the bench file is no unit of time. Known are {" ".join(UNITS_NS)}.'
@@ -142,12 +157,14 @@ def _stated(time: TimeSpec, column: str, dialect: Dialect, start: int | None, lo
 
 
 def _found(time: TimeSpec, dialect: Dialect, start: int | None, log: str) -> Clock:
-    named = [name for name in dialect.names if _is_time_name(name)]
+    named = [name for name in dialect.names if is_time_name(name)]
     if time.format is not None:
         pattern = pattern_of(time.format, log)
         fitting = (name for name in (*named, *dialect.names) if _fits(pattern, dialect, name))
         if column := next(fitting, None):
             return _stated(time, column, dialect, start, log)
+        if clock := _of_two(time, {f"{time.format} in {time.zone}": pattern}, dialect, log):
+            return clock
     for column in named:
         rising = dialect.numeric[dialect.names.index(column)] is not True or _rises(dialect, column)
         if rising and (clock := _by_content(time, column, dialect, start, log)):
@@ -155,9 +172,12 @@ def _found(time: TimeSpec, dialect: Dialect, start: int | None, log: str) -> Clo
     for column in dialect.names:
         if clock := _stamped(time, column, dialect, log):
             return clock
+    if clock := _of_two(time, {f"{says} in {time.zone}": pattern for says, pattern in KNOWN.items()}, dialect, log):
+        return clock
     texts = [name for name in named if dialect.numeric[dialect.names.index(name)] is False]
     seen = next((cell for name in texts for cell in _cells(dialect, name) if cell not in MISSING), None)
-    holds = f' ("{texts[0]}" holds "{seen[:40]}", which is no whole stamp)' if seen is not None else ""
+    why = "may begin with the day or with the month" if seen and fits(KNOWN[SLASHED], [seen]) else "is no whole stamp"
+    holds = f' ("{texts[0]}" holds "{seen[:40]}", which {why})' if seen is not None else ""
     raise UnreadableLogError(
         f"{log}: no column is recognised as its time{holds}. Under [time] of the bench file say rate_hz = 1.0 (rows at a "
         'fixed rate), or column = "..." with format or unit.'
@@ -168,25 +188,61 @@ def _by_content(time: TimeSpec, column: str, dialect: Dialect, start: int | None
     """Numbers counted from the start or from 1970, or stamps of a known form; None for anything else."""
     if dialect.numeric[dialect.names.index(column)] is not True:
         return None if time.unit else _stamped(time, column, dialect, log)
-    unit = time.unit or _base_and_unit(column)[1] or dialect.units.get(column)
+    unit = time.unit or base_and_unit(column)[1] or dialect.units.get(column)
     candidates = [unit] if unit in UNITS_NS else ["s", "ms", "us", "ns"]
     for candidate in candidates:
         scaled = [value * UNITS_NS[candidate] for value in _numbers(dialect, column)]
         if EPOCH_NS[0] <= min(scaled) and max(scaled) <= EPOCH_NS[1]:
             says = f"{candidate} since 1970"
-            return Counted(says=says, absolute=True, column=column, unit_ns=UNITS_NS[candidate], step_ns=1000)
+            return Counted(says=says, absolute=True, columns=(column,), unit_ns=UNITS_NS[candidate], step_ns=1000)
     says = f"{candidates[0]} from the start"
     return Counted(
-        says=says, absolute=start is not None, column=column, unit_ns=UNITS_NS[candidates[0]], origin_ns=start or 0
+        says=says, absolute=start is not None, columns=(column,), unit_ns=UNITS_NS[candidates[0]], origin_ns=start or 0
     )
 
 
 def _stamped(time: TimeSpec, column: str, dialect: Dialect, log: str) -> Clock | None:
-    for says, pattern in KNOWN.items():
-        if _fits(pattern, dialect, column):
-            local = LocalClock(zone_of(time, log))
-            return Stamped(says=f"{says} in {time.zone}", absolute=True, column=column, pattern=pattern, local=local)
+    return _of_cells(
+        time, {f"{says} in {time.zone}": pattern for says, pattern in KNOWN.items()}, (column,), dialect, log
+    )
+
+
+def _of_two(time: TimeSpec, patterns: Mapping[str, str], dialect: Dialect, log: str) -> Clock | None:
+    """A column of dates and one of times of day."""
+    days = [name for name in dialect.names if _fits(DATE_ALONE, dialect, name)]
+    clocks = [name for name in dialect.names if _fits(CLOCK_ALONE, dialect, name)]
+    for pair in ((day, clock) for day in days for clock in clocks if day != clock):
+        found = _of_cells(time, patterns, pair, dialect, log)
+        if (
+            found
+            and not found.t_ns(joined(*(np.array(_cells(dialect, name), object) for name in pair)), NO_RECORD)[1].all()
+        ):
+            return found  # 24.12.25 has the form of a time of day, and 08.00.00 that of a date
     return None
+
+
+def _of_cells(
+    time: TimeSpec, patterns: Mapping[str, str], columns: tuple[str, ...], dialect: Dialect, log: str
+) -> Clock | None:
+    """The first of `patterns` that fits the cells of a column, or of two joined."""
+    said = [" ".join(row) for row in zip(*(_cells(dialect, name) for name in columns), strict=True)]
+    said = [cell for cell in said if cell.strip() not in MISSING]
+    for says, pattern in patterns.items():
+        if said and fits(pattern, said) and (pattern != KNOWN[SLASHED] or _is_day_first(said, dialect)):
+            local = LocalClock(zone_of(time, log))
+            return Stamped(says=says, absolute=True, columns=columns, pattern=pattern, local=local)
+    return None
+
+
+def _is_day_first(cells: list[str], dialect: Dialect) -> bool:
+    """24/12 is one; 05/06 is where the table is written as in Europe: decimal commas, or semicolons between the columns."""
+    told = day_first(cells)
+    return told if told is not None else dialect.numerals.decimal == "," or dialect.delimiter == ";"
+
+
+def joined(day: NDArray[Any], clock: NDArray[Any]) -> NDArray[np.object_]:
+    """Cells of two columns as one stamp each (N,)."""
+    return np.array([f"{one} {other}" for one, other in zip(day, clock, strict=True)], object)
 
 
 def _cells(dialect: Dialect, column: str) -> list[str]:
@@ -195,7 +251,7 @@ def _cells(dialect: Dialect, column: str) -> list[str]:
 
 
 def _numbers(dialect: Dialect, column: str) -> list[float]:
-    values = (dialect.number(cell) for cell in _cells(dialect, column))
+    values = (dialect.numerals.value(cell) for cell in _cells(dialect, column))
     return [value for value in values if value is not None and not isnan(value)]
 
 
@@ -211,13 +267,13 @@ def _rises(dialect: Dialect, column: str) -> bool:
     return len(values) == 1 or (len(values) > 1 and 10 * back <= len(values) and bool(values[-1] > values[0]))
 
 
-def _is_time_name(name: str) -> bool:
+def is_time_name(name: str) -> bool:
     """`T` alone is a temperature, `t` is time."""
-    base = _base_and_unit(name)[0]
+    base = base_and_unit(name)[0]
     return base in TIME_NAMES or (base == "t" and name.startswith("t"))
 
 
-def _base_and_unit(name: str) -> tuple[str, str | None]:
+def base_and_unit(name: str) -> tuple[str, str | None]:
     """("time", "s") of `Time [s]`, `time_s` and `Time in s`."""
     words = [word for word in re.findall(r"[^\W_]+", name.casefold()) if word != "in"]
     unit = words.pop() if len(words) > 1 and words[-1] in UNITS_NS else None

@@ -2,7 +2,7 @@
 
 Delimiter, decimal sign, encoding, a row of units and the time are recognised from the first 200 rows and stored in
 `settings`. A line is a row: a quoted cell does not go on in the next. Blank lines are no rows. `columns` are those of the
-header without the one that holds the time; an empty name becomes `column_<place>`, a second `T` becomes `T_2`
+header without the one (or two: date, time of day) that holds the time; an empty name becomes `column_<place>`, a second `T` becomes `T_2`
 (`settings["renamed"]`). A row with too few or too many fields, with text where its column holds numbers, or without a time
 is rejected; a row whose time goes back is kept and counted. In a local zone, the hour that comes twice in autumn counts as
 the first until its stamps go back, then as the second (`settings["ambiguous_rows"]`), and a time in the hour that spring
@@ -22,8 +22,9 @@ from numpy.typing import NDArray
 
 from ingest.errors import UnreadableLogError
 from ingest.formats import Log, Rejected, Rows
-from ingest.formats._csv_dialect import MISSING, SAMPLE_ROWS, Dialect, cells, recognise_dialect
-from ingest.formats._csv_time import Clock, recognise_clock
+from ingest.formats._csv_dialect import SAMPLE_ROWS, Dialect, cells, recognise_dialect
+from ingest.formats._csv_numbers import MISSING
+from ingest.formats._csv_time import Clock, joined, recognise_clock
 from ingest.formats._text import TextFile
 
 SINGLY = 64  # rows that are read one by one where they cannot be read together
@@ -86,11 +87,13 @@ class CsvLog(Log):
         self.absolute, self.units = self._clock.absolute, dialect.units
         self.settings.update(
             delimiter=dialect.delimiter,
-            decimal=dialect.decimal,
+            decimal=dialect.numerals.decimal,
             units_row=dialect.units_row,
-            time_column=self._clock.column,
+            time_column=" + ".join(self._clock.columns) or None,
             time=self._clock.says,
         )
+        if dialect.numerals.group:
+            self.settings["thousands"] = dialect.numerals.group
         if dialect.renamed:
             self.settings["renamed"] = dialect.renamed
         return begin
@@ -98,15 +101,14 @@ class CsvLog(Log):
     def _kinds(self, begin: int) -> tuple[bool, ...]:
         """Which columns hold numbers; those that are empty at first are looked at further down the file, from line `begin` on."""
         kinds = dict(enumerate(self._dialect.numeric))
-        if self._clock.column is not None:
-            kinds[self._dialect.names.index(self._clock.column)] = not self._clock.is_text
+        kinds |= {self._dialect.names.index(name): not self._clock.is_text for name in self._clock.columns}
         empty = {place for place, kind in kinds.items() if kind is None}
         skip = begin
         for block in TextFile(self.path).blocks() if empty else ():
             for line in self._decoded(block, first=False).split("\n")[skip:]:
                 row = cells(line, self._dialect.delimiter)
                 for place in [place for place in empty if place < len(row) and row[place].strip() not in MISSING]:
-                    kinds[place] = self._dialect.number(row[place]) is not None
+                    kinds[place] = self._dialect.numerals.value(row[place]) is not None
                     empty.remove(place)
             skip = 0
             if not empty:
@@ -129,7 +131,7 @@ class CsvLog(Log):
             bad |= {int(part.line[i]): self._no_time(part, i) for i in np.flatnonzero(wrong).tolist()}
             fine = np.flatnonzero(~wrong)
             named = zip(self._dialect.names, part.columns, strict=True)
-            columns = {name: values[fine] for name, values in named if name != self._clock.column}
+            columns = {name: values[fine] for name, values in named if name not in self._clock.columns}
             self._count_back(t_ns[fine])
             if len(fine):
                 yield Rows(t_ns[fine], columns, record[part.line][fine])
@@ -153,8 +155,9 @@ class CsvLog(Log):
 
     def _together(self, lines: list[str]) -> tuple[NDArray[Any], ...] | None:
         """The columns of `lines`; None where one of them is no row as it should be."""
-        names = [str(place) for place in range(len(self._numeric))]
-        kinds = dict(zip(names, (pa.float64() if kind else pa.string() for kind in self._numeric), strict=True))
+        names, numerals = [str(place) for place in range(len(self._numeric))], self._dialect.numerals
+        number = pa.string() if numerals.group else pa.float64()
+        kinds = dict(zip(names, (number if kind else pa.string() for kind in self._numeric), strict=True))
         try:
             table = pa.csv.read_csv(
                 pa.BufferReader("\n".join(lines).encode()),
@@ -164,14 +167,19 @@ class CsvLog(Log):
                     column_types=kinds,
                     null_values=sorted(MISSING),
                     strings_can_be_null=False,
-                    decimal_point=self._dialect.decimal,
+                    decimal_point=numerals.decimal,
                 ),
             )
         except (pa.ArrowInvalid, UnicodeError):
             return None
-        columns = tuple(table[name].to_numpy() for name in names)
-        infinite = any(np.isinf(values).any() for values, kind in zip(columns, self._numeric, strict=True) if kind)
-        return None if infinite or table.num_rows != len(lines) else columns
+        columns: list[NDArray[Any]] = []
+        for name, kind in zip(names, self._numeric, strict=True):
+            grouped = bool(kind and numerals.group)
+            values = numerals.values(table[name].combine_chunks()) if grouped else table[name].to_numpy()
+            if values is None or (kind and np.isinf(values).any()):
+                return None
+            columns.append(values)
+        return None if table.num_rows != len(lines) else tuple(columns)
 
     def _singly(self, lines: list[str], places: list[int], bad: dict[int, tuple[str, str]]) -> Iterator[_Part]:
         rows: list[tuple[int, list[float | str]]] = []
@@ -194,7 +202,7 @@ class CsvLog(Log):
             return "", f"has {len(row):,} field{'s' * (len(row) != 1)} where the header has {len(self._numeric):,}"
         values: list[float | str] = []
         for name, cell, numeric in zip(self._dialect.names, row, self._numeric, strict=True):
-            value = self._dialect.number(cell) if numeric else cell
+            value = self._dialect.numerals.value(cell) if numeric else cell
             if value is None:
                 return name, f'text "{cell.strip()[:SHOWN]}" where numbers are'
             values.append(value)
@@ -203,14 +211,14 @@ class CsvLog(Log):
     # ---- time and end ----------------------------------------------------------------------------------------------
 
     def _time_cells(self, part: _Part) -> NDArray[Any]:
-        column = self._clock.column
-        return part.line if column is None else part.columns[self._dialect.names.index(column)]
+        first, *second = [part.columns[self._dialect.names.index(name)] for name in self._clock.columns] or [part.line]
+        return joined(first, second[0]) if second else first
 
     def _no_time(self, part: _Part, index: int) -> tuple[str, str]:
         cell = self._time_cells(part)[index]
         if str(cell).strip() in MISSING:
-            return self._clock.column or "", "no time"
-        return self._clock.column or "", self._clock.why(str(cell))
+            return " + ".join(self._clock.columns), "no time"
+        return " + ".join(self._clock.columns), self._clock.why(str(cell))
 
     def _count_back(self, t_ns: NDArray[np.int64]) -> None:
         if len(t_ns):

@@ -15,7 +15,7 @@ from analytics.query import LONGEST, run
 from ingest.store import Store
 
 SECRET = "no query may show this"
-NAMES = "sessions, channels, files, samples, runs, residuals, temperatures, ageing_cycles, dc_checks, events"
+NAMES = ", ".join(warehouse.VIEWS)
 ADVICE = "whyhot sql only reads: SELECT, FROM, WITH, VALUES, DESCRIBE, SHOW TABLES, SUMMARIZE, EXPLAIN"
 
 

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from ingest.errors import UnreadableLogError
 from ingest.formats import Log, Rows, TimeSpec, open_log
 from ingest.formats import csv as tables
-from ingest.formats._csv_dialect import MISSING
+from ingest.formats._csv_numbers import MISSING
 
 COPY_AGAIN = "; copy the file again if the original is whole."
 
@@ -218,14 +218,33 @@ def test_a_last_row_that_is_cut_is_said(tmp_path: Path) -> None:
     assert log.cut == f"ends inside line 4: 2 rows were read and kept{COPY_AGAIN}"
 
 
+PLAIN = ["1", "-2.5", "+3e-2", ".5", "7.", "", "NaN", "-", "x", "inf", " 4 ", '"5"', '"6', "1,2", "1e400", "٣"]
+GROUPED = [
+    "1.234,5",
+    "-1.234",
+    "1.234.567",
+    "1,5",
+    "12",
+    "",
+    "NaN",
+    "x",
+    " 4,0 ",
+    '"1.000,5"',
+    "1.23",
+    "1 000",
+    "1e400",
+]
+
+
 @settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(seed=st.integers(0, 10_000))
-def test_rows_read_together_equal_rows_read_one_by_one(tmp_path: Path, seed: int) -> None:
-    chance = random.Random(seed)
-    cells = ["1", "-2.5", "+3e-2", ".5", "7.", "", "NaN", "-", "x", "inf", " 4 ", '"5"', '"6', "1,2", "1e400", "٣"]
-    rows = [",".join([str(n), chance.choice(cells), chance.choice(["a", "", '"b,c"'])]) for n in range(40)]
-    fine = [f"{n},{n},a" for n in range(200)]
-    path = table(tmp_path, "t,T,note\n" + "\n".join(fine + rows) + "\n")
+@given(seed=st.integers(0, 10_000), written=st.sampled_from([(",", PLAIN, "1"), (";", GROUPED, "1.234,5")]))
+def test_rows_read_together_equal_rows_read_one_by_one(
+    tmp_path: Path, seed: int, written: tuple[str, list[str], str]
+) -> None:
+    chance, (delimiter, cells, usual) = random.Random(seed), written
+    rows = [delimiter.join([str(n), chance.choice(cells), chance.choice(["a", "", '"b,c"'])]) for n in range(40)]
+    fine = [delimiter.join([str(n), usual, "a"]) for n in range(200)]
+    path = table(tmp_path, delimiter.join(["t", "T", "note"]) + "\n" + "\n".join(fine + rows) + "\n")
     both = []
     for together in (tables.CsvLog._together, lambda self, lines: None):
         with pytest.MonkeyPatch.context() as patch:
@@ -387,6 +406,134 @@ def test_a_stamp_with_its_own_offset_exists_whatever_the_zone(tmp_path: Path) ->
     path = table(tmp_path, "time,T\n2024-03-31T02:30:00+01:00,20\n2024-03-31T02:30:00,20\n")
     log, t_ns, _ = read(path, TimeSpec(zone="Europe/Rome"))
     assert len(t_ns) == 1 and log.rejected[0].why.startswith("02:30:00 does not exist in Europe/Rome")
+
+
+# ---- numbers and stamps as German and Italian loggers write them ----------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("cells", "wanted", "said"),
+    [
+        (["1.234,5", "998,25", "1.234"], [1234.5, 998.25, 1234.0], "."),
+        (["1.234.567,5", "-2.000,0", "+1,5e3"], [1234567.5, -2000.0, 1500.0], "."),
+        (["1 234,5", "998,25", "12 345 678"], [1234.5, 998.25, 12345678.0], " "),
+        (["1\u202f234,5", "998,25", "1,0"], [1234.5, 998.25, 1.0], "\u202f"),
+        (["1'234.5", "998.25", "1'000"], [1234.5, 998.25, 1000.0], "'"),
+        (["1,234.5", "998.25", "1,234"], [1234.5, 998.25, 1234.0], ","),
+        (["1.234.567", "0,5", "--"], [1234567.0, 0.5, np.nan], "."),
+        (["0.5", "1.234", "20.125"], [0.5, 1.234, 20.125], None),  # decimals, not thousands
+    ],
+)
+def test_signs_between_thousands_are_read_where_they_cannot_be_decimals(
+    tmp_path: Path, cells: list[str], wanted: list[float], said: str | None
+) -> None:
+    log, _, columns = read(table(tmp_path, "t;R\n" + "".join(f"{i};{cell}\n" for i, cell in enumerate(cells))))
+    np.testing.assert_array_equal(columns["R"], wanted)
+    assert log.settings.get("thousands") == said and not log.rejected
+
+
+def test_thousands_that_come_late_are_read_where_they_are_sure_and_rejected_where_not(tmp_path: Path) -> None:
+    rows = [f"{i};998,5\n" for i in range(300)]
+    log, _, columns = read(table(tmp_path, "t;R\n" + "".join(rows) + "300;1.001,5\n301;1.002\n302;1.002.003\n"))
+    assert columns["R"][300:] == [1001.5, 1002003.0]
+    assert [(entry.where, entry.why) for entry in log.rejected] == [
+        ("line 303, column R", 'text "1.002" where numbers are')
+    ]
+
+
+@pytest.mark.parametrize("text", ["1.23,5", "1234.567,5", "0.123,5", "1.2345,5", "1,234.5", "1 23", "12.3456"])
+def test_groups_that_are_not_of_three_digits_are_no_number(tmp_path: Path, text: str) -> None:
+    log, _, _ = read(table(tmp_path, f"t;R\n0;1.234,5\n1;2,5\n2;3,5\n3;{text}\n"))
+    assert [entry.why for entry in log.rejected] == [f'text "{text}" where numbers are']
+
+
+DECEMBER_NS = 1_766_563_200 * S_NS  # 24 December 2025, 08:00 UTC
+
+
+@pytest.mark.parametrize(
+    "stamp",
+    [
+        *("24.12.2025 08:00:0{}", "24.12.25 08:00:0{}", "24.12.2025, 08:00:0{}", "24.12.2025T08.00.0{}"),
+        *("24/12/2025 08.00.0{}", "24/12/25 08:00:0{}", "24/12/2025  8:00:0{},000"),
+        *("24-dic-2025 08.00.0{}", "24 dicembre 2025 08:00:0{}", "24/dic/25 08.00.0{}"),
+        *("24. Dez. 2025 08:00:0{}", "24. Dezember 2025 08:00:0{}", "24.Dez.2025 08:00:0{}", "24-Dec-2025 08:00:0{}"),
+    ],
+)
+@pytest.mark.parametrize("encoding", ["utf-8", "cp1252"])
+def test_german_and_italian_stamps_are_recognised(tmp_path: Path, stamp: str, encoding: str) -> None:
+    rows = "".join(f"{stamp.format(i)};{230 + i},5\n" for i in range(3))
+    log, t_ns, columns = read(table(tmp_path, f"Öfen;T\n;°C\n{rows}", encoding=encoding))
+    assert t_ns == [DECEMBER_NS + i * S_NS for i in range(3)]
+    assert (columns, log.units, log.absolute) == ({"T": [230.5, 231.5, 232.5]}, {"T": "°C"}, True)
+
+
+@pytest.mark.parametrize(
+    ("names", "month"),
+    [
+        ("gen Jan January gennaio Januar Jänner", 1), ("feb Februar febbraio", 2), ("mar März Mrz Maerz marzo", 3), ("apr aprile", 4),
+        ("mag Mai May maggio", 5), ("giu Juni June giugno", 6), ("lug Juli July luglio", 7), ("ago Aug August agosto", 8),
+        ("set Sep September settembre", 9), ("ott Okt Oct ottobre", 10), ("nov November novembre", 11), ("dic Dez Dec", 12),
+    ],
+)  # fmt: skip
+def test_months_have_german_italian_and_english_names(tmp_path: Path, names: str, month: int) -> None:
+    for name in names.split():
+        _, t_ns, _ = read(table(tmp_path, f"Zeit;T\n01. {name} 2025 08:00:00;1,5\n"))
+        assert str(np.array(t_ns, "M8[ns]")[0])[:10] == f"2025-{month:02d}-01", name
+
+
+def test_a_name_of_no_month_is_rejected(tmp_path: Path) -> None:
+    log, t_ns, _ = read(table(tmp_path, "Zeit;T\n24-dic-2025 08:00:00;1,5\n25-xyz-2025 08:00:00;1,5\n"))
+    assert t_ns == [DECEMBER_NS]
+    assert [entry.why for entry in log.rejected] == ['"25-xyz-2025 08:00:00" is no time (day month year in UTC)']
+
+
+@pytest.mark.parametrize(
+    ("head", "row"),
+    [
+        ("Datum;Uhrzeit", "24.12.2025;08:00:0{}"),
+        ("Data;Ora", "24/12/2025;08.00.0{}"),
+        ("Data;Ora", "24-dic-2025;08.00.0{}"),
+        ("Datum;Uhrzeit", "24.12.25;08.00.0{}"),
+        ("Uhrzeit;Datum", "08:00:0{};24.12.2025"),
+        ("Datum;Uhrzeit", "2025-12-24;08:00:0{}"),
+    ],
+)
+def test_date_and_time_of_day_may_stand_in_two_columns(tmp_path: Path, head: str, row: str) -> None:
+    log, t_ns, columns = read(table(tmp_path, f"{head};T\n" + "".join(f"{row.format(i)};230,5\n" for i in range(3))))
+    assert t_ns == [DECEMBER_NS + i * S_NS for i in range(3)]
+    assert columns == {"T": [230.5] * 3}
+    day, clock = sorted(head.split(";"), key=lambda name: name not in ("Datum", "Data"))
+    assert log.settings["time_column"] == f"{day} + {clock}"
+
+
+def test_a_row_without_its_time_of_day_is_rejected_and_a_stated_format_takes_both_columns(tmp_path: Path) -> None:
+    path = table(tmp_path, "Data;Ora;T\n" + "12/24/2025;08.00.00;1,5\n" * 3 + "12/24/2025;;1,5\n;;1,5\n")
+    log, t_ns, _ = read(path, TimeSpec(format="%m/%d/%Y %H.%M.%S"))
+    assert t_ns == [DECEMBER_NS] * 3
+    assert [(entry.where, entry.why) for entry in log.rejected] == [
+        ("line 5, column Data + Ora", '"12/24/2025 " is no time (%m/%d/%Y %H.%M.%S in UTC)'),
+        ("line 6, column Data + Ora", "no time"),
+    ]
+
+
+def test_a_date_with_slashes_begins_with_the_day_where_the_table_is_european_or_shows_it(tmp_path: Path) -> None:
+    _, t_ns, _ = read(table(tmp_path, "Time;T\n05/06/2025 08:00:00;1,5\n"))
+    assert str(np.array(t_ns, "M8[ns]")[0])[:10] == "2025-06-05"
+    _, t_ns, _ = read(table(tmp_path, "Time,T\n05/06/2025 08:00:00,1\n13/06/2025 08:00:00,1\n"))
+    assert str(np.array(t_ns, "M8[ns]")[0])[:10] == "2025-06-05"
+
+
+@pytest.mark.parametrize(
+    ("stamp", "why"),
+    [
+        ("05/06/2025 08:00:00", 'holds "05/06/2025 08:00:00", which may begin with the day or with the month'),
+        ("12/24/2025 08:00:00", 'holds "12/24/2025 08:00:00", which may begin with the day or with the month'),
+        ("12/24/2025 08:00:00 AM", "which is no whole stamp"),
+    ],
+)
+def test_a_date_that_may_be_of_either_order_is_refused(tmp_path: Path, stamp: str, why: str) -> None:
+    with pytest.raises(UnreadableLogError, match=why):
+        read(table(tmp_path, f"Time,T\n{stamp},1.5\n{stamp},1.5\n"))
 
 
 # ---- size and packing -----------------------------------------------------------------------------------------------

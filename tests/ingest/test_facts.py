@@ -11,6 +11,7 @@ from ingest import facts as facts_module
 from ingest.envelope import Recorded
 from ingest.errors import UnknownSessionError
 from ingest.events import (
+    AgeingAssessed,
     BenchRegistered,
     CauseAccepted,
     DiagnosisCompleted,
@@ -238,3 +239,11 @@ def test_diagnoses_are_found_by_id_and_kept_sessions_know_who_opened_them() -> N
     )
     assert facts.diagnoses == {"d1": done}
     assert facts.opened == {"bb": ["d1", "d2", "d3"], "cc": ["d1", "d2"]}
+
+
+def test_of_assessments_the_last_one_asked_for_is_the_latest() -> None:
+    first, second = (
+        AgeingAssessed(assessment=number, key={}, answer="a", artefacts={}, sessions=[], digest="d") for number in "12"
+    )
+    assert list(fold(first, second).assessments.values()) == [first, second]
+    assert list(fold(first, second, first).assessments.values()) == [second, first]

@@ -9,7 +9,14 @@ from made_events import decode, raw, session
 
 from ingest import store_check
 from ingest.errors import LedgerError, StoreError
-from ingest.events import BenchRegistered, LedgerSealed, ModelPublished, ReplayCompleted, SignalDatabaseRegistered
+from ingest.events import (
+    AgeingAssessed,
+    BenchRegistered,
+    LedgerSealed,
+    ModelPublished,
+    ReplayCompleted,
+    SignalDatabaseRegistered,
+)
 from ingest.store import Store
 
 BLF, DBC, BENCH, MOTOR, FRAME, PRODUCT = (
@@ -338,3 +345,18 @@ def test_a_sqlite_that_needs_the_lock_is_said(folder: Path, monkeypatch: pytest.
     with Store.open(folder) as store:
         said = [line for line in store.hints() if "can corrupt a database that two processes write at once" in line]
     assert len(said) == affected
+
+
+def test_the_document_and_the_tables_of_an_assessment_are_checked(folder: Path) -> None:
+    with Store.open(folder, write=True) as store:
+        answer, table = store.archive.seal(b"answer"), store.archive.seal(b"checks")
+        event = AgeingAssessed(
+            assessment="a1", key={}, answer=answer, artefacts={"checks": table}, sessions=["1"], digest="d"
+        )
+        store.ledger.append("ageing-a1", event)
+    assert verify(folder) == []
+    for data, what in ((b"answer", "document"), (b"checks", "checks")):
+        damage(blob(folder, data), b"other")
+        (line,) = verify(folder)
+        assert line.endswith(f"{what} of ageing assessment a1)")
+        damage(blob(folder, data), data)

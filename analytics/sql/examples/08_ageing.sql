@@ -7,7 +7,7 @@ SELECT
     1e4 * regr_slope(ln(d.resistance_K_per_W), d.dose_h) AS slope_percent_per_100h
 FROM (
     SELECT specimen, count(*) AS oven_sessions, sum(hours_above_180degC) AS above_180degC_h
-    FROM ageing_cycles
+    FROM cycles
     GROUP BY specimen
 ) AS a
 LEFT JOIN dc_checks AS d ON d.specimen = a.specimen

@@ -1,0 +1,62 @@
+CREATE VIEW insulation_checks AS
+WITH by_channel AS (
+    SELECT
+        v.session, v.channel, v.quantity,
+        last(v.value ORDER BY v.t_ns, v.record) AS latest,
+        median(v.value) AS middle
+    FROM samples AS v
+    JOIN channels AS c ON c.session = v.session AND c.channel = v.channel
+    JOIN sessions AS s ON s.session = v.session
+    WHERE s.kind = 'insulation_check' AND c.role <> 'ignored'
+      AND v.quantity IN (
+        'insulation_resistance', 'polarisation_index', 'capacitance', 'tan_delta', 'inception_voltage', 'temperature'
+      )
+    GROUP BY v.session, v.channel, v.quantity
+),
+found AS (
+    SELECT
+        session,
+        min(latest) FILTER (WHERE quantity = 'insulation_resistance') AS insulation_resistance_ohm,
+        min(latest) FILTER (WHERE quantity = 'polarisation_index') AS polarisation_index,
+        median(middle) FILTER (WHERE quantity = 'capacitance') AS capacitance_F,
+        max(middle) FILTER (WHERE quantity = 'tan_delta') AS tan_delta,
+        min(middle) FILTER (WHERE quantity = 'inception_voltage') AS inception_voltage_V,
+        median(middle) FILTER (WHERE quantity = 'temperature') AS temperature_degC
+    FROM by_channel
+    GROUP BY session
+)
+SELECT
+    s.session,
+    s.name,
+    s.specimen,
+    s.batch,
+    s.start,
+    d.dose_h,
+    f.insulation_resistance_ohm,
+    f.polarisation_index,
+    f.capacitance_F,
+    f.tan_delta,
+    f.inception_voltage_V,
+    f.temperature_degC,
+    d.why AS why_no_dose
+FROM sessions AS s
+JOIN base.doses AS d ON d.session = s.session
+LEFT JOIN found AS f ON f.session = s.session
+WHERE s.kind = 'insulation_check'
+ORDER BY s.specimen, s.start, s.name;
+
+COMMENT ON VIEW insulation_checks IS
+    'One row an electrical check of the insulation (kind `insulation_check`). Of several channels of a quantity (phases) the worst counts: lowest resistance, index and inception voltage, highest tan delta; of capacitances the median. Null where it was not measured.';
+COMMENT ON COLUMN insulation_checks.session IS 'Id of the session';
+COMMENT ON COLUMN insulation_checks.name IS 'Name of the session';
+COMMENT ON COLUMN insulation_checks.specimen IS 'Which motor or stator was checked';
+COMMENT ON COLUMN insulation_checks.batch IS 'The batch that the specimen belongs to';
+COMMENT ON COLUMN insulation_checks.start IS 'Time of the first record, UTC; null without absolute time';
+COMMENT ON COLUMN insulation_checks.dose_h IS 'Hours above 180 degC before it, as in `dc_checks`';
+COMMENT ON COLUMN insulation_checks.insulation_resistance_ohm IS 'Insulation resistance in ohm, the last value: it rises while the test voltage charges the insulation. It falls with temperature, about to half for 10 K: compare at like `temperature_degC`';
+COMMENT ON COLUMN insulation_checks.polarisation_index IS 'Polarisation index, insulation resistance after 10 min over that after 1 min, as recorded, the last value; it is not computed here, as the log does not say when the voltage came on';
+COMMENT ON COLUMN insulation_checks.capacitance_F IS 'Capacitance in farad, median';
+COMMENT ON COLUMN insulation_checks.tan_delta IS 'Dissipation factor (1 = 100 %), median';
+COMMENT ON COLUMN insulation_checks.inception_voltage_V IS 'Inception voltage of partial discharge in volt, median over the sweeps';
+COMMENT ON COLUMN insulation_checks.temperature_degC IS 'Median of its temperature channels in degC';
+COMMENT ON COLUMN insulation_checks.why_no_dose IS 'Why the dose is null';

@@ -1,0 +1,107 @@
+"""Numbers as tables write them: 1234.5, 1234,5, and with a sign between thousands 1.234,5, 1,234.5, 1 234,5 or 1'234.5."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+from numpy.typing import NDArray
+
+MISSING = frozenset(("", "nan", "NaN", "NA", "N/A", "null", "-", "--", "---"))
+BLANKS = " \u00a0\u202f"  # that stand between thousands: plain, no-break, narrow no-break
+APOSTROPHES = "'’"
+OTHER = {".": ",", ",": "."}
+EXPONENT = r"(?:[eE][+-]?[0-9]+)?"
+
+
+@dataclass(frozen=True)
+class Numerals:
+    """`decimal`: the decimal sign; `group`: the sign between thousands, "" where the first rows show none.
+
+    1.234 is 1234 only where `group` says so; 1.234,5 and 1.234.567 cannot be anything else, so that they are read always.
+    """
+
+    decimal: str
+    group: str = ""
+
+    def value(self, cell: str) -> float | None:
+        """The number in `cell`; NaN where it is a sign for "missing", None where it is text, or beyond what a double holds."""
+        cell = cell.strip()
+        if cell in MISSING:
+            return float("nan")
+        if self._plain.fullmatch(cell):
+            found = float(cell.replace(self.decimal, "."))
+        elif self._grouped.fullmatch(cell):
+            found = float(re.sub(f"[{re.escape(self._groups)}]", "", cell).replace(self.decimal, "."))
+        else:
+            return None
+        return found if np.isfinite(found) else None
+
+    def is_number(self, cell: str) -> bool:
+        """Whether `cell`, without blanks around it, is a number."""
+        return bool(self._plain.fullmatch(cell) or self._grouped.fullmatch(cell))
+
+    def shows_groups(self, cell: str) -> str | None:
+        """The sign between thousands in `cell`, where it cannot be anything else."""
+        found = self._sure.fullmatch(cell)
+        return next(sign for sign in cell if sign in self._groups) if found else None
+
+    def values(self, cells: pa.Array) -> NDArray[np.float64] | None:
+        """A column of cells with `group` between thousands, as `value` reads each (N,); None where one is text."""
+        trimmed = pc.utf8_trim_whitespace(cells)
+        missing = pc.is_in(trimmed, pa.array(sorted(MISSING)))
+        numbers = pc.match_substring_regex(trimmed, f"^(?:{self._plain.pattern}|{self._grouped.pattern})$")
+        if not pc.all(pc.or_(missing, numbers)).as_py():
+            return None
+        bare = pc.replace_substring_regex(trimmed, f"[{re.escape(self._groups)}]", "")
+        text = pc.if_else(missing, "nan", pc.replace_substring(bare, self.decimal, "."))
+        return np.asarray(pc.cast(text, pa.float64()).to_numpy(zero_copy_only=False))
+
+    @cached_property
+    def _groups(self) -> str:
+        return OTHER[self.decimal] + BLANKS + APOSTROPHES
+
+    @cached_property
+    def _plain(self) -> re.Pattern[str]:
+        sign = re.escape(self.decimal)
+        return re.compile(rf"[+-]?(?:[0-9]+{sign}?[0-9]*|{sign}[0-9]+){EXPONENT}")
+
+    @cached_property
+    def _sure(self) -> re.Pattern[str]:
+        """Written with thousands, without a doubt: with a blank or apostrophe, both signs, or two groups of one sign."""
+        sign, other = re.escape(self.decimal), re.escape(OTHER[self.decimal])
+        ends = [
+            *(f"(?:{re.escape(one)}[0-9]{{3}})+(?:{sign}[0-9]*)?" for one in BLANKS + APOSTROPHES),
+            rf"(?:{other}[0-9]{{3}})+{sign}[0-9]+",
+            rf"(?:{other}[0-9]{{3}}){{2,}}",
+        ]
+        return re.compile(f"[+-]?[1-9][0-9]{{0,2}}(?:{'|'.join(ends)})")
+
+    @cached_property
+    def _grouped(self) -> re.Pattern[str]:
+        if self.group not in OTHER.values():
+            return self._sure
+        return re.compile(rf"{self._sure.pattern}|[+-]?[1-9][0-9]{{0,2}}{re.escape(self.group)}[0-9]{{3}}")
+
+
+def recognise(cells: Iterable[str], delimiter: str) -> Numerals:
+    """From the cells of the first rows. Where commas stand between the columns, the decimal sign is the point."""
+    found = list(cells)
+    point, comma = Numerals("."), Numerals(",")
+    if delimiter != ",":
+        commas, points = (
+            sum(
+                numerals.shows_groups(cell) is not None or (numerals.decimal in cell and numerals.is_number(cell))
+                for cell in found
+            )
+            for numerals in (comma, point)
+        )
+        if commas and commas >= points:
+            point = comma
+    groups = (point.shows_groups(cell) for cell in found)
+    return Numerals(point.decimal, next((group for group in groups if group), ""))

@@ -1,0 +1,220 @@
+"""A TDMS file opened up to its first damage, through nptdms: https://nptdms.readthedocs.io (LGPL, installed separately).
+
+The format: https://www.ni.com/en/support/documentation/supplemental/07/tdms-file-format-internal-structure.html. A file is a
+row of segments, each a lead-in of 28 bytes, what it says of its channels, and their values.
+"""
+
+from __future__ import annotations
+
+import io
+import logging
+import struct
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ingest.errors import UnreadableLogError
+
+TAG = b"TDSm"
+LEAD_IN = 28  # bytes
+BIG_ENDIAN = 1 << 6  # of the lead-in's flags
+OPEN_END = 0xFFFF_FFFF_FFFF_FFFF  # where the recorder did not come to write how long its last segment is
+EPOCH_1904_S = 2_082_844_800  # from TDMS' own epoch to 1970
+SECOND_NS = 1_000_000_000
+MOST_SCALINGS = 1000  # of a channel: files hold a few
+
+DAMAGE = Exception  # nptdms raises whatever a damaged byte leads to, plain Exceptions among them
+
+Ints = NDArray[np.int64]
+
+
+@dataclass
+class TdmsFile:
+    """An open file: close it. `channels` of nptdms in the order of the file; `ended` says how it ends before its end."""
+
+    channels: list[Any]
+    ended: str | None
+    _file: IO[bytes]
+
+    def close(self) -> None:
+        self._file.close()
+
+
+def open_tdms(path: Path) -> TdmsFile:
+    """Open a file, or the part of it before its first damage.
+
+    Raises UnreadableLogError where nptdms is not there, or nothing can be read.
+    """
+    nptdms = _library(path.name)
+    edges, ended = _segments(path)
+    readable, damaged = 0, len(edges)  # segments that can be read, and that cannot
+    while damaged - readable > 1:
+        count = len(edges) - 1 if damaged == len(edges) else (readable + damaged) // 2
+        found = _opened(nptdms, path, edges[count])
+        if found is not None:
+            found.close()
+        readable, damaged = (readable, count) if found is None else (count, damaged)
+    found = _opened(nptdms, path, edges[readable]) if readable else None
+    if found is None:
+        raise UnreadableLogError(
+            f"{path.name}: is no whole TDMS file: its first segment cannot be read. Copy the file again."
+        )
+    found.ended = ended if readable == len(edges) - 1 else f"is damaged at byte {edges[readable]:,}"
+    return found
+
+
+def _opened(nptdms: Any, path: Path, end: int) -> TdmsFile | None:
+    """The first `end` bytes of a file as nptdms reads them; None where it cannot."""
+    file = io.BufferedReader(_Head(path, end))
+    try:
+        whole = nptdms.TdmsFile.open(file, raw_timestamps=True)
+        channels = [channel for group in whole.groups() for channel in group.channels() if len(channel)]
+        owners = [whole, *whole.groups(), *channels]
+        if _believable(channels, end) and all(_countable(owner.properties) for owner in owners):
+            return TdmsFile(channels, None, file)
+    except DAMAGE:
+        file.close()
+        return None
+    file.close()
+    return None
+
+
+def _believable(channels: Iterable[Any], size: int) -> bool:
+    """A value takes a byte at least."""
+    return all(len(channel) <= size for channel in channels)
+
+
+def _countable(properties: Mapping[str, Any]) -> bool:
+    """nptdms looks for each of as many scalings as there are said to be."""
+    return int(properties.get("NI_Number_Of_Scales", 0)) <= MOST_SCALINGS
+
+
+def values(channel: Any, start: int, count: int) -> NDArray[Any] | None:
+    """Values of a channel from `start` on (N,), N at most `count`; raw ones where it says no scaling that can be used, None
+    where they cannot be read."""
+    with np.errstate(all="ignore"):
+        try:
+            return np.asarray(channel.read_data(start, count))
+        except DAMAGE:
+            return _raw(channel, start, count)
+
+
+def is_scaled(channel: Any) -> bool:
+    """Whether `values` are what its scaling says, if it has one."""
+    with np.errstate(all="ignore"):
+        try:
+            channel.read_data(0, 1)
+        except DAMAGE:
+            return _raw(channel, 0, 1) is None
+    return True
+
+
+def _raw(channel: Any, start: int, count: int) -> NDArray[Any] | None:
+    try:
+        found = channel.read_data(start, count, scaled=False)
+    except DAMAGE:
+        return None
+    return np.asarray(next(iter(found.values())) if isinstance(found, dict) else found)
+
+
+def is_time(channel: Any) -> bool:
+    """Whether its values are stamps."""
+    return _kind(channel) == "TimeStamp"
+
+
+def is_number(channel: Any) -> bool:
+    """Whether its values are numbers, of which a double can hold the value."""
+    return _kind(channel) not in ("TimeStamp", "String", "Void", "ComplexSingleFloat", "ComplexDoubleFloat", "NoneType")
+
+
+def is_text(channel: Any) -> bool:
+    return _kind(channel) == "String"
+
+
+def stamps_ns(stamps: NDArray[Any]) -> Ints:
+    """Nanoseconds UTC of stamps as they stand in the file, seconds since 1904 and fractions of 2^-64 s (N,)."""
+    seconds = np.asarray(stamps["seconds"], np.int64) - EPOCH_1904_S
+    fractions = np.asarray(stamps["second_fractions"], np.uint64) >> np.uint64(32)
+    nanoseconds = (fractions * np.uint64(SECOND_NS)) >> np.uint64(32)
+    held = np.clip(seconds, -SECOND_NS * 9, SECOND_NS * 9)  # what int64 holds in nanoseconds
+    return np.asarray(held * SECOND_NS + nanoseconds.astype(np.int64), np.int64)
+
+
+def stamp_ns(stamp: Any) -> int | None:
+    """Nanoseconds UTC of a property; None where it is no stamp."""
+    try:
+        return (int(stamp.seconds) - EPOCH_1904_S) * SECOND_NS + (int(stamp.second_fractions) * SECOND_NS >> 64)
+    except AttributeError:
+        return None
+
+
+def _kind(channel: Any) -> str:
+    return channel.data_type.__name__ if channel.data_type is not None else "NoneType"
+
+
+def _library(log: str) -> Any:
+    try:
+        import nptdms  # type: ignore[import-untyped]
+        from nptdms.log import log_manager  # type: ignore[import-untyped]
+    except ImportError:
+        raise UnreadableLogError(
+            f'{log}: the reader of TDMS files is not installed: pip install "whyhot[tdms]"'
+        ) from None
+    log_manager.set_level(logging.CRITICAL)  # what it would warn of is said in `ended`
+    return nptdms
+
+
+def _segments(path: Path) -> tuple[list[int], str | None]:
+    """Where each segment begins that the lead-ins lead to, then where the last of them ends; and how the file ends before its
+    end."""
+    size = path.stat().st_size
+    edges = [0]
+    with path.open("rb") as file:
+        while edges[-1] < size:
+            file.seek(edges[-1])
+            lead = file.read(LEAD_IN)
+            if not lead.startswith(TAG):
+                return edges, f"is damaged at byte {edges[-1]:,}"
+            if len(lead) < LEAD_IN:
+                return edges, f"ends at byte {size:,}, inside a segment"
+            (flags,) = struct.unpack("<I", lead[4:8])
+            (length,) = struct.unpack(">Q" if flags & BIG_ENDIAN else "<Q", lead[12:20])
+            if length == OPEN_END:
+                return [*edges, size], f"was not closed by its recorder and ends at byte {size:,}"
+            edges.append(edges[-1] + LEAD_IN + length)
+    whole = edges[-1] == size
+    return [*edges[:-1], size], None if whole else f"ends at byte {size:,}, inside a segment"
+
+
+class _Head(io.RawIOBase):
+    """The first `end` bytes of a file."""
+
+    def __init__(self, path: Path, end: int) -> None:
+        self._file, self._end = path.open("rb"), end
+
+    def readable(self) -> bool:
+        return True
+
+    def seekable(self) -> bool:
+        return True
+
+    def seek(self, offset: int, whence: int = io.SEEK_SET) -> int:
+        if whence == io.SEEK_END:
+            return self._file.seek(self._end + offset)
+        return self._file.seek(offset, whence)
+
+    def tell(self) -> int:
+        return self._file.tell()
+
+    def readinto(self, buffer: Any) -> int:
+        data = self._file.read(max(0, min(len(buffer), self._end - self._file.tell())))
+        buffer[: len(data)] = data
+        return len(data)
+
+    def close(self) -> None:
+        self._file.close()
+        super().close()
