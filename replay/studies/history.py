@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from ingest.catalogue.channels import ChannelData, load
 from ingest.events import SessionRecorded
 from ingest.facts import Facts
 from ingest.store import Store
+from replay.studies.heat_history import hottest
 
 HUNDRED_H = 100.0
 _HOURS = re.compile(r"hours_above_(.+)degC")
@@ -23,10 +24,10 @@ def course_of(store: Store, facts: Facts, session: SessionRecorded, laws: Sequen
         return {}
     before = _before(facts, session)
     limits = {law: float(hours[1]) for law in laws if (hours := _HOURS.fullmatch(law))}
-    hottest = [_hottest(load(store, facts, one)) for one in before] if limits else []
+    found = [hottest(load(store, facts, one)) for one in before] if limits else []
     of_kind = float(sum(one.kind == session.kind for one in before))
     return {
-        law: sum(_hours_above(c, limits[law]) for c in hottest if c) / HUNDRED_H if law in limits else of_kind
+        law: sum(_hours_above(c, limits[law]) for c in found if c) / HUNDRED_H if law in limits else of_kind
         for law in laws
     }
 
@@ -46,17 +47,3 @@ def _specimen(facts: Facts, session: SessionRecorded) -> tuple[str | None, str |
 def _hours_above(channel: ChannelData, limit_degC: float) -> float:
     """A sample counts until the next one."""
     return float(np.diff(channel.t_ns)[channel.value[:-1] > limit_degC].sum() / 3.6e12)
-
-
-def _hottest(channels: Iterable[ChannelData]) -> ChannelData | None:
-    """The copper channel with the highest temperature; without any, of the specimen's other temperatures."""
-    own = [
-        c
-        for c in channels
-        if c.spec.quantity == "temperature"
-        and c.spec.role == "observed"
-        and len(c.t_ns)
-        and c.spec.region != "boundary"
-    ]
-    copper = [c for c in own if c.spec.region == "copper"]
-    return max(copper or own, key=lambda c: float(c.value.max()), default=None)

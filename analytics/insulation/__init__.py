@@ -1,0 +1,1 @@
+"""Numerics of insulation ageing over arrays: doses, resistances, their course, life. No file, clock or print."""

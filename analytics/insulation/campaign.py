@@ -1,0 +1,48 @@
+"""Everything that checks of many specimens say: how well they repeat, each one's form, and who is not as the others."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from analytics.insulation import forms, outlying, repeatability
+from analytics.insulation.forms import Form
+from analytics.insulation.outlying import FleetAssessment
+from analytics.insulation.repeatability import Repeatability
+
+FALSE_DISCOVERY_RATE = 0.05
+
+
+@dataclass(frozen=True)
+class Assessed:
+    """`forms`: specimen -> its course, where it has a check."""
+
+    repeatability: Repeatability
+    forms: Mapping[str, Form]
+    fleet: FleetAssessment
+
+
+def assess(
+    specimen: Sequence[str],
+    batch: Sequence[str | None],
+    dose_h: ArrayLike,
+    resistance_K_per_W: ArrayLike,
+    sd_K_per_W: ArrayLike,
+) -> Assessed:
+    """One entry a check, in any order: specimen and batch (n,), dose (n,) [h], R (n,) [K/W] above zero, and what one evaluation
+    leaves uncertain of it (n,) [K/W]; how checks repeat comes on top."""
+    resistance, dose = np.asarray(resistance_K_per_W, np.float64), np.asarray(dose_h, np.float64)
+    ln_r = np.log(resistance)
+    repeats = repeatability.estimate(specimen, dose, ln_r)
+    sd = np.hypot(repeats.sd, np.asarray(sd_K_per_W, np.float64) / resistance)
+    rows: dict[str, list[int]] = {}
+    for i, name in enumerate(specimen):
+        rows.setdefault(name, []).append(i)
+    found = {
+        name: forms.assess(dose[at], ln_r[at], sd[at], degrees_of_freedom=repeats.degrees_of_freedom)
+        for name, at in rows.items()
+    }
+    return Assessed(repeats, found, outlying.assess(specimen, batch, dose, ln_r, sd, FALSE_DISCOVERY_RATE))

@@ -1,0 +1,151 @@
+"""What ln R may do over dose, form by form: a list of courses, each with two amplitudes that are not negative.
+
+With x the dose over its range, 0 at the first check and 1 at the last, ln R(x) = start + first(x) a1 + second(x) a2, where a1
+and a2 are changes of ln R with half-normal priors. A form is a mixture of courses with the weights below:
+
+- monotone: rises steadily (nine tenths of the weight; else falls): straight, curved, or both at once, where the curve is
+  1 - exp(-x / k) or a power of x.
+- dip_then_rise: falls first, then rises: both straight or square, or resin that cures on, -(1 - exp(-x / k)), under a steady
+  rise; or it rises to a level and stays there.
+- changepoint: flat or of one slope up to a dose, of another slope from there on; never first down, then up.
+
+A turn has two checks at least on either side of it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+MONOTONE, DIP_THEN_RISE, CHANGEPOINT = "monotone", "dip_then_rise", "changepoint"
+CHANGING = (MONOTONE, DIP_THEN_RISE, CHANGEPOINT)
+
+RISE_SD = 0.3  # of ln R over a campaign, prior: conductivity at the end of life is half, ln R higher by 0.69
+FALL_SD = 0.15  # of what post-cure brings
+RELAXATIONS = (0.05, 0.1, 0.2, 0.4, 0.8)  # k of curves that level off
+POWERS = (0.4, 0.5, 0.65, 0.8, 1.25, 1.5, 2.0, 2.5, 3.0, 4.0)  # of the others
+LEVEL_SHARES = (0.2, 0.4, 0.6, 0.8, 1.0)  # of the way from the turn to the last place where a level can begin
+LEVEL_EVERY = 3  # places of turns, one has courses that become level
+CURE_SPAN = 0.4  # longest k of the cure
+
+
+@dataclass(frozen=True)
+class Courses:
+    """`columns` (a, n, 2): both shapes at n doses. `sds` (a, 2) of the amplitudes' priors. `weight` (a,): within the form,
+    summing to 1. `turn` (a,): x of its corner, `level` (a,): x from which it stays level; NaN where there is none. `cell`
+    (a,): the width in x that this corner stands for."""
+
+    columns: Floats
+    sds: Floats
+    weight: Floats
+    turn: Floats
+    cell: Floats
+    level: Floats
+
+    def some(self, chosen: NDArray[np.int64]) -> Courses:
+        return Courses(
+            self.columns[chosen],
+            self.sds[chosen],
+            self.weight[chosen],
+            self.turn[chosen],
+            self.cell[chosen],
+            self.level[chosen],
+        )
+
+
+def courses(form: str, x: Floats, at: Floats, turns: int) -> Courses | None:
+    """The courses of `form` at `at` (n,), with turns at the middle of `turns` equal parts of where the checks' places `x`,
+    ascending and distinct, let them be. None where the checks are too few for this form."""
+    if form == MONOTONE:
+        return _monotone(at)
+    places = turning_places(x, turns)
+    if places is None:
+        return None
+    if form == CHANGEPOINT:
+        return _changepoint(places, at)
+    return _dip_then_rise(places, x, at)
+
+
+def turning_places(x: Floats, turns: int) -> Floats | None:
+    """Between the second check and the last place that leaves two of them after it; None below four checks."""
+    if len(x) < 4:
+        return None
+    low, high = x[1], (x[-3] + x[-2]) / 2
+    return np.asarray(low + (high - low) * (np.arange(turns) + 0.5) / turns, np.float64)
+
+
+def _monotone(at: Floats) -> Courses:
+    curves = np.stack([np.expm1(-at / k) / np.expm1(-1.0 / k) for k in RELAXATIONS] + [at**p for p in POWERS])
+    both = _pairs(np.tile(at, (len(curves), 1)), curves)
+    straight, curved = _pairs(at[None], np.zeros((1, len(at)))), _pairs(curves, np.zeros_like(curves))
+    parts = [
+        (sign * part, share * weight, (sd, sd))
+        for sign, share, sd in ((1, 0.9, RISE_SD), (-1, 0.1, FALL_SD))
+        for part, weight in ((straight, 0.3), (curved, 0.4), (both, 0.3))
+    ]
+    nowhere = np.full(2 + 4 * len(curves), np.nan)
+    return _joined(parts, turn=nowhere, cell=np.zeros(len(nowhere)))
+
+
+def _changepoint(places: Floats, at: Floats) -> Courses:
+    c = places[:, None]
+    before, after = np.minimum(at, c) / c, np.maximum(at - c, 0.0) / (1.0 - c)
+    flat = np.zeros_like(before)
+    return _joined(
+        [
+            (_pairs(after, flat), 0.55, (RISE_SD, RISE_SD)),
+            (_pairs(after, before), 0.30, (RISE_SD, RISE_SD)),
+            (_pairs(-after, flat), 0.05, (FALL_SD, RISE_SD)),
+            (_pairs(-after, before), 0.05, (FALL_SD, RISE_SD)),
+            (_pairs(-after, -before), 0.05, (FALL_SD, FALL_SD)),
+        ],
+        turn=np.tile(places, 5),
+        cell=np.full(5 * len(places), (places[-1] - places[0]) / (len(places) - 1)),
+    )
+
+
+def _dip_then_rise(places: Floats, x: Floats, at: Floats) -> Courses:
+    c = places[:, None]
+    before, after = np.maximum(1.0 - at / c, 0.0), np.maximum(at - c, 0.0) / (1.0 - c)
+    sds = (RISE_SD, FALL_SD)
+    turned = [(_pairs(after**p, before**q), 0.45 / 4, sds) for p in (1, 2) for q in (1, 2)]
+    k = np.geomspace(min(x[1] / 2, CURE_SPAN / 2), CURE_SPAN, len(places))[:, None]
+    cure = -np.expm1(-at / k)
+    under = (
+        at - k * cure
+    )  # its slope at the start is what the cure starts from: it falls there, whatever the amplitudes
+    cured = (_pairs(under / (1.0 + k * np.expm1(-1.0 / k)), -cure), 0.35, sds)
+    early = places[LEVEL_EVERY // 2 :: LEVEL_EVERY]
+    turn = np.repeat(early, len(LEVEL_SHARES))
+    level = turn + np.tile(LEVEL_SHARES, len(early)) * ((x[-3] + x[-2]) / 2 - turn)
+    rise = np.clip((at - turn[:, None]) / (level - turn)[:, None], 0.0, 1.0)
+    before = np.maximum(1.0 - at / turn[:, None], 0.0)
+    levelled = [(_pairs(rise, before**q), 0.10, sds) for q in (1, 2)]
+    width = (places[-1] - places[0]) / (len(places) - 1)
+    nowhere = np.full(len(places), np.nan)
+    return _joined(
+        [*turned, cured, *levelled],
+        turn=np.concatenate([np.tile(places, 4), nowhere, np.tile(turn, 2)]),
+        cell=np.concatenate(
+            [np.full(4 * len(places), width), 0.0 * k[:, 0], np.full(2 * len(turn), LEVEL_EVERY * width)]
+        ),
+        level=np.concatenate([np.tile(nowhere, 5), np.tile(level, 2)]),
+    )
+
+
+def _pairs(first: Floats, second: Floats) -> Floats:
+    return np.stack([first, second], axis=-1)
+
+
+def _joined(
+    parts: list[tuple[Floats, float, tuple[float, float]]], turn: Floats, cell: Floats, level: Floats | None = None
+) -> Courses:
+    """Of several parts: columns, the weight of the whole part, and the standard deviations of its amplitudes."""
+    columns = np.concatenate([part for part, _, _ in parts])
+    weight = np.concatenate([np.full(len(part), w / len(part)) for part, w, _ in parts])
+    sds = np.concatenate([np.tile(sd, (len(part), 1)) for part, _, sd in parts])
+    return Courses(columns, sds, weight, turn, cell, np.full(len(turn), np.nan) if level is None else level)

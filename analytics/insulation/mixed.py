@@ -1,0 +1,295 @@
+"""Many specimens at once: each has a start and a slope of its own, drawn from what specimens are like.
+
+    y_ij = x_ij' beta + b_i + (s_i + u_batch(i)) D_ij + w_session(ij) + sd_ij e_ij
+
+with (b_i, s_i) normal with any covariance, u, w and e normal and independent, var e = scale^2. The variances are by restricted
+maximum likelihood (Patterson and Thompson, Biometrika 58 (1971) 545, DOI 10.1093/biomet/58.3.545), profiled over beta and the
+scale as Bates, Maechler, Bolker and Walker do (J. Stat. Softw. 67 (2015) 1, DOI 10.18637/jss.v067.i01): the covariance of a
+specimen's pair is scale^2 L L' with L lower triangular and its diagonal not negative, so that a variance of exactly 0 is an
+ordinary point of the search and the rest stays right there.
+
+Rows enter through sums a specimen (2 x 2 and its products with the shared columns), made once; one evaluation eliminates every
+specimen's pair at once and solves for what specimens share.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy import sparse
+from scipy.linalg import cho_solve, solve_triangular
+from scipy.optimize import minimize
+from scipy.stats import chi2
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+SMALL = 0.1  # relative standard deviation: a search that ends below it is done once more from there
+STEP = 1e-4  # of the differences that the search takes its slopes from
+MOST, ZERO = 1e3, 1e-4  # relative standard deviations: the highest, and what counts as none (as in lme4)
+LEAST_FOR_BENDS = 20  # specimens
+BENDS = (0.25, 0.5, 0.75)  # quantiles of the checks' doses
+CHANCE = 0.01
+
+
+def bends(dose_h: ArrayLike, specimens: int) -> Floats:
+    """Doses [h] at which the course that all specimens share may bend: quartiles of the checks' doses, none for few specimens."""
+    dose = np.asarray(dose_h, np.float64)
+    knots = np.unique(np.quantile(dose, BENDS)) if specimens >= LEAST_FOR_BENDS else np.empty(0)
+    return np.asarray(knots[(knots > dose.min()) & (knots < dose.max())], np.float64)
+
+
+def bent_line(dose_h: ArrayLike, knots: Floats) -> Floats:
+    """Columns (n, 2 + knots) at doses (n,): a constant, the dose, and what it is beyond each knot [h]."""
+    dose = np.asarray(dose_h, np.float64)
+    return np.column_stack([np.ones_like(dose), dose, np.maximum(dose[:, None] - knots, 0.0)])
+
+
+def fit_course(
+    specimen: ArrayLike, dose_h: ArrayLike, y: ArrayLike, sd: ArrayLike, batch: ArrayLike | None = None
+) -> tuple[MixedFit, Floats]:
+    """The fit, not degenerate, with the bends that all specimens share, and these (k,) [h]: where their Wald statistic is one that
+    chance makes in less than 1 of 100 fleets, else without any."""
+    knots = bends(dose_h, int(np.max(specimen)) + 1)
+    if len(knots):
+        bent = fit(specimen, dose_h, y, sd, bent_line(dose_h, knots), batch, nondegenerate=True)
+        off = bent.fixed[2:]
+        if float(off @ np.linalg.solve(bent.fixed_covariance[2:, 2:], off)) > chi2.isf(CHANCE, len(off)):
+            return bent, knots
+    return fit(specimen, dose_h, y, sd, bent_line(dose_h, np.empty(0)), batch, nondegenerate=True), np.empty(0)
+
+
+@dataclass(frozen=True)
+class MixedFit:
+    """`fixed` (p,) with covariance (p, p). Standard deviations: of the start (of y), of the specimens' slopes, of the batches'
+    slopes (y / h) and of the sessions (y), 0 where the data show none; `correlation` of start and slope (0 where either is 0);
+    `scale`: what the given sds are to be multiplied by. `deviance`: minus twice the restricted log-likelihood.
+
+    `effect` (m, 2): b_i and s_i + u_batch(i), the best linear unbiased predictions; `joint` (m, p + 2, p + 2): covariance of
+    (beta, effect) with the variances held at their estimates. `batch_slope` (k,), `session` (j,): u and w.
+    """
+
+    fixed: Floats
+    fixed_covariance: Floats
+    start_sd: float
+    slope_sd: float
+    correlation: float
+    batch_slope_sd: float
+    session_sd: float
+    scale: float
+    deviance: float
+    effect: Floats
+    joint: Floats
+    batch_slope: Floats
+    batch_slope_error: Floats
+    session: Floats
+
+
+def fit(
+    specimen: ArrayLike,
+    dose_h: ArrayLike,
+    y: ArrayLike,
+    sd: ArrayLike,
+    fixed: ArrayLike | None = None,
+    batch: ArrayLike | None = None,
+    session: ArrayLike | None = None,
+    nondegenerate: bool = False,
+) -> MixedFit:
+    """Rows in any order: place of the specimen (n,) from 0 to m - 1, dose (n,) [h], y (n,), standard deviation (n,) but for one
+    common factor. `fixed` (n, p): columns of x; a constant and the dose where left out. `batch` (m,): place of each
+    specimen's batch, `session` (n,): place of each row's session; -1 for none. Needs more rows than p.
+
+    `nondegenerate`: with the weak prior of Chung et al. (Psychometrika 78 (2013) 685, DOI 10.1007/s11336-013-9328-2) on the standard
+    deviations of slopes, proportional to them. A few specimens often make them exactly 0 by chance, and bands too narrow."""
+    sums = _Sums.of(specimen, dose_h, y, sd, fixed, batch, session)
+    best = _search(sums, 1.0, nondegenerate)
+    free = [0, 2] + [3] * (sums.batches > 1) + [4] * (sums.sessions > 1)
+    if best[0][free].min() < SMALL:
+        best = min(best, _search(sums, SMALL, nondegenerate), key=lambda found: found[1])
+    return _answer(sums, np.where(np.abs(best[0]) < ZERO, 0.0, best[0]))
+
+
+@dataclass(frozen=True)
+class _Sums:
+    """Weighted sums over rows, in units in which doses, columns and weights are about 1. Shared columns: batch slopes, sessions,
+    then the fixed ones. `zz` (m, 2, 2), `zs` (m, 2, q), `zy` (m, 2): of a specimen's constant and dose; `ss`, `sy`, `yy`."""
+
+    zz: Floats
+    zs: Floats
+    zy: Floats
+    ss: Floats
+    sy: Floats
+    yy: float
+    of_batch: Ints
+    batches: int
+    sessions: int
+    p: int
+    rows: int
+    ln_weights: float
+    dose_scale: float
+    column_scale: Floats
+    sd_scale: float
+    first_fixed: Floats
+
+    @classmethod
+    def of(
+        cls,
+        specimen: ArrayLike,
+        dose_h: ArrayLike,
+        y: ArrayLike,
+        sd: ArrayLike,
+        fixed: ArrayLike | None,
+        batch: ArrayLike | None,
+        session: ArrayLike | None,
+    ) -> _Sums:
+        who, dose = np.asarray(specimen, np.int64), np.asarray(dose_h, np.float64)
+        sd = np.broadcast_to(np.asarray(sd, np.float64), dose.shape)
+        columns = bent_line(dose, np.empty(0)) if fixed is None else np.asarray(fixed, np.float64)
+        m, n, p = int(who.max()) + 1, len(who), columns.shape[1]
+        of_batch = np.full(m, -1) if batch is None else np.asarray(batch, np.int64)
+        of_session = np.full(n, -1) if session is None else np.asarray(session, np.int64)
+        sd_scale = math.exp(float(np.log(sd).mean()))
+        root = sd_scale / sd
+        dose_scale = float(np.abs(dose).max()) or 1.0
+        column_scale = np.sqrt((columns**2).mean(axis=0))
+        run = root * dose / dose_scale
+        x = columns / column_scale * root[:, None]
+        first, *_ = np.linalg.lstsq(x, root * np.asarray(y, np.float64), rcond=None)
+        rest = root * np.asarray(y, np.float64) - x @ first  # small numbers: sums of their squares lose nothing
+        every, two = np.arange(n), np.column_stack([2 * who, 2 * who + 1])
+        own = _in_place(np.repeat(every, 2), two.ravel(), np.column_stack([root, run]).ravel(), n)
+        shared = sparse.hstack(
+            [_in_place(every, of_batch[who], run, n), _in_place(every, of_session, root, n), x], format="csr"
+        )
+        return cls(
+            zz=_pairs(who, m, root, run),
+            zs=(own.T @ shared).toarray().reshape(m, 2, -1),
+            zy=(own.T @ rest).reshape(m, 2),
+            ss=(shared.T @ shared).toarray(),
+            sy=shared.T @ rest,
+            yy=float(rest @ rest),
+            of_batch=of_batch,
+            batches=int(of_batch.max()) + 1,
+            sessions=int(of_session.max()) + 1,
+            p=p,
+            rows=n,
+            ln_weights=float(2.0 * np.log(root).sum()),
+            dose_scale=dose_scale,
+            column_scale=column_scale,
+            sd_scale=sd_scale,
+            first_fixed=first,
+        )
+
+
+def _pairs(who: Ints, m: int, root: Floats, run: Floats) -> Floats:
+    """Products of the two columns by specimen (m, 2, 2)."""
+    sums = [np.bincount(who, product, m) for product in (root**2, root * run, root * run, run**2)]
+    return np.asarray(np.stack(sums, axis=1).reshape(m, 2, 2), np.float64)
+
+
+def _in_place(row: Ints, column: Ints, value: Floats, rows: int) -> sparse.csr_matrix:
+    """Values at their rows and columns; those of column -1 nowhere."""
+    there = column >= 0
+    shape = (rows, int(column.max()) + 1)
+    return sparse.csr_matrix((value[there], (row[there], column[there])), shape=shape)
+
+
+@dataclass(frozen=True)
+class _Solved:
+    """At one set of variances: L (2, 2), the inverse of I + L' zz L (m, 2, 2), the shared columns' relative standard deviations
+    (q,), 1 for fixed ones, the Cholesky factor of what is left for them, its solution, scale^2 and the deviance."""
+
+    lower: Floats
+    inverse: Floats
+    relative: Floats
+    factor: Floats
+    shared: Floats
+    variance: float
+    deviance: float
+
+
+def _solve(sums: _Sums, theta: Floats) -> _Solved:
+    lower = np.array([[theta[0], 0.0], [theta[1], theta[2]]])
+    inner = np.eye(2) + lower.T @ sums.zz @ lower
+    determinant = inner[:, 0, 0] * inner[:, 1, 1] - inner[:, 0, 1] ** 2
+    inverse = np.empty_like(inner)
+    inverse[:, 0, 0], inverse[:, 1, 1] = inner[:, 1, 1] / determinant, inner[:, 0, 0] / determinant
+    inverse[:, 0, 1] = inverse[:, 1, 0] = -inner[:, 0, 1] / determinant
+    h, g = lower.T @ sums.zs, sums.zy @ lower
+    weighted = (inverse @ h).reshape(-1, h.shape[2])
+    flat = h.reshape(-1, h.shape[2])
+    random = sums.batches + sums.sessions
+    relative = np.ones(random + sums.p)
+    relative[: sums.batches], relative[sums.batches : random] = theta[3], theta[4]
+    left = (sums.ss - flat.T @ weighted) * relative[:, None] * relative
+    left[np.arange(random), np.arange(random)] += 1.0
+    right = (sums.sy - weighted.T @ g.ravel()) * relative
+    factor = np.linalg.cholesky(left)
+    half = solve_triangular(factor, right, lower=True)
+    square = sums.yy - float(np.einsum("mi,mij,mj->", g, inverse, g)) - float(half @ half)
+    degrees = sums.rows - sums.p
+    variance = square / degrees
+    ln_det = float(np.log(determinant).sum()) + 2.0 * float(np.log(np.diag(factor)).sum())
+    units = 2.0 * float(np.log(sums.column_scale).sum()) - sums.ln_weights
+    deviance = ln_det + units + degrees * (1.0 + math.log(2.0 * math.pi * variance))
+    shared = solve_triangular(factor, half, lower=True, trans="T") * relative
+    return _Solved(lower, inverse, relative, factor, shared, variance, deviance)
+
+
+def _search(sums: _Sums, start: float, nondegenerate: bool) -> tuple[Floats, float]:
+    """The relative L (3) and standard deviations of batches and sessions that minimise the deviance, and that."""
+    bounds = [(0.0, MOST), (-MOST, MOST), (0.0, MOST)]
+    bounds += [(0.0, MOST if there else 0.0) for there in (sums.batches > 1, sums.sessions > 1)]
+    first = np.array([start, 0.0, start, start * (bounds[3][1] > 0.0), start * (bounds[4][1] > 0.0)])
+    kept_off_zero = [k for k in (2, 3) if nondegenerate and bounds[k][1] > 0.0]
+
+    def cost(theta: Floats) -> float:
+        return _solve(sums, theta).deviance - 2.0 * float(np.log(theta[kept_off_zero].clip(1e-12)).sum())
+
+    found = minimize(
+        cost,
+        first,
+        jac="3-point",
+        method="L-BFGS-B",
+        bounds=bounds,
+        options={"finite_diff_rel_step": STEP, "ftol": 1e-13, "gtol": 1e-7, "maxiter": 300},
+    )
+    return found.x, float(found.fun)
+
+
+def _answer(sums: _Sums, theta: Floats) -> MixedFit:
+    solved = _solve(sums, theta)
+    random, p, m = sums.batches + sums.sessions, sums.p, len(sums.zz)
+    covariance = cho_solve((solved.factor, True), np.diag(solved.relative)) * solved.relative[:, None] * solved.variance
+    own = solved.lower @ solved.inverse @ solved.lower.T  # of a specimen's pair given the shared columns, over scale^2
+    pair = (own @ (sums.zy - sums.zs @ solved.shared)[:, :, None])[:, :, 0]
+    reach = -own @ sums.zs
+    members = np.flatnonzero(sums.of_batch >= 0)
+    reach[members, 1, sums.of_batch[members]] += 1.0
+    pair[members, 1] += solved.shared[sums.of_batch[members]]
+    both = np.concatenate([np.broadcast_to(np.eye(random + p)[random:], (m, p, random + p)), reach], axis=1)
+    joint = both @ covariance @ both.transpose(0, 2, 1)
+    joint[:, p:, p:] += solved.variance * own
+    units = np.concatenate([1.0 / sums.column_scale, [1.0, 1.0 / sums.dose_scale]])
+    scale = math.sqrt(solved.variance)
+    slope = float(np.hypot(*solved.lower[1]))
+    start_sd = scale * float(solved.lower[0, 0])
+    return MixedFit(
+        fixed=(solved.shared[random:] + sums.first_fixed) * units[:p],
+        fixed_covariance=covariance[random:, random:] * units[:p, None] * units[:p],
+        start_sd=start_sd,
+        slope_sd=scale * slope / sums.dose_scale,
+        correlation=float(solved.lower[1, 0]) / slope if slope and start_sd else 0.0,
+        batch_slope_sd=scale * float(theta[3]) / sums.dose_scale,
+        session_sd=scale * float(theta[4]),
+        scale=scale / sums.sd_scale,
+        deviance=solved.deviance,
+        effect=pair * units[p:],
+        joint=joint * units[:, None] * units,
+        batch_slope=solved.shared[: sums.batches] / sums.dose_scale,
+        batch_slope_error=np.sqrt(np.diag(covariance)[: sums.batches]) / sums.dose_scale,
+        session=solved.shared[sums.batches : random],
+    )

@@ -1,0 +1,41 @@
+"""`whyhot ageing`: what heat has done to the insulation of every specimen, which stand out, and what life is left."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from replay.cli.answer import Answer, provenance, store_folder
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--motor",
+        metavar="M",
+        help="model id, motor name or motor file: its capacities help where no iron sensor is, and the law is written into it",
+    )
+    parser.add_argument("--as-of", metavar="POINT", help="as known at a ledger position or an ISO time")
+    parser.add_argument(
+        "--out", metavar="FILE.svg", type=Path, help="write the picture to this file, and a .png beside it"
+    )
+
+
+def run(args: argparse.Namespace) -> Answer:
+    from ingest import facts
+    from ingest.store import Store
+    from replay.cli.progress import tell
+    from replay.engine.models import model_named
+    from replay.show.ageing import ageing_text, picture
+    from replay.studies.ageing import assess
+    from replay.studies.assessment import document
+
+    with Store.open(store_folder(args), write=args.as_of is None) as store:
+        model = model_named(store, args.motor)
+        known = facts.at(store.ledger, args.as_of)
+        result = assess(store, known, model, args.as_of, tell)
+        data = document(result.assessment, provenance(store, motor=args.motor, as_of=args.as_of))
+    notes = list(result.assessment.notes)
+    if args.out:
+        picture(result.assessment, args.out)
+        notes.append(f"{args.out}   and {args.out.with_suffix('.png').name} beside it")
+    return Answer(data, ageing_text(result.assessment), notes=notes)

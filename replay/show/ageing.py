@@ -1,0 +1,188 @@
+"""What heat has done to the insulation, as text 100 columns wide and as a picture."""
+
+from __future__ import annotations
+
+import math
+import textwrap
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from replay.show import words
+from replay.show.figure import save, style
+from replay.show.palette import COLOURS, DASHES, INK, PAPER, SOFT
+from replay.show.terminal import labelled
+from replay.studies.assessment import Assessment, Batch, Specimen
+
+ROWS = 12  # specimens in the table; of more, those that stand out most
+NAMED = 8  # specimens or batches in a sentence
+FORMS = {
+    "none": "no change beyond repeatability",
+    "monotone": "rising steadily",
+    "dip_then_rise": "falling first, then rising",
+    "changepoint": "changing course",
+}
+
+
+def ageing_text(found: Assessment) -> str:
+    """What `whyhot ageing` prints. No colours, no trailing newline."""
+    lines = labelled("Answer", answer(found))
+    lines += ["", *_table(found)]
+    if len(found.batches) > 1:
+        lines += ["", *_batches(found)]
+    lines += ["", *labelled("R", f"thermal resistance of the insulation; repeatability {found.repeatability_from}")]
+    lines += labelled(
+        "Rules", f"{words.joined(found.rules)}; each number is by one rule, from the least to the most of them"
+    )
+    lines += labelled("Life used", f"hours at {found.threshold_degC:g} °C that the dose is worth, of 20,000 h")
+    lines += labelled("Next", 'whyhot sql "FROM conductivity_by_cycle"   or   "FROM fleet_health"')
+    return "\n".join(lines)
+
+
+def answer(found: Assessment) -> str:
+    """How many specimens, what the courses are, and what stands out."""
+    checks = sum(len(one.checks) for one in found.specimens)
+    parts = [f"{words.counted(len(found.specimens), 'specimen')}, {words.counted(checks, 'check')}."]
+    changed = [one for one in found.specimens if one.significant]
+    if len(found.specimens) <= NAMED:
+        parts += [f"{one.specimen}: {course(one)}." for one in changed]
+        still = [one.specimen for one in found.specimens if not one.significant]
+        if still:
+            parts.append(f"{words.joined(still)}: {FORMS['none']}.")
+    else:
+        forms = Counter(one.form for one in changed)
+        told = [f"{count} {FORMS[form]}" for form, count in forms.most_common()]
+        parts.append(f"{len(changed)} change beyond repeatability" + (f" ({words.joined(told)})." if told else "."))
+    return " ".join([*parts, standing_out(found)])
+
+
+def course(one: Specimen) -> str:
+    """One specimen's course in words."""
+    text = (
+        "falling steadily" if one.form == "monotone" and (one.slope_percent_per_100h or 0.0) < 0.0 else FORMS[one.form]
+    )
+    if one.change_at_dose_h is not None:
+        text += f" at {one.change_at_dose_h:.0f} h"
+    if one.slope_percent_per_100h is not None:
+        text += f", R {one.slope_percent_per_100h:+.1f} % per 100 h".replace("-", "−")
+        if one.ci95:
+            text += f" ({one.ci95[0]:.1f} to {one.ci95[1]:.1f})".replace("-", "−")
+    return f"{text} (probability of this form {100 * one.form_probability:.0f} %)"
+
+
+def standing_out(found: Assessment) -> str:
+    """The batches and specimens that are not as the others."""
+    batches = sorted((one for one in found.batches if one.outlying), key=_score)
+    specimens = sorted((one for one in found.specimens if one.outlying), key=_score)
+    rate = f"false discovery rate {100 * found.false_discovery_rate:.0f} %"
+    said = []
+    if batches:
+        said.append(f"{words.joined([f'batch {one.batch}' for one in batches[:NAMED]])}{_more(batches)}")
+    if specimens:
+        said.append(f"{words.joined([one.specimen for one in specimens[:NAMED]])}{_more(specimens)}")
+    if not said:
+        return f"None stands out from the others ({rate})."
+    return f"Not as the others: {words.joined(said)} ({rate})."
+
+
+def _score(one: Specimen | Batch) -> float:
+    """The one that ages fastest beyond the others first."""
+    return math.inf if one.score is None else -one.score
+
+
+def _more(some: Sequence[object]) -> str:
+    return f" and {len(some) - NAMED} more" if len(some) > NAMED else ""
+
+
+def _table(found: Assessment) -> Iterator[str]:
+    shown = list(found.specimens)
+    if len(shown) > ROWS:
+        shown = sorted(shown, key=lambda one: (not one.outlying, _score(one)))[:ROWS]
+    wide = max([8, *(len(one.specimen) for one in shown)])
+    yield f"{'Specimen':<{wide}}  {'batch':<6}  checks    dose  {'course':<14}{'sure':>5}  {'R per 100 h':>12}  {'conducts':>8}  life used"
+    for one in shown:
+        last = next((check for check in reversed(one.checks) if check.conductivity_percent is not None), None)
+        dose = max((check.dose_h for check in one.checks if check.dose_h is not None), default=None)
+        yield (
+            f"{one.specimen:<{wide}}  {one.batch or '-':<6}  {len(one.checks):>6}  {_hours(dose):>6}  {one.form.replace('_', ' '):<14}"
+            f"{100 * one.form_probability:>3.0f} %  {_slope(one):>12}  {_percent(last.conductivity_percent if last else None):>8}  {_life(one)}"
+            f"{'  stands out' if one.outlying else ''}"
+        )
+    if len(found.specimens) > len(shown):
+        yield f"and {len(found.specimens) - len(shown)} more"
+
+
+def _batches(found: Assessment) -> Iterator[str]:
+    yield f"{'Batch':<12}{'specimens':>10}{'R per 100 h':>14}{'above the others':>19}"
+    for one in sorted(found.batches, key=_score):
+        slope = "-" if one.slope_percent_per_100h is None else f"{one.slope_percent_per_100h:+.1f} %".replace("-", "−")
+        score = "-" if one.score is None else f"{one.score:+.1f} sd".replace("-", "−")
+        yield f"{one.batch:<12}{one.specimens:>10}{slope:>14}{score:>19}{'  stands out' if one.outlying else ''}"
+
+
+def _hours(value: float | None) -> str:
+    return "-" if value is None else f"{value:,.0f} h"
+
+
+def _slope(one: Specimen) -> str:
+    if one.slope_percent_per_100h is None:
+        return "-"
+    return f"{one.slope_percent_per_100h:+.1f} %".replace("-", "−")
+
+
+def _percent(value: float | None) -> str:
+    return "-" if value is None else f"{value:.0f} %"
+
+
+def _life(one: Specimen) -> str:
+    if one.life_used is None:
+        return "-"
+    return f"{100 * one.life_used[0]:.0f} to {100 * one.life_used[1]:.0f} %"
+
+
+def picture(found: Assessment, target: Path) -> None:
+    """R of every specimen over its dose, of its first value, on white: `target` with the suffixes .svg and .png."""
+    with style("ageing"):
+        figure = Figure(figsize=(9.0, 5.0), facecolor=PAPER[0])
+        FigureCanvasAgg(figure)
+        axes = figure.add_axes((0.08, 0.13, 0.89, 0.70))
+        drawn = [one for one in found.specimens if _points(one)]
+        coloured = sorted(drawn, key=lambda one: (not one.outlying, not one.significant, _score(one)))[: len(COLOURS)]
+        for one in drawn:
+            if one not in coloured:
+                dose, percent, _ = zip(*_points(one), strict=True)
+                axes.plot(dose, percent, color=SOFT[0], alpha=0.25, linewidth=0.6)
+        for one, colour, dashes in zip(coloured, COLOURS, DASHES, strict=False):
+            dose, percent, sd = zip(*_points(one), strict=True)
+            axes.errorbar(
+                dose, percent, yerr=[2 * s for s in sd], color=colour, linestyle=dashes, marker="o", markersize=3,
+                elinewidth=0.7, capsize=2, label=f"{one.specimen}{'' if one.batch is None else f' ({one.batch})'}",
+            )  # fmt: skip
+            if one.change_at_dose_h is not None and one.significant:
+                axes.axvline(one.change_at_dose_h, color=colour, linewidth=0.6, linestyle=dashes)
+        axes.axhline(100.0, color=INK[0], linewidth=0.6)
+        axes.set_xlabel(f"hours above {found.threshold_degC:g} °C")
+        axes.set_ylabel("thermal resistance, % of the first")
+        if coloured:
+            axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=6, frameon=False, borderpad=0)
+        said = textwrap.shorten(answer(found), 190, placeholder=" ...")
+        figure.text(0.08, 0.95, textwrap.fill(said, 105), fontsize=8.5, fontweight="bold", va="center")
+        note = "bars: two standard deviations, repeatability included; vertical lines: where a course changes"
+        figure.text(0.08, 0.015, note, fontsize=6.5, color=SOFT[0])
+        save(figure, target)
+
+
+def _points(one: Specimen) -> list[tuple[float, float, float]]:
+    """(dose [h], R in % of the first, its sd) of each check that has both."""
+    found = [(check.dose_h, check.resistance_K_per_W, check.sd or 0.0) for check in one.checks]
+    known = [(dose, r, sd) for dose, r, sd in found if dose is not None and r is not None]
+    if not known:
+        return []
+    first = known[0][1]
+    return [
+        (dose, 100 * r / first, 100 * math.hypot(sd / first, one.repeatability_percent / 100 * r / first))
+        for dose, r, sd in known
+    ]

@@ -1,0 +1,114 @@
+"""DC checks as the sessions hold them: logs as arrays on common stamps, and tables of checks that were evaluated elsewhere."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ingest.catalogue.channels import ChannelData
+from ingest.catalogue.quality import assess
+from ingest.store import Store
+
+if TYPE_CHECKING:
+    from analytics.insulation.check_resistance import CheckTrace
+
+Floats = NDArray[np.float64]
+
+LEAST_STEP_S = 1.0
+AMBIENT = "ambient"
+CURRENTS, VOLTAGES = ("current", "current_dc"), ("voltage", "voltage_dc")
+
+
+@dataclass(frozen=True)
+class Evaluated:
+    """A row of a table of evaluated checks: thermal resistance [K/W] and, where the row has them, dose [h] and ageing temperature [degC];
+    `t_ns` None where the table has no absolute time."""
+
+    session: str
+    record: int
+    t_ns: int | None
+    resistance_K_per_W: float
+    dose_h: float | None
+    degC: float | None
+
+
+def evaluated(store: Store, as_of: str | None) -> list[Evaluated]:
+    """Every row of quantity `thermal_resistance` in the store, in the order of its file."""
+    from analytics import warehouse
+
+    with warehouse.refresh(store, as_of) as opened:
+        rows = opened.connection.execute(
+            """
+            SELECT v.session, v.record, CASE WHEN s.start IS NOT NULL THEN any_value(v.t_ns) END,
+                any_value(v.value) FILTER (WHERE v.quantity = 'thermal_resistance') AS resistance,
+                any_value(v.value) FILTER (WHERE v.quantity = 'dose'),
+                max(v.value) FILTER (WHERE v.quantity = 'temperature')
+            FROM samples AS v
+            JOIN sessions AS s ON s.session = v.session
+            WHERE v.quantity IN ('thermal_resistance', 'dose', 'temperature')
+              AND v.session IN (SELECT session FROM channels WHERE quantity = 'thermal_resistance' AND role <> 'ignored')
+            GROUP BY v.session, v.file_id, v.record, s.start
+            HAVING resistance IS NOT NULL
+            ORDER BY v.file_id, v.record
+            """
+        ).fetchall()
+    return [Evaluated(*row) for row in rows]
+
+
+def trace_of(channels: Sequence[ChannelData]) -> CheckTrace:
+    """The log of a DC check on common stamps: means over steps of the slowest temperature channel's interval, at least 1 s.
+
+    Held, stuck and saturated samples are left out; NaN where a step has no sample. Power is its own channel, else voltage
+    times current; of several of a quantity the one with the largest mean.
+    """
+    from analytics.insulation.check_resistance import CheckTrace
+
+    used = [channel for channel in channels if channel.spec.role != "ignored" and len(channel.t_ns)]
+    good = {id(channel): quality.good for channel, quality in zip(used, assess(used), strict=True)}
+    temperatures = [channel for channel in used if channel.spec.quantity == "temperature"]
+    copper = [channel for channel in temperatures if channel.spec.region == "copper"]
+    iron = [channel for channel in temperatures if channel.spec.region == "iron"]
+    ambient = [channel for channel in temperatures if channel.spec.node == AMBIENT]
+    power, current = _largest(used, ("power",)), _largest(used, CURRENTS)
+    voltage = _largest(used, VOLTAGES)
+    load = [channel for channel in (power, current, voltage) if channel]
+    every = [*temperatures, *load]
+    start = min((int(channel.t_ns[0]) for channel in every), default=0)
+    end = max((int(channel.t_ns[-1]) for channel in every), default=0)
+    step_s = max([LEAST_STEP_S, *(channel.median_ns / 1e9 for channel in [*copper, *iron])])
+    steps = int((end - start) / 1e9 // step_s) + 1
+
+    def means(channel: ChannelData) -> Floats:
+        at = ((channel.t_ns - start) / 1e9 // step_s).astype(np.int64)
+        kept = good[id(channel)]
+        count = np.bincount(at[kept], minlength=steps)
+        total = np.bincount(at[kept], channel.value[kept], minlength=steps)
+        return np.where(count > 0, total / np.maximum(count, 1), np.nan)
+
+    def side_by_side(some: Iterable[ChannelData]) -> Floats:
+        columns = [means(channel) for channel in some]
+        return np.stack(columns, axis=1) if columns else np.empty((steps, 0))
+
+    nothing = np.full(steps, np.nan)
+    amperes = np.abs(means(current)) if current else nothing
+    watts = means(power) if power else amperes * np.abs(means(voltage)) if voltage else nothing
+    return CheckTrace(
+        t_s=(np.arange(steps) + 0.5) * step_s,
+        copper_degC=side_by_side(copper),
+        copper_names=tuple(channel.spec.name for channel in copper),
+        iron_degC=side_by_side(iron),
+        iron_names=tuple(channel.spec.name for channel in iron),
+        ambient_degC=side_by_side(ambient),
+        ambient_names=tuple(channel.spec.name for channel in ambient),
+        power_W=watts,
+        current_A=amperes if current else None,
+    )
+
+
+def _largest(channels: Iterable[ChannelData], quantities: Sequence[str]) -> ChannelData | None:
+    found = [channel for channel in channels if channel.spec.quantity in quantities]
+    return max(found, key=lambda channel: float(np.abs(channel.value).mean()), default=None)
