@@ -15,11 +15,13 @@ from ingest.intake import Intake, take_in
 from ingest.sessions import Override
 from ingest.setup import prepare
 from ingest.store import Store
+from replay.demo_ageing import insulation
 from replay.demo_cause import hidden_effect
 from replay.engine.campaign import replay_sessions
 from replay.engine.models import for_intake
 from replay.errors import ViewerError
 from replay.shipped import example
+from replay.show.ageing import ageing_text
 from replay.show.diagnosis_text import diagnosis_text
 from replay.show.documents import write_diagnosis, write_layers, write_replay_report
 from replay.show.findings import power_balance
@@ -27,6 +29,7 @@ from replay.show.intake import intake_json
 from replay.show.overview import overview
 from replay.show.plots import picture
 from replay.show.terminal import labelled
+from replay.studies import assessment
 from replay.studies.diagnose import diagnose
 from replay.studies.diagnosis import Diagnosis, document, read
 
@@ -39,6 +42,9 @@ LEARN, KEEP = ("id_3", "id_9"), ("id_1", "id_10", "id_12")
 
 HIDDEN = """And a campaign with a hidden effect: CAN logs of a simulated 150 kW motor that differs from its motor file in one thing, and in
 all that a healthy motor differs in (examples/hidden_effect)."""
+
+AGEING = """And insulation: two simulated stators through oven cycles at 230 °C with a DC check after each, and checks of a fleet of 30 motors
+(examples/insulation)."""
 
 
 @dataclass(frozen=True)
@@ -57,8 +63,9 @@ def run_demo(folder: Path, store_folder: Path) -> Demo:
     """
     with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as beside:  # two motors, two processors
         hidden = beside.submit(hidden_effect, folder)
+        aged = beside.submit(insulation, folder)
         real = _real_motor(folder, store_folder)
-        found = hidden.result()
+        found, stators_and_fleet = hidden.result(), aged.result()
     second = [
         "",
         HIDDEN,
@@ -66,7 +73,9 @@ def run_demo(folder: Path, store_folder: Path) -> Demo:
         diagnosis_text(read(found)),
         *labelled("Report", f"{folder / 'why.html'}   (a kept session as a picture: {folder / 'why.png'})"),
     ]
-    data = {**real.data, "diagnoses": [*real.data["diagnoses"], found]}
+    stators, fleet = (ageing_text(assessment.read(one)) for one in stators_and_fleet)
+    second += ["", AGEING, "", stators, "", fleet, *labelled("Picture", f"{folder / 'ageing.png'}")]
+    data = {**real.data, "diagnoses": [*real.data["diagnoses"], found], "ageing": stators_and_fleet}
     return Demo("\n".join([real.text, *second]), data, real.notes)
 
 

@@ -1,13 +1,15 @@
-"""The shipped campaign is what its plant writes."""
+"""The shipped campaigns are what the plant writes."""
 
 from __future__ import annotations
 
+import gzip
+import re
 from pathlib import Path
 
 import can
 import pytest
 
-from plant import hidden_effect
+from plant import hidden_effect, insulation_example
 
 SHIPPED = Path(__file__).parents[1] / "examples" / "hidden_effect"
 MOST_CHANGED = 0.001  # of the frames: rounding in the last digit may differ between processors
@@ -42,3 +44,32 @@ def test_the_shipped_logs_are_small_and_their_files_are_the_plants(written: Path
     assert sum(path.stat().st_size for path in SHIPPED.glob("*.blf")) < 3_000_000
     for name in ("bench.toml", "bench.dbc"):
         assert (SHIPPED / name).read_text(encoding="utf-8") == (written / name).read_text(encoding="utf-8")
+
+
+INSULATION = SHIPPED.parent / "insulation"
+STEP = 0.11  # what a logger's last digit may be off by on another processor
+
+
+def _numbers(path: Path) -> list[list[float]]:
+    """The cells of a table that are decimal numbers, row by row."""
+    rows = gzip.decompress(path.read_bytes()).decode("cp1252").split("\n")
+    cells = [row.replace(",", ".").split(";") if ";" in row else row.split(",") for row in rows]
+    return [[float(cell) for cell in row if re.fullmatch(r"-?\d+\.\d+", cell.strip())] for row in cells]
+
+
+def test_the_plant_writes_the_shipped_stators_and_fleet_again(tmp_path: Path) -> None:
+    insulation_example.write(tmp_path)
+    names = sorted(path.relative_to(INSULATION).as_posix() for path in INSULATION.rglob("*.csv.gz"))
+    assert names == sorted(path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*.csv.gz"))
+    assert len(names) == 25
+    for name in names:
+        shipped, again = _numbers(INSULATION / name), _numbers(tmp_path / name)
+        assert [len(row) for row in shipped] == [len(row) for row in again]
+        assert sum(map(len, shipped)) > 400
+        assert [x for row in shipped for x in row] == pytest.approx([x for row in again for x in row], abs=STEP)
+    for path in INSULATION.rglob("*.toml"):
+        assert path.read_text(encoding="utf-8") == (tmp_path / path.relative_to(INSULATION)).read_text(encoding="utf-8")
+
+
+def test_the_shipped_stators_are_small() -> None:
+    assert sum(path.stat().st_size for path in INSULATION.rglob("*.gz")) < 500_000
