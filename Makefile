@@ -31,7 +31,7 @@ notebook: .venv/ready
 	$(BIN)/marimo edit notebooks
 
 # uv where it is there (seconds), pip otherwise (a minute): both install the same locked versions.
-PIP := $(shell command -v uv >/dev/null 2>&1 && echo "uv pip install -q --python $(BIN)/python" || echo "$(BIN)/python -m pip install -q --disable-pip-version-check")
+PIP := $(shell command -v uv >/dev/null 2>&1 && echo "uv pip install -q --compile-bytecode --python $(BIN)/python" || echo "$(BIN)/python -m pip install -q --disable-pip-version-check")
 
 .venv/ready: requirements.lock pyproject.toml
 	test -x $(BIN)/python || $(PYTHON) -m venv .venv

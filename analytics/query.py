@@ -29,6 +29,7 @@ TABLE_FUNCTIONS = {
 }
 REFUSED_FUNCTIONS = {"write_log", "sleep_ms", "nextval", "setval", "setseed", "current_setting", "getvariable"}
 EXPLAIN = re.compile(r"\s*explain(\s+analyze)?\s+(?=\S)", re.IGNORECASE)
+DESCRIBE = re.compile(r"""\s*desc(?:ribe)?\s+"?(\w+)"?\s*;?\s*""", re.IGNORECASE)
 TABLE_INFO = re.compile(r"""\s*pragma\s+table_info\s*\(\s*(['"]?)(\w+)\1\s*\)\s*;?\s*""", re.IGNORECASE)
 ADVICE = "whyhot sql only reads: SELECT, FROM, WITH, VALUES, DESCRIBE, SHOW TABLES, SUMMARIZE, EXPLAIN"
 
@@ -50,7 +51,7 @@ def run(connection: duckdb.DuckDBPyConnection, sql: str, limit: int | None = Non
     """
     check(connection, sql)
     try:
-        connection.execute(sql)
+        connection.execute(_described(sql))
         columns = [(str(column[0]), str(column[1])) for column in connection.description or ()]
         rows = connection.fetchall() if limit is None else connection.fetchmany(limit + 1)
     except duckdb.Error as error:
@@ -60,6 +61,17 @@ def run(connection: duckdb.DuckDBPyConnection, sql: str, limit: int | None = Non
         types=tuple(kind for _, kind in columns),
         rows=rows[:limit],
         more=limit is not None and len(rows) > limit,
+    )
+
+
+def _described(sql: str) -> str:
+    """`DESCRIBE view` with what its columns mean, which DuckDB's own leaves out; any other statement as it is."""
+    found = DESCRIBE.fullmatch(sql)
+    if found is None or found[1].lower() not in VIEWS:
+        return sql
+    return (
+        "SELECT column_name, data_type AS column_type, comment FROM duckdb_columns() WHERE schema_name = 'main' "
+        f"AND database_name = current_database() AND table_name = '{found[1].lower()}' ORDER BY column_index"
     )
 
 

@@ -285,3 +285,10 @@ def test_columns_of_the_same_name_are_told_apart(connection: duckdb.DuckDBPyConn
     result = run(connection, "SELECT 1 AS a, 'x' AS a, 2 AS b")
     assert result.columns == ("a", "a_2", "b")
     assert result.types == ("INTEGER", "VARCHAR", "INTEGER")
+
+
+@pytest.mark.parametrize("sql", ["DESCRIBE cycles", "desc Cycles;", 'describe "cycles"'])
+def test_describe_says_what_the_columns_of_a_view_mean(connection: duckdb.DuckDBPyConnection, sql: str) -> None:
+    result = run(connection, sql)
+    assert result.columns == ("column_name", "column_type", "comment")
+    assert ("highest_degC", "DOUBLE", "Highest temperature of that channel in degC") in result.rows
