@@ -20,7 +20,19 @@ from ingest.expressions import parse
 from ingest.formats import TimeSpec
 from ingest.nearest import hint
 from ingest.quantities import CONVENTIONS, STORED_UNIT, converter, known_quantity
-from ingest.toml_file import MOMENT, NAME, NAMED_NUMBERS, NAMED_TEXTS, NOT_NEGATIVE, NUMBER, POSITIVE, TEXT, Table, read
+from ingest.toml_file import (
+    MOMENT,
+    NAME,
+    NAMED_NUMBERS,
+    NAMED_TEXTS,
+    NOT_NEGATIVE,
+    NUMBER,
+    POSITIVE,
+    RANGE,
+    TEXT,
+    Table,
+    read,
+)
 
 SCHEMA = "whyhot.bench/1"
 KINDS = ("wltp", "s1", "s2", "ageing", "dc_check", "insulation_check", "drive", "other")
@@ -38,7 +50,7 @@ ROOT_KEYS = (
 TIME_KEYS = ("column", "format", "unit", "zone", "rate_hz", "start", "join_gap_s")
 COMMON_KEYS = (
     *("quantity", "unit", "node", "weights", "region", "level", "noise", "bias_sd", "resolution", "time_constant_s"),
-    *("sensor", "card", "convention", "role", "gain_sd", "reference", "reference_degC", "slope_per_K"),
+    *("sensor", "card", "convention", "role", "gain_sd", "reference", "reference_degC", "slope_per_K", "bin_degC"),
 )
 CHANNEL_KEYS = ("signal", *COMMON_KEYS)
 DERIVED_KEYS = ("name", "expression", *COMMON_KEYS)
@@ -76,6 +88,7 @@ class Channel:
     reference: float | None = None  # of an observed resistance or flux: what it reads at reference_degC
     reference_degC: float = 20.0
     slope_per_K: float | None = None  # of the reading over the reference
+    bin_degC: tuple[float, float] | None = None  # of a dose: between which temperatures a counter counts its hours
     line: int = 0  # of the bench file, for messages
     lines: Mapping[str, int] = field(default_factory=dict, compare=False, repr=False)  # of its keys
 
@@ -209,6 +222,7 @@ def _common(table: Table, *, name: str, signal: str | None, expression: str | No
         reference=_scaled(table.get("reference", POSITIVE), scale),
         reference_degC=_reference_degC(table),
         slope_per_K=_slope(table),
+        bin_degC=table.get("bin_degC", RANGE),
         line=table.line(),
         lines={key: table.line(key) for key in table.values},
     )
@@ -287,7 +301,11 @@ def _observable(table: Table, quantity: str, node: str | None, weights: Mapping[
 
 
 def _refuse_keys_of_others(table: Table, quantity: str, role: str | None) -> None:
-    """Keys of observed quantities where they would mean nothing."""
+    """Keys of some quantities where they would mean nothing."""
+    if "bin_degC" in table and quantity != "dose":
+        raise _refusal(
+            table, "bin_degC", 'bin_degC is of hours that a counter counts: write quantity = "dose", or take it out.'
+        )
     metered = role == "observed" and quantity != "temperature"
     for key in ("gain_sd", "reference", "reference_degC", "slope_per_K"):
         if key not in table:

@@ -72,6 +72,12 @@ def _list(value: Any) -> list[Any]:
     return list(_check(value, isinstance(value, list)))
 
 
+def _range(value: Any) -> tuple[float, float]:
+    low, high = (_number(x) for x in _check(_list(value), isinstance(value, list) and len(value) == 2))
+    _check(value, low < high)
+    return low, high
+
+
 def _named(value: Any, read_one: Callable[[Any], T]) -> dict[str, T]:
     """The values of a mapping, each read; the ValueError of one that cannot be names it."""
     read_all: dict[str, T] = {}
@@ -93,6 +99,7 @@ MOMENT: Kind[datetime] = Kind(
     lambda value: _check(value, isinstance(value, datetime)),
 )
 TEXTS: Kind[list[str]] = Kind('a list of texts, such as ["a", "b"]', lambda value: [_text(x) for x in _list(value)])
+RANGE: Kind[tuple[float, float]] = Kind("two numbers, the lower first, such as [160, 180]", _range)
 NAMED_TEXTS: Kind[Mapping[str, str]] = Kind(
     'texts by name, such as {inverter = "sw 4.2"}', lambda value: _named(value, _text)
 )

@@ -11,13 +11,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from ageing_campaign import Campaign, ageing_campaign
 
+from plant import drives, points
 from replay.cli import main
 
 NOTEBOOKS = Path(__file__).parents[1] / "notebooks"
-INSULATION = NOTEBOOKS / "insulation.py"
+INSULATION, PAPER = NOTEBOOKS / "insulation.py", NOTEBOOKS / "paper.py"
 SHARE_PER_100H = -1.0  # of the conductance from winding to teeth, where ageing is hidden
 SPECIMENS = {**{f"aged-{seed}": SHARE_PER_100H for seed in (1, 2)}, **{f"healthy-{seed}": 0.0 for seed in (3, 4)}}
 
@@ -53,22 +55,26 @@ def run_script(*words: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, env=os.environ, capture_output=True, text=True, check=False)
 
 
-@pytest.fixture(scope="module")
-def insulation(stators: Stators) -> dict[str, Any]:
-    """What the cells of the notebook define."""
-    spec = importlib.util.spec_from_file_location("insulation", INSULATION)
+def defined_by(notebook: Path) -> dict[str, Any]:
+    """What the cells of a notebook define when all of them have run."""
+    spec = importlib.util.spec_from_file_location(notebook.stem, notebook)
     assert spec
     assert spec.loader
-    notebook = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(notebook)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("WHYHOT_STORE", str(stators.store))
-        _, defined = notebook.app.run()
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    _, defined = module.app.run()
     return dict(defined)
 
 
+@pytest.fixture(scope="module")
+def insulation(stators: Stators) -> dict[str, Any]:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("WHYHOT_STORE", str(stators.store))
+        return defined_by(INSULATION)
+
+
 def test_oven_hours_and_doses_are_those_of_the_plant(stators: Stators, capsys: pytest.CaptureFixture[str]) -> None:
-    cycles = ask(stators.store, "SELECT * FROM ageing_cycles ORDER BY start", capsys)
+    cycles = ask(stators.store, "SELECT * FROM cycles ORDER BY start", capsys)
     checks = ask(stators.store, "SELECT * FROM dc_checks ORDER BY start", capsys)
     for specimen, true in stators.true.items():
         hours = [row["hours_above_180degC"] for row in cycles if row["specimen"] == specimen]
@@ -135,6 +141,47 @@ def test_a_store_without_checks_says_so(tmp_path: Path) -> None:
     done = run_script("--store", str(tmp_path / "store"))
     assert (done.returncode, done.stderr) == (0, "")
     assert done.stdout.startswith("No check with both resistance and dose")
+
+
+@pytest.fixture(scope="module")
+def paper() -> dict[str, Any]:
+    """The figures of the paper from one motor, its points and its drive cycle cut short."""
+    s1, s2, wltp = points.s1, points.s2, drives.wltp
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(points, "s1", lambda plant, rpm, minutes, number: s1(plant, rpm, min(minutes, 8.0), number))
+        patch.setattr(points, "s2", lambda plant, rpm, minutes, number: s2(plant, rpm, min(minutes, 6.0), number))
+        patch.setattr(drives, "wltp", lambda cycles: wltp(cycles).first(900.0))
+        return defined_by(PAPER)
+
+
+def test_every_figure_of_the_paper_is_drawn_from_the_plant(paper: dict[str, Any]) -> None:
+    assert [number for number, _ in paper["figures"]] == [10, 10, 11, 12, 13, 14]
+    for number, figure in paper["figures"]:
+        (axes,) = figure.axes
+        assert axes.get_title(loc="left").startswith(f"Fig. {number}: ")
+        lines = axes.get_lines()
+        assert len(lines) == (2 if number == 14 else 3 if number == 10 else 4)
+        for line in lines:
+            values = np.asarray(line.get_ydata(), dtype=np.float64)
+            assert np.isfinite(values).mean() > 0.9
+            assert np.ptp(values[np.isfinite(values)]) > (0.0 if number == 14 else 1.0)
+        assert axes.get_lines()[0].get_xdata()[-1] == pytest.approx(15.0, abs=0.1)
+        figure.canvas.draw()
+
+
+def test_each_figure_stands_beside_what_the_paper_says_and_whether_it_is_so(paper: dict[str, Any]) -> None:
+    statements = paper["statements"]
+    assert list(statements) == [10, 11, 12, 13, 14]
+    for number in (10, 11, 12, 13):
+        assert statements[number].startswith(("met: ", "NOT met: "))
+    gains = paper["first"].gains
+    asked = gains["endwinding gain"] >= 3 and gains["magnet gain"] >= 10
+    assert statements[10].startswith("met: ") == asked
+    assert f"hot spot ({gains['endwinding gain']:.1f} K)" in statements[10]
+    assert min(gains.values()) > 1.0, "a first guess is made better"
+    mean, largest = paper["magnet_mean"], paper["magnet_largest"]
+    assert statements[11].startswith("met: ") == (mean < 1.6 and largest < 6)
+    assert mean < 0.7 * paper["open_mean"], "the filter finds the magnet loss"
 
 
 @pytest.mark.parametrize("notebook", sorted(NOTEBOOKS.glob("*.py")), ids=lambda path: path.stem)

@@ -9,14 +9,15 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from twin.network import Link, Network, Node, Source, Term
+from twin.configured import configured
+from twin.network import Configuration, Link, Network, Node, Source, Term
 
 
 def merged(network: Network, groups: Mapping[str, Sequence[str]]) -> Network:
     """`groups`, name -> nodes, become one node each, in the place of their first; all else stays as it is.
 
     Terms of the same features and factors add up; a prior's sd is the mean over what is added, weighted by size, as the members of a
-    group are wrong together. Region: that of most capacity; limit: the lowest. Configurations are left out: they name nodes as they were.
+    group are wrong together. Region: that of most capacity; limit: the lowest. Configurations are left out (`merged_configurations`).
     """
     new = {member: name for name, members in groups.items() for member in members}
 
@@ -44,6 +45,41 @@ def merged(network: Network, groups: Mapping[str, Sequence[str]]) -> Network:
             replace(circuit, nodes=tuple(dict.fromkeys(map(called, circuit.nodes)))) for circuit in network.circuits
         ),
         configurations=(),
+    )
+
+
+def merged_configurations(network: Network, groups: Mapping[str, Sequence[str]]) -> tuple[Configuration, ...]:
+    """What the configurations of `network` are of the whole motor, merged: each says what its own network, merged alike, has otherwise.
+
+    One that removes some members of a group only, or that leaves nothing of a coupling or loss that the whole motor has, has no such
+    version and is left out.
+    """
+    whole = merged(configured(network, None), groups)
+    found = (_merged_configuration(network, whole, one, groups) for one in network.configurations)
+    return tuple(one for one in found if one is not None)
+
+
+def _merged_configuration(
+    network: Network, whole: Network, one: Configuration, groups: Mapping[str, Sequence[str]]
+) -> Configuration | None:
+    removed = set(one.remove)
+    if any(removed & set(members) and not removed >= set(members) for members in groups.values()):
+        return None
+    gone = [name for name, members in groups.items() if removed & set(members)]
+    kept = {name: members for name, members in groups.items() if name not in gone}
+    rig = merged(configured(network, one.name), kept)
+    grouped = {member for members in groups.values() for member in members}
+    remove = (*gone, *(name for name in one.remove if name not in grouped))
+    links = [{frozenset((link.a, link.b)): link for link in some.links} for some in (whole, rig)]
+    sources = [{source.node: source for source in some.sources} for some in (whole, rig)]
+    lost = [ends for ends in links[0].keys() - links[1].keys() if not ends & set(remove)]
+    if lost or sources[0].keys() - sources[1].keys() - set(remove):
+        return None
+    return Configuration(
+        one.name,
+        remove,
+        tuple(link for ends, link in links[1].items() if ends not in links[0] or links[0][ends].terms != link.terms),
+        tuple(source for node, source in sources[1].items() if sources[0].get(node) != source),
     )
 
 

@@ -12,7 +12,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from twin.errors import BadValueError, DuplicateError, Entry, UnknownNodeError
-from twin.network import Link, Network, Node, Source, Term
+from twin.network import Configuration, Link, Network, Node, Source, Term
 
 # region -> conductivity along the shaft [W/(m K)], volumetric heat capacity [J/(m3 K)]; sheets conduct across their insulation only
 MATERIAL: Mapping[str, tuple[float, float]] = {
@@ -42,7 +42,8 @@ def sliced(network: Network, nodes: Sequence[str], slices: int, length_m: float)
 
     Nodes that differ only in `_a` and `_b` are the two halves of one part, and share its slices. A neighbour that is not cut
     touches the first slice where its own name says `_a`, the last where it says `_b`, else all of them in equal parts. Rows that are
-    neighbours touch slice by slice. Configurations are left out. A temperature factor follows the slice at the same place, else the middle one.
+    neighbours touch slice by slice. A temperature factor follows the slice at the same place, else the middle one. Configurations remove
+    every slice of what they remove, and what they put in the place of others is cut like these.
 
     Raises `UnknownNodeError` for a name that is no node, `BadValueError` for a number of slices that cannot be shared out, a
     length that is not above 0, a node of a circuit, or a region that has no conductivity along the shaft, `DuplicateError` for a name given twice.
@@ -52,13 +53,14 @@ def sliced(network: Network, nodes: Sequence[str], slices: int, length_m: float)
     parts = {part.node: part for row in rows for part in _parts(row, slices)}
     links = [new for link in network.links for new in _links(link, parts)]
     along = [new for row in rows for new in _along(network, [parts[name] for name in row], slices, length_m)]
+    halves = [[parts[name] for name in row] for row in rows if len(row) > 1]
     return replace(
         network,
         name=f"{network.name}_{slices}_slices",
         nodes=tuple(new for node in network.nodes for new in _cut(node, parts.get(node.name))),
         links=(*links, *along),
         sources=tuple(new for source in network.sources for new in _sources(source, parts)),
-        configurations=(),
+        configurations=tuple(_configuration(one, parts, halves, slices) for one in network.configurations),
     )
 
 
@@ -170,15 +172,37 @@ def _halves(link: Link) -> bool:
 
 def _along(network: Network, row: Sequence[_Part], slices: int, length_m: float) -> Iterator[Link]:
     """Links from slice to slice: the file's own between halves, whose middles are L / halves apart, else the material's."""
-    names = [name for part in row for name in part.names]
+    own = _said(network.links, row, slices)
+    if own:
+        yield from own
+        return
+    nodes = [node for node in network.nodes if node.name in {part.node for part in row}]
+    conductivity, heat = MATERIAL[nodes[0].region]
+    volume = sum(node.capacity for node in nodes) / heat
+    yield from _chain(row, (Term(conductivity * volume / length_m**2 * slices),))
+
+
+def _said(links: Sequence[Link], row: Sequence[_Part], slices: int) -> list[Link]:
+    """What a link between the two halves of a part becomes along its row; nothing where there is none."""
     members = {part.node for part in row}
-    own = next((link for link in network.links if {link.a, link.b} == members and len(members) > 1), None)
-    if own is not None:
-        terms = _share(own.terms, slices / len(row))
-    else:
-        nodes = [node for node in network.nodes if node.name in members]
-        conductivity, heat = MATERIAL[nodes[0].region]
-        volume = sum(node.capacity for node in nodes) / heat
-        terms = (Term(conductivity * volume / length_m**2 * slices),)
-    for one, other in itertools.pairwise(names):
-        yield Link(one, other, terms)
+    own = next((link for link in links if {link.a, link.b} == members), None)
+    return [] if own is None else list(_chain(row, _share(own.terms, slices / len(row))))
+
+
+def _chain(row: Sequence[_Part], terms: tuple[Term, ...]) -> Iterator[Link]:
+    names = [name for part in row for name in part.names]
+    return (Link(one, other, terms) for one, other in itertools.pairwise(names))
+
+
+def _configuration(
+    one: Configuration, parts: Mapping[str, _Part], halves: Sequence[Sequence[_Part]], slices: int
+) -> Configuration:
+    return replace(
+        one,
+        remove=tuple(new for name in one.remove for new in (parts[name].names if name in parts else (name,))),
+        links=(
+            *(new for link in one.links for new in _links(link, parts)),
+            *(new for row in halves for new in _said(one.links, row, slices)),
+        ),
+        sources=tuple(new for source in one.sources for new in _sources(source, parts)),
+    )

@@ -5,13 +5,12 @@ from __future__ import annotations
 import argparse
 
 from replay.cli.answer import Answer, provenance, store_folder
+from replay.cli.asked import ask_model
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--on", metavar="S", nargs="+", required=True, help="ids or names of sessions to learn from")
-    parser.add_argument(
-        "--model", metavar="M", help="model id, motor name or motor file (default: what the bench file names)"
-    )
+    ask_model(parser)
     parser.add_argument(
         "--level", choices=("testing", "production"), default="testing", help="channels that may be learnt from"
     )
@@ -27,6 +26,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> Answer:
     from ingest import facts
     from ingest.store import Store
+    from replay.engine.maps_left import maps_left
     from replay.engine.models import model_named
     from replay.show.calibration import calibration_text, free, moved
     from replay.studies.calibrate import calibrate_sessions, profiles
@@ -37,6 +37,7 @@ def run(args: argparse.Namespace) -> Answer:
         sessions = [known.session(text) for text in dict.fromkeys(args.on)]
         result = calibrate_sessions(store, known, sessions, model, args.level)
         event = result.event
+        notes = maps_left(store, known, sessions, event.parent)
         data = {
             "schema": "whyhot.calibration/1",
             "calibration": event.calibration,
@@ -53,9 +54,10 @@ def run(args: argparse.Namespace) -> Answer:
             "left_free": [p["name"] for p in event.parameters if free(p)],
             "errors": event.errors,
             "profiles": profiles(result, list(dict.fromkeys(args.profile))),
+            "notes": notes,
             "provenance": provenance(store, level=args.level, model=args.model),
         }
     unfinished = (
         [] if event.converged else ["the search did not converge: give more sessions, or check the motor file."]
     )
-    return Answer(data, calibration_text(data), 1 if unfinished else 0, unfinished)
+    return Answer(data, calibration_text(data), 1 if unfinished else 0, [*notes, *unfinished])

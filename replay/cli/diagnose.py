@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 
 from replay.cli.answer import Answer, provenance, store_folder
+from replay.cli.asked import ask_model
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -13,9 +14,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--hold-out", metavar="S", nargs="+", default=[], help="sessions kept to measure the gain on; opened once"
     )
-    parser.add_argument(
-        "--model", metavar="M", help="model id, motor name or motor file (default: what the bench file names)"
-    )
+    ask_model(parser)
     parser.add_argument(
         "--level", choices=("testing", "production"), default="testing", help="channels that may be learnt from"
     )
@@ -26,6 +25,7 @@ def run(args: argparse.Namespace) -> Answer:
     from ingest import facts
     from ingest.store import Store
     from replay.cli.progress import tell
+    from replay.engine.maps_left import maps_left
     from replay.engine.models import model_named
     from replay.show.diagnosis_text import diagnosis_text
     from replay.show.documents import write_diagnosis
@@ -42,6 +42,7 @@ def run(args: argparse.Namespace) -> Answer:
             command = "whyhot diagnose --on " + " ".join(args.on)
             command += " --hold-out " + " ".join(args.hold_out) if args.hold_out else ""
             write_diagnosis(store, found.diagnosis, args.report, command, tell)
-        data = document(found.diagnosis, provenance(store, level=args.level, model=args.model))
-    notes = [f"{args.report}   opens offline in any browser"] if args.report else []
-    return Answer(data, diagnosis_text(found.diagnosis), notes=notes)
+        left = maps_left(store, known, [*train, *kept], found.diagnosis.model)
+        data = {**document(found.diagnosis, provenance(store, level=args.level, model=args.model)), "notes": left}
+    written = [f"{args.report}   opens offline in any browser"] if args.report else []
+    return Answer(data, diagnosis_text(found.diagnosis), notes=[*left, *written])

@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 
 from replay.cli.answer import Answer, provenance, store_folder
+from replay.cli.asked import ask_model
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -16,9 +17,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         required=True,
         help="ids or names of sessions that show currents over speed and torque",
     )
-    parser.add_argument(
-        "--model", metavar="M", help="model id, motor name or motor file (default: what the bench file names)"
-    )
+    ask_model(parser)
     parser.add_argument(
         "--level", choices=("testing", "production"), default="testing", help="channels that bands may use"
     )
@@ -31,6 +30,7 @@ def run(args: argparse.Namespace) -> Answer:
     from ingest import facts
     from ingest.store import Store
     from replay.cli.progress import tell
+    from replay.engine.maps_left import maps_left
     from replay.engine.models import model_named
     from replay.show.envelope import document, envelope_text, picture
     from replay.studies.envelope import envelope
@@ -40,8 +40,9 @@ def run(args: argparse.Namespace) -> Answer:
         known = facts.at(store.ledger)
         sessions = [known.session(text) for text in dict.fromkeys(args.on)]
         found = envelope(store, known, sessions, model, args.level, tell)
-        data = {**document(found), "provenance": provenance(store, level=args.level, model=args.model)}
+        left = maps_left(store, known, sessions, found.model)
+        data = {**document(found), "notes": left, "provenance": provenance(store, level=args.level, model=args.model)}
     if args.out:
         picture(found, args.out)
-    notes = [f"{args.out}   and {args.out.with_suffix('.png').name} beside it"] if args.out else []
-    return Answer(data, envelope_text(found), notes=notes)
+    written = [f"{args.out}   and {args.out.with_suffix('.png').name} beside it"] if args.out else []
+    return Answer(data, envelope_text(found), notes=[*left, *written])

@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 
 from replay.cli.answer import Answer, provenance, store_folder
+from replay.cli.asked import ask_model
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -16,9 +17,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         required=True,
         help="ids or names of sessions: S1 and S2 points, and drive cycles",
     )
-    parser.add_argument(
-        "--model", metavar="M", help="model id, motor name or motor file (default: what the bench file names)"
-    )
+    ask_model(parser)
     parser.add_argument(
         "--level", choices=("testing", "production"), default="testing", help="channels that may be learnt from"
     )
@@ -29,11 +28,14 @@ def run(args: argparse.Namespace) -> Answer:
     from ingest import facts
     from ingest.store import Store
     from replay.cli.progress import tell
+    from replay.engine.maps_left import maps_left
     from replay.engine.models import model_named
     from replay.show.protocol import document, protocol_text
     from replay.show.protocol_report import write_protocol_report
-    from replay.studies.protocol import run_protocol
+    from replay.studies.protocol import run_protocol, template_needed
 
+    if args.model and args.model.endswith(".toml") and not Path(args.model).is_file():
+        raise template_needed(f"--model {args.model}: there is no such file")
     with Store.open(store_folder(args), write=True) as store:
         model = model_named(store, args.model)
         known = facts.at(store.ledger)
@@ -42,7 +44,8 @@ def run(args: argparse.Namespace) -> Answer:
         if args.report:
             command = f"whyhot protocol --on {' '.join(args.on)}"
             write_protocol_report(store, found, args.report, command)
-        data = {**document(found), "provenance": provenance(store, level=args.level, model=args.model)}
+        left = maps_left(store, known, sessions, found.calibration.event.parent)
+        data = {**document(found), "notes": left, "provenance": provenance(store, level=args.level, model=args.model)}
     converged = found.calibration.event.converged
     unfinished = [] if converged else ["the search did not converge: give more points, or check the motor file."]
-    return Answer(data, protocol_text(found), 1 if unfinished else 0, unfinished)
+    return Answer(data, protocol_text(found), 1 if unfinished else 0, [*left, *unfinished])

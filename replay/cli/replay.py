@@ -5,15 +5,14 @@ from __future__ import annotations
 import argparse
 
 from replay.cli.answer import Answer, provenance, store_folder
+from replay.cli.asked import ask_model
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "sessions", metavar="S", nargs="*", help="ids or names of sessions (default: every session with a model)"
     )
-    parser.add_argument(
-        "--model", metavar="M", help="model id, motor name or motor file (default: what the bench file names)"
-    )
+    ask_model(parser)
     parser.add_argument(
         "--level", choices=("testing", "production"), default="testing", help="channels that the twin may start from"
     )

@@ -5,13 +5,12 @@ from __future__ import annotations
 import argparse
 
 from replay.cli.answer import Answer, provenance, store_folder
+from replay.cli.asked import ask_model
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--on", metavar="S", nargs="+", required=True, help="ids or names of sessions")
-    parser.add_argument(
-        "--model", metavar="M", help="model id, motor name or motor file (default: what the bench file names)"
-    )
+    ask_model(parser)
     parser.add_argument(
         "--vehicle",
         metavar="CHANNEL",
@@ -38,6 +37,7 @@ def run(args: argparse.Namespace) -> Answer:
     from ingest import facts
     from ingest.store import Store
     from replay.cli.progress import tell
+    from replay.engine.maps_left import maps_left
     from replay.engine.models import model_named
     from replay.show.sensors import document, sensors_text
     from replay.studies.sensors import sensors_worth
@@ -47,5 +47,6 @@ def run(args: argparse.Namespace) -> Answer:
         known = facts.at(store.ledger)
         sessions = [known.session(text) for text in dict.fromkeys(args.on)]
         found = sensors_worth(store, known, sessions, model, list(dict.fromkeys(args.vehicle)), args.risk, tell)
-        data = {**document(found), "provenance": provenance(store, model=args.model)}
-    return Answer(data, sensors_text(found))
+        left = maps_left(store, known, sessions, found.model)
+        data = {**document(found), "notes": left, "provenance": provenance(store, model=args.model)}
+    return Answer(data, sensors_text(found), notes=left)

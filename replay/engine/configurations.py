@@ -27,10 +27,11 @@ def network_of(store: Store, facts: Facts, session: SessionRecorded, model: str)
 
 
 def refuse_other_rigs(sessions: Sequence[SessionRecorded]) -> None:
-    """Raises ReplayDataError where a session is not of the whole motor: what is learnt goes into its motor file."""
+    """Raises ReplayDataError where a session is not of the whole motor."""
     for session in sessions:
         if session.configuration is not None:
             raise ReplayDataError(
-                f'session {session.name}: is of configuration "{session.configuration}", and only sessions of the whole motor '
-                "can be learnt from: leave it out. `whyhot replay` takes it."
+                f'session {session.name}: is of configuration "{session.configuration}", and this asks about the whole motor: '
+                "leave it out here. `whyhot calibrate` learns from it together with sessions of the whole motor; go on with "
+                "the model that it gives (--model)."
             )

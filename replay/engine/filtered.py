@@ -50,10 +50,9 @@ def filter_session(
     meters = [m for m in frame.meters if m.seen.channel in channels and m.what.law is not None]
     if node is None or not (seen or meters) or len(network.nodes) > MOST_NODES:
         return None
-    loss_W = max(sum(losses.values()), LEAST_LOSS_W)
     inputs = Frame(step_s=frame.step_s, features=frame.features, boundaries=frame.boundaries)
     temperatures, sd = initial_temperatures(network, replace(frame, observations=seen), level)
-    start, heat = Start(temperatures, sd), UnknownHeat(node, HEAT_SHARE * loss_W, HEAT_WALK_SHARE * loss_W)
+    start, heat = Start(temperatures, sd), unknown_heat(node, losses)
     begins = {n.name: (float(t), float(s)) for n, t, s in zip(network.nodes, temperatures, sd, strict=True)}
     converted = [_as_thermometer(m, begins) for m in meters]
     readings = [reading_of(o, frame) for o in (*seen, *(o for o, _ in converted))]
@@ -114,6 +113,12 @@ def filtered_summary(filtered: Filtered, frame: InputFrame, nodes: tuple[str, ..
         "heat_walk_W_per_sqrt_s": filtered.heat_walk_W,
         "nis": filtered.nis if np.isfinite(filtered.nis) else None,
     }
+
+
+def unknown_heat(node: str, losses: Mapping[str, float]) -> UnknownHeat:
+    """The unknown heat at a node, as large as follows from the mean modelled `losses` [W] of all nodes."""
+    loss_W = max(sum(losses.values()), LEAST_LOSS_W)
+    return UnknownHeat(node, HEAT_SHARE * loss_W, HEAT_WALK_SHARE * loss_W)
 
 
 def uncertain_node(network: Network, losses: Mapping[str, float]) -> str | None:

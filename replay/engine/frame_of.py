@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+
+import numpy as np
 
 from ingest.catalogue import quality
 from ingest.catalogue.channels import ChannelData
@@ -15,25 +17,48 @@ from twin.features import beyond, monomials, placed_terms
 from twin.integrators import DEFAULT
 from twin.network import Map, Network
 
+DC_CHECK = "dc_check"
+DIRECT = {"current_dc": "current", "voltage_dc": "voltage"}  # what a DC check feeds the phases with
 MAPPED = {"speed": "speed_rpm", "torque": "torque_Nm"}  # inputs of a map -> columns of the frame
 
 
-def session_frame(session: SessionRecorded, channels: Sequence[ChannelData], network: Network) -> InputFrame:
+def session_frame(
+    session: SessionRecorded,
+    channels: Sequence[ChannelData],
+    network: Network,
+    given: Mapping[str, float] | None = None,
+) -> InputFrame:
     """The frame of a session's channels for a network, samples of bad quality masked; its note also says how often a map of the
-    network was left.
+    network was left. `given`: features that are one number in the session (`replay.engine.aged`).
 
     Raises ReplayDataError, with the session's name, where it lacks an input.
     """
+    channels = as_fed(session, channels)
     good = [found.good for found in quality.assess(channels)]
     try:
-        frame = frames.build(channels, good, network, monomials(network), DEFAULT.step_s)
+        frame = frames.build(channels, good, network, monomials(network), DEFAULT.step_s, given)
     except ReplayDataError as error:
         raise ReplayDataError(f"session {session.name}: {error}") from None
-    notes = [note for note in (frame.note, *_beyond_maps(network, frame)) if note]
+    notes = [note for note in (frame.note, *beyond_maps(network, frame)) if note]
     return replace(frame, note="; ".join(notes) or None)
 
 
-def _beyond_maps(network: Network, frame: InputFrame) -> Iterator[str]:
+def as_fed(session: SessionRecorded, channels: Sequence[ChannelData]) -> list[ChannelData]:
+    """The channels of a session as the motor was fed. In a DC check `current_dc` is the phases' current and `voltage_dc` their
+    voltage, where no input of that quantity is recorded; and the motor stands: without a channel of speed it is 0."""
+    if session.kind != DC_CHECK:
+        return list(channels)
+    given = {c.spec.quantity for c in channels if c.spec.role == "input"}
+    renamed = {direct: phase for direct, phase in DIRECT.items() if phase not in given}
+    found = [replace(c, spec=replace(c.spec, quantity=renamed.get(c.spec.quantity, c.spec.quantity))) for c in channels]
+    current = next((c for c in found if (c.spec.role, c.spec.quantity) == ("input", "current")), None)
+    if current is not None and "speed" not in given:
+        spec = replace(current.spec, name="standstill", quantity="speed", unit="rpm", resolution=None, noise=0.0)
+        found.append(replace(current, spec=spec, value=np.zeros_like(current.value), read=None))
+    return found
+
+
+def beyond_maps(network: Network, frame: InputFrame) -> Iterator[str]:
     """A line for each map that the session's step means leave, with the share of time."""
     known = {f: column for f, column in MAPPED.items() if column in frame.inputs}
     for place, term in placed_terms(network):
@@ -41,4 +66,4 @@ def _beyond_maps(network: Network, frame: InputFrame) -> Iterator[str]:
             u = {feature: frame.inputs[column] / network.scale[feature] for feature, column in known.items()}
             share = float(beyond(term.shape, u).mean())
             if share > 0:
-                yield f"{100 * share:.2g} % of the time outside the map of {place}: its edge was taken"
+                yield f"{100 * share:.3g} % of the time outside the map of {place}: its edge was taken"

@@ -49,9 +49,12 @@ def answer(found: Assessment) -> str:
     changed = [one for one in found.specimens if one.significant]
     if len(found.specimens) <= NAMED:
         parts += [f"{one.specimen}: {course(one)}." for one in changed]
-        still = [one.specimen for one in found.specimens if not one.significant]
-        if still:
-            parts.append(f"{words.joined(still)}: {FORMS['none']}.")
+        for names, says in (
+            ([one.specimen for one in found.specimens if not one.significant and one.checks], FORMS["none"]),
+            ([one.specimen for one in found.specimens if not one.checks], "no check"),
+        ):
+            if names:
+                parts.append(f"{words.joined(names)}: {says}.")
     else:
         forms = Counter(one.form for one in changed)
         told = [f"{count} {FORMS[form]}" for form, count in forms.most_common()]
@@ -105,9 +108,8 @@ def _table(found: Assessment) -> Iterator[str]:
     yield f"{'Specimen':<{wide}}  {'batch':<6}  checks    dose  {'course':<14}{'sure':>5}  {'R per 100 h':>12}  {'conducts':>8}  life used"
     for one in shown:
         last = next((check for check in reversed(one.checks) if check.conductivity_percent is not None), None)
-        dose = max((check.dose_h for check in one.checks if check.dose_h is not None), default=None)
         yield (
-            f"{one.specimen:<{wide}}  {one.batch or '-':<6}  {len(one.checks):>6}  {_hours(dose):>6}  {one.form.replace('_', ' '):<14}"
+            f"{one.specimen:<{wide}}  {one.batch or '-':<6}  {len(one.checks):>6}  {_hours(one.dose_h):>6}  {one.form.replace('_', ' '):<14}"
             f"{100 * one.form_probability:>3.0f} %  {_slope(one):>12}  {_percent(last.conductivity_percent if last else None):>8}  {_life(one)}"
             f"{'  stands out' if one.outlying else ''}"
         )

@@ -13,20 +13,19 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from replay.show import words
+from replay.show.error_maps import LOAD_NAMES
 from replay.show.figure import save, style
 from replay.show.palette import COLOURS, DASHES, INK, PAPER, SOFT
 from replay.show.terminal import labelled
-from replay.studies.envelope import DURATIONS_S, LOADS, Ended, Envelope
+from replay.studies.envelope import DURATIONS_S, Ended, Envelope
 from twin.envelope import Border
 
-UNITS = {"torque_Nm": ("torque", "Nm"), "current_A": ("current", "A")}
 MARKS = {"temperature": "o", "load limit": "s", "time": "x"}
 BANDS = {
     True: "95 %, from what these sessions leave unknown of the coefficients; errors of the network's form are not in them",
     False: "95 %, from the sd of the motor file, as this model was fitted to nothing: calibrate first, then give that --model",
 }
 MARKED = "triangle: no limit reached at the most recorded load; o, square, x: S1 and S2 sessions that ended by temperature, load, time"
-assert UNITS.keys() == set(LOADS.values())
 
 
 def document(found: Envelope) -> dict[str, Any]:
@@ -84,7 +83,7 @@ def envelope_text(found: Envelope) -> str:
 
 def answer(found: Envelope) -> str:
     """The continuous load at the speed where most is borne, and what limits it."""
-    name, unit = UNITS[found.load_column]
+    name, unit = LOAD_NAMES[found.load_column]
     at = max(range(len(found.speeds_rpm)), key=lambda i: found.borders[i][0].load)
     first = found.borders[at][0]
     why = f"then the {words.name(first.node)} is at its limit" if first.node else "the most that was recorded there"
@@ -99,7 +98,7 @@ def duration(seconds: float) -> str:
 
 
 def _table(found: Envelope) -> Iterator[str]:
-    unit = UNITS[found.load_column][1]
+    unit = LOAD_NAMES[found.load_column][1]
     yield f"{unit + ' borne at':<12}" + "".join(f"{duration(s):>21}" for s in DURATIONS_S)
     for speed, of_speed in zip(found.speeds_rpm, found.borders, strict=True):
         yield f"{f'{speed:,.0f} rpm':<12}" + "".join(f"{_cell(one):>21}" for one in of_speed)
@@ -120,7 +119,7 @@ def _held(found: Envelope) -> str:
 
 def ending(one: Ended, load_column: str) -> str:
     """How a session ended and why."""
-    unit = UNITS[load_column][1]
+    unit = LOAD_NAMES[load_column][1]
     hot = f"{words.name(one.node)} {one.hottest_degC:.0f} °C, " if one.node and one.hottest_degC is not None else ""
     why = {
         "temperature": "at its temperature limit",
@@ -132,7 +131,7 @@ def ending(one: Ended, load_column: str) -> str:
 
 def picture(found: Envelope, target: Path) -> None:
     """Load over speed with bands and the S1 and S2 sessions, on white: `target` with the suffixes .svg and .png."""
-    name, unit = UNITS[found.load_column]
+    name, unit = LOAD_NAMES[found.load_column]
     speeds = np.array(found.speeds_rpm)
     with style("envelope"):
         figure = Figure(figsize=(9.0, 5.0), facecolor=PAPER[0])

@@ -16,6 +16,10 @@ KINDS: Mapping[str, str] = {
     "other": "other",
 }
 SYMBOLS = {"ohm": "Ω"}
+BANDS = {  # where a hot spot's band is from -> what it holds
+    "calibration": "; 95 %, by what its calibration left unknown of the model, not by errors of its form",
+    "motor file": "; 95 %, by the sd of the motor file: calibrate it for a narrower one",
+}
 SMALL = 0.005  # of the whole: parts below are not told
 
 
@@ -50,13 +54,19 @@ def _efficiency(summary: Mapping[str, Any]) -> str:
 
 
 def hottest(summary: Mapping[str, Any]) -> str | None:
-    """The hottest winding and magnet, where and when; None where the run has neither."""
+    """The hottest winding and magnet, how sure, where and when; None where the run has neither."""
     found = summary.get("hot_spots") or {}
     parts = [
-        f"{spot} {one['max_degC']:.0f} °C at {words.clock(one['at_s'])} ({_place(spot, one)}{_margin(one)})"
+        f"{spot} {one['max_degC']:.0f} °C{_band(one)} at {words.clock(one['at_s'])} ({_place(spot, one)}{_margin(one)})"
         for spot, one in sorted(found.items(), reverse=True)
     ]
-    return f"hottest by the model: {words.joined(parts)}" if parts else None
+    held = next((BANDS[one["band_from"]] for one in found.values() if one.get("band_from")), "")
+    return f"hottest by the model: {words.joined(parts)}{held}" if parts else None
+
+
+def _band(one: Mapping[str, Any]) -> str:
+    """Of runs that have one."""
+    return " ({:.0f} to {:.0f})".format(*one["ci95_degC"]) if one.get("ci95_degC") else ""
 
 
 def _place(spot: str, one: Mapping[str, Any]) -> str:

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import FancyArrowPatch, FancyBboxPatch, Patch
@@ -187,7 +188,7 @@ def _draw_box(axes: Axes, network: Network, name: str, sizes: _Sizes, centre: Fl
             size[0] - 0.12,
             size[1] - 0.12,
             boxstyle="round,pad=0.06,rounding_size=0.06" if region else "square,pad=0.06",
-            facecolor=(*_rgb(face), alpha),
+            facecolor=to_rgba(face, alpha),
             edgecolor=edge,
             linewidth=1.4,
             linestyle="-" if region else (0, (3, 2)),
@@ -198,10 +199,6 @@ def _draw_box(axes: Axes, network: Network, name: str, sizes: _Sizes, centre: Fl
     for k, line in enumerate(lines):
         height = centre[1] + 0.16 * ((len(lines) - 1) / 2 - k)
         axes.text(centre[0], height, line, fontsize=POINTS, ha="center", va="center_baseline", color=INK[0], zorder=6)
-
-
-def _rgb(colour: str) -> tuple[float, float, float]:
-    return tuple(int(colour[i : i + 2], 16) / 255 for i in (1, 3, 5))  # type: ignore[return-value]
 
 
 def _draw_dots(axes: Axes, network: Network, at: Mapping[str, Floats]) -> None:

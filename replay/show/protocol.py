@@ -10,7 +10,6 @@ from replay.show.terminal import labelled
 from replay.studies.protocol import MOVES_K, Protocol, of_interest
 
 SHOWN = 12  # parameters that a person reads
-UNITS = {"loss": "W", "conductance": "W/K", "capacity": "J/K"}
 
 
 def document(found: Protocol) -> dict[str, Any]:
@@ -24,6 +23,7 @@ def document(found: Protocol) -> dict[str, Any]:
         "parent": event.parent,
         "model": event.model,
         "calibration": event.calibration,
+        "warnings": list(found.warnings),
         "converged": event.converged,
         "points": [_session(session) for session in found.points],
         "drives": [_session(session) for session in found.drives],
@@ -65,7 +65,8 @@ def _session(session: Any) -> dict[str, str]:
 def protocol_text(found: Protocol) -> str:
     """What `whyhot protocol` prints. No colours, no trailing newline."""
     event = found.calibration.event
-    lines = labelled("Answer", answer(found))
+    lines = [line for warning in found.warnings for line in labelled("Motor file", warning)]
+    lines += ["", *labelled("Answer", answer(found))] if lines else labelled("Answer", answer(found))
     lines += ["", *_influence(found)]
     lines += ["", *_points(found)]
     for proposal in found.proposals[:1]:
@@ -112,7 +113,7 @@ def _influence(found: Protocol) -> Iterator[str]:
         parameter = weighed.parameters[i]
         node = max(nodes, key=lambda n: weighed.per_sd_K[i, n])
         one = moved[parameter.name]
-        value = f"{one['before']:.4g} -> {one['value']:.4g} {UNITS[parameter.name.split('.', 1)[0]]}"
+        value = f"{one['before']:.4g} -> {one['value']:.4g} {one['unit']}"
         size = f"{weighed.per_sd_K[i, node]:>6.1f} K {words.name(weighed.nodes[node])}"
         yield f"{parameter.name:<{max(width, 48)}} {size:<28} {value}".rstrip()
     small = len(weighed.parameters) - len(found.fitted)

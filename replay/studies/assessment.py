@@ -58,13 +58,15 @@ class OvenCycle:
 
 @dataclass(frozen=True, kw_only=True)
 class Specimen:
-    """The course of one specimen. `slope_percent_per_100h` of its last branch, R growing is positive; `fleet_slope...`: the slope that
+    """The course of one specimen. `dose_h`, `equivalent_h`: all that is known of its heat, as in its checks; `slope_percent_per_100h` of its last branch, R growing is positive; `fleet_slope...`: the slope that
     specimen and fleet together say, with its sd; `remaining_h`: dose until the criterion, [least, most] of 90 %; `score`: how far the slope is from its fleet's."""
 
     specimen: str
     batch: str | None
     cycles: list[OvenCycle]
     checks: list[Check]
+    dose_h: float | None
+    equivalent_h: list[float] | None
     form: str
     form_probability: float
     change_at_dose_h: float | None
@@ -196,13 +198,11 @@ def _cycle_rows(one: Specimen) -> Iterable[dict[str, Any]]:
 
 
 def _specimen_row(one: Specimen) -> dict[str, Any]:
-    last = next((check for check in reversed(one.checks) if check.dose_h is not None), None)
-    low, high = (last.equivalent_h if last else None) or (None, None)
+    low, high = one.equivalent_h or (None, None)
     ranges = {"life_used": one.life_used, "slope": one.ci95, "remaining": one.remaining_h}
     ends = {name: tuple(ends or (None, None)) for name, ends in ranges.items()}
     return asdict(one) | {
         "checks": len(one.checks),
-        "dose_h": last.dose_h if last else None,
         "equivalent_low_h": low,
         "equivalent_high_h": high,
         "life_used_low": ends["life_used"][0],

@@ -4,16 +4,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 import twin
 from ingest.events import CalibrationCompleted, Event, ModelPublished, SessionRecorded
 from ingest.facts import Facts
 from ingest.nearest import hint
 from ingest.store import Store
-from replay.engine.configurations import refuse_other_rigs
+from replay.engine.artefacts import to_parquet
+from replay.engine.configurations import network_of
+from replay.engine.hot_spot_bands import covariance_table
 from replay.engine.identity import environment, run_id, source_hash
 from replay.engine.models import model_of
 from replay.engine.motor_file import read_motor
@@ -22,21 +27,25 @@ from replay.errors import ReplayDataError
 from replay.studies.fitting import fitting
 from replay.studies.recorded import STEP_S, test_of
 from twin.calibration import Calibration, Estimate, calibrate
-from twin.configured import configured
 from twin.model import Test
 from twin.profile import profile
 from twin.recorded import Meter
+from twin.united import United
+
+Floats = NDArray[np.float64]
 
 UNITS = {"loss": "W", "conductance": "W/K", "capacity": "J/K"}
 
 
 @dataclass(frozen=True)
 class CalibrationResult:
-    """The fact, whether the ledger had it already, and the numbers behind it (covariance included)."""
+    """The fact, whether the ledger had it already, the numbers behind it (covariance included), and the sessions as they were learnt
+    from, in their order."""
 
     event: CalibrationCompleted
     known: bool
     calibration: Calibration
+    tests: tuple[Test, ...]
 
 
 def calibrate_sessions(
@@ -50,21 +59,28 @@ def calibrate_sessions(
     """Estimate coefficients and capacities of `model` (None: the one that the sessions' bench files name) from sessions; `only` those of
     these names, where some are given.
 
-    The motor file with the new numbers is sealed and published with its parent. The same question again writes nothing.
+    Each session is run in its own configuration of the motor, all of them with the same coefficients. The motor file with the new
+    numbers is sealed and published with its parent. The same question again writes nothing.
     Raises ReplayDataError where there is no session, the sessions name different models, or one lacks what it needs.
     """
     parent = model or common_model(facts, sessions)
-    refuse_other_rigs(sessions)
     name = facts.models[parent].file
     data = store.archive.read(parent)
-    network = configured(read_motor(data, name), None)
-    tests = [test_of(store, facts, session, network, (), level, meters=True) for session in sessions]
+    tests = [
+        test_of(store, facts, one, network_of(store, facts, one, parent), (), level, meters=True) for one in sessions
+    ]
+    rigs = [session.configuration for session in sessions]
+    united = United(read_motor(data, name), rigs)
+    network = united.network
+    tests = [united.test(test, rig) for test, rig in zip(tests, rigs, strict=True)]
     with fitting(f"calibration of {network.name}"):
-        result = calibrate(network, tests, only)
+        found = calibrate(network, tests, only)
+    named_estimates = zip(found.estimates, united.names, strict=True)
+    result = replace(found, estimates=tuple(replace(one, name=called) for one, called in named_estimates))
     key = _key(facts, sessions, parent, level, only)
-    named = ", ".join(session.name for session in sessions)
+    named = ", ".join(f"{s.name} ({s.configuration})" if s.configuration else s.name for s in sessions)
     says = f"Calibrated on {named} from model {parent[:12]}.\nComments beside a number speak of its value before."
-    text = written(data, name, result.network, says)
+    text = written(data, name, united.version(result.network), says)
     sealed = store.archive.seal(text)
     event = CalibrationCompleted(
         calibration=run_id(key),
@@ -80,8 +96,9 @@ def calibrate_sessions(
         log_posterior=-result.fit.cost,
         parameters=[_parameter(estimate) for estimate in result.estimates],
         errors=_errors(sessions, tests, result),
+        covariance=store.archive.seal(to_parquet(covariance_table(united.names, _covariance(result)))),
     )
-    return CalibrationResult(event, _keep(store, facts, event, name), result)
+    return CalibrationResult(event, _keep(store, facts, event, name), result, tuple(tests))
 
 
 def profiles(result: CalibrationResult, names: Sequence[str]) -> list[dict[str, Any]]:
@@ -111,6 +128,12 @@ def common_model(facts: Facts, sessions: Sequence[SessionRecorded]) -> str:
             f"the sessions' bench files name different motor files ({which}): say which one with --model."
         )
     return next(iter(named))
+
+
+def _covariance(result: Calibration) -> Floats:
+    """(P, P) of the motor's own parameters."""
+    size = len(result.estimates)
+    return np.asarray(np.linalg.inv(result.fit.hessian)[:size, :size], dtype=np.float64)
 
 
 def _key(

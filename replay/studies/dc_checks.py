@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+import math
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ingest.bench import read_bench
 from ingest.catalogue.channels import ChannelData
 from ingest.catalogue.quality import assess
+from ingest.facts import Facts
 from ingest.store import Store
+from replay.studies.heat_history import Heat
 
 if TYPE_CHECKING:
     from analytics.insulation.check_resistance import CheckTrace
@@ -25,38 +29,67 @@ CURRENTS, VOLTAGES = ("current", "current_dc"), ("voltage", "voltage_dc")
 
 @dataclass(frozen=True)
 class Evaluated:
-    """A row of a table of evaluated checks: thermal resistance [K/W] and, where the row has them, dose [h] and ageing temperature [degC];
-    `t_ns` None where the table has no absolute time."""
+    """A row of a table: thermal resistance [K/W], dose [h] and ageing temperature [degC], None where it has none; `counted`: hours
+    since the motor was made, by temperature, where a vehicle's counters give them. `t_ns` None without absolute time."""
 
     session: str
-    record: int
     t_ns: int | None
-    resistance_K_per_W: float
+    resistance_K_per_W: float | None
     dose_h: float | None
     degC: float | None
+    counted: Heat | None
 
 
-def evaluated(store: Store, as_of: str | None) -> list[Evaluated]:
-    """Every row of quantity `thermal_resistance` in the store, in the order of its file."""
+def evaluated(store: Store, facts: Facts, as_of: str | None) -> list[Evaluated]:
+    """Every row that holds a thermal resistance or counted hours, in the order of its file."""
     from analytics import warehouse
 
     with warehouse.refresh(store, as_of) as opened:
         rows = opened.connection.execute(
             """
-            SELECT v.session, v.record, CASE WHEN s.start IS NOT NULL THEN any_value(v.t_ns) END,
+            SELECT v.session, CASE WHEN s.start IS NOT NULL THEN any_value(v.t_ns) END,
                 any_value(v.value) FILTER (WHERE v.quantity = 'thermal_resistance') AS resistance,
-                any_value(v.value) FILTER (WHERE v.quantity = 'dose'),
-                max(v.value) FILTER (WHERE v.quantity = 'temperature')
+                max(v.value) FILTER (WHERE v.quantity = 'temperature'),
+                list(v.channel) FILTER (WHERE v.quantity = 'dose'),
+                list(v.value) FILTER (WHERE v.quantity = 'dose')
             FROM samples AS v
             JOIN sessions AS s ON s.session = v.session
-            WHERE v.quantity IN ('thermal_resistance', 'dose', 'temperature')
-              AND v.session IN (SELECT session FROM channels WHERE quantity = 'thermal_resistance' AND role <> 'ignored')
+            WHERE v.quantity IN ('thermal_resistance', 'dose', 'temperature') AND v.session IN (
+                SELECT session FROM channels WHERE quantity IN ('thermal_resistance', 'dose') AND role <> 'ignored'
+            )
             GROUP BY v.session, v.file_id, v.record, s.start
-            HAVING resistance IS NOT NULL
             ORDER BY v.file_id, v.record
             """
         ).fetchall()
-    return [Evaluated(*row) for row in rows]
+    bins = {session.session: session.bench for session in facts.sessions}
+    of_bench = {sha: _bins(store, facts, sha) for sha in set(bins.values()) if sha}
+    found = []
+    for session, t_ns, resistance, degC, channels, values in rows:
+        binned = of_bench.get(bins[session] or "", {})
+        hours = dict(zip(channels or (), values or (), strict=True))
+        dose = next((value for name, value in hours.items() if name not in binned), None)
+        counted = _heat({binned[name]: value for name, value in hours.items() if name in binned})
+        if resistance is not None or counted is not None:
+            found.append(Evaluated(session, t_ns, resistance, dose, degC, counted))
+    return found
+
+
+def _bins(store: Store, facts: Facts, bench: str) -> Mapping[str, tuple[float, float]]:
+    """Channel -> between which temperatures [degC] it counts hours."""
+    read = read_bench(store.archive.read(bench), facts.benches[bench].name)
+    return {channel.name: channel.bin_degC for channel in read.channels if channel.bin_degC}
+
+
+def _heat(bins: Mapping[tuple[float, float], float]) -> Heat | None:
+    """Hours spread evenly over each bin, in parts of 1 K at most: an hour at its upper end is worth more than one at its lower."""
+    if not bins:
+        return None
+    degC, hours = [], []
+    for (low, high), total in bins.items():
+        parts = math.ceil(high - low)
+        degC.append(low + (np.arange(parts) + 0.5) * (high - low) / parts)
+        hours.append(np.full(parts, total / parts))
+    return Heat(np.concatenate(degC), np.concatenate(hours))
 
 
 def trace_of(channels: Sequence[ChannelData]) -> CheckTrace:
@@ -97,7 +130,7 @@ def trace_of(channels: Sequence[ChannelData]) -> CheckTrace:
     amperes = np.abs(means(current)) if current else nothing
     watts = means(power) if power else amperes * np.abs(means(voltage)) if voltage else nothing
     return CheckTrace(
-        t_s=(np.arange(steps) + 0.5) * step_s,
+        t_s=np.asarray((np.arange(steps) + 0.5) * step_s, np.float64),
         copper_degC=side_by_side(copper),
         copper_names=tuple(channel.spec.name for channel in copper),
         iron_degC=side_by_side(iron),

@@ -78,8 +78,6 @@ def envelope(
 
     Raises ReplayDataError where no node of the motor has a limit, or the sessions know no speed or load.
     """
-    if not sessions:
-        raise ReplayDataError("no session to take operating points from: name some with --on.")
     refuse_other_rigs(sessions)
     model = model or common_model(facts, sessions)
     network = configured(read_motor(store.archive.read(model), facts.models[model].file), None)
@@ -98,8 +96,8 @@ def envelope(
         tell("weighing what the sessions know of the motor")
         precision = prior(freedom(network, ()))
         if fitted:
-            for session in sessions:
-                test = test_of(store, facts, session, network, (), level)
+            for session, own in zip(sessions, channels, strict=True):
+                test = test_of(store, facts, session, network, (), level, loaded=own)
                 precision = precision + information(network, test, {})
         boundaries = np.concatenate([frame.boundaries for frame in frames]).mean(axis=0)
         covariance = np.asarray(np.linalg.inv(precision), dtype=np.float64)

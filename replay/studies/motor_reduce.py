@@ -15,7 +15,9 @@ from replay.engine.kernel_cache import load, load_kernel
 from replay.engine.network_text import network_text
 from replay.errors import ReplayDataError
 from replay.studies.recorded import test_of
+from twin.configured import configured, restored
 from twin.kernel import Compiled, compile_indexed
+from twin.merging import merged_configurations
 from twin.model import Test
 from twin.network import Network
 from twin.reduction import Course, Reduced, reductions
@@ -54,6 +56,7 @@ def reduce_motor(
     below those that the motor has.
     """
     _check(network, to, on, hold_out)
+    motor, network = network, configured(network, None)
     tests = {session.session: test_of(store, facts, session, network, (), "testing") for session in (*on, *hold_out)}
     full = load_kernel(network)
     trained = [_course(full, tests[session.session]) for session in on]
@@ -67,8 +70,10 @@ def reduce_motor(
     if chosen is None:
         sizes = ", ".join(str(len(level.groups)) for level in curve)
         raise ReplayDataError(f"--to {to}: {network.name} was merged to {sizes} nodes on the way: give one of these.")
-    smaller = replace(chosen.network, name=f"{network.name}_{to}_nodes")
-    return Reduction(network_text(smaller, _says(network, chosen, on, hold_out)), chosen, curve, interest)
+    rigs = merged_configurations(motor, chosen.groups)
+    smaller = restored(replace(motor, configurations=rigs), replace(chosen.network, name=f"{network.name}_{to}_nodes"))
+    lost = [one.name for one in motor.configurations if one.name not in {rig.name for rig in rigs}]
+    return Reduction(network_text(smaller, _says(network, chosen, on, hold_out, lost)), chosen, curve, interest)
 
 
 def _check(network: Network, to: int, on: Sequence[SessionRecorded], hold_out: Sequence[SessionRecorded]) -> None:
@@ -109,8 +114,14 @@ def _hottest(network: Network, courses: Sequence[Course]) -> dict[str, str]:
     return found
 
 
-def _says(network: Network, chosen: Reduced, on: Sequence[SessionRecorded], hold_out: Sequence[SessionRecorded]) -> str:
-    """What the new file says above: where it comes from, how good it is, and what follows what."""
+def _says(
+    network: Network,
+    chosen: Reduced,
+    on: Sequence[SessionRecorded],
+    hold_out: Sequence[SessionRecorded],
+    lost: Sequence[str],
+) -> str:
+    """What the new file says above: where it comes from, how good it is, what follows what, and which configurations it lost."""
     learnt = ", ".join(session.name for session in on)
     lines = [
         f"{network.name} with its {len(network.nodes)} nodes merged to {len(chosen.groups)}, by its own run on {learnt}:"
@@ -123,6 +134,8 @@ def _says(network: Network, chosen: Reduced, on: Sequence[SessionRecorded], hold
         lines.append(
             f"On {kept}: {chosen.kept.mean_K:.2f} K mean, {chosen.kept.largest_K:.1f} K at most ({chosen.kept.worst})."
         )
+    if lost:
+        lines.append(f"Left out, as they take away a part of a merged node only: configuration {', '.join(lost)}.")
     lines.append("Nodes that stand for others:")
     for name, members in chosen.groups.items():
         if len(members) > 1:

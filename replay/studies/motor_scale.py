@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
@@ -14,6 +15,7 @@ from twin.network import Network
 from twin.scaling import scaled
 from twin.slicing import sliced
 
+WIDTH = 116  # characters of a comment
 _BOM = "\ufeff"
 
 
@@ -49,8 +51,12 @@ def sliced_file(data: bytes, name: str, nodes: Sequence[str], slices: int, lengt
     """
     before = read_motor(data, name)
     cut = sliced(before, nodes, slices, length_m)
+    command = (
+        f"`whyhot motor slice {name} --into {slices} --stack-mm {length_m * 1000:g} --nodes {' '.join(nodes)} -o OUT`"
+    )
     says = (
-        f"{before.name}, its stack of {length_m * 1000:g} mm cut into {slices} slices from end a to end b: {', '.join(nodes)}.\n"
+        f"{before.name}, its stack cut into slices from end a to end b by\n"
+        f"{textwrap.fill(command, WIDTH, subsequent_indent='  ', break_on_hyphens=False)}\n"
         "The middle slice of each keeps the node's name. Sums of capacities, losses and conductances are those of the motor."
     )
     return network_text(cut, says), cut

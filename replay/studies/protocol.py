@@ -9,7 +9,7 @@ run next, is asked of the fitted model.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -20,10 +20,11 @@ from ingest.facts import Facts
 from ingest.store import Store
 from replay.engine.campaign import replay_sessions
 from replay.engine.configurations import refuse_other_rigs
-from replay.engine.motor_file import read_motor
+from replay.engine.motor_file import describe, read_motor
 from replay.errors import ReplayDataError
 from replay.studies.calibrate import CalibrationResult, calibrate_sessions, common_model
 from replay.studies.fitting import fitting
+from replay.studies.motor_new import DEFAULT, TOPOLOGIES
 from replay.studies.recorded import test_of
 from twin.calibration import freedom
 from twin.configured import configured
@@ -53,11 +54,12 @@ class Proposal:
 
 @dataclass(frozen=True)
 class Protocol:
-    """`fitted`: names of the parameters that moved; `choices`: of `points`, in the order in which they teach; `unknown_K` (n,): what
+    """`warnings`: what `motor check` says of the motor file; `fitted`: names of the parameters that moved; `choices`: of `points`, in the order in which they teach; `unknown_K` (n,): what
     the parameters leave unknown of each node on the drives before anything is learnt; `before`, `after`: summaries of the
     drives' replays with the parent and with the fitted model."""
 
     network: Network
+    warnings: tuple[str, ...]
     points: tuple[SessionRecorded, ...]
     drives: tuple[SessionRecorded, ...]
     influence: Influence
@@ -75,16 +77,15 @@ def run_protocol(
 ) -> Protocol:
     """Run it. The fitted model is published as `calibrate` does, the replays are facts as those of `replay`.
 
-    Raises ReplayDataError where there is no S1 or S2 session, no drive cycle, or a session lacks what the model needs.
+    Raises ReplayDataError where there is no S1 or S2 session, no drive cycle, no motor file, or a session lacks what the model needs.
     """
     refuse_other_rigs(sessions)
     points, drives = by_kind(sessions)
-    parent = model or common_model(facts, [*points, *drives])
-    network = configured(read_motor(store.archive.read(parent), facts.models[parent].file), None)
+    parent = model or _named_model(facts, [*points, *drives])
+    motor = read_motor(store.archive.read(parent), facts.models[parent].file)
+    network, warnings = configured(motor, None), describe(motor).warnings
     tell("reading the sessions")
-    of_points, of_drives = (
-        [test_of(store, facts, session, network, (), level) for session in some] for some in (points, drives)
-    )
+    of_drives = [test_of(store, facts, session, network, (), level) for session in drives]
     with fitting(f"protocol of {network.name}"):
         tell("weighing the parameters on the drive cycles")
         weighed = influence(network, of_drives)
@@ -100,6 +101,9 @@ def run_protocol(
         fitted = calibration.calibration
         noise = fitted.fit.model.noise
         after_fit = influence(fitted.network, of_drives)
+        of_points = [
+            replace(test, meters=()) for test in calibration.tests
+        ]  # gains of meters are no parameter of the motor
         taught = [information(fitted.network, test, noise) for test in of_points]
         choices = in_order(taught, after_fit)
         proposals = _proposals(fitted.network, of_points, noise, np.sum(taught, axis=0))
@@ -107,6 +111,7 @@ def run_protocol(
     replays = [_replayed(store, drives, one, level, tell) for one in (parent, calibration.event.model)]
     return Protocol(
         network=network,
+        warnings=warnings,
         points=points,
         drives=drives,
         influence=weighed,
@@ -118,6 +123,24 @@ def run_protocol(
         before=replays[0],
         after=replays[1],
     )
+
+
+def template_needed(why: str) -> ReplayDataError:
+    """There is no motor file to begin with: the refusal says how to get one."""
+    return ReplayDataError(
+        f"{why}: the protocol begins with a template. Write one with `whyhot motor new --topology {DEFAULT} -o motor.toml` "
+        f"(or of {', '.join(t for t in TOPOLOGIES if t != DEFAULT)}), put your motor's numbers in, `whyhot motor check motor.toml`, "
+        "and say --model motor.toml."
+    )
+
+
+def _named_model(facts: Facts, sessions: Sequence[SessionRecorded]) -> str:
+    """The model that the sessions' bench files name."""
+    for session in sessions:
+        bench = facts.bench_of(session)
+        if bench is not None and bench.model is None:
+            raise template_needed(f"session {session.name}: {bench.name} names no motor file")
+    return common_model(facts, sessions)
 
 
 def by_kind(sessions: Sequence[SessionRecorded]) -> tuple[tuple[SessionRecorded, ...], tuple[SessionRecorded, ...]]:

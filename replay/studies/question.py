@@ -110,8 +110,9 @@ def campaign_of(question: Question) -> Campaign:
             *(question.store, question.facts, session, network, monomials, question.level),
             across(candidates),
             meters=True,
+            loaded=own,
         )
-        for session in question.train
+        for session, own in zip(question.train, loaded, strict=True)
     )
     starts = tuple(test.start_ns for test in tests)
     return Campaign(network, tests, candidates, monomials, observed, inputs, loaded, starts)

@@ -15,6 +15,7 @@ from ingest.facts import Facts
 from ingest.store import Store
 from replay.engine import frame as frames
 from replay.engine.frame import InputFrame, Observation
+from replay.engine.frame_of import as_fed
 from replay.engine.meters import Measurand
 from replay.engine.open_loop import initial_temperatures, referenced
 from replay.errors import ReplayDataError
@@ -40,13 +41,14 @@ def test_of(
     level: str,
     laws: Sequence[str] = (),
     meters: bool = False,
+    loaded: Sequence[ChannelData] | None = None,
 ) -> Test:
     """A session with the products of features `wanted` besides the network's own, and what the `laws` across sessions multiply with;
-    with `meters`, what observes power, heat, resistance or flux is learnt from too.
+    with `meters`, what observes power, heat, resistance or flux is learnt from too; `loaded`: its channels, where they are read already.
 
     Raises ReplayDataError where it lacks an input, or no channel of it observes a node.
     """
-    channels = load(store, facts, session)
+    channels = as_fed(session, load(store, facts, session) if loaded is None else loaded)
     own = monomials(network)
     given = {c.spec.quantity for c in channels if c.spec.role == "input"}
     single = [Monomial(((f, 1.0),)) for f, q in QUANTITY.items() if q in network.scale and f in given]

@@ -19,14 +19,14 @@ from ingest.events import SessionRecorded
 from ingest.facts import Facts
 from ingest.store import Store
 from replay.engine.configurations import network_of
-from replay.engine.filtered import HEAT_SHARE, HEAT_WALK_SHARE, LEAST_LOSS_W, mean_losses, reading_of, uncertain_node
+from replay.engine.filtered import mean_losses, reading_of, uncertain_node, unknown_heat
 from replay.engine.frame import InputFrame, Observation
 from replay.engine.frame_of import session_frame
 from replay.engine.hot_spots import nodes_of
 from replay.engine.kernel_cache import load_kernel
-from replay.engine.models import model_of
 from replay.engine.open_loop import initial_temperatures, modelled
 from replay.errors import ReplayDataError
+from replay.studies.calibrate import common_model
 from replay.studies.fitting import fitting
 from twin.ekf import at_their_pace, filter_unknowns
 from twin.filter_inputs import Start
@@ -125,12 +125,7 @@ def sensors_worth(
 
     Raises ReplayDataError where under two channels observe nodes, or a named channel is not there.
     """
-    if not sessions:
-        raise ReplayDataError("no session to weigh sensors on: name some with --on. `whyhot sessions` lists them.")
-    models = {model or model_of(facts, session) for session in sessions}
-    if len(models) > 1:
-        raise ReplayDataError("the sessions' bench files name different motor files: say which one with --model.")
-    (model,) = models
+    model = model or common_model(facts, sessions)
     recorded = []
     with fitting("weighing sensors"):
         for session in sessions:
@@ -168,9 +163,7 @@ def _recorded(store: Store, facts: Facts, session: SessionRecorded, model: str) 
     temperatures, sd = initial_temperatures(network, frame, "testing")
     open_loop = simulate(load_kernel(network), inputs, temperatures)
     losses = mean_losses(network, inputs, open_loop)
-    loss_W = max(sum(losses.values()), LEAST_LOSS_W)
-    node = uncertain_node(network, losses) or max(losses, key=lambda name: losses[name])
-    heat = UnknownHeat(node, HEAT_SHARE * loss_W, HEAT_WALK_SHARE * loss_W)
+    heat = unknown_heat(uncertain_node(network, losses) or max(losses, key=lambda name: losses[name]), losses)
     readings = [reading_of(o, frame) for o in frame.observations]
     (paced,) = at_their_pace(network, inputs, Start(temperatures, sd), [heat], readings)
     return _Recorded(network, frame, inputs, paced, open_loop)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,8 @@ import pytest
 from ingest import facts
 from ingest.store import Store
 from plant import fleet, insulation_campaign
-from plant.insulation_campaign import Plan
+from plant.counters import counters, write_counters
+from plant.timeline import Plan
 from replay.cli import main
 from replay.studies.assessment import document, read
 
@@ -138,6 +140,49 @@ def test_a_bad_batch_is_found_in_a_table_and_nothing_else(tables: Path, capsys: 
     assert (check["from"], check["equivalent_h"]) == ("evaluated elsewhere", None)
     doses = [one["dose_h"] for one in answer["specimens"][0]["checks"]]
     assert doses == sorted(doses)
+
+
+COUNTERS = """schema = "whyhot.bench/1"
+specimen_column = "serial"
+batch_column = "batch"
+kind = "drive"
+
+[time]
+column = "date"
+format = "%Y-%m-%d %H:%M"
+
+[[channel]]
+signal = "starts"
+quantity = "counter"
+"""
+BIN = """
+[[channel]]
+signal = "h_{low:.0f}_{high:.0f}"
+quantity = "dose"
+unit = "h"
+bin_degC = [{low}, {high}]
+"""
+
+
+def test_what_vehicles_count_is_a_dose(tmp_path: Path) -> None:
+    read_out = counters(3, motors=6, readouts=(2, 3), activation_eV=1.0)
+    edges = read_out.edges_degC
+    bins = [BIN.format(low=low, high=high) for low, high in pairwise(edges)]
+    (tmp_path / "bench.toml").write_text("".join([COUNTERS, *bins]), encoding="utf-8")
+    path = write_counters(tmp_path / "counters.csv", read_out, ["B1"] * 6)
+    store = tmp_path / "store"
+    _taken_in([["ingest", str(path), "--bench", str(tmp_path / "bench.toml")]], store)
+    found = {one["specimen"]: one for one in _asked(store)["specimens"]}
+    for motor in set(read_out.motor.tolist()):
+        last = np.flatnonzero(read_out.motor == motor)[-1]
+        one = found[f"M{motor + 1:04d}"]
+        above = read_out.hours[last][edges[:-1] >= 180.0].sum()
+        assert one["dose_h"] == pytest.approx(above, abs=0.05)
+        assert (one["checks"], one["form"], one["significant"]) == ([], "none", False)
+        low, high = one["equivalent_h"]
+        assert low < read_out.true_equivalent_h[last] < high, "1.0 eV lies between the rules"
+        assert one["life_used"] == pytest.approx([low / 20_000, high / 20_000])
+        assert "3 are needed" in one["why"]
 
 
 def _refused(capsys: Capture, *words: str) -> str:

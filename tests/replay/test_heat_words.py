@@ -99,3 +99,21 @@ def test_a_derating_that_comes_too_late_is_said() -> None:
 )
 def test_a_number_has_the_unit_of_its_size(value: float, unit: str, text: str) -> None:
     assert heat_words.quantity(value, unit) == text
+
+
+def test_a_band_is_said_with_what_it_holds() -> None:
+    spots = {
+        spot: {
+            **one,
+            "sd_K": 5.0,
+            "ci95_degC": [one["max_degC"] - 9.8, one["max_degC"] + 9.8],
+            "band_from": "motor file",
+        }
+        for spot, one in hot_spots(MOTOR, T, 0.5).items()
+    }
+    assert heat_words.hottest({"hot_spots": spots}) == (
+        "hottest by the model: winding 130 °C (120 to 140) at 0:00:01 (30.0 K ABOVE its limit) and magnet 50 °C (40 to 60) at 0:00:02 "
+        "(shaft, no limit given); 95 %, by the sd of the motor file: calibrate it for a narrower one"
+    )
+    none = {spot: {**one, "sd_K": None, "ci95_degC": None, "band_from": None} for spot, one in spots.items()}
+    assert heat_words.hottest({"hot_spots": none}) == heat_words.hottest({"hot_spots": hot_spots(MOTOR, T, 0.5)})

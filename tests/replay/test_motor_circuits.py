@@ -184,10 +184,10 @@ def test_a_session_is_replayed_in_the_configuration_of_its_bench(
     assert set(run["mae_K"]) == {"winding", "yoke", "magnet"}
     assert max(run["mae_K"].values()) < 0.2
     assert main(["report", "1", "--store", str(folder / "store"), "--out", str(folder / "report.html")]) == 0
-    for words in (["calibrate", "--on", "1"], ["diagnose", "--on", "1"]):
-        assert main([*words, "--store", str(folder / "store")]) == 2
-        said = capsys.readouterr().err
-        assert 'session 1: is of configuration "bare", and only sessions of the whole motor can be learnt from' in said
+    assert main(["diagnose", "--on", "1", "--store", str(folder / "store")]) == 2
+    said = capsys.readouterr().err
+    assert 'session 1: is of configuration "bare", and this asks about the whole motor: leave it out here' in said
+    assert "`whyhot calibrate` learns from it together with sessions of the whole motor" in said
 
 
 @pytest.mark.parametrize(
@@ -228,3 +228,23 @@ def test_time_outside_a_map_is_said_and_the_map_is_kept(tmp_path: Path, capsys: 
     assert note.endswith("% of the time outside the map of yoke: its edge was taken")
     assert float(note.split(" %")[0]) == pytest.approx(share, abs=2.0)
     assert speed.max() < 6000.0
+
+
+def test_every_verb_that_learns_or_predicts_says_that_a_map_is_left(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    iron = "terms = [{coefficient = 90.0, speed = 1.5}]"
+    mapped = can_bench.MOTOR.replace(iron, 'terms = [{coefficient = 1.0, map = "iron.csv"}]')
+    limited = mapped.replace('name = "winding"\n', 'name = "winding"\nlimit_degC = 60.0\n')
+    folder = _folder(tmp_path, limited.replace("[scale]", "[scale]\ntorque_Nm = 20.0"), can_bench.BENCH)
+    (folder / "iron.csv").write_text("n,0,5\n0,0,0\n3000,30,31\n6000,90,92\n", encoding="utf-8")
+    can_bench.write_log(folder / "1.blf", 420)
+    assert _ingest(folder) == 0
+    for verb in ("calibrate", "sensors", "envelope"):
+        capsys.readouterr()
+        assert main([verb, "--on", "1", "--json", "--store", str(folder / "store")]) == 0
+        said = capsys.readouterr()
+        (note,) = json.loads(said.out)["notes"]
+        assert note.startswith("session 1: ")
+        assert note.endswith(" % of the time outside the map of yoke: its edge was taken.")
+        assert note in said.err

@@ -17,6 +17,7 @@ from replay.studies.motor_new import TOPOLOGIES
 from twin.check import check
 
 REFERENCE = Path(__file__).parents[2] / "examples" / "reference_motor" / "motor.toml"
+SLICED = REFERENCE.with_name("sliced.toml")
 
 
 def _run(capsys: pytest.CaptureFixture[str], *words: str | Path, code: int = 0) -> dict[str, Any]:
@@ -84,15 +85,35 @@ def test_a_scaled_file_keeps_comments_and_layout_and_says_what_it_came_from(
     assert network.links[4].terms[0].sd > 0.4
 
 
-def test_a_sliced_motor_is_written_with_several_hundred_nodes(
+def test_the_shipped_motor_of_several_hundred_nodes_is_what_its_own_comment_makes(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    text = SLICED.read_text(encoding="utf-8")
+    command = re.sub(r"\n# +", " ", text[: text.index("-o ")]).split("`")[-1].split()
+    assert command[:4] == ["whyhot", "motor", "slice", "motor.toml"]
     file = tmp_path / "sliced.toml"
-    nodes = ["jacket", "yoke", "teeth", "winding_a", "winding_b", "rotor_core", "rotor_surface", "magnet"]
-    _run(capsys, "slice", REFERENCE, "--into", "40", "--stack-mm", "130", "--nodes", *nodes, "-o", file)
+    _run(capsys, "slice", REFERENCE, *command[4:], "-o", file)
+    assert file.read_bytes() == SLICED.read_bytes()
     found = _run(capsys, "check", file)
     assert (found["nodes"], found["kernel"]) == (293, "indexed")
     assert found["capacity_J_per_K"] == pytest.approx(_run(capsys, "check", REFERENCE)["capacity_J_per_K"], rel=1e-6)
+
+
+def test_the_shipped_motor_of_several_hundred_nodes_replays_a_session_of_the_lumped_one(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    example, store = REFERENCE.parents[1] / "hidden_effect", str(tmp_path / "store")
+    words = ["--bench", str(example / "bench.toml"), "--dbc", str(example / "bench.dbc"), "--store", store]
+    assert main(["ingest", str(example / "1_s1.blf"), *words]) == 0
+    capsys.readouterr()
+    assert main(["replay", "1_s1", "--model", str(SLICED), "--json", "--store", store]) == 0
+    (run,) = json.loads(capsys.readouterr().out)["runs"]
+    assert run["motor"] == "reference-150kW_40_slices"
+    assert {"endwinding_a_inner", "magnet", "teeth", "yoke"} <= set(run["mae_K"])
+    assert all(0.0 < error < 40.0 for error in run["mae_K"].values())
+    made = run["losses"]["kinds"].values()
+    assert sum(one["mean_W"] for one in made) == pytest.approx(run["network_heat_W"])
+    assert run["hot_spots"]["magnet"]["node"].startswith("magnet")
 
 
 @pytest.mark.parametrize(
@@ -185,3 +206,41 @@ def test_a_reduction_that_cannot_be_is_refused_in_one_line(
     line = _refused(capsys, "reduce", bench / "sliced.toml", *words, "-o", bench / "x.toml", "--store", bench / "store")
     assert says in line
     assert not (bench / "x.toml").exists()
+
+
+RIGS = """\
+[[boundary]]
+name = "air"
+[[configuration]]
+name = "no_rotor"
+remove = ["magnet"]
+[[configuration.link]]
+between = ["yoke", "air"]
+terms = [{coefficient = 2.0, law = "free_convection"}]
+"""
+
+
+def test_configurations_go_along_when_a_motor_is_sliced_and_reduced(
+    bench: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "motor.toml").write_text(can_bench.MOTOR + RIGS, encoding="utf-8")
+    cut = ["--into", "4", "--stack-mm", "60", "--nodes", "winding", "yoke", "magnet"]
+    _run(capsys, "slice", tmp_path / "motor.toml", *cut, "-o", tmp_path / "sliced.toml")
+    (sliced,) = _run(capsys, "check", tmp_path / "sliced.toml")["configurations"]
+    assert sliced.startswith("no_rotor: 8 nodes, 2 boundaries, ")
+    words: list[str | Path] = [
+        "reduce",
+        tmp_path / "sliced.toml",
+        "--to",
+        "4",
+        "--on",
+        "1_learn",
+        "--store",
+        bench / "store",
+    ]
+    answer = _run(capsys, *words, "-o", tmp_path / "four.toml")
+    assert all(len({member.split("_")[0] for member in members}) == 1 for members in answer["groups"].values())
+    (reduced,) = _run(capsys, "check", tmp_path / "four.toml")["configurations"]
+    rotor = [name for name in answer["groups"] if name.startswith("magnet")]
+    assert reduced.startswith(f"no_rotor: {4 - len(rotor)} nodes, 2 boundaries, ")
+    assert "Left out" not in (tmp_path / "four.toml").read_text(encoding="utf-8")

@@ -137,3 +137,41 @@ def test_a_session_of_another_kind_is_refused(bench: Path, tmp_path: Path, capsy
     assert main(["ingest", str(tmp_path / "4_other.blf"), *words, "--store", str(store)]) == 0
     assert main(["protocol", "--on", *FILES, "4_other", "--store", str(store)]) == 2
     assert "4_other: of kind other: the protocol learns from S1 and S2" in capsys.readouterr().err
+
+
+def test_what_a_check_of_the_motor_file_warns_of_is_said_first(
+    bench: Path, answer: Mapping[str, Any], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert answer["warnings"] == []
+    iron = "{coefficient = 90.0, speed = 1.5}"
+    assert iron in can_bench.MOTOR
+    odd = tmp_path / "odd.toml"
+    odd.write_text(can_bench.MOTOR.replace(iron, f"{iron}, {{coefficient = -1.0, current = 1.0}}"), encoding="utf-8")
+    store = tmp_path / "store"
+    shutil.copytree(bench / "store", store)
+    capsys.readouterr()
+    assert main(["protocol", "--on", *FILES, "--model", str(odd), "--store", str(store)]) == 0
+    first = " ".join(capsys.readouterr().out.split("Answer")[0].split())
+    assert first.startswith('Motor file the summed loss of "yoke" falls to -1 W at current 1.0, speed 0.0')
+
+
+def test_without_a_motor_file_the_template_comes_first(
+    bench: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    store = str(tmp_path / "store")
+    alone = tmp_path / "alone.toml"
+    alone.write_text(can_bench.BENCH.replace('motor = "motor.toml"\n', ""), encoding="utf-8")
+    for name, (kind, _, _) in FILES.items():
+        words = ["--bench", str(alone), "--dbc", str(bench / "bench.dbc"), "--kind", kind, "--store", store]
+        assert main(["ingest", str(bench / f"{name}.blf"), *words]) == 0
+    capsys.readouterr()
+    for more, why in (
+        ([], "session 1_point: alone.toml names no motor file: the protocol begins with a template."),
+        (["--model", "mine.toml"], "--model mine.toml: there is no such file: the protocol begins with a template."),
+    ):
+        assert main(["protocol", "--on", *FILES, *more, "--store", store]) == 2
+        said = capsys.readouterr().err
+        assert why in said
+        assert "`whyhot motor new --topology ipm_water_jacket -o motor.toml`" in said
+        assert "`whyhot motor check motor.toml`" in said
+        assert said.count("\n") == 1

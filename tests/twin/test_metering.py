@@ -7,11 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from made_motor import CHANNELS, FINE_S, compiled, every_law, law, pulses, recorded, smooth, truth
+from made_motor import CASE, CHANNELS, FINE_S, ON_MOTOR, compiled, every_law, law, pulses, recorded, smooth, truth
 from numpy.typing import NDArray
 
 from twin import actions
-from twin.actions import Parameter, Place
+from twin.actions import Parameter
 from twin.features import evaluate, monomials
 from twin.losses import heat_flows
 from twin.model import Model, Test
@@ -28,40 +28,8 @@ DURATION_S, STEP_S = 600.0, 2.0
 METERS = ("P_el", "Q_cool", "Q_air", "R", "psi")
 R = Thermometric({"winding": 0.8, "yoke": 0.2}, 0.05, 0.00393, 20.0)
 PSI = Thermometric({"magnet": 1.0}, 0.08, -0.0011, 20.0)
-WINDING, YOKE, MAGNET, CASE, COOLANT, AMBIENT = range(6)
 EVERY: dict[str, tuple[actions.Action, float]] = {  # action and a size of its number
-    "scale of a link": (actions.Scale((0,)), 0.3),
-    "scale of copper and AC loss": (actions.Scale((8, 9)), 0.2),
-    "scale of a loss with a temperature factor": (actions.Scale((10,)), 0.2),
-    "scale of a film with a temperature factor": (actions.Scale((5, 6)), 0.3),
-    "exponent of a film": (actions.Power((2,), "flow"), 0.3),
-    "exponent of a loss": (actions.Power((10, 11), "speed"), 0.3),
-    "tent": (actions.Tent((10, 11), (0.0, 0.5, 1.0), 1, False), 0.2),
-    "tent with current": (actions.Tent((8, 9), (0.0, 0.5, 1.0), 2, True), 0.2),
-    "course": (actions.Course((12,), "session"), 0.2),
-    "gain of the current": (actions.InputGain("current"), 0.02),
-    "gain of the flow": (actions.InputGain("flow"), 0.05),
-    "bias of the speed": (actions.InputBias("speed", 10000.0), 200.0),
-    "heat that is not there": (actions.Added((Place(CASE),), "speed2_current2", 0.3), 20.0),
-    "heat in copper": (actions.Added((Place(WINDING),), "current2", 0.4, 1), 20.0),
-    "heat in inverse copper": (actions.Added((Place(WINDING),), "current2", 0.4, -1), 20.0),
-    "heat at two nodes": (actions.Added((Place(YOKE), Place(MAGNET)), "constant", 1.0), 15.0),
-    "path between nodes": (actions.Added((Place(WINDING, CASE),), "speed", 0.6), 2.0),
-    "path to a boundary": (actions.Added((Place(MAGNET, AMBIENT),), "constant", 1.0), 1.0),
-    "loss with temperature": (actions.Tilt((Place(YOKE),), ((10, 11),), (50.0,)), 0.003),
-    "copper with temperature": (actions.Tilt((Place(WINDING),), ((8, 9),), (60.0,)), 0.001),
-    "link with temperature": (actions.Tilt((Place(YOKE, MAGNET),), ((3, 4),), (50.0,)), 0.004),
-    "film with temperature": (actions.Tilt((Place(YOKE, COOLANT),), ((1, 2),), (45.0,)), 0.004),
-    "two laws with temperature": (
-        actions.Tilt((Place(MAGNET), Place(CASE, AMBIENT)), ((12,), (6, 7)), (50.0, 35.0)),
-        0.002,
-    ),
-    "capacity": (actions.Capacity((YOKE,)), 0.2),
-    "capacity of two": (actions.Capacity((WINDING, CASE)), 0.2),
-    "mass that follows": (actions.Attached((YOKE,), 120.0), 300.0),
-    "start": (actions.Start(MAGNET), 3.0),
-    "coolant bias": (actions.BoundaryBias(0), 1.0),
-    "ambient bias": (actions.BoundaryBias(1), 2.0),
+    **ON_MOTOR,
     "bias of a meter": (actions.Bias("P_el"), 20.0),
     "gain of a meter": (actions.Gain("P_el"), 0.01),
     "gain of a lagging meter": (actions.Gain("Q_cool"), 0.03),

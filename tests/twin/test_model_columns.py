@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from made_motor import CHANNELS, every_law, law, pulses, recorded, smooth
+from made_motor import CASE, CHANNELS, MAGNET, ON_MOTOR, every_law, law, pulses, recorded, smooth
 from numpy.typing import NDArray
 
 from benchmarks.integrator import AMBIENT_DEGC, COOLANT_DEGC, motor, wltp_like
@@ -23,42 +23,10 @@ from twin.simulate import Frame
 Floats = NDArray[np.float64]
 
 NEAR = 1e-3  # of a column's largest entry
-WINDING, YOKE, MAGNET, CASE, COOLANT, AMBIENT = range(6)
 DURATION_S = 600.0
 
 EVERY: dict[str, tuple[actions.Action, float]] = {  # action and a size of its number
-    "scale of a link": (actions.Scale((0,)), 0.3),
-    "scale of copper and AC loss": (actions.Scale((8, 9)), 0.2),
-    "scale of a loss with a temperature factor": (actions.Scale((10,)), 0.2),
-    "scale of a film with a temperature factor": (actions.Scale((5, 6)), 0.3),
-    "exponent of a film": (actions.Power((2,), "flow"), 0.3),
-    "exponent of a loss": (actions.Power((10, 11), "speed"), 0.3),
-    "tent": (actions.Tent((10, 11), (0.0, 0.5, 1.0), 1, False), 0.2),
-    "tent with current": (actions.Tent((8, 9), (0.0, 0.5, 1.0), 2, True), 0.2),
-    "course": (actions.Course((12,), "session"), 0.2),
-    "gain of the current": (actions.InputGain("current"), 0.02),
-    "gain of the flow": (actions.InputGain("flow"), 0.05),
-    "bias of the speed": (actions.InputBias("speed", 10000.0), 200.0),
-    "heat that is not there": (actions.Added((Place(CASE),), "speed2_current2", 0.3), 20.0),
-    "heat in copper": (actions.Added((Place(WINDING),), "current2", 0.4, 1), 20.0),
-    "heat in inverse copper": (actions.Added((Place(WINDING),), "current2", 0.4, -1), 20.0),
-    "heat at two nodes": (actions.Added((Place(YOKE), Place(MAGNET)), "constant", 1.0), 15.0),
-    "path between nodes": (actions.Added((Place(WINDING, CASE),), "speed", 0.6), 2.0),
-    "path to a boundary": (actions.Added((Place(MAGNET, AMBIENT),), "constant", 1.0), 1.0),
-    "loss with temperature": (actions.Tilt((Place(YOKE),), ((10, 11),), (50.0,)), 0.003),
-    "copper with temperature": (actions.Tilt((Place(WINDING),), ((8, 9),), (60.0,)), 0.001),
-    "link with temperature": (actions.Tilt((Place(YOKE, MAGNET),), ((3, 4),), (50.0,)), 0.004),
-    "film with temperature": (actions.Tilt((Place(YOKE, COOLANT),), ((1, 2),), (45.0,)), 0.004),
-    "two laws with temperature": (
-        actions.Tilt((Place(MAGNET), Place(CASE, AMBIENT)), ((12,), (6, 7)), (50.0, 35.0)),
-        0.002,
-    ),
-    "capacity": (actions.Capacity((YOKE,)), 0.2),
-    "capacity of two": (actions.Capacity((WINDING, CASE)), 0.2),
-    "mass that follows": (actions.Attached((YOKE,), 120.0), 300.0),
-    "start": (actions.Start(MAGNET), 3.0),
-    "coolant bias": (actions.BoundaryBias(0), 1.0),
-    "ambient bias": (actions.BoundaryBias(1), 2.0),
+    **ON_MOTOR,
     "bias": (actions.Bias("W_1"), 1.0),
     "gain": (actions.Gain("Y_1"), 0.02),
     "gain of a prompt sensor": (actions.Gain("W_1"), 0.02),

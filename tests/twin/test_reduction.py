@@ -11,11 +11,24 @@ from numpy.typing import NDArray
 
 from replay.engine.motor_file import read_motor
 from twin.check import check
+from twin.configured import configured, restored
 from twin.features import evaluate, monomial, monomials
 from twin.initial import conductances
 from twin.kernel import compile_indexed
-from twin.merging import merged
-from twin.network import Boundary, Fluid, FluidCircuit, Link, Network, Node, Property, Source, TemperatureFactor, Term
+from twin.merging import merged, merged_configurations
+from twin.network import (
+    Boundary,
+    Configuration,
+    Fluid,
+    FluidCircuit,
+    Link,
+    Network,
+    Node,
+    Property,
+    Source,
+    TemperatureFactor,
+    Term,
+)
 from twin.reduction import RUN_BELOW, Course, _State, _Work, reductions
 from twin.simulate import Frame, simulate
 from twin.slicing import sliced
@@ -246,3 +259,47 @@ def test_merging_is_the_sum_over_groups_of_capacities_conductances_and_losses(
         return float(sum(t.coefficient * phi.get(monomial(t), 1.0) for s in net.sources for t in s.terms))
 
     assert heat(small) == pytest.approx(heat(full))
+
+
+RIGS = (
+    Configuration("dry", ("coolant",), (Link("iron", "air", (Term(2.0),)), Link("iron", "winding_b", (Term(6.0),)))),
+    Configuration("hot", (), (), (Source("winding_b", (Term(9.0),)), Source("iron", (Term(3.0),)))),
+    Configuration("half", ("winding_b",), (), (Source("iron", (Term(3.0),)),)),
+    Configuration("iron_alone", ("winding_a", "winding_b"), (), (Source("iron", (Term(3.0),)),)),
+)
+
+
+def _rigged() -> Network:
+    small = _small(7.0)
+    return replace(small, boundaries=(*small.boundaries, Boundary("air")), configurations=RIGS)
+
+
+def _by_place(network: Network) -> tuple[dict[frozenset[str], tuple[Term, ...]], dict[str, tuple[Term, ...]]]:
+    links = {frozenset((link.a, link.b)): link.terms for link in network.links}
+    return links, {source.node: source.terms for source in network.sources}
+
+
+def test_configurations_of_a_merged_motor_are_what_their_own_networks_merge_to() -> None:
+    motor, groups = _rigged(), {"winding": ("winding_a", "winding_b"), "iron": ("iron",)}
+    check(motor)
+    rigs = merged_configurations(motor, groups)
+    assert [rig.name for rig in rigs] == ["dry", "hot", "iron_alone"], "half a winding is no node of the merged motor"
+    small = restored(replace(motor, configurations=rigs), merged(configured(motor, None), groups))
+    check(small)
+    assert [boundary.name for boundary in small.boundaries] == ["coolant", "air"]
+    for rig in rigs:
+        there = {node.name for node in configured(motor, rig.name).nodes}
+        left = {name: members for name, members in groups.items() if there & set(members)}
+        found, wanted = configured(small, rig.name), merged(configured(motor, rig.name), left)
+        assert found.nodes == wanted.nodes
+        assert found.boundaries == wanted.boundaries
+        assert _by_place(found) == _by_place(wanted)
+    assert rigs[1].links == ()  # nothing is said twice
+    assert merged_configurations(replace(motor, configurations=()), groups) == ()
+
+
+def test_a_configuration_in_which_a_loss_cancels_has_no_merged_version() -> None:
+    cancels = Configuration("cancels", (), (), (Source("iron", (Term(5.0),)), Source("winding_a", (Term(-5.0),))))
+    motor = replace(_small(7.0), configurations=(cancels,))
+    other = tuple(source for source in motor.sources if source.node != "winding_b")
+    assert merged_configurations(replace(motor, sources=other), {"all": ("winding_a", "iron")}) == ()

@@ -8,10 +8,22 @@ import pytest
 
 from replay.engine.motor_file import read_motor
 from twin.check import check
+from twin.configured import configured
 from twin.errors import BadValueError, DuplicateError, UnknownNodeError
 from twin.features import evaluate, monomials
 from twin.kernel import STATEMENTS, compile_indexed, generate, statements
-from twin.network import Fluid, FluidCircuit, Network, Property, TemperatureFactor
+from twin.network import (
+    Boundary,
+    Configuration,
+    Fluid,
+    FluidCircuit,
+    Link,
+    Network,
+    Property,
+    Source,
+    TemperatureFactor,
+    Term,
+)
 from twin.simulate import Frame, simulate
 from twin.slicing import MATERIAL, sliced
 
@@ -162,3 +174,35 @@ def test_what_cannot_be_cut_is_refused_with_what_to_do(reference: Network) -> No
         sliced(reference, ["teeth"], 1, 0.13)
     with pytest.raises(BadValueError, match="a stack of 0 m has no length"):
         sliced(reference, ["teeth"], 4, 0.0)
+
+
+def test_a_configuration_is_sliced_as_its_own_network_would_be(reference: Network) -> None:
+    stator = Configuration(
+        "stator_in_air",
+        remove=("rotor_core", "rotor_surface", "magnet", "shaft", "jacket", "coolant"),
+        links=(
+            Link("yoke", "ambient", (Term(4.0, law="free_convection"),)),
+            Link("winding_b", "winding_a", (Term(7.0),)),
+            Link("teeth", "winding_a", (Term(30.0, temperature=TemperatureFactor("yoke", 0.001, 20.0)),)),
+            Link("endwinding_a_inner", "bench", (Term(1.0),)),
+        ),
+        sources=(Source("yoke", (Term(12.0),)),),
+    )
+    gone = {*stator.remove, *(n.name for n in reference.nodes if n.name.startswith(("bearing", "shield", "housing")))}
+    stator = replace(stator, remove=tuple(sorted(gone)))
+    motor = replace(reference, boundaries=(*reference.boundaries, Boundary("bench")), configurations=(stator,))
+    check(motor)
+    cut = sliced(motor, CUT, 8, 0.13)
+    check(cut)
+    left = [name for name in CUT if name not in gone]
+    found, wanted = configured(cut, stator.name), sliced(configured(motor, stator.name), left, 8, 0.13)
+    assert {node.name: node for node in found.nodes} == {node.name: node for node in wanted.nodes}
+    assert len(found.nodes) > 8
+    for some in ("links", "sources"):
+        places = [
+            {frozenset((one.a, one.b)) if isinstance(one, Link) else one.node: one.terms for one in getattr(net, some)}
+            for net in (found, wanted)
+        ]
+        assert places[0] == places[1]
+    assert found.boundaries == wanted.boundaries
+    assert found.circuits == wanted.circuits

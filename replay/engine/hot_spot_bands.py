@@ -1,0 +1,113 @@
+"""How sure a run's hot spots are: by what its calibration left unknown, or by what the motor file says of its own numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+from numpy.typing import NDArray
+
+from ingest.events import SessionRecorded
+from ingest.facts import Facts
+from ingest.store import Store
+from replay.engine.artefacts import read_parquet
+from replay.engine.frame import InputFrame
+from replay.engine.motor_file import read_motor
+from twin.ageing_law import AgeingTerm
+from twin.calibration import freedom
+from twin.configured import configured
+from twin.errors import DivergedError
+from twin.features import placed_terms
+from twin.model import Test
+from twin.network import Network
+from twin.simulate import Frame
+from twin.uncertainty import coarse, sd_K
+from twin.united import United
+
+Floats = NDArray[np.float64]
+
+MOST_NODES = 100  # above, the derivatives take longer than all else of a replay, by the cube of the nodes
+Z95 = 1.96
+NO_BAND: Mapping[str, Any] = {"sd_K": None, "ci95_degC": None, "band_from": None}
+
+
+def with_bands(
+    store: Store,
+    facts: Facts,
+    session: SessionRecorded,
+    model: str,
+    network: Network,
+    frame: InputFrame,
+    start: tuple[Floats, Floats],
+    ageing: Sequence[Mapping[str, Any]],
+    spots: Mapping[str, Mapping[str, Any]],
+) -> dict[str, dict[str, Any]]:
+    """The entry `hot_spots` with `sd_K` and `ci95_degC` of each node's highest temperature, by what is not known of coefficients,
+    capacities, the `start` (temperatures and sd, (n,)) and what `ageing` (`replay.engine.aged`) has left. `band_from`: "calibration", else "motor file",
+    whose `sd` are wide as nothing was learnt. All None for networks of more than `MOST_NODES`.
+
+    `network`: that of the session, as its specimen has it.
+    """
+    if not spots or len(network.nodes) > MOST_NODES:
+        return {spot: {**one, **NO_BAND} for spot, one in spots.items()}
+    whole, latest = Frame(frame.step_s, frame.features, frame.boundaries), max(one["at_s"] for one in spots.values())
+    test = Test(
+        name=session.name,
+        kind=session.kind,
+        frame=coarse(whole, latest),
+        inputs={},
+        features={},
+        initial=start[0],
+        initial_sd=start[1],
+        channels=(),
+    )
+    motor = read_motor(store.archive.read(model), facts.models[model].file)
+    covariance, band_from = known_covariance(store, facts, model, motor, session.configuration)
+    covariance = covariance + _aged(configured(motor, session.configuration), ageing)
+    at = [(str(one["node"]), float(one["at_s"])) for one in spots.values()]
+    try:
+        found = sd_K(network, test, at, covariance)
+    except DivergedError:  # in its longer steps; the run itself is whole
+        return {spot: {**one, **NO_BAND} for spot, one in spots.items()}
+    return {
+        spot: {
+            **one,
+            "sd_K": sd,
+            "ci95_degC": [one["max_degC"] - Z95 * sd, one["max_degC"] + Z95 * sd],
+            "band_from": band_from,
+        }
+        for (spot, one), sd in zip(spots.items(), found, strict=True)
+    }
+
+
+def known_covariance(store: Store, facts: Facts, model: str, motor: Network, rig: str | None) -> tuple[Floats, str]:
+    """Covariance (P, P) of ln coefficients and ln capacities of a rig's own network, and where it is from: priors, and what a calibration
+    left in the place of those that it learnt."""
+    covariance = np.diag([p.sd**2 for p in freedom(configured(motor, rig), ())])
+    event = facts.calibrations.get(model)
+    if event is None or event.covariance is None:
+        return covariance, "motor file"
+    table = read_parquet(store.archive.read(event.covariance))
+    names, learnt = United(motor, [rig]).names_of(rig), {name: i for i, name in enumerate(table["name"].to_pylist())}
+    own = np.array([i for i, name in enumerate(names) if name in learnt], dtype=np.intp)
+    theirs = np.array([learnt[names[i]] for i in own], dtype=np.intp)
+    whole = np.array(table["covariance"].to_pylist(), dtype=np.float64)
+    covariance[np.ix_(own, own)] = whole[np.ix_(theirs, theirs)]
+    return covariance, "calibration"
+
+
+def _aged(network: Network, ageing: Sequence[Mapping[str, Any]]) -> Floats:
+    """What is not known of the factors of a specimen's ageing, on top: terms that are equally old are off together."""
+    places = list(placed_terms(network))
+    found = np.zeros((len(places) + len(network.nodes),) * 2)
+    for entry in ageing:
+        old = np.array([isinstance(term, AgeingTerm) and place in entry["places"] for place, term in places])
+        found[: len(places), : len(places)] += float(entry["sd"]) ** 2 * np.outer(old, old)
+    return found
+
+
+def covariance_table(names: Sequence[str], covariance: Floats) -> pa.Table:
+    """One row a parameter: its name and its row of the covariance of logarithms."""
+    return pa.table({"name": list(names), "covariance": covariance.tolist()})

@@ -1,0 +1,28 @@
+"""When sessions leave the tables of a motor's maps, said by every verb that learns or predicts from them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from ingest.catalogue.channels import load
+from ingest.events import SessionRecorded
+from ingest.facts import Facts
+from ingest.store import Store
+from replay.engine.configurations import network_of
+from replay.engine.frame_of import beyond_maps, session_frame
+from twin.features import terms
+from twin.network import Map
+
+
+def maps_left(store: Store, facts: Facts, sessions: Sequence[SessionRecorded], model: str) -> list[str]:
+    """A line for each session and map of `model` (SHA-256 of a motor file) whose table its inputs leave.
+
+    Sessions are read for a motor with maps only. Raises ReplayDataError where one lacks an input.
+    """
+    found = []
+    for session in sessions:
+        network = network_of(store, facts, session, model)
+        if any(isinstance(term.shape, Map) for term in terms(network)):
+            frame = session_frame(session, load(store, facts, session), network)
+            found += [f"session {session.name}: {line}." for line in beyond_maps(network, frame)]
+    return found

@@ -1,0 +1,105 @@
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from made_laws import law_frame, with_laws
+from numpy.typing import NDArray
+
+from benchmarks.integrator import frame, initial_of, motor, s2
+from replay.engine.kernel_cache import load
+from twin.codegen import LANES, generate_side_by_side
+from twin.errors import DivergedError, FrameError
+from twin.integrators import BDF2, DEFAULT
+from twin.kernel import Compiled, Together, compile_indexed, compile_network, load_in_memory
+from twin.network import Network
+from twin.side_by_side import ENOUGH, simulate_all
+from twin.simulate import Frame, simulate
+from twin.structure import structure
+
+Floats = NDArray[np.float64]
+Load = Callable[[str], Callable[..., None]]
+Make = Callable[..., Network]
+
+
+def _sessions(network: Network, lengths: list[int], step_s: float = 0.5) -> tuple[list[Frame], list[Floats]]:
+    frames = [law_frame(network, seed, steps, step_s) for seed, steps in enumerate(lengths)]
+    return frames, [np.linspace(20.0 + seed, 80.0, len(network.nodes)) for seed in range(len(lengths))]
+
+
+@pytest.fixture(scope="module")
+def bent(make_network: Make, plain: Load) -> Compiled:
+    """A network with every law."""
+    return compile_network(with_laws(make_network(2, n=4), 2), load=plain)
+
+
+def test_sessions_side_by_side_have_the_bits_that_they_have_alone(bent: Compiled) -> None:
+    frames, starts = _sessions(bent.network, [8, 31, 30, 1, 12, 12, 29, 31, 3])
+    for found, own, start in zip(simulate_all(bent, frames, starts), frames, starts, strict=True):
+        np.testing.assert_array_equal(found, simulate(bent, own, start))
+
+
+def test_sessions_of_another_step_and_empty_ones_go_on_their_own(bent: Compiled) -> None:
+    frames, starts = _sessions(bent.network, [5] * ENOUGH + [0])
+    frames[2] = replace(frames[2], step_s=0.25)
+    for found, own, start in zip(simulate_all(bent, frames, starts), frames, starts, strict=True):
+        np.testing.assert_array_equal(found, simulate(bent, own, start))
+
+
+def test_the_index_program_gives_the_same_bits_in_every_lane(make_network: Make, plain: Load) -> None:
+    compiled = compile_indexed(with_laws(make_network(3, n=4), 3), load=plain)
+    frames, starts = _sessions(compiled.network, [7, 9, 9, 2, 9, 9, 9])
+    for found, own, start in zip(simulate_all(compiled, frames, starts), frames, starts, strict=True):
+        np.testing.assert_array_equal(found, simulate(compiled, own, start))
+
+
+def test_the_compiled_index_program_of_lanes_gives_the_bits_of_plain_numbers(make_network: Make, plain: Load) -> None:
+    network = with_laws(make_network(5, n=4), 5)
+    frames, starts = _sessions(network, [6] * ENOUGH)
+    ours, theirs = (simulate_all(compile_indexed(network, load=how), frames, starts) for how in (load, plain))
+    for one, other in zip(ours, theirs, strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+def test_a_method_that_looks_back_runs_one_session_after_the_other(make_network: Make, plain: Load) -> None:
+    compiled = compile_network(make_network(1, n=3), BDF2, plain)
+    assert compiled.together is None
+    frames, starts = _sessions(compiled.network, [6] * ENOUGH)
+    found = simulate_all(compiled, frames, starts)
+    np.testing.assert_array_equal(found[3], simulate(compiled, frames[3], starts[3]))
+
+
+def test_a_session_that_does_not_fit_or_runs_away_is_refused_as_it_is_alone(bent: Compiled) -> None:
+    frames, starts = _sessions(bent.network, [5] * LANES)
+    bad = [*starts[:-1], starts[-1][:-1]]
+    with pytest.raises(FrameError, match="initial of shape"):
+        simulate_all(bent, frames, bad)
+    starts[4] = starts[4] + 1e308
+    with pytest.raises(DivergedError, match="leaves the finite numbers"), np.errstate(all="ignore"):
+        simulate_all(bent, frames, starts)
+
+
+def test_compiled_lanes_are_vector_instructions_and_give_the_bits_of_plain_numbers(plain: Load) -> None:
+    """Were the loop over the lanes no longer made into vectors, nothing else would tell."""
+    network = motor("reference_motor")
+    source = generate_side_by_side(structure(network), DEFAULT)
+    lanes = load_in_memory(source)
+    (signature,) = lanes.signatures  # type: ignore[attr-defined]
+    made = re.findall(r"= fmul (?:<(\d+) x )?double", lanes.inspect_llvm(signature))  # type: ignore[attr-defined]
+    assert sum(int(width or 1) >= 2 for width in made) > 0.9 * source.split("for c in")[1].count(" * ")
+
+    def together() -> Together:
+        return lambda p, inputs, step_s, state, out: lanes(
+            inputs, step_s, p.coefficients, p.capacities, p.copper, p.factors, state, out
+        )
+
+    alone = compile_network(network, load=plain)
+    frames = [frame(network, s2(), 2.0)] * ENOUGH
+    frames = [Frame(0.5, share * own.features[:40], own.boundaries[:40]) for share, own in enumerate(frames, 1)]
+    starts = [initial_of(network) + seed for seed in range(ENOUGH)]
+    found = simulate_all(replace(alone, together=together), frames, starts)
+    for own, inputs, start in zip(found, frames, starts, strict=True):
+        np.testing.assert_array_equal(own, simulate(alone, inputs, start))
