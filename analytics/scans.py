@@ -55,6 +55,15 @@ VALUES = {
     "value": "DOUBLE",
 }
 AGEING = {  # artefact of an assessment -> its columns
+    "ageing_hours": {
+        "specimen": "VARCHAR",
+        "batch": "VARCHAR",
+        "session": "VARCHAR",
+        "session_name": "VARCHAR",
+        "channel": "VARCHAR",
+        "degC": "DOUBLE",
+        "hours": "DOUBLE",
+    },
     "ageing_cycles": {
         "session": "VARCHAR",
         "session_name": "VARCHAR",

@@ -35,7 +35,16 @@ FILE = "warehouse.duckdb"
 VIEWS = (
     *("sessions", "channels", "files", "samples", "runs", "residuals", "temperatures"),
     *("cycles", "dc_checks", "insulation_checks", "inspections"),
-    *("oven_cycles", "conductivity_by_cycle", "life_used", "fleet_health", "changepoints", "batches", "events"),
+    *(
+        "hours_by_temperature",
+        "oven_cycles",
+        "conductivity_by_cycle",
+        "life_used",
+        "fleet_health",
+        "changepoints",
+        "batches",
+        "events",
+    ),
 )
 MACROS = ("resample", "equivalent_hours", "equivalent_hours_10K", "equivalent_hours_of")
 BUILDING = "warehouse-"  # begins the names of folders in which one is being built

@@ -1,4 +1,4 @@
-"""The insulation of a stator across its ageing cycles, in SQL.
+"""The insulation of one stator across its oven cycles, as the latest `whyhot ageing` has it, in SQL.
 
 marimo edit notebooks/insulation.py -- --store DIR
 python notebooks/insulation.py --store DIR        prints the answer alone
@@ -8,11 +8,7 @@ python notebooks/insulation.py --store DIR        prints the answer alone
 import marimo
 
 __generated_with = "0.25.2"
-app = marimo.App(
-    width="medium",
-    app_title="Insulation across ageing cycles",
-    sql_output="native",
-)
+app = marimo.App(width="medium", app_title="Insulation of one stator", sql_output="native")
 
 
 @app.cell
@@ -20,25 +16,31 @@ def _():
     import os
     import sys
 
+    import altair as alt
     import marimo as mo
-    from matplotlib.figure import Figure
-    from scipy.stats import t as student
 
     from analytics import warehouse
     from analytics.errors import AnalyticsError
     from ingest.errors import IngestError
-    from replay.show.palette import COLOURS, DASHES
+    from replay.show.palette import COLOURS, INK, SOFT
+
+    def tabled(table):
+        """A table without summaries, numbers to five digits."""
+        numbers = [field.name for field in table.schema if str(field.type) == "double"]
+        formats = dict.fromkeys(numbers, "{:,.5g}")
+        return mo.ui.table(table, selection=None, show_column_summaries=False, format_mapping=formats)
 
     return (
         AnalyticsError,
         COLOURS,
-        DASHES,
-        Figure,
+        INK,
         IngestError,
+        SOFT,
+        alt,
         mo,
         os,
-        student,
         sys,
+        tabled,
         warehouse,
     )
 
@@ -48,13 +50,10 @@ def _(mo):
     mo.md(r"""
     # Does the insulation get worse?
 
-    An ageing campaign puts a stator into an oven, again and again, and after each cycle sends direct current through it until
-    its temperatures are steady. Insulation that conducts heat worse shows as a higher thermal resistance from copper to iron,
-
-    $$R = \frac{T_{copper} - T_{iron}}{V I}$$
-
-    and not as a hotter winding alone: that also follows the room, the coolant and a surface that darkens. Below, R is set against
-    the dose: the hours that the hottest copper channel has spent above 180 °C, the limit of class H.
+    An ageing campaign puts a stator into an oven, again and again, and after each cycle sends direct current through it. Insulation that
+    conducts heat worse shows as a higher thermal resistance R from copper to iron, and not as a hotter winding alone: that also follows
+    the room and a surface that darkens. `whyhot ageing` takes R from every check, sets it against the dose (hours above 180 °C, the limit
+    of class H) and asks which form its course has, and whether checks that repeat as these do would show as much without any change.
     """)
     return
 
@@ -70,52 +69,99 @@ def _(AnalyticsError, IngestError, mo, os, sys, warehouse):
             print(no_store, file=sys.stderr)
             sys.exit(2)
     mo.stop(store is None, mo.callout(no_store, kind="danger"))
-    return (store,)
+    return folder, store
 
 
 @app.cell
 def _(mo, store):
-    oven_rows = mo.sql(
+    course_rows = mo.sql(
         """
         SELECT
-            specimen, name, start, hours_above_180degC, equivalent_1eV_h, equivalent_10K_h, highest_degC, mean_above_degC,
-            hottest_channel, unknown_h, why_no_hours
-        FROM cycles
-        ORDER BY specimen, start
+            f.specimen, f.batch, f.checks, f.form, f.form_probability, f.significant, p.change_at_dose_h,
+            f.slope_percent_per_100h, f.slope_low, f.slope_high, f.repeatability_percent, f.why,
+            f.dose_h, l.equivalent_low_h, l.equivalent_high_h, l.life_used_low, l.life_used_high, c.conductivity_percent
+        FROM fleet_health AS f
+        LEFT JOIN changepoints AS p ON p.specimen = f.specimen
+        LEFT JOIN life_used AS l ON l.specimen = f.specimen
+        LEFT JOIN (
+            SELECT specimen, arg_max(conductivity_percent, number) AS conductivity_percent
+            FROM conductivity_by_cycle
+            GROUP BY specimen
+        ) AS c ON c.specimen = f.specimen
+        ORDER BY f.specimen
         """,
         output=False,
         engine=store,
     )
-    return (oven_rows,)
+    return (course_rows,)
 
 
 @app.cell
-def _(mo, oven_rows):
-    cycles = oven_rows.to_arrow_table()
-    mo.vstack(
-        [
-            mo.md("""
-            ## In the oven
+def _(course_rows, folder, mo):
+    courses = course_rows.to_arrow_table().to_pylist()
+    forms = {
+        "dip_then_rise": "R falls first, then rises",
+        "changepoint": "R changes course",
+    }
 
-            An hour counts whole above 180 °C and not at all below. An hour at 230 °C uses up far more of the insulation's life than
-            one at 181 °C, so doses compare only between cycles at the same temperature: look at `mean_above_degC`, or at the same
-            hours as hours at 180 °C, once by Arrhenius with 1.0 eV and once by the 10 K rule: two rules, never to be added.
-            """),
-            mo.ui.table(cycles, selection=None),
-        ]
-    )
-    return
+    def said(row):
+        """The course of a specimen in words, with its numbers."""
+        if row["slope_percent_per_100h"] is None:
+            return f"nothing can be told: {row['why'] or 'no check with both R and dose'}"
+        slope = f"{row['slope_percent_per_100h']:+.1f} % per 100 h ({row['slope_low']:+.1f} to {row['slope_high']:+.1f})".replace(
+            "-", "−"
+        )
+        if not row["significant"]:
+            return f"no change beyond repeatability ({row['repeatability_percent']:.1f} %), {slope}"
+        monotone = "R rises" if row["slope_percent_per_100h"] > 0 else "R falls"
+        turn = "" if row["change_at_dose_h"] is None else f" at {row['change_at_dose_h']:.0f} h"
+        sure = f"this form at {100 * row['form_probability']:.0f} %"
+        return f"{forms.get(row['form'], monotone)}{turn}, {slope}; {sure}; conducts {row['conductivity_percent']:.0f} % of its start"
+
+    answer = [f"{row['specimen']}: {said(row)}" for row in courses] or [
+        f"No assessment of insulation in this store yet: whyhot ageing --store {folder} makes one."
+    ]
+    if mo.app_meta().mode == "script":
+        print("\n".join(answer))
+    mo.md("## Answer\n\n" + "\n".join(f"- {line}" for line in answer))
+    return (courses,)
 
 
 @app.cell
-def _(mo, store):
+def _(courses, mo):
+    names = [row["specimen"] for row in courses]
+    first = next((row["specimen"] for row in courses if row["significant"]), names[0] if names else None)
+    picked = mo.ui.dropdown(names, value=first, label="Stator", searchable=True)
+    mo.vstack([picked]) if names else None
+    return (picked,)
+
+
+@app.cell
+def _(mo, picked, store):
     check_rows = mo.sql(
-        """
+        f"""
         SELECT
-            specimen, name, start, dose_h, resistance_K_per_W, copper_degC, iron_degC, power_W, drift_percent,
-            why_no_resistance, why_no_dose, copper_from, iron_from, concat(copper_from, ' - ', iron_from) AS channels
-        FROM dc_checks
-        ORDER BY specimen, start
+            c.number,
+            c.session_name,
+            c.start,
+            c.dose_h,
+            c.equivalent_low_h,
+            c.equivalent_high_h,
+            1e4 / c.conductivity_percent AS percent,
+            2 * percent * sqrt(pow(c.sd_K_per_W / c.resistance_K_per_W, 2) + pow(f.repeatability_percent / 100, 2)) AS reach,
+            percent - reach AS low,
+            percent + reach AS high,
+            c.resistance_K_per_W,
+            c.sd_K_per_W,
+            c.source,
+            c.state,
+            c.why,
+            c.hottest_channel,
+            c.hottest_degC
+        FROM conductivity_by_cycle AS c
+        JOIN fleet_health AS f ON f.specimen = c.specimen
+        WHERE c.specimen = '{str(picked.value).replace("'", "''")}'
+        ORDER BY c.number
         """,
         output=False,
         engine=store,
@@ -124,156 +170,137 @@ def _(mo, store):
 
 
 @app.cell
-def _(check_rows, mo):
-    check_table = check_rows.to_arrow_table()
-    checks = check_table.to_pylist()
-    mo.vstack(
-        [
-            mo.md("""
-            ## After each cycle
-
-            R is null where the check cannot tell it, and `why_no_resistance` says why; it is never filled in. Steady means: 20 min of
-            load without a break, and R over the last 10 min within 1 % of that over the 10 min before.
-            """),
-            mo.ui.table(check_table, selection=None),
-        ]
+def _(COLOURS, INK, SOFT, alt, check_rows, courses, mo, picked):
+    checks = check_rows.to_arrow_table()
+    course = next((row for row in courses if row["specimen"] == picked.value), None)
+    of_dose = alt.X("dose_h:Q", title="hours above 180 °C")
+    tips = ["session_name", "dose_h", "resistance_K_per_W", "sd_K_per_W", "source", "hottest_channel", "hottest_degC"]
+    drawn = alt.Chart(checks)
+    of_start = alt.Y("percent:Q", title="R, % of the first", scale=alt.Scale(zero=False))
+    layers = [
+        alt.Chart(alt.Data(values=[{"percent": 100.0}])).mark_rule(color=INK[0], strokeWidth=0.7).encode(y="percent:Q"),
+        drawn.mark_rule(color=COLOURS[0]).encode(of_dose, alt.Y("low:Q"), alt.Y2("high:Q")),
+        drawn.mark_line(color=COLOURS[0], point=alt.OverlayMarkDef(color=COLOURS[0], size=40)).encode(
+            of_dose, of_start, tooltip=tips
+        ),
+    ]
+    if course and course["significant"] and course["change_at_dose_h"] is not None:
+        turn = alt.Chart(alt.Data(values=[{"dose_h": course["change_at_dose_h"]}]))
+        layers.append(turn.mark_rule(color=COLOURS[1], strokeDash=[5, 3]).encode(x="dose_h:Q"))
+    title = f"{picked.value}: R over the dose; bars: two standard deviations, repeatability included"
+    resistance = alt.layer(*layers, title=title).properties(width=620, height=280)
+    hottest = (
+        alt.Chart(checks, title="Its hottest sensor, which follows the room and a darker surface too")
+        .mark_line(color=SOFT[0], strokeDash=[4, 2], point=alt.OverlayMarkDef(color=SOFT[0], size=30))
+        .encode(of_dose, alt.Y("hottest_degC:Q", title="°C", scale=alt.Scale(zero=False)), tooltip=tips)
+        .properties(width=620, height=140)
     )
-    return (checks,)
+    chart = resistance & hottest
+    mo.ui.altair_chart(chart, chart_selection=False, legend_selection=False) if checks.num_rows else None
+    return chart, checks
 
 
 @app.cell
-def _(mo, store):
-    trend_rows = mo.sql(
-        """
-        WITH usable AS (  -- `channels`: a check with others has a level of its own
-            SELECT specimen, concat(copper_from, ' - ', iron_from) AS channels, dose_h, ln(resistance_K_per_W) AS y
-            FROM dc_checks
-            WHERE resistance_K_per_W IS NOT NULL AND dose_h IS NOT NULL
-        ),
-        repeats AS (  -- checks of a specimen within the same hour of dose
-            SELECT channels, count(*) - 1 AS freedom, var_pop(y) * count(*) AS squares
-            FROM usable
-            GROUP BY specimen, channels, round(dose_h)
-        ),
-        spread AS (  -- one rig repeats alike with every specimen
-            SELECT channels, sum(freedom)::INTEGER AS freedom, sqrt(sum(squares) / nullif(sum(freedom), 0)) AS sd
-            FROM repeats
-            GROUP BY channels
-        ),
-        lines AS (
-            SELECT
-                specimen,
-                channels,
-                count(*) AS checks,
-                max(dose_h) AS highest_dose_h,
-                regr_slope(y, dose_h) AS slope,
-                regr_intercept(y, dose_h) AS intercept,
-                regr_sxx(y, dose_h) AS sxx,
-                sqrt(greatest(regr_syy(y, dose_h) - regr_slope(y, dose_h) * regr_sxy(y, dose_h), 0) / nullif(count(*) - 2, 0)) AS off
-            FROM usable
-            GROUP BY specimen, channels
-        )
+def _(checks, mo, tabled):
+    mo.vstack(
+        [
+            mo.md("""
+            ## Each check
+
+            R is null where a check cannot tell it, and `why` says why; it is never filled in. `source` is what R was taken from, in order
+            of trust: an iron sensor; the first minutes of heating and cooling; the air around, with the surface's emissivity left free.
+            """),
+            tabled(checks),
+        ]
+    ) if checks.num_rows else None
+    return
+
+
+@app.cell
+def _(mo, picked, store):
+    oven_rows = mo.sql(
+        f"""
         SELECT
-            specimen,
-            channels,
-            checks,
-            highest_dose_h,
-            1e4 * slope AS slope_percent_per_100h,
-            1e4 * sd / sqrt(nullif(sxx, 0)) AS standard_error,
-            freedom,
-            100 * sd AS repeatability_percent,
-            100 * off AS off_the_line_percent,
-            intercept
-        FROM lines
-        JOIN spread USING (channels)
-        ORDER BY highest_dose_h DESC, specimen, channels
+            number, session_name, soak_start, soak_degC, highest_degC, heating_h, soak_h, cooling_h, hours_above_180degC,
+            unknown_h
+        FROM oven_cycles
+        WHERE specimen = '{str(picked.value).replace("'", "''")}'
+        ORDER BY number
         """,
         output=False,
         engine=store,
     )
-    return (trend_rows,)
+    return (oven_rows,)
 
 
 @app.cell
-def _(mo, student, trend_rows):
-    def judged(row):
-        """The row of a specimen with `low` and `high` of its slope, 99 %, and what they mean in words."""
-        slope, error, freedom = row["slope_percent_per_100h"], row["standard_error"], row["freedom"]
-        if slope is None:
-            return {**row, "low": None, "high": None, "says": "only one dose so far: no trend can be told"}
-        if error is None:
-            return {**row, "low": None, "high": None, "says": "no check was repeated at its dose: no trend can be told"}
-        half = float(student.ppf(0.995, freedom)) * error
-        low, high = slope - half, slope + half
-        range_ = f"{slope:+.1f} % per 100 h ({low:+.1f} to {high:+.1f})"
-        if low > 0:
-            says = f"R rises, {range_}: heat leaves the winding worse"
-        elif high < 0:
-            says = f"R falls, {range_}: heat leaves the winding better, as after a post-cure"
-        else:
-            says = f"no change beyond repeatability, {range_}"
-        return {
-            **row,
-            "low": low,
-            "high": high,
-            "says": f"{says}; checks repeat within {row['repeatability_percent']:.1f} %",
-        }
-
-    trends = [judged(row) for row in trend_rows.to_arrow_table().to_pylist()]
-    answer = [f"{row['specimen']}: {row['says']}" for row in trends] or [
-        "No check with both resistance and dose: see why_no_resistance and why_no_dose in dc_checks."
-    ]
-    if mo.app_meta().mode == "script":
-        print("\n".join(answer))
+def _(mo, oven_rows, tabled):
+    cycles = oven_rows.to_arrow_table()
+    activation = mo.ui.slider(0.6, 1.4, 0.05, value=1.0, label="activation energy [eV]", show_value=True)
     mo.vstack(
         [
-            mo.md("## Answer\n\n" + "\n".join(f"- {line}" for line in answer)),
-            mo.ui.table([{k: v for k, v in row.items() if k != "intercept"} for row in trends], selection=None),
             mo.md("""
-            The slope is that of ln R, so it is a share. Its range, 99 %, is Student's for the repeatability: the scatter (one standard
-            deviation) of checks that were repeated at the same dose, over all specimens with the same channels, never the distance
-            from the line. One healthy specimen in a hundred falls outside such a range by chance. Where `off_the_line_percent` is
-            well above `repeatability_percent`, a straight line is the wrong form: insulation often cures first, and R dips before
-            it rises. A check with other channels than the rest starts a row of its own.
+            ## In the oven
+
+            Each thermal cycle, cut from the temperature itself. An hour at 230 °C uses up far more of the insulation's life than one at
+            181 °C: what a dose is worth at 180 °C depends on a rule, and nothing in a campaign at one temperature says which. Move the
+            slider.
             """),
+            tabled(cycles),
+            activation,
         ]
-    )
-    return (trends,)
+    ) if cycles.num_rows else None
+    return activation, cycles
 
 
 @app.cell
-def _(COLOURS, DASHES, Figure, checks, mo, trends):
-    from math import exp
-
-    shown = trends[: len(COLOURS)]  # those with the highest dose
-    figure = Figure(figsize=(8.0, 4.5), layout="constrained")
-    axes = figure.subplots()
-    for trend, colour, dashes in zip(shown, COLOURS, DASHES, strict=False):
-        mine = [
-            row
-            for row in checks
-            if row["specimen"] == trend["specimen"]
-            and row["channels"] == trend["channels"]
-            and None not in (row["resistance_K_per_W"], row["dose_h"])
-        ]
-        values = [row["resistance_K_per_W"] for row in mine]
-        spread = [value * (trend["repeatability_percent"] or 0.0) / 100 for value in values]
-        axes.errorbar(
-            [row["dose_h"] for row in mine], values, spread, fmt="o", color=colour, capsize=3, label=trend["specimen"]
-        )
-        if trend["slope_percent_per_100h"] is not None:
-            ends = [0.0, trend["highest_dose_h"]]
-            line = [exp(trend["intercept"] + trend["slope_percent_per_100h"] / 1e4 * dose) for dose in ends]
-            axes.plot(ends, line, color=colour, linestyle=dashes)
-    worse = sum(row["low"] is not None and row["low"] > 0 for row in trends)
-    axes.set_title(
-        f"R rises in {worse} of {len(trends)} specimens" + (f", {len(shown)} drawn" if len(shown) < len(trends) else "")
+def _(activation, mo, picked, store):
+    worth_rows = mo.sql(
+        f"""
+        SELECT
+            sum(hours_above_180degC) AS dose_h,
+            sum(equivalent_hours(soak_degC, hours_above_180degC, 180, {activation.value})) AS by_activation_h,
+            sum(equivalent_hours_10K(soak_degC, hours_above_180degC, 180)) AS by_10K_h
+        FROM oven_cycles
+        WHERE specimen = '{str(picked.value).replace("'", "''")}'
+        """,
+        output=False,
+        engine=store,
     )
-    axes.set_xlabel("hours above 180 °C")
-    axes.set_ylabel("R copper to iron [K/W]")
-    if shown:
-        axes.legend(title="bar: one standard deviation of repeats")
-    mo.vstack([mo.md("## R against dose"), figure])
+    return (worth_rows,)
+
+
+@app.cell
+def _(activation, mo, worth_rows):
+    (worth,) = worth_rows.to_arrow_table().to_pylist()
+    mo.md(
+        f"""
+        {worth["dose_h"]:.0f} h above 180 °C are worth **{worth["by_activation_h"]:,.0f} h at 180 °C** by {activation.value:.2f} eV, and
+        **{worth["by_10K_h"]:,.0f} h** by the 10 K rule: two rules, never to be added. Class H is meant to last 20,000 h there.
+        """
+    ) if worth["dose_h"] else None
+    return
+
+
+@app.cell
+def _(mo, picked, store):
+    finding_rows = mo.sql(
+        f"""
+        SELECT i.happened, i.finding, i.name, i.session_name
+        FROM inspections AS i
+        WHERE i.specimen = '{str(picked.value).replace("'", "''")}'
+        ORDER BY i.happened
+        """,
+        output=False,
+        engine=store,
+    )
+    return (finding_rows,)
+
+
+@app.cell
+def _(finding_rows, mo, tabled):
+    findings = finding_rows.to_arrow_table()
+    mo.vstack([mo.md("## What was seen"), tabled(findings)]) if findings.num_rows else None
     return
 
 
@@ -283,14 +310,14 @@ def _(mo):
     ## What these numbers cannot tell
 
     - **Where.** R sums up enamel, resin, liner, the way along the copper to its sensors and the iron around its own. A sensor that moved
-      or came off changes it too: `copper_from` and `iron_from` name the channels, which must be the same in every check.
+      or came off changes it too.
     - **How much of the insulation.** Heat that leaves the end windings otherwise does not pass the slot liner, so R changes by less than
-      the conductance from winding to teeth does.
+      the insulation does.
     - **Strength.** R is thermal. Whether the insulation still holds voltage is what the electrical check says; resin may darken, crack
       or lose strength while R stays.
-    - **Life.** Class H is meant to last 20,000 h at 180 °C. At 230 °C that is 625 h by the 10 K rule, 1,217 h for 1.1 eV and 2,025 h
-      for 0.9 eV: 300 h at 230 °C are 48, 25 or 15 % of it. The dose here knows no such law.
+    - **Life.** Nor does a course at one temperature say what happens at another: see the slider.
     - **Cause.** A steady rise with dose is what ageing looks like; a clamp that relaxes with the cycles looks the same.
+    - **Others.** One stator says nothing of how much stators differ.
     """)
     return
 

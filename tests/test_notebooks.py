@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import csv
+import gzip
 import importlib.util
 import json
 import os
@@ -15,11 +17,15 @@ import numpy as np
 import pytest
 from ageing_campaign import Campaign, ageing_campaign
 
-from plant import drives, points
+from plant import drives, fleet, insulation_campaign, points
+from plant.bare_stator import Rig
+from plant.timeline import Plan
 from replay.cli import main
 
-NOTEBOOKS = Path(__file__).parents[1] / "notebooks"
-INSULATION, PAPER = NOTEBOOKS / "insulation.py", NOTEBOOKS / "paper.py"
+ROOT = Path(__file__).parents[1]
+NOTEBOOKS, MOTOR = ROOT / "notebooks", ROOT / "examples" / "hust_motor"
+PAPER = NOTEBOOKS / "paper.py"
+OF_A_STORE = ("campaign", "fleet", "insulation", "twin")
 SHARE_PER_100H = -1.0  # of the conductance from winding to teeth, where ageing is hidden
 SPECIMENS = {**{f"aged-{seed}": SHARE_PER_100H for seed in (1, 2)}, **{f"healthy-{seed}": 0.0 for seed in (3, 4)}}
 
@@ -50,8 +56,8 @@ def ask(store: Path, sql: str, capsys: pytest.CaptureFixture[str]) -> list[dict[
     return rows
 
 
-def run_script(*words: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-W", "error", str(INSULATION), *words]
+def run_script(notebook: str, *words: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-W", "error", str(NOTEBOOKS / f"{notebook}.py"), *words]
     return subprocess.run(command, env=os.environ, capture_output=True, text=True, check=False)
 
 
@@ -66,11 +72,11 @@ def defined_by(notebook: Path) -> dict[str, Any]:
     return dict(defined)
 
 
-@pytest.fixture(scope="module")
-def insulation(stators: Stators) -> dict[str, Any]:
+def told(store: Path, notebook: str) -> dict[str, Any]:
+    """What the cells of a notebook define on a store."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("WHYHOT_STORE", str(stators.store))
-        return defined_by(INSULATION)
+        patch.setenv("WHYHOT_STORE", str(store))
+        return defined_by(NOTEBOOKS / f"{notebook}.py")
 
 
 def test_oven_hours_and_doses_are_those_of_the_plant(stators: Stators, capsys: pytest.CaptureFixture[str]) -> None:
@@ -97,50 +103,215 @@ def test_a_check_gives_the_resistance_of_the_plant_or_says_why_not(
         assert ratios == pytest.approx([1.0] * len(ratios), abs=0.05)  # and stays there: four standard deviations
 
 
-def test_the_notebook_sees_the_hidden_ageing_and_none_where_none_is_hidden(
-    stators: Stators, insulation: dict[str, Any]
+@dataclass(frozen=True)
+class Aged:
+    """A store with an assessment, and what was hidden."""
+
+    store: Path
+    truth: insulation_campaign.Campaign
+
+
+@pytest.fixture(scope="module")
+def aged(tmp_path_factory: pytest.TempPathFactory) -> Aged:
+    """Two stators through eight oven cycles: one gets worse steadily, nothing happens to the other."""
+    folder = tmp_path_factory.mktemp("aged")
+    plan = Plan(
+        stators=2, cycles=8, forms=("monotone", "none"), early_stops=0.0, dead=0.0, electrical=False, cycles_a_log=8,
+        period_s=60.0, rig=Rig(step_s=10.0),
+    )  # fmt: skip
+    written = insulation_campaign.write(folder / "logs", 5, plan)
+    store = str(folder / "store")
+    for words in written.ingest:
+        assert main([*words, "--store", store]) == 0
+    assert main(["ageing", "--store", store]) == 0
+    return Aged(folder / "store", written.truth)
+
+
+@pytest.fixture(scope="module")
+def motors(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, fleet.Fleet]:
+    """A store with checks of a fleet in which one batch ages faster, assessed."""
+    folder = tmp_path_factory.mktemp("motors")
+    written = fleet.write_checks(folder / "logs", 7, motors=30, checks=(4, 12), batches=3, bad_batches=1)
+    logs, store = [str(path) for path in written.files], str(folder / "store")
+    assert main(["ingest", *logs, "--bench", str(written.bench), "--store", store]) == 0
+    assert main(["ageing", "--store", store]) == 0
+    return folder / "store", written.truth
+
+
+@pytest.fixture(scope="module")
+def replayed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two recordings of the shipped motor, replayed."""
+    store = tmp_path_factory.mktemp("replayed") / "store"
+    logs = [str(MOTOR / f"{name}.csv.gz") for name in ("id_1", "id_10")]
+    assert main(["ingest", *logs, "--bench", str(MOTOR / "bench.toml"), "--store", str(store)]) == 0
+    assert main(["replay", "--store", str(store)]) == 0
+    return store
+
+
+@pytest.fixture(scope="module")
+def rows(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A store with a log of which nothing is known."""
+    folder = tmp_path_factory.mktemp("rows")
+    (folder / "room.csv").write_text("t,a\n0,1\n1,2\n", encoding="utf-8")
+    assert main(["ingest", str(folder / "room.csv"), "--store", str(folder / "store")]) == 0
+    return folder / "store"
+
+
+def test_the_overview_counts_every_record_and_names_the_hottest_place(replayed: Path) -> None:
+    found = told(replayed, "campaign")
+    logs = {}
+    for name in ("id_1", "id_10"):
+        with gzip.open(MOTOR / f"{name}.csv.gz", "rt", encoding="utf-8") as text:
+            logs[name] = list(csv.DictReader(text))
+    records = sum(len(log) for log in logs.values())
+    assert found["answer"][:2] == [
+        "2 sessions (other), 2 files",
+        f"{records:,} records = {records:,} decoded + 0 unknown id + 0 wrong length + 0 rejected",
+    ]
+    hottest = max(float(row["endwind_2"]) for row in logs["id_10"])
+    assert found["answer"][-1].startswith(f"hottest: endwind_2 {hottest:.1f} °C in hust-ipmsm id_10, after ")
+    heat = {(row["session_name"], row["place"]): row for row in found["heats"].to_pylist()}
+    for name, log in logs.items():
+        values = [float(row["endwind_2"]) for row in log]
+        assert heat[name, "endwind_2"]["highest_degC"] == pytest.approx(max(values), abs=1e-3)
+        assert heat[name, "endwind_2"]["rise_K"] == pytest.approx(max(values) - values[0], abs=1e-3)
+
+
+def test_the_overview_shows_what_is_wrong_with_the_data(aged: Aged) -> None:
+    flags = told(aged.store, "campaign")["flags"].to_pylist()
+    assert {(row["specimen"], row["session_name"], row["channel"]) for row in flags} >= {
+        (stator.name, "oven_01", "T_winding") for stator in aged.truth.stators
+    }
+    assert all("no samples for up to" in row["what"] for row in flags)
+
+
+def test_the_stator_that_gets_worse_is_told_from_the_one_that_does_not(aged: Aged) -> None:
+    found = told(aged.store, "insulation")
+    worse, still = aged.truth.stators
+    assert [line.split(",")[0].split(" (")[0] for line in found["answer"]] == [
+        f"{worse.name}: R rises",
+        f"{still.name}: no change beyond repeatability",
+    ]
+    assert found["picked"].value == worse.name, "the one that changed is shown first"
+    checks = found["checks"].to_pylist()
+    true = [100 * check.resistance_K_per_W / worse.checks[0].resistance_K_per_W for check in worse.checks]
+    assert true[-1] > 110
+    assert [row["percent"] for row in checks] == pytest.approx(true, rel=0.05)
+    assert [row["dose_h"] for row in checks] == pytest.approx([check.dose_h for check in worse.checks], abs=0.3)
+    assert all(row["low"] < row["percent"] < row["high"] for row in checks)
+
+
+def test_the_dose_is_worth_what_the_rules_say_of_each_cycle(aged: Aged) -> None:
+    found = told(aged.store, "insulation")
+    cycles = found["cycles"].to_pylist()
+    hours = aged.truth.stators[0].hours_above
+    assert [row["hours_above_180degC"] for row in cycles] == pytest.approx(hours, abs=0.1)
+    kelvin = [row["soak_degC"] + 273.15 for row in cycles]
+    faster = [np.exp(1.0 / 8.617333262e-5 * (1 / 453.15 - 1 / T)) for T in kelvin]
+    worth = sum(row["hours_above_180degC"] * by for row, by in zip(cycles, faster, strict=True))
+    assert found["worth"]["by_activation_h"] == pytest.approx(worth, rel=1e-6)
+    doubled = sum(row["hours_above_180degC"] * 2 ** ((row["soak_degC"] - 180) / 10) for row in cycles)
+    assert found["worth"]["by_10K_h"] == pytest.approx(doubled, rel=1e-6)
+
+
+def test_the_batch_that_ages_faster_is_named_in_the_fleet(motors: tuple[Path, fleet.Fleet]) -> None:
+    store, truth = motors
+    found = told(store, "fleet")
+    (bad,) = truth.bad_batches
+    assert [line.split(" is not")[0] for line in found["answer"] if "not as the others" in line] == [f"batch {bad}"]
+    (other,) = (line for line in found["answer"] if line.startswith("30 specimens in 3 batches"))
+    assert f"{len(truth.checks.motor)} checks" in other
+    for row in found["motors"].to_pylist():
+        assert (row["stands_out"] == "batch") == (row["batch"] == bad)
+
+
+def test_a_fleet_without_a_batch_has_none_that_stands_out(aged: Aged) -> None:
+    answer = told(aged.store, "fleet")["answer"]
+    assert answer[0] == "2 specimens in 2 batches, 18 checks; 1 change beyond repeatability"
+    assert answer[1] == "none stands out from the others"
+
+
+def test_the_twins_errors_are_those_of_its_runs(replayed: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    found = told(replayed, "twin")
+    runs = {row["run"]: row for row in ask(replayed, "SELECT * FROM runs", capsys)}
+    assert len(runs) == 2
+    errors = {(row["run"], row["node"]): row["mae_K"] for row in found["by_node"]}
+    for run, row in runs.items():
+        summary = json.loads(row["summary"]) if isinstance(row["summary"], str) else row["summary"]
+        for node, mae in summary["mae_K"].items():
+            assert errors[run, node] == pytest.approx(mae, rel=1e-3)
+    (version,) = found["versions"]
+    mean = sum(row["mae_K"] for row in runs.values()) / 2
+    assert found["answer"][0] == f"model {version}: {mean:.1f} K mean absolute error over 2 sessions"
+    worst = max(found["by_node"], key=lambda row: row["mae_K"])
+    assert found["picked_node"].value == worst["node"]
+    assert f"{worst['node']} in {worst['session_name']}" in found["answer"][1]
+
+
+def test_the_map_over_speed_and_current_holds_every_step_of_the_node(
+    replayed: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    trends = {row["specimen"]: row for row in insulation["trends"]}
-    assert set(trends) == set(stators.true)
-    for specimen, row in trends.items():
-        assert row["repeatability_percent"] < 3.0
-        aged = SPECIMENS[specimen] != 0.0
-        if aged:  # the sensors see their places, the truth is of whole nodes
-            assert row["slope_percent_per_100h"] == pytest.approx(
-                stators.true[specimen].slope_percent_per_100h, rel=0.35
-            )
-        assert (row["low"] > 0) == aged, row["says"]
-        assert ("R rises" if aged else "no change beyond repeatability") in row["says"]
+    found = told(replayed, "twin")
+    node = found["picked_node"].value
+    where = f"FROM residuals WHERE used AND node = '{node}'"
+    (whole,) = ask(replayed, f"SELECT count(*) AS steps, avg(residual_K) AS bias_K {where}", capsys)
+    cells = found["cells"].to_pylist()
+    assert len(cells) > 3
+    assert sum(cell["steps"] for cell in cells) == whole["steps"]
+    bias = sum(cell["steps"] * cell["bias_K"] for cell in cells) / whole["steps"]
+    assert bias == pytest.approx(whole["bias_K"], abs=1e-4)
 
 
-def test_the_picture_shows_every_specimen_with_its_line(stators: Stators, insulation: dict[str, Any]) -> None:
-    (axes,) = insulation["figure"].axes
-    assert axes.get_title() == "R rises in 2 of 4 specimens"
-    assert {text.get_text() for text in axes.get_legend().get_texts()} == set(stators.true)
-    insulation["figure"].canvas.draw()
+def test_pictures_hold_their_data_and_fetch_nothing(
+    aged: Aged, motors: tuple[Path, fleet.Fleet], replayed: Path
+) -> None:
+    pictures = {
+        "campaign": (replayed, ("map_of_heat", "over_time")),
+        "insulation": (aged.store, ("chart",)),
+        "fleet": (motors[0], ("chart", "per_batch")),
+        "twin": (replayed, ("error_map", "speed_current", "over_time")),
+    }
+    for notebook, (store, names) in pictures.items():
+        found = told(store, notebook)
+        for name in names:
+            drawn = found[name].to_dict()
+            assert drawn.pop("$schema").startswith("https://vega.github.io/schema/vega-lite/")
+            assert "http" not in json.dumps(drawn), f"{notebook}: {name}"
+            points = [*drawn.get("datasets", {}).values(), drawn.get("data", {}).get("values", [])]
+            assert max(map(len, points)) > 1, f"{notebook}: {name}"
 
 
-def test_as_a_script_it_prints_a_line_a_specimen(stators: Stators) -> None:
-    done = run_script("--store", str(stators.store))
-    assert done.returncode == 0, done.stderr
-    lines = done.stdout.splitlines()
-    assert sorted(line.split(":")[0] for line in lines) == sorted(stators.true)
+@pytest.mark.parametrize("notebook", OF_A_STORE)
+def test_as_a_script_a_notebook_prints_its_answer_alone(
+    notebook: str, aged: Aged, motors: tuple[Path, fleet.Fleet], replayed: Path
+) -> None:
+    store = {"insulation": aged.store, "fleet": motors[0]}.get(notebook, replayed)
+    done = run_script(notebook, "--store", str(store))
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.splitlines() == told(store, notebook)["answer"]
+    assert len(done.stdout.splitlines()) > 1
 
 
-def test_without_a_store_it_says_in_one_line_what_to_do(tmp_path: Path) -> None:
-    done = run_script("--store", str(tmp_path / "none"))
+@pytest.mark.parametrize("notebook", OF_A_STORE)
+def test_without_a_store_it_says_in_one_line_what_to_do(notebook: str, tmp_path: Path) -> None:
+    done = run_script(notebook, "--store", str(tmp_path / "none"))
     assert (done.returncode, done.stdout) == (2, "")
     advice = "`whyhot ingest FILE...` makes one, --store DIR or WHYHOT_STORE names another"
     assert done.stderr == f"{tmp_path / 'none'}: there is no store here: {advice}\n"
 
 
-def test_a_store_without_checks_says_so(tmp_path: Path) -> None:
-    log = tmp_path / "room.csv"
-    log.write_text("t,a\n0,1\n1,2\n", encoding="utf-8")
-    assert main(["ingest", str(log), "--store", str(tmp_path / "store")]) == 0
-    done = run_script("--store", str(tmp_path / "store"))
+@pytest.mark.parametrize(
+    ("notebook", "says"),
+    [
+        ("insulation", "No assessment of insulation in this store yet: whyhot ageing --store {} makes one."),
+        ("fleet", "No assessment of insulation in this store yet: whyhot ageing --store {} makes one."),
+        ("twin", "No replay in this store yet: whyhot replay --store {} makes one of each session that has a model."),
+    ],
+)
+def test_a_store_with_nothing_of_the_kind_says_so_in_one_line(notebook: str, says: str, rows: Path) -> None:
+    done = run_script(notebook, "--store", str(rows))
     assert (done.returncode, done.stderr) == (0, "")
-    assert done.stdout.startswith("No check with both resistance and dose")
+    assert done.stdout == says.format(rows) + "\n"
 
 
 @pytest.fixture(scope="module")

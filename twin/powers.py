@@ -27,7 +27,7 @@ def _root(base: NDArray[np.float64], exponent: float) -> NDArray[np.float64]:
     if exponent == 0.5:
         return np.sqrt(base)
     positive = np.where(base > 0, base, 1.0)
-    return np.where(base > 0, _exp(exponent * _log(positive)), 0.0)
+    return np.where(base > 0, exp(exponent * log(positive)), 0.0)
 
 
 def _integer_power(base: NDArray[np.float64], exponent: int) -> NDArray[np.float64]:
@@ -40,8 +40,9 @@ def _integer_power(base: NDArray[np.float64], exponent: int) -> NDArray[np.float
     return result
 
 
-def _log(x: NDArray[np.float64]) -> NDArray[np.float64]:
-    """ln x = k ln 2 + 2 artanh((m - 1) / (m + 1)), m within sqrt(1/2)..sqrt(2); the series ends below 2^-53."""
+def log(x: NDArray[np.float64]) -> NDArray[np.float64]:
+    """ln x (N,) of positive numbers, within 3e-16 of it: k ln 2 + 2 artanh((m - 1) / (m + 1)), m within sqrt(1/2)..sqrt(2); the series
+    ends below 2^-53."""
     mantissa, exponent = np.frexp(x)
     low = mantissa < np.sqrt(0.5)
     m = np.where(low, 2 * mantissa, mantissa)
@@ -55,8 +56,8 @@ def _log(x: NDArray[np.float64]) -> NDArray[np.float64]:
     return result
 
 
-def _exp(x: NDArray[np.float64]) -> NDArray[np.float64]:
-    """e^x = 2^k e^r, |r| <= ln 2 / 2, Taylor series by Horner's rule."""
+def exp(x: NDArray[np.float64]) -> NDArray[np.float64]:
+    """e^x (N,) where it is a normal number, within 2e-16 of it: 2^k e^r, |r| <= ln 2 / 2, Taylor series by Horner's rule."""
     k = np.rint(x * _LN2_INVERSE)
     r = (x - k * _LN2_HIGH) - k * _LN2_LOW
     series = np.ones_like(r)

@@ -1,12 +1,13 @@
 """Several rigs of one motor as one network, so that one fit learns from tests of all of them.
 
 Every rig (`twin.configured`) is there at once. A law that not all of them have is multiplied by a gate: a feature that is 1 in tests
-of the rigs that have it, else 0. What a rig lacks is so cut off in its tests, and every coefficient and capacity is one number.
+of the rigs that have it, else 0. What a rig lacks is so cut off in its tests, and every coefficient and capacity is one number. In the
+same way a law that ages is multiplied by what is left of it in each test.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TypeVar
@@ -14,6 +15,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.ageing_law import AgeingPlace, AgeingTerm, place_of
 from twin.configured import configured
 from twin.features import Monomial, monomial, monomials, product, streams
 from twin.network import Configuration, FluidCircuit, Link, Network, Source, Term
@@ -49,14 +51,15 @@ class United:
         said = {one.name: one for one in motor.configurations}
         self._said = [None if rig is None else said[rig] for rig in self.rigs]
         self._columns: dict[Monomial, tuple[Monomial, Rigs]] = {}
+        self._ageing: dict[str, AgeingPlace] = {}  # by the feature that says what is left
         self._links = list(self._placed(motor.links, [one.links if one else () for one in self._said]))
         self._sources = list(self._placed(motor.sources, [one.sources if one else () for one in self._said]))
         self.network = replace(
             motor,
             nodes=tuple(node for node in motor.nodes if any(node in own.nodes for own in self._own)),
             boundaries=tuple(b for b in motor.boundaries if any(b in own.boundaries for own in self._own)),
-            links=tuple(replace(link, terms=self._gated(link.terms, at.rigs)) for at, link in self._links),
-            sources=tuple(replace(source, terms=self._gated(source.terms, at.rigs)) for at, source in self._sources),
+            links=tuple(replace(link, terms=self._gated(link, at.rigs)) for at, link in self._links),
+            sources=tuple(replace(source, terms=self._gated(source, at.rigs)) for at, source in self._sources),
             circuits=tuple(self._circuits()),
             configurations=(),
         )
@@ -69,11 +72,21 @@ class United:
         for r, some in enumerate(own):
             yield from ((_Place(self.rigs[r], i, (r,)), one) for i, one in enumerate(some))
 
-    def _gated(self, terms: Sequence[Term], rigs: Rigs) -> tuple[Term, ...]:
+    def _gated(self, place: Link | Source, rigs: Rigs) -> tuple[Term, ...]:
         gate = {} if len(rigs) == len(self.rigs) else {_gate(rigs): 1.0}
-        gated = [replace(term, exponents={**term.exponents, **gate}) for term in terms]
-        self._columns.update((monomial(new), (monomial(term), rigs)) for new, term in zip(gated, terms, strict=True))
+        gated = [replace(t, exponents={**t.exponents, **gate, **self._left(place, t)}) for t in place.terms]
+        self._columns.update((monomial(new), (monomial(t), rigs)) for new, t in zip(gated, place.terms, strict=True))
         return tuple(gated)
+
+    def _left(self, place: Link | Source, term: Term) -> dict[str, float]:
+        """The feature that says what is left of an ageing term."""
+        if not isinstance(term, AgeingTerm):
+            return {}
+        at = place_of(self.motor, place, term)
+        known = {found: feature for feature, found in self._ageing.items()}
+        feature = known.get(at, f"aged_{len(known)}")
+        self._ageing[feature] = at
+        return {feature: 1.0}
 
     def _circuits(self) -> Iterator[FluidCircuit]:
         """Each course that the fluid takes in some rigs, by a flow of its own where the others have another one."""
@@ -116,8 +129,9 @@ class United:
         of_laws = (name for one in there for name in at[_ends(one)])
         return (*of_laws, *(f"capacity.{node.name}.scale" for node in self._own[r].nodes))
 
-    def test(self, test: Test, rig: str | None) -> Test:
-        """A test of a rig, read for its own network (`configured`), as the united network takes it."""
+    def test(self, test: Test, rig: str | None, factors: Mapping[AgeingPlace, float] | None = None) -> Test:
+        """A test of a rig, read for its own network (`configured`), as the united network takes it; `factors`: what is left of its laws
+        that age (1 where none are given)."""
         r = self.rigs.index(rig)
         own, around = self._own[r], [b.name for b in self._own[r].boundaries]
         anywhere = float(test.initial.mean())
@@ -132,7 +146,11 @@ class United:
         names = [b.name for b in self.network.boundaries]
         return replace(
             test,
-            frame=Frame(test.frame.step_s, self._features(test, r), np.array(boundaries).reshape(-1, steps).T.copy()),
+            frame=Frame(
+                test.frame.step_s,
+                self._features(test, r, factors or {}),
+                np.array(boundaries).reshape(-1, steps).T.copy(),
+            ),
             initial=starting[:, 0].copy(),
             initial_sd=starting[:, 1].copy(),
             meters=tuple(
@@ -141,14 +159,17 @@ class United:
             ),
         )
 
-    def _features(self, test: Test, rig: int) -> Floats:
-        """(N, m): each product in the rigs that have it, 0 in others."""
+    def _features(self, test: Test, rig: int, factors: Mapping[AgeingPlace, float]) -> Floats:
+        """(N, m): each product in the rigs that have it, 0 in others, times what is left of it."""
         columns = monomials(self.network)
         found = np.zeros((len(test.frame.features), len(columns)))
         for j, column in enumerate(columns):
             base, rigs = self._columns[column]
             if rig in rigs:
                 found[:, j] = test.features[base.name] if base.powers or base.shape else 1.0
+                for feature in column.features:
+                    if feature in self._ageing:
+                        found[:, j] *= factors.get(self._ageing[feature], 1.0)
         return found
 
     def version(self, network: Network) -> Network:

@@ -1,9 +1,9 @@
 """What an hour at one temperature is worth at another, under one stated rule.
 
-Two rules are in use, and they are not the same: the activation energy of one chemical reaction (Arrhenius; IEEE Std 98, IEC
-60216), and the rule of thumb that life halves every 10 K (Montsinger 1930, DOI 10.1109/T-AIEE.1930.5055572). At 180 degC
-the latter equals 1.2 eV, at 230 degC 1.5 eV. A number here is always by one rule; `Band` says what several rules make of the
-same hours, each end by the one rule that it names.
+Two rules are in use, and they are not the same: the activation energy of one chemical reaction (Arrhenius; IEEE Std
+98, IEC 60216), and the rule of thumb that life halves every 10 K (Montsinger 1930, DOI 10.1109/T-AIEE.1930.5055572).
+At 180 degC the latter equals 1.2 eV, at 230 degC 1.5 eV. A number here is always by one rule; `Band` says what
+several rules make of the same hours, each end by the one rule that it names.
 """
 
 from __future__ import annotations
@@ -65,13 +65,14 @@ class Activation:
         return f"{self.eV:g} eV"
 
     def acceleration(self, temperature_degC: ArrayLike, at_degC: float) -> Floats:
-        """Hours at `at_degC` [degC] that an hour at `temperature_degC` [degC] is worth: exp(E / k (1 / T_at - 1 / T))."""
+        """Hours at `at_degC` [degC] that an hour at `temperature_degC` [degC] is worth:
+        exp(E / k (1 / T_at - 1 / T))."""
         inverse = 1.0 / (np.asarray(temperature_degC, np.float64) + ZERO_DEGC_IN_K)
         return np.asarray(np.exp(self.eV / BOLTZMANN_EV_PER_K * (1.0 / (at_degC + ZERO_DEGC_IN_K) - inverse)))
 
     def temperature(self, acceleration: ArrayLike, at_degC: float) -> Floats:
-        """Temperature [degC] at which an hour is worth `acceleration` hours at `at_degC` [degC]; NaN where no temperature
-        is hot enough, as this law has an upper limit, exp(E / (k T_at))."""
+        """Temperature [degC] at which an hour is worth `acceleration` hours at `at_degC` [degC]; NaN where no
+        temperature is hot enough, as this law has an upper limit, exp(E / (k T_at))."""
         inverse = 1.0 / (at_degC + ZERO_DEGC_IN_K) - BOLTZMANN_EV_PER_K / self.eV * np.log(
             np.asarray(acceleration, np.float64)
         )
@@ -101,8 +102,8 @@ def equivalent_hours(
     rule: Rule,
     above_degC: float = THRESHOLD_DEGC,
 ) -> float:
-    """Hours at `at_degC` [degC] that `hours` (N,) at `temperature_degC` (N,) [degC] are worth under `rule`. Only what is
-    hotter than `above_degC` [degC] counts; -inf counts all.
+    """Hours at `at_degC` [degC] that `hours` (N,) at `temperature_degC` (N,) [degC] are worth under `rule`. Only what
+    is hotter than `above_degC` [degC] counts; -inf counts all.
 
     >>> round(equivalent_hours([230.0], [300.0], 180.0, Activation(0.9)))
     2963

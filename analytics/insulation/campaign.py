@@ -8,9 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from analytics.insulation import forms, outlying, repeatability
+from analytics.insulation import forms, outlying, remaining, repeatability
 from analytics.insulation.forms import Form
 from analytics.insulation.outlying import FleetAssessment
+from analytics.insulation.remaining import RemainingLife
 from analytics.insulation.repeatability import Repeatability
 
 FALSE_DISCOVERY_RATE = 0.05
@@ -18,11 +19,12 @@ FALSE_DISCOVERY_RATE = 0.05
 
 @dataclass(frozen=True)
 class Assessed:
-    """`forms`: specimen -> its course, where it has a check."""
+    """`forms`, `remaining`: by specimen, where it has a check; nothing remains to be said of fewer than three specimens."""
 
     repeatability: Repeatability
     forms: Mapping[str, Form]
     fleet: FleetAssessment
+    remaining: Mapping[str, RemainingLife]
 
 
 def assess(
@@ -37,7 +39,9 @@ def assess(
     resistance, dose = np.asarray(resistance_K_per_W, np.float64), np.asarray(dose_h, np.float64)
     ln_r = np.log(resistance)
     repeats = repeatability.estimate(specimen, dose, ln_r)
-    sd = np.hypot(repeats.sd, np.asarray(sd_K_per_W, np.float64) / resistance)
+    sd = np.maximum(
+        repeats.sd, np.asarray(sd_K_per_W, np.float64) / resistance
+    )  # repeats differ by that of one check too
     rows: dict[str, list[int]] = {}
     for i, name in enumerate(specimen):
         rows.setdefault(name, []).append(i)
@@ -45,4 +49,5 @@ def assess(
         name: forms.assess(dose[at], ln_r[at], sd[at], degrees_of_freedom=repeats.degrees_of_freedom)
         for name, at in rows.items()
     }
-    return Assessed(repeats, found, outlying.assess(specimen, batch, dose, ln_r, sd, FALSE_DISCOVERY_RATE))
+    left = {one.specimen: one for one in remaining.remaining(specimen, batch, dose, ln_r, sd)}
+    return Assessed(repeats, found, outlying.assess(specimen, batch, dose, ln_r, sd, FALSE_DISCOVERY_RATE), left)

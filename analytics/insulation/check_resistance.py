@@ -1,8 +1,9 @@
-"""DC checks as arrays -> the thermal resistance from winding to iron, its sd, the route it came by, and why there is none.
+"""DC checks as arrays -> the thermal resistance from winding to iron, its sd and the route it came by, or why none.
 
-The sd is that of one evaluation in the course of one specimen's checks; how well a check repeats is not known from one. Where the
-winding heads lose heat to the air, surfaces that darken from 0.80 to 0.90 make the iron sensor's value fall by 1 to 1.5 %, that of
-the first minutes by 0.1 %; `evaluate_together` takes it back out of the former (`darkening`).
+The sd is that of one evaluation in the course of one specimen's checks; how well a check repeats is not known from
+one. Where the winding heads lose heat to the air, surfaces that darken from 0.80 to 0.90 make the iron sensor's value
+fall by 1 to 1.5 %, that of the first minutes by 0.1 %; `evaluate_together` takes it back out of the former
+(`darkening`).
 """
 
 from __future__ import annotations
@@ -23,18 +24,18 @@ ENOUGH_SHARE = 0.75  # of the checks of a specimen that a route has to serve
 
 
 def evaluate(trace: CheckTrace) -> CheckResistance:
-    """The resistance of one check by the first route that serves. With an iron sensor it is the plain mean of a steady check's last
-    10 min to within 1 %."""
+    """The resistance of one check by the first route that serves. With an iron sensor it is the plain mean of a
+    steady check's last 10 min to within 1 %."""
     return evaluate_by(trace, unusable_sensors(trace), ROUTES)
 
 
 def evaluate_together(traces: Sequence[CheckTrace]) -> tuple[CheckResistance, ...]:
     """The checks of one specimen in the order of time, comparable with each other.
 
-    A sensor that fails in one check is left out of all, as the mean of the others is another temperature, unless fewer than half
-    would remain; then each check leaves out its own. The route is the most trusted one that serves three quarters of the checks,
-    else the one that serves most; checks that it does not serve have none. By an iron sensor the first check has its own value, later
-    ones without what darker surfaces take from theirs, 2 % at most.
+    A sensor that fails in one check is left out of all, as the mean of the others is another temperature, unless
+    fewer than half would remain; then each check leaves out its own. The route is the most trusted one that serves
+    three quarters of the checks, else the one that serves most; checks that it does not serve have none. By an iron
+    sensor the first check has its own value, later ones without what darker surfaces take from theirs, 2 % at most.
     """
     bad = [unusable_sensors(trace) for trace in traces]
     common: dict[str, str] = {}

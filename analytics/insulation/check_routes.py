@@ -2,13 +2,14 @@
 
 Three, in order of trust; one is taken where its sd is under `MOST_SD` of the resistance:
 
-- "iron sensor": (mean copper - mean iron) / (V I) at rest, `steady.resistance_at_rest`: 20 min of load at least. Within 1 % of the
-  plain mean of the last 10 min where that changes by less.
+- "iron sensor": (mean copper - mean iron) / (V I) at rest, `steady.resistance_at_rest`: 20 min of load at least.
+  Within 1 % of the plain mean of the last 10 min where that changes by less.
 - "first minutes": no iron needed, but the switch-on or switch-off with 20 min after it, `first_minutes`.
 - "ambient": the whole curve over the ambient with film and emissivity free, `whole_curve`.
 
-On a bare stator of 24 lumps in free air the second gives 1.3 times, the third 2.2 times the iron sensor's value, whatever the
-insulation; their courses over checks are 0.9 times as steep in ln R. So values of two routes never belong into one course.
+On a bare stator of 24 lumps in free air the second gives 1.3 times, the third 2.2 times the iron sensor's value,
+whatever the insulation; their courses over checks are 0.9 times as steep in ln R. So values of two routes never
+belong into one course.
 """
 
 from __future__ import annotations
@@ -38,10 +39,10 @@ MOST_LEAD_K = 10.0  # of the copper over the ambient at rest: a stator that was 
 class CheckResistance:
     """What a check says. `resistance_K_per_W` with `sd_K_per_W` by `source`, or None and `why`.
 
-    `copper_degC`, `iron_degC` means of the used sensors and `power_W` where they settle, `hottest_degC` of the sensor `hottest` with
-    `hottest_sd_K`. `steady`: these are means of the last 10 min of load ("steady"), asymptotes ("extrapolated"), or means
-    of the last 10 min of a load too short to tell ("not reached"). `load_s` how long the load was on without a break. `left_out`:
-    sensors that were not used, each with why.
+    `copper_degC`, `iron_degC` means of the used sensors and `power_W` where they settle, `hottest_degC` of the sensor
+    `hottest` with `hottest_sd_K`. `steady`: these are means of the last 10 min of load ("steady"), asymptotes
+    ("extrapolated"), or means of the last 10 min of a load too short to tell ("not reached"). `load_s` how long the
+    load was on without a break. `left_out`: sensors that were not used, each with why.
     """
 
     resistance_K_per_W: float | None

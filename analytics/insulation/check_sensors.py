@@ -1,4 +1,4 @@
-"""Which thermocouples of a check can be believed: those that are there, in a possible range, and move when the others do."""
+"""Which thermocouples of a check can be believed: they are there, possible, and move when the others do."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ LEAST_SENSORS = 3  # of a kind, for their median to be a measure
 
 
 def unusable(names: Sequence[str], value_degC: Floats) -> dict[str, str]:
-    """Name -> why, of the columns of `value_degC` (N, k) that cannot be believed: sensors of one kind, copper or iron, as these may
-    move differently. The measure is their median, so more than half of three or more have to be right; of fewer only
-    missing samples are seen.
+    """Name -> why, of the columns of `value_degC` (N, k) that cannot be believed: sensors of one kind, copper or
+    iron, as these may move differently. The measure is their median, so more than half of three or more have to be
+    right; of fewer only missing samples are seen.
     """
     possible = possible_only(value_degC)
     there = np.isfinite(possible)

@@ -1,4 +1,4 @@
-"""A DC check as arrays, and what of it can be evaluated: sensors that can be believed, whole rows, the last load without a break."""
+"""A DC check as arrays, and what of it can be evaluated: whole rows of good sensors, the last load without a break."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ ON_QUANTILE, ON_SHARE = 0.995, 0.5  # the load is on above this share of this qu
 
 @dataclass(frozen=True)
 class CheckTrace:
-    """One check: `t_s` (N,) [s] rising; temperatures [degC] (N, k) with their names; `power_W` (N,) V I; `current_A` (N,) or None.
-    NaN where a sample is missing."""
+    """One check: `t_s` (N,) [s] rising; temperatures [degC] (N, k) with their names; `power_W` (N,) V I; `current_A`
+    (N,) or None. NaN where a sample is missing."""
 
     t_s: Floats
     copper_degC: Floats
@@ -33,9 +33,9 @@ class CheckTrace:
 
 @dataclass(frozen=True)
 class Loaded:
-    """A trace without unusable sensors and incomplete rows: `t_s` (N,) [s], `sensors` (N, k) of the copper with their `names`, means
-    (N,) of the `iron` sensors and the `air` [degC], None where there are none, `power` (N,) [W]; its last load without a break is
-    from sample `first` to `last`."""
+    """A trace without unusable sensors and incomplete rows: `t_s` (N,) [s], `sensors` (N, k) of the copper with their
+    `names`, means (N,) of the `iron` sensors and the `air` [degC], None where there are none, `power` (N,) [W]; its
+    last load without a break is from sample `first` to `last`."""
 
     t_s: Floats
     sensors: Floats
@@ -105,7 +105,8 @@ def loaded(trace: CheckTrace, left_out: Collection[str]) -> Loaded | str:
 
 
 def _ambient(degC: Floats, t_s: Floats) -> Floats | None:
-    """Mean of the ambient channels, over missing samples as a straight line; a channel with gaps counts only while it is there."""
+    """Mean of the ambient channels, over missing samples as a straight line; a channel with gaps counts only while it
+    is there."""
     if not degC.shape[1]:
         return None
     there = np.isfinite(degC)

@@ -1,12 +1,12 @@
 """What ln R may do over dose, form by form: a list of courses, each with two amplitudes that are not negative.
 
-With x the dose over its range, 0 at the first check and 1 at the last, ln R(x) = start + first(x) a1 + second(x) a2, where a1
-and a2 are changes of ln R with half-normal priors. A form is a mixture of courses with the weights below:
+With x the dose over its range, 0 at the first check and 1 at the last, ln R(x) = start + first(x) a1 + second(x) a2,
+where a1 and a2 are changes of ln R with half-normal priors. A form is a mixture of courses with the weights below:
 
-- monotone: rises steadily (nine tenths of the weight; else falls): straight, curved, or both at once, where the curve is
-  1 - exp(-x / k) or a power of x.
-- dip_then_rise: falls first, then rises: both straight or square, or resin that cures on, -(1 - exp(-x / k)), under a steady
-  rise; or it rises to a level and stays there.
+- monotone: rises steadily (nine tenths of the weight; else falls): straight, curved, or both at once, where the curve
+  is 1 - exp(-x / k) or a power of x.
+- dip_then_rise: falls first, then rises: both straight or square, or resin that cures on, -(1 - exp(-x / k)), under a
+  steady rise; or it rises to a level and stays there.
 - changepoint: flat or of one slope up to a dose, of another slope from there on; never first down, then up.
 
 A turn has two checks at least on either side of it.
@@ -28,16 +28,15 @@ RISE_SD = 0.3  # of ln R over a campaign, prior: conductivity at the end of life
 FALL_SD = 0.15  # of what post-cure brings
 RELAXATIONS = (0.05, 0.1, 0.2, 0.4, 0.8)  # k of curves that level off
 POWERS = (0.4, 0.5, 0.65, 0.8, 1.25, 1.5, 2.0, 2.5, 3.0, 4.0)  # of the others
-LEVEL_SHARES = (0.2, 0.4, 0.6, 0.8, 1.0)  # of the way from the turn to the last place where a level can begin
-LEVEL_EVERY = 3  # places of turns, one has courses that become level
+LEVEL_EVERY, LEVELS_EVERY = 2, 5  # places of turns: one in two has courses that become level, at a fifth as many places
 CURE_SPAN = 0.4  # longest k of the cure
 
 
 @dataclass(frozen=True)
 class Courses:
-    """`columns` (a, n, 2): both shapes at n doses. `sds` (a, 2) of the amplitudes' priors. `weight` (a,): within the form,
-    summing to 1. `turn` (a,): x of its corner, `level` (a,): x from which it stays level; NaN where there is none. `cell`
-    (a,): the width in x that this corner stands for."""
+    """`columns` (a, n, 2): both shapes at n doses. `sds` (a, 2) of the amplitudes' priors. `weight` (a,): within the
+    form, summing to 1. `turn` (a,): x of its corner, `level` (a,): x from which it stays level; NaN where there is
+    none. `cell` (a,): the width in x that this corner stands for."""
 
     columns: Floats
     sds: Floats
@@ -58,8 +57,8 @@ class Courses:
 
 
 def courses(form: str, x: Floats, at: Floats, turns: int) -> Courses | None:
-    """The courses of `form` at `at` (n,), with turns at the middle of `turns` equal parts of where the checks' places `x`,
-    ascending and distinct, let them be. None where the checks are too few for this form."""
+    """The courses of `form` at `at` (n,), with turns at the middle of `turns` equal parts of where the checks' places
+    `x`, ascending and distinct, let them be. None where the checks are too few for this form."""
     if form == MONOTONE:
         return _monotone(at)
     places = turning_places(x, turns)
@@ -120,8 +119,9 @@ def _dip_then_rise(places: Floats, x: Floats, at: Floats) -> Courses:
     )  # its slope at the start is what the cure starts from: it falls there, whatever the amplitudes
     cured = (_pairs(under / (1.0 + k * np.expm1(-1.0 / k)), -cure), 0.35, sds)
     early = places[LEVEL_EVERY // 2 :: LEVEL_EVERY]
-    turn = np.repeat(early, len(LEVEL_SHARES))
-    level = turn + np.tile(LEVEL_SHARES, len(early)) * ((x[-3] + x[-2]) / 2 - turn)
+    shares = 1.0 - np.arange(1 + len(places) // LEVELS_EVERY) / (1 + len(places) // LEVELS_EVERY)
+    turn = np.repeat(early, len(shares))
+    level = turn + np.tile(shares, len(early)) * ((x[-3] + x[-2]) / 2 - turn)
     rise = np.clip((at - turn[:, None]) / (level - turn)[:, None], 0.0, 1.0)
     before = np.maximum(1.0 - at / turn[:, None], 0.0)
     levelled = [(_pairs(rise, before**q), 0.10, sds) for q in (1, 2)]

@@ -1,19 +1,19 @@
 """What surfaces that darken do to a resistance by an iron sensor, and taking it back out of the course over checks.
 
-The winding heads of a stator in free air give a share s of their heat to the air, so that (T_w - T_i) / (V I) at rest is
-R (1 - s): surfaces that darken in an oven (emissivity 0.80 -> 0.90) raise s, and R seems to fall by 1 to 1.5 % though the insulation is
-as it was. While the stator is as cold as the air nothing is lost, whatever its surface. With D the drop, P the power and theta
-the iron's excess over the ambient, all else stored,
+The winding heads of a stator in free air give a share s of their heat to the air, so that (T_w - T_i) / (V I) at rest
+is R (1 - s): surfaces that darken in an oven (emissivity 0.80 -> 0.90) raise s, and R seems to fall by 1 to 1.5 %
+though the insulation is as it was. While the stator is as cold as the air nothing is lost, whatever its surface. With
+D the drop, P the power and theta the iron's excess over the ambient, all else stored,
 
     D / P = R C_i / C - k theta / P,
 
-between `FROM_S` and `TO_S` of the load (after the winding's own modes, before films change): the intercept is free of the surface.
-A fall of the value at rest that the intercept does not share is the surface's:
+between `FROM_S` and `TO_S` of the load (after the winding's own modes, before films change): the intercept is free of
+the surface. A fall of the value at rest that the intercept does not share is the surface's:
 
     d_j = LEAN (ln R_j - ln R_1) - (ln(R_j / K_j) - ln(R_1 / K_1)),      0 <= d_j <= MOST,
 
-K the intercept; both share the error of a check's thermocouples, so d does not have it. LEAN is what a change of the insulation
-itself does to R / K: between 0 (no heat lost by the heads) and 0.2 (bare stator of 24 lumps).
+K the intercept; both share the error of a check's thermocouples, so d does not have it. LEAN is what a change of the
+insulation itself does to R / K: between 0 (no heat lost by the heads) and 0.2 (bare stator of 24 lumps).
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ LEAST_REACH = 1.0  # of theta / P, over its least: else the intercept is far fro
 
 
 def cold_resistance(t_s: Floats, drop_K: Floats, excess_K: Floats, power_W: Floats) -> float | None:
-    """K [K/W], the intercept over theta / P, of a load from its begin: arrays (N,). None where the load is shorter than 45 min or the
-    excess hardly rises in that time, as in a cooled motor."""
+    """K [K/W], the intercept over theta / P, of a load from its begin: arrays (N,). None where the load is shorter
+    than 45 min or the excess hardly rises in that time, as in a cooled motor."""
     since = t_s - t_s[0]
     used = (since > FROM_S) & (since <= TO_S)
     if since[-1] < TO_S or used.sum() < 3:
@@ -43,8 +43,9 @@ def cold_resistance(t_s: Floats, drop_K: Floats, excess_K: Floats, power_W: Floa
 
 
 def surface_shift(at_rest: Floats, cold: Floats) -> Floats:
-    """d (n,) of checks in the order of time, to be added to ln R: `at_rest` (n,) [K/W] with NaN where a check has none, `cold` (n,)
-    [K/W] with NaN likewise. Checks without are between their neighbours; zeros where fewer than two have both."""
+    """d (n,) of checks in the order of time, to be added to ln R: `at_rest` (n,) [K/W] with NaN where a check has
+    none, `cold` (n,) [K/W] with NaN likewise. Checks without are between their neighbours; zeros where fewer than two
+    have both."""
     both = np.flatnonzero(np.isfinite(at_rest) & np.isfinite(cold))
     if both.size < 2:
         return np.zeros(at_rest.size)

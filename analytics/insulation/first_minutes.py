@@ -1,28 +1,31 @@
-"""The resistance from winding to iron without a sensor in the iron: from the minutes after the load is switched on and off.
+"""The resistance from winding to iron without a sensor in the iron, from the minutes after a load is switched.
 
-A winding lump (heat capacity C_w) on an iron lump (C_i) through the resistance R settles against it within a minute or two, long
-before either feels its film: in C_w dT_w/dt = P - (T_w - T_i) / R, C_i dT_i/dt = (T_w - T_i) / R a step of P gives
+A winding lump (heat capacity C_w) on an iron lump (C_i) through the resistance R settles against it within a minute
+or two, long before either feels its film: in C_w dT_w/dt = P - (T_w - T_i) / R, C_i dT_i/dt = (T_w - T_i) / R a step
+of P gives
 
-    T_w(t) = P t / (C_w + C_i) + P A (1 - exp(-t / tau)),      A = R (C_i / (C_w + C_i))^2,      tau = R C_w C_i / (C_w + C_i).
+    T_w(t) = P t / C + P A (1 - exp(-t / tau)),    A = R (C_i / C)^2,    tau = R C_w C_i / C,    C = C_w + C_i.
 
 A real winding has more lumps, so more such terms, and loses heat. Here the mean copper temperature of a stretch is
 
     y(t) = c0 + c1 x + c2 x^2 + sum_j A_j u_j(t),      tau_j du_j/dt = P(t) - P_before - u_j,      A_j >= 0,
 
-x the time since the switch (before it c0 + c x, a slope of its own), tau_j on a fixed grid of `TAU_S`: a step response as a
-discrete spectrum of time constants, as in the transient dual interface method (JESD51-14; Szekely, DOI 10.1016/S0026-2692(96)00031-6). The
-parabola is what iron and film do over `LENGTH_S`, with coefficients of its own in each stretch, so emissivity, film and
-ambient do not enter. The A_j are common to heating and cooling; the answer is their sum. When exactly the load was switched is
-only known between two samples: six moments each are weighed by likelihood.
+x the time since the switch (before it c0 + c x, a slope of its own), tau_j on a fixed grid of `TAU_S`: a step
+response as a discrete spectrum of time constants, as in the transient dual interface method (JESD51-14; Szekely, DOI
+10.1016/S0026-2692(96)00031-6). The parabola is what iron and film do over `LENGTH_S`, with coefficients of its own in
+each stretch, so emissivity, film and ambient do not enter. The A_j are common to heating and cooling; the answer is
+their sum. When exactly the load was switched is only known between two samples: six moments each are weighed by
+likelihood.
 
-The sum is R times a factor that ageing does not change, (C_i / C)^2 in two lumps, and holds all that lies between thermocouple
-and iron, the way along the conductors too. The factor is not divided out: in a stator whose heads lose heat, where some of the
-copper idles, it is not that of two lumps. The course over checks is the same with and without.
+The sum is R times a factor that ageing does not change, (C_i / C)^2 in two lumps, and holds all that lies between
+thermocouple and iron, the way along the conductors too. The factor is not divided out: in a stator whose heads lose
+heat, where some of the copper idles, it is not that of two lumps. The course over checks is the same with and
+without.
 
-The sd is that of refits to data made from the fit with the noise of its second differences, that over the moments (large where
-the record begins under load: how warm the winding was then is not known), and `MODEL_SHARE` for what film, ambient, draughts and
-start do from check to check, on a bare stator of 24 lumps at most 1 %. What the fit leaves over of more lumps is the same in each
-check and not in it.
+The sd is that of refits to data made from the fit with the noise of its second differences, that over the moments
+(large where the record begins under load: how warm the winding was then is not known), and `MODEL_SHARE` for what
+film, ambient, draughts and start do from check to check, on a bare stator of 24 lumps at most 1 %. What the fit
+leaves over of more lumps is the same in each check and not in it.
 """
 
 from __future__ import annotations
@@ -50,8 +53,8 @@ REFITS, SEED = 40, 0
 
 @dataclass(frozen=True)
 class Stretch:
-    """Samples around one switch, `t_s` (n,) [s], `copper` (n,) mean [degC], `power` (n,) [W]; the switch was after `from_s` and not
-    after `to_s`; `before_W` the power until then."""
+    """Samples around one switch, `t_s` (n,) [s], `copper` (n,) mean [degC], `power` (n,) [W]; the switch was after
+    `from_s` and not after `to_s`; `before_W` the power until then."""
 
     t_s: Floats
     copper: Floats
@@ -63,16 +66,15 @@ class Stretch:
 
 @dataclass(frozen=True)
 class Apparent:
-    """`resistance` sum_j A_j [K/W] with `sd` [K/W]; `tau_s` mean time constant [s], weighed by A_j."""
+    """`resistance` sum_j A_j [K/W] with `sd` [K/W]."""
 
     resistance: float
     sd: float
-    tau_s: float
 
 
 def stretch(t_s: Floats, copper: Floats, power: Floats, switched: int) -> Stretch | None:
-    """Around the switch at sample `switched`, the first of the new load; arrays (N,) as in `Stretch`, without NaN. None where fewer
-    than 20 min are recorded after it or the samples are more than 60 s apart."""
+    """Around the switch at sample `switched`, the first of the new load; arrays (N,) as in `Stretch`, without NaN.
+    None where fewer than 20 min are recorded after it or the samples are more than 60 s apart."""
     step = float(np.median(np.diff(t_s))) if t_s.size > 1 else np.inf
     from_s = float(t_s[switched - 1]) if switched else float(t_s[0]) - step
     wanted = (t_s >= from_s - BEFORE_S) & (t_s <= from_s + LENGTH_S)
@@ -108,9 +110,8 @@ def fit(stretches: Sequence[Stretch]) -> Apparent:
         for _ in range(REFITS)
     ]
     apparent = float(best.spectrum.sum())
-    tau = float(best.spectrum @ TAU_S) / apparent if apparent > 0.0 else float("nan")
     sd = np.linalg.norm([float(np.std(refits)), best.spread, MODEL_SHARE * apparent])
-    return Apparent(apparent, float(sd), tau)
+    return Apparent(apparent, float(sd))
 
 
 @dataclass(frozen=True)

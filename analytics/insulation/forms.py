@@ -1,14 +1,14 @@
 """The form of one specimen's deterioration over dose, against what repeatability alone would show.
 
-Four forms are compared by their marginal likelihoods: none (ln R is constant) and the three of `courses.py`. The start of ln R
-has a flat prior, the same in all forms; amplitudes have half-normal priors of stated widths, and each course's likelihood is
-their integral in closed form (a Gaussian times the probability that both are positive: `orthant.py`); places of turns and
-curvatures are summed over a grid. Before looking none has probability 1/2, the others 1/6 each.
+Four forms are compared by their marginal likelihoods: none (ln R is constant) and the three of `courses.py`. The start
+of ln R has a flat prior, the same in all forms; amplitudes have half-normal priors of stated widths, and each course's
+likelihood is their integral in closed form (a Gaussian times the probability that both are positive: `orthant.py`);
+places of turns and curvatures are summed over a grid. Before looking none has probability 1/2, the others 1/6 each.
 
-Whether anything is there at all is asked apart from that: the summed evidence for a change is compared with the same number of
-series that are constant but for normal errors of the same standard deviations at the same doses. A form is named where fewer
-than 1 in 100 of those show as much, and none is not the more probable even so. (BIC over four forms calls healthy series of
-17 checks a trend in 10 of 24 cases.)
+Whether anything is there at all is asked apart from that: the summed evidence for a change is compared with the same
+number of series that are constant but for normal errors of the same standard deviations at the same doses. A form is
+named where fewer than 1 in 100 of those show as much, and none is not the more probable even so. (BIC over four forms
+calls healthy series of 17 checks a trend in 10 of 24 cases.)
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ NONE = "none"
 PRIOR_NONE = 0.5
 SIGNIFICANCE = 0.01
 NULL_SERIES = 999
-COARSE_TURNS, FINE_TURNS = 6, 63
+COARSE_TURNS, FINE_TURNS = 5, 63
 DRAWS, SWEEPS = 1000, 8
 FINE = np.linspace(0.0, 1.0, 101)
 PERCENT_PER_100_H = 1e4  # of a slope of ln R in 1/h
@@ -40,14 +40,15 @@ LEAST_DOSES = 3
 
 @dataclass(frozen=True)
 class Form:
-    """`name`: none, monotone, dip_then_rise or changepoint, with its `probability`; `probabilities` are those of all four.
+    """`name`: none, monotone, dip_then_rise or changepoint, with its `probability`; `probabilities` are those of all
+    four.
 
     `change_at_dose_h`: where a changepoint or the lowest point of a dip lies [h], with the interval of 95 %; else None.
-    `slope_percent_per_100h`: mean change of R over `branch_dose_h` [%/100 h; positive: worse], with the interval of 95 %: the
-    whole course where the form is none (a straight line) or monotone, from the change to the last check otherwise, or to where
-    a rise has become level. `level_from_dose_h`: that place, where `level_probability` of a level is above one half.
-    `p_value`: share of series without any change that show as much. `why`: what kept this from being assessed, or empty.
-    """
+    `slope_percent_per_100h`: mean change of R over `branch_dose_h` [%/100 h; positive: worse], with the interval of 95
+    %: the whole course where the form is none (a straight line) or monotone, from the change to the last check
+    otherwise, or to where a rise has become level. `level_from_dose_h`: that place, where `level_probability` of a
+    level is above one half. `p_value`: share of series without any change that show as much. `why`: what kept this from
+    being assessed, or empty."""
 
     name: str
     probability: float
@@ -71,9 +72,9 @@ def assess(
     seed: int = 0,
     degrees_of_freedom: float = math.inf,
 ) -> Form:
-    """The form of one specimen's checks in any order: dose (n,) [h], ln R (n,), and the standard deviation of ln R between
-    repeats (n,) or one for all, known with `degrees_of_freedom` (series of the null have another true one each). Rows that
-    are not finite are left out; below three different doses nothing is said."""
+    """The form of one specimen's checks in any order: dose (n,) [h], ln R (n,), and the standard deviation of ln R
+    between repeats (n,) or one for all, known with `degrees_of_freedom` (series of the null have another true one
+    each). Rows that are not finite are left out; below three different doses nothing is said."""
     dose, y, s = _clean(dose_h, ln_resistance, sd)
     distinct = np.unique(dose)
     if len(distinct) < LEAST_DOSES:
@@ -171,7 +172,7 @@ def _p_value(x: Floats, y: Floats, sd: Floats, seed: int, degrees_of_freedom: fl
     return float((1 + np.count_nonzero(null >= seen)) / (1 + NULL_SERIES))
 
 
-@lru_cache(maxsize=256)
+@lru_cache(maxsize=64)
 def _null(
     x_bytes: bytes, sd_bytes: bytes, seed: int, degrees_of_freedom: float
 ) -> tuple[Sequence[tuple[Floats, _Posterior]], Floats]:
@@ -197,7 +198,8 @@ def _evidence(coarse: Sequence[tuple[Floats, _Posterior]], white: Floats) -> Flo
 
 @dataclass(frozen=True)
 class _Drawn:
-    """Courses drawn from the posterior, in x: where each turns, the mean slope after it, and where the rise ends (m,)."""
+    """Courses drawn from the posterior, in x: where each turns, the mean slope after it, and where the rise ends
+    (m,)."""
 
     turn: Floats
     slope: Floats

@@ -2,14 +2,14 @@
 
     y_ij = x_ij' beta + b_i + (s_i + u_batch(i)) D_ij + w_session(ij) + sd_ij e_ij
 
-with (b_i, s_i) normal with any covariance, u, w and e normal and independent, var e = scale^2. The variances are by restricted
-maximum likelihood (Patterson and Thompson, Biometrika 58 (1971) 545, DOI 10.1093/biomet/58.3.545), profiled over beta and the
-scale as Bates, Maechler, Bolker and Walker do (J. Stat. Softw. 67 (2015) 1, DOI 10.18637/jss.v067.i01): the covariance of a
-specimen's pair is scale^2 L L' with L lower triangular and its diagonal not negative, so that a variance of exactly 0 is an
-ordinary point of the search and the rest stays right there.
+with (b_i, s_i) normal with any covariance, u, w and e normal and independent, var e = scale^2. The variances are by
+restricted maximum likelihood (Patterson and Thompson, Biometrika 58 (1971) 545, DOI 10.1093/biomet/58.3.545), profiled
+over beta and the scale as Bates, Maechler, Bolker and Walker do (J. Stat. Softw. 67 (2015) 1, DOI
+10.18637/jss.v067.i01): the covariance of a specimen's pair is scale^2 L L' with L lower triangular and its diagonal not
+negative, so that a variance of exactly 0 is an ordinary point of the search and the rest stays right there.
 
-Rows enter through sums a specimen (2 x 2 and its products with the shared columns), made once; one evaluation eliminates every
-specimen's pair at once and solves for what specimens share.
+Rows enter through sums a specimen (2 x 2 and its products with the shared columns), made once; one evaluation
+eliminates every specimen's pair at once and solves for what specimens share.
 """
 
 from __future__ import annotations
@@ -36,7 +36,8 @@ CHANCE = 0.01
 
 
 def bends(dose_h: ArrayLike, specimens: int) -> Floats:
-    """Doses [h] at which the course that all specimens share may bend: quartiles of the checks' doses, none for few specimens."""
+    """Doses [h] at which the course that all specimens share may bend: quartiles of the checks' doses, none for few
+    specimens."""
     dose = np.asarray(dose_h, np.float64)
     knots = np.unique(np.quantile(dose, BENDS)) if specimens >= LEAST_FOR_BENDS else np.empty(0)
     return np.asarray(knots[(knots > dose.min()) & (knots < dose.max())], np.float64)
@@ -51,8 +52,8 @@ def bent_line(dose_h: ArrayLike, knots: Floats) -> Floats:
 def fit_course(
     specimen: ArrayLike, dose_h: ArrayLike, y: ArrayLike, sd: ArrayLike, batch: ArrayLike | None = None
 ) -> tuple[MixedFit, Floats]:
-    """The fit, not degenerate, with the bends that all specimens share, and these (k,) [h]: where their Wald statistic is one that
-    chance makes in less than 1 of 100 fleets, else without any."""
+    """The fit, not degenerate, with the bends that all specimens share, and these (k,) [h]: where their Wald statistic
+    is one that chance makes in less than 1 of 100 fleets, else without any."""
     knots = bends(dose_h, int(np.max(specimen)) + 1)
     if len(knots):
         bent = fit(specimen, dose_h, y, sd, bent_line(dose_h, knots), batch, nondegenerate=True)
@@ -64,13 +65,14 @@ def fit_course(
 
 @dataclass(frozen=True)
 class MixedFit:
-    """`fixed` (p,) with covariance (p, p). Standard deviations: of the start (of y), of the specimens' slopes, of the batches'
-    slopes (y / h) and of the sessions (y), 0 where the data show none; `correlation` of start and slope (0 where either is 0);
-    `scale`: what the given sds are to be multiplied by. `deviance`: minus twice the restricted log-likelihood.
+    """`fixed` (p,) with covariance (p, p). Standard deviations: of the start (of y), of the specimens' slopes, of the
+    batches' slopes (y / h) and of the sessions (y), 0 where the data show none; `correlation` of start and slope (0
+    where either is 0); `scale`: what the given sds are to be multiplied by. `deviance`: minus twice the restricted
+    log-likelihood.
 
-    `effect` (m, 2): b_i and s_i + u_batch(i), the best linear unbiased predictions; `joint` (m, p + 2, p + 2): covariance of
-    (beta, effect) with the variances held at their estimates. `batch_slope` (k,), `session` (j,): u and w.
-    """
+    `effect` (m, 2): b_i and s_i + u_batch(i), the best linear unbiased predictions; `joint` (m, p + 2, p + 2):
+    covariance of (beta, effect) with the variances held at their estimates. `batch_slope` (k,), `session` (j,): u and
+    w."""
 
     fixed: Floats
     fixed_covariance: Floats
@@ -98,12 +100,13 @@ def fit(
     session: ArrayLike | None = None,
     nondegenerate: bool = False,
 ) -> MixedFit:
-    """Rows in any order: place of the specimen (n,) from 0 to m - 1, dose (n,) [h], y (n,), standard deviation (n,) but for one
-    common factor. `fixed` (n, p): columns of x; a constant and the dose where left out. `batch` (m,): place of each
-    specimen's batch, `session` (n,): place of each row's session; -1 for none. Needs more rows than p.
+    """Rows in any order: place of the specimen (n,) from 0 to m - 1, dose (n,) [h], y (n,), standard deviation (n,) but
+    for one common factor. `fixed` (n, p): columns of x; a constant and the dose where left out. `batch` (m,): place of
+    each specimen's batch, `session` (n,): place of each row's session; -1 for none. Needs more rows than p.
 
-    `nondegenerate`: with the weak prior of Chung et al. (Psychometrika 78 (2013) 685, DOI 10.1007/s11336-013-9328-2) on the standard
-    deviations of slopes, proportional to them. A few specimens often make them exactly 0 by chance, and bands too narrow."""
+    `nondegenerate`: with the weak prior of Chung et al. (Psychometrika 78 (2013) 685, DOI 10.1007/s11336-013-9328-2) on
+    the standard deviations of slopes, proportional to them. A few specimens often make them exactly 0 by chance, and
+    bands too narrow."""
     sums = _Sums.of(specimen, dose_h, y, sd, fixed, batch, session)
     best = _search(sums, 1.0, nondegenerate)
     free = [0, 2] + [3] * (sums.batches > 1) + [4] * (sums.sessions > 1)
@@ -114,8 +117,9 @@ def fit(
 
 @dataclass(frozen=True)
 class _Sums:
-    """Weighted sums over rows, in units in which doses, columns and weights are about 1. Shared columns: batch slopes, sessions,
-    then the fixed ones. `zz` (m, 2, 2), `zs` (m, 2, q), `zy` (m, 2): of a specimen's constant and dose; `ss`, `sy`, `yy`."""
+    """Weighted sums over rows, in units in which doses, columns and weights are about 1. Shared columns: batch slopes,
+    sessions, then the fixed ones. `zz` (m, 2, 2), `zs` (m, 2, q), `zy` (m, 2): of a specimen's constant and dose; `ss`,
+    `sy`, `yy`."""
 
     zz: Floats
     zs: Floats
@@ -199,8 +203,9 @@ def _in_place(row: Ints, column: Ints, value: Floats, rows: int) -> sparse.csr_m
 
 @dataclass(frozen=True)
 class _Solved:
-    """At one set of variances: L (2, 2), the inverse of I + L' zz L (m, 2, 2), the shared columns' relative standard deviations
-    (q,), 1 for fixed ones, the Cholesky factor of what is left for them, its solution, scale^2 and the deviance."""
+    """At one set of variances: L (2, 2), the inverse of I + L' zz L (m, 2, 2), the shared columns' relative standard
+    deviations (q,), 1 for fixed ones, the Cholesky factor of what is left for them, its solution, scale^2 and the
+    deviance."""
 
     lower: Floats
     inverse: Floats

@@ -1,8 +1,9 @@
 """The probability that two correlated normal variables are both positive, accurate far into its tail.
 
-P(X > 0, Y > 0) is what a half-normal prior on two amplitudes makes of a Gaussian marginal likelihood. Where it is not small it
-comes from Owen's T function (Owen, Ann. Math. Statist. 27 (1956) 1075, DOI 10.1214/aoms/1177728074); in the tail that formula
-cancels, and the integral over the more improbable of the two is done by Gauss-Legendre quadrature around its highest point.
+P(X > 0, Y > 0) is what a half-normal prior on two amplitudes makes of a Gaussian marginal likelihood. Where it is not
+small it comes from Owen's T function (Owen, Ann. Math. Statist. 27 (1956) 1075, DOI 10.1214/aoms/1177728074); in the
+tail that formula cancels, and the integral over the more improbable of the two is done by Gauss-Legendre quadrature
+around its highest point.
 """
 
 from __future__ import annotations
@@ -21,8 +22,8 @@ ROOT_TWO_PI = 2.5066282746310002
 
 
 def log_both_positive(a: Floats, b: Floats, correlation: Floats) -> Floats:
-    """ln P(X > 0, Y > 0) for means `a`, `b` and standard deviations 1, element by element; shapes alike. Correlations of
-    exactly -1 or 1 are not meant. To 1e-8 relative."""
+    """ln P(X > 0, Y > 0) for means `a`, `b` and standard deviations 1, element by element; shapes alike. Correlations
+    of exactly -1 or 1 are not meant. To 1e-8 relative."""
     r = np.sqrt((1.0 - correlation) * (1.0 + correlation))
     a_, b_ = np.where(a == 0.0, 1e-300, a), np.where(b == 0.0, 1e-300, b)
     with np.errstate(over="ignore"):

@@ -1,18 +1,18 @@
 """Which specimens, and which batches, age faster than the rest of the fleet does.
 
-Each specimen has a slope of its own (`slopes.py`), less what all specimens have in common where the fleet's course is bent.
-Slopes scatter about the centre of their batch by tau beside their own errors; centres of batches scatter about the fleet's.
-Centres are Huber's, and both spreads come from squares cut at (2.5 sd)^2, so that what stands out does not hide itself. Where
-few specimens or batches are there to learn a spread from, it leans on what is usual: specimens differ by three tenths, batches
-by a seventh of the common slope, with the weight of three specimens and four batches.
+Each specimen has a slope of its own (`slopes.py`), less what all specimens have in common where the fleet's course is
+bent. Slopes scatter about the centre of their batch by tau beside their own errors; centres of batches scatter about
+the fleet's. Centres are Huber's, and both spreads come from squares cut at (2.5 sd)^2, so that what stands out does not
+hide itself. Where few specimens or batches are there to learn a spread from, it leans on what is usual: specimens
+differ by three tenths, batches by a seventh of the common slope, with the weight of three specimens and four batches.
 
-A batch is tested first, by its centre against those of the others; then each specimen against the centre of its batch: its own
-where the batch is outlying, so that the members of a bad batch are not listed one by one unless they stand out of it too, and
-else one that leans on the fleet's. What is tested takes no part in what it is tested against. Scores are one-sided (outlying means
-worse) and compared with Student's t, as tails are heavier than normal: at most eight degrees of freedom for what specimens and
-batches truly are, four more than its checks for a specimen's own error, and between them by Welch (Biometrika 34 (1947) 28,
-DOI 10.1093/biomet/34.1-2.28) where both count. Lists keep the false-discovery rate of Benjamini and Hochberg (J. R. Stat. Soc.
-B 57 (1995) 289, DOI 10.1111/j.2517-6161.1995.tb02031.x).
+A batch is tested first, by its centre against those of the others; then each specimen against the centre of its batch:
+its own where the batch is outlying, so that the members of a bad batch are not listed one by one unless they stand out
+of it too, and else one that leans on the fleet's. What is tested takes no part in what it is tested against. Scores are
+one-sided (outlying means worse) and compared with Student's t, as tails are heavier than normal: at most eight degrees
+of freedom for what specimens and batches truly are, four more than its checks for a specimen's own error, and between
+them by Welch (Biometrika 34 (1947) 28, DOI 10.1093/biomet/34.1-2.28) where both count. Lists keep the false-discovery
+rate of Benjamini and Hochberg (J. R. Stat. Soc. B 57 (1995) 289, DOI 10.1111/j.2517-6161.1995.tb02031.x).
 """
 
 from __future__ import annotations
@@ -48,9 +48,10 @@ RETESTED = 40  # specimens with the highest scores, compared once more with all 
 
 @dataclass(frozen=True)
 class SpecimenHealth:
-    """`slope_percent_per_100h` by its own checks with the interval of 95 % [%/100 h; positive: worse], None where it has no two
-    different doses; `score`: by how many standard deviations it is above its batch; `p_value` of that; `step_at_dose_h`: from where
-    on a step was taken out that no insulation makes. `why`: what kept it from being compared, or empty."""
+    """`slope_percent_per_100h` by its own checks with the interval of 95 % [%/100 h; positive: worse], None where it
+    has no two different doses; `score`: by how many standard deviations it is above its batch; `p_value` of that;
+    `step_at_dose_h`: from where on a step was taken out that no insulation makes. `why`: what kept it from being
+    compared, or empty."""
 
     specimen: str
     batch: str | None
@@ -79,8 +80,9 @@ class BatchHealth:
 
 @dataclass(frozen=True)
 class FleetAssessment:
-    """In the order of names. `slope_percent_per_100h`: of the fleet; `specimen_spread`, `batch_spread`: standard deviations of healthy
-    slopes [%/100 h]; `noise_scale`: what the given standard deviations had to be multiplied by."""
+    """In the order of names. `slope_percent_per_100h`: of the fleet; `specimen_spread`, `batch_spread`: standard
+    deviations of healthy slopes [%/100 h]; `noise_scale`: what the given standard deviations had to be multiplied
+    by."""
 
     specimens: tuple[SpecimenHealth, ...]
     batches: tuple[BatchHealth, ...]
@@ -109,8 +111,9 @@ def assess(
     sd: ArrayLike,
     false_discovery_rate: float = 0.05,
 ) -> FleetAssessment:
-    """One entry a check, in any order: specimen and batch (n,), dose (n,) [h], ln R (n,), its standard deviation between repeats (n,)
-    or one for all. A specimen's batch is the last that its checks name. Rows that are not finite are left out."""
+    """One entry a check, in any order: specimen and batch (n,), dose (n,) [h], ln R (n,), its standard deviation
+    between repeats (n,) or one for all. A specimen's batch is the last that its checks name. Rows that are not finite
+    are left out."""
     names = sorted(set(specimen))
     place = {name: k for k, name in enumerate(names)}
     who = np.array([place[name] for name in specimen], np.int64)
@@ -148,8 +151,8 @@ def assess(
 
 
 def benjamini_hochberg(p_values: ArrayLike, rate: float) -> Flags:
-    """Which of independent or positively dependent tests (n,) stand out, so that the expected share of false ones among them is
-    at most `rate`."""
+    """Which of independent or positively dependent tests (n,) stand out, so that the expected share of false ones among
+    them is at most `rate`."""
     p = np.asarray(p_values, np.float64)
     order = np.argsort(p)
     passed = np.flatnonzero(p[order] <= rate * np.arange(1, len(p) + 1) / len(p))
@@ -189,7 +192,8 @@ class _Rows:
 
 
 def _without_bends(who: Ints, dose: Floats, y: Floats, sd: Floats) -> Floats:
-    """y less the bends that the courses of all specimens share, so that a specimen seen early compares with one seen late."""
+    """y less the bends that the courses of all specimens share, so that a specimen seen early compares with one seen
+    late."""
     present, code = np.unique(who, return_inverse=True)
     if not len(present) or not len(mixed.bends(dose, len(present))):
         return y
@@ -212,8 +216,8 @@ class _Test:
 
 @dataclass(frozen=True)
 class _Fleet:
-    """Slopes [1/h], variances of their errors, numbers of checks and places of their batches (m,); `batches` is the place of
-    those without one."""
+    """Slopes [1/h], variances of their errors, numbers of checks and places of their batches (m,); `batches` is the
+    place of those without one."""
 
     slope: Floats
     variance: Floats
@@ -244,7 +248,8 @@ class _Fleet:
 
 
 def _without_steps(fleet: _Fleet, known: Ints, rows: _Rows, own: Slopes, rate: float) -> tuple[_Fleet, dict[int, Step]]:
-    """The fleet with the slopes beside a step where a step explains better what would else stand out, and those steps."""
+    """The fleet with the slopes beside a step where a step explains better what would else stand out, and those
+    steps."""
     bad = np.array([k for k, test in _test_batches(fleet, rate).items() if test.outlying], np.int64)
     centre, variance = _centres(fleet, bad)
     scores = _scores(fleet, fleet, bad)

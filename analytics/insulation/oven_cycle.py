@@ -1,8 +1,8 @@
 """Thermal cycles cut from a temperature trace itself, and its hours by temperature.
 
-Between two samples the temperature is a straight line, so that a step that crosses a temperature counts in part on either
-side. Steps of more than `GAP_MEDIANS` median steps are gaps: what happened in them is not known, they count nowhere and are said.
-Samples that are NaN are as if they were not there.
+Between two samples the temperature is a straight line, so that a step that crosses a temperature counts in part on
+either side. Steps of more than `GAP_MEDIANS` median steps are gaps: what happened in them is not known, they count
+nowhere and are said. Samples that are NaN are as if they were not there.
 """
 
 from __future__ import annotations
@@ -29,11 +29,11 @@ HOUR_S = 3600.0
 class Cycle:
     """One stay above the threshold, times [s] as in the trace.
 
-    `heating_from_s` the trace leaves the lowest since the cycle before or the log's begin (None: it begins above the threshold);
-    `soak_from_s`, `soak_to_s` first and last moment near the soak's level, the median over the time above the threshold;
-    `cooling_to_s` the trace is at the lowest before the next cycle or the log's end (None: it ends above the threshold).
-    `soak_degC` mean over the soak; `hours_above` the threshold [h], as far as known; of these times `unknown_h` [h] are in `gaps`
-    gaps.
+    `heating_from_s` the trace leaves the lowest since the cycle before or the log's begin (None: it begins above the
+    threshold); `soak_from_s`, `soak_to_s` first and last moment near the soak's level, the median over the time above
+    the threshold; `cooling_to_s` the trace is at the lowest before the next cycle or the log's end (None: it ends
+    above the threshold). `soak_degC` mean over the soak; `hours_above` the threshold [h], as far as known; of these
+    times `unknown_h` [h] are in `gaps` gaps.
     """
 
     heating_from_s: float | None
@@ -85,8 +85,8 @@ class _Trace:
 def cycles(t_s: Floats, value_degC: Floats, threshold_degC: float = THRESHOLD_DEGC) -> tuple[Cycle, ...]:
     """The cycles of a trace, in order: `t_s` (N,) [s] not falling, `value_degC` (N,) [degC], NaN where missing.
 
-    A cycle exceeds the threshold by 2 K and ends 20 K below it, so hours of a trace that stays within these belong to none:
-    the dose of a log is `hours_above` of the whole trace. ValueError where the time falls or the shapes differ.
+    A cycle exceeds the threshold by 2 K and ends 20 K below it, so hours of a trace that stays within these belong to
+    none: the dose of a log is `hours_above` of the whole trace. ValueError where the time falls or the shapes differ.
     """
     trace = _clean(t_s, value_degC)
     stays = _stays(trace.value, threshold_degC)
@@ -107,8 +107,8 @@ def hours_above(t_s: Floats, value_degC: Floats, degC: float = THRESHOLD_DEGC) -
 def histogram(t_s: Floats, value_degC: Floats, width_K: float = 0.1) -> Histogram:
     """Hours of a trace by temperature, each within half of `width_K` [K] of a multiple of it; arguments as in `cycles`.
 
-    Equivalent hours under any rule are one sum over it, `arrhenius.equivalent_hours(h.centres_degC, h.hours, ...)`. The centres, not
-    the edges, are the multiples, as a logger's rounded samples then lie at the centres.
+    Equivalent hours under any rule are one sum over it, `arrhenius.equivalent_hours(h.centres_degC, h.hours, ...)`.
+    The centres, not the edges, are the multiples, as a logger's rounded samples then lie at the centres.
     """
     trace = _clean(t_s, value_degC)
     if not trace.value.size:
@@ -132,8 +132,8 @@ def _clean(t_s: Floats, value: Floats) -> _Trace:
 
 
 def _hours_below(trace: _Trace, degC: Floats) -> Floats:
-    """Hours below each of `degC` (B,), rising: the sum over steps of dt clip((x - low) / (high - low), 0, 1), as sums over the
-    steps that are wholly below and those that are partly, sorted once."""
+    """Hours below each of `degC` (B,), rising: the sum over steps of dt clip((x - low) / (high - low), 0, 1), as sums
+    over the steps that are wholly below and those that are partly, sorted once."""
     seconds = np.diff(trace.t_s)[trace.known]
     low = np.minimum(trace.value[:-1], trace.value[1:])[trace.known]
     high = np.maximum(trace.value[:-1], trace.value[1:])[trace.known]
@@ -169,7 +169,8 @@ def _stays(value: Floats, threshold: float) -> list[tuple[int, int]]:
 
 
 def _cycle(trace: _Trace, first: int, last: int, after: int, before: int, threshold: float) -> Cycle:
-    """The stay from sample `first` to `last`; the stay before it ends at `after`, the one behind it begins at `before`."""
+    """The stay from sample `first` to `last`; the stay before it ends at `after`, the one behind it begins at
+    `before`."""
     t, value = trace.t_s, trace.value
     level = _median_over_time(t[first : last + 1], value[first : last + 1])
     heating, cooling = value[after:first], value[last + 1 : before + 1]

@@ -1,12 +1,13 @@
 """How much dose each specimen has left until its insulation is at its end, with what the others tell about it.
 
-End of life is ln R above its value at dose 0 by ln(factor): a factor of 2 is a conductivity of half. The course is the mixed
-model's (`mixed.py`): what all specimens share, which is straight beyond the last bend, and a slope of the specimen's own, shrunk
-towards that of its batch and the fleet as far as its checks leave it open, so that one with three checks borrows from the rest.
+End of life is ln R above its value at dose 0 by ln(factor): a factor of 2 is a conductivity of half. The course is the
+mixed model's (`mixed.py`): what all specimens share, which is straight beyond the last bend, and a slope of the
+specimen's own, shrunk towards that of its batch and the fleet as far as its checks leave it open, so that one with
+three checks borrows from the rest.
 
-By dose D it is over with probability P(y(D) - y(0) > ln(factor)), where y(D) - y(0) is normal (Student's t with one degree of freedom
-less than there are specimens) with the model's mean and with the variance of prediction and fixed effects together. Where even
-far out the probability stays below what a bound asks for, there is no bound.
+By dose D it is over with probability P(y(D) - y(0) > ln(factor)), where y(D) - y(0) is normal (Student's t with one
+degree of freedom less than there are specimens) with the model's mean and with the variance of prediction and fixed
+effects together. Where even far out the probability stays below what a bound asks for, there is no bound.
 """
 
 from __future__ import annotations
@@ -31,9 +32,9 @@ DOSES = 600  # at which the probability is computed, in equal ratios: 4 %, inter
 
 @dataclass(frozen=True)
 class RemainingLife:
-    """`dose_h`: at the last check. `end_dose_h`: at which the criterion is met, and `remaining_h`: from the last check on, each with the
-    interval of 95 %; None where no dose has that probability. `slope_percent_per_100h`: of its course beyond the last check, with its
-    standard deviation [%/100 h]."""
+    """`dose_h`: at the last check. `end_dose_h`: at which the criterion is met, and `remaining_h`: from the last check
+    on, each with the interval of 95 %; None where no dose has that probability. `slope_percent_per_100h`: of its course
+    beyond the last check, with its standard deviation [%/100 h]."""
 
     specimen: str
     dose_h: float
@@ -53,8 +54,9 @@ def remaining(
     sd: ArrayLike,
     factor: float = HALF_CONDUCTIVITY,
 ) -> tuple[RemainingLife, ...]:
-    """One entry a check, in any order, as for `outlying.assess`; specimens in the order of names. Rows that are not finite are left out,
-    and specimens without any left. Empty below three specimens or where all checks are at one dose."""
+    """One entry a check, in any order, as for `outlying.assess`; specimens in the order of names. Rows that are not
+    finite are left out, and specimens without any left. Empty below three specimens or where all checks are at one
+    dose."""
     dose, y = np.asarray(dose_h, np.float64), np.asarray(ln_resistance, np.float64)
     s = np.broadcast_to(np.asarray(sd, np.float64), dose.shape)
     good = np.isfinite(dose) & np.isfinite(y) & np.isfinite(s) & (s > 0.0)
@@ -79,7 +81,8 @@ def remaining(
 
 
 def _courses(fit: mixed.MixedFit, knots: Floats, at: Floats, limit: float) -> tuple[Floats, Floats, Floats]:
-    """By how many standard deviations each course (m, n) is over the limit at each dose, its slope far out and that one's (m,)."""
+    """By how many standard deviations each course (m, n) is over the limit at each dose, its slope far out and that
+    one's (m,)."""
     columns = mixed.bent_line(at, knots) - mixed.bent_line([0.0], knots)
     ways = np.column_stack([columns, np.zeros_like(at), at])  # beta, start, slope
     far = np.concatenate([[0.0], np.ones(1 + len(knots)), [0.0, 1.0]])

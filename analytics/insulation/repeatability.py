@@ -3,13 +3,15 @@
 Two ways lead to it, both pooled over specimens:
 
 - repeats: checks of one specimen at the same dose, each group about its own mean;
-- scatter about smooth courses: each check against the straight line between its neighbours in dose, which is normal with a
-  known multiple of the standard deviation where the course is smooth (Gasser, Sroka and Jennen-Steinmetz, Biometrika 73 (1986)
-  625, DOI 10.1093/biomet/73.3.625); squares are cut at (2.5 sd)^2, so that corners and steps count little.
+- scatter about smooth courses: each check against the straight line between its neighbours in dose, which is normal
+  with a known multiple of the standard deviation where the course is smooth (Gasser, Sroka and Jennen-Steinmetz,
+  Biometrika 73 (1986) 625, DOI 10.1093/biomet/73.3.625); squares are cut at (2.5 sd)^2, so that corners and steps count
+  little.
 
-Where both are there and agree, one standard deviation comes from both. Repeats on one day may share what changes from day to
-day (a clamp, a paste, the air): where the scatter of the courses is larger than theirs by more than chance (1 in 100), it is
-what two checks truly differ by, and is taken alone; where it is smaller by more than chance, the repeats are.
+Where both are there and agree, one standard deviation comes from both. Repeats on one day may share what changes from
+day to day (a clamp, a paste, the air): where the scatter of the courses is larger than theirs by more than chance (1 in
+100), it is what two checks truly differ by, and is taken alone; where it is smaller by more than chance, the repeats
+are.
 """
 
 from __future__ import annotations
@@ -36,8 +38,8 @@ CHANCE = 0.01
 
 @dataclass(frozen=True)
 class Repeatability:
-    """`sd` of ln R between repeats (0.03: 3 %), known with `degrees_of_freedom` (infinite where assumed); `source`: "repeats",
-    "scatter about smooth courses", "repeats and scatter" or "assumed"."""
+    """`sd` of ln R between repeats (0.03: 3 %), known with `degrees_of_freedom` (infinite where assumed); `source`:
+    "repeats", "scatter about smooth courses", "repeats and scatter" or "assumed"."""
 
     sd: float
     degrees_of_freedom: float
@@ -45,8 +47,8 @@ class Repeatability:
 
 
 def estimate(specimen: Sequence[Hashable], dose_h: ArrayLike, ln_resistance: ArrayLike) -> Repeatability:
-    """From all checks of all specimens, in any order: `specimen` (n,), dose (n,) [h], ln R (n,). Rows that are not finite are left
-    out. 3 % is assumed where both ways have fewer than four degrees of freedom."""
+    """From all checks of all specimens, in any order: `specimen` (n,), dose (n,) [h], ln R (n,). Rows that are not
+    finite are left out. 3 % is assumed where both ways have fewer than four degrees of freedom."""
     groups: list[tuple[float, int]] = []
     scatters: list[Floats] = []
     for doses, values in _of_each(specimen, dose_h, ln_resistance):
@@ -77,7 +79,8 @@ def _of_each(specimen: Sequence[Hashable], dose_h: ArrayLike, ln_resistance: Arr
 
 
 def _against_neighbours(dose: Floats, mean: Floats, size: NDArray[np.int64]) -> Floats:
-    """Each inner check less the line between its neighbours, over what its standard deviation is in multiples of one check's."""
+    """Each inner check less the line between its neighbours, over what its standard deviation is in multiples of one
+    check's."""
     if len(dose) < 3:
         return np.empty(0)
     share = (dose[1:-1] - dose[:-2]) / (dose[2:] - dose[:-2])  # of the later neighbour

@@ -1,8 +1,9 @@
 """Centres of groups and the spread about them, of values with errors of their own, robust to the few that stand out.
 
-Values v_i = centre of the group + N(0, tau^2) + N(0, error_i^2). Centres are Huber's estimate with weights 1 / (tau^2 + error_i^2); tau^2
-solves the score equation of the restricted likelihood with squares cut at (2.5 sd)^2, plus that of a scaled inverse chi-square
-prior (Gelman et al., Bayesian Data Analysis, 3rd ed., 2013, section 2.6): where few values are there, tau is what is usual.
+Values v_i = centre of the group + N(0, tau^2) + N(0, error_i^2). Centres are Huber's estimate with weights 1 / (tau^2 +
+error_i^2); tau^2 solves the score equation of the restricted likelihood with squares cut at (2.5 sd)^2, plus that of a
+scaled inverse chi-square prior (Gelman et al., Bayesian Data Analysis, 3rd ed., 2013, section 2.6): where few values
+are there, tau is what is usual.
 """
 
 from __future__ import annotations
@@ -35,8 +36,8 @@ class Spread:
 def spread(
     value: Floats, variance: Floats, group: Ints, groups: int, usual_share: float, least: float, weight: float
 ) -> Spread:
-    """`value`, `variance` of its error, and its `group` (n,). The usual tau is `usual_share` of the median centre or `least`,
-    with the weight of `weight` values. Needs one value at least."""
+    """`value`, `variance` of its error, and its `group` (n,). The usual tau is `usual_share` of the median centre or
+    `least`, with the weight of `weight` values. Needs one value at least."""
     present = np.unique(group)
     centre = np.full(groups, np.nan)
     centre[present] = [np.median(value[group == k]) for k in present]

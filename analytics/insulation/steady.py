@@ -4,22 +4,24 @@ Every series y of one check approaches its end with the same rates,
 
     y(t) - a(t) = Y - B exp(-t / tau) - C exp(-t / (r tau)),        tau da/dt = T_ambient - a,
 
-the slowest time tau of the whole body and a faster one that bends the curve (films get better as it warms); a is the ambient
-as slow bodies feel it. tau and r are on a grid, for each the rest is linear; the answer is their mean, weighed by likelihood with
-noise that is correlated from minute to minute. C has a prior of `BEND_SHARE` of the rise, else a slow end and a strong bend fit
-as well as a fast end. Two exponentials are not the law of a film that goes with the temperature: `MODEL_SHARE` of what is
-extrapolated is the error of that, and `COUPLING_SHARE` of what the ambient did in the last tau that of its coupling.
+the slowest time tau of the whole body and a faster one that bends the curve (films get better as it warms); a is the
+ambient as slow bodies feel it. tau and r are on a grid, for each the rest is linear; the answer is their mean,
+weighed by likelihood with noise that is correlated from minute to minute. C has a prior of `BEND_SHARE` of the rise,
+else a slow end and a strong bend fit as well as a fast end. Two exponentials are not the law of a film that goes with
+the temperature: `MODEL_SHARE` of what is extrapolated is the error of that, and `COUPLING_SHARE` of what the ambient
+did in the last tau that of its coupling.
 
-Steady: what is left and its sd are each under `STEADY_SHARE` of the rise; then the mean of the last 10 min is the answer.
-Not reached: the sd is over `LOST_SHARE` of the rise.
+Steady: what is left and its sd are each under `STEADY_SHARE` of the rise; then the mean of the last 10 min is the
+answer. Not reached: the sd is over `LOST_SHARE` of the rise.
 
-The drop over a resistance settles otherwise. While the body behind it still warms, more heat goes through it than at rest; with
-D the drop, P the power and T the body's temperature
+The drop over a resistance settles otherwise. While the body behind it still warms, more heat goes through it than at
+rest; with D the drop, P the power and T the body's temperature
 
     D / P = R + k (dT/dt) / P,
 
-as the winding's own modes are over after minutes and the body's balance ties its excess over the ambient to P and dT/dt. The
-intercept is R at rest, also of a load that was stopped after an hour, and whatever the ambient does to dT/dt.
+as the winding's own modes are over after minutes and the body's balance ties its excess over the ambient to P and
+dT/dt. The intercept is R at rest, also of a load that was stopped after an hour, and whatever the ambient does to
+dT/dt.
 """
 
 from __future__ import annotations
@@ -38,9 +40,9 @@ BLOCK_S = 60.0
 TAU_S = np.geomspace(600.0, 8000.0, 24)
 FASTER = (0.15, 0.25, 0.4, 0.6)  # r
 BEND_SHARE = 0.15
-MODEL_SHARE = 0.1
+MODEL_SHARE = 0.15
 COUPLING_SHARE = 0.2
-STEADY_SHARE, LOST_SHARE = 0.01, 0.03
+STEADY_SHARE, LOST_SHARE = 0.01, 0.05
 RATE_S = 300.0  # either side of a moment, for the body's rate
 REST_SHARE = 0.002  # of a resistance at rest: what its straight line leaves, on a bare stator of 24 lumps
 PARAMETERS = 5  # Y, B, C, tau and r
@@ -49,8 +51,8 @@ MOST_LAG = 0.98
 
 @dataclass(frozen=True)
 class Settled:
-    """Of each series (k,): `last` the mean over the last 10 min, `final` where it goes at the ambient of these, and `sd` of that;
-    `rise` how far it has come. `tau_s` [s] of the slowest mode."""
+    """Of each series (k,): `last` the mean over the last 10 min, `final` where it goes at the ambient of these, and
+    `sd` of that; `rise` how far it has come. `tau_s` [s] of the slowest mode."""
 
     last: Floats
     final: Floats
@@ -71,18 +73,18 @@ class Settled:
 
 @dataclass(frozen=True)
 class AtRest:
-    """A resistance [K/W] `value` at rest with its `sd`, and `last` the drop over the power of the last 10 min."""
+    """A resistance at rest [K/W] and its sd [K/W]."""
 
     value: float
     sd: float
-    last: float
 
 
 def settle(t_s: Floats, series: Floats, ambient: Floats | None, follows: Floats) -> Settled | None:
     """Where `series` (N, k) of a stretch of constant load go, `t_s` (N,) [s] rising from its begin.
 
-    `ambient` (N,) in the unit of the series, None where it is not measured; `follows` (k,) how much of the ambient's change each
-    series takes part in at last: 1 for temperatures, 0 for their differences. None where the stretch is under 20 min.
+    `ambient` (N,) in the unit of the series, None where it is not measured; `follows` (k,) how much of the ambient's
+    change each series takes part in at last: 1 for temperatures, 0 for their differences. None where the stretch is
+    under 20 min.
     """
     if t_s.size < 2 or t_s[-1] - t_s[0] < LEAST_S:
         return None
@@ -100,6 +102,8 @@ def settle(t_s: Floats, series: Floats, ambient: Floats | None, follows: Floats)
     best = fits[int(np.argmin(np.sum(squares / np.maximum(squares.min(axis=0), 1e-300), axis=1)))]
     variance = _inflated(best.residual)
     weight = np.exp(-0.5 * np.mean((squares - best.squares) / variance, axis=1))
+    onward = np.array([float(fit.slow @ rise) <= 0.0 for fit in fits])  # what rose goes on rising, however slowly
+    weight = np.where(onward, weight, 0.0) if onward.any() else weight
     weight /= weight.sum()
     mean = weight @ final
     spread = weight @ (final - mean) ** 2 + weight @ np.array([fit.unit_variance for fit in fits]) * variance
@@ -112,21 +116,20 @@ def settle(t_s: Floats, series: Floats, ambient: Floats | None, follows: Floats)
 def resistance_at_rest(t_s: Floats, drop_K: Floats, body_degC: Floats, power_W: Floats) -> AtRest | None:
     """R of a stretch of load from its begin: arrays (N,), `power_W` above zero. None where it is under 20 min.
 
-    The sd holds the noise, correlated from minute to minute, half the difference to the same fit over the later half, where the
-    early modes are surely over, and `REST_SHARE`.
+    The sd holds the noise, correlated from minute to minute, half the difference to the same fit over the later half,
+    where the early modes are surely over, and `REST_SHARE`.
     """
     if t_s.size < 2 or t_s[-1] - t_s[0] < LEAST_S:
         return None
     t, values, body = _blocks(t_s, np.column_stack([drop_K, power_W]), body_degC)
     ratio, rate = values[:, 0] / values[:, 1], _rate(t, body) / values[:, 1]
-    late = t_s > t_s[-1] - LAST_S
     fits = [
         _intercept(rate[t > begin], ratio[t > begin])
         for begin in (t_s[0] + SKIPPED_S, max(t_s[0] + SKIPPED_S, float(t_s[0] + t_s[-1]) / 2.0))
     ]
     (value, noise), (later, _) = fits
     sd = np.linalg.norm([noise, (value - later) / 2.0, REST_SHARE * value])
-    return AtRest(value, float(sd), float(drop_K[late].mean() / power_W[late].mean()))
+    return AtRest(value, float(sd))
 
 
 def _rate(t_s: Floats, value: Floats) -> Floats:
@@ -152,6 +155,7 @@ def _intercept(x: Floats, y: Floats) -> tuple[float, float]:
 @dataclass(frozen=True)
 class _Fit:
     asymptote: Floats
+    slow: Floats  # -B
     squares: Floats
     residual: Floats
     unit_variance: float
@@ -175,7 +179,7 @@ def _fit(
     coefficients = inverse @ design.T @ left
     residual = left - design @ coefficients
     squares = np.sum(residual**2, axis=0) + bend * coefficients[2] ** 2
-    return _Fit(coefficients[0], squares, residual, float(inverse[0, 0]))
+    return _Fit(coefficients[0], coefficients[1], squares, residual, float(inverse[0, 0]))
 
 
 def _felt(t_s: Floats, air: Floats, tau_s: float) -> Floats:

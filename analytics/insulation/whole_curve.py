@@ -1,14 +1,16 @@
-"""The resistance from winding to iron from the whole curve over the ambient, where no iron and no minute after a switch is measured.
+"""The resistance from winding to iron from the whole curve over the ambient, where no iron and no minute after a
+switch is measured.
 
     C_w dT_w/dt = P - (T_w - T_i) / R - s q(T_w),      C_i dT_i/dt = (T_w - T_i) / R - q(T_i),
     q(T) = a |T - T_a|^(1/4) (T - T_a) + b sigma (T^4 - T_a^4)
 
-with a free convection a [W/K^1.25], a radiating surface times emissivity b [m2] and the winding's share s of them all free under
-wide priors, so the level of the curve says nothing about R: what does is how the winding runs ahead of the rest, and how it
-falls back. Both lumps begin at one temperature. When exactly the load was switched between two samples is free too.
+with a free convection a [W/K^1.25], a radiating surface times emissivity b [m2] and the winding's share s of them all
+free under wide priors, so the level of the curve says nothing about R: what does is how the winding runs ahead of the
+rest, and how it falls back. Both lumps begin at one temperature. When exactly the load was switched between two
+samples is free too.
 
-Two lumps with one film are not a stator. `MODEL_SHARE` is what that does to the course over checks of a bare stator of 24 lumps
-whose surfaces darken from 0.80 to 0.90; the level itself is twice the iron sensor's there.
+Two lumps with one film are not a stator. `MODEL_SHARE` is what that does to the course over checks of a bare stator
+of 24 lumps whose surfaces darken from 0.80 to 0.90; the level itself is twice the iron sensor's there.
 """
 
 from __future__ import annotations
@@ -27,17 +29,17 @@ PRIOR = np.log([0.03, 2500.0, 9000.0, 0.4, 0.25, 0.3])  # R K/W, C_w, C_i J/K, a
 PRIOR_SD = np.array([1.5, 1.0, 1.0, 1.0, 1.0, 0.5])  # of the logarithms
 MODEL_K = 0.3  # scale of what two lumps leave over
 MODEL_SHARE = 0.02
-STEP_S = 20.0  # of the solver, at most
+STEP_S = 30.0  # of the solver, at most
 THIN_S = 30.0  # samples nearer than this are not all used
 LEAST_SAMPLES = 40
 SLOPE_STEP = 1e-4  # of the logarithms, for the columns
-EVALUATIONS = 30
+EVALUATIONS = 20
 
 
 @dataclass(frozen=True)
 class Curve:
-    """One check from rest: `t_s` (N,) [s], `copper` (N,) mean [degC], `power` (N,) [W], `air` (N,) [degC], all without NaN. `on` first
-    sample under load, `off` first sample after it, N where the log ends under load."""
+    """One check from rest: `t_s` (N,) [s], `copper` (N,) mean [degC], `power` (N,) [W], `air` (N,) [degC], all
+    without NaN. `on` first sample under load, `off` first sample after it, N where the log ends under load."""
 
     t_s: Floats
     copper: Floats

@@ -6,7 +6,7 @@ WITH steps AS MATERIALIZED (
         lead(t_s) OVER series - t_s AS step_s
     FROM samples
     WHERE quantity = 'temperature'
-      AND session IN (SELECT s.session FROM sessions AS s WHERE s.session = session_or_name OR s.name = session_or_name)
+      AND (session = session_or_name OR session_name = session_or_name)
     WINDOW series AS (PARTITION BY session, channel ORDER BY t_s, record)
 ),
 gaps AS (

@@ -10,7 +10,7 @@ SELECT
     any_value(unit) AS unit
 FROM samples
 WHERE channel = channel_name
-  AND session IN (SELECT s.session FROM sessions AS s WHERE s.session = session_or_name OR s.name = session_or_name)
+  AND (session = session_or_name OR session_name = session_or_name)
 GROUP BY ALL
 ORDER BY session, t_s;
 

@@ -25,6 +25,7 @@ def run(args: argparse.Namespace) -> Answer:
     from ingest import facts
     from ingest.store import Store
     from replay.cli.progress import tell
+    from replay.engine.aged import ageing_left_out
     from replay.engine.maps_left import maps_left
     from replay.engine.models import model_named
     from replay.show.diagnosis_text import diagnosis_text
@@ -43,6 +44,7 @@ def run(args: argparse.Namespace) -> Answer:
             command += " --hold-out " + " ".join(args.hold_out) if args.hold_out else ""
             write_diagnosis(store, found.diagnosis, args.report, command, tell)
         left = maps_left(store, known, [*train, *kept], found.diagnosis.model)
+        left += ageing_left_out(store, known, [*train, *kept], found.diagnosis.model)
         data = {**document(found.diagnosis, provenance(store, level=args.level, model=args.model)), "notes": left}
     written = [f"{args.report}   opens offline in any browser"] if args.report else []
     return Answer(data, diagnosis_text(found.diagnosis), notes=[*left, *written])

@@ -30,6 +30,7 @@ def run(args: argparse.Namespace) -> Answer:
     from ingest import facts
     from ingest.store import Store
     from replay.cli.progress import tell
+    from replay.engine.aged import ageing_left_out
     from replay.engine.maps_left import maps_left
     from replay.engine.models import model_named
     from replay.show.envelope import document, envelope_text, picture
@@ -41,6 +42,7 @@ def run(args: argparse.Namespace) -> Answer:
         sessions = [known.session(text) for text in dict.fromkeys(args.on)]
         found = envelope(store, known, sessions, model, args.level, tell)
         left = maps_left(store, known, sessions, found.model)
+        left += ageing_left_out(store, known, sessions, found.model)
         data = {**document(found), "notes": left, "provenance": provenance(store, level=args.level, model=args.model)}
     if args.out:
         picture(found, args.out)

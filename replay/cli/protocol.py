@@ -28,6 +28,7 @@ def run(args: argparse.Namespace) -> Answer:
     from ingest import facts
     from ingest.store import Store
     from replay.cli.progress import tell
+    from replay.engine.aged import ageing_left_out
     from replay.engine.maps_left import maps_left
     from replay.engine.models import model_named
     from replay.show.protocol import document, protocol_text
@@ -45,6 +46,7 @@ def run(args: argparse.Namespace) -> Answer:
             command = f"whyhot protocol --on {' '.join(args.on)}"
             write_protocol_report(store, found, args.report, command)
         left = maps_left(store, known, sessions, found.calibration.event.parent)
+        left += ageing_left_out(store, known, sessions, found.calibration.event.parent)
         data = {**document(found), "notes": left, "provenance": provenance(store, level=args.level, model=args.model)}
     converged = found.calibration.event.converged
     unfinished = [] if converged else ["the search did not converge: give more points, or check the motor file."]

@@ -93,15 +93,17 @@ def build(
     network: Network,
     monomials: tuple[Monomial, ...],
     step_s: float,
+    given: Mapping[str, float] | None = None,
 ) -> InputFrame:
     """The frame of a session for a network.
 
     `good`: per channel, which samples of an observation may be believed (ingest.catalogue.quality). Inputs are taken as
-    they stand: a held set point and a constant one look the same, and the bench really ran at one of them. Raises
-    ReplayDataError where an input or a boundary that the network needs has no channel, two channels, or no samples.
+    they stand: a held set point and a constant one look the same, and the bench really ran at one of them. `given`: features
+    that no channel gives and that are one number in a session, in their scale. Raises ReplayDataError where an input or a boundary that the network needs has no channel, two channels, or no samples.
     """
     clean = {c.spec.name: (c.t_ns, c.value) for c in channels}
-    needed = {f: _input_of(f, channels) for f in _features(monomials)}
+    given = given or {}
+    needed = {f: _input_of(f, channels) for f in _features(monomials) if f not in given}
     around = {b.name: _boundary_of(b.name, channels) for b in network.boundaries}
     names = {c.spec.name for c in needed.values()} | {c.spec.name for group in around.values() for c in group}
     observed = _observed_temperatures(channels, network)
@@ -118,7 +120,9 @@ def build(
         for c in channels
         if c.spec.role == "input" and c.spec.name not in names and clean[c.spec.name][0].size > 1
     }
-    features, boundaries, means, mechanical_W = _averages(shown, needed, around, shaft, network, monomials, edges)
+    features, boundaries, means, mechanical_W = _averages(
+        shown, needed, given, around, shaft, network, monomials, edges
+    )
     columns = _columns(channels)
     raw_files = tuple(sorted({file for c in channels for file in c.raws}))
     return InputFrame(
@@ -180,7 +184,8 @@ def _input_of(feature: str, channels: Sequence[ChannelData]) -> ChannelData:
     quantity = "flow" if feature.startswith("flow") else feature
     if quantity not in STORED_UNIT:
         raise ReplayDataError(
-            f'feature "{feature}" of the motor file cannot be replayed by this version: take the term out.'
+            f'feature "{feature}" of the motor file is counted over the sessions of a specimen, which is not done here: `whyhot '
+            "replay` does. Take the term out, or use a motor file without it."
         )
     found = [c for c in channels if c.spec.quantity == quantity and c.spec.role == "input"]
     if feature.startswith("flow_"):
@@ -254,6 +259,7 @@ def _edges(signals: Mapping[str, Signal], step_s: float, whole_ns: int) -> tuple
 def _averages(
     signals: Mapping[str, Signal],
     needed: Mapping[str, ChannelData],
+    given: Mapping[str, float],
     around: Mapping[str, Sequence[ChannelData]],
     shaft: Sequence[str],
     network: Network,
@@ -265,6 +271,7 @@ def _averages(
     for at in range(0, edges.size - 1, CHUNK_STEPS):
         part = pieces(signals, edges[at : at + CHUNK_STEPS + 1])
         scaled = {f: part.values[c.spec.name] / scale(network, f) for f, c in needed.items()}
+        scaled |= {f: np.full(part.weight.size, value) for f, value in given.items()}
         features.append(part.mean(evaluate(monomials, scaled, part.weight.size)))
         outside = [np.mean([part.values[c.spec.name] for c in group], axis=0) for group in around.values()]
         boundaries.append(part.mean(np.stack(outside, axis=1)))

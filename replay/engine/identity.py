@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import platform
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -22,9 +22,17 @@ Floats = NDArray[np.float64]
 
 
 def replay_key(
-    facts: Facts, session: SessionRecorded, model: str, level: str, initial: Floats, frame: str, integrator: str
+    facts: Facts,
+    session: SessionRecorded,
+    model: str,
+    level: str,
+    initial: Floats,
+    frame: str,
+    integrator: str,
+    ageing: Sequence[Mapping[str, Any]] = (),
 ) -> dict[str, Any]:
-    """Everything that a run's digest may depend on, but for the environment. `initial` (n,) [degC]; `frame` SHA-256."""
+    """Everything that a run's digest may depend on, but for the environment. `initial` (n,) [degC]; `frame` SHA-256; `ageing`: what is
+    left of the model's coefficients (`replay.engine.aged`)."""
     decodes = [facts.decodes[file["decode"]] for file in session.files]
     return {
         "raw": sorted({d.raw for d in decodes}),
@@ -38,6 +46,7 @@ def replay_key(
         "frame": frame,
         "settings": {"integrator": integrator, "step_s": DEFAULT.step_s},
         "twin": source_hash(Path(twin.__file__).parent),
+        **({"ageing": list(ageing)} if ageing else {}),
     }
 
 

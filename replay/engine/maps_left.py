@@ -8,6 +8,7 @@ from ingest.catalogue.channels import load
 from ingest.events import SessionRecorded
 from ingest.facts import Facts
 from ingest.store import Store
+from replay.engine.aged import hours_of
 from replay.engine.configurations import network_of
 from replay.engine.frame_of import beyond_maps, session_frame
 from twin.features import terms
@@ -23,6 +24,7 @@ def maps_left(store: Store, facts: Facts, sessions: Sequence[SessionRecorded], m
     for session in sessions:
         network = network_of(store, facts, session, model)
         if any(isinstance(term.shape, Map) for term in terms(network)):
-            frame = session_frame(session, load(store, facts, session), network)
+            hours = hours_of(store, facts, session, network)
+            frame = session_frame(session, load(store, facts, session), network, hours)
             found += [f"session {session.name}: {line}." for line in beyond_maps(network, frame)]
     return found

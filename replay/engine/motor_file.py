@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from ingest.errors import TomlError
 from ingest.toml_file import BOOLEAN, NUMBER, POSITIVE, TEXT, TEXTS, Kind, Table, read
 from replay.errors import MotorFileError
+from twin.ageing_law import Ageing, ageing_term
 from twin.check import check
 from twin.describe import Description, describe
 from twin.drops import LAWS
@@ -53,15 +54,17 @@ KEYS = {
     "circuit": ("name", "inlet", "nodes", "fluid", "flow"),
     "fluid": ("density", "heat_capacity"),
     "property": ("degC", "value"),
-    "term": ("coefficient", "sd", "copper", "resistance", "temperature", "shape", "map", "law"),
+    "term": ("coefficient", "sd", "copper", "resistance", "temperature", "shape", "map", "law", "ageing"),
     "temperature": ("node", "slope_per_K", "reference_degC"),
     "shape": ("speed_rpm", "factor", "current_slope"),
     "map": ("speed_rpm", "torque_Nm", "values"),
+    "ageing": ("above_degC", "percent_per_100h", "sd", "from_h"),
 }
 
 CAPACITY_SD = 0.15  # prior sds of the logarithm where none is given
 CONDUCTANCE_SD = 0.4
 DC_COPPER_SD, LOSS_SD, MAGNET_LOSS_SD = 0.05, 0.15, 0.5
+AGEING_SD = 1.0  # % per 100 h
 
 _BY_NAME = (  # a node's region where neither the file nor a copper loss says it
     (r"(end)?winding|terminal", "copper"),
@@ -81,6 +84,8 @@ _NUMBERS: Kind[tuple[float, ...]] = Kind("a list of numbers, such as [0, 4000, 1
 _ROWS: Kind[tuple[tuple[float, ...], ...]] = Kind(
     "a list of rows of numbers, such as [[0, 5], [40, 60]]", lambda v: tuple(map(_each_a_number, _rows(v)))
 )
+_PERCENT = Kind("a number above -100, such as -3.1", lambda v: _above(-100.0, v))
+_HOURS = Kind("a number of 0 or more", lambda v: _from(0.0, v))
 _PROPERTY = Kind("a number above 0, or a table {degC = [20, 90], value = [1050, 1005]}", POSITIVE.read)
 
 
@@ -88,6 +93,20 @@ def _matching(pattern: str, value: object) -> str:
     if not (isinstance(value, str) and re.fullmatch(pattern, value)):
         raise ValueError
     return value
+
+
+def _above(least: float, value: object) -> float:
+    number = NUMBER.read(value)
+    if number <= least:
+        raise ValueError
+    return number
+
+
+def _from(least: float, value: object) -> float:
+    number = NUMBER.read(value)
+    if number < least:
+        raise ValueError
+    return number
 
 
 def _rows(value: object) -> list[object]:
@@ -265,8 +284,8 @@ def _term(table: Table, default_sd: float, scale: Mapping[str, float]) -> Term:
         says = "resistance must be -1 (an AC loss, divided by it); for a loss that grows with it write copper = true."
         raise table.error(says, "resistance")
     sd = table.get("sd", POSITIVE)
-    temperature = table.table("temperature")
-    return Term(
+    temperature, ageing = table.table("temperature"), table.table("ageing")
+    term = Term(
         coefficient=table.need("coefficient", NUMBER),
         exponents={feature: table.need(feature, NUMBER) for feature in used},
         sd=default_sd if sd is None else sd,
@@ -275,6 +294,18 @@ def _term(table: Table, default_sd: float, scale: Mapping[str, float]) -> Term:
         temperature=_temperature(temperature) if temperature else None,
         shape=_bent(table, scale),
         law=table.one_of("law", tuple(LAWS)),
+    )
+    return term if ageing is None else ageing_term(term, _ageing(ageing))
+
+
+def _ageing(table: Table) -> Ageing:
+    _only(table, "ageing")
+    sd, from_h = table.get("sd", POSITIVE), table.get("from_h", _HOURS)
+    return Ageing(
+        above_degC=table.need("above_degC", NUMBER),
+        percent_per_100h=table.need("percent_per_100h", _PERCENT),
+        sd=AGEING_SD if sd is None else sd,
+        from_h=0.0 if from_h is None else from_h,
     )
 
 

@@ -9,6 +9,7 @@ from replay.engine.motor_file import read_motor
 from replay.engine.toml_edit import edited
 from replay.engine.toml_spans import spans
 from replay.errors import MotorFileError
+from twin.ageing_law import Ageing, AgeingTerm, is_insulation, with_ageing
 from twin.configured import restored
 from twin.network import Configuration, FluidCircuit, Link, Map, Network, Node, Property, Source, Term
 
@@ -48,6 +49,28 @@ def written(data: bytes, name: str, network: Network, says: str) -> bytes:
     result = (mark + text).encode()
     _check_same(name, read_motor(result, name), network)
     return result
+
+
+def with_law(
+    text: str, network: Network, percent_per_100h: float, sd: float, above_degC: float, from_h: float = 0.0
+) -> str:
+    """The motor file `text`, which says `network`, with this law of deterioration (`twin.ageing_law.Ageing`) at every term of every link
+    of copper and iron, those of its configurations too, in the place of a law that one has already.
+
+    `percent_per_100h` and `sd` are those of the conductance, `from_h` the dose at which it begins. Raises MotorFileError where no
+    link leads from copper to iron.
+    """
+    law = Ageing(above_degC, percent_per_100h, sd, from_h)
+    name = f"motor {network.name}"
+    links = [*network.links, *(link for one in network.configurations for link in one.links)]
+    if not any(is_insulation(network, link) for link in links):
+        raise MotorFileError(
+            f'{name}: no link leads from a node of region "copper" to one of region "iron", so there is no insulation that could '
+            "age: say the regions of its nodes, or write ageing = {...} into the terms by hand."
+        )
+    begins = f" from {from_h:g} h on" if from_h else ""
+    says = f"insulation: {percent_per_100h:+.3g} % per 100 h above {above_degC:g} degC{begins}, learnt from checks"
+    return written(text.encode(), name, with_ageing(network, law), says).decode()
 
 
 def _with_comment(text: str, says: str) -> str:
@@ -134,7 +157,19 @@ def _term(term: Term, network: Network, whole: bool) -> dict[str, Any]:
             "factor": [_digits(value) for value in term.shape.factor],
             "current_slope": [_digits(value) for value in term.shape.current_slope],
         }
+    if isinstance(term, AgeingTerm):
+        values["ageing"] = _ageing(term.ageing, whole)
     return values | ({"sd": _digits(term.sd)} if whole else {})
+
+
+def _ageing(law: Ageing, whole: bool) -> dict[str, Any]:
+    begins = {"from_h": _digits(law.from_h)} if law.from_h or whole else {}
+    return {
+        "above_degC": _digits(law.above_degC),
+        "percent_per_100h": _digits(law.percent_per_100h),
+        "sd": _digits(law.sd),
+        **begins,
+    }
 
 
 def _digits(value: float) -> float:

@@ -20,6 +20,7 @@ from ingest.events import ReplayCompleted, ReplayDiverged, SessionRecorded
 from ingest.facts import Facts
 from ingest.store import Store
 from replay.engine import frame as frames
+from replay.engine.aged import OfSpecimen, of_specimen
 from replay.engine.artefacts import (
     AROUND,
     filtered_table,
@@ -38,6 +39,7 @@ from replay.engine.filtered import filter_session, filtered_summary, mean_losses
 from replay.engine.frame import InputFrame, Meter
 from replay.engine.frame_of import session_frame
 from replay.engine.heat_account import efficiency_summary, heat_course, losses_summary
+from replay.engine.hot_spot_bands import with_bands
 from replay.engine.hot_spots import derating_summary, hot_spots, limits, watched
 from replay.engine.identity import digest_of, environment, replay_key, run_id
 from replay.engine.kernel_cache import load_kernel
@@ -74,11 +76,12 @@ def replay(
     `integrator`: one of `twin.integrators.INTEGRATORS`; of another than the default the summary says how far off it is, and the heat
     account is the default's. Raises ReplayDataError where the session lacks an input or the model runs away.
     """
-    network = network_of(store, facts, session, model)
+    specimen = of_specimen(store, facts, session, network_of(store, facts, session, model))
+    network = specimen.network
     facts = with_bench_of(facts, model)
     channels = load(store, facts, session)
-    frame = session_frame(session, channels, network)
-    initial, _ = initial_temperatures(network, frame, level)
+    frame = session_frame(session, channels, network, specimen.hours)
+    initial, initial_sd = initial_temperatures(network, frame, level)
     inputs = Frame(step_s=frame.step_s, features=frame.features, boundaries=frame.boundaries)
     reference = _simulated(network, inputs, initial, session, DEFAULT)
     method = INTEGRATORS[integrator]
@@ -103,7 +106,8 @@ def replay(
     if filtered is not None:
         artefacts["filtered"] = _written(to_parquet(filtered_table(frame, filtered, nodes)), work)
     rules = _deratings(store, facts, session)
-    key = replay_key(facts, session, model, level, initial, artefacts["frame"], integrator)
+    spots = hot_spots(network, temperatures, frame.step_s)
+    key = replay_key(facts, session, model, level, initial, artefacts["frame"], integrator, specimen.ageing)
     summary = {
         "session": session.session,
         "session_name": session.name,
@@ -115,9 +119,13 @@ def replay(
         **(
             {} if method is DEFAULT else {"integrator": _off(integrator, temperatures - reference, nodes, frame.step_s)}
         ),
+        **_history(specimen),
         **_errors(frame, observed),
         "meters": _meter_errors(frame, meters),
         **_heat(network, inputs, frame, temperatures, flows, channels),
+        "hot_spots": with_bands(
+            *(store, facts, session, model, network, frame, (initial, initial_sd)), specimen.ageing, spots
+        ),
         "derating": derating_summary(
             rules, watched(rules, channels, frame.t_ns[:-1]), network, temperatures, frame.step_s
         ),
@@ -137,6 +145,12 @@ def replay(
         summary=summary,
     )
     return _against_the_ledger(store, facts, event, tables["temperatures"])
+
+
+def _history(specimen: OfSpecimen) -> dict[str, Any]:
+    """The entries `ageing` and `hours`, of a motor that asks for them."""
+    said = {"ageing": list(specimen.ageing), "hours": dict(specimen.hours)}
+    return {name: entry for name, entry in said.items() if entry}
 
 
 def _off(integrator: str, difference: Floats, nodes: Sequence[str], step_s: float) -> dict[str, Any]:
@@ -254,14 +268,13 @@ def _heat(
     flows: HeatFlows,
     channels: Sequence[ChannelData],
 ) -> dict[str, Any]:
-    """Where heat came from and went to, how hot it made what, and the power balance beside the network's own heat [W]."""
+    """Where heat came from and went to, what it took above its limit, and the power balance beside the network's own heat [W]."""
     power = balance(channels)
     return {
         "network_heat_W": float(flows.made.mean()),
         "electrical_minus_mechanical_W": power.mean_loss_W if power else None,
         "losses": losses_summary(account(network, inputs, temperatures, flows)),
         "efficiency": efficiency_summary(frame, flows),
-        "hot_spots": hot_spots(network, temperatures, frame.step_s),
         "limits": limits(network, temperatures, frame.step_s),
     }
 

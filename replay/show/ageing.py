@@ -7,6 +7,7 @@ import textwrap
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
@@ -15,7 +16,7 @@ from replay.show import words
 from replay.show.figure import save, style
 from replay.show.palette import COLOURS, DASHES, INK, PAPER, SOFT
 from replay.show.terminal import labelled
-from replay.studies.assessment import Assessment, Batch, Specimen
+from replay.studies.assessment import Assessment, Batch, Law, LivesLaw, Specimen
 
 ROWS = 12  # specimens in the table; of more, those that stand out most
 NAMED = 8  # specimens or batches in a sentence
@@ -37,6 +38,12 @@ def ageing_text(found: Assessment) -> str:
     lines += labelled(
         "Rules", f"{words.joined(found.rules)}; each number is by one rule, from the least to the most of them"
     )
+    if found.law:
+        lines += labelled("Law", _law(found.law))
+    if found.life.law:
+        lines += labelled("Life", _lives(found.life.law, found.criterion))
+    for text in _stress(found):
+        lines += labelled("Stress", text)
     lines += labelled("Life used", f"hours at {found.threshold_degC:g} °C that the dose is worth, of 20,000 h")
     lines += labelled("Next", 'whyhot sql "FROM conductivity_by_cycle"   or   "FROM fleet_health"')
     return "\n".join(lines)
@@ -123,6 +130,37 @@ def _batches(found: Assessment) -> Iterator[str]:
         slope = "-" if one.slope_percent_per_100h is None else f"{one.slope_percent_per_100h:+.1f} %".replace("-", "−")
         score = "-" if one.score is None else f"{one.score:+.1f} sd".replace("-", "−")
         yield f"{one.batch:<12}{one.specimens:>10}{slope:>14}{score:>19}{'  stands out' if one.outlying else ''}"
+
+
+def _law(law: Law) -> str:
+    begins = f" from {law.from_h:.0f} h on" if law.from_h else ""
+    text = f"insulation conducts {law.percent_per_100h:+.1f} % per 100 h{begins} (± {law.sd:.1f}), from {law.source}".replace(
+        "-", "−"
+    )
+    return f"{text}; written into model {words.short(law.model)}: replay takes it into account" if law.model else text
+
+
+def _lives(law: LivesLaw, criterion: str) -> str:
+    def with_band(given: dict[str, Any], digits: int) -> str:
+        ends = ["?" if end is None else f"{end:,.{digits}f}" for end in given["ci95"]]
+        return f"{given['value']:,.{digits}f} ({ends[0]} to {ends[1]})"
+
+    text = f"until {criterion}: {with_band(law.median_h_at_180degC, 0)} h at 180 °C by {with_band(law.activation_energy_eV, 2)} eV"
+    if law.temperature_index_degC is None or law.halving_interval_K is None:
+        return f"{text}; {law.why_no_index}"
+    index, halving = with_band(law.temperature_index_degC, 0), with_band(law.halving_interval_K, 1)
+    return f"{text}; temperature index {index} °C, halving interval {halving} K"
+
+
+def _stress(found: Assessment) -> Iterator[str]:
+    known = [one for one in found.stress if one.percent is not None and one.sd_percent is not None]
+    if len(known) > 1:
+        if known[0].not_told_from:
+            names = words.joined([one.name for one in known])
+            yield f"{names} go together in these sessions: neither is told from the other; cycles of another length would"
+            return
+        told = [f"R {one.percent:+.1f} % ± {one.sd_percent:.1f} % each {one.unit} ({one.name})" for one in known]
+        yield f"{words.joined(told)}, all specimens together".replace("-", "−").replace("degC", "°C")
 
 
 def _hours(value: float | None) -> str:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from hashlib import sha256
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,19 +12,23 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ingest.events import AgeingAssessed
+from ingest.events import AgeingAssessed, ModelPublished
 from ingest.facts import Facts
 from ingest.sessions import natural
 from ingest.store import Store
+from replay.engine.aged import law_of, states_left
 from replay.engine.artefacts import to_parquet
 from replay.engine.identity import run_id, source_hash
+from replay.engine.motor_file import read_motor
+from replay.engine.motor_text import with_law
 from replay.errors import ReplayDataError
-from replay.studies.assessment import Assessment, Batch, Check, Specimen, document, read, tables
+from replay.studies.assessment import Assessment, Batch, Check, HotHours, Law, Specimen, Stress, document, read, tables
 from replay.studies.insulation_history import History, Point, histories, is_check, of_ageing
+from replay.studies.insulation_lives import lives_of
+from twin.ageing_law import Ageing
 
 if TYPE_CHECKING:
-    from analytics.insulation.forms import Form
-    from analytics.insulation.outlying import SpecimenHealth
+    from analytics.insulation.campaign import Assessed
 
 Floats = NDArray[np.float64]
 Tell = Callable[[str], None]
@@ -43,8 +47,8 @@ class Result:
 def assess(store: Store, facts: Facts, motor: str | None, as_of: str | None, tell: Tell = lambda _: None) -> Result:
     """Assess every specimen that has a DC check or a row in a table of evaluated checks.
 
-    The same question again reads the sealed answer; with `as_of` nothing is written. `motor`: a model whose capacities
-    help where no iron is measured. Raises ReplayDataError where the store holds no check of a named specimen.
+    The same question again reads the sealed answer; with `as_of` nothing is written. `motor`: a model that the law is
+    written into, as a new one. Raises ReplayDataError where the store holds no check of a named specimen.
     """
     key = _key(facts, motor)
     identity = run_id(key)
@@ -53,9 +57,12 @@ def assess(store: Store, facts: Facts, motor: str | None, as_of: str | None, tel
         if as_of is None and again is not list(facts.assessments.values())[-1]:
             store.ledger.append(f"ageing-{identity}", again)  # the last one is what SQL shows
         return Result(read(json.loads(store.archive.read(facts.assessments[identity].answer))), True)
-    found = _assessed(store, facts, motor, as_of, identity, tell)
+    known = histories(store, facts, as_of, tell)
+    found = _assessed(store, facts, motor, known, identity, tell)
+    if as_of is None and motor and found.law:
+        found = replace(found, law=replace(found.law, model=_published(store, facts, motor, found.law)))
     if as_of is None:
-        _keep(store, found, key)
+        _keep(store, found, key, {name: history.hours for name, history in known.items()})
     return Result(found, False)
 
 
@@ -80,11 +87,10 @@ def _hash(rows: Iterable[Sequence[Any]]) -> str:
 
 
 def _assessed(
-    store: Store, facts: Facts, motor: str | None, as_of: str | None, identity: str, tell: Tell
+    store: Store, facts: Facts, motor: str | None, known: Mapping[str, History], identity: str, tell: Tell
 ) -> Assessment:
     from analytics.insulation import arrhenius, campaign
 
-    known = histories(store, facts, as_of, tell)
     if not known:
         raise ReplayDataError(
             'no DC check of a named specimen is in this store: ingest logs of checks with kind = "dc_check" and a specimen, or a '
@@ -102,11 +108,8 @@ def _assessed(
         [point.sd or 0.0 for _, point in rows],
     )
     repeats = found.repeatability
-    compared = {one.specimen: one for one in found.fleet.specimens}
-    specimens = [
-        _specimen(name, batch_of.get(name), known[name], found.forms.get(name), repeats.sd, compared.get(name))
-        for name in names
-    ]
+    law = law_of(store, facts, motor, arrhenius.THRESHOLD_DEGC)
+    specimens = [_specimen(name, batch_of.get(name), known[name], found, law) for name in names]
     return Assessment(
         assessment=identity,
         motor=facts.models[motor].motor if motor else None,
@@ -121,6 +124,8 @@ def _assessed(
         repeatability_from=f"{100 * repeats.sd:.1f} %, from {repeats.source}"
         if repeats.source != "assumed"
         else "3 %, assumed",
+        law=_law(found, specimens),
+        life=lives_of(known, repeats.sd, CRITERION),
         specimens=specimens,
         batches=[
             Batch(
@@ -132,9 +137,71 @@ def _assessed(
             )
             for one in found.fleet.batches
         ],
+        stress=_stress(rows, repeats.sd),
         false_discovery_rate=found.fleet.false_discovery_rate,
         notes=[*_unnamed(facts), *(f"{name}: {line}" for name in names for line in known[name].notes)],
     )
+
+
+def _law(found: Assessed, specimens: Sequence[Specimen]) -> Law | None:
+    """The fleet's slope with what specimens differ by where there are three; else that of the one whose course is surest."""
+    from analytics.insulation.arrhenius import THRESHOLD_DEGC
+
+    fleet, changed = found.fleet, [one for one in specimens if one.significant and one.ci95]
+    if not changed:
+        return None
+    if fleet.slope_percent_per_100h is not None and fleet.specimen_spread is not None:
+        law = Ageing.of_resistance(THRESHOLD_DEGC, fleet.slope_percent_per_100h, fleet.specimen_spread)
+        return Law(percent_per_100h=law.percent_per_100h, sd=law.sd, from_h=0.0, source="fleet", model=None)
+    one = max(changed, key=lambda one: one.form_probability)
+    low, high = one.ci95 or (0.0, 0.0)
+    law = Ageing.of_resistance(
+        THRESHOLD_DEGC, one.slope_percent_per_100h or 0.0, (high - low) / 3.92, one.change_at_dose_h or 0.0
+    )
+    return Law(percent_per_100h=law.percent_per_100h, sd=law.sd, from_h=law.from_h, source=one.specimen, model=None)
+
+
+def _published(store: Store, facts: Facts, motor: str, law: Law) -> str:
+    """The motor file with the law in its insulation, as a model with its parent. Raises MotorFileError where it has no insulation."""
+    from analytics.insulation.arrhenius import THRESHOLD_DEGC
+
+    parent = facts.models[motor]
+    text = store.archive.read(motor)
+    network = read_motor(text, parent.file)
+    aged = with_law(text.decode("utf-8"), network, law.percent_per_100h, law.sd, THRESHOLD_DEGC, law.from_h)
+    model = store.archive.seal(aged.encode("utf-8"))
+    if model not in facts.models:
+        published = ModelPublished(model=model, motor=parent.motor, file=parent.file, parent=motor)
+        store.ledger.append(f"motor-{parent.motor}", published)
+    return model
+
+
+STRESSES = {"heat": "100 h above 180 degC", "thermal cycles": "cycle"}
+
+
+def _stress(rows: Sequence[tuple[str, Point]], repeatability: float) -> list[Stress]:
+    """Of heat and thermal cycles, from the checks of which both are known."""
+    from analytics.insulation import stress
+
+    known = [(name, point) for name, point in rows if point.cycles is not None and point.resistance]
+    columns = {
+        "heat": [(point.dose_h or 0.0) / 100.0 for _, point in known],
+        "thermal cycles": [float(point.cycles or 0) for _, point in known],
+    }
+    resistance = np.array([point.resistance for _, point in known], np.float64)
+    sd = np.hypot(repeatability, [point.sd or 0.0 for _, point in known] / resistance)
+    found = stress.effects([name for name, _ in known], np.log(resistance), sd, columns)
+    return [
+        Stress(
+            name=one.name,
+            unit=STRESSES[one.name],
+            percent=None if one.effect is None else 100.0 * one.effect,
+            sd_percent=None if one.sd is None else 100.0 * one.sd,
+            not_told_from=list(one.not_told_from),
+        )
+        for one in found
+        if known
+    ]
 
 
 def _unnamed(facts: Facts) -> list[str]:
@@ -146,21 +213,23 @@ def _specimen(
     name: str,
     batch: str | None,
     history: History,
-    form: Form | None,
-    repeatability: float,
-    compared: SpecimenHealth | None,
+    found: Assessed,
+    law: Ageing,
 ) -> Specimen:
     from analytics.insulation import forms
     from analytics.insulation.arrhenius import LIFE_H
 
-    form = form or forms.assess([], [], [])
+    form = found.forms.get(name) or forms.assess([], [], [])
+    compared = next((one for one in found.fleet.specimens if one.specimen == name), None)
+    life, repeatability = found.remaining.get(name), found.repeatability.sd
     first, worth = next((point.resistance for point in history.points if point.usable), None), history.worth
+    left = states_left([(p.dose_h, p.resistance, p.sd) for p in history.points], repeatability, law)
     last = next((point.dose_h for point in reversed(history.points) if point.dose_h is not None), None)
     return Specimen(
         specimen=name,
         batch=batch,
         cycles=history.cycles,
-        checks=[_check(point, i, first) for i, point in enumerate(history.points)],
+        checks=[_check(point, i, first, left[i]) for i, point in enumerate(history.points)],
         dose_h=last if worth is None else float(worth[0]),
         equivalent_h=None if worth is None else _range(worth[1:]),
         form=form.name,
@@ -171,16 +240,16 @@ def _specimen(
         repeatability_percent=100 * repeatability,
         significant=form.significant,
         life_used=None if worth is None else _range(worth[1:] / LIFE_H),
-        fleet_slope_percent_per_100h=None,
-        fleet_slope_sd=None,
-        remaining_h=None,
+        fleet_slope_percent_per_100h=life.slope_percent_per_100h if life else None,
+        fleet_slope_sd=life.slope_sd if life else None,
+        remaining_h=list(life.remaining_ci95_h) if life else None,
         score=compared.score if compared else None,
         outlying=bool(compared and compared.outlying),
         why=form.why or (compared.why if compared else "") or None,
     )
 
 
-def _check(point: Point, number: int, first: float | None) -> Check:
+def _check(point: Point, number: int, first: float | None, left: dict[str, float] | None) -> Check:
     found, r = point.found, point.resistance
     return Check(
         session=point.session.session,
@@ -197,6 +266,7 @@ def _check(point: Point, number: int, first: float | None) -> Check:
         conductivity_percent=100 * first / r if first and r else None,
         hottest_channel=getattr(found, "hottest", None),
         hottest_degC=getattr(found, "hottest_degC", None),
+        left=left,
     )
 
 
@@ -204,7 +274,7 @@ def _range(values: Floats) -> list[float]:
     return [float(values.min()), float(values.max())]
 
 
-def _keep(store: Store, found: Assessment, key: dict[str, Any]) -> None:
+def _keep(store: Store, found: Assessment, key: dict[str, Any], hours: Mapping[str, Sequence[HotHours]]) -> None:
     """Seal the answer and its tables, and say so in the ledger."""
     answer = json.dumps(document(found, {}), sort_keys=True).encode()
     store.ledger.append(
@@ -213,7 +283,7 @@ def _keep(store: Store, found: Assessment, key: dict[str, Any]) -> None:
             assessment=found.assessment,
             key=key,
             answer=store.archive.seal(answer),
-            artefacts={name: store.archive.seal(to_parquet(table)) for name, table in tables(found).items()},
+            artefacts={name: store.archive.seal(to_parquet(table)) for name, table in tables(found, hours).items()},
             sessions=sorted({check.session for one in found.specimens for check in one.checks}),
             digest=sha256(answer).hexdigest(),
         ),

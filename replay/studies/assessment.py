@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
 import pyarrow as pa
+
+from replay.engine.heat_history import Heat
 
 SCHEMA = "whyhot.ageing/1"
 
@@ -31,6 +33,7 @@ class Check:
     conductivity_percent: float | None
     hottest_channel: str | None
     hottest_degC: float | None
+    left: dict[str, float] | None = None  # twin.ageing_state.State, for replays of later sessions
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,10 +59,20 @@ class OvenCycle:
     unknown_h: float
 
 
+@dataclass(frozen=True)
+class HotHours:
+    """Hours of a session by the temperature of the specimen's hottest place, `channel` (or the counters of a vehicle)."""
+
+    session: str
+    session_name: str
+    channel: str
+    heat: Heat
+
+
 @dataclass(frozen=True, kw_only=True)
 class Specimen:
     """The course of one specimen. `dose_h`, `equivalent_h`: all that is known of its heat, as in its checks; `slope_percent_per_100h` of its last branch, R growing is positive; `fleet_slope...`: the slope that
-    specimen and fleet together say, with its sd; `remaining_h`: dose until the criterion, [least, most] of 90 %; `score`: how far the slope is from its fleet's."""
+    specimen and fleet together say, with its sd; `remaining_h`: dose until the criterion, [least, most] of 95 %, None where there is no end; `score`: how far the slope is from its fleet's."""
 
     specimen: str
     batch: str | None
@@ -84,6 +97,18 @@ class Specimen:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Stress:
+    """What one kind of stress does to R beside the others, all specimens together: `percent` in R for each `unit` with its sd;
+    `not_told_from`: the stresses that could be it instead. None where nothing varies."""
+
+    name: str
+    unit: str
+    percent: float | None
+    sd_percent: float | None
+    not_told_from: list[str]
+
+
+@dataclass(frozen=True, kw_only=True)
 class Batch:
     """A batch among the others: mean slope of its specimens, and how far that is from the other batches'."""
 
@@ -95,8 +120,52 @@ class Batch:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Law:
+    """How the conductance of insulation falls: `percent_per_100h` above the threshold with its `sd`, from `from_h` of dose on; `source`: the
+    fleet, or the one specimen that shows a course. `model`: the motor file that says so, where a motor was given."""
+
+    percent_per_100h: float
+    sd: float
+    from_h: float
+    source: str
+    model: str | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class OneLife:
+    """The dose [h] at which a specimen first met the criterion lies between both, `upper_h` None: not yet; at `degC` on average."""
+
+    specimen: str
+    degC: float
+    lower_h: float
+    upper_h: float | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class LivesLaw:
+    """Arrhenius law of the lives; each number a `value` with `ci95`, a bound None where the data give none."""
+
+    distribution: str
+    activation_energy_eV: dict[str, Any]
+    median_h_at_180degC: dict[str, Any]
+    temperature_index_degC: dict[str, Any] | None
+    halving_interval_K: dict[str, Any] | None
+    why_no_index: str | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Lives:
+    """`law` None, then `why` says what is missing."""
+
+    criterion: str
+    lives: list[OneLife]
+    law: LivesLaw | None
+    why: str | None
+
+
+@dataclass(frozen=True, kw_only=True)
 class Assessment:
-    """`rules`: name -> what an hour is worth by it; a number is by one rule, never by a mixture."""
+    """`law`: None where no course is beyond repeatability. `rules`: name -> what an hour is worth by it; a number is by one rule, never by a mixture."""
 
     assessment: str
     motor: str | None
@@ -105,8 +174,11 @@ class Assessment:
     activation_energy_eV: Mapping[str, Any]
     rules: list[str]
     repeatability_from: str
+    law: Law | None
+    life: Lives
     specimens: list[Specimen]
     batches: list[Batch]
+    stress: list[Stress]
     false_discovery_rate: float
     notes: list[str]
 
@@ -123,8 +195,11 @@ def document(found: Assessment, provenance: Mapping[str, Any]) -> dict[str, Any]
         "activation_energy_eV": dict(found.activation_energy_eV),
         "rules": found.rules,
         "repeatability_from": found.repeatability_from,
+        "law": asdict(found.law) if found.law else None,
+        "life": asdict(found.life),
         "specimens": [_specimen(one) for one in found.specimens],
         "batches": [asdict(one) for one in found.batches],
+        "stress": [asdict(one) for one in found.stress],
         "fleet": {
             "outlying_specimens": [
                 {"specimen": one.specimen, "batch": one.batch, "score": one.score}
@@ -151,9 +226,17 @@ def read(data: Mapping[str, Any]) -> Assessment:
         | {
             "specimens": [_read_specimen(one) for one in data["specimens"]],
             "batches": [Batch(**one) for one in data["batches"]],
+            "law": Law(**data["law"]) if data["law"] else None,
+            "life": _read_life(data["life"]),
+            "stress": [Stress(**one) for one in data["stress"]],
             "false_discovery_rate": fleet["false_discovery_rate"],
         }
     )
+
+
+def _read_life(data: Mapping[str, Any]) -> Lives:
+    law = LivesLaw(**data["law"]) if data["law"] else None
+    return Lives(**{**data, "lives": [OneLife(**one) for one in data["lives"]], "law": law})
 
 
 def _specimen(one: Specimen) -> dict[str, Any]:
@@ -171,9 +254,10 @@ def _read_specimen(data: Mapping[str, Any]) -> Specimen:
     return Specimen(**{**data, "checks": checks, "cycles": cycles})
 
 
-def tables(found: Assessment) -> dict[str, pa.Table]:
-    """The rows behind the SQL views: `cycles`, `checks`, `specimens`, `batches`."""
+def tables(found: Assessment, hours: Mapping[str, Sequence[HotHours]]) -> dict[str, pa.Table]:
+    """The rows behind the SQL views. `hours`, of each specimen, are not in the answer: they are many."""
     return {
+        "hours": _hours_table(found, hours),
         "cycles": pa.Table.from_pylist([row for one in found.specimens for row in _cycle_rows(one)], CYCLES),
         "checks": pa.Table.from_pylist([row for one in found.specimens for row in _check_rows(one)], CHECKS),
         "specimens": pa.Table.from_pylist([_specimen_row(one) for one in found.specimens], SPECIMENS),
@@ -191,6 +275,19 @@ def _check_rows(one: Specimen) -> Iterable[dict[str, Any]]:
             "equivalent_high_h": high,
             "sd_K_per_W": check.sd,
         }
+
+
+def _hours_table(found: Assessment, hours: Mapping[str, Sequence[HotHours]]) -> pa.Table:
+    """One row a session and temperature at which it spent any time."""
+    batch = {one.specimen: one.batch for one in found.specimens}
+    parts = [HOURS.empty_table()]
+    for specimen, sessions in hours.items():
+        for one in sessions:
+            there = one.heat.hours > 0.0
+            said = (specimen, batch.get(specimen), one.session, one.session_name, one.channel)
+            texts = [pa.array([text] * int(there.sum()), pa.string()) for text in said]
+            parts.append(pa.Table.from_arrays([*texts, one.heat.degC[there], one.heat.hours[there]], schema=HOURS))
+    return pa.concat_tables(parts)
 
 
 def _cycle_rows(one: Specimen) -> Iterable[dict[str, Any]]:
@@ -219,6 +316,7 @@ def _schema(text: str = "", whole: str = "", number: str = "", truth: str = "") 
     return pa.schema([(name, kind) for names, kind in kinds for name in names.split()])
 
 
+HOURS = _schema(text="specimen batch session session_name channel", number="degC hours")
 CYCLES = _schema(
     text="session session_name specimen batch channel",
     whole="number start_ns",

@@ -16,6 +16,7 @@ from ingest.events import CalibrationCompleted, Event, ModelPublished, SessionRe
 from ingest.facts import Facts
 from ingest.nearest import hint
 from ingest.store import Store
+from replay.engine.aged import of_specimen
 from replay.engine.artefacts import to_parquet
 from replay.engine.configurations import network_of
 from replay.engine.hot_spot_bands import covariance_table
@@ -66,13 +67,14 @@ def calibrate_sessions(
     parent = model or common_model(facts, sessions)
     name = facts.models[parent].file
     data = store.archive.read(parent)
+    old = [of_specimen(store, facts, one, network_of(store, facts, one, parent)) for one in sessions]
     tests = [
-        test_of(store, facts, one, network_of(store, facts, one, parent), (), level, meters=True) for one in sessions
+        test_of(store, facts, one, its.network, (), level, meters=True) for one, its in zip(sessions, old, strict=True)
     ]
     rigs = [session.configuration for session in sessions]
     united = United(read_motor(data, name), rigs)
     network = united.network
-    tests = [united.test(test, rig) for test, rig in zip(tests, rigs, strict=True)]
+    tests = [united.test(test, rig, its.factors) for test, rig, its in zip(tests, rigs, old, strict=True)]
     with fitting(f"calibration of {network.name}"):
         found = calibrate(network, tests, only)
     named_estimates = zip(found.estimates, united.names, strict=True)

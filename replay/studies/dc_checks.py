@@ -15,7 +15,7 @@ from ingest.catalogue.channels import ChannelData
 from ingest.catalogue.quality import assess
 from ingest.facts import Facts
 from ingest.store import Store
-from replay.studies.heat_history import Heat
+from replay.engine.heat_history import Heat
 
 if TYPE_CHECKING:
     from analytics.insulation.check_resistance import CheckTrace

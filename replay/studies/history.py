@@ -11,7 +11,7 @@ from ingest.catalogue.channels import ChannelData, load
 from ingest.events import SessionRecorded
 from ingest.facts import Facts
 from ingest.store import Store
-from replay.studies.heat_history import hottest
+from replay.engine.heat_history import hottest
 
 HUNDRED_H = 100.0
 _HOURS = re.compile(r"hours_above_(.+)degC")

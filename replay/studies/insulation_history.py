@@ -16,9 +16,9 @@ from ingest.errors import DamageError
 from ingest.events import SessionRecorded
 from ingest.facts import Facts
 from ingest.store import Store
-from replay.studies.assessment import OvenCycle
+from replay.engine.heat_history import CHECKED, HEATED, Heat, Trace, doses, in_order, trace_of_heat
+from replay.studies.assessment import HotHours, OvenCycle
 from replay.studies.dc_checks import Evaluated, evaluated, trace_of
-from replay.studies.heat_history import CHECKED, HEATED, Heat, Trace, doses, in_order, trace_of_heat
 
 if TYPE_CHECKING:
     from analytics.insulation.check_resistance import CheckResistance
@@ -31,7 +31,8 @@ ELSEWHERE = "evaluated elsewhere"
 
 @dataclass(frozen=True)
 class Point:
-    """A check with its dose [h]; `worth` (4,) as `worth_of`; both None where not known, `why` then says why."""
+    """A check with its dose [h]; `worth` (4,) as `worth_of`; both None where not known, `why` then says why. `cycles`: how many oven
+    cycles the specimen had before, None of a row of a table."""
 
     session: SessionRecorded
     start_ns: int | None
@@ -39,6 +40,7 @@ class Point:
     worth: Floats | None
     found: CheckResistance | Evaluated
     why: str | None
+    cycles: int | None = None
 
     @property
     def resistance(self) -> float | None:
@@ -64,6 +66,7 @@ class History:
 
     points: list[Point] = field(default_factory=list)
     cycles: list[OvenCycle] = field(default_factory=list)
+    hours: list[HotHours] = field(default_factory=list)
     worth: Floats | None = None
     notes: list[str] = field(default_factory=list)
 
@@ -142,18 +145,34 @@ def _of_logs(store: Store, facts: Facts, sessions: Sequence[SessionRecorded]) ->
         )
     dose = doses(ordered, by_time, heats, worth_of)
     answers = dict(zip(traces, evaluate_together(list(traces.values())), strict=True)) if traces else {}
+    cycles = list(_oven_cycles(ordered, heats))
     points = [
-        _point(session, dose[session.session], answers[session.session])
+        _point(session, dose[session.session], answers[session.session], _before(session, ordered, by_time, cycles))
         for session in ordered
         if session.session in answers
     ]
-    return History(points, list(_oven_cycles(ordered, heats)), _all_heat(ordered, heats), notes)
+    hours = [
+        HotHours(session.session, session.name, trace.channel, trace.heat())
+        for session in ordered
+        if (trace := heats.get(session.session)) is not None
+    ]
+    return History(points, cycles, hours, _all_heat(ordered, heats), notes)
 
 
-def _point(session: SessionRecorded, worth: Floats | None, found: CheckResistance) -> Point:
+def _before(
+    session: SessionRecorded, ordered: Sequence[SessionRecorded], by_time: bool, cycles: Sequence[OvenCycle]
+) -> int:
+    """How many of the cycles were over."""
+    if by_time:
+        return sum((one.start_ns or 0) + one.soak_to_s * 1e9 <= session.start_ns for one in cycles)
+    earlier = {one.session for one in ordered[: ordered.index(session)]}
+    return sum(one.session in earlier for one in cycles)
+
+
+def _point(session: SessionRecorded, worth: Floats | None, found: CheckResistance, cycles: int) -> Point:
     why = None if worth is not None else "an oven session before it has no temperature of the specimen"
     start = session.start_ns if session.absolute else None
-    return Point(session, start, None if worth is None else float(worth[0]), worth, found, why)
+    return Point(session, start, None if worth is None else float(worth[0]), worth, found, why, cycles)
 
 
 def _all_heat(sessions: Sequence[SessionRecorded], heats: Mapping[str, Trace | None]) -> Floats | None:
@@ -211,6 +230,10 @@ def _with_tables(history: History, rows: Sequence[tuple[SessionRecorded, Evaluat
     worth = np.max(worths, axis=0) if worths else None
     if history.worth is not None and history.worth[0] > 0.0:
         worth = history.worth if worth is None else worth + history.worth
+    last = max((row for row in rows if row[1].counted), key=lambda row: row[1].t_ns or 0, default=None)
+    if last is not None and last[1].counted is not None:  # readouts sum up since the motor was made
+        latest = HotHours(last[0].session, last[0].name, "counters", last[1].counted)
+        history = replace(history, hours=[*history.hours, latest])
     return replace(history, points=every, worth=worth)
 
 

@@ -14,6 +14,7 @@ from ingest.events import SessionRecorded
 from ingest.facts import Facts
 from ingest.store import Store
 from replay.engine import frame as frames
+from replay.engine.aged import hours_of
 from replay.engine.frame import InputFrame, Observation
 from replay.engine.frame_of import as_fed
 from replay.engine.meters import Measurand
@@ -55,7 +56,7 @@ def test_of(
     every = tuple(dict.fromkeys([*own, *single, *wanted]))
     good = [found.good for found in quality.assess(channels)]
     try:
-        frame = frames.build(channels, good, network, every, STEP_S)
+        frame = frames.build(channels, good, network, every, STEP_S, hours_of(store, facts, session, network))
     except ReplayDataError as error:
         raise ReplayDataError(f"session {session.name}: {error}") from None
     course = course_of(store, facts, session, laws)

@@ -18,6 +18,7 @@ from ingest.catalogue.channels import load
 from ingest.events import SessionRecorded
 from ingest.facts import Facts
 from ingest.store import Store
+from replay.engine.aged import of_specimen
 from replay.engine.configurations import network_of
 from replay.engine.filtered import mean_losses, reading_of, uncertain_node, unknown_heat
 from replay.engine.frame import InputFrame, Observation
@@ -157,8 +158,9 @@ def sensors_worth(
 
 
 def _recorded(store: Store, facts: Facts, session: SessionRecorded, model: str) -> _Recorded:
-    network = network_of(store, facts, session, model)
-    frame = session_frame(session, load(store, facts, session), network)
+    specimen = of_specimen(store, facts, session, network_of(store, facts, session, model))
+    network = specimen.network
+    frame = session_frame(session, load(store, facts, session), network, specimen.hours)
     inputs = Frame(frame.step_s, frame.features, frame.boundaries)
     temperatures, sd = initial_temperatures(network, frame, "testing")
     open_loop = simulate(load_kernel(network), inputs, temperatures)

@@ -34,6 +34,7 @@ CONDUCTIVITY = {"S1": (100.0, 101.0, 70.0, 45.0), "S2": (100.0, 99.0, 98.0), "S3
 DOSE_H = {"S1": (0.0, 24.0, 48.0, 72.0), "S2": (0.0, 24.0, 24.0), "S3": (0.0,)}
 SCHEMAS = {
     "cycles": written.CYCLES,
+    "hours": written.HOURS,
     "checks": written.CHECKS,
     "specimens": written.SPECIMENS,
     "batches": written.BATCHES,
@@ -90,6 +91,20 @@ BATCHES: Rows = [
 ]
 
 
+HOURS: Rows = [
+    {
+        "specimen": "S1",
+        "batch": "B1",
+        "session": "oven_a-id",
+        "session_name": "oven_a",
+        "channel": "EW",
+        "degC": degC,
+        "hours": hours,
+    }
+    for degC, hours in ((180.0, 2.0), (190.0, 3.0))
+]
+
+
 def assess(store: Store, name: str, **rows: Rows) -> None:
     """Seal the tables of an assessment and append its event."""
     sealed = {}
@@ -105,7 +120,7 @@ def assess(store: Store, name: str, **rows: Rows) -> None:
 
 @pytest.fixture
 def assessed(store: Store) -> Store:
-    assess(store, "a1", checks=CHECKS, specimens=SPECIMENS, batches=BATCHES)
+    assess(store, "a1", checks=CHECKS, specimens=SPECIMENS, batches=BATCHES, hours=HOURS)
     return store
 
 
@@ -140,10 +155,10 @@ def test_conductivity_is_told_check_after_check(assessed: Store) -> None:
         ("S3", "B1", 0)
     ]
     assert rows[0][3:] == (
-        *("oven_a", datetime(2025, 10, 9, 8, 53, 20), 0.0, 0.0, 0.0, 100.0, 0.02, None),
+        *("dc_0", datetime(2025, 10, 9, 8, 53, 20), 0.0, 0.0, 0.0, 100.0, 0.02, None),
         *("iron sensor", "EW", 131.0, "a1"),
     )
-    assert rows[1][3] == "dc_1"  # of a session that is not there any more: its name then
+    assert rows[1][3] == "dc_1"
 
 
 def test_specimens_that_stand_out_come_first_and_what_is_not_finite_is_null(assessed: Store) -> None:
@@ -263,6 +278,10 @@ def test_repeatability_is_the_spread_of_checks_at_one_dose(questioned: Store) ->
 
 def test_units_and_batches_outside_the_band_of_the_fleet(questioned: Store) -> None:
     assert answer(questioned, "stand out") == [("S1", "B1", 3.1, 4.1), (None, "B3", 5.0, 5.2)]
+
+
+def test_what_the_heat_of_every_specimen_is_worth(questioned: Store) -> None:
+    assert answer(questioned, "every specimen's heat") == [("S1", pytest.approx(2.0 + 3.0 * 1.739, abs=0.1), 8.0)]
 
 
 def test_a_censored_life_table(questioned: Store) -> None:

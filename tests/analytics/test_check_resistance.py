@@ -88,6 +88,14 @@ def test_with_an_iron_sensor_the_course_is_the_hidden_one() -> None:
     assert course(resistances(found)) == pytest.approx(truth, abs=0.006)
 
 
+def test_with_an_iron_sensor_surfaces_that_darken_make_no_course() -> None:
+    checks = [trace(check) for check in stator("none").checks]
+    alone = course(np.array([evaluate(check).resistance_K_per_W for check in checks], np.float64))
+    together = course(resistances(evaluate_together(checks)))
+    assert alone[-1] < -0.005, "else the surfaces hide nothing"
+    assert abs(together[-1]) < 0.004
+
+
 @pytest.mark.parametrize("minutes", [45, 60, 90])
 def test_a_check_that_was_stopped_early_gives_the_resistance_of_the_whole(minutes: int) -> None:
     whole = trace(stator("none").checks[2])

@@ -1,4 +1,5 @@
-"""Forms of deterioration: told where they are there, none where there is nothing, and both by the odds that are stated."""
+"""Forms of deterioration: told where they are there, none where there is nothing, and both by the odds that are
+stated."""
 
 from __future__ import annotations
 

@@ -38,7 +38,8 @@ REACTION_ms = """
 
 
 def test_a_published_fit_is_reproduced_to_the_digits_printed() -> None:
-    """lmer(Reaction ~ Days + (Days | Subject), sleepstudy) of Bates et al., J. Stat. Softw. 67 (2015) 1, section 1.2."""
+    """lmer(Reaction ~ Days + (Days | Subject), sleepstudy) of Bates et al., J. Stat. Softw. 67 (2015) 1, section
+    1.2."""
     y = np.array(REACTION_ms.split(), np.float64)
     found = mixed.fit(np.repeat(np.arange(18), 10), np.tile(np.arange(10.0), 18), y, np.ones(180))
     assert found.deviance == pytest.approx(1743.6, abs=0.05)
@@ -134,7 +135,8 @@ def test_no_other_variances_have_a_smaller_deviance() -> None:
 
 
 def test_a_variance_of_zero_leaves_the_fixed_effects_right() -> None:
-    """Equal slopes, made so that residuals are smaller than chance allows: the variance between slopes is estimated as 0."""
+    """Equal slopes, made so that residuals are smaller than chance allows: the variance between slopes is estimated as
+    0."""
     dose, who = np.tile(np.arange(6.0) * 10.0, 8), np.repeat(np.arange(8), 6)
     wobble = 0.01 * np.tile([1.0, -1.0, 1.0, -1.0, 1.0, -1.0], 8)
     start = np.repeat(np.linspace(-0.1, 0.1, 8), 6)

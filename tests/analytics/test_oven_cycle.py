@@ -8,6 +8,8 @@ from numpy.typing import NDArray
 
 from analytics.insulation.arrhenius import RULES, equivalent_hours
 from analytics.insulation.oven_cycle import cycles, histogram, hours_above
+from plant import insulation_campaign
+from plant.timeline import Plan
 
 Floats = NDArray[np.float64]
 H = 3600.0
@@ -16,13 +18,12 @@ H = 3600.0
 def trapezium(soak_h: float, top: float = 230.0, step_s: float = 60.0) -> Floats:
     """An hour at 25 degC, two up to `top`, `soak_h` there, two down, an hour at 25 degC."""
     times = np.array([0.0, 1.0, 3.0, 3.0 + soak_h, 5.0 + soak_h, 6.0 + soak_h]) * H
-    return np.asarray(
-        np.interp(np.arange(0.0, times[-1], step_s), times, [25.0, 25.0, top, top, 25.0, 25.0]), np.float64
-    )
+    value = np.interp(np.arange(0.0, times[-1], step_s), times, [25.0, 25.0, top, top, 25.0, 25.0])
+    return value.astype(np.float64)
 
 
 def clock(value: Floats, step_s: float = 60.0) -> Floats:
-    return np.arange(value.size) * step_s
+    return np.arange(float(value.size)) * step_s
 
 
 SLOPE_H = 2.0 * 2.0 * 50.0 / 205.0  # two slopes of 2 h over 205 K, of which 50 K are above 180 degC
@@ -133,3 +134,16 @@ def test_an_empty_trace_has_no_cycles_and_no_hours() -> None:
 def test_time_that_falls_is_refused() -> None:
     with pytest.raises(ValueError, match="time falls after 60 s: sort the samples by time"):
         cycles(np.array([0.0, 60.0, 30.0]), np.array([20.0, 21.0, 22.0]))
+
+
+def test_oven_logs_of_the_plant_give_their_true_hours_with_several_cycles_a_log_and_breaks() -> None:
+    plan = Plan(stators=1, cycles=4, cycles_a_log=2, breaks=0.5, last_soak_h=60.0, electrical=False)
+    stator = insulation_campaign.run(3, plan).stators[0]
+    assert len(stator.oven_logs) == 2
+    for place, log in enumerate(stator.oven_logs):
+        true = sum(stator.hours_above[2 * place : 2 * place + 2])
+        winding = log["T_winding"]
+        assert hours_above(log.t_s, winding) == pytest.approx(true, abs=0.03)
+        found = cycles(log.t_s, winding)
+        assert len(found) >= 2
+        assert sum(cycle.hours_above for cycle in found) == pytest.approx(true, abs=0.03)

@@ -15,7 +15,8 @@ DOSES = np.arange(16) * 12.0
 def _campaign(
     seed: int, repeats: int, day_sd: float = 0.0, sd: float = 0.01
 ) -> tuple[list[str], list[float], list[float]]:
-    """Six specimens of 16 doses whose courses have a corner; `repeats` checks at each dose share the error of their day."""
+    """Six specimens of 16 doses whose courses have a corner; `repeats` checks at each dose share the error of their
+    day."""
     random = np.random.default_rng(seed)
     rows = [
         (f"S{k}", dose, 0.1 * max(0.0, dose - 96.0) / 96.0 + day + sd * random.standard_normal())

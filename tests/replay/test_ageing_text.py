@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
+from replay.engine.heat_history import Heat
 from replay.show.ageing import ageing_text, answer
-from replay.studies.assessment import Assessment, Batch, Check, Specimen, document, read, tables
+from replay.studies.assessment import Assessment, Batch, Check, HotHours, Lives, Specimen, document, read, tables
 
 CHECK = Check(
     session="s",
@@ -72,7 +74,10 @@ def assessment(*specimens: Specimen, batches: list[Batch] | None = None) -> Asse
         rules=["0.9 eV", "1.1 eV", "10 K rule"],
         repeatability_from="0.8 %, from repeats",
         specimens=list(specimens),
+        law=None,
+        life=Lives(criterion="conductivity -50 %", lives=[], law=None, why="no specimen has reached the criterion yet"),
         batches=batches or [],
+        stress=[],
         false_discovery_rate=0.05,
         notes=[],
     )
@@ -117,7 +122,9 @@ def test_an_assessment_survives_its_json_and_its_tables_hold_every_check() -> No
         "outlying_batches": [],
         "false_discovery_rate": 0.05,
     }
-    made = tables(found)
+    hours = HotHours("s", "oven_01", "W", Heat(np.array([229.0, 230.0, 231.0]), np.array([1.0, 0.0, 11.0])))
+    made = tables(found, {"S01": [hours]})
+    assert made["hours"].column("hours").to_pylist() == [1.0, 11.0]
     assert made["checks"].num_rows == 4
     assert made["checks"].column("equivalent_high_h").to_pylist()[1] == 3900.0
     assert made["specimens"].column("life_used_low").to_pylist() == [0.06, 0.06]

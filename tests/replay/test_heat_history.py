@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from ingest.events import SessionRecorded
-from replay.studies.heat_history import Heat, Trace, doses, in_order
+from replay.engine.heat_history import Heat, Trace, doses, in_order
 
 
 def session(name: str, kind: str, start_ns: int | None = None) -> SessionRecorded:

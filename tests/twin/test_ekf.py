@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from filter_steps import Steps
 from filterpy.kalman import ExtendedKalmanFilter, KalmanFilter
 from made_laws import law_frame, with_laws
 
 from benchmarks.integrator import frame, motor, s2
 from replay.engine.kernel_cache import load
 from twin.ekf import Estimate, at_their_pace, filter_unknowns
-from twin.ekf_step import advance, heat_row, move, row, sensitivities, update, work
 from twin.errors import CauseError, FrameError
 from twin.filter_inputs import HeatReading, Inputs, Reading, Start, inputs_of
 from twin.kernel import Compiled, compile_indexed
@@ -80,16 +80,6 @@ def readings(network: Network, inputs: Frame, temperatures: Floats, missing: flo
     return found
 
 
-def step_matrix(inputs: Inputs, k: int, x: Floats) -> Floats:
-    """F (S, S) of the step from the state x (S, 1), column by column."""
-    size = len(x)
-    spare, out = work(inputs.parts, inputs.boundaries.shape[1]), np.empty((size, size))
-    move(inputs.parts, inputs.features[k], inputs.boundaries[k], x, np.empty((size, 1)), spare)
-    sensitivities(inputs.parts, inputs.features[k], inputs.boundaries[k], x, spare)
-    advance(inputs.parts, spare.values, spare.still, spare.drive, np.eye(size), out, spare.many)
-    return out
-
-
 def one_step(compiled: Compiled, inputs: Frame, k: int, start: Floats) -> Floats:
     """The temperatures one step on, by the open loop's own kernel."""
     part = Frame(inputs.step_s, inputs.features[k : k + 1], inputs.boundaries[k : k + 1])
@@ -97,31 +87,22 @@ def one_step(compiled: Compiled, inputs: Frame, k: int, start: Floats) -> Floats
     return np.asarray(edges[1])
 
 
-def moved(inputs: Inputs, k: int, x: Floats) -> Floats:
-    """The state (S,) one step on, by the filter's own step."""
-    out = np.empty((len(x), 1))
-    spare = work(inputs.parts, inputs.boundaries.shape[1])
-    move(inputs.parts, inputs.features[k], inputs.boundaries[k], x[:, None].copy(), out, spare)
-    return out[:, 0]
-
-
-def by_filterpy(inputs: Inputs, steps: int, check: Any) -> None:
+def by_filterpy(inputs: Inputs, count: int, check: Any) -> None:
     """filterpy's filter on the same state: `check(k, x, P)` after each step."""
-    parts = inputs.parts
-    size = len(parts.process)
+    steps = Steps(inputs)
+    size = steps.size + steps.channels
     peer = ExtendedKalmanFilter(dim_x=size, dim_z=inputs.values.shape[1])
-    peer.P, peer.x, peer.Q = inputs.covariance.copy(), inputs.x[:, 0].copy(), np.diag(parts.process)
-    for k in range(steps):
-        peer.F = step_matrix(inputs, k, peer.x[:, None].copy())
-        peer.x = moved(inputs, k, peer.x)
-        peer.P = peer.F @ peer.P @ peer.F.T + peer.Q
+    x, P = steps.start
+    for k in range(count):
+        peer.x, F = steps.extended(k, x)
+        peer.P = F @ P @ F.T
+        peer.P[: steps.size, : steps.size] += steps.process
         seen = np.flatnonzero(np.isfinite(inputs.values[k]))
-        H = np.zeros((len(seen), size))
-        for i, j in enumerate(seen):
-            row(parts, int(j), inputs.places[k, j], H[i])
+        H = np.array([steps.row(int(j), inputs.places[k, j]) for j in seen]).reshape(len(seen), size)
         R = np.diag(inputs.variances[k, seen])
         peer.update(inputs.values[k, seen], lambda _, H=H: H, lambda x, H=H: H @ x, R=R)
-        check(k, peer.x, peer.P)
+        x, P = peer.x[: steps.size], peer.P[: steps.size, : steps.size]
+        check(k, x, P)
 
 
 MIXED = (
@@ -162,12 +143,12 @@ def test_it_agrees_with_filterpy_to_rounding(unknowns: tuple[Unknown, ...], netw
 def test_a_step_is_that_of_the_open_loop_with_the_heats_beside(
     network: Network, compiled: Compiled, inputs: Frame
 ) -> None:
-    of = inputs_of(network, inputs, start(network), [heat(1.0)], [])
+    of = Steps(inputs_of(network, inputs, start(network), [heat(1.0)], []))
     n = len(network.nodes)
     x = np.append(np.linspace(60.0, 120.0, n), 40.0)
     for k in (0, 130, 500):
-        ours = moved(of, k, x)
-        more = step_matrix(of, k, x[:, None].copy())[:n, n] * 40.0
+        ours = of.moved(k, x)
+        more = of.matrix(k, x)[:n, n] * 40.0
         assert np.abs(ours[:n] - one_step(compiled, inputs, k, x[:n]) - more).max() < 1e-11
 
 
@@ -206,19 +187,23 @@ def test_it_agrees_with_filterpys_linear_filter_where_nothing_changes(make_netwo
         for name, tau in (("n0", 0.0), ("n1", 3.0))
     ]
     ours = filter_unknowns(network, inputs, begin, [heat(5.0, "n2")], channels)
-    of = inputs_of(network, inputs, begin, [heat(5.0, "n2")], channels)
-    peer = KalmanFilter(len(of.x), 2)
-    peer.x, peer.P, peer.F, peer.R = of.x, of.covariance, step_matrix(of, 0, of.x), 0.01 * np.eye(2)
-    peer.Q, H, likelihood = np.diag(of.parts.process), np.zeros((2, len(of.x))), 0.0
+    of = Steps(inputs_of(network, inputs, begin, [heat(5.0, "n2")], channels))
+    size = of.size + of.channels
+    x, P = of.start
+    peer = KalmanFilter(size, 2)
+    peer.x, peer.P = np.append(x, of.now @ x)[:, None], np.zeros((size, size))
+    peer.P[: of.size, : of.size] = P
+    peer.F, peer.Q, peer.R = np.zeros((size, size)), np.zeros((size, size)), 0.01 * np.eye(2)
+    peer.F[:, : of.size] = of.extended(0, x)[1]
+    peer.Q[: of.size, : of.size] = of.process
+    likelihood = 0.0
     for k in range(steps):
         peer.predict()
-        for j in range(2):
-            row(of.parts, j, of.places[k, j], H[j])
-        peer.update(of.values[k, :, None], H=H)
+        peer.update(of.inputs.values[k, :, None], H=np.array([of.row(j, of.inputs.places[k, j]) for j in range(2)]))
         likelihood += peer.log_likelihood
         assert np.abs(peer.x[:5, 0] - ours.temperatures[k + 1]).max() < 1e-10
         assert abs(peer.x[5, 0] - ours.found[k + 1, 0]) < 1e-8
-    assert np.abs(peer.P - ours.covariance).max() < 1e-9
+    assert np.abs(peer.P[: of.size, : of.size] - ours.covariance).max() < 1e-9
     assert ours.log_likelihood == pytest.approx(likelihood, rel=1e-10)
 
 
@@ -234,19 +219,15 @@ def test_a_meter_of_heat_is_differentiated_rightly_and_reads_what_flows(make_net
     ]
     one = np.ones(1)
     meters = [HeatReading("losses", one, one), *(HeatReading(b.name, one, one, b.name) for b in network.boundaries)]
-    of = inputs_of(network, inputs, start(network), unknowns, meters)
-    spare, size = work(of.parts, len(network.boundaries)), len(of.x)
+    of = Steps(inputs_of(network, inputs, start(network), unknowns, meters))
 
     def reads(meter: int, x: Floats) -> float:
-        return float(
-            heat_row(of.parts, meter, inputs.features[0], inputs.boundaries[0], x[:, None], np.empty(size), spare)
-        )
+        return of.meter(meter, 0, x)[0]
 
     x = np.concatenate([np.linspace(40.0, 120.0, n), [20.0, 0.1, -0.2, 7.0]])
     for meter in range(3):
-        h = np.empty(size)
-        heat_row(of.parts, meter, inputs.features[0], inputs.boundaries[0], x[:, None], h, spare)
-        difference = [(reads(meter, x + d) - reads(meter, x - d)) / 2e-3 for d in 1e-3 * np.eye(size)]
+        h = of.meter(meter, 0, x)[1]
+        difference = [(reads(meter, x + d) - reads(meter, x - d)) / 2e-3 for d in 1e-3 * np.eye(of.size)]
         assert np.abs(h - difference).max() < 1e-6 * np.abs(h).max()
     x[n:] = 0.0
     form = constraints(network)
@@ -305,10 +286,10 @@ def test_the_step_is_differentiated_rightly(linear: bool, make_network: Any, mak
         UnknownFactor("conductance.coolant-n0.scale", 0.1, 0.0),
         UnknownFactor(f"loss.{source.node}.scale", 0.1, 0.0),
     ]
-    of = inputs_of(network, inputs, start(network), unknowns, [])
+    of = Steps(inputs_of(network, inputs, start(network), unknowns, []))
     x = np.concatenate([np.linspace(40.0, 90.0, n), [20.0, -10.0, 0.1, -0.2, 0.3]])
-    F, shift = step_matrix(of, 0, x[:, None].copy()), 1e-3 * np.eye(len(x))
-    differences = np.array([(moved(of, 0, x + d) - moved(of, 0, x - d)) / 2e-3 for d in shift]).T
+    F, shift = of.matrix(0, x), 1e-3 * np.eye(len(x))
+    differences = np.array([(of.moved(0, x + d) - of.moved(0, x - d)) / 2e-3 for d in shift]).T
     # what is left out where losses are not linear in temperature is a second derivative times half a second
     assert np.abs(F - differences)[:, :n].max() < (1e-9 if linear else 5e-3)
     assert np.abs(F - differences)[:, n:].max() < 1e-6 * np.abs(differences[:n, n:]).max()
@@ -323,10 +304,10 @@ def test_factors_of_any_law_are_differentiated_rightly(make_network: Any) -> Non
     assert bent
     assert films
     unknowns = [UnknownFactor(f"conductance.{link.a}-{link.b}.scale", 0.1, 0.0) for link in (*bent, *films)]
-    of = inputs_of(network, inputs, start(network), unknowns, [])
+    of = Steps(inputs_of(network, inputs, start(network), unknowns, []))
     x = np.concatenate([np.linspace(40.0, 120.0, n), np.linspace(-0.3, 0.3, len(unknowns))])
-    F, shift = step_matrix(of, 0, x[:, None].copy()), 1e-3 * np.eye(len(x))
-    differences = np.array([(moved(of, 0, x + d) - moved(of, 0, x - d)) / 2e-3 for d in shift[n:]]).T
+    F, shift = of.matrix(0, x), 1e-3 * np.eye(len(x))
+    differences = np.array([(of.moved(0, x + d) - of.moved(0, x - d)) / 2e-3 for d in shift[n:]]).T
     assert np.abs(F[:, n:] - differences).max() < 1e-6 * np.abs(differences[:n]).max()
 
 
@@ -397,21 +378,17 @@ def test_readings_may_come_at_any_rate(network: Network, inputs: Frame) -> None:
     assert (np.abs(found.found[1:, 0] - HEAT_W) < 4 * found.found_sd[1:, 0])[late].all()
 
 
-def test_an_almost_perfect_reading_of_what_nothing_was_known_of_is_believed() -> None:
-    """P - P h (P h)' / s alone subtracts two numbers of 1e12 K^2 that differ by less than they are rounded by."""
-    size, variance = 6, 1e-8
-    roots = np.random.default_rng(7).normal(size=(size, size))
-    roots[0] *= 1e6
-    P = roots @ roots.T
-    plain, x, h = P.copy(), np.zeros((size, 1)), np.eye(size)[0]
-    for _ in range(4):
-        g = plain @ h
-        plain -= np.outer(g, g) / (h @ g + variance)
-        update(h, 1.0, variance, x, P, np.empty(size), np.empty(size))
-    assert (P == P.T).all()
-    assert P[0, 0] == pytest.approx(variance / 4, rel=1e-3)
-    assert np.linalg.eigvalsh(P).min() > 0
-    assert plain[0, 0] != pytest.approx(variance / 4, rel=0.1), "the plain form does not know it"
+def test_an_almost_perfect_reading_of_what_nothing_was_known_of_is_believed(make_network: Any, make_frame: Any) -> None:
+    """A start known to 1000 K, readings good to 0.0001 K."""
+    network: Network = make_network(7, n=5)
+    inputs: Frame = make_frame(network, 7, steps=3)
+    sharp = [Reading(f"n{i}", {f"n{i}": 1.0}, 0.0, np.full(3, 30.0), np.ones(3), np.full(3, 1e-8)) for i in (0, 2)]
+    begin = Start(np.full(5, 30.0), np.full(5, 1e3), 1e-6)
+    found = filter_unknowns(network, inputs, begin, [heat(0.0, "n2", 1e3)], sharp)
+    assert found.temperatures_sd[1:, [0, 2]] == pytest.approx(1e-4, rel=0.05)
+    assert np.abs(found.temperatures[1:, [0, 2]] - 30.0).max() < 1e-3
+    assert (found.covariance == found.covariance.T).all()
+    assert np.linalg.eigvalsh(found.covariance).min() > 0
 
 
 def test_the_covariance_stays_positive_definite_over_a_hundred_thousand_steps(

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from twin.errors import FrameError
 from twin.gradients import gradient
+from twin.integrators import BDF2
 from twin.kernel import Compiled, compile_indexed, compile_network
 from twin.network import Network
 from twin.sensitivities import columns
@@ -88,8 +89,11 @@ def test_without_weights_there_is_no_gradient(case: tuple[Compiled, Frame, Float
     assert not found.initial.any()
 
 
-def test_a_network_of_the_index_form_has_no_gradient(make_network: Make, plain: Load) -> None:
+@pytest.mark.parametrize("form", ["indexed", "bdf2"])
+def test_a_network_of_the_index_form_or_another_method_has_no_gradient(
+    form: str, make_network: Make, plain: Load
+) -> None:
     network = make_network(0, n=3)
-    compiled = compile_indexed(network, load=plain)
-    with pytest.raises(FrameError, match="3 nodes, too many for gradients"):
+    compiled = compile_indexed(network, load=plain) if form == "indexed" else compile_network(network, BDF2, plain)
+    with pytest.raises(FrameError, match="3 nodes has no kernel for gradients"):
         gradient(compiled, law_frame(network, 0, 3, 1.0), np.zeros((4, 3)), np.zeros((4, 3)))

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -106,5 +107,21 @@ def test_steps_behind_the_last_whole_block_do_not_count(case: Case) -> None:
 
 def test_a_network_of_the_index_form_has_no_columns(make_network: Make, plain: Load) -> None:
     network = make_network(0, n=3)
-    with pytest.raises(FrameError, match="too many for columns"):
+    with pytest.raises(FrameError, match="3 nodes has no kernel for columns"):
         columns(compile_indexed(network, load=plain), law_frame(network, 0, 4, 1.0), np.zeros((5, 3)), 2)
+
+
+def test_compiled_columns_are_vector_instructions_and_agree_with_plain_numbers(make_network: Make, plain: Load) -> None:
+    """Were the loop over the columns no longer made into vectors, nothing else would tell."""
+    network = make_network(1, n=5)
+    alone, compiled = compile_network(network, load=plain), compile_network(network)
+    assert compiled.columns is not None
+    places = tuple(range(len(compiled.parameters.coefficients) + 2 * 5))
+    kernel = compiled.columns(places)
+    (signature,) = kernel.signatures  # type: ignore[attr-defined]
+    made = re.findall(r"= fmul contract (?:<(\d+) x )?float", kernel.inspect_llvm(signature))  # type: ignore[attr-defined]
+    assert sum(int(width or 1) >= 4 for width in made) > 0.9 * len(made) > 50
+    inputs, start = law_frame(network, 1, STEPS, 2.0), np.linspace(35.0, 90.0, 5)
+    temperatures = simulate(alone, inputs, start)
+    ours, theirs = (columns(one, inputs, temperatures, BLOCK) for one in (compiled, alone))
+    np.testing.assert_allclose(ours, theirs, rtol=1e-4, atol=1e-6 * float(np.abs(theirs).max()))

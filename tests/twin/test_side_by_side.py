@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from benchmarks.integrator import frame, initial_of, motor, s2
 from replay.engine.kernel_cache import load
-from twin.codegen import LANES, generate_side_by_side
+from twin.codegen_lanes import LANES, generate_side_by_side
 from twin.errors import DivergedError, FrameError
 from twin.integrators import BDF2, DEFAULT
 from twin.kernel import Compiled, Together, compile_indexed, compile_network, load_in_memory
@@ -51,7 +51,7 @@ def test_sessions_of_another_step_and_empty_ones_go_on_their_own(bent: Compiled)
 
 def test_the_index_program_gives_the_same_bits_in_every_lane(make_network: Make, plain: Load) -> None:
     compiled = compile_indexed(with_laws(make_network(3, n=4), 3), load=plain)
-    frames, starts = _sessions(compiled.network, [7, 9, 9, 2, 9, 9, 9])
+    frames, starts = _sessions(compiled.network, [7, 9, 9, 2, 9, 9, 9, 8, 9])
     for found, own, start in zip(simulate_all(compiled, frames, starts), frames, starts, strict=True):
         np.testing.assert_array_equal(found, simulate(compiled, own, start))
 

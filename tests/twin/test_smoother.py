@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from filter_steps import Steps
 from filterpy.kalman import rts_smoother
 
 from benchmarks.integrator import frame, motor, s2
 from replay.engine.kernel_cache import load
 from twin import smoother
 from twin.ekf import filter_unknowns
-from twin.ekf_step import advance, heat_row, move, row, sensitivities, work
 from twin.filter_inputs import AnyReading, HeatReading, Inputs, Reading, Start, inputs_of
 from twin.kernel import compile_indexed
 from twin.network import Network, Term
@@ -49,42 +49,32 @@ def small(make_network: Any, make_frame: Any, steps: int = 30) -> tuple[Network,
     return network, inputs, start, read(truth, ["n0", "n1", "n2", "n3", "n4"], {"n0": 0.0, "n1": 2.0, "n3": 1.0}, 0.5)
 
 
-def step_of(inputs: Inputs, k: int, x: Floats) -> tuple[Floats, Floats]:
-    """The state one step on from x (S, 1), and F (S, S)."""
-    size = len(x)
-    spare, out, matrix = work(inputs.parts, inputs.boundaries.shape[1]), np.empty((size, 1)), np.empty((size, size))
-    move(inputs.parts, inputs.features[k], inputs.boundaries[k], x, out, spare)
-    sensitivities(inputs.parts, inputs.features[k], inputs.boundaries[k], x, spare)
-    advance(inputs.parts, spare.values, spare.still, spare.drive, np.eye(size), matrix, spare.many)
-    return out, matrix
-
-
 def written_out(inputs: Inputs) -> tuple[Floats, Floats]:
-    """Mean and variance (N + 1, S) of every state given every reading, by one solve of the joint Gaussian."""
+    """Mean and variance (N + 1, S + m) of every state given every reading, by one solve of the joint Gaussian."""
+    of = Steps(inputs)
     steps, m = inputs.values.shape
-    size = len(inputs.x)
-    mean = np.empty((steps + 1, size, 1))
-    mean[0] = inputs.x
-    spread = np.zeros((steps + 1, size, steps + 1, size))
-    spread[0, :, 0, :] = inputs.covariance
+    size = of.size + of.channels
+    mean, spread = np.zeros((steps + 1, size)), np.zeros((steps + 1, size, steps + 1, size))
+    mean[0, : of.size], spread[0, : of.size, 0, : of.size] = of.start
     for k in range(steps):
-        mean[k + 1], matrix = step_of(inputs, k, mean[k].copy())
+        matrix = np.zeros((size, size))
+        mean[k + 1], matrix[:, : of.size] = of.extended(k, mean[k, : of.size])
         for before in range(k + 1):
             spread[k + 1, :, before] = matrix @ spread[k, :, before]
             spread[before, :, k + 1] = spread[k + 1, :, before].T
-        spread[k + 1, :, k + 1] = matrix @ spread[k, :, k] @ matrix.T + np.diag(inputs.parts.process)
+        spread[k + 1, :, k + 1] = matrix @ spread[k, :, k] @ matrix.T
+        spread[k + 1, : of.size, k + 1, : of.size] += of.process
     rows, values, variances = [], [], []
-    spare = work(inputs.parts, inputs.boundaries.shape[1])
     for k in range(steps):
         for j in range(m):
             if np.isfinite(inputs.values[k, j]):
-                h, beyond = np.empty(size), 0.0
-                if j < len(inputs.parts.weights):
-                    row(inputs.parts, j, inputs.places[k, j], h)
+                beyond = 0.0
+                if j < of.channels:
+                    h = of.row(j, inputs.places[k, j])
                 else:  # the heat is linear in the state, and not 0 at 0
-                    meter, at = j - len(inputs.parts.weights), mean[k + 1]
-                    beyond = heat_row(inputs.parts, meter, inputs.features[k], inputs.boundaries[k], at, h, spare)
-                    beyond -= float(h @ at[:, 0])
+                    beyond, slopes = of.meter(j - of.channels, k, mean[k + 1, : of.size])
+                    h = np.append(slopes, np.zeros(of.channels))
+                    beyond -= float(h @ mean[k + 1])
                 rows.append(np.concatenate([np.zeros((k + 1) * size), h, np.zeros((steps - k - 1) * size)]))
                 values.append(inputs.values[k, j] - beyond)
                 variances.append(inputs.variances[k, j])
@@ -121,10 +111,9 @@ def test_it_agrees_with_filterpy_where_nothing_changes(make_network: Any, make_f
     channels = [replace(r, time_constant_s=0.0, place=np.full(60, 1.0)) for r in channels]
     ours = smoothed(network, inputs, start, unknowns, channels)
     of = inputs_of(network, inputs, start, unknowns, channels)
-    _, F = step_of(of, 0, of.x)
-    some = slice(0, of.parts.last)  # at the end of a step no earlier reading matters
-    F, Q = F[some, some], np.diag(of.parts.process[some])
-    x, P = of.x[some, 0].copy(), of.covariance[some, some].copy()
+    steps = Steps(of)
+    (x, P), Q = steps.start, steps.process
+    F = steps.matrix(0, x)
     xs, Ps = [x], [P]
     for k in range(60):
         x, P = F @ x, F @ P @ F.T + Q

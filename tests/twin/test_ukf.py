@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from filter_steps import Steps
 from filterpy.kalman import MerweScaledSigmaPoints, UnscentedKalmanFilter
 
 from replay.engine.kernel_cache import load
 from twin import ukf
 from twin.ekf import filter_unknowns
-from twin.ekf_step import move, work
 from twin.filter_inputs import AnyReading, HeatReading, Reading, Start, inputs_of
 from twin.kernel import compile_indexed
 from twin.network import Network
@@ -47,28 +47,18 @@ def test_it_agrees_with_filterpy(linear: bool, make_network: Any, make_frame: An
     network, inputs, start, channels = case(make_network, make_frame, linear)
     ours = filter_unscented(network, inputs, start, MIXED, channels)
     of = inputs_of(network, inputs, start, MIXED, channels)
-    size, last = len(of.x), of.parts.last
-    core = np.array([*range(last), *(at for at in of.parts.state if at >= 0)])
-    spare, shown = work(of.parts, of.boundaries.shape[1]), np.empty((size, 1))
+    steps, last = Steps(of), of.parts.last
 
     def step(x: Floats, dt: float, k: int) -> Floats:
-        whole = np.zeros((size, 1))
-        whole[core, 0] = x
-        move(of.parts, of.features[k], of.boundaries[k], whole, shown, spare)
-        moved: Floats = shown[core, 0].copy()
-        return moved
+        return steps.moved(k, x)
 
     def reading(x: Floats, seen: Floats) -> Floats:
-        now = [
-            int(np.flatnonzero(core == at)[0]) if at >= 0 else i
-            for at, i in zip(of.parts.state, (0, 1, 3), strict=True)
-        ]
-        return x[[now[j] for j in seen]]
+        read: Floats = steps.now[seen] @ x
+        return read
 
-    points = MerweScaledSigmaPoints(len(core), ukf.ALPHA, ukf.BETA, ukf.KAPPA)
-    peer = UnscentedKalmanFilter(len(core), 3, 0.5, reading, step, points)
-    peer.x, peer.P = of.x[core, 0].copy(), of.covariance[np.ix_(core, core)].copy()
-    peer.Q = np.diag(of.parts.process[core])
+    points = MerweScaledSigmaPoints(steps.size, ukf.ALPHA, ukf.BETA, ukf.KAPPA)
+    peer = UnscentedKalmanFilter(steps.size, 3, 0.5, reading, step, points)
+    (peer.x, peer.P), peer.Q = steps.start, steps.process
     inverse, worst = np.argsort(of.order), np.zeros(3)
     for k in range(STEPS):
         peer.predict(k=k)
