@@ -168,9 +168,10 @@ def _hours(value: float | None) -> str:
 
 
 def _slope(one: Specimen) -> str:
-    if one.slope_percent_per_100h is None:
-        return "-"
-    return f"{one.slope_percent_per_100h:+.1f} %".replace("-", "−")
+    """Its own where its course is beyond repeatability, else what it and the fleet together say."""
+    own, fleet = one.slope_percent_per_100h, one.fleet_slope_percent_per_100h
+    slope = own if one.significant or fleet is None else fleet
+    return "-" if slope is None else f"{slope:+.1f} %".replace("-", "−")
 
 
 def _percent(value: float | None) -> str:

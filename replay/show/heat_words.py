@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 from replay.show import words
@@ -78,6 +78,20 @@ def _margin(one: Mapping[str, Any]) -> str:
         return "no limit given"
     way = "under" if one["margin_K"] >= 0 else "ABOVE"
     return f"{words.kelvin(abs(one['margin_K']))} {way} its limit"
+
+
+def aged(summary: Mapping[str, Any]) -> Iterator[str]:
+    """What the heat of the specimen's earlier sessions has left of what ages."""
+    for entry in summary.get("ageing") or ():
+        places = words.joined([place.replace("_", " ") for place in entry["places"]])
+        by = (
+            "the law of the motor file"
+            if entry["from"] == "law"
+            else f"the checks of assessment {words.short(entry['from'])}"
+        )
+        yield (
+            f"aged: {entry['dose_h']:.0f} h above {entry['above_degC']:g} °C before leave {100 * entry['factor']:.0f} % of {places}, by {by}"
+        )
 
 
 def above_limits(summary: Mapping[str, Any]) -> list[str]:

@@ -65,7 +65,12 @@ def _beside(summary: Mapping[str, Any]) -> Iterator[str]:
     """What other meters say, heat, hot spots, limits and derating."""
     for entry in summary.get("meters") or ():
         yield from _row(f"  {entry['channel']} ({entry['quantity']})   ", heat_words.meter(entry))
-    told = [heat_words.heat(summary), heat_words.hottest(summary), *heat_words.above_limits(summary)]
+    told = [
+        *heat_words.aged(summary),
+        heat_words.heat(summary),
+        heat_words.hottest(summary),
+        *heat_words.above_limits(summary),
+    ]
     for text in (*told, *heat_words.derating(summary)):
         if text:
             yield from _row("  ", text)

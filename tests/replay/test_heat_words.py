@@ -117,3 +117,12 @@ def test_a_band_is_said_with_what_it_holds() -> None:
     )
     none = {spot: {**one, "sd_K": None, "ci95_degC": None, "band_from": None} for spot, one in spots.items()}
     assert heat_words.hottest({"hot_spots": none}) == heat_words.hottest({"hot_spots": hot_spots(MOTOR, T, 0.5)})
+
+
+def test_what_heat_has_left_is_said_with_where_that_is_known_from() -> None:
+    entry = {"places": ["winding_a-teeth"], "above_degC": 180.0, "dose_h": 132.4, "factor": 0.81, "sd": 0.01, "from": "law"}
+    (line,) = heat_words.aged({"ageing": [entry]})
+    assert line == "aged: 132 h above 180 °C before leave 81 % of winding a-teeth, by the law of the motor file"
+    (line,) = heat_words.aged({"ageing": [entry | {"from": "abcdef1234567890"}]})
+    assert line.endswith("by the checks of assessment abcdef12")
+    assert list(heat_words.aged({})) == []
