@@ -22,6 +22,11 @@ bench: .venv/ready
 	$(BIN)/python benchmarks/calibration.py
 	$(BIN)/python benchmarks/filters.py
 	$(BIN)/python benchmarks/paper.py
+	$(BIN)/python benchmarks/twin.py
+	$(BIN)/python benchmarks/warehouse.py
+	$(BIN)/python benchmarks/ageing.py
+	$(BIN)/python benchmarks/ageing_forms.py
+	$(BIN)/python benchmarks/fleet.py
 
 # How often a hidden effect is named, and nothing where nothing is hidden: hours, and it goes on where it was interrupted.
 trials: .venv/ready

@@ -7,8 +7,9 @@ compiles nothing.
 from __future__ import annotations
 
 import itertools
+import math
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 from twin.drops import FREE_CONVECTION, RADIATION
 from twin.integrators import Tableau
@@ -32,7 +33,7 @@ def run(features, boundaries, step_s, coefficients, capacities, copper, factors,
 '''
 
 
-class _Writer:
+class Writer:
     """Lines of the body, and what is added to each entry of the step matrix and of its right-hand side."""
 
     def __init__(self, structure: Structure) -> None:
@@ -41,6 +42,12 @@ class _Writer:
         self.lines: list[str] = []
         self.matrix: defaultdict[tuple[int, int], list[str]] = defaultdict(list)
         self.right: defaultdict[int, list[str]] = defaultdict(list)
+
+    @property
+    def boundaries(self) -> list[int]:
+        """The boundaries that links end at."""
+        n = self.structure.n
+        return sorted({g.b - n for g in self.structure.groups if g.b >= n})
 
     def add(self, row: int, column: int, signed: str) -> None:
         """Add a signed expression to an entry of the matrix."""
@@ -51,8 +58,12 @@ class _Writer:
 
     def text(self) -> str:
         """The body of `run`: what is hoisted, then the loop over the steps."""
-        body = "".join(f"    {line}\n" for line in [*self.hoisted, "for k in range(features.shape[0]):"])
-        return body + "".join(f"        {line}\n" for line in self.lines)
+        return indented(1, [*self.hoisted, "for k in range(features.shape[0]):"]) + indented(2, self.lines)
+
+
+def indented(depth: int, lines: Iterable[str]) -> str:
+    """The lines as text, so many blocks deep."""
+    return "".join(f"{'    ' * depth}{line}\n" for line in lines)
 
 
 def generate(structure: Structure, tableau: Tableau) -> str:
@@ -60,30 +71,35 @@ def generate(structure: Structure, tableau: Tableau) -> str:
 
     It fills `out[1:]` from `out[0]`; arrays as in `Frame` and `Parameters`. `CACHE` is left to whoever loads the text.
     """
-    w = _Writer(structure)
-    _read_state(w, tableau)
-    for index, group in enumerate(structure.groups):
-        _group(w, index, group)
-    _factorise(w)
-    _stages(w, tableau)
+    w = Writer(structure)
+    read_inputs(w, tableau)
+    add_step(w, tableau)
     w.hoisted += [f"T{i} = out[0, {i}]" for i in range(structure.n)]
     if tableau.back:
         w.hoisted += ["gamma = 1.0", "back = 0.0", *(f"P{i} = T{i}" for i in range(structure.n))]
-    _end_step(w, tableau)
+    end_step(w, tableau)
+    w.lines += [f"out[k + 1, {i}] = T{i}" for i in range(structure.n)]
     return HEAD + w.text()
 
 
-def _read_state(w: _Writer, tableau: Tableau) -> None:
+def add_step(w: Writer, tableau: Tableau) -> None:
+    """One step, from the state and the inputs to the temperatures of its stages."""
+    for index, group in enumerate(w.structure.groups):
+        add_group(w, index, group)
+    factorise(w)
+    _stages(w, tableau)
+
+
+def read_inputs(w: Writer, tableau: Tableau) -> None:
     gamma, before = ("gamma", w.lines) if tableau.back else (repr(tableau.gamma), w.hoisted)
     before += [f"C{i} = capacities[{i}] / ({gamma} * step_s)" for i in range(w.structure.n)]
     if any(group.own for group in w.structure.groups):
         w.hoisted += ["alpha = copper[0]", "reference = copper[1]"]
-    boundaries = sorted({g.b - w.structure.n for g in w.structure.groups if g.b >= w.structure.n})
     w.lines += [f"f{j} = features[k, {j}]" for j in range(w.structure.monomials)]
-    w.lines += [f"B{j} = boundaries[k, {j}]" for j in boundaries]
+    w.lines += [f"B{j} = boundaries[k, {j}]" for j in w.boundaries]
 
 
-def _group(w: _Writer, index: int, group: Group) -> None:
+def add_group(w: Writer, index: int, group: Group) -> None:
     g = f"g{index}"
     w.hoisted += [f"c{i} = coefficients[{i}]" for i, _ in group.terms]
     w.lines.append(f"{g} = " + " + ".join(f"c{i}" if j == CONSTANT else f"c{i} * f{j}" for i, j in group.terms))
@@ -96,15 +112,14 @@ def _group(w: _Writer, index: int, group: Group) -> None:
         _link(w, index, group)
 
 
-def _source(w: _Writer, index: int, group: Group) -> None:
+def _source(w: Writer, index: int, group: Group) -> None:
     """Heat g x y into node a, linear about the start: x the copper factor or its inverse, y the temperature factor."""
     g, a = f"g{index}", group.a
     if group.own:
-        w.lines.append(f"x{index} = 1.0 + alpha * (T{a} - reference)")
-        slope = f"{g} * alpha"
+        warm, slope = f"1.0 + alpha * (T{a} - reference)", f"{g} * alpha"
         if group.own < 0:
-            w.lines.append(f"x{index} = 1.0 / x{index}")
-            slope = f"-{g} * alpha * x{index} * x{index}"
+            warm, slope = f"1.0 / ({warm})", f"-{g} * alpha * x{index} * x{index}"
+        w.lines.append(f"x{index} = {warm}")
         slope += f" * y{index}" if group.other != NOBODY else ""
         w.lines.append(f"p{index} = {slope}")
         w.add(a, a, f"- p{index}")
@@ -118,7 +133,7 @@ def _source(w: _Writer, index: int, group: Group) -> None:
     w.right[a].append(f"+ {g}")
 
 
-def _link(w: _Writer, index: int, group: Group) -> None:
+def _link(w: Writer, index: int, group: Group) -> None:
     """Heat g y (T_b - T_a) into node a and, unless it goes one way, out of node b, linear about the start in the factor's
     temperature."""
     g, a, b, m = f"g{index}", group.a, group.b, group.other
@@ -130,7 +145,8 @@ def _link(w: _Writer, index: int, group: Group) -> None:
     if m != NOBODY:
         drop = f"({far} - T{a})" if group.plain else f"dv{index}"
         w.lines.append(f"q{index} = {g} * s{index} * {drop}")
-        w.lines.append(f"{g} = {g} * y{index}")
+        w.lines.append(f"h{index} = {g} * y{index}")
+        g = f"h{index}"
         w.add(a, m, f"- q{index}")
         w.right[a].append(f"- q{index} * T{m}")
         if gives:
@@ -152,7 +168,7 @@ def _link(w: _Writer, index: int, group: Group) -> None:
             w.right[b].append(f"- dr{index}")
 
 
-def _drop(w: _Writer, index: int, group: Group, far: str) -> None:
+def _drop(w: Writer, index: int, group: Group, far: str) -> None:
     """What drives the heat, as `twin.drops`: `dv` at the start, `da` what it falls by per kelvin of a, `db` what it grows by
     per kelvin of b."""
     own, i = f"T{group.a}", index
@@ -169,7 +185,7 @@ def _drop(w: _Writer, index: int, group: Group, far: str) -> None:
         w.lines += [
             f"dw{i} = {far} - {own}",
             f"dc{i} = dw{i} * dw{i} + 0.01",
-            f"dh{i} = math.sqrt(math.sqrt(math.sqrt(dc{i}))) / {100.01**0.125!r}",
+            f"dh{i} = math.sqrt(math.sqrt(math.sqrt(dc{i}))) / {math.sqrt(math.sqrt(math.sqrt(100.01)))!r}",
             f"dv{i} = dh{i} * dw{i}",
             f"da{i} = dh{i} * (1.0 + 0.25 * dw{i} * dw{i} / dc{i})",
             f"db{i} = da{i}",
@@ -178,7 +194,7 @@ def _drop(w: _Writer, index: int, group: Group, far: str) -> None:
         _fluid(w, index, group, far)
 
 
-def _fluid(w: _Writer, i: int, group: Group, far: str) -> None:
+def _fluid(w: Writer, i: int, group: Group, far: str) -> None:
     """The heat capacity of the fluid that comes, relative: a table as a sum of ramps."""
     ramps, slopes = [repr(group.fluid[0][1])], ["0.0"]
     for (low, before), (high, after) in itertools.pairwise(group.fluid):
@@ -193,7 +209,7 @@ def _fluid(w: _Writer, i: int, group: Group, far: str) -> None:
     ]
 
 
-def _factorise(w: _Writer) -> None:
+def factorise(w: Writer) -> None:
     """L and U of the step matrix along the diagonal, row by row in the order of elimination; `d` is 1 / pivot.
 
     Every variable is assigned once: numba compiles that in a fraction of the time that updates in place take.
@@ -214,32 +230,43 @@ def _factorise(w: _Writer) -> None:
             w.lines.append(f"l{i}_{p} = {column} * d{p}")
 
 
-def _stages(w: _Writer, tableau: Tableau) -> None:
+def _stages(w: Writer, tableau: Tableau) -> None:
     """`z` is a stage's temperature, `D` its distance from the stage's base."""
-    nodes, last = range(w.structure.n), len(tableau.b) - 1
-    w.lines += [f"R{i} = " + (" ".join(w.right[i]) or "0.0").removeprefix("+ ") for i in nodes]
-    for s, row in enumerate(tableau.a):
-        added = "".join(f" + {value / tableau.gamma!r} * D{j}_{{i}}" for j, value in enumerate(row) if value)
-        back = " + back * (T{i} - P{i})" if tableau.back else ""
-        bases = [f"T{i}" + (back + added).format(i=i) for i in nodes]
-        _solve(w, s, bases)
+    last = len(tableau.b) - 1
+    add_right_sides(w)
+    for s in range(last + 1):
+        known = bases(w, tableau, s)
+        solve(w, s, known)
         if s < last or not tableau.stiffly_accurate:
-            w.lines += [f"D{s}_{i} = z{s}_{i} - ({bases[i]})" for i in nodes]
+            w.lines += [f"D{s}_{i} = z{s}_{i} - ({base})" for i, base in enumerate(known)]
 
 
-def _solve(w: _Writer, stage: int, bases: Sequence[str]) -> None:
+def add_right_sides(w: Writer) -> None:
+    """`R`: what flows into a node at the temperatures of the start, less what the matrix says of them."""
+    w.lines += [f"R{i} = " + (" ".join(w.right[i]) or "0.0").removeprefix("+ ") for i in range(w.structure.n)]
+
+
+def bases(w: Writer, tableau: Tableau, stage: int) -> list[str]:
+    """What each node's temperature of a stage starts from."""
+    row = enumerate(tableau.a[stage])
+    added = "".join(f" + {value / tableau.gamma!r} * D{j}_{{i}}" for j, value in row if value)
+    back = " + back * (T{i} - P{i})" if tableau.back else ""
+    return [f"T{i}" + (back + added).format(i=i) for i in range(w.structure.n)]
+
+
+def solve(w: Writer, stage: int, known: Sequence[str]) -> None:
     """One stage: forward along the order with L into `v`, backward with U into `z`."""
     order, later = w.structure.pattern.order, w.structure.pattern.later
     for i in order:
-        known = "".join(f" - l{i}_{k} * v{stage}_{k}" for k in order if i in later[k])
-        w.lines.append(f"v{stage}_{i} = C{i} * ({bases[i]}) + R{i}{known}")
+        above = "".join(f" - l{i}_{k} * v{stage}_{k}" for k in order if i in later[k])
+        w.lines.append(f"v{stage}_{i} = C{i} * ({known[i]}) + R{i}{above}")
     for i in reversed(order):
-        known = "".join(f" - u{i}_{j} * z{stage}_{j}" for j in later[i])
-        w.lines.append(f"z{stage}_{i} = (v{stage}_{i}{known}) * d{i}")
+        below = "".join(f" - u{i}_{j} * z{stage}_{j}" for j in later[i])
+        w.lines.append(f"z{stage}_{i} = (v{stage}_{i}{below}) * d{i}")
 
 
-def _end_step(w: _Writer, tableau: Tableau) -> None:
-    """The state at the step's end, kept in `out`."""
+def end_step(w: Writer, tableau: Tableau) -> None:
+    """The state at the step's end."""
     last = len(tableau.b) - 1
     if tableau.back:
         w.lines += [f"gamma = {tableau.gamma!r}", f"back = {tableau.back!r}"]
@@ -247,4 +274,3 @@ def _end_step(w: _Writer, tableau: Tableau) -> None:
     for i in range(w.structure.n):
         sums = "".join(f" + {b / tableau.gamma!r} * D{s}_{i}" for s, b in enumerate(tableau.b))
         w.lines.append(f"T{i} = z{last}_{i}" if tableau.stiffly_accurate else f"T{i} = T{i}{sums}")
-    w.lines += [f"out[k + 1, {i}] = T{i}" for i in range(w.structure.n)]

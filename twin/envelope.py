@@ -12,6 +12,7 @@ from scipy.optimize import brentq
 
 from twin.errors import DivergedError
 from twin.features import terms
+from twin.gradients import gradient
 from twin.kernel import Compiled
 from twin.simulate import Frame, simulate
 
@@ -54,16 +55,19 @@ class Motor:
 def temperatures(motor: Motor, features: Floats, start: Floats, seconds: float) -> Floats:
     """Of every node (n,) [degC] after some seconds, or in the steady state of infinitely many; infinite where it runs away."""
     steady = math.isinf(seconds)
-    steps, step_s = (STEADY_STEPS, STEADY_S) if steady else (max(1, round(seconds / STEP_S)), STEP_S)
-    frame = Frame(step_s, np.tile(features, (steps, 1)), np.tile(motor.boundaries, (steps, 1)))
     try:
-        course = simulate(motor.compiled, frame, start)
+        course = simulate(motor.compiled, _frame(motor, features, seconds), start)
     except DivergedError:
         return np.full(len(start), np.inf)
     end = course[-1]
     settled = not steady or float(np.abs(end - course[-2]).max()) < SETTLED_K
     ran_away = not settled or end.max() > MELTED_DEGC or end.min() < motor.boundaries.min() - 1.0
     return np.full(len(start), np.inf) if ran_away else end
+
+
+def _frame(motor: Motor, features: Floats, seconds: float) -> Frame:
+    steps, step_s = (STEADY_STEPS, STEADY_S) if math.isinf(seconds) else (max(1, round(seconds / STEP_S)), STEP_S)
+    return Frame(step_s, np.tile(features, (steps, 1)), np.tile(motor.boundaries, (steps, 1)))
 
 
 def border(motor: Motor, drive: Drive, start: Floats, seconds: float, most: float) -> Border:
@@ -108,8 +112,17 @@ def _sd_K(motor: Motor, drive: Drive, start: Floats, seconds: float, load: float
     features = drive(load)
     values = motor.compiled.parameters
     size = sum(1 for _ in terms(motor.compiled.network))  # streams of fluids are behind them, and known
+    if motor.compiled.gradient is not None:
+        frame = _frame(motor, features, seconds)
+        course = simulate(motor.compiled, frame, start)
+        at_the_end = np.zeros_like(course)
+        at_the_end[-1, node] = 1.0
+        by = gradient(motor.compiled, frame, course, at_the_end)
+        own = by.coefficients[:size] * values.coefficients[:size], by.capacities * values.capacities
+        slopes = np.concatenate(own)
+        return float(np.sqrt(slopes @ motor.covariance @ slopes))
     slopes = np.zeros(len(motor.covariance))
-    for p in range(len(slopes)):
+    for p in range(len(slopes)):  # a large network has no gradient
         ends = []
         for sign in (1, -1):
             factor = math.exp(sign * LOG_STEP)

@@ -31,6 +31,7 @@ class Program(NamedTuple):
     """
 
     n: int
+    monomials: int
     gamma: float
     back: float
     term_start: Index
@@ -63,6 +64,7 @@ def program(structure: Structure, tableau: Tableau) -> Program:
         stages[i, :i] = np.array(row) / tableau.gamma
     return Program(
         n=n,
+        monomials=structure.monomials,
         gamma=tableau.gamma,
         back=tableau.back,
         term_start=_index(np.cumsum([0, *(len(group.terms) for group in structure.groups)])),

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from twin.network import Copper
+from twin.powers import exp
 
 Floats = NDArray[np.float64]
 
@@ -88,5 +89,5 @@ def lag_parts(weights: Floats, tau_s: float, step_s: float, length: int) -> list
 
 def _lag(tau_s: float, step_s: float) -> tuple[float, float]:
     """What is left of a difference after a step, and its mean over the step."""
-    kept = float(np.exp(-step_s / tau_s))
+    kept = float(exp(np.array([-step_s / tau_s]))[0])
     return kept, (1.0 - kept) * tau_s / step_s

@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
+from twin.powers import exp
+
 Floats = NDArray[np.float64]
 
 BLOCK_S = 10.0
@@ -95,6 +97,6 @@ def lagged(truth: Floats, tau_s: float, step_s: float) -> Floats:
 
 def lag_factors(tau_s: float, step_s: float) -> tuple[float, float, float]:
     """Factors of the last reading, the last truth and the truth now, sum 1."""
-    a = float(np.exp(-step_s / tau_s))
+    a = float(exp(np.array([-step_s / tau_s]))[0])
     ramp = (1.0 - a) * tau_s / step_s
     return a, ramp - a, 1.0 - ramp

@@ -24,7 +24,8 @@ from twin.initial import conductances
 from twin.kernel import Compiled
 from twin.merging import merged
 from twin.network import Network
-from twin.simulate import Frame, simulate
+from twin.side_by_side import simulate_all
+from twin.simulate import Frame
 
 Floats = NDArray[np.float64]
 Compile = Callable[[Network], Compiled]
@@ -248,9 +249,12 @@ class _Work:
         share = self._shares(state)
         at = self._places(state)
         off = []
-        for course in courses:
-            frame = replace(course.frame, features=np.ascontiguousarray(course.frame.features[:, columns]))
-            run = simulate(compiled, frame, course.temperatures[0] @ share)
+        frames = [
+            replace(course.frame, features=np.ascontiguousarray(course.frame.features[:, columns]))
+            for course in courses
+        ]
+        runs = simulate_all(compiled, frames, [course.temperatures[0] @ share for course in courses])
+        for course, run in zip(courses, runs, strict=True):
             off.append(np.abs(run[:, at] - course.temperatures[:, self._interest]))
         size = np.concatenate(off)
         worst = int(np.argmax(size.max(axis=0)))

@@ -31,7 +31,7 @@ def simulate(compiled: Compiled, frame: Frame, initial: NDArray[np.float64]) -> 
     The same bits on every repetition. Raises `FrameError` where shapes do not fit or an input is not finite, and
     `DivergedError` where the temperatures leave the finite numbers.
     """
-    check_frame(compiled.network, frame, initial)
+    check_frame(compiled.network, frame, initial, compiled.monomials)
     steps, n = len(frame.features), len(compiled.network.nodes)
     out = np.empty((steps + 1, n))
     out[0] = initial
@@ -42,22 +42,31 @@ def simulate(compiled: Compiled, frame: Frame, initial: NDArray[np.float64]) -> 
     return out
 
 
-def check_frame(network: Network, frame: Frame, initial: NDArray[np.float64]) -> None:
-    """Raise `FrameError` where shapes do not fit the network or a number is not finite."""
+def check_frame(network: Network, frame: Frame, initial: NDArray[np.float64], monomials: int | None = None) -> None:
+    """Raise `FrameError` where shapes do not fit the network or a number is not finite.
+
+    `monomials`: how many the network has, where that is known: to count them takes longer than a short run.
+    """
     steps = len(frame.features)
     expected = {
-        "features": (frame.features, (steps, len(features.monomials(network)))),
+        "features": (frame.features, (steps, len(features.monomials(network)) if monomials is None else monomials)),
         "boundaries": (frame.boundaries, (steps, len(network.boundaries))),
         "initial": (initial, (len(network.nodes),)),
     }
     for name, (array, shape) in expected.items():
         if array.shape != shape:
             raise FrameError(f'{name} of shape {array.shape} do not fit network "{network.name}": give {shape}')
-        if not np.isfinite(array).all():
+        if not _surely_finite(array) and not np.isfinite(array).all():
             first = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
             raise FrameError(f"{name} are not finite first at {first}: fill or cut the gap before the run")
     if not frame.step_s > 0:
         raise FrameError(f"step_s {frame.step_s:g} is not above 0: give the length of a step in s")
+
+
+def _surely_finite(array: NDArray[np.float64]) -> bool:
+    """By the sum, which is had in a fraction of the time; it may overflow where every number is finite."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        return bool(np.isfinite(array.sum()))
 
 
 def check_finite(network: Network, frame: Frame, temperatures: NDArray[np.float64]) -> None:
@@ -94,7 +103,8 @@ def _factor(
     result: NDArray[np.float64] | float = 1.0
     if term.copper or term.resistance:
         rise = temperatures[node] - network.copper.reference_degC
-        result = (1 + network.copper.alpha_per_K * rise) ** (1 if term.copper else term.resistance)
+        warm = 1 + network.copper.alpha_per_K * rise
+        result = warm if term.copper or term.resistance > 0 else 1 / warm
     if term.temperature is not None:
         factor = term.temperature
         result = result * (1 + factor.slope_per_K * (temperatures[factor.node] - factor.reference_degC))

@@ -21,7 +21,7 @@ from twin.merging import merged_configurations
 from twin.model import Test
 from twin.network import Network
 from twin.reduction import Course, Reduced, reductions
-from twin.simulate import simulate
+from twin.side_by_side import simulate_all
 
 LEAST = 2  # the curve goes on below what was asked for, as far as measured nodes stay apart
 WIDTH = 118  # characters of a comment
@@ -59,8 +59,8 @@ def reduce_motor(
     motor, network = network, configured(network, None)
     tests = {session.session: test_of(store, facts, session, network, (), "testing") for session in (*on, *hold_out)}
     full = load_kernel(network)
-    trained = [_course(full, tests[session.session]) for session in on]
-    kept = [_course(full, tests[session.session]) for session in hold_out]
+    trained = _courses(full, [tests[session.session] for session in on])
+    kept = _courses(full, [tests[session.session] for session in hold_out])
     measured = _measured(tests.values())
     hottest = _hottest(network, trained)
     interest = {node: ", ".join(w for w in (measured.get(node), hottest.get(node)) if w) for node in measured | hottest}
@@ -89,8 +89,9 @@ def _check(network: Network, to: int, on: Sequence[SessionRecorded], hold_out: S
             raise ReplayDataError(f"session {session.name} is both in --on and in --hold-out: take it out of one.")
 
 
-def _course(full: Compiled, test: Test) -> Course:
-    return Course(test.frame, simulate(full, test.frame, test.initial))
+def _courses(full: Compiled, tests: Sequence[Test]) -> list[Course]:
+    runs = simulate_all(full, [test.frame for test in tests], [test.initial for test in tests])
+    return [Course(test.frame, run) for test, run in zip(tests, runs, strict=True)]
 
 
 def _prepare(network: Network) -> Compiled:
