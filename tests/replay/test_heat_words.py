@@ -120,7 +120,14 @@ def test_a_band_is_said_with_what_it_holds() -> None:
 
 
 def test_what_heat_has_left_is_said_with_where_that_is_known_from() -> None:
-    entry = {"places": ["winding_a-teeth"], "above_degC": 180.0, "dose_h": 132.4, "factor": 0.81, "sd": 0.01, "from": "law"}
+    entry = {
+        "places": ["winding_a-teeth"],
+        "above_degC": 180.0,
+        "dose_h": 132.4,
+        "factor": 0.81,
+        "sd": 0.01,
+        "from": "law",
+    }
     (line,) = heat_words.aged({"ageing": [entry]})
     assert line == "aged: 132 h above 180 °C before leave 81 % of winding a-teeth, by the law of the motor file"
     (line,) = heat_words.aged({"ageing": [entry | {"from": "abcdef1234567890"}]})
