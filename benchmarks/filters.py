@@ -29,6 +29,7 @@ sys.path[:] = [place for place in sys.path if Path(place) != HERE]  # else inges
 sys.path[:0] = [str(HERE.parent / "tests"), str(HERE.parent)]
 
 import numpy as np
+from filter_steps import Steps
 from filterpy.kalman import ExtendedKalmanFilter, MerweScaledSigmaPoints, UnscentedKalmanFilter
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
@@ -52,7 +53,6 @@ from replay.engine.open_loop import initial_temperatures, modelled
 from twin import ukf
 from twin.ekf import at_their_pace, filter_unknowns
 from twin.ekf_paper import at_edges, at_the_start, filter_with_rates, predict, sensor_row, transition
-from twin.ekf_step import advance, move, row, work
 from twin.filter_inputs import Inputs, Reading, Start, inputs_of
 from twin.kernel import compile_indexed
 from twin.law_heats import law_heats
@@ -221,49 +221,23 @@ def timed_case(steps: int) -> tuple[Network, Frame, Start, list[UnknownHeat], li
 
 def filterpys_ekf(inputs: Inputs) -> Floats:
     """The temperatures at the end by filterpy, given F and the predicted state by the compiled step."""
-    parts, size = inputs.parts, len(inputs.x)
-    peer = ExtendedKalmanFilter(size, inputs.values.shape[1])
-    peer.x, peer.P, peer.Q, peer.R = (
-        inputs.x[:, 0].copy(),
-        inputs.covariance.copy(),
-        np.diag(parts.process),
-        0.01 * np.eye(3),
-    )
-    spare, ahead, F, one = (
-        work(parts, inputs.boundaries.shape[1]),
-        np.empty((size, 1)),
-        np.empty((size, size)),
-        np.eye(size),
-    )
-    H = np.zeros((3, size))
-    for j in range(3):
-        row(parts, j, 1.0, H[j])
+    steps = Steps(inputs)
+    peer = ExtendedKalmanFilter(steps.size, inputs.values.shape[1])
+    (peer.x, peer.P), peer.Q, peer.R = steps.start, steps.process, 0.01 * np.eye(3)
     for k in range(len(inputs.values)):
-        move(parts, inputs.features[k], inputs.boundaries[k], peer.x[:, None].copy(), ahead, spare)
-        advance(parts, spare.values, spare.still, spare.drive, one, F, spare.many)
-        peer.x, peer.P = ahead[:, 0].copy(), F @ peer.P @ F.T + peer.Q
-        peer.update(inputs.values[k], lambda _: H, lambda x: H @ x)
+        F = steps.matrix(k, peer.x)
+        peer.x, peer.P = steps.moved(k, peer.x), F @ peer.P @ F.T + peer.Q
+        peer.update(inputs.values[k], lambda _: steps.now, lambda x: steps.now @ x)
     return np.asarray(peer.x)
 
 
 def filterpys_ukf(inputs: Inputs) -> Floats:
-    parts, size = inputs.parts, inputs.parts.last
-    spare, whole, ahead = (
-        work(parts, inputs.boundaries.shape[1]),
-        np.zeros((len(inputs.x), 1)),
-        np.empty((len(inputs.x), 1)),
+    steps = Steps(inputs)
+    points = MerweScaledSigmaPoints(steps.size, ukf.ALPHA, ukf.BETA, ukf.KAPPA)
+    peer = UnscentedKalmanFilter(
+        steps.size, 3, 0.5, lambda x: steps.now @ x, lambda x, dt, k: steps.moved(k, x), points
     )
-
-    def step(x: Floats, dt: float, k: int) -> Floats:
-        whole[:size, 0] = x
-        move(parts, inputs.features[k], inputs.boundaries[k], whole, ahead, spare)
-        return np.asarray(ahead[:size, 0].copy())
-
-    points = MerweScaledSigmaPoints(size, ukf.ALPHA, ukf.BETA, ukf.KAPPA)
-    places = [int(np.argmax(weights)) for weights in parts.weights]
-    peer = UnscentedKalmanFilter(size, 3, 0.5, lambda x: x[places], step, points)
-    peer.x, peer.P = inputs.x[:size, 0].copy(), inputs.covariance[:size, :size].copy()
-    peer.Q, peer.R = np.diag(parts.process[:size]), 0.01 * np.eye(3)
+    (peer.x, peer.P), peer.Q, peer.R = steps.start, steps.process, 0.01 * np.eye(3)
     for k in range(len(inputs.values)):
         peer.predict(k=k)
         peer.sigmas_f = points.sigma_points(peer.x, peer.P)

@@ -6,7 +6,7 @@ the unknown input, of size 2p + o (`twin.ekf_paper`). This is the small form of 
 
 Extended: each step is linearised about the estimate at its start. For losses linear in temperature (copper) that is exact;
 of resistances, temperature factors and unknown factors the second derivative is left out of the covariance, never of the
-estimate (`twin.ukf` keeps it). Readings of a step are independent and taken one after the other; a missing one is left out.
+estimate (`twin.ukf` keeps it). Readings of a step are independent and taken together; a missing one is left out.
 
 A filter is told where the unknown heat is. Told the wrong node it still finds a history that fits.
 """
@@ -17,17 +17,21 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
-from twin.ekf_step import run, work
+from twin.ekf_readings import Readings, correct, observe, readings_of
+from twin.ekf_step import Plan, carry, plan
 from twin.filter_inputs import AnyReading, Inputs, Start, inputs_of
+from twin.lanes import Store
 from twin.network import Network
 from twin.simulate import Frame, check_finite
 from twin.unknowns import Unknown, UnknownFactor, UnknownHeat
 
 Floats = NDArray[np.float64]
+Index = NDArray[np.int64]
 U = TypeVar("U", bound=Unknown)
 
 PACES = (1 / 30, 30.0)  # within which the walks of the unknowns are sought, as factors of what is given
@@ -68,24 +72,95 @@ def filter_unknowns(
     Raises as `twin.filter_inputs.inputs_of`, and `DivergedError` where the temperatures leave the finite numbers.
     """
     inputs = inputs_of(network, frame, start, unknowns, readings)
-    x, covariance = inputs.x.copy(), inputs.covariance.copy()
-    steps, m = inputs.values.shape
-    states, innovations = np.empty((2, steps + 1, inputs.parts.last)), np.empty((steps, m, 2))
-    likelihood = run(
-        inputs.parts,
+    run = run_of(inputs)
+    states, innovations = courses(inputs)
+    run.begin(inputs)
+    likelihood = through(
+        run.plan,
+        run.readings,
+        run.m,
+        run.at,
         inputs.features,
         inputs.boundaries,
         inputs.values,
         inputs.places,
         inputs.variances,
-        x,
-        covariance,
         states[0],
         states[1],
         innovations,
-        work(inputs.parts, inputs.boundaries.shape[1]),
     )
-    return estimate_of(inputs, states, innovations, covariance, float(likelihood))
+    return estimate_of(inputs, states, innovations, run.covariance(), float(likelihood))
+
+
+@dataclass(frozen=True)
+class Run:
+    """A filter's numbers `m` and indices `at` (`twin.lanes`), and where in them the step and its readings are."""
+
+    plan: Plan
+    readings: Readings
+    m: Floats
+    at: Index
+
+    def begin(self, inputs: Inputs) -> None:
+        """The state and its covariance are those at the first edge."""
+        last, m = inputs.parts.last, len(inputs.parts.weights)
+        own = np.r_[0:last, last + m : len(inputs.x)]  # what was read before a step is not carried along
+        rows = self.state()
+        rows[: len(own), : len(own)], rows[: len(own), len(own)] = inputs.covariance[np.ix_(own, own)], inputs.x[own, 0]
+
+    def state(self) -> Floats:
+        """[P | x] as rows."""
+        length = self.plan.length
+        return self.m[self.plan.state : self.plan.state + length**2].reshape(length, length)
+
+    def covariance(self) -> Floats:
+        """P (S, S)."""
+        return self.state()[: self.plan.size, : self.plan.size].copy()
+
+
+def run_of(inputs: Inputs) -> Run:
+    """The arrays of a run."""
+    store = Store()
+    steps = plan(inputs.parts, inputs.boundaries.shape[1], store)
+    readings = readings_of(steps, store)
+    return Run(steps, readings, store.numbers(), store.indices())
+
+
+def courses(inputs: Inputs) -> tuple[Floats, Floats]:
+    """Room for estimates and their variances at all edges (2, N + 1, n + u), and for innovations with theirs (N, m + q, 2)."""
+    steps, channels = inputs.values.shape
+    return np.empty((2, steps + 1, inputs.parts.last)), np.empty((steps, channels, 2))
+
+
+@numba.njit(error_model="numpy", nogil=True, cache=True)
+def through(
+    plan: Plan,
+    taken: Readings,
+    m: Floats,
+    at: Index,
+    features: Floats,
+    boundaries: Floats,
+    readings: Floats,
+    places: Floats,
+    variances: Floats,
+    states: Floats,
+    spreads: Floats,
+    innovations: Floats,
+) -> float:
+    """The filter over N steps, from the state in `m` to that at the last edge; the log likelihood of the readings.
+
+    `readings` (N, m + q) [degC, W], NaN where there is none, `places` and `variances` (N, m + q). Filled: `states` and `spreads`
+    (N + 1, c), the first c numbers of the state and their variances at every edge, `innovations` (N, m + q, 2).
+    """
+    likelihood, size, length, early = 0.0, plan.size, plan.length, bool((places != 1.0).any())
+    for k in range(len(boundaries) + 1):
+        if k > 0:
+            carry(plan, m, at, features[k - 1], boundaries[k - 1], early)
+            count = observe(plan, taken, m, at, boundaries[k - 1], readings[k - 1], places[k - 1], variances[k - 1])
+            likelihood += correct(plan, taken, m, at, count, innovations[k - 1])
+        for i in range(states.shape[1]):
+            states[k, i], spreads[k, i] = m[plan.state + i * length + size], m[plan.state + i * length + i]
+    return likelihood
 
 
 def estimate_of(

@@ -25,7 +25,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.ekf import Estimate, estimate_of
-from twin.ekf_step import update
 from twin.errors import FrameError
 from twin.filter_inputs import READING_SD_K, Inputs, Reading, Start, inputs_of
 from twin.law_heats import LawHeats, law_heats, psi_at
@@ -299,6 +298,49 @@ def _run(
         for i in range(len(kept)):
             states[k, i], spreads[k, i] = x[kept[i], 0], covariance[kept[i], kept[i]]
     return likelihood
+
+
+@numba.njit(error_model="numpy", nogil=True, cache=True)
+def update(
+    h: Floats, reading: float, variance: float, x: Floats, covariance: Floats, gain: Floats, left: Floats
+) -> tuple[float, float]:
+    """Innovation and its variance; state x (S, 1) and P (S, S) given a reading `h x` with white noise of `variance`, 0 for a
+    perfect one. `gain` (S,) is filled, `left` (S,) overwritten.
+
+    Joseph's form, P = (1 - k h') P (1 - k h')' + k R k': once P - k (P h)' is taken, what is left of it is
+    - e k' with e = (P h) - R k, zero but for rounding; it is taken symmetrically, so that P is symmetric to the last bit.
+    """
+    size = len(h)
+    for c in range(size):
+        gain[c] = 0.0
+    innovation, spread = reading, variance
+    for i in range(size):
+        share = h[i]
+        if share != 0.0:
+            innovation -= share * x[i, 0]
+            for c in range(size):
+                gain[c] += share * covariance[i, c]
+    for i in range(size):
+        spread += h[i] * gain[i]
+    scale = 1.0 / np.sqrt(spread)
+    for c in range(size):
+        gain[c] *= scale  # k times the root of the spread: its products are P's change, symmetric to the last bit
+        left[c] = -variance * scale * gain[c]
+    for i in range(size):
+        share = h[i]
+        if share != 0.0:
+            for c in range(size):
+                left[c] += share * (covariance[i, c] - gain[i] * gain[c])
+    for c in range(size):
+        left[c] *= 0.5 * scale
+    for i in range(size):
+        mine, over = gain[i], left[i]
+        x[i, 0] += mine * scale * innovation
+        for c in range(size):
+            covariance[i, c] = (covariance[i, c] - mine * gain[c]) - (mine * left[c] + over * gain[c])
+    for c in range(size):
+        gain[c] *= scale
+    return innovation, spread
 
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)

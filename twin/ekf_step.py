@@ -1,28 +1,33 @@
-"""The filters' arithmetic, compiled once for all motors: the network's own step on the state, on a covariance, and updates.
+"""The filters' step, compiled once for all motors: the network's own step on a state and its covariance.
 
-State, S = n + o + u + b + m + lagged channels: n node temperatures, o unknown heats, u logarithms of unknown factors, b errors of
-channels, each channel's reading at the start of the step just made, and the reading now of each channel whose sensor lags. Both
-readings are kept because the samples of a step have their mean time somewhere within it.
+The state, S = n + o + u + b + lagging channels: n node temperatures, o unknown heats, u logarithms of unknown factors, b errors of
+channels, and the reading now of each channel whose sensor lags. It stands beside its covariance, [P | x], as rows of one matrix
+(`twin.lanes`), so that what is done to P is done to x in the same breath.
 
-F, the derivative of a step, is never formed by the filter: F P F' is the step on the columns of P twice, with a transpose
-after each. It is exact for the step as it is made, linearised about its start: the derivative by a factor is the heat that it
-multiplies, at the temperatures of each stage.
+F, the derivative of a step, is never formed by the filter: F P F' is the step on the columns of P twice, with a transpose between,
+by the sparse elimination that the step needs anyway. It is exact for the step as it is made, linearised about its start: the
+derivative by a factor is the heat that it multiplies, at the temperatures of each stage. Those are known once the step is
+made; so the factors' columns B of F are found beside F P', and P gets what they add to it afterwards.
 """
 
 from __future__ import annotations
 
+import itertools
 from typing import NamedTuple
 
 import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.drops import LINEAR, between, drop
 from twin.indexed import Program
-from twin.indexed import assemble as eliminated
-from twin.laws import psi_of
+from twin.lanes import Store, Sweep, less, scaled, sweep, transposed, width
+from twin.structure import NOBODY
 
 Floats = NDArray[np.float64]
 Index = NDArray[np.int64]
+
+u = np.uint64  # numba then asks of no index whether it counts from the end
 
 
 class Parts(NamedTuple):
@@ -55,402 +60,525 @@ class Parts(NamedTuple):
     process: Floats
 
 
-class Work(NamedTuple):
-    """What a step is made in. `values`, `right` as `assemble` fills them; `still` (n,) 0; `none` (s, n, 0); `drive` (s, n, u): the
-    heat that each factor multiplies, at each stage; the others are overwritten without meaning."""
+class Plan(NamedTuple):
+    """Where the numbers and indices of a run's step are in its two arrays (`twin.lanes`), and how many there are.
 
-    values: Floats
-    right: Floats
-    still: Floats
-    none: Floats
-    drive: Floats
-    amounts: Floats  # (u, groups)
-    at: Floats  # (n + b, 1)
-    psi: Floats  # (4, 1)
-    one: Floats  # (s, n, 1)
-    many: Floats  # (s, n, S)
-    x: Floats  # (S, 1)
-    moved: Floats  # (S, S)
-    left: Floats  # (S,)
+    `values` of the step matrix: n diagonals, E upper and E lower entries in the order of elimination, -1, the right-hand side (n),
+    one that nobody reads, and for both stages the heats that factors multiply, sign changed. A stage has rows behind its nodes:
+    the unknown heats, the unknown factors. Tables are flat, a row after the other.
+    """
+
+    n: int
+    heats: int
+    factors: int
+    size: int  # S
+    length: int  # of a row
+    laws: int  # groups, G
+    monomials: int  # F
+    groups: int  # numbers of a row of amounts
+    terms: int
+    plains: int
+    others: int
+    bents: int
+    edges: int  # E
+    drives: int
+    drivens: int
+    channels: int  # m
+    meters: int  # q
+    lagging: int
+    knots: int
+    # numbers
+    unit: int  # 0, 1
+    own: int  # (n,) C / (gamma h) [W/K]
+    inverse: int  # (n,) 1 / own
+    process: int  # (S,)
+    share: int  # what the second stage begins with of the first; the same less 1, which the start is given less
+    copper: int
+    law_numbers: int  # (G, 3 + 2 knots) as `twin.laws.Table`
+    constant: int  # (G,) of each group's amount, what no feature changes
+    by_monomial: int  # F rows (G,) of what a feature adds to it, sign changed
+    nominal: int  # (terms,) coefficients that have a factor
+    node_share: int  # of each channel's nodes, sign changed
+    before: int  # the same times what a lagging reading takes of temperatures before the step
+    now: int  # and after
+    kept: int  # 1, and (m,) of itself
+    signs: int  # (q, G)
+    of_losses: int  # (q,)
+    features: int  # (F,) of the step
+    amounts: int  # (G,)
+    scale: int  # (factors,) what they multiply by
+    psi: int  # (G, 4) what multiplies the amounts, and its slopes with T_a, T_b, T_m
+    temperatures: int  # (n + b,) nodes and boundaries
+    values: int
+    beyond: int  # (2, n) stages of x less their start
+    stage: int
+    state: int  # [P | x]
+    moved: int  # F P, but for the factors' part
+    turned: int  # its transpose; in the column of x, x before the step. Behind it, the factors' columns and rows
+    ahead: int  # [P | x] as predicted
+    # indices
+    each: int  # 0, 1, ...
+    row: int  # the same times `length`
+    law: int  # (G, 7) as `twin.laws.Table`
+    term: int  # (terms, 3) group, factor, monomial or -1
+    plain: int  # (plains, 5) links of the difference itself: group, (a,a) (b,b) (a,b) (b,a) in `values`
+    other: int  # (others, 8) group, (a,a) (a,b) (a,m) (b,a) (b,b) (b,m), right-hand side of b
+    bent: int  # groups of which a step needs more than their difference
+    order: int
+    edge_start: int
+    update: int
+    driven: int  # (drivens, 4) group, factor, which of a stage's drives goes into a and which comes out of b, or -1
+    by_factor: int  # starts and shares of what the factors add, behind `turned`
+    by_factor_share: int
+    by_column: int  # starts of the factors' columns
+    node_start: int  # (m + 1,)
+    node: int
+    channel_state: int  # (m,) of a lagging channel, else -1
+    channel_bias: int  # (m + q,) or -1
+    sum: Sweep  # amounts, from `constant` and `by_monomial`
+    forward: Sweep  # the elimination on a stage's rows, heats included
+    driven_first: Sweep  # and the factors', in the first stage
+    driven_second: Sweep
+    backward: Sweep
+    blend: Sweep  # the second stage's base
+    unmoved: Sweep  # rows that a step leaves, lagging readings included
+    follow: Sweep  # what lagging readings take of the temperatures after the step
 
 
-def work(parts: Parts, boundaries: int) -> Work:
-    """The arrays of a step."""
-    n, size, stages = parts.program.n, len(parts.process), len(parts.program.weights)
-    unknown = parts.unknown_factors
-    return Work(
-        values=np.empty(n + 2 * len(parts.program.edge_to)),
-        right=np.empty(n),
-        still=np.zeros(n),
-        none=np.empty((stages, n, 0)),
-        drive=np.zeros((stages, n, unknown)),
-        amounts=np.empty((unknown, len(parts.places))),
-        at=np.empty((n + boundaries, 1)),
-        psi=np.empty((4, 1)),
-        one=np.empty((stages, n, 1)),
-        many=np.empty((stages, n, size)),
-        x=np.empty((size, 1)),
-        moved=np.empty((size, size)),
-        left=np.empty(size),
+def plan(parts: Parts, boundaries: int, store: Store) -> Plan:
+    """The places of a run's step, put into `store`."""
+    program, m, meters = parts.program, len(parts.weights), len(parts.signs)
+    n, edges, heats, factors = program.n, len(program.edge_to), len(parts.heats), parts.unknown_factors
+    share = float(program.stages[1, 0])
+    assert program.stages.shape == (2, 2) and program.weights.tolist() == [share, 1.0], "it ends at its second stage"
+    state = np.where(parts.state >= 0, parts.state - m, -1).tolist()
+    lagging = [j for j in range(m) if state[j] >= 0]
+    size = parts.last + len(lagging)
+    length = width(size + 1 + factors)
+    amounts, terms, nominal = _amounts(parts)
+    plain, others = _assembly(parts)
+    driven, drives, drive = _drives(parts)
+    bent = sorted({row[0] for row in others} | {row[0] for row in driven})
+    order, edge_to = program.order.tolist(), (program.edge_to * length).tolist()
+    rows = [length * i for i in range(max(size, n))]
+    pivots = [rows[i] for i in order]
+    backward = [range(int(b) - 1, int(a) - 1, -1) for a, b in itertools.pairwise(program.edge_start)]
+    forward = _forward(parts, length)
+    nodes = [np.flatnonzero(weights).tolist() for weights in parts.weights]
+    first = list(itertools.accumulate([len(own) for own in nodes], initial=0))
+    shares = np.array([-parts.weights[j, i] for j, own in enumerate(nodes) for i in own])
+    lag = np.array([parts.lag[j] for j, own in enumerate(nodes) for _ in own]).reshape(-1, 3)
+    reads = [[(rows[i], first[j] + k) for k, i in enumerate(nodes[j])] for j in lagging]
+    lags = [rows[state[j]] for j in lagging]
+    columns, q_rows, t_rows = (
+        [i + p * length for p in range(factors)]
+        for i in (size * length, (size + factors) * length, (n + heats) * length)
+    )
+
+    def with_drives(stage: int) -> list[list[tuple[int, int]]]:
+        at = {
+            i: [
+                (length * (n + heats + p), 2 * n + 2 * edges + 1 + stage * drives + k)
+                for (j, p), k in drive.items()
+                if j == i
+            ]
+            for i in order
+        }
+        return [[*own, *at[i]] for i, own in zip(order, forward, strict=True)]
+
+    return Plan(
+        n=n,
+        heats=heats,
+        factors=factors,
+        size=size,
+        length=length,
+        laws=len(parts.places),
+        monomials=len(amounts) - 1,
+        groups=amounts.shape[1],
+        terms=len(terms),
+        plains=len(plain),
+        others=len(others),
+        bents=len(bent),
+        edges=edges,
+        drives=drives,
+        drivens=len(driven),
+        channels=m,
+        meters=meters,
+        lagging=len(lagging),
+        knots=(parts.numbers.shape[1] - 3) // 2,
+        unit=store.put(np.array([0.0, 1.0])),
+        own=store.put(parts.constant),
+        inverse=store.put(1 / parts.constant),
+        process=store.put(np.append(parts.process[: parts.last], parts.process[parts.last + m :])),
+        share=store.put(np.array([share, share - 1.0, 1.0 / (share - 1.0)])),
+        copper=store.put(parts.copper),
+        law_numbers=store.put(parts.numbers),
+        constant=store.put(amounts[-1]),
+        by_monomial=store.put(-amounts[:-1]),
+        nominal=store.put(np.array(nominal)),
+        node_share=store.put(shares),
+        before=store.put(shares * lag[:, 1]),
+        now=store.put(shares * lag[:, 2]),
+        kept=store.put(np.append(1.0, parts.lag[:, 0])),
+        signs=store.put(parts.signs),
+        of_losses=store.put(parts.of_losses),
+        features=store.rows(1, len(amounts)),
+        amounts=store.rows(1, amounts.shape[1]),
+        scale=store.rows(1, factors),
+        psi=store.rows(len(parts.places), 4),
+        temperatures=store.rows(1, n + boundaries),
+        values=store.rows(1, 2 * n + 2 * edges + 1 + 2 * drives),
+        beyond=store.rows(2, n),
+        stage=store.rows(n + heats + factors, length),
+        state=store.rows(length, length),
+        moved=store.rows(length, length),
+        turned=store.rows(length + 2 * factors, length),
+        ahead=store.rows(length, length),
+        each=store.index(np.arange(max(length, len(parts.places), size * (m + meters)))),
+        row=store.index(np.arange(length) * length),
+        law=store.index(parts.places),
+        term=store.index(terms),
+        plain=store.index(plain),
+        other=store.index(others),
+        bent=store.index(bent),
+        order=store.index(order),
+        edge_start=store.index(program.edge_start),
+        update=store.index(program.update),
+        driven=store.index(driven),
+        by_factor=store.index([*columns, *t_rows, -1]),
+        by_factor_share=store.index([*q_rows, *columns]),
+        by_column=store.index([*columns, -1]),
+        node_start=store.index(first),
+        node=store.index([i for own in nodes for i in own]),
+        channel_state=store.index(state),
+        channel_bias=store.index(parts.bias),
+        sum=store.sweep([0], [1], [[(j * amounts.shape[1], j) for j in range(len(amounts) - 1)]]),
+        forward=store.sweep(pivots, order, forward),
+        driven_first=store.sweep(pivots, order, with_drives(0)),
+        driven_second=store.sweep(pivots, order, with_drives(1)),
+        backward=store.sweep(pivots[::-1], order[::-1], [[(edge_to[e], n + e) for e in own] for own in backward[::-1]]),
+        blend=store.sweep(rows[:n], [0] * n, [[(row, 1)] for row in rows[:n]]),
+        unmoved=store.sweep(
+            [*rows[n : parts.last], *lags],
+            [*[0] * (parts.last - n), *(1 + j for j in lagging)],
+            [*[[]] * (parts.last - n), *reads],
+        ),
+        follow=store.sweep(lags, [0] * len(lags), reads),
     )
 
 
-@numba.njit(error_model="numpy", nogil=True, cache=True)
-def assemble(parts: Parts, phi: Floats, outside: Floats, start: Floats, values: Floats, right: Floats) -> None:
-    """The step matrix, eliminated, into `values` (n + 2E,) and its right-hand side into `right` (n,), as `twin.indexed.assemble`
-    makes them."""
-    eliminated(
-        parts.program,
-        parts.constant,
-        parts.coefficients,
-        parts.copper,
-        parts.factors,
-        phi,
-        outside,
-        start,
-        values,
-        right,
-    )
-
-
-@numba.njit(error_model="numpy", nogil=True, cache=True)
-def advance(parts: Parts, values: Floats, right: Floats, drive: Floats, x: Floats, out: Floats, delta: Floats) -> None:
-    """`out` (S, c): every column of `x` (S, c) one step on: a state with the step's own heat `right` (n,) and no `drive`
-    (stages, n, 0), derivatives with `right` 0 and `drive` (stages, n, u). `delta` (stages, n, c) is overwritten."""
-    program, constant = parts.program, parts.constant
-    order, edge_start, edge_to = program.order, program.edge_start, program.edge_to
-    n, edges, columns = program.n, len(edge_to), x.shape[1]
-    first, stages = n + len(parts.heats), len(program.weights)
-    for s in range(stages):
-        for i in range(n):
-            own, heat = constant[i], right[i]
-            if s == 0:
-                for c in range(columns):
-                    delta[s, i, c] = x[i, c]
-                    out[i, c] = own * x[i, c] + heat
+def _amounts(parts: Parts) -> tuple[Floats, list[tuple[int, int, int]], list[float]]:
+    """(F + 1, G) what each monomial, then 1, adds to each group's amount; the terms that have a factor, and their coefficients."""
+    program, groups = parts.program, len(parts.places)
+    amounts = np.zeros((int(program.term_monomial.max(initial=-1)) + 2, width(groups)))
+    terms, nominal = [], []
+    for g in range(groups):
+        for t in range(program.term_start[g], program.term_start[g + 1]):
+            i, j = int(program.term_coefficient[t]), int(program.term_monomial[t])
+            if parts.factor_of[i] < 0:
+                amounts[j, g] += parts.nominal[i]  # -1 is the last row
             else:
-                share = program.stages[s, 0]
-                for c in range(columns):
-                    delta[s, i, c] = x[i, c] + share * delta[0, i, c]
-                for j in range(1, s):
-                    share = program.stages[s, j]
-                    for c in range(columns):
-                        delta[s, i, c] += share * delta[j, i, c]
-                for c in range(columns):
-                    out[i, c] = own * delta[s, i, c] + heat
-            for p in range(drive.shape[2]):
-                heat = drive[s, i, p]
-                if heat != 0.0:
-                    for c in range(columns):
-                        out[i, c] += heat * x[first + p, c]
-        for o in range(len(parts.heats)):
-            i = parts.heats[o]
-            for c in range(columns):
-                out[i, c] += x[n + o, c]
-        for p in range(n):
-            i = order[p]
-            for e in range(edge_start[p], edge_start[p + 1]):
-                factor, j = values[n + edges + e], edge_to[e]
-                for c in range(columns):
-                    out[j, c] -= factor * out[i, c]
-        for p in range(n - 1, -1, -1):
-            i = order[p]
-            for e in range(edge_start[p], edge_start[p + 1]):
-                factor, j = values[n + e], edge_to[e]
-                for c in range(columns):
-                    out[i, c] -= factor * out[j, c]
-            pivot = values[i]
-            for c in range(columns):
-                end = out[i, c] * pivot
-                out[i, c] = end
-                delta[s, i, c] = end - delta[s, i, c]
-    ends = program.weights[stages - 1] == 1.0  # a stiffly accurate method ends at its last stage
-    for s in range(stages - 1):
-        ends = ends and program.weights[s] == program.stages[stages - 1, s]
-    if not ends:
-        for i in range(n):
-            for c in range(columns):
-                out[i, c] = x[i, c]
-            for s in range(stages):
-                share = program.weights[s]
-                for c in range(columns):
-                    out[i, c] += share * delta[s, i, c]
-    for i in range(n, parts.last):
-        for c in range(columns):
-            out[i, c] = x[i, c]
-    _read(parts, x, out)
+                terms.append((g, int(parts.factor_of[i]), j))
+                nominal.append(float(parts.nominal[i]))
+    return amounts, terms, nominal
 
 
-@numba.njit(error_model="numpy", nogil=True, cache=True)
-def _read(parts: Parts, x: Floats, out: Floats) -> None:
-    """The readings' rows of `out`, from temperatures at both ends of the step."""
-    n, columns = parts.program.n, x.shape[1]
-    for j in range(len(parts.weights)):
-        last, now = parts.last + j, parts.state[j]
-        if now >= 0:
-            for c in range(columns):
-                out[last, c] = x[now, c]
-                out[now, c] = parts.lag[j, 0] * x[now, c]
+def _assembly(parts: Parts) -> tuple[list[list[int]], list[list[int]]]:
+    """Rows of `plain` and `other`."""
+    n, edges = parts.program.n, len(parts.program.edge_to)
+    right = n + 2 * edges + 1
+    plain, others = [], []
+    for g, (_, b, _, other, one_way, law, knots) in enumerate(parts.places.tolist()):
+        aa, bb, ab, ba, am, bm = parts.program.place[g].tolist()
+        if not 0 <= b < n or one_way:
+            others.append([g, aa, ab, am, -1, -1, -1, -1])
+        elif other != NOBODY or law != LINEAR or knots:
+            others.append([g, aa, ab, am, ba, bb, bm, right + b])
         else:
-            for c in range(columns):
-                out[last, c] = 0.0
-        for i in range(n):
-            weight = parts.weights[j, i]
-            if weight == 0.0:
-                continue
-            if now >= 0:
-                before, after = parts.lag[j, 1] * weight, parts.lag[j, 2] * weight
-                for c in range(columns):
-                    out[now, c] += before * x[i, c] + after * out[i, c]
-            else:
-                for c in range(columns):
-                    out[last, c] += weight * x[i, c]
+            plain.append([g, aa, bb, ab, ba])
+    return plain, others
 
 
-@numba.njit(error_model="numpy", nogil=True, cache=True)
-def move(parts: Parts, phi: Floats, outside: Floats, x: Floats, out: Floats, work: Work) -> None:
-    """`out` (S, 1): the state `x` (S, 1) one step on. Filled: `values`, `right` and `one` of `work`, which `sensitivities`, `carry`
-    and `advance` use."""
-    first = parts.program.n + len(parts.heats)
-    for i in range(len(parts.factor_of)):
-        p = parts.factor_of[i]
-        if p >= 0:
-            parts.coefficients[i] = parts.nominal[i] * np.exp(x[first + p, 0])
-    assemble(parts, phi, outside, x[: parts.program.n, 0], work.values, work.right)
-    advance(parts, work.values, work.right, work.none, x, out, work.one)
+def _forward(parts: Parts, length: int) -> list[list[tuple[int, int]]]:
+    """For each pivot: the rows of a stage that it takes and which of `values`, heats included."""
+    program = parts.program
+    n, edges, order = program.n, len(program.edge_to), program.order.tolist()
+    found: dict[int, list[tuple[int, int]]] = {i: [] for i in order}
+    for p, i in enumerate(order):
+        for e in range(program.edge_start[p], program.edge_start[p + 1]):
+            found[int(program.edge_to[e])].append((i * length, n + edges + e))
+    for o, node in enumerate(parts.heats.tolist()):
+        found[node].append(((n + o) * length, n + 2 * edges))
+    return [found[i] for i in order]
 
 
-@numba.njit(error_model="numpy", nogil=True, cache=True)
-def sensitivities(parts: Parts, phi: Floats, outside: Floats, x: Floats, work: Work) -> None:
-    """`drive` of `work`: the heat that each factor multiplies, at the stages of the step that `move` just made from `x` (S, 1), as
-    linearised about its start."""
-    program, amounts, at, psi, drive = parts.program, work.amounts, work.at, work.psi, work.drive
-    n, unknown = program.n, drive.shape[2]
-    if unknown == 0:
-        return
-    drive[:] = 0.0
-    amounts[:] = 0.0
-    for g in range(len(parts.places)):
-        for t in range(program.term_start[g], program.term_start[g + 1]):
-            i = program.term_coefficient[t]
-            p, j = parts.factor_of[i], program.term_monomial[t]
-            if p >= 0:
-                amounts[p, g] += parts.coefficients[i] * (1.0 if j < 0 else phi[j])
-    for i in range(n):
-        at[i, 0] = x[i, 0]
+def _drives(parts: Parts) -> tuple[list[list[int]], int, dict[tuple[int, int], int]]:
+    """Rows of `driven`; how many numbers a stage has, and (node, factor) -> number."""
+    program, n = parts.program, parts.program.n
+    where: dict[tuple[int, int], int] = {}
+    found = []
+    for g, (a, b, _, _, one_way, _, _) in enumerate(parts.places.tolist()):
+        own = parts.factor_of[program.term_coefficient[program.term_start[g] : program.term_start[g + 1]]]
+        for p in sorted({int(p) for p in own if p >= 0}):
+            into = where.setdefault((a, p), len(where))
+            out = where.setdefault((b, p), len(where)) if 0 <= b < n and not one_way else -1
+            found.append([g, p, into, out])
+    return found, len(where), where
+
+
+@numba.njit(error_model="numpy", nogil=True, forceinline=True)
+def laws_at(plan: Plan, m: Floats, at: Index, listed: int, count: int) -> None:
+    """`psi`: what multiplies the amounts of `count` groups at `temperatures`, and its slopes with T_a, T_b and T_m, as
+    `twin.laws`."""
+    T = plan.temperatures
+    for e in range(listed, listed + count):
+        g = at[u(e)]
+        law, numbers, psi = plan.law + 7 * g, plan.law_numbers + g * (3 + 2 * plan.knots), plan.psi + 4 * g
+        a, b, own, other, kind, knots = (
+            at[u(law)],
+            at[u(law + 1)],
+            at[u(law + 2)],
+            at[u(law + 3)],
+            at[u(law + 5)],
+            at[u(law + 6)],
+        )
+        value, by_a, by_b, by_m = 1.0, 0.0, 0.0, 0.0
+        if b >= 0:
+            value, by_a, by_b = m[u(T + b)] - m[u(T + a)], -1.0, 1.0
+            if kind != 0:
+                value, by_a, by_b = drop(kind, m[u(T + a)], m[u(T + b)])
+            if knots > 0:
+                table = m[numbers + 3 : numbers + 3 + 2 * knots]
+                factor, growth = between(m[u(T + b)], table[:knots], table[knots:])
+                value, by_a, by_b = factor * value, factor * by_a, factor * by_b + growth * value
+        if own != 0:
+            alpha = m[u(plan.copper)]
+            factor = 1.0 + alpha * (m[u(T + a)] - m[u(plan.copper + 1)])
+            if own < 0:
+                factor = 1.0 / factor
+                alpha *= -factor * factor
+            value, by_a, by_b = factor * value, factor * by_a + alpha * value, factor * by_b
+        if other >= 0:
+            slope = m[u(numbers)]
+            factor = 1.0 + slope * (m[u(T + other)] - m[u(numbers + 1)])
+            value, by_a, by_b, by_m = factor * value, factor * by_a, factor * by_b, slope * value
+        m[u(psi)], m[u(psi + 1)], m[u(psi + 2)], m[u(psi + 3)] = value, by_a, by_b, by_m
+
+
+@numba.njit(error_model="numpy", nogil=True, forceinline=True)
+def amounts_at(plan: Plan, m: Floats, at: Index, state: int) -> None:
+    """`amounts` of all groups, by the step's features and the factors of [P | x] at `state`."""
+    first = plan.n + plan.heats
+    sweep(m, at, plan.sum, plan.amounts, plan.constant, plan.by_monomial, plan.unit, plan.features, plan.groups)
+    for p in range(plan.factors):
+        m[u(plan.scale + p)] = np.exp(m[u(state + (first + p) * plan.length + plan.size)])
+    for t in range(plan.terms):
+        m[u(plan.amounts + at[u(plan.term + 3 * t)])] += term_at(plan, m, at, t)
+
+
+@numba.njit(error_model="numpy", nogil=True, forceinline=True)
+def term_at(plan: Plan, m: Floats, at: Index, t: int) -> float:
+    """What a term that has a factor adds to the amount of its group."""
+    p, j = at[u(plan.term + 3 * t + 1)], at[u(plan.term + 3 * t + 2)]
+    amount: float = m[u(plan.nominal + t)] * m[u(plan.scale + p)]
+    if j >= 0:
+        amount *= m[u(plan.features + j)]
+    return amount
+
+
+@numba.njit(error_model="numpy", nogil=True, forceinline=True)
+def surround(plan: Plan, m: Floats, state: int, outside: Floats) -> None:
+    """`temperatures`: those of [P | x] at `state`, and `outside` (b,)."""
+    for i in range(plan.n):
+        m[u(plan.temperatures + i)] = m[u(state + i * plan.length + plan.size)]
     for i in range(len(outside)):
-        at[n + i, 0] = outside[i]
-    for g in range(len(parts.places)):
-        if not amounts[:, g].any():
-            continue
-        a, b, other, one_way = parts.places[g, 0], parts.places[g, 1], parts.places[g, 3], parts.places[g, 4]
-        psi_of(parts.places[g], parts.numbers[g], parts.copper, at, 0, psi)
-        for s in range(len(program.weights)):
-            heat = psi[0, 0]
-            for end in range(3):
-                i = a if end == 0 else b if end == 1 else other
-                if 0 <= i < n:
-                    beyond = work.one[s, i, 0]
-                    for j in range(s):
-                        beyond += program.stages[s, j] * work.one[j, i, 0]
-                    heat += psi[end + 1, 0] * beyond
-            for p in range(unknown):
-                drive[s, a, p] += amounts[p, g] * heat
-                if 0 <= b < n and not one_way:
-                    drive[s, b, p] -= amounts[p, g] * heat
+        m[u(plan.temperatures + plan.n + i)] = outside[i]
 
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
-def carry(parts: Parts, covariance: Floats, work: Work) -> None:
-    """P (S, S) one step on: F P F' + Q, symmetric to the last bit, of the step that `move` just made."""
-    size = len(covariance)
-    advance(parts, work.values, work.still, work.drive, covariance, work.moved, work.many)
-    for i in range(size):
-        for j in range(size):
-            covariance[i, j] = work.moved[j, i]
-    advance(parts, work.values, work.still, work.drive, covariance, work.moved, work.many)
-    for i in range(size):
-        for j in range(i):
-            covariance[i, j] = covariance[j, i] = 0.5 * (work.moved[i, j] + work.moved[j, i])
-        covariance[i, i] = work.moved[i, i] + parts.process[i]
-
-
-@numba.njit(error_model="numpy", nogil=True, cache=True)
-def row(parts: Parts, channel: int, place: float, h: Floats) -> None:
-    """`h` (S,): what a channel reads at `place` within the step just made, as shares of the state."""
-    n, now = parts.program.n, parts.state[channel]
-    for i in range(len(h)):
-        h[i] = place * parts.weights[channel, i] if i < n and now < 0 else 0.0
-    h[parts.last + channel] = 1.0 - place
-    if parts.bias[channel] >= 0:
-        h[parts.bias[channel]] = 1.0
-    if now >= 0:
-        h[now] = place
-
-
-@numba.njit(error_model="numpy", nogil=True, cache=True)
-def heat_row(parts: Parts, meter: int, phi: Floats, outside: Floats, x: Floats, h: Floats, work: Work) -> float:
-    """What a meter of heat reads at the state `x` (S, 1) [W]; `h` (S,) its derivative."""
-    program, at, psi = parts.program, work.at, work.psi
-    n, total = program.n, 0.0
-    first = n + len(parts.heats)
-    h[:] = 0.0
+def assemble(plan: Plan, m: Floats, at: Index, phi: Floats, outside: Floats, state: int) -> None:
+    """`values`: the step matrix, eliminated, and its right-hand side, linear about [P | x] at `state`; `phi` (F,) features."""
+    n, values, amounts, T = plan.n, plan.values, plan.amounts, plan.temperatures
+    right = values + n + 2 * plan.edges + 1
+    for j in range(plan.monomials):
+        m[u(plan.features + j)] = phi[j]
+    surround(plan, m, state, outside)
+    amounts_at(plan, m, at, state)
+    laws_at(plan, m, at, plan.bent, plan.bents)
     for i in range(n):
-        at[i, 0] = x[i, 0]
-    for i in range(len(outside)):
-        at[n + i, 0] = outside[i]
-    for g in range(len(parts.places)):
-        sign = parts.signs[meter, g]
-        if sign == 0.0:
-            continue
-        psi_of(parts.places[g], parts.numbers[g], parts.copper, at, 0, psi)
+        m[u(values + i)] = m[u(plan.own + i)]
+    for i in range(n, 2 * n + 2 * plan.edges + 1):
+        m[u(values + i)] = 0.0
+    m[u(right - 1)] = -1.0
+    for r in range(plan.plain, plan.plain + 5 * plan.plains, 5):
+        amount = m[u(amounts + at[u(r)])]
+        m[u(values + at[u(r + 1)])] += amount
+        m[u(values + at[u(r + 2)])] += amount
+        m[u(values + at[u(r + 3)])] -= amount
+        m[u(values + at[u(r + 4)])] -= amount
+    for r in range(plan.other, plan.other + 8 * plan.others, 8):
+        g = at[u(r)]
+        a, b, other = at[u(plan.law + 7 * g)], at[u(plan.law + 7 * g + 1)], at[u(plan.law + 7 * g + 3)]
+        psi = plan.psi + 4 * g
+        value, by_a, by_b, by_m = m[u(psi)], m[u(psi + 1)], m[u(psi + 2)], m[u(psi + 3)]
+        amount = m[u(amounts + g)]
+        rest = value - by_a * m[u(T + a)]
+        if other >= 0:
+            rest -= by_m * m[u(T + other)]
+            m[u(values + at[u(r + 3)])] -= amount * by_m
+        if 0 <= b < n:
+            rest -= by_b * m[u(T + b)]
+            m[u(values + at[u(r + 2)])] -= amount * by_b
+            if at[u(r + 5)] >= 0:
+                m[u(values + at[u(r + 4)])] += amount * by_a
+                m[u(values + at[u(r + 5)])] += amount * by_b
+                m[u(values + at[u(r + 7)])] -= amount * rest
+                if other >= 0:
+                    m[u(values + at[u(r + 6)])] += amount * by_m
+        m[u(values + at[u(r + 1)])] -= amount * by_a
+        m[u(right + a)] += amount * rest
+    for i in range(n):  # heat that does not depend on the state is a rise of x that its own storage would give
+        m[u(right + i)] *= m[u(plan.inverse + i)]
+        m[u(state + i * plan.length + plan.size)] += m[u(right + i)]
+    _eliminate(plan, m, at)
+
+
+@numba.njit(error_model="numpy", nogil=True, forceinline=True)
+def _eliminate(plan: Plan, m: Floats, at: Index) -> None:
+    """Pivots become their inverses, lower entries what takes a pivot's row from theirs, upper ones are divided by the pivot."""
+    values, upper, update = plan.values, plan.values + plan.n, plan.update
+    for p in range(plan.n):
+        first, last = at[u(plan.edge_start + p)], at[u(plan.edge_start + p + 1)]
+        pivot = 1.0 / m[u(values + at[u(plan.order + p)])]
+        m[u(values + at[u(plan.order + p)])] = pivot
+        for e in range(first, last):
+            multiplier = m[u(upper + plan.edges + e)] * pivot
+            m[u(upper + plan.edges + e)] = multiplier
+            for f in range(first, last):
+                m[u(values + at[u(update)])] -= multiplier * m[u(upper + f)]
+                update += 1
+        for e in range(first, last):
+            m[u(upper + e)] *= pivot
+
+
+@numba.njit(error_model="numpy", nogil=True, forceinline=True)
+def _others_follow(plan: Plan, m: Floats, at: Index, source: int, out: int) -> None:
+    """Rows of `out` that are no temperature, from `source` before the step and the temperatures of `out` after it."""
+    sweep(m, at, plan.unmoved, out, source, source, plan.kept, plan.before, plan.length)
+    if plan.lagging > 0:
+        sweep(m, at, plan.follow, out, out, out, plan.kept, plan.now, plan.length)
+
+
+@numba.njit(error_model="numpy", nogil=True, forceinline=True)
+def _drive(plan: Plan, m: Floats, at: Index) -> None:
+    """`drive`: what factors multiply, at the stages of the step of x that was just made, as linearised about its start."""
+    n, drives, beyond = plan.n, plan.drives, plan.beyond
+    drive = plan.values + 2 * n + 2 * plan.edges + 1
+    for i in range(2 * drives):
+        m[u(drive + i)] = 0.0
+    for r in range(plan.driven, plan.driven + 4 * plan.drivens, 4):
+        g, p, into, out = at[u(r)], at[u(r + 1)], at[u(r + 2)], at[u(r + 3)]
         amount = 0.0
-        for t in range(program.term_start[g], program.term_start[g + 1]):
-            i, j, p = (
-                program.term_coefficient[t],
-                program.term_monomial[t],
-                parts.factor_of[program.term_coefficient[t]],
-            )
-            own = sign * parts.nominal[i] * (1.0 if j < 0 else phi[j])
-            if p >= 0:
-                own *= np.exp(x[first + p, 0])
-                h[first + p] += own * psi[0, 0]
-            amount += own
-        total += amount * psi[0, 0]
-        for end in range(3):
-            i = parts.places[g, end if end < 2 else 3]
-            if 0 <= i < n:
-                h[i] += amount * psi[end + 1, 0]
-    for o in range(len(parts.heats)):
-        h[n + o] = parts.of_losses[meter]
-        total += parts.of_losses[meter] * x[n + o, 0]
-    bias = parts.bias[len(parts.weights) + meter]
-    if bias >= 0:
-        h[bias] = 1.0
-        total += x[bias, 0]
-    return total
+        for t in range(plan.terms):
+            if at[u(plan.term + 3 * t)] == g and at[u(plan.term + 3 * t + 1)] == p:
+                amount += term_at(plan, m, at, t)
+        psi = plan.psi + 4 * g
+        value, by_a, by_b, by_m = m[u(psi)], m[u(psi + 1)], m[u(psi + 2)], m[u(psi + 3)]
+        a, b, other = at[u(plan.law + 7 * g)], at[u(plan.law + 7 * g + 1)], at[u(plan.law + 7 * g + 3)]
+        for s in range(2):
+            heat = value + by_a * m[u(beyond + s * n + a)]
+            if 0 <= b < n:
+                heat += by_b * m[u(beyond + s * n + b)]
+            if other >= 0:
+                heat += by_m * m[u(beyond + s * n + other)]
+            m[u(drive + s * drives + into)] -= amount * heat
+            if out >= 0:
+                m[u(drive + s * drives + out)] += amount * heat
 
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
-def update(
-    h: Floats, reading: float, variance: float, x: Floats, covariance: Floats, gain: Floats, left: Floats
-) -> tuple[float, float]:
-    """Innovation and its variance; state x (S, 1) and P (S, S) given a reading `h x` with white noise of `variance`, 0 for a
-    perfect one. `gain` (S,) is filled, `left` (S,) overwritten.
-
-    Joseph's form, P = (1 - k h') P (1 - k h')' + k R k': once P - k (P h)' is taken, what is left of it is
-    - e k' with e = (P h) - R k, zero but for rounding; it is taken symmetrically, so that P is symmetric to the last bit.
-    """
-    size = len(h)
-    for c in range(size):
-        gain[c] = 0.0
-    innovation, spread = reading, variance
-    for i in range(size):
-        share = h[i]
-        if share != 0.0:
-            innovation -= share * x[i, 0]
-            for c in range(size):
-                gain[c] += share * covariance[i, c]
-    for i in range(size):
-        spread += h[i] * gain[i]
-    scale = 1.0 / np.sqrt(spread)
-    for c in range(size):
-        gain[c] *= scale  # k times the root of the spread: its products are P's change, symmetric to the last bit
-        left[c] = -variance * scale * gain[c]
-    for i in range(size):
-        share = h[i]
-        if share != 0.0:
-            for c in range(size):
-                left[c] += share * (covariance[i, c] - gain[i] * gain[c])
-    for c in range(size):
-        left[c] *= 0.5 * scale
-    for i in range(size):
-        mine, over = gain[i], left[i]
-        x[i, 0] += mine * scale * innovation
-        for c in range(size):
-            covariance[i, c] = (covariance[i, c] - mine * gain[c]) - (mine * left[c] + over * gain[c])
-    for c in range(size):
-        gain[c] *= scale
-    return innovation, spread
+def move(plan: Plan, m: Floats, at: Index, phi: Floats, outside: Floats, source: int, out: int) -> None:
+    """`out` (S rows): [F P | x one step on] from [P | x] at `source`, but for the factors' part of F. Filled: `values`."""
+    n, size, length, stage, values = plan.n, plan.size, plan.length, plan.stage, plan.values
+    assemble(plan, m, at, phi, outside, source)
+    heat = values + n + 2 * plan.edges + 1
+    for o in range(plan.heats):
+        scaled(m, at, stage + (n + o) * length, plan.unit + 1, source + (n + o) * length, length)
+    sweep(m, at, plan.forward, stage, source, stage, plan.own, values, length)
+    for i in range(n):  # so that the second stage begins with as much more
+        m[u(source + i * length + size)] = m[u(plan.temperatures + i)] - m[u(plan.share + 2)] * m[u(heat + i)]
+    sweep(m, at, plan.backward, stage, stage, stage, values, values, length)
+    for i in range(n):
+        m[u(plan.beyond + i)] = m[u(stage + i * length + size)] - m[u(plan.temperatures + i)]
+    sweep(m, at, plan.blend, stage, stage, source, plan.share, plan.share, length)
+    for i in range(n):
+        m[u(source + i * length + size)] = m[u(plan.temperatures + i)]
+    sweep(m, at, plan.forward, stage, stage, stage, plan.own, values, length)
+    sweep(m, at, plan.backward, out, stage, out, values, values, length)
+    _others_follow(plan, m, at, source, out)
+    if plan.factors > 0:
+        for i in range(n):
+            m[u(plan.beyond + n + i)] = m[u(out + i * length + size)] - m[u(plan.temperatures + i)]
+        _drive(plan, m, at)
 
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
-def correct(
-    parts: Parts,
-    phi: Floats,
-    outside: Floats,
-    readings: Floats,
-    places: Floats,
-    variances: Floats,
-    x: Floats,
-    covariance: Floats,
-    innovations: Floats,
-    rows: Floats,
-    gains: Floats,
-    work: Work,
-) -> float:
-    """State and P given the readings (m + q,) of a step, one after the other; their log likelihood. `innovations` (m + q, 2) with
-    their variances, NaN where there is no reading; `rows` and `gains` (m + q, S) of the readings that there are."""
-    likelihood, m = 0.0, len(parts.weights)
-    for j in range(len(readings)):
-        if np.isnan(readings[j]):
-            innovations[j, 0] = innovations[j, 1] = np.nan
-            continue
-        reading = readings[j]
-        if j < m:
-            row(parts, j, places[j], rows[j])
-        else:  # as if it were linear in the state, with its slopes and its value there
-            reading -= heat_row(parts, j - m, phi, outside, x, rows[j], work)
-            for i in range(len(x)):
-                reading += rows[j, i] * x[i, 0]
-        innovation, spread = update(rows[j], reading, variances[j], x, covariance, gains[j], work.left)
-        innovations[j, 0], innovations[j, 1] = innovation, spread
-        likelihood -= 0.5 * (np.log(2 * np.pi * spread) + innovation * innovation / spread)
-    return likelihood
+def derive(plan: Plan, m: Floats, at: Index, source: int, out: int) -> None:
+    """`out` (S rows): every column of `source` (S rows) one step on, by F of the step that `move` just made. The last rows of `stage` are
+    those of the factors in `source`."""
+    n, length, stage, values = plan.n, plan.length, plan.stage, plan.values
+    for o in range(plan.heats):
+        scaled(m, at, stage + (n + o) * length, plan.unit + 1, source + (n + o) * length, length)
+    sweep(m, at, plan.driven_first, stage, source, stage, plan.own, values, length)
+    sweep(m, at, plan.backward, stage, stage, stage, values, values, length)
+    sweep(m, at, plan.blend, stage, stage, source, plan.share, plan.share, length)
+    sweep(m, at, plan.driven_second, stage, stage, stage, plan.own, values, length)
+    sweep(m, at, plan.backward, out, stage, out, values, values, length)
+    _others_follow(plan, m, at, source, out)
 
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
-def run(
-    parts: Parts,
-    features: Floats,
-    boundaries: Floats,
-    readings: Floats,
-    places: Floats,
-    variances: Floats,
-    x: Floats,
-    covariance: Floats,
-    states: Floats,
-    spreads: Floats,
-    innovations: Floats,
-    work: Work,
-) -> float:
-    """The filter over all steps; the log likelihood of the readings.
+def carry(plan: Plan, m: Floats, at: Index, phi: Floats, outside: Floats, early: bool) -> None:
+    """`ahead`: [P | x] of `state` one step on, F P F' + Q, symmetric to rounding; `turned`: the covariance of each number before the
+    step, and x then, with all numbers after it; what unknown factors add to it is left out unless `early`, where readings need it."""
+    n, size, length, state, moved, turned, ahead = (
+        plan.n,
+        plan.size,
+        plan.length,
+        plan.state,
+        plan.moved,
+        plan.turned,
+        plan.ahead,
+    )
+    move(plan, m, at, phi, outside, state, moved)
+    transposed(m, turned, moved, size, length)
+    for i in range(size):
+        m[u(turned + i * length + size)] = m[u(state + i * length + size)]
+    for p in range(plan.factors):
+        m[u(plan.stage + (n + plan.heats + p) * length + size + 1 + p)] = 1.0
+    derive(plan, m, at, turned, ahead)
+    if plan.factors > 0:
+        _add_factors(plan, m, at, early)
+    for i in range(size):
+        m[u(ahead + i * length + size)] = m[u(moved + i * length + size)]
+        m[u(ahead + i * length + i)] += m[u(plan.process + i)]
 
-    Read: `readings` (N, m + q) [degC, W], NaN where there is none, `places` and `variances` (N, m + q). Changed: x (S, 1) and
-    P (S, S), from the first edge to the last. Filled: `states` and `spreads` (N + 1, c), the first c numbers of the state and
-    their variances at every edge, `innovations` (N, m + q, 2) with their variances, NaN where there is no reading.
-    """
-    likelihood, kept = 0.0, np.empty((2, readings.shape[1], len(x)))
-    for k in range(len(features) + 1):
-        if k > 0:
-            move(parts, features[k - 1], boundaries[k - 1], x, work.x, work)
-            sensitivities(parts, features[k - 1], boundaries[k - 1], x, work)
-            carry(parts, covariance, work)
-            x[:] = work.x
-            likelihood += correct(
-                parts,
-                features[k - 1],
-                boundaries[k - 1],
-                readings[k - 1],
-                places[k - 1],
-                variances[k - 1],
-                x,
-                covariance,
-                innovations[k - 1],
-                kept[0],
-                kept[1],
-                work,
-            )
-        for i in range(states.shape[1]):
-            states[k, i], spreads[k, i] = x[i, 0], covariance[i, i]
-    return likelihood
+
+@numba.njit(error_model="numpy", nogil=True, forceinline=True)
+def _add_factors(plan: Plan, m: Floats, at: Index, early: bool) -> None:
+    """What the factors' columns B of F, which are behind x in `ahead`, add to `turned` and to F P F'; behind `turned`: -B', and what its
+    rows of the factors were without B."""
+    size, length, factors, turned, ahead = plan.size, plan.length, plan.factors, plan.turned, plan.ahead
+    columns, first = turned + size * length, (plan.n + plan.heats) * length
+    for p in range(factors):
+        here = columns + p * length
+        scaled(m, at, here, plan.unit, ahead, length)
+        for i in range(size):
+            m[u(here + i)] = -m[u(ahead + i * length + size + 1 + p)]
+        scaled(m, at, here + factors * length, plan.unit + 1, turned + first + p * length, length)
+    by, unit = plan.by_column, plan.unit + 1
+    rows, count = (0, size) if early else (first, factors)  # the factors' own are needed below
+    here, shares = turned + rows, plan.state + rows + plan.n + plan.heats
+    less(m, at, plan.row, count, by, plan.each, here, here, turned, unit, shares, length, length)
+    by, which = plan.by_factor, plan.by_factor_share
+    less(m, at, plan.row, size, by, which, ahead, ahead, turned, unit, turned, 1, length)

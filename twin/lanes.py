@@ -257,17 +257,19 @@ def scaled(m: Floats, at: Index, out: int, factor: int, base: int, length: int) 
     less(m, at, NOWHERE, 1, NOBODY, NOWHERE, out, base, base, factor, factor, 0, length)
 
 
-def _turning(typing: Any, m: Any, out: Any, onward: Any, source: Any, length: Any) -> Any:
-    """8 x 8 numbers from `source` on, rows `length` apart, transposed, from `out` on, rows `onward` apart."""
-    i = types.int64
-    signature = types.void(m, i, i, i, i)
+def _turning(typing: Any, m: Any, out: Any, source: Any, length: Any, diagonal: Any) -> Any:
+    """8 x 8 numbers from `source` on, transposed, from `out` on, rows `length` apart; if the literal `diagonal` is 1, those right of the
+    diagonal stay as they are."""
+    i, half_kept = types.int64, bool(diagonal.literal_value)
+    signature = types.void(m, i, i, i, diagonal)
 
     def generate(context: Any, builder: Any, signature: Any, given: Any) -> Any:
-        m, out, onward, source, length = given
+        m, out, source, length, _ = given
         data, vector = _address(context, builder, signature.args[0], m), ir.VectorType(_F64, LANES)
         block = []
         for r in range(LANES):
             block.append(_load(builder, data, builder.add(source, builder.mul(length, _I64(r))), vector))
+        begun = list(block)
         for half in (1, 2, 4):  # blocks of that side change places across the diagonal
             for r in (r for r in range(LANES) if not r & half):
                 upper = [c - half + LANES if c & half else c for c in range(LANES)]
@@ -277,13 +279,16 @@ def _turning(typing: Any, m: Any, out: Any, onward: Any, source: Any, length: An
                     mask = ir.Constant(ir.VectorType(_I32, LANES), taken)
                     block[to] = builder.shuffle_vector(above, below, mask)
         for r in range(LANES):
-            _store(builder, block[r], data, builder.add(out, builder.mul(onward, _I64(r))))
+            if half_kept:
+                mask = ir.Constant(ir.VectorType(_I32, LANES), [c + LANES if c < r else c for c in range(LANES)])
+                block[r] = builder.shuffle_vector(begun[r], block[r], mask)
+            _store(builder, block[r], data, builder.add(out, builder.mul(length, _I64(r))))
         return context.get_dummy_value()
 
     return signature, generate
 
 
-_turned: Any = intrinsic(_turning)
+_turned: Any = intrinsic(prefer_literal=True)(_turning)
 
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
@@ -292,15 +297,13 @@ def transposed(m: Floats, out: int, source: int, size: int, length: int) -> None
     both ways."""
     for i in range(0, size, 8):
         for j in range(0, size, 8):
-            _turned(m, out + j * length + i, length, source + i * length + j, length)
+            _turned(m, out + j * length + i, source + i * length + j, length, 0)
 
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
 def mirrored(m: Floats, matrix: int, size: int, length: int) -> None:
-    """What is right of the diagonal of `size` rows is written to the left of it."""
+    """What is right of the diagonal of `size` rows is written to the left of it, up to the next multiple of `LANES`."""
     for i in range(0, size, 8):
+        _turned(m, matrix + i * length + i, matrix + i * length + i, length, 1)
         for j in range(i + 8, size, 8):
-            _turned(m, matrix + j * length + i, length, matrix + i * length + j, length)
-        for r in range(i + 1, min(i + 8, size)):
-            for c in range(i, r):
-                m[matrix + r * length + c] = m[matrix + c * length + r]
+            _turned(m, matrix + j * length + i, matrix + i * length + j, length, 0)

@@ -6,9 +6,10 @@ Rauch, Tung and Striebel (doi:10.2514/3.3166) over `twin.ekf`, in the form of Br
 
     x_s = x - P l,    P_s = P - P L P,
 
-through each reading (innovation e, variance s, gain k = P h / s) and each step (F its derivative at the filter's estimate):
+through each step and its readings at once. `twin.ekf_readings` makes those independent, of variance 1: innovations e, gains k, and
+rows h, how each moves with the state before the step. F is the step's derivative at the filter's estimate:
 
-    l <- l - h (k' l + e / s),  L <- (1 - h k') L (1 - k h') + h h' / s;    l <- F' l,  L <- F' L F.
+    A = F - sum k h',    L <- A' L A + sum h h',    l <- A' l - sum h e.
 
 No covariance is inverted, so that states without noise of their own do no harm, and every F is that of its own step. The filter's
 states are kept at the edges of blocks; a block is filtered again, step by step, when the way back reaches it.
@@ -19,19 +20,23 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.ekf import Estimate, estimate_of
-from twin.ekf_step import Parts, Work, advance, carry, correct, move, run, sensitivities, work
+from twin.ekf import Estimate, Run, courses, estimate_of, through
+from twin.ekf_readings import Readings, correct, observe, readings_of
+from twin.ekf_step import Plan, carry, derive, plan
 from twin.filter_inputs import AnyReading, Inputs, Start, inputs_of
+from twin.lanes import Store, Sweep, less, mirrored, scaled, sweep
 from twin.network import Network
 from twin.simulate import Frame
 from twin.unknowns import Unknown
 
 Floats = NDArray[np.float64]
+Index = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -54,15 +59,30 @@ def smoothed(
     inputs = inputs_of(network, frame, start, unknowns, readings)
     steps, n = len(inputs.values), len(network.nodes)
     length = block_length(steps)
+    run, back = _run_of(inputs, length)
     blocks = [slice(first, min(first + length, steps)) for first in range(0, steps, length)]
-    kept, filtered = _forward(inputs, blocks)
+    kept, filtered = _forward(inputs, run, blocks)
     states = np.empty((2, steps + 1, inputs.parts.last))
     of = np.argsort(inputs.order)
     states[0, -1] = np.append(filtered.temperatures[-1], filtered.found[-1][list(inputs.order)])
     states[1, -1] = np.append(filtered.temperatures_sd[-1], filtered.found_sd[-1][list(inputs.order)]) ** 2
-    later = np.zeros((len(inputs.x), len(inputs.x) + 1))
-    for block, (x, covariance) in zip(reversed(blocks), reversed(kept), strict=True):
-        _back_through(inputs, block, x, covariance, later, states)
+    for block, state in zip(reversed(blocks), reversed(kept), strict=True):
+        run.state()[:] = state
+        edges = slice(block.start, block.stop)
+        _back_through(
+            run.plan,
+            run.readings,
+            back,
+            run.m,
+            run.at,
+            inputs.features[block],
+            inputs.boundaries[block],
+            inputs.values[block],
+            inputs.places[block],
+            inputs.variances[block],
+            states[0, edges],
+            states[1, edges],
+        )
     sd = np.sqrt(states[1])
     return Smoothed(filtered, states[0, :, :n], sd[:, :n], states[0, :, n:][:, of], sd[:, n:][:, of])
 
@@ -72,191 +92,175 @@ def block_length(steps: int) -> int:
     return max(1, math.isqrt(steps // 2))
 
 
-def _forward(inputs: Inputs, blocks: Sequence[slice]) -> tuple[list[tuple[Floats, Floats]], Estimate]:
-    """State and covariance at the start of each block, and what the filter says."""
-    x, covariance = inputs.x.copy(), inputs.covariance.copy()
-    steps, m = inputs.values.shape
-    states, innovations = np.empty((2, steps + 1, inputs.parts.last)), np.empty((steps, m, 2))
-    states[:, 0] = x[: inputs.parts.last, 0], np.diag(covariance)[: inputs.parts.last]
-    spare, likelihood = work(inputs.parts, inputs.boundaries.shape[1]), 0.0
-    kept = []
+class Back(NamedTuple):
+    """Where the way back has its numbers, rows of the state's length but for readings. Of each step of a block: `edge` (S rows) [P | x]
+    at its start, `matrix` (S rows) how the state at its end moves with that at its start, readings included, `rows` (m + q of the
+    gain's stride) how each independent reading does, behind it the innovation, sign changed; `taken` of them."""
+
+    edge: int
+    matrix: int
+    rows: int
+    taken: int  # index
+    one: int  # S rows
+    before: int  # S rows, F
+    later: int  # S rows, [L | l], sign changed
+    product: int  # S rows
+    every: int  # index: all rows of the state, then the end
+
+
+def _run_of(inputs: Inputs, steps: int) -> tuple[Run, Back]:
+    """The arrays of a filter and of the way back through blocks of so many steps."""
+    store = Store()
+    own = plan(inputs.parts, inputs.boundaries.shape[1], store)
+    readings = readings_of(own, store)
+    most, length = own.channels + own.meters, own.length
+    back = Back(
+        edge=store.rows(steps * length, length),
+        matrix=store.rows(steps * length, length),
+        rows=store.rows(steps * most, readings.stride),
+        taken=store.index([0] * steps),
+        one=store.put(np.eye(length)),
+        before=store.rows(length, length),
+        later=store.rows(length, length),
+        product=store.rows(length, length),
+        every=store.index([*(i * length for i in range(own.size)), -1]),
+    )
+    return Run(own, readings, store.numbers(), store.indices()), back
+
+
+def _forward(inputs: Inputs, run: Run, blocks: Sequence[slice]) -> tuple[list[Floats], Estimate]:
+    """[P | x] at the start of each block, and what the filter says."""
+    states, innovations = courses(inputs)
+    run.begin(inputs)
+    states[:, 0] = inputs.x[: inputs.parts.last, 0], np.diag(inputs.covariance)[: inputs.parts.last]
+    likelihood, kept = 0.0, []
     for block in blocks:
-        kept.append((x.copy(), covariance.copy()))
+        kept.append(run.state().copy())
         edges = slice(block.start, block.stop + 1)
-        likelihood += run(
-            inputs.parts,
+        likelihood += through(
+            run.plan,
+            run.readings,
+            run.m,
+            run.at,
             inputs.features[block],
             inputs.boundaries[block],
             inputs.values[block],
             inputs.places[block],
             inputs.variances[block],
-            x,
-            covariance,
             states[0, edges],
             states[1, edges],
             innovations[block],
-            spare,
         )
-    return kept, estimate_of(inputs, states, innovations, covariance, likelihood)
-
-
-def _back_through(inputs: Inputs, block: slice, x: Floats, covariance: Floats, later: Floats, states: Floats) -> None:
-    """Filter a block again, keep what the way back needs, and go back: `later` [L | l] from its last edge to its first, `states`
-    at all of its edges but the last."""
-    steps, size, m = block.stop - block.start, len(x), inputs.values.shape[1]
-    estimates, spreads, matrices = np.empty((steps, size)), np.empty((steps, size, size)), np.empty((steps, size, size))
-    rows, gains, innovations = np.empty((steps, m, size)), np.empty((steps, m, size)), np.empty((steps, m, 2))
-    _keep(
-        inputs.parts,
-        inputs.features[block],
-        inputs.boundaries[block],
-        inputs.values[block],
-        inputs.places[block],
-        inputs.variances[block],
-        x,
-        covariance,
-        estimates,
-        spreads,
-        matrices,
-        rows,
-        gains,
-        innovations,
-        work(inputs.parts, inputs.boundaries.shape[1]),
-    )
-    edges = slice(block.start, block.stop)
-    _back(
-        estimates,
-        spreads,
-        matrices,
-        rows,
-        gains,
-        innovations,
-        later,
-        states[0, edges],
-        states[1, edges],
-    )
+    return kept, estimate_of(inputs, states, innovations, run.covariance(), likelihood)
 
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
-def _keep(
-    parts: Parts,
+def _back_through(
+    plan: Plan,
+    taken: Readings,
+    back: Back,
+    m: Floats,
+    at: Index,
     features: Floats,
     boundaries: Floats,
     readings: Floats,
     places: Floats,
     variances: Floats,
-    x: Floats,
-    covariance: Floats,
-    estimates: Floats,
-    spreads: Floats,
-    matrices: Floats,
-    rows: Floats,
-    gains: Floats,
-    innovations: Floats,
-    work: Work,
-) -> None:
-    """`twin.ekf_step.run` over N steps that keeps the state (N, S) and P (N, S, S) at the start of each, F (N, S, S), and of each
-    reading its row and gain (N, m, S) and innovation (N, m, 2)."""
-    one = np.eye(len(x))
-    for k in range(len(features)):
-        estimates[k] = x[:, 0]
-        spreads[k] = covariance
-        move(parts, features[k], boundaries[k], x, work.x, work)
-        sensitivities(parts, features[k], boundaries[k], x, work)
-        advance(parts, work.values, work.still, work.drive, one, matrices[k], work.many)
-        carry(parts, covariance, work)
-        x[:] = work.x
-        correct(
-            parts,
-            features[k],
-            boundaries[k],
-            readings[k],
-            places[k],
-            variances[k],
-            x,
-            covariance,
-            innovations[k],
-            rows[k],
-            gains[k],
-            work,
-        )
-
-
-@numba.njit(error_model="numpy", nogil=True, cache=True)
-def _back(
-    estimates: Floats,
-    spreads: Floats,
-    matrices: Floats,
-    rows: Floats,
-    gains: Floats,
-    innovations: Floats,
-    later: Floats,
     states: Floats,
-    variances: Floats,
+    spreads: Floats,
 ) -> None:
-    """From the last edge of N steps to the first. Changed: `later` (S, S + 1), [L | l]. Filled: `states` and `variances` (N, c), the
-    first c numbers of the state at the start of each step."""
-    size, m = estimates.shape[1], rows.shape[1]
-    shared, moved = np.empty(size + 1), np.empty((size, size + 1))
-    for k in range(len(estimates) - 1, -1, -1):
-        for j in range(m - 1, -1, -1):
-            if np.isnan(innovations[k, j, 0]):
-                continue
-            _before_reading(rows[k, j], gains[k, j], innovations[k, j, 0], innovations[k, j, 1], later, shared)
-        _before_step(matrices[k], later, moved)
+    """Filter a block again, keep what the way back needs, and go back: [L | l] from its last edge to its first, `states` and `spreads`
+    (N, c), the first c numbers of the state and their variances, at all of its edges but the last."""
+    size, length = plan.size, plan.length
+    block, most = length * length, (plan.channels + plan.meters) * taken.stride
+    innovations, early = np.empty((readings.shape[1], 2)), bool((places != 1.0).any())
+    for k in range(len(boundaries)):
+        m[back.edge + k * block : back.edge + (k + 1) * block] = m[plan.state : plan.state + block]
+        carry(plan, m, at, features[k], boundaries[k], early)
+        _derivative(plan, back, m, at)
+        count = observe(plan, taken, m, at, boundaries[k], readings[k], places[k], variances[k])
+        at[back.taken + k] = count
+        rows, matrix = back.rows + k * most, back.matrix + k * block
+        _reading_rows(plan, taken, back, m, at, count, rows)
+        correct(plan, taken, m, at, count, innovations)
+        _independent(plan, taken, back, m, at, count, rows)
+        unit = plan.unit + 1
+        less(m, at, plan.row, size, taken.taken, taken.taken, matrix, back.before, rows, unit, taken.gain, 1, length)
+        for q in range(count):
+            m[rows + q * taken.stride + size] = m[taken.gain + q * taken.stride + size]
+    for k in range(len(boundaries) - 1, -1, -1):
+        _before_step(plan, taken, back, m, at, at[back.taken + k], back.rows + k * most, back.matrix + k * block)
+        edge, product = back.edge + k * block, back.product
+        less(
+            m, at, plan.row, size, back.every, plan.each, product, product, back.later, plan.unit, edge, length, length
+        )
         for i in range(states.shape[1]):
-            known, less = estimates[k, i], spreads[k, i, i]
-            for a in range(size):
-                says = 0.0
-                for b in range(size):
-                    says += later[a, b] * spreads[k, i, b]
-                less -= spreads[k, i, a] * says
-                known -= spreads[k, i, a] * later[a, size]
-            states[k, i], variances[k, i] = known, max(less, 0.0)
+            known, left = m[edge + i * length + size], m[edge + i * length + i]
+            for c in range(size):
+                left -= m[product + i * length + c] * m[edge + i * length + c]
+            states[k, i], spreads[k, i] = known - m[product + i * length + size], max(left, 0.0)
 
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
-def _before_reading(h: Floats, gain: Floats, innovation: float, spread: float, later: Floats, shared: Floats) -> None:
-    """[L | l] before a reading, from after it; `shared` (S + 1,) is overwritten."""
-    size = len(h)
-    for c in range(size + 1):
-        shared[c] = 0.0
-    for i in range(size):
-        for c in range(size + 1):
-            shared[c] += gain[i] * later[i, c]
-    twice = 1.0 / spread
-    for i in range(size):
-        twice += shared[i] * gain[i]
-    for i in range(size):
-        if h[i] != 0.0:
-            later[i, size] -= h[i] * (shared[size] + innovation / spread)
-    for i in range(size):
-        for c in range(size):
-            if h[i] != 0.0 or h[c] != 0.0:
-                later[i, c] += h[i] * h[c] * twice - (h[i] * shared[c] + shared[i] * h[c])
+def _derivative(plan: Plan, back: Back, m: Floats, at: Index) -> None:
+    """F of the step that `carry` just made, S rows at `back.before`."""
+    length, first = plan.length, plan.n + plan.heats
+    for p in range(plan.factors):
+        scaled(m, at, plan.stage + (first + p) * length, plan.unit + 1, back.one + (first + p) * length, length)
+    derive(plan, m, at, back.one, back.before)
+    for p in range(plan.factors):
+        scaled(m, at, plan.stage + (first + p) * length, plan.unit, back.one, length)
 
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
-def _before_step(matrix: Floats, later: Floats, moved: Floats) -> None:
-    """[L | l] at the start of a step with derivative F (S, S), from its end; `moved` (S, S + 1) is overwritten."""
-    size = len(matrix)
+def _reading_rows(plan: Plan, taken: Readings, back: Back, m: Floats, at: Index, count: int, out: int) -> None:
+    """`out` (count rows of the gain's stride): how each reading moves with the state before the step."""
+    rows, scales, starts, which, _ = taken.by_later
+    lists = Sweep(rows, scales, starts, which, count)
+    sweep(m, at, lists, out, back.before, back.before, plan.unit, taken.later_share, plan.length)
+    for q in range(count):
+        for e in range(at[taken.earlier_start + q], at[taken.earlier_start + q + 1] - 1):
+            m[out + q * taken.stride + at[taken.earlier + e]] -= m[taken.earlier_share + e]
+
+
+@numba.njit(error_model="numpy", nogil=True, cache=True)
+def _independent(plan: Plan, taken: Readings, back: Back, m: Floats, at: Index, count: int, rows: int) -> None:
+    """The same of the independent readings that `correct` just made of them."""
+    at[taken.taken] = -1
+    for q in range(count):
+        row, shares = rows + q * taken.stride, taken.gain + q
+        less(
+            m,
+            at,
+            plan.each,
+            1,
+            taken.taken,
+            taken.covariance_row,
+            row,
+            row,
+            rows,
+            plan.unit + 1,
+            shares,
+            0,
+            plan.length,
+        )
+        scaled(m, at, row, taken.scale + q, row, plan.length)
+        at[taken.taken + q], at[taken.taken + q + 1] = q * taken.stride, -1
+
+
+@numba.njit(error_model="numpy", nogil=True, cache=True)
+def _before_step(
+    plan: Plan, taken: Readings, back: Back, m: Floats, at: Index, count: int, rows: int, matrix: int
+) -> None:
+    """[L | l] before a step and its readings, from after them, symmetric to the last bit."""
+    size, length, product, later = plan.size, plan.length, back.product, back.later
+    less(m, at, plan.row, size, back.every, plan.each, product, product, matrix, plan.unit, later, length, length)
     for i in range(size):
-        for c in range(size + 1):
-            moved[i, c] = 0.0
-        for a in range(size):
-            share = matrix[a, i]
-            if share != 0.0:
-                for c in range(size + 1):
-                    moved[i, c] += share * later[a, c]
-    for i in range(size):
-        later[i, size] = moved[i, size]
-        for c in range(size):
-            later[i, c] = 0.0
-        for a in range(size):
-            share = moved[i, a]
-            if share != 0.0:
-                for c in range(size):
-                    later[i, c] += share * matrix[a, c]
-    for i in range(size):
-        for c in range(i):
-            later[i, c] = later[c, i] = 0.5 * (later[i, c] + later[c, i])
+        m[product + i * length + size] = -m[later + i * length + size]
+    less(m, at, plan.row, size, back.every, back.every, later, later, product, plan.unit, matrix, 1, length)
+    for q in range(count):
+        at[taken.taken + q], at[taken.taken + q + 1] = q * taken.stride, -1
+    if count == 0:
+        at[taken.taken] = -1
+    less(m, at, plan.row, size, taken.taken, taken.taken, later, later, rows, plan.unit + 1, rows, 1, length)
+    mirrored(m, later, size, length)

@@ -15,8 +15,9 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.ekf import Estimate, estimate_of
-from twin.ekf_step import Parts, Work, correct, move, work
+from twin.ekf import Estimate, courses, estimate_of, run_of
+from twin.ekf_readings import Readings, correct, observe
+from twin.ekf_step import Plan, move
 from twin.filter_inputs import AnyReading, Start, inputs_of
 from twin.network import Network
 from twin.simulate import Frame
@@ -33,129 +34,117 @@ def filter_unscented(
 ) -> Estimate:
     """Temperatures and unknowns from the readings, as `twin.ekf.filter_unknowns`. Raises as that."""
     inputs = inputs_of(network, frame, start, unknowns, readings)
-    x, covariance = inputs.x.copy(), inputs.covariance.copy()
-    steps, m = inputs.values.shape
-    states, innovations = np.empty((2, steps + 1, inputs.parts.last)), np.empty((steps, m, 2))
-    drawn = np.array([*range(inputs.parts.last), *(at for at in inputs.parts.state.tolist() if at >= 0)])
-    likelihood = _run(
-        inputs.parts,
+    run = run_of(inputs)
+    run.begin(inputs)
+    states, innovations = courses(inputs)
+    likelihood = _through(
+        run.plan,
+        run.readings,
+        run.m,
+        run.at,
         inputs.features,
         inputs.boundaries,
         inputs.values,
         inputs.places,
         inputs.variances,
-        drawn,
-        x,
-        covariance,
         states[0],
         states[1],
         innovations,
-        work(inputs.parts, inputs.boundaries.shape[1]),
     )
-    return estimate_of(inputs, states, innovations, covariance, float(likelihood))
+    return estimate_of(inputs, states, innovations, run.covariance(), float(likelihood))
 
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
-def _run(
-    parts: Parts,
+def _through(
+    plan: Plan,
+    taken: Readings,
+    m: Floats,
+    at: Index,
     features: Floats,
     boundaries: Floats,
     readings: Floats,
     places: Floats,
     variances: Floats,
-    drawn: Index,
-    x: Floats,
-    covariance: Floats,
     states: Floats,
     spreads: Floats,
     innovations: Floats,
-    work: Work,
 ) -> float:
-    """As `twin.ekf_step.run`; `drawn`: the numbers of the state that a step begins with (not what was read before it)."""
-    likelihood, kept = 0.0, np.empty((2, readings.shape[1], len(x)))
-    root, points = np.empty((len(drawn), len(drawn))), np.empty((2 * len(drawn) + 1, len(x)))
-    for k in range(len(features) + 1):
+    """As `twin.ekf.through`."""
+    likelihood, size, length = 0.0, plan.size, plan.length
+    root, points = np.empty((size, size)), np.empty((2, 2 * size + 1, size))
+    for k in range(len(boundaries) + 1):
         if k > 0:
-            _carry(parts, features[k - 1], boundaries[k - 1], drawn, x, covariance, root, points, work)
-            likelihood += correct(
-                parts,
-                features[k - 1],
-                boundaries[k - 1],
-                readings[k - 1],
-                places[k - 1],
-                variances[k - 1],
-                x,
-                covariance,
-                innovations[k - 1],
-                kept[0],
-                kept[1],
-                work,
-            )
+            _carry(plan, m, at, features[k - 1], boundaries[k - 1], root, points[0], points[1])
+            count = observe(plan, taken, m, at, boundaries[k - 1], readings[k - 1], places[k - 1], variances[k - 1])
+            likelihood += correct(plan, taken, m, at, count, innovations[k - 1])
         for i in range(states.shape[1]):
-            states[k, i], spreads[k, i] = x[i, 0], covariance[i, i]
+            states[k, i], spreads[k, i] = m[plan.state + i * length + size], m[plan.state + i * length + i]
     return likelihood
 
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
 def _carry(
-    parts: Parts,
-    phi: Floats,
-    outside: Floats,
-    drawn: Index,
-    x: Floats,
-    covariance: Floats,
-    root: Floats,
-    points: Floats,
-    work: Work,
+    plan: Plan, m: Floats, at: Index, phi: Floats, outside: Floats, root: Floats, before: Floats, after: Floats
 ) -> None:
-    """State (S, 1) and P (S, S) one step on, through the sigma points; `root` (c, c) and `points` (2c + 1, S) are overwritten."""
-    size, count = len(x), len(drawn)
-    scale = ALPHA * ALPHA * (count + KAPPA)
+    """As `twin.ekf_step.carry`, through the sigma points `before` and `after` (2 S + 1, S) the step; `root` (S, S)."""
+    size, length, state, turned, ahead = plan.size, plan.length, plan.state, plan.turned, plan.ahead
+    scale = ALPHA * ALPHA * (size + KAPPA)
     spread, weight = np.sqrt(scale), 0.5 / scale
-    _root(covariance, drawn, root)
-    for p in range(2 * count + 1):
+    _root(m[state : state + size * length].reshape((size, length)), root)
+    for p in range(2 * size + 1):
         column, sign = (p - 1) // 2, 0.0 if p == 0 else 1.0 if p % 2 else -1.0
         for i in range(size):
-            work.x[i, 0] = x[i, 0]
-        if p > 0:
-            for i in range(column, count):
-                work.x[drawn[i], 0] += sign * spread * root[i, column]
-        move(parts, phi, outside, work.x, points[p].reshape((size, 1)), work)
-    middle = 1.0 - count / scale
-    for i in range(size):
-        mean = 0.0
-        for p in range(1, 2 * count + 1):
-            mean += points[p, i] - points[0, i]
-        x[i, 0] = points[0, i] + weight * mean
-        for j in range(size):
-            covariance[i, j] = 0.0
-    middle += 1.0 - ALPHA * ALPHA + BETA
-    for p in range(2 * count + 1):
-        share = middle if p == 0 else weight
+            before[p, i] = m[state + i * length + size]
+            if p > 0 and i >= column:
+                before[p, i] += sign * spread * root[i, column]
+            m[turned + i * length + size] = before[p, i]
+        move(plan, m, at, phi, outside, turned, ahead)
         for i in range(size):
-            points[p, i] -= x[i, 0]
-        for i in range(size):
-            mine = share * points[p, i]
-            for j in range(i + 1):
-                covariance[i, j] += mine * points[p, j]
-    for i in range(size):
-        for j in range(i):
-            covariance[j, i] = covariance[i, j]
-        covariance[i, i] += parts.process[i]
+            after[p, i] = m[ahead + i * length + size]
+    _gather(plan, m, before, after, weight, 1.0 - size / scale)
 
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
-def _root(covariance: Floats, drawn: Index, root: Floats) -> None:
-    """Lower triangle (c, c) of Cholesky of the drawn part of P; a number that the others determine gets a column of zeros."""
-    for j in range(len(drawn)):
-        own = covariance[drawn[j], drawn[j]]
+def _gather(plan: Plan, m: Floats, before: Floats, after: Floats, weight: float, middle: float) -> None:
+    """`ahead` and `turned` from the sigma points; the one in the middle counts `middle` in the mean."""
+    size, length = plan.size, plan.length
+    begun = before[0].copy()
+    mean = np.empty(size)
+    for i in range(size):
+        total = 0.0
+        for p in range(1, len(after)):
+            total += after[p, i] - after[0, i]
+        mean[i] = after[0, i] + weight * total
+    for i in range(size):
+        for c in range(size):
+            m[plan.ahead + i * length + c] = m[plan.turned + i * length + c] = 0.0
+    for p in range(len(after)):
+        share = middle + 1.0 - ALPHA * ALPHA + BETA if p == 0 else weight
+        for i in range(size):
+            after[p, i] -= mean[i]
+            before[p, i] -= begun[i]
+        for i in range(size):
+            mine, earlier = share * after[p, i], share * before[p, i]
+            for c in range(size):
+                m[plan.ahead + i * length + c] += mine * after[p, c]
+                m[plan.turned + i * length + c] += earlier * after[p, c]
+    for i in range(size):
+        m[plan.ahead + i * length + i] += m[plan.process + i]
+        m[plan.ahead + i * length + size], m[plan.turned + i * length + size] = mean[i], begun[i]
+
+
+@numba.njit(error_model="numpy", nogil=True, cache=True)
+def _root(covariance: Floats, root: Floats) -> None:
+    """Lower triangle (S, S) of Cholesky of P; a number that the others determine gets a column of zeros."""
+    for j in range(len(root)):
+        own = covariance[j, j]
         left = own
         for q in range(j):
             left -= root[j, q] * root[j, q]
         pivot = np.sqrt(left) if left > 1e-14 * own else 0.0
         root[j, j] = pivot
-        for i in range(j + 1, len(drawn)):
-            entry = covariance[drawn[i], drawn[j]]
+        for i in range(j + 1, len(root)):
+            entry = covariance[i, j]
             for q in range(j):
                 entry -= root[i, q] * root[j, q]
             root[i, j] = entry / pivot if pivot > 0.0 else 0.0
