@@ -43,7 +43,7 @@ from ingest.setup import prepare
 from ingest.store import Store
 from plant import Effect, Plant, drives, sessions, write_campaign
 from plant.drives import Drive
-from replay.engine.filtered import HEAT_SHARE, HEAT_WALK_SHARE, mean_losses, reading_of
+from replay.engine.filtered import mean_losses, reading_of, unknown_heat
 from replay.engine.frame import InputFrame, Observation
 from replay.engine.frame_of import session_frame
 from replay.engine.kernel_cache import load, load_kernel
@@ -150,8 +150,7 @@ def delay_s(estimate: Floats, truth: Floats, step_s: float, most_s: float = 120.
 
 def paced(case: Case) -> tuple[UnknownHeat, ...]:
     """The unknown loss with the random walk that the readings ask for, as a replay has it."""
-    loss_W = sum(mean_losses(case.network, case.inputs, case.open_loop).values())
-    guess = UnknownHeat("magnet", HEAT_SHARE * loss_W, HEAT_WALK_SHARE * loss_W)
+    guess = unknown_heat("magnet", mean_losses(case.network, case.inputs, case.open_loop))
     return at_their_pace(case.network, case.inputs, case.start, [guess], case.channels)
 
 
