@@ -1,6 +1,6 @@
 """Reads a BLF file into Parquet three ways in one run, checks that all three give the same values, and prints ratios.
 
-    python benchmarks/ingest.py [--frames N] [--rounds N] [--json]
+    python benchmarks/ingest.py [--frames N] [--files N] [--sessions N] [--rounds N] [--json]
 
 - whyhot: child process, recording (MCAP), decoding and Parquet, everything counted.
 - python-can + cantools: `BLFReader`, `decode_message` a frame, Parquet with the same encodings.
@@ -9,6 +9,10 @@
 
 The ways take turns, round by round, so that a busy machine slows all of them alike; each is given as the median, of wall time
 and of processor time (its child processes included).
+
+In the same run, what one `ingest` of many small things takes, from an empty store to a sealed one: logs of 1,400 rows, and
+a table of checks of which each row is a session. With them, in turns, the same logs one by one: the child process, the
+ledger and the grouping of each are then started anew.
 """
 
 from __future__ import annotations
@@ -33,10 +37,14 @@ from numpy.typing import NDArray
 
 sys.path[:] = [place for place in sys.path if Path(place) != Path(__file__).parent]  # else this file hides the package
 
-from ingest import samples
+from ingest import facts, samples
 from ingest.databases import load
 from ingest.decode import RECORDING, decode_file
+from ingest.intake import take_in
 from ingest.reading import record
+from ingest.sessions import Override
+from ingest.setup import MotorFile, prepare
+from ingest.store import Store
 
 MESSAGES, SIGNALS = 20, 4
 START_S = 1_700_000_000
@@ -118,6 +126,99 @@ def _write(path: Path, columns: Mapping[str, Any]) -> Path:
         write_page_checksum=True,
     )
     return path
+
+
+# ---- many small things --------------------------------------------------------------------------------------------
+
+
+LOGS = """\
+schema = "whyhot.bench/1"
+[time]
+column = "time"
+[[channel]]
+signal = "T"
+quantity = "temperature"
+unit = "degC"
+node = "ambient"
+"""
+CHECKS = """\
+schema = "whyhot.bench/1"
+kind = "insulation_check"
+specimen_column = "specimen"
+[time]
+column = "time"
+[[channel]]
+signal = "R"
+quantity = "insulation_resistance"
+unit = "ohm"
+"""
+ROWS = 1400  # of a small log
+
+
+def small_logs(folder: Path, count: int) -> tuple[list[Path], Path]:
+    """`count` CSV logs of 1,400 rows, one a second, on different days, and their bench file."""
+    random = np.random.default_rng(2)
+    paths = [folder / f"log{k:03}.csv" for k in range(count)]
+    for k, path in enumerate(paths):
+        stamps = np.datetime64("2026-01-01T08:00:00") + np.timedelta64(k, "D") + np.arange(ROWS)
+        values = 20 + np.arange(ROWS) / 70 + random.normal(0, 0.1, ROWS)
+        rows = [f"{stamp},{value:.2f}" for stamp, value in zip(stamps, values, strict=True)]
+        path.write_text("\n".join(["time,T", *rows]) + "\n")
+    bench = folder / "logs.toml"
+    bench.write_text(LOGS)
+    return paths, bench
+
+
+def checks(folder: Path, count: int) -> tuple[list[Path], Path]:
+    """A table of `count` insulation checks of 40 specimens in turn, half an hour apart, and its bench file."""
+    stamps = np.datetime64("2026-01-01T08:00:00") + np.arange(count) * np.timedelta64(30, "m")
+    rows = [f"{stamp},S{k % 40:02},{1e9 + k:.0f}" for k, stamp in enumerate(stamps)]
+    table, bench = folder / "checks.csv", folder / "checks.toml"
+    table.write_text("\n".join(["time,specimen,R", *rows]) + "\n")
+    bench.write_text(CHECKS)
+    return [table], bench
+
+
+def take(paths: list[Path], bench: Path, folder: Path) -> int:
+    """Ingest into a store in `folder`, made where there is none; how many sessions it holds then."""
+    with Store.open(folder, create=True) as store:
+        take_in(store, paths, prepare(paths, bench, [], _no_motor), Override())
+        return len(facts.at(store.ledger).sessions)
+
+
+def _no_motor(path: Path) -> MotorFile:
+    raise AssertionError(f"{path}: these bench files name no motor file")
+
+
+def run_many(files: int, sessions: int, rounds: int) -> dict[str, dict[str, float]]:
+    """Wall and processor time of the three, medians. Raises SystemExit where a store holds other sessions than were given."""
+    taken: defaultdict[str, list[NDArray[np.float64]]] = defaultdict(list)
+    with tempfile.TemporaryDirectory() as place:
+        logs, table = small_logs(Path(place), files), checks(Path(place), sessions)
+        together = [(logs[0], logs[1])]
+        one_by_one = [([path], logs[1]) for path in logs[0]]
+        many = {
+            "many small files": (files, together),
+            "small files one by one": (files, one_by_one),
+            "many sessions": (sessions, [table]),
+        }
+        for i in range(rounds):
+            for name, (count, commands) in many.items():
+                begun = clocks()
+                held = [take(paths, bench, Path(place) / f"{i} {name}") for paths, bench in commands][-1]
+                taken[name].append(clocks() - begun)
+                if held != count:
+                    sys.exit(f"{name}: {held} sessions, not {count}")
+    found = {}
+    for name, (count, _) in many.items():
+        wall, processor = np.median(taken[name], axis=0).tolist()
+        found[name] = {
+            "count": count,
+            "seconds": wall,
+            "processor_seconds": processor,
+            "per_second": count / wall,
+        }
+    return found
 
 
 # ---- the run -------------------------------------------------------------------------------------------------------
@@ -205,10 +306,13 @@ def run(count: int, rounds: int) -> dict[str, Any]:
 def main() -> None:
     parser = argparse.ArgumentParser(description="BLF to Parquet: whyhot against python-can + cantools and asammdf")
     parser.add_argument("--frames", type=int, default=300_000)
+    parser.add_argument("--files", type=int, default=20)
+    parser.add_argument("--sessions", type=int, default=4800)
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--json", action="store_true")
     arguments = parser.parse_args()
     result = run(arguments.frames, arguments.rounds)
+    result["many"] = run_many(arguments.files, arguments.sessions, arguments.rounds)
     if arguments.json:
         print(json.dumps(result, indent=2))
         return
@@ -221,6 +325,11 @@ def main() -> None:
         times, processor_times = result["times_whyhot"][name], result["processor_times_whyhot"][name]
         print(f"{name:24}{wall:9.2f}{times:10.2f}{processor:13.2f}{processor_times:10.2f}{rate:13,}")
     print(f"asammdf: {result['asammdf']}")
+    print(f"{'one ingest of':28}{'count':>9}{'wall s':>9}{'processor s':>13}{'per second':>13}")
+    for name, one in result["many"].items():
+        print(
+            f"{name:28}{one['count']:9,}{one['seconds']:9.2f}{one['processor_seconds']:13.2f}{one['per_second']:13,.1f}"
+        )
 
 
 if __name__ == "__main__":

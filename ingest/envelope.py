@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass
+from functools import cache
 from importlib.metadata import version
 from typing import Any
 
@@ -57,7 +58,7 @@ def encode(
         "v": event.VERSION,
         "happened": happened,
         "recorded": recorded,
-        "code": f"whyhot {version('whyhot')}",
+        "code": _code(),
         "caused_by": caused_by,
         "previous": previous,
         "body": vars(event),
@@ -69,6 +70,12 @@ def encode(
             f"{event.TOPIC}: holds what JSON does not give back (a tuple, a number as key): use lists and text"
         )
     return row
+
+
+@cache
+def _code() -> str:
+    """The program that writes; looked up once, as it costs more than all else of an event."""
+    return f"whyhot {version('whyhot')}"
 
 
 def decode(row: StoredEvent, position: int) -> Recorded:

@@ -10,11 +10,13 @@ from ingest import facts as ledger_facts
 from ingest import sessions
 from ingest.bench import read_bench
 from ingest.catalogue import kinds, quality
-from ingest.catalogue.channels import load
-from ingest.events import QualityFlagged, SessionRecorded, SessionRegrouped
+from ingest.catalogue.channels import load_each
+from ingest.events import Event, QualityFlagged, SessionRecorded, SessionRegrouped
 from ingest.facts import Facts
 from ingest.sessions import Override
 from ingest.store import Store
+
+FEW_RECORDS = 3  # quality has no finding in so few: a gap takes four samples, a stretch seven
 
 
 def group_files(store: Store, said: Mapping[str, Override]) -> tuple[tuple[str, QualityFlagged], ...]:
@@ -25,19 +27,32 @@ def group_files(store: Store, said: Mapping[str, Override]) -> tuple[tuple[str, 
     overrides = {**sessions.overrides_of(known.sessions, benches), **said}
     new = sessions.group(list(known.decodes.values()), benches, names, overrides)
     flags: list[tuple[str, QualityFlagged]] = []
-    for event in sessions.regroup(known.sessions, new):
+    events: list[tuple[str, Event]] = []
+    changes = sessions.regroup(known.sessions, new)
+    channels_of = load_each(
+        store, known, [one for one in changes if isinstance(one, SessionRecorded) and _is_read(one)]
+    )
+    for event in changes:
         if isinstance(event, SessionRegrouped):
-            store.ledger.append(f"session-{event.session}", event)
+            events.append((f"session-{event.session}", event))
             continue
-        channels = load(store, known, event)
-        if not event.kind:
-            kind, why = kinds.recognise(channels)
-            event = replace(event, kind=kind, kind_why=why)
-        found = [*_overlaps(known, event), *quality.findings(quality.assess(channels))]
+        found = _overlaps(known, event)
+        if _is_read(event):
+            channels = next(channels_of)
+            if not event.kind:
+                kind, why = kinds.recognise(channels)
+                event = replace(event, kind=kind, kind_why=why)
+            found += quality.findings(quality.assess(channels))
         stream = f"session-{event.session}"
-        store.ledger.append_all([(stream, event), *((stream, flag) for flag in found)])
+        events += [(stream, event), *((stream, flag) for flag in found)]
         flags += [(event.name, flag) for flag in found]
+    store.ledger.append_all(events)  # all or none: one wait for the disk, however many sessions a table holds
     return tuple(flags)
+
+
+def _is_read(session: SessionRecorded) -> bool:
+    """Whether its samples have something to tell: a kind that nobody gave, or what a person should look at."""
+    return not session.kind or sum(one["last_record"] - one["first_record"] + 1 for one in session.files) > FEW_RECORDS
 
 
 def _overlaps(known: Facts, session: SessionRecorded) -> list[QualityFlagged]:

@@ -17,6 +17,7 @@ from ingest.decode import DECODER, RECORDING, decode_file, decode_id
 from ingest.errors import DamageError, IngestError, UnreadableLogError
 from ingest.events import (
     DecodeCompleted,
+    Event,
     QualityFlagged,
     RawFileSealed,
     SessionRecorded,
@@ -24,7 +25,7 @@ from ingest.events import (
 from ingest.facts import Facts
 from ingest.formats import Format, recognise
 from ingest.grouping import group_files
-from ingest.reading import Reading, record
+from ingest.reading import Reader, Reading
 from ingest.resolving import ResolvedChannel
 from ingest.sessions import Override
 from ingest.setup import Setup, keep_setup, mend_setup, resolved, sealed_setup
@@ -97,11 +98,16 @@ def take_in(
     work = store.work()
     try:
         found: list[Taken | _Read] = []
-        for i, path in enumerate(paths, 1):
-            tell(f"reading {i} of {len(paths)}: {_name(path)}, {path.stat().st_size / 1e6:.1f} MB")
-            found.append(_read(known, path, setup, work, {one.raw for one in found}))
-            if isinstance(found[-1], Taken) and found[-1].raw in known.files and store.archive.damage(found[-1].raw):
-                store.archive.seal(path)  # the true bytes mend what was damaged or lost
+        with Reader() as reader:
+            for i, path in enumerate(paths, 1):
+                tell(f"reading {i} of {len(paths)}: {_name(path)}, {path.stat().st_size / 1e6:.1f} MB")
+                found.append(_read(reader, known, path, setup, work, {one.raw for one in found}))
+                if (
+                    isinstance(found[-1], Taken)
+                    and found[-1].raw in known.files
+                    and store.archive.damage(found[-1].raw)
+                ):
+                    store.archive.seal(path)  # the true bytes mend what was damaged or lost
         tell("decoding")
         fresh = [one for one in found if isinstance(one, _Read)]
         for one in fresh:
@@ -137,12 +143,13 @@ def redecode(store: Store, known: Facts) -> None:
 
     Raises DamageError where a sealed blob is not what it was.
     """
-    for decode in known.decodes.values():
-        if decode.outcome != "quarantined":
-            _redecode(store, known, decode)
+    with Reader() as reader:
+        for decode in known.decodes.values():
+            if decode.outcome != "quarantined":
+                _redecode(reader, store, known, decode)
 
 
-def _redecode(store: Store, known: Facts, decode: DecodeCompleted) -> None:
+def _redecode(reader: Reader, store: Store, known: Facts, decode: DecodeCompleted) -> None:
     setup = sealed_setup(store, known, decode)
     sealed = known.files[decode.raw]
     damage = store.archive.damage(decode.raw)
@@ -152,7 +159,7 @@ def _redecode(store: Store, known: Facts, decode: DecodeCompleted) -> None:
     try:
         named = work / sealed.name  # readers know a format by its name
         named.symlink_to(store.archive.path(decode.raw).absolute())
-        one = _record(named, decode.raw, recognise(named), setup, work)
+        one = _record(reader, named, decode.raw, recognise(named), setup, work)
         if one.reading is None:
             raise IngestError(f"{sealed.name}: could be read when it was ingested, and cannot now: {one.why}")
         _decode(store, one, one.reading, setup, resolved(setup, [one.reading], known))
@@ -160,7 +167,7 @@ def _redecode(store: Store, known: Facts, decode: DecodeCompleted) -> None:
         shutil.rmtree(work, ignore_errors=True)
 
 
-def _read(known: Facts, path: Path, setup: Setup, work: Path, before: set[str]) -> Taken | _Read:
+def _read(reader: Reader, known: Facts, path: Path, setup: Setup, work: Path, before: set[str]) -> Taken | _Read:
     """Read a file into the working folder; one that is known, a copy of one read `before`, or no log is done with here."""
     size = path.stat().st_size
     try:
@@ -172,13 +179,13 @@ def _read(known: Facts, path: Path, setup: Setup, work: Path, before: set[str]) 
     decode = known.decodes.get(_decode_id(raw, form, setup))
     if raw in before or (decode and decode.outcome != "quarantined"):
         return Taken(_name(path), size, form.holds, raw, decode, known=True, refusal=None)
-    return _record(path, raw, form, setup, work)
+    return _record(reader, path, raw, form, setup, work)
 
 
-def _record(path: Path, raw: str, form: Format, setup: Setup, work: Path) -> _Read:
+def _record(reader: Reader, path: Path, raw: str, form: Format, setup: Setup, work: Path) -> _Read:
     recording = work / f"{raw}.mcap"
     try:
-        reading = record(path, recording, setup.time, setup.attachments(form))
+        reading = reader.record(path, recording, setup.time, setup.attachments(form))
         return _Read(path, raw, form, recording, reading, None)
     except UnreadableLogError as error:
         return _Read(path, raw, form, recording, None, str(error))
@@ -191,18 +198,18 @@ def _keep(store: Store, known: Facts, one: _Read, setup: Setup, channels: Sequen
         raise IngestError(
             f"{_name(one.path)}: changed while it was read: wait until it is whole, then ingest it again."
         )
-    if one.raw not in known.files or known.files[one.raw].name != _name(one.path):
-        sealed = RawFileSealed(sha256=one.raw, name=_name(one.path), size=size, format=one.form.name)
-        store.ledger.append(f"file-{one.raw}", sealed)
     decode = _decode(store, one, one.reading, setup, channels) if one.reading else _quarantined(one, setup)
+    events: list[Event] = []
+    if one.raw not in known.files or known.files[one.raw].name != _name(one.path):
+        events.append(RawFileSealed(sha256=one.raw, name=_name(one.path), size=size, format=one.form.name))
     before = known.decodes.get(decode.decode)
     if before is None or before.why != decode.why:
-        store.ledger.append(f"file-{one.raw}", decode)
+        events.append(decode)
     for twin in known.files.values():
         if twin.name == _name(one.path) and twin.sha256 != one.raw and one.raw not in known.files:
             says = f"{_name(one.path)}: another file of this name was ingested before, with other bytes ({twin.sha256[:12]})"
-            flag = QualityFlagged(flag="same_name_other_bytes", says=says, detail={"other": twin.sha256})
-            store.ledger.append(f"file-{one.raw}", flag)
+            events.append(QualityFlagged(flag="same_name_other_bytes", says=says, detail={"other": twin.sha256}))
+    store.ledger.append_all([(f"file-{one.raw}", event) for event in events])
     return Taken(_name(one.path), size, one.form.holds, one.raw, decode, known=False, refusal=one.why)
 
 

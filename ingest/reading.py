@@ -1,7 +1,9 @@
 """A log is read by a child process that is limited in time and memory: a damaged file ends the child, never the program.
 
-`record` starts `python -m ingest.reading`, gives it the request as JSON on standard input and takes one JSON answer from
-its standard output. The child opens the log and writes the recording; the parent returns what was read, or raises.
+A `Reader` starts `python -m ingest.reading`, gives it requests, a line of JSON each, on standard input and takes a line of
+JSON for each from its standard output. The child opens the log and writes the recording; the parent returns what was
+read, or raises. Small logs are read by one child in turn, as its start takes longer than they do; the limits hold for each
+log alone, and a log at which a used child ended is read again by a new one: nothing is refused for what came before it.
 """
 
 from __future__ import annotations
@@ -9,15 +11,19 @@ from __future__ import annotations
 import base64
 import errno
 import json
+import math
 import os
 import signal
 import subprocess
 import sys
+import threading
+import time as clock
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from types import TracebackType
+from typing import IO, TYPE_CHECKING, Any, Self, cast
 
 from ingest.errors import UnreadableLogError
 from ingest.formats import Rejected, TimeSpec
@@ -27,6 +33,10 @@ if TYPE_CHECKING:  # the parent needs neither Arrow nor MCAP
 
 SHOWN_REJECTIONS = 100  # of the first rejected records; the recording keeps all of them
 MIB = 1 << 20
+SMALL_BYTES = (
+    8 * MIB
+)  # a larger log is read by a child of its own: it may need all the memory, and its start is a small part
+LAST_WORDS_BYTES = 1 << 16  # kept of what a child complains of
 NO_MEMORY = (
     b"MemoryError",
     b"bad_alloc",
@@ -69,6 +79,82 @@ class Reading:
     columns: tuple[str, ...] = ()
 
 
+class Reader:
+    """Reads logs one after another; use it in a `with` statement, at whose end its child ends too."""
+
+    def __init__(self) -> None:
+        self._child: _Child | None = None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._end()
+
+    def record(
+        self,
+        path: Path,
+        target: Path,
+        time: TimeSpec | None = None,
+        attachments: Sequence[Attachment] = (),
+        limits: Limits | None = None,
+    ) -> Reading:
+        """Read the log `path` in a child process and write its recording to `target`.
+
+        Raises UnreadableLogError where nothing can be read, or where reading would cost more than `limits` (default:
+        `Limits.of(path)`); OSError where `target` cannot be written (disk full) or `path` not be opened. What was written
+        of `target` by then is removed. An interrupt (Ctrl-C) ends the child as well.
+        """
+        limits = limits or Limits.of(path)
+        request = {
+            "path": str(path.absolute()),
+            "target": str(target.absolute()),
+            "time": asdict(time or TimeSpec()),
+            "attachments": [asdict(entry) | {"data": base64.b64encode(entry.data).decode()} for entry in attachments],
+            "limits": asdict(limits),
+        }
+        small = path.stat().st_size <= SMALL_BYTES
+        try:
+            if not small:
+                self._end()
+            answer = self._answer(path.name, request, limits)
+            if not small:
+                self._end()
+            return _reading(answer, path)
+        except BaseException:
+            with suppress(OSError):
+                target.unlink(missing_ok=True)
+            raise
+
+    def _answer(self, name: str, request: Mapping[str, Any], limits: Limits) -> dict[str, Any]:
+        """What the child says; of one that was used before and ended, what a new one says."""
+        new = self._child is None
+        child = self._child = self._child or _Child()
+        try:
+            line = child.ask(json.dumps(request).encode(), limits.seconds)
+            answer: dict[str, Any] = json.loads(line) if line else {}
+        except BaseException:
+            self._end()
+            raise
+        if answer and "no_memory" not in answer:
+            return answer
+        self._end()
+        if child.was_slow:
+            raise UnreadableLogError(_too_slow(name, limits))
+        if not new:
+            return self._answer(name, request, limits)
+        if answer:
+            raise UnreadableLogError(_too_big(name, limits.memory_bytes))
+        raise UnreadableLogError(_ended(name, child.process.returncode, bytes(child.last_words), limits))
+
+    def _end(self) -> None:
+        if self._child is not None:
+            self._child.end()
+            self._child = None
+
+
 def record(
     path: Path,
     target: Path,
@@ -76,26 +162,9 @@ def record(
     attachments: Sequence[Attachment] = (),
     limits: Limits | None = None,
 ) -> Reading:
-    """Read the log `path` in a child process and write its recording to `target`.
-
-    Raises UnreadableLogError where nothing can be read, or where reading would cost more than `limits` (default:
-    `Limits.of(path)`); OSError where `target` cannot be written (disk full) or `path` not be opened. What was written
-    of `target` by then is removed. An interrupt (Ctrl-C) ends the child as well.
-    """
-    limits = limits or Limits.of(path)
-    request = {
-        "path": str(path.absolute()),
-        "target": str(target.absolute()),
-        "time": asdict(time or TimeSpec()),
-        "attachments": [asdict(entry) | {"data": base64.b64encode(entry.data).decode()} for entry in attachments],
-        "limits": asdict(limits),
-    }
-    try:
-        return _reading(_ask_child(path.name, request, limits), path)
-    except BaseException:
-        with suppress(OSError):
-            target.unlink(missing_ok=True)
-        raise
+    """`Reader.record` for one log alone."""
+    with Reader() as reader:
+        return reader.record(path, target, time, attachments, limits)
 
 
 def preview(path: Path, folder: Path, time: TimeSpec | None = None) -> Reading:
@@ -106,21 +175,54 @@ def preview(path: Path, folder: Path, time: TimeSpec | None = None) -> Reading:
 # ---- parent --------------------------------------------------------------------------------------------------------
 
 
-def _ask_child(name: str, request: Mapping[str, Any], limits: Limits) -> dict[str, Any]:
-    command = [sys.executable, "-P", "-m", "ingest.reading"]
-    pipe = subprocess.PIPE
-    with subprocess.Popen(command, env=_environment(), stdin=pipe, stdout=pipe, stderr=pipe) as child:
+class _Child:
+    """The child process as the parent sees it: a line in, a line out."""
+
+    def __init__(self) -> None:
+        command, pipe = [sys.executable, "-P", "-m", "ingest.reading"], subprocess.PIPE
+        self.process = subprocess.Popen(command, env=_environment(), stdin=pipe, stdout=pipe, stderr=pipe)
+        self.was_slow = False
+        self.last_words = bytearray()
+        self._pipes = [cast(IO[bytes], one) for one in (self.process.stdin, self.process.stdout, self.process.stderr)]
+        self._listener = threading.Thread(target=self._listen, daemon=True)
+        self._listener.start()
+
+    def ask(self, request: bytes, seconds: float) -> bytes:
+        """The answer, or b"" where the child ended, `was_slow` where that was because it took longer than `seconds`."""
+        requests, answers, _ = self._pipes
+        self.was_slow = False
+        timer = threading.Timer(seconds, self._stop)
+        timer.start()
         try:
-            out, err = child.communicate(json.dumps(request).encode(), timeout=limits.seconds)
-        except subprocess.TimeoutExpired:
-            raise UnreadableLogError(_too_slow(name, limits)) from None
+            with suppress(OSError):  # it has ended: there is no answer either
+                requests.write(request + b"\n")
+                requests.flush()
+            line = answers.readline()
+            if line.endswith(b"\n"):
+                return line
+            self.process.wait()  # it has last words to say, and an exit code
+            return b""
         finally:
-            child.kill()  # where it has ended, this does nothing
-            child.wait()
-    if child.returncode != 0:
-        raise UnreadableLogError(_ended(name, child.returncode, err, limits))
-    answer: dict[str, Any] = json.loads(out)
-    return answer
+            timer.cancel()
+
+    def end(self) -> None:
+        """End the child, and wait for it."""
+        self.process.kill()
+        self.process.wait()
+        self._listener.join()
+        for pipe in self._pipes:
+            with suppress(OSError):  # a request that was not taken
+                pipe.close()
+
+    def _stop(self) -> None:
+        self.was_slow = True
+        self.process.kill()
+
+    def _listen(self) -> None:
+        """Hear what the child complains of, so that it never waits for a listener."""
+        errors = self._pipes[2]
+        while words := os.read(errors.fileno(), LAST_WORDS_BYTES):
+            self.last_words[:] = (self.last_words + words)[-LAST_WORDS_BYTES:]
 
 
 def _environment() -> dict[str, str]:
@@ -170,11 +272,12 @@ def _ended(name: str, code: int, err: bytes, limits: Limits) -> str:
 
 
 def _limit(memory_bytes: int, seconds: float) -> None:
+    """Let this process have so much memory, and so many more seconds of computing."""
     try:
         import resource
     except ImportError:  # Windows: the parent's clock is the only limit there
         return
-    cpu = max(1, round(seconds))
+    cpu = math.ceil(clock.process_time() + seconds)
     for what, least in ((resource.RLIMIT_AS, memory_bytes), (resource.RLIMIT_CPU, cpu)):
         hard = resource.getrlimit(what)[1]
         allowed = least if hard == resource.RLIM_INFINITY else min(least, hard)
@@ -189,10 +292,10 @@ def _answer(request: dict[str, Any]) -> dict[str, Any]:
         return {"unreadable": str(error)}
     except OSError as error:
         if error.errno == errno.ENOMEM:
-            return {"unreadable": _too_big(path.name, request["limits"]["memory_bytes"])}
+            return {"no_memory": True}
         return {"os_error": [error.errno or errno.EIO, error.strerror or str(error), error.filename or str(target)]}
     except MemoryError:
-        return {"unreadable": _too_big(path.name, request["limits"]["memory_bytes"])}
+        return {"no_memory": True}
 
 
 def _read(path: Path, target: Path, time: TimeSpec, attached: Sequence[dict[str, str]]) -> dict[str, Any]:
@@ -207,11 +310,24 @@ def _read(path: Path, target: Path, time: TimeSpec, attached: Sequence[dict[str,
     return {"format": entry.name, "holds": entry.holds, "rejections": rejections, **vars(contents)}
 
 
+class _WithoutPandas:
+    """pyarrow imports pandas wherever it is installed, for nothing here: half of the time that a small log takes."""
+
+    def find_spec(self, fullname: str, path: object, target: object = None) -> None:
+        if fullname == "pandas":
+            raise ModuleNotFoundError(fullname)
+
+
 def main() -> None:
-    """The child: one request in, one answer out."""
-    request = json.load(sys.stdin.buffer)
-    _limit(**request["limits"])
-    sys.stdout.write(json.dumps(_answer(request)))
+    """The child: an answer to each request, until there are no more."""
+    sys.meta_path.insert(0, _WithoutPandas())
+    with os.fdopen(os.dup(1), "w") as answers:
+        os.dup2(2, 1)  # what a library prints is no answer
+        for line in sys.stdin.buffer:
+            request = json.loads(line)
+            _limit(**request["limits"])
+            answers.write(json.dumps(_answer(request)) + "\n")
+            answers.flush()
 
 
 if __name__ == "__main__":

@@ -132,8 +132,9 @@ def regroup(old: Sequence[SessionRecorded], new: Sequence[SessionRecorded]) -> l
     events: list[SessionRecorded | SessionRegrouped] = [
         session for session in now if before.get(session.session) != session
     ]
+    ids = {session.session for session in now}
     for session in old:
-        if session.session not in {one.session for one in now} and (heir := _heir(session, now)):
+        if session.session not in ids and (heir := _heir(session, now)):
             events.append(SessionRegrouped(session=session.session, into=heir.session, why=_why(session, heir)))
     return events
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -89,17 +90,26 @@ def load(store: Store, facts: Facts, session: SessionRecorded) -> list[ChannelDa
     its stored unit, or else of quantity "" in the file's unit. Raises DamageError for Parquet or a bench file that is
     damaged or not there.
     """
-    pieces: dict[str, list[_Piece]] = {}
-    for file in session.files:
-        decode = facts.decodes[file["decode"]]
-        bench = _bench_of(store, facts, decode)
-        sources = _of_bench(bench, decode) if bench else _guessed(decode)
-        for piece in _of_file(store.decoded(decode.decode), decode, sources, file):
-            name = facts.files[decode.raw].name
-            moved = _on_time(piece, bench, name.split(".")[0], session.start_ns)
-            pieces.setdefault(piece.spec.name, []).append(moved)
-    around = _ambient(pieces, session.start_ns)
-    return [_joined(some, session.start_ns, around) for some in pieces.values()]
+    return next(load_each(store, facts, [session]))
+
+
+def load_each(store: Store, facts: Facts, sessions: Sequence[SessionRecorded]) -> Iterator[list[ChannelData]]:
+    """What `load` gives for each of these sessions, in turn; a file that several of them share is read once."""
+    to_come = Counter(file["decode"] for session in sessions for file in session.files)
+    decoded: dict[str, _Decoded] = {}
+    for session in sessions:
+        pieces: dict[str, list[_Piece]] = {}
+        for file in session.files:
+            name = file["decode"]
+            one = decoded.pop(name) if name in decoded else _decoded(store, facts, facts.decodes[name])
+            for piece in _of_file(one, file):
+                moved = _on_time(piece, one.bench, one.stem, session.start_ns)
+                pieces.setdefault(piece.spec.name, []).append(moved)
+            to_come[name] -= 1
+            if to_come[name]:
+                decoded[name] = one
+        around = _ambient(pieces, session.start_ns)
+        yield [_joined(some, session.start_ns, around) for some in pieces.values()]
 
 
 def step_of(value: Array) -> float | None:
@@ -179,6 +189,17 @@ class _Source:
 
 
 @dataclass(frozen=True, eq=False)
+class _Decoded:
+    """All that a decode holds of its channels: group -> column -> samples. `stem` of the log's name."""
+
+    decode: DecodeCompleted
+    stem: str
+    bench: Bench | None
+    sources: Sequence[_Source]
+    tables: Mapping[str, Mapping[str, NDArray[Any]]]
+
+
+@dataclass(frozen=True, eq=False)
 class _Piece:
     """The samples of a channel in one file (N,), values as they were read. `bus` as in the file, None of a table."""
 
@@ -248,18 +269,24 @@ def _guess(entry: _Entry) -> ResolvedChannel:
     return ResolvedChannel(entry["name"], quantity, unit, conversion, signals=(), role=entry["role"])
 
 
-def _of_file(
-    folder: Path, decode: DecodeCompleted, sources: Sequence[_Source], file: Mapping[str, Any]
-) -> Iterator[_Piece]:
-    """The samples of each channel in the records of one file that belong to the session."""
+def _decoded(store: Store, facts: Facts, decode: DecodeCompleted) -> _Decoded:
+    bench = _bench_of(store, facts, decode)
+    sources = _of_bench(bench, decode) if bench else _guessed(decode)
+    folder = store.decoded(decode.decode)
     tables = {
         group["name"]: _read(
             folder / group["file"], [one.entry["column"] for one in sources if one.entry["group"] == group["name"]]
         )
         for group in decode.groups
     }
+    return _Decoded(decode, facts.files[decode.raw].name.split(".")[0], bench, sources, tables)
+
+
+def _of_file(one: _Decoded, file: Mapping[str, Any]) -> Iterator[_Piece]:
+    """The samples of each channel in the records of one file that belong to the session."""
+    decode, tables = one.decode, one.tables
     buses = {entry["group"]: entry["signal"]["bus"] for entry in decode.channels if entry["signal"]}
-    for source in sources:
+    for source in one.sources:
         group = source.entry["group"]
         record, value = tables[group]["record"], tables[group][source.entry["column"]]
         kept = (record >= file["first_record"]) & (record <= file["last_record"]) & np.isfinite(value)
