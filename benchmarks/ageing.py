@@ -46,7 +46,7 @@ def main() -> None:
         for bad in (False, True):
             plan = Plan(bad_batch=bad, iron=not args.heads_only, electrical=False, cycles_a_log=16)
             truth = insulation_campaign.run(seed, plan)
-            checks = {stator.name: evaluate_together([_trace(c) for c in stator.checks]) for stator in truth.stators}
+            checks = {stator.name: evaluate_together([trace(c) for c in stator.checks]) for stator in truth.stators}
             found = _assessed(truth, checks)
             for stator in truth.stators:
                 known = [one.resistance_K_per_W for one in checks[stator.name]]
@@ -84,7 +84,7 @@ def _assessed(truth: Campaign, checks: dict[str, tuple[CheckResistance, ...]]) -
     )
 
 
-def _trace(check: Check) -> CheckTrace:
+def trace(check: Check) -> CheckTrace:
     """The log as the reader would give it."""
     columns = {column.name: column.values for column in check.log.columns}
     copper = [name for name in columns if name.startswith("EW_")]
@@ -120,7 +120,7 @@ def _print(
         counts = [named[hidden, name] for name in said]
         right, total = named[hidden, hidden], sum(counts)
         if total:
-            print(f"{hidden:<16}" + "".join(f"{count:>15}" for count in counts) + f"    {_rate(right, total)}")
+            print(f"{hidden:<16}" + "".join(f"{count:>15}" for count in counts) + f"    {rate(right, total)}")
     print(
         f"\nerror of ln R over a campaign, one standard deviation: {100 * np.std(errors):.2f} %; checks without R: {without}"
     )
@@ -128,10 +128,10 @@ def _print(
         total = alarms[bad, "campaigns"]
         print(f"\n{'with a bad batch' if bad else 'without a bad batch'}, {total} campaigns")
         for what in ("right batch",) if bad else ("a batch", "a specimen"):
-            print(f"  {what} listed: {_rate(alarms[bad, what], total)}")
+            print(f"  {what} listed: {rate(alarms[bad, what], total)}")
 
 
-def _rate(count: int, total: int) -> str:
+def rate(count: int, total: int) -> str:
     low = 0.0 if count == 0 else float(beta.ppf(0.025, count, total - count + 1))
     high = 1.0 if count == total else float(beta.ppf(0.975, count + 1, total - count))
     return f"{count} of {total} ({100 * low:.0f} to {100 * high:.0f} %)"

@@ -35,8 +35,7 @@ from numpy.typing import NDArray
 from analytics.insulation import forms, repeatability
 from analytics.insulation.check_resistance import evaluate_together
 from analytics.insulation.forms import Form
-from benchmarks.ageing import _rate as rate
-from benchmarks.ageing import _trace as check_trace
+from benchmarks.ageing import rate
 from plant import insulation_campaign
 from plant.insulation_campaign import Stator
 from plant.timeline import PAPER
@@ -158,16 +157,24 @@ def findings(aged: Sequence[Course], healthy: Sequence[Course]) -> list[str]:
         f"  R at cycles {LATE - 1} to {LATE + 1} against the start: {_range(past)} %, truly {_range(past_true)} %",
         f"  slope of the rise: the upper end of its interval is {np.median([b / a for a, b in slopes]):.1f} times the lower (median)",
         f"  something named where nothing is hidden: {rate(sum(one.by_resistance.significant for one in healthy), count)}",
+        f"  half that fall or more, to cycle {TURN}, where nothing is hidden: {rate(_as_large('ln_r', aged, healthy), count)}",
         "",
         "From the hottest sensor over the cycles, by the same test",
         f"  to cycle {TURN}: {_moves(aged, healthy, TURN, 0)}",
         f"  from there to cycle {END}: {_moves(aged, healthy, END, TURN)}",
         f"  dip, then rise named where it is hidden: {rate(sum(one.by_hottest.name == 'dip_then_rise' for one in aged), count)}",
         f"  something named where nothing is hidden: {rate(sum(one.by_hottest.significant for one in healthy), count)}",
+        f"  half that fall or more, to cycle {TURN}, where nothing is hidden: {rate(_as_large('hottest_degC', aged, healthy), count)}",
         "",
         "What no number of cycles of one stator can tell: whether others do the same (the spread between stators), what 230 °C means at",
         "180 °C (one temperature holds no activation energy), and whether the enamel, the resin or the liner changed: R is their sum.",
     ]  # fmt: skip
+
+
+def _as_large(what: str, aged: Sequence[Course], healthy: Sequence[Course]) -> int:
+    """How many of the healthy fall by at least half of what the others fall by (median)."""
+    size = float(np.median([one.change(getattr(one, what), TURN) for one in aged]))
+    return sum(one.change(getattr(one, what), TURN) <= size / 2.0 for one in healthy)
 
 
 def _moves(aged: Sequence[Course], healthy: Sequence[Course], until: int, since: int) -> str:
@@ -218,7 +225,7 @@ def draw(document: dict[str, Any], aged: Course, healthy: Course, target: Path) 
         right.errorbar(dose, 100 * resistance / start, yerr=100 * spread * resistance / start, color=COLOURS[0], marker="o",
                        markersize=3, linewidth=1.2, elinewidth=0.7, capsize=2, label="a stator with the paper's course")  # fmt: skip
         right.plot(aged.dose_h, 100 * np.exp(aged.true_ln_r - aged.true_ln_r[aged.cycle == 0].mean()), color=INK[0],
-                   linewidth=0.9, linestyle=":", label="its truth")  # fmt: skip
+                   linewidth=0.9, linestyle=":", label="its true R")  # fmt: skip
         if stator["change_at_dose_h"] is not None:
             low, high = aged.by_resistance.change_ci95_dose_h or (stator["change_at_dose_h"],) * 2
             right.axvspan(low, high, color=COLOURS[0], alpha=0.10, linewidth=0)

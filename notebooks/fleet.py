@@ -18,6 +18,7 @@ def _():
 
     import altair as alt
     import marimo as mo
+    import pyarrow.compute as pc
 
     from analytics import warehouse
     from analytics.errors import AnalyticsError
@@ -40,6 +41,7 @@ def _():
         alt,
         mo,
         os,
+        pc,
         sys,
         tabled,
         warehouse,
@@ -101,7 +103,7 @@ def _(mo, store):
         FROM fleet_health AS f
         LEFT JOIN batches AS b ON b.batch = f.batch
         LEFT JOIN life_used AS l ON l.specimen = f.specimen
-        ORDER BY f.outlying DESC, f.score DESC NULLS LAST, f.specimen
+        ORDER BY f.outlying DESC, batch_outlying DESC, f.score DESC NULLS LAST, f.specimen
         """,
         output=False,
         engine=store,
@@ -178,14 +180,16 @@ def _(mo, store):
 
 
 @app.cell
-def _(COLOURS, INK, SOFT, alt, check_rows, mo, motors):
+def _(COLOURS, INK, SOFT, alt, check_rows, mo, motors, pc):
+    shown = motors.slice(0, 40)
     checks = check_rows.to_arrow_table()
-    clicked = alt.selection_point(fields=["specimen"], on="click", empty=False)
+    checks = checks.filter(pc.is_in(checks["specimen"], value_set=shown["specimen"]))
+    clicked = alt.selection_point(fields=["specimen"], on="click", nearest=True, empty=False)
     kinds = ["motor", "batch", "neither"]
     standing = alt.Color(
         "stands_out:N", title="stands out", scale=alt.Scale(domain=kinds, range=[COLOURS[1], COLOURS[4], COLOURS[0]])
     )
-    order = motors["specimen"].to_pylist()
+    order = shown["specimen"].to_pylist()
     of_motor = alt.Y("specimen:N", title=None, sort=order)
     tips = [
         "specimen",
@@ -198,7 +202,7 @@ def _(COLOURS, INK, SOFT, alt, check_rows, mo, motors):
         "score",
         "form",
     ]
-    drawn = alt.Chart(motors)
+    drawn = alt.Chart(shown)
     none = alt.Chart(alt.Data(values=[{"zero": 0.0}])).mark_rule(color=INK[0], strokeWidth=0.7).encode(x="zero:Q")
     slopes = alt.layer(
         none,
@@ -211,7 +215,7 @@ def _(COLOURS, INK, SOFT, alt, check_rows, mo, motors):
             size=alt.condition(clicked, alt.value(160), alt.value(45)),
             tooltip=tips,
         ).add_params(clicked),
-        title="Slopes, the ones that stand out first; click one",
+        title=f"{len(order)} of {motors.num_rows}, those that stand out first; click one",
     ).properties(width=270, height={"step": 12})  # fmt: skip
     lines = alt.Chart(checks).encode(
         alt.X("dose_h:Q", title="hours above 180 °C"),
@@ -221,7 +225,7 @@ def _(COLOURS, INK, SOFT, alt, check_rows, mo, motors):
     courses = alt.layer(
         lines.mark_line(color=SOFT[0], opacity=0.25, strokeWidth=0.8),
         lines.mark_line(color=COLOURS[1], point=alt.OverlayMarkDef(color=COLOURS[1])).transform_filter(clicked),
-        title="R over the dose of all, the clicked one in colour",
+        title="R over the dose, the clicked one in colour",
     ).properties(width=270, height=320)  # fmt: skip
     chart = slopes | courses
     mo.ui.altair_chart(chart, chart_selection=False, legend_selection=False) if motors.num_rows else None
@@ -250,9 +254,9 @@ def _(COLOURS, INK, alt, batches, mo):
 
 @app.cell
 def _(COLOURS, SOFT, alt, mo, motors):
-    left = motors.filter(motors["remaining_low_h"].is_valid())
+    left = motors.filter(motors["remaining_low_h"].is_valid()).sort_by("remaining_low_h").slice(0, 40)
     remaining = (
-        alt.Chart(left, title="Dose that is left until the criterion, 90 %; an arrow has no upper end")
+        alt.Chart(left, title="Dose that is left until the criterion, the shortest first, 90 %; an arrow has no upper end")
         .transform_calculate(open="!isValid(datum.remaining_high_h)", end="datum.open ? datum.remaining_low_h : datum.remaining_high_h")
         .encode(alt.Y("specimen:N", title=None, sort=alt.SortField("remaining_low_h")))
     )  # fmt: skip

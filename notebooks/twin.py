@@ -81,7 +81,7 @@ def _(mo, store):
             QUALIFY row_number() OVER (PARTITION BY session, model, level ORDER BY recorded DESC) = 1
         )
         SELECT
-            run, session_name, kind, specimen, motor, concat(left(model, 8), if(level = 'testing', '', concat(' ', level))) AS version,
+            run, session_name, kind, specimen, motor, concat_ws(' ', motor, left(model, 8), nullif(level, 'testing')) AS version,
             mae_K, max_K, worst_node, recorded
         FROM latest
         ORDER BY recorded, session_name

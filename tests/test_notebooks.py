@@ -132,7 +132,7 @@ def motors(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, fleet.Fleet]
     """A store with checks of a fleet in which one batch ages faster, assessed."""
     folder = tmp_path_factory.mktemp("motors")
     written = fleet.write_checks(folder / "logs", 7, motors=30, checks=(4, 12), batches=3, bad_batches=1)
-    logs, store = [str(path) for path in written.files], str(folder / "store")
+    logs, store = [str(path) for path in written.tables], str(folder / "store")
     assert main(["ingest", *logs, "--bench", str(written.bench), "--store", store]) == 0
     assert main(["ageing", "--store", store]) == 0
     return folder / "store", written.truth
@@ -175,6 +175,14 @@ def test_the_overview_counts_every_record_and_names_the_hottest_place(replayed: 
         values = [float(row["endwind_2"]) for row in log]
         assert heat[name, "endwind_2"]["highest_degC"] == pytest.approx(max(values), abs=1e-3)
         assert heat[name, "endwind_2"]["rise_K"] == pytest.approx(max(values) - values[0], abs=1e-3)
+
+
+def test_an_overview_of_nothing_says_what_to_do(tmp_path: Path) -> None:
+    (tmp_path / "broken.blf").write_bytes(b"LOGG")
+    assert main(["ingest", str(tmp_path / "broken.blf"), "--store", str(tmp_path / "store")]) == 1
+    done = run_script("campaign", "--store", str(tmp_path / "store"))
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout == "No session in this store yet: whyhot ingest FILE... --bench BENCH.toml takes logs in.\n"
 
 
 def test_the_overview_shows_what_is_wrong_with_the_data(aged: Aged) -> None:

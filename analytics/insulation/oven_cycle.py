@@ -21,6 +21,7 @@ RISEN_K = 2.0  # a cycle has to exceed the threshold by this: noise at the thres
 FALLEN_K = 20.0  # and ends where the trace is this far below: an opened door is no new cycle
 SOAK_SHARE, SOAK_LEAST_K = 0.02, 2.0  # of the rise: how near the soak's level the soak is
 FOOT_SHARE = 0.02  # of the rise from the lowest before or after: above it heating has begun, below it cooling is over
+PAUSE_SHARE = 0.1  # of the rise: a log that begins again below it has not missed the heating
 LEVEL_K = 1e-6  # a step smaller than this is level
 HOUR_S = 3600.0
 
@@ -175,6 +176,8 @@ def _cycle(trace: _Trace, first: int, last: int, after: int, before: int, thresh
     level = _median_over_time(t[first : last + 1], value[first : last + 1])
     heating, cooling = value[after:first], value[last + 1 : before + 1]
     left = after + int(np.flatnonzero(_at_foot(heating, level))[-1]) if heating.size else None
+    if left is not None:
+        left = _after_a_pause(trace, left, first, level)
     cooled = last + 1 + int(np.flatnonzero(_at_foot(cooling, level))[0]) if cooling.size else None
     lowest = min(value[0 if left is None else left], value[-1 if cooled is None else cooled], threshold)
     near = first + np.flatnonzero(value[first : last + 1] >= level - max(SOAK_SHARE * (level - lowest), SOAK_LEAST_K))
@@ -191,6 +194,14 @@ def _cycle(trace: _Trace, first: int, last: int, after: int, before: int, thresh
         unknown_h=part.unknown_h,
         gaps=int((~part.known).sum()),
     )
+
+
+def _after_a_pause(trace: _Trace, left: int, first: int, level: float) -> int:
+    """Where heating begins if the log paused at the foot: the first sample after the gap, where that is still near the foot."""
+    gaps = left + 1 + np.flatnonzero(~trace.known[left:first])
+    foot = trace.value[left]
+    near = gaps[trace.value[gaps] < foot + PAUSE_SHARE * (level - foot)]
+    return int(near[-1]) if near.size else left
 
 
 def _at_foot(value: Floats, level: float) -> NDArray[np.bool_]:

@@ -76,6 +76,8 @@ def course(one: Specimen) -> str:
     )
     if one.change_at_dose_h is not None:
         text += f" at {one.change_at_dose_h:.0f} h"
+    if one.level_from_dose_h is not None:
+        text += f" until it is level from {one.level_from_dose_h:.0f} h on"
     if one.slope_percent_per_100h is not None:
         text += f", R {one.slope_percent_per_100h:+.1f} % per 100 h".replace("-", "−")
         if one.ci95:

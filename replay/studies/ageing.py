@@ -144,10 +144,14 @@ def _assessed(
 
 
 def _law(found: Assessed, specimens: Sequence[Specimen]) -> Law | None:
-    """The fleet's slope with what specimens differ by where there are three; else that of the one whose course is surest."""
+    """The fleet's slope with what specimens differ by where there are three; else that of the one whose course is surest; a rise that has
+    become level is no law to go on with."""
     from analytics.insulation.arrhenius import THRESHOLD_DEGC
 
-    fleet, changed = found.fleet, [one for one in specimens if one.significant and one.ci95]
+    fleet, changed = (
+        found.fleet,
+        [one for one in specimens if one.significant and one.ci95 and one.level_from_dose_h is None],
+    )
     if not changed:
         return None
     if fleet.slope_percent_per_100h is not None and fleet.specimen_spread is not None:
@@ -235,6 +239,7 @@ def _specimen(
         form=form.name,
         form_probability=form.probability,
         change_at_dose_h=form.change_at_dose_h,
+        level_from_dose_h=form.level_from_dose_h,
         slope_percent_per_100h=form.slope_percent_per_100h,
         ci95=list(form.ci95) if form.ci95 else None,
         repeatability_percent=100 * repeatability,

@@ -71,7 +71,7 @@ class HotHours:
 
 @dataclass(frozen=True, kw_only=True)
 class Specimen:
-    """The course of one specimen. `dose_h`, `equivalent_h`: all that is known of its heat, as in its checks; `slope_percent_per_100h` of its last branch, R growing is positive; `fleet_slope...`: the slope that
+    """The course of one specimen. `dose_h`, `equivalent_h`: all that is known of its heat, as in its checks; `level_from_dose_h`: from where on a rise has become level; `slope_percent_per_100h` of its last branch, R growing is positive; `fleet_slope...`: the slope that
     specimen and fleet together say, with its sd; `remaining_h`: dose until the criterion, [least, most] of 95 %, None where there is no end; `score`: how far the slope is from its fleet's."""
 
     specimen: str
@@ -83,6 +83,7 @@ class Specimen:
     form: str
     form_probability: float
     change_at_dose_h: float | None
+    level_from_dose_h: float | None
     slope_percent_per_100h: float | None
     ci95: list[float] | None
     repeatability_percent: float

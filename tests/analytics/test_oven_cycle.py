@@ -147,3 +147,12 @@ def test_oven_logs_of_the_plant_give_their_true_hours_with_several_cycles_a_log_
         found = cycles(log.t_s, winding)
         assert len(found) >= 2
         assert sum(cycle.hours_above for cycle in found) == pytest.approx(true, abs=0.03)
+
+
+def test_a_pause_of_the_log_at_the_foot_is_no_heating() -> None:
+    before = np.concatenate([np.linspace(230.0, 20.0, 60), np.full(10, 20.0)])
+    heating = np.concatenate([np.linspace(27.0, 230.0, 90), np.full(600, 230.0)])
+    t_s = 60.0 * np.concatenate([np.arange(70), 70 + 30 * 60 + np.arange(690)])
+    (_, found) = cycles(t_s, np.concatenate([before, heating]))
+    assert found.heating_from_s == t_s[70]
+    assert found.unknown_h == 0.0

@@ -40,6 +40,7 @@ WORSE = Specimen(
     form="monotone",
     form_probability=0.93,
     change_at_dose_h=None,
+    level_from_dose_h=None,
     slope_percent_per_100h=20.4,
     ci95=[17.0, 23.0],
     repeatability_percent=0.8,
