@@ -36,6 +36,7 @@ from analytics.insulation import forms, repeatability
 from analytics.insulation.check_resistance import evaluate_together
 from analytics.insulation.forms import Form
 from benchmarks.ageing import rate
+from benchmarks.ageing import trace as check_trace
 from plant import insulation_campaign
 from plant.insulation_campaign import Stator
 from plant.timeline import PAPER
