@@ -6,14 +6,14 @@ Rates are states beside temperatures, so that a step is a Taylor series, whateve
     z <- z + h zdot + h w / 2,   zdot <- zdot + w,   rho <- rho + noise,
 
 and all that the network says enters as a measurement without noise: the capacitor equation Gamma = C zdot - Q(z, rho, v) = 0.
-With w free (`RATE_SD`, far above any rate) that is the implicit trapezoidal rule. Predicted is w = h zddot from the capacitor equation's own
+With w free that is the implicit trapezoidal rule. Predicted is w = h zddot from the capacitor equation's own
 derivative, (C - h Q_z / 2) zddot = Q_z zdot + Q_v vdot, so that Gamma is zero before it is measured, but for what is not linear:
-the perfect measurements shape the covariance alone. It is singular after them, in Joseph's form to rounding and no further.
+the perfect measurements shape the covariance alone. It is singular after them, and kept on its rank (`twin.ekf_paper_step`).
 A lagging sensor's reading is a state too, as in `twin.filter_inputs`: 2p + o numbers, and one for each of those.
 
 Inputs are needed at edges: means of the two steps that meet there. The small form (`twin.ekf`) holds them within a step, makes one
 step of the network's own integrator and keeps no rates. Both are the same filter but for the error of their integrators:
-this one is the check of the other, at several times its cost.
+this one is the check of the other, at one and a half times its cost.
 """
 
 from __future__ import annotations
@@ -25,8 +25,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.ekf import Estimate, estimate_of
+from twin.ekf_paper_step import Rates, balance, change, laws_of, rates_of, reads, solve, spread
+from twin.ekf_readings import Readings, correct, readings_of
 from twin.errors import FrameError
 from twin.filter_inputs import READING_SD_K, Inputs, Reading, Start, inputs_of
+from twin.lanes import Store
 from twin.law_heats import LawHeats, law_heats, psi_at
 from twin.network import Network
 from twin.simulate import Frame
@@ -35,7 +38,9 @@ from twin.unknowns import UnknownHeat
 Floats = NDArray[np.float64]
 Index = NDArray[np.int64]
 
-RATE_SD = 1e3  # K/s of w: any rate is as likely as any other
+u = np.uint64  # numba then asks of no index whether it counts from the end
+
+RATE_SD = 500.0  # K/s of w where it has to be a number: above any rate, and its square rounded by less than is asked of a variance
 
 
 def filter_with_rates(
@@ -57,34 +62,48 @@ def filter_with_rates(
     laws = law_heats(network)
     amounts, around = at_edges(laws.amounts(inputs.features)), at_edges(inputs.boundaries)
     capacities = np.array([node.capacity for node in network.nodes])
-    shift, process, state = transition(inputs, frame.step_s)
+    shift, _, state = transition(inputs, frame.step_s)
     x, covariance = at_the_start(inputs, laws, amounts[0], around[0], capacities, state)
-    steps, m = inputs.values.shape
-    kept = [*range(len(capacities)), *range(2 * len(capacities), 2 * len(capacities) + len(inputs.order))]
-    states, innovations = np.empty((2, steps + 1, len(kept))), np.empty((steps, m, 2))
+    n, (steps, m) = len(capacities), inputs.values.shape
+    own = np.r_[0:n, 2 * n : len(x)]
+    store = Store()
+    rates = rates_of(inputs.parts, capacities, around.shape[1], frame.step_s, store)
+    taken = readings_of(rates, store)
+    numbers, indices = store.numbers(), store.indices()
+    rows = numbers[rates.state : rates.state + rates.length**2].reshape(rates.length, rates.length)
+    rows[: len(own), : len(own)], rows[: len(own), len(own)] = covariance[np.ix_(own, own)], x[own, 0]
+    states, innovations = np.empty((2, steps + 1, n + len(inputs.order))), np.empty((steps, m, 2))
     likelihood = _run(
-        laws,
         capacities,
         inputs.parts.heats,
         inputs.parts.weights,
         np.array([reading.time_constant_s for reading in readings], dtype=np.float64),
         state,
         shift,
-        process,
         frame.step_s,
         amounts,
         around,
         inputs.values,
         inputs.places,
         inputs.variances,
-        np.array(kept),
+        rates,
+        taken,
+        numbers,
+        indices,
         x,
-        covariance,
         states[0],
         states[1],
         innovations,
     )
-    return estimate_of(inputs, states, innovations, covariance, float(likelihood))
+    slope = np.zeros((n, n))
+    for place, i, j in indices[rates.cell : rates.cell + 3 * rates.cells].reshape(-1, 3).tolist():
+        slope[i, j] = -numbers[rates.slopes + place]
+    onto = np.zeros((len(x), len(own)))
+    onto[own, np.arange(len(own))] = 1.0
+    onto[n : 2 * n, :n] = slope / capacities[:, None]
+    onto[n + inputs.parts.heats, n + np.arange(len(inputs.order))] = 1 / capacities[inputs.parts.heats]
+    covariance = onto @ rows[: len(own), : len(own)] @ onto.T
+    return estimate_of(inputs, states, innovations, (covariance + covariance.T) / 2, float(likelihood))
 
 
 def at_edges(means: Floats) -> Floats:
@@ -95,7 +114,8 @@ def at_edges(means: Floats) -> Floats:
 
 
 def transition(inputs: Inputs, step_s: float) -> tuple[Floats, Floats, Index]:
-    """F (S, S) and the variances Q (S, S) of a step, and the place of each channel's lagging reading (m,), -1 without lag."""
+    """F (S, S) and the variances Q (S, S) of a step, with `RATE_SD` for w as other filters need one, and the place of each channel's
+    lagging reading (m,), -1 without lag."""
     parts = inputs.parts
     n, o = parts.program.n, len(inputs.order)
     lagging = np.flatnonzero(parts.state >= 0)
@@ -190,7 +210,8 @@ def predict(
     heat: Floats,
     slope: Floats,
 ) -> None:
-    """x (S, 1) one step on, from edge k; `heat` (n,) and `slope` (n, n) are left as they are there."""
+    """x (S, 1) one step on, from edge k; `heat` (n,) and `slope` (n, n) are left as they are there. The filter's own step before its
+    perfect measurements, in plain matrices: what other filters are given."""
     n, size = len(capacities), len(x)
     z, rate = x[:n, 0].copy(), x[n : 2 * n, 0].copy()
     second, matrix = np.empty(n), np.empty((n, n))
@@ -222,125 +243,143 @@ def predict(
 
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
-def _spread(shift: Floats, process: Floats, covariance: Floats, moved: Floats) -> None:
-    """P (S, S) one step on: F P F' + Q, symmetric to the last bit; `moved` (S, S) is overwritten."""
-    size = len(covariance)
-    for _ in range(2):
-        for i in range(size):
-            for c in range(size):
-                moved[i, c] = 0.0
-            for j in range(size):
-                share = shift[i, j]
-                if share != 0.0:
-                    for c in range(size):
-                        moved[i, c] += share * covariance[j, c]
-        for i in range(size):
-            for j in range(size):
-                covariance[i, j] = moved[j, i]
-    for i in range(size):
-        for j in range(i + 1):
-            covariance[i, j] = covariance[j, i] = 0.5 * (covariance[i, j] + covariance[j, i]) + process[i, j]
-
-
-@numba.njit(error_model="numpy", nogil=True, cache=True)
 def _run(
-    laws: LawHeats,
     capacities: Floats,
     heats: Index,
     weights: Floats,
     time_constants: Floats,
     state: Index,
     shift: Floats,
-    process: Floats,
     step_s: float,
     amounts: Floats,
     around: Floats,
     readings: Floats,
     places: Floats,
     variances: Floats,
-    kept: Index,
+    rates: Rates,
+    taken: Readings,
+    m: Floats,
+    at: Index,
     x: Floats,
-    covariance: Floats,
     states: Floats,
     spreads: Floats,
     innovations: Floats,
 ) -> float:
-    """The filter over all steps; the log likelihood of the readings. Arrays as in `twin.ekf_step.run`."""
-    n, size = len(capacities), len(x)
-    heat, slope, moved = np.empty(n), np.empty((n, n)), np.empty((size, size))
-    h, gain, left, before = np.empty(size), np.empty(size), np.empty(size), np.empty(size)
-    likelihood = 0.0
+    """The filter over all steps, from `state` of `rates`; the log likelihood of the readings. Arrays as in `twin.ekf.through`."""
+    n, size, length, likelihood, h = rates.n, rates.size, rates.length, 0.0, np.empty(len(x))
+    laws_of(rates, m, at, x, around[0])
+    balance(rates, m, at, amounts[0], rates.slopes)
     for k in range(len(readings) + 1):
         if k > 0:
-            predict(laws, capacities, heats, shift, step_s, amounts, around, k - 1, x, heat, slope)
-            _spread(shift, process, covariance, moved)
-            before[:] = x[:, 0]
-            for i in range(n):
-                h[:] = 0.0
-                for j in range(n):
-                    h[j] = -slope[i, j] / capacities[i]
-                h[n + i] = 1.0
-                for o in range(len(heats)):
-                    if heats[o] == i:
-                        h[2 * n + o] = -1.0 / capacities[i]
-                reading = heat[i] / capacities[i] - before[n + i]
-                for j in range(size):
-                    reading += h[j] * before[j]
-                update(h, reading, 0.0, x, covariance, gain, left)
+            laws_of(rates, m, at, x, around[k - 1])
+            change(rates, m, at, amounts[k - 1], amounts[k], around[k], step_s, x)
+            _move(rates, shift, step_s, m, x)
+            laws_of(rates, m, at, x, around[k])
+            spread(rates, m, at, amounts[k])
+            _meet(rates, capacities, heats, shift, step_s, m, at, x)
+            count = 0
             for j in range(len(weights)):
                 if np.isnan(readings[k - 1, j]):
-                    innovations[k - 1, j] = np.nan
                     continue
                 sensor_row(weights[j], time_constants[j], state[j], (1.0 - places[k - 1, j]) * step_s, n, h)
-                innovation, spread = update(h, readings[k - 1, j], variances[k - 1, j], x, covariance, gain, left)
-                innovations[k - 1, j, 0], innovations[k - 1, j, 1] = innovation, spread
-                likelihood -= 0.5 * (np.log(2 * np.pi * spread) + innovation * innovation / spread)
-        for i in range(len(kept)):
-            states[k, i], spreads[k, i] = x[kept[i], 0], covariance[kept[i], kept[i]]
+                _observe(rates, taken, capacities, heats, m, at, h, x, readings[k - 1, j], count)
+                m[u(taken.noise + count)], at[u(taken.channel + count)] = variances[k - 1, j], j
+                count += 1
+            likelihood += correct(rates, taken, m, at, count, innovations[k - 1])
+            _follow(rates, capacities, heats, m, at, x)
+        for i in range(states.shape[1]):
+            states[k, i], spreads[k, i] = m[u(rates.state + i * length + size)], m[u(rates.state + i * length + i)]
     return likelihood
 
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
-def update(
-    h: Floats, reading: float, variance: float, x: Floats, covariance: Floats, gain: Floats, left: Floats
-) -> tuple[float, float]:
-    """Innovation and its variance; state x (S, 1) and P (S, S) given a reading `h x` with white noise of `variance`, 0 for a
-    perfect one. `gain` (S,) is filled, `left` (S,) overwritten.
+def _move(rates: Rates, shift: Floats, step_s: float, m: Floats, x: Floats) -> None:
+    """x (S, 1) one step on by its rates and `right`, zddot."""
+    n, right = rates.n, rates.right
+    for i in range(2 * n + rates.heats, len(x)):  # a lagging reading follows the temperatures as they end
+        moved = shift[i, i] * x[i, 0]
+        for j in range(n):
+            moved += shift[i, j] * x[j, 0] + shift[i, n + j] * (x[n + j, 0] + 0.5 * step_s * m[u(right + j)])
+        x[i, 0] = moved
+    for i in range(n):
+        second = m[u(right + i)]
+        x[i, 0] += step_s * (x[n + i, 0] + 0.5 * step_s * second)
+        x[n + i, 0] += step_s * second
 
-    Joseph's form, P = (1 - k h') P (1 - k h')' + k R k': once P - k (P h)' is taken, what is left of it is
-    - e k' with e = (P h) - R k, zero but for rounding; it is taken symmetrically, so that P is symmetric to the last bit.
-    """
-    size = len(h)
-    for c in range(size):
-        gain[c] = 0.0
-    innovation, spread = reading, variance
-    for i in range(size):
-        share = h[i]
-        if share != 0.0:
-            innovation -= share * x[i, 0]
-            for c in range(size):
-                gain[c] += share * covariance[i, c]
-    for i in range(size):
-        spread += h[i] * gain[i]
-    scale = 1.0 / np.sqrt(spread)
-    for c in range(size):
-        gain[c] *= scale  # k times the root of the spread: its products are P's change, symmetric to the last bit
-        left[c] = -variance * scale * gain[c]
-    for i in range(size):
-        share = h[i]
-        if share != 0.0:
-            for c in range(size):
-                left[c] += share * (covariance[i, c] - gain[i] * gain[c])
-    for c in range(size):
-        left[c] *= 0.5 * scale
-    for i in range(size):
-        mine, over = gain[i], left[i]
-        x[i, 0] += mine * scale * innovation
-        for c in range(size):
-            covariance[i, c] = (covariance[i, c] - mine * gain[c]) - (mine * left[c] + over * gain[c])
-    for c in range(size):
-        gain[c] *= scale
-    return innovation, spread
+
+@numba.njit(error_model="numpy", nogil=True, cache=True)
+def _meet(
+    rates: Rates, capacities: Floats, heats: Index, shift: Floats, step_s: float, m: Floats, at: Index, x: Floats
+) -> None:
+    """x (S, 1) as predicted meets the capacitor equation, linear about it, by what w has to be more; into `ahead` as well."""
+    n, size, length = rates.n, rates.size, rates.length
+    for o in range(len(heats)):
+        m[u(rates.heat + heats[o])] += x[2 * n + o, 0]
+    for i in range(n):
+        m[u(rates.right + i)] = 2.0 / step_s * (m[u(rates.heat + i)] - capacities[i] * x[n + i, 0])
+    solve(rates, m, at)
+    for i in range(2 * n + rates.heats, len(x)):
+        for j in range(n):
+            x[i, 0] += 0.5 * shift[i, n + j] * m[u(rates.right + j)]
+    for i in range(n):
+        more = m[u(rates.right + i)]
+        x[i, 0] += 0.5 * step_s * more
+        x[n + i, 0] += more
+        m[u(rates.ahead + i * length + size)] = x[i, 0]
+    for i in range(n, size):
+        m[u(rates.ahead + i * length + size)] = x[n + i, 0]
+
+
+@numba.njit(error_model="numpy", nogil=True, cache=True)
+def _observe(
+    rates: Rates,
+    taken: Readings,
+    capacities: Floats,
+    heats: Index,
+    m: Floats,
+    at: Index,
+    h: Floats,
+    x: Floats,
+    reading: float,
+    q: int,
+) -> None:
+    """A reading `h x` (S,) becomes row q of the gain."""
+    n, size, shares, off, late = rates.n, rates.size, rates.shares + q * rates.length, -reading, False
+    for i in range(n):
+        m[u(shares + i)] = -h[i]
+        off += h[i] * x[i, 0]
+    for i in range(n, 2 * n):
+        late |= h[i] != 0.0
+        off += h[i] * x[i, 0]
+    for i in range(n, size):
+        m[u(shares + i)] = -h[n + i]
+        off += h[n + i] * x[n + i, 0]
+    if late:  # what it takes of rates is what the capacitor equation makes of them
+        for c in range(rates.cell, rates.cell + 3 * rates.cells, 3):
+            i = at[u(c + 1)]
+            m[u(shares + at[u(c + 2)])] += h[n + i] * m[u(rates.slopes + at[u(c)])] / capacities[i]
+        for o in range(len(heats)):
+            m[u(shares + n + o)] -= h[n + heats[o]] / capacities[heats[o]]
+    reads(rates, m, at, q, taken.gain, taken.stride)
+    m[u(taken.gain + q * taken.stride + size)] = off
+
+
+@numba.njit(error_model="numpy", nogil=True, cache=True)
+def _follow(rates: Rates, capacities: Floats, heats: Index, m: Floats, at: Index, x: Floats) -> None:
+    """x (S, 1) becomes what it is in `state`; the rates move with the rest as the capacitor equation has it."""
+    n, size, length, moved = rates.n, rates.size, rates.length, rates.right
+    for i in range(n):
+        after = m[u(rates.state + i * length + size)]
+        m[u(moved + i)], x[i, 0] = after - x[i, 0], after
+    for c in range(rates.cell, rates.cell + 3 * rates.cells, 3):
+        i = at[u(c + 1)]
+        x[n + i, 0] -= m[u(rates.slopes + at[u(c)])] * m[u(moved + at[u(c + 2)])] / capacities[i]
+    for i in range(n, size):
+        after = m[u(rates.state + i * length + size)]
+        if i < n + len(heats):
+            node = heats[i - n]
+            x[n + node, 0] += (after - x[n + i, 0]) / capacities[node]
+        x[n + i, 0] = after
 
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)

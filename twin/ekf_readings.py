@@ -9,7 +9,7 @@ once a step, and only above its diagonal.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numba
 import numpy as np
@@ -53,7 +53,30 @@ class Readings(NamedTuple):
     by_earlier: Sweep
 
 
-def readings_of(plan: Plan, store: Store) -> Readings:
+class Layout(Protocol):
+    """What rows of a state, a `Plan` or another form, say of themselves to `readings_of` and `correct`."""
+
+    @property
+    def size(self) -> int: ...
+    @property
+    def length(self) -> int: ...
+    @property
+    def channels(self) -> int: ...
+    @property
+    def meters(self) -> int: ...
+    @property
+    def unit(self) -> int: ...
+    @property
+    def state(self) -> int: ...
+    @property
+    def ahead(self) -> int: ...
+    @property
+    def each(self) -> int: ...
+    @property
+    def row(self) -> int: ...
+
+
+def readings_of(plan: Layout, store: Store) -> Readings:
     """The places of a step's readings, put into `store`."""
     most = plan.channels + plan.meters
     stride = plan.length + width(most)
@@ -170,7 +193,8 @@ def observe(
     variances: Floats,
 ) -> int:
     """How many readings the step has that `carry` just made; their rows. Meters are linear about the state as predicted."""
-    length, size, q, stride = plan.length, plan.size, 0, r.stride
+    length, size, stride = plan.length, plan.size, r.stride
+    q = len(values[:0])  # 0, but no literal: for one, numba would compile all that takes it a second time
     for j in range(len(values)):
         if np.isnan(values[j]):
             continue
@@ -232,7 +256,7 @@ def _together(plan: Plan, r: Readings, m: Floats, at: Index, p: int, q: int) -> 
 
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
-def correct(plan: Plan, r: Readings, m: Floats, at: Index, count: int, innovations: Floats) -> float:
+def correct(plan: Layout, r: Readings, m: Floats, at: Index, count: int, innovations: Floats) -> float:
     """`state`: [P | x] given the first `count` readings, from `ahead`, symmetric to the last bit; the log likelihood of the readings.
     `innovations` (m + q, 2) of each given those before it, with their variances, NaN where there is no reading."""
     length, size, stride, likelihood = plan.length, plan.size, r.stride, 0.0

@@ -13,7 +13,7 @@ made; so the factors' columns B of F are found beside F P', and P gets what they
 from __future__ import annotations
 
 import itertools
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numba
 import numpy as np
@@ -143,6 +143,40 @@ class Plan(NamedTuple):
     blend: Sweep  # the second stage's base
     unmoved: Sweep  # rows that a step leaves, lagging readings included
     follow: Sweep  # what lagging readings take of the temperatures after the step
+
+
+class Laws(Protocol):
+    """Of a `Plan` or another form: what `laws_at` takes."""
+
+    @property
+    def temperatures(self) -> int: ...
+    @property
+    def law(self) -> int: ...
+    @property
+    def law_numbers(self) -> int: ...
+    @property
+    def psi(self) -> int: ...
+    @property
+    def knots(self) -> int: ...
+    @property
+    def copper(self) -> int: ...
+
+
+class Matrix(Protocol):
+    """Of a `Plan` or another form: what `eliminate` takes."""
+
+    @property
+    def n(self) -> int: ...
+    @property
+    def edges(self) -> int: ...
+    @property
+    def values(self) -> int: ...
+    @property
+    def order(self) -> int: ...
+    @property
+    def edge_start(self) -> int: ...
+    @property
+    def update(self) -> int: ...
 
 
 def plan(parts: Parts, boundaries: int, store: Store) -> Plan:
@@ -327,7 +361,7 @@ def _drives(parts: Parts) -> tuple[list[list[int]], int, dict[tuple[int, int], i
 
 
 @numba.njit(error_model="numpy", nogil=True, forceinline=True)
-def laws_at(plan: Plan, m: Floats, at: Index, listed: int, count: int) -> None:
+def laws_at(plan: Laws, m: Floats, at: Index, listed: int, count: int) -> None:
     """`psi`: what multiplies the amounts of `count` groups at `temperatures`, and its slopes with T_a, T_b and T_m, as
     `twin.laws`."""
     T = plan.temperatures
@@ -440,11 +474,11 @@ def assemble(plan: Plan, m: Floats, at: Index, phi: Floats, outside: Floats, sta
     for i in range(n):  # heat that does not depend on the state is a rise of x that its own storage would give
         m[u(right + i)] *= m[u(plan.inverse + i)]
         m[u(state + i * plan.length + plan.size)] += m[u(right + i)]
-    _eliminate(plan, m, at)
+    eliminate(plan, m, at)
 
 
 @numba.njit(error_model="numpy", nogil=True, forceinline=True)
-def _eliminate(plan: Plan, m: Floats, at: Index) -> None:
+def eliminate(plan: Matrix, m: Floats, at: Index) -> None:
     """Pivots become their inverses, lower entries what takes a pivot's row from theirs, upper ones are divided by the pivot."""
     values, upper, update = plan.values, plan.values + plan.n, plan.update
     for p in range(plan.n):
