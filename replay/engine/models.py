@@ -54,9 +54,7 @@ def find_model(facts: Facts, text: str) -> str:
         return found[0]
     known = ", ".join(f"{event.motor} {model[:12]}" for model, event in facts.models.items()) or "none"
     why = "is not one model" if found else "is no model"
-    raise ReplayDataError(
-        f'model "{text}" {why} of this store. Known: {known}. Or give a motor file (ends in .toml).'
-    )
+    raise ReplayDataError(f'model "{text}" {why} of this store. Known: {known}. Or give a motor file (ends in .toml).')
 
 
 def known_model(facts: Facts, text: str) -> str:
