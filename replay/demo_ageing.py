@@ -40,7 +40,7 @@ def _assessed(folder: Path, logs: list[tuple[Path, Path, str]], target: Path | N
             paths = sorted(place.glob(pattern))
             named = place.name if bench.parent != place else None
             take_in(store, paths, prepare(paths, bench, [], for_intake), Override(specimen=named))
-        found = assess(store, facts.at(store.ledger), None, None).assessment
+        found = assess(store, facts.at(store.ledger), None, None)
         store.ledger.seal()
     if target:
         picture(found, target)

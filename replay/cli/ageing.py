@@ -32,10 +32,10 @@ def run(args: argparse.Namespace) -> Answer:
     with Store.open(store_folder(args), write=args.as_of is None) as store:
         model = model_named(store, args.motor)
         known = facts.at(store.ledger, args.as_of)
-        result = assess(store, known, model, args.as_of, tell)
-        data = document(result.assessment, provenance(store, motor=args.motor, as_of=args.as_of))
-    notes = list(result.assessment.notes)
+        found = assess(store, known, model, args.as_of, tell)
+        data = document(found, provenance(store, motor=args.motor, as_of=args.as_of))
+    notes = list(found.notes)
     if args.out:
-        picture(result.assessment, args.out)
+        picture(found, args.out)
         notes.append(f"{args.out}   and {args.out.with_suffix('.png').name} beside it")
-    return Answer(data, ageing_text(result.assessment), notes=notes)
+    return Answer(data, ageing_text(found), notes=notes)

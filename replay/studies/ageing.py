@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from hashlib import sha256
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -29,6 +29,7 @@ from twin.ageing_law import Ageing
 
 if TYPE_CHECKING:
     from analytics.insulation.campaign import Assessed
+    from analytics.insulation.outlying import SpecimenHealth
 
 Floats = NDArray[np.float64]
 Tell = Callable[[str], None]
@@ -36,15 +37,7 @@ Tell = Callable[[str], None]
 CRITERION = "conductivity -50 %"
 
 
-@dataclass(frozen=True)
-class Result:
-    """The answer, and whether the ledger had it already."""
-
-    assessment: Assessment
-    known: bool
-
-
-def assess(store: Store, facts: Facts, motor: str | None, as_of: str | None, tell: Tell = lambda _: None) -> Result:
+def assess(store: Store, facts: Facts, motor: str | None, as_of: str | None, tell: Tell = lambda _: None) -> Assessment:
     """Assess every specimen that has a DC check or a row in a table of evaluated checks.
 
     The same question again reads the sealed answer; with `as_of` nothing is written. `motor`: a model that the law is
@@ -56,14 +49,14 @@ def assess(store: Store, facts: Facts, motor: str | None, as_of: str | None, tel
         again = facts.assessments[identity]
         if as_of is None and again is not list(facts.assessments.values())[-1]:
             store.ledger.append(f"ageing-{identity}", again)  # the last one is what SQL shows
-        return Result(read(json.loads(store.archive.read(facts.assessments[identity].answer))), True)
+        return read(json.loads(store.archive.read(again.answer)))
     known = histories(store, facts, as_of, tell)
     found = _assessed(store, facts, motor, known, identity, tell)
-    if as_of is None and motor and found.law:
-        found = replace(found, law=replace(found.law, model=_published(store, facts, motor, found.law)))
     if as_of is None:
+        if motor and found.law:
+            found = replace(found, law=replace(found.law, model=_published(store, facts, motor, found.law)))
         _keep(store, found, key, {name: history.hours for name, history in known.items()})
-    return Result(found, False)
+    return found
 
 
 def _key(facts: Facts, motor: str | None) -> dict[str, Any]:
@@ -109,7 +102,8 @@ def _assessed(
     )
     repeats = found.repeatability
     law = law_of(store, facts, motor, arrhenius.THRESHOLD_DEGC)
-    specimens = [_specimen(name, batch_of.get(name), known[name], found, law) for name in names]
+    compared = {one.specimen: one for one in found.fleet.specimens}
+    specimens = [_specimen(name, batch_of.get(name), known[name], found, compared.get(name), law) for name in names]
     return Assessment(
         assessment=identity,
         motor=facts.models[motor].motor if motor else None,
@@ -218,13 +212,13 @@ def _specimen(
     batch: str | None,
     history: History,
     found: Assessed,
+    compared: SpecimenHealth | None,
     law: Ageing,
 ) -> Specimen:
     from analytics.insulation import forms
     from analytics.insulation.arrhenius import LIFE_H
 
     form = found.forms.get(name) or forms.assess([], [], [])
-    compared = next((one for one in found.fleet.specimens if one.specimen == name), None)
     life, repeatability = found.remaining.get(name), found.repeatability.sd
     first, worth = next((point.resistance for point in history.points if point.usable), None), history.worth
     left = states_left([(p.dose_h, p.resistance, p.sd) for p in history.points], repeatability, law)
