@@ -158,8 +158,8 @@ def _kind(channel: Any) -> str:
 
 def _library(log: str) -> Any:
     try:
-        import nptdms  # type: ignore[import-untyped]
-        from nptdms.log import log_manager  # type: ignore[import-untyped]
+        import nptdms
+        from nptdms.log import log_manager
     except ImportError:
         raise UnreadableLogError(
             f'{log}: the reader of TDMS files is not installed: pip install "whyhot[tdms]"'

@@ -8,11 +8,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import nptdms  # type: ignore[import-untyped]
+import nptdms
 import numpy as np
 import pytest
 from nptdms import ChannelObject, GroupObject, RootObject, TdmsWriter
-from nptdms.timestamp import TdmsTimestamp  # type: ignore[import-untyped]
+from nptdms.timestamp import TdmsTimestamp
 
 from ingest.decode import decode_file
 from ingest.errors import UnreadableLogError
