@@ -1,4 +1,4 @@
-"""Published tables of insulation life, and what others computed from them. Hours, degC, kV."""
+"""Published tables of life, and who printed them. Hours, degC and kV where nothing else is said."""
 
 from __future__ import annotations
 
@@ -16,12 +16,31 @@ _CLASS_B: dict[float, tuple[tuple[float, ...], float]] = {  # lives that ended, 
     190.0: ((408, 408, 1344, 1344, 1440), 1680.0),
     220.0: ((408, 408, 504, 504, 504), 528.0),
 }
-# Class-H motorettes: W. Nelson, Accelerated Testing, Wiley 1990.
+# Class-H motorettes: W. Nelson, Accelerated Testing, Wiley 1990, Table 2.1, p. 115, as in `NelsonData` of R's
+# WeibullR.ALT 0.7.2. Other copies have 1898 where 1896 stands here.
 _CLASS_H: dict[float, tuple[float, ...]] = {
     190.0: (7228, 7228, 7228, 8448, 9167, 9167, 9167, 9167, 10511, 10511),
     220.0: (1764, 2436, 2436, 2436, 2436, 2436, 3108, 3108, 3108, 3108),
     240.0: (1175, 1175, 1521, 1569, 1617, 1665, 1665, 1713, 1761, 1953),
-    260.0: (600, 744, 744, 744, 912, 1128, 1320, 1464, 1608, 1898),
+    260.0: (600, 744, 744, 744, 912, 1128, 1320, 1464, 1608, 1896),
+}
+# A new-technology integrated circuit, looked at now and then: between which hours so many failed, by degC. W. Q. Meeker,
+# L. A. Escobar, Statistical Methods for Reliability Data, Wiley 1998, Example 19.11, as in ReliaSoft's reference example
+# "Arrhenius-Lognormal Model for Interval Data" (reliawiki.com).
+_CIRCUITS: dict[float, tuple[tuple[float, float, int], ...]] = {
+    150.0: ((1536, np.inf, 50),),
+    175.0: ((1536, np.inf, 50),),
+    200.0: ((96, np.inf, 50),),
+    250.0: ((384, 788, 1), (788, 1536, 3), (1536, 2304, 5), (2304, np.inf, 41)),
+    300.0: ((192, 384, 4), (384, 788, 27), (788, 1536, 16), (1536, np.inf, 3)),
+}
+# Mylar-polyurethane insulation under voltage, minutes by kV/mm: Meeker & Escobar 1998, Example 19.10, without the
+# specimens at 361.4 kV/mm, as in ReliaSoft's reference example "Inverse Power Law (IPL)-Lognormal Model".
+_MYLAR: dict[float, tuple[float, ...]] = {
+    100.3: (606, 1012, 2520, 2610, 3988, 4100, 5025, 6842),
+    122.4: (188, 297, 405, 744, 1218, 1340, 1715, 3382),
+    157.1: (49, 99, 154.5, 180, 291, 447, 510, 600, 1656, 1721),
+    219.0: (15, 16, 36, 50, 55, 95, 122, 129, 625, 700),
 }
 # Breakdown voltage, four specimens at each of 1, 2, 4, 8, 16, 32, 48, 64 weeks (rows) at 180, 225, 250, 275 degC: W.
 # Nelson, IEEE Trans. Reliab. R-30 (1981) 149, as in NIST's Statistical Reference Datasets (Nelson.dat). Meeker &
@@ -51,6 +70,19 @@ def class_h() -> tuple[Floats, Floats]:
     """Temperature and life."""
     degC, life = np.array([(degC, life) for degC, lives in _CLASS_H.items() for life in lives], np.float64).T
     return degC, life
+
+
+def circuits() -> tuple[Floats, Floats, Floats, Floats]:
+    """Temperature, between which hours so many failed (inf: had not), and how many."""
+    rows = [(degC, *row) for degC, looks in _CIRCUITS.items() for row in looks]
+    degC, lower, upper, counts = np.array(rows, np.float64).T
+    return degC, lower, upper, counts
+
+
+def mylar() -> tuple[Floats, Floats]:
+    """Field in kV/mm, and life in minutes."""
+    field, life = np.array([(field, life) for field, lives in _MYLAR.items() for life in lives], np.float64).T
+    return field, life
 
 
 def breakdown() -> tuple[Floats, Floats, Floats]:

@@ -1,9 +1,9 @@
 """What an hour at one temperature is worth at another, under one stated rule.
 
 Two rules are in use, and they are not the same: the activation energy of one chemical reaction (Arrhenius; IEEE Std
-98, IEC 60216), and the rule of thumb that life halves every 10 K (Montsinger 1930, DOI 10.1109/T-AIEE.1930.5055572).
-At 180 degC the latter equals 1.2 eV, at 230 degC 1.5 eV. A number here is always by one rule; `Band` says what
-several rules make of the same hours, each end by the one rule that it names.
+98, IEC 60216), and the rule of thumb that life halves every 10 K (of the kind of V. M. Montsinger, Trans. AIEE 49
+(1930) 776, who found 8 K for class A). At 180 degC the latter equals 1.2 eV, at 230 degC 1.5 eV. A number here is always by one
+rule; `Band` says what several rules make of the same hours, each end by the one rule that it names.
 """
 
 from __future__ import annotations

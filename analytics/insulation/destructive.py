@@ -15,11 +15,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import brentq, minimize_scalar, root_scalar
+from scipy.optimize import brentq, minimize_scalar
 from scipy.special import ndtri
 from scipy.stats import chi2
 
-from analytics.insulation.arrhenius import Activation, Doubling, Rule
+from analytics.insulation.arrhenius import ZERO_DEGC_IN_K, Activation, Doubling, Rule
 from analytics.insulation.life import NoFit
 
 Floats = NDArray[np.float64]
@@ -27,6 +27,8 @@ Floats = NDArray[np.float64]
 ENERGIES_EV = (0.05, 5.0)
 DOUBLINGS_K = (2.0, 60.0)
 GRID = 60
+NEAR = 1e-4  # of the number: where the minimum's slope is sought
+SMALLEST_SPREAD = 1e-9  # of ln strength: below, the law goes through every specimen
 
 
 @dataclass(frozen=True)
@@ -56,7 +58,9 @@ def by_energy(
     temperature_degC: ArrayLike, hours: ArrayLike, strength: ArrayLike, criterion: float, at_degC: float
 ) -> Fall | NoFit:
     """Fit with an activation energy [eV]: specimens (n,) aged `hours` [h] at `temperature_degC`, broken at `strength`.
-    `NoFit` where the strengths do not fall or the energy is not determined."""
+    above 0, in any unit. `criterion`: the strength that ends a life, above 0; the hours of the result are at `at_degC`.
+    `NoFit` where a row cannot be (the first such is named, counted from 1), where the strengths do not fall, or do not
+    determine the energy."""
     return _fitted(temperature_degC, hours, strength, criterion, at_degC, Activation, ENERGIES_EV)
 
 
@@ -78,22 +82,25 @@ def _fitted(
 ) -> Fall | NoFit:
     temperature, aged, broken = (np.asarray(v, np.float64) for v in (temperature_degC, hours, strength))
     named = f"strength at or below {criterion:g}"
-    if np.any(broken <= 0.0) or not np.all(np.isfinite(temperature + aged + broken)):
-        return NoFit("a strength is not above zero, or a value is missing: leave such rows out", named)
-    aged_at = np.unique(temperature[aged > 0.0])
-    if aged_at.size < 2 or np.unique(aged).size < 2:
+    reason = _faulty(temperature, aged, broken, criterion, at_degC)
+    if reason is not None:
+        return NoFit(reason, named)
+    if np.unique(temperature[aged > 0.0]).size < 2 or np.unique(aged).size < 2:
         return NoFit("all ageing is of one temperature or one duration: a law of both needs two of each", named)
+    if np.ptp(broken) == 0.0:
+        return NoFit("all strengths are equal: nothing falls with ageing", named)
     y = np.log(broken)
+    hottest = float(temperature.max())  # an hour there is worth the most, so that no number gets too large
 
     def line(number: float) -> tuple[Floats, float]:
-        worth = aged * rule(number).acceleration(temperature, at_degC)
+        worth = aged * rule(number).acceleration(temperature, hottest)
         scale = float(worth.max())
         x = np.stack([np.ones(y.size), -worth / scale], axis=-1)
         b, *_ = np.linalg.lstsq(x, y)
         return b / np.array([1.0, scale]), float(np.sum((y - x @ b) ** 2))
 
     def rest(number: float) -> float:
-        return y.size * math.log(line(number)[1] / y.size)
+        return y.size * math.log(max(line(number)[1] / y.size, SMALLEST_SPREAD**2))
 
     numbers = np.geomspace(*range_, GRID)
     best = int(np.argmin([rest(n) for n in numbers]))
@@ -107,18 +114,22 @@ def _fitted(
         """d squares / d number, up to a factor: what an hour is worth is a power of one number by either rule, and the
         line's own coefficients need not move, as the squares do not depend on them there."""
         (b0, b1), _ = line(number)
-        factor = rule(number).acceleration(temperature, at_degC)
+        factor = rule(number).acceleration(temperature, hottest)
         return float((y - b0 + b1 * aged * factor) @ (aged * factor * np.log(factor)))
 
-    number = float(root_scalar(slope, x0=near, x1=near * (1 + 1e-6), xtol=1e-14).root)
+    ends = (near * (1.0 - NEAR), near * (1.0 + NEAR))
+    crosses = (slope(ends[0]) < 0.0) != (slope(ends[1]) < 0.0)
+    number = float(brentq(slope, *ends, xtol=1e-14) if crosses else near)
     (b0, b1), squares = line(number)
     if b1 <= 0.0:
         return NoFit("strength does not fall with ageing", named)
     sigma = math.sqrt(squares / y.size)
+    if sigma <= SMALLEST_SPREAD:
+        return NoFit("the law goes through every strength, so that its error is not known: break more specimens", named)
     allowed = float(chi2.ppf(0.95, 1))
     return Fall(
         start=math.exp(b0),
-        per_h=float(b1),
+        per_h=float(b1) / float(rule(number).acceleration(hottest, at_degC)),
         at_degC=at_degC,
         rule=rule(number),
         between=_between(lambda n: rest(n) - rest(number) - allowed, number, range_),
@@ -126,6 +137,22 @@ def _fitted(
         log_likelihood=float(-y.size * (math.log(sigma) + 0.5 * math.log(2 * math.pi) + 0.5) - y.sum()),
         criterion=criterion,
     )
+
+
+def _faulty(degC: Floats, hours: Floats, strength: Floats, criterion: float, at_degC: float) -> str | None:
+    """What is wrong with the question or with a row."""
+    if not (math.isfinite(criterion) and criterion > 0.0 and at_degC > -ZERO_DEGC_IN_K):
+        return "a life ends at a strength above zero, and hours are at a temperature above absolute zero"
+    faults = (
+        (~(np.isfinite(degC) & np.isfinite(hours) & np.isfinite(strength)), "a value is missing: leave the row out"),
+        (strength <= 0.0, "the strength is not above zero: leave the row out"),
+        (hours < 0.0, "the hours of ageing are below zero"),
+        (degC <= -ZERO_DEGC_IN_K, "the temperature is below absolute zero"),
+    )
+    for wrong, what in faults:
+        if wrong.any():
+            return f"row {int(np.argmax(wrong)) + 1}: {what}"
+    return None
 
 
 def _between(excess: Callable[[float], float], best: float, range_: tuple[float, float]) -> tuple[float, float]:

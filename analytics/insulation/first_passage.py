@@ -45,7 +45,7 @@ def first_passage(dose_h: ArrayLike, ln_resistance: ArrayLike, sd: ArrayLike, ri
     )
     known = np.isfinite(dose) & np.isfinite(value) & (error > 0.0) & np.isfinite(error)
     if np.unique(dose[known]).size < 2:
-        return Passage(None, None, "checked at fewer than two doses with a resistance")
+        return Passage(None, None, "checked at fewer than two doses with a resistance and its standard error")
     dose, value, error = _by_dose(dose[known], value[known], error[known])
     risen, spread = value[1:] - value[0], SURE * np.hypot(error[1:], error[0])
     later = dose[1:]

@@ -10,7 +10,7 @@ quantile (log-normal) or ln(-ln(1 - p)) (Weibull of shape 1 / sigma). W. Nelson,
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,6 +19,8 @@ from analytics.insulation.arrhenius import BOLTZMANN_EV_PER_K, ZERO_DEGC_IN_K
 from analytics.insulation.censored import DISTRIBUTIONS, Distribution, Lives, covariance, maximise, standard_quantile
 
 Floats = NDArray[np.float64]
+
+CLOSE = 1e-6  # of a life: ends no further apart are one, as the probability between them is lost in rounding
 
 
 @dataclass(frozen=True)
@@ -82,8 +84,10 @@ class LifeFit:
         return tuple(float(t) for t in np.unique(self.tested.temperature_degC[self.tested.ended]))
 
     def quantile(self, p: float, degC: float) -> float:
-        """Life [h] at `degC` [degC] that the share `p` of specimens does not reach."""
-        return float(np.exp(self.log_life(degC) + self.sigma * standard_quantile(self.distribution, p)))
+        """Life [h] at `degC` [degC] that the share `p`, between 0 and 1, of specimens does not reach; inf where it is
+        longer than a number can be."""
+        with np.errstate(over="ignore"):
+            return float(np.exp(self.log_life(degC) + self.sigma * standard_quantile(self.distribution, p)))
 
     def log_life(self, degC: ArrayLike) -> Floats:
         """Location of ln h at `degC` [degC]."""
@@ -114,7 +118,9 @@ def fit(
     criterion: str,
 ) -> LifeFit | NoFit:
     """The law of the lives (n,), see `LifeTable`; `criterion` names what ended a life. `NoFit` where the data do not
-    determine it.
+    determine it, or a row cannot be (the first such is named, counted from 1). Rows of no specimen, and those that
+    say nothing (from 0 h to inf), are left out; ends closer than a millionth are one. Lives at one temperature are those
+    whose `temperature_degC` is equal.
 
     >>> lives = [900.0, 1100.0, 90.0, 110.0]
     >>> two = fit([200.0, 200.0, 240.0, 240.0], lives, lives, "lognormal", criterion="breakdown")
@@ -124,9 +130,12 @@ def fit(
     temperature, lower, upper, many = np.broadcast_arrays(
         *(np.asarray(v, np.float64) for v in (temperature_degC, lower_h, upper_h, 1.0 if counts is None else counts))
     )
-    kept = many > 0.0
-    tested = LifeTable(temperature[kept], lower[kept], upper[kept], many[kept])
-    reason = _unfit(tested, distribution)
+    rows = LifeTable(*(np.atleast_1d(v) for v in (temperature, lower, upper, many)))
+    reason = _faulty(rows, distribution)
+    if reason is not None:
+        return NoFit(reason, criterion)
+    tested = _exact_where_close(rows.at((rows.counts > 0.0) & ((rows.lower_h > 0.0) | rows.ended)))
+    reason = _too_little(tested)
     if reason is None:
         centre = _centre(tested)
         lives = log_lives(tested, centre)
@@ -160,24 +169,41 @@ def density_per_hour(tested: LifeTable) -> float:
     return float(np.sum(tested.counts[exact] * np.log(tested.lower_h[exact])))
 
 
+def _exact_where_close(tested: LifeTable) -> LifeTable:
+    close = tested.upper_h - tested.lower_h < CLOSE * tested.upper_h
+    return replace(tested, upper_h=np.where(close, tested.lower_h, tested.upper_h))
+
+
 def _centre(tested: LifeTable) -> float:
     weights = tested.counts / tested.counts.sum()
     return float(1.0 / np.sum(weights / (tested.temperature_degC + ZERO_DEGC_IN_K)) - ZERO_DEGC_IN_K)
 
 
-def _unfit(tested: LifeTable, distribution: str) -> str | None:
-    """What is wrong with the table itself."""
+def _faulty(rows: LifeTable, distribution: str) -> str | None:
+    """What is wrong with the question or with a row that stands for a specimen."""
     if distribution not in DISTRIBUTIONS:
         return f"lives are {' or '.join(DISTRIBUTIONS)}, not {distribution}"
-    rows = tested.temperature_degC + tested.lower_h + tested.counts
-    if not np.all(np.isfinite(rows)) or np.isnan(tested.upper_h).any():
-        return "a temperature, a life or a count is missing: leave such rows out"
-    if np.any(tested.lower_h < 0.0) or np.any(tested.upper_h <= 0.0) or np.any(tested.upper_h < tested.lower_h):
-        return "a life is below zero, or ends before it begins: lower_h is at least 0, upper_h above 0 and not below it"
-    if np.any(tested.counts != np.round(tested.counts)):
-        return "a count is not a whole number of specimens"
-    if np.any(tested.temperature_degC <= -ZERO_DEGC_IN_K):
-        return "a temperature is below absolute zero"
+    degC, lower, upper, counts = rows.temperature_degC, rows.lower_h, rows.upper_h, rows.counts
+    known = np.isfinite(degC) & np.isfinite(lower) & np.isfinite(counts) & ~np.isnan(upper)
+    faults = (
+        (~known, "a temperature, a life or a count is missing: leave it out"),
+        (
+            (lower < 0.0) | (upper <= 0.0) | (upper < lower),
+            "a life is below zero, or ends before it begins: lower_h is at least 0, upper_h above 0 and not below it",
+        ),
+        ((counts < 0.0) | (counts != np.round(counts)), "the count is not a whole number of specimens"),
+        (degC <= -ZERO_DEGC_IN_K, "the temperature is below absolute zero"),
+    )
+    for wrong, what in faults:
+        if (wrong & (counts != 0.0)).any():
+            return f"row {int(np.argmax(wrong & (counts != 0.0))) + 1}: {what}"
+    return None
+
+
+def _too_little(tested: LifeTable) -> str | None:
+    """What all lives together lack."""
+    if not tested.counts.size:
+        return "no row says anything of a life: each is watched for 0 h, or stands for no specimen"
     if np.unique(tested.temperature_degC).size < 2:
         return "all lives are of one temperature: an activation energy needs two"
     if not tested.ended.any():

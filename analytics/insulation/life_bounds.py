@@ -1,7 +1,7 @@
 """Bounds of what a law of life says: by the profile of the likelihood, or by parametric bootstrap.
 
 A value psi of a quantity lies within the bounds if the best law that has it is not too much less likely than the best
-of all: 2 (l_max - l(psi)) <= chi2_1 (Meeker & Escobar 1998, 8.2 and 19.3). For a quantile, the activation energy and
+of all: 2 (l_max - l(psi)) <= chi2_1 (Meeker & Escobar 1998, chapters 8 and 19). For a quantile, the activation energy and
 the temperature index, to have psi is a linear condition on (gamma, delta), see `censored`, so that each l(psi) is one
 concave search.
 """

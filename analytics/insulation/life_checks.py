@@ -1,13 +1,14 @@
 """Does the law hold for the lives it was fitted to? One line over temperature, and one spread at all of them.
 
 Likelihood-ratio tests against separate locations, and separate locations and spreads, at each temperature (Nelson 1990,
-chapter 5; Meeker & Escobar 1998, 19.2.3). IEC 60216-3 asks for both, as an F test of linearity and a chi-squared test
+chapter 5; Meeker & Escobar 1998, chapter 19). IEC 60216-3 asks for both, as an F test of linearity and a chi-squared test
 of equal variances. The chi-squared distribution of large samples calls too much with ten specimens a temperature, so
 that the distribution of the ratio is simulated under the law.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -23,6 +24,8 @@ Ratio = Callable[[Floats, Floats], Floats]  # of ln h between which lives ended,
 
 DRAWS = 999
 LEVEL = 0.05
+TOLD = 0.5  # of the draws that must have a ratio, else the rest stand for none
+ALIKE = "too few or too equal lives at each temperature: nothing to hold the law against"
 
 
 @dataclass(frozen=True)
@@ -65,6 +68,8 @@ def linearity(law: LifeFit, draws: int = DRAWS, seed: int = 0) -> Check:
         return _ratio(null, own)
 
     seen, p_value = _p_value(ratio, tested, (lower, upper))
+    if math.isnan(p_value):
+        return _untested(asks, ALIKE, left_out)
     passed = p_value >= LEVEL
     says = "straight within its scatter" if passed else _bend(tested, law)
     return Check(asks, seen, len(law.temperatures_degC) - 2, p_value, passed, says, left_out)
@@ -97,6 +102,8 @@ def common_spread(law: LifeFit, draws: int = DRAWS, seed: int = 0) -> Check:
         return np.where(settled, 2 * (total - common.log_likelihood), np.nan)
 
     seen, p_value = _p_value(ratio, tested, (lower, upper))
+    if math.isnan(p_value):
+        return _untested(asks, ALIKE, left_out)
     passed = p_value >= LEVEL
     least, most = min(spreads, key=spreads.__getitem__), max(spreads, key=spreads.__getitem__)
     says = (
@@ -114,12 +121,14 @@ def _line_through(tested: LifeTable, law: LifeFit) -> LifeFit | NoFit:
 
 def _p_value(ratio: Ratio, tested: LifeTable, draws: tuple[Floats, Floats]) -> tuple[float, float]:
     """The ratio of the data, and the share of draws (those that have one, and the data themselves) with one as
-    large."""
+    large; NaN where the data or most draws have none, as a likelihood without limit has not."""
     lives = _logs(tested, np.ones((tested.counts.size, 1)))
     seen = float(ratio(lives.lower, lives.upper))
     simulated = ratio(*draws)
-    simulated = simulated[np.isfinite(simulated)]
-    return seen, float((1 + np.sum(simulated >= seen)) / (1 + simulated.size))
+    told = simulated[np.isfinite(simulated)]
+    if not math.isfinite(seen) or told.size < TOLD * simulated.size:
+        return seen, math.nan
+    return seen, float((1 + np.sum(told >= seen)) / (1 + told.size))
 
 
 def _ratio(null: Line, own: Line) -> Floats:

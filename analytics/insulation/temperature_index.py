@@ -3,16 +3,18 @@
 After IEC 60216-1 and -3 (materials) and IEEE Std 117 (motorettes, looked at between heat cycles): lives at three
 temperatures at least, equal spread, a straight line, a lower confidence limit near the index, no long extrapolation.
 The standards compute with groups of complete or evenly censored lives; here the same questions are asked of the
-likelihood, which takes any censoring. So an index from here is by the practice of the standard, not a report under it.
+likelihood, which takes any censoring. So an index from here is by the practice of the standard, not a report under it:
+the limits below are to be checked against the edition that a report is made under.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from analytics.insulation.arrhenius import LIFE_H
 from analytics.insulation.life import LifeFit, NoFit
-from analytics.insulation.life_bounds import Bounds, HalvingInterval, TemperatureIndex, profile
+from analytics.insulation.life_bounds import Bounds, HalvingInterval, TemperatureIndex, estimate, profile
 from analytics.insulation.life_checks import Check, common_spread, linearity
 
 TEMPERATURES = 3
@@ -55,7 +57,7 @@ class Endurance:
 
 def endurance(law: LifeFit, life_h: float = LIFE_H, seed: int = 0) -> Endurance | NoFit:
     """Index and halving interval at `life_h` [h]; `NoFit` with the reason where lives ended at fewer than three
-    temperatures, or do not get shorter with heat. `seed`: of the simulated tests."""
+    temperatures, do not get shorter with heat, or not that short however hot. `seed`: of the simulated tests."""
     seen = law.temperatures_degC
     if len(seen) < TEMPERATURES:
         few = "one temperature" if len(seen) == 1 else "two temperatures"
@@ -63,8 +65,12 @@ def endurance(law: LifeFit, life_h: float = LIFE_H, seed: int = 0) -> Endurance 
         return NoFit(reason, law.criterion)
     if law.eV <= 0.0:
         return NoFit("lives do not get shorter with heat: there is no temperature index", law.criterion)
+    if not math.isfinite(estimate(law, HalvingInterval(life_h))):
+        reason = f"by this law no temperature makes the median life as short as {life_h / 2:g} h: there is no index"
+        return NoFit(reason, law.criterion)
     index, halving = profile(law, TemperatureIndex(life_h)), profile(law, HalvingInterval(life_h))
     lower = profile(law, TemperatureIndex(life_h), ONE_SIDED).lower
+    outside_K = max(seen[0] - index.value, index.value - seen[-1], 0.0)
     conditions = (
         _as_condition(linearity(law, seed=seed)),
         _as_condition(common_spread(law, seed=seed)),
@@ -75,8 +81,8 @@ def endurance(law: LifeFit, life_h: float = LIFE_H, seed: int = 0) -> Endurance 
         ),
         Condition(
             f"extrapolation of at most {EXTRAPOLATION_K:g} K",
-            seen[0] - index.value <= EXTRAPOLATION_K,
-            f"{max(seen[0] - index.value, 0.0):.1f} K below {seen[0]:g} degC, the coolest at which a life ended",
+            outside_K <= EXTRAPOLATION_K,
+            f"{outside_K:.1f} K outside {seen[0]:g} to {seen[-1]:g} degC, where lives ended",
         ),
         Condition(
             f"median life of at least {LONGEST_H:g} h at the coolest temperature",

@@ -8,7 +8,7 @@ from types import ModuleType
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from published_lives import class_b, class_h
+from published_lives import circuits, class_b, class_h, mylar
 from scipy import stats
 from scipy.optimize import minimize
 
@@ -120,6 +120,32 @@ def test_class_b_lognormal_is_what_wei_and_tanner_print() -> None:
     assert round(float((line.sigma / np.log(10)) ** 2), 3) == 0.067
 
 
+def test_lives_between_two_looks_have_the_errors_that_meeker_and_escobar_print() -> None:
+    """Statistical Methods for Reliability Data, Example 19.11, over 11605 / T: as reliawiki.com repeats it."""
+    degC, lower, upper, counts = circuits()
+    x = np.stack([np.ones(degC.size), 11605.0 / (degC + ZERO_DEGC_IN_K)], axis=1)
+    lives = Lives(x, np.log(lower), np.log(upper), counts)
+    line = maximise(lives, "lognormal")
+    errors = np.sqrt(np.diag(covariance(lives, "lognormal", line.beta, float(line.sigma))))
+    assert [f"{errors[0]:.1f}", f"{errors[1]:.2f}", f"{float(line.sigma) * errors[2]:.2f}"] == ["1.5", "0.07", "0.06"]
+    law = fitted(degC, lower, upper, "lognormal", counts)
+    assert law.eV == pytest.approx(line.beta[1], rel=1e-4)  # k is 1 / 11604.518
+    assert law.covariance[1, 1] == pytest.approx(errors[1] ** 2, rel=1e-3)
+
+
+def test_another_regressor_gives_what_meeker_and_escobar_print_of_it() -> None:
+    """Example 19.10, ln minutes over ln (kV/mm), 95 % bounds by standard errors: as help.reliasoft.com repeats it."""
+    field, life = mylar()
+    x = np.stack([np.ones(field.size), np.log(field)], axis=1)
+    lives = Lives(x, np.log(life), np.log(life), np.ones(field.size))
+    line = maximise(lives, "lognormal")
+    reach = 1.959964 * np.sqrt(np.diag(covariance(lives, "lognormal", line.beta, float(line.sigma))))
+    assert f"{float(line.log_likelihood) - np.log(life).sum():.1f}" == "-271.4"
+    assert [f"{line.beta[0] + way * reach[0]:.1f}" for way in (-1, 1)] == ["21.6", "33.4"]
+    assert [f"{line.beta[1] + way * reach[1]:.2f}" for way in (-1, 1)] == ["-5.46", "-3.11"]
+    assert [f"{line.sigma * np.exp(way * reach[2]):.2f}" for way in (-1, 1)] == ["0.83", "1.32"]
+
+
 def test_complete_lognormal_lives_are_least_squares() -> None:
     degC, life = class_h()
     law = fitted(degC, life, life, "lognormal")
@@ -207,6 +233,27 @@ def test_counts_are_as_many_rows(distribution: Distribution) -> None:
 
 
 @BOTH
+def test_rows_that_say_nothing_change_nothing(distribution: Distribution) -> None:
+    """Watched for 0 h, or standing for no specimen, whatever else they hold."""
+    degC, lower, upper = some_lives(4, distribution)
+    plain = fitted(degC, lower, upper, distribution)
+    longer = fitted(
+        np.append(degC, [180.0, np.nan, -300.0]),
+        np.append(lower, [0.0, 1.0, np.nan]),
+        np.append(upper, [np.inf, 1.0, -1.0]),
+        distribution,
+        np.append(np.ones(24), [1.0, 0.0, 0.0]),
+    )
+    assert (longer.eV, longer.sigma, longer.log_likelihood) == (plain.eV, plain.sigma, plain.log_likelihood)
+    assert longer.tested.counts.size == 24
+
+
+@BOTH
+def test_a_life_too_long_for_a_number_is_infinite(distribution: Distribution) -> None:
+    assert fitted(*some_lives(6, distribution), distribution).quantile(0.5, -265.0) == np.inf
+
+
+@BOTH
 def test_lives_of_other_hours_move_the_line_and_nothing_else(distribution: Distribution) -> None:
     degC, lower, upper = some_lives(5, distribution)
     one, longer = fitted(degC, lower, upper, distribution), fitted(degC, 24 * lower, 24 * upper, distribution)
@@ -222,6 +269,15 @@ def test_narrow_intervals_are_exact_lives(distribution: Distribution) -> None:
     close = fitted(degC, life * (1 - 1e-5), life * (1 + 1e-5), distribution)
     assert close.eV == pytest.approx(exact.eV, rel=1e-6)
     assert close.sigma == pytest.approx(exact.sigma, rel=1e-6)
+
+
+@BOTH
+def test_intervals_too_narrow_to_compute_with_are_exact_lives(distribution: Distribution) -> None:
+    degC, life = class_h()
+    exact = fitted(degC, life, life, distribution)
+    for width in (1e-7, 1e-12, 4e-16):
+        close = fitted(degC, life, life * (1 + width), distribution)
+        assert (close.eV, close.sigma, close.log_likelihood) == (exact.eV, exact.sigma, exact.log_likelihood)
 
 
 @BOTH
@@ -269,6 +325,26 @@ def test_what_the_data_do_not_determine_is_refused_with_the_reason() -> None:
     broken = fit([200, 240], [100, 10], [100, 10], "weibull", [1.5, 1.0], criterion="breakdown")
     assert isinstance(broken, NoFit)
     assert "whole number" in broken.reason
+
+
+def test_the_first_row_that_cannot_be_is_named() -> None:
+    lives, ended = np.array([900.0, 1100.0, 90.0, 110.0]), np.array([900.0, 1100.0, 90.0, 110.0])
+    degC = np.array([200.0, 200.0, 240.0, 240.0])
+    assert refused(degC, lives, np.where(lives == 90.0, 80.0, ended)).startswith("row 3: a life is below zero")
+    assert refused(np.where(lives == 110.0, np.nan, degC), lives, ended).startswith("row 4: a temperature")
+    assert refused(degC, np.where(lives == 90.0, np.inf, lives), np.where(lives == 90.0, np.inf, ended)).startswith(
+        "row 3"
+    )
+    for counts, what in (([1, -1, 1, 1], "whole number"), ([1, np.nan, 1, 1], "missing")):
+        found = fit(degC, lives, ended, "weibull", np.array(counts, np.float64), criterion="breakdown")
+        assert isinstance(found, NoFit)
+        assert found.reason.startswith("row 2: ")
+        assert what in found.reason
+
+
+def test_a_table_that_says_nothing_is_refused_as_such() -> None:
+    assert "no row says anything" in refused([], [], [])
+    assert "no row says anything" in refused([200, 220], [0, 0], [np.inf, np.inf])
 
 
 @pytest.mark.parametrize("seed", range(30))

@@ -8,7 +8,7 @@ import math
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from published_lives import class_b, class_h
+from published_lives import circuits, class_b, class_h
 from scipy import stats
 
 from analytics.insulation.arrhenius import BOLTZMANN_EV_PER_K, ZERO_DEGC_IN_K
@@ -54,7 +54,35 @@ def test_equal_spread_of_complete_lognormal_lives_is_bartletts_test() -> None:
     pooled = math.log(np.mean([g.var() for g in groups]))
     assert found.ratio == pytest.approx(40 * pooled - sum(10 * math.log(g.var()) for g in groups), abs=1e-8)
     assert found.p_value == pytest.approx(stats.bartlett(*groups).pvalue, abs=0.01)
-    assert "0.37 at 260 degC" in found.says  # Nelson 1990 remarks on the wide spread there
+    assert "0.37 at 260 degC" in found.says
+
+
+def test_the_ratio_of_spreads_of_lives_between_looks_is_what_meeker_and_escobar_print() -> None:
+    """Example 19.11 of Statistical Methods for Reliability Data, as reliawiki.com repeats it: 4.7, of one degree."""
+    degC, lower, upper, counts = circuits()
+    law = fit(degC, lower, upper, "lognormal", counts, criterion="failure")
+    assert isinstance(law, LifeFit)
+    found = common_spread(law, draws=199)
+    assert f"{found.ratio:.1f}" == "4.7"
+    assert found.degrees == 1
+    assert found.p_value == pytest.approx(stats.chi2.sf(found.ratio, 1), abs=0.04)
+    assert found.left_out_degC == (150.0, 175.0, 200.0)
+
+
+def test_a_line_through_one_life_a_temperature_is_not_tested_rather_than_bent() -> None:
+    degC, life = np.array([190.0, 210.0, 230.0]), np.array([9000.0, 2400.0, 1000.0])
+    for found in (check(fitted(degC, life, life)) for check in (linearity, common_spread)):
+        assert not found.passed
+        assert math.isnan(found.p_value)
+        assert "straight" not in found.says
+
+
+def test_equal_lives_at_each_temperature_leave_nothing_to_test_by() -> None:
+    degC = np.repeat([190.0, 210.0, 230.0], 4)
+    found = linearity(fitted(degC, np.repeat([9000.0, 2400.0, 1000.0], 4), np.repeat([9000.0, 2400.0, 1000.0], 4)))
+    assert not found.passed
+    assert math.isnan(found.p_value)
+    assert "too equal" in found.says
 
 
 def test_lives_that_follow_the_law_pass() -> None:

@@ -91,4 +91,44 @@ def test_what_the_strengths_do_not_determine_is_refused() -> None:
     one = degC == 225.0
     assert "one temperature" in reason(by_energy(degC[one], weeks[one], kV[one], 10.0, 200.0))
     assert "above zero" in reason(by_energy(degC, weeks, kV - 20.0, 10.0, 200.0))
+    assert "equal" in reason(by_energy(degC, weeks, np.full(kV.size, 12.0), 10.0, 200.0))
+    assert "one duration" in reason(by_energy([], [], [], 10.0, 200.0))
     assert "does not fall" in reason(by_energy(degC, weeks, 1 / kV, 10.0, 200.0))
+
+
+def test_the_first_row_that_cannot_be_is_named() -> None:
+    degC, weeks, kV = breakdown()
+    second = np.arange(kV.size) == 1
+    for temperature, aged, strength, what in (
+        (np.where(second, -300.0, degC), weeks, kV, "absolute zero"),
+        (degC, np.where(second, -1.0, weeks), kV, "hours of ageing"),
+        (degC, weeks, np.where(second, np.nan, kV), "missing"),
+    ):
+        found = by_doubling(temperature, aged, strength, criterion=10.0, at_degC=200.0)
+        assert isinstance(found, NoFit)
+        assert found.reason.startswith("row 2: ")
+        assert what in found.reason
+
+
+@pytest.mark.parametrize(("criterion", "at_degC"), [(0.0, 200.0), (math.nan, 200.0), (10.0, -280.0)])
+def test_a_question_that_cannot_be_is_refused(criterion: float, at_degC: float) -> None:
+    found = by_energy(*breakdown(), criterion=criterion, at_degC=at_degC)
+    assert isinstance(found, NoFit)
+    assert "strength above zero" in found.reason
+
+
+def test_a_law_through_every_strength_claims_no_exactness() -> None:
+    """Three specimens and three coefficients: bounds of no width would be a lie."""
+    found = by_energy([180.0, 180.0, 225.0], [0.0, 10.0, 10.0], [15.0, 14.0, 10.0], 5.0, 200.0)
+    assert isinstance(found, NoFit)
+    assert "break more specimens" in found.reason
+
+
+@pytest.mark.parametrize("unit", [1e-300, 1e300])
+def test_hours_in_any_unit_give_the_same_energy(unit: float) -> None:
+    degC, weeks, kV = breakdown()
+    plain, scaled = (fall(by_energy(degC, weeks * u, kV, 10.0, 200.0)) for u in (1.0, unit))
+    assert isinstance(plain.rule, Activation)
+    assert isinstance(scaled.rule, Activation)
+    assert scaled.rule.eV == pytest.approx(plain.rule.eV, rel=1e-9)
+    assert scaled.per_h * unit == pytest.approx(plain.per_h, rel=1e-9)

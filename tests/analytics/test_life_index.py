@@ -84,6 +84,25 @@ def test_a_temperature_where_nothing_ended_does_not_count() -> None:
     assert "two temperatures" in why_not(fit(degC[kept], lower[kept], upper[kept], "weibull", criterion="breakdown"))
 
 
+def test_an_index_above_the_tested_temperatures_is_an_extrapolation_too() -> None:
+    degC, life = class_h()
+    found = of(fit(degC, life, life, "lognormal", criterion="breakdown"), life_h=100.0)
+    asked = {condition.asks: condition for condition in found.conditions}["extrapolation of at most 25 K"]
+    assert found.index.value > 285.0
+    assert not asked.met
+    assert f"{found.index.value - 260.0:.1f} K outside 190 to 260 degC" in asked.says
+
+
+def test_lives_that_stay_long_however_hot_have_no_index() -> None:
+    degC = np.repeat([200.0, 220.0, 240.0], 4)
+    inverse = 1 / (BOLTZMANN_EV_PER_K * (degC + ZERO_DEGC_IN_K))
+    spread = np.tile([0.9, 1.1, 1.05, 0.95], 3)
+    life = 90_000.0 * np.exp(0.05 * (inverse - inverse[0])) * spread
+    assert "no temperature makes the median life as short as 10000 h" in why_not(
+        fit(degC, life, life, "lognormal", criterion="breakdown")
+    )
+
+
 def test_lives_that_grow_with_heat_have_no_index() -> None:
     degC = np.repeat([200.0, 220.0, 240.0], 2)
     life = np.array([100.0, 120.0, 200.0, 220.0, 400.0, 410.0])

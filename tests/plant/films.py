@@ -51,7 +51,7 @@ class FilmLaws:
 
 def gap_film(geometry: Geometry, speed_rpm: Floats, tilt: float = 0.0) -> Floats:
     """Each side of the air gap: Nu k / (2 gap) with Becker & Kaye's Nusselt numbers over the Taylor number
-    omega^2 r gap^3 / nu^2 (DOI 10.1115/1.3684246), the three ranges joined smoothly."""
+    omega^2 r gap^3 / nu^2 (J. Heat Transfer 84 (1962) 97), the three ranges joined smoothly."""
     omega = np.abs(speed_rpm) * np.pi / 30
     taylor = omega**2 * geometry.rotor_radius * geometry.gap**3 / AIR_m2_per_s**2
     vortices, turbulent = 0.128 * taylor**0.367, 0.409 * taylor**0.241

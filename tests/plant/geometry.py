@@ -30,7 +30,7 @@ class Material:
         return self.density * self.heat_capacity * volume_m3
 
 
-# Handbook values (VDI Heat Atlas, chapter D6; Staton & Cavagnino, DOI 10.1109/TIE.2008.922604, for slot materials).
+# Handbook values (VDI Heat Atlas, chapter D6; Boglietti, Cavagnino, Staton, IEEE Trans. Energy Conv. 20 (2005), for slot materials).
 COPPER = Material(8930.0, 385.0, 385.0)
 SHEET = Material(7650.0, 460.0, 27.0, 4.0)
 STEEL = Material(7800.0, 465.0, 45.0)
