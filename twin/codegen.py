@@ -27,6 +27,7 @@ import numba
     " float64[:, ::1])",
     error_model="numpy",
     nogil=True,
+    no_cfunc_wrapper=True,
     cache=CACHE,
 )
 def run(features, boundaries, step_s, coefficients, capacities, copper, factors, out):

@@ -1,54 +1,51 @@
-"""The kernel of runs side by side: the statements of `twin.codegen` with an inner loop around them, as source text.
+"""The kernel of runs side by side: the text of `twin.codegen`, compiled for vectors in place of numbers (`twin.vectors`).
 
-What the compiler makes of that is vector instructions, and every run has the bits that it has alone.
+Every run has the bits that it has alone.
 """
 
 from __future__ import annotations
 
-from twin.codegen import Writer, add_step, end_step, indented, read_inputs
+import re
+
+from twin import codegen
 from twin.integrators import Tableau
 from twin.structure import Structure
+from twin.vectors import LANES, MARK
 
-LANES = 16  # runs side by side: fewer are not made into vector instructions, more do not fit the nearest cache
-
-SIDE_BY_SIDE = f'''"""{LANES} runs of one thermal network side by side. Generated: change the generator, not this file."""
-
-import math
+HEAD = f'''"""{LANES} runs of one thermal network side by side. Generated: change the generator, not this file."""
 
 import numba
+import numpy as np
+
+from twin.vectors import vectors
 
 
 @numba.njit(
-    "void(float64[:, :, ::1], float64, float64[::1], float64[::1], float64[::1], float64[:, ::1], float64[:, ::1],"
+    "void(float64[:, :, ::1], float64[:, :, ::1], float64, float64[::1], float64[::1], float64[::1], float64[:, ::1],"
     " float64[:, :, ::1])",
     error_model="numpy",
     nogil=True,
+    no_cfunc_wrapper=True,
     cache=CACHE,
 )
-def run(inputs, step_s, coefficients, capacities, copper, factors, state, out):
+def run(features, boundaries, step_s, coefficients, capacities, copper, factors, out):
+    lanes = out.shape[2:]
+    features, boundaries, out = vectors(features, lanes), vectors(boundaries, lanes), vectors(out, lanes)
 '''
 
-STEPS_SIDE_BY_SIDE = f"""    here = state.reshape(-1)
-    for k in range(inputs.shape[0]):
-        row = inputs[k].reshape(-1)
-        for c in range({LANES}):
-"""
+# What branches by a number, as sums and products that vectors have too.
+WITHOUT_BRANCHES = (
+    (re.compile(r"\bmath\.sqrt\("), "np.sqrt("),
+    (re.compile(r"\bmin\("), "np.minimum("),
+    (re.compile(r"\bmax\("), "np.maximum("),
+    (re.compile(r"\((\S+) if (\S+) < (\S+) <= (\S+) else 0\.0\)"), r"\1 * (\2 < \3) * (\3 <= \4)"),
+)
 
 
 def generate_side_by_side(structure: Structure, tableau: Tableau) -> str:
-    """The source of the same run for `LANES` sessions, for a method that does not look back:
-    `run(inputs, step_s, coefficients, capacities, copper, factors, state, out)`.
-
-    `inputs` (N, m + b, LANES): features, then boundaries, of all sessions side by side; `state` (n, LANES) is left as it is
-    after the last step, `out` (N, n, LANES) holds it after each.
-    """
-    w, n, m = Writer(structure), structure.n, structure.monomials
-    read_inputs(w, tableau)
-    inputs = {f"features[k, {j}]": j for j in range(m)} | {f"boundaries[k, {j}]": m + j for j in w.boundaries}
-    w.lines = [f"{name} = row[{inputs[text] * LANES} + c]" for name, text in (line.split(" = ") for line in w.lines)]
-    w.lines += [f"T{i} = here[{i * LANES} + c]" for i in range(n)]
-    add_step(w, tableau)
-    end_step(w, tableau)
-    w.lines += [f"here[{i * LANES} + c] = T{i}" for i in range(n)]
-    steps = STEPS_SIDE_BY_SIDE + indented(3, w.lines) + indented(2, ["out[k] = state"])
-    return SIDE_BY_SIDE + indented(1, w.hoisted) + steps
+    """The source of `run` as `twin.codegen.generate` says it, for a method that does not look back; `features`,
+    `boundaries` and `out` have a last axis of `LANES`."""
+    body = codegen.generate(structure, tableau).removeprefix(codegen.HEAD)
+    for branch, without in WITHOUT_BRANCHES:
+        body = branch.sub(without, body)
+    return MARK + HEAD + body

@@ -1,4 +1,6 @@
-"""The index program: the arithmetic of the straight-line kernel with the topology as data, compiled once for all motors.
+"""The index program: the arithmetic of the straight-line kernel with the topology as data, compiled once for all.
+
+One text for one run and for `twin.vectors.LANES` side by side, where what an index costs is shared by all of them.
 
 Row and column of the step matrix are kept as `values` (n diagonals, then the upper and the lower off-diagonals, both in the
 order of elimination), so every access is one precomputed index.
@@ -12,9 +14,10 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.drops import between, drop
+from twin.drops import drop
 from twin.integrators import Tableau
 from twin.structure import NOBODY, Group, Structure
+from twin.vectors import vectors
 
 Floats = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -31,7 +34,7 @@ class Program(NamedTuple):
     """
 
     n: int
-    monomials: int
+    symmetric: bool
     gamma: float
     back: float
     term_start: Index
@@ -64,7 +67,7 @@ def program(structure: Structure, tableau: Tableau) -> Program:
         stages[i, :i] = np.array(row) / tableau.gamma
     return Program(
         n=n,
-        monomials=structure.monomials,
+        symmetric=structure.symmetric,
         gamma=tableau.gamma,
         back=tableau.back,
         term_start=_index(np.cumsum([0, *(len(group.terms) for group in structure.groups)])),
@@ -108,17 +111,29 @@ def _places(group: Group, n: int, where: dict[tuple[int, int], int]) -> list[int
 
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
+def table(at: Any, knots: Floats, values: Floats) -> Any:
+    """A table (K,) over rising knots (K,), linear between them and constant beyond, and its slope: a sum of ramps."""
+    value, slope = values[0], 0.0
+    for i in range(1, len(knots)):
+        low, high = knots[i - 1], knots[i]
+        rise = (values[i] - values[i - 1]) / (high - low)
+        value += rise * np.minimum(np.maximum(at - low, 0.0), high - low)
+        slope += rise * (low < at) * (at <= high)
+    return value, slope
+
+
+@numba.njit(error_model="numpy", nogil=True, cache=True)
 def assemble(
     program: Program,
     constant: Floats,
     coefficients: Floats,
     copper: Floats,
     factors: Floats,
-    phi: Floats,
-    outside: Floats,
-    start: Floats,
-    values: Floats,
-    right: Floats,
+    phi: Any,
+    outside: Any,
+    start: Any,
+    values: Any,
+    right: Any,
 ) -> None:
     """One step: its matrix, eliminated, into `values` (n + 2E,) and its right-hand side into `right` (n,) [W].
 
@@ -134,8 +149,11 @@ def assemble(
     for g in range(len(program.group)):
         amount = 0.0
         for t in range(program.term_start[g], program.term_start[g + 1]):
-            j = program.term_monomial[t]
-            amount += coefficients[program.term_coefficient[t]] * (1.0 if j < 0 else phi[j])
+            j, coefficient = program.term_monomial[t], coefficients[program.term_coefficient[t]]
+            if j < 0:
+                amount += coefficient
+            else:
+                amount += coefficient * phi[j]
         a, b, own, other, law, one_way = program.group[g]
         aa, bb, ab, ba, am, bm = program.place[g]
         if b < 0:
@@ -163,7 +181,7 @@ def assemble(
             value, by_a, by_b = drop(law, start[a], far)
             first, end = program.knot_start[g], program.knot_start[g + 1]
             if first < end:
-                relative, growth = between(far, program.knots[first:end], program.relative[first:end])
+                relative, growth = table(far, program.knots[first:end], program.relative[first:end])
                 value, by_a, by_b = relative * value, relative * by_a, relative * by_b + growth * value
         if other >= 0:
             slope = amount * factors[g, 0] * value
@@ -173,10 +191,9 @@ def assemble(
             if b < n and one_way == 0:
                 values[bm] += slope
                 right[b] += slope * start[other]
+        to_a = to_b = amount
         if law != 0:
             to_a, to_b = -amount * by_a, amount * by_b
-        else:
-            to_a = to_b = amount
         values[aa] += to_a
         if b >= n:
             right[a] += amount * far if law == 0 else amount * value + to_a * start[a]
@@ -192,14 +209,16 @@ def assemble(
                 right[b] -= rest
     u = 0
     for p in range(n):
-        pivot = order[p]
-        values[pivot] = 1.0 / values[pivot]
-        for e in range(edge_start[p], edge_start[p + 1]):
-            multiplier = values[n + edges + e] * values[pivot]
+        first, end = edge_start[p], edge_start[p + 1]
+        pivot = 1.0 / values[order[p]]
+        values[order[p]] = pivot
+        for e in range(first, end):
+            multiplier = values[n + e if program.symmetric else n + edges + e] * pivot
             values[n + edges + e] = multiplier
-            for f in range(edge_start[p], edge_start[p + 1]):
-                values[program.update[u]] -= multiplier * values[n + f]
-                u += 1
+            begin = e if program.symmetric else first  # entries left of the diagonal are had from those right of it
+            for f in range(begin, end):
+                values[program.update[u + f - first]] -= multiplier * values[n + f]
+            u += end - first
 
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
@@ -215,19 +234,25 @@ def run(
     out: Floats,
     stage: Floats,
 ) -> None:
-    """Fill `out` (N + 1, n) from its first row; `stage` (s, n) is left holding the last step's stage temperatures."""
+    """Fill `out` (N + 1, n) from its first row; `stage` (s, n) is left holding the last step's stage temperatures.
+
+    With a last axis of `twin.vectors.LANES` in `features`, `boundaries`, `out` and `stage`: so many runs, each with the bits
+    that it has alone.
+    """
     n, order, edge_start, edge_to = program.n, program.order, program.edge_start, program.edge_to
-    edges = len(edge_to)
+    edges, lanes = len(edge_to), features.shape[2:]
+    values, right = vectors(np.empty((n + 2 * edges, *lanes)), lanes), vectors(np.empty((n, *lanes)), lanes)
+    delta, stages = vectors(np.empty(stage.shape), lanes), vectors(stage, lanes)
+    phi, outside, course = vectors(features, lanes), vectors(boundaries, lanes), vectors(out, lanes)
     constant = capacities / (program.gamma * step_s)
-    values, right, delta = np.empty(n + 2 * edges), np.empty(n), np.empty(stage.shape)
-    looking, back, before = program.back != 0.0, 0.0, out[0]
+    looking, back, before = program.back != 0.0, 0.0, course[0]
     if looking:
         constant = capacities / step_s
-    for k in range(len(features)):
-        start = out[k]
-        assemble(program, constant, coefficients, copper, factors, features[k], boundaries[k], start, values, right)
-        for s in range(len(stage)):
-            z = stage[s]
+    for k in range(len(phi)):
+        start = course[k]
+        assemble(program, constant, coefficients, copper, factors, phi[k], outside[k], start, values, right)
+        for s in range(len(stages)):
+            z = stages[s]
             for i in range(n):
                 base = start[i] + back * (start[i] - before[i])
                 for j in range(s):
@@ -235,8 +260,9 @@ def run(
                 delta[s, i] = base
                 z[i] = constant[i] * base + right[i]
             for p in range(n):
+                own = z[order[p]]
                 for e in range(edge_start[p], edge_start[p + 1]):
-                    z[edge_to[e]] -= values[n + edges + e] * z[order[p]]
+                    z[edge_to[e]] -= values[n + edges + e] * own
             for p in range(n - 1, -1, -1):
                 i = order[p]
                 total = z[i]
@@ -247,8 +273,8 @@ def run(
                 delta[s, i] = z[i] - delta[s, i]
         for i in range(n):
             end = start[i] + back * (start[i] - before[i])
-            for s in range(len(stage)):
+            for s in range(len(stages)):
                 end += program.weights[s] * delta[s, i]
-            out[k + 1, i] = end
+            course[k + 1, i] = end
         if looking:
             constant, back, before = capacities / (program.gamma * step_s), program.back, start

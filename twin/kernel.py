@@ -11,21 +11,25 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from twin import codegen, codegen_columns, codegen_gradient, codegen_lanes, drops, indexed, indexed_lanes
+from twin import codegen, codegen_columns, codegen_gradient, codegen_lanes, drops, indexed
 from twin.check import check
 from twin.integrators import DEFAULT, Tableau
 from twin.network import Network
 from twin.structure import Parameters, parameters, structure
+from twin.vectors import MARK
 
 Kernel = Callable[..., None]
 Load = Callable[[str], Kernel]
 Run = Callable[[Parameters, NDArray[np.float64], NDArray[np.float64], float, NDArray[np.float64]], None]
-Together = Callable[[Parameters, NDArray[np.float64], float, NDArray[np.float64], NDArray[np.float64]], None]
 
-INDEX_HEAD = """from __future__ import annotations
+INDEX_HEAD = f"""{MARK}from __future__ import annotations
+
+from typing import Any
 
 import numba
 import numpy as np
+
+from twin.vectors import vectors
 
 
 """
@@ -48,7 +52,7 @@ class Compiled:
     run: Run
     form: str  # "straight-line" | "indexed"
     monomials: int
-    together: Callable[[], Together] | None
+    together: Callable[[], Run] | None
     gradient: Callable[[], Kernel] | None
     columns: Callable[[tuple[int, ...]], Kernel] | None
 
@@ -81,31 +85,10 @@ def compile_network(network: Network, tableau: Tableau = DEFAULT, load: Load = l
     source = codegen.generate(shape, tableau)
     if statements(source) > STATEMENTS:
         return compile_indexed(network, tableau, load)
-    kernel = load(source)
-
-    def run(
-        p: Parameters,
-        phi: NDArray[np.float64],
-        boundaries: NDArray[np.float64],
-        step_s: float,
-        out: NDArray[np.float64],
-    ) -> None:
-        kernel(phi, boundaries, step_s, p.coefficients, p.capacities, p.copper, p.factors, out)
 
     @cache
-    def together() -> Together:
-        lanes = load(codegen_lanes.generate_side_by_side(shape, tableau))
-
-        def run(
-            p: Parameters,
-            inputs: NDArray[np.float64],
-            step_s: float,
-            state: NDArray[np.float64],
-            out: NDArray[np.float64],
-        ) -> None:
-            lanes(inputs, step_s, p.coefficients, p.capacities, p.copper, p.factors, state, out)
-
-        return run
+    def together() -> Run:
+        return _given(load(codegen_lanes.generate_side_by_side(shape, tableau)))
 
     @cache
     def gradient() -> Kernel:
@@ -117,7 +100,23 @@ def compile_network(network: Network, tableau: Tableau = DEFAULT, load: Load = l
 
     several = None if tableau.back else together
     derived = (gradient, columns) if tableau is DEFAULT else (None, None)
+    run = _given(load(source))
     return Compiled(network, parameters(network), run, "straight-line", shape.monomials, several, *derived)
+
+
+def _given(kernel: Kernel) -> Run:
+    """The kernel of one text as `Compiled.run`."""
+
+    def run(
+        p: Parameters,
+        phi: NDArray[np.float64],
+        boundaries: NDArray[np.float64],
+        step_s: float,
+        out: NDArray[np.float64],
+    ) -> None:
+        kernel(phi, boundaries, step_s, p.coefficients, p.capacities, p.copper, p.factors, out)
+
+    return run
 
 
 def compile_indexed(network: Network, tableau: Tableau = DEFAULT, load: Load = load_in_memory) -> Compiled:
@@ -134,40 +133,16 @@ def compile_indexed(network: Network, tableau: Tableau = DEFAULT, load: Load = l
         step_s: float,
         out: NDArray[np.float64],
     ) -> None:
-        stage = np.empty((len(program.weights), program.n))
+        stage = np.empty((len(program.weights), *out.shape[1:]))
         kernel(program, phi, boundaries, step_s, p.coefficients, p.capacities, p.copper, p.factors, out, stage)
 
-    @cache
-    def together() -> Together:
-        lanes = index_program_of_lanes(load)
-
-        def run(
-            p: Parameters,
-            inputs: NDArray[np.float64],
-            step_s: float,
-            state: NDArray[np.float64],
-            out: NDArray[np.float64],
-        ) -> None:
-            lanes(program, inputs, step_s, p.coefficients, p.capacities, p.copper, p.factors, state, out)
-
-        return run
-
-    several = None if tableau.back else together
+    several = None if tableau.back else lambda: run
     return Compiled(network, parameters(network), run, "indexed", shape.monomials, several, None, None)
 
 
 @cache
 def index_program(load: Load = load_in_memory) -> Kernel:
     """The compiled `indexed.run`, with all that it calls in one text: a cache then never holds parts of different versions."""
-    return load(_text(drops.drop, drops.between, indexed.assemble, indexed.run))
-
-
-@cache
-def index_program_of_lanes(load: Load = load_in_memory) -> Kernel:
-    """The compiled `indexed_lanes.run`, likewise."""
-    return load(_text(drops.drop, drops.between, indexed_lanes.assemble_lanes, indexed_lanes.run))
-
-
-def _text(*functions: Any) -> str:
+    functions = (drops.drop, indexed.table, indexed.assemble, indexed.run)
     parts = (inspect.getsource(function.py_func) for function in functions)
-    return INDEX_HEAD + "\n\n".join(parts).replace("cache=True", "cache=CACHE")
+    return load(INDEX_HEAD + "\n\n".join(parts).replace("cache=True", "cache=CACHE"))

@@ -1,6 +1,6 @@
 """Many sessions through one network at once, side by side in the lanes of vector instructions.
 
-Each has the bits that it has alone, in about half of the time (docs/integrator.md).
+Each has the bits that it has alone, in about a third of the time (docs/integrator.md).
 """
 
 from __future__ import annotations
@@ -8,19 +8,18 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator, Sequence
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.codegen_lanes import LANES
-from twin.kernel import Compiled
-from twin.simulate import Frame, check_finite, check_frame, simulate
+from twin.interleaving import at_a_border, interleave, separate
+from twin.kernel import Compiled, Run
+from twin.simulate import Frame, check_finite, check_frame, check_shapes, simulate, writable
+from twin.vectors import LANES
 
 Floats = NDArray[np.float64]
 
-CHUNK = 256  # steps that are laid side by side at a time: they fit the second level cache
-NEAR = 8  # of them that fit the nearest one
-ENOUGH = 9  # sessions that are worth a pass of all lanes
+CHUNK = 256  # steps that are laid side by side at a time, a multiple of LANES: they fit the second level cache
+ENOUGH = 3  # sessions that are worth a pass of all lanes
 
 
 def simulate_all(compiled: Compiled, frames: Sequence[Frame], initials: Sequence[Floats]) -> list[Floats]:
@@ -28,74 +27,65 @@ def simulate_all(compiled: Compiled, frames: Sequence[Frame], initials: Sequence
 
     Frames may have any number of steps; those with the same `step_s` go together. Raises as `simulate` does.
     """
-    edges = np.cumsum([0, *(len(frame.features) + 1 for frame in frames)])
-    every = np.empty((edges[-1], len(compiled.network.nodes)))  # one piece of memory is had faster than many
-    found = [every[a:b] for a, b in itertools.pairwise(edges)]
+    network, n = compiled.network, len(compiled.network.nodes)
+    for frame, initial in zip(frames, initials, strict=True):
+        check_shapes(network, frame, initial, compiled.monomials)
+    found = at_a_border([(len(frame.features) + 1, n) for frame in frames])
+    chunk = at_a_border([(CHUNK + 1, count, LANES) for count in (compiled.monomials, len(network.boundaries), n)])
     for group in _groups(frames):
-        if compiled.together is None or len(group) < ENOUGH or not len(frames[group[0]].features):
+        if compiled.together is None or len(group) < ENOUGH:
             for s in group:
                 found[s] = simulate(compiled, frames[s], initials[s])
         else:
-            _together(compiled, [frames[s] for s in group], [initials[s] for s in group], [found[s] for s in group])
+            own = [frames[s] for s in group], [initials[s] for s in group], [found[s] for s in group]
+            _together(compiled, compiled.together(), *own, chunk)
     return found
 
 
 def _groups(frames: Sequence[Frame]) -> Iterator[list[int]]:
-    """Sessions that go together, at most `LANES`: of one step, and about as long as each other."""
+    """Sessions that go together, at most `LANES`: of one step, and about as long as each other, the longest last."""
     order = sorted(range(len(frames)), key=lambda s: (frames[s].step_s, len(frames[s].features)))
-    for _, equal in itertools.groupby(order, key=lambda s: (frames[s].step_s, len(frames[s].features) > 0)):
+    for _, equal in itertools.groupby(order, key=lambda s: frames[s].step_s):
         group = list(equal)
         yield from (group[i : i + LANES] for i in range(0, len(group), LANES))
 
 
-def _together(compiled: Compiled, frames: Sequence[Frame], initials: Sequence[Floats], out: Sequence[Floats]) -> None:
-    """Fill `out`, an array a session; lanes that are left over run the last session once more."""
-    for frame, initial in zip(frames, initials, strict=True):
-        check_frame(compiled.network, frame, initial, compiled.monomials)
-    assert compiled.together is not None
-    run, n, step_s = compiled.together(), len(compiled.network.nodes), float(frames[0].step_s)
-    for own, initial in zip(out, initials, strict=True):
-        own[0] = initial
-    lane = [min(c, len(frames) - 1) for c in range(LANES)]
-    phi, around = (
-        tuple(np.ascontiguousarray(arrays[c], dtype=np.float64) for c in lane)
-        for arrays in ([frame.features for frame in frames], [frame.boundaries for frame in frames])
+def _together(
+    compiled: Compiled,
+    run: Run,
+    frames: Sequence[Frame],
+    initials: Sequence[Floats],
+    out: Sequence[Floats],
+    chunk: Sequence[Floats],
+) -> None:
+    """Fill `out`, an array a session, by way of `chunk`: features, boundaries and temperatures of some steps side by side.
+
+    A lane without a session, or whose session is over, does what the longest one does: that is written more than once.
+    """
+    steps, longest, n = [len(frame.features) for frame in frames], len(frames) - 1, len(compiled.network.nodes)
+    features, boundaries, found = (
+        [writable(array).ravel() for array in arrays]
+        for arrays in ([frame.features for frame in frames], [frame.boundaries for frame in frames], out)
     )
-    into, longest = tuple(out[c] for c in lane), max(len(frame.features) for frame in frames)
-    m, b = phi[0].shape[1], around[0].shape[1]
-    rows, states = np.empty((CHUNK, m + b, LANES)), np.empty((CHUNK, n, LANES))
-    state = np.stack([initials[c] for c in lane], axis=1)
-    for first in range(0, longest, CHUNK):
-        many = min(CHUNK, longest - first)
-        _take_in(phi, first, 0, rows[:many])
-        _take_in(around, first, m, rows[:many])
-        run(compiled.parameters, rows[:many], step_s, state, states[:many])
-        _give_out(states[:many], first, into)
-    for frame, own in zip(frames, out, strict=True):
-        check_finite(compiled.network, frame, own)
-
-
-@numba.njit(error_model="numpy", nogil=True, cache=True)
-def _take_in(inputs: tuple[Floats, ...], first: int, row: int, rows: Floats) -> None:
-    """Features or boundaries of some steps side by side, from this row on; of its last step where a session is over."""
-    for near in range(0, rows.shape[0], NEAR):
-        for c in range(0, LANES, 4):  # four at once: twice as fast as one
-            a0, a1, a2, a3 = inputs[c], inputs[c + 1], inputs[c + 2], inputs[c + 3]
-            for k in range(near, min(near + NEAR, rows.shape[0])):
-                k0, k1 = min(first + k, a0.shape[0] - 1), min(first + k, a1.shape[0] - 1)
-                k2, k3 = min(first + k, a2.shape[0] - 1), min(first + k, a3.shape[0] - 1)
-                for j in range(a0.shape[1]):
-                    rows[k, row + j, c] = a0[k0, j]
-                    rows[k, row + j, c + 1] = a1[k1, j]
-                    rows[k, row + j, c + 2] = a2[k2, j]
-                    rows[k, row + j, c + 3] = a3[k3, j]
-
-
-@numba.njit(error_model="numpy", nogil=True, cache=True)
-def _give_out(states: Floats, first: int, out: tuple[Floats, ...]) -> None:
-    for near in range(0, states.shape[0], NEAR):
-        for c in range(LANES):
-            own = out[c]
-            for k in range(near, min(near + NEAR, states.shape[0], own.shape[0] - 1 - first)):
-                for i in range(own.shape[1]):
-                    own[first + 1 + k, i] = states[k, i, c]
+    phi, around, states = chunk
+    m, b, step_s = phi.shape[1], around.shape[1], float(frames[0].step_s)
+    states[0] = np.stack([initials[min(c, longest)] for c in range(LANES)], axis=1)
+    finite, first, own = bool(np.isfinite(states[0]).all()), 0, [-1]
+    for stop in sorted({*range(CHUNK, steps[-1], CHUNK), *steps}):
+        if own != (now := [c if c < longest and steps[c] >= stop else longest for c in range(LANES)]):
+            own = now
+            inputs, edges, results = (tuple(arrays[s] for s in own) for arrays in (features, boundaries, found))
+            states[0] = states[0][:, [c if s < longest else LANES - 1 for c, s in enumerate(own)]]
+        many = stop - first
+        finite &= interleave(inputs, first * m, phi[:many].reshape(-1, LANES))
+        finite &= interleave(edges, first * b, around[:many].reshape(-1, LANES))
+        if not finite:
+            break
+        run(compiled.parameters, phi[:many], around[:many], step_s, states[: many + 1])
+        separate(states[: many + 1].reshape(-1, LANES), results, first * n)
+        states[0] = states[many - stop % LANES]
+        first = stop - stop % LANES  # rows from a border of vectors on; a few steps are run once more
+    for frame, initial, course in zip(frames, initials, out, strict=True):
+        if not finite:
+            check_frame(compiled.network, frame, initial, compiled.monomials)
+        check_finite(compiled.network, frame, course)

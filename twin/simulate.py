@@ -35,11 +35,15 @@ def simulate(compiled: Compiled, frame: Frame, initial: NDArray[np.float64]) -> 
     steps, n = len(frame.features), len(compiled.network.nodes)
     out = np.empty((steps + 1, n))
     out[0] = initial
-    phi = np.ascontiguousarray(frame.features, dtype=np.float64)
-    boundaries = np.ascontiguousarray(frame.boundaries, dtype=np.float64)
+    phi, boundaries = writable(frame.features), writable(frame.boundaries)
     compiled.run(compiled.parameters, phi, boundaries, float(frame.step_s), out)
     check_finite(compiled.network, frame, out)
     return out
+
+
+def writable(array: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The array, or where it is not one a copy, as compiled functions ask for it: row by row, and free to be written."""
+    return np.require(array, np.float64, ("C", "A", "W"))
 
 
 def check_frame(network: Network, frame: Frame, initial: NDArray[np.float64], monomials: int | None = None) -> None:
@@ -47,6 +51,15 @@ def check_frame(network: Network, frame: Frame, initial: NDArray[np.float64], mo
 
     `monomials`: how many the network has, where that is known: to count them takes longer than a short run.
     """
+    check_shapes(network, frame, initial, monomials)
+    for name, array in (("features", frame.features), ("boundaries", frame.boundaries), ("initial", initial)):
+        if not _surely_finite(array) and not np.isfinite(array).all():
+            first = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
+            raise FrameError(f"{name} are not finite first at {first}: fill or cut the gap before the run")
+
+
+def check_shapes(network: Network, frame: Frame, initial: NDArray[np.float64], monomials: int | None = None) -> None:
+    """The part of `check_frame` that does not look at every number."""
     steps = len(frame.features)
     expected = {
         "features": (frame.features, (steps, len(features.monomials(network)) if monomials is None else monomials)),
@@ -56,9 +69,6 @@ def check_frame(network: Network, frame: Frame, initial: NDArray[np.float64], mo
     for name, (array, shape) in expected.items():
         if array.shape != shape:
             raise FrameError(f'{name} of shape {array.shape} do not fit network "{network.name}": give {shape}')
-        if not _surely_finite(array) and not np.isfinite(array).all():
-            first = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
-            raise FrameError(f"{name} are not finite first at {first}: fill or cut the gap before the run")
     if not frame.step_s > 0:
         raise FrameError(f"step_s {frame.step_s:g} is not above 0: give the length of a step in s")
 

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import platform
 import re
 from collections.abc import Callable
 from dataclasses import replace
@@ -11,14 +12,16 @@ from numpy.typing import NDArray
 
 from benchmarks.integrator import frame, initial_of, motor, s2
 from replay.engine.kernel_cache import load
-from twin.codegen_lanes import LANES, generate_side_by_side
+from twin import side_by_side
+from twin.codegen_lanes import generate_side_by_side
 from twin.errors import DivergedError, FrameError
 from twin.integrators import BDF2, DEFAULT
-from twin.kernel import Compiled, Together, compile_indexed, compile_network, load_in_memory
+from twin.kernel import Compiled, Run, compile_indexed, compile_network, load_in_memory
 from twin.network import Network
 from twin.side_by_side import ENOUGH, simulate_all
 from twin.simulate import Frame, simulate
 from twin.structure import structure
+from twin.vectors import LANES
 
 Floats = NDArray[np.float64]
 Load = Callable[[str], Callable[..., None]]
@@ -36,14 +39,18 @@ def bent(make_network: Make, plain: Load) -> Compiled:
     return compile_network(with_laws(make_network(2, n=4), 2), load=plain)
 
 
-def test_sessions_side_by_side_have_the_bits_that_they_have_alone(bent: Compiled) -> None:
-    frames, starts = _sessions(bent.network, [8, 31, 30, 1, 12, 12, 29, 31, 3])
+@pytest.mark.parametrize("lengths", [[8, 31, 30, 1, 12, 12, 29, 31, 3], [9, 0, 8, 7], [40] * LANES])
+def test_sessions_side_by_side_have_the_bits_that_they_have_alone(
+    lengths: list[int], bent: Compiled, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(side_by_side, "CHUNK", 2 * LANES)
+    frames, starts = _sessions(bent.network, lengths)
     for found, own, start in zip(simulate_all(bent, frames, starts), frames, starts, strict=True):
         np.testing.assert_array_equal(found, simulate(bent, own, start))
 
 
-def test_sessions_of_another_step_and_empty_ones_go_on_their_own(bent: Compiled) -> None:
-    frames, starts = _sessions(bent.network, [5] * ENOUGH + [0])
+def test_sessions_of_another_step_go_on_their_own(bent: Compiled) -> None:
+    frames, starts = _sessions(bent.network, [5] * (ENOUGH + 1))
     frames[2] = replace(frames[2], step_s=0.25)
     for found, own, start in zip(simulate_all(bent, frames, starts), frames, starts, strict=True):
         np.testing.assert_array_equal(found, simulate(bent, own, start))
@@ -56,12 +63,18 @@ def test_the_index_program_gives_the_same_bits_in_every_lane(make_network: Make,
         np.testing.assert_array_equal(found, simulate(compiled, own, start))
 
 
-def test_the_compiled_index_program_of_lanes_gives_the_bits_of_plain_numbers(make_network: Make, plain: Load) -> None:
+@pytest.mark.parametrize("make", [compile_indexed, compile_network])
+def test_compiled_lanes_of_every_law_give_the_bits_of_plain_numbers(
+    make: Callable[..., Compiled], make_network: Make, plain: Load
+) -> None:
     network = with_laws(make_network(5, n=4), 5)
     frames, starts = _sessions(network, [6] * ENOUGH)
-    ours, theirs = (simulate_all(compile_indexed(network, load=how), frames, starts) for how in (load, plain))
-    for one, other in zip(ours, theirs, strict=True):
-        np.testing.assert_array_equal(one, other)
+    frames[0].features.setflags(write=False)
+    frames[1] = replace(frames[1], boundaries=np.asfortranarray(frames[1].boundaries))
+    compiled, alone = (make(network, load=how) for how in (load, plain))
+    np.testing.assert_array_equal(simulate(compiled, frames[0], starts[0]), simulate(alone, frames[0], starts[0]))
+    for found, own, start in zip(simulate_all(compiled, frames, starts), frames, starts, strict=True):
+        np.testing.assert_array_equal(found, simulate(alone, own, start))
 
 
 def test_a_method_that_looks_back_runs_one_session_after_the_other(make_network: Make, plain: Load) -> None:
@@ -69,7 +82,18 @@ def test_a_method_that_looks_back_runs_one_session_after_the_other(make_network:
     assert compiled.together is None
     frames, starts = _sessions(compiled.network, [6] * ENOUGH)
     found = simulate_all(compiled, frames, starts)
-    np.testing.assert_array_equal(found[3], simulate(compiled, frames[3], starts[3]))
+    np.testing.assert_array_equal(found[2], simulate(compiled, frames[2], starts[2]))
+
+
+def test_a_number_that_is_not_finite_is_found_in_any_session(bent: Compiled) -> None:
+    frames, starts = _sessions(bent.network, [13] * (LANES - 1))
+    for s, name, place in ((0, "features", (12, 0)), (3, "boundaries", (4, 1)), (LANES - 2, "features", (0, 2))):
+        for wrong in (np.nan, -np.inf):
+            array = getattr(frames[s], name).copy()
+            array[place] = wrong
+            given = [*frames[:s], replace(frames[s], **{name: array}), *frames[s + 1 :]]
+            with pytest.raises(FrameError, match=rf"{name} are not finite first at \({place[0]}, {place[1]}\)"):
+                simulate_all(bent, given, starts)
 
 
 def test_a_session_that_does_not_fit_or_runs_away_is_refused_as_it_is_alone(bent: Compiled) -> None:
@@ -89,11 +113,13 @@ def test_compiled_lanes_are_vector_instructions_and_give_the_bits_of_plain_numbe
     lanes = load_in_memory(source)
     (signature,) = lanes.signatures  # type: ignore[attr-defined]
     made = re.findall(r"= fmul (?:<(\d+) x )?double", lanes.inspect_llvm(signature))  # type: ignore[attr-defined]
-    assert sum(int(width or 1) >= 2 for width in made) > 0.9 * source.split("for c in")[1].count(" * ")
+    assert sum(width == str(LANES) for width in made) > 0.9 * source.split("for k in")[1].count(" * ")
+    if platform.machine() == "x86_64":  # what is kept on the stack does not lie across lines of the cache
+        assert re.search(r"andq\s+\$-64, %rsp", lanes.inspect_asm(signature))  # type: ignore[attr-defined]
 
-    def together() -> Together:
-        return lambda p, inputs, step_s, state, out: lanes(
-            inputs, step_s, p.coefficients, p.capacities, p.copper, p.factors, state, out
+    def together() -> Run:
+        return lambda p, phi, boundaries, step_s, out: lanes(
+            phi, boundaries, step_s, p.coefficients, p.capacities, p.copper, p.factors, out
         )
 
     alone = compile_network(network, load=plain)
