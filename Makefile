@@ -27,6 +27,8 @@ bench: .venv/ready
 	$(BIN)/python benchmarks/ageing.py
 	$(BIN)/python benchmarks/ageing_forms.py
 	$(BIN)/python benchmarks/fleet.py
+	$(BIN)/python benchmarks/stress.py
+	$(BIN)/python benchmarks/checks.py
 
 # How often a hidden effect is named, and nothing where nothing is hidden: hours, and it goes on where it was interrupted.
 trials: .venv/ready

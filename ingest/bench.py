@@ -11,6 +11,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
+from functools import lru_cache
 from zoneinfo import ZoneInfo, available_timezones
 
 from ingest.corrections import Correction, read_corrections
@@ -122,6 +123,7 @@ class Bench:
     deratings: tuple[DeratingRule, ...] = ()
 
 
+@lru_cache(maxsize=32)  # a campaign asks again for each of its sessions
 def read_bench(data: bytes, name: str) -> Bench:
     """Read and check a bench file; `name` as messages shall call it. Needs no log and no motor file.
 

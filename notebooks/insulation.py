@@ -148,7 +148,7 @@ def _(mo, picked, store):
             c.equivalent_low_h,
             c.equivalent_high_h,
             1e4 / c.conductivity_percent AS percent,
-            2 * percent * sqrt(pow(c.sd_K_per_W / c.resistance_K_per_W, 2) + pow(f.repeatability_percent / 100, 2)) AS reach,
+            2 * percent * c.sd_percent / 100 AS reach,
             percent - reach AS low,
             percent + reach AS high,
             c.resistance_K_per_W,
@@ -159,7 +159,6 @@ def _(mo, picked, store):
             c.hottest_channel,
             c.hottest_degC
         FROM conductivity_by_cycle AS c
-        JOIN fleet_health AS f ON f.specimen = c.specimen
         WHERE c.specimen = '{str(picked.value).replace("'", "''")}'
         ORDER BY c.number
         """,

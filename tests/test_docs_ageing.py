@@ -28,7 +28,7 @@ def test_the_page_on_ageing_goes_as_it_says(
                 assert _run(_globbed(command)) == 0, command
                 _assert_printed(shown, capsys.readouterr().out, command)
                 ran += 1
-    assert ran == 10
+    assert ran == 11
     assert (tmp_path / "ageing.svg").exists()
 
 

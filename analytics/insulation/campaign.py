@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from analytics.insulation import forms, outlying, remaining, repeatability
 from analytics.insulation.forms import Form
@@ -14,14 +14,18 @@ from analytics.insulation.outlying import FleetAssessment
 from analytics.insulation.remaining import RemainingLife
 from analytics.insulation.repeatability import Repeatability
 
+Floats = NDArray[np.float64]
+
 FALSE_DISCOVERY_RATE = 0.05
 
 
 @dataclass(frozen=True)
 class Assessed:
-    """`forms`, `remaining`: by specimen, where it has a check; nothing remains to be said of fewer than three specimens."""
+    """`sd` (n,) of ln R of each check, as all that follows weighs it (`Repeatability.of_checks`). `forms`, `remaining`: by
+    specimen, where it has a check; nothing remains to be said of fewer than three specimens."""
 
     repeatability: Repeatability
+    sd: Floats
     forms: Mapping[str, Form]
     fleet: FleetAssessment
     remaining: Mapping[str, RemainingLife]
@@ -39,9 +43,7 @@ def assess(
     resistance, dose = np.asarray(resistance_K_per_W, np.float64), np.asarray(dose_h, np.float64)
     ln_r = np.log(resistance)
     repeats = repeatability.estimate(specimen, dose, ln_r)
-    sd = np.maximum(
-        repeats.sd, np.asarray(sd_K_per_W, np.float64) / resistance
-    )  # repeats differ by that of one check too
+    sd = repeats.of_checks(np.asarray(sd_K_per_W, np.float64) / resistance)
     rows: dict[str, list[int]] = {}
     for i, name in enumerate(specimen):
         rows.setdefault(name, []).append(i)
@@ -50,4 +52,4 @@ def assess(
         for name, at in rows.items()
     }
     left = {one.specimen: one for one in remaining.remaining(specimen, batch, dose, ln_r, sd)}
-    return Assessed(repeats, found, outlying.assess(specimen, batch, dose, ln_r, sd, FALSE_DISCOVERY_RATE), left)
+    return Assessed(repeats, sd, found, outlying.assess(specimen, batch, dose, ln_r, sd, FALSE_DISCOVERY_RATE), left)

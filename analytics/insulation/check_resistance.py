@@ -10,14 +10,26 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
-from analytics.insulation.check_routes import ROUTES, CheckResistance, evaluate_by
-from analytics.insulation.check_trace import CheckTrace, loaded, unusable_sensors
+from analytics.insulation.check_routes import (
+    ROUTES,
+    CheckResistance,
+    Estimate,
+    Read,
+    Route,
+    Together,
+    evaluate_by,
+    read,
+)
+from analytics.insulation.check_strays import strayed
+from analytics.insulation.check_trace import CheckTrace, Loaded, unusable_sensors
+from analytics.insulation.check_zero import of_one_zero
 from analytics.insulation.darkening import cold_resistance, surface_shift
 
-__all__ = ["CheckResistance", "CheckTrace", "evaluate", "evaluate_together"]
+__all__ = ["CheckResistance", "CheckTrace", "Estimate", "Together", "evaluate", "evaluate_together"]
 
 LEAST_SENSORS_SHARE = 0.5  # of the copper sensors that all checks of a specimen have to keep
 ENOUGH_SHARE = 0.75  # of the checks of a specimen that a route has to serve
@@ -26,46 +38,68 @@ ENOUGH_SHARE = 0.75  # of the checks of a specimen that a route has to serve
 def evaluate(trace: CheckTrace) -> CheckResistance:
     """The resistance of one check by the first route that serves. With an iron sensor it is the plain mean of a
     steady check's last 10 min to within 1 %."""
-    return evaluate_by(trace, unusable_sensors(trace), ROUTES)
+    return evaluate_by(read(trace, unusable_sensors(trace)), ROUTES)
 
 
-def evaluate_together(traces: Sequence[CheckTrace]) -> tuple[CheckResistance, ...]:
+def evaluate_together(traces: Sequence[CheckTrace], first: Sequence[Together] = ()) -> tuple[CheckResistance, ...]:
     """The checks of one specimen in the order of time, comparable with each other.
 
     A sensor that fails in one check is left out of all, as the mean of the others is another temperature, unless
     fewer than half would remain; then each check leaves out its own. The route is the most trusted one that serves
-    three quarters of the checks, else the one that serves most; checks that it does not serve have none. By an iron
-    sensor the first check has its own value, later ones without what darker surfaces take from theirs, 2 % at most.
+    three quarters of the checks, those of `first` before all others, else the one that serves most; checks that it does
+    not serve have none. What sensors are off by from check to check is read before the load (`check_zero`). By an iron
+    sensor alone the first check has its own value, later ones without what darker surfaces take from theirs, 2 % at most.
     """
-    bad = [unusable_sensors(trace) for trace in traces]
-    common: dict[str, str] = {}
-    for trace, found in zip(traces, bad, strict=True):
-        common |= {name: f"{why}, in one check" for name, why in found.items() if name not in common}
-        common |= dict.fromkeys(_missing(trace, traces), "not in every check")
-    copper = {name for trace in traces for name in trace.copper_names}
-    if len(copper - common.keys()) >= LEAST_SENSORS_SHARE * len(copper):
-        bad = [common | found for found in bad]
+    bad = _left_out(traces)
+    checks = [read(*one) for one in zip(of_one_zero(traces, bad), bad, strict=True)]
     by_route: list[tuple[CheckResistance, ...]] = []
     served: list[int] = []
-    for route in ROUTES:
-        answers = tuple(evaluate_by(trace, found, (route,)) for trace, found in zip(traces, bad, strict=True))
+    routes: tuple[Route | Together, ...] = (*first, *ROUTES)
+    for route in routes:
+        answers = _answers(checks, bad, route)
         by_route.append(answers)
         served.append(sum(answer.resistance_K_per_W is not None for answer in answers))
         if served[-1] >= ENOUGH_SHARE * len(traces):
             break
     if any(served):
         best = by_route[-1 if served[-1] >= ENOUGH_SHARE * len(traces) else int(np.argmax(served))]
-        return _without_darkening(best, traces, bad)
-    return tuple(evaluate_by(trace, found, ROUTES) for trace, found in zip(traces, bad, strict=True))
+        return _without_darkening(best, checks)
+    return tuple(evaluate_by(check, ROUTES) for check in checks)
 
 
-def _without_darkening(
-    answers: tuple[CheckResistance, ...], traces: Sequence[CheckTrace], bad: Sequence[Mapping[str, str]]
+def _left_out(traces: Sequence[CheckTrace]) -> list[dict[str, str]]:
+    """Name -> why, of the sensors that each check leaves out."""
+    bad = [unusable_sensors(trace) for trace in traces]
+    bad = [found | stray for found, stray in zip(bad, strayed(traces, bad), strict=True)]
+    common: dict[str, str] = {}
+    for trace, found in zip(traces, bad, strict=True):
+        common |= {name: f"{why}, in one check" for name, why in found.items() if name not in common}
+        common |= dict.fromkeys(_missing(trace, traces), "not in every check")
+    copper = {name for trace in traces for name in trace.copper_names}
+    if len(copper - common.keys()) >= LEAST_SENSORS_SHARE * len(copper):
+        return [common | found for found in bad]
+    return bad
+
+
+def _answers(
+    checks: Sequence[Read], bad: Sequence[Mapping[str, str]], route: Route | Together
 ) -> tuple[CheckResistance, ...]:
+    if isinstance(route, Together):
+        own = [Route(route.source, partial(_known, found)) for found in route.estimates(bad)]
+    else:
+        own = [route] * len(checks)
+    return tuple(evaluate_by(check, (one,)) for check, one in zip(checks, own, strict=True))
+
+
+def _known(found: Estimate | str, _: Loaded) -> Estimate | str:
+    return found
+
+
+def _without_darkening(answers: tuple[CheckResistance, ...], checks: Sequence[Read]) -> tuple[CheckResistance, ...]:
     """What darker surfaces take from the values of an iron sensor, put back."""
     cold = [
-        _cold(trace, found) if answer.source == "iron sensor" else None
-        for answer, trace, found in zip(answers, traces, bad, strict=True)
+        _cold(one.check) if answer.source == "iron sensor" else None
+        for answer, one in zip(answers, checks, strict=True)
     ]
     rest = np.array([answer.resistance_K_per_W for answer in answers], np.float64)
     shift = surface_shift(rest, np.array(cold, np.float64))
@@ -77,9 +111,8 @@ def _without_darkening(
     )
 
 
-def _cold(trace: CheckTrace, left_out: Mapping[str, str]) -> float | None:
-    check = loaded(trace, left_out)
-    if isinstance(check, str) or check.iron is None or check.air is None:
+def _cold(check: Loaded | None) -> float | None:
+    if check is None or check.iron is None or check.air is None:
         return None
     on = check.on
     copper, iron, air = check.copper[on], check.iron[on], check.air[on]

@@ -10,6 +10,9 @@ Three, in order of trust; one is taken where its sd is under `MOST_SD` of the re
 On a bare stator of 24 lumps in free air the second gives 1.3 times, the third 2.2 times the iron sensor's value,
 whatever the insulation; their courses over checks are 0.9 times as steep in ln R. So values of two routes never
 belong into one course.
+
+What else can tell the resistances of all checks of a specimen at once, such as a motor file's network of the rig, comes in
+as `Together`; it is no business of this package how.
 """
 
 from __future__ import annotations
@@ -27,7 +30,6 @@ from analytics.insulation.check_trace import CheckTrace, Loaded, loaded
 from analytics.insulation.steady import LAST_S, LEAST_S, Settled, resistance_at_rest, settle
 
 Floats = NDArray[np.float64]
-Source = Literal["iron sensor", "first minutes", "ambient"]
 State = Literal["steady", "extrapolated", "not reached"]
 Part = Literal["on", "off"]
 
@@ -47,7 +49,7 @@ class CheckResistance:
 
     resistance_K_per_W: float | None
     sd_K_per_W: float | None
-    source: Source | None
+    source: str | None
     why: str | None
     steady: State
     load_s: float
@@ -72,35 +74,60 @@ class Estimate:
 class Route:
     """`estimate` gives the resistance, or why this route does not serve."""
 
-    source: Source
+    source: str
     estimate: Callable[[Loaded], Estimate | str]
 
 
-def evaluate_by(trace: CheckTrace, left_out: Mapping[str, str], routes: Sequence[Route]) -> CheckResistance:
-    """The check without the sensors `left_out` (name -> why), by the first of `routes` that serves."""
+@dataclass(frozen=True)
+class Together:
+    """A route over all checks of a specimen: from the sensors that are left out of each (name -> why) to the resistance
+    of each, or why this route does not serve it."""
+
+    source: str
+    estimates: Callable[[Sequence[Mapping[str, str]]], Sequence[Estimate | str]]
+
+
+@dataclass(frozen=True)
+class Read:
+    """A check without the sensors that are left out, and what it says but for the resistance; `check` None where nothing
+    can be evaluated, `told` says why then."""
+
+    check: Loaded | None
+    told: CheckResistance
+
+
+def read(trace: CheckTrace, left_out: Mapping[str, str]) -> Read:
+    """The check without the sensors `left_out` (name -> why)."""
     said = tuple(f"{name}: {why}" for name, why in left_out.items())
     check = loaded(trace, left_out)
     if isinstance(check, str):
-        return CheckResistance(
-            None, None, None, check, "not reached", 0.0, None, None, None, None, None, None, said
-        )  # fmt: skip
-    told = _told(check, said)
+        told = CheckResistance(None, None, None, check, "not reached", 0.0, None, None, None, None, None, None, said)
+        return Read(None, told)
+    return Read(check, _told(check, said))
+
+
+def evaluate_by(one: Read, routes: Sequence[Route]) -> CheckResistance:
+    """The check by the first of `routes` that serves."""
+    if one.check is None:
+        return one.told
     reasons: dict[str, None] = {}  # in order, each once
     for route in routes:
-        found = route.estimate(check)
-        if isinstance(found, Estimate):
-            if found.value > 0.0 and found.sd <= MOST_SD * found.value:
-                return replace(told, resistance_K_per_W=found.value, sd_K_per_W=found.sd, source=route.source)
-            found = _too_wide(found)
-        reasons[f"{route.source}: {found}"] = None
-    advice = "" if check.iron is not None else "; put a thermocouple on the iron"
-    return replace(told, why="; ".join(reasons) + advice)
+        found = route.estimate(one.check)
+        why = found if isinstance(found, str) else too_wide(found)
+        if why is None and isinstance(found, Estimate):
+            return replace(one.told, resistance_K_per_W=found.value, sd_K_per_W=found.sd, source=route.source)
+        reasons[f"{route.source}: {why}"] = None
+    advice = "" if one.check.iron is not None else "; put a thermocouple on the iron"
+    return replace(one.told, why="; ".join(reasons) + advice)
 
 
-def _too_wide(found: Estimate) -> str:
+def too_wide(found: Estimate) -> str | None:
+    """Why an estimate is not taken; None where it is."""
     if found.value <= 0.0:
         return "copper is not warmer than iron"
-    return f"known to {100.0 * found.sd / found.value:.0f} % only, {100.0 * MOST_SD:.0f} % is allowed"
+    if found.sd > MOST_SD * found.value:
+        return f"known to {100.0 * found.sd / found.value:.0f} % only, {100.0 * MOST_SD:.0f} % is allowed"
+    return None
 
 
 def _told(check: Loaded, left_out: tuple[str, ...]) -> CheckResistance:

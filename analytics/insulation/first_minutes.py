@@ -11,9 +11,9 @@ A real winding has more lumps, so more such terms, and loses heat. Here the mean
     y(t) = c0 + c1 x + c2 x^2 + sum_j A_j u_j(t),      tau_j du_j/dt = P(t) - P_before - u_j,      A_j >= 0,
 
 x the time since the switch (before it c0 + c x, a slope of its own), tau_j on a fixed grid of `TAU_S`: a step
-response as a discrete spectrum of time constants, as in the transient dual interface method (JESD51-14; Szekely, DOI
-10.1016/S0026-2692(96)00031-6). The parabola is what iron and film do over `LENGTH_S`, with coefficients of its own in
-each stretch, so emissivity, film and ambient do not enter. The A_j are common to heating and cooling; the answer is
+response as a discrete spectrum of time constants, as in the transient dual interface method (JESD51-14). The
+parabola is what iron and film do over `LENGTH_S`, with coefficients of its own in each
+stretch, so emissivity, film and ambient do not enter. The A_j are common to heating and cooling; the answer is
 their sum. When exactly the load was switched is only known between two samples: six moments each are weighed by
 likelihood.
 

@@ -24,6 +24,7 @@ FOOT_SHARE = 0.02  # of the rise from the lowest before or after: above it heati
 PAUSE_SHARE = 0.1  # of the rise: a log that begins again below it has not missed the heating
 LEVEL_K = 1e-6  # a step smaller than this is level
 HOUR_S = 3600.0
+RATE_S = 300.0  # over which a rate is a mean: IEC 60068-2-14, test Nb, and noise of a sample is no shock
 
 
 @dataclass(frozen=True)
@@ -34,7 +35,8 @@ class Cycle:
     threshold); `soak_from_s`, `soak_to_s` first and last moment near the soak's level, the median over the time above
     the threshold; `cooling_to_s` the trace is at the lowest before the next cycle or the log's end (None: it ends
     above the threshold). `soak_degC` mean over the soak; `hours_above` the threshold [h], as far as known; of these
-    times `unknown_h` [h] are in `gaps` gaps.
+    times `unknown_h` [h] are in `gaps` gaps. `swing_K`: highest minus the lowest about it [K]; `heating_K_per_min` and
+    `cooling_K_per_min`: the fastest mean over 5 min of each [K/min], None where the trace does not hold it.
     """
 
     heating_from_s: float | None
@@ -46,6 +48,9 @@ class Cycle:
     hours_above: float
     unknown_h: float
     gaps: int
+    swing_K: float
+    heating_K_per_min: float | None
+    cooling_K_per_min: float | None
 
     @property
     def soak_h(self) -> float:
@@ -183,6 +188,7 @@ def _cycle(trace: _Trace, first: int, last: int, after: int, before: int, thresh
     near = first + np.flatnonzero(value[first : last + 1] >= level - max(SOAK_SHARE * (level - lowest), SOAK_LEAST_K))
     part = trace.between(first if left is None else left, last if cooled is None else cooled)
     inside, at_threshold = _hours_below(part, np.array([np.inf, threshold]))
+    rates = _rates(part)
     return Cycle(
         heating_from_s=None if left is None else float(t[left]),
         soak_from_s=float(t[near[0]]),
@@ -193,7 +199,24 @@ def _cycle(trace: _Trace, first: int, last: int, after: int, before: int, thresh
         hours_above=float(inside - at_threshold),
         unknown_h=part.unknown_h,
         gaps=int((~part.known).sum()),
+        swing_K=float(value[first : last + 1].max() - value[after : before + 1].min()),
+        heating_K_per_min=None if left is None or not rates.size else float(rates.max()),
+        cooling_K_per_min=None if cooled is None or not rates.size else float(-rates.min()),
     )
+
+
+def _rates(trace: _Trace) -> Floats:
+    """Means [K/min] from each sample on over `RATE_S`, a step where that is longer, and the trace where that is shorter; none
+    across a gap."""
+    t = trace.t_s
+    if t.size < 2:
+        return np.empty(0)
+    span = min(max(RATE_S, float(np.median(np.diff(t)))), float(t[-1] - t[0]))
+    begins = t[t + span <= t[-1]]
+    gaps = np.concatenate([[0], np.cumsum(~trace.known)])
+    whole = gaps[np.searchsorted(t, begins + span)] == gaps[: begins.size]
+    change = np.interp(begins + span, t, trace.value) - trace.value[: begins.size]
+    return np.asarray(change[whole] / span * 60.0)
 
 
 def _after_a_pause(trace: _Trace, left: int, first: int, level: float) -> int:

@@ -45,6 +45,22 @@ class Repeatability:
     degrees_of_freedom: float
     source: str
 
+    def of_checks(self, evaluation_sd: ArrayLike) -> Floats:
+        """What each check is uncertain by, sd of ln R (n,), with what its own evaluation leaves uncertain of ln R (n,).
+
+        `sd` is that of checks as they were evaluated, so the usual evaluation is in it already: its variance, the
+        median over the checks, comes off and that of each check on. So a check whose log was cut short counts less,
+        and the others as they repeat. Where checks repeat better than their evaluations say, the rest of what these
+        leave uncertain is common to all checks and moves no course: all are smaller by one factor then, unless how
+        checks repeat is assumed.
+        """
+        own = np.asarray(evaluation_sd, np.float64) ** 2
+        usual = float(np.median(own)) if own.size else 0.0
+        if usual > self.sd**2 and math.isfinite(self.degrees_of_freedom):
+            own *= self.sd**2 / usual
+            usual = self.sd**2
+        return np.asarray(np.sqrt(max(self.sd**2 - usual, 0.0) + own), np.float64)
+
 
 def estimate(specimen: Sequence[Hashable], dose_h: ArrayLike, ln_resistance: ArrayLike) -> Repeatability:
     """From all checks of all specimens, in any order: `specimen` (n,), dose (n,) [h], ln R (n,). Rows that are not

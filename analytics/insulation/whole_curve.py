@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
@@ -108,32 +109,45 @@ def _left(curve: Curve, vectors: Floats) -> Floats:
 
 def _simulated(curve: Curve, vectors: Floats) -> Floats:
     """T_w (vectors, N) by the implicit midpoint rule, with the film of the step before."""
-    resistance, winding, iron, convects, radiates, share = np.exp(vectors[:, : PRIOR.size]).T
+    values = np.ascontiguousarray(np.exp(vectors[:, : PRIOR.size]))
     power = np.repeat(curve.power[None, 1:] + curve.power[None, :-1], len(vectors), axis=0) / 2.0
     for place, elapsed in ((curve.on, vectors[:, -2]), (curve.off, vectors[:, -1])):
         if 0 < place < curve.t_s.size:
             power[:, place - 1] = elapsed * curve.power[place - 1] + (1.0 - elapsed) * curve.power[place]
     air = (curve.air[1:] + curve.air[:-1]) / 2.0
-    g = 1.0 / resistance
-    now = body = vectors[:, PRIOR.size].copy()
-    course = np.empty((len(vectors), curve.t_s.size))
-    course[:, 0] = now
+    start = np.ascontiguousarray(vectors[:, PRIOR.size])
+    return np.asarray(_marched(values, start, power, air, np.diff(curve.t_s)), np.float64)
 
-    def film(degC: Floats, around: float) -> Floats:
-        hot, cold = degC + ZERO_DEGC_IN_K, around + ZERO_DEGC_IN_K
-        radiation = radiates * STEFAN_BOLTZMANN * (hot**2 + cold**2) * (hot + cold)
-        return np.asarray(convects * np.abs(degC - around) ** 0.25 + radiation)
 
-    for k, seconds in enumerate(np.diff(curve.t_s)):
-        parts = max(1, int(np.ceil(seconds / STEP_S)))
-        h = float(seconds) / parts / 2.0  # to the middle of a step
-        for _ in range(parts):
-            of_winding, of_body = share * film(now, air[k]), film(body, air[k])
-            a, d = winding / h + g + of_winding, iron / h + g + of_body
-            right_w = winding / h * now + power[:, k] + of_winding * air[k]
-            right_i = iron / h * body + of_body * air[k]
-            determinant = a * d - g * g
-            now = 2.0 * (right_w * d + g * right_i) / determinant - now
-            body = 2.0 * (a * right_i + g * right_w) / determinant - body
-        course[:, k + 1] = now
+@numba.njit(error_model="numpy", nogil=True, cache=True)
+def _marched(values: Floats, start: Floats, power: Floats, air: Floats, seconds: Floats) -> Floats:
+    """(vectors, N): `values` (vectors, 6) as `PRIOR` has them, `start` (vectors,) [degC], `power` (vectors, N - 1) [W]
+    and `air` (N - 1,) [degC] between the samples, `seconds` (N - 1,) from one to the next."""
+    course = np.empty((len(values), seconds.size + 1))
+    for i in range(len(values)):
+        resistance, winding, iron, convects, radiates, share = values[i]
+        g = 1.0 / resistance
+        now, body = start[i], start[i]
+        course[i, 0] = now
+        for k in range(seconds.size):
+            parts = max(1, int(np.ceil(seconds[k] / STEP_S)))
+            h = seconds[k] / parts / 2.0  # to the middle of a step
+            for _ in range(parts):
+                of_winding = share * _film(now, air[k], convects, radiates)
+                of_body = _film(body, air[k], convects, radiates)
+                a, d = winding / h + g + of_winding, iron / h + g + of_body
+                right_w = winding / h * now + power[i, k] + of_winding * air[k]
+                right_i = iron / h * body + of_body * air[k]
+                determinant = a * d - g * g
+                now = 2.0 * (right_w * d + g * right_i) / determinant - now
+                body = 2.0 * (a * right_i + g * right_w) / determinant - body
+            course[i, k + 1] = now
     return course
+
+
+@numba.njit(error_model="numpy", nogil=True, cache=True)
+def _film(degC: float, around: float, convects: float, radiates: float) -> float:
+    """Conductance to the room [W/K]."""
+    hot, cold = degC + ZERO_DEGC_IN_K, around + ZERO_DEGC_IN_K
+    radiation = radiates * STEFAN_BOLTZMANN * (hot**2 + cold**2) * (hot + cold)
+    return float(convects * abs(degC - around) ** 0.25 + radiation)

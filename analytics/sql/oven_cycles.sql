@@ -15,6 +15,9 @@ SELECT
     v.highest_degC,
     v.hours_above AS hours_above_180degC,
     v.unknown_h,
+    v.swing_K,
+    v.heating_K_per_min,
+    v.cooling_K_per_min,
     a.run AS assessment
 FROM base.ageing_cycles AS v
 JOIN base.artefacts AS a ON a.file = v.file
@@ -36,4 +39,7 @@ COMMENT ON COLUMN oven_cycles.soak_degC IS 'Mean temperature of the soak';
 COMMENT ON COLUMN oven_cycles.highest_degC IS 'Highest temperature of the cycle';
 COMMENT ON COLUMN oven_cycles.hours_above_180degC IS 'Hours above 180 degC, as far as known';
 COMMENT ON COLUMN oven_cycles.unknown_h IS 'Hours of it that lie in gaps of the log';
+COMMENT ON COLUMN oven_cycles.swing_K IS 'How severe a thermal shock it is: highest minus lowest temperature of the cycle in K';
+COMMENT ON COLUMN oven_cycles.heating_K_per_min IS 'Fastest heating in K/min, a mean over 5 min (as IEC 60068-2-14 states rates); null where the log begins later';
+COMMENT ON COLUMN oven_cycles.cooling_K_per_min IS 'Fastest cooling in K/min, a mean over 5 min; null where the log ends sooner';
 COMMENT ON COLUMN oven_cycles.assessment IS 'Id of the assessment that says so: the latest one';

@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 import json
-import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ingest.catalogue.channels import load
 from ingest.events import SessionRecorded
 from ingest.facts import Facts
 from ingest.store import Store
 from replay.engine.configurations import network_of
-from replay.engine.heat_history import HEATED, Heat, doses, in_order, trace_of_heat
+from replay.engine.heat_history import HEATED, Trace, doses, in_order, trace_of_heat
 from replay.engine.motor_file import read_motor
 from replay.errors import ReplayDataError
 from twin.ageing_law import Ageing, AgeingPlace, aged, ageing_places, insulation_law
@@ -109,21 +109,11 @@ def law_of(store: Store, facts: Facts, model: str | None, above_degC: float) -> 
     return insulation_law(network, above_degC)
 
 
-def states_left(
-    checks: Iterable[tuple[float | None, float | None, float | None]], repeatability: float, law: Ageing
-) -> list[dict[str, float] | None]:
-    """The state that each check of a specimen leaves (`twin.ageing_state.State`), None where it has no dose or no resistance above 0.
-
-    `checks` in the order of their doses: dose [h], resistance [K/W] and sd [K/W] of this check alone; `repeatability`: sd of ln R.
-    """
-    known = [
-        Check(dose_h, math.log(r), math.hypot(repeatability, (sd or 0.0) / r))
-        if dose_h is not None and r is not None and r > 0.0
-        else None
-        for dose_h, r, sd in checks
-    ]
-    states = iter(filtered([check for check in known if check], law))
-    return [asdict(next(states)) if check else None for check in known]
+def states_left(checks: Sequence[Check | None], law: Ageing) -> list[dict[str, float] | None]:
+    """The state that each check of a specimen leaves (`twin.ageing_state.State`), in the order of their doses; None where the check
+    has no dose or no resistance."""
+    states = iter(filtered([check for check in checks if check], law))
+    return [asdict(next(states)) if check else None for check in checks]
 
 
 def _hour_features(network: Network) -> dict[str, float]:
@@ -151,18 +141,21 @@ def _hours(
     limits: Sequence[float],
 ) -> dict[float, float]:
     """Hours above each of `limits` [degC] in the sessions before."""
-    traces = {one.session: trace_of_heat(load(store, facts, one)) for one in before}
+    traces: dict[str, Trace | None] = {}
     for one in before:
-        if one.kind == HEATED and traces[one.session] is None:
+        trace = trace_of_heat(load(store, facts, one))
+        if trace is not None:
+            traces[one.session] = trace
+        elif one.kind == HEATED:
             raise ReplayDataError(
                 f"session {session.name}: the hours of {session.specimen} above {limits[0]:g} degC are not known, as its session "
                 f"{one.name} of kind {HEATED} has no temperature of it: give its channel a node in the bench file and ingest it again."
             )
 
-    def worth(heat: Heat) -> np.ndarray[Any, np.dtype[np.float64]]:
-        return np.array([heat.hours[heat.degC > degC].sum() for degC in limits], dtype=np.float64)
+    def above(trace: Trace) -> NDArray[np.float64]:
+        return np.array([trace.hours_above(degC) for degC in limits], dtype=np.float64)
 
-    found = doses([*before, session], by_time, traces, worth)[session.session]
+    found = doses([*before, session], by_time, traces, above, np.zeros(len(limits)))[session.session]
     assert found is not None  # every oven session has a course
     return dict(zip(limits, found.tolist(), strict=True))
 

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Protocol, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,13 +37,29 @@ class Trace:
     degC: Floats
     channel: str
 
-    def heat(self, until_ns: int | None = None) -> Heat:
-        """The hours of the session, of those before `until_ns` where given."""
+    def until(self, end_ns: int) -> Self:
+        """What of it lies before `end_ns`."""
+        end = int(np.searchsorted(self.t_ns, end_ns))
+        return replace(self, t_ns=self.t_ns[:end], degC=self.degC[:end])
+
+    @property
+    def t_s(self) -> Floats:
+        """Seconds (N,) from its first sample on."""
+        return np.asarray((self.t_ns - self.t_ns[:1]) / 1e9)
+
+    @cached_property
+    def heat(self) -> Heat:
+        """Its hours by temperature, in steps of 0.1 K."""
         from analytics.insulation.oven_cycle import histogram
 
-        end = len(self.t_ns) if until_ns is None else int(np.searchsorted(self.t_ns, until_ns))
-        found = histogram((self.t_ns[:end] - self.t_ns[0]) / 1e9, self.degC[:end])
+        found = histogram(self.t_s, self.degC)
         return Heat(found.centres_degC, found.hours)
+
+    def hours_above(self, degC: float) -> float:
+        """[h], to the crossing of `degC` [degC] between two samples."""
+        from analytics.insulation.oven_cycle import hours_above
+
+        return hours_above(self.t_s, self.degC, degC)
 
 
 def hottest(channels: Iterable[ChannelData]) -> ChannelData | None:
@@ -84,28 +102,41 @@ def _number(session: SessionRecorded) -> int:
     return int(found[-1]) if found else 0
 
 
+class Logged(Protocol):
+    """Something that a session recorded over its time."""
+
+    def until(self, end_ns: int) -> Self: ...
+
+
+Log = TypeVar("Log", bound=Logged)
+
+
 def doses(
     sessions: Sequence[SessionRecorded],
     by_time: bool,
-    traces: Mapping[str, Trace | None],
-    worth: Callable[[Heat], Floats],
+    logs: Mapping[str, Log | None],
+    worth: Callable[[Log], Floats],
+    nothing: Floats,
 ) -> Mapping[str, Floats | None]:
-    """Session -> what the specimen had behind it, (K,) as `worth` counts; None behind an oven session without temperatures.
+    """Session -> what the specimen had behind it, (K,) as `worth` counts from `nothing` (K,) on.
 
-    `sessions` in order, `by_time` as `in_order` says. An oven log that goes on while the specimen is out for its checks
-    counts up to each check.
+    `sessions` in order, `by_time` as `in_order` says. `logs`: None where it is not known what happened to the specimen in a
+    session, and then None behind it; a session that is not there counts nothing. A log that goes on while the specimen is out
+    for its checks counts up to each check.
     """
-    whole = {name: worth(trace.heat()) for name, trace in traces.items() if trace is not None}
-    none = worth(Heat(np.empty(0), np.empty(0)))
+    whole = {name: worth(log) for name, log in logs.items() if log is not None}
     found: dict[str, Floats | None] = {}
     for i, session in enumerate(sessions):
-        total: Floats | None = none
+        total: Floats | None = nothing
         for before in sessions[:i]:
-            trace = traces.get(before.session)
-            if trace is None:
-                total = None if before.kind == HEATED else total
-            elif total is not None:
-                overlaps = by_time and before.end_ns > session.start_ns
-                total = total + (worth(trace.heat(session.start_ns)) if overlaps else whole[before.session])
+            if total is None or before.session not in logs:
+                continue
+            log = logs[before.session]
+            if log is None:
+                total = None
+            elif by_time and before.end_ns > session.start_ns:
+                total = total + worth(log.until(session.start_ns))
+            else:
+                total = total + whole[before.session]
         found[session.session] = total
     return found

@@ -16,7 +16,7 @@ from replay.show import words
 from replay.show.figure import save, style
 from replay.show.palette import COLOURS, DASHES, INK, PAPER, SOFT
 from replay.show.terminal import labelled
-from replay.studies.assessment import Assessment, Batch, Law, LivesLaw, Specimen
+from replay.studies.assessment import Assessment, Batch, Law, LivesLaw, Specimen, Stress
 
 ROWS = 12  # specimens in the table; of more, those that stand out most
 NAMED = 8  # specimens or batches in a sentence
@@ -155,14 +155,21 @@ def _lives(law: LivesLaw, criterion: str) -> str:
 
 
 def _stress(found: Assessment) -> Iterator[str]:
+    """The stresses that are told from all others, then those that go together."""
     known = [one for one in found.stress if one.percent is not None and one.sd_percent is not None]
-    if len(known) > 1:
-        if known[0].not_told_from:
-            names = words.joined([one.name for one in known])
-            yield f"{names} go together in these sessions: neither is told from the other; cycles of another length would"
-            return
-        told = [f"R {one.percent:+.1f} % ± {one.sd_percent:.1f} % each {one.unit} ({one.name})" for one in known]
-        yield f"{words.joined(told)}, all specimens together".replace("-", "−").replace("degC", "°C")
+    if len(known) < 2:
+        return
+    told = [f"{_effect(one)} ({one.name})" for one in known if not one.not_told_from]
+    if told:
+        yield f"{words.joined(told)}, all specimens together"
+    together = [one for one in known if one.not_told_from]
+    if together:
+        names, alone = words.joined([one.name for one in together]), " or ".join(map(_effect, together))
+        yield f"{names} go together in these sessions: {alone}, if one does it all; cycles of another length would tell"
+
+
+def _effect(one: Stress) -> str:
+    return f"R {one.percent:+.1f} % ± {one.sd_percent:.1f} % each {one.unit}".replace("-", "−").replace("degC", "°C")
 
 
 def _hours(value: float | None) -> str:
@@ -220,12 +227,6 @@ def picture(found: Assessment, target: Path) -> None:
 
 def _points(one: Specimen) -> list[tuple[float, float, float]]:
     """(dose [h], R in % of the first, its sd) of each check that has both."""
-    found = [(check.dose_h, check.resistance_K_per_W, check.sd or 0.0) for check in one.checks]
-    known = [(dose, r, sd) for dose, r, sd in found if dose is not None and r is not None]
-    if not known:
-        return []
-    first = known[0][1]
-    return [
-        (dose, 100 * r / first, 100 * math.hypot(sd / first, one.repeatability_percent / 100 * r / first))
-        for dose, r, sd in known
-    ]
+    found = [(check.dose_h, check.resistance_K_per_W, check.sd_percent) for check in one.checks]
+    known = [(dose, r, sd) for dose, r, sd in found if dose is not None and r is not None and sd is not None]
+    return [(dose, 100 * r / known[0][1], sd * r / known[0][1]) for dose, r, sd in known]

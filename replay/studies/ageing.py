@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from hashlib import sha256
@@ -12,7 +13,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ingest.events import AgeingAssessed, ModelPublished
+import twin
+from ingest.events import AgeingAssessed, ModelPublished, SessionRecorded
 from ingest.facts import Facts
 from ingest.sessions import natural
 from ingest.store import Store
@@ -22,10 +24,13 @@ from replay.engine.identity import run_id, source_hash
 from replay.engine.motor_file import read_motor
 from replay.engine.motor_text import with_law
 from replay.errors import ReplayDataError
-from replay.studies.assessment import Assessment, Batch, Check, HotHours, Law, Specimen, Stress, document, read, tables
+from replay.studies.assessment import Assessment, Batch, Check, HotHours, Law, Specimen, document, read, tables
+from replay.studies.configured_checks import models_of
 from replay.studies.insulation_history import History, Point, histories, is_check, of_ageing
 from replay.studies.insulation_lives import lives_of
+from replay.studies.insulation_stress import beside_heat, stress_of
 from twin.ageing_law import Ageing
+from twin.ageing_state import Check as Seen
 
 if TYPE_CHECKING:
     from analytics.insulation.campaign import Assessed
@@ -43,15 +48,17 @@ def assess(store: Store, facts: Facts, motor: str | None, as_of: str | None, tel
     The same question again reads the sealed answer; with `as_of` nothing is written. `motor`: a model that the law is
     written into, as a new one. Raises ReplayDataError where the store holds no check of a named specimen.
     """
-    key = _key(facts, motor)
+    sessions = of_ageing(facts)
+    key = _key(facts, sessions, motor)
     identity = run_id(key)
     if identity in facts.assessments:
         again = facts.assessments[identity]
         if as_of is None and again is not list(facts.assessments.values())[-1]:
             store.ledger.append(f"ageing-{identity}", again)  # the last one is what SQL shows
         return read(json.loads(store.archive.read(again.answer)))
-    known = histories(store, facts, as_of, tell)
-    found = _assessed(store, facts, motor, known, identity, tell)
+    known = histories(store, facts, sessions, motor, as_of, tell)
+    batches = {str(session.specimen): session.batch for session in sessions if session.batch}
+    found = _assessed(store, facts, motor, known, batches, identity, tell)
     if as_of is None:
         if motor and found.law:
             found = replace(found, law=replace(found.law, model=_published(store, facts, motor, found.law)))
@@ -59,17 +66,25 @@ def assess(store: Store, facts: Facts, motor: str | None, as_of: str | None, tel
     return found
 
 
-def _key(facts: Facts, motor: str | None) -> dict[str, Any]:
+def _key(facts: Facts, sessions: Sequence[SessionRecorded], motor: str | None) -> dict[str, Any]:
     """Everything that the answer may depend on, but for the environment."""
     import analytics.insulation
 
-    sessions = of_ageing(facts)
     return {
         "sessions": _hash(
-            [s.session, s.batch, s.kind, facts.current(s.bench) if s.bench else None, [f["decode"] for f in s.files]]
+            [
+                s.session,
+                s.batch,
+                s.kind,
+                s.configuration,
+                facts.current(s.bench) if s.bench else None,
+                [f["decode"] for f in s.files],
+            ]
             for s in sessions
         ),
         "motor": motor,
+        "models": models_of(facts, sessions),
+        "twin": source_hash(Path(twin.__file__).parent),
         "insulation": source_hash(Path(analytics.insulation.__file__).parent),
         "studies": source_hash(Path(__file__).parent),
     }
@@ -80,7 +95,13 @@ def _hash(rows: Iterable[Sequence[Any]]) -> str:
 
 
 def _assessed(
-    store: Store, facts: Facts, motor: str | None, known: Mapping[str, History], identity: str, tell: Tell
+    store: Store,
+    facts: Facts,
+    motor: str | None,
+    known: Mapping[str, History],
+    batches: Mapping[str, str],
+    identity: str,
+    tell: Tell,
 ) -> Assessment:
     from analytics.insulation import arrhenius, campaign
 
@@ -90,20 +111,23 @@ def _assessed(
             "table of evaluated checks with the quantities thermal_resistance and dose."
         )
     names = sorted(known, key=natural)
-    batch_of = {session.specimen: session.batch for session in of_ageing(facts) if session.batch}
     tell("weighing the courses")
     rows = [(name, point) for name in names for point in known[name].points if point.usable]
     found = campaign.assess(
         [name for name, _ in rows],
-        [batch_of.get(name) for name, _ in rows],
+        [batches.get(name) for name, _ in rows],
         [point.dose_h or 0.0 for _, point in rows],
         [point.resistance or 0.0 for _, point in rows],
         [point.sd or 0.0 for _, point in rows],
     )
-    repeats = found.repeatability
+    repeats, of_each = found.repeatability, iter(found.sd.tolist())
+    sd = {name: [next(of_each) if point.usable else None for point in known[name].points] for name in names}
     law = law_of(store, facts, motor, arrhenius.THRESHOLD_DEGC)
     compared = {one.specimen: one for one in found.fleet.specimens}
-    specimens = [_specimen(name, batch_of.get(name), known[name], found, compared.get(name), law) for name in names]
+    specimens = [
+        _specimen(name, batches.get(name), known[name], sd[name], found, compared.get(name), law) for name in names
+    ]
+    fleet_law, stress = _law(found, specimens), stress_of(rows, found.sd)
     return Assessment(
         assessment=identity,
         motor=facts.models[motor].motor if motor else None,
@@ -118,8 +142,8 @@ def _assessed(
         repeatability_from=f"{100 * repeats.sd:.1f} %, from {repeats.source}"
         if repeats.source != "assumed"
         else "3 %, assumed",
-        law=_law(found, specimens),
-        life=lives_of(known, repeats.sd, CRITERION),
+        law=fleet_law,
+        life=lives_of(known, sd, CRITERION),
         specimens=specimens,
         batches=[
             Batch(
@@ -131,9 +155,13 @@ def _assessed(
             )
             for one in found.fleet.batches
         ],
-        stress=_stress(rows, repeats.sd),
+        stress=stress,
         false_discovery_rate=found.fleet.false_discovery_rate,
-        notes=[*_unnamed(facts), *(f"{name}: {line}" for name in names for line in known[name].notes)],
+        notes=[
+            *_unnamed(facts),
+            *(f"{name}: {line}" for name in names for line in known[name].notes),
+            *(_not_heat_alone(beside_heat(stress)) if fleet_law else ()),
+        ],
     )
 
 
@@ -159,6 +187,15 @@ def _law(found: Assessed, specimens: Sequence[Specimen]) -> Law | None:
     return Law(percent_per_100h=law.percent_per_100h, sd=law.sd, from_h=law.from_h, source=one.specimen, model=None)
 
 
+def _not_heat_alone(others: Sequence[str]) -> list[str]:
+    if not others:
+        return []
+    said = " and ".join(others)
+    return [
+        f"the law counts hours of heat, and {said} did part of it: it holds for specimens that have as much of that for their hours."
+    ]
+
+
 def _published(store: Store, facts: Facts, motor: str, law: Law) -> str:
     """The motor file with the law in its insulation, as a model with its parent. Raises MotorFileError where it has no insulation."""
     from analytics.insulation.arrhenius import THRESHOLD_DEGC
@@ -174,34 +211,6 @@ def _published(store: Store, facts: Facts, motor: str, law: Law) -> str:
     return model
 
 
-STRESSES = {"heat": "100 h above 180 degC", "thermal cycles": "cycle"}
-
-
-def _stress(rows: Sequence[tuple[str, Point]], repeatability: float) -> list[Stress]:
-    """Of heat and thermal cycles, from the checks of which both are known."""
-    from analytics.insulation import stress
-
-    known = [(name, point) for name, point in rows if point.cycles is not None and point.resistance]
-    columns = {
-        "heat": [(point.dose_h or 0.0) / 100.0 for _, point in known],
-        "thermal cycles": [float(point.cycles or 0) for _, point in known],
-    }
-    resistance = np.array([point.resistance for _, point in known], np.float64)
-    sd = np.hypot(repeatability, [point.sd or 0.0 for _, point in known] / resistance)
-    found = stress.effects([name for name, _ in known], np.log(resistance), sd, columns)
-    return [
-        Stress(
-            name=one.name,
-            unit=STRESSES[one.name],
-            percent=None if one.effect is None else 100.0 * one.effect,
-            sd_percent=None if one.sd is None else 100.0 * one.sd,
-            not_told_from=list(one.not_told_from),
-        )
-        for one in found
-        if known
-    ]
-
-
 def _unnamed(facts: Facts) -> list[str]:
     count = sum(session.specimen is None and is_check(facts, session) for session in facts.sessions)
     return [f"{count} checks without a specimen are left out: ingest them again with --specimen S."] if count else []
@@ -211,6 +220,7 @@ def _specimen(
     name: str,
     batch: str | None,
     history: History,
+    sd: Sequence[float | None],
     found: Assessed,
     compared: SpecimenHealth | None,
     law: Ageing,
@@ -219,15 +229,15 @@ def _specimen(
     from analytics.insulation.arrhenius import LIFE_H
 
     form = found.forms.get(name) or forms.assess([], [], [])
-    life, repeatability = found.remaining.get(name), found.repeatability.sd
+    life = found.remaining.get(name)
     first, worth = next((point.resistance for point in history.points if point.usable), None), history.worth
-    left = states_left([(p.dose_h, p.resistance, p.sd) for p in history.points], repeatability, law)
+    left = states_left([_seen(point, own) for point, own in zip(history.points, sd, strict=True)], law)
     last = next((point.dose_h for point in reversed(history.points) if point.dose_h is not None), None)
     return Specimen(
         specimen=name,
         batch=batch,
         cycles=history.cycles,
-        checks=[_check(point, i, first, left[i]) for i, point in enumerate(history.points)],
+        checks=[_check(point, i, first, sd[i], left[i]) for i, point in enumerate(history.points)],
         dose_h=last if worth is None else float(worth[0]),
         equivalent_h=None if worth is None else _range(worth[1:]),
         form=form.name,
@@ -236,7 +246,7 @@ def _specimen(
         level_from_dose_h=form.level_from_dose_h,
         slope_percent_per_100h=form.slope_percent_per_100h,
         ci95=list(form.ci95) if form.ci95 else None,
-        repeatability_percent=100 * repeatability,
+        repeatability_percent=100 * found.repeatability.sd,
         significant=form.significant,
         life_used=None if worth is None else _range(worth[1:] / LIFE_H),
         fleet_slope_percent_per_100h=life.slope_percent_per_100h if life else None,
@@ -248,7 +258,14 @@ def _specimen(
     )
 
 
-def _check(point: Point, number: int, first: float | None, left: dict[str, float] | None) -> Check:
+def _seen(point: Point, sd: float | None) -> Seen | None:
+    """As the filter over checks takes it."""
+    if sd is None or point.dose_h is None or point.resistance is None:
+        return None
+    return Seen(point.dose_h, math.log(point.resistance), sd)
+
+
+def _check(point: Point, number: int, first: float | None, sd: float | None, left: dict[str, float] | None) -> Check:
     found, r = point.found, point.resistance
     return Check(
         session=point.session.session,
@@ -259,12 +276,15 @@ def _check(point: Point, number: int, first: float | None, left: dict[str, float
         equivalent_h=None if point.worth is None else _range(point.worth[1:]),
         resistance_K_per_W=r,
         sd=point.sd,
+        sd_percent=None if sd is None else 100 * sd,
         source=point.source,
         state=getattr(found, "steady", None),
         why=point.why or getattr(found, "why", None),
         conductivity_percent=100 * first / r if first and r else None,
         hottest_channel=getattr(found, "hottest", None),
         hottest_degC=getattr(found, "hottest_degC", None),
+        cycles=point.cycles,
+        discharge_h=point.discharge_h,
         left=left,
     )
 

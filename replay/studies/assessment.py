@@ -16,8 +16,9 @@ SCHEMA = "whyhot.ageing/1"
 @dataclass(frozen=True, kw_only=True)
 class Check:
     """One DC check. `dose_h`: hours above the threshold before it; `equivalent_h`: the same dose as hours at the threshold, [least, most]
-    over the rules of `Assessment.rules`, None where the temperatures are not known; `sd` [K/W] of this check alone, repeatability not in it; `source`: what R was taken from
-    (JSON: `from`); `why`: why there is no R, or no dose; `conductivity_percent`: of the specimen's first R."""
+    over the rules of `Assessment.rules`, None where the temperatures are not known; `sd` [K/W] of this check alone, repeatability not in it; `sd_percent` [% of R] with it, as courses are weighed by; `source`: what R was taken from
+    (JSON: `from`); `why`: why there is no R, or no dose; `conductivity_percent`: of the specimen's first R. `cycles`, `discharge_h` before it: thermal cycles, and
+    hours with a test voltage above the inception voltage; None where not known."""
 
     session: str
     session_name: str
@@ -33,6 +34,9 @@ class Check:
     conductivity_percent: float | None
     hottest_channel: str | None
     hottest_degC: float | None
+    sd_percent: float | None = None
+    cycles: int | None = None
+    discharge_h: float | None = None
     left: dict[str, float] | None = None  # twin.ageing_state.State, for replays of later sessions
 
 
@@ -41,7 +45,8 @@ class OvenCycle:
     """One stay of the specimen's hottest place above the threshold, cut from the temperature itself; `number` counts over all logs.
 
     Times [s] since the session's start: heating begins, soak, cooling ends; None where the log does not hold it. `soak_degC` mean
-    over the soak; `hours_above` the threshold, of which `unknown_h` more lie in gaps of the log.
+    over the soak; `hours_above` the threshold, of which `unknown_h` more lie in gaps of the log. As a thermal shock: `swing_K` from its
+    lowest to its highest, and the fastest heating and cooling [K/min], a mean over 5 min (IEC 60068-2-14 states rates so).
     """
 
     session: str
@@ -57,6 +62,9 @@ class OvenCycle:
     soak_degC: float
     hours_above: float
     unknown_h: float
+    swing_K: float
+    heating_K_per_min: float | None
+    cooling_K_per_min: float | None
 
 
 @dataclass(frozen=True)
@@ -100,7 +108,8 @@ class Specimen:
 @dataclass(frozen=True, kw_only=True)
 class Stress:
     """What one kind of stress does to R beside the others, all specimens together: `percent` in R for each `unit` with its sd;
-    `not_told_from`: the stresses that could be it instead. None where nothing varies."""
+    `not_told_from`: the stresses that could be it instead, and `percent` is then what it would be if they did nothing. None where
+    nothing varies."""
 
     name: str
     unit: str
@@ -321,12 +330,13 @@ HOURS = _schema(text="specimen batch session session_name channel", number="degC
 CYCLES = _schema(
     text="session session_name specimen batch channel",
     whole="number start_ns",
-    number="heating_from_s soak_from_s soak_to_s cooling_to_s highest_degC soak_degC hours_above unknown_h",
+    number="heating_from_s soak_from_s soak_to_s cooling_to_s highest_degC soak_degC hours_above unknown_h swing_K heating_K_per_min "
+    "cooling_K_per_min",
 )
 CHECKS = _schema(
     text="session session_name specimen batch source state why hottest_channel",
-    whole="start_ns number",
-    number="dose_h equivalent_low_h equivalent_high_h resistance_K_per_W sd_K_per_W conductivity_percent hottest_degC",
+    whole="start_ns number cycles",
+    number="dose_h discharge_h equivalent_low_h equivalent_high_h resistance_K_per_W sd_K_per_W sd_percent conductivity_percent hottest_degC",
 )
 SPECIMENS = _schema(
     text="specimen batch form why",

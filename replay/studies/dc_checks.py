@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -30,7 +30,8 @@ CURRENTS, VOLTAGES = ("current", "current_dc"), ("voltage", "voltage_dc")
 @dataclass(frozen=True)
 class Evaluated:
     """A row of a table: thermal resistance [K/W], dose [h] and ageing temperature [degC], None where it has none; `counted`: hours
-    since the motor was made, by temperature, where a vehicle's counters give them. `t_ns` None without absolute time."""
+    since the motor was made, by temperature, where a vehicle's counters give them; `counters`: what else was counted until then, by
+    channel. `t_ns` None without absolute time."""
 
     session: str
     t_ns: int | None
@@ -38,6 +39,7 @@ class Evaluated:
     dose_h: float | None
     degC: float | None
     counted: Heat | None
+    counters: Mapping[str, float] = field(default_factory=dict)
 
 
 def evaluated(store: Store, facts: Facts, as_of: str | None) -> list[Evaluated]:
@@ -51,12 +53,14 @@ def evaluated(store: Store, facts: Facts, as_of: str | None) -> list[Evaluated]:
                 any_value(v.value) FILTER (WHERE v.quantity = 'thermal_resistance') AS resistance,
                 max(v.value) FILTER (WHERE v.quantity = 'temperature'),
                 list(v.channel) FILTER (WHERE v.quantity = 'dose'),
-                list(v.value) FILTER (WHERE v.quantity = 'dose')
+                list(v.value) FILTER (WHERE v.quantity = 'dose'),
+                list(v.channel) FILTER (WHERE v.quantity = 'counter'),
+                list(v.value) FILTER (WHERE v.quantity = 'counter')
             FROM samples AS v
             JOIN sessions AS s ON s.session = v.session
-            WHERE v.quantity IN ('thermal_resistance', 'dose', 'temperature') AND v.session IN (
+            WHERE v.quantity IN ('thermal_resistance', 'dose', 'temperature', 'counter') AND v.session IN (
                 SELECT session FROM channels WHERE quantity IN ('thermal_resistance', 'dose') AND role <> 'ignored'
-            )
+            ) AND (v.session, v.channel) NOT IN (SELECT (session, channel) FROM channels WHERE quantity = 'counter' AND role = 'ignored')
             GROUP BY v.session, v.file_id, v.record, s.start
             ORDER BY v.file_id, v.record
             """
@@ -64,13 +68,14 @@ def evaluated(store: Store, facts: Facts, as_of: str | None) -> list[Evaluated]:
     bins = {session.session: session.bench for session in facts.sessions}
     of_bench = {sha: _bins(store, facts, sha) for sha in set(bins.values()) if sha}
     found = []
-    for session, t_ns, resistance, degC, channels, values in rows:
+    for session, t_ns, resistance, degC, channels, values, counters, counts in rows:
         binned = of_bench.get(bins[session] or "", {})
         hours = dict(zip(channels or (), values or (), strict=True))
         dose = next((value for name, value in hours.items() if name not in binned), None)
         counted = _heat({binned[name]: value for name, value in hours.items() if name in binned})
         if resistance is not None or counted is not None:
-            found.append(Evaluated(session, t_ns, resistance, dose, degC, counted))
+            others = dict(zip(counters or (), counts or (), strict=True))
+            found.append(Evaluated(session, t_ns, resistance, dose, degC, counted, others))
     return found
 
 

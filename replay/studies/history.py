@@ -5,13 +5,11 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
-import numpy as np
-
-from ingest.catalogue.channels import ChannelData, load
+from ingest.catalogue.channels import load
 from ingest.events import SessionRecorded
 from ingest.facts import Facts
 from ingest.store import Store
-from replay.engine.heat_history import hottest
+from replay.engine.heat_history import trace_of_heat
 
 HUNDRED_H = 100.0
 _HOURS = re.compile(r"hours_above_(.+)degC")
@@ -24,10 +22,10 @@ def course_of(store: Store, facts: Facts, session: SessionRecorded, laws: Sequen
         return {}
     before = _before(facts, session)
     limits = {law: float(hours[1]) for law in laws if (hours := _HOURS.fullmatch(law))}
-    found = [hottest(load(store, facts, one)) for one in before] if limits else []
+    found = [trace_of_heat(load(store, facts, one)) for one in before] if limits else []
     of_kind = float(sum(one.kind == session.kind for one in before))
     return {
-        law: sum(_hours_above(c, limits[law]) for c in found if c) / HUNDRED_H if law in limits else of_kind
+        law: sum(trace.hours_above(limits[law]) for trace in found if trace) / HUNDRED_H if law in limits else of_kind
         for law in laws
     }
 
@@ -42,8 +40,3 @@ def _before(facts: Facts, session: SessionRecorded) -> list[SessionRecorded]:
 def _specimen(facts: Facts, session: SessionRecorded) -> tuple[str | None, str | None]:
     bench = facts.bench_of(session)
     return session.specimen, None if session.specimen or bench is None else bench.motor
-
-
-def _hours_above(channel: ChannelData, limit_degC: float) -> float:
-    """A sample counts until the next one."""
-    return float(np.diff(channel.t_ns)[channel.value[:-1] > limit_degC].sum() / 3.6e12)

@@ -18,7 +18,9 @@ from ingest.facts import Facts
 from ingest.store import Store
 from replay.engine.heat_history import CHECKED, HEATED, Heat, Trace, doses, in_order, trace_of_heat
 from replay.studies.assessment import HotHours, OvenCycle
-from replay.studies.dc_checks import Evaluated, evaluated, trace_of
+from replay.studies.configured_checks import LoggedCheck, evaluate_checks, logged_check
+from replay.studies.dc_checks import Evaluated, evaluated
+from replay.studies.discharge import Electrical, discharge_of, electrical_of
 
 if TYPE_CHECKING:
     from analytics.insulation.check_resistance import CheckResistance
@@ -32,7 +34,9 @@ ELSEWHERE = "evaluated elsewhere"
 @dataclass(frozen=True)
 class Point:
     """A check with its dose [h]; `worth` (4,) as `worth_of`; both None where not known, `why` then says why. `cycles`: how many oven
-    cycles the specimen had before, None of a row of a table."""
+    cycles the specimen had before, `discharge_h`: how many hours its test voltage was above the inception voltage [h]; both None of a
+    row of a table, hours of discharge also where they are not known. `counters`: what a table counted besides, by
+    channel."""
 
     session: SessionRecorded
     start_ns: int | None
@@ -41,6 +45,8 @@ class Point:
     found: CheckResistance | Evaluated
     why: str | None
     cycles: int | None = None
+    discharge_h: float | None = None
+    counters: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def resistance(self) -> float | None:
@@ -91,10 +97,13 @@ def of_ageing(facts: Facts) -> list[SessionRecorded]:
     return [session for session in facts.sessions if session.specimen in known]
 
 
-def histories(store: Store, facts: Facts, as_of: str | None, tell: Tell) -> dict[str, History]:
-    """Specimen -> what is known of it."""
+def histories(
+    store: Store, facts: Facts, ageing: Sequence[SessionRecorded], motor: str | None, as_of: str | None, tell: Tell
+) -> dict[str, History]:
+    """Specimen -> what is known of it. `ageing`: the sessions of `of_ageing`; `motor`: a model that checks in one of its configurations
+    are evaluated through."""
     by_specimen: dict[str, list[SessionRecorded]] = defaultdict(list)
-    for session in of_ageing(facts):
+    for session in ageing:
         by_specimen[str(session.specimen)].append(session)
     rows: dict[str, list[Evaluated]] = defaultdict(list)
     if any(is_table(facts, session) for some in by_specimen.values() for session in some):
@@ -105,7 +114,7 @@ def histories(store: Store, facts: Facts, as_of: str | None, tell: Tell) -> dict
     for name, sessions in by_specimen.items():
         logs = [session for session in sessions if session.session not in rows]
         tell(f"reading {name}")
-        history = _of_logs(store, facts, logs)
+        history = _of_logs(store, facts, motor, logs)
         given = [(session, row) for session in sessions for row in rows.get(session.session, ())]
         found[name] = _with_tables(history, given) if given else history
     return found
@@ -124,35 +133,50 @@ def worth_of(heat: Heat) -> Floats:
 # ---- logs ----------------------------------------------------------------------------------------------------------
 
 
-def _of_logs(store: Store, facts: Facts, sessions: Sequence[SessionRecorded]) -> History:
-    from analytics.insulation.check_resistance import evaluate_together
-
+def _of_logs(store: Store, facts: Facts, motor: str | None, sessions: Sequence[SessionRecorded]) -> History:
     ordered, by_time = in_order(sessions)
-    heats: dict[str, Trace | None] = {}
-    traces, notes = {}, []
+    heats: dict[str, Trace | None] = {session.session: None for session in ordered if session.kind == HEATED}
+    checks: dict[str, LoggedCheck] = {}
+    notes: list[str] = []
+    electrical: dict[str, Electrical] = {}
     for session in ordered:
         try:
             channels = load(store, facts, session)
         except DamageError as error:
             notes.append(str(error))
             continue
-        heats[session.session] = trace_of_heat(channels)
+        electrical[session.session] = electrical_of(session, channels)
+        if trace := trace_of_heat(channels):
+            heats[session.session] = trace
         if session.kind == CHECKED:
-            traces[session.session] = trace_of(channels)
-    if traces and not by_time:
+            checks[session.session] = logged_check(store, facts, session, channels, motor)
+    if checks and not by_time:
         notes.append(
             "its logs have no absolute time: checks and oven sessions are in the order of the numbers in their names"
         )
-    dose = doses(ordered, by_time, heats, worth_of)
-    answers = dict(zip(traces, evaluate_together(list(traces.values())), strict=True)) if traces else {}
+    dose, discharge = (
+        doses(ordered, by_time, heats, _worth, worth_of(NOTHING)),
+        discharge_of(ordered, by_time, electrical),
+    )
+    if discharge.why:
+        notes.append(discharge.why)
+    found, said = evaluate_checks(list(checks.values()))
+    notes += said
+    answers = dict(zip(checks, found, strict=True))
     cycles = list(_oven_cycles(ordered, heats))
     points = [
-        _point(session, dose[session.session], answers[session.session], _before(session, ordered, by_time, cycles))
+        _point(
+            session,
+            dose[session.session],
+            answers[session.session],
+            _before(session, ordered, by_time, cycles),
+            discharge.before[session.session],
+        )
         for session in ordered
         if session.session in answers
     ]
     hours = [
-        HotHours(session.session, session.name, trace.channel, trace.heat())
+        HotHours(session.session, session.name, trace.channel, trace.heat)
         for session in ordered
         if (trace := heats.get(session.session)) is not None
     ]
@@ -164,23 +188,35 @@ def _before(
 ) -> int:
     """How many of the cycles were over."""
     if by_time:
-        return sum((one.start_ns or 0) + one.soak_to_s * 1e9 <= session.start_ns for one in cycles)
+        return sum(bool((one.start_ns or 0) + one.soak_to_s * 1e9 <= session.start_ns) for one in cycles)
     earlier = {one.session for one in ordered[: ordered.index(session)]}
     return sum(one.session in earlier for one in cycles)
 
 
-def _point(session: SessionRecorded, worth: Floats | None, found: CheckResistance, cycles: int) -> Point:
+def _point(
+    session: SessionRecorded, worth: Floats | None, found: CheckResistance, cycles: int, discharge_h: float | None
+) -> Point:
     why = None if worth is not None else "an oven session before it has no temperature of the specimen"
     start = session.start_ns if session.absolute else None
-    return Point(session, start, None if worth is None else float(worth[0]), worth, found, why, cycles)
+    dose = None if worth is None else float(worth[0])
+    return Point(session, start, dose, worth, found, why, cycles, discharge_h)
 
 
 def _all_heat(sessions: Sequence[SessionRecorded], heats: Mapping[str, Trace | None]) -> Floats | None:
     """None without any session, and where an oven log has no temperatures."""
-    if not sessions or any(s.kind == HEATED and heats.get(s.session) is None for s in sessions):
+    known = [trace for trace in heats.values() if trace is not None]
+    if not sessions or len(known) < len(heats):
         return None
-    worths = [worth_of(trace.heat()) for trace in heats.values() if trace is not None]
-    return np.asarray(np.sum([worth_of(NOTHING), *worths], axis=0), np.float64)
+    return np.asarray(np.sum([worth_of(NOTHING), *map(_worth, known)], axis=0), np.float64)
+
+
+def _worth(trace: Trace) -> Floats:
+    """`worth_of` a course, which says to the crossing how long it was above the threshold."""
+    from analytics.insulation.arrhenius import THRESHOLD_DEGC
+
+    found = worth_of(trace.heat)
+    found[0] = trace.hours_above(THRESHOLD_DEGC)
+    return found
 
 
 NOTHING = Heat(np.empty(0), np.empty(0))
@@ -211,6 +247,9 @@ def _oven_cycles(sessions: Iterable[SessionRecorded], heats: Mapping[str, Trace 
             soak_degC=stay.soak_degC,
             hours_above=stay.hours_above,
             unknown_h=stay.unknown_h,
+            swing_K=stay.swing_K,
+            heating_K_per_min=stay.heating_K_per_min,
+            cooling_K_per_min=stay.cooling_K_per_min,
         )
 
 
@@ -250,7 +289,7 @@ def _row_point(session: SessionRecorded, row: Evaluated, readouts: Sequence[tupl
     if dose is None and worth is not None:
         dose = float(worth[0])
     why = "neither the row nor a counter's readout around it says a dose" if dose is None else None
-    return Point(session, row.t_ns, dose, worth, row, why)
+    return Point(session, row.t_ns, dose, worth, row, why, counters=row.counters)
 
 
 def _place(point: Point) -> tuple[float, int]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -20,22 +20,24 @@ Floats = NDArray[np.float64]
 LEAST_SPREAD_K = 5.0  # temperatures closer than this are one: ovens are not equally hot every time
 
 
-def lives_of(histories: Mapping[str, History], repeatability: float, criterion: str) -> Lives:
+def lives_of(histories: Mapping[str, History], sd: Mapping[str, Sequence[float | None]], criterion: str) -> Lives:
     """Between which doses each specimen's conductivity first fell by half, at the median temperature of its dose, and the lognormal law of these.
 
-    Lives are interval-censored by the checks, and right-censored where the criterion is not reached (IEC 60216, IEEE 117).
+    Lives are interval-censored by the checks, and right-censored where the criterion is not reached (IEC 60216, IEEE 117). `sd`: of
+    ln R of each point of a history, None where it is not usable.
     """
     from analytics.insulation.first_passage import first_passage
 
     lives = []
     for name, history in histories.items():
-        known = [point for point in history.points if point.usable]
+        known = [(point, own) for point, own in zip(history.points, sd[name], strict=True) if own is not None]
         degC = _temperature(history)
         if degC is None or not known:
             continue
-        resistance = np.array([point.resistance for point in known], np.float64)
-        sd = np.maximum(repeatability, np.array([point.sd or 0.0 for point in known]) / resistance)
-        found = first_passage([point.dose_h or 0.0 for point in known], np.log(resistance), sd)
+        resistance = np.array([point.resistance for point, _ in known], np.float64)
+        found = first_passage(
+            [point.dose_h or 0.0 for point, _ in known], np.log(resistance), [own for _, own in known]
+        )
         if found.lower_h is not None and found.upper_h is not None:
             upper = None if math.isinf(found.upper_h) else found.upper_h
             lives.append(OneLife(specimen=name, degC=degC, lower_h=found.lower_h, upper_h=upper))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cache
 
@@ -9,7 +10,14 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from analytics.insulation.check_resistance import CheckResistance, CheckTrace, evaluate, evaluate_together
+from analytics.insulation.check_resistance import (
+    CheckResistance,
+    CheckTrace,
+    Estimate,
+    Together,
+    evaluate,
+    evaluate_together,
+)
 from plant import insulation_campaign
 from plant.insulation_campaign import Check, Stator
 from plant.timeline import Plan
@@ -176,6 +184,40 @@ def test_a_log_that_begins_under_load_and_ends_under_load_has_no_route_without_i
     found = evaluate(rows(whole, slice(240, 900)))
     assert found.resistance_K_per_W is None
     assert found.why is not None and "not at rest" in found.why
+
+
+# ---- routes over all checks ----------------------------------------------------------------------------------------
+
+
+def test_a_route_over_all_checks_comes_first_and_sees_what_is_left_out() -> None:
+    whole = [trace(check) for check in stator("none").checks]
+    copper = whole[1].copper_degC.copy()
+    copper[:, 0] = np.nan
+    seen: list[list[str]] = []
+
+    def estimates(left_out: Sequence[Mapping[str, str]]) -> list[Estimate | str]:
+        seen.extend(list(one) for one in left_out)
+        return [Estimate(0.04 + 0.001 * k, 0.0004) for k in range(len(left_out))]
+
+    found = evaluate_together(
+        [whole[0], replace(whole[1], copper_degC=copper), *whole[2:]], [Together("by rig", estimates)]
+    )
+    assert seen == [[whole[0].copper_names[0]]] * len(whole)
+    assert {one.source for one in found} == {"by rig"}
+    assert resistances(found) == pytest.approx(0.04 + 0.001 * np.arange(len(whole)))
+    assert {one.sd_K_per_W for one in found} == {0.0004}
+    assert found[0].hottest == "EW_A_3v"
+
+
+def test_a_route_over_all_checks_that_serves_too_few_leaves_the_others() -> None:
+    whole = [trace(check) for check in stator("none").checks]
+    some: list[Estimate | str] = [*[Estimate(0.04, 0.0004)] * 5, Estimate(0.04, 0.004), "no load"]
+    kept = evaluate_together(whole, [Together("by rig", lambda _: some)])
+    assert {one.source for one in kept} == {"iron sensor"}
+    most: list[Estimate | str] = [*[Estimate(0.04, 0.0004)] * 6, Estimate(0.04, 0.004)]
+    found = evaluate_together(whole, [Together("by rig", lambda _: most)])
+    assert [one.source for one in found] == ["by rig"] * 6 + [None]
+    assert (found[-1].why or "").startswith("by rig: known to 10 % only, 5 % is allowed")
 
 
 # ---- sensors and loads that fail -----------------------------------------------------------------------------------

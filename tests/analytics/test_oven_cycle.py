@@ -53,6 +53,28 @@ def test_several_cycles_of_one_log_are_told_apart_and_the_last_may_last_60_h() -
     assert [cycle.soak_h for cycle in found] == pytest.approx([12.0, 12.0, 60.0], abs=0.2)
 
 
+def test_a_cycle_has_its_swing_and_its_fastest_rates() -> None:
+    times = np.array([0.0, 1.0, 3.0, 9.0, 9.5, 12.0]) * H
+    value = np.interp(np.arange(0.0, times[-1], 60.0), times, [25.0, 25.0, 230.0, 230.0, 30.0, 30.0])
+    value += np.random.default_rng(3).normal(0.0, 0.1, value.size)
+    (cycle,) = cycles(clock(value), value)
+    assert cycle.swing_K == pytest.approx(205.0, abs=1.0)
+    assert cycle.heating_K_per_min == pytest.approx(205.0 / 120.0, abs=0.1)
+    assert cycle.cooling_K_per_min == pytest.approx(200.0 / 30.0, abs=0.1)
+
+
+def test_a_quench_is_a_mean_over_five_minutes_and_no_rate_crosses_a_gap() -> None:
+    value = trapezium(12.0)
+    quenched = np.where(np.arange(value.size) < 600, value, 25.0)  # within a minute
+    (cycle,) = cycles(clock(quenched), quenched)
+    assert cycle.cooling_K_per_min == pytest.approx(205.0 / 5.0)
+    kept = np.abs(np.arange(value.size) - 610) > 15  # the quench lies in a gap of half an hour
+    (cycle,) = cycles(clock(quenched)[kept], quenched[kept])
+    assert cycle.cooling_K_per_min == pytest.approx(0.0, abs=1e-9)
+    (begun,) = cycles(clock(value[300:]), value[300:])
+    assert begun.heating_K_per_min is None
+
+
 def test_a_step_across_the_threshold_counts_in_part() -> None:
     t, value = np.array([0.0, H]), np.array([170.0, 190.0])
     assert hours_above(t, value, 180.0) == pytest.approx(0.5)

@@ -7,7 +7,17 @@ import math
 import numpy as np
 import pytest
 
-from analytics.insulation.repeatability import ASSUMED, ASSUMED_SD, BOTH, CUT, CUT_SQUARE, REPEATS, SCATTER, estimate
+from analytics.insulation.repeatability import (
+    ASSUMED,
+    ASSUMED_SD,
+    BOTH,
+    CUT,
+    CUT_SQUARE,
+    REPEATS,
+    SCATTER,
+    Repeatability,
+    estimate,
+)
 
 DOSES = np.arange(16) * 12.0
 
@@ -88,3 +98,26 @@ def test_the_cut_takes_what_it_should_from_a_normal_variable() -> None:
     z = np.linspace(-12.0, 12.0, 200_001)
     density = np.exp(-(z**2) / 2) / math.sqrt(2 * math.pi)
     assert np.trapezoid(np.minimum(z**2, CUT**2) * density, z) == pytest.approx(CUT_SQUARE, rel=1e-7)
+
+
+def test_each_check_is_uncertain_by_what_the_others_are_and_its_own_evaluation() -> None:
+    random = np.random.default_rng(4)
+    own = np.where(np.arange(4000) % 16 == 4, 0.02, 0.004)  # a log of each was cut short
+    who, dose = [k // 16 for k in range(4000)], np.tile(DOSES, 250)
+    y = np.hypot(0.008, own) * random.standard_normal(4000)
+    sd = estimate(who, dose, y).of_checks(own)
+    assert sd[0] == pytest.approx(np.hypot(0.008, 0.004), rel=0.15)
+    assert sd[4] == pytest.approx(np.hypot(0.008, 0.02), rel=0.15)
+
+
+def test_a_check_that_was_evaluated_as_most_is_uncertain_by_the_repeatability() -> None:
+    found = Repeatability(0.01, 50.0, SCATTER)
+    assert found.of_checks([0.003, 0.003, 0.003]) == pytest.approx([0.01] * 3)
+    assert found.of_checks([0.0, 0.0]) == pytest.approx([0.01] * 2)
+    assert found.of_checks([]).shape == (0,)
+
+
+def test_what_evaluations_have_in_common_is_not_counted_where_checks_repeat_better() -> None:
+    evaluations = [0.02, 0.02, 0.04]
+    assert Repeatability(0.01, 50.0, SCATTER).of_checks(evaluations) == pytest.approx([0.01, 0.01, 0.02])
+    assert Repeatability(0.01, math.inf, ASSUMED).of_checks(evaluations) == pytest.approx(evaluations)

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from plant import bare_stator, bare_stator_motor, dc_check, insulation_check, oven, timeline
+from plant import bare_stator, bare_stator_motor, dc_check, discharge, insulation_check, oven, timeline
 from plant.bare_stator import JOINTS, LUMPS, Stators
 from plant.deterioration import Form, OVEN_degC
 from plant.tables import STYLES, Column, write_table
@@ -41,7 +41,7 @@ class Log:
 
 @dataclass(frozen=True)
 class Check:
-    """One DC check. `dose_h`: hours of the copper above 180 degC before it; `damage_h`: equivalent hours of the insulation at
+    """One DC check. `dose_h`: hours of the copper above 180 degC before it, `discharge_h` above the inception voltage; `damage_h`: equivalent hours of the insulation at
     230 degC by the hidden activation energy; `insulation`: resistance of the slots over what it was when new;
     `resistance_K_per_W`: mean of the winding heads minus mean of the iron over the heat in the copper, steady, as perfect sensors
     have it (so with what dark surfaces do to it, without the leads); `factor`: the check's own error in ln R."""
@@ -49,6 +49,7 @@ class Check:
     log: Log
     cycle: int
     dose_h: float
+    discharge_h: float
     damage_h: float
     insulation: float
     resistance_K_per_W: float
@@ -121,7 +122,7 @@ def write(folder: Path, seed: int, plan: Plan | None = None) -> Written:
             _write(folder / stator.name, log, plan.oven_style)
     files = {
         "bench_dc.toml": dc_check.bench_toml(checks, plan.iron, plan.configuration),
-        "bench_oven.toml": oven.bench_toml(others, plan.oven_sensors),
+        "bench_oven.toml": oven.bench_toml(others, plan.oven_sensors) + discharge.bench_toml() * bool(plan.test_V),
     }
     if plan.electrical:
         files["bench_insulation.toml"] = insulation_check.bench_toml(others)
@@ -147,21 +148,36 @@ def run(seed: int, plan: Plan | None = None) -> Campaign:
 def _stator(seed: int, plan: Plan, place: int, activation_eV: float) -> Stator:
     course = timeline.course(seed, plan, place, activation_eV)
     damage = course.before_checks([trace.damage_h(activation_eV, OVEN_degC) for trace in course.traces])
-    insulation = np.exp(course.form.ln_factor(damage))
+    discharged = _discharged(plan, place, course, activation_eV)
+    insulation = np.exp(course.form.ln_factor(damage) + plan.discharge_rate * discharged / 100.0)
     random = np.random.default_rng([seed, 63, place])
     return Stator(
         course.name,
         course.batch,
         course.form,
-        _checks(random, plan, course, damage, insulation),
+        _checks(random, plan, course, damage, insulation, discharged),
         tuple(course.hours_above),
-        _oven_logs(random, plan, course),
+        _oven_logs(random, plan, place, course),
         _insulation_logs(random, course, np.log(insulation)) if plan.electrical else (),
     )
 
 
+def _discharged(plan: Plan, place: int, course: Course, activation_eV: float) -> Floats:
+    """Hours of discharge before each check."""
+    if not plan.test_V:
+        return np.zeros(len(course.checks))
+    damage = np.cumsum([0.0, *(trace.damage_h(activation_eV, OVEN_degC) for trace in course.traces)])
+    alone = course.form.ln_factor(damage).tolist()
+    return course.before_checks(discharge.hours(alone, plan.tests(place), plan.discharge_rate))
+
+
 def _checks(
-    random: np.random.Generator, plan: Plan, course: Course, damage_h: Floats, insulation: Floats
+    random: np.random.Generator,
+    plan: Plan,
+    course: Course,
+    damage_h: Floats,
+    insulation: Floats,
+    discharge_h: Floats,
 ) -> tuple[Check, ...]:
     """All of one stator, run together."""
     rig, size = plan.rig, len(damage_h)
@@ -187,6 +203,7 @@ def _checks(
                 log=Log(f"dc_{k + 1:02d}", course.checks[k], t_s, tuple(columns)),
                 cycle=int(course.done[k]),
                 dose_h=float(dose[k]),
+                discharge_h=float(discharge_h[k]),
                 damage_h=float(damage_h[k]),
                 insulation=float(insulation[k]),
                 resistance_K_per_W=float(resistance[k]),
@@ -230,15 +247,19 @@ def _reading(random: np.random.Generator, plan: Plan) -> dc_check.Reading:
     )
 
 
-def _oven_logs(random: np.random.Generator, plan: Plan, course: Course) -> tuple[Log, ...]:
+def _oven_logs(random: np.random.Generator, plan: Plan, place: int, course: Course) -> tuple[Log, ...]:
     """`cycles_a_log` cycles a log; between them the logger rests."""
     logs: list[Log] = []
+    tests = plan.tests(place)
     for first in range(0, plan.cycles, plan.cycles_a_log):
         places = range(first, min(first + plan.cycles_a_log, plan.cycles))
         begin = course.ovens[first]
         whole = oven.joined([course.traces[k] for k in places], [course.ovens[k] - begin for k in places])
-        columns = tuple(oven.columns(random, whole, plan.oven_sensors))
-        logs.append(Log(f"oven_{len(logs) + 1:02d}", begin, whole.t_s, columns))
+        columns = oven.columns(random, whole, plan.oven_sensors)
+        if plan.test_V:
+            volts = np.concatenate([discharge.volts(course.traces[k], *tests[k]) for k in places])
+            columns.append(discharge.column(random, volts))
+        logs.append(Log(f"oven_{len(logs) + 1:02d}", begin, whole.t_s, tuple(columns)))
     return tuple(logs)
 
 

@@ -23,6 +23,12 @@ VALUES = (
 )
 
 
+def inception_V(ln_insulation: float) -> float:
+    """The true one, with ln of the slots' resistance over what it was when new."""
+    _, _, _, new, slope, *_ = VALUES[-1]
+    return new * float(np.exp(slope * ln_insulation))
+
+
 def columns(random: np.random.Generator, ln_insulation: float) -> list[Column]:
     """One row, with ln of the slots' resistance over what it was when new."""
     found = []

@@ -31,6 +31,8 @@ class Plan:
     a day. early_stops, dead: shares of the checks whose log ends early, and in which a thermocouple fails. oven_degC: one a
     cycle, in turn. breaks: share of the cycles in which the oven fails and is switched on again. oven_sensors: without, an oven
     log holds the oven alone. electrical: with checks of the insulation. activation_eV: drawn from 0.9 to 1.1 where left out.
+    test_V, test_h: rms voltage on the winding in each cycle, in turn, and for how long, each stator `test_shift` cycles further on;
+    none where left out. discharge_rate: what 100 h of it above the inception voltage add to ln of the resistance.
     """
 
     stators: int = 6
@@ -58,6 +60,15 @@ class Plan:
     activation_eV: float | None = None
     rig: Rig = field(default_factory=Rig)
     configuration: str | None = None
+    test_V: Sequence[float] = ()
+    test_h: Sequence[float] = (4.0,)
+    test_shift: int = 0
+    discharge_rate: float = 0.0
+
+    def tests(self, place: int) -> list[tuple[float, float]]:
+        """Voltage and hours of each cycle of the stator at `place`; empty without voltage tests."""
+        at = [cycle + place * self.test_shift for cycle in range(self.cycles)] if self.test_V else []
+        return [(self.test_V[k % len(self.test_V)], self.test_h[k % len(self.test_h)]) for k in at]
 
 
 # Twenty cycles of 12 h and one of 60 h, thermocouples in the winding heads only.

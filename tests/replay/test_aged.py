@@ -349,11 +349,10 @@ def test_as_of_an_earlier_time_later_assessments_and_sessions_are_not_known(camp
 
 
 def test_checks_leave_states_where_they_have_dose_and_resistance(opened: Opened) -> None:
-    rows = [(0.0, 0.050, 0.001), (12.0, None, None), (None, 0.051, 0.001), (13.0, -0.002, 0.001), (24.0, 0.053, None)]
-    first, *none, last = states_left(rows, 0.02, LAW)
-    assert none == [None, None, None]
-    own = math.hypot(0.02, 0.02)
-    expected = filtered([Check(0.0, math.log(0.050), own), Check(24.0, math.log(0.053), 0.02)], LAW)
+    known = [Check(0.0, math.log(0.050), 0.03), Check(24.0, math.log(0.053), 0.02)]
+    first, *none, last = states_left([known[0], None, None, known[1]], LAW)
+    assert none == [None, None]
+    expected = filtered(known, LAW)
     assert [State(**(one or {})) for one in (first, last)] == list(expected)
     (entry,) = opened.with_states(("b", 28.0, expected[0])).of("old", "aged").ageing
     assert entry["factor"] == pytest.approx(by_law(DOSE_h, LAW).factor, abs=1e-4)

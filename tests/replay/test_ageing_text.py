@@ -9,7 +9,18 @@ import pytest
 
 from replay.engine.heat_history import Heat
 from replay.show.ageing import ageing_text, answer
-from replay.studies.assessment import Assessment, Batch, Check, HotHours, Lives, Specimen, document, read, tables
+from replay.studies.assessment import (
+    Assessment,
+    Batch,
+    Check,
+    HotHours,
+    Lives,
+    Specimen,
+    Stress,
+    document,
+    read,
+    tables,
+)
 
 CHECK = Check(
     session="s",
@@ -111,6 +122,24 @@ def test_the_text_fits_a_terminal_and_a_fleet_is_cut_short(count: int) -> None:
     assert any(line.startswith("B1") and line.endswith("stands out") for line in lines)
     first = next(line for line in lines if line.startswith("M0"))
     assert first.startswith(f"M{count - 1:03d}"), "the one that stands out most is first"
+
+
+def test_stresses_are_said_apart_where_they_are_told_apart_and_as_one_or_other_where_not() -> None:
+    heat = Stress(name="heat", unit="100 h above 180 degC", percent=24.0, sd_percent=2.0, not_told_from=["cycles"])
+    cycles = Stress(name="cycles", unit="cycle", percent=-2.9, sd_percent=0.3, not_told_from=["heat"])
+    discharge = Stress(name="discharge", unit="100 h", percent=40.0, sd_percent=9.0, not_told_from=[])
+    nothing = Stress(name="vibration", unit="h", percent=None, sd_percent=None, not_told_from=[])
+
+    def said(*stress: Stress) -> str:
+        return " ".join(ageing_text(replace(assessment(WORSE), stress=list(stress))).split())
+
+    assert "Stress R +40.0 % ± 9.0 % each 100 h (discharge), all specimens together" in said(heat, cycles, discharge)
+    assert (
+        "Stress heat and cycles go together in these sessions: R +24.0 % ± 2.0 % each 100 h above 180 °C or R −2.9 % ± 0.3 % each cycle, "
+        "if one does it all" in said(heat, cycles, nothing)
+    )
+    assert "Stress" not in said(discharge), "one alone is the slope"
+    assert "Stress" not in said()
 
 
 def test_an_assessment_survives_its_json_and_its_tables_hold_every_check() -> None:

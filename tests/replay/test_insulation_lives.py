@@ -9,7 +9,7 @@ import pytest
 
 from ingest.events import SessionRecorded
 from replay.engine.heat_history import Heat
-from replay.studies.assessment import HotHours
+from replay.studies.assessment import HotHours, Lives
 from replay.studies.dc_checks import Evaluated
 from replay.studies.insulation_history import History, Point
 from replay.studies.insulation_lives import lives_of
@@ -39,6 +39,11 @@ def history(degC: float, life_h: float, checks: int = 30, span: float = 2.0) -> 
     return History(points=points, hours=[hot])
 
 
+def lives(histories: dict[str, History]) -> Lives:
+    sd = {name: [0.005] * len(history.points) for name, history in histories.items()}
+    return lives_of(histories, sd, "conductivity -50 %")
+
+
 def life_at(degC: float, factor: float, eV: float = 1.05) -> float:
     return factor * 1000.0 * math.exp(eV / BOLTZMANN * (1.0 / (degC + 273.15) - 1.0 / (230.0 + 273.15)))
 
@@ -48,7 +53,7 @@ def test_three_temperatures_tell_energy_and_index() -> None:
     given = {
         f"{degC}-{k}": history(degC, life_at(degC, f)) for degC in (200.0, 220.0, 240.0) for k, f in enumerate(factors)
     }
-    found = lives_of(given, 0.005, "conductivity -50 %")
+    found = lives(given)
     assert len(found.lives) == 12
     for one in found.lives:
         true = life_at(one.degC, float(factors[int(one.specimen[-1])]))
@@ -66,18 +71,18 @@ def test_two_temperatures_tell_an_energy_and_why_there_is_no_index() -> None:
     given = {
         f"{degC}-{k}": history(degC, life_at(degC, f)) for degC in (210.0, 230.0) for k, f in enumerate((0.9, 1.0, 1.1))
     }
-    found = lives_of(given, 0.005, "conductivity -50 %")
+    found = lives(given)
     assert found.law is not None
     assert found.law.temperature_index_degC is None
     assert "three" in str(found.law.why_no_index)
 
 
 def test_where_nobody_has_reached_the_criterion_there_is_no_law() -> None:
-    found = lives_of({"S": history(230.0, 1000.0, span=0.3)}, 0.005, "conductivity -50 %")
+    found = lives({"S": history(230.0, 1000.0, span=0.3)})
     assert found.lives[0].upper_h is None
     assert (found.law, found.why) == (None, "no specimen has reached the criterion yet")
 
 
 def test_a_specimen_whose_temperature_is_not_known_has_no_life() -> None:
     some = history(230.0, 1000.0)
-    assert lives_of({"S": History(points=some.points)}, 0.005, "conductivity -50 %").lives == []
+    assert lives({"S": History(points=some.points)}).lives == []
