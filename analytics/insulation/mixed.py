@@ -52,15 +52,25 @@ def bent_line(dose_h: ArrayLike, knots: Floats) -> Floats:
 def fit_course(
     specimen: ArrayLike, dose_h: ArrayLike, y: ArrayLike, sd: ArrayLike, batch: ArrayLike | None = None
 ) -> tuple[MixedFit, Floats]:
-    """The fit, not degenerate, with the bends that all specimens share, and these (k,) [h]: where their Wald statistic
-    is one that chance makes in less than 1 of 100 fleets, else without any."""
+    """The fit, not degenerate, with the bends that all specimens share, and these (k,) [h]: `fit_bends`, else without
+    any."""
+    none = np.empty(0)
+    bent = fit_bends(specimen, dose_h, y, sd, batch)
+    return bent or (fit(specimen, dose_h, y, sd, bent_line(dose_h, none), batch, nondegenerate=True), none)
+
+
+def fit_bends(
+    specimen: ArrayLike, dose_h: ArrayLike, y: ArrayLike, sd: ArrayLike, batch: ArrayLike | None = None
+) -> tuple[MixedFit, Floats] | None:
+    """The fit, not degenerate, with the bends that all specimens share, and these (k,) [h]; None where their Wald
+    statistic is one that chance makes in more than 1 of 100 fleets."""
     knots = bends(dose_h, int(np.max(specimen)) + 1)
-    if len(knots):
-        bent = fit(specimen, dose_h, y, sd, bent_line(dose_h, knots), batch, nondegenerate=True)
-        off = bent.fixed[2:]
-        if float(off @ np.linalg.solve(bent.fixed_covariance[2:, 2:], off)) > chi2.isf(CHANCE, len(off)):
-            return bent, knots
-    return fit(specimen, dose_h, y, sd, bent_line(dose_h, np.empty(0)), batch, nondegenerate=True), np.empty(0)
+    if not len(knots):
+        return None
+    bent = fit(specimen, dose_h, y, sd, bent_line(dose_h, knots), batch, nondegenerate=True)
+    off = bent.fixed[2:]
+    wald = float(off @ np.linalg.solve(bent.fixed_covariance[2:, 2:], off))
+    return (bent, knots) if wald > chi2.isf(CHANCE, len(off)) else None
 
 
 @dataclass(frozen=True)

@@ -1,18 +1,20 @@
 """Which specimens, and which batches, age faster than the rest of the fleet does.
 
 Each specimen has a slope of its own (`slopes.py`), less what all specimens have in common where the fleet's course is
-bent. Slopes scatter about the centre of their batch by tau beside their own errors; centres of batches scatter about
-the fleet's. Centres are Huber's, and both spreads come from squares cut at (2.5 sd)^2, so that what stands out does not
-hide itself. Where few specimens or batches are there to learn a spread from, it leans on what is usual: specimens
-differ by three tenths, batches by a seventh of the common slope, with the weight of three specimens and four batches.
+bent. Slopes scatter about the centre of their batch beside their own errors, as `healthy_slopes.py` learns from them;
+centres of batches scatter about the fleet's. Centres are Huber's, and spreads come from squares cut at (2.5 sd)^2, so
+that what stands out does not hide itself. Where few specimens or batches are there to learn a spread from, it leans on
+what is usual: specimens differ by a fifth, batches by an eighth of the common slope, with the weight of two specimens
+and four batches.
 
 A batch is tested first, by its centre against those of the others; then each specimen against the centre of its batch:
 its own where the batch is outlying, so that the members of a bad batch are not listed one by one unless they stand out
-of it too, and else one that leans on the fleet's. What is tested takes no part in what it is tested against. Scores are
-one-sided (outlying means worse) and compared with Student's t, as tails are heavier than normal: at most eight degrees
-of freedom for what specimens and batches truly are, four more than its checks for a specimen's own error, and between
-them by Welch (Biometrika 34 (1947) 28, DOI 10.1093/biomet/34.1-2.28) where both count. Lists keep the false-discovery
-rate of Benjamini and Hochberg (J. R. Stat. Soc. B 57 (1995) 289, DOI 10.1111/j.2517-6161.1995.tb02031.x).
+of it too, and else one that leans on the fleet's. In a batch that ages n times as fast specimens differ n times as much,
+as rates multiply. What is tested takes no part in what it is tested against. Scores are one-sided (outlying means worse)
+and compared with Student's t, as tails are heavier than any model's: at most sixteen degrees of freedom for what
+specimens truly are, four more than its checks for a specimen's own error, and between them by Welch (Biometrika 34
+(1947) 28, DOI 10.1093/biomet/34.1-2.28) where both count; twenty at most for batches. Lists keep the false-discovery rate
+of Benjamini and Hochberg (J. R. Stat. Soc. B 57 (1995) 289, DOI 10.1111/j.2517-6161.1995.tb02031.x).
 """
 
 from __future__ import annotations
@@ -27,6 +29,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.stats import t as student
 
 from analytics.insulation import mixed
+from analytics.insulation.healthy_slopes import HealthySlopes, healthy_slopes
 from analytics.insulation.slopes import Slopes, Step, slopes, step_or_slope
 from analytics.insulation.spread import Spread, spread
 
@@ -35,9 +38,9 @@ Ints = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 
 PERCENT_PER_100_H = 1e4
-USUAL_SHARE, USUAL_WEIGHT = 0.3, 3.0  # of the common slope: spread of specimens
-USUAL_BATCH_SHARE, USUAL_BATCH_WEIGHT = 0.15, 4.0
-TAILS = 8.0  # degrees of freedom
+USUAL_SHARE, USUAL_WEIGHT = 0.2, 2.0  # of the common slope: spread of specimens
+USUAL_BATCH_SHARE, USUAL_BATCH_WEIGHT = 0.12, 4.0
+TAILS, BATCH_TAILS = 16.0, 20.0  # degrees of freedom
 ERROR_TAILS = 4.0  # the same of an error's slope, and one more a check: near to errors with six
 LEAST_SPREAD = 1e-5  # 1/h: 0.1 % in 100 h
 LEAST_SPECIMENS, LEAST_IN_BATCH = 3, 2
@@ -195,9 +198,10 @@ def _without_bends(who: Ints, dose: Floats, y: Floats, sd: Floats) -> Floats:
     """y less the bends that the courses of all specimens share, so that a specimen seen early compares with one seen
     late."""
     present, code = np.unique(who, return_inverse=True)
-    if not len(present) or not len(mixed.bends(dose, len(present))):
+    bent = mixed.fit_bends(code, dose, y, sd) if len(present) else None
+    if bent is None:
         return y
-    found, knots = mixed.fit_course(code, dose, y, sd)
+    found, knots = bent
     columns = mixed.bent_line(dose, knots)
     line, course = columns[:, :2], columns @ found.fixed
     return np.asarray(y - course + line @ np.linalg.lstsq(line, course, rcond=None)[0], np.float64)
@@ -252,7 +256,7 @@ def _without_steps(fleet: _Fleet, known: Ints, rows: _Rows, own: Slopes, rate: f
     steps."""
     bad = np.array([k for k, test in _test_batches(fleet, rate).items() if test.outlying], np.int64)
     centre, variance = _centres(fleet, bad)
-    scores = _scores(fleet, fleet, bad)
+    scores = _healthy(fleet, bad).scores(*_off(fleet, fleet, bad))
     usual_sd = np.sqrt(variance + fleet.within.tau_square)
     unusual_sd = UNUSUAL * max(
         abs(float(np.median(centre[np.unique(fleet.group)]))), math.sqrt(fleet.within.tau_square)
@@ -280,15 +284,18 @@ def _test_batches(fleet: _Fleet, rate: float) -> dict[int, _Test]:
         others = fleet.among_batches(np.array([k]))
         variance = fleet.within.variance[k] + others.variance[0] + others.tau_square
         scores.append(float((fleet.within.centre[k] - others.centre[0]) / math.sqrt(variance)))
-    p_values = student.sf(scores, min(fleet.freedom(), USUAL_BATCH_WEIGHT + groups - 2))
+    p_values = student.sf(scores, min(BATCH_TAILS, USUAL_BATCH_WEIGHT + groups - 2))
     flags = benjamini_hochberg(p_values, rate)
     return {k: _Test(z, float(p), bool(flag), "") for k, z, p, flag in zip(large, scores, p_values, flags, strict=True)}
 
 
 def _test_specimens(fleet: _Fleet, bad: Ints, rate: float) -> list[_Test]:
-    scores = _scores(fleet, fleet, bad)
-    for place in np.argsort(-scores)[:RETESTED]:
-        scores[place] = _scores(fleet, fleet.without(int(place)), bad)[place]
+    healthy = _healthy(fleet, bad)
+    off, variance = _off(fleet, fleet, bad)
+    for place in np.argsort(-healthy.scores(off, variance))[:RETESTED]:
+        alone = _off(fleet, fleet.without(int(place)), bad)
+        off[place], variance[place] = alone[0][place], alone[1][place]
+    scores = healthy.scores(off, variance)
     p_values = student.sf(scores, _freedom(fleet))
     flags = benjamini_hochberg(p_values, rate)
     return [_Test(float(z), float(p), bool(flag), "") for z, p, flag in zip(scores, p_values, flags, strict=True)]
@@ -302,11 +309,30 @@ def _freedom(fleet: _Fleet) -> Floats:
     )
 
 
-def _scores(fleet: _Fleet, others: _Fleet, bad: Ints) -> Floats:
-    """(m,) of each specimen against the centre of its batch, as `others` tell it."""
+def _healthy(fleet: _Fleet, bad: Ints) -> HealthySlopes:
+    off, variance = _off(fleet, fleet, bad)
+    takes_part = ~np.isin(fleet.group, bad)
+    centre = _middle(fleet, bad)
+    usual = math.hypot(USUAL_SHARE * centre, LEAST_SPREAD)
+    tau = math.sqrt(fleet.within.tau_square)
+    return healthy_slopes(off, variance, takes_part, centre, tau, usual, USUAL_WEIGHT)
+
+
+def _middle(fleet: _Fleet, bad: Ints) -> float:
+    """The median of the slopes, without bad batches unless nothing else is left."""
+    healthy = fleet.slope[~np.isin(fleet.group, bad)]
+    return float(np.median(healthy if len(healthy) else fleet.slope))
+
+
+def _off(fleet: _Fleet, others: _Fleet, bad: Ints) -> tuple[Floats, Floats]:
+    """(m,): each specimen's slope less the centre of its batch, as `others` tell it, and the variance of both. In
+    bad batches by how many times they are as fast."""
     centre, variance = _centres(others, bad)
-    total = fleet.variance + others.within.tau_square + variance[fleet.group]
-    return np.asarray((fleet.slope - centre[fleet.group]) / np.sqrt(total), np.float64)
+    times, middle = np.ones(len(centre)), _middle(others, bad)
+    if middle > 0.0:
+        times[bad] = np.maximum(centre[bad] / middle, 1.0)
+    times, group = times[fleet.group], fleet.group
+    return (fleet.slope - centre[group]) / times, (fleet.variance + variance[group]) / times**2
 
 
 def _centres(fleet: _Fleet, bad: Ints) -> tuple[Floats, Floats]:

@@ -2,7 +2,8 @@
 
 A line is fitted to each by weighted least squares, where errors beyond 1.5 standard deviations count less (Huber, Ann.
 Math. Statist. 35 (1964) 73, DOI 10.1214/aoms/1177703732). Standard deviations come from the given ones times one factor
-for all, which the lines' own residuals tell; a specimen whose residuals are larger still has a factor of its own.
+for all; a specimen that scatters more still has a factor of its own. Both are of each check against the line between its
+neighbours in dose (as in `repeatability.py`), not against the specimen's line: a bend is no error of a slope.
 
 A sensor that was exchanged makes a step, and a step in the middle looks like a slope: `step_or_slope` weighs both.
 """
@@ -23,6 +24,7 @@ Ints = NDArray[np.int64]
 STEP_SD = 0.08  # of ln R, by an exchanged sensor
 GIVEN_WEIGHT = 10.0  # in checks, of the given standard deviations against what residuals say
 CUT = 2.5
+OVERLAP = 1.0 + 2.0 * ((2 / 3) ** 2 + (1 / 6) ** 2)  # neighbours' differences are correlated: that many count as one
 HUBER, ROUNDS, ROUNDS_OF_SCALE = 1.5, 10, 30
 CUT_SQUARE = float(chi2.cdf(CUT**2, 3) + CUT**2 * chi2.sf(CUT**2, 1))
 
@@ -45,9 +47,24 @@ def slopes(specimen: Ints, dose_h: Floats, y: Floats, sd: Floats) -> Slopes:
     lines = _Lines.of(specimen, dose_h, y, sd)
     for _ in range(ROUNDS):
         lines = lines.pulled()
-    factor = lines.factor()
+    scale, factor = _factors(specimen, dose_h, y, sd, len(lines.counts))
     with np.errstate(divide="ignore"):
-        return Slopes(lines.slope, factor / np.sqrt(lines.spread), lines.counts, factor, lines.scale)
+        return Slopes(lines.slope, factor / np.sqrt(lines.spread), lines.counts, factor, scale)
+
+
+def _factors(who: Ints, dose: Floats, y: Floats, sd: Floats, specimens: int) -> tuple[float, Floats]:
+    """On the given standard deviations: of all specimens, and of each (m,), at least that."""
+    order = np.lexsort((dose, who))
+    who, dose, y, variance = who[order], dose[order], y[order], sd[order] ** 2
+    at = 1 + np.flatnonzero(who[2:] == who[:-2])  # checks between two others of their specimen
+    apart = dose[at + 1] - dose[at - 1]
+    later = np.divide(dose[at] - dose[at - 1], apart, out=np.full(len(at), 0.5), where=apart > 0.0)
+    off = y[at] - (1.0 - later) * y[at - 1] - later * y[at + 1]
+    square = off**2 / (variance[at] + (1.0 - later) ** 2 * variance[at - 1] + later**2 * variance[at + 1])
+    scale = _scale(square, np.full(len(at), 1.0 / OVERLAP))
+    own = np.bincount(who[at], square, specimens) / OVERLAP / scale**2
+    freedom = np.bincount(who[at], minlength=specimens) / OVERLAP
+    return scale, scale * np.sqrt(np.maximum((GIVEN_WEIGHT + own) / (GIVEN_WEIGHT + freedom), 1.0))
 
 
 @dataclass(frozen=True)
@@ -75,20 +92,13 @@ class _Lines:
         along = np.divide((root * centred) ** 2, spread[who], out=np.zeros_like(root), where=spread[who] > 0.0)
         left = 1.0 - root**2 / weight[who] - along
         counts = np.asarray(np.bincount(who), np.int64)
-        return cls(who, dose, y, root, left, residual, counts, spread, slope, _scale(residual, left))
+        return cls(who, dose, y, root, left, residual, counts, spread, slope, _scale_of_lines(residual, left))
 
     def pulled(self) -> _Lines:
         """Once more, where residuals beyond 1.5 standard deviations count less."""
         off = np.abs(self.residual) / self.scale
         *_, slope, residual = _fitted(self.who, self.dose, self.y, self.root, np.minimum(1.0, HUBER / off.clip(HUBER)))
-        return replace(self, slope=slope, residual=residual, scale=_scale(residual, self.left))
-
-    def factor(self) -> Floats:
-        """(m,): on the given standard deviations, at least that of all specimens."""
-        square = np.bincount(self.who, self.residual**2) / self.scale**2
-        freedom = np.maximum(self.counts - 1.0 - (self.spread > 0.0), 0.0)
-        own = np.maximum((GIVEN_WEIGHT + square) / (GIVEN_WEIGHT + freedom), 1.0)
-        return np.asarray(self.scale * np.sqrt(own), np.float64)
+        return replace(self, slope=slope, residual=residual, scale=_scale_of_lines(residual, self.left))
 
 
 def _fitted(
@@ -105,11 +115,14 @@ def _fitted(
     return np.asarray(weight, np.float64), centred, spread, slope, root * (level - slope[who] * centred)
 
 
-def _scale(residual: Floats, left: Floats) -> float:
-    """By what the given standard deviations are too small, from residuals cut at 2.5 of them; 1 has the weight of ten
-    checks."""
+def _scale_of_lines(residual: Floats, left: Floats) -> float:
     good = left > 1e-6
-    square, share = residual[good] ** 2 / left[good], left[good]
+    return _scale(residual[good] ** 2 / left[good], left[good])
+
+
+def _scale(square: Floats, share: Floats) -> float:
+    """By what the given standard deviations are too small, from squares over what they should be, cut at 2.5 standard
+    deviations, which count as `share` of a check each; 1 has the weight of ten checks."""
     freedom, variance = float(share.sum()), 1.0
     for _ in range(ROUNDS_OF_SCALE):
         mean = float((share * np.minimum(square, CUT**2 * variance)).sum()) / CUT_SQUARE
@@ -131,8 +144,9 @@ def step_or_slope(
     dose_h: Floats, y: Floats, sd: Floats, usual: float, usual_sd: float, unusual_sd: float
 ) -> Step | None:
     """The step of one specimen with the slopes of others, N(usual, usual_sd^2), where that has the higher marginal
-    likelihood than a slope further off, with N(0, unusual_sd^2) added; both equally probable before looking, steps N(0,
-    0.08^2) before any check but the first. Else None. Rows (n,) in any order; slopes in 1/h."""
+    likelihood than a slope further off, with N(0, unusual_sd^2) added; both equally probable before looking. Steps are
+    N(0, 0.08^2) before any check but the first; the slope is further off from the first check on, or as probably from
+    any other but the last. Else None. Rows (n,) in any order; slopes in 1/h."""
     order = np.argsort(dose_h, kind="stable")
     dose, rest, sd = dose_h[order], (y - usual * dose_h)[order], sd[order]
     precision = np.linalg.inv(np.diag(sd**2) + usual_sd**2 * np.outer(dose, dose))
@@ -140,7 +154,10 @@ def step_or_slope(
     inverse = np.asarray(precision - np.outer(level, level) / level.sum(), np.float64)  # the start has a flat prior
     after = np.tril(np.ones((len(dose), len(dose))))[:, 1:]  # columns: 1 from the second check on, from the third, ...
     steps = _ln_gain(inverse, after, rest, STEP_SD)
-    if logsumexp(steps) - math.log(len(steps)) <= _ln_gain(inverse, dose[:, None], rest, unusual_sd)[0]:
+    from_each = np.maximum(dose[:, None] - dose[: max(len(dose) - 1, 1)], 0.0)
+    further = _ln_gain(inverse, from_each, rest, unusual_sd)
+    weight = np.r_[0.5, np.full(len(further) - 1, 0.5 / max(len(further) - 1, 1))]
+    if logsumexp(steps) - math.log(len(steps)) <= logsumexp(further, b=weight / weight.sum()):
         return None
     best = int(np.argmax(steps))
     design = np.column_stack([dose - dose.mean(), np.ones_like(dose), after[:, best]]) / sd[:, None]

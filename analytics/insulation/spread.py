@@ -21,7 +21,7 @@ CUT = 2.5
 CUT_SQUARE = float(chi2.cdf(CUT**2, 3) + CUT**2 * chi2.sf(CUT**2, 1))  # mean of min(z^2, CUT^2) of a normal z
 HUBER = 1.5
 ROUNDS = 15
-HALVINGS = 40
+HALVINGS = 26
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ def spread(
             present
         ]
         tau_square = _tau_square(value - centre[group], variance, group, groups, float(usual), weight)
-        if abs(tau_square - before) < 1e-6 * before:
+        if abs(tau_square - before) < 1e-5 * before:
             break
     information = np.bincount(group, 1.0 / (tau_square + variance), groups)
     with np.errstate(divide="ignore"):

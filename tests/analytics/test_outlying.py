@@ -97,6 +97,53 @@ def test_a_motor_that_stands_out_of_a_bad_batch_is_listed_beside_it() -> None:
     assert _listed(fleet.assess()) == (["M006"], ["B1"])
 
 
+def test_motors_of_a_bad_batch_whose_rates_multiply_are_not_listed_beside_it() -> None:
+    random = np.random.default_rng([9, 12])
+    dose = np.arange(16) * 12.0
+    rate = RATE * (1.0 + 0.25 * random.standard_normal(160)) * np.where(np.arange(160) % 8 == 3, 3.0, 1.0)
+    y = rate[:, None] * dose + 0.01 * random.standard_normal((160, 16))
+    names, batches = [f"M{k:03d}" for k in range(160)], [f"B{k % 8 + 1}" for k in range(160)]
+    found = assess(np.repeat(names, 16).tolist(), np.repeat(batches, 16).tolist(), np.tile(dose, 160), y.ravel(), 0.01)
+    assert _listed(found) == ([], ["B4"])
+
+
+def _multiplied(
+    seed: int, motors: int, batches: int, spread: float, of_batches: float, bad: int = 0
+) -> FleetAssessment:
+    """Twelve checks of each, 12 h apart, that repeat to 1 %; log-normal rates, the first `bad` motors ten times as fast."""
+    random = np.random.default_rng([seed, 13])
+    dose, batch = np.arange(12) * 12.0, np.arange(motors) % batches
+    rate = RATE * np.exp(spread * random.standard_normal(motors) + of_batches * random.standard_normal(batches)[batch])
+    rate[:bad] *= 10.0
+    y = rate[:, None] * dose + 0.01 * random.standard_normal((motors, 12))
+    names, batch_names = [f"M{k:03d}" for k in range(motors)], [f"B{k:02d}" for k in batch]
+    rows = [name for name in names for _ in dose], [name for name in batch_names for _ in dose]
+    return assess(*rows, np.tile(dose, motors), y.ravel(), 0.01)
+
+
+def test_healthy_motors_with_log_normal_rates_are_not_listed() -> None:
+    assert sum(bool(_listed(_multiplied(seed, 150, 3, 0.8, 0.0))[0]) for seed in range(4)) <= 1
+
+
+def test_motors_that_are_far_off_even_so_are_listed_first() -> None:
+    assert set(_listed(_multiplied(0, 150, 3, 0.3, 0.0, bad=2))[0][:2]) == {"M000", "M001"}
+
+
+def test_batches_that_all_differ_a_little_are_not_listed() -> None:
+    assert sum(bool(_listed(_multiplied(seed, 120, 12, 0.1, 0.1))[1]) for seed in range(4)) <= 1
+
+
+def test_motors_that_go_bad_late_are_listed_and_not_taken_for_exchanged_sensors() -> None:
+    listed = 0
+    for seed in range(3):
+        fleet = _fleet(seed, checks=(16, 21))
+        late = [5, 25, 45, 65]
+        rows = np.isin(fleet.who, late)
+        fleet.y[rows] += 3e-3 * np.maximum(fleet.dose[rows] - 96.0, 0.0)
+        listed += len({f"M{k:03d}" for k in late} & set(_listed(fleet.assess())[0]))
+    assert listed >= 10
+
+
 def test_an_exchanged_sensor_is_no_bad_motor() -> None:
     fleet = _fleet(5, checks=(12, 21))
     rows = np.flatnonzero(fleet.who == 20)
@@ -138,6 +185,18 @@ def _stators(rates: Sequence[float], batches: Sequence[str | None]) -> FleetAsse
 
 def test_a_bad_batch_of_three_stators_is_told_from_three_healthy_ones() -> None:
     found = _stators([3e-4, 4e-4, 3.5e-4, 2e-3, 2.2e-3, 1.9e-3], ["B1"] * 3 + ["B2"] * 3)
+    assert _listed(found) == ([], ["B2"])
+
+
+def test_a_bad_batch_of_two_among_six_bent_courses_is_told() -> None:
+    """All of them flat first; the bend is no error of their slopes."""
+    random = np.random.default_rng(15)
+    rate = np.array([8e-4, 9e-4, 7.5e-4, 8.5e-4, 1.7e-3, 1.55e-3])
+    dose = np.arange(17) * 12.0
+    y = rate[:, None] * 2.0 * np.maximum(dose - 96.0, 0.0) + 0.008 * random.standard_normal((6, 17))
+    names, batches = np.repeat([f"S{k}" for k in range(6)], 17), np.repeat(["B1"] * 4 + ["B2"] * 2, 17)
+    found = assess(names.tolist(), batches.tolist(), np.tile(dose, 6), y.ravel(), 0.008)
+    assert found.noise_scale == pytest.approx(1.0, abs=0.2)
     assert _listed(found) == ([], ["B2"])
 
 
@@ -218,7 +277,7 @@ def test_slopes_and_their_errors_are_those_of_least_squares_for_small_residuals(
         assert found.sd[k] == pytest.approx(found.factor[k] * np.sqrt(covariance[1, 1]), rel=1e-9)
 
 
-def test_the_scale_of_the_errors_is_learnt_from_the_residuals() -> None:
+def test_the_scale_of_the_errors_is_learnt_from_their_scatter() -> None:
     random = np.random.default_rng(10)
     who, dose = np.repeat(np.arange(60), 10), np.tile(np.arange(10) * 12.0, 60)
     y = 0.02 * random.standard_normal(600)

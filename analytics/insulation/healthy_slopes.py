@@ -1,0 +1,100 @@
+"""How far the slope of a healthy specimen lies from the centre of its batch: as a normal variable does, as a log-normal
+one, or in between.
+
+It is off by shift + tau (exp(g z) - 1) / g with z normal (Tukey's g distribution, Hoaglin and Peters, Software for
+Exploring Distribution Shape, MIT LIDS-P-909, 1979: normal at g = 0, log-normal where g is tau over the centre), and read
+with a normal error of its own. The data choose shift, tau and g; as rates of one cause multiply, g is at most a quarter
+more than a log-normal of that spread has. What stands out takes no part: each slope is with probability 0.02 one of a
+Cauchy density three times as wide. Of few specimens tau leans on what is usual, by the prior that `spread.py` has.
+
+z is cut into cells, each a narrow normal, so that densities and probabilities are sums in closed form however small or
+large errors are beside tau. What is not known of shift, tau and g counts: probabilities are means over their posterior
+on a grid, for each specimen over the one that the others make.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import log_ndtr, logsumexp, ndtri_exp
+
+Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+SHIFTS = np.linspace(-0.45, 0.15, 5)  # of tau: a robust centre is above the median where slopes are skewed
+SPREADS = np.geomspace(0.2, 2.0, 14)  # tau, of the robust one, which what stands out can make too wide among few
+SKEWS = np.linspace(0.0, 1.25, 6)  # g, of a log-normal's
+MOST_SKEWED = 1.0
+STANDS_OUT, WIDTH = 0.02, 3.0
+CELL = 0.35
+CELLS = np.arange(-3.5, 6.0 + CELL / 2, CELL)
+SHARES = np.exp(-(CELLS**2) / (1.0 - CELL**2 / 4.0) / 2.0)
+SHARES /= SHARES.sum()
+IGNORED = 0.01  # of the highest weight: points of the grid that are left out
+
+
+@dataclass(frozen=True)
+class HealthySlopes:
+    """Points of the posterior (k,) with `ln_weight` (k, m): for each specimen by all others, not normalised."""
+
+    shift: Floats
+    tau: Floats
+    g: Floats
+    ln_weight: Floats
+
+    def scores(self, off: Floats, variance: Floats) -> Floats:
+        """(m,): normal quantiles of the probability that a healthy slope is less than `off` (m,) from its centre, read with
+        an error of `variance` (m,)."""
+        points = zip(self.shift, self.tau, self.g, strict=True)
+        ln_beyond = np.array([_ln_beyond(off, variance, *point) for point in points])
+        ln_p = logsumexp(ln_beyond + self.ln_weight, axis=0) - logsumexp(self.ln_weight, axis=0)
+        return np.asarray(-ndtri_exp(np.minimum(ln_p, -1e-15)), np.float64)
+
+
+def healthy_slopes(
+    off: Floats, variance: Floats, takes_part: Flags, centre: float, tau: float, usual: float, weight: float
+) -> HealthySlopes:
+    """From slopes less their centres (m,), the variances of both (m,), and which of them are of healthy batches (m,).
+    `centre` of all slopes, `tau`: a robust spread about it, `usual`: the spread expected before looking, with the
+    weight of `weight` specimens; all in one unit."""
+    points = np.array(list(_grid(tau, tau / max(abs(centre), 1e-6 * tau))))
+    wide = WIDTH * np.sqrt(tau**2 + variance)
+    outlying = STANDS_OUT / (math.pi * wide * (1.0 + (off / wide) ** 2))
+    each = np.array([np.log((1.0 - STANDS_OUT) * _density(off, variance, *point) + outlying) for point in points])
+    each *= takes_part
+    ln_weight = each.sum(axis=1) - weight * (np.log(points[:, 1]) + (usual / points[:, 1]) ** 2 / 2.0)
+    kept = ln_weight > ln_weight.max() + math.log(IGNORED)
+    shift, taus, g = points[kept].T
+    return HealthySlopes(shift, taus, g, ln_weight[kept, None] - each[kept])
+
+
+def _grid(tau: float, share: float) -> Iterator[tuple[float, float, float]]:
+    """Shift, tau and g; `share`: of the robust tau in the centre."""
+    for spread in SPREADS:
+        for shift in SHIFTS:
+            for skew in SKEWS:
+                yield shift * tau * spread, tau * spread, skew * min(share * spread, MOST_SKEWED)
+
+
+def _cells(off: Floats, variance: Floats, shift: float, tau: float, g: float) -> tuple[Floats, Floats]:
+    """By how many standard deviations each slope is above each cell (m, cells), and these."""
+    middle = shift + tau * (np.expm1(g * CELLS) / g if g > 0.0 else CELLS)
+    sd = np.sqrt(variance[:, None] + (CELL / 2.0 * tau * np.exp(g * CELLS)) ** 2)
+    return (off[:, None] - middle) / sd, sd
+
+
+def _density(off: Floats, variance: Floats, shift: float, tau: float, g: float) -> Floats:
+    z, sd = _cells(off, variance, shift, tau, g)
+    return np.asarray((np.exp(-(z**2) / 2.0) / sd) @ SHARES / math.sqrt(2.0 * math.pi), np.float64)
+
+
+def _ln_beyond(off: Floats, variance: Floats, shift: float, tau: float, g: float) -> Floats:
+    """ln of the probability of a slope that is further off."""
+    z, _ = _cells(off, variance, shift, tau, g)
+    ln_each = log_ndtr(-z) + np.log(SHARES)
+    top = ln_each.max(axis=1)
+    return np.asarray(top + np.log(np.exp(ln_each - top[:, None]).sum(axis=1)), np.float64)
