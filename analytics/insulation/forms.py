@@ -5,17 +5,22 @@ of ln R has a flat prior, the same in all forms; amplitudes have half-normal pri
 likelihood is their integral in closed form (a Gaussian times the probability that both are positive: `orthant.py`);
 places of turns and curvatures are summed over a grid. Before looking none has probability 1/2, the others 1/6 each.
 
+Errors are normal, but for one check at most: each may, 1 in 50, be off by five times as much (a plug, a clamp, a door
+left open). Else a first check that is off would be a course that levels off at once. Under them lies what evaluation
+does slowly: surfaces darken and thermocouples age, so that ln R of insulation to which nothing happens wanders, as
+Brownian motion over dose, by half a percent from the first check to the last.
+
 Whether anything is there at all is asked apart from that: the summed evidence for a change is compared with the same
-number of series that are constant but for normal errors of the same standard deviations at the same doses. A form is
-named where fewer than 1 in 100 of those show as much, and none is not the more probable even so. (BIC over four forms
-calls healthy series of 17 checks a trend in 10 of 24 cases.)
+number of series that are constant but for such errors of the same standard deviations at the same doses (the odd
+check's larger where there is one). A form is named where fewer than 1 in 100 of those show as much, and none is not
+the more probable even so. (BIC over four forms calls healthy series of 17 checks a trend in 10 of 24 cases.)
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -26,11 +31,14 @@ from analytics.insulation.courses import CHANGEPOINT, CHANGING, DIP_THEN_RISE, C
 from analytics.insulation.orthant import log_both_positive
 
 Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
 
 NONE = "none"
 PRIOR_NONE = 0.5
 SIGNIFICANCE = 0.01
 NULL_SERIES = 999
+ODD_SHARE, ODD_TIMES, ODD_LIKELY = 0.02, 5.0, 0.02
+SLOW_SD = 0.005  # of ln R, from the first check to the last
 COARSE_TURNS, FINE_TURNS = 5, 63
 DRAWS, SWEEPS = 1000, 8
 FINE = np.linspace(0.0, 1.0, 101)
@@ -82,14 +90,21 @@ def assess(
     span = float(distinct[-1] - distinct[0])
     places, x = (distinct - distinct[0]) / span, (dose - dose[0]) / span
     fine = {f: c for f in CHANGING if (c := courses(f, places, np.concatenate([x, FINE]), FINE_TURNS)) is not None}
-    ln_weights = {f: _ln_weights(_Posterior.of(c, s), c, s, y) for f, c in fine.items()}
-    probabilities = _probabilities({f: float(logsumexp(w)) for f, w in ln_weights.items()})
-    p_value = _p_value(x, y, s, seed, degrees_of_freedom)
-    significant = p_value <= SIGNIFICANCE and probabilities[NONE] < 0.5
-    name = max(ln_weights, key=lambda f: probabilities[f]) if significant else NONE
-    if name == NONE:
-        return _constant(probabilities, p_value, dose, y, s)
-    drawn = _draw(name, fine[name], ln_weights[name], s, y, np.random.default_rng([seed, 1]))
+    odd = _OddCheck.of(_Errors.of(x, s), y).likely(
+        [c for f in CHANGING if (c := courses(f, places, x, COARSE_TURNS)) is not None]
+    )
+    ln_weights = {f: odd.ln_weights(c) for f, c in fine.items()}
+    probabilities = _probabilities(
+        {NONE: float(logsumexp(odd.ln_none)), **{f: float(logsumexp(w)) for f, w in ln_weights.items()}}
+    )
+    name = max(ln_weights, key=lambda f: probabilities[f]) if probabilities[NONE] < 0.5 else NONE
+    by_check = odd.ln_none if name == NONE else logsumexp(ln_weights[name], axis=0)
+    case = int(np.argmax(by_check))
+    errors = odd.errors_of(case)
+    p_value = _p_value(errors, y, seed, degrees_of_freedom)
+    if name == NONE or p_value > SIGNIFICANCE:
+        return _constant(probabilities, p_value, dose, y, errors)
+    drawn = _draw(name, fine[name], ln_weights[name][:, case], errors, y, np.random.default_rng([seed, 1]))
     return _changing(name, probabilities, p_value, float(dose[0]), span, drawn)
 
 
@@ -111,6 +126,27 @@ def _unknown(why: str) -> Form:
 
 
 @dataclass(frozen=True)
+class _Errors:
+    """Of checks at `x` (n,), 0 at the first and 1 at the last, with standard deviations `sd` (n,). `root` (n, n):
+    whitens, with the start's flat prior integrated out; root' root is the precision that is left."""
+
+    x: Floats
+    sd: Floats
+    root: Floats
+
+    @classmethod
+    def of(cls, x: Floats, sd: Floats) -> _Errors:
+        covariance = np.diag(sd**2) + SLOW_SD**2 * np.minimum(x[:, None], x)
+        white = np.linalg.inv(np.linalg.cholesky(covariance))
+        start = white.sum(axis=1)
+        return cls(x, sd, np.asarray(white - np.outer(start, start @ white) / (start @ start), np.float64))
+
+    def whitened(self, given: Courses) -> Floats:
+        """The courses at the checks, in units of their amplitudes' priors: (a, n, 2)."""
+        return np.asarray(self.root @ (given.columns[:, : len(self.sd)] * given.sds[:, None, :]), np.float64)
+
+
+@dataclass(frozen=True)
 class _Posterior:
     """Both amplitudes of each course, in units of their priors' standard deviations, before the constraint: covariance
     (a, 2, 2), and `rows` (a, 2, n) that make what the data say of them."""
@@ -120,12 +156,10 @@ class _Posterior:
     rows: Floats
 
     @classmethod
-    def of(cls, given: Courses, sd: Floats) -> _Posterior:
-        white = _without_start(given.columns[:, : len(sd)] * given.sds[:, None, :], sd)
-        gram = np.einsum("ani,anj->aij", white, white) + np.eye(2)
-        determinant = gram[:, 0, 0] * gram[:, 1, 1] - gram[:, 0, 1] ** 2
-        swapped = np.stack([gram[:, 1, 1], -gram[:, 0, 1], -gram[:, 0, 1], gram[:, 0, 0]], axis=1).reshape(-1, 2, 2)
-        return cls(swapped / determinant[:, None, None], np.log(determinant), white.transpose(0, 2, 1))
+    def of(cls, given: Courses, errors: _Errors) -> _Posterior:
+        white = errors.whitened(given)
+        covariance, determinant = _inverse(np.einsum("ani,anj->aij", white, white) + np.eye(2))
+        return cls(covariance, np.log(determinant), white.transpose(0, 2, 1))
 
     def means(self, white: Floats) -> tuple[Floats, Floats]:
         """For whitened series (n, m): posterior means (a, 2, m) and twice the logarithm of what they gain (a, m)."""
@@ -136,39 +170,93 @@ class _Posterior:
     def ln_factors(self, white: Floats) -> Floats:
         """(a, m): ln of the marginal likelihood of each course over that of a constant."""
         mean, gained = self.means(white)
-        sd = np.sqrt(self.covariance[:, [0, 1], [0, 1]])
-        correlation = self.covariance[:, 0, 1] / sd.prod(axis=1)
-        z = mean / sd[:, :, None]
-        positive = log_both_positive(z[:, 0], z[:, 1], np.broadcast_to(correlation[:, None], gained.shape))
-        return np.asarray((gained - self.ln_det[:, None]) / 2 + positive + math.log(4.0), np.float64)
+        return _ln_factor(mean.transpose(0, 2, 1), gained, self.covariance[:, None], self.ln_det[:, None])
 
 
-def _without_start(values: Floats, sd: Floats) -> Floats:
-    """Whitened, with the start's flat prior integrated out: (..., n, k) with n the checks."""
-    white = values / sd[:, None]
-    start = (1.0 / sd) / np.linalg.norm(1.0 / sd)
-    return np.asarray(white - start[:, None] * (start @ white)[..., None, :], np.float64)
+@dataclass(frozen=True)
+class _OddCheck:
+    """A series `y` (n,), and which of its checks may be odd: `place` (m,), n for none of them. `ln_none` (m,): of a
+    constant, with the prior of each case and over a constant without odd checks.
+
+    With P the precision of the series without its start, a variance larger by v at check i takes P e_i e_i' P /
+    (1 / v + P_ii) from it (Sherman and Morrison): what is summed over the checks is made once, and one term taken off
+    for each case: `row` (m, n) is e_i' P, `pull` (m,) its factor."""
+
+    errors: _Errors
+    y: Floats
+    place: Ints
+    row: Floats
+    pull: Floats
+    ln_none: Floats
+
+    @classmethod
+    def of(cls, errors: _Errors, y: Floats) -> _OddCheck:
+        n, precision = len(y), errors.root.T @ errors.root
+        more, own = (ODD_TIMES**2 - 1.0) * errors.sd**2, np.diag(precision)
+        row, pull = np.vstack([precision, np.zeros(n)]), np.append(1.0 / (1.0 / more + own), 0.0)
+        ln_prior = math.log1p(-ODD_SHARE) * n + np.append(np.full(n, math.log(ODD_SHARE / (1.0 - ODD_SHARE))), 0.0)
+        gained = pull * (row @ y) ** 2 - np.append(np.log1p(more * own), 0.0)
+        return cls(errors, y, np.arange(n + 1), row, pull, np.asarray(ln_prior + gained / 2, np.float64))
+
+    def likely(self, given: Sequence[Courses]) -> _OddCheck:
+        """Without the cases that a coarse grid of courses finds improbable."""
+        ln = logsumexp([self.ln_none, *(logsumexp(self.ln_weights(c), axis=0) for c in given)], axis=0)
+        keep = (ln > ln.max() + math.log(ODD_LIKELY)) | (self.place == len(self.y))
+        return replace(
+            self, place=self.place[keep], row=self.row[keep], pull=self.pull[keep], ln_none=self.ln_none[keep]
+        )
+
+    def ln_weights(self, given: Courses) -> Floats:
+        """(a, m): ln of the marginal likelihood of each course with its weight, likewise."""
+        white = self.errors.whitened(given)
+        gram = np.einsum("ani,anj->aij", white, white) + np.eye(2)
+        at = self.row @ (given.columns[:, : len(self.y)] * given.sds[:, None, :])
+        pulled = self.pull[:, None] * at
+        covariance, determinant = _inverse(gram[:, None] - pulled[..., :, None] * at[..., None, :])
+        h = ((self.errors.root @ self.y) @ white)[:, None] - (self.row @ self.y)[:, None] * pulled
+        mean = np.einsum("amkl,aml->amk", covariance, h)
+        ln = _ln_factor(mean, (h * mean).sum(axis=-1), covariance, np.log(determinant))
+        return np.asarray(np.log(given.weight)[:, None] + self.ln_none + ln, np.float64)
+
+    def errors_of(self, case: int) -> _Errors:
+        odd = np.arange(len(self.y)) == self.place[case]
+        return _Errors.of(self.errors.x, np.where(odd, ODD_TIMES, 1.0) * self.errors.sd)
 
 
-def _ln_weights(posterior: _Posterior, given: Courses, sd: Floats, y: Floats) -> Floats:
-    return np.asarray(np.log(given.weight) + posterior.ln_factors(_without_start(y[:, None], sd))[:, 0], np.float64)
+def _ln_factor(mean: Floats, gained: Floats, covariance: Floats, ln_det: Floats) -> Floats:
+    """ln of the marginal likelihood over that of a constant, from the amplitudes' posterior without the constraint:
+    mean (..., 2), covariance (..., 2, 2)."""
+    sd = np.sqrt(covariance[..., [0, 1], [0, 1]])
+    z = mean / sd
+    correlation = np.broadcast_to(covariance[..., 0, 1] / sd.prod(axis=-1), gained.shape)
+    positive = log_both_positive(z[..., 0], z[..., 1], correlation)
+    return np.asarray((gained - ln_det) / 2 + positive + math.log(4.0), np.float64)
 
 
-def _probabilities(ln_factors: Mapping[str, float]) -> dict[str, float]:
-    """Of all forms, from each one's marginal likelihood over that of none; forms that cannot be assessed have 0."""
+def _inverse(matrix: Floats) -> tuple[Floats, Floats]:
+    """Of symmetric (..., 2, 2), with the determinants."""
+    a, b, d = matrix[..., 0, 0], matrix[..., 0, 1], matrix[..., 1, 1]
+    determinant = a * d - b**2
+    swapped = np.stack([np.stack([d, -b], axis=-1), np.stack([-b, a], axis=-1)], axis=-2)
+    return np.asarray(swapped / determinant[..., None, None], np.float64), np.asarray(determinant, np.float64)
+
+
+def _probabilities(ln_likelihood: Mapping[str, float]) -> dict[str, float]:
+    """Of all forms, from their marginal likelihoods; forms that cannot be assessed have 0."""
     each = math.log((1.0 - PRIOR_NONE) / len(CHANGING))
-    ln = np.array([math.log(PRIOR_NONE), *(each + ln_factors.get(form, -math.inf) for form in CHANGING)])
+    priors = {NONE: math.log(PRIOR_NONE), **dict.fromkeys(CHANGING, each)}
+    ln = np.array([prior + ln_likelihood.get(form, -math.inf) for form, prior in priors.items()])
     shares = np.exp(ln - logsumexp(ln))
-    return dict(zip((NONE, *CHANGING), shares.tolist(), strict=True))
+    return dict(zip(priors, shares.tolist(), strict=True))
 
 
 # ---- the null ------------------------------------------------------------------------------------------------------
 
 
-def _p_value(x: Floats, y: Floats, sd: Floats, seed: int, degrees_of_freedom: float) -> float:
-    x, sd = np.ascontiguousarray(x), np.ascontiguousarray(sd)
+def _p_value(errors: _Errors, y: Floats, seed: int, degrees_of_freedom: float) -> float:
+    x, sd = np.ascontiguousarray(errors.x), np.ascontiguousarray(errors.sd)
     coarse, null = _null(x.tobytes(), sd.tobytes(), seed, degrees_of_freedom)
-    seen = _evidence(coarse, _without_start(y[:, None], sd))[0]
+    seen = _evidence(coarse, errors.root @ y[:, None])[0]
     return float((1 + np.count_nonzero(null >= seen)) / (1 + NULL_SERIES))
 
 
@@ -178,13 +266,15 @@ def _null(
 ) -> tuple[Sequence[tuple[Floats, _Posterior]], Floats]:
     """The courses of a coarse grid, and the evidence for a change that series show in which there is none."""
     x, sd = np.frombuffer(x_bytes), np.frombuffer(sd_bytes)
+    errors = _Errors.of(x, sd)
     found = [courses(form, np.unique(x), x, COARSE_TURNS) for form in CHANGING]
-    coarse = [(np.log(c.weight), _Posterior.of(c, sd)) for c in found if c is not None]
+    coarse = [(np.log(c.weight), _Posterior.of(c, errors)) for c in found if c is not None]
     random = np.random.default_rng([seed, 0])
-    series = random.standard_normal((len(x), NULL_SERIES))
+    series = sd[:, None] * random.standard_normal((len(x), NULL_SERIES))
     if math.isfinite(degrees_of_freedom):
         series *= np.sqrt(degrees_of_freedom / random.chisquare(degrees_of_freedom, NULL_SERIES))
-    return coarse, _evidence(coarse, _without_start(series * sd[:, None], sd))
+    steps = np.sqrt(np.diff(x, prepend=0.0))[:, None] * random.standard_normal(series.shape)
+    return coarse, _evidence(coarse, errors.root @ (series + SLOW_SD * np.cumsum(steps, axis=0)))
 
 
 def _evidence(coarse: Sequence[tuple[Floats, _Posterior]], white: Floats) -> Floats:
@@ -207,11 +297,13 @@ class _Drawn:
     level_probability: float
 
 
-def _draw(name: str, given: Courses, ln_weights: Floats, sd: Floats, y: Floats, random: np.random.Generator) -> _Drawn:
+def _draw(
+    name: str, given: Courses, ln_weights: Floats, errors: _Errors, y: Floats, random: np.random.Generator
+) -> _Drawn:
     shares = np.exp(ln_weights - logsumexp(ln_weights))
     few = given.some(random.choice(len(shares), DRAWS, p=shares / shares.sum()))
-    posterior = _Posterior.of(few, sd)
-    mean, _ = posterior.means(_without_start(y[:, None], sd))
+    posterior = _Posterior.of(few, errors)
+    mean, _ = posterior.means(errors.root @ y[:, None])
     amplitudes = few.sds * _positive_pairs(mean[:, :, 0], posterior.covariance, random)
     end = np.where(np.isfinite(few.level), few.level, 1.0)
     level_probability = float(shares[np.isfinite(given.level)].sum())
@@ -219,7 +311,7 @@ def _draw(name: str, given: Courses, ln_weights: Floats, sd: Floats, y: Floats, 
     if name == CHANGEPOINT:
         slope = few.columns[:, -1, 0] * amplitudes[:, 0] / (1.0 - few.turn)
         return _Drawn(few.turn + blur, slope, end, level_probability)
-    curve = np.einsum("afi,ai->af", few.columns[:, len(sd) :], amplitudes)
+    curve = np.einsum("afi,ai->af", few.columns[:, len(y) :], amplitudes)
     low = np.argmin(curve, axis=1) if name == DIP_THEN_RISE else np.zeros(DRAWS, np.int64)
     low = np.minimum(low, len(FINE) - 2)
     rise = curve[:, -1] - np.take_along_axis(curve, low[:, None], axis=1)[:, 0]
@@ -268,9 +360,9 @@ def _changing(
     )
 
 
-def _constant(probabilities: Mapping[str, float], p_value: float, dose: Floats, y: Floats, sd: Floats) -> Form:
+def _constant(probabilities: Mapping[str, float], p_value: float, dose: Floats, y: Floats, errors: _Errors) -> Form:
     """None, with the straight line that the checks allow."""
-    white = _without_start(np.column_stack([dose - dose.mean(), y]), sd)
+    white = errors.root @ np.column_stack([dose - dose.mean(), y])
     information = float(white[:, 0] @ white[:, 0])
     slope = PERCENT_PER_100_H * float(white[:, 0] @ white[:, 1]) / information
     reach = 1.96 * PERCENT_PER_100_H / math.sqrt(information)

@@ -102,6 +102,30 @@ def test_series_with_nothing_in_them_are_called_none(checks: int) -> None:
     assert np.mean([f.p_value <= 0.05 for f in found]) == pytest.approx(0.05, abs=0.055)
 
 
+def test_one_check_that_is_off_is_no_form() -> None:
+    """The first one looks like a course that levels off at once, or like a dip; nearly all would be named one."""
+    found = [
+        _assess(course, seed)
+        for seed in range(20)
+        for course in (lambda d: 5.0 * SD * (d == 0.0), lambda d: -5.0 * SD * (d == 0.0))
+    ]
+    assert sum(form.name != "none" for form in found) <= 4
+
+
+@pytest.mark.parametrize("place", [5, 16])
+def test_a_form_is_told_beside_a_check_that_is_off(place: int) -> None:
+    found = _assess(lambda d: 0.2 * d / 192.0 + 5.0 * SD * (np.arange(17) == place), seed=3)
+    assert found.name == "monotone"
+    assert found.ci95 is not None
+    assert found.ci95[0] < 100.0 * 20.0 / 192.0 < found.ci95[1]
+
+
+def test_what_surfaces_do_slowly_is_no_form_however_well_checks_repeat() -> None:
+    noise = 0.001 * np.random.default_rng(4).standard_normal(17)
+    assert forms.assess(DOSE_h, 0.007 * DOSE_h / 192.0 + noise, 0.001).name == "none"
+    assert forms.assess(DOSE_h, 0.05 * DOSE_h / 192.0 + noise, 0.001).name == "monotone"
+
+
 def test_a_standard_deviation_known_from_few_repeats_makes_the_null_wider() -> None:
     noise = SD * np.random.default_rng(3).standard_normal(17)
     y = noise + 0.03 * DOSE_h / 192.0
@@ -156,11 +180,12 @@ def test_marginal_likelihoods_are_those_of_numerical_integration() -> None:
         -1, 2
     )
     weights = np.outer(0.75 * share, 0.75 * share).ravel()
-    density = multivariate_normal(cov=np.diag(sd**2) + start**2)
+    errors = forms._Errors.of(x, sd)
+    density = multivariate_normal(cov=_covariance(x, sd) + start**2)
     for form in courses.CHANGING:
         given = courses.courses(form, x, x, 4)
         assert given is not None
-        ln = forms._Posterior.of(given, sd).ln_factors(forms._without_start(y[:, None], sd))[:, 0]
+        ln = forms._Posterior.of(given, errors).ln_factors(errors.root @ y[:, None])[:, 0]
         for k in range(0, len(ln), 10):
             first, second = given.columns[k].T
             rest = y - amplitudes[:, :1] * first - amplitudes[:, 1:] * second
@@ -169,6 +194,34 @@ def test_marginal_likelihoods_are_those_of_numerical_integration() -> None:
             )
             total = (density.pdf(rest) / density.pdf(y) * prior) @ weights
             assert ln[k] == pytest.approx(np.log(total), abs=2e-4), (form, k)
+
+
+def _covariance(x: Floats, sd: Floats) -> Floats:
+    return np.asarray(np.diag(sd**2) + forms.SLOW_SD**2 * np.minimum(x[:, None], x), np.float64)
+
+
+def test_an_odd_check_is_one_with_a_larger_standard_deviation() -> None:
+    """All weights at once are those of one series after the other, each with the error of that check larger."""
+    x, start = DOSE_h / DOSE_h[-1], 30.0
+    sd = SD * np.random.default_rng(1).uniform(0.8, 1.4, 17)
+    y = 0.1 * x + sd * np.random.default_rng(2).standard_normal(17)
+    given = courses.courses("dip_then_rise", x, x, 5)
+    assert given is not None
+    odd = forms._OddCheck.of(forms._Errors.of(x, sd), y)
+    found = odd.ln_weights(given)
+    plain = multivariate_normal(cov=_covariance(x, sd) + start**2).logpdf(y)
+    for case in range(18):
+        larger = np.where(np.arange(17) == case, forms.ODD_TIMES, 1.0) * sd
+        constant = multivariate_normal(cov=_covariance(x, larger) + start**2).logpdf(y) - plain
+        prior = (
+            np.log(forms.ODD_SHARE) + 16 * np.log(1 - forms.ODD_SHARE)
+            if case < 17
+            else 17 * np.log(1 - forms.ODD_SHARE)
+        )
+        assert odd.ln_none[case] == pytest.approx(prior + constant, abs=1e-5)
+        errors = forms._Errors.of(x, larger)
+        factor = forms._Posterior.of(given, errors).ln_factors(errors.root @ y[:, None])[:, 0]
+        assert found[:, case] == pytest.approx(np.log(given.weight) + factor + prior + constant, abs=1e-5)
 
 
 @pytest.mark.parametrize("form", courses.CHANGING)
