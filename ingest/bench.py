@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from functools import lru_cache
 from zoneinfo import ZoneInfo, available_timezones
@@ -38,6 +38,7 @@ from ingest.toml_file import (
 SCHEMA = "whyhot.bench/1"
 KINDS = ("wltp", "s1", "s2", "ageing", "dc_check", "insulation_check", "drive", "other")
 LEVELS = ("testing", "production")
+EVALUATED = ("thermal_resistance", "dose")  # of a table with a row a check
 ROLES = ("observed", "input", "ignored")
 REGIONS = ("copper", "iron", "magnet", "rotor", "housing", "fluid", "bearing", "other", "boundary")
 OBSERVABLE = ("temperature", "power", "heat", "resistance", "flux")
@@ -137,6 +138,8 @@ def read_bench(data: bytes, name: str) -> Bench:
     channels += [_derived(table) for table in root.tables("derived")]
     _refuse_twice(name, channels)
     time, join_gap_s = _time(root.table("time"))
+    if root.get("specimen_column", TEXT) and any(channel.quantity in EVALUATED for channel in channels):
+        time = replace(time, untimed=True)
     return Bench(
         sha256=hashlib.sha256(data).hexdigest(),
         name=name,

@@ -106,8 +106,7 @@ def cycles(t_s: Floats, value_degC: Floats, threshold_degC: float = THRESHOLD_DE
 
 def hours_above(t_s: Floats, value_degC: Floats, degC: float = THRESHOLD_DEGC) -> float:
     """Hours [h] of a trace above `degC`, gaps left out; arguments as in `cycles`."""
-    trace = _clean(t_s, value_degC)
-    return float(_hours_below(trace, np.array([np.inf]))[0] - _hours_below(trace, np.array([degC]))[0])
+    return _hours_above(_clean(t_s, value_degC), degC)
 
 
 def histogram(t_s: Floats, value_degC: Floats, width_K: float = 0.1) -> Histogram:
@@ -158,6 +157,13 @@ def _hours_below(trace: _Trace, degC: Floats) -> Floats:
     return (whole + partly) / HOUR_S
 
 
+def _hours_above(trace: _Trace, degC: float) -> float:
+    if trace.value.max(initial=-np.inf) <= degC:
+        return 0.0  # exactly: what a difference of sums leaves is no dose
+    whole, below = _hours_below(trace, np.array([np.inf, degC]))
+    return max(0.0, float(whole - below))
+
+
 def _stays(value: Floats, threshold: float) -> list[tuple[int, int]]:
     """First and last sample above the threshold of every stay; Schmitt trigger."""
     state = np.where(value > threshold + RISEN_K, 1, np.where(value < threshold - FALLEN_K, -1, 0))
@@ -187,7 +193,6 @@ def _cycle(trace: _Trace, first: int, last: int, after: int, before: int, thresh
     lowest = min(value[0 if left is None else left], value[-1 if cooled is None else cooled], threshold)
     near = first + np.flatnonzero(value[first : last + 1] >= level - max(SOAK_SHARE * (level - lowest), SOAK_LEAST_K))
     part = trace.between(first if left is None else left, last if cooled is None else cooled)
-    inside, at_threshold = _hours_below(part, np.array([np.inf, threshold]))
     rates = _rates(part)
     return Cycle(
         heating_from_s=None if left is None else float(t[left]),
@@ -196,7 +201,7 @@ def _cycle(trace: _Trace, first: int, last: int, after: int, before: int, thresh
         cooling_to_s=None if cooled is None else float(t[cooled]),
         highest_degC=float(value[first : last + 1].max()),
         soak_degC=_mean_over_time(trace.between(int(near[0]), int(near[-1]))),
-        hours_above=float(inside - at_threshold),
+        hours_above=_hours_above(part, threshold),
         unknown_h=part.unknown_h,
         gaps=int((~part.known).sum()),
         swing_K=float(value[first : last + 1].max() - value[after : before + 1].min()),

@@ -69,7 +69,8 @@ class TimeSpec:
     """How a log's own stamps are to be understood (`[time]` of a bench file; INTERFACES section 3).
 
     `column` with `format` (strptime) or `unit` ("s", "ms", ... counted from start), or `rate_hz` [1/s]; `zone` is the
-    IANA zone of local stamps; `start` an ISO 8601 UTC stamp that a relative time counts from.
+    IANA zone of local stamps; `start` an ISO 8601 UTC stamp that a relative time counts from. `untimed`: rows may have no
+    time at all, as in a table with a row a check.
     """
 
     column: str | None = None
@@ -78,6 +79,7 @@ class TimeSpec:
     zone: str = "UTC"
     rate_hz: float | None = None
     start: str | None = None
+    untimed: bool = False
 
 
 @dataclass

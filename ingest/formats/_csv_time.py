@@ -174,6 +174,8 @@ def _found(time: TimeSpec, dialect: Dialect, start: int | None, log: str) -> Clo
             return clock
     if clock := _of_two(time, {f"{says} in {time.zone}": pattern for says, pattern in KNOWN.items()}, dialect, log):
         return clock
+    if time.untimed and not named:
+        return Rate(says="rows without a time", absolute=False, rate_hz=1.0, origin_ns=0)
     texts = [name for name in named if dialect.numeric[dialect.names.index(name)] is False]
     seen = next((cell for name in texts for cell in _cells(dialect, name) if cell not in MISSING), None)
     why = "may begin with the day or with the month" if seen and fits(KNOWN[SLASHED], [seen]) else "is no whole stamp"

@@ -126,6 +126,7 @@ def doses(
     """
     whole = {name: worth(log) for name, log in logs.items() if log is not None}
     found: dict[str, Floats | None] = {}
+    behind = nothing
     for i, session in enumerate(sessions):
         total: Floats | None = nothing
         for before in sessions[:i]:
@@ -138,5 +139,7 @@ def doses(
                 total = total + worth(log.until(session.start_ns))
             else:
                 total = total + whole[before.session]
+        if total is not None:
+            total = behind = np.maximum(total, behind)  # a log in two parts may count less by its last digit
         found[session.session] = total
     return found

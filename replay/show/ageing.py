@@ -120,10 +120,16 @@ def _table(found: Assessment) -> Iterator[str]:
         yield (
             f"{one.specimen:<{wide}}  {one.batch or '-':<6}  {len(one.checks):>6}  {_hours(one.dose_h):>6}  {one.form.replace('_', ' '):<14}"
             f"{100 * one.form_probability:>3.0f} %  {_slope(one):>12}  {_percent(last.conductivity_percent if last else None):>8}  {_life(one)}"
-            f"{'  stands out' if one.outlying else ''}"
+            f"{_apart(one)}"
         )
     if len(found.specimens) > len(shown):
         yield f"and {len(found.specimens) - len(shown)} more"
+
+
+def _apart(one: Specimen) -> str:
+    if not one.outlying:
+        return ""
+    return "  stands out" if one.score is None else f"  stands out ({one.score:+.1f} sd)"
 
 
 def _batches(found: Assessment) -> Iterator[str]:

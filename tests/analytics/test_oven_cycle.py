@@ -178,3 +178,12 @@ def test_a_pause_of_the_log_at_the_foot_is_no_heating() -> None:
     (_, found) = cycles(t_s, np.concatenate([before, heating]))
     assert found.heating_from_s == t_s[70]
     assert found.unknown_h == 0.0
+
+
+def test_a_check_that_stays_cold_counts_exactly_nothing() -> None:
+    rng = np.random.default_rng(5)
+    for _ in range(20):
+        t = np.cumsum(rng.uniform(5.0, 61.0, 500))
+        assert hours_above(t, rng.uniform(20.0, 150.0, 500), 180.0) == 0.0
+        hot = rng.uniform(190.0, 230.0, 500)
+        assert hours_above(t, hot, 180.0) == pytest.approx(float(t[-1] - t[0]) / 3600.0)

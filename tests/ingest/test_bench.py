@@ -672,3 +672,9 @@ def test_the_schema_in_the_documentation_is_the_shipped_one() -> None:
     page = PACKAGE.parent / "docs" / "schema" / "bench.schema.json"
     reference = json.loads(page.read_text(encoding="utf-8"))["$ref"]
     assert (page.parent / reference).resolve() == PACKAGE / "schema" / "bench.schema.json"
+
+
+@pytest.mark.parametrize(("table", "untimed"), [('specimen_column = "serial"\n', True), ("", False)])
+def test_only_a_table_of_checks_with_a_row_a_specimen_may_be_without_time(table: str, untimed: bool) -> None:
+    row = f'{table}[[channel]]\nsignal = "R"\nquantity = "thermal_resistance"\nunit = "K/W"\n'
+    assert read('schema = "whyhot.bench/1"\n' + row).time.untimed is untimed

@@ -594,3 +594,13 @@ def test_a_packed_table_with_a_flipped_byte_is_not_half_believed(tmp_path: Path)
     path.write_bytes(data)
     with pytest.raises(UnreadableLogError, match=r"flip\.csv\.gz: .*any line may be wrong"):
         list(open_log(path).batches())
+
+
+def test_a_table_with_a_row_a_check_needs_no_time(tmp_path: Path) -> None:
+    checks = table(tmp_path, "serial,dose_h,R\nM1,12,0.05\nM2,10,0.04\nM1,0,0.06\n")
+    log, t_ns, columns = read(checks, TimeSpec(untimed=True))
+    assert (t_ns, columns["dose_h"], log.absolute) == ([0, S_NS, 2 * S_NS], [12, 10, 0], False)
+    dated = table(tmp_path, "serial,Zeit,R\nM1,03.03.2024,0.05\nM2,01.03.2024,0.04\n", "dated.csv")
+    assert read(dated, TimeSpec(untimed=True))[0].absolute
+    with pytest.raises(UnreadableLogError, match="no column is recognised as its time"):
+        read(table(tmp_path, "serial,Zeit,R\nM1,soon,0.05\n", "soon.csv"), TimeSpec(untimed=True))
