@@ -22,10 +22,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
+from twin.ekf_plan import Plan, plan
 from twin.ekf_readings import Readings, correct, observe, readings_of
-from twin.ekf_step import Plan, carry, plan
-from twin.filter_inputs import AnyReading, Inputs, Start, inputs_of
-from twin.lanes import Store
+from twin.ekf_step import carry
+from twin.filter_inputs import AnyReading, Inputs, Start, inputs_of, with_walks
+from twin.lane_code import pointer
+from twin.lanes import Store, record
 from twin.network import Network
 from twin.simulate import Frame, check_finite
 from twin.unknowns import Unknown, UnknownFactor, UnknownHeat
@@ -71,7 +73,10 @@ def filter_unknowns(
 
     Raises as `twin.filter_inputs.inputs_of`, and `DivergedError` where the temperatures leave the finite numbers.
     """
-    inputs = inputs_of(network, frame, start, unknowns, readings)
+    return _filtered(inputs_of(network, frame, start, unknowns, readings))
+
+
+def _filtered(inputs: Inputs) -> Estimate:
     run = run_of(inputs)
     states, innovations = courses(inputs)
     run.begin(inputs)
@@ -94,10 +99,12 @@ def filter_unknowns(
 
 @dataclass(frozen=True)
 class Run:
-    """A filter's numbers `m` and indices `at` (`twin.lanes`), and where in them the step and its readings are."""
+    """A filter's numbers `m` and indices `at` (`twin.lanes`), and where in them the step and its readings are, as records; `size` S of
+    the state."""
 
     plan: Plan
     readings: Readings
+    size: int
     m: Floats
     at: Index
 
@@ -115,7 +122,7 @@ class Run:
 
     def covariance(self) -> Floats:
         """P (S, S)."""
-        return self.state()[: self.plan.size, : self.plan.size].copy()
+        return self.state()[: self.size, : self.size].copy()
 
 
 def run_of(inputs: Inputs) -> Run:
@@ -123,7 +130,7 @@ def run_of(inputs: Inputs) -> Run:
     store = Store()
     steps = plan(inputs.parts, inputs.boundaries.shape[1], store)
     readings = readings_of(steps, store)
-    return Run(steps, readings, store.numbers(), store.indices())
+    return Run(record(steps), record(readings), steps.size, store.numbers(), store.indices())
 
 
 def courses(inputs: Inputs) -> tuple[Floats, Floats]:
@@ -136,8 +143,8 @@ def courses(inputs: Inputs) -> tuple[Floats, Floats]:
 def through(
     plan: Plan,
     taken: Readings,
-    m: Floats,
-    at: Index,
+    numbers: Floats,
+    indices: Index,
     features: Floats,
     boundaries: Floats,
     readings: Floats,
@@ -147,16 +154,20 @@ def through(
     spreads: Floats,
     innovations: Floats,
 ) -> float:
-    """The filter over N steps, from the state in `m` to that at the last edge; the log likelihood of the readings.
+    """The filter over N steps, from the state in `numbers` to that at the last edge; the log likelihood of the readings.
 
     `readings` (N, m + q) [degC, W], NaN where there is none, `places` and `variances` (N, m + q). Filled: `states` and `spreads`
     (N + 1, c), the first c numbers of the state and their variances at every edge, `innovations` (N, m + q, 2).
     """
     likelihood, size, length, early = 0.0, plan.size, plan.length, bool((places != 1.0).any())
+    m, at, channels = pointer(numbers, 0), pointer(indices, 0), readings.shape[1]
     for k in range(len(boundaries) + 1):
         if k > 0:
-            carry(plan, m, at, features[k - 1], boundaries[k - 1], early)
-            count = observe(plan, taken, m, at, boundaries[k - 1], readings[k - 1], places[k - 1], variances[k - 1])
+            phi = pointer(features, (k - 1) * features.shape[1])
+            outside, read = pointer(boundaries, (k - 1) * boundaries.shape[1]), (k - 1) * channels
+            carry(plan, m, at, phi, outside, early)
+            values, variance = pointer(readings, read), pointer(variances, read)
+            count = observe(plan, taken, m, at, outside, values, pointer(places, read), variance)
             likelihood += correct(plan, taken, m, at, count, innovations[k - 1])
         for i in range(states.shape[1]):
             states[k, i], spreads[k, i] = m[plan.state + i * length + size], m[plan.state + i * length + i]
@@ -166,18 +177,19 @@ def through(
 def estimate_of(
     inputs: Inputs, states: Floats, innovations: Floats, covariance: Floats, log_likelihood: float
 ) -> Estimate:
-    """From `states` (2, N + 1, n + u), estimates and variances in the order of the state. Raises `DivergedError`."""
+    """From `states` (2, N + 1, n + u), estimates and variances in the order of the state, which it takes over. Raises
+    `DivergedError`."""
     n, unknown = len(inputs.network.nodes), np.argsort(inputs.order)
     check_finite(inputs.network, inputs.frame, states[0, :, :n])
-    sd = np.sqrt(states[1])
+    sd, told = np.sqrt(states[1], out=states[1]), innovations[:, list(inputs.channels)]
     return Estimate(
         unknowns=inputs.unknowns,
         temperatures=states[0, :, :n],
         temperatures_sd=sd[:, :n],
         found=states[0, :, n:][:, unknown],
         found_sd=sd[:, n:][:, unknown],
-        innovations=innovations[:, list(inputs.channels), 0],
-        variances=innovations[:, list(inputs.channels), 1],
+        innovations=told[..., 0],
+        variances=told[..., 1],
         covariance=covariance,
         log_likelihood=log_likelihood,
     )
@@ -189,8 +201,10 @@ def at_their_pace(
     """The unknowns, the random walks of heats and factors times the one number, within `PACES`, that makes the readings most likely
     (marginal likelihood, by Brent's bounded search over its logarithm). Raises as `filter_unknowns`."""
 
+    inputs = inputs_of(network, frame, start, unknowns, readings)
+
     def surprise(log_pace: float) -> float:
-        return -filter_unknowns(network, frame, start, _paced(unknowns, np.exp(log_pace)), readings).log_likelihood
+        return -_filtered(with_walks(inputs, _paced(unknowns, np.exp(log_pace)))).log_likelihood
 
     best = minimize_scalar(surprise, bounds=np.log(PACES), method="bounded", options={"xatol": PACE_ENOUGH})
     return _paced(unknowns, float(np.exp(best.x)))

@@ -29,7 +29,8 @@ from twin.ekf_paper_step import Rates, balance, change, laws_of, rates_of, reads
 from twin.ekf_readings import Readings, correct, readings_of
 from twin.errors import FrameError
 from twin.filter_inputs import READING_SD_K, Inputs, Reading, Start, inputs_of
-from twin.lanes import Store
+from twin.lane_code import pointer
+from twin.lanes import Store, record
 from twin.law_heats import LawHeats, law_heats, psi_at
 from twin.network import Network
 from twin.simulate import Frame
@@ -86,8 +87,8 @@ def filter_with_rates(
         inputs.values,
         inputs.places,
         inputs.variances,
-        rates,
-        taken,
+        record(rates),
+        record(taken),
         numbers,
         indices,
         x,
@@ -258,8 +259,8 @@ def _run(
     variances: Floats,
     rates: Rates,
     taken: Readings,
-    m: Floats,
-    at: Index,
+    numbers: Floats,
+    indices: Index,
     x: Floats,
     states: Floats,
     spreads: Floats,
@@ -267,6 +268,7 @@ def _run(
 ) -> float:
     """The filter over all steps, from `state` of `rates`; the log likelihood of the readings. Arrays as in `twin.ekf.through`."""
     n, size, length, likelihood, h = rates.n, rates.size, rates.length, 0.0, np.empty(len(x))
+    m, at = pointer(numbers, 0), pointer(indices, 0)
     laws_of(rates, m, at, x, around[0])
     balance(rates, m, at, amounts[0], rates.slopes)
     for k in range(len(readings) + 1):

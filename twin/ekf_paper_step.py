@@ -7,7 +7,7 @@ So P = T P_y T' with y = [z, rho, lagging readings], and a step, its perfect mea
 
 linearised at the edges. What w is does not matter while it may be anything; of the covariance nothing has to cancel that is 1e6 of what is left.
 P_y is positive definite as long as every number has noise at the start or in a step: F P_y F' + Q is made of products with its rows, and
-the readings take L' L from it, L the rows that Cholesky's elimination of their covariance leaves (`twin.ekf_readings`), which is less than
+the readings take from it what elimination of their covariance leaves (`twin.ekf_readings`), which is less than
 P_y while a reading's variance is above what P_y is rounded by, 1e-16 of its largest. Walks put back in every step what rounding takes.
 """
 
@@ -19,8 +19,9 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.ekf_step import Parts, eliminate, laws_at
-from twin.lanes import NOWHERE, Store, Sweep, less, sweep, transposed, width
+from twin.ekf_matrix import eliminate, laws_at
+from twin.ekf_plan import Parts
+from twin.lanes import NOWHERE, Store, Sweep, less, paired, sweep, transposed, width, within
 
 Floats = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -48,7 +49,7 @@ class Rates(NamedTuple):
     unit: int  # 0, 1
     own: int  # (n,) 2 C / h [W/K]
     copper: int
-    law_numbers: int  # as `twin.ekf_step.Plan`, like all that `laws_at` takes
+    law_numbers: int  # as `twin.ekf_plan.Plan`, like all that `laws_at` takes
     psi: int
     temperatures: int  # (n + b,)
     changes: int  # (n + b,) h zdot, and 0 of boundaries
@@ -64,7 +65,7 @@ class Rates(NamedTuple):
     turned: int
     ahead: int  # [P_y | y] as predicted
     # indices
-    each: int  # 0, 1, ...
+    each: int  # 0, 1, ... of all groups
     row: int  # the same times `length`
     order: int
     edge_start: int
@@ -73,8 +74,8 @@ class Rates(NamedTuple):
     law: int
     into: int  # (laws, 8) a, b, and in `values` (a,a) (a,b) (a,m) (b,a) (b,b) (b,m), for each what nobody reads where there is none
     cell: int  # (cells, 3) place in `values`, row and column of Q_z
-    starts: int  # (m, S_y + 1) rows and shares that each reading takes
-    which: int
+    taken: int  # (m, S_y) pairs: rows and shares that each reading takes
+    number: int  # (m,) of them
     reach: Sweep  # the right-hand side
     forward: Sweep
     backward: Sweep
@@ -165,7 +166,7 @@ def rates_of(parts: Parts, capacities: Floats, boundaries: int, step_s: float, s
         moved=store.rows(length, length),
         turned=store.rows(length, length),
         ahead=store.rows(length, length),
-        each=store.index(np.arange(max(length, len(parts.places), size * m))),
+        each=store.index(np.arange(len(parts.places))),
         row=store.index(np.arange(length) * length),
         order=store.index(order),
         edge_start=store.index(program.edge_start),
@@ -174,8 +175,8 @@ def rates_of(parts: Parts, capacities: Floats, boundaries: int, step_s: float, s
         law=store.index(parts.places),
         into=store.index(into),
         cell=store.index([[e, *where[e]] for e in used]),
-        starts=store.index(np.zeros(m * (size + 1), dtype=np.int64)),
-        which=store.index(np.zeros(m * (size + 1), dtype=np.int64)),
+        taken=store.index(np.zeros(m * size, dtype=np.int64)),
+        number=store.index([0] * m),
         reach=store.sweep(rows, [0] * size, takes),
         forward=store.sweep(pivots, [0] * n, [forward[i] for i in order]),
         backward=store.sweep(pivots[::-1], order[::-1], [backward[i] for i in order[::-1]]),
@@ -246,7 +247,7 @@ def change(
     solve(rates, m, at)
 
 
-@numba.njit(error_model="numpy", nogil=True, forceinline=True)
+@within
 def eliminated(rates: Rates, m: Floats, at: Index, slopes: int) -> None:
     """`values` by -Q_z at `slopes`."""
     for e in range(rates.n + 2 * rates.edges):
@@ -271,7 +272,7 @@ def spread(rates: Rates, m: Floats, at: Index, amounts: Floats) -> None:
     _solved(rates, m, at, rates.turned, rates.ahead)
 
 
-@numba.njit(error_model="numpy", nogil=True, forceinline=True)
+@within
 def _solved(rates: Rates, m: Floats, at: Index, right: int, out: int) -> None:
     """The rows of a step whose right-hand sides are the rows at `right`."""
     length, unit, values = rates.length, rates.unit + 1, rates.values
@@ -296,23 +297,22 @@ def solve(rates: Rates, m: Floats, at: Index) -> None:
         m[u(right + i)] = own
 
 
-@numba.njit(error_model="numpy", nogil=True, forceinline=True)
+@within
 def reads(rates: Rates, m: Floats, at: Index, q: int, gain: int, stride: int) -> None:
     """Row q of `gain`, rows of `stride`: the covariance of what takes `shares` with y as predicted, and with those before it there."""
     count, size, length, own = 0, rates.size, rates.length, gain + q * stride
-    shares, starts, which = rates.shares + q * length, rates.starts + q * (size + 1), rates.which + q * (size + 1)
+    shares, taken = rates.shares + q * length, rates.taken + q * size
     for i in range(size):
         if m[u(shares + i)] != 0.0:
-            at[u(starts + count)], at[u(which + count)] = i * length, i
+            at[u(taken + count)] = paired(i * length, i)
             count += 1
-    at[u(starts + count)] = -1
-    less(m, at, NOWHERE, 1, starts, which, own, rates.noise, rates.ahead, rates.unit, shares, 0, length)
+    at[u(rates.number + q)] = count
+    less(m, at, NOWHERE, 1, taken, count, own, rates.noise, rates.ahead, rates.unit, shares, 0, length)
     for p in range(q + 1):
         m[u(own + length + p)] = 0.0
     for p in range(q + 1):
-        total, e = 0.0, p * (size + 1)
-        while at[u(rates.starts + e)] >= 0:
-            i = at[u(rates.which + e)]
-            total -= m[u(rates.shares + p * length + i)] * m[u(own + i)]
-            e += 1
+        total = 0.0
+        for e in range(rates.taken + p * size, rates.taken + p * size + at[u(rates.number + p)]):
+            i = at[u(e)] >> 32
+            total -= m[u(rates.shares + p * length + i // length)] * m[u(own + i // length)]
         m[u(gain + p * stride + length + q)] = total

@@ -2,9 +2,9 @@
 
 Each reading y is linear in the state before the step and after it, as its samples have their mean time somewhere within it. Its row
 holds cov(y, x after) for every number of the state, then the reading predicted less the one made, then cov(y, y') with
-those behind it. Cholesky's elimination of the readings' covariance, on these rows, leaves independent ones of variance 1: the
-products of their rows are all that the covariance loses, and, as x stands beside it, what the state moves by. So P is touched
-once a step, and only above its diagonal.
+those behind it. Elimination of the readings' covariance, on these rows, leaves independent ones: the products of their rows, over
+their variances, are all that the covariance loses, and, as x stands beside it, what the state moves by. So P is touched once a
+step, and only above its diagonal.
 """
 
 from __future__ import annotations
@@ -15,31 +15,37 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.ekf_step import Plan, amounts_at, laws_at, surround, term_at
-from twin.lanes import Store, Sweep, less, mirrored, scaled, sweep, width
+from twin.ekf_matrix import amounts_at, laws_at, surround, term_at
+from twin.ekf_plan import Plan
+from twin.lane_code import pointer
+from twin.lanes import NOWHERE, Store, Sweep, less, mirrored, paired, row_less, scaled, sweep, width, within
 
 Floats = NDArray[np.float64]
 Index = NDArray[np.int64]
 
+LOG_2_PI = float(np.log(2 * np.pi))
 u = np.uint64  # numba then asks of no index whether it counts from the end
 
 
 class Readings(NamedTuple):
     """Where the readings of a step are, r of them at most. `gain` (r rows of `stride`): cov(y, x), the prediction less the reading,
-    anything to the end of a row of the state, then cov(y, y'); after `correct` the same of independent readings of variance 1.
-    `later` and `earlier`: what each takes, sign changed, of which numbers of the state after and before the step, one reading after
-    the other from `later_start` and `earlier_start` on; `later_row` and `earlier_row` end each with a number below 0. `noise` (r,)
-    variances, `scale` (r,) what makes a variance 1, `channel` (r,); `taken`: rows of the gain so far, then a number below 0."""
+    anything to the end of a row of the state, then cov(y, y'); after `correct` the same of independent readings, and in `share`
+    the same over their variances. `later` and `earlier`: what each takes, sign changed, of which numbers of the state after and
+    before the step, one reading after the other from `later_start` and `earlier_start` on; `later_row` and `earlier_row` are
+    these lists for `sweep`. They stand until other channels are read, or at other places. `noise` (r,) variances, `metered` (r,) what
+    meters would read, `channel` (r,)."""
 
     stride: int
     # numbers
     gain: int
-    nothing: int
+    share: int
     later_share: int
     earlier_share: int
     noise: int
-    scale: int
+    metered: int
+    place: int  # of each channel when the lists were made, below 0 where it was not read
     # indices
+    number: int  # of readings, in the lists
     later: int
     later_row: int
     later_start: int
@@ -47,8 +53,9 @@ class Readings(NamedTuple):
     earlier_row: int
     earlier_start: int
     channel: int
-    taken: int
-    covariance_row: int
+    rows: int  # of the gain, for `sweep`
+    taken: int  # (r,) pairs of `less`: rows of the gain, and where each begins
+    covariance: int  # and where its cov(y, y') begins
     by_later: Sweep
     by_earlier: Sweep
 
@@ -71,8 +78,6 @@ class Layout(Protocol):
     @property
     def ahead(self) -> int: ...
     @property
-    def each(self) -> int: ...
-    @property
     def row(self) -> int: ...
 
 
@@ -81,17 +86,18 @@ def readings_of(plan: Layout, store: Store) -> Readings:
     most = plan.channels + plan.meters
     stride = plan.length + width(most)
     none = np.zeros(most * (plan.size + 2) + 1, dtype=np.int64)
-    rows, later_row, earlier_row = np.arange(most) * stride, store.index(none), store.index(none)
-    gain_row = store.index(rows)
-    by_later = Sweep(gain_row, store.index(none[:most]), later_row, plan.each, most)
+    rows = store.pairs([*((q * stride, 0) for q in range(most)), (-1, 0)])
+    later_row, earlier_row = store.index(none), store.index(none)
     return Readings(
         stride=stride,
         gain=store.rows(most, stride),
-        nothing=store.rows(1, width(most)),
+        share=store.rows(most, stride),
         later_share=store.put(np.zeros(len(none))),
         earlier_share=store.put(np.zeros(len(none))),
         noise=store.rows(1, most),
-        scale=store.rows(1, most),
+        metered=store.rows(1, most),
+        place=store.put(np.full(most, -2.0)),
+        number=store.index([0]),
         later=store.index(none),
         later_row=later_row,
         later_start=store.index(none[: most + 1]),
@@ -99,31 +105,28 @@ def readings_of(plan: Layout, store: Store) -> Readings:
         earlier_row=earlier_row,
         earlier_start=store.index(none[: most + 1]),
         channel=store.index(none[:most]),
-        taken=store.index(none[: most + 1]),
-        covariance_row=store.index(rows + plan.length),
-        by_later=by_later,
-        by_earlier=by_later._replace(starts=earlier_row),
+        rows=rows,
+        taken=store.pairs([(q * stride, q * stride) for q in range(most)]),
+        covariance=store.pairs([(q * stride, q * stride + plan.length) for q in range(most)]),
+        by_later=Sweep(rows, later_row),
+        by_earlier=Sweep(rows, earlier_row),
     )
 
 
-@numba.njit(error_model="numpy", nogil=True, forceinline=True)
+@within
 def _takes(plan: Plan, r: Readings, m: Floats, at: Index, q: int, i: int, share: float, place: float) -> None:
     """Reading q takes `share` of number i of the state, `place` of it after the step and the rest before it."""
     if place != 0.0:
         e = at[u(r.later_start + q + 1)]
-        at[u(r.later + e)], at[u(r.later_row + e)], m[u(r.later_share + e)] = i, i * plan.length, share * place
-        at[u(r.later_start + q + 1)] = e + 1
+        at[u(r.later + e)], at[u(r.later_row + e)] = i, paired(i * plan.length, e)
+        m[u(r.later_share + e)], at[u(r.later_start + q + 1)] = share * place, e + 1
     if place != 1.0:
         e = at[u(r.earlier_start + q + 1)]
-        at[u(r.earlier + e)], at[u(r.earlier_row + e)], m[u(r.earlier_share + e)] = (
-            i,
-            i * plan.length,
-            share * (1 - place),
-        )
-        at[u(r.earlier_start + q + 1)] = e + 1
+        at[u(r.earlier + e)], at[u(r.earlier_row + e)] = i, paired(i * plan.length, e)
+        m[u(r.earlier_share + e)], at[u(r.earlier_start + q + 1)] = share * (1 - place), e + 1
 
 
-@numba.njit(error_model="numpy", nogil=True, forceinline=True)
+@within
 def _ended(r: Readings, at: Index, q: int) -> None:
     """All that reading q takes is there."""
     for row, start in ((r.later_row, r.later_start), (r.earlier_row, r.earlier_start)):
@@ -131,7 +134,7 @@ def _ended(r: Readings, at: Index, q: int) -> None:
         at[u(row + end)], at[u(start + q + 1)] = -1, end + 1
 
 
-@numba.njit(error_model="numpy", nogil=True, forceinline=True)
+@within
 def _sensor(plan: Plan, r: Readings, m: Floats, at: Index, j: int, place: float, q: int) -> None:
     """What channel j reads at `place` within the step becomes reading q: shares of the state, an error of its own included."""
     if at[u(plan.channel_state + j)] >= 0:
@@ -181,6 +184,40 @@ def meter(plan: Plan, r: Readings, m: Floats, at: Index, j: int, outside: Floats
     return total
 
 
+@within
+def _stand(plan: Plan, r: Readings, m: Floats, at: Index, values: Floats, places: Floats) -> bool:
+    """Whether the lists are those of the channels that are read now, at their places; what they are of from now on. A meter's slopes
+    are those of one step."""
+    stand = True
+    for j in range(plan.channels + plan.meters):
+        place = -1.0 if np.isnan(values[j]) else places[j]
+        stand &= m[u(r.place + j)] == place and (j < plan.channels or place < 0.0)
+        m[u(r.place + j)] = place
+    return stand
+
+
+@within
+def _listed(plan: Plan, r: Readings, m: Floats, at: Index, outside: Floats, values: Floats, places: Floats) -> None:
+    """The lists of the channels that are read; in `metered` what meters would read."""
+    q = at[u(NOWHERE)]  # 0, but no literal: for one, numba would compile all that takes it a second time
+    for j in range(plan.channels + plan.meters):
+        if np.isnan(values[j]):
+            continue
+        at[u(r.later_start + q + 1)], at[u(r.earlier_start + q + 1)] = (
+            at[u(r.later_start + q)],
+            at[u(r.earlier_start + q)],
+        )
+        if j < plan.channels:
+            _sensor(plan, r, m, at, j, places[j], q)
+        else:
+            m[u(r.metered + q)] = meter(plan, r, m, at, j - plan.channels, outside, plan.ahead, q)
+        _ended(r, at, q)
+        at[u(r.rows + q)], at[u(r.channel + q)] = paired(q * r.stride, 0), j
+        q += 1
+    at[u(r.number)] = q
+    at[u(r.rows + q)] = -1
+
+
 @numba.njit(error_model="numpy", nogil=True, cache=True)
 def observe(
     plan: Plan,
@@ -193,65 +230,48 @@ def observe(
     variances: Floats,
 ) -> int:
     """How many readings the step has that `carry` just made; their rows. Meters are linear about the state as predicted."""
-    length, size, stride = plan.length, plan.size, r.stride
-    q = len(values[:0])  # 0, but no literal: for one, numba would compile all that takes it a second time
-    for j in range(len(values)):
-        if np.isnan(values[j]):
-            continue
-        at[u(r.later_start + q + 1)], at[u(r.earlier_start + q + 1)] = (
-            at[u(r.later_start + q)],
-            at[u(r.earlier_start + q)],
-        )
-        m[u(r.scale + q)] = 0.0
-        if j < plan.channels:
-            _sensor(plan, r, m, at, j, places[j], q)
-        else:
-            m[u(r.scale + q)] = meter(plan, r, m, at, j - plan.channels, outside, plan.ahead, q)
-        _ended(r, at, q)
-        m[u(r.noise + q)], at[u(r.channel + q)] = variances[j], j
-        q += 1
-    rows, scales, starts, which, _ = r.by_later
-    sweep(
-        m, at, Sweep(rows, scales, starts, which, q), r.gain, plan.ahead, plan.ahead, plan.unit, r.later_share, length
-    )
-    if at[u(r.earlier_start + q)] > q:
-        rows, scales, starts, which, _ = r.by_earlier
-        sweep(
-            m,
-            at,
-            Sweep(rows, scales, starts, which, q),
-            r.gain,
-            r.gain,
-            plan.turned,
-            plan.unit + 1,
-            r.earlier_share,
-            length,
-        )
-    for p in range(q):
-        gain, j = r.gain + p * stride, at[u(r.channel + p)]
+    length, size, stride, unit = plan.length, plan.size, r.stride, plan.unit
+    if not _stand(plan, r, m, at, values, places):
+        _listed(plan, r, m, at, outside, values, places)
+    count: int = at[u(r.number)]
+    sweep(m, at, r.by_later, r.gain, plan.ahead, plan.ahead, unit, r.later_share, length)
+    if at[u(r.earlier_start + count)] > count:
+        sweep(m, at, r.by_earlier, r.gain, r.gain, plan.turned, unit + 1, r.earlier_share, length)
+    for q in range(count):
+        gain, j = r.gain + q * stride, at[u(r.channel + q)]
+        m[u(r.noise + q)] = variances[j]
         if j >= plan.channels:
-            m[u(gain + size)] = m[u(r.scale + p)]
+            m[u(gain + size)] = m[u(r.metered + q)]
         m[u(gain + size)] -= values[j]
-        for other in range(p):
-            m[u(gain + length + other)] = 0.0
-        for other in range(p, q):
-            m[u(gain + length + other)] = _together(plan, r, m, at, p, other)
-    return q
+        _together(plan, r, m, at, q)
+    return count
 
 
-@numba.njit(error_model="numpy", nogil=True, forceinline=True)
-def _together(plan: Plan, r: Readings, m: Floats, at: Index, p: int, q: int) -> float:
-    """cov(y_p, y_q) without noise, once row q is there."""
-    total, gain = 0.0, r.gain + q * r.stride
-    for e in range(at[u(r.later_start + p)], at[u(r.later_start + p + 1)] - 1):
-        total -= m[u(r.later_share + e)] * m[u(gain + at[u(r.later + e)])]
-    for e in range(at[u(r.earlier_start + p)], at[u(r.earlier_start + p + 1)] - 1):
-        row, own = at[u(r.earlier_row + e)], 0.0
-        for f in range(at[u(r.later_start + q)], at[u(r.later_start + q + 1)] - 1):
-            own -= m[u(r.later_share + f)] * m[u(plan.turned + row + at[u(r.later + f)])]
-        for f in range(at[u(r.earlier_start + q)], at[u(r.earlier_start + q + 1)] - 1):
-            own -= m[u(r.earlier_share + f)] * m[u(plan.state + row + at[u(r.earlier + f)])]
-        total -= m[u(r.earlier_share + e)] * own
+@within
+def _together(plan: Plan, r: Readings, m: Floats, at: Index, q: int) -> None:
+    """cov(y_p, y_q) without noise of every p up to q, behind row p."""
+    stride, column = r.stride, plan.length + q
+    for p in range(q + 1):
+        m[u(r.gain + q * stride + plan.length + p)] = m[u(r.gain + p * stride + column)] = 0.0
+    for e in range(at[u(r.later_start + q)], at[u(r.later_start + q + 1)] - 1):
+        share, i = m[u(r.later_share + e)], at[u(r.later + e)]
+        for p in range(q + 1):
+            gain = r.gain + p * stride
+            m[u(gain + column)] -= share * m[u(gain + i)]
+    for e in range(at[u(r.earlier_start + q)], at[u(r.earlier_start + q + 1)] - 1):
+        share, i = m[u(r.earlier_share + e)], at[u(r.earlier + e)]
+        for p in range(q + 1):
+            m[u(r.gain + p * stride + column)] -= share * _with_before(plan, r, m, at, p, i)
+
+
+@within
+def _with_before(plan: Plan, r: Readings, m: Floats, at: Index, q: int, i: int) -> float:
+    """cov(y_q, x_i) of the state before the step."""
+    total, row = 0.0, i * plan.length
+    for e in range(at[u(r.later_start + q)], at[u(r.later_start + q + 1)] - 1):
+        total -= m[u(r.later_share + e)] * m[u(plan.turned + row + at[u(r.later + e)])]
+    for e in range(at[u(r.earlier_start + q)], at[u(r.earlier_start + q + 1)] - 1):
+        total -= m[u(r.earlier_share + e)] * m[u(plan.state + row + at[u(r.earlier + e)])]
     return total
 
 
@@ -259,21 +279,27 @@ def _together(plan: Plan, r: Readings, m: Floats, at: Index, p: int, q: int) -> 
 def correct(plan: Layout, r: Readings, m: Floats, at: Index, count: int, innovations: Floats) -> float:
     """`state`: [P | x] given the first `count` readings, from `ahead`, symmetric to the last bit; the log likelihood of the readings.
     `innovations` (m + q, 2) of each given those before it, with their variances, NaN where there is no reading."""
-    length, size, stride, likelihood = plan.length, plan.size, r.stride, 0.0
-    for j in range(len(innovations)):
-        innovations[j, 0] = innovations[j, 1] = np.nan
-    at[u(r.taken)] = -1
+    length, size, stride, unit = plan.length, plan.size, r.stride, plan.unit + 1
+    squares, product, logs = 0.0, 1.0, 0.0
+    told = pointer(innovations, 0)
+    for j in range(2 * (plan.channels + plan.meters)):
+        told[u(j)] = np.nan
     for q in range(count):
-        gain, unit = r.gain + q * stride, plan.unit + 1
-        less(m, at, plan.each, 1, r.taken, r.covariance_row, gain, gain, r.gain, unit, r.gain + q, 0, stride)
+        gain = r.gain + q * stride
+        row_less(m, at, r.covariance, q, gain, gain, r.gain, unit, r.share + q, stride)
         spread, innovation = m[u(gain + length + q)] + m[u(r.noise + q)], -m[u(gain + size)]
-        m[u(r.scale + q)] = 1.0 / np.sqrt(spread)
-        scaled(m, at, gain, r.scale + q, gain, stride)
-        at[u(r.taken + q)], at[u(r.taken + q + 1)] = q * stride, -1
-        innovations[at[u(r.channel + q)], 0], innovations[at[u(r.channel + q)], 1] = innovation, spread
-        likelihood -= 0.5 * (np.log(2 * np.pi * spread) + innovation * innovation / spread)
+        scale = 1.0 / spread
+        scaled(m, r.share + q * stride, scale, gain, stride)
+        j = at[u(r.channel + q)]
+        told[u(2 * j)], told[u(2 * j + 1)] = innovation, spread
+        squares += innovation * innovation * scale
+        product *= spread
+        if not 1e-100 < product < 1e100:  # one logarithm for many readings, within the range of numbers
+            logs, product = logs + np.log(product), 1.0
     for i in range(0, size, 8):
-        out, ahead, gain = plan.state + i * length + i, plan.ahead + i * length + i, r.gain + i
-        less(m, at, plan.row, min(8, size - i), r.taken, r.taken, out, ahead, gain, plan.unit + 1, gain, 1, length - i)
+        out, ahead, others = plan.state + i * length + i, plan.ahead + i * length + i, r.gain + i
+        rows = min(8, size - i)
+        less(m, at, plan.row, rows, r.taken, count, out, ahead, others, unit, r.share + i, 1, length - i)
     mirrored(m, plan.state, size, length)
+    likelihood: float = -0.5 * (squares + logs + np.log(product) + count * LOG_2_PI)
     return likelihood

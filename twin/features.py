@@ -27,6 +27,7 @@ QUANTITY = {  # feature -> the quantity of [scale] that says what 1 means
     "flux": "flux",
     "flow": "flow",
 }
+_PLACE = {feature: i for i, feature in enumerate(QUANTITY)}
 EXAMPLES = (*QUANTITY, "flow_jacket", "hours_above_180degC")  # of every kind of feature, for messages
 STREAM_DEGC = 20.0  # where the coefficient of a stream holds
 LPM_PER_M3_PER_S = 60_000.0
@@ -97,14 +98,13 @@ def _inputs_of(shape: Shape | Map | None) -> tuple[str, ...]:
 
 
 def _order(feature: str) -> tuple[int, str]:
-    known = list(QUANTITY)
-    return (known.index(feature) if feature in known else len(known), feature)
+    return _PLACE.get(feature, len(_PLACE)), feature
 
 
 def product(term: Term) -> Monomial:
     """The product of features of a term, exponents of 0 and its shape left out: the law that cause ids name."""
-    used = sorted((f for f, e in term.exponents.items() if e != 0), key=_order)
-    return Monomial(tuple((f, float(term.exponents[f])) for f in used))
+    used = [(f, float(e)) for f, e in term.exponents.items() if e != 0]
+    return Monomial(tuple(sorted(used, key=lambda one: _order(one[0])) if len(used) > 1 else used))
 
 
 def monomial(term: Term) -> Monomial:

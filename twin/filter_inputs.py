@@ -10,13 +10,13 @@ samples' mean time within the step. A constant error of a sensor is taken for te
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from twin.check import check
-from twin.ekf_step import Parts
+from twin.ekf_plan import Parts
 from twin.errors import FrameError
 from twin.indexed import program
 from twin.integrators import DEFAULT
@@ -25,7 +25,7 @@ from twin.losses import takers
 from twin.network import Network
 from twin.outputs import lag_factors
 from twin.simulate import Frame, check_frame
-from twin.structure import NOBODY, parameters, structure
+from twin.structure import NOBODY, Structure, parameters, structure
 from twin.unknowns import Unknown, node_place, places, variances
 
 Floats = NDArray[np.float64]
@@ -103,11 +103,12 @@ def inputs_of(
     variance or standard deviation is not above 0, or a node or coefficient is not the network's, and `CauseError` where an
     unknown factor is not written as a cause."""
     check(network)
-    check_frame(network, frame, start.temperatures)
+    groups = structure(network)
+    check_frame(network, frame, start.temperatures, groups.monomials)
     _check(network, frame, start, readings)
     sensors = [r for r in readings if isinstance(r, Reading)]
     meters = [r for r in readings if isinstance(r, HeatReading)]
-    parts, order, at_start = _parts(network, frame.step_s, start, unknowns, sensors, meters)
+    parts, order, at_start = _parts(network, groups, frame.step_s, start, unknowns, sensors, meters)
     x, covariance = _at_the_start(parts, start, at_start)
     steps = len(frame.features)
     every: list[AnyReading] = [*sensors, *meters]
@@ -126,6 +127,13 @@ def inputs_of(
         places=_columns([r.place if isinstance(r, Reading) else np.ones(steps) for r in every], steps),
         variances=_columns([r.variance for r in every], steps),
     )
+
+
+def with_walks(inputs: Inputs, unknowns: Sequence[Unknown]) -> Inputs:
+    """The same for unknowns that differ from those of `inputs` in their walks alone."""
+    n, process = inputs.parts.program.n, inputs.parts.process.copy()
+    _, process[n : inputs.parts.last] = variances(unknowns, inputs.order, inputs.frame.step_s)
+    return replace(inputs, unknowns=tuple(unknowns), parts=inputs.parts._replace(process=process))
 
 
 def _check(network: Network, frame: Frame, start: Start, readings: Sequence[AnyReading]) -> None:
@@ -149,6 +157,7 @@ def _check(network: Network, frame: Frame, start: Start, readings: Sequence[AnyR
 
 def _parts(
     network: Network,
+    groups: Structure,
     step_s: float,
     start: Start,
     unknowns: Sequence[Unknown],
@@ -156,7 +165,7 @@ def _parts(
     meters: Sequence[HeatReading],
 ) -> tuple[Parts, tuple[int, ...], list[float]]:
     """With the order of the unknowns in the state, and their variances at the start."""
-    names, groups = [node.name for node in network.nodes], structure(network)
+    names = [node.name for node in network.nodes]
     n, m = len(names), len(readings)
     values, indices = parameters(network), program(groups, DEFAULT)
     channels = [*(r.channel for r in readings), *(r.channel for r in meters)]
@@ -178,9 +187,7 @@ def _parts(
     parts = Parts(
         program=indices,
         constant=values.capacities / (indices.gamma * step_s),
-        coefficients=values.coefficients.copy(),
         copper=values.copper,
-        factors=values.factors,
         nominal=values.coefficients,
         factor_of=of.factor_of,
         heats=of.heats,

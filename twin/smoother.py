@@ -27,10 +27,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.ekf import Estimate, Run, courses, estimate_of, through
+from twin.ekf_plan import Plan, plan
 from twin.ekf_readings import Readings, correct, observe, readings_of
-from twin.ekf_step import Plan, carry, derive, plan
+from twin.ekf_step import carry, derive
 from twin.filter_inputs import AnyReading, Inputs, Start, inputs_of
-from twin.lanes import Store, Sweep, less, mirrored, scaled, sweep
+from twin.lane_code import pointer
+from twin.lanes import Store, less, mirrored, record, row_less, scaled, sweep
 from twin.network import Network
 from twin.simulate import Frame
 from twin.unknowns import Unknown
@@ -95,7 +97,7 @@ def block_length(steps: int) -> int:
 class Back(NamedTuple):
     """Where the way back has its numbers, rows of the state's length but for readings. Of each step of a block: `edge` (S rows) [P | x]
     at its start, `matrix` (S rows) how the state at its end moves with that at its start, readings included, `rows` (m + q of the
-    gain's stride) how each independent reading does, behind it the innovation, sign changed; `taken` of them."""
+    gain's stride) how each independent reading of variance 1 does, behind it the innovation, sign changed; `taken` of them."""
 
     edge: int
     matrix: int
@@ -105,7 +107,8 @@ class Back(NamedTuple):
     before: int  # S rows, F
     later: int  # S rows, [L | l], sign changed
     product: int  # S rows
-    every: int  # index: all rows of the state, then the end
+    by_number: int  # (S,) pairs: all rows of the state, and the numbers of a row
+    by_row: int  # (S,) pairs: all rows, and where each begins
 
 
 def _run_of(inputs: Inputs, steps: int) -> tuple[Run, Back]:
@@ -123,9 +126,10 @@ def _run_of(inputs: Inputs, steps: int) -> tuple[Run, Back]:
         before=store.rows(length, length),
         later=store.rows(length, length),
         product=store.rows(length, length),
-        every=store.index([*(i * length for i in range(own.size)), -1]),
+        by_number=store.pairs([(i * length, i) for i in range(own.size)]),
+        by_row=store.pairs([(i * length, i * length) for i in range(own.size)]),
     )
-    return Run(own, readings, store.numbers(), store.indices()), back
+    return Run(record(own), record(readings), own.size, store.numbers(), store.indices()), record(back)
 
 
 def _forward(inputs: Inputs, run: Run, blocks: Sequence[slice]) -> tuple[list[Floats], Estimate]:
@@ -159,8 +163,8 @@ def _back_through(
     plan: Plan,
     taken: Readings,
     back: Back,
-    m: Floats,
-    at: Index,
+    numbers: Floats,
+    indices: Index,
     features: Floats,
     boundaries: Floats,
     readings: Floats,
@@ -174,26 +178,27 @@ def _back_through(
     size, length = plan.size, plan.length
     block, most = length * length, (plan.channels + plan.meters) * taken.stride
     innovations, early = np.empty((readings.shape[1], 2)), bool((places != 1.0).any())
+    m, at, channels = pointer(numbers, 0), pointer(indices, 0), readings.shape[1]
     for k in range(len(boundaries)):
-        m[back.edge + k * block : back.edge + (k + 1) * block] = m[plan.state : plan.state + block]
-        carry(plan, m, at, features[k], boundaries[k], early)
-        _derivative(plan, back, m, at)
-        count = observe(plan, taken, m, at, boundaries[k], readings[k], places[k], variances[k])
+        scaled(m, back.edge + k * block, 1.0, plan.state, block)
+        outside, values = pointer(boundaries, k * boundaries.shape[1]), pointer(readings, k * channels)
+        carry(plan, m, at, pointer(features, k * features.shape[1]), outside, early)
+        derive(plan, m, at, back.one, back.before)
+        place, variance = pointer(places, k * channels), pointer(variances, k * channels)
+        count = observe(plan, taken, m, at, outside, values, place, variance)
         at[back.taken + k] = count
         rows, matrix = back.rows + k * most, back.matrix + k * block
         _reading_rows(plan, taken, back, m, at, count, rows)
         correct(plan, taken, m, at, count, innovations)
-        _independent(plan, taken, back, m, at, count, rows)
+        _independent(plan, taken, m, at, count, innovations, rows)
         unit = plan.unit + 1
-        less(m, at, plan.row, size, taken.taken, taken.taken, matrix, back.before, rows, unit, taken.gain, 1, length)
+        less(m, at, plan.row, size, taken.taken, count, matrix, back.before, rows, unit, taken.gain, 1, length)
         for q in range(count):
             m[rows + q * taken.stride + size] = m[taken.gain + q * taken.stride + size]
     for k in range(len(boundaries) - 1, -1, -1):
         _before_step(plan, taken, back, m, at, at[back.taken + k], back.rows + k * most, back.matrix + k * block)
         edge, product = back.edge + k * block, back.product
-        less(
-            m, at, plan.row, size, back.every, plan.each, product, product, back.later, plan.unit, edge, length, length
-        )
+        less(m, at, plan.row, size, back.by_number, size, product, product, back.later, plan.unit, edge, length, length)
         for i in range(states.shape[1]):
             known, left = m[edge + i * length + size], m[edge + i * length + i]
             for c in range(size):
@@ -202,50 +207,25 @@ def _back_through(
 
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
-def _derivative(plan: Plan, back: Back, m: Floats, at: Index) -> None:
-    """F of the step that `carry` just made, S rows at `back.before`."""
-    length, first = plan.length, plan.n + plan.heats
-    for p in range(plan.factors):
-        scaled(m, at, plan.stage + (first + p) * length, plan.unit + 1, back.one + (first + p) * length, length)
-    derive(plan, m, at, back.one, back.before)
-    for p in range(plan.factors):
-        scaled(m, at, plan.stage + (first + p) * length, plan.unit, back.one, length)
-
-
-@numba.njit(error_model="numpy", nogil=True, cache=True)
 def _reading_rows(plan: Plan, taken: Readings, back: Back, m: Floats, at: Index, count: int, out: int) -> None:
     """`out` (count rows of the gain's stride): how each reading moves with the state before the step."""
-    rows, scales, starts, which, _ = taken.by_later
-    lists = Sweep(rows, scales, starts, which, count)
-    sweep(m, at, lists, out, back.before, back.before, plan.unit, taken.later_share, plan.length)
+    sweep(m, at, taken.by_later, out, back.before, back.before, plan.unit, taken.later_share, plan.length)
     for q in range(count):
         for e in range(at[taken.earlier_start + q], at[taken.earlier_start + q + 1] - 1):
             m[out + q * taken.stride + at[taken.earlier + e]] -= m[taken.earlier_share + e]
 
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
-def _independent(plan: Plan, taken: Readings, back: Back, m: Floats, at: Index, count: int, rows: int) -> None:
-    """The same of the independent readings that `correct` just made of them."""
-    at[taken.taken] = -1
+def _independent(plan: Plan, taken: Readings, m: Floats, at: Index, count: int, innovations: Floats, rows: int) -> None:
+    """The same of the independent readings that `correct` just made of them, and these themselves, of variance 1."""
+    length, stride, unit = plan.length, taken.stride, plan.unit + 1
     for q in range(count):
-        row, shares = rows + q * taken.stride, taken.gain + q
-        less(
-            m,
-            at,
-            plan.each,
-            1,
-            taken.taken,
-            taken.covariance_row,
-            row,
-            row,
-            rows,
-            plan.unit + 1,
-            shares,
-            0,
-            plan.length,
-        )
-        scaled(m, at, row, taken.scale + q, row, plan.length)
-        at[taken.taken + q], at[taken.taken + q + 1] = q * taken.stride, -1
+        row = rows + q * stride
+        row_less(m, at, taken.covariance, q, row, row, rows, unit, taken.share + q, length)
+    for q in range(count):
+        scale = 1.0 / np.sqrt(innovations[at[taken.channel + q], 1])
+        for row in (rows + q * stride, taken.gain + q * stride):
+            scaled(m, row, scale, row, length)
 
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
@@ -254,13 +234,9 @@ def _before_step(
 ) -> None:
     """[L | l] before a step and its readings, from after them, symmetric to the last bit."""
     size, length, product, later = plan.size, plan.length, back.product, back.later
-    less(m, at, plan.row, size, back.every, plan.each, product, product, matrix, plan.unit, later, length, length)
+    less(m, at, plan.row, size, back.by_number, size, product, product, matrix, plan.unit, later, length, length)
     for i in range(size):
         m[product + i * length + size] = -m[later + i * length + size]
-    less(m, at, plan.row, size, back.every, back.every, later, later, product, plan.unit, matrix, 1, length)
-    for q in range(count):
-        at[taken.taken + q], at[taken.taken + q + 1] = q * taken.stride, -1
-    if count == 0:
-        at[taken.taken] = -1
-    less(m, at, plan.row, size, taken.taken, taken.taken, later, later, rows, plan.unit + 1, rows, 1, length)
+    less(m, at, plan.row, size, back.by_row, size, later, later, product, plan.unit, matrix, 1, length)
+    less(m, at, plan.row, size, taken.taken, count, later, later, rows, plan.unit + 1, rows, 1, length)
     mirrored(m, later, size, length)

@@ -78,10 +78,10 @@ def _places(network: Network) -> Iterator[tuple[_Key, Term]]:
     for link in network.links:
         a, b = sorted((index[link.a], index[link.b]))
         for term in link.terms:
-            yield _key(Group(a, b, (), 0, NOBODY), term, index), term
+            yield _key(a, b, term, index), term
     for source in network.sources:
         for term in source.terms:
-            yield _key(Group(index[source.node], NOBODY, (), 0, NOBODY), term, index), term
+            yield _key(index[source.node], NOBODY, term, index), term
     knots = [_knots(circuit.fluid) for circuit in network.circuits for _ in circuit.nodes]
     streams = zip(features.stream_places(network), features.streams(network), knots, strict=True)
     for (before, node), term, fluid in streams:
@@ -89,13 +89,12 @@ def _places(network: Network) -> Iterator[tuple[_Key, Term]]:
         yield (group, 0.0, 0.0), term
 
 
-def _key(group: Group, term: Term, index: dict[str, int]) -> _Key:
-    law = LINEAR if term.law is None else LAWS[term.law]
-    placed = replace(group, own=1 if term.copper else term.resistance, law=law)
+def _key(a: int, b: int, term: Term, index: dict[str, int]) -> _Key:
+    law, own = LINEAR if term.law is None else LAWS[term.law], 1 if term.copper else term.resistance
     factor = term.temperature
     if factor is None:
-        return placed, 0.0, 0.0
-    return replace(placed, other=index[factor.node]), factor.slope_per_K, factor.reference_degC
+        return Group(a, b, (), own, NOBODY, law), 0.0, 0.0
+    return Group(a, b, (), own, index[factor.node], law), factor.slope_per_K, factor.reference_degC
 
 
 def _knots(fluid: Fluid) -> Knots:

@@ -16,8 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.ekf import Estimate, courses, estimate_of, run_of
+from twin.ekf_plan import Plan
 from twin.ekf_readings import Readings, correct, observe
-from twin.ekf_step import Plan, move
+from twin.ekf_step import move
 from twin.filter_inputs import AnyReading, Start, inputs_of
 from twin.network import Network
 from twin.simulate import Frame

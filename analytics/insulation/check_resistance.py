@@ -33,6 +33,8 @@ __all__ = ["CheckResistance", "CheckTrace", "Estimate", "Together", "evaluate", 
 
 LEAST_SENSORS_SHARE = 0.5  # of the copper sensors that all checks of a specimen have to keep
 ENOUGH_SHARE = 0.75  # of the checks of a specimen that a route has to serve
+LEAST_COURSE = 8  # checks that say how much they scatter
+MEDIAN = 0.6745  # of the size of a standard normal variable
 
 
 def evaluate(trace: CheckTrace) -> CheckResistance:
@@ -85,10 +87,24 @@ def _answers(
     checks: Sequence[Read], bad: Sequence[Mapping[str, str]], route: Route | Together
 ) -> tuple[CheckResistance, ...]:
     if isinstance(route, Together):
-        own = [Route(route.source, partial(_known, found)) for found in route.estimates(bad)]
+        found = route.estimates(bad)
     else:
-        own = [route] * len(checks)
+        found = _in_their_course([route.estimate(one.check) if one.check else "" for one in checks])
+    own = [Route(route.source, partial(_known, one)) for one in found]
     return tuple(evaluate_by(check, (one,)) for check, one in zip(checks, own, strict=True))
+
+
+def _in_their_course(found: Sequence[Estimate | str]) -> list[Estimate | str]:
+    """Estimates whose sd is what they can be off by from check to check: where each lies nearer to the middle of its
+    neighbours than its sd lets it (median, for normal errors), the rest of that is common to all and moves no course."""
+    known = [one for one in found if isinstance(one, Estimate) and one.value > 0.0]
+    if len(known) < LEAST_COURSE:
+        return list(found)
+    ln_r, sd = np.log([one.value for one in known]), np.array([one.sd / one.value for one in known])
+    off = ln_r[1:-1] - (ln_r[:-2] + ln_r[2:]) / 2
+    allowed = np.sqrt(sd[1:-1] ** 2 + (sd[:-2] ** 2 + sd[2:] ** 2) / 4)
+    share = min(1.0, float(np.median(np.abs(off) / allowed)) / MEDIAN)
+    return [replace(one, sd=share * one.sd) if isinstance(one, Estimate) else one for one in found]
 
 
 def _known(found: Estimate | str, _: Loaded) -> Estimate | str:

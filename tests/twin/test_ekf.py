@@ -16,7 +16,7 @@ from benchmarks.integrator import frame, motor, s2
 from replay.engine.kernel_cache import load
 from twin.ekf import Estimate, at_their_pace, filter_unknowns
 from twin.errors import CauseError, FrameError
-from twin.filter_inputs import HeatReading, Inputs, Reading, Start, inputs_of
+from twin.filter_inputs import HeatReading, Inputs, Reading, Start, inputs_of, with_walks
 from twin.kernel import Compiled, compile_indexed
 from twin.network import Network, Term
 from twin.outputs import lagged
@@ -440,6 +440,15 @@ def test_the_likelihood_chooses_a_slow_walk_for_a_steady_heat_and_a_fast_one_for
     best = likelihood(jumps, 1.0)
     assert best > likelihood(jumps, 1.5)
     assert best > likelihood(jumps, 1 / 1.5)
+
+
+def test_other_walks_are_taken_without_asking_the_network_again(network: Network, inputs: Frame) -> None:
+    channels = readings(network, inputs, np.full((len(inputs.features) + 1, len(network.nodes)), 65.0))
+    faster = [replace(u, walk_W=5.0) if isinstance(u, UnknownHeat) else u for u in MIXED]
+    again = with_walks(inputs_of(network, inputs, start(network), MIXED, channels), faster)
+    asked = inputs_of(network, inputs, start(network), faster, channels)
+    assert again.unknowns == asked.unknowns
+    assert np.array_equal(again.parts.process, asked.parts.process)
 
 
 def test_what_cannot_be_filtered_is_refused(network: Network, inputs: Frame) -> None:

@@ -2,13 +2,27 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numba
 import numpy as np
 import pytest
 
-from twin.lanes import LANES, NOBODY, NOWHERE, Store, less, mirrored, scaled, sweep, transposed, width
+from twin.lane_code import LANES, pointer
+from twin.lanes import (
+    NOWHERE,
+    Store,
+    Sweep,
+    less,
+    mirrored,
+    mixed,
+    record,
+    row_less,
+    scaled,
+    sweep,
+    transposed,
+    width,
+)
 
 Floats = np.ndarray[Any, Any]
 
@@ -22,16 +36,37 @@ def swept(m: Floats, at: Any, lists: Any, places: Any, length: int) -> None:
 
 
 @numba.njit
-def lessened(m: Floats, at: Any, starts: int, which: int, places: Any, length: int) -> None:
+def lessened(m: Floats, at: Any, taken: int, places: Any, count: int, length: int) -> None:
     out, base, others, factor, shares, rows = places
-    less(m, at, rows, 3, starts, which, out, base, others, factor, shares, 5, length)
+    less(m, at, rows, count, taken, 2, out, base, others, factor, shares, 5, length)
 
 
 @numba.njit
-def turned(m: Floats, at: Any, out: int, source: int, size: int, length: int) -> None:
+def lessened_alone(m: Floats, at: Any, taken: int, places: Any, length: int) -> None:
+    out, base, others, factor, shares, _ = places
+    row_less(pointer(m, 0), pointer(at, 0), taken, 2, out, base, others, factor, shares, length)
+
+
+@numba.njit
+def mixed_and_scaled(m: Any, out: int, base: int, other: int, length: int) -> None:
+    mixed(m, out, 1.5, base, 0.5, other, length)
+    scaled(m, base, 2.0, base, length)
+
+
+@numba.njit
+def turned(m: Any, out: int, source: int, size: int, length: int) -> None:
     transposed(m, out, source, size, length)
     mirrored(m, source, size, length)
-    scaled(m, at, out, out, source, 8)
+
+
+class Kept(NamedTuple):
+    number: int
+    lists: Sweep
+
+
+@numba.njit
+def swept_by_name(m: Floats, at: Any, kept: Any, rows: int) -> None:
+    sweep(m, at, kept.lists, rows, rows, rows, rows, rows, 8)
 
 
 def drawn(store: Store, *shape: int) -> tuple[int, Floats]:
@@ -59,29 +94,44 @@ def test_a_sweep_takes_complete_rows_of_what_it_makes(length: int) -> None:
 
 
 @pytest.mark.parametrize("length", LENGTHS)
-def test_rows_that_take_the_same_others_have_shares_of_their_own(length: int) -> None:
+@pytest.mark.parametrize("count", [1, 3, 4, 9])
+def test_rows_that_take_the_same_others_have_shares_of_their_own(count: int, length: int) -> None:
     store = Store()
-    base, rows = drawn(store, 3, length)
+    base, rows = drawn(store, count, length)
     others, source = drawn(store, 2, length)
-    shares, taken = drawn(store, 3, 5)
-    factor, out = store.put(np.array([1.5])), store.rows(3, length)
-    places = store.index([0, length, 2 * length])
-    starts, which = store.index([length, 0, -1]), store.index([4, 1])
+    shares, taken = drawn(store, count, 5)
+    factor, out = store.put(np.array([1.5])), store.rows(count, length)
+    places = (out, base, others, factor, shares, store.index([i * length for i in range(count)]))
+    pairs = store.pairs([(length, 4), (0, 1)])
     m, at = store.numbers(), store.indices()
-    lessened(m, at, starts, which, (out, base, others, factor, shares, places), length)
     expected = 1.5 * rows - taken[:, [4]] * source[1] - taken[:, [1]] * source[0]
-    assert np.abs(m[out : out + 3 * length].reshape(3, length) - expected).max() < 1e-14
+    lessened(m, at, pairs, places, count, length)
+    assert np.abs(m[out : out + count * length].reshape(count, length) - expected).max() < 1e-14
+    m[out : out + count * length] = 0.0
+    lessened_alone(m, at, pairs, places, length)
+    assert np.abs(m[out : out + length] - expected[0]).max() < 1e-14
 
 
-@pytest.mark.parametrize("size", [5, 8, 21, 24])
+@pytest.mark.parametrize("length", LENGTHS)
+def test_rows_are_mixed_and_scaled(length: int) -> None:
+    store = Store()
+    (base, row), (other, beside) = drawn(store, 1, length), drawn(store, 2, length)
+    out = store.rows(1, length)
+    m = store.numbers()
+    mixed_and_scaled(m, out, base, other, length)
+    assert np.abs(m[out : out + length] - (1.5 * row[0] - 0.5 * beside[0])).max() < 1e-14
+    assert np.array_equal(m[base : base + length], 2.0 * row[0])
+
+
+@pytest.mark.parametrize("size", [2, 5, 8, 9, 18, 21, 24])
 def test_matrices_are_transposed_and_mirrored(size: int) -> None:
     store, length = Store(), width(size + 1)
     source, rows = drawn(store, length, length)
     out = store.rows(length, length)
-    m, at = store.numbers(), store.indices()
-    turned(m, at, out, source, size, length)
+    m = store.numbers()
+    turned(m, out, source, size, length)
     found = m[out : out + length**2].reshape(length, length)
-    assert np.array_equal(found[1:size, :size], rows[:size, :size].T[1:])
+    assert np.array_equal(found[:size, :size], rows[:size, :size].T)
     upper = np.triu(rows[:size, :size])
     mirror = m[source : source + length**2].reshape(length, length)[:size, :size]
     assert np.array_equal(mirror, upper + np.triu(upper, 1).T)
@@ -94,7 +144,18 @@ def test_a_store_begins_at_a_border_of_the_vectors_and_keeps_what_it_was_given()
     assert m.ctypes.data % (LANES * m.itemsize) == 0
     assert [place % LANES for place in places] == [0, 0, 0]
     assert all(np.array_equal(m[p : p + n], np.arange(n)) for p, n in zip(places, (3, 8, 9), strict=True))
-    assert (at[NOWHERE], at[NOBODY]) == (0, -1)
+    assert at[NOWHERE] == 0
+
+
+def test_a_record_has_its_fields_by_name_for_compiled_functions() -> None:
+    store = Store()
+    base, rows = drawn(store, 2, 8)
+    lists = store.sweep([0, 8], [0, 1], [[], [(0, 1)]])
+    m, at = store.numbers(), store.indices()
+    kept = record(Kept(3, lists))
+    assert (kept.number, kept.lists.rows, kept.lists.others) == (3, *lists)
+    swept_by_name(m, at, kept, base)
+    assert np.array_equal(m[base : base + 8], rows[0, 0] * rows[0])
 
 
 def test_whole_rows_are_multiplied_in_vectors() -> None:
@@ -102,8 +163,9 @@ def test_whole_rows_are_multiplied_in_vectors() -> None:
     store = Store()
     lists = store.sweep([0], [0], [[]])
     place = store.rows(1, 32)
-    swept(store.numbers(), store.indices(), lists, (place, place, place, place), 32)
+    m, at = store.numbers(), store.indices()
+    swept(m, at, lists, (place, place, place, place), 32)
     (code,) = swept.inspect_llvm().values()
     for lanes in (8, 16, 32):
-        assert code.count(f"fmul <{lanes} x double>") >= 2
-        assert code.count(f"fsub <{lanes} x double>") >= 1
+        assert code.count(f"fmul <{lanes} x double>") >= 1
+        assert code.count(f"call <{lanes} x double> @llvm.fma.v{lanes}f64") >= 1
