@@ -23,6 +23,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from types import MappingProxyType
 
 HERE = Path(__file__).parent
 sys.path[:] = [place for place in sys.path if Path(place) != HERE]  # else ingest.py beside this file hides the package
@@ -41,8 +42,10 @@ from ingest.intake import take_in
 from ingest.sessions import Override
 from ingest.setup import prepare
 from ingest.store import Store
-from plant import Effect, Plant, drives, sessions, write_campaign
+from plant import Effect, Plant, Recording, drives, sessions, write_campaign
 from plant.drives import Drive
+from plant.geometry import Geometry
+from plant.placement import weights
 from replay.engine.filtered import mean_losses, reading_of, unknown_heat
 from replay.engine.frame import InputFrame, Observation
 from replay.engine.frame_of import session_frame
@@ -50,6 +53,7 @@ from replay.engine.kernel_cache import load, load_kernel
 from replay.engine.models import for_intake
 from replay.engine.motor_file import read_motor
 from replay.engine.open_loop import initial_temperatures, modelled
+from replay.studies.motor_scale import sliced_file
 from twin import ukf
 from twin.ekf import at_their_pace, filter_unknowns
 from twin.ekf_paper import at_edges, at_the_start, filter_with_rates, predict, sensor_row, transition
@@ -70,6 +74,7 @@ STEPS_W, STEPS_RPM, STEPS_MIN = 600.0, (3000.0, 9000.0) * 3, 5.0  # of the drive
 SEEN, KEPT = ("EW_A_inner", "EW_B_inner", "RS"), "MAG"
 SETTLE_S = 300.0  # of a session: the start is not the filter's
 TOP_RPM = 16_000.0
+SLICES, ROTOR = 3, ("rotor_surface", "magnet", "rotor_core")
 
 
 @dataclass(frozen=True)
@@ -102,12 +107,47 @@ class Case:
         return kept
 
 
-def case_of(seed: int, drive: Drive, hidden_W: float, network: Network | None = None) -> Case:
-    """The specimen with or without the hidden loss, its draws the same, and its own motor file's network or the one given."""
+@dataclass(frozen=True)
+class Form:
+    """How the files of a bench see the rotor: `weights`, where its thermocouples stand (signal -> node -> share), and whether the motor is
+    cut into `SLICES` there."""
+
+    weights: Mapping[str, Mapping[str, float]]
+    cut: bool = False
+
+    def write(self, folder: Path, plant: Plant, recordings: Sequence[Recording], layout: str) -> list[Path]:
+        """A campaign as a user has it; returns its logs."""
+        logs = write_campaign(folder, plant, recordings, layout=layout, weights=self.weights)
+        if self.cut:
+            motor = folder / "motor.toml"
+            motor.write_bytes(sliced_file(motor.read_bytes(), motor.name, ROTOR, SLICES, Geometry().stack)[0])
+        return logs
+
+
+DELIVERED = Form({})
+PLACED = Form({"RS": weights("RS")})  # between surface and end plate, by the design
+# the surface's thermocouple lies in the first third of the stack, the magnet's in the middle and the first one
+CUT = Form({"RS": {"rotor_surface_1": 1.0}, "MAG": {"magnet": 0.7, "magnet_1": 0.3}}, cut=True)
+
+
+def case_of(
+    seed: int,
+    drive: Drive,
+    hidden_W: float,
+    network: Network | None = None,
+    form: Form = DELIVERED,
+    corrections: Mapping[str, float] = MappingProxyType({}),
+) -> Case:
+    """The specimen with or without the hidden loss, its draws the same, and its own motor file's network or the one given.
+
+    `corrections`: cause -> amount, what its bench file knows to be wrong.
+    """
     plant = Plant(seed, (Effect("loss.magnet.speed2", hidden_W),) if hidden_W else ())
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        logs = write_campaign(folder, plant, sessions(plant, [drive], layout="paper"), layout="paper")
+        logs = form.write(folder, plant, sessions(plant, [drive], layout="paper"), "paper")
+        with (folder / "bench.toml").open("a", encoding="utf-8") as bench:
+            bench.writelines(f'\n[[correction]]\ncause = "{c}"\namount = {x:.3f}\n' for c, x in corrections.items())
         setup = prepare(logs, folder / "bench.toml", [folder / "bench.dbc"], for_intake)
         with Store.open(folder / "store", create=True) as store:
             take_in(store, logs, setup, Override())
@@ -115,6 +155,11 @@ def case_of(seed: int, drive: Drive, hidden_W: float, network: Network | None = 
             (session,) = known.sessions
             network = network or read_motor((folder / "motor.toml").read_bytes(), "motor.toml")
             recorded = session_frame(session, load_channels(store, known, session), network)
+    return with_network(recorded, network)
+
+
+def with_network(recorded: InputFrame, network: Network) -> Case:
+    """The same drive by a network that differs in its numbers."""
     inputs = Frame(recorded.step_s, recorded.features, recorded.boundaries)
     seen = tuple(o for o in recorded.observations if o.channel in SEEN)
     temperatures, sd = initial_temperatures(network, replace(recorded, observations=seen), "testing")

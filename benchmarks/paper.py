@@ -1,24 +1,38 @@
 """What the paper found on its bench, found again on motors of the independent truth.
 
-    python benchmarks/paper.py [--seeds N] [--first SEED] [--cycles N] [--json FILE]
+    python benchmarks/paper.py [--seeds N] [--first SEED] [--cycles N] [--workers N] [--json FILE]
 
-"Identification and Update of Thermal Models in Digital Twins of ePowertrain Motors", sections 3.1 and 4.2. Each motor of
-`tests/plant` is first calibrated on S1 and S2 points, from a motor file that is a first guess, as one scaled from another motor is:
-the magnets lose heat that it does not know, and every conductance and loss is off by its own factor (35 % and 10 %, one standard
-deviation). The WLTC is not learnt from. Then the calibrated motor drives WLTC cycles with a magnet loss that is wrong by as much as puts
-the open loop about 6 K off. Filters read endwindings A and B and the rotor's surface and estimate that loss; the magnet sensor is
-kept. A statement is met where the worst of the motors meets it, else by how many it is met is printed.
+"Identification and Update of Thermal Models in Digital Twins of ePowertrain Motors", sections 3.1 and 4.2. What the paper's numbers
+were off by is set for every motor of `tests/plant`, before anything is calibrated or filtered, by the same rule:
+
+- The first guess is too cold on a WLTC by as much as the paper's was off: the hottest endwinding by 5 K (calibration made it 3 K better,
+  and under 2 K stayed), the magnets by 16 K (10 K better, about 6 K stayed). Each of its conductances is off by 35 % and each of its losses
+  by 10 % (one standard deviation), all conductances besides by one factor, which sets the endwinding, as where a motor was scaled from another
+  one; and it lacks a magnet loss, which sets the magnets.
+- The filter's open loop is too cold by 6 K at the magnets: the motor, calibrated from a guess that lacks no magnet loss, has by as much more.
+
+The motor is calibrated on two S1 points and an S2; no WLTC is learnt from. What each thermocouple was then found to read too much, the
+mean of these sessions, goes into the bench file as a correction; the bench file also says where between two nodes the rotor
+surface's is glued, as the design has it. A lump cannot say that magnets are hotter in the middle of the stack than at its ends: the
+same is done with the rotor cut into three slices. Filters read endwindings A and B and the rotor's surface and estimate the magnets'
+loss, as a heat or as a factor of what the model says; the magnet sensor is kept. A statement is met where the worst of the motors
+meets it, else by how many it is met is printed.
 """
 
 from __future__ import annotations
 
 import argparse
+import itertools
 import json
+import multiprocessing
 import sys
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 HERE = Path(__file__).parent
 sys.path[:] = [place for place in sys.path if Path(place) != HERE]  # else ingest.py beside this file hides the package
@@ -26,40 +40,60 @@ sys.path[:0] = [str(HERE.parent / "tests"), str(HERE.parent)]
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import brentq
 from threadpoolctl import threadpool_limits
 
 from benchmarks.filters import (
+    CUT,
+    PLACED,
+    ROTOR,
+    SEEN,
     SETTLE_S,
+    SLICES,
     STEPS_MIN,
     STEPS_RPM,
     STEPS_W,
     Case,
+    Form,
     case_of,
     delays,
     estimates,
     paced,
+    with_network,
 )
 from ingest import facts
 from ingest.intake import take_in
 from ingest.sessions import Override
 from ingest.setup import prepare
 from ingest.store import Store
-from plant import Effect, Plant, drives, points, sessions, write_campaign
-from replay.engine.campaign import replay_sessions
+from plant import Effect, Plant, drives, points, sessions
+from plant.drives import Drive
+from plant.geometry import Geometry
+from plant.sensors import SENSORS
 from replay.engine.models import for_intake
-from replay.engine.motor_file import read_motor
 from replay.engine.motor_text import written
 from replay.engine.open_loop import modelled
 from replay.studies.calibrate import calibrate_sessions
+from twin.ekf import at_their_pace
 from twin.network import Network, Term
+from twin.simulate import source_heat
+from twin.slicing import sliced
+from twin.smoother import smoothed
+from twin.unknowns import UnknownFactor, UnknownHeat
 
 Floats = NDArray[np.float64]
 
-FIRST_GUESS_W = 600.0  # of magnet loss that the file lacks, before any calibration
-WRONG_W = 180.0  # of magnet loss that the calibrated motor has besides: the open loop is about 6 K off
-FIRST_GUESS_LINKS, FIRST_GUESS_LOSSES = 0.35, 0.1  # sd of the logarithm of what its coefficients are off by
+GUESS_MAGNET_K, GUESS_HOT_SPOT_K = 10.0 + 6.0, 3.0 + 2.0  # what calibration won in the paper, and what stayed
+OPEN_LOOP_K = 6.0  # the calibrated motor's magnets, before the filter
+LINKS_SD, LOSSES_SD = 0.35, 0.1  # of the logarithm of what a first guess's coefficients are off by
+FACTOR_BOUND = float(np.log(4.0))  # of the factor of all conductances
+ENOUGH_K = 0.1  # of the errors that are set
 ENDWINDINGS, MAGNET = ("EW_A_inner", "EW_B_inner"), "MAG"
-WAYS = ("EKF", "UKF", "paper's form", "smoother")
+FACTOR_SD, FACTOR_WALK = 0.7, 0.015  # of the magnets' loss: to a factor of two; the walk is sought about this
+MAGNETS = ("magnet_1", "magnet", "magnet_3")
+AS_FACTOR = ("EKF, as a factor", "smoother, as a factor")
+IN_SLICES = tuple(f"{way}, rotor in slices" for way in AS_FACTOR)
+WAYS = ("EKF", "UKF", "paper's form", "smoother", *AS_FACTOR, *IN_SLICES)
 
 
 @dataclass(frozen=True)
@@ -81,22 +115,16 @@ class Statement:
         ended = "met" if self.met == count else f"met by {self.met} of {count}"
         worst = max(self.values) if self.under else min(self.values)
         bound = f"{'<' if self.under else '>='} {self.bound:g} {self.unit}"
-        return f"{self.says:<58}{bound:>10}{float(np.median(self.values)):>9.1f}{worst:>9.1f}   {ended}"
+        return f"{self.says:<67}{bound:>10}{float(np.median(self.values)):>9.1f}{worst:>9.1f}   {ended}"
 
 
-def statements(seeds: Sequence[int], cycles: int, tell: Callable[[str], None]) -> list[Statement]:
-    """Every statement over the motors of these seeds."""
-    of_motor = []
-    for seed in seeds:
-        tell(f"motor {seed}: calibration")
-        gains, network = calibrated(seed, FIRST_GUESS_W).gains, calibrated(seed, 0.0).fitted
-        tell(f"motor {seed}: filters")
-        of_motor.append({**gains, **filtered(seed, cycles, network)})
+def statements(of_motor: Sequence[dict[str, float]]) -> list[Statement]:
+    """Every statement over motors, by what `measured` says of each."""
 
     def of(says: str, key: str, bound: float, unit: str = "K", under: bool = True) -> Statement:
         return Statement(says, bound, unit, under, tuple(one[key] for one in of_motor))
 
-    result = [of("open loop: magnets, mean error (the paper: about 6 K)", "open loop magnet mean", 8.0)]
+    result = []
     for way in WAYS:
         result += [
             of(f"{way}: magnets, mean error", f"{way} magnet mean", 1.6),
@@ -104,86 +132,225 @@ def statements(seeds: Sequence[int], cycles: int, tell: Callable[[str], None]) -
             of(f"{way}: endwindings, mean error", f"{way} endwinding mean", 2.0),
             of(f"{way}: endwindings, largest error", f"{way} endwinding largest", 8.0),
         ]
-    result += [
-        of("smoother: the lag that the filter's loss has is gone", "smoother delay", 3.0, "s"),
+    return [
+        *result,
+        *(of(f"{way}: the loss is late by", f"{way} delay", 3.0, "s") for way in WAYS if f"{way} delay" in of_motor[0]),
         of("calibration: hottest endwinding, mean error falls by", "endwinding gain", 3.0, under=False),
         of("calibration: magnets, mean error falls by", "magnet gain", 10.0, under=False),
     ]
-    return result
 
 
-def filtered(seed: int, cycles: int, network: Network) -> dict[str, float]:
-    """Errors of the open loop and of every filter over WLTC cycles, and the delay of the smoother's loss."""
-    cycle = case_of(seed, drives.wltp(cycles), WRONG_W, network)
+def measured(seed: int, cycles: int) -> dict[str, float]:
+    """Of one motor: what calibration gains, errors of the open loop and of every filter, delays of the loss that they find."""
+    with threadpool_limits(1, user_api="blas"):
+        guess, lacked_W = first_guess(seed)
+        found, motor = calibrated(seed, guess, lacked_W).gains, calibrated(seed, guess, 0.0)
+        cycle = wrong_by_the_paper_s(motor, cycles)
+        found |= errors_by_way(cycle, {**estimates(cycle, paced(cycle)), **as_factor(cycle, paced_factor(cycle))})
+        cut = calibrated(seed, sliced(guess, ROTOR, SLICES, Geometry().stack), 0.0, CUT)
+        profiled = wrong_by_the_paper_s(cut, cycles)
+        by_factor = as_factor(profiled, paced_factor(profiled)).items()
+        found |= errors_by_way(profiled, {f"{way}, rotor in slices": given for way, given in by_factor})
+        return {**found, **late_s(motor)}
+
+
+def errors_by_way(case: Case, ways: Mapping[str, tuple[Floats, Floats]]) -> dict[str, float]:
+    """Mean and largest errors at magnets and endwindings."""
     found = {}
-    for way, (edges, _) in estimates(cycle, paced(cycle)).items():
-        found[f"{way} magnet mean"], found[f"{way} magnet largest"] = errors_K(cycle, edges, (MAGNET,))
-        found[f"{way} endwinding mean"], found[f"{way} endwinding largest"] = errors_K(cycle, edges, ENDWINDINGS)
+    for way, (edges, _) in ways.items():
+        found[f"{way} magnet mean"], found[f"{way} magnet largest"] = errors_K(case, edges, (MAGNET,))
+        found[f"{way} endwinding mean"], found[f"{way} endwinding largest"] = errors_K(case, edges, ENDWINDINGS)
+    return found
+
+
+def late_s(motor: Calibrated) -> dict[str, float]:
+    """How late each way finds a loss that steps [s]."""
     ladder = drives.join("ladder", "s1", [drives.hold(rpm, 40.0, STEPS_MIN) for rpm in STEPS_RPM])
-    ill, healthy = (case_of(seed, ladder, hidden_W, network) for hidden_W in (STEPS_W, 0.0))
-    heat = paced(ill)
-    without = estimates(healthy, heat)["smoother"][1]
-    late = delays(ill, *estimates(ill, heat)["smoother"], without)[1]
-    assert late is not None
-    return {**found, "smoother delay": abs(late)}
+    ill, healthy = (motor.case(ladder, more_W) for more_W in (STEPS_W, 0.0))
+    heat, factor = paced(ill), paced_factor(ill)
+    given = [{**as_heat(case, heat), **as_factor(case, factor)} for case in (ill, healthy)]
+    found = {}
+    for way, (edges, watts) in given[0].items():
+        late = delays(ill, edges, watts, given[1][way][1])[1]
+        assert late is not None
+        found[f"{way} delay"] = abs(late)
+    return found
+
+
+def as_heat(case: Case, heat: Sequence[UnknownHeat]) -> dict[str, tuple[Floats, Floats]]:
+    """As `estimates`, of the extended filter and the smoother."""
+    both = smoothed(case.network, case.inputs, case.start, heat, case.channels)
+    filtered = both.filtered
+    return {"EKF": (filtered.temperatures, filtered.found[1:, 0]), "smoother": (both.temperatures, both.found[:-1, 0])}
+
+
+def as_factor(case: Case, factor: Sequence[UnknownFactor]) -> dict[str, tuple[Floats, Floats]]:
+    """The same where what multiplies the model's magnet loss, in all slices alike, is unknown; the loss [W] is what that adds."""
+    both = smoothed(case.network, case.inputs, case.start, factor, case.channels)
+    at = [i for i, source in enumerate(case.network.sources) if source.node in MAGNETS]
+
+    def added(edges: Floats, found: Floats) -> Floats:
+        watts: Floats = source_heat(case.network, case.inputs, edges)[:, at].sum(axis=1) * np.expm1(found)
+        return watts
+
+    edges, filtered = both.temperatures, both.filtered
+    return {
+        "EKF, as a factor": (filtered.temperatures, added(filtered.temperatures, filtered.found[1:, 0])),
+        "smoother, as a factor": (edges, added(edges, both.found[:-1, 0])),
+    }
+
+
+def paced_factor(case: Case) -> tuple[UnknownFactor, ...]:
+    """The unknown factor with the random walk that the readings ask for."""
+    first, *others = (f"loss.{node.name}.scale" for node in case.network.nodes if node.name in MAGNETS)
+    factor = UnknownFactor(first, FACTOR_SD, FACTOR_WALK, tuple(others))
+    return at_their_pace(case.network, case.inputs, case.start, [factor], case.channels)
 
 
 def errors_K(case: Case, edges: Floats, channels: Sequence[str]) -> tuple[float, float]:
     """Mean and largest error of these channels after the start; of the mean the larger one."""
-    nodes = tuple(node.name for node in case.network.nodes)
-    errors = []
-    for o in (o for o in case.recorded.observations if o.channel in channels):
-        use = o.good & case.recorded.live
-        use[: round(SETTLE_S / case.inputs.step_s)] = False
-        errors.append(np.abs(o.measured - modelled(o, case.recorded, edges, nodes))[use])
+    errors = [np.abs(off_K(case, edges, channel)) for channel in channels]
     return max(float(e.mean()) for e in errors), max(float(e.max()) for e in errors)
 
 
-@dataclass(frozen=True)
-class Calibrated:
-    """`gains`: how far the mean errors on a WLTC fall; the network as it was guessed and as it was fitted."""
-
-    gains: dict[str, float]
-    guess: Network
-    fitted: Network
-
-
-def calibrated(seed: int, hidden_W: float) -> Calibrated:
-    """A first guess fitted to two S1 points and an S2, checked on a WLTC."""
-    plant = Plant(seed, (Effect("loss.magnet.speed2", hidden_W),) if hidden_W else ())
-    plan = [points.s1(plant, 6000.0, 30.0, 0), points.s1(plant, 10_000.0, 30.0, 1), points.s2(plant, 8000.0, 20.0, 2)]
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        logs = write_campaign(folder, plant, sessions(plant, [*plan, drives.wltp(1)], layout="six"), layout="six")
-        first_guess(folder / "motor.toml", np.random.default_rng(seed))
-        guess = read_motor((folder / "motor.toml").read_bytes(), "motor.toml")
-        setup = prepare(logs, folder / "bench.toml", [folder / "bench.dbc"], for_intake)
-        with Store.open(folder / "store", create=True) as store:
-            take_in(store, logs, setup, Override())
-            known = facts.at(store.ledger)
-            learnt, kept = known.sessions[:-1], known.sessions[-1]
-            before = replay_sessions(store, [kept], None, "testing", 1)[0].run
-            fitted = calibrate_sessions(store, known, learnt, None, "testing")
-            after = replay_sessions(store, [kept], fitted.event.model, "testing", 1)[0].run
-    assert before is not None
-    assert after is not None
-    was, now = before.summary["mae_K"], after.summary["mae_K"]
-    hottest = max((node for node in was if node.startswith("endwinding")), key=lambda node: was[node])
-    gains = {"endwinding gain": was[hottest] - now[hottest], "magnet gain": was["magnet"] - now["magnet"]}
-    return Calibrated(gains, guess, fitted.calibration.network)
+def off_K(case: Case, edges: Floats, channel: str) -> Floats:
+    """Measured less estimated of a channel's good samples after the start."""
+    nodes = tuple(node.name for node in case.network.nodes)
+    (o,) = (o for o in case.recorded.observations if o.channel == channel)
+    use = o.good & case.recorded.live
+    use[: round(SETTLE_S / case.inputs.step_s)] = False
+    off: Floats = (o.measured - modelled(o, case.recorded, edges, nodes))[use]
+    return off
 
 
-def first_guess(path: Path, rng: np.random.Generator) -> None:
-    """Make the motor file what it would be before anything was measured."""
-    data = path.read_bytes()
-    network = read_motor(data, path.name)
+# --- How far off ------------------------------------------------------------------------------------------------------------
+
+
+def too_cold_by(wanted_K: float, case_with: Callable[[float], Case], between_W: tuple[float, float]) -> float:
+    """The hidden magnet loss [W at 16,000 rpm] with which the open loop's magnets are too cold by so much on average: by secants."""
+
+    def off(hidden_W: float) -> float:
+        case = case_with(hidden_W)
+        return float(off_K(case, case.open_loop, MAGNET).mean()) - wanted_K
+
+    (a, b), (at_a, at_b) = between_W, (off(between_W[0]), off(between_W[1]))
+    while abs(at_b) > ENOUGH_K:
+        a, b, at_a = b, b - at_b * (b - a) / (at_b - at_a), at_b
+        at_b = off(b)
+    return b
+
+
+def wrong_by_the_paper_s(motor: Calibrated, cycles: int) -> Case:
+    """WLTC cycles with so much hidden magnet loss that the calibrated motor's open loop is off by the paper's error."""
+    cycle = partial(motor.case, drives.wltp(cycles))
+    return cycle(too_cold_by(OPEN_LOOP_K, cycle, (100.0, 300.0)))
+
+
+def first_guess(seed: int) -> tuple[Network, float]:
+    """The motor file's numbers before anything was measured, and the magnet loss that they lack for the paper's error."""
+    cycle = case_of(seed, drives.wltp(1), 0.0, form=PLACED)
+    hottest, guess = hot_spot(cycle), drawn(cycle.network, np.random.default_rng(seed))
+
+    def too_cold(log_factor: float) -> float:
+        case = with_network(cycle.recorded, conducting(guess, float(np.exp(log_factor))))
+        return float(off_K(case, case.open_loop, hottest).mean()) - GUESS_HOT_SPOT_K
+
+    network = conducting(guess, float(np.exp(brentq(too_cold, -FACTOR_BOUND, FACTOR_BOUND, xtol=0.001))))
+
+    def lacking(hidden_W: float) -> Case:
+        return case_of(seed, drives.wltp(1), hidden_W, network, form=PLACED)
+
+    return network, too_cold_by(GUESS_MAGNET_K, lacking, (0.0, 600.0))
+
+
+def conducting(network: Network, factor: float) -> Network:
+    """All conductances times a factor."""
+
+    def times(terms: tuple[Term, ...]) -> tuple[Term, ...]:
+        return tuple(replace(t, coefficient=t.coefficient * factor) for t in terms)
+
+    return replace(network, links=tuple(replace(link, terms=times(link.terms)) for link in network.links))
+
+
+def drawn(network: Network, rng: np.random.Generator) -> Network:
+    """Every conductance and loss off by its own factor."""
 
     def off(terms: tuple[Term, ...], sd: float) -> tuple[Term, ...]:
         return tuple(replace(t, coefficient=t.coefficient * float(np.exp(rng.normal(0, sd)))) for t in terms)
 
-    links = tuple(replace(link, terms=off(link.terms, FIRST_GUESS_LINKS)) for link in network.links)
-    sources = tuple(replace(source, terms=off(source.terms, FIRST_GUESS_LOSSES)) for source in network.sources)
-    path.write_bytes(written(data, path.name, replace(network, links=links, sources=sources), "A first guess."))
+    return replace(
+        network,
+        links=tuple(replace(link, terms=off(link.terms, LINKS_SD)) for link in network.links),
+        sources=tuple(replace(source, terms=off(source.terms, LOSSES_SD)) for source in network.sources),
+    )
+
+
+def hot_spot(case: Case) -> str:
+    """The hottest of the measured endwindings."""
+    highest = {o.channel: float(o.measured[o.good].max()) for o in case.recorded.observations}
+    return max(ENDWINDINGS, key=lambda channel: highest[channel])
+
+
+# --- Calibration ------------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Calibrated:
+    """A network after calibration. `corrections`: cause -> what a sensor was found to
+    read too much. `guessed`, `checked`: a WLTC by the guess and by the fitted network."""
+
+    seed: int
+    form: Form
+    fitted: Network
+    corrections: dict[str, float]
+    guessed: Case
+    checked: Case
+
+    def case(self, drive: Drive, hidden_W: float) -> Case:
+        """A drive by the fitted network."""
+        return case_of(self.seed, drive, hidden_W, self.fitted, self.form, self.corrections)
+
+    @property
+    def gains(self) -> dict[str, float]:
+        """How far mean errors on the WLTC fall [K]."""
+        hottest = hot_spot(self.guessed)
+        was, now = (
+            {c: errors_K(case, case.open_loop, (c,))[0] for c in (hottest, MAGNET)}
+            for case in (self.guessed, self.checked)
+        )
+        return {"endwinding gain": was[hottest] - now[hottest], "magnet gain": was[MAGNET] - now[MAGNET]}
+
+
+def calibrated(seed: int, guess: Network, lacked_W: float, form: Form = PLACED) -> Calibrated:
+    """The guess fitted to two S1 points and an S2, of a motor with more magnet loss than it has; checked on a WLTC."""
+    plant = Plant(seed, (Effect("loss.magnet.speed2", lacked_W),) if lacked_W else ())
+    plan = [points.s1(plant, 6000.0, 30.0, 0), points.s1(plant, 10_000.0, 30.0, 1), points.s2(plant, 8000.0, 20.0, 2)]
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        logs = form.write(folder, plant, sessions(plant, plan), "six")
+        file = folder / "motor.toml"
+        file.write_bytes(written(file.read_bytes(), file.name, guess, "A first guess."))
+        setup = prepare(logs, folder / "bench.toml", [folder / "bench.dbc"], for_intake)
+        with Store.open(folder / "store", create=True) as store:
+            take_in(store, logs, setup, Override())
+            known = facts.at(store.ledger)
+            result = calibrate_sessions(store, known, known.sessions, None, "testing")
+    cycle, fitted, corrections = drives.wltp(1), result.calibration.network, found_too_much(result.event.errors, form)
+    before = case_of(seed, cycle, lacked_W, guess, form)
+    after = case_of(seed, cycle, lacked_W, fitted, form, corrections)
+    return Calibrated(seed, form, fitted, corrections, before, after)
+
+
+def found_too_much(errors: Sequence[Mapping[str, Any]], form: Form) -> dict[str, float]:
+    """The mean bias [K] of each sensor that a filter's bench has, over the sessions of a calibration."""
+    found = {}
+    for sensor in SENSORS:
+        biases = [float(one["bias_K"]) for one in errors if one["channel"] == sensor.signal]
+        if sensor.signal in (*SEEN, MAGNET):
+            shares = form.weights.get(sensor.signal, {sensor.node: 1.0})
+            place = max(shares, key=lambda node: shares[node])
+            found[f"sensor.{place}.bias"] = float(np.mean(biases))
+    return found
 
 
 def main() -> None:
@@ -192,15 +359,17 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=5)
     parser.add_argument("--first", type=int, default=200)
     parser.add_argument("--cycles", type=int, default=3)
+    parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--json", type=Path)
     args = parser.parse_args()
-    with threadpool_limits(1, user_api="blas"):
-        found = statements(
-            range(args.first, args.first + args.seeds),
-            args.cycles,
-            lambda text: print(text, file=sys.stderr, flush=True),
-        )
-    print(f"{'':<58}{'paper':>10}{'median':>9}{'worst':>9}   {args.seeds} motors")
+    of_motor = []
+    with ProcessPoolExecutor(args.workers, multiprocessing.get_context("spawn")) as pool:
+        seeds = range(args.first, args.first + args.seeds)
+        for seed, one in zip(seeds, pool.map(measured, seeds, itertools.repeat(args.cycles)), strict=True):
+            print(f"motor {seed}: measured", file=sys.stderr, flush=True)
+            of_motor.append(one)
+    found = statements(of_motor)
+    print(f"{'':<67}{'paper':>10}{'median':>9}{'worst':>9}   {args.seeds} motors")
     print("\n".join(one.line() for one in found))
     if args.json:
         rows = [{"says": s.says, "bound": s.bound, "unit": s.unit, "values": s.values, "met": s.met} for s in found]

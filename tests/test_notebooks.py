@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 from ageing_campaign import Campaign, ageing_campaign
 
-from plant import drives, fleet, insulation_campaign, points
+from plant import drives, fleet, insulation_campaign, placement, points
 from plant.bare_stator import Rig
 from plant.timeline import Plan
 from replay.cli import main
@@ -326,6 +326,7 @@ def test_a_store_with_nothing_of_the_kind_says_so_in_one_line(notebook: str, say
 def paper() -> dict[str, Any]:
     """The figures of the paper from one motor, its points and its drive cycle cut short."""
     s1, s2, wltp = points.s1, points.s2, drives.wltp
+    placement.weights("RS")  # from a whole cycle
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(points, "s1", lambda plant, rpm, minutes, number: s1(plant, rpm, min(minutes, 8.0), number))
         patch.setattr(points, "s2", lambda plant, rpm, minutes, number: s2(plant, rpm, min(minutes, 6.0), number))
@@ -353,7 +354,7 @@ def test_each_figure_stands_beside_what_the_paper_says_and_whether_it_is_so(pape
     assert list(statements) == [10, 11, 12, 13, 14]
     for number in (10, 11, 12, 13):
         assert statements[number].startswith(("met: ", "NOT met: "))
-    gains = paper["first"].gains
+    gains = paper["motor"].gains
     asked = gains["endwinding gain"] >= 3 and gains["magnet gain"] >= 10
     assert statements[10].startswith("met: ") == asked
     assert f"hot spot ({gains['endwinding gain']:.1f} K)" in statements[10]

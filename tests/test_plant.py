@@ -20,6 +20,7 @@ from plant import (
     Recording,
     drives,
     machine,
+    placement,
     points,
     record,
     sessions,
@@ -300,6 +301,27 @@ def test_the_motor_file_is_an_honest_reduction(designed: Plant) -> None:
     assert sum(error > 0.08 for error in errors.values()) >= 3
     copper = sum(terms[0].coefficient for node, terms in reduced.sources.items() if terms[0].copper)
     assert copper == pytest.approx(designed.system().dc.sum() * 450.0**2, rel=1e-9)
+
+
+def test_a_thermocouple_near_the_end_reads_between_the_surface_and_the_end_plate(designed: Plant) -> None:
+    """Of the motor as designed, in pulses with more magnet loss: not what the shares were made from."""
+    shares = placement.weights("RS")
+    assert set(shares) == {"rotor_surface", "end_plate_a"}
+    assert sum(shares.values()) == pytest.approx(1.0)
+    assert 0.1 < shares["end_plate_a"] < 0.5
+    assert placement.weights("MAG") == {"magnet": 1.0}
+    lossy = Plant(0, Effect("loss.magnet.speed2", 300.0), roughness=0.0)
+    run = lossy.run(points.s2(lossy, 8000.0, 20.0)).temperatures[1200:]
+    mesh = lossy.mesh
+
+    def mean(node: str) -> Floats:
+        cells = mesh.of_node(node)
+        found: Floats = np.average(run[:, cells], axis=1, weights=mesh.capacity[cells])
+        return found
+
+    read = 0.7 * run[:, mesh.index["surface.1"]] + 0.3 * run[:, mesh.index["surface.0"]]
+    mixed = sum(share * mean(node) for node, share in shares.items())
+    assert np.abs(read - mixed).mean() < 0.7 * np.abs(read - mean("rotor_surface")).mean()
 
 
 def test_a_log_reads_back_through_other_libraries_as_written(healthy: Recording, tmp_path: Path) -> None:

@@ -34,11 +34,12 @@ class UnknownHeat:
 class UnknownFactor:
     """The natural logarithm of what multiplies coefficients: `sd` about 0 at the start, `walk` [1 / sqrt(s)]. `of` as causes are
     written: `conductance.rotor_surface-teeth.scale` every term of the link, `loss.magnet.scale` every term of the source,
-    `loss.magnet.speed2` the term with that law."""
+    `loss.magnet.speed2` the term with that law. `also`: others that it multiplies alike, as where a part is cut into slices."""
 
     of: str
     sd: float
     walk: float
+    also: tuple[str, ...] = ()
 
     @property
     def name(self) -> str:
@@ -99,7 +100,7 @@ def places(network: Network, unknowns: Sequence[Unknown], coefficients: int, cha
             bias_of[channels.index(unknown.channel)] = len(biases)
             biases.append(i)
             continue
-        terms = terms_of(network, unknown.of)
+        terms = [term for cause in (unknown.of, *unknown.also) for term in terms_of(network, cause)]
         if (factor_of[terms] >= 0).any():
             raise FrameError(f'unknown "{unknown.of}": another unknown multiplies the same coefficient; name it once')
         factor_of[terms] = len(factors)
@@ -140,7 +141,7 @@ def terms_of(network: Network, cause: str) -> list[int]:
     asked = parse(cause)
     found, laws, first = [], [], 0
     entries: list[tuple[str, str, tuple[Term, ...]]] = [
-        *(("conductance", link_place(network, link.a, link.b), link.terms) for link in network.links),
+        *(("conductance", f"{link.a}-{link.b}", link.terms) for link in network.links),
         *(("loss", source.node, source.terms) for source in network.sources),
     ]
     place = link_place(network, *asked.ends) if len(asked.ends) == 2 else asked.place

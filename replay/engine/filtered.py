@@ -10,14 +10,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from replay.engine.frame import InputFrame, Meter, Observation
+from replay.engine.heat_readings import heat_readings
+from replay.engine.kernel_cache import load_kernel
 from replay.engine.open_loop import initial_temperatures, modelled, referenced
 from replay.engine.run import Filtered, Smoothed
 from twin.ekf import at_their_pace
-from twin.filter_inputs import Reading, Start
+from twin.filter_inputs import AnyReading, HeatReading, Reading, Start
+from twin.losses import heat_flows
 from twin.network import Network
-from twin.simulate import Frame, source_heat
+from twin.simulate import Frame, simulate, source_heat
 from twin.smoother import smoothed
-from twin.unknowns import Unknown, UnknownBias, UnknownHeat
+from twin.unknowns import UnknownBias, UnknownFactor, UnknownHeat
 
 Floats = NDArray[np.float64]
 
@@ -26,6 +29,7 @@ LEAST_NOISE_K = 0.01  # of one sample: no sensor is without, whatever its bench 
 LEAST_LOSS_W = 1.0  # of a motor at rest: the sizes of the unknown heat follow its mean loss
 HEAT_SHARE = 0.05  # sd of the unknown heat at the start, of the mean loss of the whole network
 HEAT_WALK_SHARE = 0.001  # of its random walk per square root of a second, of the same loss: where the search begins
+MOST_FACTOR_SD = 0.7  # of the logarithm of what multiplies a loss: a factor of two
 
 
 def filter_session(
@@ -39,46 +43,58 @@ def filter_session(
     """Temperatures and the heat at `node` from the channels named in `measured`; None where there is no such node or channel, or the
     network is too large.
 
-    `losses`: node -> mean modelled loss [W]. Left out, `node` is the magnet with the largest loss, else the rotor node with
-    the largest; `measured` is every channel of this level but those of magnets, which are kept to check the filter. Kept
-    channels set no initial temperature either. A resistance is read as the temperature that it stands for, with an error of
-    its own to be found. Raises `FrameError`, `DivergedError` as `twin.ekf.filter_unknowns`.
+    `losses`: node -> mean modelled loss [W]. Left out, `node` is the magnet with the largest loss, else the rotor node with the
+    largest, and several magnets have one unknown, what multiplies the losses of all of them; `measured` is every channel of
+    this level but those of magnets, which are kept to check the filter. Kept channels set no initial temperature either. A resistance is read as the temperature that it stands for, with an error of
+    its own to be found; so are powers and heats beside thermometers, whose error is also that of the model's other losses
+    (`replay.engine.heat_readings`). Raises `FrameError`, `DivergedError` as `twin.ekf.filter_unknowns`.
     """
-    node = node or uncertain_node(network, losses)
+    said, node = node is not None, node or uncertain_node(network, losses)
     channels = _production_like(network, frame, level) if measured is None else measured
     seen = tuple(o for o in frame.observations if o.channel in channels)
-    meters = [m for m in frame.meters if m.seen.channel in channels and m.what.law is not None]
+    chosen = [m for m in frame.meters if m.seen.channel in channels]
+    meters = [m for m in chosen if m.what.law is not None]
     if node is None or not (seen or meters) or len(network.nodes) > MOST_NODES:
         return None
     inputs = Frame(step_s=frame.step_s, features=frame.features, boundaries=frame.boundaries)
     temperatures, sd = initial_temperatures(network, replace(frame, observations=seen), level)
-    start, heat = Start(temperatures, sd), unknown_heat(node, losses)
+    start = Start(temperatures, sd)
+    unknown = unknown_heat(node, losses) if said else unknown_loss(network, node, losses)
     begins = {n.name: (float(t), float(s)) for n, t, s in zip(network.nodes, temperatures, sd, strict=True)}
     converted = [_as_thermometer(m, begins) for m in meters]
     readings = [reading_of(o, frame) for o in (*seen, *(o for o, _ in converted))]
-    errors: list[Unknown] = [UnknownBias(o.channel, sd_K) for o, sd_K in converted]
-    unknowns = at_their_pace(network, inputs, start, [heat, *errors], readings)
-    smooth = smoothed(network, inputs, start, unknowns, readings)
+    errors = (UnknownBias(o.channel, sd_K) for o, sd_K in converted)
+    unknowns = at_their_pace(network, inputs, start, [unknown, *errors], readings)
+    paced = next(one for one in unknowns if not isinstance(one, UnknownBias))
+    heats = _heats(chosen, network, frame, inputs, temperatures, node)
+    every: list[AnyReading] = [*readings, *(reading for reading, _ in heats)]
+    smooth = smoothed(network, inputs, start, [*unknowns, *(error for _, error in heats)], every)
     estimate = smooth.filtered
     at_node = [i for i, source in enumerate(network.sources) if source.node == node]
 
-    def modelled_W(temperatures: Floats) -> Floats:
-        heat: Floats = source_heat(network, inputs, temperatures)[:, at_node].sum(axis=1)
-        return heat
+    def loss(temperatures: Floats, found: Floats, found_sd: Floats) -> tuple[Floats, Floats, Floats]:
+        """As the model has it, as estimated, and the standard deviation of that (N,) [W]."""
+        nominal: Floats = source_heat(network, inputs, temperatures)[:, at_node].sum(axis=1)
+        if isinstance(paced, UnknownHeat):
+            return nominal, nominal + found, found_sd
+        return nominal, nominal * np.exp(found), nominal * np.exp(found) * found_sd
 
-    nominal = modelled_W(estimate.temperatures)
+    count = len(readings)
+    of_temperatures = replace(
+        estimate, innovations=estimate.innovations[:, :count], variances=estimate.variances[:, :count]
+    )
+    nominal, heat_W, heat_sd_W = loss(estimate.temperatures, estimate.found[1:, 0], estimate.found_sd[1:, 0])
+    _, smooth_W, smooth_sd_W = loss(smooth.temperatures, smooth.found[:-1, 0], smooth.found_sd[:-1, 0])
     return Filtered(
         node=node,
-        measured=tuple(r.channel for r in readings),
+        measured=tuple(r.channel for r in every),
         temperatures=estimate.temperatures,
-        heat_W=nominal + estimate.found[1:, 0],
-        heat_sd_W=estimate.found_sd[1:, 0],
+        heat_W=heat_W,
+        heat_sd_W=heat_sd_W,
         nominal_W=nominal,
-        heat_walk_W=next(u.walk_W for u in unknowns if isinstance(u, UnknownHeat)),
-        nis=estimate.nis,
-        smoothed=Smoothed(
-            smooth.temperatures, modelled_W(smooth.temperatures) + smooth.found[:-1, 0], smooth.found_sd[:-1, 0]
-        ),
+        heat_walk_W=paced.walk_W if isinstance(paced, UnknownHeat) else paced.walk * float(nominal.mean()),
+        nis=of_temperatures.nis,
+        smoothed=Smoothed(smooth.temperatures, smooth_W, smooth_sd_W),
     )
 
 
@@ -121,6 +137,18 @@ def unknown_heat(node: str, losses: Mapping[str, float]) -> UnknownHeat:
     return UnknownHeat(node, HEAT_SHARE * loss_W, HEAT_WALK_SHARE * loss_W)
 
 
+def unknown_loss(network: Network, node: str, losses: Mapping[str, float]) -> UnknownHeat | UnknownFactor:
+    """The unknown heat at a node; where that is one of several magnets, as in slices of a stack, what multiplies the losses of all of them:
+    a heat in one slice would leave the others, which no sensor may see, as they are."""
+    heat = unknown_heat(node, losses)
+    magnets = [n.name for n in network.nodes if n.region == "magnet" and losses.get(n.name, 0.0) > 0]
+    if node not in magnets or len(magnets) == 1:
+        return heat
+    sd = min(heat.sd_W / sum(losses[name] for name in magnets), MOST_FACTOR_SD)
+    of, *also = (f"loss.{name}.scale" for name in magnets)
+    return UnknownFactor(of, sd, sd * heat.walk_W / heat.sd_W, tuple(also))
+
+
 def uncertain_node(network: Network, losses: Mapping[str, float]) -> str | None:
     """Of the paper's losses the magnets' is known least; a network without magnets has them in its rotor."""
     for region in ("magnet", "rotor"):
@@ -134,6 +162,16 @@ def _production_like(network: Network, frame: InputFrame, level: str) -> list[st
     magnets = {node.name for node in network.nodes if node.region == "magnet"}
     all_of_them = (*frame.observations, *(meter.seen for meter in frame.meters))
     return [o.channel for o in all_of_them if level in ("testing", o.level) and o.label not in magnets]
+
+
+def _heats(
+    meters: Sequence[Meter], network: Network, frame: InputFrame, inputs: Frame, temperatures: Floats, node: str
+) -> list[tuple[HeatReading, UnknownBias]]:
+    """What meters of power and heat add, about the open loop from these temperatures (n,)."""
+    if all(meter.what.law is not None for meter in meters):
+        return []
+    open_loop = simulate(load_kernel(network), inputs, temperatures)
+    return heat_readings(meters, network, frame, heat_flows(network, inputs, open_loop), node)
 
 
 def _as_thermometer(meter: Meter, begins: Mapping[str, tuple[float, float]]) -> tuple[Observation, float]:

@@ -1,18 +1,22 @@
 """What each sensor is worth: withheld in turn and estimated from the others; and the margin from a vehicle's sensors to the hot spot.
 
 A filter as it would run in a vehicle (readings so far) estimates what the withheld channel shows. The hot spot itself is taken
-from the smoother with every channel, its uncertainty included.
+from the smoother with every channel.
+
+What a filter says of its own uncertainty holds noise and random walks, not what is wrong with the network's form, and that keeps its
+sign through a session. So bands are as wide as the other sessions' errors ask for (`widening`), and the hot spot is as uncertain as
+windings are when their own channels are withheld.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
-from scipy.stats import norm
+from scipy.stats import norm, t
 
 from ingest.catalogue.channels import load
 from ingest.events import SessionRecorded
@@ -20,7 +24,7 @@ from ingest.facts import Facts
 from ingest.store import Store
 from replay.engine.aged import of_specimen
 from replay.engine.configurations import network_of
-from replay.engine.filtered import mean_losses, reading_of, uncertain_node, unknown_heat
+from replay.engine.filtered import mean_losses, reading_of, uncertain_node, unknown_loss
 from replay.engine.frame import InputFrame, Observation
 from replay.engine.frame_of import session_frame
 from replay.engine.hot_spots import nodes_of
@@ -34,7 +38,7 @@ from twin.filter_inputs import Start
 from twin.network import Network
 from twin.simulate import Frame, simulate
 from twin.smoother import smoothed
-from twin.unknowns import UnknownHeat
+from twin.unknowns import UnknownFactor, UnknownHeat
 
 Floats = NDArray[np.float64]
 Tell = Callable[[str], None]
@@ -47,7 +51,8 @@ TOLERATED_K = 2.0  # mean error up to which a sensor is done without
 @dataclass(frozen=True)
 class Withheld:
     """A channel estimated without its own readings, over all sessions. `mae_K`, `max_K` of the filter from the `others`, `open_loop_K` mean
-    error of the model alone; `band_K` half width of the 95 % band (mean), `covered` the share of readings within it."""
+    error of the model alone; `band_K` half width of the 95 % band (mean), `covered` the share of readings within it, each session's by the
+    band that the other sessions ask for; `filter_band_K`, `filter_covered` the same of the filter's own band."""
 
     channel: str
     node: str
@@ -56,6 +61,21 @@ class Withheld:
     open_loop_K: float
     band_K: float
     covered: float
+    filter_band_K: float
+    filter_covered: float
+
+
+@dataclass(frozen=True)
+class SessionErrors:
+    """A withheld channel in one session, where it counts: measured less estimated `K` (M,), and one standard deviation of that by the
+    filter and the sensor, `sd_K` (M,)."""
+
+    K: Floats
+    sd_K: Floats
+
+    def share_within(self, widened: float) -> float:
+        """Of the readings, in the 95 % band times a factor."""
+        return float((np.abs(self.K) <= widened * Z95 * self.sd_K).mean())
 
 
 @dataclass(frozen=True)
@@ -99,7 +119,8 @@ class _Recorded:
     network: Network
     frame: InputFrame
     inputs: Frame
-    heat: UnknownHeat
+    node: str
+    unknown: UnknownHeat | UnknownFactor
     open_loop: Floats
 
     @property
@@ -144,17 +165,16 @@ def sensors_worth(
             raise ReplayDataError(
                 f'no channel "{unknown[0]}" observes a node in these sessions: name one of {", ".join(channels)}.'
             )
-        withheld = []
+        withheld, errors = [], dict[str, list[SessionErrors]]()
         for channel in channels:
             tell(f"without {channel}")
-            withheld.append(_withheld(recorded, channel, [c for c in channels if c != channel]))
+            one, errors[channel] = _withheld(recorded, channel, [c for c in channels if c != channel])
+            withheld.append(one)
         tell("doing without one after the other")
         order = _order(recorded, channels, {one.channel: one.mae_K for one in withheld})
         tell("the margin to the hot spot")
-        margin = _margin(recorded, own, risk) if own else None
-    return Worth(
-        recorded[0].network, model, tuple(sessions), recorded[0].heat.node, tuple(withheld), tuple(order), margin
-    )
+        margin = _margin(recorded, own, risk, _winding_K(recorded, errors)) if own else None
+    return Worth(recorded[0].network, model, tuple(sessions), recorded[0].node, tuple(withheld), tuple(order), margin)
 
 
 def _recorded(store: Store, facts: Facts, session: SessionRecorded, model: str) -> _Recorded:
@@ -165,17 +185,18 @@ def _recorded(store: Store, facts: Facts, session: SessionRecorded, model: str) 
     temperatures, sd = initial_temperatures(network, frame, "testing")
     open_loop = simulate(load_kernel(network), inputs, temperatures)
     losses = mean_losses(network, inputs, open_loop)
-    heat = unknown_heat(uncertain_node(network, losses) or max(losses, key=lambda name: losses[name]), losses)
+    node = uncertain_node(network, losses) or max(losses, key=lambda name: losses[name])
     readings = [reading_of(o, frame) for o in frame.observations]
-    (paced,) = at_their_pace(network, inputs, Start(temperatures, sd), [heat], readings)
-    return _Recorded(network, frame, inputs, paced, open_loop)
+    asked = [unknown_loss(network, node, losses)]
+    (paced,) = at_their_pace(network, inputs, Start(temperatures, sd), asked, readings)
+    return _Recorded(network, frame, inputs, node, paced, open_loop)
 
 
 def _filtered(one: _Recorded, seen: Sequence[str]) -> tuple[Floats, Floats]:
     """Temperatures and their sd (N + 1, n) from some channels' readings so far."""
     observations = [o for o in one.frame.observations if o.channel in seen]
     readings = [reading_of(o, one.frame) for o in observations]
-    found = filter_unknowns(one.network, one.inputs, one.start(observations), [one.heat], readings)
+    found = filter_unknowns(one.network, one.inputs, one.start(observations), [one.unknown], readings)
     return found.temperatures, found.temperatures_sd
 
 
@@ -189,8 +210,11 @@ def _errors(one: _Recorded, channel: str, temperatures: Floats) -> tuple[Floats,
     return o.measured - modelled(o, one.frame, temperatures, one.nodes), o.good & one.frame.live & after
 
 
-def _withheld(recorded: Sequence[_Recorded], channel: str, others: Sequence[str]) -> Withheld:
-    errors, alone, bands = [], [], []
+def _withheld(
+    recorded: Sequence[_Recorded], channel: str, others: Sequence[str]
+) -> tuple[Withheld, list[SessionErrors]]:
+    """And its errors, a session after the other."""
+    sessions, alone = [], []
     label = ""
     for one in recorded:
         o = one.observation(channel)
@@ -199,23 +223,38 @@ def _withheld(recorded: Sequence[_Recorded], channel: str, others: Sequence[str]
         label = o.label
         temperatures, sd = _filtered(one, others)
         error, use = _errors(one, channel, temperatures)
+        if not use.any():
+            continue
         weights = np.array([o.weights.get(node, 0.0) for node in one.nodes])
         own = sd[1:] @ weights  # as if all nodes of a mixture were off together
-        errors.append(error[use])
+        sessions.append(SessionErrors(error[use], np.sqrt(own[use] ** 2 + o.noise**2 + o.bias_sd**2)))
         alone.append(_errors(one, channel, one.open_loop)[0][use])
-        bands.append(Z95 * np.sqrt(own[use] ** 2 + o.noise**2 + o.bias_sd**2))
-    error, band = np.abs(np.concatenate(errors)), np.concatenate(bands)
-    if not error.size:
+    if not sessions:
         raise ReplayDataError(f'channel "{channel}" has no usable sample after the first {SETTLE_S / 60:.0f} min.')
-    return Withheld(
+    error, band = (np.concatenate(parts) for parts in ([one.K for one in sessions], [one.sd_K for one in sessions]))
+    lengths = [one.K.size for one in sessions]
+    honest = [one.share_within(widening([x for x in sessions if x is not one])) for one in sessions]
+    found = Withheld(
         channel=channel,
         node=label,
-        mae_K=float(error.mean()),
-        max_K=float(error.max()),
+        mae_K=float(np.abs(error).mean()),
+        max_K=float(np.abs(error).max()),
         open_loop_K=float(np.abs(np.concatenate(alone)).mean()),
-        band_K=float(band.mean()),
-        covered=float((error <= band).mean()),
+        band_K=widening(sessions) * Z95 * float(band.mean()),
+        covered=float(np.average(honest, weights=lengths)),
+        filter_band_K=Z95 * float(band.mean()),
+        filter_covered=float((np.abs(error) <= Z95 * band).mean()),
     )
+    return found, sessions
+
+
+def widening(sessions: Sequence[SessionErrors]) -> float:
+    """By what a 95 % band is to be widened to hold in another session, by errors in these: Student's, with as many degrees of freedom as
+    there are sessions, as the error of one hardly changes its sign. Never below 1; 1 without a session."""
+    if not sessions:
+        return 1.0
+    size = float(np.sqrt(np.mean([np.mean((one.K / one.sd_K) ** 2) for one in sessions])))
+    return max(1.0, float(t.ppf(0.975, len(sessions))) / Z95 * size)
 
 
 def _order(recorded: Sequence[_Recorded], channels: Sequence[str], first: dict[str, float]) -> list[Left]:
@@ -241,8 +280,17 @@ def _worst(recorded: Sequence[_Recorded], seen: Sequence[str], gone: Sequence[st
     return max(float(np.concatenate(errors).mean()) for errors in parts.values())
 
 
-def _margin(recorded: Sequence[_Recorded], vehicle: Sequence[str], risk: float) -> Margin:
-    """The hot spot is the hottest winding node of the smoother with every channel, normal about it."""
+def _winding_K(recorded: Sequence[_Recorded], errors: Mapping[str, Sequence[SessionErrors]]) -> float:
+    """Root mean square [K] of what windings are off by when their own channels are withheld; of all channels where none is at a winding."""
+    windings = {one.network.nodes[i].name for one in recorded for i in nodes_of("winding", one.network)}
+    labels = {o.channel: o.label for one in recorded for o in one.frame.observations}
+    of = [channel for channel in errors if labels[channel] in windings] or list(errors)
+    return float(np.sqrt(np.mean([np.mean(one.K**2) for channel in of for one in errors[channel]])))
+
+
+def _margin(recorded: Sequence[_Recorded], vehicle: Sequence[str], risk: float, off_K: float) -> Margin:
+    """The hot spot is the hottest winding node of the smoother with every channel, normal about it with the smoother's standard
+    deviation and `off_K` besides."""
     above_sensor, above_filter, spread, hottest = [], [], [], dict[str, int]()
     for one in recorded:
         winding = nodes_of("winding", one.network)
@@ -250,7 +298,7 @@ def _margin(recorded: Sequence[_Recorded], vehicle: Sequence[str], risk: float) 
         if not winding or not seen:
             continue
         readings = [reading_of(o, one.frame) for o in one.frame.observations]
-        every = smoothed(one.network, one.inputs, one.start(one.frame.observations), [one.heat], readings)
+        every = smoothed(one.network, one.inputs, one.start(one.frame.observations), [one.unknown], readings)
         at = np.argmax(every.temperatures[1:, winding], axis=1)
         rows = np.arange(len(at))
         hot, sd = every.temperatures[1:, winding][rows, at], every.temperatures_sd[1:, winding][rows, at]
@@ -259,7 +307,7 @@ def _margin(recorded: Sequence[_Recorded], vehicle: Sequence[str], risk: float) 
         use = np.isfinite(shown) & one.frame.live & (rows * one.frame.step_s >= SETTLE_S)
         above_sensor.append(hot[use] - shown[use])
         above_filter.append(hot[use] - estimated[use])
-        spread.append(sd[use])
+        spread.append(np.hypot(sd[use], off_K))
         for place, count in zip(*np.unique(at[use], return_counts=True), strict=True):
             name = one.nodes[winding[int(place)]]
             hottest[name] = hottest.get(name, 0) + int(count)

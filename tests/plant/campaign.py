@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 
 from plant import logs
 from plant.drives import Drive
@@ -12,6 +13,7 @@ from plant.reduction import motor_toml
 from plant.sensors import NOISE_K, STEP_K, LAG_s, Recording, messages, record, sensors
 
 BIAS_SD_K = 0.5
+NOWHERE_ELSE: Mapping[str, Mapping[str, float]] = MappingProxyType({})
 INPUTS = (
     ("Speed", "speed", "rpm", ""),
     ("Torque", "torque", "Nm", ""),
@@ -27,14 +29,17 @@ INPUTS = (
 )
 
 
-def bench_toml(plant: Plant, layout: str = "six") -> str:
-    """The bench file of one specimen."""
+def bench_toml(plant: Plant, layout: str = "six", weights: Mapping[str, Mapping[str, float]] = NOWHERE_ELSE) -> str:
+    """The bench file of one specimen; `weights`: signal -> node -> share, of thermocouples that stand elsewhere than at their node."""
     text = f'schema = "whyhot.bench/1"\nmotor = "motor.toml"\nspecimen = "plant-{plant.seed:04d}"\n'
     for signal, quantity, unit, more in INPUTS:
         text += f'\n[[channel]]\nsignal = "{signal}"\nquantity = "{quantity}"\nunit = "{unit}"\n{more}'
     for sensor in sensors(layout):
+        shares = weights.get(sensor.signal, {sensor.node: 1.0})
+        mixture = ", ".join(f"{node} = {share:g}" for node, share in shares.items())
+        where = f'node = "{next(iter(shares))}"' if len(shares) == 1 else f"weights = {{{mixture}}}"
         text += (
-            f'\n[[channel]]\nsignal = "{sensor.signal}"\nquantity = "temperature"\nunit = "degC"\nnode = "{sensor.node}"\n'
+            f'\n[[channel]]\nsignal = "{sensor.signal}"\nquantity = "temperature"\nunit = "degC"\n{where}\n'
             f"noise = {NOISE_K}\nbias_sd = {BIAS_SD_K}\nresolution = {STEP_K}\ntime_constant_s = {LAG_s}\n"
         )
     return text + (
@@ -54,13 +59,18 @@ def sessions(
 
 
 def write_campaign(
-    folder: Path, plant: Plant, sessions: Sequence[Recording], formats: Sequence[str] = ("blf",), layout: str = "six"
+    folder: Path,
+    plant: Plant,
+    sessions: Sequence[Recording],
+    formats: Sequence[str] = ("blf",),
+    layout: str = "six",
+    weights: Mapping[str, Mapping[str, float]] = NOWHERE_ELSE,
 ) -> list[Path]:
-    """Write `motor.toml`, `bench.toml`, `bench.dbc` and a log of each session in each format (logs.WRITERS), named
-    `<number>_<name>`; returns the logs. Raises KeyError for a format that is not there."""
+    """Write `motor.toml`, `bench.toml` (`weights` as of `bench_toml`), `bench.dbc` and a log of each session in each format
+    (logs.WRITERS), named `<number>_<name>`; returns the logs. Raises KeyError for a format that is not there."""
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "motor.toml").write_text(motor_toml(), encoding="utf-8")
-    (folder / "bench.toml").write_text(bench_toml(plant, layout), encoding="utf-8")
+    (folder / "bench.toml").write_text(bench_toml(plant, layout, weights), encoding="utf-8")
     (folder / "bench.dbc").write_text(logs.dbc(messages(layout)), encoding="utf-8")
     paths = []
     for recording in sessions:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from made_runs import made_run
+from numpy.typing import NDArray
 
 from ingest import facts
 from ingest.catalogue.channels import load
@@ -24,17 +25,24 @@ from replay.engine.campaign import replay_sessions
 from replay.engine.filtered import filter_session, filtered_summary, mean_losses
 from replay.engine.frame import InputFrame, Meter
 from replay.engine.frame_of import session_frame
+from replay.engine.heat_readings import WANDERS_S, heat_readings
 from replay.engine.identity import digest_of
+from replay.engine.kernel_cache import load_kernel
 from replay.engine.meters import Measurand
 from replay.engine.models import for_intake, model_of
 from replay.engine.motor_file import read_motor
+from replay.engine.open_loop import initial_temperatures, modelled
 from replay.engine.run import Filtered, Run
 from replay.engine.sealed import load_run
 from replay.show import layers
 from replay.show.filter_plots import estimated_loss
+from twin.losses import HeatFlows, heat_flows
 from twin.network import Copper, Network
 from twin.observables import Thermometric, copper_slope
-from twin.simulate import Frame
+from twin.simulate import Frame, simulate
+from twin.slicing import sliced
+
+Floats = NDArray[np.float64]
 
 SLOW_S, FAST_S = 400.0, 1200.0
 SLOW_RPM, FAST_RPM = 2000.0, 9000.0
@@ -213,6 +221,119 @@ def test_a_winding_resistance_is_read_as_the_temperature_that_it_stands_for(
     assert apart[:, winding].mean() < 4.0, "1 % of a resistance is 3 K"
     summary = filtered_summary(found, frame, hidden.run.nodes)
     assert set(summary["mae_K"]) == {"MAG"}
+
+
+def test_slices_of_a_magnet_share_one_unknown(hidden: Replayed) -> None:
+    """The sensor at the rotor's surface lies at one end; the kept magnet in the middle is nearer all the same."""
+    cut = sliced(hidden.network, ["rotor_surface", "magnet", "rotor_core"], 3, 0.134)
+    frame = replace(
+        hidden.frame,
+        observations=tuple(
+            replace(o, weights={"rotor_surface_1": 1.0}, label="rotor_surface_1") if o.channel == "RS" else o
+            for o in hidden.frame.observations
+        ),
+    )
+    inputs = Frame(frame.step_s, frame.features, frame.boundaries)
+    start, _ = initial_temperatures(cut, frame, "testing")
+    open_loop = simulate(load_kernel(cut), inputs, start)
+    found = filter_session(cut, frame, mean_losses(cut, inputs, open_loop), "testing")
+    assert found is not None
+    assert found.node.startswith("magnet")
+    (kept,) = (o for o in frame.observations if o.channel == "MAG")
+    nodes = tuple(node.name for node in cut.nodes)
+    off = [np.abs(kept.measured - modelled(kept, frame, t, nodes))[-600:] for t in (open_loop, found.temperatures)]
+    assert np.nanmean(off[1]) < 0.5 * np.nanmean(off[0])
+    assert found.heat_W[-600:].mean() > 1.3 * found.nominal_W[-600:].mean()
+    assert found.smoothed is not None
+    for heat_W, sd_W in ((found.heat_W, found.heat_sd_W), (found.smoothed.heat_W, found.smoothed.heat_sd_W)):
+        assert (heat_W >= 0).all()
+        assert 0 < sd_W[-600:].mean() < heat_W[-600:].mean()
+
+
+def flows_of(replayed: Replayed) -> HeatFlows:
+    inputs = Frame(replayed.frame.step_s, replayed.frame.features, replayed.frame.boundaries)
+    return heat_flows(replayed.network, inputs, replayed.run.temperatures)
+
+
+def metered(replayed: Replayed, what: Measurand, watts: Floats, bias_sd: float = 0.0) -> InputFrame:
+    """The frame with a meter of power or heat beside its thermometers, which shows these watts."""
+    (o,) = (o for o in replayed.frame.observations if o.channel == "RS")
+    seen = replace(
+        o,
+        channel="METER",
+        label="",
+        weights={},
+        noise=1.0,
+        bias_sd=bias_sd,
+        resolution=0.0,
+        time_constant_s=0.0,
+        measured=watts,
+        samples=np.ones(watts.size, dtype=np.int64),
+        good=np.isfinite(watts),
+    )
+    return replace(replayed.frame, meters=(Meter(what, seen),))
+
+
+def test_the_error_of_a_power_meter_is_its_own_and_that_of_the_other_losses(hidden: Replayed) -> None:
+    flows, mechanical = flows_of(hidden), hidden.frame.mechanical_W
+    assert mechanical is not None
+    frame = metered(hidden, Measurand("power", 0.004), mechanical + flows.made, bias_sd=30.0)
+    ((reading, error),) = heat_readings(frame.meters, hidden.network, frame, flows, "magnet")
+    np.testing.assert_allclose(reading.value[frame.live], flows.made[frame.live])
+    terms = [(source.node, term) for source in hidden.network.sources for term in source.terms]
+    own = [(term.sd * flows.terms[i]) ** 2 for i, (node, term) in enumerate(terms) if node != "magnet"]
+    variance = 30.0**2 + (0.004 * (mechanical + flows.made)) ** 2 + np.sum(own, axis=0)
+    np.testing.assert_allclose(reading.variance, variance + reading.variance.min() - variance.min(), rtol=1e-9)
+    assert error.sd_K == pytest.approx(np.sqrt(variance[frame.live].mean()))
+    assert error.walk_K**2 * WANDERS_S == pytest.approx(error.sd_K**2)
+
+
+def test_what_a_meter_scatters_by_from_step_to_step_is_noise_whatever_the_bench_file_says(hidden: Replayed) -> None:
+    flows = flows_of(hidden)
+    jitter = np.random.default_rng(1).normal(0.0, 200.0, len(flows.made))
+    what = Measurand("heat", 0.03, boundary="coolant")
+    at = [b.name for b in hidden.network.boundaries].index("coolant")
+    readings = []
+    for extra in (0.0 * jitter, jitter):
+        frame = metered(hidden, what, flows.boundaries[at] + extra)
+        readings += [heat_readings(frame.meters, hidden.network, frame, flows, "magnet")[0][0]]
+    assert np.median(readings[1].variance - readings[0].variance) == pytest.approx(200.0**2, rel=0.15)
+
+
+@pytest.mark.parametrize("wrong_W", [0.0, 300.0, -300.0])
+def test_a_power_meter_that_is_wrong_does_not_move_the_magnets(hidden: Replayed, wrong_W: float) -> None:
+    flows, mechanical = flows_of(hidden), hidden.frame.mechanical_W
+    assert mechanical is not None
+    frame = metered(hidden, Measurand("power", 0.004), mechanical + flows.made + wrong_W)
+    found = filter_session(hidden.network, frame, losses(hidden), "testing")
+    assert found is not None
+    assert found.measured == ("EW_A_inner", "EW_B_inner", "RS", "METER")
+    magnet = hidden.run.nodes.index("magnet")
+    apart = np.abs(found.temperatures - filtered(hidden.run).temperatures)[:, magnet]
+    assert apart.mean() < 0.2
+
+
+def test_a_power_meter_that_is_sure_finds_the_loss_where_no_thermometer_is_near(hidden: Replayed) -> None:
+    """All other losses are those of the file, and the file says so."""
+    sure = replace(
+        hidden.network,
+        sources=tuple(
+            replace(source, terms=tuple(replace(term, sd=1e-4) for term in source.terms))
+            for source in hidden.network.sources
+        ),
+    )
+    flows, mechanical = flows_of(hidden), hidden.frame.mechanical_W
+    assert mechanical is not None
+    watts = mechanical + flows.made + 200.0
+    away = ["EW_A_inner", "EW_B_inner"]
+    frame = metered(hidden, Measurand("power", 1e-5), watts)
+    with_it = filter_session(sure, frame, losses(hidden), "testing", measured=[*away, "METER"])
+    without = filter_session(sure, frame, losses(hidden), "testing", measured=away)
+    assert with_it is not None
+    assert without is not None
+    late = slice(-1200, None)
+    assert (with_it.heat_W - with_it.nominal_W)[late].mean() == pytest.approx(200.0, abs=20.0)
+    assert abs((without.heat_W - without.nominal_W)[late].mean() - 200.0) > 50.0
 
 
 def test_node_and_channels_can_be_said(hidden: Replayed) -> None:

@@ -13,7 +13,7 @@ import pytest
 from scipy.stats import norm
 
 from replay.cli import main
-from replay.studies.sensors import exceeded_by
+from replay.studies.sensors import SessionErrors, exceeded_by, widening
 
 
 @pytest.fixture(scope="module")
@@ -50,8 +50,8 @@ def test_every_channel_is_withheld_once(answer: Mapping[str, Any]) -> None:
     assert sorted(_by_node(answer)) == ["magnet", "winding", "yoke"]
     for one in answer["withheld"]:
         assert 0 < one["mae_K"] <= one["max_K"]
-        assert one["band_K"] > 0
-        assert 0 <= one["covered"] <= 1
+        assert one["band_K"] >= one["filter_band_K"] > 0
+        assert 0 <= one["filter_covered"] <= one["covered"] <= 1
 
 
 def test_the_magnet_whose_loss_is_wrong_is_missed_most(answer: Mapping[str, Any]) -> None:
@@ -115,3 +115,23 @@ def test_a_margin_is_exceeded_with_its_risk() -> None:
     m = exceeded_by(mean, sd, 0.1)
     assert norm.sf(m, mean, sd).mean() == pytest.approx(0.1)
     assert exceeded_by(np.zeros(1), np.ones(1), 0.025) == pytest.approx(1.96, abs=0.001)
+
+
+def test_a_widened_band_holds_the_sessions_that_it_was_not_made_from() -> None:
+    """Errors that keep their sign through a session and are five times what the filter says of them."""
+    random = np.random.default_rng(3)
+
+    def campaign() -> list[SessionErrors]:
+        offsets = random.normal(0.0, 5.0, 4)
+        return [SessionErrors(offset + random.normal(0.0, 0.1, 50), np.ones(50)) for offset in offsets]
+
+    covered = [[a[0].share_within(1.0), a[0].share_within(widening(a[1:]))] for a in (campaign() for _ in range(2000))]
+    before, after = np.mean(covered, axis=0)
+    assert before == pytest.approx(2 * norm.cdf(1.96 / 5) - 1, abs=0.03)
+    assert after == pytest.approx(0.95, abs=0.015)
+
+
+def test_a_band_is_never_narrower_than_the_filter_s_own_and_is_that_of_a_single_session() -> None:
+    quiet = [SessionErrors(np.full(10, 0.01), np.ones(10))] * 5
+    assert widening(quiet) == 1.0
+    assert widening([]) == 1.0
