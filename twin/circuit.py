@@ -16,7 +16,7 @@ from twin.march import System, run
 from twin.network import Network
 from twin.recorded import Test
 from twin.rows import Entry, Products
-from twin.structure import NOBODY, parameters, structure
+from twin.structure import NOBODY, described
 
 Floats = NDArray[np.float64]
 
@@ -38,11 +38,10 @@ class Circuit:
         self.states = self.n + len(self.followers)
         self.edges_s: Floats = np.arange(self.steps + 1, dtype=np.float64) * self.step_s
         self.drive = Drive(network, test, self.active)
-        values = parameters(network)
+        shape, values = described(network)
         self.capacities = np.concatenate([values.capacities, np.ones(len(self.followers))])
-        groups = structure(network).groups
         self._laws: dict[Law, int] = {}
-        members = [(self._law(self.placed(Law.of(group, values, g))), group.terms) for g, group in enumerate(groups)]
+        members = [(self._law(self.placed(Law.of(group, values, g))), group.terms) for g, group in enumerate(shape.groups)]
         self.law_of = [law for _, law in sorted((i, law) for law, terms in members for i, _ in terms)]
         self._carry()
         self.laws = tuple(self._laws)

@@ -25,7 +25,7 @@ from twin.losses import takers
 from twin.network import Network
 from twin.outputs import lag_factors
 from twin.simulate import Frame, check_frame
-from twin.structure import NOBODY, Structure, parameters, structure
+from twin.structure import NOBODY, Parameters, Structure, described
 from twin.unknowns import Unknown, node_place, places, variances
 
 Floats = NDArray[np.float64]
@@ -103,12 +103,12 @@ def inputs_of(
     variance or standard deviation is not above 0, or a node or coefficient is not the network's, and `CauseError` where an
     unknown factor is not written as a cause."""
     check(network)
-    groups = structure(network)
+    groups, nominal = described(network)
     check_frame(network, frame, start.temperatures, groups.monomials)
     _check(network, frame, start, readings)
     sensors = [r for r in readings if isinstance(r, Reading)]
     meters = [r for r in readings if isinstance(r, HeatReading)]
-    parts, order, at_start = _parts(network, groups, frame.step_s, start, unknowns, sensors, meters)
+    parts, order, at_start = _parts(network, groups, nominal, frame.step_s, start, unknowns, sensors, meters)
     x, covariance = _at_the_start(parts, start, at_start)
     steps = len(frame.features)
     every: list[AnyReading] = [*sensors, *meters]
@@ -158,6 +158,7 @@ def _check(network: Network, frame: Frame, start: Start, readings: Sequence[AnyR
 def _parts(
     network: Network,
     groups: Structure,
+    values: Parameters,
     step_s: float,
     start: Start,
     unknowns: Sequence[Unknown],
@@ -167,7 +168,7 @@ def _parts(
     """With the order of the unknowns in the state, and their variances at the start."""
     names = [node.name for node in network.nodes]
     n, m = len(names), len(readings)
-    values, indices = parameters(network), program(groups, DEFAULT)
+    indices = program(groups, DEFAULT)
     channels = [*(r.channel for r in readings), *(r.channel for r in meters)]
     of = places(network, unknowns, len(values.coefficients), channels)
     at_start, walks = variances(unknowns, of.order, step_s)

@@ -15,7 +15,7 @@ from twin import codegen, codegen_columns, codegen_gradient, codegen_lanes, drop
 from twin.check import check
 from twin.integrators import DEFAULT, Tableau
 from twin.network import Network
-from twin.structure import Parameters, parameters, structure
+from twin.structure import Parameters, described, structure
 from twin.vectors import MARK
 
 Kernel = Callable[..., None]
@@ -81,7 +81,7 @@ def compile_network(network: Network, tableau: Tableau = DEFAULT, load: Load = l
     where the network cannot be a motor.
     """
     check(network)
-    shape = structure(network)
+    shape, values = described(network)
     source = codegen.generate(shape, tableau)
     if statements(source) > STATEMENTS:
         return compile_indexed(network, tableau, load)
@@ -101,7 +101,7 @@ def compile_network(network: Network, tableau: Tableau = DEFAULT, load: Load = l
     several = None if tableau.back else together
     derived = (gradient, columns) if tableau is DEFAULT else (None, None)
     run = _given(load(source))
-    return Compiled(network, parameters(network), run, "straight-line", shape.monomials, several, *derived)
+    return Compiled(network, values, run, "straight-line", shape.monomials, several, *derived)
 
 
 def _given(kernel: Kernel) -> Run:
@@ -122,7 +122,7 @@ def _given(kernel: Kernel) -> Run:
 def compile_indexed(network: Network, tableau: Tableau = DEFAULT, load: Load = load_in_memory) -> Compiled:
     """Check a network of any size and prepare it for the index program, which is compiled once for all."""
     check(network)
-    shape = structure(network)
+    shape, values = described(network)
     program = indexed.program(shape, tableau)
     kernel = index_program(load)
 
@@ -137,7 +137,7 @@ def compile_indexed(network: Network, tableau: Tableau = DEFAULT, load: Load = l
         kernel(program, phi, boundaries, step_s, p.coefficients, p.capacities, p.copper, p.factors, out, stage)
 
     several = None if tableau.back else lambda: run
-    return Compiled(network, parameters(network), run, "indexed", shape.monomials, several, None, None)
+    return Compiled(network, values, run, "indexed", shape.monomials, several, None, None)
 
 
 @cache

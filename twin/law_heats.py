@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from twin import features
 from twin.laws import Law, Table, psi_of
 from twin.network import Network
-from twin.structure import CONSTANT, parameters, structure
+from twin.structure import CONSTANT, described, structure
 
 Floats = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -36,8 +36,8 @@ class LawHeats(NamedTuple):
 
 def law_heats(network: Network) -> LawHeats:
     """The laws of a checked network with its own coefficients."""
-    groups, values = structure(network).groups, parameters(network)
-    laws = [Law.of(group, values, g) for g, group in enumerate(groups)]
+    shape, values = described(network)
+    laws = [Law.of(group, values, g) for g, group in enumerate(shape.groups)]
     table = Table.of(laws, network.copper)
     return LawHeats(len(network.nodes), table.places, table.numbers, table.copper, shares(network, values.coefficients))
 

@@ -21,7 +21,7 @@ from twin.integrators import SDIRK2
 from twin.laws import Integers, Law, Table, every_place, psi_of
 from twin.network import Network, Term
 from twin.simulate import Frame
-from twin.structure import CONSTANT, Group, parameters, structure
+from twin.structure import CONSTANT, Group, described
 
 Floats = NDArray[np.float64]
 
@@ -75,7 +75,8 @@ def heat_flows(network: Network, frame: Frame, temperatures: Floats) -> HeatFlow
 
 
 def _heat_flows(network: Network, frame: Frame, temperatures: Floats) -> HeatFlows:
-    values, groups, n = parameters(network), structure(network).groups, len(network.nodes)
+    structure, values = described(network)
+    groups, n = structure.groups, len(network.nodes)
     laws = [Law.of(group, values, g) for g, group in enumerate(groups)]
     table = Table.of(laws, network.copper)
     carried = np.array([_carried(group, values.coefficients, frame) for group in groups])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -105,23 +105,48 @@ def _knots(fluid: Fluid) -> Knots:
     return values if len({value for _, value in values}) > 1 else ()
 
 
-def _grouped(network: Network) -> dict[_Key, tuple[tuple[int, int], ...]]:
-    """The terms of each group: its key -> (coefficient, monomial) pairs."""
+@dataclass(frozen=True)
+class _Grouped:
+    """The terms of each group: its key -> (coefficient, monomial) pairs; how many monomials there are."""
+
+    groups: dict[_Key, tuple[tuple[int, int], ...]]
+    monomials: int
+
+
+def _grouped(network: Network) -> _Grouped:
     column = {monomial: j for j, monomial in enumerate(features.monomials(network))}
     groups: dict[_Key, list[tuple[int, int]]] = {}
     for coefficient, (key, term) in enumerate(_places(network)):
         groups.setdefault(key, []).append((coefficient, column.get(features.monomial(term), CONSTANT)))
-    return {key: tuple(terms) for key, terms in groups.items()}
+    return _Grouped({key: tuple(terms) for key, terms in groups.items()}, len(column))
 
 
 def structure(network: Network) -> Structure:
     """The indices of a checked network."""
+    return _structure(network, _grouped(network))
+
+
+def parameters(network: Network) -> Parameters:
+    """The values of a checked network, in the order of its structure."""
+    return _parameters(network, _grouped(network))
+
+
+def described(network: Network) -> tuple[Structure, Parameters]:
+    """Both, for less than one after the other."""
+    grouped = _grouped(network)
+    return _structure(network, grouped), _parameters(network, grouped)
+
+
+def _structure(network: Network, grouped: _Grouped) -> Structure:
     n = len(network.nodes)
-    groups = tuple(replace(key[0], terms=terms) for key, terms in _grouped(network).items())
+    groups = tuple(
+        Group(key.a, key.b, terms, key.own, key.other, key.law, key.one_way, key.fluid)
+        for (key, _, _), terms in grouped.groups.items()
+    )
     edges = [(g.a, g.b) for g in groups if 0 <= g.b < n]
     crossed = [(end, g.other) for g in groups if g.other != NOBODY for end in (g.a, g.b) if 0 <= end < n]
     pattern = factorise(n, edges + crossed)
-    return Structure(n, len(features.monomials(network)), groups, pattern, all(_mirrored(g, n) for g in groups))
+    return Structure(n, grouped.monomials, groups, pattern, all(_mirrored(g, n) for g in groups))
 
 
 def _mirrored(group: Group, n: int) -> bool:
@@ -131,9 +156,8 @@ def _mirrored(group: Group, n: int) -> bool:
     return not 0 <= group.b < n or (group.plain and not group.one_way)
 
 
-def parameters(network: Network) -> Parameters:
-    """The values of a checked network, in the order of its structure."""
-    factors = [(slope, reference) for _, slope, reference in _grouped(network)]
+def _parameters(network: Network, grouped: _Grouped) -> Parameters:
+    factors = [(slope, reference) for _, slope, reference in grouped.groups]
     every = (*features.terms(network), *features.streams(network))
     return Parameters(
         coefficients=np.array([term.coefficient for term in every]),
