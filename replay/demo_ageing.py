@@ -13,7 +13,7 @@ from ingest.setup import prepare
 from ingest.store import Store
 from replay.engine.models import for_intake
 from replay.shipped import example
-from replay.show.ageing import picture
+from replay.show.ageing_plot import picture
 from replay.studies.ageing import assess
 from replay.studies.assessment import document
 

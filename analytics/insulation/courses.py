@@ -14,7 +14,7 @@ A turn has two checks at least on either side of it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -67,6 +67,12 @@ def courses(form: str, x: Floats, at: Floats, turns: int) -> Courses | None:
     if form == CHANGEPOINT:
         return _changepoint(places, at)
     return _dip_then_rise(places, x, at)
+
+
+def courses_of_all(x: Floats, at: Floats, turns: int) -> Courses:
+    """Those of every form for which the checks are enough, one form after the other: weights sum to their number."""
+    found = [given for form in CHANGING if (given := courses(form, x, at, turns)) is not None]
+    return Courses(*(np.concatenate([getattr(given, of.name) for given in found]) for of in fields(Courses)))
 
 
 def turning_places(x: Floats, turns: int) -> Floats | None:

@@ -19,24 +19,26 @@ the more probable even so. (BIC over four forms calls healthy series of 17 check
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.special import log_ndtr, logsumexp, ndtri_exp
+from scipy.special import log_ndtr, ndtri_exp
 
-from analytics.insulation.courses import CHANGEPOINT, CHANGING, DIP_THEN_RISE, Courses, courses
+from analytics.insulation.courses import CHANGEPOINT, CHANGING, DIP_THEN_RISE, Courses, courses, courses_of_all
 from analytics.insulation.orthant import log_both_positive
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
+Flags = NDArray[np.bool_]
 
 NONE = "none"
 PRIOR_NONE = 0.5
 SIGNIFICANCE = 0.01
 NULL_SERIES = 999
+LOOKS = (0, 40, 200, NULL_SERIES)  # at the null: most constant series are told from the first few
 ODD_SHARE, ODD_TIMES, ODD_LIKELY = 0.02, 5.0, 0.02
 SLOW_SD = 0.005  # of ln R, from the first check to the last
 COARSE_TURNS, FINE_TURNS = 5, 63
@@ -55,8 +57,8 @@ class Form:
     `slope_percent_per_100h`: mean change of R over `branch_dose_h` [%/100 h; positive: worse], with the interval of 95
     %: the whole course where the form is none (a straight line) or monotone, from the change to the last check
     otherwise, or to where a rise has become level. `level_from_dose_h`: that place, where `level_probability` of a
-    level is above one half. `p_value`: share of series without any change that show as much. `why`: what kept this from
-    being assessed, or empty."""
+    level is above one half. `p_value`: share of series without any change that show as much, of those drawn until ten
+    do. `why`: what kept this from being assessed, or empty."""
 
     name: str
     probability: float
@@ -89,22 +91,21 @@ def assess(
         return _unknown(f"{len(distinct)} different doses: {LEAST_DOSES} are needed at least")
     span = float(distinct[-1] - distinct[0])
     places, x = (distinct - distinct[0]) / span, (dose - dose[0]) / span
-    fine = {f: c for f in CHANGING if (c := courses(f, places, np.concatenate([x, FINE]), FINE_TURNS)) is not None}
-    odd = _OddCheck.of(_Errors.of(x, s), y).likely(
-        [c for f in CHANGING if (c := courses(f, places, x, COARSE_TURNS)) is not None]
-    )
+    coarse = courses_of_all(places, x, COARSE_TURNS)
+    odd = _OddCheck.of(_Errors.of(x, s), y).likely(coarse)
+    fine = {f: c for f in CHANGING if (c := courses(f, places, x, FINE_TURNS)) is not None}
     ln_weights = {f: odd.ln_weights(c) for f, c in fine.items()}
     probabilities = _probabilities(
-        {NONE: float(logsumexp(odd.ln_none)), **{f: float(logsumexp(w)) for f, w in ln_weights.items()}}
+        {NONE: float(_ln_sum(odd.ln_none)), **{f: float(_ln_sum(w.ravel())) for f, w in ln_weights.items()}}
     )
     name = max(ln_weights, key=lambda f: probabilities[f]) if probabilities[NONE] < 0.5 else NONE
-    by_check = odd.ln_none if name == NONE else logsumexp(ln_weights[name], axis=0)
+    by_check = odd.ln_none if name == NONE else _ln_sum(ln_weights[name])
     case = int(np.argmax(by_check))
     errors = odd.errors_of(case)
-    p_value = _p_value(errors, y, seed, degrees_of_freedom)
+    p_value = _p_value(coarse, errors, y, seed, degrees_of_freedom)
     if name == NONE or p_value > SIGNIFICANCE:
         return _constant(probabilities, p_value, dose, y, errors)
-    drawn = _draw(name, fine[name], ln_weights[name][:, case], errors, y, np.random.default_rng([seed, 1]))
+    drawn = _draw(name, places, ln_weights[name][:, case], errors, y, np.random.default_rng([seed, 1]))
     return _changing(name, probabilities, p_value, float(dose[0]), span, drawn)
 
 
@@ -142,35 +143,56 @@ class _Errors:
         return cls(x, sd, np.asarray(white - np.outer(start, start @ white) / (start @ start), np.float64))
 
     def whitened(self, given: Courses) -> Floats:
-        """The courses at the checks, in units of their amplitudes' priors: (a, n, 2)."""
-        return np.asarray(self.root @ (given.columns[:, : len(self.sd)] * given.sds[:, None, :]), np.float64)
+        """The courses at the checks, in units of their amplitudes' priors: (2, a, n)."""
+        return np.asarray(_scaled(given, len(self.sd)) @ self.root.T, np.float64)
+
+
+@dataclass(frozen=True)
+class _Amplitudes:
+    """Both amplitudes, in units of their priors' standard deviations, before the constraint: their precision (2, 2,
+    ...), and `pull` (2, ...), the precision times their means."""
+
+    precision: Floats
+    pull: Floats
+
+    @property
+    def mean(self) -> Floats:
+        (a, b), (_, d), (first, second) = *self.precision, self.pull
+        return np.stack([d * first - b * second, a * second - b * first]) / _determinant(self.precision)
+
+    @property
+    def gained(self) -> Floats:
+        """Twice the logarithm of what they add to the likelihood at their means."""
+        return np.asarray((self.pull * self.mean).sum(axis=0), np.float64)
+
+    @property
+    def ln_factor(self) -> Floats:
+        """ln of the marginal likelihood over that of a constant."""
+        (a, b), (_, d) = self.precision
+        determinant, mean = _determinant(self.precision), self.mean
+        first, second = mean[0] * np.sqrt(determinant / d), mean[1] * np.sqrt(determinant / a)
+        gained = (self.pull * mean).sum(axis=0) - np.log(determinant)
+        return np.asarray(
+            gained / 2 + log_both_positive(first, second, -b / np.sqrt(a * d)) + math.log(4.0), np.float64
+        )
 
 
 @dataclass(frozen=True)
 class _Posterior:
-    """Both amplitudes of each course, in units of their priors' standard deviations, before the constraint: covariance
-    (a, 2, 2), and `rows` (a, 2, n) that make what the data say of them."""
+    """Of the amplitudes of each course: precision (2, 2, a), and `rows` (2, a, n) that make of a whitened series what
+    pulls at them."""
 
-    covariance: Floats
-    ln_det: Floats
+    precision: Floats
     rows: Floats
 
     @classmethod
     def of(cls, given: Courses, errors: _Errors) -> _Posterior:
         white = errors.whitened(given)
-        covariance, determinant = _inverse(np.einsum("ani,anj->aij", white, white) + np.eye(2))
-        return cls(covariance, np.log(determinant), white.transpose(0, 2, 1))
+        return cls(_precision(white), white)
 
-    def means(self, white: Floats) -> tuple[Floats, Floats]:
-        """For whitened series (n, m): posterior means (a, 2, m) and twice the logarithm of what they gain (a, m)."""
-        h = self.rows @ white
-        mean = self.covariance @ h
-        return mean, np.asarray((h * mean).sum(axis=1), np.float64)
-
-    def ln_factors(self, white: Floats) -> Floats:
-        """(a, m): ln of the marginal likelihood of each course over that of a constant."""
-        mean, gained = self.means(white)
-        return _ln_factor(mean.transpose(0, 2, 1), gained, self.covariance[:, None], self.ln_det[:, None])
+    def amplitudes(self, white: Floats) -> _Amplitudes:
+        """For whitened series (n, m): (..., a, m)."""
+        return _Amplitudes(self.precision[..., None], self.rows @ white)
 
 
 @dataclass(frozen=True)
@@ -198,9 +220,9 @@ class _OddCheck:
         gained = pull * (row @ y) ** 2 - np.append(np.log1p(more * own), 0.0)
         return cls(errors, y, np.arange(n + 1), row, pull, np.asarray(ln_prior + gained / 2, np.float64))
 
-    def likely(self, given: Sequence[Courses]) -> _OddCheck:
+    def likely(self, given: Courses) -> _OddCheck:
         """Without the cases that a coarse grid of courses finds improbable."""
-        ln = logsumexp([self.ln_none, *(logsumexp(self.ln_weights(c), axis=0) for c in given)], axis=0)
+        ln = _ln_sum(np.vstack([self.ln_none, self.ln_weights(given)]))
         keep = (ln > ln.max() + math.log(ODD_LIKELY)) | (self.place == len(self.y))
         return replace(
             self, place=self.place[keep], row=self.row[keep], pull=self.pull[keep], ln_none=self.ln_none[keep]
@@ -208,14 +230,11 @@ class _OddCheck:
 
     def ln_weights(self, given: Courses) -> Floats:
         """(a, m): ln of the marginal likelihood of each course with its weight, likewise."""
-        white = self.errors.whitened(given)
-        gram = np.einsum("ani,anj->aij", white, white) + np.eye(2)
-        at = self.row @ (given.columns[:, : len(self.y)] * given.sds[:, None, :])
-        pulled = self.pull[:, None] * at
-        covariance, determinant = _inverse(gram[:, None] - pulled[..., :, None] * at[..., None, :])
-        h = ((self.errors.root @ self.y) @ white)[:, None] - (self.row @ self.y)[:, None] * pulled
-        mean = np.einsum("amkl,aml->amk", covariance, h)
-        ln = _ln_factor(mean, (h * mean).sum(axis=-1), covariance, np.log(determinant))
+        white, at = self.errors.whitened(given), _scaled(given, len(self.y)) @ self.row.T
+        pulled = self.pull * at
+        precision = _precision(white)[..., None] - pulled[:, None] * at
+        pull = (white @ (self.errors.root @ self.y))[..., None] - (self.row @ self.y) * pulled
+        ln = _Amplitudes(precision, pull).ln_factor
         return np.asarray(np.log(given.weight)[:, None] + self.ln_none + ln, np.float64)
 
     def errors_of(self, case: int) -> _Errors:
@@ -223,22 +242,24 @@ class _OddCheck:
         return _Errors.of(self.errors.x, np.where(odd, ODD_TIMES, 1.0) * self.errors.sd)
 
 
-def _ln_factor(mean: Floats, gained: Floats, covariance: Floats, ln_det: Floats) -> Floats:
-    """ln of the marginal likelihood over that of a constant, from the amplitudes' posterior without the constraint:
-    mean (..., 2), covariance (..., 2, 2)."""
-    sd = np.sqrt(covariance[..., [0, 1], [0, 1]])
-    z = mean / sd
-    correlation = np.broadcast_to(covariance[..., 0, 1] / sd.prod(axis=-1), gained.shape)
-    positive = log_both_positive(z[..., 0], z[..., 1], correlation)
-    return np.asarray((gained - ln_det) / 2 + positive + math.log(4.0), np.float64)
+def _ln_sum(ln: Floats) -> Floats:
+    """ln of the sum of exp(ln) over the first axis."""
+    top = ln.max(axis=0)
+    return np.asarray(top + np.log(np.exp(ln - top).sum(axis=0)), np.float64)
 
 
-def _inverse(matrix: Floats) -> tuple[Floats, Floats]:
-    """Of symmetric (..., 2, 2), with the determinants."""
-    a, b, d = matrix[..., 0, 0], matrix[..., 0, 1], matrix[..., 1, 1]
-    determinant = a * d - b**2
-    swapped = np.stack([np.stack([d, -b], axis=-1), np.stack([-b, a], axis=-1)], axis=-2)
-    return np.asarray(swapped / determinant[..., None, None], np.float64), np.asarray(determinant, np.float64)
+def _determinant(precision: Floats) -> Floats:
+    return np.asarray(precision[0, 0] * precision[1, 1] - precision[0, 1] ** 2, np.float64)
+
+
+def _scaled(given: Courses, checks: int) -> Floats:
+    """(2, a, n): the courses at the checks, in units of their amplitudes' priors."""
+    return np.ascontiguousarray(np.moveaxis(given.columns[:, :checks] * given.sds[:, None, :], -1, 0))
+
+
+def _precision(white: Floats) -> Floats:
+    """(2, 2, a) of the amplitudes of whitened courses (2, a, n) with their priors."""
+    return np.asarray(np.einsum("ian,jan->ija", white, white) + np.eye(2)[..., None], np.float64)
 
 
 def _probabilities(ln_likelihood: Mapping[str, float]) -> dict[str, float]:
@@ -246,41 +267,55 @@ def _probabilities(ln_likelihood: Mapping[str, float]) -> dict[str, float]:
     each = math.log((1.0 - PRIOR_NONE) / len(CHANGING))
     priors = {NONE: math.log(PRIOR_NONE), **dict.fromkeys(CHANGING, each)}
     ln = np.array([prior + ln_likelihood.get(form, -math.inf) for form, prior in priors.items()])
-    shares = np.exp(ln - logsumexp(ln))
+    shares = np.exp(ln - _ln_sum(ln))
     return dict(zip(priors, shares.tolist(), strict=True))
 
 
 # ---- the null ------------------------------------------------------------------------------------------------------
 
 
-def _p_value(errors: _Errors, y: Floats, seed: int, degrees_of_freedom: float) -> float:
-    x, sd = np.ascontiguousarray(errors.x), np.ascontiguousarray(errors.sd)
-    coarse, null = _null(x.tobytes(), sd.tobytes(), seed, degrees_of_freedom)
-    seen = _evidence(coarse, errors.root @ y[:, None])[0]
-    return float((1 + np.count_nonzero(null >= seen)) / (1 + NULL_SERIES))
+def _p_value(coarse: Courses, errors: _Errors, y: Floats, seed: int, degrees_of_freedom: float) -> float:
+    """The share of the null's series that show as much as this one; of those up to the tenth that does, where there are
+    ten (Besag and Clifford, Biometrika 78 (1991) 301, DOI 10.1093/biomet/78.2.301): more would make no form of it."""
+    evidence = _Evidence(np.log(coarse.weight), _Posterior.of(coarse, errors))
+    seen, enough, found = evidence.of(errors.root @ y[:, None])[0], round(SIGNIFICANCE * (1 + NULL_SERIES)), 0
+    null = errors.root @ _unchanged(errors, seed, degrees_of_freedom)
+    for first, last in pairwise(LOOKS):
+        at = first + evidence.reached(null[:, first:last], seen)
+        if found + len(at) >= enough:
+            return float(enough / (1 + at[enough - found - 1]))
+        found += len(at)
+    return (1 + found) / (1 + NULL_SERIES)
 
 
-@lru_cache(maxsize=64)
-def _null(
-    x_bytes: bytes, sd_bytes: bytes, seed: int, degrees_of_freedom: float
-) -> tuple[Sequence[tuple[Floats, _Posterior]], Floats]:
-    """The courses of a coarse grid, and the evidence for a change that series show in which there is none."""
-    x, sd = np.frombuffer(x_bytes), np.frombuffer(sd_bytes)
-    errors = _Errors.of(x, sd)
-    found = [courses(form, np.unique(x), x, COARSE_TURNS) for form in CHANGING]
-    coarse = [(np.log(c.weight), _Posterior.of(c, errors)) for c in found if c is not None]
+def _unchanged(errors: _Errors, seed: int, degrees_of_freedom: float) -> Floats:
+    """(n, m): series without any change."""
     random = np.random.default_rng([seed, 0])
-    series = sd[:, None] * random.standard_normal((len(x), NULL_SERIES))
+    series = errors.sd[:, None] * random.standard_normal((len(errors.sd), NULL_SERIES))
     if math.isfinite(degrees_of_freedom):
         series *= np.sqrt(degrees_of_freedom / random.chisquare(degrees_of_freedom, NULL_SERIES))
-    steps = np.sqrt(np.diff(x, prepend=0.0))[:, None] * random.standard_normal(series.shape)
-    return coarse, _evidence(coarse, errors.root @ (series + SLOW_SD * np.cumsum(steps, axis=0)))
+    steps = np.sqrt(np.diff(errors.x, prepend=0.0))[:, None] * random.standard_normal(series.shape)
+    return np.asarray(series + SLOW_SD * np.cumsum(steps, axis=0), np.float64)
 
 
-def _evidence(coarse: Sequence[tuple[Floats, _Posterior]], white: Floats) -> Floats:
-    """(m,): ln of the mean factor of the forms."""
-    each = [logsumexp(ln_weight[:, None] + posterior.ln_factors(white), axis=0) for ln_weight, posterior in coarse]
-    return np.asarray(logsumexp(np.array(each), axis=0), np.float64)
+@dataclass(frozen=True)
+class _Evidence:
+    """For a change of any form, by the courses of a coarse grid with their `ln_weight` (a,)."""
+
+    ln_weight: Floats
+    posterior: _Posterior
+
+    def of(self, white: Floats) -> Floats:
+        """(m,): ln of the sum of the forms' factors, of whitened series (n, m)."""
+        return _ln_sum(self.ln_weight[:, None] + self.posterior.amplitudes(white).ln_factor)
+
+    def reached(self, white: Floats, least: float) -> Ints:
+        """Which of these series have that much evidence. Most have not by what it cannot exceed: a course gains the
+        square of the whole series at most, and both amplitudes are positive with probability 1 at most."""
+        ln_most = self.ln_weight - np.log(_determinant(self.posterior.precision)) / 2 + math.log(4.0)
+        at = np.flatnonzero(_ln_sum(ln_most) + (white**2).sum(axis=0) / 2 >= least)
+        at = at[_ln_sum(ln_most[:, None] + self.posterior.amplitudes(white[:, at]).gained / 2) >= least]
+        return np.asarray(at[self.of(white[:, at]) >= least], np.int64)
 
 
 # ---- the answer ----------------------------------------------------------------------------------------------------
@@ -298,13 +333,14 @@ class _Drawn:
 
 
 def _draw(
-    name: str, given: Courses, ln_weights: Floats, errors: _Errors, y: Floats, random: np.random.Generator
+    name: str, places: Floats, ln_weights: Floats, errors: _Errors, y: Floats, random: np.random.Generator
 ) -> _Drawn:
-    shares = np.exp(ln_weights - logsumexp(ln_weights))
+    given = courses(name, places, np.concatenate([errors.x, FINE]), FINE_TURNS)
+    assert given is not None
+    shares = np.exp(ln_weights - _ln_sum(ln_weights))
     few = given.some(random.choice(len(shares), DRAWS, p=shares / shares.sum()))
     posterior = _Posterior.of(few, errors)
-    mean, _ = posterior.means(errors.root @ y[:, None])
-    amplitudes = few.sds * _positive_pairs(mean[:, :, 0], posterior.covariance, random)
+    amplitudes = few.sds * _positive_pairs(_Amplitudes(posterior.precision, posterior.rows @ (errors.root @ y)), random)
     end = np.where(np.isfinite(few.level), few.level, 1.0)
     level_probability = float(shares[np.isfinite(given.level)].sum())
     blur = few.cell * (random.random(DRAWS) - 0.5)
@@ -318,10 +354,14 @@ def _draw(
     return _Drawn(FINE[low] + blur, rise / (np.maximum(end, FINE[low + 1]) - FINE[low]), end, level_probability)
 
 
-def _positive_pairs(mean: Floats, covariance: Floats, random: np.random.Generator) -> Floats:
+def _positive_pairs(given: _Amplitudes, random: np.random.Generator) -> Floats:
     """One pair (m, 2) from each normal distribution cut to positive values, by Gibbs sampling."""
-    spread = np.sqrt(np.linalg.det(covariance)[:, None] / covariance[:, [1, 0], [1, 0]])  # of each given the other
-    weight = covariance[:, [0, 1], [1, 0]] / covariance[:, [1, 0], [1, 0]]
+    (a, b), (_, d) = given.precision
+    mean, spread, weight = (
+        given.mean.T,
+        1.0 / np.sqrt(np.stack([a, d], axis=-1)),
+        -np.stack([b / a, b / d], axis=-1),
+    )  # of each given the other
     drawn = np.maximum(mean, spread)
     for _ in range(SWEEPS):
         for k in (0, 1):

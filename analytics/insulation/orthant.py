@@ -17,13 +17,13 @@ Floats = NDArray[np.float64]
 TAIL = 1e-6  # below it Owen's formula has lost too many digits
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(40)
 REACH = 9.0  # of the quadrature, in widths of the integrand
-NEWTON_STEPS = 30
+NEWTON_STEPS, SETTLED = 30, 1e-9
 ROOT_TWO_PI = 2.5066282746310002
 
 
 def log_both_positive(a: Floats, b: Floats, correlation: Floats) -> Floats:
-    """ln P(X > 0, Y > 0) for means `a`, `b` and standard deviations 1, element by element; shapes alike. Correlations
-    of exactly -1 or 1 are not meant. To 1e-8 relative."""
+    """ln P(X > 0, Y > 0) for means `a`, `b` and standard deviations 1, element by element; shapes of the means alike,
+    the correlations broadcast. Correlations of exactly -1 or 1 are not meant. To 1e-8 relative."""
     r = np.sqrt((1.0 - correlation) * (1.0 + correlation))
     a_, b_ = np.where(a == 0.0, 1e-300, a), np.where(b == 0.0, 1e-300, b)
     with np.errstate(over="ignore"):
@@ -32,7 +32,8 @@ def log_both_positive(a: Floats, b: Floats, correlation: Floats) -> Floats:
     tail = both < TAIL
     result = np.log(np.where(tail, 1.0, both))
     if tail.any():
-        result[tail] = _in_the_tail(np.minimum(a, b)[tail], np.maximum(a, b)[tail], correlation[tail], r[tail])
+        rho, r = (np.broadcast_to(given, tail.shape)[tail] for given in (correlation, r))
+        result[tail] = _in_the_tail(np.minimum(a, b)[tail], np.maximum(a, b)[tail], rho, r)
     return np.asarray(result, np.float64)
 
 
@@ -44,7 +45,9 @@ def _in_the_tail(a: Floats, b: Floats, rho: Floats, r: Floats) -> Floats:
         ratio = _hazard(start + slope * u)
         rise = a - u + slope * ratio
         bend = -1.0 - slope**2 * ratio * (start + slope * u + ratio)
-        u = np.maximum(u - rise / bend, 0.0)
+        before, u = u, np.maximum(u - rise / bend, 0.0)
+        if np.abs(u - before).max() < SETTLED:
+            break
     ratio = _hazard(start + slope * u)
     rise = a - u + slope * ratio  # 0 inside, negative where the highest point is at u = 0
     bend = 1.0 + slope**2 * ratio * (start + slope * u + ratio)

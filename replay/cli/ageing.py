@@ -26,7 +26,7 @@ def run(args: argparse.Namespace) -> Answer:
     from ingest.store import Store
     from replay.cli.progress import tell
     from replay.engine.models import model_named
-    from replay.show.ageing import ageing_text, picture
+    from replay.show.ageing import ageing_text
     from replay.studies.ageing import assess
     from replay.studies.assessment import document
 
@@ -37,6 +37,8 @@ def run(args: argparse.Namespace) -> Answer:
         data = document(found, provenance(store, motor=args.motor, as_of=args.as_of))
     notes = list(found.notes)
     if args.out:
+        from replay.show.ageing_plot import picture  # matplotlib takes half a second to load
+
         picture(found, args.out)
         notes.append(f"{args.out}   and {args.out.with_suffix('.png').name} beside it")
     return Answer(data, ageing_text(found), notes=notes)

@@ -3,18 +3,11 @@
 from __future__ import annotations
 
 import math
-import textwrap
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from pathlib import Path
 from typing import Any
 
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
-
 from replay.show import words
-from replay.show.figure import save, style
-from replay.show.palette import COLOURS, DASHES, INK, PAPER, SOFT
 from replay.show.terminal import labelled
 from replay.studies.assessment import Assessment, Batch, Law, LivesLaw, Specimen, Stress
 
@@ -87,8 +80,8 @@ def course(one: Specimen) -> str:
 
 def standing_out(found: Assessment) -> str:
     """The batches and specimens that are not as the others."""
-    batches = sorted((one for one in found.batches if one.outlying), key=_score)
-    specimens = sorted((one for one in found.specimens if one.outlying), key=_score)
+    batches = sorted((one for one in found.batches if one.outlying), key=score)
+    specimens = sorted((one for one in found.specimens if one.outlying), key=score)
     rate = f"false discovery rate {100 * found.false_discovery_rate:.0f} %"
     said = []
     if batches:
@@ -100,7 +93,7 @@ def standing_out(found: Assessment) -> str:
     return f"Not as the others: {words.joined(said)} ({rate})."
 
 
-def _score(one: Specimen | Batch) -> float:
+def score(one: Specimen | Batch) -> float:
     """The one that ages fastest beyond the others first."""
     return math.inf if one.score is None else -one.score
 
@@ -112,7 +105,7 @@ def _more(some: Sequence[object]) -> str:
 def _table(found: Assessment) -> Iterator[str]:
     shown = list(found.specimens)
     if len(shown) > ROWS:
-        shown = sorted(shown, key=lambda one: (not one.outlying, _score(one)))[:ROWS]
+        shown = sorted(shown, key=lambda one: (not one.outlying, score(one)))[:ROWS]
     wide = max([8, *(len(one.specimen) for one in shown)])
     yield f"{'Specimen':<{wide}}  {'batch':<6}  checks    dose  {'course':<14}{'sure':>5}  {'R per 100 h':>12}  {'conducts':>8}  life used"
     for one in shown:
@@ -129,15 +122,15 @@ def _table(found: Assessment) -> Iterator[str]:
 def _apart(one: Specimen) -> str:
     if not one.outlying:
         return ""
-    return "  stands out" if one.score is None else f"  stands out ({one.score:+.1f} sd)"
+    return "  stands out" if one.score is None else f"  stands out ({one.score:+.2g} sd)"
 
 
 def _batches(found: Assessment) -> Iterator[str]:
     yield f"{'Batch':<12}{'specimens':>10}{'R per 100 h':>14}{'above the others':>19}"
-    for one in sorted(found.batches, key=_score):
+    for one in sorted(found.batches, key=score):
         slope = "-" if one.slope_percent_per_100h is None else f"{one.slope_percent_per_100h:+.1f} %".replace("-", "−")
-        score = "-" if one.score is None else f"{one.score:+.1f} sd".replace("-", "−")
-        yield f"{one.batch:<12}{one.specimens:>10}{slope:>14}{score:>19}{'  stands out' if one.outlying else ''}"
+        above = "-" if one.score is None else f"{one.score:+.1f} sd".replace("-", "−")
+        yield f"{one.batch:<12}{one.specimens:>10}{slope:>14}{above:>19}{'  stands out' if one.outlying else ''}"
 
 
 def _law(law: Law) -> str:
@@ -197,42 +190,3 @@ def _life(one: Specimen) -> str:
     if one.life_used is None:
         return "-"
     return f"{100 * one.life_used[0]:.0f} to {100 * one.life_used[1]:.0f} %"
-
-
-def picture(found: Assessment, target: Path) -> None:
-    """R of every specimen over its dose, of its first value, on white: `target` with the suffixes .svg and .png."""
-    with style("ageing"):
-        figure = Figure(figsize=(9.0, 5.0), facecolor=PAPER[0])
-        FigureCanvasAgg(figure)
-        axes = figure.add_axes((0.08, 0.13, 0.89, 0.70))
-        drawn = [one for one in found.specimens if _points(one)]
-        coloured = sorted(drawn, key=lambda one: (not one.outlying, not one.significant, _score(one)))[: len(COLOURS)]
-        for one in drawn:
-            if one not in coloured:
-                dose, percent, _ = zip(*_points(one), strict=True)
-                axes.plot(dose, percent, color=SOFT[0], alpha=0.25, linewidth=0.6)
-        for one, colour, dashes in zip(coloured, COLOURS, DASHES, strict=False):
-            dose, percent, sd = zip(*_points(one), strict=True)
-            axes.errorbar(
-                dose, percent, yerr=[2 * s for s in sd], color=colour, linestyle=dashes, marker="o", markersize=3,
-                elinewidth=0.7, capsize=2, label=f"{one.specimen}{'' if one.batch is None else f' ({one.batch})'}",
-            )  # fmt: skip
-            if one.change_at_dose_h is not None and one.significant:
-                axes.axvline(one.change_at_dose_h, color=colour, linewidth=0.6, linestyle=dashes)
-        axes.axhline(100.0, color=INK[0], linewidth=0.6)
-        axes.set_xlabel(f"hours above {found.threshold_degC:g} °C")
-        axes.set_ylabel("thermal resistance, % of the first")
-        if coloured:
-            axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=6, frameon=False, borderpad=0)
-        said = textwrap.shorten(answer(found), 190, placeholder=" ...")
-        figure.text(0.08, 0.95, textwrap.fill(said, 105), fontsize=8.5, fontweight="bold", va="center")
-        note = "bars: two standard deviations, repeatability included; vertical lines: where a course changes"
-        figure.text(0.08, 0.015, note, fontsize=6.5, color=SOFT[0])
-        save(figure, target)
-
-
-def _points(one: Specimen) -> list[tuple[float, float, float]]:
-    """(dose [h], R in % of the first, its sd) of each check that has both."""
-    found = [(check.dose_h, check.resistance_K_per_W, check.sd_percent) for check in one.checks]
-    known = [(dose, r, sd) for dose, r, sd in found if dose is not None and r is not None and sd is not None]
-    return [(dose, 100 * r / known[0][1], sd * r / known[0][1]) for dose, r, sd in known]

@@ -250,10 +250,8 @@ def _read_life(data: Mapping[str, Any]) -> Lives:
 
 
 def _specimen(one: Specimen) -> dict[str, Any]:
-    data = asdict(one)
-    for check in data["checks"]:
-        check["from"] = check.pop("source")
-    return data
+    checks = [{"from" if key == "source" else key: value for key, value in vars(check).items()} for check in one.checks]
+    return {**vars(one), "checks": checks, "cycles": [vars(cycle) for cycle in one.cycles]}
 
 
 def _read_specimen(data: Mapping[str, Any]) -> Specimen:
@@ -278,7 +276,7 @@ def tables(found: Assessment, hours: Mapping[str, Sequence[HotHours]]) -> dict[s
 def _check_rows(one: Specimen) -> Iterable[dict[str, Any]]:
     for check in one.checks:
         low, high = check.equivalent_h or (None, None)
-        yield asdict(check) | {
+        yield vars(check) | {
             "specimen": one.specimen,
             "batch": one.batch,
             "equivalent_low_h": low,
@@ -301,14 +299,14 @@ def _hours_table(found: Assessment, hours: Mapping[str, Sequence[HotHours]]) -> 
 
 
 def _cycle_rows(one: Specimen) -> Iterable[dict[str, Any]]:
-    return (asdict(cycle) | {"specimen": one.specimen, "batch": one.batch} for cycle in one.cycles)
+    return (vars(cycle) | {"specimen": one.specimen, "batch": one.batch} for cycle in one.cycles)
 
 
 def _specimen_row(one: Specimen) -> dict[str, Any]:
     low, high = one.equivalent_h or (None, None)
     ranges = {"life_used": one.life_used, "slope": one.ci95, "remaining": one.remaining_h}
     ends = {name: tuple(ends or (None, None)) for name, ends in ranges.items()}
-    return asdict(one) | {
+    return vars(one) | {
         "checks": len(one.checks),
         "equivalent_low_h": low,
         "equivalent_high_h": high,

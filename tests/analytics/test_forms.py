@@ -139,6 +139,35 @@ def test_the_standard_deviation_decides() -> None:
     assert forms.assess(DOSE_h, y, 0.15).name == "none"
 
 
+@pytest.mark.parametrize("degrees_of_freedom", [3.0, np.inf])
+def test_series_that_are_passed_over_are_those_that_show_less(degrees_of_freedom: float) -> None:
+    """What the bounds leave over is counted in full, wherever the limit lies."""
+    x = np.sort(np.random.default_rng(5).uniform(size=9))
+    x = (x - x[0]) / (x[-1] - x[0])
+    errors = forms._Errors.of(x, np.full(9, SD))
+    given = courses.courses_of_all(x, x, forms.COARSE_TURNS)
+    evidence = forms._Evidence(np.log(given.weight), forms._Posterior.of(given, errors))
+    white = errors.root @ forms._unchanged(errors, 0, degrees_of_freedom)
+    shown = evidence.of(white)
+    for least in np.quantile(shown, [0.0, 0.3, 0.9, 0.99, 1.0]) - 1e-9:
+        assert evidence.reached(white, least).tolist() == np.flatnonzero(shown >= least).tolist()
+
+
+def test_the_null_stops_at_the_tenth_series_that_shows_as_much() -> None:
+    """The share is that of the tenth's place in the order in which series are drawn; below the limit that of all."""
+    for rise, weak in [(0.0, True), (0.02, True), (0.08, False)]:
+        y = rise * DOSE_h / 192.0 + SD * np.random.default_rng(7).standard_normal(17)
+        x = DOSE_h / 192.0
+        errors = forms._Errors.of(x, np.full(17, SD))
+        given = courses.courses_of_all(x, x, forms.COARSE_TURNS)
+        evidence = forms._Evidence(np.log(given.weight), forms._Posterior.of(given, errors))
+        null = evidence.of(errors.root @ forms._unchanged(errors, 0, np.inf))
+        as_much = np.flatnonzero(null >= evidence.of(errors.root @ y[:, None])[0])
+        assert (len(as_much) >= 10) == weak
+        expected = 10 / (1 + as_much[9]) if weak else (1 + len(as_much)) / 1000
+        assert forms._p_value(given, errors, y, 0, np.inf) == pytest.approx(expected)
+
+
 # ---- what does not matter ------------------------------------------------------------------------------------------
 
 
@@ -185,7 +214,7 @@ def test_marginal_likelihoods_are_those_of_numerical_integration() -> None:
     for form in courses.CHANGING:
         given = courses.courses(form, x, x, 4)
         assert given is not None
-        ln = forms._Posterior.of(given, errors).ln_factors(errors.root @ y[:, None])[:, 0]
+        ln = forms._Posterior.of(given, errors).amplitudes(errors.root @ y[:, None]).ln_factor[:, 0]
         for k in range(0, len(ln), 10):
             first, second = given.columns[k].T
             rest = y - amplitudes[:, :1] * first - amplitudes[:, 1:] * second
@@ -220,7 +249,7 @@ def test_an_odd_check_is_one_with_a_larger_standard_deviation() -> None:
         )
         assert odd.ln_none[case] == pytest.approx(prior + constant, abs=1e-5)
         errors = forms._Errors.of(x, larger)
-        factor = forms._Posterior.of(given, errors).ln_factors(errors.root @ y[:, None])[:, 0]
+        factor = forms._Posterior.of(given, errors).amplitudes(errors.root @ y[:, None]).ln_factor[:, 0]
         assert found[:, case] == pytest.approx(np.log(given.weight) + factor + prior + constant, abs=1e-5)
 
 
