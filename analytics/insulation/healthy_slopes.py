@@ -26,7 +26,7 @@ Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 SHIFTS = np.linspace(-0.45, 0.15, 5)  # of tau: a robust centre is above the median where slopes are skewed
-SPREADS = np.geomspace(0.2, 2.0, 14)  # tau, of the robust one, which what stands out can make too wide among few
+SPREADS = np.geomspace(0.2, 5.0, 19)  # tau, of the robust one, which among few is often too wide or too narrow
 SKEWS = np.linspace(0.0, 1.25, 6)  # g, of a log-normal's
 MOST_SKEWED = 1.0
 STANDS_OUT, WIDTH = 0.02, 3.0
@@ -39,19 +39,33 @@ IGNORED = 0.01  # of the highest weight: points of the grid that are left out
 
 @dataclass(frozen=True)
 class HealthySlopes:
-    """Points of the posterior (k,) with `ln_weight` (k, m): for each specimen by all others, not normalised."""
+    """Points of the posterior (k,) with `ln_weight` (k,), not normalised, and what each specimen brought to that (k,
+    m)."""
 
     shift: Floats
     tau: Floats
     g: Floats
     ln_weight: Floats
+    ln_brought: Floats
 
     def scores(self, off: Floats, variance: Floats) -> Floats:
         """(m,): normal quantiles of the probability that a healthy slope is less than `off` (m,) from its centre, read with
-        an error of `variance` (m,)."""
+        an error of `variance` (m,); for each specimen by all others."""
+        return self._quantiles(off, variance, self.ln_weight[:, None] - self.ln_brought)
+
+    def scores_of_newcomers(self, off: Floats, variance: Floats) -> Floats:
+        """The same of other specimens (any number,), by all that was learnt from."""
+        return self._quantiles(off, variance, self.ln_weight[:, None])
+
+    def without(self, place: int) -> HealthySlopes:
+        """As if one specimen had not been there, but for the centres and the points themselves."""
+        rest = np.delete(self.ln_brought, place, axis=1)
+        return HealthySlopes(self.shift, self.tau, self.g, self.ln_weight - self.ln_brought[:, place], rest)
+
+    def _quantiles(self, off: Floats, variance: Floats, ln_weight: Floats) -> Floats:
         points = zip(self.shift, self.tau, self.g, strict=True)
         ln_beyond = np.array([_ln_beyond(off, variance, *point) for point in points])
-        ln_p = logsumexp(ln_beyond + self.ln_weight, axis=0) - logsumexp(self.ln_weight, axis=0)
+        ln_p = logsumexp(ln_beyond + ln_weight, axis=0) - logsumexp(ln_weight, axis=0)
         return np.asarray(-ndtri_exp(np.minimum(ln_p, -1e-15)), np.float64)
 
 
@@ -69,7 +83,7 @@ def healthy_slopes(
     ln_weight = each.sum(axis=1) - weight * (np.log(points[:, 1]) + (usual / points[:, 1]) ** 2 / 2.0)
     kept = ln_weight > ln_weight.max() + math.log(IGNORED)
     shift, taus, g = points[kept].T
-    return HealthySlopes(shift, taus, g, ln_weight[kept, None] - each[kept])
+    return HealthySlopes(shift, taus, g, ln_weight[kept], each[kept])
 
 
 def _grid(tau: float, share: float) -> Iterator[tuple[float, float, float]]:

@@ -9,12 +9,14 @@ and four batches.
 
 A batch is tested first, by its centre against those of the others; then each specimen against the centre of its batch:
 its own where the batch is outlying, so that the members of a bad batch are not listed one by one unless they stand out
-of it too, and else one that leans on the fleet's. In a batch that ages n times as fast specimens differ n times as much,
-as rates multiply. What is tested takes no part in what it is tested against. Scores are one-sided (outlying means worse)
-and compared with Student's t, as tails are heavier than any model's: at most sixteen degrees of freedom for what
-specimens truly are, four more than its checks for a specimen's own error, and between them by Welch (Biometrika 34
-(1947) 28, DOI 10.1093/biomet/34.1-2.28) where both count; twenty at most for batches. Lists keep the false-discovery rate
-of Benjamini and Hochberg (J. R. Stat. Soc. B 57 (1995) 289, DOI 10.1111/j.2517-6161.1995.tb02031.x).
+of it too, and else one that leans on the fleet's; where batches have but a few specimens, that of all healthy ones. In a batch that ages n times as fast specimens differ n times as much,
+as rates multiply. What is tested takes no part in what it is tested against, and of few specimens none in the spread
+that it is judged by. Scores are one-sided (outlying means worse) and compared with Student's t: each spread has as many
+degrees of freedom as it was learnt from, what is usual counted with its weight, but at most sixteen for what specimens
+truly are, as tails are heavier than any model's; a specimen's own error has four more than its checks. Where two spreads
+count their freedom is by Welch (Biometrika 34 (1947) 28, DOI 10.1093/biomet/34.1-2.28); twenty at most for batches. Lists
+keep the false-discovery rate of Benjamini and Hochberg (J. R. Stat. Soc. B 57 (1995) 289, DOI
+10.1111/j.2517-6161.1995.tb02031.x): of two batches either could be the worse one, so each is tested at half of it.
 """
 
 from __future__ import annotations
@@ -47,6 +49,8 @@ LEAST_SPECIMENS, LEAST_IN_BATCH = 3, 2
 ASKED_FOR_A_STEP = 0.02  # one-sided p-value from which a specimen's checks are searched for a step
 UNUSUAL = 3.0  # times the common slope or the spread, whichever is larger: how far off outlying slopes are
 RETESTED = 40  # specimens with the highest scores, compared once more with all but themselves
+LEAST_BY_BATCH = 5  # specimens in a batch, on average: below that specimens are compared whatever their batch
+FEW = 30  # specimens: up to here what healthy slopes are like is learnt anew for that, as one of them can change it
 
 
 @dataclass(frozen=True)
@@ -242,13 +246,32 @@ class _Fleet:
         centre, variance, one = self.within.centre[rest], self.within.variance[rest], np.zeros(len(rest), np.int64)
         return spread(centre, variance, one, 1, USUAL_BATCH_SHARE, LEAST_SPREAD, USUAL_BATCH_WEIGHT)
 
+    def against_others(self, k: int) -> tuple[float, float]:
+        """Score and one-sided p-value of a batch's centre against those of the others."""
+        rest = np.setdiff1d(np.unique(self.group), [k])
+        others, own = self.among_batches(np.array([k])), self.within.variance
+        weight = others.variance[0] / (others.tau_square + own[rest])
+        of_batches = others.tau_square * (1.0 + float(weight @ weight))
+        of_specimens = float(own[k] + weight**2 @ own[rest])
+        score = float(self.within.centre[k] - others.centre[0]) / math.sqrt(of_batches + of_specimens)
+        freedom = _welch((of_batches, USUAL_BATCH_WEIGHT + len(rest) - 1), (of_specimens, self.freedom))
+        return score, float(student.sf(score, min(float(freedom), BATCH_TAILS)))
+
+    def pooled(self, but: Ints) -> _Fleet:
+        """All batches as one, but for some, where batches are small: neither their centres nor the spread about these are
+        known then, and pairs that happen to be alike would make everybody else stand out."""
+        if len(self.slope) >= LEAST_BY_BATCH * len(np.unique(self.group)):
+            return self
+        return replace(self, group=np.where(np.isin(self.group, but), self.group, self.batches))
+
     def without(self, place: int) -> _Fleet:
         keep = np.arange(len(self.slope)) != place
         return _Fleet(self.slope[keep], self.variance[keep], self.checks[keep], self.group[keep], self.batches)
 
-    def freedom(self, left_out: int = 0) -> float:
-        """Of the specimens' spread, without some of them, as far as heavy tails let it count."""
-        return float(np.clip(len(self.slope) - left_out - len(np.unique(self.group)), 1.0, TAILS))
+    @property
+    def freedom(self) -> float:
+        """Of the specimens' spread, what is usual counted in, as far as heavy tails let it count."""
+        return min(USUAL_WEIGHT + len(self.slope) - len(np.unique(self.group)), TAILS)
 
 
 def _without_steps(fleet: _Fleet, known: Ints, rows: _Rows, own: Slopes, rate: float) -> tuple[_Fleet, dict[int, Step]]:
@@ -256,14 +279,14 @@ def _without_steps(fleet: _Fleet, known: Ints, rows: _Rows, own: Slopes, rate: f
     steps."""
     bad = np.array([k for k, test in _test_batches(fleet, rate).items() if test.outlying], np.int64)
     centre, variance = _centres(fleet, bad)
-    scores = _healthy(fleet, bad).scores(*_off(fleet, fleet, bad))
+    scores, freedom = _scores(fleet, bad)
     usual_sd = np.sqrt(variance + fleet.within.tau_square)
     unusual_sd = UNUSUAL * max(
         abs(float(np.median(centre[np.unique(fleet.group)]))), math.sqrt(fleet.within.tau_square)
     )
     steps: dict[int, Step] = {}
     slope, error = fleet.slope.copy(), fleet.variance.copy()
-    for k in np.flatnonzero(student.sf(scores, _freedom(fleet)) < ASKED_FOR_A_STEP):
+    for k in np.flatnonzero(student.sf(scores, freedom) < ASKED_FOR_A_STEP):
         of, group = rows.who == known[k], fleet.group[k]
         sd = rows.sd[of] * own.factor[known[k]]
         step = step_or_slope(rows.dose[of], rows.y[of], sd, centre[group], usual_sd[group], unusual_sd)
@@ -279,34 +302,43 @@ def _test_batches(fleet: _Fleet, rate: float) -> dict[int, _Test]:
     large = [k for k in range(fleet.batches) if sizes[k] >= LEAST_IN_BATCH]
     if groups < 2 or not large:
         return {}
-    scores = []
-    for k in large:
-        others = fleet.among_batches(np.array([k]))
-        variance = fleet.within.variance[k] + others.variance[0] + others.tau_square
-        scores.append(float((fleet.within.centre[k] - others.centre[0]) / math.sqrt(variance)))
-    p_values = student.sf(scores, min(BATCH_TAILS, USUAL_BATCH_WEIGHT + groups - 2))
+    scores, p_values = zip(*(fleet.against_others(k) for k in large), strict=True)
     flags = benjamini_hochberg(p_values, rate)
-    return {k: _Test(z, float(p), bool(flag), "") for k, z, p, flag in zip(large, scores, p_values, flags, strict=True)}
+    return {k: _Test(z, p, bool(flag), "") for k, z, p, flag in zip(large, scores, p_values, flags, strict=True)}
 
 
 def _test_specimens(fleet: _Fleet, bad: Ints, rate: float) -> list[_Test]:
-    healthy = _healthy(fleet, bad)
-    off, variance = _off(fleet, fleet, bad)
-    for place in np.argsort(-healthy.scores(off, variance))[:RETESTED]:
-        alone = _off(fleet, fleet.without(int(place)), bad)
-        off[place], variance[place] = alone[0][place], alone[1][place]
-    scores = healthy.scores(off, variance)
-    p_values = student.sf(scores, _freedom(fleet))
+    scores, freedom = _scores(fleet, bad)
+    p_values = student.sf(scores, freedom)
     flags = benjamini_hochberg(p_values, rate)
     return [_Test(float(z), float(p), bool(flag), "") for z, p, flag in zip(scores, p_values, flags, strict=True)]
 
 
-def _freedom(fleet: _Fleet) -> Floats:
-    """(m,) of each specimen's score."""
-    own = fleet.variance / (fleet.variance + fleet.within.tau_square)
-    return np.asarray(
-        1.0 / ((1.0 - own) ** 2 / fleet.freedom(left_out=1) + own**2 / (ERROR_TAILS + fleet.checks)), np.float64
-    )
+def _scores(fleet: _Fleet, bad: Ints) -> tuple[Floats, Floats]:
+    """(m,): of each specimen, and their degrees of freedom."""
+    fleet = fleet.pooled(bad)
+    healthy = _healthy(fleet, bad)
+    scores, freedom = healthy.scores(*_off(fleet, fleet, bad)), _freedom(fleet, fleet)
+    for place in np.argsort(-scores)[:RETESTED].tolist():
+        others = fleet.without(place)
+        alone = _off(fleet, others, bad)
+        of_others = _healthy(others, bad) if len(fleet.slope) <= FEW else healthy.without(place)
+        scores[place] = of_others.scores_of_newcomers(alone[0][[place]], alone[1][[place]])[0]
+        freedom[place] = _freedom(fleet, others)[place]
+    return scores, freedom
+
+
+def _freedom(fleet: _Fleet, others: _Fleet) -> Floats:
+    """(m,) of each specimen's score, with the spread that `others` tell."""
+    own = fleet.variance / (fleet.variance + others.within.tau_square)
+    freedom = _welch((1.0 - own, others.freedom), (own, ERROR_TAILS + fleet.checks))
+    return np.asarray(freedom, np.float64)
+
+
+def _welch(*parts: tuple[ArrayLike, ArrayLike]) -> Floats:
+    """Degrees of freedom of a sum of variances, each with its own."""
+    variances, freedoms = (np.array(np.broadcast_arrays(*each), np.float64) for each in zip(*parts, strict=True))
+    return np.asarray(variances.sum(axis=0) ** 2 / (variances**2 / freedoms).sum(axis=0), np.float64)
 
 
 def _healthy(fleet: _Fleet, bad: Ints) -> HealthySlopes:

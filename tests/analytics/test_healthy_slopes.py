@@ -46,17 +46,17 @@ def test_one_far_off_is_as_rare_as_it_is_in_the_population(error: float) -> None
     random = np.random.default_rng(22)
     drawn = np.sort(_log_normal(random, 2_000_000) + error * random.standard_normal(2_000_000))
     far = drawn[[-20_000, -400]]
-    alone = HealthySlopes(np.zeros(1), np.array([TAU]), np.array([TAU / CENTRE]), np.zeros((1, 2)))
-    assert alone.scores(far, np.full(2, error**2)) == pytest.approx(norm.isf([0.01, 0.0002]), abs=0.06)
-    learnt = _learnt(off, variance)
-    pair = HealthySlopes(learnt.shift, learnt.tau, learnt.g, learnt.ln_weight[:, :2])
-    assert pair.scores(far, np.full(2, error**2)) == pytest.approx(norm.isf([0.01, 0.0002]), abs=0.7)
+    alone = HealthySlopes(np.zeros(1), np.array([TAU]), np.array([TAU / CENTRE]), np.zeros(1), np.zeros((1, 0)))
+    assert alone.scores_of_newcomers(far, np.full(2, error**2)) == pytest.approx(norm.isf([0.01, 0.0002]), abs=0.06)
+    assert _learnt(off, variance).scores_of_newcomers(far, np.full(2, error**2)) == pytest.approx(
+        norm.isf([0.01, 0.0002]), abs=0.7
+    )
 
 
 def test_the_data_choose_between_normal_and_log_normal() -> None:
     def skew(population: str) -> float:
         found = _learnt(*_population(population, 2, 0.1))
-        weight = np.exp(found.ln_weight[:, 0] - found.ln_weight[:, 0].max())
+        weight = np.exp(found.ln_weight - found.ln_weight.max())
         return float(weight @ found.g / weight.sum())
 
     assert skew("normal") < 0.1
@@ -87,3 +87,13 @@ def test_a_batch_that_takes_no_part_changes_nothing() -> None:
     off[60:] += 5.0
     other = healthy_slopes(off, variance, takes_part, CENTRE, tau, 0.6, 2.0)
     assert other.ln_weight == pytest.approx(one.ln_weight)
+
+
+def test_one_of_those_learnt_from_has_the_score_that_it_has_as_a_newcomer_to_the_others() -> None:
+    off, variance = _population("normal", 5, 0.3, 50)
+    off[7] = 4.0
+    found = _learnt(off, variance)
+    alone = found.without(7)
+    assert alone.scores_of_newcomers(off[[7]], variance[[7]])[0] == pytest.approx(found.scores(off, variance)[7])
+    assert alone.ln_brought.shape == (len(found.tau), 49)
+    assert found.scores_of_newcomers(off[[7]], variance[[7]])[0] < alone.scores_of_newcomers(off[[7]], variance[[7]])[0]

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy.stats import norm
 
 from analytics.insulation.outlying import FleetAssessment, assess, benjamini_hochberg
@@ -176,10 +176,11 @@ def test_rows_in_any_order_and_missing_rows_make_the_same_answer() -> None:
 # ---- few -----------------------------------------------------------------------------------------------------------
 
 
-def _stators(rates: Sequence[float], batches: Sequence[str | None]) -> FleetAssessment:
+def _stators(rates: ArrayLike, batches: Sequence[str | None]) -> FleetAssessment:
     random = np.random.default_rng(8)
-    who, dose = np.repeat(np.arange(len(rates)), 17), np.tile(np.arange(17) * 12.0, len(rates))
-    y = np.array(rates)[who] * dose + 0.008 * random.standard_normal(len(who))
+    rate = np.asarray(rates, np.float64)
+    who, dose = np.repeat(np.arange(len(rate)), 17), np.tile(np.arange(17) * 12.0, len(rate))
+    y = rate[who] * dose + 0.008 * random.standard_normal(len(who))
     return assess([f"S{k}" for k in who], [batches[int(k)] for k in who], dose, y, 0.008)
 
 
@@ -198,6 +199,40 @@ def test_a_bad_batch_of_two_among_six_bent_courses_is_told() -> None:
     found = assess(names.tolist(), batches.tolist(), np.tile(dose, 6), y.ravel(), 0.008)
     assert found.noise_scale == pytest.approx(1.0, abs=0.2)
     assert _listed(found) == ([], ["B2"])
+
+
+@pytest.mark.parametrize(
+    "batches", [["B1"] * 2 + ["B2"] * 2 + ["B3"] * 2, ["B1"] * 3 + ["B2"] * 3, ["B1"] * 6, [None] * 6]
+)
+def test_the_one_stator_of_six_that_ages_is_listed_however_they_are_batched(batches: Sequence[str | None]) -> None:
+    """The mate of its batch and the spread of the six would hide it, were it counted in them."""
+    found = _stators([0.0, 2e-5, -2e-5, 3e-5, -3e-5, 6e-4], batches)
+    assert _listed(found) == (["S5"], [])
+
+
+def test_the_further_off_a_stator_is_the_smaller_is_its_p_value() -> None:
+    batches = ["B1", "B1", "B2", "B2", "B3", "B3"]
+    found = [
+        _stators([8e-4, 9e-4, 7.5e-4, 8.5e-4, 8e-4, rate], batches).specimens[-1] for rate in (1.6e-3, 2.4e-3, 4e-3)
+    ]
+    p_values = np.array([one.p_value for one in found], np.float64)
+    assert (np.diff(np.log(p_values)) < -0.5).all()
+
+
+@pytest.mark.parametrize("batches", [["B1"] * 4 + ["B2"] * 2, ["B1"] * 2 + ["B3"] * 2 + ["B2"] * 2])
+def test_a_batch_of_two_that_ages_faster_than_four_others_by_seven_tenths_is_listed(
+    batches: Sequence[str | None],
+) -> None:
+    found = _stators([8e-4, 9e-4, 7.5e-4, 8.5e-4, 1.45e-3, 1.35e-3], batches)
+    assert _listed(found) == ([], ["B2"])
+
+
+def test_few_healthy_stators_are_not_listed_more_often_than_is_said() -> None:
+    """Rates that differ by a fifth, in three batches of two: 1 of 20 is what is said, 5 of 40 has a chance of 1 in 20 then."""
+    random = np.random.default_rng(33)
+    batches = ["B1", "B1", "B2", "B2", "B3", "B3"]
+    found = [_listed(_stators(8e-4 * (1.0 + 0.2 * random.standard_normal(6)), batches)) for _ in range(40)]
+    assert sum(listed != ([], []) for listed in found) <= 4
 
 
 def test_stators_that_all_differ_make_no_batch_bad() -> None:
