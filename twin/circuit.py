@@ -41,7 +41,9 @@ class Circuit:
         shape, values = described(network)
         self.capacities = np.concatenate([values.capacities, np.ones(len(self.followers))])
         self._laws: dict[Law, int] = {}
-        members = [(self._law(self.placed(Law.of(group, values, g))), group.terms) for g, group in enumerate(shape.groups)]
+        members = [
+            (self._law(self.placed(Law.of(group, values, g))), group.terms) for g, group in enumerate(shape.groups)
+        ]
         self.law_of = [law for _, law in sorted((i, law) for law, terms in members for i, _ in terms)]
         self._carry()
         self.laws = tuple(self._laws)

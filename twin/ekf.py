@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
 from twin.ekf_plan import Plan, plan
-from twin.ekf_readings import Readings, correct, observe, readings_of
+from twin.ekf_readings import Readings, correct, observe, readings_of, row_of
 from twin.ekf_step import carry
 from twin.filter_inputs import AnyReading, Inputs, Start, inputs_of, with_walks
 from twin.lane_code import pointer
@@ -156,8 +156,9 @@ def through(
 ) -> float:
     """The filter over N steps, from the state in `numbers` to that at the last edge; the log likelihood of the readings.
 
-    `readings` (N, m + q) [degC, W], NaN where there is none, `places` and `variances` (N, m + q). Filled: `states` and `spreads`
-    (N + 1, c), the first c numbers of the state and their variances at every edge, `innovations` (N, m + q, 2).
+    `readings` (N, m + q) [degC, W], NaN where there is none, `places` and `variances` (N, m + q), or (1, m + q) for all steps.
+    Filled: `states` and `spreads` (N + 1, c), the first c numbers of the state and their variances at every edge, `innovations`
+    (N, m + q, 2).
     """
     likelihood, size, length, early = 0.0, plan.size, plan.length, bool((places != 1.0).any())
     m, at, channels = pointer(numbers, 0), pointer(indices, 0), readings.shape[1]
@@ -166,9 +167,10 @@ def through(
             phi = pointer(features, (k - 1) * features.shape[1])
             outside, read = pointer(boundaries, (k - 1) * boundaries.shape[1]), (k - 1) * channels
             carry(plan, m, at, phi, outside, early)
-            values, variance = pointer(readings, read), pointer(variances, read)
-            count = observe(plan, taken, m, at, outside, values, pointer(places, read), variance)
-            likelihood += correct(plan, taken, m, at, count, innovations[k - 1])
+            values, place = pointer(readings, read), pointer(places, row_of(places, k - 1) * channels)
+            variance = pointer(variances, row_of(variances, k - 1) * channels)
+            count = observe(plan, taken, m, at, outside, values, place, variance)
+            likelihood += correct(plan, taken, m, at, count, pointer(innovations, 2 * read))
         for i in range(states.shape[1]):
             states[k, i], spreads[k, i] = m[plan.state + i * length + size], m[plan.state + i * length + i]
     return likelihood
@@ -179,20 +181,25 @@ def estimate_of(
 ) -> Estimate:
     """From `states` (2, N + 1, n + u), estimates and variances in the order of the state, which it takes over. Raises
     `DivergedError`."""
-    n, unknown = len(inputs.network.nodes), np.argsort(inputs.order)
+    n, unknown = len(inputs.network.nodes), np.argsort(inputs.order).tolist()
     check_finite(inputs.network, inputs.frame, states[0, :, :n])
-    sd, told = np.sqrt(states[1], out=states[1]), innovations[:, list(inputs.channels)]
+    sd, told = np.sqrt(states[1], out=states[1]), columns_of(innovations, inputs.channels)
     return Estimate(
         unknowns=inputs.unknowns,
         temperatures=states[0, :, :n],
         temperatures_sd=sd[:, :n],
-        found=states[0, :, n:][:, unknown],
-        found_sd=sd[:, n:][:, unknown],
+        found=columns_of(states[0, :, n:], unknown),
+        found_sd=columns_of(sd[:, n:], unknown),
         innovations=told[..., 0],
         variances=told[..., 1],
         covariance=covariance,
         log_likelihood=log_likelihood,
     )
+
+
+def columns_of(array: Floats, which: Sequence[int]) -> Floats:
+    """These columns of `array`: itself where they are all of them, in their order."""
+    return array if list(which) == list(range(array.shape[1])) else array[:, list(which)]
 
 
 def at_their_pace(

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from twin.ekf import Estimate, estimate_of
 from twin.ekf_paper_step import Rates, balance, change, laws_of, rates_of, reads, solve, spread
-from twin.ekf_readings import Readings, correct, readings_of
+from twin.ekf_readings import Readings, correct, readings_of, row_of
 from twin.errors import FrameError
 from twin.filter_inputs import READING_SD_K, Inputs, Reading, Start, inputs_of
 from twin.lane_code import pointer
@@ -283,11 +283,13 @@ def _run(
             for j in range(len(weights)):
                 if np.isnan(readings[k - 1, j]):
                     continue
-                sensor_row(weights[j], time_constants[j], state[j], (1.0 - places[k - 1, j]) * step_s, n, h)
+                sensor_row(
+                    weights[j], time_constants[j], state[j], (1.0 - places[row_of(places, k - 1), j]) * step_s, n, h
+                )
                 _observe(rates, taken, capacities, heats, m, at, h, x, readings[k - 1, j], count)
-                m[u(taken.noise + count)], at[u(taken.channel + count)] = variances[k - 1, j], j
+                m[u(taken.noise + count)], at[u(taken.channel + count)] = variances[row_of(variances, k - 1), j], j
                 count += 1
-            likelihood += correct(rates, taken, m, at, count, innovations[k - 1])
+            likelihood += correct(rates, taken, m, at, count, pointer(innovations, 2 * (k - 1) * len(weights)))
             _follow(rates, capacities, heats, m, at, x)
         for i in range(states.shape[1]):
             states[k, i], spreads[k, i] = m[u(rates.state + i * length + size)], m[u(rates.state + i * length + i)]

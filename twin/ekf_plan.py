@@ -85,7 +85,9 @@ class Plan(NamedTuple):
     own: int  # (n,) C / (gamma h) [W/K]
     inverse: int  # (n,) 1 / own
     process: int  # (S,)
-    share: int  # what the second stage begins with of the first; the same less 1, which the start is given less
+    own_begun: int  # (n,) own times what the second stage begins with of the first
+    own_less: int  # (n,) own times the same less 1, which it is given less of the start
+    more: int  # 1 over that
     copper: int
     law_numbers: int  # (G, 3 + 2 knots) as `twin.laws.Table`
     constant: int  # (G,) of each group's amount, what no feature changes
@@ -204,7 +206,9 @@ def plan(parts: Parts, boundaries: int, store: Store) -> Plan:
         own=store.put(parts.constant),
         inverse=store.put(1 / parts.constant),
         process=store.put(np.append(parts.process[: parts.last], parts.process[parts.last + m :])),
-        share=store.put(np.array([share, share - 1.0, 1.0 / (share - 1.0)])),
+        own_begun=store.put(parts.constant * share),
+        own_less=store.put(parts.constant * (share - 1.0)),
+        more=store.put(np.array([1.0 / (share - 1.0)])),
         copper=store.put(parts.copper),
         law_numbers=store.put(parts.numbers),
         constant=store.put(amounts[-1]),
@@ -265,16 +269,12 @@ def _amounts(parts: Parts) -> tuple[Floats, list[tuple[int, int, int]], list[flo
     """(F + 1, G) what each monomial, then 1, adds to each group's amount; the terms that have a factor, and their coefficients."""
     program, groups = parts.program, len(parts.places)
     amounts = np.zeros((int(program.term_monomial.max(initial=-1)) + 2, width(groups)))
-    terms, nominal = [], []
-    for g in range(groups):
-        for t in range(program.term_start[g], program.term_start[g + 1]):
-            i, j = int(program.term_coefficient[t]), int(program.term_monomial[t])
-            if parts.factor_of[i] < 0:
-                amounts[j, g] += parts.nominal[i]  # -1 is the last row
-            else:
-                terms.append((g, int(parts.factor_of[i]), j))
-                nominal.append(float(parts.nominal[i]))
-    return amounts, terms, nominal
+    group, coefficient = np.repeat(np.arange(groups), np.diff(program.term_start)), program.term_coefficient
+    factor, nominal = parts.factor_of[coefficient], parts.nominal[coefficient]
+    fixed, free = np.flatnonzero(factor < 0), np.flatnonzero(factor >= 0)
+    np.add.at(amounts, (program.term_monomial[fixed], group[fixed]), nominal[fixed])  # -1 is the last row
+    terms = [(int(group[t]), int(factor[t]), int(program.term_monomial[t])) for t in free]
+    return amounts, terms, nominal[free].tolist()
 
 
 def _assembly(parts: Parts) -> tuple[list[list[int]], list[list[int]], list[list[int]], list[list[int]]]:

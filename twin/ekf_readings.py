@@ -218,6 +218,12 @@ def _listed(plan: Plan, r: Readings, m: Floats, at: Index, outside: Floats, valu
     at[u(r.rows + q)] = -1
 
 
+@within
+def row_of(rows: Floats, step: int) -> int:
+    """Which row of places or variances is a step's: there may be one for all steps."""
+    return step if len(rows) > 1 else 0
+
+
 @numba.njit(error_model="numpy", nogil=True, cache=True)
 def observe(
     plan: Plan,

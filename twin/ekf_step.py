@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from twin.ekf_matrix import assemble, term_at
 from twin.ekf_plan import Plan
-from twin.lanes import less, mixed, scaled, sweep, transposed, within
+from twin.lanes import less, scaled, sweep, sweep_mixed, transposed, within
 
 Floats = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -65,13 +65,12 @@ def move(plan: Plan, m: Floats, at: Index, phi: Floats, outside: Floats, source:
         scaled(m, stage + (n + o) * length, 1.0, source + (n + o) * length, length)
     sweep(m, at, plan.forward, stage, source, stage, plan.own, values, length)
     for i in range(n):  # so that the second stage begins with as much more
-        m[u(source + i * length + size)] = m[u(plan.temperatures + i)] - m[u(plan.share + 2)] * m[u(heat + i)]
+        m[u(source + i * length + size)] = m[u(plan.temperatures + i)] - m[u(plan.more)] * m[u(heat + i)]
     sweep(m, at, plan.backward, stage, stage, stage, values, values, length)
     if plan.factors > 0:
         for i in range(n):
             m[u(plan.beyond + i)] = m[u(stage + i * length + size)] - m[u(plan.temperatures + i)]
-    mixed(m, stage, m[u(plan.share)], stage, m[u(plan.share + 1)], source, n * length)
-    sweep(m, at, plan.forward, stage, stage, stage, plan.own, values, length)
+    sweep_mixed(m, at, plan.forward, stage, stage, source, stage, plan.own_begun, plan.own_less, values, length)
     sweep(m, at, plan.backward, out, stage, out, values, values, length)
     if plan.lagging > 0:
         for i in range(n):
@@ -91,8 +90,7 @@ def derive(plan: Plan, m: Floats, at: Index, source: int, out: int) -> None:
         scaled(m, stage + (n + o) * length, 1.0, source + (n + o) * length, length)
     sweep(m, at, plan.driven_first, stage, source, stage, plan.own, values, length)
     sweep(m, at, plan.backward, stage, stage, stage, values, values, length)
-    mixed(m, stage, m[u(plan.share)], stage, m[u(plan.share + 1)], source, n * length)
-    sweep(m, at, plan.driven_second, stage, stage, stage, plan.own, values, length)
+    sweep_mixed(m, at, plan.driven_second, stage, stage, source, stage, plan.own_begun, plan.own_less, values, length)
     sweep(m, at, plan.backward, out, stage, out, values, values, length)
     _others_follow(plan, m, at, source, out)
 

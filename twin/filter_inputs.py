@@ -78,8 +78,9 @@ class Start:
 @dataclass(frozen=True)
 class Inputs:
     """A frame, a start, readings and unknowns as arrays. `order` (u,): of the unknowns in the state, heats first; `x` (S, 1)
-    and `covariance` (S, S) at the first edge; `values`, `places`, `variances` (N, m + q) of the readings, those of temperatures
-    first: `channels` says which of them each given one is. Copy what a step changes."""
+    and `covariance` (S, S) at the first edge; `values` (N, m + q) of the readings, those of temperatures first: `channels` says which
+    of them each given one is; `places` and `variances` likewise, or one row (1, m + q) where they are those of every step. Copy what a
+    step changes."""
 
     network: Network
     frame: Frame
@@ -124,8 +125,8 @@ def inputs_of(
         features=np.ascontiguousarray(frame.features, dtype=np.float64),
         boundaries=np.ascontiguousarray(frame.boundaries, dtype=np.float64),
         values=_columns([r.value for r in every], steps),
-        places=_columns([r.place if isinstance(r, Reading) else np.ones(steps) for r in every], steps),
-        variances=_columns([r.variance for r in every], steps),
+        places=_columns_or_row([r.place if isinstance(r, Reading) else np.ones(steps) for r in every], steps),
+        variances=_columns_or_row([r.variance for r in every], steps),
     )
 
 
@@ -150,8 +151,7 @@ def _check(network: Network, frame: Frame, start: Start, readings: Sequence[AnyR
         place = r.place if isinstance(r, Reading) else np.ones(steps)
         if any(values.shape != (steps,) for values in (r.value, place, r.variance)):
             raise FrameError(f'channel "{r.channel}": give value, place and variance for each of {steps} steps')
-        there = np.isfinite(r.value)
-        if not (np.isfinite(place[there]).all() and (r.variance[there] > 0).all()):
+        if (np.isfinite(r.value) & ~(np.isfinite(place) & (r.variance > 0))).any():
             raise FrameError(f'channel "{r.channel}": a value without a place or a variance above 0: give it a noise')
 
 
@@ -232,3 +232,9 @@ def _at_the_start(parts: Parts, start: Start, unknown: Sequence[float]) -> tuple
 
 def _columns(values: Sequence[Floats], steps: int) -> Floats:
     return np.ascontiguousarray(np.stack(values, axis=1) if values else np.empty((steps, 0)), dtype=np.float64)
+
+
+def _columns_or_row(values: Sequence[Floats], steps: int) -> Floats:
+    """A row (1, columns) where no step's differs: all of them would take longer to write than the filter to look at them."""
+    same = steps > 0 and all((column == column[0]).all() for column in values)
+    return _columns([column[:1] for column in values], 1) if same else _columns(values, steps)

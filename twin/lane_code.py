@@ -86,14 +86,17 @@ def _sweeping(
     others: Any,
     factors: Any,
     shares: Any,
+    less: Any,
+    beside: Any,
+    both: Any,
     lanes: Any,
 ) -> Any:
-    """`sweep` for `lanes` numbers, a literal."""
+    """`sweep_mixed` for `lanes` numbers, a literal; `beside` is left out where the literal `both` is 0."""
     i, vector = types.int64, ir.VectorType(_F64, lanes.literal_value)
-    signature = types.void(m, at, i, i, i, i, i, i, i, lanes)
+    signature = types.void(m, at, i, i, i, i, i, i, i, i, i, both, lanes)
 
     def generate(context: Any, builder: Any, signature: Any, given: Any) -> Any:
-        m, at, rows, taken, out, base, others, factors, shares, _ = given
+        m, at, rows, taken, out, base, others, factors, shares, less, beside, _, _ = given
         data = _address(context, builder, signature.args[0], m)
         indices = _address(context, builder, signature.args[1], at)
         none, one = _I64(0), _I64(1)
@@ -106,6 +109,9 @@ def _sweeping(
         here, scale = _pair(builder, own)
         factor = _number(builder, data, builder.add(factors, scale), vector)
         before = builder.fmul(factor, _load(builder, data, builder.add(base, here), vector))
+        if both.literal_value:
+            share = _number(builder, data, builder.add(less, scale), vector)
+            before = _less(builder, before, share, _load(builder, data, builder.add(beside, here), vector))
         first = _index(builder, indices, builder.add(taken, e))
         builder.cbranch(builder.icmp_signed("<", first, none), done, other)
         builder.position_at_end(other)
@@ -198,24 +204,22 @@ def _tiling(
 tile_vectors: Any = intrinsic(prefer_literal=True)(_tiling)
 
 
-def _mixing(typing: Any, m: Any, out: Any, share: Any, base: Any, less: Any, other: Any, both: Any, lanes: Any) -> Any:
-    """`mixed` for `lanes` numbers, a literal; the other is left out where the literal `both` is 0."""
-    i, f, vector = types.int64, types.float64, ir.VectorType(_F64, lanes.literal_value)
-    signature = types.void(m, i, f, i, f, i, both, lanes)
+def _scaling(typing: Any, m: Any, out: Any, factor: Any, base: Any, lanes: Any) -> Any:
+    """`scaled` for `lanes` numbers, a literal."""
+    i, vector = types.int64, ir.VectorType(_F64, lanes.literal_value)
+    signature = types.void(m, i, types.float64, i, lanes)
 
     def generate(context: Any, builder: Any, signature: Any, given: Any) -> Any:
-        m, out, share, base, less, other, _, _ = given
+        m, out, factor, base, _ = given
         data = _address(context, builder, signature.args[0], m)
-        value = builder.fmul(_everywhere(builder, share, vector), _load(builder, data, base, vector))
-        if both.literal_value:
-            value = _less(builder, value, _everywhere(builder, less, vector), _load(builder, data, other, vector))
-        _store(builder, value, data, out)
+        row = _load(builder, data, base, vector)
+        _store(builder, builder.fmul(_everywhere(builder, factor, vector), row), data, out)
         return context.get_dummy_value()
 
     return signature, generate
 
 
-mix_vectors: Any = intrinsic(prefer_literal=True)(_mixing)
+scale_vectors: Any = intrinsic(prefer_literal=True)(_scaling)
 
 
 def _turning(typing: Any, m: Any, out: Any, source: Any, length: Any, diagonal: Any) -> Any:

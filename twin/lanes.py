@@ -15,7 +15,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.lane_code import LANES, mix_vectors, sweep_vectors, tile_vectors, turn_block
+from twin.lane_code import LANES, scale_vectors, sweep_vectors, tile_vectors, turn_block
 
 Floats = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -56,20 +56,20 @@ class Store:
     """Collects numbers and indices; each is given the place where it will be in `numbers()` or `indices()`. The first index is 0."""
 
     def __init__(self) -> None:
-        self._numbers: list[Floats] = []
+        self._numbers: list[tuple[int, Floats]] = []
         self._indices: list[Index] = []
         self._ends = [0, 0]
         self.index([0])
 
     def rows(self, count: int, length: int) -> int:
         """Zeros."""
-        return self.put(np.zeros(count * length))
+        place = self._ends[0]
+        self._ends[0] += width(count * length)
+        return place
 
     def put(self, numbers: Floats) -> int:
-        place, flat = self._ends[0], np.zeros(width(numbers.size))
-        flat[: numbers.size] = numbers.ravel()
-        self._numbers.append(flat)
-        self._ends[0] += flat.size
+        place = self.rows(1, numbers.size)
+        self._numbers.append((place, numbers))
         return place
 
     def index(self, indices: Sequence[int] | Sequence[Sequence[int]] | Index) -> int:
@@ -92,7 +92,8 @@ class Store:
         wide = np.zeros(self._ends[0] + LANES)
         first = -(wide.ctypes.data // wide.itemsize) % LANES
         aligned = wide[first : first + self._ends[0]]
-        aligned[:] = np.concatenate(self._numbers)
+        for place, numbers in self._numbers:
+            aligned[place : place + numbers.size] = numbers.ravel()
         return aligned
 
     def indices(self) -> Index:
@@ -121,13 +122,42 @@ def sweep(
     """
     rows, taken = lists.rows, lists.others
     while length >= 32:
-        sweep_vectors(m, at, rows, taken, out, base, others, factors, shares, 32)
+        sweep_vectors(m, at, rows, taken, out, base, others, factors, shares, factors, base, 0, 32)
         out, base, others, length = out + 32, base + 32, others + 32, length - 32
     if length >= 16:
-        sweep_vectors(m, at, rows, taken, out, base, others, factors, shares, 16)
+        sweep_vectors(m, at, rows, taken, out, base, others, factors, shares, factors, base, 0, 16)
         out, base, others, length = out + 16, base + 16, others + 16, length - 16
     if length >= 8:
-        sweep_vectors(m, at, rows, taken, out, base, others, factors, shares, 8)
+        sweep_vectors(m, at, rows, taken, out, base, others, factors, shares, factors, base, 0, 8)
+
+
+@numba.njit(error_model="numpy", nogil=True, cache=True)
+def sweep_mixed(
+    m: Floats,
+    at: Index,
+    lists: Sweep,
+    out: int,
+    base: int,
+    beside: int,
+    others: int,
+    factors: int,
+    less: int,
+    shares: int,
+    length: int,
+) -> None:
+    """The same from two rows, the second less as much as `less` says
+
+    m[out + row + c] = m[factors + scale] m[base + row + c] - m[less + scale] m[beside + row + c] - sum_e ...
+    """
+    rows, taken = lists.rows, lists.others
+    while length >= 32:
+        sweep_vectors(m, at, rows, taken, out, base, others, factors, shares, less, beside, 1, 32)
+        out, base, beside, others, length = out + 32, base + 32, beside + 32, others + 32, length - 32
+    if length >= 16:
+        sweep_vectors(m, at, rows, taken, out, base, others, factors, shares, less, beside, 1, 16)
+        out, base, beside, others, length = out + 16, base + 16, beside + 16, others + 16, length - 16
+    if length >= 8:
+        sweep_vectors(m, at, rows, taken, out, base, others, factors, shares, less, beside, 1, 8)
 
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
@@ -192,21 +222,12 @@ def row_less(
 
 
 @within
-def mixed(m: Floats, out: int, share: float, base: int, less: float, other: int, length: int) -> None:
-    """m[out + c] = share m[base + c] - less m[other + c] for every c < `length`."""
-    for c in range(0, length - 31, 32):
-        mix_vectors(m, out + c, share, base + c, less, other + c, 1, 32)
-    for c in range(length - length % 32, length, 8):
-        mix_vectors(m, out + c, share, base + c, less, other + c, 1, 8)
-
-
-@within
 def scaled(m: Floats, out: int, factor: float, base: int, length: int) -> None:
     """m[out + c] = factor m[base + c] for every c < `length`."""
     for c in range(0, length - 31, 32):
-        mix_vectors(m, out + c, factor, base + c, factor, base + c, 0, 32)
+        scale_vectors(m, out + c, factor, base + c, 32)
     for c in range(length - length % 32, length, 8):
-        mix_vectors(m, out + c, factor, base + c, factor, base + c, 0, 8)
+        scale_vectors(m, out + c, factor, base + c, 8)
 
 
 @within

@@ -26,9 +26,9 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.ekf import Estimate, Run, courses, estimate_of, through
+from twin.ekf import Estimate, Run, columns_of, courses, estimate_of, through
 from twin.ekf_plan import Plan, plan
-from twin.ekf_readings import Readings, correct, observe, readings_of
+from twin.ekf_readings import Readings, correct, observe, readings_of, row_of
 from twin.ekf_step import carry, derive
 from twin.filter_inputs import AnyReading, Inputs, Start, inputs_of
 from twin.lane_code import pointer
@@ -65,7 +65,7 @@ def smoothed(
     blocks = [slice(first, min(first + length, steps)) for first in range(0, steps, length)]
     kept, filtered = _forward(inputs, run, blocks)
     states = np.empty((2, steps + 1, inputs.parts.last))
-    of = np.argsort(inputs.order)
+    of = np.argsort(inputs.order).tolist()
     states[0, -1] = np.append(filtered.temperatures[-1], filtered.found[-1][list(inputs.order)])
     states[1, -1] = np.append(filtered.temperatures_sd[-1], filtered.found_sd[-1][list(inputs.order)]) ** 2
     for block, state in zip(reversed(blocks), reversed(kept), strict=True):
@@ -80,13 +80,19 @@ def smoothed(
             inputs.features[block],
             inputs.boundaries[block],
             inputs.values[block],
-            inputs.places[block],
-            inputs.variances[block],
+            of_block(inputs.places, block),
+            of_block(inputs.variances, block),
             states[0, edges],
             states[1, edges],
         )
-    sd = np.sqrt(states[1])
-    return Smoothed(filtered, states[0, :, :n], sd[:, :n], states[0, :, n:][:, of], sd[:, n:][:, of])
+    sd = np.sqrt(states[1], out=states[1])
+    found, found_sd = columns_of(states[0, :, n:], of), columns_of(sd[:, n:], of)
+    return Smoothed(filtered, states[0, :, :n], sd[:, :n], found, found_sd)
+
+
+def of_block(rows: Floats, block: slice) -> Floats:
+    """The rows of places or variances that are a block's: one for all steps stays so."""
+    return rows[block] if len(rows) > 1 else rows
 
 
 def block_length(steps: int) -> int:
@@ -149,8 +155,8 @@ def _forward(inputs: Inputs, run: Run, blocks: Sequence[slice]) -> tuple[list[Fl
             inputs.features[block],
             inputs.boundaries[block],
             inputs.values[block],
-            inputs.places[block],
-            inputs.variances[block],
+            of_block(inputs.places, block),
+            of_block(inputs.variances, block),
             states[0, edges],
             states[1, edges],
             innovations[block],
@@ -184,12 +190,13 @@ def _back_through(
         outside, values = pointer(boundaries, k * boundaries.shape[1]), pointer(readings, k * channels)
         carry(plan, m, at, pointer(features, k * features.shape[1]), outside, early)
         derive(plan, m, at, back.one, back.before)
-        place, variance = pointer(places, k * channels), pointer(variances, k * channels)
+        place = pointer(places, row_of(places, k) * channels)
+        variance = pointer(variances, row_of(variances, k) * channels)
         count = observe(plan, taken, m, at, outside, values, place, variance)
         at[back.taken + k] = count
         rows, matrix = back.rows + k * most, back.matrix + k * block
         _reading_rows(plan, taken, back, m, at, count, rows)
-        correct(plan, taken, m, at, count, innovations)
+        correct(plan, taken, m, at, count, pointer(innovations, 0))
         _independent(plan, taken, m, at, count, innovations, rows)
         unit = plan.unit + 1
         less(m, at, plan.row, size, taken.taken, count, matrix, back.before, rows, unit, taken.gain, 1, length)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from twin.ekf import Estimate, courses, estimate_of, run_of
 from twin.ekf_plan import Plan
-from twin.ekf_readings import Readings, correct, observe
+from twin.ekf_readings import Readings, correct, observe, row_of
 from twin.ekf_step import move
 from twin.filter_inputs import AnyReading, Start, inputs_of
 from twin.network import Network
@@ -76,7 +76,8 @@ def _through(
     for k in range(len(boundaries) + 1):
         if k > 0:
             _carry(plan, m, at, features[k - 1], boundaries[k - 1], root, points[0], points[1])
-            count = observe(plan, taken, m, at, boundaries[k - 1], readings[k - 1], places[k - 1], variances[k - 1])
+            place, variance = places[row_of(places, k - 1)], variances[row_of(variances, k - 1)]
+            count = observe(plan, taken, m, at, boundaries[k - 1], readings[k - 1], place, variance)
             likelihood += correct(plan, taken, m, at, count, innovations[k - 1])
         for i in range(states.shape[1]):
             states[k, i], spreads[k, i] = m[plan.state + i * length + size], m[plan.state + i * length + i]

@@ -9,12 +9,13 @@ and four batches.
 
 A batch is tested first, by its centre against those of the others; then each specimen against the centre of its batch:
 its own where the batch is outlying, so that the members of a bad batch are not listed one by one unless they stand out
-of it too, and else one that leans on the fleet's; where batches have but a few specimens, that of all healthy ones. In a batch that ages n times as fast specimens differ n times as much,
-as rates multiply. What is tested takes no part in what it is tested against, and of few specimens none in the spread
+of it too, and else one that leans on the fleet's; where batches have but a few specimens, that of all healthy ones. In
+a batch that ages n times as fast specimens differ n times as much, as rates multiply. What is tested takes no part in what it is tested against, and of few specimens none in the spread
 that it is judged by. Scores are one-sided (outlying means worse) and compared with Student's t: each spread has as many
 degrees of freedom as it was learnt from, what is usual counted with its weight, but at most sixteen for what specimens
 truly are, as tails are heavier than any model's; a specimen's own error has four more than its checks. Where two spreads
-count their freedom is by Welch (Biometrika 34 (1947) 28, DOI 10.1093/biomet/34.1-2.28); twenty at most for batches. Lists
+count their freedom is by Welch (Biometrika 34 (1947) 28, DOI 10.1093/biomet/34.1-2.28); twenty at most for batches. Of few
+specimens a batch has to stand out by Student's own test as well. Lists
 keep the false-discovery rate of Benjamini and Hochberg (J. R. Stat. Soc. B 57 (1995) 289, DOI
 10.1111/j.2517-6161.1995.tb02031.x): of two batches either could be the worse one, so each is tested at half of it.
 """
@@ -255,7 +256,21 @@ class _Fleet:
         of_specimens = float(own[k] + weight**2 @ own[rest])
         score = float(self.within.centre[k] - others.centre[0]) / math.sqrt(of_batches + of_specimens)
         freedom = _welch((of_batches, USUAL_BATCH_WEIGHT + len(rest) - 1), (of_specimens, self.freedom))
-        return score, float(student.sf(score, min(float(freedom), BATCH_TAILS)))
+        p = float(student.sf(score, min(float(freedom), BATCH_TAILS)))
+        return score, p if len(self.slope) > FEW else max(p, self.by_student(k))
+
+    def by_student(self, k: int) -> float:
+        """One-sided p-value of Student's test of a batch's mean against that of the others, with the variance within
+        batches as it is seen; 0 where no batch has two. What is usual and what a robust spread leaves out as odd is an
+        assumption about few specimens: where some change and some do not, it is wrong."""
+        sizes = np.bincount(self.group)
+        freedom, own = len(self.slope) - np.count_nonzero(sizes), self.group == k
+        if freedom == 0:
+            return 0.0
+        means = np.bincount(self.group, self.slope) / np.maximum(sizes, 1)
+        within = float(((self.slope - means[self.group]) ** 2).sum()) / freedom
+        sd = math.sqrt(max(within, LEAST_SPREAD**2) * (1.0 / own.sum() + 1.0 / (~own).sum()))
+        return float(student.sf((self.slope[own].mean() - self.slope[~own].mean()) / sd, freedom))
 
     def pooled(self, but: Ints) -> _Fleet:
         """All batches as one, but for some, where batches are small: neither their centres nor the spread about these are

@@ -15,6 +15,7 @@ from made_laws import law_frame, with_laws
 from benchmarks.integrator import frame, motor, s2
 from replay.engine.kernel_cache import load
 from twin.ekf import Estimate, at_their_pace, filter_unknowns
+from twin.ekf_paper import filter_with_rates
 from twin.errors import CauseError, FrameError
 from twin.filter_inputs import HeatReading, Inputs, Reading, Start, inputs_of, with_walks
 from twin.kernel import Compiled, compile_indexed
@@ -22,6 +23,8 @@ from twin.network import Network, Term
 from twin.outputs import lagged
 from twin.paper_form import constraints
 from twin.simulate import Frame, network_heat, simulate
+from twin.smoother import smoothed
+from twin.ukf import filter_unscented
 from twin.unknowns import Unknown, UnknownBias, UnknownFactor, UnknownHeat
 
 Floats = np.ndarray[Any, Any]
@@ -91,6 +94,7 @@ def by_filterpy(inputs: Inputs, count: int, check: Any) -> None:
     """filterpy's filter on the same state: `check(k, x, P)` after each step."""
     steps = Steps(inputs)
     size = steps.size + steps.channels
+    places, variances = (np.broadcast_to(rows, inputs.values.shape) for rows in (inputs.places, inputs.variances))
     peer = ExtendedKalmanFilter(dim_x=size, dim_z=inputs.values.shape[1])
     x, P = steps.start
     for k in range(count):
@@ -98,8 +102,8 @@ def by_filterpy(inputs: Inputs, count: int, check: Any) -> None:
         peer.P = F @ P @ F.T
         peer.P[: steps.size, : steps.size] += steps.process
         seen = np.flatnonzero(np.isfinite(inputs.values[k]))
-        H = np.array([steps.row(int(j), inputs.places[k, j]) for j in seen]).reshape(len(seen), size)
-        R = np.diag(inputs.variances[k, seen])
+        H = np.array([steps.row(int(j), places[k, j]) for j in seen]).reshape(len(seen), size)
+        R = np.diag(variances[k, seen])
         peer.update(inputs.values[k, seen], lambda _, H=H: H, lambda x, H=H: H @ x, R=R)
         x, P = peer.x[: steps.size], peer.P[: steps.size, : steps.size]
         check(k, x, P)
@@ -376,6 +380,22 @@ def test_readings_may_come_at_any_rate(network: Network, inputs: Frame) -> None:
     ]
     late = slice(len(inputs.features) // 2, None)
     assert (np.abs(found.found[1:, 0] - HEAT_W) < 4 * found.found_sd[1:, 0])[late].all()
+
+
+def test_noise_and_place_that_are_those_of_every_step_may_be_said_once(network: Network, inputs: Frame) -> None:
+    """One row stands for all; where nothing is read, another noise changes nothing but that."""
+    truth = simulate(indexed(network), inputs, start(network).temperatures)
+    channels = [replace(r, place=np.full(len(r.value), 0.7)) for r in readings(network, inputs, truth)]
+    first, *others = channels
+    unread = int(np.flatnonzero(np.isnan(first.value))[3])
+    place, variance = first.place.copy(), first.variance.copy()
+    place[unread], variance[unread] = 0.2, 1.0
+    many = [replace(first, place=place, variance=variance), *others]
+    of = [inputs_of(network, inputs, start(network), [heat(1.0)], given) for given in (channels, many)]
+    assert [(len(i.places), len(i.variances)) for i in of] == [(1, 1), (len(inputs.features),) * 2]
+    for filtered in (filter_unknowns, smoothed, filter_unscented, filter_with_rates):
+        once, each = (filtered(network, inputs, start(network), [heat(1.0)], given) for given in (channels, many))
+        assert np.array_equal(once.temperatures, each.temperatures)
 
 
 def test_an_almost_perfect_reading_of_what_nothing_was_known_of_is_believed(make_network: Any, make_frame: Any) -> None:

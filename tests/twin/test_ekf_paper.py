@@ -134,6 +134,7 @@ def test_it_agrees_with_filterpy_to_rounding(make_network: Any, make_frame: Any)
     capacities = np.array([node.capacity for node in network.nodes])
     shift, process, state = transition(of, 0.5)
     x, covariance = at_the_start(of, laws, amounts[0], around[0], capacities, state)
+    places, variances = (np.broadcast_to(rows, of.values.shape) for rows in (of.places, of.variances))
     size, rise, slope = len(x), np.empty(5), np.empty((5, 5))
     peer = ExtendedKalmanFilter(dim_x=size, dim_z=5)
     peer.x, peer.P, peer.Q = x[:, 0], covariance, process
@@ -149,11 +150,11 @@ def test_it_agrees_with_filterpy_to_rounding(make_network: Any, make_frame: Any)
         seen = np.flatnonzero(np.isfinite(of.values[k]))
         sensors = np.empty((len(seen), size))
         for i, j in enumerate(seen):
-            tau, place = channels[j].time_constant_s, of.places[k, j]
+            tau, place = channels[j].time_constant_s, places[k, j]
             sensor_row(of.parts.weights[j], tau, int(state[j]), (1 - place) * 0.5, 5, sensors[i])
         H = np.concatenate([perfect, sensors])
         z = np.concatenate([perfect @ peer.x + rise / capacities - peer.x[5:10], of.values[k, seen]])
-        R = np.diag(np.concatenate([np.zeros(5), of.variances[k, seen]]))
+        R = np.diag(np.concatenate([np.zeros(5), variances[k, seen]]))
         peer.update(z, lambda _, H=H: H, lambda x, H=H: H @ x, R=R)
         worst = max(worst, np.abs(peer.x[:5] - ours.temperatures[k + 1]).max())
         assert np.abs(peer.x[10:12] - ours.found[k + 1]).max() < 1e-6, "heats [W]"

@@ -15,11 +15,11 @@ from twin.lanes import (
     Sweep,
     less,
     mirrored,
-    mixed,
     record,
     row_less,
     scaled,
     sweep,
+    sweep_mixed,
     transposed,
     width,
 )
@@ -48,9 +48,14 @@ def lessened_alone(m: Floats, at: Any, taken: int, places: Any, length: int) -> 
 
 
 @numba.njit
-def mixed_and_scaled(m: Any, out: int, base: int, other: int, length: int) -> None:
-    mixed(m, out, 1.5, base, 0.5, other, length)
-    scaled(m, base, 2.0, base, length)
+def swept_in_place(m: Floats, at: Any, lists: Any, places: Any, length: int) -> None:
+    rows, beside, factors, shares, less = places
+    sweep_mixed(m, at, lists, rows, rows, beside, rows, factors, less, shares, length)
+
+
+@numba.njit
+def doubled(m: Any, out: int, base: int, length: int) -> None:
+    scaled(m, out, 2.0, base, length)
 
 
 @numba.njit
@@ -113,14 +118,27 @@ def test_rows_that_take_the_same_others_have_shares_of_their_own(count: int, len
 
 
 @pytest.mark.parametrize("length", LENGTHS)
-def test_rows_are_mixed_and_scaled(length: int) -> None:
+def test_a_sweep_may_begin_with_two_rows_and_take_the_place_of_one(length: int) -> None:
     store = Store()
-    (base, row), (other, beside) = drawn(store, 1, length), drawn(store, 2, length)
+    (base, rows), (beside, others) = drawn(store, 3, length), drawn(store, 4, length)
+    (factors, scale), (shares, taken), (less, left) = drawn(store, 3), drawn(store, 2), drawn(store, 4)
+    lists = store.sweep([length, 0, 2 * length], [1, 0, 2], [[], [(length, 1)], [(0, 0)]])
+    m, at = store.numbers(), store.indices()
+    expected = scale[:, None] * rows - left[:3, None] * others[:3]
+    expected[0] -= taken[1] * expected[1]
+    expected[2] -= taken[0] * expected[0]
+    swept_in_place(m, at, lists, (base, beside, factors, shares, less), length)
+    assert np.abs(m[base : base + 3 * length].reshape(3, length) - expected).max() < 1e-14
+
+
+@pytest.mark.parametrize("length", LENGTHS)
+def test_rows_are_scaled(length: int) -> None:
+    store = Store()
+    base, row = drawn(store, 1, length)
     out = store.rows(1, length)
     m = store.numbers()
-    mixed_and_scaled(m, out, base, other, length)
-    assert np.abs(m[out : out + length] - (1.5 * row[0] - 0.5 * beside[0])).max() < 1e-14
-    assert np.array_equal(m[base : base + length], 2.0 * row[0])
+    doubled(m, out, base, length)
+    assert np.array_equal(m[out : out + length], 2.0 * row[0])
 
 
 @pytest.mark.parametrize("size", [2, 5, 8, 9, 18, 21, 24])

@@ -53,6 +53,7 @@ def written_out(inputs: Inputs) -> tuple[Floats, Floats]:
     """Mean and variance (N + 1, S + m) of every state given every reading, by one solve of the joint Gaussian."""
     of = Steps(inputs)
     steps, m = inputs.values.shape
+    places, noise = (np.broadcast_to(rows, (steps, m)) for rows in (inputs.places, inputs.variances))
     size = of.size + of.channels
     mean, spread = np.zeros((steps + 1, size)), np.zeros((steps + 1, size, steps + 1, size))
     mean[0, : of.size], spread[0, : of.size, 0, : of.size] = of.start
@@ -70,14 +71,14 @@ def written_out(inputs: Inputs) -> tuple[Floats, Floats]:
             if np.isfinite(inputs.values[k, j]):
                 beyond = 0.0
                 if j < of.channels:
-                    h = of.row(j, inputs.places[k, j])
+                    h = of.row(j, places[k, j])
                 else:  # the heat is linear in the state, and not 0 at 0
                     beyond, slopes = of.meter(j - of.channels, k, mean[k + 1, : of.size])
                     h = np.append(slopes, np.zeros(of.channels))
                     beyond -= float(h @ mean[k + 1])
                 rows.append(np.concatenate([np.zeros((k + 1) * size), h, np.zeros((steps - k - 1) * size)]))
                 values.append(inputs.values[k, j] - beyond)
-                variances.append(inputs.variances[k, j])
+                variances.append(noise[k, j])
     H, joint, flat = np.array(rows), spread.reshape((steps + 1) * size, -1), mean.reshape(-1)
     gain = np.linalg.solve(H @ joint @ H.T + np.diag(variances), H @ joint).T
     after = flat + gain @ (np.array(values) - H @ flat)
@@ -113,13 +114,13 @@ def test_it_agrees_with_filterpy_where_nothing_changes(make_network: Any, make_f
     of = inputs_of(network, inputs, start, unknowns, channels)
     steps = Steps(of)
     (x, P), Q = steps.start, steps.process
-    F = steps.matrix(0, x)
+    F, variances = steps.matrix(0, x), np.broadcast_to(of.variances, of.values.shape)
     xs, Ps = [x], [P]
     for k in range(60):
         x, P = F @ x, F @ P @ F.T + Q
         for j in np.flatnonzero(np.isfinite(of.values[k])):
             h = np.append(of.parts.weights[j], 0.0)
-            gain = P @ h / (h @ P @ h + of.variances[k, j])
+            gain = P @ h / (h @ P @ h + variances[k, j])
             x, P = x + gain * (of.values[k, j] - h @ x), P - np.outer(gain, h @ P)
         xs.append(x)
         Ps.append(P)

@@ -60,12 +60,13 @@ def test_it_agrees_with_filterpy(linear: bool, make_network: Any, make_frame: An
     peer = UnscentedKalmanFilter(steps.size, 3, 0.5, reading, step, points)
     (peer.x, peer.P), peer.Q = steps.start, steps.process
     inverse, worst = np.argsort(of.order), np.zeros(3)
+    variances = np.broadcast_to(of.variances, of.values.shape)
     for k in range(STEPS):
         peer.predict(k=k)
         peer.sigmas_f = points.sigma_points(peer.x, peer.P)
         seen = np.flatnonzero(np.isfinite(of.values[k]))
         if len(seen):
-            peer.update(of.values[k, seen], R=np.diag(of.variances[k, seen]), seen=seen)
+            peer.update(of.values[k, seen], R=np.diag(variances[k, seen]), seen=seen)
         found = peer.x[5:last][inverse] - ours.found[k + 1]
         sd = np.sqrt(np.diag(peer.P))[5:last][inverse] - ours.found_sd[k + 1]
         worst = np.maximum(
