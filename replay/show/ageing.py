@@ -105,7 +105,8 @@ def _more(some: Sequence[object]) -> str:
 def _table(found: Assessment) -> Iterator[str]:
     shown = list(found.specimens)
     if len(shown) > ROWS:
-        shown = sorted(shown, key=lambda one: (not one.outlying, score(one)))[:ROWS]
+        bad = {one.batch for one in found.batches if one.outlying}
+        shown = sorted(shown, key=lambda one: (not one.outlying, one.batch not in bad, score(one)))[:ROWS]
     wide = max([8, *(len(one.specimen) for one in shown)])
     yield f"{'Specimen':<{wide}}  {'batch':<6}  checks    dose  {'course':<14}{'sure':>5}  {'R per 100 h':>12}  {'conducts':>8}  life used"
     for one in shown:
