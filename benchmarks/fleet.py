@@ -232,7 +232,7 @@ def main() -> None:
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--json", type=Path)
     words = parser.parse_args()
-    seeds, few = range(words.first, words.first + words.seeds), range(words.first, words.first + words.seeds // 5)
+    seeds, few = range(words.first, words.first + words.seeds), range(words.first, words.first + -(-words.seeds // 5))
     with threadpool_limits(1):
         answer = {
             "fleets": [fleets(kind, seeds) for kind in KINDS],
