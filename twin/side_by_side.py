@@ -85,7 +85,8 @@ def _together(
         separate(states[: many + 1].reshape(-1, LANES), results, first * n)
         states[0] = states[many - stop % LANES]
         first = stop - stop % LANES  # rows from a border of vectors on; a few steps are run once more
-    for frame, initial, course in zip(frames, initials, out, strict=True):
-        if not finite:
+    if not finite:  # this raises: nothing is in `out` then that could be looked at
+        for frame, initial in zip(frames, initials, strict=True):
             check_frame(compiled.network, frame, initial, compiled.monomials)
+    for frame, course in zip(frames, out, strict=True):
         check_finite(compiled.network, frame, course)

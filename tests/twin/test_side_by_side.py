@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import platform
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -16,6 +16,7 @@ from twin import side_by_side
 from twin.codegen_lanes import generate_side_by_side
 from twin.errors import DivergedError, FrameError
 from twin.integrators import BDF2, DEFAULT
+from twin.interleaving import at_a_border
 from twin.kernel import Compiled, Run, compile_indexed, compile_network, load_in_memory
 from twin.network import Network
 from twin.side_by_side import ENOUGH, simulate_all
@@ -94,6 +95,23 @@ def test_a_number_that_is_not_finite_is_found_in_any_session(bent: Compiled) -> 
             given = [*frames[:s], replace(frames[s], **{name: array}), *frames[s + 1 :]]
             with pytest.raises(FrameError, match=rf"{name} are not finite first at \({place[0]}, {place[1]}\)"):
                 simulate_all(bent, given, starts)
+
+
+def test_what_memory_held_before_is_not_taken_for_a_run_where_an_input_is_refused(
+    bent: Compiled, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def dirty(shapes: Sequence[tuple[int, ...]]) -> list[Floats]:
+        found = at_a_border(shapes)
+        for array in found:
+            array[...] = np.nan
+        return found
+
+    monkeypatch.setattr(side_by_side, "at_a_border", dirty)
+    frames, starts = _sessions(bent.network, [13] * (LANES - 1))
+    features = frames[3].features.copy()
+    features[12, 0] = np.nan
+    with pytest.raises(FrameError, match="features are not finite first at"):
+        simulate_all(bent, [*frames[:3], replace(frames[3], features=features), *frames[4:]], starts)
 
 
 def test_a_session_that_does_not_fit_or_runs_away_is_refused_as_it_is_alone(bent: Compiled) -> None:
