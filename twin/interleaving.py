@@ -13,6 +13,7 @@ from numba import types
 from numba.extending import intrinsic
 from numpy.typing import NDArray
 
+from twin.lane_code import transposed
 from twin.vectors import LANES, vector, vectors
 
 Floats = NDArray[np.float64]
@@ -42,20 +43,6 @@ def at_a_border(shapes: Sequence[tuple[int, ...]]) -> list[Floats]:
             place += size
         first = last
     return found
-
-
-def _transposed(builder: Any, block: list[Any]) -> list[Any]:
-    """Of as many vectors as each has numbers: halves of halves change places across the diagonal."""
-    half = 1
-    while half < LANES:
-        for r in (r for r in range(LANES) if not r & half):
-            upper = [c - half + LANES if c & half else c for c in range(LANES)]
-            lower = [c + LANES if c & half else c + half for c in range(LANES)]
-            pair = block[r], block[r + half]
-            for to, taken in ((r, upper), (r + half, lower)):
-                block[to] = builder.shuffle_vector(*pair, ir.Constant(ir.VectorType(_I32, LANES), taken))
-        half *= 2
-    return block
 
 
 def _data(context: Any, builder: Any, kind: Any, array: Any) -> Any:
@@ -88,7 +75,7 @@ def _turned(builder: Any, sources: list[Any], targets: list[Any], past_caches: b
     left = nothing
     for row in block:
         left = builder.fadd(left, builder.fmul(row, nothing))
-    for row, target in zip(_transposed(builder, block), targets, strict=True):
+    for row, target in zip(transposed(builder, block), targets, strict=True):
         stored = builder.store(row, builder.bitcast(target, _VECTOR.as_pointer()))
         stored.align = 8 * LANES if past_caches else 8
         if past_caches:

@@ -13,7 +13,7 @@ from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
-LANES = 8  # numbers of the widest vectors there are
+from twin.vectors import LANES
 
 _I32, _I64, _F64 = ir.IntType(32), ir.IntType(64), ir.DoubleType()
 
@@ -222,6 +222,19 @@ def _scaling(typing: Any, m: Any, out: Any, factor: Any, base: Any, lanes: Any) 
 scale_vectors: Any = intrinsic(prefer_literal=True)(_scaling)
 
 
+def transposed(builder: Any, block: list[Any]) -> list[Any]:
+    """Of `LANES` vectors of as many numbers: halves of halves change places across the diagonal."""
+    turned = list(block)
+    for half in (1, 2, 4):
+        for r in (r for r in range(LANES) if not r & half):
+            upper = [c - half + LANES if c & half else c for c in range(LANES)]
+            lower = [c + LANES if c & half else c + half for c in range(LANES)]
+            pair = turned[r], turned[r + half]
+            for to, taken in ((r, upper), (r + half, lower)):
+                turned[to] = builder.shuffle_vector(*pair, ir.Constant(ir.VectorType(_I32, LANES), taken))
+    return turned
+
+
 def _turning(typing: Any, m: Any, out: Any, source: Any, length: Any, diagonal: Any) -> Any:
     """8 x 8 numbers from `source` on, transposed, from `out` on, rows `length` apart; if the literal `diagonal` is 1, those right of the
     diagonal stay as they are."""
@@ -231,18 +244,8 @@ def _turning(typing: Any, m: Any, out: Any, source: Any, length: Any, diagonal: 
     def generate(context: Any, builder: Any, signature: Any, given: Any) -> Any:
         m, out, source, length, _ = given
         data, vector = _address(context, builder, signature.args[0], m), ir.VectorType(_F64, LANES)
-        block = []
-        for r in range(LANES):
-            block.append(_load(builder, data, builder.add(source, builder.mul(length, _I64(r))), vector))
-        begun = list(block)
-        for half in (1, 2, 4):  # blocks of that side change places across the diagonal
-            for r in (r for r in range(LANES) if not r & half):
-                upper = [c - half + LANES if c & half else c for c in range(LANES)]
-                lower = [c + LANES if c & half else c + half for c in range(LANES)]
-                above, below = block[r], block[r + half]
-                for to, taken in ((r, upper), (r + half, lower)):
-                    mask = ir.Constant(ir.VectorType(_I32, LANES), taken)
-                    block[to] = builder.shuffle_vector(above, below, mask)
+        begun = [_load(builder, data, builder.add(source, builder.mul(length, _I64(r))), vector) for r in range(LANES)]
+        block = transposed(builder, begun)
         for r in range(LANES):
             if half_kept:
                 mask = ir.Constant(ir.VectorType(_I32, LANES), [c + LANES if c < r else c for c in range(LANES)])

@@ -15,7 +15,8 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.lane_code import LANES, scale_vectors, sweep_vectors, tile_vectors, turn_block
+from twin.lane_code import scale_vectors, sweep_vectors, tile_vectors, turn_block
+from twin.vectors import LANES
 
 Floats = NDArray[np.float64]
 Index = NDArray[np.int64]

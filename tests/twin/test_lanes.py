@@ -8,7 +8,7 @@ import numba
 import numpy as np
 import pytest
 
-from twin.lane_code import LANES, pointer
+from twin.lane_code import pointer
 from twin.lanes import (
     NOWHERE,
     Store,
@@ -23,6 +23,7 @@ from twin.lanes import (
     transposed,
     width,
 )
+from twin.vectors import LANES
 
 Floats = np.ndarray[Any, Any]
 
