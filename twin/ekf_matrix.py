@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from twin.drops import between, drop
 from twin.ekf_plan import Plan
 from twin.lane_code import pointer
-from twin.lanes import sweep, within
+from twin.lanes import both, scaled, within
 
 Floats = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -101,7 +101,10 @@ def laws_at(plan: Laws, m: Floats, at: Index, listed: int, count: int) -> None:
 def amounts_at(plan: Plan, m: Floats, at: Index, state: int) -> None:
     """`amounts` of all groups, by the step's features and the factors of [P | x] at `state`."""
     first = plan.n + plan.heats
-    sweep(m, at, plan.sum, plan.amounts, plan.constant, plan.by_monomial, plan.unit, plan.features, plan.groups)
+    scaled(m, plan.amounts, 1.0, plan.constant, plan.groups)
+    for v in range(plan.varied):
+        g, j = both(at[u(plan.vary + v)])
+        m[u(plan.amounts + g)] += m[u(plan.by_monomial + v)] * m[u(plan.features + j)]
     for p in range(plan.factors):
         m[u(plan.scale + p)] = np.exp(m[u(state + (first + p) * plan.length + plan.size)])
     for t in range(plan.terms):
@@ -137,11 +140,7 @@ def assemble(plan: Plan, m: Floats, at: Index, phi: Floats, outside: Floats, sta
     surround(plan, m, state, outside)
     amounts_at(plan, m, at, state)
     laws_at(plan, m, at, plan.bent, plan.bents)
-    for i in range(n):
-        m[u(values + i)] = m[u(plan.own + i)]
-    for i in range(n, 2 * n + 2 * plan.edges + 1):
-        m[u(values + i)] = 0.0
-    m[u(right - 1)] = -1.0
+    scaled(m, values, 1.0, plan.fixed, plan.filled)
     for r in range(plan.plain, plan.plain + 5 * plan.plains, 5):
         amount = m[u(amounts + at[u(r)])]
         m[u(values + at[u(r + 1)])] += amount

@@ -287,7 +287,8 @@ def _run(
                     weights[j], time_constants[j], state[j], (1.0 - places[row_of(places, k - 1), j]) * step_s, n, h
                 )
                 _observe(rates, taken, capacities, heats, m, at, h, x, readings[k - 1, j], count)
-                m[u(taken.noise + count)], at[u(taken.channel + count)] = variances[row_of(variances, k - 1), j], j
+                noise = taken.crossed + count * taken.stride + rates.length + count
+                m[u(noise)], at[u(taken.channel + count)] = m[u(noise)] + variances[row_of(variances, k - 1), j], j
                 count += 1
             likelihood += correct(rates, taken, m, at, count, pointer(innovations, 2 * (k - 1) * len(weights)))
             _follow(rates, capacities, heats, m, at, x)
@@ -347,7 +348,7 @@ def _observe(
     reading: float,
     q: int,
 ) -> None:
-    """A reading `h x` (S,) becomes row q of the gain."""
+    """A reading `h x` (S,) becomes row q of `crossed`."""
     n, size, shares, off, late = rates.n, rates.size, rates.shares + q * rates.length, -reading, False
     for i in range(n):
         m[u(shares + i)] = -h[i]
@@ -364,8 +365,8 @@ def _observe(
             m[u(shares + at[u(c + 2)])] += h[n + i] * m[u(rates.slopes + at[u(c)])] / capacities[i]
         for o in range(len(heats)):
             m[u(shares + n + o)] -= h[n + heats[o]] / capacities[heats[o]]
-    reads(rates, m, at, q, taken.gain, taken.stride)
-    m[u(taken.gain + q * taken.stride + size)] = off
+    reads(rates, m, at, q, taken.crossed, taken.stride)
+    m[u(taken.crossed + q * taken.stride + size)] = off
 
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)

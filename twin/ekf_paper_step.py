@@ -166,16 +166,16 @@ def rates_of(parts: Parts, capacities: Floats, boundaries: int, step_s: float, s
         moved=store.rows(length, length),
         turned=store.rows(length, length),
         ahead=store.rows(length, length),
-        each=store.index(np.arange(len(parts.places))),
-        row=store.index(np.arange(length) * length),
+        each=store.index(range(len(parts.places))),
+        row=store.index(range(0, length * length, length)),
         order=store.index(order),
-        edge_start=store.index(program.edge_start),
-        edge_to=store.index(program.edge_to),
-        update=store.index(program.update),
-        law=store.index(parts.places),
-        into=store.index(into),
-        cell=store.index([[e, *where[e]] for e in used]),
-        taken=store.index(np.zeros(m * size, dtype=np.int64)),
+        edge_start=store.index(program.edge_start.tolist()),
+        edge_to=store.index(program.edge_to.tolist()),
+        update=store.index(program.update.tolist()),
+        law=store.table(parts.places.tolist()),
+        into=store.table(into),
+        cell=store.table([e, *where[e]] for e in used),
+        taken=store.index([0] * (m * size)),
         number=store.index([0] * m),
         reach=store.sweep(rows, [0] * size, takes),
         forward=store.sweep(pivots, [0] * n, [forward[i] for i in order]),
@@ -309,10 +309,8 @@ def reads(rates: Rates, m: Floats, at: Index, q: int, gain: int, stride: int) ->
     at[u(rates.number + q)] = count
     less(m, at, NOWHERE, 1, taken, count, own, rates.noise, rates.ahead, rates.unit, shares, 0, length)
     for p in range(q + 1):
-        m[u(own + length + p)] = 0.0
-    for p in range(q + 1):
         total = 0.0
         for e in range(rates.taken + p * size, rates.taken + p * size + at[u(rates.number + p)]):
             i = at[u(e)] >> 32
             total -= m[u(rates.shares + p * length + i // length)] * m[u(own + i // length)]
-        m[u(gain + p * stride + length + q)] = total
+        m[u(gain + p * stride + length + q)] = m[u(own + length + p)] = total

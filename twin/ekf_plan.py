@@ -68,12 +68,14 @@ class Plan(NamedTuple):
     monomials: int  # F
     groups: int  # numbers of a row of amounts
     terms: int
+    varied: int
     plains: int
     rims: int
     constants: int
     others: int
     bents: int
     edges: int  # E
+    filled: int  # numbers of `fixed`
     drives: int
     channels: int  # m
     meters: int  # q
@@ -83,6 +85,7 @@ class Plan(NamedTuple):
     # numbers
     unit: int  # 0, 1
     own: int  # (n,) C / (gamma h) [W/K]
+    fixed: int  # of `values`, what no step changes
     inverse: int  # (n,) 1 / own
     process: int  # (S,)
     own_begun: int  # (n,) own times what the second stage begins with of the first
@@ -91,7 +94,7 @@ class Plan(NamedTuple):
     copper: int
     law_numbers: int  # (G, 3 + 2 knots) as `twin.laws.Table`
     constant: int  # (G,) of each group's amount, what no feature changes
-    by_monomial: int  # F rows (G,) of what a feature adds to it, sign changed
+    by_monomial: int  # (varied,) what a feature adds to it
     nominal: int  # (terms,) coefficients that have a factor
     node_share: int  # of each channel's nodes, sign changed
     before: int  # the same times what a lagging reading takes of temperatures before the step
@@ -117,7 +120,8 @@ class Plan(NamedTuple):
     row: int  # the same times `length`
     law: int  # (G, 7) as `twin.laws.Table`
     term: int  # (terms, 3) group, factor, monomial or -1
-    plain: int  # (plains, 5) links of the difference itself: group, (a,a) (b,b) (a,b) (b,a) in `values`
+    vary: int  # (varied,) pairs: group and monomial
+    plain: int  # (plains, 5) links of the difference itself that change: group, (a,a) (b,b) (a,b) (b,a) in `values`
     rim: int  # (rims, 4) the same to a boundary: group, (a,a), right-hand side of a, temperature
     constant_heat: int  # (constants, 2) sources that no temperature changes: group, right-hand side of a
     other: int  # (others, 8) group, (a,a) (a,b) (a,m) (b,a) (b,b) (b,m), right-hand side of b
@@ -131,7 +135,6 @@ class Plan(NamedTuple):
     node: int
     channel_state: int  # (m,) of a lagging channel, else -1
     channel_bias: int  # (m + q,) or -1
-    sum: Sweep  # amounts, from `constant` and `by_monomial`
     forward: Sweep  # the elimination on a stage's rows, heats included
     driven_first: Sweep  # and the factors', in the first stage
     driven_second: Sweep
@@ -152,6 +155,18 @@ def plan(parts: Parts, boundaries: int, store: Store) -> Plan:
     length = width(size + 1 + factors)
     amounts, terms, nominal = _amounts(parts)
     plain, rims, constants, others = _assembly(parts)
+    monomial, group = np.nonzero(amounts[:-1])
+    vary = list(zip(group.tolist(), monomial.tolist(), strict=True))
+    changing = {g for g, _ in vary} | {g for g, _, _ in terms}
+    fixed = [*parts.constant.tolist(), *[0.0] * (width(2 * n + 2 * edges + 1) - n)]
+    fixed[n + 2 * edges] = -1.0
+    always = amounts[-1].tolist()
+    for g, aa, bb, ab, ba in (row for row in plain if row[0] not in changing):
+        fixed[aa] += always[g]
+        fixed[bb] += always[g]
+        fixed[ab] -= always[g]
+        fixed[ba] -= always[g]
+    plain = [row for row in plain if row[0] in changing]
     driven, drive = _drives(parts, terms)
     drives = len(drive)
     bent = sorted({row[0] for row in others} | {row[1] for row in driven})
@@ -169,15 +184,10 @@ def plan(parts: Parts, boundaries: int, store: Store) -> Plan:
     columns = [(size + p) * length for p in range(factors)]  # behind `turned`
 
     def with_drives(stage: int) -> list[list[tuple[int, int]]]:
-        at = {
-            i: [
-                (length * (n + heats + p), 2 * n + 2 * edges + 1 + stage * drives + k)
-                for (j, p), k in drive.items()
-                if j == i
-            ]
-            for i in order
-        }
-        return [[*own, *at[i]] for i, own in zip(order, forward, strict=True)]
+        at: dict[int, list[tuple[int, int]]] = {}
+        for (i, p), k in drive.items():
+            at.setdefault(i, []).append((length * (n + heats + p), 2 * n + 2 * edges + 1 + stage * drives + k))
+        return [[*own, *at.get(i, [])] for i, own in zip(order, forward, strict=True)]
 
     moved = store.rows(length, length)
     return Plan(
@@ -190,12 +200,14 @@ def plan(parts: Parts, boundaries: int, store: Store) -> Plan:
         monomials=len(amounts) - 1,
         groups=amounts.shape[1],
         terms=len(terms),
+        varied=len(vary),
         plains=len(plain),
         rims=len(rims),
         constants=len(constants),
         others=len(others),
         bents=len(bent),
         edges=edges,
+        filled=len(fixed),
         drives=drives,
         channels=m,
         meters=meters,
@@ -204,6 +216,7 @@ def plan(parts: Parts, boundaries: int, store: Store) -> Plan:
         knots=(parts.numbers.shape[1] - 3) // 2,
         unit=store.put(np.array([0.0, 1.0])),
         own=store.put(parts.constant),
+        fixed=store.put(np.array(fixed)),
         inverse=store.put(1 / parts.constant),
         process=store.put(np.append(parts.process[: parts.last], parts.process[parts.last + m :])),
         own_begun=store.put(parts.constant * share),
@@ -212,7 +225,7 @@ def plan(parts: Parts, boundaries: int, store: Store) -> Plan:
         copper=store.put(parts.copper),
         law_numbers=store.put(parts.numbers),
         constant=store.put(amounts[-1]),
-        by_monomial=store.put(-amounts[:-1]),
+        by_monomial=store.put(amounts[monomial, group]),
         nominal=store.put(np.array(nominal)),
         node_share=store.put(shares),
         before=store.put(shares * lag[:, 1]),
@@ -233,25 +246,25 @@ def plan(parts: Parts, boundaries: int, store: Store) -> Plan:
         moved=moved,
         turned=store.rows(length + factors, length),
         ahead=moved,
-        each=store.index(np.arange(len(parts.places))),
-        row=store.index(np.arange(length) * length),
-        law=store.index(parts.places),
-        term=store.index(terms),
-        plain=store.index(plain),
-        rim=store.index(rims),
-        constant_heat=store.index(constants),
-        other=store.index(others),
+        each=store.index(range(len(parts.places))),
+        row=store.index(range(0, length * length, length)),
+        law=store.table(parts.places.tolist()),
+        term=store.table(terms),
+        vary=store.pairs(vary),
+        plain=store.table(plain),
+        rim=store.table(rims),
+        constant_heat=store.table(constants),
+        other=store.table(others),
         bent=store.index(bent),
         order=store.index(order),
-        edge_start=store.index(program.edge_start),
-        update=store.index(program.update),
-        driven=store.index(driven),
+        edge_start=store.index(program.edge_start.tolist()),
+        update=store.index(program.update.tolist()),
+        driven=store.table(driven),
         by_column=store.pairs([(column, p) for p, column in enumerate(columns)]),
         node_start=store.index(first),
         node=store.index([i for own in nodes for i in own]),
         channel_state=store.index(state),
-        channel_bias=store.index(parts.bias),
-        sum=store.sweep([0], [1], [[(j * amounts.shape[1], j) for j in range(len(amounts) - 1)]]),
+        channel_bias=store.index(parts.bias.tolist()),
         forward=store.sweep(pivots, order, forward),
         driven_first=store.sweep(pivots, order, with_drives(0)),
         driven_second=store.sweep(pivots, order, with_drives(1)),

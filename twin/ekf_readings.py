@@ -1,10 +1,14 @@
 """The readings of a step, all at once: what they say of the state, and the state given them.
 
 Each reading y is linear in the state before the step and after it, as its samples have their mean time somewhere within it. Its row
-holds cov(y, x after) for every number of the state, then the reading predicted less the one made, then cov(y, y') with
-those behind it. Elimination of the readings' covariance, on these rows, leaves independent ones: the products of their rows, over
-their variances, are all that the covariance loses, and, as x stands beside it, what the state moves by. So P is touched once a
-step, and only above its diagonal.
+holds cov(y, x after) for every number of the state, then the reading predicted less the one made, then cov(y, y'), noise
+included. Elimination of the readings' covariance S, on these rows, leaves independent ones, and from them the gain K; the state
+takes the readings in Joseph's form, which holds for any gain, so that what K is rounded by enters P squared (Bucy and Joseph 1968,
+doi:10.1002/zamm.19700500340). With G = cov(x, y), of readings before and after the step alike, its products are
+
+    (I - K H) P (I - K H)' + K R K' = P - K G' - (G - K S) K'.
+
+As x stands beside P, what the covariance loses is what the state moves by. P is touched once a step, above its diagonal.
 """
 
 from __future__ import annotations
@@ -28,20 +32,20 @@ u = np.uint64  # numba then asks of no index whether it counts from the end
 
 
 class Readings(NamedTuple):
-    """Where the readings of a step are, r of them at most. `gain` (r rows of `stride`): cov(y, x), the prediction less the reading,
-    anything to the end of a row of the state, then cov(y, y'); after `correct` the same of independent readings, and in `share`
-    the same over their variances. `later` and `earlier`: what each takes, sign changed, of which numbers of the state after and
+    """Where the readings of a step are, r of them at most, as rows of `stride`. `crossed`: cov(y, x), the prediction less the reading,
+    anything to the end of a row of the state, then S. After `correct`, `gain`: K', then by how much of those before it each reading is
+    short to be independent; `missed`: (G - K S)'. `later` and `earlier`: what each takes, sign changed, of which numbers of the state after and
     before the step, one reading after the other from `later_start` and `earlier_start` on; `later_row` and `earlier_row` are
-    these lists for `sweep`. They stand until other channels are read, or at other places. `noise` (r,) variances, `metered` (r,) what
-    meters would read, `channel` (r,)."""
+    these lists for `sweep`. They stand until other channels are read, or at other places. `metered` (r,) what meters would read,
+    `channel` (r,)."""
 
     stride: int
     # numbers
-    gain: int
-    share: int
+    crossed: int
+    gain: int  # behind `crossed`
+    missed: int  # behind `gain`; before it is there, rows of independent readings
     later_share: int
     earlier_share: int
-    noise: int
     metered: int
     place: int  # of each channel when the lists were made, below 0 where it was not read
     # indices
@@ -53,9 +57,12 @@ class Readings(NamedTuple):
     earlier_row: int
     earlier_start: int
     channel: int
-    rows: int  # of the gain, for `sweep`
-    taken: int  # (r,) pairs of `less`: rows of the gain, and where each begins
-    covariance: int  # and where its cov(y, y') begins
+    rows: int  # for `sweep`
+    each: int  # (r,) where each begins
+    taken: int  # (r,) pairs of `less`: where each begins, twice
+    numbered: int  # where each begins, and its number
+    before: int  # where each begins, and where its covariance with others does
+    lost: int  # (2 r,) of `crossed` and `gain`, and with what they are multiplied, `gain` and `missed`
     by_later: Sweep
     by_earlier: Sweep
 
@@ -85,16 +92,18 @@ def readings_of(plan: Layout, store: Store) -> Readings:
     """The places of a step's readings, put into `store`."""
     most = plan.channels + plan.meters
     stride = plan.length + width(most)
-    none = np.zeros(most * (plan.size + 2) + 1, dtype=np.int64)
-    rows = store.pairs([*((q * stride, 0) for q in range(most)), (-1, 0)])
+    none = [0] * (most * (plan.size + 2) + 1)
+    begins = [q * stride for q in range(most)]
+    rows = store.pairs([*((begin, 0) for begin in begins), (-1, 0)])
+    crossed, beyond = store.rows(3 * most, stride), most * stride
     later_row, earlier_row = store.index(none), store.index(none)
     return Readings(
         stride=stride,
-        gain=store.rows(most, stride),
-        share=store.rows(most, stride),
+        crossed=crossed,
+        gain=crossed + most * stride,
+        missed=crossed + 2 * most * stride,
         later_share=store.put(np.zeros(len(none))),
         earlier_share=store.put(np.zeros(len(none))),
-        noise=store.rows(1, most),
         metered=store.rows(1, most),
         place=store.put(np.full(most, -2.0)),
         number=store.index([0]),
@@ -106,8 +115,11 @@ def readings_of(plan: Layout, store: Store) -> Readings:
         earlier_start=store.index(none[: most + 1]),
         channel=store.index(none[:most]),
         rows=rows,
-        taken=store.pairs([(q * stride, q * stride) for q in range(most)]),
-        covariance=store.pairs([(q * stride, q * stride + plan.length) for q in range(most)]),
+        each=store.index(begins),
+        taken=store.pairs([(begin, begin) for begin in begins]),
+        numbered=store.pairs([(begin, q) for q, begin in enumerate(begins)]),
+        before=store.pairs([(begin, begin + plan.length) for begin in begins]),
+        lost=store.pairs([pair for b in begins for pair in ((b, beyond + b), (beyond + b, 2 * beyond + b))]),
         by_later=Sweep(rows, later_row),
         by_earlier=Sweep(rows, earlier_row),
     )
@@ -240,34 +252,35 @@ def observe(
     if not _stand(plan, r, m, at, values, places):
         _listed(plan, r, m, at, outside, values, places)
     count: int = at[u(r.number)]
-    sweep(m, at, r.by_later, r.gain, plan.ahead, plan.ahead, unit, r.later_share, length)
+    sweep(m, at, r.by_later, r.crossed, plan.ahead, plan.ahead, unit, r.later_share, length)
     if at[u(r.earlier_start + count)] > count:
-        sweep(m, at, r.by_earlier, r.gain, r.gain, plan.turned, unit + 1, r.earlier_share, length)
+        sweep(m, at, r.by_earlier, r.crossed, r.crossed, plan.turned, unit + 1, r.earlier_share, length)
     for q in range(count):
-        gain, j = r.gain + q * stride, at[u(r.channel + q)]
-        m[u(r.noise + q)] = variances[j]
+        own, j = r.crossed + q * stride, at[u(r.channel + q)]
         if j >= plan.channels:
-            m[u(gain + size)] = m[u(r.metered + q)]
-        m[u(gain + size)] -= values[j]
-        _together(plan, r, m, at, q)
+            m[u(own + size)] = m[u(r.metered + q)]
+        m[u(own + size)] -= values[j]
+        _together(plan, r, m, at, q, variances[j])
     return count
 
 
 @within
-def _together(plan: Plan, r: Readings, m: Floats, at: Index, q: int) -> None:
-    """cov(y_p, y_q) without noise of every p up to q, behind row p."""
-    stride, column = r.stride, plan.length + q
-    for p in range(q + 1):
-        m[u(r.gain + q * stride + plan.length + p)] = m[u(r.gain + p * stride + column)] = 0.0
+def _together(plan: Plan, r: Readings, m: Floats, at: Index, q: int, variance: float) -> None:
+    """cov(y_p, y_q) of every p up to q, behind both rows; `variance` of the noise of q."""
+    stride, column, own = r.stride, plan.length + q, r.crossed + q * r.stride + plan.length
+    for p in range(q):
+        m[u(own + p)] = 0.0
+    m[u(own + q)] = variance
     for e in range(at[u(r.later_start + q)], at[u(r.later_start + q + 1)] - 1):
         share, i = m[u(r.later_share + e)], at[u(r.later + e)]
         for p in range(q + 1):
-            gain = r.gain + p * stride
-            m[u(gain + column)] -= share * m[u(gain + i)]
+            m[u(own + p)] -= share * m[u(r.crossed + p * stride + i)]
     for e in range(at[u(r.earlier_start + q)], at[u(r.earlier_start + q + 1)] - 1):
         share, i = m[u(r.earlier_share + e)], at[u(r.earlier + e)]
         for p in range(q + 1):
-            m[u(r.gain + p * stride + column)] -= share * _with_before(plan, r, m, at, p, i)
+            m[u(own + p)] -= share * _with_before(plan, r, m, at, p, i)
+    for p in range(q):
+        m[u(r.crossed + p * stride + column)] = m[u(own + p)]
 
 
 @within
@@ -285,27 +298,33 @@ def _with_before(plan: Plan, r: Readings, m: Floats, at: Index, q: int, i: int) 
 def correct(plan: Layout, r: Readings, m: Floats, at: Index, count: int, innovations: Floats) -> float:
     """`state`: [P | x] given the first `count` readings, from `ahead`, symmetric to the last bit; the log likelihood of the readings.
     `innovations` (m + q, 2) of each given those before it, with their variances, NaN where there is no reading."""
-    length, size, stride, unit = plan.length, plan.size, r.stride, plan.unit + 1
+    length, size, stride, unit, row = plan.length, plan.size, r.stride, plan.unit + 1, at[u(NOWHERE)]
     squares, product, logs = 0.0, 1.0, 0.0
     told = pointer(innovations, 0)
     for j in range(2 * (plan.channels + plan.meters)):
         told[u(j)] = np.nan
     for q in range(count):
-        gain = r.gain + q * stride
-        row_less(m, at, r.covariance, q, gain, gain, r.gain, unit, r.share + q, stride)
-        spread, innovation = m[u(gain + length + q)] + m[u(r.noise + q)], -m[u(gain + size)]
+        own = r.missed + row
+        row_less(m, at, r.before, q, own, r.crossed + row, r.missed, unit, r.gain + q, stride)
+        spread, innovation = m[u(own + length + q)], -m[u(own + size)]
         scale = 1.0 / spread
-        scaled(m, r.share + q * stride, scale, gain, stride)
+        scaled(m, r.gain + row, scale, own, stride)
         j = at[u(r.channel + q)]
         told[u(2 * j)], told[u(2 * j + 1)] = innovation, spread
         squares += innovation * innovation * scale
         product *= spread
         if not 1e-100 < product < 1e100:  # one logarithm for many readings, within the range of numbers
             logs, product = logs + np.log(product), 1.0
+        row += stride
+    for q in range(count - 2, -1, -1):
+        own = r.gain + q * stride
+        behind = own + length + q + 1
+        row_less(m, at, r.numbered, count - 1 - q, own, own, own + stride, unit, behind, length)
+    less(m, at, r.each, count, r.numbered, count, r.missed, r.crossed, r.gain, unit, r.crossed + length, stride, length)
     for i in range(0, size, 8):
-        out, ahead, others = plan.state + i * length + i, plan.ahead + i * length + i, r.gain + i
+        out, ahead, others = plan.state + i * length + i, plan.ahead + i * length + i, r.crossed + i
         rows = min(8, size - i)
-        less(m, at, plan.row, rows, r.taken, count, out, ahead, others, unit, r.share + i, 1, length - i)
+        less(m, at, plan.row, rows, r.lost, 2 * count, out, ahead, others, unit, r.crossed + i, 1, length - i)
     mirrored(m, plan.state, size, length)
     likelihood: float = -0.5 * (squares + logs + np.log(product) + count * LOG_2_PI)
     return likelihood

@@ -97,17 +97,11 @@ def derive(plan: Plan, m: Floats, at: Index, source: int, out: int) -> None:
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
 def carry(plan: Plan, m: Floats, at: Index, phi: Floats, outside: Floats, early: bool) -> None:
-    """`ahead`: [P | x] of `state` one step on, F P F' + Q, symmetric to rounding; `turned`: the covariance of each number before the
-    step with all numbers after it; what unknown factors add to it, and x then, only if `early`, where readings need it."""
-    n, size, length, state, moved, turned, ahead = (
-        plan.n,
-        plan.size,
-        plan.length,
-        plan.state,
-        plan.moved,
-        plan.turned,
-        plan.ahead,
-    )
+    """`ahead`: [P | x] of `state` one step on, F P F' + Q, symmetric to rounding. If `early`, where readings need it, `turned`: the
+    covariance of each number before the step with all numbers after it, and x before it; else `state` is lost, as two matrices stay
+    in the processor's first cache and three do not."""
+    n, size, length, state, moved, ahead = plan.n, plan.size, plan.length, plan.state, plan.moved, plan.ahead
+    turned = plan.turned if early else state
     move(plan, m, at, phi, outside, state, moved)
     transposed(m, turned, moved, size, length)
     for i in range(size):
@@ -117,21 +111,23 @@ def carry(plan: Plan, m: Floats, at: Index, phi: Floats, outside: Floats, early:
             m[u(turned + i * length + size)] = m[u(state + i * length + size)]
         for i in range(n):
             m[u(turned + i * length + size)] = m[u(plan.temperatures + i)]
-    for p in range(plan.factors):
-        m[u(turned + (n + plan.heats + p) * length + size + 1 + p)] = 1.0  # a column of F, behind x
+    for p in range(plan.factors):  # columns of F, behind x
+        for i in range(size):
+            m[u(turned + i * length + size + 1 + p)] = 0.0
+        m[u(turned + (n + plan.heats + p) * length + size + 1 + p)] = 1.0
     derive(plan, m, at, turned, ahead)
     if plan.factors > 0:
-        _add_factors(plan, m, at, early)
+        _add_factors(plan, m, at, turned, early)
     for i in range(size):
         m[u(ahead + i * length + size)] = m[u(plan.after + i)]
         m[u(ahead + i * length + i)] += m[u(plan.process + i)]
 
 
 @within
-def _add_factors(plan: Plan, m: Floats, at: Index, early: bool) -> None:
+def _add_factors(plan: Plan, m: Floats, at: Index, turned: int, early: bool) -> None:
     """What the factors' columns B of F, which are behind x in `ahead`, add to F P F' by their rows of F P, and to `turned` if `early`;
-    -B' behind `turned`."""
-    size, length, factors, turned, ahead = plan.size, plan.length, plan.factors, plan.turned, plan.ahead
+    -B' behind the rows of `turned`."""
+    size, length, factors, ahead = plan.size, plan.length, plan.factors, plan.ahead
     columns, first, unit = turned + size * length, plan.n + plan.heats, plan.unit + 1
     for p in range(factors):
         here = columns + p * length

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,14 +19,15 @@ from numpy.typing import NDArray
 from twin.check import check
 from twin.ekf_plan import Parts
 from twin.errors import FrameError
-from twin.indexed import program
+from twin.indexed import Program, program
 from twin.integrators import DEFAULT
+from twin.kept import kept
 from twin.laws import Law, Table
 from twin.losses import takers
 from twin.network import Network
 from twin.outputs import lag_factors
 from twin.simulate import Frame, check_frame
-from twin.structure import NOBODY, Parameters, Structure, described
+from twin.structure import NOBODY, Parameters, described
 from twin.unknowns import Unknown, node_place, places, variances
 
 Floats = NDArray[np.float64]
@@ -97,19 +99,37 @@ class Inputs:
     variances: Floats
 
 
+class _Motor(NamedTuple):
+    """A network as filters take it; `monomials`: columns of the features."""
+
+    monomials: int
+    program: Program
+    values: Parameters
+    laws: tuple[Law, ...]
+    table: Table
+
+
+@kept
+def _motor(network: Network) -> _Motor:
+    """Raises `NetworkError`."""
+    check(network)
+    groups, values = described(network)
+    laws = tuple(Law.of(group, values, g) for g, group in enumerate(groups.groups))
+    return _Motor(groups.monomials, program(groups, DEFAULT), values, laws, Table.of(laws, network.copper))
+
+
 def inputs_of(
     network: Network, frame: Frame, start: Start, unknowns: Sequence[Unknown], readings: Sequence[AnyReading]
 ) -> Inputs:
     """Raises `NetworkError` where the network cannot be a motor, `FrameError` where shapes do not fit, an input is not finite, a
     variance or standard deviation is not above 0, or a node or coefficient is not the network's, and `CauseError` where an
     unknown factor is not written as a cause."""
-    check(network)
-    groups, nominal = described(network)
-    check_frame(network, frame, start.temperatures, groups.monomials)
+    motor = _motor(network)
+    check_frame(network, frame, start.temperatures, motor.monomials)
     _check(network, frame, start, readings)
     sensors = [r for r in readings if isinstance(r, Reading)]
     meters = [r for r in readings if isinstance(r, HeatReading)]
-    parts, order, at_start = _parts(network, groups, nominal, frame.step_s, start, unknowns, sensors, meters)
+    parts, order, at_start = _parts(network, motor, frame.step_s, start, unknowns, sensors, meters)
     x, covariance = _at_the_start(parts, start, at_start)
     steps = len(frame.features)
     every: list[AnyReading] = [*sensors, *meters]
@@ -157,8 +177,7 @@ def _check(network: Network, frame: Frame, start: Start, readings: Sequence[AnyR
 
 def _parts(
     network: Network,
-    groups: Structure,
-    values: Parameters,
+    motor: _Motor,
     step_s: float,
     start: Start,
     unknowns: Sequence[Unknown],
@@ -167,13 +186,10 @@ def _parts(
 ) -> tuple[Parts, tuple[int, ...], list[float]]:
     """With the order of the unknowns in the state, and their variances at the start."""
     names = [node.name for node in network.nodes]
-    n, m = len(names), len(readings)
-    indices = program(groups, DEFAULT)
+    n, m, values = len(names), len(readings), motor.values
     channels = [*(r.channel for r in readings), *(r.channel for r in meters)]
     of = places(network, unknowns, len(values.coefficients), channels)
     at_start, walks = variances(unknowns, of.order, step_s)
-    laws = [Law.of(group, values, g) for g, group in enumerate(groups.groups)]
-    table = Table.of(laws, network.copper)
     last = n + len(of.order)
     weights, lag, state = np.zeros((m, n)), np.zeros((m, 3)), np.full(m, -1, dtype=np.int64)
     size = last + m
@@ -186,21 +202,21 @@ def _parts(
     process[:n] = start.walk_K**2 * step_s
     process[n:last] = walks
     parts = Parts(
-        program=indices,
-        constant=values.capacities / (indices.gamma * step_s),
+        program=motor.program,
+        constant=values.capacities / (motor.program.gamma * step_s),
         copper=values.copper,
         nominal=values.coefficients,
         factor_of=of.factor_of,
         heats=of.heats,
-        places=table.places,
-        numbers=table.numbers,
+        places=motor.table.places,
+        numbers=motor.table.numbers,
         unknown_factors=of.factors,
         last=last,
         weights=weights,
         bias=np.where(of.bias_of >= 0, n + len(of.heats) + of.factors + of.bias_of, -1),
         state=state,
         lag=lag,
-        signs=_signs(network, laws, meters),
+        signs=_signs(network, motor.laws, meters),
         of_losses=np.array([1.0 if meter.boundary is None else 0.0 for meter in meters]),
         process=process,
     )

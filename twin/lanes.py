@@ -8,7 +8,8 @@ which other rows take part: a sparse matrix costs its entries, and nothing is wr
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import itertools
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any, NamedTuple, TypeVar, cast
 
 import numba
@@ -53,19 +54,24 @@ def paired(first: int, second: int) -> int:
     return first << 32 | second
 
 
+@within
+def both(pair: int) -> tuple[int, int]:
+    """The two that `paired` made one."""
+    return pair >> 32, pair & 0xFFFFFFFF
+
+
 class Store:
     """Collects numbers and indices; each is given the place where it will be in `numbers()` or `indices()`. The first index is 0."""
 
     def __init__(self) -> None:
         self._numbers: list[tuple[int, Floats]] = []
-        self._indices: list[Index] = []
-        self._ends = [0, 0]
-        self.index([0])
+        self._indices = [0]
+        self._end = 0
 
     def rows(self, count: int, length: int) -> int:
         """Zeros."""
-        place = self._ends[0]
-        self._ends[0] += width(count * length)
+        place = self._end
+        self._end += width(count * length)
         return place
 
     def put(self, numbers: Floats) -> int:
@@ -73,32 +79,34 @@ class Store:
         self._numbers.append((place, numbers))
         return place
 
-    def index(self, indices: Sequence[int] | Sequence[Sequence[int]] | Index) -> int:
-        flat = np.array(indices, dtype=np.int64).ravel()
-        place = self._ends[1]
-        self._indices.append(flat)
-        self._ends[1] += flat.size
+    def index(self, indices: Iterable[int]) -> int:
+        place = len(self._indices)
+        self._indices += indices
         return place
 
-    def pairs(self, pairs: Sequence[tuple[int, int]]) -> int:
-        both = np.array(pairs, dtype=np.int64).reshape(-1, 2)
-        return self.index(both[:, 0] << 32 | both[:, 1])
+    def table(self, rows: Iterable[Iterable[int]]) -> int:
+        """A row after the other."""
+        return self.index(itertools.chain.from_iterable(rows))
+
+    def pairs(self, pairs: Iterable[tuple[int, int]]) -> int:
+        return self.index([first << 32 | second for first, second in pairs])
 
     def sweep(self, rows: Sequence[int], scales: Sequence[int], others: Sequence[Sequence[tuple[int, int]]]) -> Sweep:
         """`others`: for each row the start and the share of each that it takes."""
-        ended = [pair for own in others for pair in (*own, (-1, 0))]
-        return Sweep(self.pairs([*zip(rows, scales, strict=True), (-1, 0)]), self.pairs(ended))
+        end = (-1, 0)
+        taken = itertools.chain.from_iterable((*own, end) for own in others)
+        return Sweep(self.pairs([*zip(rows, scales, strict=True), end]), self.pairs(taken))
 
     def numbers(self) -> Floats:
-        wide = np.zeros(self._ends[0] + LANES)
+        wide = np.zeros(self._end + LANES)
         first = -(wide.ctypes.data // wide.itemsize) % LANES
-        aligned = wide[first : first + self._ends[0]]
+        aligned = wide[first : first + self._end]
         for place, numbers in self._numbers:
             aligned[place : place + numbers.size] = numbers.ravel()
         return aligned
 
     def indices(self) -> Index:
-        return np.concatenate(self._indices)
+        return np.array(self._indices, dtype=np.int64)
 
 
 def record(fields: Fields) -> Fields:

@@ -6,10 +6,11 @@ Rauch, Tung and Striebel (doi:10.2514/3.3166) over `twin.ekf`, in the form of Br
 
     x_s = x - P l,    P_s = P - P L P,
 
-through each step and its readings at once. `twin.ekf_readings` makes those independent, of variance 1: innovations e, gains k, and
-rows h, how each moves with the state before the step. F is the step's derivative at the filter's estimate:
+through each step and its readings at once, gains k and rows h, how each reading moves with the state before the step. F is the
+step's derivative at the filter's estimate; r are the rows h, and e the innovations, of the independent readings of variance 1
+that `twin.ekf_readings` makes of them:
 
-    A = F - sum k h',    L <- A' L A + sum h h',    l <- A' l - sum h e.
+    A = F - sum k h',    L <- A' L A + sum r r',    l <- A' l - sum r e.
 
 No covariance is inverted, so that states without noise of their own do no harm, and every F is that of its own step. The filter's
 states are kept at the edges of blocks; a block is filtered again, step by step, when the way back reaches it.
@@ -197,11 +198,9 @@ def _back_through(
         rows, matrix = back.rows + k * most, back.matrix + k * block
         _reading_rows(plan, taken, back, m, at, count, rows)
         correct(plan, taken, m, at, count, pointer(innovations, 0))
-        _independent(plan, taken, m, at, count, innovations, rows)
         unit = plan.unit + 1
         less(m, at, plan.row, size, taken.taken, count, matrix, back.before, rows, unit, taken.gain, 1, length)
-        for q in range(count):
-            m[rows + q * taken.stride + size] = m[taken.gain + q * taken.stride + size]
+        _independent(plan, taken, m, at, count, innovations, rows)
     for k in range(len(boundaries) - 1, -1, -1):
         _before_step(plan, taken, back, m, at, at[back.taken + k], back.rows + k * most, back.matrix + k * block)
         edge, product = back.edge + k * block, back.product
@@ -224,15 +223,16 @@ def _reading_rows(plan: Plan, taken: Readings, back: Back, m: Floats, at: Index,
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
 def _independent(plan: Plan, taken: Readings, m: Floats, at: Index, count: int, innovations: Floats, rows: int) -> None:
-    """The same of the independent readings that `correct` just made of them, and these themselves, of variance 1."""
-    length, stride, unit = plan.length, taken.stride, plan.unit + 1
+    """The same of the independent readings of variance 1 that `correct` just made of them, and their innovations, sign changed."""
+    size, length, stride, unit = plan.size, plan.length, taken.stride, plan.unit + 1
     for q in range(count):
         row = rows + q * stride
-        row_less(m, at, taken.covariance, q, row, row, rows, unit, taken.share + q, length)
+        row_less(m, at, taken.before, q, row, row, rows, unit, taken.gain + q, length)
     for q in range(count):
-        scale = 1.0 / np.sqrt(innovations[at[taken.channel + q], 1])
-        for row in (rows + q * stride, taken.gain + q * stride):
-            scaled(m, row, scale, row, length)
+        row, told = rows + q * stride, at[taken.channel + q]
+        scale = 1.0 / np.sqrt(innovations[told, 1])
+        scaled(m, row, scale, row, length)
+        m[row + size] = -scale * innovations[told, 0]
 
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
