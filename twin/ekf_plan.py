@@ -64,6 +64,7 @@ class Plan(NamedTuple):
     factors: int
     size: int  # S
     length: int  # of a row
+    span: int  # of its temperatures and as many columns as there are factors
     laws: int  # groups, G
     monomials: int  # F
     groups: int  # numbers of a row of amounts
@@ -130,7 +131,8 @@ class Plan(NamedTuple):
     edge_start: int
     update: int
     driven: int  # (terms, 4) term, group, which of a stage's drives goes into a and which comes out of b, or -1
-    by_column: int  # (factors,) pairs: the factors' columns
+    by_column: int  # (factors,) pairs: the factors' columns, and their numbers
+    by_row: int  # (factors,) pairs: the same, and where as many rows begin
     node_start: int  # (m + 1,)
     node: int
     channel_state: int  # (m,) of a lagging channel, else -1
@@ -196,6 +198,7 @@ def plan(parts: Parts, boundaries: int, store: Store) -> Plan:
         factors=factors,
         size=size,
         length=length,
+        span=width(n + factors),
         laws=len(parts.places),
         monomials=len(amounts) - 1,
         groups=amounts.shape[1],
@@ -260,7 +263,8 @@ def plan(parts: Parts, boundaries: int, store: Store) -> Plan:
         edge_start=store.index(program.edge_start.tolist()),
         update=store.index(program.update.tolist()),
         driven=store.table(driven),
-        by_column=store.pairs([(column, p) for p, column in enumerate(columns)]),
+        by_column=store.pairs((column, p) for p, column in enumerate(columns)),
+        by_row=store.pairs((column, p * length) for p, column in enumerate(columns)),
         node_start=store.index(first),
         node=store.index([i for own in nodes for i in own]),
         channel_state=store.index(state),

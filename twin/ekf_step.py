@@ -85,14 +85,21 @@ def move(plan: Plan, m: Floats, at: Index, phi: Floats, outside: Floats, source:
 @numba.njit(error_model="numpy", nogil=True, cache=True)
 def derive(plan: Plan, m: Floats, at: Index, source: int, out: int) -> None:
     """`out` (S rows): every column of `source` (S rows) one step on, by F of the step that `move` just made."""
-    n, length, stage, values = plan.n, plan.length, plan.stage, plan.values
+    _derive(plan, m, at, source, out, plan.length)
+    _others_follow(plan, m, at, source, out)
+
+
+@within
+def _derive(plan: Plan, m: Floats, at: Index, source: int, out: int, length: int) -> None:
+    """The temperatures of the first `length` columns."""
+    n, stage, values = plan.n, plan.stage, plan.values
     for o in range(plan.heats + plan.factors):
-        scaled(m, stage + (n + o) * length, 1.0, source + (n + o) * length, length)
+        row = (n + o) * plan.length
+        scaled(m, stage + row, 1.0, source + row, length)
     sweep(m, at, plan.driven_first, stage, source, stage, plan.own, values, length)
     sweep(m, at, plan.backward, stage, stage, stage, values, values, length)
     sweep_mixed(m, at, plan.driven_second, stage, stage, source, stage, plan.own_begun, plan.own_less, values, length)
     sweep(m, at, plan.backward, out, stage, out, values, values, length)
-    _others_follow(plan, m, at, source, out)
 
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
@@ -111,45 +118,64 @@ def carry(plan: Plan, m: Floats, at: Index, phi: Floats, outside: Floats, early:
             m[u(turned + i * length + size)] = m[u(state + i * length + size)]
         for i in range(n):
             m[u(turned + i * length + size)] = m[u(plan.temperatures + i)]
-    for p in range(plan.factors):  # columns of F, behind x
+    whole = early or plan.lagging > 0
+    factor = size + 1 if whole else n  # where columns of F are
+    for p in range(plan.factors):
         for i in range(size):
-            m[u(turned + i * length + size + 1 + p)] = 0.0
-        m[u(turned + (n + plan.heats + p) * length + size + 1 + p)] = 1.0
-    derive(plan, m, at, turned, ahead)
+            m[u(turned + i * length + factor + p)] = 0.0
+        m[u(turned + (n + plan.heats + p) * length + factor + p)] = 1.0
+    if whole:
+        derive(plan, m, at, turned, ahead)
+    else:
+        _derive(plan, m, at, turned, ahead, plan.span)
+        for i in range(n, size):
+            for p in range(plan.factors):
+                m[u(turned + i * length + n + p)] = m[u(ahead + i * length + n + p)]
+            scaled(m, ahead + i * length, 1.0, turned + i * length, length)
     if plan.factors > 0:
-        _add_factors(plan, m, at, turned, early)
+        _add_factors(plan, m, at, turned, factor, early)
+    if not whole:
+        for i in range(n):
+            for j in range(n, size):
+                m[u(ahead + i * length + j)] = m[u(ahead + j * length + i)]
     for i in range(size):
         m[u(ahead + i * length + size)] = m[u(plan.after + i)]
         m[u(ahead + i * length + i)] += m[u(plan.process + i)]
 
 
 @within
-def _add_factors(plan: Plan, m: Floats, at: Index, turned: int, early: bool) -> None:
-    """What the factors' columns B of F, which are behind x in `ahead`, add to F P F' by their rows of F P, and to `turned` if `early`;
-    -B' behind the rows of `turned`."""
-    size, length, factors, ahead = plan.size, plan.length, plan.factors, plan.ahead
-    columns, first, unit = turned + size * length, plan.n + plan.heats, plan.unit + 1
+def _add_factors(plan: Plan, m: Floats, at: Index, turned: int, factor: int, early: bool) -> None:
+    """What the factors' columns B of F, which are at `factor` in `ahead`, add to F P F' by their rows of F P, and to `turned` if
+    `early`; -B' behind the rows of `turned`."""
+    n, size, length, factors, ahead = plan.n, plan.size, plan.length, plan.factors, plan.ahead
+    columns, first, unit = turned + size * length, n + plan.heats, plan.unit + 1
     for p in range(factors):
         here = columns + p * length
         scaled(m, here, 0.0, ahead, length)
-        for i in range(first):
-            m[u(here + i)] = -m[u(ahead + i * length + size + 1 + p)]
-        for i in range(first + factors, size):
-            m[u(here + i)] = -m[u(ahead + i * length + size + 1 + p)]
+        for i in range(min(factor, size)):
+            m[u(here + i)] = -m[u(ahead + i * length + factor + p)]
+        for i in range(factors):
+            m[u(here + first + i)] = 0.0
     if early:
-        less(
-            m,
-            at,
-            plan.row,
-            size,
-            plan.by_column,
-            factors,
-            turned,
-            turned,
-            turned,
-            unit,
-            plan.state + first,
-            length,
-            length,
-        )
-    less(m, at, plan.row, size, plan.by_column, factors, ahead, ahead, turned, unit, ahead + first, length, length)
+        before = plan.state + first
+        less(m, at, plan.row, size, plan.by_column, factors, turned, turned, turned, unit, before, length, length)
+    still, rows = size - plan.lagging, ahead + first * length  # of F P by the factors
+    less(
+        m,
+        at,
+        plan.row + n,
+        still - n,
+        plan.by_column,
+        factors,
+        ahead,
+        ahead,
+        turned,
+        unit,
+        ahead + n * length + first,
+        length,
+        length,
+    )
+    less(m, at, plan.row, n, plan.by_row, factors, ahead, ahead, turned, unit, rows, 1, length)
+    less(
+        m, at, plan.row + still, size - still, plan.by_row, factors, ahead, ahead, turned, unit, rows + still, 1, length
+    )

@@ -21,10 +21,10 @@ from twin.ekf_plan import Parts
 from twin.errors import FrameError
 from twin.indexed import Program, program
 from twin.integrators import DEFAULT
-from twin.kept import kept
 from twin.laws import Law, Table
 from twin.losses import takers
 from twin.network import Network
+from twin.once import once_a_network
 from twin.outputs import lag_factors
 from twin.simulate import Frame, check_frame
 from twin.structure import NOBODY, Parameters, described
@@ -109,7 +109,7 @@ class _Motor(NamedTuple):
     table: Table
 
 
-@kept
+@once_a_network
 def _motor(network: Network) -> _Motor:
     """Raises `NetworkError`."""
     check(network)

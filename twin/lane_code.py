@@ -92,14 +92,21 @@ def _sweeping(
     lanes: Any,
 ) -> Any:
     """`sweep_mixed` for `lanes` numbers, a literal; `beside` is left out where the literal `both` is 0."""
-    i, vector = types.int64, ir.VectorType(_F64, lanes.literal_value)
+    i, vector = types.int64, ir.VectorType(_F64, LANES)
     signature = types.void(m, at, i, i, i, i, i, i, i, i, i, both, lanes)
 
     def generate(context: Any, builder: Any, signature: Any, given: Any) -> Any:
         m, at, rows, taken, out, base, others, factors, shares, less, beside, _, _ = given
         data = _address(context, builder, signature.args[0], m)
         indices = _address(context, builder, signature.args[1], at)
-        none, one = _I64(0), _I64(1)
+        none, one, every = _I64(0), _I64(1), range(0, lanes.literal_value, LANES)
+
+        def vectors_at(first: Any) -> list[Any]:
+            return [_load(builder, data, builder.add(first, _I64(c)), vector) for c in every]
+
+        def all_less(totals: list[Any], share: Any, first: Any) -> list[Any]:
+            return [_less(builder, total, share, row) for total, row in zip(totals, vectors_at(first), strict=True)]
+
         entry = builder.basic_block
         row, other, done, after = (builder.append_basic_block(name) for name in ("row", "other", "done", "swept"))
         first_row = _index(builder, indices, rows)
@@ -108,29 +115,32 @@ def _sweeping(
         p, e, own = builder.phi(_I64), builder.phi(_I64), builder.phi(_I64)
         here, scale = _pair(builder, own)
         factor = _number(builder, data, builder.add(factors, scale), vector)
-        before = builder.fmul(factor, _load(builder, data, builder.add(base, here), vector))
+        before = [builder.fmul(factor, found) for found in vectors_at(builder.add(base, here))]
         if both.literal_value:
             share = _number(builder, data, builder.add(less, scale), vector)
-            before = _less(builder, before, share, _load(builder, data, builder.add(beside, here), vector))
+            before = all_less(before, share, builder.add(beside, here))
         first = _index(builder, indices, builder.add(taken, e))
         builder.cbranch(builder.icmp_signed("<", first, none), done, other)
         builder.position_at_end(other)
-        f, pair, total = builder.phi(_I64), builder.phi(_I64), builder.phi(vector)
+        f, pair, totals = builder.phi(_I64), builder.phi(_I64), [builder.phi(vector) for _ in every]
         start, which = _pair(builder, pair)
         share = _number(builder, data, builder.add(shares, which), vector)
-        left = _less(builder, total, share, _load(builder, data, builder.add(others, start), vector))
+        left = all_less(totals, share, builder.add(others, start))
         next_f = builder.add(f, one)
         next_pair = _index(builder, indices, builder.add(taken, next_f))
-        for phi, entering, onward in ((f, e, next_f), (pair, first, next_pair), (total, before, left)):
+        for phi, entering, onward in zip(
+            (f, pair, *totals), (e, first, *before), (next_f, next_pair, *left), strict=True
+        ):
             phi.add_incoming(entering, row)
             phi.add_incoming(onward, other)
         builder.cbranch(builder.icmp_signed("<", next_pair, none), done, other)
         builder.position_at_end(done)
-        end, ended = builder.phi(_I64), builder.phi(vector)
-        for phi, entering, onward in ((end, e, next_f), (ended, before, left)):
+        end, ended = builder.phi(_I64), [builder.phi(vector) for _ in every]
+        for phi, entering, onward in zip((end, *ended), (e, *before), (next_f, *left), strict=True):
             phi.add_incoming(entering, row)
             phi.add_incoming(onward, other)
-        _store(builder, ended, data, builder.add(out, here))
+        for c, total in zip(every, ended, strict=True):
+            _store(builder, total, data, builder.add(builder.add(out, here), _I64(c)))
         next_p, next_e = builder.add(p, one), builder.add(end, one)
         next_row = _index(builder, indices, builder.add(rows, next_p))
         for phi, entering, onward in ((p, none, next_p), (e, none, next_e), (own, first_row, next_row)):
@@ -163,27 +173,31 @@ def _tiling(
     lanes: Any,
 ) -> Any:
     """`less` for `tile` rows of `lanes` numbers, both literals: what is loaded of another row serves all of them."""
-    i, vector = types.int64, ir.VectorType(_F64, lanes.literal_value)
+    i, vector = types.int64, ir.VectorType(_F64, LANES)
     signature = types.void(m, at, i, i, i, i, i, i, i, i, i, tile, lanes)
 
     def generate(context: Any, builder: Any, signature: Any, given: Any) -> Any:
         m, at, rows, taken, number, out, base, others, factor, shares, onward, _, _ = given
         data = _address(context, builder, signature.args[0], m)
         indices = _address(context, builder, signature.args[1], at)
-        every = range(tile.literal_value)
-        here = [_index(builder, indices, builder.add(rows, _I64(r))) for r in every]
-        own = [builder.add(shares, builder.mul(onward, _I64(r))) for r in every]
+        every = [(r, c) for r in range(tile.literal_value) for c in range(0, lanes.literal_value, LANES)]
+        here = [_index(builder, indices, builder.add(rows, _I64(r))) for r in range(tile.literal_value)]
+        own = [builder.add(shares, builder.mul(onward, _I64(r))) for r in range(tile.literal_value)]
         scale = _number(builder, data, factor, vector)
-        before = [builder.fmul(scale, _load(builder, data, builder.add(base, row), vector)) for row in here]
+        before = [
+            builder.fmul(scale, _load(builder, data, builder.add(builder.add(base, here[r]), _I64(c)), vector))
+            for r, c in every
+        ]
         entry = builder.basic_block
         other, tiled = (builder.append_basic_block(name) for name in ("other", "tiled"))
         builder.cbranch(builder.icmp_signed("<", _I64(0), number), other, tiled)
         builder.position_at_end(other)
         e, totals = builder.phi(_I64), [builder.phi(vector) for _ in every]
         start, which = _pair(builder, _index(builder, indices, builder.add(taken, e)))
-        row = _load(builder, data, builder.add(others, start), vector)
-        share = [_number(builder, data, builder.add(first, which), vector) for first in own]
-        left = [_less(builder, totals[r], share[r], row) for r in every]
+        first = builder.add(others, start)
+        row = {c: _load(builder, data, builder.add(first, _I64(c)), vector) for r, c in every if r == 0}
+        share = [_number(builder, data, builder.add(begin, which), vector) for begin in own]
+        left = [_less(builder, total, share[r], row[c]) for (r, c), total in zip(every, totals, strict=True)]
         following = builder.add(e, _I64(1))
         for phi, entering, onwards in zip([e, *totals], [_I64(0), *before], [following, *left], strict=True):
             phi.add_incoming(entering, entry)
@@ -191,11 +205,11 @@ def _tiling(
         builder.cbranch(builder.icmp_signed("<", following, number), other, tiled)
         builder.position_at_end(tiled)
         ended = [builder.phi(vector) for _ in every]
-        for r in every:
-            ended[r].add_incoming(before[r], entry)
-            ended[r].add_incoming(left[r], other)
-        for r in every:
-            _store(builder, ended[r], data, builder.add(out, here[r]))
+        for phi, entering, onwards in zip(ended, before, left, strict=True):
+            phi.add_incoming(entering, entry)
+            phi.add_incoming(onwards, other)
+        for (r, c), total in zip(every, ended, strict=True):
+            _store(builder, total, data, builder.add(builder.add(out, here[r]), _I64(c)))
         return context.get_dummy_value()
 
     return signature, generate

@@ -133,10 +133,11 @@ def sweep(
     while length >= 32:
         sweep_vectors(m, at, rows, taken, out, base, others, factors, shares, factors, base, 0, 32)
         out, base, others, length = out + 32, base + 32, others + 32, length - 32
-    if length >= 16:
+    if length >= 24:
+        sweep_vectors(m, at, rows, taken, out, base, others, factors, shares, factors, base, 0, 24)
+    elif length >= 16:
         sweep_vectors(m, at, rows, taken, out, base, others, factors, shares, factors, base, 0, 16)
-        out, base, others, length = out + 16, base + 16, others + 16, length - 16
-    if length >= 8:
+    elif length >= 8:
         sweep_vectors(m, at, rows, taken, out, base, others, factors, shares, factors, base, 0, 8)
 
 
@@ -162,10 +163,11 @@ def sweep_mixed(
     while length >= 32:
         sweep_vectors(m, at, rows, taken, out, base, others, factors, shares, less, beside, 1, 32)
         out, base, beside, others, length = out + 32, base + 32, beside + 32, others + 32, length - 32
-    if length >= 16:
+    if length >= 24:
+        sweep_vectors(m, at, rows, taken, out, base, others, factors, shares, less, beside, 1, 24)
+    elif length >= 16:
         sweep_vectors(m, at, rows, taken, out, base, others, factors, shares, less, beside, 1, 16)
-        out, base, beside, others, length = out + 16, base + 16, beside + 16, others + 16, length - 16
-    if length >= 8:
+    elif length >= 8:
         sweep_vectors(m, at, rows, taken, out, base, others, factors, shares, less, beside, 1, 8)
 
 
@@ -196,10 +198,11 @@ def less(
         while c <= length - 32:
             tile_vectors(m, at, rows + p, taken, number, out + c, base + c, others + c, factor, own, onward, 4, 32)
             c += 32
-        if c <= length - 16:
+        if c <= length - 24:
+            tile_vectors(m, at, rows + p, taken, number, out + c, base + c, others + c, factor, own, onward, 4, 24)
+        elif c <= length - 16:
             tile_vectors(m, at, rows + p, taken, number, out + c, base + c, others + c, factor, own, onward, 4, 16)
-            c += 16
-        if c <= length - 8:
+        elif c <= length - 8:
             tile_vectors(m, at, rows + p, taken, number, out + c, base + c, others + c, factor, own, onward, 4, 8)
     for p in range(count - count % 4, count):
         row = at[u(rows + p)]
@@ -223,10 +226,11 @@ def row_less(
     while length >= 32:
         tile_vectors(m, at, NOWHERE, taken, number, out, base, others, factor, shares, 0, 1, 32)
         out, base, others, length = out + 32, base + 32, others + 32, length - 32
-    if length >= 16:
+    if length >= 24:
+        tile_vectors(m, at, NOWHERE, taken, number, out, base, others, factor, shares, 0, 1, 24)
+    elif length >= 16:
         tile_vectors(m, at, NOWHERE, taken, number, out, base, others, factor, shares, 0, 1, 16)
-        out, base, others, length = out + 16, base + 16, others + 16, length - 16
-    if length >= 8:
+    elif length >= 8:
         tile_vectors(m, at, NOWHERE, taken, number, out, base, others, factor, shares, 0, 1, 8)
 
 

@@ -185,6 +185,6 @@ def test_whole_rows_are_multiplied_in_vectors() -> None:
     m, at = store.numbers(), store.indices()
     swept(m, at, lists, (place, place, place, place), 32)
     (code,) = swept.inspect_llvm().values()
-    for lanes in (8, 16, 32):
-        assert code.count(f"fmul <{lanes} x double>") >= 1
-        assert code.count(f"call <{lanes} x double> @llvm.fma.v{lanes}f64") >= 1
+    vectors = 1 + 2 + 3 + 4  # of 8, 16, 24 and 32 numbers
+    assert code.count("fmul <8 x double>") >= vectors
+    assert code.count("call <8 x double> @llvm.fma.v8f64") >= vectors
