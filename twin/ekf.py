@@ -27,8 +27,9 @@ from twin.ekf_readings import Readings, correct, observe, readings_of, row_of
 from twin.ekf_step import carry
 from twin.filter_inputs import AnyReading, Inputs, Start, inputs_of, with_walks
 from twin.lane_code import pointer
-from twin.lanes import Store, record
+from twin.lanes import Store, aligned, record
 from twin.network import Network
+from twin.once import once_a_network
 from twin.simulate import Frame, check_finite
 from twin.unknowns import Unknown, UnknownFactor, UnknownHeat
 
@@ -109,9 +110,10 @@ class Run:
     at: Index
 
     def begin(self, inputs: Inputs) -> None:
-        """The state and its covariance are those at the first edge."""
+        """The state and its covariance are those at the first edge, and every step adds its variances."""
         last, m = inputs.parts.last, len(inputs.parts.weights)
         own = np.r_[0:last, last + m : len(inputs.x)]  # what was read before a step is not carried along
+        self.m[self.plan.process : self.plan.process + len(own)] = inputs.parts.process[own]
         rows = self.state()
         rows[: len(own), : len(own)], rows[: len(own), len(own)] = inputs.covariance[np.ix_(own, own)], inputs.x[own, 0]
 
@@ -126,11 +128,33 @@ class Run:
 
 
 def run_of(inputs: Inputs) -> Run:
-    """The arrays of a run."""
-    store = Store()
-    steps = plan(inputs.parts, inputs.boundaries.shape[1], store)
-    readings = readings_of(steps, store)
-    return Run(record(steps), record(readings), steps.size, store.numbers(), store.indices())
+    """The arrays of a run: those of the last one where the same is read and sought of the same network."""
+    parts, known = inputs.parts, _last_run(inputs.network)
+    arrays = (
+        parts.constant,
+        parts.factor_of,
+        parts.heats,
+        parts.weights,
+        parts.bias,
+        parts.state,
+        parts.lag,
+        parts.signs,
+    )
+    key = (inputs.boundaries.shape[1], *(array.tobytes() for array in (*arrays, parts.of_losses)))
+    if key not in known:
+        store = Store()
+        steps = plan(parts, inputs.boundaries.shape[1], store)
+        readings = readings_of(steps, store)
+        known.clear()
+        known[key] = Run(record(steps), record(readings), steps.size, store.numbers(), store.indices())
+    kept = known[key]
+    return replace(kept, m=aligned(kept.m), at=kept.at.copy())
+
+
+@once_a_network
+def _last_run(network: Network) -> dict[tuple[object, ...], Run]:
+    """By all that it is made of, never begun."""
+    return {}
 
 
 def courses(inputs: Inputs) -> tuple[Floats, Floats]:

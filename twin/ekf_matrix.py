@@ -16,6 +16,7 @@ from twin.drops import between, drop
 from twin.ekf_plan import Plan
 from twin.lane_code import pointer
 from twin.lanes import both, scaled, within
+from twin.pivots import eliminate_few
 
 Floats = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -183,16 +184,27 @@ def assemble(plan: Plan, m: Floats, at: Index, phi: Floats, outside: Floats, sta
 @within
 def eliminate(plan: Matrix, m: Floats, at: Index) -> None:
     """Pivots become their inverses, lower entries what takes a pivot's row from theirs, upper ones are divided by the pivot."""
-    values, upper, update = plan.values, plan.values + plan.n, plan.update
+    values, update, edges = plan.values, plan.update, plan.edges
     for p in range(plan.n):
-        first, last = at[u(plan.edge_start + p)], at[u(plan.edge_start + p + 1)]
-        pivot = 1.0 / m[u(values + at[u(plan.order + p)])]
-        m[u(values + at[u(plan.order + p)])] = pivot
-        for e in range(first, last):
-            multiplier = m[u(upper + plan.edges + e)] * pivot
-            m[u(upper + plan.edges + e)] = multiplier
-            for f in range(first, last):
-                m[u(values + at[u(update)])] -= multiplier * m[u(upper + f)]
-                update += 1
-        for e in range(first, last):
-            m[u(upper + e)] *= pivot
+        first, own = at[u(plan.edge_start + p)], values + at[u(plan.order + p)]
+        count = at[u(plan.edge_start + p + 1)] - first
+        pivot = 1.0 / m[u(own)]
+        m[u(own)] = pivot
+        upper = values + plan.n + first
+        lower = upper + edges
+        if count == 1:
+            eliminate_few(m, at, values, upper, lower, update, pivot, 1)
+        elif count == 2:
+            eliminate_few(m, at, values, upper, lower, update, pivot, 2)
+        elif count == 3:
+            eliminate_few(m, at, values, upper, lower, update, pivot, 3)
+        elif count == 4:
+            eliminate_few(m, at, values, upper, lower, update, pivot, 4)
+        else:
+            for e in range(count):
+                m[u(lower + e)] *= pivot
+                for f in range(count):
+                    m[u(values + at[u(update + e * count + f)])] -= m[u(lower + e)] * m[u(upper + f)]
+            for f in range(count):
+                m[u(upper + f)] *= pivot
+        update += count * count

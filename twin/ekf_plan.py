@@ -18,6 +18,7 @@ from twin.drops import LINEAR
 from twin.indexed import Program
 from twin.lanes import Store, Sweep, width
 from twin.structure import NOBODY
+from twin.vectors import LANES
 
 Floats = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -64,7 +65,6 @@ class Plan(NamedTuple):
     factors: int
     size: int  # S
     length: int  # of a row
-    span: int  # of its temperatures and as many columns as there are factors
     laws: int  # groups, G
     monomials: int  # F
     groups: int  # numbers of a row of amounts
@@ -107,14 +107,14 @@ class Plan(NamedTuple):
     amounts: int  # (G,)
     scale: int  # (factors,) what they multiply by
     psi: int  # (G, 4) what multiplies the amounts, and its slopes with T_a, T_b, T_m
-    after: int  # (S,) x one step on
     temperatures: int  # (n + b,) nodes and boundaries
     values: int
     beyond: int  # (2, n) stages of x less their start
     stage: int
     state: int  # [P | x]
     moved: int  # F P, but for the factors' part
-    turned: int  # its transpose; in the column of x, x before the step. Behind it, the factors' columns
+    turned: int  # its transpose; in the column of x, x before the step
+    driven_rows: int  # whole blocks of columns of F, the factors' among them, as rows
     ahead: int  # [P | x] as predicted, in place of `moved`
     # indices
     each: int  # 0, 1, ... of all groups
@@ -131,8 +131,7 @@ class Plan(NamedTuple):
     edge_start: int
     update: int
     driven: int  # (terms, 4) term, group, which of a stage's drives goes into a and which comes out of b, or -1
-    by_column: int  # (factors,) pairs: the factors' columns, and their numbers
-    by_row: int  # (factors,) pairs: the same, and where as many rows begin
+    by_factor: int  # (factors,) pairs: the factors' rows of these, and their numbers
     node_start: int  # (m + 1,)
     node: int
     channel_state: int  # (m,) of a lagging channel, else -1
@@ -183,7 +182,7 @@ def plan(parts: Parts, boundaries: int, store: Store) -> Plan:
     lag = np.array([parts.lag[j] for j, own in enumerate(nodes) for _ in own]).reshape(-1, 3)
     reads = [[(rows[i], first[j] + k) for k, i in enumerate(nodes[j])] for j in lagging]
     lags = [rows[state[j]] for j in lagging]
-    columns = [(size + p) * length for p in range(factors)]  # behind `turned`
+    driven_rows = [((size + 1) % LANES + p) * length for p in range(factors)]
 
     def with_drives(stage: int) -> list[list[tuple[int, int]]]:
         at: dict[int, list[tuple[int, int]]] = {}
@@ -198,7 +197,6 @@ def plan(parts: Parts, boundaries: int, store: Store) -> Plan:
         factors=factors,
         size=size,
         length=length,
-        span=width(n + factors),
         laws=len(parts.places),
         monomials=len(amounts) - 1,
         groups=amounts.shape[1],
@@ -221,7 +219,7 @@ def plan(parts: Parts, boundaries: int, store: Store) -> Plan:
         own=store.put(parts.constant),
         fixed=store.put(np.array(fixed)),
         inverse=store.put(1 / parts.constant),
-        process=store.put(np.append(parts.process[: parts.last], parts.process[parts.last + m :])),
+        process=store.rows(1, size),
         own_begun=store.put(parts.constant * share),
         own_less=store.put(parts.constant * (share - 1.0)),
         more=store.put(np.array([1.0 / (share - 1.0)])),
@@ -240,14 +238,14 @@ def plan(parts: Parts, boundaries: int, store: Store) -> Plan:
         amounts=store.rows(1, amounts.shape[1]),
         scale=store.rows(1, factors),
         psi=store.rows(len(parts.places), 4),
-        after=store.rows(1, size),
         temperatures=store.rows(1, n + boundaries),
         values=store.rows(1, 2 * n + 2 * edges + 1 + 2 * drives),
         beyond=store.rows(2, n),
         stage=store.rows(n + heats + factors, length),
         state=store.rows(length, length),
         moved=moved,
-        turned=store.rows(length + factors, length),
+        turned=store.rows(length, length),
+        driven_rows=store.rows(width((size + 1) % LANES + factors), length),
         ahead=moved,
         each=store.index(range(len(parts.places))),
         row=store.index(range(0, length * length, length)),
@@ -263,8 +261,7 @@ def plan(parts: Parts, boundaries: int, store: Store) -> Plan:
         edge_start=store.index(program.edge_start.tolist()),
         update=store.index(program.update.tolist()),
         driven=store.table(driven),
-        by_column=store.pairs((column, p) for p, column in enumerate(columns)),
-        by_row=store.pairs((column, p * length) for p, column in enumerate(columns)),
+        by_factor=store.pairs((row, p) for p, row in enumerate(driven_rows)),
         node_start=store.index(first),
         node=store.index([i for own in nodes for i in own]),
         channel_state=store.index(state),

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from twin.ekf_matrix import assemble, term_at
 from twin.ekf_plan import Plan
-from twin.lanes import less, scaled, sweep, sweep_mixed, transposed, within
+from twin.lanes import as_rows, less, scaled, sweep, sweep_mixed, transposed, within
 
 Floats = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -85,21 +85,14 @@ def move(plan: Plan, m: Floats, at: Index, phi: Floats, outside: Floats, source:
 @numba.njit(error_model="numpy", nogil=True, cache=True)
 def derive(plan: Plan, m: Floats, at: Index, source: int, out: int) -> None:
     """`out` (S rows): every column of `source` (S rows) one step on, by F of the step that `move` just made."""
-    _derive(plan, m, at, source, out, plan.length)
-    _others_follow(plan, m, at, source, out)
-
-
-@within
-def _derive(plan: Plan, m: Floats, at: Index, source: int, out: int, length: int) -> None:
-    """The temperatures of the first `length` columns."""
-    n, stage, values = plan.n, plan.stage, plan.values
+    n, length, stage, values = plan.n, plan.length, plan.stage, plan.values
     for o in range(plan.heats + plan.factors):
-        row = (n + o) * plan.length
-        scaled(m, stage + row, 1.0, source + row, length)
+        scaled(m, stage + (n + o) * length, 1.0, source + (n + o) * length, length)
     sweep(m, at, plan.driven_first, stage, source, stage, plan.own, values, length)
     sweep(m, at, plan.backward, stage, stage, stage, values, values, length)
     sweep_mixed(m, at, plan.driven_second, stage, stage, source, stage, plan.own_begun, plan.own_less, values, length)
     sweep(m, at, plan.backward, out, stage, out, values, values, length)
+    _others_follow(plan, m, at, source, out)
 
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
@@ -110,72 +103,33 @@ def carry(plan: Plan, m: Floats, at: Index, phi: Floats, outside: Floats, early:
     n, size, length, state, moved, ahead = plan.n, plan.size, plan.length, plan.state, plan.moved, plan.ahead
     turned = plan.turned if early else state
     move(plan, m, at, phi, outside, state, moved)
-    transposed(m, turned, moved, size, length)
-    for i in range(size):
-        m[u(plan.after + i)] = m[u(moved + i * length + size)]
+    transposed(m, turned, moved, length, length)  # rows behind the state are 0, the row `size` is x one step on
+    after = turned + size * length
     if early:
         for i in range(size):
             m[u(turned + i * length + size)] = m[u(state + i * length + size)]
         for i in range(n):
             m[u(turned + i * length + size)] = m[u(plan.temperatures + i)]
-    whole = early or plan.lagging > 0
-    factor = size + 1 if whole else n  # where columns of F are
-    for p in range(plan.factors):
-        for i in range(size):
-            m[u(turned + i * length + factor + p)] = 0.0
-        m[u(turned + (n + plan.heats + p) * length + factor + p)] = 1.0
-    if whole:
-        derive(plan, m, at, turned, ahead)
-    else:
-        _derive(plan, m, at, turned, ahead, plan.span)
-        for i in range(n, size):
-            for p in range(plan.factors):
-                m[u(turned + i * length + n + p)] = m[u(ahead + i * length + n + p)]
-            scaled(m, ahead + i * length, 1.0, turned + i * length, length)
+    for p in range(plan.factors):  # columns of F, sign changed, behind x
+        m[u(turned + (n + plan.heats + p) * length + size + 1 + p)] = -1.0
+    derive(plan, m, at, turned, ahead)
     if plan.factors > 0:
-        _add_factors(plan, m, at, turned, factor, early)
-    if not whole:
-        for i in range(n):
-            for j in range(n, size):
-                m[u(ahead + i * length + j)] = m[u(ahead + j * length + i)]
+        _add_factors(plan, m, at, turned, early)
     for i in range(size):
-        m[u(ahead + i * length + size)] = m[u(plan.after + i)]
+        m[u(ahead + i * length + size)] = m[u(after + i)]
         m[u(ahead + i * length + i)] += m[u(plan.process + i)]
 
 
 @within
-def _add_factors(plan: Plan, m: Floats, at: Index, turned: int, factor: int, early: bool) -> None:
-    """What the factors' columns B of F, which are at `factor` in `ahead`, add to F P F' by their rows of F P, and to `turned` if
-    `early`; -B' behind the rows of `turned`."""
-    n, size, length, factors, ahead = plan.n, plan.size, plan.length, plan.factors, plan.ahead
-    columns, first, unit = turned + size * length, n + plan.heats, plan.unit + 1
+def _add_factors(plan: Plan, m: Floats, at: Index, turned: int, early: bool) -> None:
+    """What the factors' columns B of F add to F P F' by their rows of F P, and to `turned` if `early`; -B is behind x in `ahead`."""
+    size, length, factors, ahead, b = plan.size, plan.length, plan.factors, plan.ahead, plan.driven_rows
+    first, unit = plan.n + plan.heats, plan.unit + 1
+    block = size + 1 - (size + 1) % 8
+    as_rows(m, b, ahead, size, length, block, size + 1 + factors)
     for p in range(factors):
-        here = columns + p * length
-        scaled(m, here, 0.0, ahead, length)
-        for i in range(min(factor, size)):
-            m[u(here + i)] = -m[u(ahead + i * length + factor + p)]
-        for i in range(factors):
-            m[u(here + first + i)] = 0.0
+        m[u(b + (size + 1 + p - block) * length + first + p)] = 0.0  # a factor's own
     if early:
         before = plan.state + first
-        less(m, at, plan.row, size, plan.by_column, factors, turned, turned, turned, unit, before, length, length)
-    still, rows = size - plan.lagging, ahead + first * length  # of F P by the factors
-    less(
-        m,
-        at,
-        plan.row + n,
-        still - n,
-        plan.by_column,
-        factors,
-        ahead,
-        ahead,
-        turned,
-        unit,
-        ahead + n * length + first,
-        length,
-        length,
-    )
-    less(m, at, plan.row, n, plan.by_row, factors, ahead, ahead, turned, unit, rows, 1, length)
-    less(
-        m, at, plan.row + still, size - still, plan.by_row, factors, ahead, ahead, turned, unit, rows + still, 1, length
-    )
+        less(m, at, plan.row, size, plan.by_factor, factors, turned, turned, b, unit, before, length, length)
+    less(m, at, plan.row, size, plan.by_factor, factors, ahead, ahead, b, unit, ahead + first, length, length)

@@ -18,7 +18,8 @@ from twin.vectors import LANES
 _I32, _I64, _F64 = ir.IntType(32), ir.IntType(64), ir.DoubleType()
 
 
-def _address(context: Any, builder: Any, kind: Any, given: Any) -> Any:
+def address(context: Any, builder: Any, kind: Any, given: Any) -> Any:
+    """Where the first number is of an array, or of what is left of one (`pointer`)."""
     return given if isinstance(kind, types.CPointer) else context.make_array(kind)(context, builder, given).data
 
 
@@ -29,7 +30,7 @@ def _pointing(typing: Any, array: Any, place: Any) -> Any:
     signature = kind(array.dtype)(array, types.int64)
 
     def generate(context: Any, builder: Any, signature: Any, given: Any) -> Any:
-        return builder.gep(_address(context, builder, signature.args[0], given[0]), [given[1]], inbounds=True)
+        return builder.gep(address(context, builder, signature.args[0], given[0]), [given[1]], inbounds=True)
 
     return signature, generate
 
@@ -97,8 +98,8 @@ def _sweeping(
 
     def generate(context: Any, builder: Any, signature: Any, given: Any) -> Any:
         m, at, rows, taken, out, base, others, factors, shares, less, beside, _, _ = given
-        data = _address(context, builder, signature.args[0], m)
-        indices = _address(context, builder, signature.args[1], at)
+        data = address(context, builder, signature.args[0], m)
+        indices = address(context, builder, signature.args[1], at)
         none, one, every = _I64(0), _I64(1), range(0, lanes.literal_value, LANES)
 
         def vectors_at(first: Any) -> list[Any]:
@@ -178,8 +179,8 @@ def _tiling(
 
     def generate(context: Any, builder: Any, signature: Any, given: Any) -> Any:
         m, at, rows, taken, number, out, base, others, factor, shares, onward, _, _ = given
-        data = _address(context, builder, signature.args[0], m)
-        indices = _address(context, builder, signature.args[1], at)
+        data = address(context, builder, signature.args[0], m)
+        indices = address(context, builder, signature.args[1], at)
         every = [(r, c) for r in range(tile.literal_value) for c in range(0, lanes.literal_value, LANES)]
         here = [_index(builder, indices, builder.add(rows, _I64(r))) for r in range(tile.literal_value)]
         own = [builder.add(shares, builder.mul(onward, _I64(r))) for r in range(tile.literal_value)]
@@ -225,7 +226,7 @@ def _scaling(typing: Any, m: Any, out: Any, factor: Any, base: Any, lanes: Any) 
 
     def generate(context: Any, builder: Any, signature: Any, given: Any) -> Any:
         m, out, factor, base, _ = given
-        data = _address(context, builder, signature.args[0], m)
+        data = address(context, builder, signature.args[0], m)
         row = _load(builder, data, base, vector)
         _store(builder, builder.fmul(_everywhere(builder, factor, vector), row), data, out)
         return context.get_dummy_value()
@@ -257,7 +258,7 @@ def _turning(typing: Any, m: Any, out: Any, source: Any, length: Any, diagonal: 
 
     def generate(context: Any, builder: Any, signature: Any, given: Any) -> Any:
         m, out, source, length, _ = given
-        data, vector = _address(context, builder, signature.args[0], m), ir.VectorType(_F64, LANES)
+        data, vector = address(context, builder, signature.args[0], m), ir.VectorType(_F64, LANES)
         begun = [_load(builder, data, builder.add(source, builder.mul(length, _I64(r))), vector) for r in range(LANES)]
         block = transposed(builder, begun)
         for r in range(LANES):

@@ -98,15 +98,22 @@ class Store:
         return Sweep(self.pairs([*zip(rows, scales, strict=True), end]), self.pairs(taken))
 
     def numbers(self) -> Floats:
-        wide = np.zeros(self._end + LANES)
-        first = -(wide.ctypes.data // wide.itemsize) % LANES
-        aligned = wide[first : first + self._end]
+        found = aligned(np.zeros(self._end))
         for place, numbers in self._numbers:
-            aligned[place : place + numbers.size] = numbers.ravel()
-        return aligned
+            found[place : place + numbers.size] = numbers.ravel()
+        return found
 
     def indices(self) -> Index:
         return np.array(self._indices, dtype=np.int64)
+
+
+def aligned(numbers: Floats) -> Floats:
+    """A copy (N,) that begins at a border of the machine's vectors."""
+    wide = np.empty(numbers.size + LANES)
+    first = -(wide.ctypes.data // wide.itemsize) % LANES
+    copy = wide[first : first + numbers.size]
+    copy[:] = numbers
+    return copy
 
 
 def record(fields: Fields) -> Fields:
@@ -261,6 +268,14 @@ def transposed(m: Floats, out: int, source: int, size: int, length: int) -> None
         for j in range(size):
             m[u(out + j * length + i)] = m[u(source + i * length + j)]
             m[u(out + i * length + j)] = m[u(source + j * length + i)]
+
+
+@within
+def as_rows(m: Floats, out: int, source: int, size: int, length: int, first: int, end: int) -> None:
+    """Columns from `first`, a multiple of `LANES`, up to at least `end` of `size` rows at `source` become rows at `out`."""
+    for j in range(first, end, 8):
+        for i in range(0, size, 8):
+            turn_block(m, out + (j - first) * length + i, source + i * length + j, length, 0)
 
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)

@@ -3,6 +3,7 @@ each a random walk."""
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -13,6 +14,7 @@ from twin import features
 from twin.causes import link_place, parse
 from twin.errors import FrameError
 from twin.network import Network, Term
+from twin.once import once_a_network
 
 Index = NDArray[np.int64]
 
@@ -139,18 +141,26 @@ def terms_of(network: Network, cause: str) -> list[int]:
     """Places in `features.terms` of what a cause id names. Raises `CauseError` for what is no id, `FrameError` for what the
     network has not."""
     asked = parse(cause)
-    found, laws, first = [], [], 0
+    place = link_place(network, *asked.ends) if len(asked.ends) == 2 else asked.place
+    listed = _listed(network).get((asked.kind, place), [])
+    laws = [law for law, _ in listed]
+    found = [i for law, i in listed if asked.law in ("scale", law)]
+    if not found:
+        there = f"its laws are {', '.join(laws)}" if laws else "there is no such link or source"
+        raise FrameError(f'network "{network.name}" has no coefficient "{cause}": {there}')
+    return found
+
+
+@once_a_network
+def _listed(network: Network) -> dict[tuple[str, str], list[tuple[str, int]]]:
+    """The laws of each link and source, and the places of their coefficients."""
     entries: list[tuple[str, str, tuple[Term, ...]]] = [
         *(("conductance", f"{link.a}-{link.b}", link.terms) for link in network.links),
         *(("loss", source.node, source.terms) for source in network.sources),
     ]
-    place = link_place(network, *asked.ends) if len(asked.ends) == 2 else asked.place
+    found: dict[tuple[str, str], list[tuple[str, int]]] = {}
+    numbers = itertools.count()
     for kind, where, terms in entries:
-        if (kind, where) == (asked.kind, place):
-            laws += [features.product(term).name for term in terms]
-            found += [first + i for i, law in enumerate(laws) if asked.law in ("scale", law)]
-        first += len(terms)
-    if not found:
-        there = f"its laws are {', '.join(laws)}" if laws else "there is no such link or source"
-        raise FrameError(f'network "{network.name}" has no coefficient "{cause}": {there}')
+        own = found.setdefault((kind, where), [])
+        own += [(features.product(term).name, next(numbers)) for term in terms]
     return found
