@@ -133,6 +133,10 @@ def inputs_of(
     x, covariance = _at_the_start(parts, start, at_start)
     steps = len(frame.features)
     every: list[AnyReading] = [*sensors, *meters]
+    values = _columns([r.value for r in every], steps)
+    at = _columns_or_row([r.place if isinstance(r, Reading) else np.ones(steps) for r in every], steps)
+    noise = _columns_or_row([r.variance for r in every], steps)
+    _check_noise(every, values, at, noise)
     return Inputs(
         network=network,
         frame=frame,
@@ -144,9 +148,9 @@ def inputs_of(
         covariance=covariance,
         features=np.ascontiguousarray(frame.features, dtype=np.float64),
         boundaries=np.ascontiguousarray(frame.boundaries, dtype=np.float64),
-        values=_columns([r.value for r in every], steps),
-        places=_columns_or_row([r.place if isinstance(r, Reading) else np.ones(steps) for r in every], steps),
-        variances=_columns_or_row([r.variance for r in every], steps),
+        values=values,
+        places=at,
+        variances=noise,
     )
 
 
@@ -171,7 +175,13 @@ def _check(network: Network, frame: Frame, start: Start, readings: Sequence[AnyR
         place = r.place if isinstance(r, Reading) else np.ones(steps)
         if any(values.shape != (steps,) for values in (r.value, place, r.variance)):
             raise FrameError(f'channel "{r.channel}": give value, place and variance for each of {steps} steps')
-        if (np.isfinite(r.value) & ~(np.isfinite(place) & (r.variance > 0))).any():
+
+
+def _check_noise(readings: Sequence[AnyReading], values: Floats, places: Floats, variances: Floats) -> None:
+    missing = ~(np.isfinite(places) & (variances > 0))
+    if missing.any():
+        bad = (np.isfinite(values) & missing).any(axis=0)
+        for r in (r for r, own in zip(readings, bad.tolist(), strict=True) if own):
             raise FrameError(f'channel "{r.channel}": a value without a place or a variance above 0: give it a noise')
 
 
