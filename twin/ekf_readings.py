@@ -3,8 +3,8 @@
 Each reading y is linear in the state before the step and after it, as its samples have their mean time somewhere within it. Its row
 holds cov(y, x after) for every number of the state, then the reading predicted less the one made, then cov(y, y'), noise
 included. Elimination of the readings' covariance S, on these rows, leaves independent ones, and from them the gain K; the state
-takes the readings in Joseph's form, which holds for any gain, so that what K is rounded by enters P squared (Bucy and Joseph 1968,
-doi:10.1002/zamm.19700500340). With G = cov(x, y), of readings before and after the step alike, its products are
+takes the readings in Joseph's form, which holds for any gain, so that what K is rounded by enters P squared (R. S. Bucy, P. D.
+Joseph, Filtering for Stochastic Processes, 1968). With G = cov(x, y), of readings before and after the step alike, its products are
 
     (I - K H) P (I - K H)' + K R K' = P - K G' - (G - K S) K'.
 

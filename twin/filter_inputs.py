@@ -180,9 +180,9 @@ def _check(network: Network, frame: Frame, start: Start, readings: Sequence[AnyR
 def _check_noise(readings: Sequence[AnyReading], values: Floats, places: Floats, variances: Floats) -> None:
     missing = ~(np.isfinite(places) & (variances > 0))
     if missing.any():
-        bad = (np.isfinite(values) & missing).any(axis=0)
-        for r in (r for r, own in zip(readings, bad.tolist(), strict=True) if own):
-            raise FrameError(f'channel "{r.channel}": a value without a place or a variance above 0: give it a noise')
+        for j in np.flatnonzero((np.isfinite(values) & missing).any(axis=0)).tolist():
+            channel = readings[j].channel
+            raise FrameError(f'channel "{channel}": a value without a place or a variance above 0: give it a noise')
 
 
 def _parts(
