@@ -9,8 +9,9 @@ a scale of this motor and campaign, so that one rule serves a 5 kW servo and a 2
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
@@ -29,7 +30,7 @@ from twin.columns import (
     Place,
     Reading,
 )
-from twin.features import Monomial, is_known, monomial, monomials, product, quantity
+from twin.features import Monomial, is_flow, is_known, monomial, monomials, product, quantity
 from twin.network import Network, Term
 from twin.sizes import Sigma
 
@@ -94,7 +95,8 @@ LOSS_LAWS = {  # region -> laws of a heat there that some mechanism follows
     "other": ("constant", *_ROTATING),
 }
 CONVECTION = ("constant", "speed", "speed1.5")
-COOLING = ("constant", "flow", "flow0.5")
+COOLING = ("", "0.5")  # exponents of the flow
+_LIKE_AN_EXPONENT = re.compile(r"[a-z]\d+$")  # `flow_loop1`: an id would read a flow_loop to the first power
 _TURNING = ("rotor", "magnet", "bearing")
 
 
@@ -103,9 +105,11 @@ def generate(
 ) -> tuple[Candidate, ...]:
     """Every candidate of a checked network with these observed channels and inputs, in a fixed order, ids unique.
 
-    Laws use only features that the inputs give. No two say the same: at a node or link with one term `scale` stands for that term's
-    own law, and of two buses only the one with fewer inputs has a clock, as only their difference shows.
+    Laws use only features that the inputs give; an input `flow` stands for every flow that the network's laws tell apart. No two
+    say the same: at a node or link with one term `scale` stands for that term's own law, and of two buses only the one with fewer
+    inputs has a clock, as only their difference shows.
     """
+    inputs = _as_named(network, inputs)
     features = _available(network, inputs)
     return (
         *_losses(network, features),
@@ -123,6 +127,13 @@ def added_monomials(candidates: Sequence[Candidate]) -> tuple[Monomial, ...]:
     """The products of features that the candidates' added terms need, in order of first use, the constant left out."""
     terms = [term for c in candidates if isinstance(c.column, AddedTerms) for _, term in c.column.terms]
     return tuple(m for m in dict.fromkeys(monomial(term) for term in terms) if m.powers)
+
+
+def _as_named(network: Network, inputs: Sequence[InputChannel]) -> list[InputChannel]:
+    """The inputs as laws call them: a bench knows quantities, a motor with two circuits `flow_jacket` and `flow_oil`."""
+    used = {feature for m in monomials(network) for feature in m.features}
+    flows = [f for f in sorted(used) if is_flow(f)] or ["flow"]
+    return [replace(i, name=name) for i in inputs for name in (flows if i.name == "flow" else [i.name])]
 
 
 def _available(network: Network, inputs: Sequence[InputChannel]) -> frozenset[str]:
@@ -232,7 +243,8 @@ def _link_laws(network: Network, place: Place, own: Sequence[Term]) -> tuple[str
     used = {feature for term in own for feature in term.exponents}
     gap = any(r in _TURNING for r in regions) and any(r in ("copper", "iron") for r in regions)
     laws = CONVECTION if "fluid" in regions or gap or "speed" in used else ()
-    return (*laws, *(COOLING if any(f.startswith("flow") for f in used) else ()))
+    flows = [f for f in sorted(used) if is_flow(f) and not _LIKE_AN_EXPONENT.search(f)]
+    return (*laws, *(["constant"] if flows else []), *(flow + exponent for flow in flows for exponent in COOLING))
 
 
 def _wears(network: Network, place: Place) -> bool:

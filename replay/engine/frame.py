@@ -14,13 +14,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from ingest.catalogue.kinds import STANDSTILL_rpm
 from ingest.catalogue.power import RPM
 from ingest.nearest import hint
 from ingest.quantities import STORED_UNIT, column_suffix
 from replay.engine.inputs import Signal, bridge, longest_stretch, pieces
 from replay.engine.meters import SHAFT, Measurand, measurands
 from replay.errors import ReplayDataError
-from twin.features import Monomial, evaluate, scale
+from twin.features import Monomial, evaluate, is_flow, scale
 from twin.initial import time_constants
 from twin.network import Network
 from twin.outputs import followed
@@ -99,13 +100,20 @@ def build(
 
     `good`: per channel, which samples of an observation may be believed (ingest.catalogue.quality). Inputs are taken as
     they stand: a held set point and a constant one look the same, and the bench really ran at one of them. `given`: features
-    that no channel gives and that are one number in a session, in their scale. Raises ReplayDataError where an input or a boundary that the network needs has no channel, two channels, or no samples.
+    that no channel gives and that are one number in a session, in their scale. Flux is 0 at standstill, whatever its channel says.
+    Raises ReplayDataError where an input or a boundary that the network needs has no channel, two channels, or no samples, and where
+    nothing says which channel is which of several flows.
     """
     clean = {c.spec.name: (c.t_ns, c.value) for c in channels}
     given = given or {}
-    needed = {f: _input_of(f, channels) for f in _features(monomials) if f not in given}
+    used = _features(monomials)
+    flows = [f for f in used if is_flow(f)]
+    needed = {f: _input_of(f, flows, channels) for f in used if f not in given}
+    turning = _turning(channels).spec.name if "flux" in needed else None
     around = {b.name: _boundary_of(b.name, channels) for b in network.boundaries}
     names = {c.spec.name for c in needed.values()} | {c.spec.name for group in around.values() for c in group}
+    if turning is not None:
+        names.add(turning)
     observed = _observed_temperatures(channels, network)
     metered = measurands(channels, network)
     shaft = _shaft(channels)
@@ -121,9 +129,9 @@ def build(
         if c.spec.role == "input" and c.spec.name not in names and clean[c.spec.name][0].size > 1
     }
     features, boundaries, means, mechanical_W = _averages(
-        shown, needed, given, around, shaft, network, monomials, edges
+        shown, needed, given, turning, around, shaft, network, monomials, edges
     )
-    columns = _columns(channels)
+    columns = _columns(channels, {c.spec.name: f for f, c in needed.items() if is_flow(f)})
     raw_files = tuple(sorted({file for c in channels for file in c.raws}))
     return InputFrame(
         t_ns=edges,
@@ -157,12 +165,12 @@ def _shaft(channels: Sequence[ChannelData]) -> tuple[str, ...]:
     return tuple(one.spec.name for (one,) in found) if all(len(some) == 1 for some in found) else ()
 
 
-def _columns(channels: Sequence[ChannelData]) -> dict[str, str]:
+def _columns(channels: Sequence[ChannelData], flows: Mapping[str, str]) -> dict[str, str]:
     """Channel -> column with unit: by quantity where it is the only input of it (`speed_rpm`), by boundary or node for
-    temperatures (`coolant_degC`), else by its own name."""
+    temperatures (`coolant_degC`), by feature for the `flows` of the motor, channel -> feature, else by its own name."""
     inputs = [c.spec for c in channels if c.spec.role == "input"]
     alone = {q for q, count in Counter(spec.quantity for spec in inputs).items() if count == 1 and q != "temperature"}
-    stems = {s.name: s.quantity if s.quantity in alone else s.node or s.name for s in inputs}
+    stems = {s.name: s.quantity if s.quantity in alone else s.node or s.name for s in inputs} | dict(flows)
     shared = {stem for stem, count in Counter(stems.values()).items() if count > 1}
     return {
         spec.name: column_name(spec.name if stems[spec.name] in shared else stems[spec.name], spec.quantity)
@@ -180,25 +188,56 @@ def _features(monomials: Sequence[Monomial]) -> list[str]:
     return sorted({feature for m in monomials for feature in m.features})
 
 
-def _input_of(feature: str, channels: Sequence[ChannelData]) -> ChannelData:
-    quantity = "flow" if feature.startswith("flow") else feature
+def _input_of(feature: str, flows: Sequence[str], channels: Sequence[ChannelData]) -> ChannelData:
+    """The channel of a feature; `flows`: all flows that are needed."""
+    quantity = "flow" if is_flow(feature) else feature
     if quantity not in STORED_UNIT:
         raise ReplayDataError(
             f'feature "{feature}" of the motor file is counted over the sessions of a specimen, which is not done here: `whyhot '
             "replay` does. Take the term out, or use a motor file without it."
         )
-    found = [c for c in channels if c.spec.quantity == quantity and c.spec.role == "input"]
-    if feature.startswith("flow_"):
-        found = [c for c in found if c.spec.name == feature] or found
+    found = _inputs(quantity, channels)
+    return _only(quantity, f'"{feature}"', _flow_of(feature, flows, found) if is_flow(feature) else found)
+
+
+def _inputs(quantity: str, channels: Sequence[ChannelData]) -> list[ChannelData]:
+    return [c for c in channels if c.spec.quantity == quantity and c.spec.role == "input"]
+
+
+def _only(quantity: str, why: str, found: Sequence[ChannelData]) -> ChannelData:
     if not found:
         raise ReplayDataError(
-            f'the motor file uses "{feature}", and no channel of this session gives {quantity}: '
+            f"the motor file uses {why}, and no channel of this session gives {quantity}: "
             f'add a [[channel]] or [[derived]] with quantity = "{quantity}" to the bench file.'
         )
     if len(found) > 1:
-        named = ", ".join(c.spec.name for c in found)
-        raise ReplayDataError(f'{len(found)} channels give {quantity} ({named}): set role = "ignored" on all but one.')
+        raise ReplayDataError(
+            f'{len(found)} channels give {quantity} ({_named(found)}): set role = "ignored" on all but one.'
+        )
     return found[0]
+
+
+def _flow_of(feature: str, flows: Sequence[str], found: Sequence[ChannelData]) -> list[ChannelData]:
+    """The channels of flow that may be `feature`: the one of its name; of a motor's only flow the only one; of plain `flow` beside
+    others those that are not called as one of them. Raises ReplayDataError where a name has to say it, and none does."""
+    own = [c for c in found if c.spec.name == feature]
+    if flows == ["flow"] or (len(flows) == 1 and len(found) < 2):
+        return list(found)
+    if own or feature == "flow":
+        return own or [c for c in found if c.spec.name not in flows]
+    raise ReplayDataError(
+        f'the motor file uses "{feature}", and no channel of this session is called so (of flow there are: '
+        f"{_named(found) or 'none'}): add a [[derived]] of that name, or a [[channel]] where a signal has it, with "
+        'quantity = "flow" to the bench file.'
+    )
+
+
+def _turning(channels: Sequence[ChannelData]) -> ChannelData:
+    return _only("speed", '"flux", which is 0 at standstill', _inputs("speed", channels))
+
+
+def _named(channels: Sequence[ChannelData]) -> str:
+    return ", ".join(c.spec.name for c in channels)
 
 
 def _boundary_of(name: str, channels: Sequence[ChannelData]) -> list[ChannelData]:
@@ -260,6 +299,7 @@ def _averages(
     signals: Mapping[str, Signal],
     needed: Mapping[str, ChannelData],
     given: Mapping[str, float],
+    turning: str | None,
     around: Mapping[str, Sequence[ChannelData]],
     shaft: Sequence[str],
     network: Network,
@@ -272,6 +312,8 @@ def _averages(
         part = pieces(signals, edges[at : at + CHUNK_STEPS + 1])
         scaled = {f: part.values[c.spec.name] / scale(network, f) for f, c in needed.items()}
         scaled |= {f: np.full(part.weight.size, value) for f, value in given.items()}
+        if turning is not None:
+            scaled["flux"] = np.where(np.abs(part.values[turning]) < STANDSTILL_rpm, 0.0, scaled["flux"])
         features.append(part.mean(evaluate(monomials, scaled, part.weight.size)))
         outside = [np.mean([part.values[c.spec.name] for c in group], axis=0) for group in around.values()]
         boundaries.append(part.mean(np.stack(outside, axis=1)))

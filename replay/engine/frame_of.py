@@ -10,6 +10,7 @@ import numpy as np
 from ingest.catalogue import quality
 from ingest.catalogue.channels import ChannelData
 from ingest.events import SessionRecorded
+from ingest.quantities import STORED_UNIT
 from replay.engine import frame as frames
 from replay.engine.frame import InputFrame
 from replay.errors import ReplayDataError
@@ -19,6 +20,7 @@ from twin.network import Map, Network
 
 DC_CHECK = "dc_check"
 DIRECT = {"current_dc": "current", "voltage_dc": "voltage"}  # what a DC check feeds the phases with
+AT_REST = ("speed", "torque", "current_q", "flux")  # 0 in a stator that is fed so: axis d lies along the current
 MAPPED = {"speed": "speed_rpm", "torque": "torque_Nm"}  # inputs of a map -> columns of the frame
 
 
@@ -33,7 +35,7 @@ def session_frame(
 
     Raises ReplayDataError, with the session's name, where it lacks an input.
     """
-    channels = as_fed(session, channels)
+    channels = as_fed(session, channels, network)
     good = [found.good for found in quality.assess(channels)]
     try:
         frame = frames.build(channels, good, network, monomials(network), DEFAULT.step_s, given)
@@ -43,19 +45,29 @@ def session_frame(
     return replace(frame, note="; ".join(notes) or None)
 
 
-def as_fed(session: SessionRecorded, channels: Sequence[ChannelData]) -> list[ChannelData]:
+def as_fed(session: SessionRecorded, channels: Sequence[ChannelData], network: Network) -> list[ChannelData]:
     """The channels of a session as the motor was fed. In a DC check `current_dc` is the phases' current and `voltage_dc` their
-    voltage, where no input of that quantity is recorded; and the motor stands: without a channel of speed it is 0."""
+    voltage, where no input of that quantity is recorded; and the motor stands: without channels of them speed is 0, and torque,
+    q current and flux where the network or an observed power needs them."""
     if session.kind != DC_CHECK:
         return list(channels)
     given = {c.spec.quantity for c in channels if c.spec.role == "input"}
     renamed = {direct: phase for direct, phase in DIRECT.items() if phase not in given}
     found = [replace(c, spec=replace(c.spec, quantity=renamed.get(c.spec.quantity, c.spec.quantity))) for c in channels]
     current = next((c for c in found if (c.spec.role, c.spec.quantity) == ("input", "current")), None)
-    if current is not None and "speed" not in given:
-        spec = replace(current.spec, name="standstill", quantity="speed", unit="rpm", resolution=None, noise=0.0)
-        found.append(replace(current, spec=spec, value=np.zeros_like(current.value), read=None))
+    if current is not None:
+        needed = {"speed", *(feature for m in monomials(network) for feature in m.features)}
+        if any((c.spec.role, c.spec.quantity) == ("observed", "power") for c in found):
+            needed.add("torque")
+        found += [_zero(current, quantity) for quantity in AT_REST if quantity in needed - given]
     return found
+
+
+def _zero(like: ChannelData, quantity: str) -> ChannelData:
+    """A channel of 0 at another one's stamps."""
+    unit = STORED_UNIT[quantity]
+    spec = replace(like.spec, name=f"standstill_{quantity}", quantity=quantity, unit=unit, resolution=None, noise=0.0)
+    return replace(like, spec=spec, value=np.zeros_like(like.value), read=None)
 
 
 def beyond_maps(network: Network, frame: InputFrame) -> Iterator[str]:

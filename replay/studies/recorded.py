@@ -21,7 +21,7 @@ from replay.engine.meters import Measurand
 from replay.engine.open_loop import initial_temperatures, referenced
 from replay.errors import ReplayDataError
 from replay.studies.history import course_of
-from twin.features import QUANTITY, Monomial, monomials
+from twin.features import QUANTITY, Monomial, is_flow, monomials
 from twin.model import Channel, Test
 from twin.network import Network
 from twin.outputs import BLOCK_S, Output
@@ -49,10 +49,9 @@ def test_of(
 
     Raises ReplayDataError where it lacks an input, or no channel of it observes a node.
     """
-    channels = as_fed(session, load(store, facts, session) if loaded is None else loaded)
+    channels = as_fed(session, load(store, facts, session) if loaded is None else loaded, network)
     own = monomials(network)
-    given = {c.spec.quantity for c in channels if c.spec.role == "input"}
-    single = [Monomial(((f, 1.0),)) for f, q in QUANTITY.items() if q in network.scale and f in given]
+    single = [Monomial(((f, 1.0),)) for f in _single(network, channels)]
     every = tuple(dict.fromkeys([*own, *single, *wanted]))
     good = [found.good for found in quality.assess(channels)]
     try:
@@ -62,6 +61,16 @@ def test_of(
     course = course_of(store, facts, session, laws)
     test = replace(_test(session, frame, network, every, len(own), level, channels), course=course)
     return with_meters(test, frame, network, level, channels) if meters else test
+
+
+def _single(network: Network, channels: Sequence[ChannelData]) -> list[str]:
+    """The features that a session records, by themselves; of several flows those that the network tells apart."""
+    given = [c.spec.quantity for c in channels if c.spec.role == "input"]
+    recorded = [f for f, q in QUANTITY.items() if q in network.scale and f in given and not is_flow(f)]
+    flows = {f for m in monomials(network) for f in m.features if is_flow(f)}
+    if not flows and "flow" in network.scale and given.count("flow") == 1:
+        flows = {"flow"}
+    return [*recorded, *sorted(flows)]
 
 
 def _test(

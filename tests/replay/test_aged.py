@@ -389,9 +389,10 @@ def test_a_current_that_is_recorded_as_such_comes_before_current_dc(opened: Open
     channels = load(opened.store, opened.facts, check)
     (direct,) = (one for one in channels if one.spec.quantity == "current_dc")
     both = [*channels, replace(direct, spec=replace(direct.spec, name="I_phase", quantity="current"))]
-    assert [one.spec.name for one in as_fed(check, both) if one.spec.quantity == "current"] == ["I_phase"]
+    network = network_of(opened.store, ledger_facts.at(opened.store.ledger), check, opened.model("motor"))
+    assert [one.spec.name for one in as_fed(check, both, network) if one.spec.quantity == "current"] == ["I_phase"]
     moving = [*both, replace(direct, spec=replace(direct.spec, name="n", quantity="speed"))]
-    assert [one.spec.name for one in as_fed(check, moving) if one.spec.quantity == "speed"] == ["n"]
+    assert [one.spec.name for one in as_fed(check, moving, network) if one.spec.quantity == "speed"] == ["n"]
 
 
 def test_a_bare_stator_is_replayed_in_free_air_whatever_its_motor_needs_when_it_turns(
