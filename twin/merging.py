@@ -6,6 +6,7 @@ network, so no heat is lost.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
@@ -16,8 +17,9 @@ from twin.network import Configuration, Link, Network, Node, Source, Term
 def merged(network: Network, groups: Mapping[str, Sequence[str]]) -> Network:
     """`groups`, name -> nodes, become one node each, in the place of their first; all else stays as it is.
 
-    Terms of the same features and factors add up; a prior's sd is the mean over what is added, weighted by size, as the members of a
-    group are wrong together. Region: that of most capacity; limit: the lowest. Configurations are left out (`merged_configurations`).
+    Terms of the same features and factors add up; a prior's sd is that of the sum of what is added, each known by itself, so that
+    slices of a part (`twin.slicing`) make the part again. Region: that of most capacity; limit: the lowest. Configurations are left out
+    (`merged_configurations`).
     """
     new = {member: name for name, members in groups.items() for member in members}
 
@@ -108,8 +110,8 @@ def _summed(places: Sequence[tuple[Term, ...]]) -> tuple[Term, ...]:
     for _, same in kinds:
         weight = sum(abs(term.coefficient) for term in same)
         total = sum(term.coefficient for term in same)
-        sd = sum(abs(term.coefficient) * term.sd for term in same) / weight
         if abs(total) > 1e-12 * weight:
+            sd = math.hypot(*(term.coefficient * term.sd for term in same)) / abs(total)
             result.append(replace(same[0], coefficient=total, sd=sd))
     return tuple(result)
 
@@ -125,6 +127,6 @@ def _lump(name: str, members: Sequence[Node]) -> Node:
         name=name,
         capacity=total,
         region=max(regions, key=lambda region: regions[region]),
-        sd=sum(node.capacity * node.sd for node in members) / total,
+        sd=math.hypot(*(node.capacity * node.sd for node in members)) / total,
         limit_degC=min(limits, default=None),
     )

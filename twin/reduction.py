@@ -7,7 +7,8 @@ To hold two nodes at one temperature a heat must flow between them. At a steady 
 resistance between the two, `e' L^-1 e` for e = e_i - e_j, and moves node k by `(L^-1 e)_k (T_i - T_j) / R_ij` (superposition).
 With L + C / tau in place of L the same describes what happens within about tau. The mean square of both over the nodes of
 interest, with the differences of a run of the full network, is the estimate by which pairs are ranked (`estimates`). Only the
-leading pairs are then run; large networks are first thinned by the estimate alone.
+leading pairs are then run, and the one with the least error on kept courses, which no estimate was made from, is taken; large networks
+are first thinned by the estimate alone.
 """
 
 from __future__ import annotations
@@ -63,6 +64,11 @@ class Reduced:
     trained: Error
     kept: Error | None
 
+    @property
+    def deciding(self) -> Error:
+        """On the kept courses, else on the trained ones: what its mergers were chosen by."""
+        return self.kept or self.trained
+
 
 @dataclass(frozen=True)
 class _State:
@@ -89,9 +95,9 @@ def reductions(
     """Networks from the full size down to `least` nodes (at least 1), each merged from the one before.
 
     `interest`: the nodes whose temperatures count; `apart`: nodes that share no group as long as another pair can be merged. A group is
-    named after its member of `apart`, else after the part that makes up most of it. A pair is chosen by the root mean square error over the trained courses;
-    the kept ones are looked at and never chosen by. `compile_` prepares a network to run. Sizes that were passed several at a time are
-    left out.
+    named after its member of `apart`, else after the part that makes up most of it. The trained courses say which pairs lead; of these
+    the one with the least root mean square error over the kept courses is merged, over the trained ones where none is kept.
+    `compile_` prepares a network to run. Sizes that were passed several at a time are left out.
     """
     work = _Work(network, trained, kept, interest, apart, compile_)
     state = _State(network, tuple((i,) for i in range(len(network.nodes))))
@@ -105,12 +111,20 @@ def reductions(
             state = work.joined(state, _disjoint(pairs, most))
         else:
             options = [work.joined(state, [pair]) for pair in pairs[:LEADING]]
+            deciding = kept or trained
             state = (
-                min(options, key=lambda option: work.error(option, trained).rms_K) if len(options) > 1 else options[0]
+                min(options, key=lambda option: work.error(option, deciding).rms_K) if len(options) > 1 else options[0]
             )
         found.append(work.measured(state))
-        tell(f"{state.size} nodes: {found[-1].trained.mean_K:.2f} K")
+        tell(f"{state.size} nodes: {found[-1].deciding.mean_K:.2f} K")
     return tuple(found)
+
+
+def smallest(levels: Sequence[Reduced], within_K: float) -> Reduced | None:
+    """The level of fewest nodes whose mean error is at most `within_K` [K], by its kept courses where there are any; None where the
+    first level, the full network, is the only one."""
+    good = [level for level in levels[1:] if level.deciding.mean_K <= within_K]
+    return min(good, key=lambda level: len(level.groups), default=None)
 
 
 def _may_join(network: Network) -> NDArray[np.bool_]:

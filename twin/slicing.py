@@ -3,12 +3,17 @@
 Capacities, losses, and all conductances between different parts are split so that their sums stay; the conduction along a part
 is new, k V / L^2 for its whole length (V = C / (rho c) its volume, L the stack's length), or what the file has between the
 halves of a part. So the sliced motor has a temperature profile along the stack that the lumped one cannot have.
+
+Cutting says nothing new of a value: priors of slices are independent, so each of n that add up has sqrt(n) times the part's `sd`, and
+their sum (of links along a row, that of their resistances) is known as well as the part's own number was, to first order in `sd`.
 """
 
 from __future__ import annotations
 
+import difflib
 import itertools
-from collections.abc import Iterator, Mapping, Sequence
+import math
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from twin.errors import BadValueError, DuplicateError, Entry, UnknownNodeError
@@ -68,9 +73,7 @@ def _check(network: Network, nodes: Sequence[str], slices: int, length_m: float)
     known = {node.name: node for node in network.nodes}
     for i, name in enumerate(nodes):
         if name not in known:
-            raise UnknownNodeError(
-                Entry("node", i, name), f"{network.name} has no such node: known are {', '.join(known)}"
-            )
+            raise UnknownNodeError(Entry("node", i, name), f"{network.name} has no such node: {_meant(name, known)}")
         if name in nodes[:i]:
             raise DuplicateError(Entry("node", i, name), "it is to be cut twice: name it once")
         if known[name].region not in MATERIAL:
@@ -89,6 +92,12 @@ def _check(network: Network, nodes: Sequence[str], slices: int, length_m: float)
         raise BadValueError(
             Entry("motor", 0, network.name), f"a stack of {length_m:g} m has no length: give that of the iron"
         )
+
+
+def _meant(name: str, known: Collection[str]) -> str:
+    """The known name that is near; else all of them."""
+    close = difflib.get_close_matches(name, known, n=1, cutoff=0.6)
+    return f'did you mean "{close[0]}"?' if close else f"known are {', '.join(known)}"
 
 
 def _end(name: str) -> str | None:
@@ -112,8 +121,19 @@ def _parts(row: Sequence[str], slices: int) -> Iterator[_Part]:
         yield _Part(name, range(i * each, (i + 1) * each), names)
 
 
-def _share(terms: Sequence[Term], share: float) -> tuple[Term, ...]:
-    return tuple(replace(term, coefficient=term.coefficient * share) for term in terms)
+def _sd(sd: float, count: int) -> float:
+    """Of each of `count` independent parts of equal size whose sum has `sd`."""
+    return round(sd * math.sqrt(count), 3)
+
+
+def _shared(terms: Sequence[Term], count: int) -> tuple[Term, ...]:
+    """Of each of `count` places side by side."""
+    return tuple(replace(t, coefficient=t.coefficient / count, sd=_sd(t.sd, count)) for t in terms)
+
+
+def _in_row(terms: Sequence[Term], count: int) -> tuple[Term, ...]:
+    """Of each of `count` places in series."""
+    return tuple(replace(t, coefficient=t.coefficient * count, sd=_sd(t.sd, count)) for t in terms)
 
 
 def _following(terms: Sequence[Term], at: int, parts: Mapping[str, _Part]) -> tuple[Term, ...]:
@@ -131,7 +151,8 @@ def _cut(node: Node, part: _Part | None) -> Iterator[Node]:
         yield node
         return
     for name in part.names:
-        yield replace(node, name=name, capacity=node.capacity / len(part.names))
+        count = len(part.names)
+        yield replace(node, name=name, capacity=node.capacity / count, sd=_sd(node.sd, count))
 
 
 def _sources(source: Source, parts: Mapping[str, _Part]) -> Iterator[Source]:
@@ -139,7 +160,7 @@ def _sources(source: Source, parts: Mapping[str, _Part]) -> Iterator[Source]:
     if part is None:
         yield source
         return
-    terms = _share(source.terms, 1 / len(part.names))
+    terms = _shared(source.terms, len(part.names))
     for at in part.at:
         yield replace(source, node=part.name(at), terms=_following(terms, at, parts))
 
@@ -154,7 +175,7 @@ def _links(link: Link, parts: Mapping[str, _Part]) -> Iterator[Link]:
             touching = [at for at in a.at if at in b.at] or [max(a.at.start, b.at.start)]
             for at in touching:
                 ends = (a.name(at if at in a.at else a.at[-1]), b.name(at if at in b.at else b.at[-1]))
-                terms = _following(_share(link.terms, 1 / len(touching)), at, parts)
+                terms = _following(_shared(link.terms, len(touching)), at, parts)
                 yield replace(link, a=ends[0], b=ends[1], terms=terms)
     else:
         part, other = (a, link.b) if a is not None else (b, link.a)
@@ -162,7 +183,7 @@ def _links(link: Link, parts: Mapping[str, _Part]) -> Iterator[Link]:
         touching = {"a": [part.at[0]], "b": [part.at[-1]]}.get(_end(other) or "", list(part.at))
         for at in touching:
             ends = (part.name(at), other) if a is not None else (other, part.name(at))
-            terms = _following(_share(link.terms, 1 / len(touching)), at, parts)
+            terms = _following(_shared(link.terms, len(touching)), at, parts)
             yield replace(link, a=ends[0], b=ends[1], terms=terms)
 
 
@@ -179,14 +200,14 @@ def _along(network: Network, row: Sequence[_Part], slices: int, length_m: float)
     nodes = [node for node in network.nodes if node.name in {part.node for part in row}]
     conductivity, heat = MATERIAL[nodes[0].region]
     volume = sum(node.capacity for node in nodes) / heat
-    yield from _chain(row, (Term(conductivity * volume / length_m**2 * slices),))
+    yield from _chain(row, _in_row((Term(conductivity * volume / length_m**2),), slices))
 
 
 def _said(links: Sequence[Link], row: Sequence[_Part], slices: int) -> list[Link]:
     """What a link between the two halves of a part becomes along its row; nothing where there is none."""
     members = {part.node for part in row}
     own = next((link for link in links if {link.a, link.b} == members), None)
-    return [] if own is None else list(_chain(row, _share(own.terms, slices / len(row))))
+    return [] if own is None else list(_chain(row, _in_row(own.terms, slices // len(row))))
 
 
 def _chain(row: Sequence[_Part], terms: tuple[Term, ...]) -> Iterator[Link]:

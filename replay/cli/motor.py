@@ -18,7 +18,7 @@ ACTIONS: dict[str, tuple[str, tuple[str, ...], tuple[str, ...]]] = {
     "scale": ("the same motor in another size", ("file", "length", "out"), ()),
     "slice": ("cut along the stack, for a profile", ("file", "into", "stack_mm", "nodes", "out"), ()),
     "plot": ("a picture of the network", ("file", "out"), ("at",)),
-    "reduce": ("fewer nodes, by their error on sessions", ("file", "to", "on", "out"), ("hold_out", "curve")),
+    "reduce": ("fewer nodes, by their error on sessions", ("file", "on", "out"), ("to", "hold_out", "curve")),
 }
 
 
@@ -48,9 +48,15 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         help="operating point, such as speed_rpm=6000 current_A=225 (default: half of [scale])",
     )
     reduce = parser.add_argument_group("reduce")
-    reduce.add_argument("--to", type=int, metavar="N", help="nodes of the motor that is written")
-    reduce.add_argument("--on", nargs="+", metavar="S", help="sessions whose error decides what is merged")
-    reduce.add_argument("--hold-out", nargs="+", metavar="S", help="sessions that the error is shown on as well")
+    enough = "the fewest that are good enough on sessions of --hold-out"
+    reduce.add_argument("--to", type=int, metavar="N", help=f"nodes of the motor that is written (default: {enough})")
+    reduce.add_argument("--on", nargs="+", metavar="S", help="sessions by whose runs mergers are proposed")
+    reduce.add_argument(
+        "--hold-out",
+        nargs="+",
+        metavar="S",
+        help="kept sessions, whose error decides which are made (default: those of --on)",
+    )
     reduce.add_argument("--curve", metavar="F.svg", type=Path, help="draw nodes against error to this file")
     parser.set_defaults(refuse=parser.error)
 
@@ -137,7 +143,7 @@ def _reduce(args: argparse.Namespace) -> Answer:
     from ingest.store import Store
     from replay.cli.progress import tell
     from replay.show.reduction import draw_curve, reduction_text
-    from replay.studies.motor_reduce import reduce_motor
+    from replay.studies.motor_reduce import ENOUGH_K, reduce_motor
 
     network = _network(args)
     with Store.open(store_folder(args)) as store:
@@ -149,7 +155,8 @@ def _reduce(args: argparse.Namespace) -> Answer:
             provenance(store, to=args.to),
             file=str(args.out),
             motor=network.name,
-            nodes=args.to,
+            nodes=len(found.chosen.groups),
+            within_K=ENOUGH_K if args.to is None else None,
             on=[session.name for session in on],
             hold_out=[session.name for session in kept],
             interest=dict(found.interest),

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from replay.engine.motor_file import SCALES, SCHEMA
 from replay.engine.motor_text import written
-from twin.network import Copper, FluidCircuit, Network, Property, Term
+from twin.network import Copper, FluidCircuit, Network, Node, Property, Term
 
 
 def network_text(network: Network, says: str) -> bytes:
@@ -42,11 +42,16 @@ def _head(network: Network) -> list[str]:
 def _entries(network: Network) -> list[str]:
     return [
         *(f'[[boundary]]\nname = "{boundary.name}"' for boundary in network.boundaries),
-        *(f'[[node]]\nname = "{node.name}"\ncapacity = {node.capacity:.7g}' for node in network.nodes),
+        *map(_node, network.nodes),
         *(f'[[link]]\nbetween = ["{link.a}", "{link.b}"]\n{_terms(link.terms)}' for link in network.links),
         *(f'[[source]]\nnode = "{source.node}"\n{_terms(source.terms)}' for source in network.sources),
         *map(_circuit, network.circuits),
     ]
+
+
+def _node(node: Node) -> str:
+    """With its region: default `sd` of its losses follow from it, and a merged node's name may speak of another one."""
+    return f'[[node]]\nname = "{node.name}"\ncapacity = {node.capacity:.7g}\nregion = "{node.region}"'
 
 
 def _circuit(circuit: FluidCircuit) -> str:

@@ -22,13 +22,17 @@ def reduction_text(data: Mapping[str, Any]) -> str:
     """Lines for a person, from the answer's data."""
     curve = data["curve"]
     kept = curve[0]["kept"] is not None
+    chosen = f", mergers chosen on {words.joined(data['hold_out'])}" * kept
     lines = [
-        f"{data['motor']}: {curve[0]['nodes']} nodes merged to {data['nodes']}, by its own run on {words.joined(data['on'])}"
+        f"{data['motor']}: {curve[0]['nodes']} nodes merged to {data['nodes']}, by its own run on {words.joined(data['on'])}{chosen}"
     ]
     lines.append(f"errors at     {_interest(data['interest'])}")
     head = "nodes   mean K   at most K" + "   kept: mean K   at most K" * kept
     lines += ["", head, *(_row(level, data["nodes"], kept) for level in _thinned(curve, data["nodes"]))]
     lines += ["", *_enough(curve, "kept" if kept else "trained")]
+    if data["within_K"] is not None:
+        fewest = f"{data['nodes']} nodes are the fewest within {data['within_K']:g} K that keep measured nodes apart"
+        lines.append(f"{fewest}: for another number say --to")
     return "\n".join(lines)
 
 
@@ -74,7 +78,7 @@ def draw_curve(data: Mapping[str, Any], target: Path) -> None:
         figure = Figure(figsize=(6.2, 3.6), facecolor=PAPER[0])
         FigureCanvasAgg(figure)
         axes = figure.add_axes((0.09, 0.14, 0.88, 0.74))
-        sides = [("trained", "sessions that it was merged by"), ("kept", "kept sessions")]
+        sides = [("trained", "sessions that it was merged by"), ("kept", "kept sessions, which chose the mergers")]
         for (side, label), colour, dashes in zip(sides, COLOURS, ("-", DASHES[0]), strict=False):
             if curve[0][side] is not None:
                 errors = [level[side]["mean_K"] for level in curve]

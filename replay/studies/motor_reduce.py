@@ -1,4 +1,4 @@
-"""A motor with fewer nodes: merged by its error on recorded sessions, the curve of nodes against the error on kept ones."""
+"""A motor with fewer nodes: recorded sessions say which mergers lead, kept ones which of them are made, and how many nodes are enough."""
 
 from __future__ import annotations
 
@@ -20,16 +20,17 @@ from twin.kernel import Compiled, compile_indexed
 from twin.merging import merged_configurations
 from twin.model import Test
 from twin.network import Network
-from twin.reduction import Course, Reduced, reductions
+from twin.reduction import Course, Reduced, reductions, smallest
 from twin.side_by_side import simulate_all
 
 LEAST = 2  # the curve goes on below what was asked for, as far as measured nodes stay apart
+ENOUGH_K = 0.5  # mean error on kept sessions that is left where the number of nodes is chosen
 WIDTH = 118  # characters of a comment
 
 
 @dataclass(frozen=True)
 class Reduction:
-    """The motor file with as many nodes as were asked for, what it was chosen from, and what its errors are of.
+    """The motor file with as many nodes as were asked for or are enough, what it was chosen from, and what its errors are of.
 
     `interest`: node -> why it counts; `chosen` is one of `curve`, which runs from the full network down.
     """
@@ -44,16 +45,16 @@ def reduce_motor(
     store: Store,
     facts: Facts,
     network: Network,
-    to: int,
+    to: int | None,
     on: Sequence[SessionRecorded],
     hold_out: Sequence[SessionRecorded],
     tell: Callable[[str], None] = lambda _: None,
 ) -> Reduction:
-    """Merge `network` down to `to` nodes. The truth is its own run on the recorded inputs; errors count at measured nodes and at the
-    hottest winding and magnet.
+    """Merge `network` down to `to` nodes; None: to the fewest whose mean error on `hold_out` is at most `ENOUGH_K`. The truth is its own
+    run on the recorded inputs; errors count at measured nodes and at the hottest winding and magnet.
 
-    Raises ReplayDataError where a session lacks what the motor needs, none is given, one is on both sides, or `to` is no number of nodes
-    below those that the motor has.
+    Raises ReplayDataError where a session lacks what the motor needs, none is given, one is on both sides, `to` is no number of nodes
+    below those that the motor has, or it is left out and no session is kept or no smaller network is good enough on those.
     """
     _check(network, to, on, hold_out)
     motor, network = network, configured(network, None)
@@ -64,22 +65,43 @@ def reduce_motor(
     measured = _measured(tests.values())
     hottest = _hottest(network, trained)
     interest = {node: ", ".join(w for w in (measured.get(node), hottest.get(node)) if w) for node in measured | hottest}
-    least = min(to, max(LEAST, len(measured)))
+    below = max(LEAST, len(measured))
+    least = below if to is None else min(to, below)
     curve = reductions(network, trained, kept, list(interest), list(measured), least, _prepare, tell)
-    chosen = next((level for level in curve if len(level.groups) == to), None)
-    if chosen is None:
-        sizes = ", ".join(str(len(level.groups)) for level in curve)
-        raise ReplayDataError(f"--to {to}: {network.name} was merged to {sizes} nodes on the way: give one of these.")
+    chosen = _chosen(network, curve, to)
     rigs = merged_configurations(motor, chosen.groups)
-    smaller = restored(replace(motor, configurations=rigs), replace(chosen.network, name=f"{network.name}_{to}_nodes"))
+    name = f"{network.name}_{len(chosen.groups)}_nodes"
+    smaller = restored(replace(motor, configurations=rigs), replace(chosen.network, name=name))
     lost = [one.name for one in motor.configurations if one.name not in {rig.name for rig in rigs}]
     return Reduction(network_text(smaller, _says(network, chosen, on, hold_out, lost)), chosen, curve, interest)
 
 
-def _check(network: Network, to: int, on: Sequence[SessionRecorded], hold_out: Sequence[SessionRecorded]) -> None:
+def _chosen(network: Network, curve: Sequence[Reduced], to: int | None) -> Reduced:
+    if to is None:
+        enough = smallest(curve, ENOUGH_K)
+        if enough is None:
+            raise ReplayDataError(
+                f"no smaller network than {network.name} itself stays within {ENOUGH_K:g} K on average on the kept sessions: say with "
+                "--to how many nodes it shall have."
+            )
+        return enough
+    chosen = next((level for level in curve if len(level.groups) == to), None)
+    if chosen is None:
+        sizes = ", ".join(str(len(level.groups)) for level in curve)
+        raise ReplayDataError(f"--to {to}: {network.name} was merged to {sizes} nodes on the way: give one of these.")
+    return chosen
+
+
+def _check(
+    network: Network, to: int | None, on: Sequence[SessionRecorded], hold_out: Sequence[SessionRecorded]
+) -> None:
     if not on:
         raise ReplayDataError("no session to merge by: name some with --on. `whyhot sessions` lists them.")
-    if not 1 <= to < len(network.nodes):
+    if to is None and not hold_out:
+        raise ReplayDataError(
+            "how many nodes are enough is chosen by the error on kept sessions: name some with --hold-out, or a number with --to."
+        )
+    if to is not None and not 1 <= to < len(network.nodes):
         raise ReplayDataError(
             f"--to {to}: {network.name} has {len(network.nodes)} nodes: give a number from 1 to {len(network.nodes) - 1}."
         )
@@ -133,7 +155,7 @@ def _says(
     if chosen.kept is not None:
         kept = ", ".join(session.name for session in hold_out)
         lines.append(
-            f"On {kept}: {chosen.kept.mean_K:.2f} K mean, {chosen.kept.largest_K:.1f} K at most ({chosen.kept.worst})."
+            f"Mergers chosen on {kept}: {chosen.kept.mean_K:.2f} K mean, {chosen.kept.largest_K:.1f} K at most ({chosen.kept.worst})."
         )
     if lost:
         lines.append(f"Left out, as they take away a part of a merged node only: configuration {', '.join(lost)}.")

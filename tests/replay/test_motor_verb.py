@@ -131,8 +131,8 @@ def test_the_shipped_motor_of_several_hundred_nodes_replays_a_session_of_the_lum
         (["check", "lost.toml"], "lost.toml: "),
         (["scale", str(REFERENCE), "--length", "40", "-o", "x.toml"], "length 40 times is no motor of the same kind"),
         (
-            ["slice", str(REFERENCE), "--into", "4", "--stack-mm", "9", "--nodes", "rotor", "-o", "x.toml"],
-            "no such node",
+            ["slice", str(REFERENCE), "--into", "4", "--stack-mm", "9", "--nodes", "yok", "-o", "x.toml"],
+            'node "yok": reference-150kW has no such node: did you mean "yoke"?',
         ),
         (["plot", str(REFERENCE), "--at", "speed=4", "-o", "x.svg"], "--at speed=4: say it as KEY=NUMBER; keys of"),
         (["plot", str(REFERENCE), "--at", "speed_rpm=fast", "-o", "x.svg"], "--at speed_rpm=fast: say it as"),
@@ -188,9 +188,27 @@ def test_a_sliced_motor_is_reduced_by_recorded_sessions(bench: Path, capsys: pyt
     assert main(["replay", "2_kept", "--model", str(bench / "six.toml"), "--store", str(bench / "store")]) == 0
 
 
+def test_without_a_number_the_fewest_nodes_are_written_that_kept_sessions_allow(
+    bench: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("replay.studies.motor_reduce.ENOUGH_K", 0.04)
+    words: list[str | Path] = ["reduce", bench / "sliced.toml", "--on", "1_learn", "--hold-out", "2_kept"]
+    answer = _run(capsys, *words, "-o", bench / "enough.toml", "--store", bench / "store")
+    errors = {level["nodes"]: level["kept"]["mean_K"] for level in answer["curve"]}
+    assert answer["within_K"] == 0.04
+    assert answer["nodes"] == min(nodes for nodes, error in errors.items() if error <= 0.04) == len(answer["groups"])
+    assert max(errors.values()) > 0.04, "fewer nodes would be too few"
+    assert len(read_motor((bench / "enough.toml").read_bytes(), "enough.toml").nodes) == answer["nodes"]
+    assert f"{answer['nodes']} nodes are the fewest within 0.04 K" in reduction_text(answer)
+
+
 @pytest.mark.parametrize(
     ("words", "says"),
     [
+        (
+            ["--on", "1_learn"],
+            "is chosen by the error on kept sessions: name some with --hold-out, or a number with --to.",
+        ),
         (["--to", "24", "--on", "1_learn"], "--to 24: servo-5kW_8_slices has 24 nodes: give a number from 1 to 23."),
         (["--to", "0", "--on", "1_learn"], "--to 0: servo-5kW_8_slices has 24 nodes"),
         (

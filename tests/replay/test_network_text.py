@@ -3,10 +3,14 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from replay.engine.kernel_cache import load
 from replay.engine.motor_file import read_motor
 from replay.engine.network_text import network_text
+from twin.features import evaluate, monomials
+from twin.kernel import compile_indexed
 from twin.network import (
     Boundary,
     Copper,
@@ -21,6 +25,9 @@ from twin.network import (
     TemperatureFactor,
     Term,
 )
+from twin.reduction import Course, Reduced, reductions
+from twin.simulate import Frame, simulate
+from twin.slicing import sliced
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
@@ -60,3 +67,37 @@ def test_numbers_are_written_to_seven_digits() -> None:
     network = read_motor((EXAMPLES / "hust_motor" / "motor.toml").read_bytes(), "motor.toml")
     third = replace(network, nodes=(replace(network.nodes[0], capacity=1000 / 3), *network.nodes[1:]))
     assert b"capacity = 333.3333\n" in network_text(third, "x")
+
+
+REFERENCE = EXAMPLES / "reference_motor"
+CUT = ("yoke", "teeth", "winding_a", "winding_b", "rotor_core", "rotor_surface", "magnet")
+MEASURED = ("teeth", "yoke", "winding_a", "magnet")
+
+
+def _curve(full: Network, steps: int) -> tuple[Reduced, ...]:
+    """Every size down to two nodes that nothing but their names keeps apart, by a run at half speed and current in steps of 5 s."""
+    u = {"speed": np.full(steps, 0.5), "current": np.full(steps, 0.5), "flow": np.ones(steps)}
+    frame = Frame(5.0, evaluate(monomials(full), u, steps), np.tile([65.0, 25.0], (steps, 1)))
+    course = Course(frame, simulate(compile_indexed(full, load=load), frame, np.full(len(full.nodes), 65.0)))
+    return reductions(full, [course], [], MEASURED, MEASURED, 2, lambda network: compile_indexed(network, load=load))
+
+
+def test_every_size_of_a_reduction_can_be_written() -> None:
+    """A merged node keeps the name of its measured member and gets the region of most of its capacity."""
+    full = sliced(read_motor((REFERENCE / "motor.toml").read_bytes(), "motor.toml"), CUT, 4, 0.13)
+    levels = _curve(full, 60)
+    assert [len(level.groups) for level in levels] == list(range(len(full.nodes), 1, -1))
+    for level in levels:
+        found = read_motor(network_text(level.network, "x"), "merged.toml")
+        assert [node.region for node in found.nodes] == [node.region for node in level.network.nodes]
+        for source, wanted in zip(found.sources, level.network.sources, strict=True):
+            assert [term.sd for term in source.terms] == pytest.approx([term.sd for term in wanted.terms])
+
+
+def test_sizes_of_the_shipped_motor_of_several_hundred_nodes_can_be_written() -> None:
+    levels = {
+        len(level.groups): level for level in _curve(read_motor((REFERENCE / "sliced.toml").read_bytes(), "s"), 24)
+    }
+    for size in (22, 15, 13, 10, 8, 6):
+        found = read_motor(network_text(levels[size].network, "x"), "merged.toml")
+        assert [node.name for node in found.nodes] == list(levels[size].groups)

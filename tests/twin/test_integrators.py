@@ -8,13 +8,17 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from made_laws import law_frame, rate, with_laws
 
-from benchmarks.integrator import DRIVES, EULER, MIDPOINT, MOTORS, SDIRK3, Physics, frame, initial_of, motor, tight
+from benchmarks.integrator import DRIVES, EULER, MIDPOINT, SDIRK3, Physics, frame, initial_of, shipped, tight, window
 from benchmarks.integrator import bdf2 as newton_bdf2
+from replay.engine.kernel_cache import load
+from replay.studies.motor_new import TOPOLOGIES
 from twin import indexed
+from twin.drops import LAWS
 from twin.integrators import BDF2, DEFAULT, INTEGRATORS, Tableau
 from twin.kernel import compile_indexed, compile_network, index_program
-from twin.network import Network
+from twin.network import Map, Network
 from twin.simulate import Frame, simulate
 from twin.structure import parameters, structure
 
@@ -70,18 +74,43 @@ def test_terms_linearised_within_a_step_keep_second_order(
     assert np.log2(error(16) / error(32)) == pytest.approx(2, abs=0.25)
 
 
+SHIPPED = shipped()
+
+
+def test_every_motor_file_that_comes_along_is_among_the_shipped() -> None:
+    assert {"reference_motor", "sliced", "hidden_effect", "hust_motor", "hust_four_nodes"} <= SHIPPED.keys()
+    assert SHIPPED.keys() >= TOPOLOGIES.keys() | {"ipm_water_jacket stator_in_air"}
+    links = [term for network in SHIPPED.values() for link in network.links for term in link.terms]
+    losses = [term for network in SHIPPED.values() for source in network.sources for term in source.terms]
+    assert {term.law for term in links} == {None, *LAWS}
+    assert any(isinstance(term.shape, Map) for term in losses) and any(term.temperature for term in losses)
+    assert any(network.circuits for network in SHIPPED.values())
+
+
 @pytest.mark.parametrize("drive", DRIVES)
-@pytest.mark.parametrize("name", MOTORS)
+@pytest.mark.parametrize("name", SHIPPED)
 def test_the_default_stays_within_a_hundredth_of_a_kelvin_of_the_tight_solution(
     name: str, drive: str, plain: Load
 ) -> None:
-    network = motor(name)
-    whole = frame(network, DRIVES[drive](), DEFAULT.step_s)
-    part = slice(round(450 / DEFAULT.step_s), round(570 / DEFAULT.step_s))  # in s2 the pulse of 60 s
-    inputs = Frame(whole.step_s, whole.features[part], whole.boundaries[part])
-    found = simulate(compile_network(network, load=plain), inputs, initial_of(network))
+    network = SHIPPED[name]
+    inputs = window(frame(network, DRIVES[drive](), DEFAULT.step_s))
+    compiled = compile_indexed(network, load=load) if len(network.nodes) > 50 else compile_network(network, load=plain)
+    found = simulate(compiled, inputs, initial_of(network))
     assert np.ptp(found, axis=0).max() > 0.5, "the drive must heat the motor"
     assert np.abs(found - tight(network, inputs)).max() < 0.01
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_tight_solution_is_of_every_law_and_circuit_as_defined(
+    seed: int, make_network: Callable[..., Network]
+) -> None:
+    network = with_laws(make_network(seed, n=6), seed)
+    inputs = law_frame(network, seed, steps=8, step_s=0.5)
+    T = np.random.default_rng(seed).uniform(10.0, 120.0, len(network.nodes))
+    physics = Physics(network)
+    for phi, around in zip(inputs.features, inputs.boundaries, strict=True):
+        slopes = physics.rate(phi, around)(0.0, T)
+        np.testing.assert_allclose(slopes, rate(network, phi, around)(0.0, T), rtol=1e-10, atol=1e-12)
 
 
 @settings(max_examples=25, deadline=None)

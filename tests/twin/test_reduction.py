@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cache
@@ -29,7 +30,7 @@ from twin.network import (
     TemperatureFactor,
     Term,
 )
-from twin.reduction import RUN_BELOW, Course, _State, _Work, reductions
+from twin.reduction import LEADING, RUN_BELOW, Course, Error, Reduced, _State, _Work, reductions, smallest
 from twin.simulate import Frame, simulate
 from twin.slicing import sliced
 
@@ -158,6 +159,42 @@ def test_the_estimate_ranks_pairs_as_their_runs_do() -> None:
     assert best <= sorted(errors)[2] * 1.001
 
 
+def _steady(network: Network, speed: float, current: float) -> Course:
+    """Half an hour at one load."""
+    steps = round(1800 / STEP_S)
+    u = {"speed": np.full(steps, speed), "current": np.full(steps, current), "flow": np.ones(steps)}
+    frame = Frame(STEP_S, evaluate(monomials(network), u, steps), np.tile([65.0, 25.0], (steps, 1)))
+    return Course(frame, simulate(compile_indexed(network), frame, np.full(len(network.nodes), 65.0)))
+
+
+def test_kept_courses_decide_which_of_the_leading_pairs_is_merged() -> None:
+    reference, _, _, _ = _cut()
+    slow, fast = _steady(reference, 0.3, 0.5), _steady(reference, 1.0, 0.05)
+    work = _Work(reference, [slow], [fast], INTEREST, INTEREST, compile_indexed)
+    start = _State(reference, tuple((i,) for i in range(len(reference.nodes))))
+    options = [work.joined(start, [pair]) for pair in work.pairs(start)[:LEADING]]
+    trained, kept = ([work.error(one, [course]).rms_K for one in options] for course in (slow, fast))
+    assert np.argmin(trained) != np.argmin(kept), "the test has something to decide"
+    (_, chosen) = reductions(reference, [slow], [fast], INTEREST, INTEREST, 20, compile_indexed)
+    assert chosen.kept is not None and chosen.kept.rms_K == pytest.approx(min(kept))
+    (_, alone) = reductions(reference, [slow], [], INTEREST, INTEREST, 20, compile_indexed)
+    assert alone.kept is None and alone.trained.rms_K == pytest.approx(min(trained))
+
+
+def _level(nodes: int, trained_K: float, kept_K: float | None) -> Reduced:
+    errors = [None if mean is None else Error(mean, mean, mean, "teeth") for mean in (trained_K, kept_K)]
+    assert errors[0] is not None
+    return Reduced(_small(1.0), {f"n{i}": (f"n{i}",) for i in range(nodes)}, errors[0], errors[1])
+
+
+def test_the_smallest_network_is_the_one_of_fewest_nodes_that_the_kept_courses_allow() -> None:
+    levels = [_level(9, 0.0, 0.0), _level(5, 0.1, 0.4), _level(4, 0.2, 0.6), _level(3, 0.3, 0.5), _level(2, 0.4, 0.9)]
+    found = smallest(levels, 0.5)
+    assert found is levels[3]
+    assert smallest([replace(level, kept=None) for level in levels], 0.25) == replace(levels[2], kept=None)
+    assert smallest(levels, 0.3) is None, "the full network is no smaller one"
+
+
 def test_the_estimate_is_exact_for_a_linear_network_at_rest() -> None:
     full = replace(_small(3.0), sources=(Source("winding_a", (Term(400.0),)), Source("winding_b", (Term(90.0),))))
     steps = 4000
@@ -218,12 +255,22 @@ def test_merged_nodes_have_the_sums_of_their_members() -> None:
     check(network)
     winding, iron = network.nodes
     assert (winding.name, winding.capacity, winding.limit_degC) == ("winding", 400.0, 155.0)
-    assert winding.sd == pytest.approx((300 * 0.1 + 100 * 0.2) / 400)
+    assert winding.sd == pytest.approx(math.hypot(300 * 0.1, 100 * 0.2) / 400)
     assert [(link.a, link.b) for link in network.links] == [("winding", "iron"), ("iron", "coolant")]
-    assert network.links[0].terms == (Term(15.0, sd=(10 * 0.2 + 5 * 0.4) / 15), Term(2.0, {"flow": 0.8}))
-    assert network.sources[0].terms == (Term(500.0, {"current": 2.0}, copper=True), Term(20.0, {"speed": 1.0}))
+    assert network.links[0].terms == (Term(15.0, sd=math.hypot(10 * 0.2, 5 * 0.4) / 15), Term(2.0, {"flow": 0.8}))
+    assert network.sources[0].terms[0] == Term(500.0, {"current": 2.0}, sd=math.hypot(160.0, 40.0) / 500, copper=True)
+    assert network.sources[0].terms[1] == Term(20.0, {"speed": 1.0})
     assert network.sources[1].terms[0].temperature == TemperatureFactor("winding", -0.001, 20.0)
     assert iron == _small(7.0).nodes[2]
+
+
+def test_slices_that_are_merged_are_known_as_well_as_the_part_was() -> None:
+    reference, full, _, _ = _cut()
+    slices = [node.name for node in full.nodes if node.name.rstrip("0123456789_") == "teeth"]
+    assert len(slices) == 8
+    whole = merged(full, {"teeth": slices})
+    before, after = ({node.name: node.sd for node in network.nodes} for network in (reference, whole))
+    assert after["teeth"] == pytest.approx(before["teeth"], rel=5e-3)
 
 
 def test_terms_that_cancel_are_left_out() -> None:

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
@@ -7,11 +8,13 @@ import numpy as np
 import pytest
 
 from replay.engine.motor_file import read_motor
+from twin.calibration import freedom
 from twin.check import check
 from twin.configured import configured
 from twin.errors import BadValueError, DuplicateError, UnknownNodeError
 from twin.features import evaluate, monomials
 from twin.kernel import STATEMENTS, compile_indexed, generate, statements
+from twin.model import Test
 from twin.network import (
     Boundary,
     Configuration,
@@ -26,6 +29,7 @@ from twin.network import (
 )
 from twin.simulate import Frame, simulate
 from twin.slicing import MATERIAL, sliced
+from twin.uncertainty import sd_K
 
 REFERENCE = Path(__file__).parents[2] / "examples" / "reference_motor" / "motor.toml"
 CUT = ("jacket", "yoke", "teeth", "winding_a", "winding_b", "rotor_core", "rotor_surface", "magnet")
@@ -109,6 +113,58 @@ def test_conduction_along_a_row_is_that_of_its_metal(reference: Network) -> None
     assert copper.terms[0].coefficient == pytest.approx(14.4 * 8 / 2), "14.4 W/K over half the stack in the file"
 
 
+def _sd(values: Iterable[tuple[float, float]]) -> float:
+    """Of the sum of independent (value, sd of its logarithm), as a share of the sum."""
+    known = list(values)
+    return float(np.sqrt(sum((value * sd) ** 2 for value, sd in known)) / sum(value for value, _ in known))
+
+
+def test_cutting_says_nothing_new_of_a_value(reference: Network) -> None:
+    """Sums of slices are known as well as the part's own capacity, losses and conductances."""
+    cut = sliced(reference, CUT, 12, 0.13)
+    for node in reference.nodes:
+        assert _sd((n.capacity, n.sd) for n in cut.nodes if _stem(n.name) == node.name) == pytest.approx(
+            node.sd, rel=5e-3
+        ), node.name
+    for source in reference.sources:
+        same = [one.terms for one in cut.sources if _stem(one.node) == source.node]
+        for term, slices in zip(source.terms, zip(*same, strict=True), strict=True):
+            assert _sd((t.coefficient, t.sd) for t in slices) == pytest.approx(term.sd, rel=5e-3), source.node
+    for link in reference.links:
+        if {link.a, link.b} != {"winding_a", "winding_b"}:
+            same = [one.terms for one in cut.links if {_stem(one.a), _stem(one.b)} == {link.a, link.b}]
+            for term, slices in zip(link.terms, zip(*same, strict=True), strict=True):
+                assert _sd((t.coefficient, t.sd) for t in slices) == pytest.approx(term.sd, rel=5e-3), link
+
+
+@pytest.mark.parametrize(("row", "own"), [(("winding_a", "winding_b"), 0.1), (("teeth",), 0.4)])
+def test_the_way_along_a_part_is_known_as_well_as_its_own_number(
+    reference: Network, row: tuple[str, ...], own: float
+) -> None:
+    """As many resistances in series as lie between the middles of two halves, or along all of a part."""
+    cut = sliced(reference, CUT, 12, 0.13)
+    along = [one.terms[0] for one in cut.links if {_stem(one.a), _stem(one.b)} <= set(row)]
+    assert len(along) == 11
+    assert _sd((1 / t.coefficient, t.sd) for t in (along + along)[: 12 // len(row)]) == pytest.approx(own, rel=5e-3)
+
+
+def _hot_spot_sd(network: Network, node: str) -> float:
+    """[K], 20 min into a drive at half current, by the priors of the network alone."""
+    steps = 600
+    u = {"speed": np.full(steps, 0.4), "current": np.full(steps, 0.5), "flow": np.ones(steps)}
+    frame = Frame(2.0, evaluate(monomials(network), u, steps), np.tile([65.0, 25.0], (steps, 1)))
+    start = np.full(len(network.nodes), 65.0)
+    test = Test("drive", "s1", frame, {}, {}, start, np.full(len(start), 1e-3), channels=())
+    covariance = np.diag([parameter.sd**2 for parameter in freedom(network, ())])
+    return sd_K(network, test, [(node, 1199.0)], covariance)[0]
+
+
+@pytest.mark.parametrize("slices", [2, 8])
+def test_a_sliced_motor_is_no_surer_of_its_hot_spot_than_the_lumped_one(reference: Network, slices: int) -> None:
+    lumped = _hot_spot_sd(reference, "winding_a")
+    assert 0.95 * lumped < _hot_spot_sd(sliced(reference, CUT, slices, 0.13), "winding_a") < 1.2 * lumped
+
+
 def test_a_temperature_factor_follows_the_slice_at_its_place(reference: Network) -> None:
     factor = TemperatureFactor("teeth", -0.001, 20.0)
     sources = tuple(
@@ -160,8 +216,12 @@ def test_a_node_that_a_circuit_flows_through_stays_whole(reference: Network) -> 
 
 
 def test_what_cannot_be_cut_is_refused_with_what_to_do(reference: Network) -> None:
-    with pytest.raises(UnknownNodeError, match=r'^node "tooth": reference-150kW has no such node: known are shaft,'):
-        sliced(reference, ["tooth"], 4, 0.13)
+    with pytest.raises(
+        UnknownNodeError, match=r'^node "yok": reference-150kW has no such node: did you mean "yoke"\?$'
+    ):
+        sliced(reference, ["teeth", "yok"], 4, 0.13)
+    with pytest.raises(UnknownNodeError, match=r'^node "x": reference-150kW has no such node: known are shaft,'):
+        sliced(reference, ["x"], 4, 0.13)
     with pytest.raises(DuplicateError, match="name it once"):
         sliced(reference, ["teeth", "teeth"], 4, 0.13)
     with pytest.raises(
