@@ -15,11 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.actions import Parameter
-from twin.calibration import freedom
+from twin.block_columns import Thermometer, block_columns, of_motor, thermometer
 from twin.influence import Influence
-from twin.model import Model, Test
+from twin.model import BROAD, Test
 from twin.network import Network
-from twin.noise import ChannelNoise
+from twin.noise import ChannelNoise, Series
+from twin.recorded import Channel
+from twin.whitening import Whitening
 
 Floats = NDArray[np.float64]
 
@@ -35,17 +37,38 @@ class Choice:
 
 
 def information(network: Network, test: Test, noise: Mapping[str, ChannelNoise]) -> Floats:
-    """Fisher information (P, P) of a test on ln coefficients and ln capacities, in the order of `twin.calibration.freedom`."""
-    parameters = freedom(network, [test])
-    model = Model(network, [test], parameters, noise)
-    shared = len(freedom(network, ()))
-    gram = np.diag(np.concatenate([np.zeros(shared), model.sd[shared:] ** -2.0]))
-    for part in model.linearise(np.zeros(len(parameters))):
-        white = model.whitened(part.series, part.columns)
-        gram[np.ix_(part.at, part.at)] += white.T @ white
+    """Fisher information (P, P) of a test's thermometers on ln coefficients and ln capacities, in the order of `twin.calibration.freedom`.
+
+    Blocks are taken as they come: no test is too long. Raises `DivergedError` where the network's own run leaves the finite numbers."""
+    places, values = of_motor(network)
+    step_s, n, shared = test.frame.step_s, len(network.nodes), len(places)
+    starts = [places[-1] + 1 + i for i in range(n)]
+    offset = [c for c, channel in enumerate(test.channels) if channel.bias_sd]
+    own_sd = np.array([*test.initial_sd, *(test.channels[c].bias_sd for c in offset)])
+    total = shared + own_sd.size
+    read = [thermometer(network, channel.output, step_s) for channel in test.channels]
+    whitenings = [_whitening(c, one, step_s, noise, total) for c, one in zip(test.channels, read, strict=True)]
+    gram, done = np.diag(np.concatenate([np.zeros(shared), own_sd**-2.0])), 0
+    for some in block_columns(network, test.frame, test.initial, read, [*places, *starts]):
+        columns = np.zeros((*some.shape[:2], total))
+        columns[:, :, :shared] = some[:, :, :shared] * values
+        columns[:, :, shared : shared + n] = some[:, :, shared:]
+        columns[:, offset, shared + n + np.arange(len(offset))] = 1.0
+        there = [one.blocks.there[done : done + len(some)] for one in read]
+        rows = np.concatenate([whitenings[c](columns[there[c], c]) for c in range(len(read))])
+        gram += rows.T @ rows
+        done += len(some)
     own = slice(shared, None)
     found: Floats = gram[:shared, :shared] - gram[:shared, own] @ np.linalg.solve(gram[own, own], gram[own, :shared])
     return found
+
+
+def _whitening(
+    channel: Channel, read: Thermometer, step_s: float, noise: Mapping[str, ChannelNoise], columns: int
+) -> Whitening:
+    times, samples = read.blocks.times_s(step_s), read.blocks.samples
+    series = Series(0, channel.name, times, np.zeros_like(times), samples, channel.white_sd, channel.resolution)
+    return Whitening(series, noise.get(channel.name, BROAD), columns)
 
 
 def prior(parameters: Sequence[Parameter]) -> Floats:
@@ -53,17 +76,24 @@ def prior(parameters: Sequence[Parameter]) -> Floats:
     return np.diag([p.sd**-2.0 for p in parameters])
 
 
-def in_order(of_tests: Sequence[Floats], drive: Influence) -> list[Choice]:
-    """The tests, greedily by what each adds to those before it."""
-    precision = prior(drive.parameters)
-    left, chosen = list(range(len(of_tests))), []
+def in_order(
+    of_tests: Sequence[Floats], drive: Influence, known: Floats | None = None, hours: Sequence[float] | None = None
+) -> list[Choice]:
+    """The tests, greedily by what each adds to those before it; to `known` (P, P), the precision that the first one begins with, where that
+    is more than the prior; by what each adds an hour where `hours` says how long each takes."""
+    precision = prior(drive.parameters) if known is None else known
+    left = list(range(len(of_tests)))
+    chosen: list[tuple[int, float]] = []
+    after: list[Floats] = []
     while left:
         gains = {s: gain_nats(precision, of_tests[s]) for s in left}
-        best = max(gains, key=lambda s: gains[s])
+        best = max(gains, key=lambda s: gains[s] if hours is None else gains[s] / hours[s])
         precision = precision + of_tests[best]
         left.remove(best)
-        chosen.append(Choice(best, gains[best], known_K(precision, drive)))
-    return chosen
+        chosen.append((best, gains[best]))
+        after.append(precision)
+    unknown_K = drive.unknown_K(after)
+    return [Choice(test, gain, course) for (test, gain), course in zip(chosen, unknown_K, strict=True)]
 
 
 def gain_nats(precision: Floats, more: Floats) -> float:
@@ -73,7 +103,5 @@ def gain_nats(precision: Floats, more: Floats) -> float:
 
 def known_K(precision: Floats, drive: Influence) -> Floats:
     """(n,) [K]: root mean square over the drive's blocks of each node's standard deviation under the parameters' precision."""
-    factor = np.linalg.cholesky(np.linalg.inv(precision))
-    return np.array(
-        [np.sqrt(((drive.columns[:, i] @ factor) ** 2).sum(axis=1).mean()) for i in range(len(drive.nodes))]
-    )
+    found: Floats = drive.unknown_K([precision])[0]
+    return found

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import textwrap
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -20,12 +20,19 @@ from replay.show.terminal import labelled
 from replay.studies.envelope import DURATIONS_S, Ended, Envelope
 from twin.envelope import Border
 
-MARKS = {"temperature": "o", "load limit": "s", "time": "x"}
+MARKS = {"temperature": "o", "current limit": "s", "load limit": "s", "time": "x"}
+WHY = {
+    "temperature": "at its temperature limit",
+    "current limit": "at the largest current of all sessions",
+    "load limit": "at the largest load of all sessions",
+    "time": "by time",
+}
+ALIKE = 0.03  # pulses whose load and speed differ by less are told together
 BANDS = {
     True: "95 %, from what these sessions leave unknown of the coefficients; errors of the network's form are not in them",
     False: "95 %, from the sd of the motor file, as this model was fitted to nothing: calibrate first, then give that --model",
 }
-MARKED = "triangle: no limit reached at the most recorded load; o, square, x: S1 and S2 sessions that ended by temperature, load, time"
+MARKED = "triangle: no limit reached at the most recorded load; o, square, x: S1 sessions and S2 pulses that ended by temperature, current, time"
 
 
 def document(found: Envelope) -> dict[str, Any]:
@@ -59,6 +66,9 @@ def document(found: Envelope) -> dict[str, Any]:
                 "session": one.session.session,
                 "name": one.session.name,
                 "kind": one.session.kind,
+                "pulse": one.pulse,
+                "seconds": one.seconds,
+                "current_A": one.current_A,
                 "speed_rpm": one.speed_rpm,
                 "load": one.load,
                 "node": one.node,
@@ -76,8 +86,8 @@ def envelope_text(found: Envelope) -> str:
     lines += ["", *_table(found)]
     lines += ["", *labelled("Held at", _held(found))]
     lines += labelled("Bands", BANDS[found.fitted])
-    for one in found.ended:
-        lines += labelled("Ended", ending(one, found.load_column))
+    for some in together(found.ended):
+        lines += labelled("Ended", ending(some, found.load_column))
     return "\n".join(lines)
 
 
@@ -117,16 +127,45 @@ def _held(found: Envelope) -> str:
     return f"{around}; seconds are counted from rest in equilibrium with them ({found.start_degC:.0f} °C)"
 
 
-def ending(one: Ended, load_column: str) -> str:
-    """How a session ended and why."""
+def together(found: Sequence[Ended]) -> list[list[Ended]]:
+    """Pulses of one session at one load and speed that ended for one reason; each S1 session by itself."""
+    groups: list[list[Ended]] = []
+    for one in found:
+        like = next((some for some in groups if one.pulse is not None and _alike(one, some[0])), None)
+        if like is None:
+            groups.append([one])
+        else:
+            like.append(one)
+    return groups
+
+
+def _alike(one: Ended, other: Ended) -> bool:
+    return (
+        (one.session.session, one.reason) == (other.session.session, other.reason)
+        and abs(one.load - other.load) <= ALIKE * other.load
+        and abs(one.speed_rpm - other.speed_rpm) <= ALIKE * other.speed_rpm
+    )
+
+
+def ending(some: Sequence[Ended], load_column: str) -> str:
+    """How a session, or pulses of it that are told together, ended and why; how hot the hottest of them was."""
     unit = LOAD_NAMES[load_column][1]
+    one = max(some, key=lambda e: -math.inf if e.hottest_degC is None else e.hottest_degC)
     hot = f"{words.name(one.node)} {one.hottest_degC:.0f} °C, " if one.node and one.hottest_degC is not None else ""
-    why = {
-        "temperature": "at its temperature limit",
-        "load limit": "at the largest load of all sessions",
-        "time": "by time",
-    }
-    return f"{one.session.name} ({one.session.kind}) {why[one.reason]}: {hot}{one.load:.0f} {unit} at {one.speed_rpm:,.0f} rpm"
+    amps = "" if one.current_A is None or load_column == "current_A" else f" and {one.current_A:.0f} A"
+    return (
+        f"{one.session.name} ({one.session.kind}){_which(some)} {WHY[one.reason]}: {hot}{one.load:.0f} {unit}{amps} at "
+        f"{one.speed_rpm:,.0f} rpm"
+    )
+
+
+def _which(some: Sequence[Ended]) -> str:
+    """ " pulses 1, 2 and 4 of 60 s"; nothing for a whole session."""
+    if some[0].pulse is None:
+        return ""
+    lengths = sorted(round(one.seconds) for one in some)
+    long = f"{lengths[0]} s" if lengths[0] == lengths[-1] else f"{lengths[0]} to {lengths[-1]} s"
+    return f" pulse{'s' if len(some) > 1 else ''} {words.joined([str(one.pulse) for one in some])} of {long}"
 
 
 def picture(found: Envelope, target: Path) -> None:
@@ -146,7 +185,7 @@ def picture(found: Envelope, target: Path) -> None:
             open_ended = [(s, b.load) for s, b in zip(speeds, of_time, strict=True) if b.node is None]
             if open_ended:
                 axes.plot(*zip(*open_ended, strict=True), linestyle="", marker="^", markersize=5, color=colour)
-        for one in found.ended:
+        for one, *_ in together(found.ended):
             axes.plot([one.speed_rpm], [one.load], linestyle="", marker=MARKS[one.reason], color=INK[0], markersize=5)
             axes.annotate(
                 one.session.name, (one.speed_rpm, one.load), xytext=(6, -3), textcoords="offset points", fontsize=7

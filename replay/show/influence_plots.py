@@ -7,11 +7,11 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
-from matplotlib.ticker import MultipleLocator
+from matplotlib.ticker import FuncFormatter, MultipleLocator, NullFormatter
 
 from replay.show import words
 from replay.show.figure import Plot, Table, inline_svg, name_lines, style
-from replay.show.palette import COLOURS, DASHES, DIVERGING, with_variables
+from replay.show.palette import COLOURS, DASHES, DIVERGING, INK, with_variables
 from replay.show.plots import WIDTH
 from replay.studies.protocol import Protocol, of_interest
 
@@ -68,40 +68,57 @@ def _draw_map(values: np.ndarray, names: list[str], nodes: list[str]) -> Figure:
 
 
 def points_curve(found: Protocol) -> Plot:
-    """What the parameters leave unknown of the least known nodes on the drive cycles [K], point by point."""
-    course = np.array([found.unknown_K, *(choice.known_K for choice in found.choices)])
+    """What the parameters leave unknown of the least known nodes on the drive cycles [K], point by point: those recorded, then those
+    proposed."""
+    recorded = [found.points[choice.test].name for choice in found.choices]
+    labels = [
+        "none",
+        *(f"+ {name}" for name in recorded),
+        *(f"next {i}" for i, _ in enumerate(found.proposals, start=1)),
+    ]
+    after_each = [one.known_K for one in found.choices] + [one.known_K for one in found.proposals]
+    course = np.array([found.unknown_K, *after_each])
     least = sorted(of_interest(found.network), key=lambda i: -course[0, i])[:LINES]
     nodes = [words.name(found.influence.nodes[i]) for i in least]
-    taken = [found.points[choice.test].name for choice in found.choices]
+    after = course[len(recorded), least[0]]
     title = (
         f"{words.capital(nodes[0])}: {words.kelvin(course[0, least[0]])} unknown before any point, "
-        f"{words.kelvin(course[-1, least[0]])} after {words.counted(len(taken), 'point')}"
+        f"{words.kelvin(after)} after {words.counted(len(recorded), 'point')}"
     )
     with style(f"{found.calibration.event.calibration} points"):
         figure = Figure(figsize=(WIDTH, 2.6))
         FigureCanvasAgg(figure)
         axes = figure.add_axes((0.1, 0.2, 0.68, 0.72))
-        _draw_course(axes, course[:, least], nodes, taken)
+        _draw_course(axes, course[:, least], nodes, labels, len(recorded))
         svg = with_variables(inline_svg(figure, title))
     note = (
         "Standard deviation of each node on the drive cycles that comes from the coefficients and capacities alone, each point added "
-        "in the order in which they teach most."
+        "in the order in which they teach most; behind the vertical line points that were not run, those that teach most an hour first."
     )
     head = ("points", "nats", *nodes)
-    steps = [
-        ("before any", "", course[0]),
-        *((n, f"{c.gain:.1f}", c.known_K) for n, c in zip(taken, found.choices, strict=True)),
-    ]
+    gains = [one.gain for one in found.choices] + [one.gain for one in found.proposals]
+    taken = ["before any", *recorded, *(one.words for one in found.proposals)]
+    steps = list(zip(taken, ["", *(f"{gain:.1f}" for gain in gains)], course, strict=True))
     return Plot(title, svg, note, Table(head, tuple((n, g, *(f"{k[i]:.2f}" for i in least)) for n, g, k in steps)))
 
 
-def _draw_course(axes: Axes, course: np.ndarray, nodes: list[str], taken: list[str]) -> None:
+def _draw_course(axes: Axes, course: np.ndarray, nodes: list[str], labels: list[str], recorded: int) -> None:
+    """`recorded`: points that were run; those behind them have open marks."""
     places = np.arange(len(course))
     for values, colour, dashes in zip(course.T, COLOURS, DASHES, strict=False):
-        axes.plot(places, values, color=colour, linestyle=dashes, marker="o", markersize=3)
-    axes.set_ylim(0.0, None)
+        axes.plot(places, values, color=colour, linestyle=dashes)
+        axes.plot(places[: recorded + 1], values[: recorded + 1], color=colour, linestyle="", marker="o", markersize=3)
+        (proposed,) = axes.plot(places[recorded + 1 :], values[recorded + 1 :], color=colour, linestyle="", marker="o")
+        proposed.set(markersize=3, markerfacecolor="none")
+    if recorded + 1 < len(course):
+        axes.axvline(recorded + 0.5, color=INK[0], linewidth=0.6)
+    axes.set_yscale("log")
+    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axes.yaxis.set_minor_formatter(NullFormatter())
     axes.set_xlim(-0.1, places[-1] + 0.1)
     axes.xaxis.set_major_locator(MultipleLocator(1))
-    axes.set_xticks(places, ["none", *(f"+ {name}" for name in taken)], fontsize=7)
+    axes.set_xticks(places, labels, fontsize=7)
     axes.set_ylabel("left unknown [K]")
-    name_lines(axes, [(float(v), n, c) for v, n, c in zip(course[-1], nodes, COLOURS, strict=False)])
+    low, high = axes.get_ylim()
+    ends = low + (high - low) * np.log(course[-1] / low) / np.log(high / low)  # names are placed as on a linear axis
+    name_lines(axes, [(float(v), n, c) for v, n, c in zip(ends, nodes, COLOURS, strict=False)])

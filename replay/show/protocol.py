@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
+
+import numpy as np
 
 from replay.show import words
 from replay.show.terminal import labelled
 from replay.studies.protocol import MOVES_K, Protocol, of_interest
 
 SHOWN = 12  # parameters that a person reads
+ENOUGH = 0.9  # of what all points not run would teach: so many are said to be worth running
+WORSE_K = 0.2  # by which a filter must be worse than the open loop for that to be explained
 
 
 def document(found: Protocol) -> dict[str, Any]:
@@ -44,7 +49,15 @@ def document(found: Protocol) -> dict[str, Any]:
             }
             for choice in found.choices
         ],
-        "proposed": [{"says": p.words, "gain_nats": p.gain, "hours": p.hours} for p in found.proposals],
+        "proposed": [
+            {
+                "says": p.words,
+                "gain_nats": p.gain,
+                "hours": p.hours,
+                "unknown_after_K": dict(zip(weighed.nodes, map(float, p.known_K), strict=True)),
+            }
+            for p in found.proposals
+        ],
         "checked": [
             {
                 "session": after["session"],
@@ -69,8 +82,8 @@ def protocol_text(found: Protocol) -> str:
     lines += ["", *labelled("Answer", answer(found))] if lines else labelled("Answer", answer(found))
     lines += ["", *_influence(found)]
     lines += ["", *_points(found)]
-    for proposal in found.proposals[:1]:
-        lines += labelled("Next point", f"{proposal.words}: {proposal.gain:.1f} nats in {proposal.hours:.1f} h")
+    if found.proposals:
+        lines += ["", *labelled("Next points", next_points(found))]
     lines += ["", *_checked(found), ""]
     for text in filter_notes(found):
         lines += labelled("Filter", text)
@@ -127,11 +140,28 @@ def _points(found: Protocol) -> Iterator[str]:
     least = sorted(of_interest(found.network), key=lambda i: -found.unknown_K[i])[:2]
     names = " and ".join(words.name(nodes[i]) for i in least)
     yield f"What each point teaches; what is left unknown on the drive cycles at {names}"
-    yield f"{'before any':<28} {'':>10}   " + "  ".join(f"{found.unknown_K[i]:>5.1f} K" for i in least)
-    for choice in found.choices:
-        left = "  ".join(f"{choice.known_K[i]:>5.1f} K" for i in least)
-        point = found.points[choice.test]
-        yield f"{f'{point.name} ({point.kind})':<28} {choice.gain:>5.1f} nats   {left}"
+    recorded = [f"{one.name} ({one.kind})" for one in (found.points[choice.test] for choice in found.choices)]
+    width = max(28, *map(len, [*recorded, *(one.words for one in found.proposals)]))
+
+    def row(label: str, nats: str, left: Sequence[float]) -> str:
+        return f"{label:<{width}} {nats:>10}   " + "  ".join(f"{left[i]:>5.2f} K" for i in least)
+
+    yield row("before any", "", found.unknown_K)
+    for label, choice in zip(recorded, found.choices, strict=True):
+        yield row(label, f"{choice.gain:.1f} nats", choice.known_K.tolist())
+    if found.proposals:
+        yield "Not run yet, each beside all above it, those that teach most an hour first"
+    for one in found.proposals:
+        yield row(one.words, f"{one.gain:.1f} nats", one.known_K.tolist())
+
+
+def next_points(found: Protocol) -> str:
+    """How many of the proposed points, the first ones, teach most of what all of them would."""
+    gains = np.cumsum([one.gain for one in found.proposals])
+    count = int(np.argmax(gains >= ENOUGH * gains[-1])) + 1
+    first = found.proposals[:count]
+    after = f"teach{'es' if count == 1 else ''} {100 * gains[count - 1] / gains[-1]:.0f} % of what all {len(found.proposals)} would"
+    return f"{words.joined([one.words for one in first])} {after}, in {sum(one.hours for one in first):.1f} h"
 
 
 def _checked(found: Protocol) -> Iterator[str]:
@@ -143,11 +173,13 @@ def _checked(found: Protocol) -> Iterator[str]:
 
 
 def filter_notes(found: Protocol) -> Iterator[str]:
-    """A line a drive: what the filter makes of the channels that it was not given."""
+    """A line a drive: what the filter makes of the channels that it was not given; and why, where the open loop does better."""
+    worse = False
     for summary in found.after:
         filtered = summary["filtered"]
         if filtered and filtered["mae_K"]:
             seen = {c["channel"]: c for c in summary["channels"]}
+            worse |= any(mae > seen[name]["mae_K"] + WORSE_K for name, mae in filtered["mae_K"].items() if name in seen)
             parts = [
                 f"{channel} {words.kelvin(mae)} (open loop {words.kelvin(seen[channel]['mae_K'])})"
                 for channel, mae in filtered["mae_K"].items()
@@ -158,3 +190,20 @@ def filter_notes(found: Protocol) -> Iterator[str]:
                     f"{summary['session_name']}: from {words.counted(len(filtered['measured']), 'channel')} and an unknown "
                     f"heat at the {words.name(filtered['node'])}, the kept {words.joined(parts)}"
                 )
+    if worse:
+        yield (
+            "the open loop does better where it begins with the kept channel's own first reading, and where the filter takes for "
+            f"temperature what a thermometer reads too much{_too_much(found)}: a [[correction]] in the bench file takes that off"
+        )
+
+
+def _too_much(found: Protocol) -> str:
+    """Of the channels that a filter read, the one with the largest constant error by the calibration, of one sign on every point."""
+    read = {channel for summary in found.after if summary["filtered"] for channel in summary["filtered"]["measured"]}
+    errors = defaultdict(list)
+    for one in found.calibration.event.errors:
+        if "bias_K" in one and one["channel"] in read:
+            errors[one["channel"]].append(float(one["bias_K"]))
+    means = {name: float(np.mean(some)) for name, some in errors.items() if len({bias > 0 for bias in some}) == 1}
+    worst = max(means, key=lambda name: abs(means[name]), default=None)
+    return "" if worst is None else f" (by the calibration {worst} {words.signed_kelvin(means[worst])})"

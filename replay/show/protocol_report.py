@@ -15,7 +15,7 @@ from replay.show.documents import context, latest_run
 from replay.show.figure import Plot
 from replay.show.influence_plots import influence_map, points_curve
 from replay.show.page import template
-from replay.show.protocol import answer, checked, filter_notes
+from replay.show.protocol import answer, checked, filter_notes, next_points
 from replay.show.report import COLUMNS
 from replay.studies.protocol import Protocol
 
@@ -30,6 +30,7 @@ def write_protocol_report(store: Store, found: Protocol, target: Path, command: 
         answer=answer(found),
         influence=influence_map(found),
         points=points_curve(found),
+        next_points=next_points(found) if found.proposals else "",
         errors=sorted(checked(found).items(), key=lambda one: -one[1][0]),
         notes=list(filter_notes(found)),
         drives=[(session, _plots(runs[session.session])) for session in found.drives],

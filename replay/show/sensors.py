@@ -7,7 +7,7 @@ from typing import Any
 
 from replay.show import words
 from replay.show.terminal import labelled
-from replay.studies.sensors import TOLERATED_K, Worth
+from replay.studies.sensors import LEAST_OTHERS, TOLERATED_K, Worth, student
 
 LEAST_COVERED = 0.9  # coverage of a 95 % band below which it is said to be too narrow
 
@@ -41,7 +41,10 @@ def dispensable(found: Worth) -> list[str]:
 def sensors_text(found: Worth) -> str:
     """What `whyhot sensors` prints. No colours, no trailing newline."""
     lines = labelled("Answer", answer(found))
-    lines += ["", *_table(found), "", *_order(found)]
+    lines += ["", *_table(found)]
+    for text in band_notes(found):
+        lines += labelled("Bands", text)
+    lines += ["", *_order(found)]
     for text in margin_notes(found):
         lines += ["", *labelled("Margin", text)]
     return "\n".join(lines)
@@ -62,10 +65,25 @@ def _table(found: Worth) -> Iterator[str]:
     width = max(12, *(len(_label(one.channel, one.node)) for one in found.withheld))
     yield f"{'Withheld':<{width}}  {'mean':>7}  {'worst':>7}  {'open loop':>9}  {'95 % band':>10}   within it"
     for one in sorted(found.withheld, key=lambda one: -one.mae_K):
-        narrow = "  too narrow" if one.covered < LEAST_COVERED else ""
+        narrow = ": too narrow" if one.covered < LEAST_COVERED else ""
         yield (
             f"{_label(one.channel, one.node):<{width}}  {words.kelvin(one.mae_K):>7}  {words.kelvin(one.max_K):>7}  "
-            f"{words.kelvin(one.open_loop_K):>9}  +-{words.kelvin(one.band_K):>8}   {100 * one.covered:.0f} %{narrow}"
+            f"{words.kelvin(one.open_loop_K):>9}  +-{words.kelvin(one.band_K):>8}   {100 * one.covered:.0f} % of "
+            f"{words.counted(one.sessions, 'session')}{narrow}"
+        )
+
+
+def band_notes(found: Worth) -> Iterator[str]:
+    """Where bands come from: how few sessions make them wide, and which channels have too few for any but the filter's own."""
+    if others := sorted({one.sessions - 1 for one in found.withheld if one.widened}):
+        factors = words.joined([f"{student(count):.1f} with {count}" for count in others])
+        yield f"each session's from the errors in the others, times Student's factor ({factors}): few sessions make wide bands"
+    alone = [one.channel for one in found.withheld if not one.widened]
+    if alone:
+        whose = "" if len(alone) == len(found.withheld) else f" for {words.joined(alone)}"
+        yield (
+            f"the filter's own{whose}, which know noise and random walks alone: those that hold what the model is off by are made from "
+            f"the errors in other sessions, and need {LEAST_OTHERS + 1} sessions with the channel"
         )
 
 

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
@@ -108,7 +109,10 @@ def profiles(result: CalibrationResult, names: Sequence[str]) -> list[dict[str, 
     they do not bound it. Raises ReplayDataError where there is no such parameter."""
     before = {estimate.name: estimate.before for estimate in result.calibration.estimates}
     if unknown := [name for name in names if name not in before]:
-        raise ReplayDataError(f"--profile {unknown[0]}: the motor has no such parameter.{hint(unknown[0], before)}")
+        raise ReplayDataError(
+            f"--profile {unknown[0]}: the motor has no such parameter.{_nearest(unknown[0], before)} Names are kind.place.law; "
+            "`whyhot calibrate --on S --json` lists those of this motor as `parameters`."
+        )
     found = []
     for place, name in [(list(before).index(name), name) for name in names]:
         with fitting(f"profile of {name}"):
@@ -118,6 +122,12 @@ def profiles(result: CalibrationResult, names: Sequence[str]) -> list[dict[str, 
         course = [[before[name] * math.exp(v), float(r)] for v, r in zip(one.values, one.rise, strict=True)]
         found.append({"name": name, "unit": unit, "value": value, "ci95": ends, "course": course})
     return found
+
+
+def _nearest(name: str, names: Collection[str]) -> str:
+    """The parameter most like a name that is none: however far, of the same kind where there is that kind."""
+    alike = [one for one in names if one.split(".", 1)[0] == name.split(".", 1)[0]] or list(names)
+    return hint(name, names) or f" Nearest: {get_close_matches(name, alike, n=1, cutoff=0.0)[0]}."
 
 
 def common_model(facts: Facts, sessions: Sequence[SessionRecorded]) -> str:

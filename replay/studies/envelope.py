@@ -10,11 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ingest.catalogue.channels import load
+from ingest.catalogue.kinds import LOADED
 from ingest.events import SessionRecorded
 from ingest.facts import Facts
 from ingest.store import Store
 from replay.engine.configurations import refuse_other_rigs
-from replay.engine.frame import InputFrame, column_name
+from replay.engine.frame import InputFrame, Observation, column_name
 from replay.engine.frame_of import session_frame
 from replay.engine.kernel_cache import load_kernel
 from replay.engine.motor_file import read_motor
@@ -37,17 +38,24 @@ DURATIONS_S = (math.inf, 60.0, 30.0, 10.0)
 LOADS = {"torque": "torque_Nm", "current": "current_A"}  # the load axis: the first that every session has
 SPEEDS = 10
 AT_LIMIT_K = 3.0  # a session that ended that near the limit ended for it: a thermocouple is not the hot spot
-AT_MOST = 0.97  # of the largest load of all sessions: the inverter's or the battery's limit
+AT_MOST = 0.97  # of the largest current (or load) of all sessions: the inverter's or the battery's limit
+LEAST_PULSE_s = 5.0  # shorter is no step of load
+SLOPE_s = 2.0  # over which the rise of a lagging thermometer is taken: noise would make more of less
 
 
 @dataclass(frozen=True)
 class Ended:
-    """How an S1 or S2 session ended: the limited node that was measured nearest to its limit, how hot; mean `speed_rpm` and largest
-    `load` of the minute before that moment; `reason`: "temperature", "load limit" or "time"."""
+    """How an S1 session, or one pulse of an S2 session, ended: the limited node that was measured nearest to its limit, how hot (its
+    thermometer's known lag taken off); mean `speed_rpm`, largest `load` and `current_A` (rms, None where it is not recorded) of the
+    minute before that moment, of no more than the pulse. `reason`: "temperature", "current limit" ("load limit" where a session has no
+    current) or "time". `pulse` counts from 1, None for a whole session; `seconds`: its length."""
 
     session: SessionRecorded
+    pulse: int | None
+    seconds: float
     speed_rpm: float
     load: float
+    current_A: float | None
     node: str | None
     hottest_degC: float | None
     reason: str
@@ -124,7 +132,7 @@ def envelope(
         boundaries=dict(zip((b.name for b in network.boundaries), map(float, boundaries), strict=True)),
         start_degC=float(start.max()),
         fitted=fitted,
-        ended=tuple(_ended(network, sessions, frames, column)),
+        ended=ended(network, sessions, frames, column),
         sessions=tuple(sessions),
     )
 
@@ -174,28 +182,74 @@ def _at_rest(network: Network, frames: Sequence[InputFrame]) -> Floats:
     return found
 
 
-def _ended(
-    network: Network,
-    sessions: Sequence[SessionRecorded],
-    frames: Sequence[InputFrame],
-    column: str,
-) -> list[Ended]:
-    most = max(float(np.nanmax(np.abs(frame.inputs[column]))) for frame in frames)
+def ended(
+    network: Network, sessions: Sequence[SessionRecorded], frames: Sequence[InputFrame], column: str
+) -> tuple[Ended, ...]:
+    """How each S1 session and each pulse of an S2 session ended. What was at its limit is told by the current wherever every session knows
+    it: in field weakening torque is far below its largest while the inverter gives all it can."""
+    currents = [phase_current(frame) for frame in frames]
+    driven = [current for current in currents if current is not None]
+    by_current = len(driven) == len(frames)
+    pushed = driven if by_current else [np.abs(frame.inputs[column]) for frame in frames]
+    most = max(float(np.nanmax(of_session)) for of_session in pushed)
     limits = {node.name: node.limit_degC for node in network.nodes if node.limit_degC is not None}
     found = []
-    for session, frame in zip(sessions, frames, strict=True):
+    for session, frame, current, push in zip(sessions, frames, currents, pushed, strict=True):
         if session.kind not in ("s1", "s2"):
             continue
-        hottest = [
-            (float(np.nanmax(o.measured)) - limits[o.label], o.label, int(np.nanargmax(o.measured)))
-            for o in frame.observations
-            if o.label in limits and np.isfinite(o.measured).any()
-        ]
-        over, node, end = max(hottest, default=(-math.inf, None, len(frame.features) - 1))
-        last = slice(max(0, end - round(60.0 / frame.step_s)), end + 1)
-        load = float(np.nanmax(np.abs(frame.inputs[column][last])))
-        hot = None if node is None else over + limits[node]
-        reason = "temperature" if over >= -AT_LIMIT_K else "load limit" if load >= AT_MOST * most else "time"
-        speed = float(np.nanmean(np.abs(frame.inputs["speed_rpm"][last])))
-        found.append(Ended(session, speed, load, node, hot, reason))
+        limited = [(o.label, without_lag(o, frame.step_s)) for o in frame.observations if o.label in limits]
+        of_pulses = pulses(push, frame.step_s) if session.kind == "s2" else []
+        for number, (first, after) in enumerate(of_pulses or [(0, len(push))], start=1):
+            hottest = [
+                (float(np.nanmax(there)) - limits[label], label, first + int(np.nanargmax(there)))
+                for label, course in limited
+                if np.isfinite(there := course[first:after]).any()
+            ]
+            over, node, end = max(hottest, default=(-math.inf, None, after - 1))
+            last = slice(max(first, end - round(60.0 / frame.step_s)), end + 1)
+            at_limit = float(np.nanmax(push[last])) >= AT_MOST * most
+            limit = "current limit" if by_current else "load limit"
+            found.append(
+                Ended(
+                    session=session,
+                    pulse=number if of_pulses else None,
+                    seconds=(after - first) * frame.step_s,
+                    speed_rpm=float(np.nanmean(np.abs(frame.inputs["speed_rpm"][last]))),
+                    load=float(np.nanmax(np.abs(frame.inputs[column][last]))),
+                    current_A=None if current is None else float(np.nanmax(current[last])),
+                    node=node,
+                    hottest_degC=None if node is None else over + limits[node],
+                    reason="temperature" if over >= -AT_LIMIT_K else limit if at_limit else "time",
+                )
+            )
+    return tuple(found)
+
+
+def without_lag(o: Observation, step_s: float) -> Floats:
+    """(N,) [degC]: where a thermometer is, from what it shows, its known time constant and its rise: at the end of a pulse it is several
+    kelvins behind. NaN where it has no good sample."""
+    shown = np.where(o.good, o.measured, np.nan)
+    back = max(1, round(SLOPE_s / step_s))
+    rise = np.zeros_like(shown)
+    rise[back:] = (shown[back:] - shown[:-back]) / (back * step_s)
+    found: Floats = shown + o.time_constant_s * np.nan_to_num(rise)
     return found
+
+
+def phase_current(frame: InputFrame) -> Floats | None:
+    """(N,) [A rms], from its components where it is not recorded itself; None where those are not either."""
+    if "current_A" in frame.inputs:
+        return np.abs(frame.inputs["current_A"])
+    parts = [frame.inputs.get(f"current_{axis}_A") for axis in "dq"]
+    if parts[0] is None or parts[1] is None:
+        return None
+    found: Floats = np.hypot(parts[0], parts[1])
+    return found
+
+
+def pulses(push: Floats, step_s: float) -> list[tuple[int, int]]:
+    """First step and one past the last of each pulse of current or load (N,), in S2 with rests between them: all that is loaded."""
+    loaded = push > LOADED * float(np.nanquantile(push, 0.995))
+    edges = np.diff(np.r_[0, loaded.astype(np.int8), 0])
+    both = zip(np.flatnonzero(edges == 1).tolist(), np.flatnonzero(edges == -1).tolist(), strict=True)
+    return [(first, after) for first, after in both if (after - first) * step_s >= LEAST_PULSE_s]

@@ -26,18 +26,16 @@ from replay.studies.calibrate import CalibrationResult, calibrate_sessions, comm
 from replay.studies.fitting import fitting
 from replay.studies.motor_new import DEFAULT, TOPOLOGIES
 from replay.studies.recorded import test_of
-from twin.calibration import freedom
 from twin.configured import configured
 from twin.influence import Influence, influence
 from twin.model import Test
 from twin.network import Network
 from twin.next_tests import as_test, menu
 from twin.noise import ChannelNoise
-from twin.point_choice import Choice, gain_nats, in_order, information, known_K, prior
+from twin.point_choice import Choice, in_order, information, known_K, prior
 
 POINTS, DRIVES = ("s1", "s2"), ("wltp", "drive")  # kinds that are learnt from, and that the model is checked on
 MOVES_K = 0.1  # what one prior sd of a parameter must move at some node on the drive cycles: below, no sensor sees it
-PROPOSED = 3
 
 Floats = NDArray[np.float64]
 Tell = Callable[[str], None]
@@ -45,17 +43,20 @@ Tell = Callable[[str], None]
 
 @dataclass(frozen=True)
 class Proposal:
-    """A test that was not run: in words, what it adds to all that were [nats], and its length [h]."""
+    """A test that was not run: in words, what it adds to all that were and to the proposals before it [nats], its length [h], and
+    `known_K` (n,) what the parameters leave unknown of each node on the drives after it."""
 
     words: str
     gain: float
     hours: float
+    known_K: Floats
 
 
 @dataclass(frozen=True)
 class Protocol:
     """`warnings`: what `motor check` says of the motor file; `fitted`: names of the parameters that moved; `choices`: of `points`, in the order in which they teach; `unknown_K` (n,): what
-    the parameters leave unknown of each node on the drives before anything is learnt; `before`, `after`: summaries of the
+    the parameters leave unknown of each node on the drives before anything is learnt; `proposals`: tests that were not run, in the order in
+    which they would teach most an hour; `before`, `after`: summaries of the
     drives' replays with the parent and with the fitted model."""
 
     network: Network
@@ -106,7 +107,7 @@ def run_protocol(
         ]  # gains of meters are no parameter of the motor
         taught = [information(fitted.network, test, noise) for test in of_points]
         choices = in_order(taught, after_fit)
-        proposals = _proposals(fitted.network, of_points, noise, np.sum(taught, axis=0))
+        proposals = _proposals(fitted.network, of_points, noise, np.sum(taught, axis=0), after_fit)
         unknown_K = known_K(prior(after_fit.parameters), after_fit)
     replays = [_replayed(store, drives, one, level, tell) for one in (parent, calibration.event.model)]
     return Protocol(
@@ -166,15 +167,14 @@ def of_interest(network: Network) -> list[int]:
 
 
 def _proposals(
-    network: Network, tests: Sequence[Test], noise: Mapping[str, ChannelNoise], taught: Floats
+    network: Network, tests: Sequence[Test], noise: Mapping[str, ChannelNoise], taught: Floats, drives: Influence
 ) -> tuple[Proposal, ...]:
-    """The tests of the menu that add most an hour to what the recorded ones taught."""
-    before, found = prior(freedom(network, ())) + taught, []
-    for proposed in menu(network, tests):
-        test = as_test(network, tests, proposed)
-        gain = gain_nats(before, information(network, test, noise))
-        found.append(Proposal(proposed.words, gain, len(proposed.speed) * test.frame.step_s / 3600))
-    return tuple(sorted(found, key=lambda p: -p.gain / p.hours)[:PROPOSED])
+    """The tests of the menu, each the one that adds most an hour to what the recorded ones and those before it teach."""
+    offered = menu(network, tests)
+    hours = [len(one.speed) * tests[0].frame.step_s / 3600 for one in offered]
+    would_teach = [information(network, as_test(network, tests, one), noise) for one in offered]
+    chain = in_order(would_teach, drives, prior(drives.parameters) + taught, hours)
+    return tuple(Proposal(offered[c.test].words, c.gain, hours[c.test], c.known_K) for c in chain)
 
 
 def _replayed(

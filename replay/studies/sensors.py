@@ -4,7 +4,7 @@ A filter as it would run in a vehicle (readings so far) estimates what the withh
 from the smoother with every channel.
 
 What a filter says of its own uncertainty holds noise and random walks, not what is wrong with the network's form, and that keeps its
-sign through a session. So bands are as wide as the other sessions' errors ask for (`widening`), and the hot spot is as uncertain as
+sign through a session. So bands are as wide as the errors of other sessions ask for (`banded`), and the hot spot is as uncertain as
 windings are when their own channels are withheld.
 """
 
@@ -46,13 +46,15 @@ Tell = Callable[[str], None]
 SETTLE_S = 300.0  # of a session: what the start was wrong by is no sensor's worth
 Z95 = 1.96
 TOLERATED_K = 2.0  # mean error up to which a sensor is done without
+LEAST_OTHERS = 2  # sessions that a band is made from: Student's factor of one is 12.7
 
 
 @dataclass(frozen=True)
 class Withheld:
     """A channel estimated without its own readings, over all sessions. `mae_K`, `max_K` of the filter from the `others`, `open_loop_K` mean
-    error of the model alone; `band_K` half width of the 95 % band (mean), `covered` the share of readings within it, each session's by the
-    band that the other sessions ask for; `filter_band_K`, `filter_covered` the same of the filter's own band."""
+    error of the model alone; `band_K` half width of the 95 % band (mean), `covered` the share of the readings of its `sessions` within
+    that band; `filter_band_K`, `filter_covered` the same of the filter's own band. `widened`: the band of each session is the one that the
+    others ask for; where not, there are too few of them, and it is the filter's own."""
 
     channel: str
     node: str
@@ -63,6 +65,8 @@ class Withheld:
     covered: float
     filter_band_K: float
     filter_covered: float
+    sessions: int
+    widened: bool
 
 
 @dataclass(frozen=True)
@@ -72,10 +76,6 @@ class SessionErrors:
 
     K: Floats
     sd_K: Floats
-
-    def share_within(self, widened: float) -> float:
-        """Of the readings, in the 95 % band times a factor."""
-        return float((np.abs(self.K) <= widened * Z95 * self.sd_K).mean())
 
 
 @dataclass(frozen=True)
@@ -231,30 +231,49 @@ def _withheld(
         alone.append(_errors(one, channel, one.open_loop)[0][use])
     if not sessions:
         raise ReplayDataError(f'channel "{channel}" has no usable sample after the first {SETTLE_S / 60:.0f} min.')
-    error, band = (np.concatenate(parts) for parts in ([one.K for one in sessions], [one.sd_K for one in sessions]))
-    lengths = [one.K.size for one in sessions]
-    honest = [one.share_within(widening([x for x in sessions if x is not one])) for one in sessions]
+    error, factors = np.concatenate([one.K for one in sessions]), widenings(sessions)
+    band_K, covered = banded(sessions, factors or [1.0] * len(sessions))
+    filter_band_K, filter_covered = banded(sessions, [1.0] * len(sessions))
     found = Withheld(
         channel=channel,
         node=label,
         mae_K=float(np.abs(error).mean()),
         max_K=float(np.abs(error).max()),
         open_loop_K=float(np.abs(np.concatenate(alone)).mean()),
-        band_K=widening(sessions) * Z95 * float(band.mean()),
-        covered=float(np.average(honest, weights=lengths)),
-        filter_band_K=Z95 * float(band.mean()),
-        filter_covered=float((np.abs(error) <= Z95 * band).mean()),
+        band_K=band_K,
+        covered=covered,
+        filter_band_K=filter_band_K,
+        filter_covered=filter_covered,
+        sessions=len(sessions),
+        widened=bool(factors),
     )
     return found, sessions
 
 
+def banded(sessions: Sequence[SessionErrors], factors: Sequence[float]) -> tuple[float, float]:
+    """Half width [K] of the filter's 95 % band with each session's times its factor, and the share within it: means over all readings."""
+    half = np.concatenate([factor * Z95 * one.sd_K for one, factor in zip(sessions, factors, strict=True)])
+    error = np.abs(np.concatenate([one.K for one in sessions]))
+    return float(half.mean()), float((error <= half).mean())
+
+
+def widenings(sessions: Sequence[SessionErrors]) -> list[float]:
+    """Each session's factor, by the errors in all others; none where those are fewer than `LEAST_OTHERS`."""
+    if len(sessions) <= LEAST_OTHERS:
+        return []
+    return [widening([*sessions[:i], *sessions[i + 1 :]]) for i in range(len(sessions))]
+
+
 def widening(sessions: Sequence[SessionErrors]) -> float:
     """By what a 95 % band is to be widened to hold in another session, by errors in these: Student's, with as many degrees of freedom as
-    there are sessions, as the error of one hardly changes its sign. Never below 1; 1 without a session."""
-    if not sessions:
-        return 1.0
+    there are sessions, as the error of one hardly changes its sign. Never below 1."""
     size = float(np.sqrt(np.mean([np.mean((one.K / one.sd_K) ** 2) for one in sessions])))
-    return max(1.0, float(t.ppf(0.975, len(sessions))) / Z95 * size)
+    return max(1.0, student(len(sessions)) / Z95 * size)
+
+
+def student(degrees: int) -> float:
+    """Student's factor of a 95 % band."""
+    return float(t.ppf(0.975, degrees))
 
 
 def _order(recorded: Sequence[_Recorded], channels: Sequence[str], first: dict[str, float]) -> list[Left]:

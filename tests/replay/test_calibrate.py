@@ -137,8 +137,18 @@ def test_a_profile_says_what_the_data_alone_know(bench: Path, capsys: pytest.Cap
     )
 
 
-def test_a_profile_of_what_is_not_there_is_refused(bench: Path, capsys: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.parametrize(
+    ("name", "nearest"),
+    [("loss.magnet.speed3", "loss.magnet.speed2"), ("loss.foo", "loss."), ("nothing", "")],
+)
+def test_a_profile_of_what_is_not_there_is_refused(
+    bench: Path, capsys: pytest.CaptureFixture[str], name: str, nearest: str
+) -> None:
+    """With a name of the same kind however far that is, and where to find all of them."""
     capsys.readouterr()
-    words = ["calibrate", "--on", "1_learn", "--profile", "loss.magnet.speed3", "--store", str(bench / "store")]
-    assert main(words) == 2
-    assert "--profile loss.magnet.speed3: the motor has no such parameter." in capsys.readouterr().err
+    assert main(["calibrate", "--on", "1_learn", "--profile", name, "--store", str(bench / "store")]) == 2
+    said = capsys.readouterr().err
+    assert f"--profile {name}: the motor has no such parameter. Nearest: {nearest}" in said
+    assert (
+        "Names are kind.place.law; `whyhot calibrate --on S --json` lists those of this motor as `parameters`." in said
+    )

@@ -89,7 +89,9 @@ def test_how_a_session_ended_is_said(answer: Mapping[str, Any]) -> None:
     (one,) = answer["ended"]  # the drive cycle is no point
     assert (one["name"], one["kind"]) == ("1_point", "s1")
     hot = one["hottest_degC"] >= 42.0
-    assert one["reason"] == "temperature" if hot else one["reason"] in ("time", "load limit")
+    assert one["reason"] == "temperature" if hot else one["reason"] in ("time", "current limit")
+    assert one["pulse"] is None
+    assert one["current_A"] > 0
     assert one["node"] == "winding"
 
 

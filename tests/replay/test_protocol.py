@@ -6,6 +6,8 @@ import json
 import math
 import shutil
 from collections.abc import Mapping
+from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +17,12 @@ import pytest
 from ingest import facts
 from ingest.store import Store
 from replay.cli import main
+from replay.show.protocol import filter_notes, next_points
+from replay.studies import recorded
+from replay.studies.protocol import Proposal, Protocol, run_protocol
+from twin.influence import influence
+from twin.next_tests import as_test, menu
+from twin.point_choice import gain_nats, information, prior
 
 FILES = {"1_point": ("s1", 900, 1), "2_pulses": ("s2", 600, 2), "3_drive": ("wltp", 600, 3)}  # kind, seconds, seed
 
@@ -38,6 +46,14 @@ def answer(bench: Path) -> Mapping[str, Any]:
     assert main(["protocol", *words, "--json", str(target)]) == 0
     found: dict[str, Any] = json.loads(target.read_text(encoding="utf-8"))
     return found
+
+
+@pytest.fixture(scope="module")
+def found(bench: Path, answer: Mapping[str, Any]) -> Protocol:
+    assert answer
+    with Store.open(bench / "store", write=True) as store:
+        known = facts.at(store.ledger)
+        return run_protocol(store, known, [known.session(name) for name in FILES], None, "testing", lambda _: None)
 
 
 def test_points_are_learnt_from_and_drive_cycles_checked(answer: Mapping[str, Any]) -> None:
@@ -78,7 +94,59 @@ def test_every_point_leaves_less_unknown_and_the_next_ones_are_proposed(answer: 
     assert gains == sorted(gains, reverse=True)
     rates = [one["gain_nats"] / one["hours"] for one in answer["proposed"]]
     assert rates == sorted(rates, reverse=True)
-    assert rates[0] > 0
+    assert rates[-1] > 0
+
+
+def test_the_proposed_points_are_a_chain_that_goes_on_where_the_recorded_ones_end(answer: Mapping[str, Any]) -> None:
+    """Every test of the menu, once."""
+    says = [one["says"] for one in answer["proposed"]]
+    assert len(says) == len(set(says)) == 6
+    course = [answer["choice"][-1]["unknown_after_K"], *(one["unknown_after_K"] for one in answer["proposed"])]
+    for before, after in pairwise(course):
+        assert all(after[node] < before[node] for node in before)
+
+
+def test_each_proposed_point_is_weighed_beside_those_before_it(bench: Path, found: Protocol) -> None:
+    """Without the recorded and the proposed ones before it, a point teaches more."""
+    with Store.open(bench / "store") as store:
+        known = facts.at(store.ledger)
+        network = found.calibration.calibration.network
+        tests = [replace(test, meters=()) for test in found.calibration.tests]
+        drives = [recorded.test_of(store, known, session, network, (), "testing") for session in found.drives]
+    noise = found.calibration.calibration.fit.model.noise
+    precision = prior(influence(network, drives).parameters)
+    precision = precision + sum(information(network, test, noise) for test in tests)
+    offered = {one.words: as_test(network, tests, one) for one in menu(network, tests)}
+    for one in found.proposals:
+        own = information(network, offered[one.words], noise)
+        assert one.gain == pytest.approx(gain_nats(precision, own), rel=1e-6)
+        precision = precision + own
+
+
+def test_how_many_points_are_worth_running_is_said(found: Protocol) -> None:
+    few = [Proposal(name, gain, 0.5, found.proposals[0].known_K) for name, gain in (("A", 6.0), ("B", 3.5), ("C", 0.5))]
+    assert next_points(replace(found, proposals=tuple(few))) == "A and B teach 95 % of what all 3 would, in 1.0 h"
+    assert next_points(replace(found, proposals=(replace(few[0], gain=99.0), *few[1:]))).startswith("A teaches 96 %")
+
+
+def test_why_a_filter_is_worse_than_the_open_loop_is_said(found: Protocol) -> None:
+    (after,) = found.after
+    winding = next(name for name in after["filtered"]["measured"] if "winding" in name)
+    event = found.calibration.event
+
+    def notes(mae_K: float, biases: tuple[float, float]) -> list[str]:
+        kept = dict.fromkeys(after["filtered"]["mae_K"], mae_K)
+        summary = {**after, "filtered": {**after["filtered"], "mae_K": kept}}
+        errors = [{"channel": winding, "bias_K": bias} for bias in biases]
+        calibration = replace(found.calibration, event=replace(event, errors=errors))
+        return list(filter_notes(replace(found, after=(summary,), calibration=calibration)))
+
+    open_loop = max(c["mae_K"] for c in after["channels"])
+    (_, why) = notes(open_loop + 0.5, (0.6, 0.4))
+    assert f"what a thermometer reads too much (by the calibration {winding} +0.5 K): a [[correction]]" in why
+    (_, why) = notes(open_loop + 0.5, (0.6, -0.4))
+    assert "reads too much: a [[correction]]" in why
+    assert len(notes(0.0, (0.6, 0.4))) == 1
 
 
 def test_the_report_asks_for_nothing_and_shows_every_part(bench: Path, answer: Mapping[str, Any]) -> None:
@@ -105,7 +173,8 @@ def test_text_says_the_gain_and_the_next_point(bench: Path, capsys: pytest.Captu
     assert main(["protocol", "--on", *FILES, "--store", str(store)]) == 0
     text = capsys.readouterr().out
     assert "Fitted to 1_point and 2_pulses, servo-5kW is 0." in text
-    assert "Next point" in text
+    assert "Not run yet, each beside all above it" in text
+    assert "Next points" in text
     assert max(map(len, text.splitlines())) <= 110
     with Store.open(store) as opened:
         assert opened.ledger.head().position == before

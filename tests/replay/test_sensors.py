@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -13,16 +14,16 @@ import pytest
 from scipy.stats import norm
 
 from replay.cli import main
-from replay.studies.sensors import SessionErrors, exceeded_by, widening
+from replay.studies.sensors import SessionErrors, banded, exceeded_by, widening, widenings
 
 
 @pytest.fixture(scope="module")
 def bench(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("sensors")
     can_bench.write_files(folder)
-    for seed in (1, 2):
+    for seed in (1, 2, 3):
         can_bench.write_log(folder / f"{seed}_drive.blf", 900, seed, can_bench.START + seed * 86_400, magnet_loss=90.0)
-    logs = [str(folder / f"{seed}_drive.blf") for seed in (1, 2)]
+    logs = [str(folder / f"{seed}_drive.blf") for seed in (1, 2, 3)]
     words = ["ingest", *logs, "--bench", str(folder / "bench.toml"), "--dbc", str(folder / "bench.dbc")]
     assert main([*words, "--store", str(folder / "store")]) == 0
     return folder
@@ -30,7 +31,18 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def _asked(bench: Path, *words: str) -> dict[str, Any]:
     target = bench / "answer.json"
-    command = ["sensors", "--on", "1_drive", "2_drive", *words, "--store", str(bench / "store"), "--json", str(target)]
+    command = [
+        "sensors",
+        "--on",
+        "1_drive",
+        "2_drive",
+        "3_drive",
+        *words,
+        "--store",
+        str(bench / "store"),
+        "--json",
+        str(target),
+    ]
     assert main(command) == 0
     found: dict[str, Any] = json.loads(target.read_text(encoding="utf-8"))
     return found
@@ -51,6 +63,7 @@ def test_every_channel_is_withheld_once(answer: Mapping[str, Any]) -> None:
     for one in answer["withheld"]:
         assert 0 < one["mae_K"] <= one["max_K"]
         assert one["band_K"] >= one["filter_band_K"] > 0
+        assert (one["sessions"], one["widened"]) == (3, True)
         assert 0 <= one["filter_covered"] <= one["covered"] <= 1
 
 
@@ -125,13 +138,45 @@ def test_a_widened_band_holds_the_sessions_that_it_was_not_made_from() -> None:
         offsets = random.normal(0.0, 5.0, 4)
         return [SessionErrors(offset + random.normal(0.0, 0.1, 50), np.ones(50)) for offset in offsets]
 
-    covered = [[a[0].share_within(1.0), a[0].share_within(widening(a[1:]))] for a in (campaign() for _ in range(2000))]
-    before, after = np.mean(covered, axis=0)
+    drawn = [campaign() for _ in range(2000)]
+    before, after = (
+        np.mean([banded(a, factors(a))[1] for a in drawn]) for factors in (lambda a: [1.0] * len(a), widenings)
+    )
     assert before == pytest.approx(2 * norm.cdf(1.96 / 5) - 1, abs=0.03)
     assert after == pytest.approx(0.95, abs=0.015)
 
 
-def test_a_band_is_never_narrower_than_the_filter_s_own_and_is_that_of_a_single_session() -> None:
+def test_a_band_is_never_narrower_than_the_filter_s_own() -> None:
     quiet = [SessionErrors(np.full(10, 0.01), np.ones(10))] * 5
     assert widening(quiet) == 1.0
-    assert widening([]) == 1.0
+    assert widenings(quiet) == [1.0] * 5
+
+
+def test_the_share_is_counted_within_the_band_that_is_shown() -> None:
+    """Three sessions that are 1, 2 and 12 K off, the filter sure to 1 K: each one's band is Student's with 2 sessions, 4.303, times the root
+    mean square of the two others; the third is not within 4.303 times that of 1 and 2 K. The last has twice the readings."""
+    offsets, counts = (1.0, 2.0, 12.0), (10, 10, 20)
+    sessions = [SessionErrors(np.full(n, off), np.ones(n)) for off, n in zip(offsets, counts, strict=True)]
+    halves = [4.3027 * math.sqrt((a**2 + b**2) / 2) for a, b in ((2.0, 12.0), (1.0, 12.0), (1.0, 2.0))]
+    half, covered = banded(sessions, widenings(sessions))
+    assert half == pytest.approx((halves[0] + halves[1] + 2 * halves[2]) / 4, rel=1e-4)
+    assert covered == pytest.approx(0.5)
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_too_few_sessions_make_no_band(count: int) -> None:
+    assert widenings([SessionErrors(np.full(10, 9.0), np.ones(10))] * count) == []
+
+
+def test_one_session_has_the_filter_s_own_band_and_says_so(bench: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    target = bench / "one.json"
+    assert main(["sensors", "--on", "1_drive", "--store", str(bench / "store"), "--json", str(target)]) == 0
+    for one in json.loads(target.read_text(encoding="utf-8"))["withheld"]:
+        assert (one["sessions"], one["widened"]) == (1, False)
+        assert (one["band_K"], one["covered"]) == (one["filter_band_K"], one["filter_covered"])
+    capsys.readouterr()
+    assert main(["sensors", "--on", "1_drive", "--store", str(bench / "store")]) == 0
+    text = " ".join(capsys.readouterr().out.split())
+    assert "Bands the filter's own, which know noise and random walks alone" in text
+    assert "need 3 sessions with the channel" in text
+    assert " % of 1 session" in text
