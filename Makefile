@@ -22,6 +22,7 @@ bench: .venv/ready
 	$(BIN)/python benchmarks/calibration.py
 	$(BIN)/python benchmarks/filters.py
 	$(BIN)/python benchmarks/paper.py
+	$(BIN)/python benchmarks/hot_spots.py
 	$(BIN)/python benchmarks/sensors.py
 	$(BIN)/python benchmarks/twin.py
 	$(BIN)/python benchmarks/warehouse.py

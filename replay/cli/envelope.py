@@ -24,6 +24,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--out", metavar="FILE.svg", type=Path, help="write the picture to this file, and a .png beside it"
     )
+    parser.set_defaults(refuse=parser.error)
 
 
 def run(args: argparse.Namespace) -> Answer:
@@ -36,6 +37,8 @@ def run(args: argparse.Namespace) -> Answer:
     from replay.show.envelope import document, envelope_text, picture
     from replay.studies.envelope import envelope
 
+    if args.out and args.out.suffix != ".svg":
+        args.refuse(f"--out writes an SVG, and a .png beside it: end {args.out} in .svg")
     with Store.open(store_folder(args), write=args.model is not None) as store:
         model = model_named(store, args.model)
         known = facts.at(store.ledger)

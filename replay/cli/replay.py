@@ -17,6 +17,14 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "--level", choices=("testing", "production"), default="testing", help="channels that the twin may start from"
     )
     parser.add_argument(
+        "--unknown",
+        metavar="CAUSE",
+        action="append",
+        default=[],
+        help="what the filter is to find, as loss.NODE.constant (a heat), loss.NODE.scale, conductance.A-B.scale or "
+        "sensor.NODE.bias; may be given again (default: the loss of the magnets)",
+    )
+    parser.add_argument(
         "--integrator",
         choices=("sdirk2", "bdf2"),
         default="sdirk2",
@@ -39,20 +47,26 @@ def run(args: argparse.Namespace) -> Answer:
     from replay.cli.progress import tell
     from replay.engine.campaign import replay_sessions
     from replay.engine.models import model_named
+    from replay.show.filter_words import left_out
     from replay.show.terminal import replay_text
 
     with Store.open(store_folder(args), write=True) as store:
         known = facts.at(store.ledger, None)
         sessions = [known.session(text) for text in args.sessions] or list(known.sessions)
         model = model_named(store, args.model)
-        outcomes = replay_sessions(store, sessions, model, args.level, args.workers, tell, args.integrator)
+        outcomes = replay_sessions(
+            store, sessions, model, args.level, args.workers, tell, args.integrator, args.unknown
+        )
         runs = [outcome.run for outcome in outcomes if outcome.run]
         refusals = [outcome.refusal for outcome in outcomes if outcome.refusal]
         data = {
             "schema": "whyhot.replay/1",
             "runs": [{**event.summary, "run": event.run} for event in runs],
             "refused": refusals,
-            "provenance": provenance(store, level=args.level, model=args.model),
+            "notes": [f"{e.summary['session_name']}: {why}" for e in runs for why in left_out(e.summary)],
+            "provenance": provenance(
+                store, level=args.level, model=args.model, **({"unknown": args.unknown} if args.unknown else {})
+            ),
         }
     if not runs:
         return Answer(

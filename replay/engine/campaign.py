@@ -38,6 +38,7 @@ class Job:
     level: str
     integrator: str
     work: Path
+    unknown: tuple[str, ...]
 
 
 def replay_sessions(
@@ -48,8 +49,10 @@ def replay_sessions(
     workers: int,
     tell: Callable[[str], None] = lambda _: None,
     integrator: str = DEFAULT.name,
+    unknown: Sequence[str] = (),
 ) -> list[Outcome]:
-    """Replay each session with `model` (None: the one its bench file names) and append the runs that are new.
+    """Replay each session with `model` (None: the one its bench file names) and append the runs that are new. `unknown`: ids of the
+    causes that the filter is to find, none for its own choice.
 
     A session that cannot be replayed does not stop the others. Raises ReplayDataError where no model can be found.
     """
@@ -60,7 +63,7 @@ def replay_sessions(
     for session in sessions:
         try:
             named = model or model_of(facts, session)
-            jobs.append((session, Job(store.folder, session.session, named, level, integrator, work)))
+            jobs.append((session, Job(store.folder, session.session, named, level, integrator, work, tuple(unknown))))
         except ReplayDataError as error:
             outcomes.append(Outcome(session, None, str(error)))
     for (session, _), done in zip(jobs, _each([job for _, job in jobs], workers), strict=True):
@@ -84,7 +87,7 @@ def _work(job: Job) -> Completed | str:
         with Store.open(job.store) as store:
             facts = ledger_facts.at(store.ledger)
             session = facts.session(job.session)
-            return replay(store, facts, session, job.model, job.level, job.integrator, job.work)
+            return replay(store, facts, session, job.model, job.level, job.integrator, job.work, job.unknown)
     except (ReplayError, IngestError, TwinError) as error:
         return str(error)
 

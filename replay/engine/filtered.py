@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -11,16 +11,18 @@ from numpy.typing import NDArray
 
 from replay.engine.frame import InputFrame, Meter, Observation
 from replay.engine.heat_readings import heat_readings
+from replay.engine.hot_spot_bands import smoothed_spots
 from replay.engine.kernel_cache import load_kernel
 from replay.engine.open_loop import initial_temperatures, modelled, referenced
 from replay.engine.run import Filtered, Smoothed
+from twin.causes import parse
 from twin.ekf import at_their_pace
 from twin.filter_inputs import AnyReading, HeatReading, Reading, Start
 from twin.losses import heat_flows
 from twin.network import Network
 from twin.simulate import Frame, simulate, source_heat
 from twin.smoother import smoothed
-from twin.unknowns import UnknownBias, UnknownFactor, UnknownHeat
+from twin.unknowns import Unknown, UnknownBias, UnknownFactor, UnknownHeat
 
 Floats = NDArray[np.float64]
 
@@ -30,6 +32,16 @@ LEAST_LOSS_W = 1.0  # of a motor at rest: the sizes of the unknown heat follow i
 HEAT_SHARE = 0.05  # sd of the unknown heat at the start, of the mean loss of the whole network
 HEAT_WALK_SHARE = 0.001  # of its random walk per square root of a second, of the same loss: where the search begins
 MOST_FACTOR_SD = 0.7  # of the logarithm of what multiplies a loss: a factor of two
+NOTHING_ASKED: Mapping[str, Unknown] = {}
+
+
+@dataclass(frozen=True)
+class Estimated(Filtered):
+    """What a filter has just found: beside what is sealed of it, what its summary says of the smoother's hot spots
+    (`replay.engine.hot_spot_bands.smoothed_spots`) and of each cause that was asked for."""
+
+    spots: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    asked: Sequence[Mapping[str, Any]] = ()
 
 
 def filter_session(
@@ -37,19 +49,23 @@ def filter_session(
     frame: InputFrame,
     losses: Mapping[str, float],
     level: str,
-    node: str | None = None,
+    asked: Mapping[str, Unknown] = NOTHING_ASKED,
     measured: Sequence[str] | None = None,
-) -> Filtered | None:
-    """Temperatures and the heat at `node` from the channels named in `measured`; None where there is no such node or channel, or the
+) -> Estimated | None:
+    """Temperatures and the loss at a node from the channels named in `measured`; None where there is no such node or channel, or the
     network is too large.
 
-    `losses`: node -> mean modelled loss [W]. Left out, `node` is the magnet with the largest loss, else the rotor node with the
-    largest, and several magnets have one unknown, what multiplies the losses of all of them; `measured` is every channel of
-    this level but those of magnets, which are kept to check the filter. Kept channels set no initial temperature either. A resistance is read as the temperature that it stands for, with an error of
-    its own to be found; so are powers and heats beside thermometers, whose error is also that of the model's other losses
+    `losses`: node -> mean modelled loss [W]; `asked`: id of a cause -> what to find for it, losses first
+    (`replay.engine.asked_unknowns`). The node is that of the first loss in it. Without one it is the magnet with the largest, else the
+    rotor node with the largest, and several magnets have one unknown, what multiplies the losses of all of them; all else in
+    `asked` is found beside. Left out, `measured` is every channel of this level but those of magnets, which are kept to check the
+    filter. Kept channels set no initial temperature either. A resistance is read as the temperature that it stands for, with an
+    error of its own to be found; so are powers and heats beside thermometers, whose error is also that of the model's other losses
     (`replay.engine.heat_readings`). Raises `FrameError`, `DivergedError` as `twin.ekf.filter_unknowns`.
     """
-    said, node = node is not None, node or uncertain_node(network, losses)
+    own = list(asked.values())
+    said = place_of_loss(own[0]) if own else None
+    node = said or uncertain_node(network, losses)
     channels = _production_like(network, frame, level) if measured is None else measured
     seen = tuple(o for o in frame.observations if o.channel in channels)
     chosen = [m for m in frame.meters if m.seen.channel in channels]
@@ -59,13 +75,14 @@ def filter_session(
     inputs = Frame(step_s=frame.step_s, features=frame.features, boundaries=frame.boundaries)
     temperatures, sd = initial_temperatures(network, replace(frame, observations=seen), level)
     start = Start(temperatures, sd)
-    unknown = unknown_heat(node, losses) if said else unknown_loss(network, node, losses)
+    own = own if said else [unknown_loss(network, node, losses), *own]
     begins = {n.name: (float(t), float(s)) for n, t, s in zip(network.nodes, temperatures, sd, strict=True)}
     converted = [_as_thermometer(m, begins) for m in meters]
     readings = [reading_of(o, frame) for o in (*seen, *(o for o, _ in converted))]
     errors = (UnknownBias(o.channel, sd_K) for o, sd_K in converted)
-    unknowns = at_their_pace(network, inputs, start, [unknown, *errors], readings)
-    paced = next(one for one in unknowns if not isinstance(one, UnknownBias))
+    unknowns = at_their_pace(network, inputs, start, [*own, *errors], readings)
+    paced = unknowns[0]
+    assert not isinstance(paced, UnknownBias)  # a loss is first
     heats = _heats(chosen, network, frame, inputs, temperatures, node)
     every: list[AnyReading] = [*readings, *(reading for reading, _ in heats)]
     smooth = smoothed(network, inputs, start, [*unknowns, *(error for _, error in heats)], every)
@@ -85,7 +102,8 @@ def filter_session(
     )
     nominal, heat_W, heat_sd_W = loss(estimate.temperatures, estimate.found[1:, 0], estimate.found_sd[1:, 0])
     _, smooth_W, smooth_sd_W = loss(smooth.temperatures, smooth.found[:-1, 0], smooth.found_sd[:-1, 0])
-    return Filtered(
+    found = zip(asked.items(), range(len(own) - len(asked), len(own)), strict=True)
+    return Estimated(
         node=node,
         measured=tuple(r.channel for r in every),
         temperatures=estimate.temperatures,
@@ -95,6 +113,8 @@ def filter_session(
         heat_walk_W=paced.walk_W if isinstance(paced, UnknownHeat) else paced.walk * float(nominal.mean()),
         nis=of_temperatures.nis,
         smoothed=Smoothed(smooth.temperatures, smooth_W, smooth_sd_W),
+        spots=smoothed_spots(network, frame, smooth.temperatures, smooth.temperatures_sd),
+        asked=[_found(cause, one, smooth.found[:-1, i], smooth.found_sd[:-1, i]) for (cause, one), i in found],
     )
 
 
@@ -107,15 +127,18 @@ def mean_losses(network: Network, inputs: Frame, temperatures: Floats) -> dict[s
     return losses
 
 
-def filtered_summary(filtered: Filtered, frame: InputFrame, nodes: tuple[str, ...]) -> dict[str, Any]:
-    """The entry `filtered` of a run's summary. `mae_K`, `smoothed_mae_K`: of each channel that the filter did not see; `heat_bias_W`:
-    mean of estimated minus modelled heat; `heat_walk_W_per_sqrt_s`: the random walk that made the readings most likely."""
+def filtered_summary(filtered: Estimated, frame: InputFrame, nodes: tuple[str, ...]) -> dict[str, Any]:
+    """The entry `filtered` of a run's summary. `mae_K`, `smoothed_mae_K`: of each channel that the filter did not see, `read_mae_K`,
+    `smoothed_read_mae_K` of each that it did; `heat_bias_W`: mean of estimated minus modelled heat; `heat_walk_W_per_sqrt_s`: the
+    random walk that made the readings most likely; `heat`: the loss at the node; `hot_spots`: by the smoother; `unknowns`: of
+    the causes that were asked for, where there are any."""
+    smooth = filtered.smoothed
 
-    def errors(temperatures: Floats) -> dict[str, float]:
+    def errors(temperatures: Floats, seen: bool) -> dict[str, float]:
         found: dict[str, float] = {}
         for o in frame.observations:
             use = o.good & frame.live
-            if o.channel not in filtered.measured and use.any():
+            if (o.channel in filtered.measured) == seen and use.any():
                 residual = o.measured - modelled(o, frame, temperatures, nodes)
                 found[o.channel] = float(np.abs(residual[use]).mean())
         return found
@@ -123,12 +146,59 @@ def filtered_summary(filtered: Filtered, frame: InputFrame, nodes: tuple[str, ..
     return {
         "node": filtered.node,
         "measured": list(filtered.measured),
-        "mae_K": errors(filtered.temperatures),
-        "smoothed_mae_K": None if filtered.smoothed is None else errors(filtered.smoothed.temperatures),
+        "mae_K": errors(filtered.temperatures, seen=False),
+        "smoothed_mae_K": None if smooth is None else errors(smooth.temperatures, seen=False),
+        "read_mae_K": errors(filtered.temperatures, seen=True),
+        "smoothed_read_mae_K": None if smooth is None else errors(smooth.temperatures, seen=True),
         "heat_bias_W": float((filtered.heat_W - filtered.nominal_W).mean()),
         "heat_walk_W_per_sqrt_s": filtered.heat_walk_W,
+        "heat": {
+            "modelled_mean_W": float(filtered.nominal_W.mean()),
+            "filter": _course(filtered.heat_W, filtered.heat_sd_W, frame.step_s, 1),
+            "smoother": None if smooth is None else _course(smooth.heat_W, smooth.heat_sd_W, frame.step_s, 0),
+        },
+        "hot_spots": {spot: dict(one) for spot, one in filtered.spots.items()},
         "nis": filtered.nis if np.isfinite(filtered.nis) else None,
+        **({"unknowns": [dict(one) for one in filtered.asked]} if filtered.asked else {}),
     }
+
+
+def _course(heat_W: Floats, sd_W: Floats, step_s: float, late: int) -> dict[str, float]:
+    """A heat (N,) in a few numbers; `sd_W` is that at any time (root mean square). `late`: 1 where it is known at the end of a step."""
+    k = int(np.argmax(heat_W))
+    return {
+        "mean_W": float(heat_W.mean()),
+        "sd_W": float(np.sqrt((sd_W**2).mean())),
+        "max_W": float(heat_W[k]),
+        "max_sd_W": float(sd_W[k]),
+        "max_at_s": (k + late) * step_s,
+    }
+
+
+def _found(cause: str, unknown: Unknown, found: Floats, sd: Floats) -> dict[str, Any]:
+    """A cause that was asked for, by the smoother (N,): heat beside the modelled one [W], what a coefficient is multiplied by, or what a
+    channel reads too much [K]. `sd` is that at any time."""
+    unit = {UnknownHeat: "W", UnknownFactor: "1", UnknownBias: "K"}[type(unknown)]
+    if isinstance(unknown, UnknownFactor):
+        found, sd = np.exp(found), np.exp(found) * sd
+    spread = float(np.sqrt((sd**2).mean()))
+    return {
+        "id": cause,
+        "unit": unit,
+        "mean": float(found.mean()),
+        "sd": spread,
+        "min": float(found.min()),
+        "max": float(found.max()),
+    }
+
+
+def place_of_loss(unknown: Unknown) -> str | None:
+    """The node whose loss an unknown is about; None of a conductance or a sensor."""
+    if isinstance(unknown, UnknownHeat):
+        return unknown.node
+    if isinstance(unknown, UnknownFactor) and parse(unknown.of).kind == "loss":
+        return parse(unknown.of).place
+    return None
 
 
 def unknown_heat(node: str, losses: Mapping[str, float]) -> UnknownHeat:

@@ -14,7 +14,9 @@ from ingest.facts import Facts
 from ingest.store import Store
 from replay.engine.artefacts import read_parquet
 from replay.engine.frame import InputFrame
+from replay.engine.hot_spots import hot_spots
 from replay.engine.motor_file import read_motor
+from replay.engine.open_loop import modelled
 from twin.ageing_law import AgeingTerm
 from twin.calibration import freedom
 from twin.configured import configured
@@ -30,7 +32,7 @@ Floats = NDArray[np.float64]
 
 MOST_NODES = 100  # above, the derivatives take longer than all else of a replay, by the cube of the nodes
 Z95 = 1.96
-NO_BAND: Mapping[str, Any] = {"sd_K": None, "ci95_degC": None, "band_from": None}
+TOO_LARGE = f"more than {MOST_NODES}"  # how the reason of a large network ends
 
 
 def with_bands(
@@ -46,12 +48,12 @@ def with_bands(
 ) -> dict[str, dict[str, Any]]:
     """The entry `hot_spots` with `sd_K` and `ci95_degC` of each node's highest temperature, by what is not known of coefficients,
     capacities, the `start` (temperatures and sd, (n,)) and what `ageing` (`replay.engine.aged`) has left. `band_from`: "calibration", else "motor file",
-    whose `sd` are wide as nothing was learnt. All None for networks of more than `MOST_NODES`.
+    whose `sd` are wide as nothing was learnt. All None for networks of more than `MOST_NODES`, with the reason as `why_no_band`.
 
     `network`: that of the session, as its specimen has it.
     """
     if not spots or len(network.nodes) > MOST_NODES:
-        return {spot: {**one, **NO_BAND} for spot, one in spots.items()}
+        return _without(spots, f"the network has {len(network.nodes)} nodes, {TOO_LARGE}")
     whole, latest = Frame(frame.step_s, frame.features, frame.boundaries), max(one["at_s"] for one in spots.values())
     test = Test(
         name=session.name,
@@ -69,8 +71,8 @@ def with_bands(
     at = [(str(one["node"]), float(one["at_s"])) for one in spots.values()]
     try:
         found = sd_K(network, test, at, covariance)
-    except DivergedError:  # in its longer steps; the run itself is whole
-        return {spot: {**one, **NO_BAND} for spot, one in spots.items()}
+    except DivergedError:  # the run itself is whole
+        return _without(spots, "the model runs away in the longer steps that a band is worked out in")
     return {
         spot: {
             **one,
@@ -80,6 +82,31 @@ def with_bands(
         }
         for (spot, one), sd in zip(spots.items(), found, strict=True)
     }
+
+
+def _without(spots: Mapping[str, Mapping[str, Any]], why: str) -> dict[str, dict[str, Any]]:
+    none = {"sd_K": None, "ci95_degC": None, "band_from": None, "why_no_band": why}
+    return {spot: {**one, **none} for spot, one in spots.items()}
+
+
+def smoothed_spots(network: Network, frame: InputFrame, temperatures: Floats, sd: Floats) -> dict[str, dict[str, Any]]:
+    """The hot spots by a smoother's `temperatures` with their own `sd` (N + 1, n): `replay.engine.hot_spots.hot_spots` with `sd_K` and
+    `ci95_degC`, and `checked_by`, the channels that follow the node. `sd_K` is the root of the sum of squares of the smoother's own,
+    how far it is off these channels, and what they may read too much (`bias_sd`). Both None where there are none: a smoother's own
+    holds noise and random walks alone, and was 4 to 8 times too small at magnets."""
+    nodes = tuple(node.name for node in network.nodes)
+    found: dict[str, dict[str, Any]] = {}
+    for spot, one in hot_spots(network, temperatures, frame.step_s).items():
+        there = [o for o in frame.observations if o.label == one["node"] and (o.good & frame.live).any()]
+        found[spot] = {**one, "sd_K": None, "ci95_degC": None, "checked_by": [o.channel for o in there]}
+        if there:
+            off = [(o.measured - modelled(o, frame, temperatures, nodes))[o.good & frame.live] for o in there]
+            own = sd[round(one["at_s"] / frame.step_s), nodes.index(one["node"])]
+            wrong = np.mean([o.bias_sd**2 + np.mean(k**2) for o, k in zip(there, off, strict=True)])
+            whole = float(np.sqrt(own**2 + wrong))
+            band = [one["max_degC"] - Z95 * whole, one["max_degC"] + Z95 * whole]
+            found[spot] |= {"sd_K": whole, "ci95_degC": band}
+    return found
 
 
 def known_covariance(store: Store, facts: Facts, model: str, motor: Network, rig: str | None) -> tuple[Floats, str]:

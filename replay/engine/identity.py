@@ -30,9 +30,10 @@ def replay_key(
     frame: str,
     integrator: str,
     ageing: Sequence[Mapping[str, Any]] = (),
+    unknown: Sequence[str] = (),
 ) -> dict[str, Any]:
     """Everything that a run's digest may depend on, but for the environment. `initial` (n,) [degC]; `frame` SHA-256; `ageing`: what is
-    left of the model's coefficients (`replay.engine.aged`)."""
+    left of the model's coefficients (`replay.engine.aged`); `unknown`: causes that the filter was asked to find."""
     decodes = [facts.decodes[file["decode"]] for file in session.files]
     return {
         "raw": sorted({d.raw for d in decodes}),
@@ -47,6 +48,7 @@ def replay_key(
         "settings": {"integrator": integrator, "step_s": DEFAULT.step_s},
         "twin": source_hash(Path(twin.__file__).parent),
         **({"ageing": list(ageing)} if ageing else {}),
+        **({"unknown": list(unknown)} if unknown else {}),
     }
 
 

@@ -33,6 +33,7 @@ from replay.engine.artefacts import (
     temperature_table,
     to_parquet,
 )
+from replay.engine.asked_unknowns import asked_unknowns
 from replay.engine.bench_versions import with_bench_of
 from replay.engine.configurations import network_of
 from replay.engine.filtered import filter_session, filtered_summary, mean_losses
@@ -67,14 +68,21 @@ class Completed:
 
 
 def replay(
-    store: Store, facts: Facts, session: SessionRecorded, model: str, level: str, integrator: str, work: Path
+    store: Store,
+    facts: Facts,
+    session: SessionRecorded,
+    model: str,
+    level: str,
+    integrator: str,
+    work: Path,
+    unknown: Sequence[str] = (),
 ) -> Completed:
     """Open-loop replay of one session with a model (SHA-256 of a motor file in the archive), and the filter beside it.
 
     Leaves frame, temperatures, heat, residuals, meters and the filter's estimate as files in `work`, named by their SHA-256, for
     the one writer to seal. The digest is that of the open loop: the filter follows from the same frame, and changes nothing in it.
     `integrator`: one of `twin.integrators.INTEGRATORS`; of another than the default the summary says how far off it is, and the heat
-    account is the default's. Raises ReplayDataError where the session lacks an input or the model runs away.
+    account is the default's. `unknown`: ids of causes that the filter is to find (`replay.engine.asked_unknowns`). Raises ReplayDataError where the session lacks an input or the model runs away.
     """
     specimen = of_specimen(store, facts, session, network_of(store, facts, session, model))
     network = specimen.network
@@ -102,12 +110,14 @@ def replay(
     if meters:
         tables["meters"] = meter_table(frame, meters)
     artefacts = {name: _written(to_parquet(table), work) for name, table in tables.items()}
-    filtered = filter_session(network, frame, mean_losses(network, inputs, temperatures), level)
+    mean_W = mean_losses(network, inputs, temperatures)
+    asked = asked_unknowns(network, unknown, mean_W, frame.observations)
+    filtered = filter_session(network, frame, mean_W, level, asked)
     if filtered is not None:
         artefacts["filtered"] = _written(to_parquet(filtered_table(frame, filtered, nodes)), work)
     rules = _deratings(store, facts, session)
     spots = hot_spots(network, temperatures, frame.step_s)
-    key = replay_key(facts, session, model, level, initial, artefacts["frame"], integrator, specimen.ageing)
+    key = replay_key(facts, session, model, level, initial, artefacts["frame"], integrator, specimen.ageing, unknown)
     summary = {
         "session": session.session,
         "session_name": session.name,

@@ -56,12 +56,17 @@ def _efficiency(summary: Mapping[str, Any]) -> str:
 def hottest(summary: Mapping[str, Any]) -> str | None:
     """The hottest winding and magnet, how sure, where and when; None where the run has neither."""
     found = summary.get("hot_spots") or {}
+    held = next((BANDS[one["band_from"]] for one in found.values() if one.get("band_from")), "")
+    return f"hottest by the model: {spots(found)}{held}" if found else None
+
+
+def spots(found: Mapping[str, Mapping[str, Any]]) -> str:
+    """Hot spots with their bands, the winding first: "winding 130 °C (120 to 140) at 0:00:01 (30.0 K ABOVE its limit)"."""
     parts = [
         f"{spot} {one['max_degC']:.0f} °C{_band(one)} at {words.clock(one['at_s'])} ({_place(spot, one)}{_margin(one)})"
         for spot, one in sorted(found.items(), reverse=True)
     ]
-    held = next((BANDS[one["band_from"]] for one in found.values() if one.get("band_from")), "")
-    return f"hottest by the model: {words.joined(parts)}{held}" if parts else None
+    return words.joined(parts)
 
 
 def _band(one: Mapping[str, Any]) -> str:

@@ -12,6 +12,8 @@ from replay.show import heat_words, words
 from replay.show.derating_plot import derating_over_time
 from replay.show.error_maps import error_along, error_map
 from replay.show.figure import Plot
+from replay.show.filter_plots import filter_over_time
+from replay.show.filter_words import filter_says
 from replay.show.findings import answer, channel_errors, power_balance
 from replay.show.heat_plots import heat_balance
 from replay.show.meter_plots import meter_over_time
@@ -19,6 +21,7 @@ from replay.show.page import template
 from replay.show.plots import groups, inputs_over_time, over_time
 
 COLUMNS = 600  # pixel columns that a line is thinned to ...
+FILTER_LINES = 11  # of a plot of filter and smoother, its band as two
 LINES = 120  # ... up to this many lines; above, each gets fewer, so that the file stays under 5 MB
 
 
@@ -59,15 +62,21 @@ def write_report(runs: Sequence[Run], target: Path, context: ReportContext) -> N
 
 
 def _heat(run: Run) -> list[str]:
-    """What a run says of heat, hot spots, limits and derating, a sentence each."""
+    """What a run says of heat, hot spots, its filter, limits and derating, a sentence each."""
     summary = run.summary
-    told = [heat_words.heat(summary), heat_words.hottest(summary), *heat_words.above_limits(summary)]
+    told = [
+        heat_words.heat(summary),
+        heat_words.hottest(summary),
+        *filter_says(summary),
+        *heat_words.above_limits(summary),
+    ]
     return [words.capital(text) for text in (*told, *heat_words.derating(summary)) if text]
 
 
 def _sessions(runs: Sequence[Run]) -> list[SessionPlots]:
     grouped = [(run, groups(run)) for run in runs]
     lines = sum(3 * len(group) for _, of_run in grouped for group in of_run) + sum(len(run.inputs) for run in runs)
+    lines += FILTER_LINES * sum(run.filtered is not None for run in runs)
     columns = min(COLUMNS, COLUMNS * LINES // max(lines, 1))
     return [SessionPlots(run, started(run), _plots(run, of_run, columns)) for run, of_run in grouped]
 
@@ -75,8 +84,10 @@ def _sessions(runs: Sequence[Run]) -> list[SessionPlots]:
 def _plots(run: Run, of_run: Sequence[Sequence[Observed]], columns: int) -> list[Plot]:
     inputs = inputs_over_time(run, columns)
     deratings = (derating_over_time(run, entry, columns) for entry in run.summary.get("derating") or ())
+    filtered = filter_over_time(run, columns)
     return [
         *(over_time(run, group, columns) for group in of_run),
+        *([filtered] if filtered is not None else []),
         *(meter_over_time(run, metered, columns) for metered in run.meters),
         *(plot for plot in (heat_balance(run, columns), *deratings, inputs) if plot is not None),
     ]

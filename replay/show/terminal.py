@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from replay.show import heat_words, words
+from replay.show.filter_words import filter_says
 from replay.show.findings import ChannelError, answer, channel_errors, power_balance
 
 WIDTH = 100
@@ -62,13 +63,14 @@ def _session(summary: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _beside(summary: Mapping[str, Any]) -> Iterator[str]:
-    """What other meters say, heat, hot spots, limits and derating."""
+    """What other meters say, heat, hot spots, what the filter makes of them, limits and derating."""
     for entry in summary.get("meters") or ():
         yield from _row(f"  {entry['channel']} ({entry['quantity']})   ", heat_words.meter(entry))
     told = [
         *heat_words.aged(summary),
         heat_words.heat(summary),
         heat_words.hottest(summary),
+        *filter_says(summary),
         *heat_words.above_limits(summary),
     ]
     for text in (*told, *heat_words.derating(summary)):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -21,6 +22,7 @@ from ingest.store import Store
 from plant import Effect, Plant, drives, sessions, write_campaign
 from replay.engine import runs
 from replay.engine.artefacts import filtered_of, filtered_table
+from replay.engine.asked_unknowns import asked_unknowns
 from replay.engine.campaign import replay_sessions
 from replay.engine.filtered import filter_session, filtered_summary, mean_losses
 from replay.engine.frame import InputFrame, Meter
@@ -35,12 +37,14 @@ from replay.engine.open_loop import initial_temperatures, modelled
 from replay.engine.run import Filtered, Run
 from replay.engine.sealed import load_run
 from replay.show import layers
-from replay.show.filter_plots import estimated_loss
+from replay.show.filter_plots import courses, estimated_loss, filter_over_time
+from replay.show.report import ReportContext, write_report
 from twin.losses import HeatFlows, heat_flows
 from twin.network import Copper, Network
 from twin.observables import Thermometric, copper_slope
 from twin.simulate import Frame, simulate
 from twin.slicing import sliced
+from twin.unknowns import Unknown
 
 Floats = NDArray[np.float64]
 
@@ -134,7 +138,8 @@ def test_a_sealed_estimate_is_read_back_as_it_was(hidden: Replayed) -> None:
     assert found is not None
     for name in ("temperatures", "heat_W", "heat_sd_W", "nominal_W"):
         np.testing.assert_array_equal(getattr(found, name), getattr(sealed, name), err_msg=name)
-    assert replace(found, **vars(sealed)) == sealed
+    for name in ("node", "measured", "heat_walk_W", "nis"):
+        assert getattr(found, name) == getattr(sealed, name)
     assert sealed.temperatures.shape == hidden.run.temperatures.shape
     assert sealed.heat_W.shape == (hidden.run.t_ns.size - 1,)
     assert found.smoothed is not None
@@ -336,10 +341,106 @@ def test_a_power_meter_that_is_sure_finds_the_loss_where_no_thermometer_is_near(
     assert abs((without.heat_W - without.nominal_W)[late].mean() - 200.0) > 50.0
 
 
-def test_node_and_channels_can_be_said(hidden: Replayed) -> None:
-    found = filter_session(hidden.network, hidden.frame, losses(hidden), "testing", "rotor_surface", ["RS", "MAG"])
+def test_the_summary_says_the_loss_in_a_few_numbers(hidden: Replayed) -> None:
+    run, heat = filtered(hidden.run), hidden.event.summary["filtered"]["heat"]
+    assert run.smoothed is not None
+    assert heat["modelled_mean_W"] == pytest.approx(run.nominal_W.mean())
+    for one, watts, sd in (
+        (heat["filter"], run.heat_W, run.heat_sd_W),
+        (heat["smoother"], run.smoothed.heat_W, run.smoothed.heat_sd_W),
+    ):
+        assert (one["mean_W"], one["max_W"]) == pytest.approx((watts.mean(), watts.max()))
+        assert one["max_sd_W"] == pytest.approx(sd[watts.argmax()])
+        assert one["sd_W"] == pytest.approx((sd**2).mean() ** 0.5)
+        assert one["max_at_s"] == pytest.approx(watts.argmax() * 0.5, abs=0.5)
+    errors = hidden.event.summary["filtered"]
+    assert set(errors["read_mae_K"]) == set(errors["smoothed_read_mae_K"]) == {"EW_A_inner", "EW_B_inner", "RS"}
+    assert max(errors["smoothed_read_mae_K"].values()) < 0.2
+
+
+def test_the_smoothers_band_holds_the_hottest_magnet_that_the_open_loops_leaves_out(hidden: Replayed) -> None:
+    (kept,) = (o for o in hidden.run.observed if o.channel == "MAG")
+    hottest = kept.measured[kept.used].max()
+    (low, high), spot = hidden.event.summary["hot_spots"]["magnet"]["ci95_degC"], "magnet"
+    assert not low < hottest < high
+    smooth = hidden.event.summary["filtered"]["hot_spots"][spot]
+    low, high = smooth["ci95_degC"]
+    assert low < hottest < high
+    assert (smooth["node"], smooth["checked_by"]) == ("magnet", ["MAG"])
+    assert filtered(hidden.run).smoothed is not None
+    assert smooth["sd_K"] >= np.hypot(kept.bias_sd_K, hidden.event.summary["filtered"]["smoothed_mae_K"]["MAG"])
+
+
+def test_without_a_channel_there_a_smoothers_hot_spot_has_no_band(hidden: Replayed) -> None:
+    """Its own is that of noise and random walks, and several times too narrow."""
+    blind = replace(
+        hidden.frame, observations=tuple(o for o in hidden.frame.observations if not o.channel.startswith("MAG"))
+    )
+    found = filter_session(hidden.network, blind, losses(hidden), "testing")
+    assert found is not None
+    as_read = hidden.event.summary["filtered"]["hot_spots"]["magnet"]
+    assert found.spots["magnet"] == {**as_read, "sd_K": None, "ci95_degC": None, "checked_by": []}
+    assert found.spots["winding"]["sd_K"] is not None
+
+
+def asked(hidden: Replayed, *causes: str) -> Mapping[str, Unknown]:
+    return asked_unknowns(hidden.network, causes, losses(hidden), hidden.frame.observations)
+
+
+def test_what_is_found_and_from_what_can_be_said(hidden: Replayed) -> None:
+    wanted = asked(hidden, "loss.rotor_surface.constant")
+    found = filter_session(hidden.network, hidden.frame, losses(hidden), "testing", wanted, ["RS", "MAG"])
     assert found is not None
     assert (found.node, found.measured) == ("rotor_surface", ("RS", "MAG"))
+    (one,) = filtered_summary(found, hidden.frame, hidden.run.nodes)["unknowns"]
+    assert (one["id"], one["unit"]) == ("loss.rotor_surface.constant", "W")
+    assert found.smoothed is not None
+    extra = found.smoothed.heat_W.mean() - found.nominal_W.mean()
+    assert one["mean"] == pytest.approx(extra, abs=1.0), "temperatures differ, and with them what the model has"
+    assert one["min"] < one["mean"] < one["max"]
+
+
+def test_a_loss_as_a_factor_is_one_of_what_the_model_has(hidden: Replayed) -> None:
+    found = filter_session(hidden.network, hidden.frame, losses(hidden), "testing", asked(hidden, "loss.magnet.scale"))
+    assert found is not None
+    assert found.node == "magnet"
+    (one,) = filtered_summary(found, hidden.frame, hidden.run.nodes)["unknowns"]
+    assert one["unit"] == "1"
+    assert one["max"] == pytest.approx((found.smoothed.heat_W / found.nominal_W)[2:].max(), rel=0.05)  # type: ignore[union-attr]
+    assert one["max"] > 1.5, "a loss is hidden there"
+
+
+def test_a_conductance_is_found_beside_the_loss_of_the_magnets(hidden: Replayed) -> None:
+    cause = "conductance.rotor_surface-teeth.scale"
+    found = filter_session(hidden.network, hidden.frame, losses(hidden), "testing", asked(hidden, cause))
+    assert found is not None
+    assert found.node == "magnet"
+    (one,) = filtered_summary(found, hidden.frame, hidden.run.nodes)["unknowns"]
+    assert (one["id"], one["unit"]) == (cause, "1")
+    assert 0 < one["min"] <= one["mean"] <= one["max"]
+    assert "unknowns" not in hidden.event.summary["filtered"], "nothing was asked for"
+
+
+def test_an_error_of_a_thermometer_that_reads_too_much_is_found(hidden: Replayed) -> None:
+    frame = replace(
+        hidden.frame,
+        observations=tuple(
+            replace(o, measured=o.measured + 3.0, bias_sd=3.0) if o.channel == "EW_A_inner" else o
+            for o in hidden.frame.observations
+        ),
+    )
+    wanted = asked_unknowns(hidden.network, ["sensor.endwinding_a_inner.bias"], losses(hidden), frame.observations)
+    found = {
+        shift: filter_session(hidden.network, shifted, losses(hidden), "testing", wanted)
+        for shift, shifted in ((3.0, frame), (0.0, hidden.frame))
+    }
+    means = {}
+    for shift, one in found.items():
+        assert one is not None
+        (entry,) = filtered_summary(one, frame, hidden.run.nodes)["unknowns"]
+        assert entry["unit"] == "K"
+        means[shift] = entry["mean"]
+    assert means[3.0] - means[0.0] == pytest.approx(3.0, abs=1.0)
 
 
 def test_without_a_channel_to_see_there_is_no_filter(hidden: Replayed) -> None:
@@ -407,3 +508,42 @@ def test_the_plot_says_what_the_filter_found(extra: float, cause: str | None, ti
     assert "estimated" in plot.svg
     assert plot.table.head[1:4] == ("estimated [W]", "standard deviation [W]", "modelled [W]")
     assert plot.table.rows[0][1:4] == (f"{14 + extra:.1f}", "5.0", "14.0")
+
+
+def test_the_report_draws_measured_open_loop_filter_and_smoother(hidden: Replayed, tmp_path: Path) -> None:
+    plot: Any = filter_over_time(hidden.run, 600)
+    errors = hidden.event.summary["filtered"]
+    (open_loop,) = (c["mae_K"] for c in hidden.event.summary["channels"] if c["channel"] == "MAG")
+    assert plot.title == (
+        f"Magnet (MAG, not read): open loop {open_loop:.1f} K off on average, filter {errors['mae_K']['MAG']:.1f} K, "
+        f"smoother {errors['smoothed_mae_K']['MAG']:.1f} K"
+    )
+    for name in ("measured", "open loop", "filter", "smoother", "smoothed", "estimated", "modelled"):
+        assert f">{name}<" in plot.svg
+    assert "no evidence that the cause is there" in plot.note
+    assert plot.table.head[1:5] == ("measured [°C]", "open loop [°C]", "filter [°C]", "smoother [°C]")
+    measured, *others = (float(cell) for cell in plot.table.rows[-1][1:5])
+    assert abs(measured - others[0]) > 3 * abs(measured - others[2])
+    write_report([hidden.run], tmp_path / "report.html", ReportContext("whyhot report", "4f0c", {}))
+    page = (tmp_path / "report.html").read_text(encoding="utf-8").replace("\N{NO-BREAK SPACE}", " ")
+    assert plot.title in page
+    assert "hottest by the smoother" in page.lower()
+    assert "of loss at the magnet on average" in page
+
+
+def test_what_a_filter_leaves_of_a_channel_is_what_its_summary_says(hidden: Replayed) -> None:
+    """The drawing makes it of sealed temperatures, the summary of the frame."""
+    run = hidden.run
+    (kept,) = (o for o in run.observed if o.channel == "MAG")
+    lines = {name: values for name, values, _, _ in courses(run, filtered(run), kept)}
+    errors = hidden.event.summary["filtered"]
+    for name, mae in (("filter", errors["mae_K"]["MAG"]), ("smoother", errors["smoothed_mae_K"]["MAG"])):
+        assert np.abs(kept.measured - lines[name])[kept.used].mean() == pytest.approx(mae, abs=0.05), (
+            "but for the sensor's lag"
+        )
+
+
+def test_a_run_without_a_filter_or_a_channel_to_compare_has_no_such_drawing(hidden: Replayed) -> None:
+    assert filter_over_time(made_run(), 600) is None
+    bare = {**hidden.run.summary, "filtered": {**hidden.run.summary["filtered"], "mae_K": {}, "read_mae_K": {}}}
+    assert filter_over_time(replace(hidden.run, summary=bare), 600) is None

@@ -100,9 +100,24 @@ def test_the_terminal_says_the_band_and_what_it_holds(
         assert holds in said
 
 
-def test_a_network_of_hundreds_of_nodes_says_that_it_has_no_band(bench: Path) -> None:
+def test_a_network_of_hundreds_of_nodes_says_that_it_has_no_band_and_no_filter_and_why(
+    bench: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     sliced = bench / "sliced.toml"
     cut = ["--into", str(MOST_NODES), "--stack-mm", "60", "--nodes", "winding", "-o", str(sliced)]
     assert main(["motor", "slice", str(bench / "motor.toml"), *cut]) == 0
+    why = f"the network has {MOST_NODES + 2} nodes, more than {MOST_NODES}"
     for one in _spots(bench, "--model", str(sliced)).values():
         assert (one["sd_K"], one["ci95_degC"], one["band_from"]) == (None, None, None)
+        assert one["why_no_band"] == why
+    answer = json.loads((bench / "run.json").read_text(encoding="utf-8"))
+    assert answer["runs"][0]["filtered"] is None
+    assert answer["notes"] == [f"2_kept: no band and no filter: {why}"]
+    capsys.readouterr()
+    assert main(["replay", "2_kept", "--model", str(sliced), "--store", str(bench / "store")]) == 0
+    assert f"no band and no filter: {why}" in capsys.readouterr().out
+
+
+def test_a_run_with_band_and_filter_has_nothing_to_note(bench: Path) -> None:
+    assert not any("why_no_band" in one for one in _spots(bench).values())
+    assert json.loads((bench / "run.json").read_text(encoding="utf-8"))["notes"] == []
