@@ -29,7 +29,7 @@ from ingest.resolving import ResolvedChannel
 from ingest.samples import Samples
 from ingest.specimens import Specimens
 
-DECODER = "whyhot-decoder/1"
+DECODER = "whyhot-decoder/2"
 RECORDING = "recording.mcap"
 WAITING_VALUES = 16_000_000  # of all groups that wait for their row group: 128 MB
 

@@ -6,7 +6,8 @@
     power   := atom ("**" signed)?
     atom    := number | signal | "(" sum ")" | function "(" sum ("," sum)* ")"
 
-A signal is an identifier, or any name in backquotes. Everything is evaluated in float64, element by element.
+A signal is an identifier, or any name in backquotes. Everything is evaluated in float64, element by element, with the same bits on
+every machine (`ingest.powers`).
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from numpy.typing import NDArray
 
 from ingest.errors import ExpressionError
 from ingest.nearest import hint
+from ingest.powers import hypot, power
 
 Array = NDArray[np.float64]
 LONGEST, DEEPEST = 2000, 50  # characters; parentheses, calls, signs and powers within each other
@@ -45,7 +47,7 @@ def _largest(*arguments: Array) -> Array:
 
 
 FUNCTIONS: Mapping[str, tuple[Callable[..., Any], int | None]] = {  # name -> function, arguments (None: one or more)
-    "hypot": (np.hypot, 2),
+    "hypot": (hypot, 2),
     "sqrt": (np.sqrt, 1),
     "abs": (np.abs, 1),
     "min": (_smallest, None),
@@ -57,7 +59,7 @@ _OPERATORS: Mapping[str, Callable[..., Any]] = {
     "-": np.subtract,
     "*": np.multiply,
     "/": np.divide,
-    "**": np.float_power,
+    "**": power,
 }
 ALLOWED = f"numbers, signals (others than plain names in `backquotes`), + - * / ** and {' '.join(FUNCTIONS)}"
 

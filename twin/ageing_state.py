@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.ageing_law import HUNDRED_H, Ageing
+from twin.powers import exp
 
 Floats = NDArray[np.float64]
 
@@ -50,7 +51,7 @@ class State:
     @property
     def factor(self) -> float:
         """The conductance, 1 when new."""
-        return math.exp(self.ln_factor)
+        return float(exp(np.array([self.ln_factor]))[0])
 
 
 def filtered(checks: Sequence[Check], law: Ageing) -> tuple[State, ...]:

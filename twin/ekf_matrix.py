@@ -17,6 +17,7 @@ from twin.ekf_plan import Plan
 from twin.lane_code import pointer
 from twin.lanes import both, scaled, within
 from twin.pivots import eliminate_few
+from twin.powers import exp_of_number
 
 Floats = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -107,7 +108,7 @@ def amounts_at(plan: Plan, m: Floats, at: Index, state: int) -> None:
         g, j = both(at[u(plan.vary + v)])
         m[u(plan.amounts + g)] += m[u(plan.by_monomial + v)] * m[u(plan.features + j)]
     for p in range(plan.factors):
-        m[u(plan.scale + p)] = np.exp(m[u(state + (first + p) * plan.length + plan.size)])
+        m[u(plan.scale + p)] = exp_of_number(m[u(state + (first + p) * plan.length + plan.size)])
     for t in range(plan.terms):
         m[u(plan.amounts + at[u(plan.term + 3 * t)])] += term_at(plan, m, at, t)
 

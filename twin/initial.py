@@ -79,9 +79,21 @@ def _interpolate(
         balance[i], right[i] = [own.get(j, 0.0) for j in range(size)], known[i]
     rest = np.array([i for i in range(size) if i not in free], dtype=np.intp)
     at = np.array(free, dtype=np.intp)
-    right[at] -= balance[np.ix_(at, rest)] @ result[rest]
-    result[at] = np.linalg.solve(balance[np.ix_(at, at)], right[at])
+    right[at] -= (balance[np.ix_(at, rest)] * result[rest]).sum(axis=1)
+    result[at] = _solved(balance[np.ix_(at, at)], right[at])
     return result
+
+
+def _solved(matrix: NDArray[np.float64], right: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Elimination with the largest pivot of each column, an element at a time: LAPACK's bits change with the processor."""
+    whole = np.column_stack([matrix, right])
+    for k in range(len(right)):
+        pivot = k + int(np.abs(whole[k:, k]).argmax())
+        whole[[k, pivot]] = whole[[pivot, k]]
+        whole[k] /= whole[k, k]
+        share = np.where(np.arange(len(right)) == k, 0.0, whole[:, k])
+        whole -= share[:, None] * whole[k]
+    return whole[:, -1]
 
 
 def _reaches(conductance: NDArray[np.float64], start: int, known: Mapping[int, float]) -> bool:

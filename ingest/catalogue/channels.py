@@ -17,6 +17,7 @@ from ingest.errors import DamageError, UnitError
 from ingest.events import DecodeCompleted, SessionRecorded
 from ingest.expressions import parse
 from ingest.facts import Facts
+from ingest.powers import hypot
 from ingest.quantities import STORED_UNIT, Conversion, converter
 from ingest.resolving import ResolvedChannel, resolve
 from ingest.signals import Directory, Signal
@@ -137,7 +138,7 @@ def current(channels: Sequence[ChannelData]) -> ChannelData | None:
     return ChannelData(
         spec=replace(d.spec, name=f"hypot({d.spec.name}, {q.spec.name})", quantity="current"),
         t_ns=d.t_ns[known],
-        value=np.hypot(d.value, held)[known],
+        value=hypot(d.value, held)[known],
         record=d.record[known],
         raw=d.raw[known],
         raws=d.raws,

@@ -1,7 +1,12 @@
-"""The hottest winding and magnet of a run, limits, and what derating made of them: entries of a run's summary."""
+"""The hottest winding and magnet of a run, limits, and what derating made of them: entries of a run's summary.
+
+A node is the mean of its lump, and where lumps of different sizes lie is not in a motor file: there a hot spot is no more than its
+node. Equal slices in a row are cells of one bar, and the bar's profile is hotter between their middles than any of them.
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
@@ -13,7 +18,7 @@ from ingest.catalogue.channels import ChannelData
 from ingest.derating import DeratingRule
 from replay.engine.inputs import Signal, held
 from twin.derating import Derating, derated
-from twin.network import Network
+from twin.network import Network, Node
 
 Floats = NDArray[np.float64]
 Times = NDArray[np.int64]
@@ -27,7 +32,8 @@ REGIONS = {
 def hot_spots(network: Network, temperatures: Floats, step_s: float) -> dict[str, dict[str, Any]]:
     """The entry `hot_spots`: `winding` and `magnet` (the rotor that holds it, where it is no node of its own), each where the motor
     has such nodes: which was hottest, when and how hot; its limit and what was left of it, None where the motor file says none.
-    `temperatures` (N + 1, n)."""
+    `temperatures` (N + 1, n). Where that node is a slice between two equal ones, `profile` says where along them it was hottest
+    then, and how hot: {max_degC, towards, slices}, so many slices from the node's middle towards another node."""
     return {spot: _hottest(network, temperatures, step_s, at) for spot in REGIONS if (at := nodes_of(spot, network))}
 
 
@@ -41,12 +47,40 @@ def _hottest(network: Network, temperatures: Floats, step_s: float, at: Sequence
     edge, own = (int(i) for i in np.unravel_index(int(np.argmax(temperatures[:, at])), (len(temperatures), len(at))))
     node, degC = network.nodes[at[own]], float(temperatures[edge, at[own]])
     limit = node.limit_degC
-    return {
+    found = {
         "node": node.name,
         "max_degC": degC,
         "at_s": edge * step_s,
         "limit_degC": limit,
         "margin_K": None if limit is None else limit - degC,
+    }
+    beside = _beside(network, at[own])
+    return {**found, "profile": _profile(network, temperatures[edge], at[own], beside)} if len(beside) == 2 else found
+
+
+def _beside(network: Network, of: int) -> list[int]:
+    """The slices beside a slice: of the same region and size, by the same conductance."""
+    nodes, places = network.nodes, {node.name: i for i, node in enumerate(network.nodes)}
+    own = nodes[of]
+    ends = ((link.b if link.a == own.name else link.a, link) for link in network.links if own.name in (link.a, link.b))
+    linked = [(places[other], link.terms) for other, link in ends if other in places]
+    alike = [(i, terms) for i, terms in linked if _same_size(nodes[i], own)]
+    return [i for i, terms in alike if [other for _, other in alike].count(terms) == 2]
+
+
+def _same_size(one: Node, other: Node) -> bool:
+    return one.region == other.region and math.isclose(one.capacity, other.capacity)
+
+
+def _profile(network: Network, degC: Floats, at: int, beside: Sequence[int]) -> dict[str, Any]:
+    """The highest point of the parabola whose means over three slices are their temperatures, the middle one the hottest: the
+    profile along a bar that is heated alike all over."""
+    warmer, colder = sorted(beside, key=lambda i: -degC[i])
+    tilt, bend = float(degC[warmer] - degC[colder]), float(2 * degC[at] - degC[warmer] - degC[colder])
+    return {
+        "max_degC": float(degC[at]) + bend / 24 + (tilt * tilt / (8 * bend) if bend > 0 else 0.0),
+        "towards": network.nodes[warmer].name,
+        "slices": tilt / (2 * bend) if bend > 0 else 0.0,
     }
 
 

@@ -56,8 +56,9 @@ def modelled(observation: Observation, frame: InputFrame, temperatures: Floats, 
 
     `temperatures` (N + 1, n). The lag is first order, exact for a temperature that is linear within a step.
     """
-    at = [nodes.index(node) for node in observation.weights]
-    truth: Floats = temperatures[:, at] @ np.array(list(observation.weights.values()))
+    truth = np.zeros(len(temperatures))
+    for node, share in observation.weights.items():  # no product of matrices: BLAS adds in an order of the processor's
+        truth += share * temperatures[:, nodes.index(node)]
     reading = lagged(truth, observation.time_constant_s, frame.step_s)
     return reading[:-1] + observation.place * np.diff(reading)
 

@@ -75,7 +75,11 @@ def _band(one: Mapping[str, Any]) -> str:
 
 
 def _place(spot: str, one: Mapping[str, Any]) -> str:
-    return "" if one["node"] == spot else f"{words.name(one['node'])}, "
+    place = "" if one["node"] == spot else f"{words.name(one['node'])}, "
+    if top := one.get("profile"):
+        towards = words.name(top["towards"])
+        place += f"up to {top['max_degC']:.0f} °C {top['slices']:.1f} slices towards {towards}, "
+    return place
 
 
 def _margin(one: Mapping[str, Any]) -> str:
