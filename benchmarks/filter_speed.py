@@ -2,8 +2,8 @@
 
     python benchmarks/filter_speed.py [--rounds N] [--json FILE]
 
-The reference motor: 21 nodes, eight thermometers, a drive like the WLTP at 2 Hz. The small form finds the magnets' loss and three
-conductances, 25 numbers; the paper's form the magnets' loss, 43. filterpy is used as its documentation has it, its model of the motor
+The reference motor: 21 nodes, eight thermometers, a drive like the WLTP at 2 Hz. Both forms find the magnets' loss and three
+conductances: 25 numbers in the small form, 46 in the paper's. filterpy is used as its documentation has it, its model of the motor
 written in vectorised numpy: the network's step and its derivative in each step of the filter. Beside it, the same filterpy that is
 given our compiled step, derivative included, and has its own algebra alone to do. Times are processor times of the whole call, the best
 of all rounds, the ways taken in turn; differences are of every temperature at every edge of filterpy's run.
@@ -33,11 +33,11 @@ from threadpoolctl import threadpool_limits
 from benchmarks.integrator import Physics, frame, initial_of, motor, wltp_like
 from replay.engine.kernel_cache import load
 from twin.ekf import filter_unknowns
-from twin.ekf_paper import at_edges, at_the_start, filter_with_rates, predict, sensor_row, transition
+from twin.ekf_paper import at_edges, at_the_start, filter_with_rates, heats_of, predict, sensor_row, transition
 from twin.filter_inputs import Inputs, Reading, Start, inputs_of
 from twin.integrators import SDIRK2
 from twin.kernel import compile_indexed
-from twin.law_heats import law_heats
+from twin.law_heats import law_heats, shares
 from twin.network import Network
 from twin.simulate import Frame, simulate
 from twin.unknowns import Unknown, UnknownFactor, UnknownHeat
@@ -208,42 +208,55 @@ def small_form_given(inputs: Inputs) -> Floats:
 
 def paper_form(network: Network, inputs: Inputs, given: bool) -> Floats:
     """filterpy on [z, zdot, rho], perfect measurements and sensors of a step at once; the model in numpy, or, if `given`, our own."""
-    laws, model, n, o, h = law_heats(network), Model(network, inputs), len(network.nodes), len(inputs.order), STEP_S
-    m = len(inputs.parts.weights)
+    laws, model, n, h = law_heats(network), Model(network, inputs), len(network.nodes), STEP_S
+    m, first, last = len(inputs.parts.weights), 2 * n + len(model.heats), 2 * n + len(inputs.order)
     phi, around, capacity = at_edges(inputs.features), at_edges(inputs.boundaries), model.physics.capacity
-    amounts = at_edges(laws.amounts(inputs.features))
+    fixed, *driven = (
+        at_edges(inputs.features @ own[:-1] + own[-1])
+        for own in (
+            shares(network, np.where(model.factor_of == p, inputs.parts.nominal, 0.0)) for p in range(-1, model.factors)
+        )
+    )
     F, Q, _ = transition(inputs, h)
-    start, P = at_the_start(inputs, laws, amounts[0], around[0], capacity, inputs.parts.state)
+    start, P = at_the_start(inputs, laws, laws.amounts(inputs.features[0]), around[0], capacity, inputs.parts.state)
     size = len(start)
     peer = ExtendedKalmanFilter(size, n + m)
     peer.x, peer.P, peer.Q, peer.F = start[:, 0], P, Q, F
     peer.R = np.diag([*np.zeros(n), *np.full(m, NOISE_K**2)])
-    H, none = np.zeros((n + m, size)), np.zeros(0)
+    H = np.zeros((n + m, size))
     H[:n, n : 2 * n] = np.eye(n)
-    H[model.heats, 2 * n + np.arange(o)] = -1 / capacity[model.heats]
+    H[model.heats, np.arange(2 * n, first)] = -1 / capacity[model.heats]
     for j in range(m):
         sensor_row(inputs.parts.weights[j], 0.0, -1, 0.0, n, H[n + j])
     found, heat, slope = np.empty((len(inputs.values), size)), np.empty(n), np.empty((n, n))
+    multiplied, unread = np.empty((n, model.factors)), np.empty((n, n))
     for k in range(len(inputs.values)):
+        logs = peer.x[first:last]
         if given:
-            ahead = peer.x[:, None].copy()
-            predict(laws, capacity, inputs.parts.heats, F, h, amounts, around, k, ahead, heat, slope)
+            own = [scale * one[k : k + 2] for scale, one in zip(np.exp(logs), driven, strict=True)]
+            amounts, ahead = fixed[k : k + 2] + sum(own), peer.x[:, None].copy()
+            predict(laws, capacity, model.heats, F, h, amounts, around[k : k + 2], 0, ahead, heat, slope)
             peer.x = ahead[:, 0]
+            for p in range(model.factors):
+                one = np.empty(n)
+                heats_of(laws, own[p][1], peer.x[:n].copy(), around[k + 1], one, unread)
+                multiplied[:, p] = one
         else:
-            z, rate = peer.x[:n], peer.x[n : 2 * n]
-            before, _ = model.heats_of(z, phi[k], around[k], none)
-            after, slopes = model.heats_of(z, phi[k + 1], around[k + 1], none)
-            jacobian = model.jacobian(slopes)
-            right = model.into @ (after - before) / h + jacobian @ rate
-            second = np.linalg.solve(np.diag(capacity) - h / 2 * jacobian, right)
+            rate = peer.x[n : 2 * n]
+            terms, slopes = model.heats_of(peer.x[:n], phi[k + 1], around[k + 1], logs)
+            jacobian, heat = model.jacobian(slopes), model.into @ terms
+            heat[model.heats] += peer.x[2 * n : first]
+            right = heat + h * (jacobian @ rate) - capacity * rate
+            more = np.linalg.solve(np.diag(capacity) - h / 2 * jacobian, right)
             peer.x = F @ peer.x
-            peer.x[:n] += h * h / 2 * second
-            peer.x[n : 2 * n] += h * second
-            terms, slopes = model.heats_of(peer.x[:n], phi[k + 1], around[k + 1], none)
+            peer.x[:n] += h / 2 * more
+            peer.x[n : 2 * n] += more
+            terms, slopes = model.heats_of(peer.x[:n], phi[k + 1], around[k + 1], logs)
             slope, heat = model.jacobian(slopes), model.into @ terms
-            heat[model.heats] += peer.x[2 * n :]
+            heat[model.heats] += peer.x[2 * n : first]
+            multiplied = model.into_multiplied @ (terms[model.multiplied][:, None] * model.by_factor)
         peer.P = F @ peer.P @ F.T + Q
-        H[:n, :n] = -slope / capacity[:, None]
+        H[:n, :n], H[:n, first:last] = -slope / capacity[:, None], -multiplied / capacity[:, None]
         perfect = H[:n] @ peer.x + heat / capacity - peer.x[n : 2 * n]
         peer.update(np.concatenate([perfect, inputs.values[k]]), lambda _: H, lambda x: H @ x)
         found[k] = peer.x
@@ -256,20 +269,17 @@ def paper_form(network: Network, inputs: Inputs, given: bool) -> Floats:
 def ratios(rounds: int) -> dict[str, float]:
     """`ekf_vs_filterpy`, `ekf46_vs_filterpy`: filterpy's time a step over ours, its model in numpy; `..._given_our_step` the same of a
     filterpy that is given our step; `..._difference_K` between estimates; `..._us` ours a step."""
-    small: tuple[Unknown, ...] = (HEAT, *FACTORS)
-    paper: tuple[Unknown, ...] = (HEAT,)
-    cases = {"ekf": case_of(small), "ekf46": case_of(paper)}
-    of = {"ekf": inputs_of(*case_of(small, PEERS_STEPS)), "ekf46": inputs_of(*case_of(paper, PEERS_STEPS))}
-    network = cases["ekf"][0]
+    case, of = case_of((HEAT, *FACTORS)), inputs_of(*case_of((HEAT, *FACTORS), PEERS_STEPS))
+    network = case[0]
     ours: Mapping[str, Callable[[], Floats]] = {
-        "ekf": lambda: filter_unknowns(*cases["ekf"]).temperatures,
-        "ekf46": lambda: filter_with_rates(*cases["ekf46"]).temperatures,
+        "ekf": lambda: filter_unknowns(*case).temperatures,
+        "ekf46": lambda: filter_with_rates(*case).temperatures,
     }
     peers: Mapping[str, Mapping[str, Callable[[], Floats]]] = {
-        "ekf": {"filterpy": lambda: small_form(network, of["ekf"]), "given": lambda: small_form_given(of["ekf"])},
+        "ekf": {"filterpy": lambda: small_form(network, of), "given": lambda: small_form_given(of)},
         "ekf46": {
-            "filterpy": lambda: paper_form(network, of["ekf46"], False),
-            "given": lambda: paper_form(network, of["ekf46"], True),
+            "filterpy": lambda: paper_form(network, of, False),
+            "given": lambda: paper_form(network, of, True),
         },
     }
     found = {}

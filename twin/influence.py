@@ -2,63 +2,91 @@
 
 The paper's sensitivities (its section 3.1): the exact derivative of every node's temperature by every parameter's logarithm,
 here times the parameter's prior standard deviation, so that a well-known loss and a guessed film are measured with one scale.
+All are sums over blocks of 10 s, taken as the blocks come (`twin.block_columns`): no test is too long.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg.blas import dtrmm
 
 from twin.actions import Parameter
+from twin.block_columns import block_columns, of_every_node, of_motor
 from twin.calibration import freedom
-from twin.model import Channel, Model, Test
+from twin.model import Test
 from twin.network import Network
-from twin.outputs import Output
 
 Floats = NDArray[np.float64]
+
+ROWS = 256  # that are multiplied with the parameters' covariance at a time
 
 
 @dataclass(frozen=True)
 class Influence:
-    """`parameters` (P,) of the motor; `per_sd_K` (P, n): root mean square over all blocks of the tests by which one prior standard
-    deviation of each moves each node; `columns` (B, n, P): d temperature / d ln parameter in each block of 10 s [K]."""
+    """On the nodes of `network` over `tests`. `parameters` (P,) of the motor; `per_sd_K` (P, n): root mean square over all blocks of the tests
+    by which one prior standard deviation of each moves each node."""
 
+    network: Network
+    tests: tuple[Test, ...]
     parameters: tuple[Parameter, ...]
-    nodes: tuple[str, ...]
     per_sd_K: Floats
-    columns: Floats
+
+    @property
+    def nodes(self) -> tuple[str, ...]:
+        return tuple(node.name for node in self.network.nodes)
 
     def order(self, nodes: Sequence[int]) -> list[int]:
         """The parameters, those that move one of these nodes most first."""
         return [int(i) for i in np.argsort(-self.per_sd_K[:, list(nodes)].max(axis=1), kind="stable")]
 
+    def unknown_K(self, precisions: Sequence[Floats]) -> Floats:
+        """(K, n) [K]: root mean square over all blocks of the tests of each node's standard deviation, under each of K precisions (P, P) of
+        the parameters; the tests are run once for all of them."""
+        roots = [np.linalg.cholesky(np.linalg.inv(precision)) for precision in precisions]
+
+        def squares(rows: Floats) -> Floats:
+            total = np.zeros((len(roots), rows.shape[1]))
+            at_once = max(1, ROWS // rows.shape[1])
+            for first in range(0, len(rows), at_once):
+                some = rows[first : first + at_once]
+                for own, root in zip(total, roots, strict=True):
+                    moved = dtrmm(1.0, root.T, some.reshape(-1, len(root)).T)  # a triangle: half of a product
+                    own += np.einsum("pi,pi->i", moved, moved).reshape(some.shape[:2]).sum(axis=0)
+            return total
+
+        return np.sqrt(_mean(self.network, self.tests, squares))
+
 
 def influence(network: Network, tests: Sequence[Test]) -> Influence:
     """Of every coefficient and capacity on every node. Raises `DivergedError` where the network's own run leaves the finite numbers."""
     parameters = freedom(network, ())
-    model = Model(network, [with_every_node(network, test) for test in tests], parameters)
-    parts = model.linearise(np.zeros(len(parameters)))
-    nodes = tuple(node.name for node in network.nodes)
-    of_test: dict[int, list[Floats]] = {}
-    for part in parts:
-        whole = np.zeros((len(part.columns), len(parameters)))
-        whole[:, part.at] = part.columns
-        of_test.setdefault(part.series.session, []).append(whole)
-    columns = np.concatenate([np.stack(own, axis=1) for own in of_test.values()])
     sd = np.array([p.sd for p in parameters])
-    per_sd = np.sqrt((columns**2).mean(axis=0)).T * sd[:, None]
-    return Influence(parameters, nodes, per_sd, columns)
+    square = _mean(network, tests, lambda rows: np.einsum("bnp,bnp->pn", rows, rows))
+    return Influence(network, tuple(tests), parameters, np.sqrt(square) * sd[:, None])
 
 
-def with_every_node(network: Network, test: Test) -> Test:
-    """The test as if every node had a thermometer that is always there and shows nothing but its node."""
-    steps = len(test.frame.features)
-    always, middle = np.ones(steps), np.full(steps, 0.5)
-    channels = tuple(
-        Channel(node.name, "", Output({node.name: 1.0}, 0.0, always, middle), np.zeros(steps), 0.1, 0.0, 0.0)
-        for node in network.nodes
-    )
-    return replace(test, channels=channels, meters=())
+def columns(network: Network, test: Test) -> Iterator[Floats]:
+    """Some blocks at a time (b, n, P): d temperature / d ln parameter in each block [K]."""
+    places, values = of_motor(network)
+    every = of_every_node(network, test.frame)
+    return (some * values for some in block_columns(network, test.frame, test.initial, every, places))
+
+
+def _mean(network: Network, tests: Sequence[Test], of: Callable[[Floats], Floats]) -> Floats:
+    """Of what some blocks add up to, over all blocks of all tests, two of which are run at a time."""
+
+    def summed(test: Test) -> tuple[Floats, int]:
+        total, count = np.zeros(()), 0
+        for some in columns(network, test):
+            total, count = total + of(some), count + len(some)
+        return total, count
+
+    with ThreadPoolExecutor(2) as pool:
+        totals, counts = zip(*pool.map(summed, tests), strict=True)
+    mean: Floats = np.sum(totals, axis=0) / sum(counts)
+    return mean

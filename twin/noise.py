@@ -62,14 +62,28 @@ def whiten(series: Series, noise: ChannelNoise, columns: Array) -> Array:
 
     Raises `EvidenceError` where the columns are not as long as the series, times do not rise, or R is singular.
     """
-    gains = _checked_gains(series, noise)
     if columns.ndim != 2 or len(columns) != len(series.t_s):
         raise EvidenceError(
             f"{_called(series)}: columns of shape {columns.shape} for {len(series.t_s)} blocks: give one row a block"
         )
-    out = np.array(columns, dtype=np.float64, order="C")
-    _whiten(gains, out)
-    return out
+    return Whitening(series, noise, columns.shape[1])(columns)
+
+
+class Whitening:
+    """`W X` of columns X (B, k) of a series, whose rows are given in turn, as many at a time as there are. Raises `EvidenceError` as
+    `whiten`."""
+
+    def __init__(self, series: Series, noise: ChannelNoise, columns: int) -> None:
+        self._gains = _checked_gains(series, noise)
+        self._states = np.zeros((2, columns))
+        self._done = 0
+
+    def __call__(self, rows: Array) -> Array:
+        """The next rows (b, k)."""
+        out = np.array(rows, dtype=np.float64, order="C")
+        _whiten(self._gains[self._done : self._done + len(out)], self._states, out)
+        self._done += len(out)
+        return out
 
 
 def log_det(series: Series, noise: ChannelNoise) -> float:
@@ -127,9 +141,9 @@ def filter_gains(t: Array, white: Array, v_a: float, tau_a: float, v_o: float, t
 
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
-def _whiten(gains: Array, x: Array) -> None:
-    """Columns of x (B, k) side by side, in place."""
-    a, o = np.zeros(x.shape[1]), np.zeros(x.shape[1])
+def _whiten(gains: Array, states: Array, x: Array) -> None:
+    """Rows of x (b, k) in place, from the `states` (2, k) of the rows before on."""
+    a, o = states[0], states[1]
     for i in range(len(x)):
         f_a, f_o, k_a, k_o = gains[i, 0], gains[i, 1], gains[i, 2], gains[i, 3]
         scale = 1 / np.sqrt(gains[i, 4])
@@ -146,7 +160,7 @@ def deviance(t: Array, white: Array, x: Array, v_a: float, tau_a: float, v_o: fl
     """`ln|R| + sum of (W X)^2`: minus twice the log likelihood of columns x (B, k) that share one R, up to a constant."""
     gains = filter_gains(t, white, v_a, tau_a, v_o, tau_o)
     whitened = x.copy()
-    _whiten(gains, whitened)
+    _whiten(gains, np.zeros((2, x.shape[1])), whitened)
     total = 0.0
     for i in range(len(t)):
         total += np.log(gains[i, 4])

@@ -19,9 +19,8 @@ from twin.block_columns import Thermometer, block_columns, of_motor, thermometer
 from twin.influence import Influence
 from twin.model import BROAD, Test
 from twin.network import Network
-from twin.noise import ChannelNoise, Series
+from twin.noise import ChannelNoise, Series, Whitening
 from twin.recorded import Channel
-from twin.whitening import Whitening
 
 Floats = NDArray[np.float64]
 
