@@ -17,7 +17,14 @@ FEED = (  # what a run's features and coefficients go through, in the order of a
     *("ingest/powers.py", "ingest/expressions.py", "ingest/samples.py"),
     *("replay/engine/inputs.py", "replay/engine/frame.py", "replay/engine/frame_of.py", "replay/engine/aged.py"),
     *("twin/powers.py", "twin/features.py", "twin/drops.py", "twin/outputs.py"),
-    *("twin/initial.py", "twin/ageing_state.py", "twin/indexed.py", "twin/simulate.py", "twin/integrators.py", "twin/losses.py"),
+    *(
+        "twin/initial.py",
+        "twin/ageing_state.py",
+        "twin/indexed.py",
+        "twin/simulate.py",
+        "twin/integrators.py",
+        "twin/losses.py",
+    ),
 )
 EXACT = {"sqrt", "fabs", "floor", "ceil", "fmod", "trunc", "isfinite", "isnan", "factorial", "inf", "nan", "pi"}
 CHANGING = {  # of numpy: with the processor's vectors or the system's library
