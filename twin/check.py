@@ -158,10 +158,10 @@ def _check_property(entry: Entry, key: str, table: Property, unit: str) -> None:
 
 
 def _unknown(name: str, kind: str, known: Sequence[str]) -> str:
-    return f'there is no {kind} "{name}": {_meant(name, known)}'
+    return f'there is no {kind} "{name}": {meant(name, known)}'
 
 
-def _meant(name: str, known: Sequence[str]) -> str:
+def meant(name: str, known: Sequence[str]) -> str:
     """The known name that is near; else all of them."""
     close = difflib.get_close_matches(name, known, n=1, cutoff=0.6)
     if close:
@@ -202,7 +202,7 @@ def _check_factors(entry: Entry, number: int, term: Term, in_link: bool, nodes: 
     if term.law is not None and not in_link:
         raise FactorError(entry, f'term {number}: law "{term.law}" belongs to conductances: use it in a link only')
     if term.law is not None and term.law not in LAWS:
-        raise FactorError(entry, f'term {number}: law "{term.law}" is not known: {_meant(term.law, tuple(LAWS))}')
+        raise FactorError(entry, f'term {number}: law "{term.law}" is not known: {meant(term.law, tuple(LAWS))}')
     factor = term.temperature
     if factor is None:
         return
@@ -215,7 +215,7 @@ def _check_factors(entry: Entry, number: int, term: Term, in_link: bool, nodes: 
 def _check_feature(network: Network, entry: Entry, number: int, feature: str, exponent: float) -> None:
     where = f'term {number}: feature "{feature}"'
     if not features.is_known(feature):
-        raise FeatureError(entry, f"{where} is not known: {_meant(feature, features.EXAMPLES)}")
+        raise FeatureError(entry, f"{where} is not known: {meant(feature, features.EXAMPLES)}")
     if not math.isfinite(exponent) or exponent < 0:
         raise FeatureError(entry, f"{where} has exponent {exponent:g}: at 0 it would be infinite, give 0 or more")
     _check_scale(network, entry, where, feature)

@@ -10,12 +10,12 @@ their sum (of links along a row, that of their resistances) is known as well as 
 
 from __future__ import annotations
 
-import difflib
 import itertools
 import math
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
+from twin.check import meant
 from twin.errors import BadValueError, DuplicateError, Entry, UnknownNodeError
 from twin.network import Configuration, Link, Network, Node, Source, Term
 
@@ -73,7 +73,9 @@ def _check(network: Network, nodes: Sequence[str], slices: int, length_m: float)
     known = {node.name: node for node in network.nodes}
     for i, name in enumerate(nodes):
         if name not in known:
-            raise UnknownNodeError(Entry("node", i, name), f"{network.name} has no such node: {_meant(name, known)}")
+            raise UnknownNodeError(
+                Entry("node", i, name), f"{network.name} has no such node: {meant(name, list(known))}"
+            )
         if name in nodes[:i]:
             raise DuplicateError(Entry("node", i, name), "it is to be cut twice: name it once")
         if known[name].region not in MATERIAL:
@@ -92,12 +94,6 @@ def _check(network: Network, nodes: Sequence[str], slices: int, length_m: float)
         raise BadValueError(
             Entry("motor", 0, network.name), f"a stack of {length_m:g} m has no length: give that of the iron"
         )
-
-
-def _meant(name: str, known: Collection[str]) -> str:
-    """The known name that is near; else all of them."""
-    close = difflib.get_close_matches(name, known, n=1, cutoff=0.6)
-    return f'did you mean "{close[0]}"?' if close else f"known are {', '.join(known)}"
 
 
 def _end(name: str) -> str | None:

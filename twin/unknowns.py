@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from twin import features
 from twin.causes import link_place, parse
+from twin.check import meant
 from twin.errors import FrameError
 from twin.network import Network, Term
 from twin.once import once_a_network
@@ -141,12 +142,14 @@ def terms_of(network: Network, cause: str) -> list[int]:
     """Places in `features.terms` of what a cause id names. Raises `CauseError` for what is no id, `FrameError` for what the
     network has not."""
     asked = parse(cause)
-    place = link_place(network, *asked.ends) if len(asked.ends) == 2 else asked.place
+    link = len(asked.ends) == 2 and set(asked.ends) <= set(network.names)
+    place = link_place(network, *asked.ends) if link else asked.place
     listed = _listed(network).get((asked.kind, place), [])
     laws = [law for law, _ in listed]
     found = [i for law, i in listed if asked.law in ("scale", law)]
     if not found:
-        there = f"its laws are {', '.join(laws)}" if laws else "there is no such link or source"
+        known = [f"{kind}.{where}" for kind, where in _listed(network)]
+        there = f"its laws are {', '.join(laws)}" if laws else meant(f"{asked.kind}.{place}", known)
         raise FrameError(f'network "{network.name}" has no coefficient "{cause}": {there}')
     return found
 

@@ -67,3 +67,16 @@ def test_a_place_that_two_factors_multiply_is_refused(network: Network) -> None:
     twice = [UnknownFactor(SLICES[0], 0.1, 0.0, SLICES[1:]), UnknownFactor(SLICES[1], 0.1, 0.0)]
     with pytest.raises(FrameError, match="another unknown multiplies the same coefficient"):
         filter_unknowns(network, inputs, start, twice, [])
+
+
+@pytest.mark.parametrize(
+    ("cause", "says"),
+    [
+        ("loss.magnt.scale", 'did you mean "loss.magnet"'),
+        ("conductance.yoke-jakcet.scale", 'did you mean "conductance.yoke-jacket"'),
+        ("loss.magnet.speed9", "its laws are"),
+    ],
+)
+def test_what_the_network_has_not_is_told_with_what_it_has(network: Network, cause: str, says: str) -> None:
+    with pytest.raises(FrameError, match=f'has no coefficient "{cause}": {says}'):
+        terms_of(network, cause)
