@@ -14,16 +14,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from twin import features, indexed, sparse_march
+from twin import features, sparse_march
 from twin.errors import DivergedError
-from twin.integrators import DEFAULT
+from twin.laid_out import laid_out
 from twin.lanes import width
-from twin.laws import Law, Table, psi
+from twin.laws import psi
 from twin.network import Network
 from twin.outputs import Blocks, Output, blocks, lag_factors
 from twin.simulate import Frame, check_frame
 from twin.sparse_march import STRIP
-from twin.structure import CONSTANT, Structure, described
+from twin.structure import CONSTANT, Structure
 from twin.vectors import LANES
 
 Floats = NDArray[np.float64]
@@ -78,11 +78,9 @@ def block_columns(
     Blocks of all thermometers are as long; steps behind the last whole one do not count, a block that is not there has zeros. Raises `FrameError` where
     the frame does not fit the network, `DivergedError` where its run leaves the finite numbers or ten thousand degrees.
     """
-    shape, values = described(network)
+    shape, values, program, laws, table = laid_out(network)
     check_frame(network, frame, initial, shape.monomials)
-    program = indexed.program(shape, DEFAULT)
-    laws = [Law.of(group, values, g) for g, group in enumerate(shape.groups)]
-    table, affine = Table.of(laws, network.copper), all(law.affine for law in laws)
+    affine = all(law.affine for law in laws)
     storage, size = 2 * values.capacities / frame.step_s, len(values.coefficients)
     places = range(size + 2 * shape.n) if wanted is None else wanted
     begin = _at_start(shape.n, [place - size - shape.n for place in places])

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,15 +18,14 @@ from numpy.typing import NDArray
 from twin.check import check
 from twin.ekf_plan import Parts
 from twin.errors import FrameError
-from twin.indexed import Program, program
-from twin.integrators import DEFAULT
-from twin.laws import Law, Table
+from twin.laid_out import LaidOut, laid_out
+from twin.laws import Law
 from twin.losses import takers
 from twin.network import Network
 from twin.once import once_a_network
 from twin.outputs import lag_factors
 from twin.simulate import Frame, check_frame
-from twin.structure import NOBODY, Parameters, described
+from twin.structure import NOBODY
 from twin.unknowns import Unknown, node_place, places, variances
 
 Floats = NDArray[np.float64]
@@ -99,23 +97,7 @@ class Inputs:
     variances: Floats
 
 
-class _Motor(NamedTuple):
-    """A network as filters take it; `monomials`: columns of the features."""
-
-    monomials: int
-    program: Program
-    values: Parameters
-    laws: tuple[Law, ...]
-    table: Table
-
-
-@once_a_network
-def _motor(network: Network) -> _Motor:
-    """Raises `NetworkError`."""
-    check(network)
-    groups, values = described(network)
-    laws = tuple(Law.of(group, values, g) for g, group in enumerate(groups.groups))
-    return _Motor(groups.monomials, program(groups, DEFAULT), values, laws, Table.of(laws, network.copper))
+_checked = once_a_network(check)
 
 
 def inputs_of(
@@ -124,8 +106,9 @@ def inputs_of(
     """Raises `NetworkError` where the network cannot be a motor, `FrameError` where shapes do not fit, an input is not finite, a
     variance or standard deviation is not above 0, or a node or coefficient is not the network's, and `CauseError` where an
     unknown factor is not written as a cause."""
-    motor = _motor(network)
-    check_frame(network, frame, start.temperatures, motor.monomials)
+    _checked(network)
+    motor = laid_out(network)
+    check_frame(network, frame, start.temperatures, motor.shape.monomials)
     _check(network, frame, start, readings)
     sensors = [r for r in readings if isinstance(r, Reading)]
     meters = [r for r in readings if isinstance(r, HeatReading)]
@@ -187,7 +170,7 @@ def _check_noise(readings: Sequence[AnyReading], values: Floats, places: Floats,
 
 def _parts(
     network: Network,
-    motor: _Motor,
+    motor: LaidOut,
     step_s: float,
     start: Start,
     unknowns: Sequence[Unknown],

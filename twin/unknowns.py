@@ -3,7 +3,6 @@ each a random walk."""
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -14,7 +13,7 @@ from twin import features
 from twin.causes import link_place, parse
 from twin.check import meant
 from twin.errors import FrameError
-from twin.network import Network, Term
+from twin.network import Network
 from twin.once import once_a_network
 
 Index = NDArray[np.int64]
@@ -157,13 +156,8 @@ def terms_of(network: Network, cause: str) -> list[int]:
 @once_a_network
 def _listed(network: Network) -> dict[tuple[str, str], list[tuple[str, int]]]:
     """The laws of each link and source, and the places of their coefficients."""
-    entries: list[tuple[str, str, tuple[Term, ...]]] = [
-        *(("conductance", f"{link.a}-{link.b}", link.terms) for link in network.links),
-        *(("loss", source.node, source.terms) for source in network.sources),
-    ]
     found: dict[tuple[str, str], list[tuple[str, int]]] = {}
-    numbers = itertools.count()
-    for kind, where, terms in entries:
-        own = found.setdefault((kind, where), [])
-        own += [(features.product(term).name, next(numbers)) for term in terms]
+    for i, (place, term) in enumerate(features.placed_terms(network)):
+        kind = "conductance" if "-" in place else "loss"
+        found.setdefault((kind, place), []).append((features.product(term).name, i))
     return found

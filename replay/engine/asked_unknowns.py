@@ -15,10 +15,10 @@ from replay.engine.filtered import (
 )
 from replay.engine.frame import Observation
 from replay.errors import ReplayDataError
+from twin import features
 from twin.candidates import links_with_groups, sensor_place
 from twin.causes import Cause, groups, parse
 from twin.columns import ObservedChannel
-from twin.features import placed_terms
 from twin.network import Network
 from twin.unknowns import Unknown, UnknownBias, UnknownFactor, terms_of
 
@@ -62,7 +62,7 @@ def _unknown(
 
 def _factor(network: Network, cause: Cause) -> UnknownFactor:
     ids = [str(Cause(cause.kind, place, cause.law)) for place in _members(network, cause)]
-    terms = [term for _, term in placed_terms(network)]
+    terms = list(features.terms(network))
     sd = min(max(terms[i].sd for one in ids for i in terms_of(network, one)), MOST_FACTOR_SD)
     return UnknownFactor(ids[0], sd, sd * HEAT_WALK_SHARE / HEAT_SHARE, tuple(ids[1:]))
 
