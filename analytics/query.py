@@ -18,7 +18,7 @@ import duckdb
 
 from analytics.errors import AnalyticsError, QueryError, RefusedQueryError
 from analytics.warehouse import MACROS, MEMORY, VIEWS
-from ingest.nearest import nearest
+from ingest.texts.nearest import nearest
 
 LONGEST = 100_000  # characters; the parser takes seconds for a megabyte of brackets
 READING_NODES = {"SELECT_NODE", "SET_OPERATION_NODE", "RECURSIVE_CTE_NODE", "CTE_NODE"}

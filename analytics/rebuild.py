@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 
 from analytics import warehouse
 from analytics.errors import AnalyticsError
-from ingest import facts as folding
+from ingest.facts import facts as folding
 
 if TYPE_CHECKING:
-    from ingest.facts import Facts
-    from ingest.store import Store
+    from ingest.facts.facts import Facts
+    from ingest.facts.store import Store
 
 
 @dataclass(frozen=True)

@@ -6,14 +6,14 @@ import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from ingest.envelope import Recorded
+from ingest.bench.resolving import region_by_name
 from ingest.errors import UnknownSessionError
-from ingest.events import InspectionRecorded, RawFileSealed, ReplayCompleted, SessionRecorded
-from ingest.facts import Facts
-from ingest.resolving import region_by_name
+from ingest.facts.envelope import Recorded
+from ingest.facts.events import InspectionRecorded, RawFileSealed, ReplayCompleted, SessionRecorded
+from ingest.facts.facts import Facts
 
 if TYPE_CHECKING:
-    from ingest.store import Store
+    from ingest.facts.store import Store
 
 Rows = list[dict[str, Any]]
 BALANCE = ("found", "decoded", "unknown_id", "wrong_length", "rejected")

@@ -25,11 +25,11 @@ import pyarrow as pa
 
 from analytics import scans, tables
 from analytics.errors import WarehouseError
-from ingest.facts import at as fold_at
+from ingest.facts.facts import at as fold_at
 
 if TYPE_CHECKING:
-    from ingest.facts import Facts
-    from ingest.store import Store
+    from ingest.facts.facts import Facts
+    from ingest.facts.store import Store
 
 FILE = "warehouse.duckdb"
 VIEWS = (
@@ -123,7 +123,7 @@ def connect(folder: str | Path, as_of: str | None = None) -> duckdb.DuckDBPyConn
     It cannot leave the store: no other file, no network, no extension, no setting. `analytics.query` also refuses
     statements that write, this raw connection leaves them to DuckDB. What `refresh` notes comes as a warning.
     """
-    from ingest.store import Store
+    from ingest.facts.store import Store
 
     with Store.open(Path(folder)) as store:
         warehouse = refresh(store, as_of)

@@ -23,7 +23,7 @@ import numpy as np
 from scipy.stats import beta
 
 from analytics.insulation import campaign
-from analytics.insulation.check_resistance import CheckResistance, CheckTrace, evaluate_together
+from analytics.insulation.checks.resistance import CheckResistance, CheckTrace, evaluate_together
 from plant import insulation_campaign
 from plant.insulation_campaign import Campaign, Check, Stator
 from plant.timeline import Plan

@@ -31,7 +31,8 @@ from numpy.typing import NDArray
 from scipy.stats import beta
 from threadpoolctl import threadpool_limits
 
-from analytics.insulation import forms, repeatability
+from analytics.insulation.checks import repeatability
+from analytics.insulation.courses import forms
 from plant import timeline
 from plant.deterioration import OVEN_degC
 from plant.timeline import PAPER, Plan

@@ -23,15 +23,15 @@ sys.path.append(str(HERE.parent / "tests"))
 
 import numpy as np
 
-from ingest import facts
-from ingest.intake import take_in
-from ingest.sessions import Override
-from ingest.setup import prepare
-from ingest.store import Store
+from ingest.facts import facts
+from ingest.facts.sessions import Override
+from ingest.facts.store import Store
+from ingest.intake.intake import take_in
+from ingest.intake.setup import prepare
 from plant import Plant, drives, points, sessions, write_campaign
-from replay.engine.campaign import replay_sessions
-from replay.engine.models import for_intake
-from replay.studies.calibrate import calibrate_sessions
+from replay.engine.files.models import for_intake
+from replay.engine.runs.campaign import replay_sessions
+from replay.studies.characterise.calibrate import calibrate_sessions
 
 LEARNT, KEPT = ("1_s1", "2_s2", "3_wltp"), ("4_s1", "5_wltp")
 Errors = dict[tuple[str, str], float]  # (session, node) -> mean absolute error [K]

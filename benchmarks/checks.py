@@ -25,18 +25,18 @@ sys.path[:0] = [str(HERE.parent / "tests"), str(HERE.parent)]
 import numpy as np
 from numpy.typing import NDArray
 
-from analytics.insulation.check_resistance import CheckResistance, CheckTrace, evaluate_together
+from analytics.insulation.checks.resistance import CheckResistance, CheckTrace, evaluate_together
 from plant import bare_stator_motor, dc_check, insulation_campaign
 from plant.insulation_campaign import Check
 from plant.timeline import Plan
-from replay.engine.motor_file import read_motor
-from replay.studies.configured_checks import LoggedCheck, Rig
-from twin.configured import configured
-from twin.features import monomials
-from twin.network import Network
-from twin.outputs import Output
-from twin.recorded import Channel, Test
-from twin.simulate import Frame
+from replay.engine.files.motor_file import read_motor
+from replay.studies.ageing.configured_checks import LoggedCheck, Rig
+from twin.fitting.recorded import Channel, Test
+from twin.motor.configured import configured
+from twin.motor.features import monomials
+from twin.motor.network import Network
+from twin.motor.outputs import Output
+from twin.run.simulate import Frame
 
 Floats = NDArray[np.float64]
 

@@ -32,18 +32,19 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from analytics.insulation import forms, repeatability
-from analytics.insulation.check_resistance import evaluate_together
-from analytics.insulation.forms import Form
+from analytics.insulation.checks import repeatability
+from analytics.insulation.checks.resistance import evaluate_together
+from analytics.insulation.courses import forms
+from analytics.insulation.courses.forms import Form
 from benchmarks.ageing import rate
 from benchmarks.ageing import trace as check_trace
 from plant import insulation_campaign
 from plant.insulation_campaign import Stator
 from plant.timeline import PAPER
 from replay.cli import main as whyhot
-from replay.show.figure import save, style
-from replay.show.palette import COLOURS, INK, SOFT
-from replay.show.palette import PAPER as PAGE
+from replay.show.words.figure import save, style
+from replay.show.words.palette import COLOURS, INK, SOFT
+from replay.show.words.palette import PAPER as PAGE
 
 Floats = NDArray[np.float64]
 

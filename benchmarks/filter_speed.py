@@ -25,22 +25,22 @@ sys.path[:] = [place for place in sys.path if Path(place) != HERE]  # else inges
 sys.path[:0] = [str(HERE.parent / "tests"), str(HERE.parent)]
 
 import numpy as np
-from filter_steps import Steps
 from filterpy.kalman import ExtendedKalmanFilter
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from benchmarks.integrator import Physics, frame, initial_of, motor, wltp_like
-from replay.engine.kernel_cache import load
-from twin.ekf import filter_unknowns
-from twin.ekf_paper import at_edges, at_the_start, filter_with_rates, heats_of, predict, sensor_row, transition
-from twin.filter_inputs import Inputs, Reading, Start, inputs_of
-from twin.integrators import SDIRK2
-from twin.kernel import compile_indexed
-from twin.law_heats import law_heats, shares
-from twin.network import Network
-from twin.simulate import Frame, simulate
-from twin.unknowns import Unknown, UnknownFactor, UnknownHeat
+from made.filter_steps import Steps
+from replay.engine.results.kernel_cache import load
+from twin.compiled.integrators import SDIRK2
+from twin.compiled.kernel import compile_indexed
+from twin.filters.ekf import filter_unknowns
+from twin.filters.inputs import Inputs, Reading, Start, inputs_of
+from twin.filters.unknowns import Unknown, UnknownFactor, UnknownHeat
+from twin.motor.network import Network
+from twin.paper.ekf import at_edges, at_the_start, filter_with_rates, heats_of, predict, sensor_row, transition
+from twin.paper.law_heats import law_heats, shares
+from twin.run.simulate import Frame, simulate
 
 Floats = NDArray[np.float64]
 Case = tuple[Network, Frame, Start, list[Any], list[Reading]]

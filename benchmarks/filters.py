@@ -30,41 +30,41 @@ sys.path[:] = [place for place in sys.path if Path(place) != HERE]  # else inges
 sys.path[:0] = [str(HERE.parent / "tests"), str(HERE.parent)]
 
 import numpy as np
-from filter_steps import Steps
 from filterpy.kalman import ExtendedKalmanFilter, MerweScaledSigmaPoints, UnscentedKalmanFilter
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from benchmarks.integrator import frame, initial_of, motor, wltp_like
-from ingest import facts
 from ingest.catalogue.channels import load as load_channels
-from ingest.intake import take_in
-from ingest.sessions import Override
-from ingest.setup import prepare
-from ingest.store import Store
+from ingest.facts import facts
+from ingest.facts.sessions import Override
+from ingest.facts.store import Store
+from ingest.intake.intake import take_in
+from ingest.intake.setup import prepare
+from made.filter_steps import Steps
 from plant import Effect, Plant, Recording, drives, sessions, write_campaign
 from plant.drives import Drive
 from plant.geometry import Geometry
 from plant.placement import weights
-from replay.engine.filtered import mean_losses, reading_of, unknown_heat
-from replay.engine.frame import InputFrame, Observation
-from replay.engine.frame_of import session_frame
-from replay.engine.kernel_cache import load, load_kernel
-from replay.engine.models import for_intake
-from replay.engine.motor_file import read_motor
-from replay.engine.open_loop import initial_temperatures, modelled
-from replay.studies.motor_scale import sliced_file
-from twin import ukf
-from twin.ekf import at_their_pace, filter_unknowns
-from twin.ekf_paper import at_edges, at_the_start, filter_with_rates, predict, sensor_row, transition
-from twin.filter_inputs import Inputs, Reading, Start, inputs_of
-from twin.kernel import compile_indexed
-from twin.law_heats import law_heats
-from twin.network import Network
-from twin.simulate import Frame, simulate
-from twin.smoother import smoothed
-from twin.ukf import filter_unscented
-from twin.unknowns import UnknownHeat
+from replay.engine.files.models import for_intake
+from replay.engine.files.motor_file import read_motor
+from replay.engine.frame.frame import InputFrame, Observation
+from replay.engine.frame.frame_of import session_frame
+from replay.engine.results.filtered import mean_losses, reading_of, unknown_heat
+from replay.engine.results.kernel_cache import load, load_kernel
+from replay.engine.results.open_loop import initial_temperatures, modelled
+from replay.studies.motors.scale import sliced_file
+from twin.compiled.kernel import compile_indexed
+from twin.filters import ukf
+from twin.filters.ekf import at_their_pace, filter_unknowns
+from twin.filters.inputs import Inputs, Reading, Start, inputs_of
+from twin.filters.smoother import smoothed
+from twin.filters.ukf import filter_unscented
+from twin.filters.unknowns import UnknownHeat
+from twin.motor.network import Network
+from twin.paper.ekf import at_edges, at_the_start, filter_with_rates, predict, sensor_row, transition
+from twin.paper.law_heats import law_heats
+from twin.run.simulate import Frame, simulate
 
 Floats = NDArray[np.float64]
 

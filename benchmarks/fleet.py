@@ -33,9 +33,9 @@ from numpy.typing import NDArray
 from scipy.stats import beta, norm
 from threadpoolctl import threadpool_limits
 
-from analytics.insulation import mixed
-from analytics.insulation.outlying import FleetAssessment, assess
-from analytics.insulation.remaining import remaining
+from analytics.insulation.fleet import mixed
+from analytics.insulation.fleet.outlying import FleetAssessment, assess
+from analytics.insulation.fleet.remaining import remaining
 from plant.deterioration import FORMS, Faster, draw
 from plant.fleet import Fleet, Population, fleet
 

@@ -23,14 +23,14 @@ sys.path[:0] = [str(HERE.parent / "tests"), str(HERE.parent)]
 
 import numpy as np
 
-from ingest import facts
-from ingest.intake import take_in
-from ingest.sessions import Override
-from ingest.setup import prepare
-from ingest.store import Store
+from ingest.facts import facts
+from ingest.facts.sessions import Override
+from ingest.facts.store import Store
+from ingest.intake.intake import take_in
+from ingest.intake.setup import prepare
 from plant import Effect, Plant, Recording, drives, sessions, write_campaign
-from replay.engine.campaign import replay_sessions
-from replay.engine.models import for_intake
+from replay.engine.files.models import for_intake
+from replay.engine.runs.campaign import replay_sessions
 
 HIDDEN_W = 400.0  # of the magnets at 16,000 rpm
 WHO = ("open loop", "smoother")

@@ -37,14 +37,15 @@ from numpy.typing import NDArray
 
 sys.path[:] = [place for place in sys.path if Path(place) != Path(__file__).parent]  # else this file hides the package
 
-from ingest import facts, samples
-from ingest.databases import load
-from ingest.decode import RECORDING, decode_file
-from ingest.intake import take_in
-from ingest.reading import record
-from ingest.sessions import Override
-from ingest.setup import MotorFile, prepare
-from ingest.store import Store
+from ingest.facts import facts
+from ingest.facts.sessions import Override
+from ingest.facts.store import Store
+from ingest.intake.intake import take_in
+from ingest.intake.setup import MotorFile, prepare
+from ingest.log import samples
+from ingest.log.databases import load
+from ingest.log.decode import RECORDING, decode_file
+from ingest.log.reading import record
 
 MESSAGES, SIGNALS = 20, 4
 START_S = 1_700_000_000

@@ -28,14 +28,14 @@ sys.path[:] = [
     place for place in sys.path if Path(place) != Path(__file__).parent
 ]  # else ingest.py here hides the package
 
-from replay.engine.kernel_cache import load
-from replay.engine.motor_file import read_motor
-from twin.configured import configured
-from twin.features import evaluate, is_flow, monomial, monomials
-from twin.integrators import DEFAULT, SDIRK2, Tableau
-from twin.kernel import STATEMENTS, compile_indexed, compile_network, generate, load_in_memory, statements
-from twin.network import Fluid, Network, TemperatureFactor, Term
-from twin.simulate import Frame, simulate
+from replay.engine.files.motor_file import read_motor
+from replay.engine.results.kernel_cache import load
+from twin.compiled.integrators import DEFAULT, SDIRK2, Tableau
+from twin.compiled.kernel import STATEMENTS, compile_indexed, compile_network, generate, load_in_memory, statements
+from twin.motor.configured import configured
+from twin.motor.features import evaluate, is_flow, monomial, monomials
+from twin.motor.network import Fluid, Network, TemperatureFactor, Term
+from twin.run.simulate import Frame, simulate
 
 Floats = NDArray[np.float64]
 
@@ -137,7 +137,7 @@ def initial_of(network: Network) -> Floats:
 
 
 class Physics:
-    """dT/dt of a network by the definitions of `twin.network`, term by term, and of `twin.drops`: nothing is shared with the kernels."""
+    """dT/dt of a network by the definitions of `twin.motor.network`, term by term, and of `twin.motor.drops`: nothing is shared with the kernels."""
 
     def __init__(self, network: Network) -> None:
         self.index = {name: i for i, name in enumerate(network.names)}
@@ -376,7 +376,7 @@ def _later_start() -> dict[str, float]:
         "import time; start = time.process_time()\n"
         "import numba; imported = time.process_time()\n"
         "from benchmarks.integrator import motor\n"
-        "from replay.engine.kernel_cache import load_kernel\n"
+        "from replay.engine.results.kernel_cache import load_kernel\n"
         "network = motor('reference_motor'); began = time.process_time()\n"
         "load_kernel(network)\n"
         "print(imported - start, time.process_time() - began)"

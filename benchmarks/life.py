@@ -33,13 +33,9 @@ sys.path[:0] = [str(HERE.parent / "tests"), str(HERE.parent)]
 
 import numpy as np
 from numpy.typing import NDArray
-from published_lives import circuits
 
-from analytics.insulation.arrhenius import BOLTZMANN_EV_PER_K, ZERO_DEGC_IN_K, Activation, Doubling
-from analytics.insulation.censored import DISTRIBUTIONS, Distribution, Lives, covariance, maximise, standard_quantile
-from analytics.insulation.destructive import Fall, by_doubling, by_energy
-from analytics.insulation.life import LifeFit, NoFit, fit
-from analytics.insulation.life_bounds import (
+from analytics.insulation.dose.arrhenius import BOLTZMANN_EV_PER_K, ZERO_DEGC_IN_K, Activation, Doubling
+from analytics.insulation.life.bounds import (
     ActivationEnergy,
     HalvingInterval,
     Quantile,
@@ -47,8 +43,19 @@ from analytics.insulation.life_bounds import (
     bootstrap,
     profile,
 )
-from analytics.insulation.life_checks import common_spread, linearity
-from analytics.insulation.temperature_index import endurance
+from analytics.insulation.life.censored import (
+    DISTRIBUTIONS,
+    Distribution,
+    Lives,
+    covariance,
+    maximise,
+    standard_quantile,
+)
+from analytics.insulation.life.checks import common_spread, linearity
+from analytics.insulation.life.destructive import Fall, by_doubling, by_energy
+from analytics.insulation.life.life import LifeFit, NoFit, fit
+from analytics.insulation.life.temperature_index import endurance
+from made.published_lives import circuits
 from plant.life import lives
 
 Floats = NDArray[np.float64]

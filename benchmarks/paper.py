@@ -61,25 +61,25 @@ from benchmarks.filters import (
     paced,
     with_network,
 )
-from ingest import facts
-from ingest.intake import take_in
-from ingest.sessions import Override
-from ingest.setup import prepare
-from ingest.store import Store
+from ingest.facts import facts
+from ingest.facts.sessions import Override
+from ingest.facts.store import Store
+from ingest.intake.intake import take_in
+from ingest.intake.setup import prepare
 from plant import Effect, Plant, drives, points, sessions
 from plant.drives import Drive
 from plant.geometry import Geometry
 from plant.sensors import SENSORS
-from replay.engine.models import for_intake
-from replay.engine.motor_text import written
-from replay.engine.open_loop import modelled
-from replay.studies.calibrate import calibrate_sessions
-from twin.ekf import at_their_pace
-from twin.network import Network, Term
-from twin.simulate import source_heat
-from twin.slicing import sliced
-from twin.smoother import smoothed
-from twin.unknowns import UnknownFactor, UnknownHeat
+from replay.engine.files.models import for_intake
+from replay.engine.files.motor_text import written
+from replay.engine.results.open_loop import modelled
+from replay.studies.characterise.calibrate import calibrate_sessions
+from twin.filters.ekf import at_their_pace
+from twin.filters.smoother import smoothed
+from twin.filters.unknowns import UnknownFactor, UnknownHeat
+from twin.motor.network import Network, Term
+from twin.motor.slicing import sliced
+from twin.run.simulate import source_heat
 
 Floats = NDArray[np.float64]
 

@@ -29,15 +29,15 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from ingest import facts
-from ingest.intake import take_in
-from ingest.sessions import Override
-from ingest.setup import prepare
-from ingest.store import Store
+from ingest.facts import facts
+from ingest.facts.sessions import Override
+from ingest.facts.store import Store
+from ingest.intake.intake import take_in
+from ingest.intake.setup import prepare
 from plant import Plant, Recording, drives, points, sessions, write_campaign
-from replay.engine.models import for_intake
-from replay.studies.calibrate import calibrate_sessions
-from replay.studies.sensors import SETTLE_S, sensors_worth
+from replay.engine.files.models import for_intake
+from replay.studies.characterise.calibrate import calibrate_sessions
+from replay.studies.characterise.sensors import SETTLE_S, sensors_worth
 
 Floats = NDArray[np.float64]
 

@@ -27,8 +27,9 @@ sys.path += [str(HERE.parent), str(HERE.parent / "tests")]
 
 import numpy as np
 
-from analytics.insulation import repeatability, stress
-from analytics.insulation.stress import Stress
+from analytics.insulation.checks import repeatability
+from analytics.insulation.courses import stress
+from analytics.insulation.courses.stress import Stress
 from plant import discharge, insulation_check, timeline
 from plant.deterioration import OVEN_degC
 from plant.timeline import Plan

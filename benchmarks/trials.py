@@ -39,33 +39,32 @@ from numpy.typing import NDArray
 from scipy.stats import beta
 from threadpoolctl import threadpool_limits
 
-import twin
-from ingest import facts
-from ingest.intake import take_in
-from ingest.sessions import Override
-from ingest.setup import prepare
-from ingest.store import Store
+from ingest.facts import facts
+from ingest.facts.sessions import Override
+from ingest.facts.store import Store
+from ingest.intake.intake import take_in
+from ingest.intake.setup import prepare
 from plant import CATALOGUE, Effect, Plant, drives, points, write_campaign
 from plant.drives import Drive
 from plant.plant import Truth
 from plant.sensors import LAG_s, Sensor, lagged, record, sensors
-from replay.engine.identity import source_hash
-from replay.engine.models import for_intake
-from replay.studies import question
-from replay.studies.calibrate import common_model
-from replay.studies.found import find
-from twin.candidates import Candidate
+from replay.engine.files.models import for_intake
+from replay.engine.runs.sources import code_of
+from replay.studies.characterise.calibrate import common_model
+from replay.studies.diagnosis import question
+from replay.studies.diagnosis.found import find
+from twin.diagnosis.mode import stacked
+from twin.diagnosis.naming import Naming, search
+from twin.diagnosis.swaps import scan
+from twin.diagnosis.told_apart import told_apart
+from twin.differences.candidates import Candidate
+from twin.differences.everyday import everyday
+from twin.differences.proposals import Proposals
 from twin.errors import DivergedError
-from twin.everyday import everyday
-from twin.fit import Fit
-from twin.mode import stacked
-from twin.model import Model, Test
-from twin.naming import Naming, search
-from twin.network import Network
-from twin.outputs import blocks
-from twin.proposals import Proposals
-from twin.swaps import scan
-from twin.told_apart import told_apart
+from twin.fitting.fit import Fit
+from twin.fitting.model import Model, Test
+from twin.motor.network import Network
+from twin.motor.outputs import blocks
 
 Floats = NDArray[np.float64]
 
@@ -438,7 +437,7 @@ def main() -> None:
     parser.add_argument("--cache", type=Path, default=Path(tempfile.gettempdir()) / "whyhot-trials")
     parser.add_argument("--out", type=Path)
     args = parser.parse_args()
-    code = source_hash(Path(twin.__file__).parent)[:12]
+    code = code_of("replay.studies.diagnosis.diagnose")[:12]
     path = args.cache / f"results-{code}.jsonl"
     done = {r.case: r for r in read_results(path)}
     wanted = cases(args.first, args.healthy, args.effects, args.layout)

@@ -49,16 +49,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.integrator import best_of, frame, initial_of, lsoda, motor, wltp_like
-from replay.engine.kernel_cache import load, load_kernel
-from twin.features import monomials
-from twin.gradients import gradient
-from twin.kernel import Compiled, compile_indexed, generate
-from twin.network import Network
-from twin.sensitivities import columns
-from twin.side_by_side import simulate_all
-from twin.simulate import Frame, simulate
-from twin.slicing import sliced
-from twin.vectors import LANES
+from replay.engine.results.kernel_cache import load, load_kernel
+from twin.arithmetic.vectors import LANES
+from twin.compiled.kernel import Compiled, compile_indexed, generate
+from twin.motor.features import monomials
+from twin.motor.network import Network
+from twin.motor.slicing import sliced
+from twin.run.gradients import gradient
+from twin.run.sensitivities import columns
+from twin.run.side_by_side import simulate_all
+from twin.run.simulate import Frame, simulate
 
 Floats = NDArray[np.float64]
 
@@ -232,9 +232,9 @@ def many_nodes(rounds: int, folder: Path) -> dict[str, float | None]:
 START = """
 import time
 from benchmarks.integrator import frame, initial_of, motor, wltp_like
-from replay.engine.kernel_cache import load, load_kernel
-from twin.vectors import LANES
-from twin.simulate import simulate
+from replay.engine.results.kernel_cache import load, load_kernel
+from twin.arithmetic.vectors import LANES
+from twin.run.simulate import simulate
 network = motor("reference_motor")
 inputs = frame(network, wltp_like(), 0.5)
 began = time.process_time()

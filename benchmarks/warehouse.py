@@ -51,9 +51,9 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from analytics import warehouse
-from analytics.insulation.arrhenius import BOLTZMANN_EV_PER_K, ZERO_DEGC_IN_K, Activation, equivalent_hours
+from analytics.insulation.dose.arrhenius import BOLTZMANN_EV_PER_K, ZERO_DEGC_IN_K, Activation, equivalent_hours
 from analytics.scans import AGEING
-from ingest.samples import Column, Samples, Writer
+from ingest.log.samples import Column, Samples, Writer
 
 Floats = NDArray[np.float64]
 Way = Callable[[], Floats]

@@ -22,7 +22,7 @@ def _():
     from analytics import warehouse
     from analytics.errors import AnalyticsError
     from ingest.errors import IngestError
-    from replay.show.palette import COLOURS, INK, SOFT
+    from replay.show.words.palette import COLOURS, INK, SOFT
 
     def tabled(table):
         """A table without summaries, numbers to five digits."""

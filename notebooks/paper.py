@@ -24,8 +24,8 @@ def _():
     sys.path[:0] = [place for place in (root, f"{root}/tests") if place not in sys.path]
     from benchmarks.filters import estimates, paced
     from benchmarks.paper import ENDWINDINGS, MAGNET, calibrated, errors_K, first_guess, hot_spot, wrong_by_the_paper_s
-    from replay.engine.open_loop import modelled
-    from replay.show.palette import COLOURS, DASHES
+    from replay.engine.results.open_loop import modelled
+    from replay.show.words.palette import COLOURS, DASHES
 
     return (
         COLOURS,

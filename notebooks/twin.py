@@ -22,8 +22,8 @@ def _():
     from analytics import warehouse
     from analytics.errors import AnalyticsError
     from ingest.errors import IngestError
-    from replay.show import words
-    from replay.show.palette import COLOURS, DIVERGING, INK
+    from replay.show.words import words
+    from replay.show.words.palette import COLOURS, DIVERGING, INK
 
     def tabled(table):
         """A table without summaries, numbers to five digits."""

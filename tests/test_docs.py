@@ -9,13 +9,12 @@ import argparse
 import re
 from functools import partial
 from importlib import import_module
-from pathlib import Path
 
 import pytest
 
+from made.places import ROOT
 from replay.cli import VERBS, build_parser
 
-ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs" / "cli.md"
 HEAD = """# The command line
 

@@ -13,20 +13,21 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 import can
-import can_bench
 import cantools
 import numpy as np
 import pytest
 
-from ingest.bench import read_bench
+from ingest.bench.bench_file import read_bench
+from ingest.bench.resolving import check_nodes, resolve
+from ingest.bench.signals import Signal
 from ingest.errors import IngestError
-from ingest.resolving import check_nodes, resolve
-from ingest.signals import Signal
+from made import can_bench
+from made.places import ROOT
 from replay.cli import main
-from replay.engine.motor_file import read_motor
+from replay.engine.files.motor_file import read_motor
 from replay.errors import ReplayError
 
-DOCS = Path(__file__).parents[1] / "docs"
+DOCS = ROOT / "docs"
 LEFT_OUT = "..."
 MAGNET_W = 60.0  # at full speed; the motor file of the tutorial says 30
 NOISE_K = 0.05

@@ -9,9 +9,10 @@ from pathlib import Path
 import can
 import pytest
 
+from made.places import EXAMPLES
 from plant import hidden_effect, insulation_example
 
-SHIPPED = Path(__file__).parents[1] / "examples" / "hidden_effect"
+SHIPPED = EXAMPLES / "hidden_effect"
 MOST_CHANGED = 0.001  # of the frames: rounding in the last digit may differ between processors
 
 

@@ -10,9 +10,9 @@ from collections.abc import Mapping
 from concurrent.futures import ProcessPoolExecutor
 
 import pytest
-from hidden_cases import Answer, Case, diagnosed
 
-from twin.naming import THRESHOLD
+from made.hidden_cases import Answer, Case, diagnosed
+from twin.diagnosis.naming import THRESHOLD
 
 HIDDEN = (
     Case(83, "loss.rotor_surface.speed2_current2", 1500.0),

@@ -5,11 +5,13 @@ from __future__ import annotations
 import ast
 import subprocess
 import sys
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parents[1]
+from made.places import ROOT
+
 MAY_IMPORT = {
     "twin": {"twin"},
     "ingest": {"ingest"},
@@ -48,6 +50,101 @@ def test_replay_imports_analytics_only_inside_functions() -> None:
         module = ast.parse(path.read_text(encoding="utf-8"))
         at_the_top = [_imports(node) for node in module.body if isinstance(node, ast.Import | ast.ImportFrom)]
         assert "analytics" not in set().union(*at_the_top), path.relative_to(ROOT)
+
+
+# From the bottom up: a room imports from those before it only. `errors` belongs to everyone in its package.
+ROOMS = {
+    "twin": (
+        *(
+            "arithmetic",
+            "motor",
+            "compiled",
+            "run",
+            "filters",
+            "paper",
+            "fitting",
+            "differences",
+            "diagnosis",
+            "calibration",
+        ),
+        "insulation",
+    ),
+    "ingest": ("texts", "formats", "bench", "facts", "log", "catalogue", "intake"),
+    "analytics.insulation": ("dose", "checks", "courses", "fleet", "life"),
+    "replay": ("engine", "studies", "show", "demo", "cli"),
+    "replay.engine": ("files", "frame", "specimen", "results", "runs"),
+    "replay.studies": ("sessions", "motors", "characterise", "diagnosis", "ageing"),
+    "replay.show": ("words", "plots", "verbs", "reports"),
+}
+OUTSIDE = {
+    "ingest": {"errors"},
+    "twin": {"errors"},
+    "replay": {"errors", "shipped"},
+    "analytics.insulation": {"campaign"},
+}
+
+
+def _name(path: Path) -> str:
+    return ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
+
+
+MODULES = {_name(path): path for package in MAY_IMPORT for path in _modules(package)}
+
+
+def _imported(path: Path) -> set[str]:
+    """Our modules that a module imports anywhere in its text, for the sake of a type too."""
+    found: set[str] = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            submodules = {f"{node.module}.{alias.name}" for alias in node.names} & set(MODULES)
+            found |= submodules or {node.module}
+    return found & set(MODULES)
+
+
+GRAPH = {name: _imported(path) - {name} for name, path in MODULES.items()}
+
+
+@pytest.mark.parametrize("house", sorted(ROOMS))
+def test_a_room_imports_from_those_below_it_only(house: str) -> None:
+    floor = {f"{house}.{room}": height for height, room in enumerate(ROOMS[house])}
+
+    def room_of(module: str) -> str:
+        return ".".join(module.split(".")[: house.count(".") + 2])
+
+    strays = {room_of(module) for module in MODULES if module.startswith(f"{house}.")} - set(floor)
+    assert strays == {f"{house}.{name}" for name in OUTSIDE.get(house, set())}, "each module lies in a room"
+    up = [
+        f"{module} imports {other}"
+        for module, others in GRAPH.items()
+        for other in others
+        if floor.get(room_of(module), len(floor)) < floor.get(room_of(other), -1)
+    ]
+    assert not up
+
+
+def test_no_files_import_each_other_in_a_circle() -> None:
+    try:
+        TopologicalSorter(GRAPH).prepare()
+    except CycleError as circle:
+        pytest.fail(" -> ".join(circle.args[1]))
+
+
+@pytest.mark.parametrize("folder", sorted(name for name, path in MODULES.items() if path.name == "__init__.py"))
+def test_a_folder_says_in_a_sentence_what_it_holds_and_runs_nothing(folder: str) -> None:
+    tree = ast.parse(MODULES[folder].read_text(encoding="utf-8"))
+    says = ast.get_docstring(tree)
+    assert says, folder
+    assert says.splitlines()[0].endswith((".", "?")), folder
+    if folder not in ("ingest.formats", "replay.cli", "whyhot"):  # the list of formats, the verbs, the guard
+        assert len(tree.body) == 1, f"{folder} holds more than its sentence"
+
+
+def test_tests_follow_the_rooms() -> None:
+    for path in (ROOT / "tests").rglob("test_*.py"):
+        place = path.parent.relative_to(ROOT / "tests")
+        assert not place.parts or (ROOT / place).is_dir(), f"{path.relative_to(ROOT)}: there is no {place}"
 
 
 def test_the_twin_touches_no_file_clock_or_screen() -> None:

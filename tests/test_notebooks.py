@@ -15,14 +15,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from ageing_campaign import Campaign, ageing_campaign
 
+from made.ageing_campaign import Campaign, ageing_campaign
+from made.places import ROOT
 from plant import drives, fleet, insulation_campaign, placement, points
 from plant.bare_stator import Rig
 from plant.timeline import Plan
 from replay.cli import main
 
-ROOT = Path(__file__).parents[1]
 NOTEBOOKS, MOTOR = ROOT / "notebooks", ROOT / "examples" / "hust_motor"
 PAPER = NOTEBOOKS / "paper.py"
 OF_A_STORE = ("campaign", "fleet", "insulation", "twin")

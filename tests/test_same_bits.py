@@ -6,24 +6,35 @@ import ast
 import os
 import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-ROOT = Path(__file__).parents[1]
+from made.places import ROOT
+
 FEED = (  # what a run's features and coefficients go through, in the order of a sample's way
-    *("ingest/bits.py", "ingest/held.py", "ingest/units.py", "ingest/corrections.py", "ingest/decode.py"),
-    *("ingest/powers.py", "ingest/expressions.py", "ingest/samples.py"),
-    *("replay/engine/inputs.py", "replay/engine/frame.py", "replay/engine/frame_of.py", "replay/engine/aged.py"),
-    *("twin/powers.py", "twin/features.py", "twin/drops.py", "twin/outputs.py"),
     *(
-        "twin/initial.py",
-        "twin/ageing_state.py",
-        "twin/indexed.py",
-        "twin/simulate.py",
-        "twin/integrators.py",
-        "twin/losses.py",
+        "ingest/log/bits.py",
+        "ingest/log/held.py",
+        "ingest/texts/units.py",
+        "ingest/bench/corrections.py",
+        "ingest/log/decode.py",
+    ),
+    *("ingest/texts/powers.py", "ingest/texts/expressions.py", "ingest/log/samples.py"),
+    *(
+        "replay/engine/frame/inputs.py",
+        "replay/engine/frame/frame.py",
+        "replay/engine/frame/frame_of.py",
+        "replay/engine/specimen/aged.py",
+    ),
+    *("twin/arithmetic/powers.py", "twin/motor/features.py", "twin/motor/drops.py", "twin/motor/outputs.py"),
+    *(
+        "twin/run/initial.py",
+        "twin/insulation/ageing_state.py",
+        "twin/compiled/indexed.py",
+        "twin/run/simulate.py",
+        "twin/compiled/integrators.py",
+        "twin/run/losses.py",
     ),
 )
 EXACT = {"sqrt", "fabs", "floor", "ceil", "fmod", "trunc", "isfinite", "isnan", "factorial", "inf", "nan", "pi"}
@@ -78,11 +89,11 @@ CODE = """
 import hashlib
 import numba
 import numpy as np
-from ingest.expressions import parse
-from twin.ageing_state import State
-from twin.features import Monomial, evaluate
-from twin.observables import lagged_means
-from twin.powers import exp_of_number
+from ingest.texts.expressions import parse
+from twin.insulation.ageing_state import State
+from twin.motor.features import Monomial, evaluate
+from twin.motor.observables import lagged_means
+from twin.arithmetic.powers import exp_of_number
 
 @numba.njit(error_model="numpy")
 def compiled(x):

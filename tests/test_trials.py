@@ -26,8 +26,8 @@ from benchmarks.trials import (
 )
 from plant import Effect, Plant, drives
 from plant.sensors import sensors
-from twin.model import Test
-from twin.simulate import Frame
+from twin.fitting.model import Test
+from twin.run.simulate import Frame
 
 HIDDEN = "loss.magnet.speed2"
 SILENT = Result(case=Case(1, "six", HIDDEN, 4.0), size=60.0, d_true=4.0, named={}, unknown=-1.0, linear=2.0)

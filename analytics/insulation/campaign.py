@@ -8,11 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from analytics.insulation import forms, outlying, remaining, repeatability
-from analytics.insulation.forms import Form
-from analytics.insulation.outlying import FleetAssessment
-from analytics.insulation.remaining import RemainingLife
-from analytics.insulation.repeatability import Repeatability
+from analytics.insulation.checks import repeatability
+from analytics.insulation.checks.repeatability import Repeatability
+from analytics.insulation.courses import forms
+from analytics.insulation.courses.forms import Form
+from analytics.insulation.fleet import outlying, remaining
+from analytics.insulation.fleet.outlying import FleetAssessment
+from analytics.insulation.fleet.remaining import RemainingLife
 
 Floats = NDArray[np.float64]
 

@@ -1,5 +1,5 @@
 -- What the ledger says, as plain tables that the views read. Filled by analytics/tables.py; every column name is its own
--- word of `ingest.events`, and `place` keeps an order. Not documented for users: the views are.
+-- word of `ingest.facts.events`, and `place` keeps an order. Not documented for users: the views are.
 
 CREATE SCHEMA base;
 

@@ -11,19 +11,20 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ingest.bench import Bench, Channel, read_bench
-from ingest.corrections import AMBIENT, Correction, correct, true_times, true_values
+from ingest.bench.bench_file import Bench, read_bench
+from ingest.bench.channel import Channel
+from ingest.bench.corrections import AMBIENT, Correction, correct, true_times, true_values
+from ingest.bench.resolving import ResolvedChannel, resolve
+from ingest.bench.signals import Directory, Signal
 from ingest.errors import DamageError, UnitError
-from ingest.events import DecodeCompleted, SessionRecorded
-from ingest.expressions import parse
-from ingest.facts import Facts
-from ingest.powers import hypot
-from ingest.quantities import STORED_UNIT, Conversion, converter
-from ingest.resolving import ResolvedChannel, resolve
-from ingest.signals import Directory, Signal
+from ingest.facts.events import DecodeCompleted, SessionRecorded
+from ingest.facts.facts import Facts
+from ingest.texts.expressions import parse
+from ingest.texts.powers import hypot
+from ingest.texts.quantities import STORED_UNIT, Conversion, converter
 
 if TYPE_CHECKING:
-    from ingest.store import Store
+    from ingest.facts.store import Store
 
 STALE_MEDIANS = 5.0  # a value is held for as many median intervals of its channel, not longer
 
@@ -318,7 +319,7 @@ def _ambient(pieces: Mapping[str, Sequence[_Piece]], start_ns: int) -> _Around |
 
 
 def _read(path: Path, columns: Sequence[str]) -> dict[str, NDArray[Any]]:
-    from ingest import samples
+    from ingest.log import samples
 
     if not columns:
         return {}

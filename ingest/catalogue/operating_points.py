@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ingest.catalogue.channels import ChannelData, aligned, current, find
-from ingest.quantities import STORED_UNIT
+from ingest.texts.quantities import STORED_UNIT
 
 COLUMNS, ROWS = 10, 8  # cells at most
 SHADES = " ░▒▓█"

@@ -30,7 +30,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ingest.catalogue.channels import ChannelData, step_of
-from ingest.events import QualityFlagged
+from ingest.facts.events import QualityFlagged
 
 EVIDENCE = 25.0  # nats that a run must have against chance
 LEAST_EQUAL, MOST_EQUAL = 0.02, 0.98

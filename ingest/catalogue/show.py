@@ -12,11 +12,11 @@ from ingest.catalogue.description import COUNTS, ChannelDescription, Repeats, Se
 from ingest.catalogue.page import render
 from ingest.catalogue.power import PowerBalance
 from ingest.catalogue.quality import ChannelQuality
-from ingest.events import DecodeCompleted, SessionRecorded
-from ingest.facts import Facts
+from ingest.facts.events import DecodeCompleted, SessionRecorded
+from ingest.facts.facts import Facts
 
 if TYPE_CHECKING:
-    from ingest.store import Store
+    from ingest.facts.store import Store
 
 __all__ = ["SessionDescription", "describe", "render", "render_sessions", "sessions_json"]
 

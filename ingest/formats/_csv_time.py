@@ -29,7 +29,7 @@ from ingest.formats._csv_stamps import (
     pattern_of,
     time_of_day,
 )
-from ingest.nearest import hint
+from ingest.texts.nearest import hint
 
 Ints = NDArray[np.int64]
 Flags = NDArray[np.bool_]

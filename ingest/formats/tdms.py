@@ -32,7 +32,7 @@ from ingest.formats._tdms_file import (
     stamps_ns,
     values,
 )
-from ingest.nearest import hint
+from ingest.texts.nearest import hint
 
 VALUES = 4_000_000  # of a batch, at most
 ROWS = 100_000  # of a batch, at most

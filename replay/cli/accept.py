@@ -14,8 +14,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> Answer:
-    from ingest.store import Store
-    from replay.studies.accept import accept
+    from ingest.facts.store import Store
+    from replay.studies.diagnosis.accept import accept
 
     with Store.open(store_folder(args), write=True) as store:
         done = accept(store, args.diagnosis)
@@ -39,8 +39,8 @@ def run(args: argparse.Namespace) -> Answer:
 
 
 def _text(data: Mapping[str, Any]) -> str:
-    from replay.show.terminal import labelled
-    from replay.show.words import joined, short
+    from replay.show.words.terminal import labelled
+    from replay.show.words.words import joined, short
 
     now = [
         f"{what} {short(data[new])} in place of {short(data[old])}"

@@ -22,13 +22,13 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> Answer:
-    from ingest import facts
-    from ingest.store import Store
+    from ingest.facts import facts
+    from ingest.facts.store import Store
     from replay.cli.progress import tell
-    from replay.engine.models import model_named
-    from replay.show.ageing import ageing_text
-    from replay.studies.ageing import assess
-    from replay.studies.assessment import document
+    from replay.engine.files.models import model_named
+    from replay.show.verbs.ageing import ageing_text
+    from replay.studies.ageing.assess import assess
+    from replay.studies.ageing.assessment import document
 
     with Store.open(store_folder(args), write=args.as_of is None) as store:
         model = model_named(store, args.motor)
@@ -37,7 +37,7 @@ def run(args: argparse.Namespace) -> Answer:
         data = document(found, provenance(store, motor=args.motor, as_of=args.as_of))
     notes = list(found.notes)
     if args.out:
-        from replay.show.ageing_plot import picture  # matplotlib takes half a second to load
+        from replay.show.verbs.ageing_plot import picture  # matplotlib takes half a second to load
 
         picture(found, args.out)
         notes.append(f"{args.out}   and {args.out.with_suffix('.png').name} beside it")

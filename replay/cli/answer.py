@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 from replay.cli.progress import tell
 
 if TYPE_CHECKING:
-    from ingest.store import Store
+    from ingest.facts.store import Store
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ import argparse
 
 
 def ask_model(parser: argparse.ArgumentParser) -> None:
-    """`--model`: read with `replay.engine.models.model_named`."""
+    """`--model`: read with `replay.engine.files.models.model_named`."""
     parser.add_argument(
         "--model", metavar="M", help="model id, motor name or motor file (default: what the bench file names)"
     )

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from replay.cli.answer import Answer, provenance, store_folder
 
 if TYPE_CHECKING:
-    from ingest.attachments import Attached
+    from ingest.intake.attachments import Attached
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -23,9 +23,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> Answer:
-    from ingest import facts
-    from ingest.attachments import Finding, attach, unknown_specimen
-    from ingest.store import Store
+    from ingest.facts import facts
+    from ingest.facts.store import Store
+    from ingest.intake.attachments import Finding, attach, unknown_specimen
 
     finding = Finding(args.specimen, args.finding, args.when, args.session)
     with Store.open(store_folder(args), create=True, write=True) as store:
@@ -41,8 +41,8 @@ def run(args: argparse.Namespace) -> Answer:
 
 
 def _text(done: Sequence[Attached]) -> str:
-    from replay.show.terminal import labelled
-    from replay.show.words import short
+    from replay.show.words.terminal import labelled
+    from replay.show.words.words import short
 
     first = done[0].event
     lines = labelled("Specimen", first.specimen) + labelled("Finding", first.finding)

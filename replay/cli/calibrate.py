@@ -24,12 +24,12 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> Answer:
-    from ingest import facts
-    from ingest.store import Store
-    from replay.engine.maps_left import maps_left
-    from replay.engine.models import model_named
-    from replay.show.calibration import calibration_text, free, moved
-    from replay.studies.calibrate import calibrate_sessions, profiles
+    from ingest.facts import facts
+    from ingest.facts.store import Store
+    from replay.engine.files.models import model_named
+    from replay.engine.specimen.maps_left import maps_left
+    from replay.show.verbs.calibration import calibration_text, free, moved
+    from replay.studies.characterise.calibrate import calibrate_sessions, profiles
 
     with Store.open(store_folder(args), write=True) as store:
         model = model_named(store, args.model)

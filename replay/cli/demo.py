@@ -13,7 +13,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> Answer:
-    from replay.demo import run_demo
+    from replay.demo.demo import run_demo
 
     folder = Path("demo")
     done = run_demo(folder, Path(args.store) if args.store else folder / "store")

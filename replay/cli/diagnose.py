@@ -22,16 +22,16 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> Answer:
-    from ingest import facts
-    from ingest.store import Store
+    from ingest.facts import facts
+    from ingest.facts.store import Store
     from replay.cli.progress import tell
-    from replay.engine.aged import ageing_left_out
-    from replay.engine.maps_left import maps_left
-    from replay.engine.models import model_named
-    from replay.show.diagnosis_text import diagnosis_text
-    from replay.show.documents import write_diagnosis
-    from replay.studies.diagnose import diagnose
-    from replay.studies.diagnosis import document
+    from replay.engine.files.models import model_named
+    from replay.engine.specimen.aged import ageing_left_out
+    from replay.engine.specimen.maps_left import maps_left
+    from replay.show.reports.diagnosis_text import diagnosis_text
+    from replay.show.reports.documents import write_diagnosis
+    from replay.studies.diagnosis.answer import document
+    from replay.studies.diagnosis.diagnose import diagnose
 
     with Store.open(store_folder(args), write=True) as store:
         model = model_named(store, args.model)

@@ -30,7 +30,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> Answer:
-    from ingest.ledger_lock import has_wal_reset_bug
+    from ingest.facts.ledger_lock import has_wal_reset_bug
 
     folder = store_folder(args)
     free = shutil.disk_usage(next(p for p in (folder, *folder.absolute().parents) if p.exists())).free

@@ -28,14 +28,14 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> Answer:
-    from ingest import facts
-    from ingest.store import Store
+    from ingest.facts import facts
+    from ingest.facts.store import Store
     from replay.cli.progress import tell
-    from replay.engine.aged import ageing_left_out
-    from replay.engine.maps_left import maps_left
-    from replay.engine.models import model_named
-    from replay.show.envelope import document, envelope_text, picture
-    from replay.studies.envelope import envelope
+    from replay.engine.files.models import model_named
+    from replay.engine.specimen.aged import ageing_left_out
+    from replay.engine.specimen.maps_left import maps_left
+    from replay.show.verbs.envelope import document, envelope_text, picture
+    from replay.studies.characterise.envelope import envelope
 
     if args.out and args.out.suffix != ".svg":
         args.refuse(f"--out writes an SVG, and a .png beside it: end {args.out} in .svg")

@@ -12,7 +12,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> Answer:
-    from ingest.store import Store
+    from ingest.facts.store import Store
 
     with Store.open(store_folder(args)) as store:
         head = store.ledger.head()

@@ -24,13 +24,13 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> Answer:
-    from ingest.intake import take_in
-    from ingest.sessions import Override
-    from ingest.setup import prepare
-    from ingest.store import Store
+    from ingest.facts.sessions import Override
+    from ingest.facts.store import Store
+    from ingest.intake.intake import take_in
+    from ingest.intake.setup import prepare
     from replay.cli.progress import tell
-    from replay.engine.models import for_intake
-    from replay.show.intake import intake_json, intake_text
+    from replay.engine.files.models import for_intake
+    from replay.show.verbs.intake import intake_json, intake_text
 
     setup = prepare(args.files, args.bench, args.dbc, for_intake)
     with Store.open(store_folder(args), create=True, write=True) as store:

@@ -18,8 +18,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> Answer:
-    from ingest.inspection import draft, inspect
-    from replay.show.inspection import inspection_json, inspection_text, next_step, nothing_to_draft
+    from ingest.intake.inspection import draft, inspect
+    from replay.show.verbs.inspection import inspection_json, inspection_text, next_step, nothing_to_draft
 
     found = inspect(args.files, args.dbc, args.bench)
     notes, wanted, lines = found.refusals, args.bench_draft, [inspection_text(found)]

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from replay.cli.answer import Answer, provenance, store_folder
 
 if TYPE_CHECKING:
-    from twin.network import Network
+    from twin.motor.network import Network
 
 # action -> (what it does, flags that it needs, flags that it may have)
 ACTIONS: dict[str, tuple[str, tuple[str, ...], tuple[str, ...]]] = {
@@ -23,7 +23,7 @@ ACTIONS: dict[str, tuple[str, tuple[str, ...], tuple[str, ...]]] = {
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    from replay.studies.motor_new import DEFAULT, TOPOLOGIES
+    from replay.studies.motors.new import DEFAULT, TOPOLOGIES
 
     says = "; ".join(f"{action}: {what}" for action, (what, _, _) in ACTIONS.items())
     parser.add_argument("action", choices=tuple(ACTIONS), help=says)
@@ -84,15 +84,15 @@ def _written(flag: str) -> str:
 
 
 def _check(args: argparse.Namespace) -> Answer:
-    from replay.engine.motor_file import describe
+    from replay.engine.files.motor_file import describe
 
     description = describe(_network(args))
     return Answer(_data("check", **description.to_json()), description.text())
 
 
 def _new(args: argparse.Namespace) -> Answer:
-    from replay.engine.motor_file import read_motor
-    from replay.studies.motor_new import DEFAULT, TOPOLOGIES, template
+    from replay.engine.files.motor_file import read_motor
+    from replay.studies.motors.new import DEFAULT, TOPOLOGIES, template
 
     topology = args.topology or DEFAULT
     text = template(topology)
@@ -103,9 +103,9 @@ def _new(args: argparse.Namespace) -> Answer:
 
 
 def _scale(args: argparse.Namespace) -> Answer:
-    from replay.engine.motor_file import read_motor
-    from replay.engine.motor_maps import whole
-    from replay.studies.motor_scale import scaled_file
+    from replay.engine.files.motor_file import read_motor
+    from replay.engine.files.motor_maps import whole
+    from replay.studies.motors.scale import scaled_file
 
     text = scaled_file(whole(args.file), args.file.name, args.length)
     network = read_motor(text, args.out.name)
@@ -115,8 +115,8 @@ def _scale(args: argparse.Namespace) -> Answer:
 
 
 def _slice(args: argparse.Namespace) -> Answer:
-    from replay.engine.motor_maps import whole
-    from replay.studies.motor_scale import sliced_file
+    from replay.engine.files.motor_maps import whole
+    from replay.studies.motors.scale import sliced_file
 
     text, network = sliced_file(whole(args.file), args.file.name, args.nodes, args.into, args.stack_mm / 1000)
     _write(args.out, text)
@@ -125,7 +125,7 @@ def _slice(args: argparse.Namespace) -> Answer:
 
 
 def _plot(args: argparse.Namespace) -> Answer:
-    from replay.show.network_plot import draw_network, operating_point
+    from replay.show.plots.network_plot import draw_network, operating_point
 
     if args.out.suffix != ".svg":
         args.refuse(f"plot writes an SVG: end -o {args.out} in .svg")
@@ -139,11 +139,11 @@ def _plot(args: argparse.Namespace) -> Answer:
 def _reduce(args: argparse.Namespace) -> Answer:
     from dataclasses import asdict
 
-    from ingest import facts
-    from ingest.store import Store
+    from ingest.facts import facts
+    from ingest.facts.store import Store
     from replay.cli.progress import tell
-    from replay.show.reduction import draw_curve, reduction_text
-    from replay.studies.motor_reduce import ENOUGH_K, reduce_motor
+    from replay.show.verbs.reduction import draw_curve, reduction_text
+    from replay.studies.motors.reduce import ENOUGH_K, reduce_motor
 
     network = _network(args)
     with Store.open(store_folder(args)) as store:
@@ -177,7 +177,7 @@ def _reduce(args: argparse.Namespace) -> Answer:
 
 
 def _network(args: argparse.Namespace) -> Network:
-    from replay.engine.motor_maps import read_motor_file
+    from replay.engine.files.motor_maps import read_motor_file
 
     return read_motor_file(args.file)
 

@@ -25,15 +25,15 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> Answer:
-    from ingest import facts
-    from ingest.store import Store
+    from ingest.facts import facts
+    from ingest.facts.store import Store
     from replay.cli.progress import tell
-    from replay.engine.aged import ageing_left_out
-    from replay.engine.maps_left import maps_left
-    from replay.engine.models import model_named
-    from replay.show.protocol import document, protocol_text
-    from replay.show.protocol_report import write_protocol_report
-    from replay.studies.protocol import run_protocol, template_needed
+    from replay.engine.files.models import model_named
+    from replay.engine.specimen.aged import ageing_left_out
+    from replay.engine.specimen.maps_left import maps_left
+    from replay.show.reports.protocol_report import write_protocol_report
+    from replay.show.verbs.protocol import document, protocol_text
+    from replay.studies.characterise.protocol import run_protocol, template_needed
 
     if args.model and args.model.endswith(".toml") and not Path(args.model).is_file():
         raise template_needed(f"--model {args.model}: there is no such file")

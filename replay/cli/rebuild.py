@@ -13,8 +13,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> Answer:
     from analytics.rebuild import rebuild
-    from ingest.intake import redecode
-    from ingest.store import Store
+    from ingest.facts.store import Store
+    from ingest.intake.intake import redecode
 
     with Store.open(store_folder(args), write=True) as store:
         made = rebuild(store, redecode, verify=args.verify)

@@ -42,13 +42,13 @@ def _count(text: str) -> int:
 
 
 def run(args: argparse.Namespace) -> Answer:
-    from ingest import facts
-    from ingest.store import Store
+    from ingest.facts import facts
+    from ingest.facts.store import Store
     from replay.cli.progress import tell
-    from replay.engine.campaign import replay_sessions
-    from replay.engine.models import model_named
-    from replay.show.filter_words import left_out
-    from replay.show.terminal import replay_text
+    from replay.engine.files.models import model_named
+    from replay.engine.runs.campaign import replay_sessions
+    from replay.show.words.filter_words import left_out
+    from replay.show.words.terminal import replay_text
 
     with Store.open(store_folder(args), write=True) as store:
         known = facts.at(store.ledger, None)

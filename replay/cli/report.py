@@ -23,10 +23,10 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> Answer:
     if len(args.sessions) == 1 and args.sessions[0].startswith("d-"):
         return _of_diagnosis(args)
-    from ingest import facts
-    from ingest.store import Store
-    from replay.engine.models import known_model
-    from replay.show.documents import write_replay_report
+    from ingest.facts import facts
+    from ingest.facts.store import Store
+    from replay.engine.files.models import known_model
+    from replay.show.reports.documents import write_replay_report
 
     with Store.open(store_folder(args)) as store:
         known = facts.at(store.ledger, None)
@@ -45,13 +45,13 @@ def run(args: argparse.Namespace) -> Answer:
 def _of_diagnosis(args: argparse.Namespace) -> Answer:
     import json
 
-    from ingest import facts
-    from ingest.store import Store
+    from ingest.facts import facts
+    from ingest.facts.store import Store
     from replay.cli.progress import tell
     from replay.errors import ReplayDataError
-    from replay.show.documents import write_diagnosis
-    from replay.studies.accept import find_diagnosis
-    from replay.studies.diagnosis import read
+    from replay.show.reports.documents import write_diagnosis
+    from replay.studies.diagnosis.accept import find_diagnosis
+    from replay.studies.diagnosis.answer import read
 
     if args.model is not None:
         raise ReplayDataError(

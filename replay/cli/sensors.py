@@ -34,13 +34,13 @@ def _share(text: str) -> float:
 
 
 def run(args: argparse.Namespace) -> Answer:
-    from ingest import facts
-    from ingest.store import Store
+    from ingest.facts import facts
+    from ingest.facts.store import Store
     from replay.cli.progress import tell
-    from replay.engine.maps_left import maps_left
-    from replay.engine.models import model_named
-    from replay.show.sensors import document, sensors_text
-    from replay.studies.sensors import sensors_worth
+    from replay.engine.files.models import model_named
+    from replay.engine.specimen.maps_left import maps_left
+    from replay.show.verbs.sensors import document, sensors_text
+    from replay.studies.characterise.sensors import sensors_worth
 
     with Store.open(store_folder(args), write=args.model is not None) as store:
         model = model_named(store, args.model)

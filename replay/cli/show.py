@@ -13,9 +13,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> Answer:
-    from ingest import facts
     from ingest.catalogue.show import describe, render
-    from ingest.store import Store
+    from ingest.facts import facts
+    from ingest.facts.store import Store
 
     with Store.open(store_folder(args)) as store:
         known = facts.at(store.ledger, args.as_of)

@@ -17,7 +17,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> Answer:
     from analytics import answer, query, warehouse
-    from ingest.store import Store
+    from ingest.facts.store import Store
 
     with Store.open(store_folder(args)) as store, warehouse.refresh(store, args.as_of) as opened:
         result = query.run(opened.connection, args.query)

@@ -9,9 +9,9 @@ def status(folder: Path) -> str | None:
     """What the store in `folder` holds, what was last found, and the next command; None where there is no store."""
     if not (folder / "store.json").is_file():
         return None
-    from ingest import facts
-    from ingest.store import Store
-    from replay.show.words import counted
+    from ingest.facts import facts
+    from ingest.facts.store import Store
+    from replay.show.words.words import counted
     from whyhot import __version__
 
     with Store.open(folder) as store:

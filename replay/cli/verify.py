@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from replay.cli.answer import Answer, provenance, store_folder
 
 if TYPE_CHECKING:
-    from ingest.chain import Head
+    from ingest.facts.chain import Head
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -21,11 +21,12 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> Answer:
-    from ingest.store import Store
+    from ingest.facts import store_check
+    from ingest.facts.store import Store
 
     with Store.open(store_folder(args)) as store:
-        findings = store.verify(read=args.read, since=_head(args.since))
-        hints = store.hints()
+        findings = store_check.damage(store, read=args.read, since=_head(args.since))
+        hints = store_check.hints(store)
         head = store.ledger.head()
         settings = {"read": args.read, "since": args.since}
         data = {
@@ -41,8 +42,8 @@ def run(args: argparse.Namespace) -> Answer:
 
 
 def _head(text: str | None) -> Head | None:
-    from ingest.chain import Head
     from ingest.errors import LedgerError
+    from ingest.facts.chain import Head
 
     if text is None:
         return None

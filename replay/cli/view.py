@@ -17,10 +17,10 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> Answer:
-    from ingest import facts
-    from ingest.store import Store
-    from replay.show.documents import write_layers
-    from replay.show.layers import view
+    from ingest.facts import facts
+    from ingest.facts.store import Store
+    from replay.show.reports.documents import write_layers
+    from replay.show.reports.layers import view
 
     with Store.open(store_folder(args)) as store:
         known = facts.at(store.ledger, None)

@@ -1,1 +1,4 @@
-"""What people see of a run: text for the terminal, an HTML report, layers for the rerun viewer."""
+"""What people see: text for the terminal, HTML reports, layers for the rerun viewer.
+
+Rooms from the bottom up; each imports from those before it only: `words`, `plots`, `verbs`, `reports`.
+"""

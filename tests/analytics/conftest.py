@@ -11,14 +11,14 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from ingest.events import (
+from ingest.facts.events import (
     BenchRegistered,
     DecodeCompleted,
     RawFileSealed,
     ReplayCompleted,
     SessionRecorded,
 )
-from ingest.store import Store
+from ingest.facts.store import Store
 
 SECOND = 1_000_000_000
 START = 1_760_000_000 * SECOND
@@ -37,7 +37,7 @@ def channel(name: str, group: str, quantity: str | None, unit: str, node: str | 
 def write_group(
     store: Store, decode: str, group: str, raw: str, t_ns: list[int], columns: dict[str, list[object]]
 ) -> None:
-    """One Parquet file of a decode, in the layout of `ingest.samples`."""
+    """One Parquet file of a decode, in the layout of `ingest.log.samples`."""
     folder = store.decoded(decode)
     folder.mkdir(exist_ok=True)
     fixed = {"t_ns": t_ns, "log_t_ns": t_ns, "file_id": [raw] * len(t_ns), "record": list(range(len(t_ns)))}

@@ -17,7 +17,7 @@ from analytics import scans, warehouse
 from analytics.query import run
 from analytics.rebuild import rebuild
 from analytics.reference import examples
-from ingest.events import (
+from ingest.facts.events import (
     AgeingAssessed,
     CalibrationCompleted,
     CauseNamed,
@@ -25,8 +25,8 @@ from ingest.events import (
     InspectionRecorded,
     SessionRegrouped,
 )
-from ingest.store import Store
-from replay.studies import assessment as written
+from ingest.facts.store import Store
+from replay.studies.ageing import assessment as written
 
 ASSESSED = ("conductivity_by_cycle", "life_used", "fleet_health", "changepoints", "batches")
 START_NS = 1_760_000_000_000_000_000

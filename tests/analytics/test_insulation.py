@@ -13,13 +13,13 @@ import pytest
 from numpy.typing import ArrayLike
 
 from analytics import warehouse
-from analytics.insulation.arrhenius import Activation, Doubling
-from analytics.insulation.oven_cycle import hours_above
+from analytics.insulation.dose.arrhenius import Activation, Doubling
+from analytics.insulation.dose.oven_cycle import hours_above
 from analytics.query import run
 from analytics.reference import examples
-from ingest.events import DecodeCompleted, InspectionRecorded, RawFileSealed, SessionRecorded
-from ingest.quantities import STORED_UNIT
-from ingest.store import Store
+from ingest.facts.events import DecodeCompleted, InspectionRecorded, RawFileSealed, SessionRecorded
+from ingest.facts.store import Store
+from ingest.texts.quantities import STORED_UNIT
 
 HOUR_s = 3600
 START_NS = 1_760_000_000 * 10**9

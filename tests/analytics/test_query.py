@@ -12,7 +12,7 @@ import pytest
 from analytics import warehouse
 from analytics.errors import AnalyticsError, QueryError, RefusedQueryError
 from analytics.query import LONGEST, run
-from ingest.store import Store
+from ingest.facts.store import Store
 
 SECRET = "no query may show this"
 NAMES = ", ".join(warehouse.VIEWS)

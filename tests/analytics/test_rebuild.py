@@ -12,9 +12,9 @@ import pytest
 
 from analytics import warehouse
 from analytics.rebuild import rebuild
-from ingest.events import DecodeCompleted
-from ingest.facts import Facts
-from ingest.store import Store
+from ingest.facts.events import DecodeCompleted
+from ingest.facts.facts import Facts
+from ingest.facts.store import Store
 
 
 class Redecode:

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import re
-from pathlib import Path
 
 from analytics import warehouse
 from analytics.query import run
 from analytics.reference import examples, page
-from ingest.store import Store
+from ingest.facts.store import Store
+from made.places import ROOT
 
-PAGE = Path(__file__).parents[2] / "docs" / "sql.md"
+PAGE = ROOT / "docs" / "sql.md"
 
 
 def test_the_page_is_what_the_views_say() -> None:

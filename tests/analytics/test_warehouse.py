@@ -18,8 +18,8 @@ import pytest
 from analytics import tables, warehouse
 from analytics.errors import WarehouseError
 from ingest.errors import LedgerError
-from ingest.events import SessionRecorded, SessionRegrouped
-from ingest.store import Store
+from ingest.facts.events import SessionRecorded, SessionRegrouped
+from ingest.facts.store import Store
 
 SECOND = 1_000_000_000
 START = 1_760_000_000 * SECOND

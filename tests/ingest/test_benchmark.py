@@ -5,9 +5,10 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
-from pathlib import Path
 
-SCRIPT = Path(__file__).parents[2] / "benchmarks" / "ingest.py"
+from made.places import ROOT
+
+SCRIPT = ROOT / "benchmarks" / "ingest.py"
 
 
 def test_all_ways_from_blf_to_parquet_give_the_same_values() -> None:

@@ -10,14 +10,15 @@ from typing import Any
 
 import pytest
 
+from made.places import EXAMPLES
 from plant.hidden_effect import KEEP, LEARN
 from replay.cli import main
-from replay.studies import found, kept_sessions
-from replay.studies.kept_sessions import Measured
-from twin.fit import Fit
-from twin.model import Test
+from replay.studies.diagnosis import found, kept_sessions
+from replay.studies.diagnosis.kept_sessions import Measured
+from twin.fitting.fit import Fit
+from twin.fitting.model import Test
 
-EXAMPLE = Path(__file__).parents[2] / "examples" / "hidden_effect"
+EXAMPLE = EXAMPLES / "hidden_effect"
 ASKED = ("diagnose", "--on", *LEARN, "--hold-out", *KEEP)
 
 

@@ -9,9 +9,9 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from twin.features import evaluate, monomials
-from twin.network import Boundary, Link, Network, Node, Source, TemperatureFactor, Term
-from twin.simulate import Frame
+from twin.motor.features import evaluate, monomials
+from twin.motor.network import Boundary, Link, Network, Node, Source, TemperatureFactor, Term
+from twin.run.simulate import Frame
 
 MakeNetwork = Callable[..., Network]
 MakeFrame = Callable[..., Frame]

@@ -1,0 +1,140 @@
+"""DC checks as arrays -> the thermal resistance from winding to iron, its sd and the route it came by, or why none.
+
+The sd is that of one evaluation in the course of one specimen's checks; how well a check repeats is not known from
+one. Where the winding heads lose heat to the air, surfaces that darken from 0.80 to 0.90 make the iron sensor's value
+fall by 1 to 1.5 %, that of the first minutes by 0.1 %; `evaluate_together` takes it back out of the former
+(`darkening`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from analytics.insulation.checks.darkening import cold_resistance, surface_shift
+from analytics.insulation.checks.routes import (
+    ROUTES,
+    CheckResistance,
+    Estimate,
+    Read,
+    Route,
+    Together,
+    evaluate_by,
+    read,
+)
+from analytics.insulation.checks.strays import strayed
+from analytics.insulation.checks.trace import CheckTrace, Loaded, unusable_sensors
+from analytics.insulation.checks.zero import of_one_zero
+
+__all__ = ["CheckResistance", "CheckTrace", "Estimate", "Together", "evaluate", "evaluate_together"]
+
+LEAST_SENSORS_SHARE = 0.5  # of the copper sensors that all checks of a specimen have to keep
+ENOUGH_SHARE = 0.75  # of the checks of a specimen that a route has to serve
+LEAST_COURSE = 8  # checks that say how much they scatter
+MEDIAN = 0.6745  # of the size of a standard normal variable
+
+
+def evaluate(trace: CheckTrace) -> CheckResistance:
+    """The resistance of one check by the first route that serves. With an iron sensor it is the plain mean of a
+    steady check's last 10 min to within 1 %."""
+    return evaluate_by(read(trace, unusable_sensors(trace)), ROUTES)
+
+
+def evaluate_together(traces: Sequence[CheckTrace], first: Sequence[Together] = ()) -> tuple[CheckResistance, ...]:
+    """The checks of one specimen in the order of time, comparable with each other.
+
+    A sensor that fails in one check is left out of all, as the mean of the others is another temperature, unless
+    fewer than half would remain; then each check leaves out its own. The route is the most trusted one that serves
+    three quarters of the checks, those of `first` before all others, else the one that serves most; checks that it does
+    not serve have none. What sensors are off by from check to check is read before the load (`check_zero`). By an iron
+    sensor alone the first check has its own value, later ones without what darker surfaces take from theirs, 2 % at most.
+    """
+    bad = _left_out(traces)
+    checks = [read(*one) for one in zip(of_one_zero(traces, bad), bad, strict=True)]
+    by_route: list[tuple[CheckResistance, ...]] = []
+    served: list[int] = []
+    routes: tuple[Route | Together, ...] = (*first, *ROUTES)
+    for route in routes:
+        answers = _answers(checks, bad, route)
+        by_route.append(answers)
+        served.append(sum(answer.resistance_K_per_W is not None for answer in answers))
+        if served[-1] >= ENOUGH_SHARE * len(traces):
+            break
+    if any(served):
+        best = by_route[-1 if served[-1] >= ENOUGH_SHARE * len(traces) else int(np.argmax(served))]
+        return _without_darkening(best, checks)
+    return tuple(evaluate_by(check, ROUTES) for check in checks)
+
+
+def _left_out(traces: Sequence[CheckTrace]) -> list[dict[str, str]]:
+    """Name -> why, of the sensors that each check leaves out."""
+    bad = [unusable_sensors(trace) for trace in traces]
+    bad = [found | stray for found, stray in zip(bad, strayed(traces, bad), strict=True)]
+    common: dict[str, str] = {}
+    for trace, found in zip(traces, bad, strict=True):
+        common |= {name: f"{why}, in one check" for name, why in found.items() if name not in common}
+        common |= dict.fromkeys(_missing(trace, traces), "not in every check")
+    copper = {name for trace in traces for name in trace.copper_names}
+    if len(copper - common.keys()) >= LEAST_SENSORS_SHARE * len(copper):
+        return [common | found for found in bad]
+    return bad
+
+
+def _answers(
+    checks: Sequence[Read], bad: Sequence[Mapping[str, str]], route: Route | Together
+) -> tuple[CheckResistance, ...]:
+    if isinstance(route, Together):
+        found = route.estimates(bad)
+    else:
+        found = _in_their_course([route.estimate(one.check) if one.check else "" for one in checks])
+    own = [Route(route.source, partial(_known, one)) for one in found]
+    return tuple(evaluate_by(check, (one,)) for check, one in zip(checks, own, strict=True))
+
+
+def _in_their_course(found: Sequence[Estimate | str]) -> list[Estimate | str]:
+    """Estimates whose sd is what they can be off by from check to check: where each lies nearer to the middle of its
+    neighbours than its sd lets it (median, for normal errors), the rest of that is common to all and moves no course."""
+    known = [one for one in found if isinstance(one, Estimate) and one.value > 0.0]
+    if len(known) < LEAST_COURSE:
+        return list(found)
+    ln_r, sd = np.log([one.value for one in known]), np.array([one.sd / one.value for one in known])
+    off = ln_r[1:-1] - (ln_r[:-2] + ln_r[2:]) / 2
+    allowed = np.sqrt(sd[1:-1] ** 2 + (sd[:-2] ** 2 + sd[2:] ** 2) / 4)
+    share = min(1.0, float(np.median(np.abs(off) / allowed)) / MEDIAN)
+    return [replace(one, sd=share * one.sd) if isinstance(one, Estimate) else one for one in found]
+
+
+def _known(found: Estimate | str, _: Loaded) -> Estimate | str:
+    return found
+
+
+def _without_darkening(answers: tuple[CheckResistance, ...], checks: Sequence[Read]) -> tuple[CheckResistance, ...]:
+    """What darker surfaces take from the values of an iron sensor, put back."""
+    cold = [
+        _cold(one.check) if answer.source == "iron sensor" else None
+        for answer, one in zip(answers, checks, strict=True)
+    ]
+    rest = np.array([answer.resistance_K_per_W for answer in answers], np.float64)
+    shift = surface_shift(rest, np.array(cold, np.float64))
+    return tuple(
+        answer
+        if answer.resistance_K_per_W is None
+        else replace(answer, resistance_K_per_W=answer.resistance_K_per_W * float(np.exp(by)))
+        for answer, by in zip(answers, shift, strict=True)
+    )
+
+
+def _cold(check: Loaded | None) -> float | None:
+    if check is None or check.iron is None or check.air is None:
+        return None
+    on = check.on
+    copper, iron, air = check.copper[on], check.iron[on], check.air[on]
+    return cold_resistance(check.t_s[on], copper - iron, iron - air, check.power[on])
+
+
+def _missing(trace: CheckTrace, traces: Sequence[CheckTrace]) -> set[str]:
+    wanted = {name for other in traces for name in (*other.copper_names, *other.iron_names)}
+    return wanted - {*trace.copper_names, *trace.iron_names}

@@ -1,0 +1,171 @@
+"""Does the law hold for the lives it was fitted to? One line over temperature, and one spread at all of them.
+
+Likelihood-ratio tests against separate locations, and separate locations and spreads, at each temperature (Nelson 1990,
+chapter 5; Meeker & Escobar 1998, chapter 19). IEC 60216-3 asks for both, as an F test of linearity and a chi-squared test
+of equal variances. The chi-squared distribution of large samples calls too much with ten specimens a temperature, so
+that the distribution of the ratio is simulated under the law.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analytics.insulation.life.censored import Distribution, Line, Lives, maximise
+from analytics.insulation.life.life import LifeFit, LifeTable, NoFit, fit, log_lives
+from analytics.insulation.life.simulation import drawn
+
+Floats = NDArray[np.float64]
+Ratio = Callable[[Floats, Floats], Floats]  # of ln h between which lives ended, (..., n) twice
+
+DRAWS = 999
+LEVEL = 0.05
+TOLD = 0.5  # of the draws that must have a ratio, else the rest stand for none
+ALIKE = "too few or too equal lives at each temperature: nothing to hold the law against"
+
+
+@dataclass(frozen=True)
+class Check:
+    """`asks` what was tested; `ratio`: 2 (l - l_0), `p_value` the share of simulated ratios that are as large.
+    `passed`: above 0.05. `says`: what was found, for a person; `left_out_degC`: temperatures that say nothing about it.
+    `p_value` NaN and `passed` False: could not be tested, `says` why."""
+
+    asks: str
+    ratio: float
+    degrees: int
+    p_value: float
+    passed: bool
+    says: str
+    left_out_degC: tuple[float, ...]
+
+
+def linearity(law: LifeFit, draws: int = DRAWS, seed: int = 0) -> Check:
+    """Is ln life a straight line over 1 / T? Against a location of its own at each temperature where a life ended."""
+    asks = "one activation energy at all temperatures"
+    chosen = np.isin(law.tested.temperature_degC, law.temperatures_degC)
+    tested, left_out = law.tested.at(chosen).units(), _temperatures(law.tested.at(~chosen))
+    line = _line_through(tested, law)
+    if len(law.temperatures_degC) < 3 or isinstance(line, NoFit):
+        return _untested(asks, "lives ended at fewer than three temperatures: any two lie on a line", left_out)
+    lower, upper = drawn(
+        tested,
+        line.log_life(tested.temperature_degC),
+        np.full(tested.counts.size, line.sigma),
+        law.distribution,
+        draws,
+        seed,
+    )
+    straight = log_lives(tested, law.centre_degC).x
+    groups = _groups(tested)
+
+    def ratio(low: Floats, high: Floats) -> Floats:
+        null = maximise(Lives(straight, low, high, tested.counts), law.distribution)
+        own = maximise(Lives(groups, low, high, tested.counts), law.distribution)
+        return _ratio(null, own)
+
+    seen, p_value = _p_value(ratio, tested, (lower, upper))
+    if math.isnan(p_value):
+        return _untested(asks, ALIKE, left_out)
+    passed = p_value >= LEVEL
+    says = "straight within its scatter" if passed else _bend(tested, law)
+    return Check(asks, seen, len(law.temperatures_degC) - 2, p_value, passed, says, left_out)
+
+
+def common_spread(law: LifeFit, draws: int = DRAWS, seed: int = 0) -> Check:
+    """Is the spread of ln life the same at all temperatures? A location each, one spread against one each. Temperatures
+    that do not determine a spread are left out."""
+    asks = "one spread at all temperatures"
+    spreads = {t: s for t in law.temperatures_degC if np.isfinite(s := _spread(law.tested, t, law.distribution))}
+    chosen = np.isin(law.tested.temperature_degC, list(spreads))
+    tested, left_out = law.tested.at(chosen).units(), _temperatures(law.tested.at(~chosen))
+    if len(spreads) < 2:
+        return _untested(asks, "fewer than two temperatures tell a spread", left_out)
+    groups, distribution = _groups(tested), law.distribution
+    lives = _logs(tested, groups)
+    null = maximise(lives, distribution)
+    lower, upper = drawn(
+        tested, groups @ null.beta, np.full(tested.counts.size, float(null.sigma)), distribution, draws, seed
+    )
+
+    def ratio(low: Floats, high: Floats) -> Floats:
+        common = maximise(Lives(groups, low, high, tested.counts), distribution)
+        own = [
+            maximise(Lives(np.ones((int(g.sum()), 1)), low[..., g], high[..., g], np.ones(int(g.sum()))), distribution)
+            for g in groups.T.astype(np.bool_)
+        ]
+        total = sum((one.log_likelihood for one in own), np.zeros(low.shape[:-1]))
+        settled = np.logical_and.reduce([common.settled, *(one.settled for one in own)])
+        return np.where(settled, 2 * (total - common.log_likelihood), np.nan)
+
+    seen, p_value = _p_value(ratio, tested, (lower, upper))
+    if math.isnan(p_value):
+        return _untested(asks, ALIKE, left_out)
+    passed = p_value >= LEVEL
+    least, most = min(spreads, key=spreads.__getitem__), max(spreads, key=spreads.__getitem__)
+    says = (
+        "equal within their scatter"
+        if passed
+        else f"sigma of ln life is {spreads[most]:.2g} at {most:g} degC and {spreads[least]:.2g} at {least:g} degC:"
+        " bounds of early failures hold for neither"
+    )
+    return Check(asks, seen, len(spreads) - 1, p_value, passed, says, left_out)
+
+
+def _line_through(tested: LifeTable, law: LifeFit) -> LifeFit | NoFit:
+    return fit(tested.temperature_degC, tested.lower_h, tested.upper_h, law.distribution, criterion=law.criterion)
+
+
+def _p_value(ratio: Ratio, tested: LifeTable, draws: tuple[Floats, Floats]) -> tuple[float, float]:
+    """The ratio of the data, and the share of draws (those that have one, and the data themselves) with one as
+    large; NaN where the data or most draws have none, as a likelihood without limit has not."""
+    lives = _logs(tested, np.ones((tested.counts.size, 1)))
+    seen = float(ratio(lives.lower, lives.upper))
+    simulated = ratio(*draws)
+    told = simulated[np.isfinite(simulated)]
+    if not math.isfinite(seen) or told.size < TOLD * simulated.size:
+        return seen, math.nan
+    return seen, float((1 + np.sum(told >= seen)) / (1 + told.size))
+
+
+def _ratio(null: Line, own: Line) -> Floats:
+    return np.where(null.settled & own.settled, 2 * (own.log_likelihood - null.log_likelihood), np.nan)
+
+
+def _bend(tested: LifeTable, law: LifeFit) -> str:
+    """Which way the line bends: the energy between the two coolest temperatures, and between the two hottest."""
+    degC = np.unique(tested.temperature_degC)
+    ends = [_line_through(tested.at(np.isin(tested.temperature_degC, pair)), law) for pair in (degC[:2], degC[-2:])]
+    told = [f"{end.eV:.2f} eV" if isinstance(end, LifeFit) else "an energy that is not determined" for end in ends]
+    return (
+        f"not straight: {told[0]} between {degC[0]:g} and {degC[1]:g} degC,"
+        f" {told[1]} between {degC[-2]:g} and {degC[-1]:g} degC:"
+        " lives at cooler temperatures do not follow from it"
+    )
+
+
+def _spread(tested: LifeTable, degC: float, distribution: Distribution) -> float:
+    """sigma of the lives at `degC` alone; NaN where they do not tell it."""
+    here = tested.at(tested.temperature_degC == degC)
+    return float(maximise(_logs(here, np.ones((here.counts.size, 1))), distribution).sigma)
+
+
+def _groups(tested: LifeTable) -> Floats:
+    """A regressor a temperature, (n, temperatures)."""
+    return np.equal.outer(tested.temperature_degC, np.unique(tested.temperature_degC)).astype(np.float64)
+
+
+def _logs(tested: LifeTable, x: Floats) -> Lives:
+    with np.errstate(divide="ignore"):
+        return Lives(x, np.log(tested.lower_h), np.log(tested.upper_h), tested.counts)
+
+
+def _temperatures(tested: LifeTable) -> tuple[float, ...]:
+    return tuple(float(t) for t in np.unique(tested.temperature_degC))
+
+
+def _untested(asks: str, why: str, left_out: tuple[float, ...]) -> Check:
+    return Check(asks, float("nan"), 0, float("nan"), False, why, left_out)

@@ -1,0 +1,48 @@
+"""One channel of a bench file, as it is written there."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+
+@dataclass(frozen=True)
+class Channel:
+    """One `[[channel]]` or `[[derived]]`. Numbers are in the *stored* unit of the quantity (quantities.STORED_UNIT).
+
+    Exactly one of `signal` (a name in the log) and `expression` (with `name`) is given. `node` is a node or a boundary of
+    the motor file; `weights` a weighted mean of nodes.
+    """
+
+    name: str  # the signal's bare name, or the derived channel's
+    quantity: str  # "" where an ignored channel says none
+    unit: str  # in the file
+    signal: str | None = None
+    expression: str | None = None
+    node: str | None = None
+    weights: Mapping[str, float] = field(default_factory=dict)
+    region: str | None = None
+    level: str = "testing"
+    noise: float | None = None
+    bias_sd: float | None = None
+    resolution: float | None = None
+    time_constant_s: float = 0.0
+    sensor: str | None = None
+    card: str | None = None
+    convention: str = "rms"
+    role: str | None = None  # observed | input | ignored; None = by rule
+    gain_sd: float | None = None  # of the share by which an observed power, heat, resistance or flux reads too much
+    reference: float | None = None  # of an observed resistance or flux: what it reads at reference_degC
+    reference_degC: float = 20.0
+    slope_per_K: float | None = None  # of the reading over the reference
+    bin_degC: tuple[float, float] | None = None  # of a dose: between which temperatures a counter counts its hours
+    line: int = 0  # of the bench file, for messages
+    lines: Mapping[str, int] = field(default_factory=dict, compare=False, repr=False)  # of its keys
+
+    def at(self, key: str) -> int:
+        """Line of `key`, of the whole entry where it is not written."""
+        return self.lines.get(key, self.line)
+
+    @property
+    def called(self) -> str:
+        return f'derived channel "{self.name}"' if self.expression else f'signal "{self.signal}"'

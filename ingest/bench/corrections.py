@@ -1,0 +1,297 @@
+"""What a bench is known to get wrong, and how it is taken off: the `[[correction]]` tables of a bench file.
+
+A correction is named by the id of its cause, `kind.place.law`: the kind ends at the first dot, the place at the second. Its
+amount is reading minus truth. Corrections are taken off in the order of the file, each from what those above it left; so a
+place is called what it is called after the exchanges above.
+
+| law | reading, of the truth T | unit of the amount a |
+|---|---|---|
+| `sensor` `input` `boundary` `bias` | T + a | stored unit (K for temperatures) |
+| `sensor` `input` `gain` | T (1 + a), temperatures in degC | share |
+| `sensor` `drift` | T + a t, t since the start of the session | K/h |
+| `sensor` `stem` | T + a (T_ambient - T) | share |
+| `sensor` `lag` | follows T more slowly, by a first-order lag | s, added to `time_constant_s` |
+| `sensor` `swap_<other>` | the truth of the other sensor's node | 1 |
+| `sensor` `hold dropout stuck saturation` | not T; such samples are masked where they are found | 1 |
+| `clock` `offset` | stamps late by a | s |
+| `clock` `drift` | stamps late by a t | ppm |
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ingest.bench.channel import Channel
+from ingest.errors import BenchFileError
+from ingest.texts.nearest import hint
+from ingest.texts.toml_file import NUMBER, TEXT, Table
+
+KEYS = ("cause", "amount")
+MASKED = ("hold", "dropout", "stuck", "saturation")
+SWAP = "swap_"
+AMBIENT = "ambient"  # node whose temperature pulls at a sensor's stem
+LAWS: Mapping[str, tuple[str, ...]] = {
+    "sensor": ("bias", "gain", "lag", "drift", "stem", *MASKED),
+    "clock": ("offset", "drift"),
+    "input": ("gain", "bias"),
+    "boundary": ("bias",),
+}
+OF_THE_MOTOR = ("loss", "conductance", "capacity", "ageing")
+
+Array = NDArray[np.float64]
+Times = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Correction:
+    """One `[[correction]]`: the id of a cause, and reading minus truth in the unit of its law."""
+
+    cause: str
+    amount: float
+    line: int = field(default=0, compare=False)  # of the bench file; 0 where it is not in it yet
+
+    @property
+    def kind(self) -> str:
+        return self.cause.split(".", 2)[0]
+
+    @property
+    def place(self) -> str:
+        return self.cause.split(".", 2)[1]
+
+    @property
+    def law(self) -> str:
+        return self.cause.split(".", 2)[2]
+
+
+@dataclass(frozen=True)
+class Target:
+    """What a correction concerns: two with equal targets say the same thing. `channels`: positions in the bench file."""
+
+    law: str  # of a clock with its bus
+    channels: frozenset[int]
+
+
+@dataclass(frozen=True)
+class Corrected:
+    """A bench file's channels under corrections. `channels`: each with the node that it truly measures and its whole lag;
+    `steps`: for each, what is to be taken off its values, in order; `targets`: one a correction."""
+
+    channels: tuple[Channel, ...]
+    steps: tuple[tuple[Correction, ...], ...]
+    targets: tuple[Target, ...]
+
+
+def spelt(name: str) -> str:
+    """A signal's or file's name as ids hold it: every character but letters, digits and `_` as `_`."""
+    return re.sub(r"\W", "_", name)
+
+
+def read_corrections(tables: Sequence[Table], channels: Sequence[Channel]) -> tuple[Correction, ...]:
+    """The corrections of a bench file with these channels.
+
+    Raises TomlError for a table of another shape, BenchFileError for a cause that is none of a bench, a place that this one
+    does not have, an amount that cannot be, and what stands here twice; each with the line.
+    """
+    corrections = tuple(_read(table) for table in tables)
+    if not corrections:
+        return ()
+    targets = correct(tables[0].file, channels, corrections).targets
+    for i, target in enumerate(targets):
+        if target in targets[:i]:
+            first = corrections[targets.index(target)]
+            raise _refusal(tables[0].file, corrections[i], f"is the correction of line {first.line}: keep one.")
+    return corrections
+
+
+def correct(file: str, channels: Sequence[Channel], corrections: Iterable[Correction]) -> Corrected:
+    """The channels of the bench file `file` (as in messages) under `corrections`. Raises BenchFileError."""
+    now = list(channels)
+    steps: list[tuple[Correction, ...]] = [()] * len(now)
+    targets = []
+    for one in corrections:
+        _check(file, one)
+        at = _places(file, one, now)
+        if one.law == "lag":
+            now[at[0]] = _slower(file, now[at[0]], one)
+        elif one.law.startswith(SWAP):
+            a, b = (now[i] for i in at)
+            now[at[0]], now[at[1]] = _measuring(a, b), _measuring(b, a)
+        elif one.law not in MASKED:
+            for i in at:
+                steps[i] = (*steps[i], one)
+        law = SWAP if one.law.startswith(SWAP) else f"{one.place}.{one.law}" if one.kind == "clock" else one.law
+        targets.append(Target(law, frozenset(at)))
+    return Corrected(tuple(now), tuple(steps), tuple(targets))
+
+
+def composed(law: str, first: float, then: float) -> float:
+    """The one amount that is as good as `first`, and `then` of what it left: of a gain (1 + a) (1 + b) - 1, of a stem
+    1 - (1 - a) (1 - b), of everything else the sum."""
+    match law:
+        case "gain":
+            return (1.0 + first) * (1.0 + then) - 1.0
+        case "stem":
+            return 1.0 - (1.0 - first) * (1.0 - then)
+    return first + then
+
+
+def true_times(t_ns: Times, corrections: Iterable[Correction], bus: str, start_ns: int) -> Times:
+    """Stamps (N,) [ns] of a bus without what its clock is late by; a clock drifts from `start_ns` on."""
+    for one in corrections:
+        if (one.kind, one.place) == ("clock", spelt(bus)):
+            if one.law == "offset":
+                t_ns = t_ns - round(one.amount * 1e9)
+            else:
+                share = one.amount * 1e-6
+                t_ns = t_ns - np.rint((t_ns - start_ns) * (share / (1.0 + share))).astype(np.int64)
+    return t_ns
+
+
+def true_values(value: Array, steps: Iterable[Correction], hours: Array, ambient: Array | None) -> Array:
+    """Values (N,) in the stored unit without what `steps` say is wrong with them.
+
+    `hours` (N,) since the start of the session; `ambient` (N,) [degC], None where the session does not know it: then a
+    `stem` stays in.
+    """
+    for one in steps:
+        match one.law:
+            case "bias":
+                value = value - one.amount
+            case "gain":
+                value = value / (1.0 + one.amount)
+            case "drift":
+                value = value - one.amount * hours
+            case "stem" if ambient is not None:
+                value = (value - one.amount * ambient) / (1.0 - one.amount)
+    return value
+
+
+def _refusal(file: str, one: Correction, says: str) -> BenchFileError:
+    line = f":{one.line}" if one.line else ""
+    return BenchFileError(f'{file}{line}: correction "{one.cause}" {says}')
+
+
+def _read(table: Table) -> Correction:
+    table.only(KEYS)
+    return Correction(table.need("cause", TEXT), table.need("amount", NUMBER), table.line("cause"))
+
+
+def _check(file: str, one: Correction) -> None:
+    """Whether a bench file may say this at all, of whatever place."""
+    if len(one.cause.split(".", 2)) < 3:
+        raise _refusal(file, one, "is no cause: write kind.place.law, such as sensor.magnet.bias.")
+    if one.kind in OF_THE_MOTOR:
+        raise _refusal(file, one, f"is of the motor, not of the bench: a {one.kind} belongs in the motor file.")
+    if one.kind not in LAWS:
+        raise _refusal(file, one, f"is of no kind that a bench has: {', '.join(LAWS)}.{hint(one.kind, LAWS)}")
+    laws, swap = LAWS[one.kind], one.kind == "sensor" and one.law.startswith(SWAP)
+    if one.law not in laws and not swap:
+        raise _refusal(file, one, f"has a law that no {one.kind} has: {', '.join(laws)}.{hint(one.law, laws)}")
+    if (swap or one.law in MASKED) and one.amount != 1.0:
+        raise _refusal(file, one, f"is there or not: its amount must be 1, found {one.amount:g}.")
+    if one.law == "gain" and one.amount <= -1.0:
+        raise _refusal(file, one, f"leaves nothing to read: its amount must be above -1, found {one.amount:g}.")
+    if one.law == "stem" and one.amount >= 1.0:
+        raise _refusal(file, one, f"leaves only the ambient: its amount must be below 1, found {one.amount:g}.")
+
+
+def _places(file: str, one: Correction, channels: Sequence[Channel]) -> tuple[int, ...]:
+    """Positions of the channels that a correction concerns; none for a clock, of which a bench file knows nothing."""
+    match one.kind:
+        case "clock":
+            if re.fullmatch(r"\w+", one.place) is None:
+                raise _refusal(file, one, "names no clock: write a bus such as can2, or the stem of a log's name.")
+            return ()
+        case "input":
+            return _inputs(file, one, channels)
+        case "boundary":
+            around = _by_name((c.node, i) for i, c in enumerate(channels) if _is_temperature(c) and c.node)
+            return tuple(_known(file, one, one.place, around, "no channel measures"))
+    sensors = _sensors(channels)
+    here = _one_sensor(file, one, one.place, sensors)
+    if one.law == "stem" and not any(c.node == AMBIENT for c in channels if _is_temperature(c)):
+        raise _refusal(file, one, f'needs the ambient: add the channel that measures it, with node = "{AMBIENT}".')
+    if one.law == "stem" and channels[here].node == AMBIENT:
+        raise _refusal(file, one, "is of the ambient itself: take it out.")
+    if not one.law.startswith(SWAP):
+        return (here,)
+    other = _one_sensor(file, one, one.law.removeprefix(SWAP), sensors)
+    if other == here:
+        raise _refusal(file, one, "exchanges a sensor with itself: name two.")
+    return (here, other)
+
+
+def _is_temperature(channel: Channel) -> bool:
+    return channel.quantity == "temperature" and channel.role != "ignored"
+
+
+def _by_name(pairs: Iterable[tuple[str | None, int]]) -> dict[str, list[int]]:
+    found: dict[str, list[int]] = {}
+    for name, i in pairs:
+        found.setdefault(str(name), []).append(i)
+    return found
+
+
+def _sensors(channels: Sequence[Channel]) -> dict[str, list[int]]:
+    """Every name that a sensor may go by -> those that go by it: `node@signal`, and the bare node of those that follow it most, by
+    more than half."""
+    names: list[tuple[str | None, int]] = []
+    nearest: dict[str, list[tuple[float, int]]] = {}
+    for i, channel in enumerate(channels):
+        if _is_temperature(channel) and channel.role != "input" and (channel.node or channel.weights):
+            shares = channel.weights or {str(channel.node): 1.0}
+            node = max(shares, key=lambda name: shares[name])
+            signals = {spelt(channel.name), spelt(channel.signal or channel.name)}
+            names += [(f"{node}@{signal}", i) for signal in sorted(signals)]
+            if shares[node] > 0.5:
+                nearest.setdefault(node, []).append((shares[node], i))
+    for node, own in nearest.items():
+        most = max(share for share, _ in own)
+        names += [(node, i) for share, i in own if share == most]
+    return _by_name(names)
+
+
+def _one_sensor(file: str, one: Correction, place: str, sensors: Mapping[str, list[int]]) -> int:
+    found = _known(file, one, place, sensors, "no channel measures")
+    if len(found) > 1:
+        several = ", ".join(name for name, at in sensors.items() if "@" in name and len(at) == 1 and at[0] in found)
+        raise _refusal(file, one, f'may mean several sensors of "{place}": write one of {several}.')
+    return found[0]
+
+
+def _inputs(file: str, one: Correction, channels: Sequence[Channel]) -> tuple[int, ...]:
+    """The input channels of a quantity; of `flow_<circuit>` the one with that name, else all of the flow."""
+    given = [
+        (i, channel)
+        for i, channel in enumerate(channels)
+        if channel.role not in ("ignored", "observed") and channel.quantity not in ("", "temperature")
+    ]
+    by_quantity = _by_name((channel.quantity, i) for i, channel in given)
+    if one.place.startswith("flow_") and "flow" in by_quantity:
+        own = [i for i in by_quantity["flow"] if channels[i].name == one.place]
+        return tuple(own or by_quantity["flow"])
+    return tuple(_known(file, one, one.place, by_quantity, "no input gives"))
+
+
+def _known(file: str, one: Correction, place: str, known: Mapping[str, list[int]], what: str) -> list[int]:
+    if place not in known:
+        there = hint(place, known) or f" There are: {', '.join(sorted(known)) or 'none'}."
+        raise _refusal(file, one, f'names a place that this bench does not have: {what} "{place}".{there}')
+    return known[place]
+
+
+def _slower(file: str, channel: Channel, one: Correction) -> Channel:
+    lag = channel.time_constant_s + one.amount
+    if lag < 0.0:
+        raise _refusal(file, one, f"leaves a lag of {lag:g} s: {channel.called} has {channel.time_constant_s:g} s.")
+    return replace(channel, time_constant_s=lag)
+
+
+def _measuring(channel: Channel, other: Channel) -> Channel:
+    """`channel` at the place of `other`."""
+    return replace(channel, node=other.node, weights=other.weights, region=other.region)

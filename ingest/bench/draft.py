@@ -1,0 +1,119 @@
+"""A first bench file for logs at hand: what can be guessed, and a comment wherever a person must decide."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from ingest.bench.signals import Directory, Signal
+from ingest.errors import UnitError
+from ingest.texts.guessing import guess, words
+from ingest.texts.quantities import PEAK, STORED_UNIT, converter
+
+_NOT_DRAFTED = ("counter", "state")  # not needed to replay a motor
+_LISTED = 200  # signals that nothing was guessed for
+
+_HEAD = """\
+schema = "whyhot.bench/1"
+# Draft for {name}: quantities, units and nodes are guessed from names and units. Read every line, above all those marked CHECK.
+# motor = "motor.toml"         # needed to replay; its nodes and boundaries are then the names to use below
+# specimen = "motor-01"
+"""
+_NO_TIME = """
+[time]
+rate_hz = 1.0                  # CHECK: the log has no time column; how many rows a second?
+# start = 2024-03-01T08:00:00Z
+"""
+_NODES = """
+# Temperatures: `node` is a place in the motor. Without a motor file any name will do, and oven*, ambient* and coolant* are
+# what surrounds it. Several channels may share a node; role = "ignored" leaves one out.
+"""
+
+
+def draft_bench(signals: Sequence[Signal], settings: Mapping[str, Any], name: str = "these logs") -> str:
+    """The text of a bench file that reads and resolves against `signals`; `name` of the logs, for its first comment.
+
+    Where `settings` say `untimed`, the log is a table without a time column: `[time]` is there to be filled in.
+    """
+    directory = Directory(signals)
+    found = {reference: signal for signal in signals if (reference := _reference(signal, directory))}
+    guessed = {reference: guess(signal.name, signal.unit) for reference, signal in found.items()}
+    known = {reference: quantity for reference, quantity in guessed.items() if quantity not in (None, *_NOT_DRAFTED)}
+    inputs = [reference for reference, quantity in known.items() if quantity != "temperature"]
+    places = [reference for reference, quantity in known.items() if quantity == "temperature"]
+    often = Counter(known.values())
+    parts = [_HEAD.format(name=_comment(name)), _NO_TIME if settings.get("untimed") else ""]
+    parts += [_entry(found[one], one, str(known[one]), often[known[one]] > 1) for one in inputs]
+    parts += [_NODES if places else ""]
+    parts += [_entry(found[one], one, "temperature", False) for one in places]
+    left = [signal for reference, signal in found.items() if reference not in known]
+    return "".join([*parts, *_rest(left)])
+
+
+def _reference(signal: Signal, directory: Directory) -> str | None:
+    """The shortest name that means this signal alone; None where none does, or none can be written."""
+    names = (signal.name, f"{signal.message}.{signal.name}", signal.qualified)
+    fits = (name for name in names if name.strip() and directory.find(name) == [signal])
+    return next((name for name in fits if _writable(name)), None)
+
+
+def _writable(name: str) -> bool:
+    return not any("\ud800" <= character <= "\udfff" for character in name)
+
+
+def _entry(signal: Signal, reference: str, quantity: str, shared: bool) -> str:
+    unit, peak, doubt = _unit(signal, quantity)
+    lines = [
+        "[[channel]]",
+        f"signal = {_text(reference)}",
+        f'quantity = "{quantity}"' + (f"  # CHECK: several signals look like {quantity}; keep one" if shared else ""),
+        f"unit = {_text(unit)}" + doubt,
+    ]
+    if quantity in PEAK:
+        lines.append(
+            'convention = "peak"' if peak else '# convention = "peak"         # where the log holds amplitudes'
+        )
+    if quantity == "temperature":
+        lines.append(f'node = "{_node(signal.name)}"')
+    return "\n" + "\n".join(lines) + "\n"
+
+
+def _unit(signal: Signal, quantity: str) -> tuple[str, bool, str]:
+    """Unit text, whether of peak values, and a comment where the log leaves it open."""
+    for convention in ("rms", "peak") if signal.unit else ():
+        try:
+            converter(str(signal.unit), quantity, convention)
+            return str(signal.unit), convention == "peak", ""
+        except UnitError:
+            continue
+    return STORED_UNIT[quantity], False, "  # CHECK: the log does not say"
+
+
+def _node(name: str) -> str:
+    """ "T_EndWinding.A" -> "endwinding_a": a node name, from the words of a signal."""
+    ascii_only = words(name).encode("ascii", "ignore").decode()
+    kept = [word for word in ascii_only.split("_") if word]
+    if len(kept) > 1 and kept[0] in ("t", "tc", "temp", "tmp"):
+        kept = kept[1:]
+    node = "_".join(kept)
+    return node if node and node[0].isalpha() else f"node_{node}".rstrip("_")
+
+
+def _rest(left: Sequence[Signal]) -> Iterator[str]:
+    if left:
+        yield "\n# Nothing was guessed for (kept as the log has them; name them above if the motor needs them):\n"
+    for signal in left[:_LISTED]:
+        yield f"#   {_comment(str(signal))}" + (f" [{_comment(signal.unit)}]" if signal.unit else "") + "\n"
+    if len(left) > _LISTED:
+        yield f"#   and {len(left) - _LISTED:,} more\n"
+
+
+def _text(text: str) -> str:
+    """A TOML basic string: JSON's, but for the one control character that JSON lets through."""
+    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
+
+
+def _comment(text: str) -> str:
+    return "".join(character if character.isprintable() else "?" for character in text)

@@ -1,0 +1,256 @@
+"""A bench file meets the signals of a log: every channel gets its signals, its conversion and every default."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+from ingest.bench.bench_file import Bench
+from ingest.bench.channel import Channel
+from ingest.bench.signals import Directory, Signal
+from ingest.errors import BenchFileError
+from ingest.texts.expressions import Expression, parse
+from ingest.texts.nearest import hint
+from ingest.texts.quantities import STORED_UNIT, Conversion, column_suffix, converter, other_unit
+
+_REGIONS = (  # without a motor file, by the beginning of a node's name
+    ("copper", r"(winding|endwinding|terminal)"),
+    ("iron", r"(yoke|teeth|tooth|stator|iron)"),
+    ("boundary", r"(oven|ambient|coolant)"),
+)
+_NOISE_K, _BIAS_K = 0.1, 0.5  # of temperatures, where the bench file says none
+_GAIN = {"power": 0.005, "heat": 0.03, "resistance": 0.002, "flux": 0.01}  # sd of observed ones, where it says none
+
+
+@dataclass(frozen=True)
+class ResolvedChannel:
+    """A channel of the bench file as it holds for one log. Numbers are in the stored unit (K for a temperature's).
+
+    `signals` are the signal itself, or those of a derived channel's `expression`, in the order of `expression.names`;
+    `conversion` leads from `unit` (of the file, or of the expression's result) to the stored unit.
+    """
+
+    name: str
+    quantity: str
+    unit: str
+    conversion: Conversion
+    signals: tuple[Signal, ...]
+    role: str  # observed | input | ignored
+    expression: Expression | None = None
+    node: str | None = None
+    weights: Mapping[str, float] = field(default_factory=dict)
+    region: str | None = None
+    level: str = "testing"
+    noise: float = 0.0  # one sigma, white
+    bias_sd: float = 0.0
+    resolution: float | None = None  # None: the smallest step in the data, `with_step`
+    time_constant_s: float = 0.0
+    sensor: str | None = None
+    card: str | None = None
+    gain_sd: float = 0.0  # of an observed power, heat, resistance or flux
+    reference: float | None = None  # of an observed resistance or flux; None: what the session begins with
+    reference_degC: float = Channel.reference_degC
+    slope_per_K: float | None = None
+    noise_given: bool = True  # by the bench file
+    line: int = 0  # of the bench file
+
+    @property
+    def derived(self) -> bool:
+        return self.expression is not None
+
+    @property
+    def stored_unit(self) -> str:
+        return STORED_UNIT[self.quantity]
+
+    @property
+    def column(self) -> str:
+        """Name of its column: the channel's and the stored unit's ("EW_A_3v_degC")."""
+        return self.name + column_suffix(self.quantity)
+
+    def with_step(self, step: float) -> ResolvedChannel:
+        """The same with the smallest step seen in the data (stored unit) as resolution, where none was known."""
+        if self.resolution is not None:
+            return self
+        return replace(self, resolution=step, noise=self.noise if self.noise_given else max(self.noise, step / 3))
+
+
+def resolve(
+    bench: Bench,
+    signals: Sequence[Signal],
+    boundaries: Collection[str] | None = None,
+    regions: Mapping[str, str] | None = None,
+) -> list[ResolvedChannel]:
+    """The channels of `bench` for a log that holds `signals`, in the order of the file.
+
+    `boundaries`: those of the motor file; None without one, then the names tell. `regions`: of its nodes, None without
+    one. Ignored channels that are not in the log are left out. Raises BenchFileError for a signal that is not there or not
+    the only one, and a unit that the log's own unit row contradicts.
+    """
+    directory = Directory(signals)
+    found = [(channel, _signals_of(channel, bench, directory)) for channel in bench.channels if channel.quantity]
+    present = [(channel, of_log) for channel, of_log in found if of_log]
+    _refuse_twice(bench, present)
+    names = Counter(_bare(channel, of_log) for channel, of_log in present)
+    resolved = []
+    for channel, of_log in present:
+        _refuse_name(bench, channel, directory)
+        _refuse_unit_row(bench, channel, directory)
+        bare = _bare(channel, of_log)
+        name = bare if names[bare] == 1 else str(channel.signal)
+        resolved.append(_filled(channel, of_log, name, boundaries, regions))
+    return resolved
+
+
+def check_nodes(bench: Bench, nodes: Collection[str], boundaries: Collection[str]) -> None:
+    """Refuse a node that the motor file does not have, with the nearest that it has, and a boundary among weights.
+
+    Raises BenchFileError.
+    """
+    known = [*nodes, *boundaries]
+    for channel in bench.channels:
+        key = "weights" if "weights" in channel.lines else "node"
+        where = f"{bench.name}:{channel.at(key)}:"
+        for place in () if channel.role == "ignored" else _places(channel):
+            if place not in known:
+                advice = hint(place, known) or f" It has: {', '.join(known)}."
+                raise BenchFileError(f'{where} node "{place}" of {channel.called} is not in the motor file.{advice}')
+            if place in channel.weights and place in boundaries:
+                raise BenchFileError(
+                    f'{where} {key} of {channel.called} hold "{place}", a boundary, but weights are of nodes only. '
+                    f'Take it out, or write node = "{place}" alone.'
+                )
+
+
+def region_by_name(node: str) -> str | None:
+    """The region of a node where no motor file gives it; None where its name tells nothing."""
+    return next((region for region, begins in _REGIONS if re.match(begins, node)), None)
+
+
+def _places(channel: Channel) -> list[str]:
+    return list(channel.weights) or ([channel.node] if channel.node else [])
+
+
+def _bare(channel: Channel, of_log: Sequence[Signal]) -> str:
+    return channel.name if channel.expression else of_log[0].name
+
+
+def _signals_of(channel: Channel, bench: Bench, directory: Directory) -> tuple[Signal, ...]:
+    """The signals a channel needs; () for an ignored channel of which one is missing."""
+    names = parse(channel.expression).names if channel.expression else (str(channel.signal),)
+    matches = [directory.find(name) for name in names]
+    if channel.role == "ignored" and not all(matches):
+        return ()
+    return tuple(_only(name, found, channel, bench, directory) for name, found in zip(names, matches, strict=True))
+
+
+def _only(name: str, found: list[Signal], channel: Channel, bench: Bench, directory: Directory) -> Signal:
+    key = "expression" if channel.expression else "signal"
+    where = f"{bench.name}:{channel.at(key)}:"
+    what = f'signal "{name}"' + (f' in the expression of "{channel.name}"' if channel.expression else "")
+    if not found:
+        todo = "Correct the expression," if channel.expression else 'Correct the name, add role = "ignored",'
+        advice = f"{directory.nearest(name)} {todo} or give the log that holds it in the same command."
+        raise BenchFileError(f"{where} {what} is not in the logs.{advice}")
+    if len({signal if signal.message else signal.name for signal in found}) > 1:  # a column of several tables is one
+        several = ", ".join(sorted({signal.qualified for signal in found}))
+        quotes = " in backquotes" if channel.expression else ""
+        raise BenchFileError(f"{where} {what} is not unique: {several}. Write one of these{quotes}.")
+    return found[0]
+
+
+def _refuse_twice(bench: Bench, present: Sequence[tuple[Channel, tuple[Signal, ...]]]) -> None:
+    seen: dict[Signal, Channel] = {}
+    for channel, of_log in present:
+        first = channel if channel.expression else seen.setdefault(of_log[0], channel)
+        if first is not channel:
+            raise BenchFileError(
+                f'{bench.name}:{channel.at("signal")}: signal "{channel.signal}" is the one of line {first.at("signal")} '
+                f'("{first.signal}"). Keep one of the two.'
+            )
+
+
+def _refuse_name(bench: Bench, channel: Channel, directory: Directory) -> None:
+    """A derived channel becomes a column beside the signals: it cannot have the name of one."""
+    if channel.expression and directory.find(channel.name):
+        raise BenchFileError(
+            f'{bench.name}:{channel.at("name")}: derived channel "{channel.name}" has the name of a signal in the log, '
+            f"{directory.find(channel.name)[0]}. Give it another name."
+        )
+
+
+def _refuse_unit_row(bench: Bench, channel: Channel, directory: Directory) -> None:
+    """A table says its units itself; a database's units are known to be careless, there the bench file is right."""
+    for signal in directory.find(channel.signal) if channel.signal else ():
+        row = signal.unit if signal.message is None else None
+        if row and other_unit(row, channel.unit, channel.quantity, channel.convention):
+            raise BenchFileError(
+                f'{bench.name}:{channel.at("unit")}: unit "{channel.unit}" of signal "{channel.signal}" disagrees with the '
+                f'unit row of the log, which says "{row}". Correct the bench file.'
+            )
+
+
+def _filled(
+    channel: Channel,
+    of_log: tuple[Signal, ...],
+    name: str,
+    boundaries: Collection[str] | None,
+    regions: Mapping[str, str] | None,
+) -> ResolvedChannel:
+    conversion = converter(channel.unit, channel.quantity, channel.convention)
+    role = channel.role or _role(channel, boundaries)
+    temperature = channel.quantity == "temperature"
+    resolution = channel.resolution
+    if resolution is None and not channel.expression and of_log[0].resolution:
+        resolution = of_log[0].resolution * conversion.scale
+    noise = max((resolution or 0.0) / 3, _NOISE_K if temperature else 0.0)
+    return ResolvedChannel(
+        name=name,
+        quantity=channel.quantity,
+        unit=channel.unit,
+        conversion=conversion,
+        signals=of_log,
+        role=role,
+        expression=parse(channel.expression) if channel.expression else None,
+        node=channel.node,
+        weights=channel.weights,
+        region=_region(channel, boundaries, regions),
+        level=channel.level,
+        noise=noise if channel.noise is None else channel.noise,
+        bias_sd=(_BIAS_K if temperature and role == "observed" else 0.0)
+        if channel.bias_sd is None
+        else channel.bias_sd,
+        resolution=resolution,
+        time_constant_s=channel.time_constant_s,
+        sensor=channel.sensor,
+        card=channel.card,
+        gain_sd=(_GAIN.get(channel.quantity, 0.0) if role == "observed" else 0.0)
+        if channel.gain_sd is None
+        else channel.gain_sd,
+        reference=channel.reference,
+        reference_degC=channel.reference_degC,
+        slope_per_K=channel.slope_per_K,
+        noise_given=channel.noise is not None,
+        line=channel.line,
+    )
+
+
+def _role(channel: Channel, boundaries: Collection[str] | None) -> str:
+    """Temperatures of nodes are observed, all else is input."""
+    places = _places(channel) if channel.quantity == "temperature" else []
+    outside = [_outside(place, channel.region, boundaries) for place in places]
+    return "observed" if places and not all(outside) else "input"
+
+
+def _region(channel: Channel, boundaries: Collection[str] | None, regions: Mapping[str, str] | None) -> str | None:
+    """As the motor file says of the node (of several the heaviest), else the channel, else the node's name."""
+    heaviest = max(channel.weights, key=lambda node: channel.weights[node]) if channel.weights else channel.node
+    if heaviest is None or regions is None:
+        return channel.region or (region_by_name(heaviest) if heaviest else None)
+    return "boundary" if heaviest in (boundaries or ()) else regions.get(heaviest)
+
+
+def _outside(place: str, region: str | None, boundaries: Collection[str] | None) -> bool:
+    """Whether a place is a boundary; where no motor file says so, the channel's region or the name does."""
+    return (region or region_by_name(place)) == "boundary" if boundaries is None else place in boundaries

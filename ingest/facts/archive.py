@@ -1,0 +1,127 @@
+"""Sealed bytes: each file's name is the SHA-256 of what is in it."""
+
+from __future__ import annotations
+
+import hashlib
+import logging
+import os
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+from ingest.errors import ChangingFileError, DamageError, StoreError
+from ingest.facts.durable import sync_folder, write_file
+
+CHUNK = 1 << 20  # bytes read at once
+ADVICE = "ingest the original again, or restore it from a backup"
+_log = logging.getLogger(__name__)
+
+
+class Archive:
+    """The sealed files under `folder`; `work` is where they are made, None where nothing may be sealed."""
+
+    def __init__(self, folder: Path, work: Path | None) -> None:
+        self.folder = folder
+        self._work = work
+
+    def path(self, sha256: str) -> Path:
+        """Where the bytes lie, or would. Raises DamageError where `sha256` is none."""
+        if not re.fullmatch(r"[0-9a-f]{64}", sha256):
+            raise DamageError(
+                f"{self.folder}: {sha256!r} is not a SHA-256 in 64 hexadecimal digits: see `whyhot verify`"
+            )
+        return self.folder / sha256[:2] / sha256
+
+    def has(self, sha256: str) -> bool:
+        """True where a file of this name is there; `damage` says whether it is whole."""
+        return self.path(sha256).is_file()
+
+    def __iter__(self) -> Iterator[str]:
+        """The name of every sealed file, in order."""
+        for path in sorted(self.folder.glob("??/*")):
+            if re.fullmatch(r"[0-9a-f]{64}", path.name) and path.parent.name == path.name[:2]:
+                yield path.name
+
+    def seal(self, data: bytes | Path) -> str:
+        """Keep `data`, or the bytes of the file it names, for ever. Returns their SHA-256.
+
+        What is there already and whole is kept; what is there and damaged is replaced, with a warning. Raises
+        ChangingFileError where the file changes while it is read, StoreError where the store was opened for reading, and
+        OSError (nothing is left behind) where a file cannot be read or the disk is full.
+        """
+        if self._work is None:
+            raise StoreError(f"{self.folder}: the store was opened for reading: open it for writing")
+        digest = hashlib.sha256()
+        made = write_file(self._work, _hashed(data, digest))
+        try:
+            sha256 = digest.hexdigest()
+            target = self.path(sha256)
+            target.parent.mkdir(exist_ok=True)
+            if not self._is_whole(sha256):
+                made.chmod(made.stat().st_mode & 0o444)
+                made.replace(target)
+            sync_folder(target.parent)
+            sync_folder(self.folder)
+        finally:
+            made.unlink(missing_ok=True)
+        return sha256
+
+    def read(self, sha256: str) -> bytes:
+        """The sealed bytes, hashed again. Raises DamageError where they are missing or not what was sealed."""
+        try:
+            data = self.path(sha256).read_bytes()
+        except FileNotFoundError:
+            raise DamageError(f"{self.path(sha256)}: is missing: {ADVICE}") from None
+        if hashlib.sha256(data).hexdigest() != sha256:
+            raise DamageError(_damaged(self.path(sha256), len(data)))
+        return data
+
+    def damage(self, sha256: str, read: bool = True) -> str | None:
+        """What is wrong with a sealed file, in one line; None where it is whole (without `read`: where it is there)."""
+        try:
+            path = self.path(sha256)
+            with path.open("rb") as file:
+                if not read or hashlib.file_digest(file, "sha256").hexdigest() == sha256:
+                    return None
+                return _damaged(path, os.fstat(file.fileno()).st_size)
+        except DamageError as error:
+            return str(error)
+        except FileNotFoundError:
+            return f"{path}: is missing: {ADVICE}"
+        except OSError as error:
+            return f"{path}: cannot be read ({error.strerror}): {ADVICE}"
+
+    def _is_whole(self, sha256: str) -> bool:
+        if not self.has(sha256):
+            return False
+        damage = self.damage(sha256)
+        if damage:
+            _log.warning("%s; replaced by the true bytes just given", damage)
+        return damage is None
+
+
+def _damaged(path: Path, size: int) -> str:
+    return f"{path}: is damaged, its {size:,} bytes are not those that were sealed: {ADVICE}"
+
+
+def _hashed(data: bytes | Path, digest: hashlib._Hash) -> Iterator[bytes]:
+    """The chunks of `data`; `digest` has seen all that were taken."""
+    for chunk in [data] if isinstance(data, bytes) else _chunks(data):
+        digest.update(chunk)
+        yield chunk
+
+
+def _chunks(path: Path) -> Iterator[bytes]:
+    """The bytes of a file that stays as it is meanwhile."""
+    with path.open("rb") as file:
+        before = os.fstat(file.fileno())
+        left = before.st_size
+        while left >= 0 and (chunk := file.read(CHUNK)):  # a file that grows all the time would never end
+            left -= len(chunk)
+            yield chunk
+        after = os.fstat(file.fileno())
+    if left or (before.st_mtime_ns, before.st_size) != (after.st_mtime_ns, after.st_size):
+        raise ChangingFileError(
+            f"{path}: changed while it was read ({before.st_size:,} bytes at first, {after.st_size:,} at the end): "
+            "nothing was stored; wait until its recording has ended, then ingest it again"
+        )

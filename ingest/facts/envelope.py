@@ -1,0 +1,131 @@
+"""An event and what is stored beside it: the row of the ledger, there and back."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from functools import cache
+from importlib.metadata import version
+from typing import Any
+
+from eventsourcing.persistence import StoredEvent
+
+from ingest.errors import DamageError, LedgerError
+from ingest.facts.chain import canonical, digest
+from ingest.facts.events import EVENTS, Event
+
+KEYS = {"v", "happened", "recorded", "code", "caused_by", "previous", "digest", "body"}
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """An event as it stands in the ledger, its digest checked.
+
+    `position` counts the events of the whole ledger from 1, `version` those of its stream; `happened` and `recorded` are
+    ISO 8601 UTC, `recorded` rising strictly with the position; `code` the program that wrote it; `previous` the digest
+    of the stream's event before.
+    """
+
+    position: int
+    stream: str
+    version: int
+    event: Event
+    happened: str | None
+    recorded: str
+    code: str
+    caused_by: str | None
+    previous: str | None
+    digest: str
+
+
+def encode(
+    event: Event,
+    stream: str,
+    number: int,
+    *,
+    previous: str | None,
+    recorded: str,
+    happened: str | None = None,
+    caused_by: str | None = None,
+) -> StoredEvent:
+    """The row of `event` as version `number` of `stream`.
+
+    Raises LedgerError where the event is not one of ours, or would not come back equal.
+    """
+    if EVENTS.get(event.TOPIC) is not type(event):
+        raise LedgerError(f"{event.TOPIC}: is not an event of the ledger: declare it in ingest/facts/events.py")
+    envelope: dict[str, Any] = {
+        "v": event.VERSION,
+        "happened": happened,
+        "recorded": recorded,
+        "code": _code(),
+        "caused_by": caused_by,
+        "previous": previous,
+        "body": vars(event),
+    }
+    proof = digest(stream, number, event.TOPIC, canonical(envelope))
+    row = StoredEvent(stream, number, event.TOPIC, canonical(envelope | {"digest": proof}))
+    if decode(row, 0).event != event:
+        raise LedgerError(
+            f"{event.TOPIC}: holds what JSON does not give back (a tuple, a number as key): use lists and text"
+        )
+    return row
+
+
+@cache
+def _code() -> str:
+    """The program that writes; looked up once, as it costs more than all else of an event."""
+    return f"whyhot {version('whyhot')}"
+
+
+def decode(row: StoredEvent, position: int) -> Recorded:
+    """The event of a stored row.
+
+    Raises DamageError where a stored byte is not what was written, LedgerError where the event is not one of ours.
+    """
+    stream, number, topic, state = row.originator_id, row.originator_version, row.topic, row.state
+    where = f"event {position} ({stream!r} version {number!r})"
+    if not (isinstance(stream, str) and type(number) is int and isinstance(topic, str) and isinstance(state, bytes)):
+        raise DamageError(f"{where}: a column has another type than was written: restore the ledger from a backup")
+    envelope = _parse(state)
+    if envelope is None or envelope["digest"] != digest(
+        stream, number, topic, without_digest(state, envelope["digest"])
+    ):
+        raise DamageError(f"{where}: is not what was written, its digest differs: restore the ledger from a backup")
+    return Recorded(
+        position=position,
+        stream=stream,
+        version=number,
+        event=_event(topic, envelope, where),
+        **{key: envelope[key] for key in KEYS - {"v", "body"}},
+    )
+
+
+def without_digest(state: bytes, proof: str) -> bytes:
+    """`state` with its member `digest` cut out, as it was when `proof` was computed; keys that sort later follow it."""
+    return state.replace(f'"digest":"{proof}",'.encode(), b"", 1)
+
+
+def _parse(state: bytes) -> dict[str, Any] | None:
+    """The envelope, or None where `state` is none."""
+    try:
+        envelope = json.loads(state)
+    except (ValueError, RecursionError):
+        return None
+    whole = isinstance(envelope, dict) and envelope.keys() == KEYS and isinstance(envelope["digest"], str)
+    return envelope if whole else None
+
+
+def _event(topic: str, envelope: dict[str, Any], where: str) -> Event:
+    """The body as an event: only what is declared in `EVENTS`, never by importing what a topic names."""
+    kind = EVENTS.get(topic)
+    if kind is None:
+        raise LedgerError(f"{where}: {topic!r} is not an event of this whyhot: it was forged, or a newer one wrote it")
+    try:
+        if envelope["v"] != kind.VERSION:
+            raise TypeError
+        return kind(**envelope["body"])
+    except TypeError:
+        raise LedgerError(
+            f"{where}: {topic} version {envelope['v']!r} does not fit this whyhot (it knows {kind.VERSION}): update whyhot"
+        ) from None

@@ -1,0 +1,199 @@
+"""What is true now, or was as of an event or a time: the events folded."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, TypeVar
+
+from ingest.errors import UnknownSessionError
+from ingest.facts.envelope import Recorded
+from ingest.facts.events import (
+    AgeingAssessed,
+    BenchRegistered,
+    CalibrationCompleted,
+    CauseAccepted,
+    DecodeCompleted,
+    DiagnosisCompleted,
+    Event,
+    HeldOutOpened,
+    InspectionRecorded,
+    ModelPublished,
+    QualityFlagged,
+    RawFileSealed,
+    ReplayCompleted,
+    SessionRecorded,
+    SessionRegrouped,
+    SignalDatabaseRegistered,
+)
+from ingest.facts.sessions import order
+from ingest.texts.nearest import nearest
+
+if TYPE_CHECKING:
+    from ingest.facts.ledger import Ledger
+
+E = TypeVar("E", bound=Event)
+
+
+@dataclass(frozen=True)
+class Facts:
+    """Where an event was recorded again, the latest counts. `sessions` are in the order of the catalogue."""
+
+    files: Mapping[str, RawFileSealed]  # by SHA-256, as are databases and benches
+    databases: Mapping[str, SignalDatabaseRegistered]
+    benches: Mapping[str, BenchRegistered]
+    models: Mapping[str, ModelPublished]  # by SHA-256 of the motor file
+    decodes: Mapping[str, DecodeCompleted]  # by decode id, the latest last
+    sessions: Sequence[SessionRecorded]  # by start (null last), then name with numbers as numbers
+    joined: Mapping[str, str]  # old session id -> the one that it became part of
+    old_names: Mapping[str, str]  # name that a session no longer has -> its id then
+    runs: Mapping[str, ReplayCompleted]  # by run id
+    flags: Mapping[str, Sequence[QualityFlagged]]  # by stream: session-<id> or file-<sha256>
+    calibrations: Mapping[str, CalibrationCompleted]  # by the model that each published
+    diagnoses: Mapping[str, DiagnosisCompleted]  # by diagnosis id, the latest last
+    opened: Mapping[str, Sequence[str]]  # current session -> the diagnoses that opened it as a kept one
+    successors: Mapping[str, str]  # model or bench file -> the version that was accepted in its place
+    inspections: Mapping[
+        str, InspectionRecorded
+    ]  # by inspection id; each with the session that its own is, or became part of
+    assessments: Mapping[str, AgeingAssessed]  # by assessment id, the latest last
+
+    def decode_of(self, raw: str, bench: str | None) -> DecodeCompleted | None:
+        """The latest decode of a raw file (SHA-256) under a bench file (SHA-256; None: without one)."""
+        found = [decode for decode in self.decodes.values() if (decode.raw, decode.bench) == (raw, bench)]
+        return found[-1] if found else None
+
+    def bench_of(self, session: SessionRecorded) -> BenchRegistered | None:
+        """The bench file that a session points to now, or the version that was accepted in its place.
+
+        With the motor file that lay beside it when the session's files came: the same bytes may lie beside another by now.
+        """
+        bench = self.benches.get(self.current(session.bench)) if session.bench else None
+        named = self.models.get(session.model) if session.model else None
+        return replace(bench, motor=named.motor, model=named.model) if bench and named else bench
+
+    def model_of(self, bench: BenchRegistered | None) -> ModelPublished | None:
+        """The model that a bench file named when it was sealed."""
+        return self.models.get(bench.model) if bench and bench.model else None
+
+    def current(self, sha256: str) -> str:
+        """The version of a model or bench file that was accepted in its place, and in place of that one; else itself."""
+        return _end(self.successors, sha256)
+
+    def session(self, text: str) -> SessionRecorded:
+        """The current session with this id (old ones too), name, or unique beginning of an id.
+
+        Raises UnknownSessionError where there is none, or more than one.
+        """
+        current = {session.session: session for session in self.sessions}
+        ids = {one: _end(self.joined, one) for one in [*current, *self.joined]}
+        by_name = [session.session for session in self.sessions if session.name == text]
+        by_name = by_name or [_end(self.joined, self.old_names[text])] if text in self.old_names else by_name
+        by_start = {now for one, now in ids.items() if text and one.startswith(text.lower())}
+        found = [ids[text]] if text in ids else by_name or sorted(by_start)
+        if len(found) == 1 and found[0] in current:
+            return current[found[0]]
+        if len(found) > 1:
+            raise UnknownSessionError(f"session {text!r}: {len(found)} are called so: give the id: {', '.join(found)}")
+        raise UnknownSessionError(f"session {text!r}: is not in this store. {self._what_there_is(text)}")
+
+    def _what_there_is(self, text: str) -> str:
+        if not self.sessions:
+            return "It holds none yet: `whyhot ingest FILE...`"
+        near = nearest(text, [session.name for session in self.sessions], count=3)
+        return (f"Nearest: {', '.join(near)}. " if near else "") + "`whyhot sessions` lists them"
+
+
+def fold(recorded: Iterable[Recorded]) -> Facts:
+    """The facts that follow from events in the order of the ledger."""
+    events = list(recorded)
+    sessions, joined = _sessions(events)
+    flags: dict[str, list[QualityFlagged]] = {}
+    for one in events:
+        if isinstance(one.event, QualityFlagged):
+            flags.setdefault(one.stream, []).append(one.event)
+    return Facts(
+        files=_latest(events, RawFileSealed, lambda event: event.sha256),
+        databases=_latest(events, SignalDatabaseRegistered, lambda event: event.sha256),
+        benches=_latest(events, BenchRegistered, lambda event: event.sha256),
+        models=_latest(events, ModelPublished, lambda event: event.model),
+        decodes=_latest(events, DecodeCompleted, lambda event: event.decode),
+        sessions=sorted(sessions.values(), key=order),
+        joined=joined,
+        old_names={one.event.name: one.event.session for one in events if isinstance(one.event, SessionRecorded)},
+        runs=_latest(events, ReplayCompleted, lambda event: event.run),
+        flags=flags,
+        calibrations=_latest(events, CalibrationCompleted, lambda event: event.model),
+        diagnoses=_latest(events, DiagnosisCompleted, lambda event: event.diagnosis),
+        opened=_opened(events, joined),
+        successors=_successors(events),
+        inspections=_inspections(events, joined),
+        assessments=_latest(events, AgeingAssessed, lambda event: event.assessment),
+    )
+
+
+def at(ledger: Ledger, as_of: str | None = None) -> Facts:
+    """The facts of `ledger` now, or at an event's number or an ISO 8601 time. Raises as `Ledger.events`."""
+    return fold(ledger.events(as_of=as_of))
+
+
+def _latest(events: Iterable[Recorded], kind: type[E], key: Callable[[E], str]) -> dict[str, E]:
+    """The last event of `kind` for each key, in the order in which these last ones came."""
+    latest: dict[str, E] = {}
+    for one in events:
+        if isinstance(one.event, kind):
+            latest.pop(key(one.event), None)
+            latest[key(one.event)] = one.event
+    return latest
+
+
+def _sessions(events: Iterable[Recorded]) -> tuple[dict[str, SessionRecorded], dict[str, str]]:
+    """The current sessions by id, and the old ids with what they became part of."""
+    current: dict[str, SessionRecorded] = {}
+    joined: dict[str, str] = {}
+    for one in events:
+        match one.event:
+            case SessionRecorded() as event:
+                current[event.session] = event
+                joined.pop(event.session, None)
+            case SessionRegrouped() as event:
+                current.pop(event.session, None)
+                joined[event.session] = event.into
+    return current, joined
+
+
+def _inspections(events: Iterable[Recorded], joined: Mapping[str, str]) -> dict[str, InspectionRecorded]:
+    found = _latest(events, InspectionRecorded, lambda event: event.inspection)
+    return {key: replace(one, session=one.session and _end(joined, one.session)) for key, one in found.items()}
+
+
+def _opened(events: Iterable[Recorded], joined: Mapping[str, str]) -> dict[str, list[str]]:
+    """A session that a late file joined was opened with what it holds of the old one."""
+    opened: dict[str, dict[str, None]] = {}
+    for one in events:
+        if isinstance(one.event, HeldOutOpened):
+            for session in one.event.sessions:
+                opened.setdefault(_end(joined, session), {})[one.event.diagnosis] = None
+    return {session: list(diagnoses) for session, diagnoses in opened.items()}
+
+
+def _successors(events: Iterable[Recorded]) -> dict[str, str]:
+    """What is accepted is current: whatever had its own place before has it no more."""
+    successors: dict[str, str] = {}
+    for one in events:
+        if isinstance(one.event, CauseAccepted):
+            accepted = one.event
+            for parent, child in ((accepted.parent, accepted.model), (accepted.parent_bench, accepted.bench)):
+                if parent and child:
+                    successors[parent] = child
+                    successors.pop(child, None)
+    return successors
+
+
+def _end(leads: Mapping[str, str], start: str) -> str:
+    """Where `start` leads to in the end; a circle ends before it closes."""
+    seen = {start}
+    while start in leads and leads[start] not in seen:
+        start = leads[start]
+        seen.add(start)
+    return start

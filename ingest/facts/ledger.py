@@ -1,0 +1,250 @@
+"""The ledger: every fact, in order, for ever.
+
+Rows are kept by the `eventsourcing` library: SQLite in the store's folder, or what PERSISTENCE_MODULE and POSTGRES_* in
+the environment name. It stores and orders them, guards each stream by (stream, version) and never sees an event: topics
+and states are ours (`ingest.facts.envelope`).
+"""
+
+from __future__ import annotations
+
+import os
+import sqlite3
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+from eventsourcing.domain import EventSourcingError
+from eventsourcing.persistence import (
+    ApplicationRecorder,
+    InfrastructureFactory,
+    IntegrityError,
+    Notification,
+    StoredEvent,
+    TrackingRecorder,
+)
+
+from ingest.errors import LedgerError
+from ingest.facts.chain import Head, Tree, entry
+from ingest.facts.envelope import Recorded, decode, encode
+from ingest.facts.events import Event, LedgerSealed
+from ingest.facts.ledger_lock import WriterLock, reading_uri
+
+__all__ = ["Head", "Ledger", "Recorded"]
+
+SEALS = "ledger-0"  # the stream of the seals
+Factory = InfrastructureFactory[TrackingRecorder]
+Connection = tuple[Factory, ApplicationRecorder]
+FOR_EVER = "9999"  # after every recorded time
+PAGE = 1000  # rows read at once
+# What a damaged database makes Python raise; the last two for names in its schema that are no UTF-8, or not those of the columns.
+DATABASE_ERRORS = (EventSourcingError, sqlite3.Error, OSError, UnicodeError, LookupError)
+
+
+class Ledger:
+    """The ledger of the store in `folder`. One process writes at a time; any number read meanwhile.
+
+    Raises LedgerError where another process writes, or the database cannot be reached.
+    """
+
+    def __init__(self, folder: Path, *, write: bool = False, create: bool = False) -> None:
+        self.path = folder.absolute() / "ledger.sqlite"
+        self._lock = WriterLock(folder / "ledger.lock") if write else None
+        self._tree, self._position = Tree(), 0  # over the rows that this object has seen
+        self._env = _environment(self.path, write, create)
+        self._connection: Connection | None = None
+        try:
+            with self._plain_words():
+                self._recorder()
+        except BaseException:
+            self.close()
+            raise
+        self._env["CREATE_TABLE"] = "no"
+
+    @property
+    def is_file(self) -> bool:
+        """True where the rows lie in SQLite, at `path`."""
+        return self._env["PERSISTENCE_MODULE"] == "eventsourcing.sqlite"
+
+    def append(
+        self, stream: str, event: Event, *, caused_by: str | None = None, happened: str | None = None
+    ) -> Recorded:
+        """Add `event` to `stream`; it is on disk when this returns. Raises as `append_all`."""
+        return self.append_all([(stream, event)], caused_by=caused_by, happened=happened)[0]
+
+    def append_all(
+        self, batch: Sequence[tuple[str, Event]], *, caused_by: str | None = None, happened: str | None = None
+    ) -> list[Recorded]:
+        """Add all events of `batch`, or none. Raises LedgerError (refused, nothing stored) and DamageError."""
+        if self._lock is None:
+            raise LedgerError(f"{self.path}: was opened for reading: open the store for writing")
+        rows: list[StoredEvent] = []
+        last = self._last()
+        recorded = last.recorded if last else ""
+        tails: dict[str, Recorded | None] = {}
+        for stream, event in batch:
+            tail = tails[stream] if stream in tails else self._tail(stream)
+            recorded = _stamp(after=recorded)
+            row = encode(
+                event,
+                stream,
+                tail.version + 1 if tail else 1,
+                previous=tail.digest if tail else None,
+                recorded=recorded,
+                happened=happened,
+                caused_by=caused_by,
+            )
+            tails[stream] = decode(row, 0)
+            rows.append(row)
+        return [decode(row, position) for row, position in zip(rows, self._insert(rows), strict=True)]
+
+    def events(self, *types: type[Event], stream: str | None = None, as_of: str | int | None = None) -> list[Recorded]:
+        """The events in order: of `types` (all where none is given), of `stream`, as they were at `as_of`.
+
+        `as_of` is a position, or an ISO 8601 time (UTC where it names no zone): what was recorded up to then.
+        Raises DamageError where a row is not what was written, LedgerError for an `as_of` that is neither.
+        """
+        stop, moment = self._as_of(as_of)
+        recorded = (decode(row, row.id) for row in self.rows(stop=stop, topics=[kind.TOPIC for kind in types]))
+        return [one for one in recorded if stream in (None, one.stream) and one.recorded <= moment]
+
+    def rows(
+        self, start: int = 1, stop: int | None = None, topics: Sequence[str] = (), at_once: int = PAGE
+    ) -> Iterator[Notification]:
+        """The stored rows from position `start` to `stop`, unchecked, read `at_once`. Raises LedgerError."""
+        while True:
+            with self._plain_words():
+                page = self._recorder().select_notifications(start, at_once, stop, topics)
+            yield from page
+            if len(page) < at_once:
+                return
+            start = page[-1].id + 1
+
+    def head(self) -> Head:
+        """Position of the last event and Merkle root over all rows up to it. Raises as `rows`."""
+        for row in self.rows(self._position + 1):
+            self._tree.add(entry(row.id, str(row.originator_id), row.originator_version, row.topic, row.state))
+            self._position = row.id
+        return Head(self._position, self._tree.root)
+
+    def seal(self) -> Recorded | None:
+        """Record the head as an event, so that what is before cannot change unseen. None where nothing is new."""
+        last = self._last()
+        if last is None or isinstance(last.event, LedgerSealed):
+            return None
+        head = self.head()
+        return self.append(SEALS, LedgerSealed(position=head.position, root=head.root))
+
+    def close(self) -> None:
+        """End all connections and let the next writer in."""
+        self._disconnect()
+        if self._lock is not None:
+            self._lock.close()
+            self._lock = None
+
+    def _recorder(self) -> ApplicationRecorder:
+        """The rows, over a connection that is made where there is none. Raises what the database complains of."""
+        if self._connection is None:
+            self._connection = self._connect()
+        return self._connection[1]
+
+    def _connect(self) -> Connection:
+        factory: Factory = InfrastructureFactory.construct(self._env)
+        try:
+            recorder = factory.application_recorder()
+            if self.is_file and self._lock is not None:
+                with factory.datastore.get_connection(commit=True) as connection:  # type: ignore[attr-defined]
+                    connection.cursor().execute("PRAGMA synchronous=FULL")  # some builds sync less in WAL mode
+        except BaseException:
+            factory.close()
+            raise
+        return factory, recorder
+
+    def _disconnect(self) -> None:
+        if self._connection is not None:
+            self._connection[0].close()
+            self._connection = None
+
+    def _last(self) -> Recorded | None:
+        with self._plain_words():
+            position = self._recorder().max_notification_id()
+            rows = self._recorder().select_notifications(position, 1) if position else []
+        return decode(rows[0], rows[0].id) if rows else None
+
+    def _tail(self, stream: str) -> Recorded | None:
+        with self._plain_words():
+            rows = self._recorder().select_events(stream, desc=True, limit=1)
+        return decode(rows[0], 0) if rows else None
+
+    def _insert(self, rows: Sequence[StoredEvent]) -> Sequence[int]:
+        """Store `rows` in one transaction; a database that is locked is tried once more."""
+        try:
+            return self._try_insert(rows)
+        except LedgerError as error:
+            if "(database is locked)" not in str(error):
+                raise
+            return self._try_insert(rows)
+
+    def _try_insert(self, rows: Sequence[StoredEvent]) -> Sequence[int]:
+        with self._plain_words():
+            return self._recorder().insert_events(rows) or []
+
+    def _as_of(self, as_of: str | int | None) -> tuple[int | None, str]:
+        """`as_of` as (last position, last recorded time)."""
+        if as_of is None:
+            return None, FOR_EVER
+        last = self._last()
+        end = last.position if last else 0
+        if isinstance(as_of, int) or as_of.isdecimal():
+            if not 0 <= int(as_of) <= end:
+                raise LedgerError(f"as of {as_of}: the ledger ends at event {end}: give a number up to that, or a time")
+            return int(as_of), FOR_EVER
+        try:
+            moment = datetime.fromisoformat(as_of)
+            return None, _text(moment if moment.tzinfo else moment.replace(tzinfo=UTC))
+        except (ValueError, OverflowError):
+            raise LedgerError(
+                f"as of {as_of!r}: is neither the number of an event (up to {end}) nor a time like 2026-11-21T08:00:00Z"
+            ) from None
+
+    @contextmanager
+    def _plain_words(self) -> Iterator[None]:
+        """What the database complains of, as one line of ours; the next call starts with a new connection.
+
+        A transaction that failed while it was committed may still be open on the old one.
+        """
+        where = self.path if self.is_file else self._env["PERSISTENCE_MODULE"]
+        try:
+            yield
+        except IntegrityError:
+            self._disconnect()
+            raise LedgerError(
+                f"{where}: another program wrote to the same stream meanwhile: run the same command again"
+            ) from None
+        except DATABASE_ERRORS as error:
+            self._disconnect()
+            raise LedgerError(
+                f"{where}: cannot be read or written ({' '.join(str(error).split())}): see that it may be written and the disk "
+                "has space, and restore it from a backup if it is damaged"
+            ) from None
+
+
+def _environment(path: Path, write: bool, create: bool) -> dict[str, str]:
+    """The settings of the `eventsourcing` library: a file at `path` unless the environment names a database."""
+    given = {key: value for key, value in os.environ.items() if key.startswith("POSTGRES_")}
+    return given | {
+        "PERSISTENCE_MODULE": os.environ.get("PERSISTENCE_MODULE") or "eventsourcing.sqlite",
+        "SQLITE_DBNAME": f"{path.as_uri()}?mode={'rwc' if create else 'rw'}" if write else reading_uri(path),
+        "ORIGINATOR_ID_TYPE": "text",
+        "CREATE_TABLE": "yes" if create else "no",
+    }
+
+
+def _stamp(after: str) -> str:
+    """Now, and later than `after` by at least 1 us even where the clock was set back: `as_of` a time is one position."""
+    now = _text(datetime.now(UTC))
+    return max(now, _text(datetime.fromisoformat(after) + timedelta(microseconds=1))) if after else now
+
+
+def _text(moment: datetime) -> str:
+    return moment.astimezone(UTC).replace(tzinfo=None).isoformat(timespec="microseconds") + "Z"

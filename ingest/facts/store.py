@@ -1,0 +1,163 @@
+"""The store: a folder with the facts, the sealed bytes and what is made from them (ARCHITECTURE, "The store")."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+from uuid import uuid4
+
+from ingest.errors import StoreError
+from ingest.facts.archive import Archive
+from ingest.facts.durable import sync_folder, sync_tree, write_file
+from ingest.facts.ledger import Ledger
+
+SCHEMA = "whyhot.store/1"
+MARK = "store.json"
+OURS = {MARK, "archive", "decoded", "tmp", "ledger.lock", "ledger.sqlite"}
+OURS |= {f"ledger.sqlite-{beside}" for beside in ("shm", "wal", "journal")}  # what SQLite leaves where it was stopped
+
+
+class Store:
+    """An open store; use it in a `with` statement. At its end a writer seals what it appended."""
+
+    def __init__(self, folder: Path, ledger: Ledger, *, write: bool, new: bool = False) -> None:
+        self.folder = folder
+        self.ledger = ledger
+        self._write = write
+        self._new = new
+        self._tmp = folder / "tmp"
+        self.archive = Archive(folder / "archive", self._tmp if write else None)
+
+    @classmethod
+    def open(cls, folder: Path, *, create: bool = False, write: bool = False) -> Self:
+        """Open the store in `folder`; with `create` it is made, and opened for writing, where there is none.
+
+        Raises StoreError where there is no store, something else lies there, or the folder cannot be read or written;
+        LedgerError where another process is writing.
+        """
+        with _plain_words(folder):
+            write = write or create
+            new = create and _is_free(folder)
+            if new:
+                folder.mkdir(parents=True, exist_ok=True)
+            else:
+                _check_mark(folder)
+            ledger = Ledger(folder, write=write, create=new)
+            try:
+                store = cls(folder, ledger, write=write, new=new)
+                if write:
+                    store._make_ready()
+                return store
+            except BaseException:
+                ledger.close()
+                raise
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        unused = self._new and error is not None and self.ledger.head().position == 0
+        try:
+            if self._write and error is None:
+                self.ledger.seal()
+        finally:
+            self.close()
+            if unused:  # what failed at once leaves no store behind
+                shutil.rmtree(self.folder, ignore_errors=True)
+
+    def close(self) -> None:
+        """Let the next writer in."""
+        if self._write:
+            _empty(self._tmp)
+            self._write = False
+        self.ledger.close()
+
+    def work(self) -> Path:
+        """A new folder for work in progress. What is left in it at the end is removed. Raises StoreError for a reader."""
+        if not self._write:
+            raise StoreError(f"{self.folder}: was opened for reading: open the store for writing")
+        folder = self._tmp / uuid4().hex
+        folder.mkdir()
+        return folder
+
+    def decoded(self, decode: str) -> Path:
+        """Where the products of a decode lie, or would. Raises StoreError for what cannot be the name of a folder."""
+        if not decode.isalnum():
+            raise StoreError(f"{self.folder}: {decode!r} is not the id of a decode: see `whyhot verify`")
+        return self.folder / "decoded" / decode
+
+    def publish(self, made: Path, decode: str) -> Path:
+        """Move the folder `made` (from `work`) to its place as a whole, and to disk. One that is there is replaced.
+
+        Raises OSError where the disk is full or fails; then the old one or none is there, and a rebuild makes it again.
+        """
+        target = self.decoded(decode)
+        sync_tree(made)
+        if target.exists():
+            target.replace(self.work() / decode)
+        made.replace(target)
+        sync_folder(target.parent)
+        return target
+
+    def _make_ready(self) -> None:
+        """Make what is missing of the layout, the mark last: a creation that was stopped is taken up by the next."""
+        for part in ("archive", "decoded", "tmp"):
+            (self.folder / part).mkdir(exist_ok=True)
+        _empty(self._tmp)
+        if not (self.folder / MARK).exists():
+            text = json.dumps({"schema": SCHEMA}) + "\n"
+            write_file(self._tmp, [text.encode()]).replace(self.folder / MARK)
+        sync_folder(self.folder)
+
+
+def _is_free(folder: Path) -> bool:
+    """True where a store can be made. Raises StoreError where the folder holds something else."""
+    if not folder.exists():
+        return True
+    names = {path.name for path in folder.iterdir()}
+    if MARK in names:
+        return False
+    if strange := sorted(names - OURS):
+        raise StoreError(f"{folder}: is no store and not empty (it holds {strange[0]}): give an empty or new folder")
+    return True
+
+
+def _check_mark(folder: Path) -> None:
+    """Raises StoreError where `folder` is no store, or one of a schema that is not known here."""
+    try:
+        mark = json.loads((folder / MARK).read_bytes())
+        schema = mark["schema"]
+    except (FileNotFoundError, NotADirectoryError):
+        advice = "`whyhot ingest FILE...` makes one, --store DIR or WHYHOT_STORE names another"
+        raise StoreError(f"{folder}: there is no store here: {advice}") from None
+    except (ValueError, TypeError, KeyError):
+        raise StoreError(f"{folder / MARK}: is not readable: it should hold {json.dumps({'schema': SCHEMA})}") from None
+    if schema != SCHEMA:
+        raise StoreError(f"{folder / MARK}: schema {schema!r} is not known here (this is {SCHEMA}): update whyhot")
+
+
+def _empty(folder: Path) -> None:
+    """Remove what a writer left in `folder`; only the one writer may."""
+    for path in folder.iterdir():
+        if path.is_dir():
+            shutil.rmtree(path)
+        else:
+            path.unlink()
+
+
+@contextmanager
+def _plain_words(folder: Path) -> Iterator[None]:
+    try:
+        yield
+    except OSError as error:
+        place = error.filename or folder
+        raise StoreError(
+            f"{folder}: cannot be opened ({place}: {error.strerror}): give a folder that you may read and write, with --store"
+        ) from None

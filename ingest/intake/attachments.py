@@ -1,0 +1,119 @@
+"""Inspections: a photograph, a thermogram, any file, sealed with what a person found on a specimen."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from mimetypes import MimeTypes
+from pathlib import Path
+
+from ingest.errors import IngestError, UnknownSessionError
+from ingest.facts import facts as ledger_facts
+from ingest.facts.events import InspectionRecorded
+from ingest.facts.facts import Facts
+from ingest.facts.store import Store
+from ingest.intake.setup import refuse_missing
+from ingest.texts.nearest import hint
+
+UNKNOWN_TYPE = "application/octet-stream"
+Key = tuple[str | None, ...]  # bytes, specimen, time, session and finding
+
+
+@dataclass(frozen=True)
+class Finding:
+    """What was found on `specimen`. `happened`: ISO 8601, UTC where it names no zone; `session`: id, unique beginning of
+    one or name of the session that the inspection followed. Both may be unknown."""
+
+    specimen: str
+    says: str
+    happened: str | None = None
+    session: str | None = None
+
+
+@dataclass(frozen=True)
+class Attached:
+    """The fact of one file, and whether the ledger held it before (then nothing was written)."""
+
+    event: InspectionRecorded
+    known: bool
+
+
+def attach(store: Store, paths: Sequence[Path], finding: Finding) -> list[Attached]:
+    """Seal files with a finding; the same bytes with the same finding once only. Needs a store that may be written.
+
+    Raises IngestError for a file that is missing or empty, a specimen or finding without text, and a time that is none;
+    UnknownSessionError for a session that is not there, or is of another specimen; nothing is kept then.
+    """
+    facts = ledger_facts.at(store.ledger)
+    refuse_missing(paths)
+    if empty := next((path for path in paths if not path.stat().st_size), None):
+        raise IngestError(f"{empty}: is empty (0 bytes): it shows nothing. Copy the file again.")
+    specimen = _said(finding.specimen, "--specimen", "stator-07")
+    says = _said(finding.says, "--finding", '"resin cracked at slot 3"')
+    session = _session(facts, finding.session, specimen) if finding.session else None
+    happened = _utc(finding.happened) if finding.happened else None
+    before = {_key(one): one for one in facts.inspections.values()}
+    found: dict[Key, Attached] = {}
+    for path in paths:
+        sha256 = store.archive.seal(path)
+        event = InspectionRecorded(
+            inspection=_identity(sha256, specimen, happened, session, says),
+            sha256=sha256,
+            name=path.name.encode("utf-8", "replace").decode("utf-8"),
+            media_type=MimeTypes().guess_type(path.name, strict=False)[0] or UNKNOWN_TYPE,  # the same on every machine
+            size=store.archive.path(sha256).stat().st_size,
+            specimen=specimen,
+            happened=happened,
+            session=session,
+            finding=says,
+        )
+        key = _key(event)
+        found.setdefault(key, Attached(before.get(key, event), key in before))
+    new = [(f"inspection-{one.event.inspection}", one.event) for one in found.values() if not one.known]
+    if new:
+        store.ledger.append_all(new, happened=happened)
+    return list(found.values())
+
+
+def unknown_specimen(facts: Facts, specimen: str) -> str | None:
+    """A line where no session is of `specimen` yet: it may be misspelt."""
+    known = {session.specimen for session in facts.sessions if session.specimen}
+    if specimen in known:
+        return None
+    return f'specimen "{specimen}": no session of it is in this store yet.{hint(specimen, sorted(known))}'
+
+
+def _identity(*parts: str | None) -> str:
+    return hashlib.sha256(json.dumps(parts).encode()).hexdigest()
+
+
+def _key(event: InspectionRecorded) -> Key:
+    return event.sha256, event.specimen, event.happened, event.session, event.finding
+
+
+def _said(text: str, flag: str, example: str) -> str:
+    if not text.strip():
+        raise IngestError(f"{flag}: says nothing: write it in words, as {flag} {example}")
+    return text.strip()
+
+
+def _session(facts: Facts, text: str, specimen: str) -> str:
+    session = facts.session(text)
+    if session.specimen not in (None, specimen):
+        raise UnknownSessionError(
+            f'session {session.name}: is of specimen "{session.specimen}", not "{specimen}": correct --specimen or --session'
+        )
+    return session.session
+
+
+def _utc(text: str) -> str:
+    """As the ledger writes times. Raises IngestError."""
+    try:
+        moment = datetime.fromisoformat(text)
+        moment = (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).astimezone(UTC)
+    except (ValueError, OverflowError):
+        raise IngestError(f'--when "{text}": is no time: write it as 2025-12-24T08:00:00Z') from None
+    return moment.replace(tzinfo=None).isoformat(timespec="microseconds") + "Z"

@@ -1,0 +1,69 @@
+"""All files of a store grouped into sessions: what is new becomes facts, with its kind and what a person should look at."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from itertools import combinations
+
+from ingest.bench.bench_file import read_bench
+from ingest.catalogue import kinds, quality
+from ingest.catalogue.channels import load_each
+from ingest.facts import facts as ledger_facts
+from ingest.facts import sessions
+from ingest.facts.events import Event, QualityFlagged, SessionRecorded, SessionRegrouped
+from ingest.facts.facts import Facts
+from ingest.facts.sessions import Override
+from ingest.facts.store import Store
+
+FEW_RECORDS = 3  # quality has no finding in so few: a gap takes four samples, a stretch seven
+
+
+def group_files(store: Store, said: Mapping[str, Override]) -> tuple[tuple[str, QualityFlagged], ...]:
+    """Group all files into sessions, append what is new, and say what a person should look at in new ones."""
+    known = ledger_facts.at(store.ledger)
+    benches = {sha: read_bench(store.archive.read(sha), one.name) for sha, one in known.benches.items()}
+    names = {sha: one.name for sha, one in known.files.items()}
+    overrides = {**sessions.overrides_of(known.sessions, benches), **said}
+    new = sessions.group(list(known.decodes.values()), benches, names, overrides)
+    flags: list[tuple[str, QualityFlagged]] = []
+    events: list[tuple[str, Event]] = []
+    changes = sessions.regroup(known.sessions, new)
+    channels_of = load_each(
+        store, known, [one for one in changes if isinstance(one, SessionRecorded) and _is_read(one)]
+    )
+    for event in changes:
+        if isinstance(event, SessionRegrouped):
+            events.append((f"session-{event.session}", event))
+            continue
+        found = _overlaps(known, event)
+        if _is_read(event):
+            channels = next(channels_of)
+            if not event.kind:
+                kind, why = kinds.recognise(channels)
+                event = replace(event, kind=kind, kind_why=why)
+            found += quality.findings(quality.assess(channels))
+        stream = f"session-{event.session}"
+        events += [(stream, event), *((stream, flag) for flag in found)]
+        flags += [(event.name, flag) for flag in found]
+    store.ledger.append_all(events)  # all or none: one wait for the disk, however many sessions a table holds
+    return tuple(flags)
+
+
+def _is_read(session: SessionRecorded) -> bool:
+    """Whether its samples have something to tell: a kind that nobody gave, or what a person should look at."""
+    return not session.kind or sum(one["last_record"] - one["first_record"] + 1 for one in session.files) > FEW_RECORDS
+
+
+def _overlaps(known: Facts, session: SessionRecorded) -> list[QualityFlagged]:
+    """Files of a session that hold the same channels at the same time: a copy, or the same test logged twice."""
+    decodes = [known.decodes[file["decode"]] for file in session.files]
+    flags = []
+    for a, b in combinations(decodes, 2):
+        common = {channel["name"] for channel in a.channels} & {channel["name"] for channel in b.channels}
+        from_ns, to_ns = max(a.start_ns or 0, b.start_ns or 0), min(a.end_ns or 0, b.end_ns or 0)
+        if common and a.raw != b.raw and to_ns > from_ns:
+            names = " and ".join(known.files[one.raw].name for one in (a, b))
+            says = f"{names} hold the same channels for {(to_ns - from_ns) / 1e9:.0f} s: equal samples count once in a replay"
+            flags.append(QualityFlagged(flag="overlap", says=says, detail={"channels": sorted(common)}))
+    return flags

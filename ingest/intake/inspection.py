@@ -1,0 +1,130 @@
+"""What is inside logs, before anything is stored."""
+
+from __future__ import annotations
+
+import tempfile
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from ingest.bench.bench_file import read_bench
+from ingest.bench.draft import draft_bench
+from ingest.bench.signals import Signal
+from ingest.errors import UnreadableLogError
+from ingest.formats import Rows, TimeSpec
+from ingest.intake.setup import refuse_missing, signals_in
+from ingest.log.databases import Database, load, merged
+from ingest.log.reading import Reading, preview
+from ingest.log.recording import id_text, read
+from ingest.texts.guessing import guess
+
+NAMED = 3  # logs in the first comment of a draft; more are counted
+
+
+@dataclass(frozen=True)
+class Seen:
+    """One signal: `quantity` is guessed from name and unit; `low`, `high` for columns of tables, None otherwise."""
+
+    signal: Signal
+    quantity: str | None
+    low: float | None
+    high: float | None
+
+
+@dataclass(frozen=True)
+class InspectedFile:
+    """One file. `reading` None where nothing can be read, `why` then says it; `ranges`: column -> (least, greatest)."""
+
+    path: Path
+    reading: Reading | None
+    why: str | None
+    note: str | None
+    ranges: dict[str, tuple[float, float]]
+
+
+@dataclass(frozen=True)
+class Inspection:
+    """Everything seen. `unknown_ids`: "can1:0x123" -> frames that no database explains."""
+
+    files: tuple[InspectedFile, ...]
+    signals: tuple[Seen, ...]
+    unknown_ids: dict[str, int]
+
+    @property
+    def refusals(self) -> list[str]:
+        """What could not be read, one line a file."""
+        return [one.why for one in self.files if one.why]
+
+
+def inspect(files: Sequence[Path], databases: Sequence[Path], bench: Path | None) -> Inspection:
+    """Read logs in a temporary folder and say what they hold. Raises IngestError for a file that is not there."""
+    refuse_missing(files)
+    loaded = [load(path.read_bytes(), path.name) for path in databases]
+    time = read_bench(bench.read_bytes(), bench.name).time if bench else TimeSpec()
+    with tempfile.TemporaryDirectory() as folder:
+        looked = tuple(_look(path, Path(folder), time, guessing=bench is None) for path in files)
+    readings = [one.reading for one in looked if one.reading]
+    ranges: dict[str, tuple[float, float]] = {}
+    for one in looked:
+        _widen(ranges, one.ranges)
+    seen = tuple(
+        Seen(
+            signal,
+            guess(signal.name, signal.unit),
+            *(ranges.get(signal.name, (None, None)) if not signal.message else (None, None)),
+        )
+        for signal in signals_in(loaded, readings)
+    )
+    return Inspection(looked, seen, _unknown(loaded, readings))
+
+
+def draft(found: Inspection) -> str:
+    """A bench file for these logs, to be completed by a person."""
+    settings = next((one.reading.settings for one in found.files if one.reading), {})
+    untimed = any(one.note for one in found.files)
+    logs = [one.path.name for one in found.files if one.reading]
+    name = ", ".join(logs) if len(logs) <= NAMED else f"{len(logs)} logs"
+    return draft_bench([seen.signal for seen in found.signals], {**settings, "untimed": untimed}, name)
+
+
+def _look(path: Path, folder: Path, time: TimeSpec, *, guessing: bool) -> InspectedFile:
+    try:
+        reading, note = preview(path, folder, time), None
+    except UnreadableLogError as error:
+        if not guessing:
+            return InspectedFile(path, None, str(error), None, {})
+        try:  # a table without a time column can be looked at all the same
+            reading = preview(path, folder, replace(time, rate_hz=1.0))
+        except UnreadableLogError:
+            return InspectedFile(path, None, str(error), None, {})
+        note = "no time column was recognised: looked at as one row a second"
+    return InspectedFile(path, reading, None, note, _ranges(folder / "preview.mcap"))
+
+
+def _ranges(recording: Path) -> dict[str, tuple[float, float]]:
+    spans: dict[str, tuple[float, float]] = {}
+    for _, batch in read(recording):
+        if not isinstance(batch, Rows):
+            return {}
+        numbers = {n: v for n, v in batch.columns.items() if v.dtype == np.float64 and np.isfinite(v).any()}
+        _widen(spans, {name: (float(np.nanmin(v)), float(np.nanmax(v))) for name, v in numbers.items()})
+    return spans
+
+
+def _widen(spans: dict[str, tuple[float, float]], more: Mapping[str, tuple[float, float]]) -> None:
+    """Let each of `spans` hold what `more` says of the same column as well."""
+    for name, (low, high) in more.items():
+        before = spans.get(name, (low, high))
+        spans[name] = (min(low, before[0]), max(high, before[1]))
+
+
+def _unknown(databases: Sequence[Database], readings: Sequence[Reading]) -> dict[str, int]:
+    messages, _ = merged(databases)
+    known = {id_text(bus, can_id) for one in readings for bus in one.buses for can_id in messages}
+    counts: Counter[str] = Counter()
+    for one in readings:
+        counts.update({key: count for key, count in one.ids.items() if key not in known})
+    return dict(counts)

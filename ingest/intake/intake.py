@@ -1,0 +1,251 @@
+"""Intake: log files become facts. Seal, record, decode, balance, group; the same bytes twice change nothing.
+
+First everything is read into a working folder and checked, then it is sealed: blobs and products before the events that
+name them. So an intake that is stopped at any moment leaves whole facts, and running it again finishes it.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import shutil
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from ingest.bench.resolving import ResolvedChannel
+from ingest.errors import DamageError, IngestError, UnreadableLogError
+from ingest.facts import facts as ledger_facts
+from ingest.facts.events import (
+    DecodeCompleted,
+    Event,
+    QualityFlagged,
+    RawFileSealed,
+    SessionRecorded,
+)
+from ingest.facts.facts import Facts
+from ingest.facts.sessions import Override
+from ingest.facts.store import Store
+from ingest.formats import Format, recognise
+from ingest.intake.grouping import group_files
+from ingest.intake.setup import Setup, keep_setup, mend_setup, resolved, sealed_setup
+from ingest.log.decode import DECODER, RECORDING, decode_file, decode_id
+from ingest.log.reading import Reader, Reading
+from ingest.log.specimens import Specimens
+
+
+@dataclass(frozen=True)
+class Taken:
+    """What became of one file. `holds` "frames" or "rows", None where no format claims it; `decode` None where it was
+    refused before anything was kept; `known` where the file was decoded so before, `anew` where its sessions are others
+    now all the same: by another bench or motor file, specimen, or together with another file."""
+
+    name: str
+    size: int
+    holds: str | None
+    raw: str
+    decode: DecodeCompleted | None
+    known: bool
+    refusal: str | None
+    anew: bool = False
+
+
+def _refusal(one: Taken) -> str | None:
+    if one.refusal or one.decode is None or one.decode.why is None:
+        return one.refusal
+    return f"{one.name}: {one.decode.why}"
+
+
+@dataclass(frozen=True)
+class Intake:
+    """What an intake did: per file, the sessions touched, and what a person should look at (one line each)."""
+
+    files: tuple[Taken, ...]
+    sessions: tuple[SessionRecorded, ...]
+    flags: tuple[tuple[str, QualityFlagged], ...]  # session name, flag
+
+    @property
+    def refused(self) -> bool:
+        """Whether anything was refused, quarantined or cut."""
+        return bool(self.refusals)
+
+    @property
+    def refusals(self) -> list[str]:
+        """What was refused, quarantined, cut or not decoded, one line a file."""
+        return [line for line in map(_refusal, self.files) if line]
+
+
+@dataclass(frozen=True)
+class _Read:
+    """A file that was read into the working folder, not yet kept: its recording, or why there is none."""
+
+    path: Path
+    raw: str
+    form: Format
+    recording: Path
+    reading: Reading | None
+    why: str | None
+
+
+def take_in(
+    store: Store, paths: Sequence[Path], setup: Setup, said: Override, tell: Callable[[str], None] = lambda _: None
+) -> Intake:
+    """Take log files into the store; `tell` hears what is being done.
+
+    Raises IngestError before anything is kept; a file that cannot be read is quarantined and does not stop the others.
+    """
+    known = ledger_facts.at(store.ledger)
+    mend_setup(store, known, setup)
+    work = store.work()
+    try:
+        found: list[Taken | _Read] = []
+        with Reader() as reader:
+            for i, path in enumerate(paths, 1):
+                tell(f"reading {i} of {len(paths)}: {_name(path)}, {path.stat().st_size / 1e6:.1f} MB")
+                found.append(_read(reader, known, path, setup, work, {one.raw for one in found}))
+                if (
+                    isinstance(found[-1], Taken)
+                    and found[-1].raw in known.files
+                    and store.archive.damage(found[-1].raw)
+                ):
+                    store.archive.seal(path)  # the true bytes mend what was damaged or lost
+        tell("decoding")
+        fresh = [one for one in found if isinstance(one, _Read)]
+        for one in fresh:
+            if one.reading and one.reading.holds == "rows":
+                Specimens(setup.bench, one.reading.columns)  # a column that is not there is refused here
+        channels = resolved(setup, [one.reading for one in fresh if one.reading], known)
+        again = _again(known, found)
+        if fresh or again:
+            keep_setup(store, known, setup)
+        store.ledger.append_all([(f"file-{raw}", decode) for raw, decode in again.items()])
+        files = [_keep(store, known, one, setup, channels) if isinstance(one, _Read) else one for one in found]
+    finally:
+        shutil.rmtree(work, ignore_errors=True)
+    decodes = {one.raw: one.decode for one in files if one.decode}
+    files = [replace(one, decode=decodes.get(one.raw)) for one in files]  # of a copy: that of the first
+    kept = set(decodes)
+    flags = group_files(store, dict.fromkeys(kept, said) if said != Override() else {})
+    now = ledger_facts.at(store.ledger)
+    touched = tuple(session for session in now.sessions if kept & {file["raw"] for file in session.files})
+    new = {file["raw"] for session in touched if session not in known.sessions for file in session.files}
+    return Intake(tuple(replace(one, anew=one.known and one.raw in new) for one in files), touched, flags)
+
+
+def _again(known: Facts, found: Sequence[Taken | _Read]) -> dict[str, DecodeCompleted]:
+    """By raw file: a known decode that one under another bench or motor file followed. Given again, it is the latest."""
+    given = {one.raw: one.decode for one in found if isinstance(one, Taken) and one.decode and one.decode.bench}
+    latest = {one.raw: one for one in known.decodes.values() if one.bench and one.outcome != "quarantined"}
+    return {raw: decode for raw, decode in given.items() if latest.get(raw, decode) != decode}
+
+
+def redecode(store: Store, known: Facts) -> None:
+    """Make recording and samples of every decode again, from sealed bytes alone.
+
+    Raises DamageError where a sealed blob is not what it was.
+    """
+    with Reader() as reader:
+        for decode in known.decodes.values():
+            if decode.outcome != "quarantined":
+                _redecode(reader, store, known, decode)
+
+
+def _redecode(reader: Reader, store: Store, known: Facts, decode: DecodeCompleted) -> None:
+    setup = sealed_setup(store, known, decode)
+    sealed = known.files[decode.raw]
+    damage = store.archive.damage(decode.raw)
+    if damage:
+        raise DamageError(f"{sealed.name}: {damage}: what was made from it before is left as it is")
+    work = store.work()
+    try:
+        named = work / sealed.name  # readers know a format by its name
+        named.symlink_to(store.archive.path(decode.raw).absolute())
+        one = _record(reader, named, decode.raw, recognise(named), setup, work)
+        if one.reading is None:
+            raise IngestError(f"{sealed.name}: could be read when it was ingested, and cannot now: {one.why}")
+        _decode(store, one, one.reading, setup, resolved(setup, [one.reading], known))
+    finally:
+        shutil.rmtree(work, ignore_errors=True)
+
+
+def _read(reader: Reader, known: Facts, path: Path, setup: Setup, work: Path, before: set[str]) -> Taken | _Read:
+    """Read a file into the working folder; one that is known, a copy of one read `before`, or no log is done with here."""
+    size = path.stat().st_size
+    try:
+        form = recognise(path)
+    except UnreadableLogError as error:
+        return Taken(_name(path), size, None, "", None, known=False, refusal=str(error))
+    with path.open("rb") as file:
+        raw = hashlib.file_digest(file, "sha256").hexdigest()
+    decode = known.decodes.get(_decode_id(raw, form, setup))
+    if raw in before or (decode and decode.outcome != "quarantined"):
+        return Taken(_name(path), size, form.holds, raw, decode, known=True, refusal=None)
+    return _record(reader, path, raw, form, setup, work)
+
+
+def _record(reader: Reader, path: Path, raw: str, form: Format, setup: Setup, work: Path) -> _Read:
+    recording = work / f"{raw}.mcap"
+    try:
+        reading = reader.record(path, recording, setup.time, setup.attachments(form))
+        return _Read(path, raw, form, recording, reading, None)
+    except UnreadableLogError as error:
+        return _Read(path, raw, form, recording, None, str(error))
+
+
+def _keep(store: Store, known: Facts, one: _Read, setup: Setup, channels: Sequence[ResolvedChannel]) -> Taken:
+    """Seal the bytes, then the products, then the events that name them."""
+    size = one.path.stat().st_size
+    if store.archive.seal(one.path) != one.raw:
+        raise IngestError(
+            f"{_name(one.path)}: changed while it was read: wait until it is whole, then ingest it again."
+        )
+    decode = _decode(store, one, one.reading, setup, channels) if one.reading else _quarantined(one, setup)
+    events: list[Event] = []
+    if one.raw not in known.files or known.files[one.raw].name != _name(one.path):
+        events.append(RawFileSealed(sha256=one.raw, name=_name(one.path), size=size, format=one.form.name))
+    before = known.decodes.get(decode.decode)
+    if before is None or before.why != decode.why:
+        events.append(decode)
+    for twin in known.files.values():
+        if twin.name == _name(one.path) and twin.sha256 != one.raw and one.raw not in known.files:
+            says = f"{_name(one.path)}: another file of this name was ingested before, with other bytes ({twin.sha256[:12]})"
+            events.append(QualityFlagged(flag="same_name_other_bytes", says=says, detail={"other": twin.sha256}))
+    store.ledger.append_all([(f"file-{one.raw}", event) for event in events])
+    return Taken(_name(one.path), size, one.form.holds, one.raw, decode, known=False, refusal=one.why)
+
+
+def _decode(
+    store: Store, one: _Read, reading: Reading, setup: Setup, channels: Sequence[ResolvedChannel]
+) -> DecodeCompleted:
+    made = one.recording.parent / _decode_id(one.raw, one.form, setup)
+    made.mkdir()
+    one.recording.rename(made / RECORDING)
+    decode = decode_file(reading, one.raw, setup.databases_of(one.form), setup.bench, channels, made, setup.model)
+    store.publish(made, decode.decode)
+    return decode
+
+
+def _name(path: Path) -> str:
+    """The file's name as text that can be kept: what is no UTF-8 in it becomes a question mark."""
+    return path.name.encode("utf-8", "replace").decode("utf-8")
+
+
+def _decode_id(raw: str, form: Format, setup: Setup) -> str:
+    databases = [database.sha256 for database in setup.databases_of(form)]
+    return decode_id(raw, databases, setup.bench.sha256 if setup.bench else None, setup.model)
+
+
+def _quarantined(one: _Read, setup: Setup) -> DecodeCompleted:
+    return DecodeCompleted(
+        decode=_decode_id(one.raw, one.form, setup),
+        raw=one.raw,
+        bench=setup.bench.sha256 if setup.bench else None,
+        databases=[database.sha256 for database in setup.databases_of(one.form)],
+        decoder=DECODER,
+        outcome="quarantined",
+        why=one.why,
+        absolute=False,
+        start_ns=None,
+        end_ns=None,
+        balance={"found": 0, "decoded": 0, "unknown_id": 0, "wrong_length": 0, "rejected": 0},
+        model=setup.model,
+    )

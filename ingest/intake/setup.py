@@ -1,0 +1,225 @@
+"""What explains a log: bench file, signal databases and motor file, read, checked and kept with it."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from ingest.bench.bench_file import Bench, read_bench
+from ingest.bench.resolving import ResolvedChannel, check_nodes, resolve
+from ingest.bench.signals import Directory, Signal
+from ingest.errors import BenchFileError, IngestError
+from ingest.facts.events import (
+    BenchRegistered,
+    DecodeCompleted,
+    Event,
+    ModelPublished,
+    MotorRegistered,
+    SignalDatabaseRegistered,
+)
+from ingest.facts.facts import Facts
+from ingest.facts.store import Store
+from ingest.formats import Format, TimeSpec
+from ingest.log.databases import Database, merged, signals_of
+from ingest.log.databases import load as load_database
+from ingest.log.reading import Reading
+from ingest.log.recording import Attachment, bus_name, id_text
+from ingest.texts.expressions import parse
+from ingest.texts.nearest import hint
+
+
+@dataclass(frozen=True)
+class MotorFile:
+    """A motor file that a bench file names, as far as an intake needs to know it."""
+
+    data: bytes
+    file: str
+    motor: str
+    regions: Mapping[str, str]  # node -> region, of every node
+    boundaries: Sequence[str]
+    configurations: Mapping[str, Collection[str]] = field(default_factory=dict)  # name -> its nodes and boundaries
+
+    @property
+    def model(self) -> str:
+        return hashlib.sha256(self.data).hexdigest()
+
+
+@dataclass(frozen=True)
+class Setup:
+    """What explains the logs: bench file, databases and motor file, read and checked. `model`: SHA-256 of the motor file."""
+
+    bench: Bench | None
+    bench_data: bytes
+    databases: tuple[Database, ...]
+    motor: MotorFile | None
+    model: str | None = None
+
+    @property
+    def time(self) -> TimeSpec:
+        return self.bench.time if self.bench else TimeSpec()
+
+    def databases_of(self, form: Format) -> tuple[Database, ...]:
+        """Those that a log of this format is decoded with: none for a table."""
+        return self.databases if form.holds == "frames" else ()
+
+    def attachments(self, form: Format) -> list[Attachment]:
+        """What the recording of a log carries with it."""
+        files = [Attachment(d.name, d.data, "text/x-dbc") for d in self.databases_of(form)]
+        return files + ([Attachment(self.bench.name, self.bench_data, "application/toml")] if self.bench else [])
+
+
+def refuse_missing(files: Sequence[Path]) -> None:
+    """Raises IngestError for a log that is not there."""
+    for path in files:
+        if path.is_dir():
+            raise IngestError(f"{path}: is a folder: name the log files in it.")
+        if not path.is_file():
+            raise IngestError(f"{path}: there is no such file: correct the path.")
+
+
+def prepare(
+    files: Sequence[Path], bench: Path | None, databases: Sequence[Path], motor_file: Callable[[Path], MotorFile]
+) -> Setup:
+    """Check that the logs are there, and read bench file, databases and the motor file that the bench file names.
+
+    `motor_file` reads a motor file (this package knows nothing of networks). Raises BenchFileError, TomlError, UnitError,
+    DatabaseError, or what `motor_file` raises.
+    """
+    refuse_missing(files)
+    loaded = tuple(load_database(_bytes(path, "--dbc"), path.name) for path in databases)
+    if bench is None:
+        return Setup(None, b"", loaded, None)
+    data = _bytes(bench, "--bench")
+    read = read_bench(data, bench.name)
+    motor = None
+    if read.motor is not None:
+        path = bench.parent / read.motor
+        if not path.is_file():
+            raise BenchFileError(
+                f'{bench.name}: motor = "{read.motor}" is not there ({path}): correct the path, or leave `motor` out.'
+            )
+        motor = motor_file(path)
+        check_nodes(read, motor.regions, motor.boundaries)
+        motor = _configured(read, motor)
+    return Setup(read, data, loaded, motor, motor.model if motor else None)
+
+
+def _configured(bench: Bench, motor: MotorFile) -> MotorFile:
+    """The motor file as far as the bench file's configuration has it. Raises BenchFileError."""
+    name = bench.configuration
+    if name is None:
+        return motor
+    if name not in motor.configurations:
+        known = hint(name, motor.configurations) or f" It has: {', '.join(motor.configurations) or 'none'}."
+        raise BenchFileError(f'{bench.name}: configuration = "{name}" is not in {motor.file}.{known}')
+    there = motor.configurations[name]
+    for channel in bench.channels:
+        gone = [place for place in (channel.node, *channel.weights) if place and place not in there]
+        if gone and channel.role != "ignored":
+            raise BenchFileError(
+                f'{bench.name}:{channel.at("node")}: node "{gone[0]}" of {channel.called} is not there in configuration '
+                f'"{name}": take the channel out, or write role = "ignored".'
+            )
+    return replace(
+        motor,
+        regions={node: region for node, region in motor.regions.items() if node in there},
+        boundaries=[boundary for boundary in motor.boundaries if boundary in there],
+    )
+
+
+def resolved(setup: Setup, readings: Sequence[Reading], known: Facts) -> Sequence[ResolvedChannel]:
+    """The bench file's channels against the signals of all these logs together. Raises BenchFileError."""
+    if setup.bench is None or not readings:
+        return ()
+    if not setup.databases and any(one.holds == "frames" for one in readings):
+        raise IngestError(
+            f"{setup.bench.name}: names signals, and no signal database tells where they lie in the frames: add --dbc FILE.dbc"
+        )
+    here = signals_in(setup.databases, readings)
+    signals = [*here, *_elsewhere(setup.bench, here, known)]
+    if setup.motor is None:
+        return resolve(setup.bench, signals)
+    return resolve(setup.bench, signals, setup.motor.boundaries, setup.motor.regions)
+
+
+def _elsewhere(bench: Bench, here: Sequence[Signal], known: Facts) -> list[Signal]:
+    """Signals of the bench file that only logs taken in earlier hold: a late file of a session may come alone."""
+    now = Directory(here)
+    decodes = sorted(known.decodes.values(), key=lambda decode: decode.bench != bench.sha256)
+    before = Directory([Signal(**c["signal"]) for decode in decodes for c in decode.channels if c["signal"]])
+    names = {n for c in bench.channels for n in (parse(c.expression).names if c.expression else (str(c.signal),))}
+    return [before.find(name)[0] for name in sorted(names) if not now.find(name) and before.find(name)]
+
+
+def signals_in(databases: Sequence[Database], readings: Sequence[Reading]) -> list[Signal]:
+    """Every signal that these logs hold or that their databases know: of a seen message on its bus, else on none."""
+    found = [Signal(name, unit=one.units.get(name)) for one in readings for name in one.columns]
+    if any(one.holds == "frames" for one in readings):
+        messages, _ = merged(databases)
+        seen = {(bus, key) for one in readings for bus in one.buses for key in one.ids}
+        for message in messages.values():
+            buses: Sequence[str | None] = sorted(
+                bus_name(bus) for bus, key in seen if key == id_text(bus, message.can_id)
+            )
+            found += [signal for bus in buses or [None] for signal in signals_of(message, bus)]
+    return list(dict.fromkeys(found))
+
+
+def keep_setup(store: Store, known: Facts, setup: Setup) -> None:
+    """Seal and register what is new of databases, motor file and bench file."""
+    events: list[tuple[str, Event]] = []
+    for database in setup.databases:
+        if database.sha256 not in known.databases:
+            store.archive.seal(database.data)
+            registered = SignalDatabaseRegistered(sha256=database.sha256, name=database.name)
+            events.append((f"database-{database.sha256}", registered))
+    motor = setup.motor
+    if motor and motor.model not in known.models:
+        store.archive.seal(motor.data)
+        if not any(published.motor == motor.motor for published in known.models.values()):
+            events.append((f"motor-{motor.motor}", MotorRegistered(name=motor.motor)))
+        published = ModelPublished(model=motor.model, motor=motor.motor, file=motor.file, parent=None)
+        events.append((f"motor-{motor.motor}", published))
+    bench = setup.bench
+    if bench:
+        now = BenchRegistered(
+            sha256=bench.sha256,
+            name=bench.name,
+            motor=motor.motor if motor else None,
+            model=setup.model,
+        )
+        if known.benches.get(bench.sha256) != now:
+            store.archive.seal(setup.bench_data)
+            events.append((f"bench-{bench.sha256}", now))
+    if events:
+        store.ledger.append_all(events)
+
+
+def mend_setup(store: Store, known: Facts, setup: Setup) -> None:
+    """What was damaged or lost of sealed databases, bench and motor file is mended with the true bytes just given."""
+    given = {database.sha256: database.data for database in setup.databases}
+    if setup.bench:
+        given[setup.bench.sha256] = setup.bench_data
+    if setup.motor:
+        given[setup.motor.model] = setup.motor.data
+    for sha256, data in given.items():
+        if sha256 in {*known.databases, *known.benches, *known.models} and store.archive.damage(sha256):
+            store.archive.seal(data)
+
+
+def sealed_setup(store: Store, known: Facts, decode: DecodeCompleted) -> Setup:
+    """Bench file and databases of a decode as they were sealed; of its motor file only which it was."""
+    databases = tuple(load_database(store.archive.read(sha), known.databases[sha].name) for sha in decode.databases)
+    if decode.bench is None:
+        return Setup(None, b"", databases, None)
+    data, registered = store.archive.read(decode.bench), known.benches[decode.bench]
+    return Setup(read_bench(data, registered.name), data, databases, None, decode.model)
+
+
+def _bytes(path: Path, flag: str) -> bytes:
+    try:
+        return path.read_bytes()
+    except FileNotFoundError:
+        raise IngestError(f"{flag} {path}: there is no such file: correct the path.") from None

@@ -1,0 +1,188 @@
+"""From the recording of a log to samples: bits, units, derived channels, and what became of every record.
+
+Nothing is lost in silence: found = decoded + unknown_id + wrong_length + rejected, with `found` counted by the reader of
+the log and `decoded` by the Parquet files that were written.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import chain
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ingest.bench.bench_file import Bench
+from ingest.bench.resolving import ResolvedChannel
+from ingest.facts.events import DecodeCompleted
+from ingest.formats import Frames, Rows
+from ingest.log import held, recording, samples
+from ingest.log.balance import Account, outcome
+from ingest.log.databases import Database, merged
+from ingest.log.frames import FrameBatch
+from ingest.log.plan import Group, groups_of, plan
+from ingest.log.reading import Reading
+from ingest.log.recording import id_text
+from ingest.log.samples import Samples
+from ingest.log.specimens import Specimens
+
+DECODER = "whyhot-decoder/2"
+RECORDING = "recording.mcap"
+WAITING_VALUES = 16_000_000  # of all groups that wait for their row group: 128 MB
+
+Batch = tuple[str, Frames | Rows]
+
+
+def decode_id(raw: str, databases: Sequence[str], bench: str | None, model: str | None = None) -> str:
+    """Identity of a decode: SHA-256 over decoder version and the SHA-256 of log, databases, bench and motor file.
+
+    The order of the databases counts: where two differ about a message, the first is used. The motor file tells nodes
+    from boundaries, so one bench file beside two motor files decodes a log twice.
+    """
+    named = [bench or "", *([model] if model else [])]
+    return hashlib.sha256("\n".join([DECODER, raw, *databases, *named]).encode()).hexdigest()
+
+
+def decode_file(
+    reading: Reading,
+    raw: str,
+    databases: Sequence[Database],
+    bench: Bench | None,
+    channels: Sequence[ResolvedChannel],
+    folder: Path,
+    model: str | None = None,
+) -> DecodeCompleted:
+    """Decode `folder / "recording.mcap"` into a Parquet file a group beside it; the event that says what came of it.
+
+    `raw` is the SHA-256 of the log, `model` that of the motor file, `channels` are those of `bench`, resolved. The same
+    inputs give the same bytes. Raises BenchFileError where the bench file does not fit the log, DamageError where the
+    recording is damaged, and IngestError where records were lost.
+    """
+    path = folder / RECORDING
+    messages, notes = merged(databases)
+    batches, texts = _texts(recording.read(path))
+    groups = groups_of(reading, messages)
+    said = {"databases": notes, "missing": plan(groups, channels, bench, texts)}
+    specimens = Specimens(bench, reading.columns)
+    work = _Work(groups, held.collect(path, groups), raw, folder)
+    for _, batch in batches:
+        specimens.add(batch)
+        work.add(batch)
+    rows = work.close()
+    written = [group for group in groups if group.name in rows]
+    return DecodeCompleted(
+        **_identity(raw, databases, bench, model),
+        **_outcome(reading, path, work.account, sum(rows.values()), said),
+        groups=[_group_entry(group, rows[group.name]) for group in written],
+        channels=[output.channel for group in written for output in group.outputs if output.channel],
+        products={name: _sha256(folder / name) for name in [RECORDING, *(group.file for group in written)]},
+        parts=specimens.parts(),
+    )
+
+
+def _identity(raw: str, databases: Sequence[Database], bench: Bench | None, model: str | None) -> dict[str, Any]:
+    shas, sha = [database.sha256 for database in databases], bench.sha256 if bench else None
+    identity = {"decode": decode_id(raw, shas, sha, model), "decoder": DECODER}
+    return {**identity, "raw": raw, "databases": shas, "bench": sha, "model": model}
+
+
+def _outcome(
+    reading: Reading, path: Path, account: Account, decoded: int, said: Mapping[str, list[str]]
+) -> dict[str, Any]:
+    """What the event says of the records. Raises IngestError where the balance does not hold."""
+    account.refuse(recording.read_rejected(path) if reading.rejected else ())
+    balance = account.balance(reading, decoded)
+    result, why = outcome(reading, account, balance)
+    notable = {
+        **said,
+        "wrong_length": dict(sorted(account.wrong_length.items())),
+        "rejected": account.reasons(),
+    }
+    return {
+        "outcome": result,
+        "why": why,
+        "absolute": reading.absolute,
+        "start_ns": reading.start_ns,
+        "end_ns": reading.end_ns,
+        "balance": balance,
+        "unknown_ids": dict(sorted(account.unknown_id.items())),
+        "rejections": account.rejections(),
+        "settings": {**reading.settings, **{name: value for name, value in notable.items() if value}},
+    }
+
+
+def _texts(batches: Iterable[Batch]) -> tuple[Iterator[Batch], set[str]]:
+    """The batches again, and the names of the text columns of a table."""
+    whole = iter(batches)
+    first = next(whole, None)
+    if first is None:
+        return whole, set()
+    columns = first[1].columns if isinstance(first[1], Rows) else {}
+    return chain([first], whole), {name for name, values in columns.items() if values.dtype == object}
+
+
+def _group_entry(group: Group, rows: int) -> dict[str, Any]:
+    columns = [output.column.name for output in group.outputs]
+    return {"name": group.name, "file": group.file, "rows": rows, "columns": columns}
+
+
+def _sha256(path: Path) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+class _Work:
+    """Decodes batch after batch into the files of the groups, and keeps account of what could not be decoded."""
+
+    def __init__(self, groups: Sequence[Group], others: held.Held, raw: str, folder: Path) -> None:
+        self.account = Account()
+        self._groups = {(group.bus, group.message.can_id if group.message else None): group for group in groups}
+        self._others, self._raw, self._folder = others, raw, folder
+        self._writers: dict[str, samples.Writer] = {}
+
+    def add(self, batch: Frames | Rows) -> None:
+        if isinstance(batch, Rows):
+            self._write(self._groups[None, None], batch.t_ns, batch.record, batch.columns)
+        else:
+            self._add_frames(FrameBatch(batch))
+        if sum(writer.waiting for writer in self._writers.values()) > WAITING_VALUES:
+            for writer in self._writers.values():
+                writer.flush()
+
+    def close(self) -> dict[str, int]:
+        """Finish the files: group name -> rows, as the file itself says."""
+        return {name: writer.close() for name, writer in self._writers.items()}
+
+    def _add_frames(self, batch: FrameBatch) -> None:
+        self.account.reject(batch)
+        for bus, can_id, at in batch.by_identifier():
+            group = self._groups.get((bus, can_id))
+            if group is None or group.message is None:
+                self.account.unknown_id[id_text(bus, can_id)] += len(at)
+                continue
+            whole = batch.long_enough(group.message, at)
+            if len(whole) < len(at):
+                self.account.wrong_length[f"{id_text(bus, can_id)} {group.message.name}"] += len(at) - len(whole)
+            if len(whole):
+                signals = batch.signals(group.message, whole)
+                self._write(group, batch.frames.t_ns[whole], batch.frames.record[whole], signals)
+
+    def _write(
+        self, group: Group, t_ns: NDArray[np.int64], record: NDArray[np.int64], signals: Mapping[str, NDArray[Any]]
+    ) -> None:
+        values = [
+            output.values(
+                [
+                    signals[name] if home == group.name else self._others.at((home, name), t_ns)
+                    for home, name in output.sources
+                ]
+            )
+            for output in group.outputs
+        ]
+        if group.name not in self._writers:
+            columns = [output.column for output in group.outputs]
+            self._writers[group.name] = samples.Writer(self._folder / group.file, self._raw, columns)
+        self._writers[group.name].add(Samples(t_ns, t_ns, record, values))

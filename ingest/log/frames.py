@@ -1,0 +1,69 @@
+"""A batch of CAN frames taken apart: by identifier, and each message into the values of its signals."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ingest.formats import ERROR, REMOTE, Frames
+from ingest.log.arrow import from_numpy, to_numpy
+from ingest.log.bits import Payloads, extract, padded, raw
+from ingest.log.databases import Message
+
+Positions = NDArray[np.intp]
+
+
+class FrameBatch:
+    """N frames of one bus, ready to be taken apart. `without_data`: positions of remote and error frames."""
+
+    def __init__(self, frames: Frames) -> None:
+        self.frames = frames
+        self.without_data = np.flatnonzero(frames.flags & (REMOTE | ERROR))
+        self._lengths = np.diff(frames.offsets)  # of the payloads [bytes]
+        self._data = padded(frames.data)
+
+    def by_identifier(self) -> Iterator[tuple[int, int, Positions]]:
+        """(bus, can_id, positions of its frames with data, in the order of the file): one stable sort for all."""
+        with_data = np.flatnonzero((self.frames.flags & (REMOTE | ERROR)) == 0)
+        coded = from_numpy(self.frames.can_id[with_data]).dictionary_encode()
+        codes, count = to_numpy(coded.indices), len(coded.dictionary)
+        order = np.argsort(codes.astype(np.uint16) if count < 2**16 else codes, kind="stable")
+        stops = np.cumsum(np.bincount(codes, minlength=count)).tolist()
+        for can_id, start, stop in zip(coded.dictionary.to_pylist(), [0, *stops], stops, strict=False):
+            yield int(self.frames.bus[0]), can_id, with_data[order[start:stop]]
+
+    def long_enough(self, message: Message, at: Positions) -> Positions:
+        """Those of the frames `at` that are as long as `message`, or longer."""
+        return at[self._lengths[at] >= message.length]
+
+    def signals(
+        self, message: Message, at: Positions, only: Collection[str] | None = None
+    ) -> dict[str, NDArray[np.float64]]:
+        """Signal name -> values (M,) in the database's unit, of the M frames `at`, all long enough for `message`.
+
+        NaN where a frame does not hold a signal: by its multiplexer, or because the signal lies behind the frame's end.
+        """
+        payloads, lengths = Payloads(self._data, self.frames.offsets[at]), self._lengths[at]
+        by_name = {signal.name: signal for signal in message.signals}
+
+        @cache
+        def present(name: str) -> NDArray[np.bool_]:
+            """A multiplexer may be multiplexed itself."""
+            signal = by_name[name]
+            there: NDArray[np.bool_] = lengths >= signal.layout.bytes_needed
+            if signal.multiplexer is None or not there.any():
+                return there
+            selector = raw(payloads, by_name[signal.multiplexer].layout)
+            return there & present(signal.multiplexer) & np.isin(selector, np.array(signal.when, np.uint64))
+
+        def values(name: str) -> NDArray[np.float64]:
+            there = present(name)
+            if not there.any():
+                return np.full(len(at), np.nan)
+            found = extract(payloads, by_name[name].layout)
+            return found if there.all() else np.where(there, found, np.nan)
+
+        return {name: values(name) for name in by_name if only is None or name in only}

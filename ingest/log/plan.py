@@ -1,0 +1,210 @@
+"""What becomes of each signal of a log: its group, its column, its unit, and which channel of the bench file it is."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from numpy.typing import NDArray
+
+from ingest.bench.bench_file import Bench
+from ingest.bench.resolving import ResolvedChannel
+from ingest.bench.signals import Signal
+from ingest.errors import BenchFileError
+from ingest.log.databases import Message, signals_of
+from ingest.log.reading import Reading
+from ingest.log.recording import bus_name, id_text
+from ingest.log.samples import FIXED, Column
+from ingest.texts.quantities import column_suffix, guess, normal_unit
+
+TABLE = "rows"
+Source = tuple[str, str]  # group name, name of a signal in it
+
+
+@dataclass(frozen=True)
+class Output:
+    """A column of a group and how its values come from signals; `channel` is its entry in the event (None for text)."""
+
+    column: Column
+    sources: tuple[Source, ...]  # the signal itself, or those of an expression in the order of its names
+    spec: ResolvedChannel | None = None
+    channel: dict[str, Any] | None = None
+
+    def values(self, inputs: Sequence[NDArray[Any]]) -> NDArray[Any]:
+        """The column (N,), from the values (N,) of `sources` as they stand in the file."""
+        if self.spec is None or self.column.text:
+            return inputs[0]
+        if self.spec.expression is None:
+            return self.spec.conversion(inputs[0])
+        named = dict(zip(self.spec.expression.names, inputs, strict=True))
+        return self.spec.conversion(self.spec.expression.evaluate(named))
+
+
+@dataclass
+class Group:
+    """Signals that share their stamps: a message on a bus, or a table (`message` and `bus` None)."""
+
+    name: str
+    message: Message | None = None
+    bus: int | None = None
+    signals: tuple[Signal, ...] = ()
+    outputs: list[Output] = field(default_factory=list)
+
+    @property
+    def file(self) -> str:
+        """Name of its Parquet file."""
+        return re.sub(r"[^\w.-]", "_", self.name, flags=re.ASCII) + ".parquet"
+
+    @property
+    def foreign(self) -> set[Source]:
+        """Signals of other groups that its derived channels need."""
+        return {source for output in self.outputs for source in output.sources if source[0] != self.name}
+
+    @property
+    def columns(self) -> list[Column]:
+        return [output.column for output in self.outputs]
+
+
+def groups_of(reading: Reading, messages: Mapping[int, Message]) -> list[Group]:
+    """The groups of a log, without outputs: every message that was seen on a bus, or the table."""
+    if reading.holds == "rows":
+        return [Group(TABLE, signals=tuple(Signal(name, unit=reading.units.get(name)) for name in reading.columns))]
+    seen = [
+        (bus, message)
+        for bus in reading.buses
+        for can_id, message in messages.items()
+        if id_text(bus, can_id) in reading.ids
+    ]
+    return [
+        Group(name, message, bus, tuple(signals_of(message, bus_name(bus))))
+        for (bus, message), name in zip(seen, _names(seen), strict=True)
+    ]
+
+
+def plan(
+    groups: Sequence[Group], channels: Sequence[ResolvedChannel], bench: Bench | None, texts: Collection[str] = ()
+) -> list[str]:
+    """Give each group its outputs; returns the channels for which this log holds no signal.
+
+    `texts`: names of the table's text columns. Without a bench file quantities are guessed. Raises BenchFileError where a
+    channel needs numbers of a column of text.
+    """
+    home = {_identity(signal): group for group in groups for signal in group.signals}
+    named = {_identity(spec.signals[0]): spec for spec in channels if not spec.derived}
+    called = _channel_names(groups)
+    _refuse_text(bench, channels, texts)
+    for group in groups:
+        taken = Counter(FIXED)
+        for signal in group.signals:
+            if signal.name in texts:
+                group.outputs.append(_text_output(group, signal, taken))
+            elif spec := named.get(_identity(signal)):
+                group.outputs.append(_bench_output(group, spec, [(group.name, signal.name)], taken, signal))
+            else:
+                name = called[group.name, signal.name]
+                group.outputs.append(_file_output(group, signal, name, bench is None, taken))
+    missing = [spec.name for key, spec in named.items() if key not in home and spec.role != "ignored"]
+    for spec in (spec for spec in channels if spec.derived):
+        homes = [home[_identity(signal)] for signal in spec.signals if _identity(signal) in home]
+        if not homes or len(homes) < len(spec.signals):
+            missing.append(spec.name)
+            continue
+        sources = [(group.name, signal.name) for group, signal in zip(homes, spec.signals, strict=True)]
+        taken = Counter([*FIXED, *(column.name.lower() for column in homes[0].columns)])
+        homes[0].outputs.append(_bench_output(homes[0], spec, sources, taken, None))
+    return missing
+
+
+def _names(seen: Sequence[tuple[int, Message]]) -> list[str]:
+    """Message names; with the bus before, and then the identifier behind, where that is not unique."""
+    plain = Counter(message.name for _, message in seen)
+    names = [m.name if plain[m.name] == 1 else f"{bus_name(bus)}_{m.name}" for bus, m in seen]
+    with_bus = Counter(names)
+    return [
+        name if with_bus[name] == 1 else f"{name}_{id_text(bus, message.can_id).partition(':')[2]}"
+        for name, (bus, message) in zip(names, seen, strict=True)
+    ]
+
+
+def _channel_names(groups: Sequence[Group]) -> dict[Source, str]:
+    """Signal names; as a bench file would write them where another signal has that name too ("can2:Inverter.T"), and
+    with the group where two messages on one bus share even that."""
+    signals = [(group.name, signal) for group in groups for signal in group.signals]
+    bare = Counter(signal.name for _, signal in signals)
+    full = Counter(signal.qualified for _, signal in signals)
+
+    def name(group: str, signal: Signal) -> str:
+        if bare[signal.name] == 1:
+            return signal.name
+        return signal.qualified if full[signal.qualified] == 1 else f"{group}.{signal.name}"
+
+    return {(group, signal.name): name(group, signal) for group, signal in signals}
+
+
+def _identity(signal: Signal) -> tuple[str | None, str | None, str]:
+    return signal.bus, signal.message, signal.name
+
+
+def _refuse_text(bench: Bench | None, channels: Sequence[ResolvedChannel], texts: Collection[str]) -> None:
+    for spec in channels:
+        found = next((signal.name for signal in spec.signals if signal.name in texts), None)
+        if found is not None and spec.role != "ignored":
+            raise BenchFileError(
+                f'{bench.name if bench else "bench file"}:{spec.line}: signal "{found}" holds text in this log: it cannot be '
+                f'{"part of " if spec.derived else "a "}{spec.quantity}. Correct the name, or add role = "ignored".'
+            )
+
+
+def _text_output(group: Group, signal: Signal, taken: Counter[str]) -> Output:
+    return Output(Column(_unique(signal.name, taken), signal.name, text=True), ((group.name, signal.name),))
+
+
+def _file_output(group: Group, signal: Signal, name: str, guessing: bool, taken: Counter[str]) -> Output:
+    """A signal that no bench file speaks of, as the channel `name`: in its own unit, unconverted."""
+    unit = normal_unit(signal.unit or "")
+    column = Column(
+        _unique(signal.name + column_suffix(unit), taken),
+        signal.name,
+        unit or signal.unit,
+        guess(signal.name, signal.unit) if guessing else None,
+    )
+    entry = _entry(group, signal, column, "input" if guessing else "ignored") | {"name": name}
+    return Output(column, ((group.name, signal.name),), None, entry)
+
+
+def _bench_output(
+    group: Group, spec: ResolvedChannel, sources: Sequence[Source], taken: Counter[str], signal: Signal | None
+) -> Output:
+    """A channel of the bench file, in the stored unit; `signal` None for a derived one."""
+    bare = signal.name if signal else spec.name
+    column = Column(_unique(bare + column_suffix(spec.quantity), taken), bare, spec.stored_unit, spec.quantity)
+    said = {"name": spec.name, "node": spec.node, "region": spec.region, "derived": spec.derived}
+    entry = _entry(group, signal, column, spec.role) | said
+    return Output(column, tuple(sources), spec, entry)
+
+
+def _entry(group: Group, signal: Signal | None, column: Column, role: str) -> dict[str, Any]:
+    """A channel as `DecodeCompleted` lists it; `signal` is what file and database say of it."""
+    return {
+        "name": column.signal,
+        "group": group.name,
+        "column": column.name,
+        "quantity": column.quantity,
+        "unit": column.unit,
+        "node": None,
+        "region": None,
+        "role": role,
+        "derived": False,
+        "signal": vars(signal) if signal else None,
+    }
+
+
+def _unique(name: str, taken: Counter[str]) -> str:
+    """`name`, or with a number behind it where the group has such a column already; SQL knows no upper and lower case."""
+    taken[name.lower()] += 1
+    if taken[name.lower()] == 1:
+        return name
+    return _unique(f"{name}_{taken[name.lower()]}", taken)

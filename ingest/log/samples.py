@@ -1,0 +1,136 @@
+"""Decoded samples as Parquet: one file a group (a CAN message on a bus, or a table), one row a record.
+
+Columns `t_ns, log_t_ns, file_id, record`, then a column a signal. Each field says its unit, quantity and signal. Bytes
+depend on the rows alone; pages carry CRCs, which are checked on reading.
+Format: https://parquet.apache.org/docs/file-format/
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+from numpy.typing import NDArray
+
+from ingest.errors import DamageError
+from ingest.log.arrow import from_numpy
+
+FIXED = ("t_ns", "log_t_ns", "file_id", "record")
+ROW_GROUP = 131_072  # rows
+_INTEGERS = ("t_ns", "log_t_ns", "record")
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column of a group. `unit` is that of the values (None = not known); `text` columns hold str or None."""
+
+    name: str
+    signal: str
+    unit: str | None = None
+    quantity: str | None = None
+    text: bool = False
+
+    def field(self) -> pa.Field:
+        said = {"signal": self.signal, "unit": self.unit, "quantity": self.quantity}
+        kind = pa.dictionary(pa.int32(), pa.string()) if self.text else pa.float64()
+        return pa.field(self.name, kind, metadata={name: value for name, value in said.items() if value})
+
+
+@dataclass(frozen=True)
+class Samples:
+    """N rows of a group: `t_ns`, `log_t_ns` int64 [ns], `record` int64, `values` one array (N,) a column."""
+
+    t_ns: NDArray[np.int64]
+    log_t_ns: NDArray[np.int64]
+    record: NDArray[np.int64]
+    values: Sequence[NDArray[Any]]
+
+    def __len__(self) -> int:
+        return len(self.t_ns)
+
+
+class Writer:
+    """Writes one group to `path`. `file_id` is the SHA-256 of the raw log. Rows wait until they fill a row group."""
+
+    def __init__(self, path: Path, file_id: str, columns: Sequence[Column]) -> None:
+        self.path = path
+        self._file_id = from_numpy(np.array([file_id], object))
+        self._parts: list[Samples] = []
+        self._rows = 0
+        self._schema = pa.schema(
+            [
+                ("t_ns", pa.int64()),
+                ("log_t_ns", pa.int64()),
+                ("file_id", pa.dictionary(pa.int32(), pa.string())),
+                ("record", pa.int64()),
+                *(column.field() for column in columns),
+            ]
+        )
+        packed = dict.fromkeys(_INTEGERS, "DELTA_BINARY_PACKED")
+        split = {column.name: "BYTE_STREAM_SPLIT" for column in columns if not column.text}
+        self._writer = pq.ParquetWriter(
+            path,
+            self._schema,
+            compression="zstd",
+            compression_level=1,
+            use_dictionary=["file_id", *(column.name for column in columns if column.text)],
+            column_encoding=packed | split,
+            write_page_checksum=True,
+            write_statistics=list(
+                _INTEGERS
+            ),  # those of a column with NaN leave the NaN out, and readers then filter wrongly
+        )
+
+    @property
+    def waiting(self) -> int:
+        """Values in memory."""
+        return self._rows * len(self._schema)
+
+    def add(self, samples: Samples) -> None:
+        """Append `samples`."""
+        self._parts.append(samples)
+        self._rows += len(samples)
+        if self._rows >= ROW_GROUP:
+            self.flush()
+
+    def flush(self) -> None:
+        """Write what waits as one row group."""
+        parts, self._parts, self._rows = self._parts, [], 0
+        if sum(len(part) for part in parts) == 0:
+            return
+        t_ns, log_t_ns, record = (
+            np.concatenate([getattr(part, name) for part in parts]) for name in ("t_ns", "log_t_ns", "record")
+        )
+        file_id = pa.DictionaryArray.from_arrays(from_numpy(np.zeros(len(t_ns), np.int32)), self._file_id)
+        arrays = [from_numpy(t_ns), from_numpy(log_t_ns), file_id, from_numpy(record)]
+        for i, field in enumerate(list(self._schema)[len(FIXED) :]):
+            array = from_numpy(np.concatenate([part.values[i] for part in parts]))
+            arrays.append(array.cast(field.type) if pa.types.is_dictionary(field.type) else array)
+        self._writer.write_table(pa.Table.from_arrays(arrays, schema=self._schema), row_group_size=len(t_ns))
+
+    def close(self) -> int:
+        """Finish the file; the number of rows that it says it holds, read back from it."""
+        self.flush()
+        self._writer.close()
+        return int(pq.read_metadata(self.path).num_rows)
+
+
+def read(path: Path, columns: Sequence[str] | None = None) -> pa.Table:
+    """The group at `path`, or some of its columns; every page read is checked against its CRC. Raises DamageError."""
+    try:
+        with pq.ParquetFile(path, page_checksum_verification=True) as file:
+            table = file.read(columns=None if columns is None else list(columns))
+        table.validate(full=True)  # page headers are outside the CRCs
+        return table
+    except (pa.ArrowException, OSError, ValueError, MemoryError) as error:
+        if isinstance(error, FileNotFoundError):
+            raise
+        says = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise DamageError(
+            f"{path}: the samples are damaged ({says}). Make them again from the archive with `whyhot rebuild`."
+        ) from error

@@ -1,0 +1,57 @@
+"""Which rows of a table are of which specimen: the parts of a file that holds many."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import chain
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ingest.bench.bench_file import Bench
+from ingest.errors import BenchFileError
+from ingest.facts import sessions
+from ingest.formats import Frames, Rows
+from ingest.texts.nearest import hint
+
+Text = str | None
+
+
+class Specimens:
+    """Collects the columns that `specimen_column` and `batch_column` of a bench file name."""
+
+    def __init__(self, bench: Bench | None, columns: Sequence[str]) -> None:
+        """`columns` of the table. Raises BenchFileError where one that is named is not among them."""
+        self._specimen = bench.specimen_column if bench else None
+        self._batch = bench.batch_column if bench else None
+        self._found: list[tuple[NDArray[np.int64], NDArray[np.int64], list[Text], list[Text]]] = []
+        for key, name in (("specimen_column", self._specimen), ("batch_column", self._batch)):
+            if bench and name is not None and name not in columns:
+                raise BenchFileError(
+                    f'{bench.name}: {key} "{name}" is not a column of this log.{hint(name, columns)} Correct the name.'
+                )
+
+    def add(self, batch: Frames | Rows) -> None:
+        """Take the labels of a batch of rows."""
+        if isinstance(batch, Rows) and (self._specimen or self._batch):
+            self._found.append((batch.record, batch.t_ns, _labels(batch, self._specimen), _labels(batch, self._batch)))
+
+    def parts(self) -> list[dict[str, Any]]:
+        """`ingest.facts.sessions.parts` of all rows; empty without such columns."""
+        if not self._found:
+            return []
+        record, t_ns, specimens, batches = zip(*self._found, strict=True)
+        return sessions.parts(
+            np.concatenate(record), np.concatenate(t_ns), list(chain(*specimens)), list(chain(*batches))
+        )
+
+
+def _labels(rows: Rows, column: str | None) -> list[Text]:
+    """Texts of a column; whole numbers without a decimal point, None for an empty cell."""
+    if column is None:
+        return [None] * len(rows.t_ns)
+    values = rows.columns[column]
+    if values.dtype == object:
+        return [text or None for text in values.tolist()]
+    return [None if np.isnan(value) else f"{value:.15g}" for value in values.tolist()]

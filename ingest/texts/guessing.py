@@ -1,0 +1,92 @@
+"""What a signal probably is, from its unit and the words of its name: for drafts that a person then checks."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+
+from ingest.texts.units import normal_unit, tidy, without_mark
+
+_OF_UNIT: Mapping[str, str] = {  # quantity -> units that speak for it
+    "temperature": "degC K degF",
+    "speed": "rpm krpm rps rad/s",
+    "torque": "Nm kNm mNm",
+    "current": "A mA kA",
+    "voltage": "V mV kV",
+    "power": "W kW MW hp PS",
+    "flow": "lpm l/h l/s ml/min m3/h gpm",
+    "resistance": "ohm mohm kohm Mohm Gohm",
+    "flux": "Wb mWb",
+    "acceleration": "m/s2",
+    "capacitance": "F uF nF pF",
+    "thermal_resistance": "K/W",
+}
+_BY_UNIT = {unit: quantity for quantity, units in _OF_UNIT.items() for unit in units.split()}
+# quantity -> what its names hold, in English, German, Italian and French; names are taken as `_lower_case_words_`
+_BY_NAME: Mapping[str, str] = {
+    "temperature": "temp|therm|termo|celsius|_t_?c_",
+    "speed": "speed|spd|drehzahl|_rpm_|velocit|_giri|vitesse|^_n_|_nmot_|_omega_",
+    "torque": "torque|_trq_|_tq_|drehmoment|coppia|couple|_md_",
+    "flow": "flow|durchfluss|volumenstrom|portata|debit|débit|_vdot_",
+    "power": "power|leistung|potenza|puissance|_pwr_|_p_?el",
+    "flux": "flux|verkettung|_psi_",
+    "voltage_dc": "_[uv]_?dc_|(batt|hv|link|dc).*volt",
+    "current_dc": "_i_?dc_|(batt|hv|link|dc).*curr",
+    "voltage_d": "_[uv]_?d_",
+    "voltage_q": "_[uv]_?q_",
+    "current_d": "^_id_|_id_(?!$)|_i_d_",  # a last word `id` is a number in a list
+    "current_q": "_i_?q_",
+    "voltage": "volt|spannung|tension",
+    "current": "current|_curr_|strom|corrente|courant|_i_?rms_|_iph_",
+    "resistance": "resistance|widerstand|resistenza",
+    "counter": "counter|_cnt_|alive|_crc_",
+    "state": "state|status|_mode_|fault|error|zustand|_stato_",
+}
+_PLACES = (  # of thermocouples whose column says no more than where they sit
+    "wind|wdg|slot|yoke|tooth|teeth|stator|rotor|magnet|_pm_|bearing|housing|ambient|coolant|inlet|outlet|oven|endcap|water"
+    "|terminal|wickl|lager|geh(ae|ä)use|k(ue|ü)hl|ofen|umgebung|wasser|avvolg|magnete|cuscinett|acqua|ambiente|forno"
+)
+_NO_TEMPERATURE = "pos_|position|angle|winkel|press|druck|level|humid"
+_COMMAND = "_(ref|cmd|command|set|setpoint|req|request|demand|target|desired)_|soll"
+
+
+def guess(signal: str, unit: str | None = None) -> str | None:
+    """The quantity that a signal probably has: by its unit where that is known, refined by the words of its name, else by them.
+
+    `unit` as the file writes it. None where nothing speaks for one, and for commands that no quantity stands for.
+    """
+    name = words(signal)
+    by_name = next((quantity for quantity, holds in _BY_NAME.items() if re.search(holds, name)), None)
+    known = normal_unit(without_mark(tidy(unit))[0]) if unit else None
+    if known in (None, "1"):
+        return _commanded(by_name or _place(name), name)
+    quantity = _BY_UNIT.get(known or "")
+    if quantity and by_name and by_name.startswith(f"{quantity}_"):  # current -> current_d
+        return _commanded(by_name, name)
+    return _commanded(_refined(quantity, name, known or ""), name)
+
+
+def words(signal: str) -> str:
+    """ "IqFbk" -> "_iq_fbk_": words in lower case between single underscores."""
+    split = re.sub(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", "_", signal)
+    return re.sub(r"[\W_]+", "_", f"_{split}_").lower()
+
+
+def _place(name: str) -> str | None:
+    return "temperature" if re.search(_PLACES, name) and not re.search(_NO_TEMPERATURE, name) else None
+
+
+def _refined(quantity: str | None, name: str, unit: str) -> str | None:
+    if quantity == "power":
+        if re.search("heat|w(ae|ä)rme|calore|chaleur", name):
+            return "heat"
+        return None if re.search("mech|mecc|loss|verlust|perdit", name) else "power"
+    if quantity == "resistance" and (unit in ("Mohm", "Gohm") or re.search("insul|iso", name)):
+        return "insulation_resistance"
+    return quantity
+
+
+def _commanded(quantity: str | None, name: str) -> str | None:
+    if not re.search(_COMMAND, name):
+        return quantity
+    return {"speed": "speed_command", "torque": "torque_command"}.get(quantity or "")

@@ -1,0 +1,47 @@
+"""The demo's third part: what heat has done to insulation. Two stators through oven cycles, and a fleet's table of checks."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+from typing import Any
+
+from ingest.facts import facts
+from ingest.facts.sessions import Override
+from ingest.facts.store import Store
+from ingest.intake.intake import take_in
+from ingest.intake.setup import prepare
+from replay.engine.files.models import for_intake
+from replay.shipped import example
+from replay.show.verbs.ageing_plot import picture
+from replay.studies.ageing.assess import assess
+from replay.studies.ageing.assessment import document
+
+
+def insulation(folder: Path) -> list[dict[str, Any]]:
+    """Stores `stators` and `fleet` and the picture of the stators afresh under `folder`; both assessments as documents.
+
+    Raises ReplayDataError where the example did not come with the installation.
+    """
+    campaign = example("insulation")
+    logs = [
+        (campaign / name, campaign / f"bench_{kind}.toml", pattern)
+        for name in ("S01", "S02")
+        for kind, pattern in (("dc", "dc_*.csv.gz"), ("oven", "oven_*.csv.gz"))
+    ]
+    table = (campaign / "fleet", campaign / "fleet" / "bench.toml", "*.csv.gz")
+    return [_assessed(folder / "stators", logs, folder / "ageing.svg"), _assessed(folder / "fleet", [table], None)]
+
+
+def _assessed(folder: Path, logs: list[tuple[Path, Path, str]], target: Path | None) -> dict[str, Any]:
+    shutil.rmtree(folder, ignore_errors=True)
+    with Store.open(folder, create=True, write=True) as store:
+        for place, bench, pattern in logs:
+            paths = sorted(place.glob(pattern))
+            named = place.name if bench.parent != place else None
+            take_in(store, paths, prepare(paths, bench, [], for_intake), Override(specimen=named))
+        found = assess(store, facts.at(store.ledger), None, None)
+        store.ledger.seal()
+    if target:
+        picture(found, target)
+    return document(found, {})

@@ -1,0 +1,99 @@
+"""Motor files as the store knows them: published, found again, and handed to an intake."""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+
+from ingest.facts import facts as ledger_facts
+from ingest.facts.events import ModelPublished, MotorRegistered, SessionRecorded
+from ingest.facts.facts import Facts
+from ingest.facts.store import Store
+from ingest.intake.setup import MotorFile
+from replay.engine.files.motor_file import read_motor
+from replay.engine.files.motor_maps import whole
+from replay.errors import ReplayDataError
+from twin.motor.configured import configured
+
+
+def for_intake(path: Path) -> MotorFile:
+    """A motor file as far as an intake needs it, its maps written into it. Raises MotorFileError."""
+    data = whole(path)
+    network = read_motor(data, path.name)
+    return MotorFile(
+        data=data,
+        file=path.name,
+        motor=network.name,
+        regions={node.name: node.region for node in network.nodes},
+        boundaries=[boundary.name for boundary in network.boundaries],
+        configurations={one.name: configured(network, one.name).names for one in network.configurations},
+    )
+
+
+def publish_model(store: Store, path: Path) -> str:
+    """Seal a motor file, made whole, and make it known; returns the model id (its SHA-256). Raises MotorFileError."""
+    data = whole(path)
+    network = read_motor(data, path.name)
+    model = store.archive.seal(data)
+    known = ledger_facts.at(store.ledger)
+    if model not in known.models:
+        if not any(published.motor == network.name for published in known.models.values()):
+            store.ledger.append(f"motor-{network.name}", MotorRegistered(name=network.name))
+        event = ModelPublished(model=model, motor=network.name, file=path.name, parent=None)
+        store.ledger.append(f"motor-{network.name}", event)
+    return model
+
+
+def find_model(facts: Facts, text: str) -> str:
+    """A model by id, unique beginning of an id, or motor name (its latest). Raises ReplayDataError with what there is."""
+    named = [event.model for event in facts.models.values() if event.motor == text]
+    if named:
+        return named[-1]
+    found = [model for model in facts.models if model.startswith(text)]
+    if len(found) == 1:
+        return found[0]
+    known = ", ".join(f"{event.motor} {model[:12]}" for model, event in facts.models.items()) or "none"
+    why = "is not one model" if found else "is no model"
+    raise ReplayDataError(f'model "{text}" {why} of this store. Known: {known}. Or give a motor file (ends in .toml).')
+
+
+def known_model(facts: Facts, text: str) -> str:
+    """As `find_model`; a motor file (ends in .toml) stands for the model with its bytes. Raises ReplayDataError."""
+    if not text.endswith(".toml"):
+        return find_model(facts, text)
+    path = Path(text)
+    if not path.is_file():
+        raise ReplayDataError(f"--model {text}: there is no such file: correct the path, or give a model id.")
+    model = hashlib.sha256(whole(path)).hexdigest()
+    if model not in facts.models:
+        raise ReplayDataError(
+            f"--model {text}: nothing was replayed with this motor file: whyhot replay --model {text}"
+        )
+    return model
+
+
+def model_of(facts: Facts, session: SessionRecorded) -> str:
+    """The model that a session's bench file names, or the one that was accepted in its place.
+
+    Raises ReplayDataError where there is none.
+    """
+    bench = facts.bench_of(session)
+    if bench is None:
+        raise ReplayDataError(
+            f"session {session.name}: was ingested without a bench file: ingest it again with --bench."
+        )
+    if bench.model is None:
+        raise ReplayDataError(
+            f'session {session.name}: {bench.name} names no motor file: add motor = "motor.toml" to it and ingest again, '
+            "or say --model motor.toml."
+        )
+    return facts.current(bench.model)
+
+
+def model_named(store: Store, text: str | None) -> str | None:
+    """The model that a flag says: a motor file (published if new), an id or a motor name; None where nothing is said."""
+    if text is None:
+        return None
+    return (
+        publish_model(store, Path(text)) if text.endswith(".toml") else find_model(ledger_facts.at(store.ledger), text)
+    )

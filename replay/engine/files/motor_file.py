@@ -1,0 +1,361 @@
+"""motor.toml becomes a network: keys and types, defaults, and every refusal with file and line (INTERFACES section 2)."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+
+from ingest.errors import TomlError
+from ingest.texts.toml_file import BOOLEAN, NUMBER, POSITIVE, TEXT, TEXTS, Kind, Table, read
+from replay.errors import MotorFileError
+from twin.errors import NetworkError
+from twin.motor.ageing_law import Ageing, ageing_term
+from twin.motor.check import check
+from twin.motor.drops import LAWS
+from twin.motor.features import QUANTITY, STREAM_DEGC, is_known
+from twin.motor.network import (
+    Boundary,
+    Configuration,
+    Copper,
+    Fluid,
+    FluidCircuit,
+    Link,
+    Map,
+    Network,
+    Node,
+    Property,
+    Shape,
+    Source,
+    TemperatureFactor,
+    Term,
+)
+from twin.run.describe import Description, describe
+
+__all__ = ["Description", "describe", "read_motor"]
+
+SCHEMA = "whyhot.motor/1"
+SCALES = {  # key of [scale] -> quantity
+    "speed_rpm": "speed",
+    "current_A": "current",
+    "torque_Nm": "torque",
+    "voltage_V": "voltage",
+    "flux_Wb": "flux",
+    "flow_lpm": "flow",
+}
+REGIONS = ("copper", "iron", "magnet", "rotor", "housing", "fluid", "bearing", "other")
+KEYS = {
+    "root": ("schema", "name", "scale", "copper", "node", "boundary", "link", "source", "circuit", "configuration"),
+    "copper": ("alpha_per_K", "reference_degC"),
+    "node": ("name", "capacity", "region", "sd", "limit_degC"),
+    "boundary": ("name",),
+    "link": ("between", "terms"),
+    "source": ("node", "terms"),
+    "configuration": ("name", "remove", "link", "source"),
+    "circuit": ("name", "inlet", "nodes", "fluid", "flow"),
+    "fluid": ("density", "heat_capacity"),
+    "property": ("degC", "value"),
+    "term": ("coefficient", "sd", "copper", "resistance", "temperature", "shape", "map", "law", "ageing"),
+    "temperature": ("node", "slope_per_K", "reference_degC"),
+    "shape": ("speed_rpm", "factor", "current_slope"),
+    "map": ("speed_rpm", "torque_Nm", "values"),
+    "ageing": ("above_degC", "percent_per_100h", "sd", "from_h"),
+}
+
+CAPACITY_SD = 0.15  # prior sds of the logarithm where none is given
+CONDUCTANCE_SD = 0.4
+DC_COPPER_SD, LOSS_SD, MAGNET_LOSS_SD = 0.05, 0.15, 0.5
+AGEING_SD = 1.0  # % per 100 h
+
+_BY_NAME = (  # a node's region where neither the file nor a copper loss says it
+    (r"(end)?winding|terminal", "copper"),
+    (r"yoke|teeth|tooth|stator|iron", "iron"),
+    (r"magnet", "magnet"),
+    (r"rotor|shaft|end_?plate|end_?ring", "rotor"),
+    (r"bearing", "bearing"),
+    (r"housing|frame|shield|end_?cap", "housing"),
+    (r"air|jacket|coolant|oil|water", "fluid"),
+)
+_MOTOR_NAME = Kind(
+    "a name of letters, digits, _ . and - in quotes", lambda v: _matching(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,99}", v)
+)
+_NUMBERS: Kind[tuple[float, ...]] = Kind("a list of numbers, such as [0, 4000, 16000]", lambda v: _each_a_number(v))
+
+
+_ROWS: Kind[tuple[tuple[float, ...], ...]] = Kind(
+    "a list of rows of numbers, such as [[0, 5], [40, 60]]", lambda v: tuple(map(_each_a_number, _rows(v)))
+)
+_PERCENT = Kind("a number above -100, such as -3.1", lambda v: _above(-100.0, v))
+_HOURS = Kind("a number of 0 or more", lambda v: _from(0.0, v))
+_PROPERTY = Kind("a number above 0, or a table {degC = [20, 90], value = [1050, 1005]}", POSITIVE.read)
+
+
+def _matching(pattern: str, value: object) -> str:
+    if not (isinstance(value, str) and re.fullmatch(pattern, value)):
+        raise ValueError
+    return value
+
+
+def _above(least: float, value: object) -> float:
+    number = NUMBER.read(value)
+    if number <= least:
+        raise ValueError
+    return number
+
+
+def _from(least: float, value: object) -> float:
+    number = NUMBER.read(value)
+    if number < least:
+        raise ValueError
+    return number
+
+
+def _rows(value: object) -> list[object]:
+    if not (isinstance(value, list) and value):
+        raise ValueError
+    return value
+
+
+def _each_a_number(value: object) -> tuple[float, ...]:
+    if not (isinstance(value, list) and value):
+        raise ValueError
+    return tuple(NUMBER.read(one) for one in value)
+
+
+def read_motor(data: bytes, name: str) -> Network:
+    """The network of a motor file's bytes; `name` as in messages.
+
+    Raises MotorFileError with file, line, entry, what is wrong and what to do.
+    """
+    try:
+        root = read(data, name, SCHEMA)
+        network = _network(root)
+    except TomlError as error:
+        raise MotorFileError(str(error)) from None
+    try:
+        check(network)
+    except NetworkError as error:
+        raise MotorFileError(_located(root, error)) from None
+    return network
+
+
+def _network(root: Table) -> Network:
+    _only(root, "root")
+    copper = root.table("copper")
+    heated, flowed = _heated(root), _flowed(root)
+    nodes = tuple(_node(table, heated, flowed) for table in root.tables("node"))
+    if not nodes:
+        raise root.error("there is no [[node]]: a motor needs at least one.")
+    regions = {node.name: node.region for node in nodes}
+    scale = _scale(root)
+    return Network(
+        name=root.need("name", _MOTOR_NAME),
+        nodes=nodes,
+        boundaries=tuple(_boundary(table) for table in root.tables("boundary")),
+        links=tuple(_link(table, scale) for table in root.tables("link")),
+        sources=tuple(_source(table, regions, scale) for table in root.tables("source")),
+        copper=_copper(copper) if copper else Copper(),
+        scale=scale,
+        circuits=tuple(_circuit(table) for table in root.tables("circuit")),
+        configurations=tuple(_configuration(table, regions, scale) for table in root.tables("configuration")),
+    )
+
+
+def _heated(root: Table) -> set[str]:
+    """Nodes with a loss in copper."""
+    sources = root.tables("source")
+    return {s.need("node", TEXT) for s in sources if any("copper" in t or "resistance" in t for t in s.tables("terms"))}
+
+
+def _flowed(root: Table) -> set[str]:
+    """Nodes of a fluid."""
+    return {node for circuit in root.tables("circuit") for node in circuit.need("nodes", TEXTS)}
+
+
+def _only(table: Table, kind: str, extra: tuple[str, ...] = ()) -> None:
+    table.only({*KEYS[kind], *extra})
+
+
+def _scale(root: Table) -> dict[str, float]:
+    table = root.table("scale")
+    if table is None:
+        return {}
+    table.only(set(SCALES))
+    return {quantity: table.need(key, POSITIVE) for key, quantity in SCALES.items() if key in table}
+
+
+def _copper(table: Table) -> Copper:
+    _only(table, "copper")
+    default = Copper()
+    alpha, reference = table.get("alpha_per_K", POSITIVE), table.get("reference_degC", NUMBER)
+    return Copper(
+        alpha_per_K=default.alpha_per_K if alpha is None else alpha,
+        reference_degC=default.reference_degC if reference is None else reference,
+    )
+
+
+def _node(table: Table, heated: set[str], flowed: set[str]) -> Node:
+    _only(table, "node")
+    name = table.need("name", TEXT)
+    sd = table.get("sd", POSITIVE)
+    return Node(
+        name=name,
+        capacity=table.need("capacity", POSITIVE),
+        region=table.one_of("region", REGIONS) or _region(name, heated, flowed),
+        sd=CAPACITY_SD if sd is None else sd,
+        limit_degC=table.get("limit_degC", NUMBER),
+    )
+
+
+def _region(name: str, heated: set[str], flowed: set[str]) -> str:
+    if name in heated or name in flowed:
+        return "copper" if name in heated else "fluid"
+    return next((region for pattern, region in _BY_NAME if re.search(rf"(^|_)({pattern})", name)), "other")
+
+
+def _boundary(table: Table) -> Boundary:
+    _only(table, "boundary")
+    return Boundary(table.need("name", TEXT))
+
+
+def _link(table: Table, scale: Mapping[str, float]) -> Link:
+    _only(table, "link")
+    ends = table.need("between", TEXTS)
+    if len(ends) != 2:
+        raise table.error(f'between has {len(ends)} names: give two, such as ["rotor_surface", "teeth"].', "between")
+    return Link(ends[0], ends[1], tuple(_term(term, CONDUCTANCE_SD, scale) for term in table.tables("terms")))
+
+
+def _source(table: Table, regions: Mapping[str, str], scale: Mapping[str, float]) -> Source:
+    _only(table, "source")
+    node = table.need("node", TEXT)
+    other = MAGNET_LOSS_SD if regions.get(node) == "magnet" else LOSS_SD
+    sds = [(term, DC_COPPER_SD if _is_dc(term) else other) for term in table.tables("terms")]
+    return Source(node, tuple(_term(term, sd, scale) for term, sd in sds))
+
+
+def _circuit(table: Table) -> FluidCircuit:
+    _only(table, "circuit")
+    fluid = table.table("fluid")
+    if fluid is None:
+        says = "fluid is missing: say fluid = {density = 1050.0, heat_capacity = 3500.0}, in kg/m3 and J/(kg K)."
+        raise table.error(says)
+    _only(fluid, "fluid")
+    nodes = table.need("nodes", TEXTS)
+    return FluidCircuit(
+        name=table.need("name", TEXT),
+        inlet=table.need("inlet", TEXT),
+        nodes=tuple(nodes),
+        fluid=Fluid(_property(fluid, "density"), _property(fluid, "heat_capacity")),
+        flow=table.get("flow", TEXT) or "flow",
+    )
+
+
+def _configuration(table: Table, regions: Mapping[str, str], scale: Mapping[str, float]) -> Configuration:
+    _only(table, "configuration")
+    removed = table.get("remove", TEXTS)
+    return Configuration(
+        name=table.need("name", TEXT),
+        remove=tuple(removed or ()),
+        links=tuple(_link(link, scale) for link in table.tables("link")),
+        sources=tuple(_source(source, regions, scale) for source in table.tables("source")),
+    )
+
+
+def _property(fluid: Table, key: str) -> Property:
+    """A number, or a table over temperature."""
+    if not isinstance(fluid.values.get(key), dict):
+        return Property((STREAM_DEGC,), (fluid.need(key, _PROPERTY),))
+    table = fluid.table(key)
+    assert table is not None
+    _only(table, "property")
+    return Property(table.need("degC", _NUMBERS), table.need("value", _NUMBERS))
+
+
+def _is_dc(term: Table) -> bool:
+    """Copper loss that grows with the current squared alone."""
+    used = {key: value for key, value in term.values.items() if is_known(key)}
+    return term.get("copper", BOOLEAN) is True and used == {"current": 2}
+
+
+def _term(table: Table, default_sd: float, scale: Mapping[str, float]) -> Term:
+    used = tuple(key for key in table.values if is_known(key))
+    _only(table, "term", (*QUANTITY, *used))
+    if table.get("resistance", NUMBER) not in (None, -1.0):
+        says = "resistance must be -1 (an AC loss, divided by it); for a loss that grows with it write copper = true."
+        raise table.error(says, "resistance")
+    sd = table.get("sd", POSITIVE)
+    temperature, ageing = table.table("temperature"), table.table("ageing")
+    term = Term(
+        coefficient=table.need("coefficient", NUMBER),
+        exponents={feature: table.need(feature, NUMBER) for feature in used},
+        sd=default_sd if sd is None else sd,
+        copper=table.get("copper", BOOLEAN) or False,
+        resistance=-1 if "resistance" in table else 0,
+        temperature=_temperature(temperature) if temperature else None,
+        shape=_bent(table, scale),
+        law=table.one_of("law", tuple(LAWS)),
+    )
+    return term if ageing is None else ageing_term(term, _ageing(ageing))
+
+
+def _ageing(table: Table) -> Ageing:
+    _only(table, "ageing")
+    sd, from_h = table.get("sd", POSITIVE), table.get("from_h", _HOURS)
+    return Ageing(
+        above_degC=table.need("above_degC", NUMBER),
+        percent_per_100h=table.need("percent_per_100h", _PERCENT),
+        sd=AGEING_SD if sd is None else sd,
+        from_h=0.0 if from_h is None else from_h,
+    )
+
+
+def _temperature(table: Table) -> TemperatureFactor:
+    _only(table, "temperature")
+    return TemperatureFactor(
+        table.need("node", TEXT), table.need("slope_per_K", NUMBER), table.need("reference_degC", NUMBER)
+    )
+
+
+def _bent(term: Table, scale: Mapping[str, float]) -> Shape | Map | None:
+    """The term's shape or map."""
+    if "map" not in term:
+        shape = term.table("shape")
+        return _shape(shape, scale) if shape else None
+    if "shape" in term:
+        raise term.error("a map is the whole form over speed and torque: leave the shape out.", "shape")
+    if isinstance(term.values["map"], str):
+        table = "map = {speed_rpm = [0, 4000], torque_Nm = [0, 100], values = [[0, 5], [40, 60]]}"
+        says = f'map "{term.values["map"]}" stands in a file of its own, which is not at hand here: write {table}.'
+        raise term.error(says, "map")
+    found = term.table("map")
+    assert found is not None
+    _only(found, "map")
+    for quantity, key in (("speed", "speed_rpm"), ("torque", "torque_Nm")):
+        if quantity not in scale:
+            raise found.error(f"a map needs what 1 means for {quantity}: say {key} in [scale].")
+    return Map(
+        speed=tuple(knot / scale["speed"] for knot in found.need("speed_rpm", _NUMBERS)),
+        torque=tuple(knot / scale["torque"] for knot in found.need("torque_Nm", _NUMBERS)),
+        values=found.need("values", _ROWS),
+    )
+
+
+def _shape(table: Table, scale: Mapping[str, float]) -> Shape:
+    _only(table, "shape")
+    if "speed" not in scale:
+        raise table.error("a shape needs what 1 means for speed: say speed_rpm in [scale].")
+    factor, slope = table.need("factor", _NUMBERS), table.get("current_slope", _NUMBERS)
+    return Shape(
+        speed=tuple(knot / scale["speed"] for knot in table.need("speed_rpm", _NUMBERS)),
+        factor=factor,
+        current_slope=(0.0,) * len(factor) if slope is None else slope,
+    )
+
+
+def _located(root: Table, error: NetworkError) -> str:
+    """The refusal of a network at the line of its entry."""
+    at = error.entry
+    single = at.table in ("scale", "copper")
+    table = root.table(at.table) if single else root.tables(at.table)[at.index]
+    says = error.says if error.says.endswith("?") else f"{error.says}."
+    return str((table or root).error(says))

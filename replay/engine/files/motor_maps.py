@@ -1,0 +1,104 @@
+"""A motor file with maps in files of their own, made whole: every table stands where its file was named, as the store keeps it."""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Iterator
+from pathlib import Path
+
+from ingest.errors import TomlError
+from ingest.texts.toml_file import Table, read
+from replay.engine.files.motor_file import SCHEMA, read_motor
+from replay.engine.files.toml_spans import spans
+from replay.errors import MotorFileError
+from twin.motor.network import Network
+
+_BOM = "\ufeff"
+
+
+def read_motor_file(path: Path) -> Network:
+    """The network of a motor file and of the maps beside it. Raises MotorFileError."""
+    return read_motor(whole(path), path.name)
+
+
+def whole(path: Path) -> bytes:
+    """The bytes of a motor file, each `map = "file.csv"` replaced by its table on the same line; its own bytes where there is none.
+
+    Raises MotorFileError where the file or a map cannot be read.
+    """
+    try:
+        data = path.read_bytes()
+        root = read(data, path.name, SCHEMA)
+        named = [(at, term) for at, term in _terms(root) if isinstance(term.values.get("map"), str)]
+        if not named:
+            return data
+        text = data.decode().removeprefix(_BOM)
+        places, parts, end = spans(text), [], 0
+        for span, term in sorted(((places[at], term) for at, term in named), key=lambda one: one[0].start):
+            parts += [text[end : span.start], _inline(path, term)]
+            end = span.end
+        return "".join([*parts, text[end:]]).encode()
+    except TomlError as error:
+        raise MotorFileError(str(error)) from None
+    except OSError as error:
+        raise MotorFileError(
+            f"{path}: cannot be read: {error.strerror or error}. Check path and permissions."
+        ) from None
+
+
+def _terms(root: Table) -> Iterator[tuple[tuple[str | int, ...], Table]]:
+    """Every term with the place of its map."""
+    for table in (root, *root.tables("configuration")):
+        for entry in (*table.tables("link"), *table.tables("source")):
+            for term in entry.tables("terms"):
+                yield (*term.path, "map"), term
+
+
+def _inline(motor: Path, term: Table) -> str:
+    file = motor.parent / term.values["map"]
+    if not file.is_file():
+        raise term.error(f'map "{term.values["map"]}" is not there ({file}): correct the path.', "map")
+    speed, torque, values = _table(file)
+    rows = ", ".join(_list(row) for row in values)
+    return f"{{speed_rpm = {_list(speed)}, torque_Nm = {_list(torque)}, values = [{rows}]}}"
+
+
+def _list(values: list[float]) -> str:
+    return f"[{', '.join(map(repr, values))}]"
+
+
+def _table(file: Path) -> tuple[list[float], list[float], list[list[float]]]:
+    """Speeds of the first column, torques of the first row, and a row of values for each speed."""
+    try:
+        text = file.read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError:
+        raise MotorFileError(f"{file.name}: is not UTF-8 text. Save the map as CSV in UTF-8.") from None
+    first = text.partition("\n")[0]
+    delimiter = next((mark for mark in (";", "\t") if mark in first), ",")
+    reader = csv.reader(text.splitlines(), delimiter=delimiter)
+    rows = [(reader.line_num, row) for row in reader if any(cell.strip() for cell in row)]
+    if len(rows) < 2 or len(rows[0][1]) < 2:
+        raise MotorFileError(
+            f"{file.name}: holds no table: the first row has a free cell and the torques [Nm], each further row a speed [rpm] "
+            "and its values."
+        )
+    (number, head), *body = rows
+    torque = [_number(file, number, cell) for cell in head[1:]]
+    for number, row in body:
+        if len(row) != len(head):
+            raise MotorFileError(
+                f"{file.name}:{number}: has {len(row)} cells, the first row {len(head)}: fill the table."
+            )
+    numbers = [[_number(file, number, cell) for cell in row] for number, row in body]
+    return [row[0] for row in numbers], torque, [row[1:] for row in numbers]
+
+
+def _number(file: Path, line: int, cell: str) -> float:
+    try:
+        value = float(cell)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise MotorFileError(f'{file.name}:{line}: "{cell.strip()[:40]}" is not a number: decimals take a point.')
+    return value

@@ -1,0 +1,390 @@
+"""The input frame: the one narrow door into the twin, made from a session's channels and recorded whole.
+
+Per step: mean of every feature, mean of every boundary temperature, and per observed channel the mean of its samples with
+the first and last record used (its lineage).
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ingest.catalogue.kinds import STANDSTILL_rpm
+from ingest.catalogue.power import RPM
+from ingest.texts.nearest import hint
+from ingest.texts.quantities import STORED_UNIT, column_suffix
+from replay.engine.frame.inputs import Signal, bridge, longest_stretch, pieces
+from replay.engine.frame.meters import SHAFT, Measurand, measurands
+from replay.errors import ReplayDataError
+from twin.motor.features import Monomial, evaluate, is_flow, scale
+from twin.motor.network import Network
+from twin.motor.outputs import followed
+from twin.run.initial import time_constants
+
+if TYPE_CHECKING:
+    from ingest.catalogue.channels import ChannelData
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+Times = NDArray[np.int64]
+
+CHUNK_STEPS = 4096  # the finest pieces of this many steps are in memory at once
+
+
+@dataclass(frozen=True)
+class Observation:
+    """An observed channel over the N steps. `label`: the node that it follows by more than half, else "0.5 a + 0.5 b";
+    `measured` [degC] NaN where it has no sample; `place` in [0, 1): mean time within the step; `samples` good samples in the
+    step; `first_record`, `last_record` -1 where none; `raw` index of file."""
+
+    channel: str
+    label: str
+    weights: Mapping[str, float]  # node -> weight, sum 1
+    level: str
+    noise: float
+    bias_sd: float
+    resolution: float
+    time_constant_s: float
+    measured: Floats
+    place: Floats
+    samples: NDArray[np.int64]
+    good: Bools
+    first_record: Times
+    last_record: Times
+    raw: Times
+
+
+@dataclass(frozen=True)
+class Meter:
+    """An observed channel that is no thermometer: what it measures, and its samples, there in the unit of its quantity."""
+
+    what: Measurand
+    seen: Observation
+
+
+@dataclass(frozen=True)
+class InputFrame:
+    """`t_ns` (N + 1,) int64 edges of equal steps; `features` (N, m); `boundaries` (N, b) [degC]; `inputs`: column with
+    unit -> (N,) means; `live` (N,): no input was bridged here; `note`: what of the session was left out, or None.
+    `mechanical_W` (N,): means of torque times speed, None where one of them is not recorded, or twice."""
+
+    t_ns: Times
+    step_s: float
+    monomials: tuple[Monomial, ...]
+    features: Floats
+    boundaries: Floats
+    boundary_names: tuple[str, ...]
+    inputs: Mapping[str, Floats]
+    live: Bools
+    observations: tuple[Observation, ...]
+    raw_files: tuple[str, ...]
+    note: str | None
+    meters: tuple[Meter, ...] = ()
+    mechanical_W: Floats | None = None
+
+
+def build(
+    channels: Sequence[ChannelData],
+    good: Sequence[Bools],
+    network: Network,
+    monomials: tuple[Monomial, ...],
+    step_s: float,
+    given: Mapping[str, float] | None = None,
+) -> InputFrame:
+    """The frame of a session for a network.
+
+    `good`: per channel, which samples of an observation may be believed (ingest.catalogue.quality). Inputs are taken as
+    they stand: a held set point and a constant one look the same, and the bench really ran at one of them. `given`: features
+    that no channel gives and that are one number in a session, in their scale. Flux is 0 at standstill, whatever its channel says.
+    Raises ReplayDataError where an input or a boundary that the network needs has no channel, two channels, or no samples, and where
+    nothing says which channel is which of several flows.
+    """
+    clean = {c.spec.name: (c.t_ns, c.value) for c in channels}
+    given = given or {}
+    used = _features(monomials)
+    flows = [f for f in used if is_flow(f)]
+    needed = {f: _input_of(f, flows, channels) for f in used if f not in given}
+    turning = _turning(channels).spec.name if "flux" in needed else None
+    around = {b.name: _boundary_of(b.name, channels) for b in network.boundaries}
+    names = {c.spec.name for c in needed.values()} | {c.spec.name for group in around.values() for c in group}
+    if turning is not None:
+        names.add(turning)
+    observed = _observed_temperatures(channels, network)
+    metered = measurands(channels, network)
+    shaft = _shaft(channels)
+    if any(what.quantity == "power" for what in metered.values()):
+        names |= set(shaft)
+    signals = {name: _signal(name, *clean[name]) for name in sorted(names)}
+    recorded = [c.t_ns for c in channels if c.t_ns.size and c.spec.role != "ignored"]
+    whole_ns = max(int(t[-1]) for t in recorded) - min(int(t[0]) for t in recorded)
+    edges, note = _edges(signals, step_s, whole_ns)
+    shown = {name: signals[name] for name in signals} | {
+        c.spec.name: _signal(c.spec.name, *clean[c.spec.name])
+        for c in channels
+        if c.spec.role == "input" and c.spec.name not in names and clean[c.spec.name][0].size > 1
+    }
+    features, boundaries, means, mechanical_W = _averages(
+        shown, needed, given, turning, around, shaft, network, monomials, edges
+    )
+    columns = _columns(channels, {c.spec.name: f for f, c in needed.items() if is_flow(f)})
+    raw_files = tuple(sorted({file for c in channels for file in c.raws}))
+    return InputFrame(
+        t_ns=edges,
+        step_s=step_s,
+        monomials=monomials,
+        features=features,
+        boundaries=boundaries,
+        boundary_names=tuple(around),
+        inputs={columns[name]: means[name] for name in means if name in columns},
+        live=_live(signals.values(), edges, recovery_s(network, features.mean(axis=0), channels)),
+        observations=tuple(
+            _observe(c, g, edges, raw_files) for c, g in zip(channels, good, strict=True) if c.spec.name in observed
+        ),
+        raw_files=raw_files,
+        note=note,
+        meters=tuple(
+            Meter(metered[c.spec.name], _observe(c, g, edges, raw_files))
+            for c, g in zip(channels, good, strict=True)
+            if c.spec.name in metered
+        ),
+        mechanical_W=mechanical_W,
+    )
+
+
+def _shaft(channels: Sequence[ChannelData]) -> tuple[str, ...]:
+    """The channels of torque and speed, () where one of them is not there, or not the only one."""
+    found = [
+        [c for c in channels if c.spec.quantity == quantity and c.spec.role == "input" and c.t_ns.size > 1]
+        for quantity in SHAFT
+    ]
+    return tuple(one.spec.name for (one,) in found) if all(len(some) == 1 for some in found) else ()
+
+
+def _columns(channels: Sequence[ChannelData], flows: Mapping[str, str]) -> dict[str, str]:
+    """Channel -> column with unit: by quantity where it is the only input of it (`speed_rpm`), by boundary or node for
+    temperatures (`coolant_degC`), by feature for the `flows` of the motor, channel -> feature, else by its own name."""
+    inputs = [c.spec for c in channels if c.spec.role == "input"]
+    alone = {q for q, count in Counter(spec.quantity for spec in inputs).items() if count == 1 and q != "temperature"}
+    stems = {s.name: s.quantity if s.quantity in alone else s.node or s.name for s in inputs} | dict(flows)
+    shared = {stem for stem, count in Counter(stems.values()).items() if count > 1}
+    return {
+        spec.name: column_name(spec.name if stems[spec.name] in shared else stems[spec.name], spec.quantity)
+        for spec in inputs
+    }
+
+
+def column_name(name: str, quantity: str) -> str:
+    """`coolant` of quantity temperature -> `coolant_degC` (INTERFACES: the unit is in the name)."""
+    suffix = column_suffix(quantity)
+    return name if name.endswith(suffix) else name + suffix
+
+
+def _features(monomials: Sequence[Monomial]) -> list[str]:
+    return sorted({feature for m in monomials for feature in m.features})
+
+
+def _input_of(feature: str, flows: Sequence[str], channels: Sequence[ChannelData]) -> ChannelData:
+    """The channel of a feature; `flows`: all flows that are needed."""
+    quantity = "flow" if is_flow(feature) else feature
+    if quantity not in STORED_UNIT:
+        raise ReplayDataError(
+            f'feature "{feature}" of the motor file is counted over the sessions of a specimen, which is not done here: `whyhot '
+            "replay` does. Take the term out, or use a motor file without it."
+        )
+    found = _inputs(quantity, channels)
+    return _only(quantity, f'"{feature}"', _flow_of(feature, flows, found) if is_flow(feature) else found)
+
+
+def _inputs(quantity: str, channels: Sequence[ChannelData]) -> list[ChannelData]:
+    return [c for c in channels if c.spec.quantity == quantity and c.spec.role == "input"]
+
+
+def _only(quantity: str, why: str, found: Sequence[ChannelData]) -> ChannelData:
+    if not found:
+        raise ReplayDataError(
+            f"the motor file uses {why}, and no channel of this session gives {quantity}: "
+            f'add a [[channel]] or [[derived]] with quantity = "{quantity}" to the bench file.'
+        )
+    if len(found) > 1:
+        raise ReplayDataError(
+            f'{len(found)} channels give {quantity} ({_named(found)}): set role = "ignored" on all but one.'
+        )
+    return found[0]
+
+
+def _flow_of(feature: str, flows: Sequence[str], found: Sequence[ChannelData]) -> list[ChannelData]:
+    """The channels of flow that may be `feature`: the one of its name; of a motor's only flow the only one; of plain `flow` beside
+    others those that are not called as one of them. Raises ReplayDataError where a name has to say it, and none does."""
+    own = [c for c in found if c.spec.name == feature]
+    if flows == ["flow"] or (len(flows) == 1 and len(found) < 2):
+        return list(found)
+    if own or feature == "flow":
+        return own or [c for c in found if c.spec.name not in flows]
+    raise ReplayDataError(
+        f'the motor file uses "{feature}", and no channel of this session is called so (of flow there are: '
+        f"{_named(found) or 'none'}): add a [[derived]] of that name, or a [[channel]] where a signal has it, with "
+        'quantity = "flow" to the bench file.'
+    )
+
+
+def _turning(channels: Sequence[ChannelData]) -> ChannelData:
+    return _only("speed", '"flux", which is 0 at standstill', _inputs("speed", channels))
+
+
+def _named(channels: Sequence[ChannelData]) -> str:
+    return ", ".join(c.spec.name for c in channels)
+
+
+def _boundary_of(name: str, channels: Sequence[ChannelData]) -> list[ChannelData]:
+    found = [
+        c for c in channels if c.spec.node == name and c.spec.quantity == "temperature" and c.spec.role != "ignored"
+    ]
+    if not found:
+        raise ReplayDataError(
+            f'boundary "{name}" of the motor file has no channel in this session: '
+            f'add node = "{name}" to the channel that measures it in the bench file.'
+        )
+    return found
+
+
+def _observed_temperatures(channels: Sequence[ChannelData], network: Network) -> set[str]:
+    """Names of the channels that observe nodes of this network; a boundary that is called observed stays a boundary."""
+    nodes, around = {n.name for n in network.nodes}, {b.name for b in network.boundaries}
+    found = set()
+    for spec in (c.spec for c in channels if c.spec.role == "observed" and c.spec.quantity == "temperature"):
+        places = list(spec.weights) or [spec.node or ""]
+        missing = [place for place in places if place not in nodes]
+        if missing and not (len(places) == 1 and places[0] in around):
+            raise ReplayDataError(
+                f'channel "{spec.name}" observes node "{missing[0]}", and motor "{network.name}" has no such node.'
+                f"{hint(missing[0], nodes)} Replay with a model that has it, or correct the bench file."
+            )
+        if not missing:
+            found.add(spec.name)
+    return found
+
+
+def _signal(name: str, t_ns: Times, value: Floats) -> Signal:
+    if t_ns.size < 2:
+        raise ReplayDataError(
+            f'channel "{name}" has {t_ns.size} usable samples: too little to replay. See `whyhot show`.'
+        )
+    return bridge(t_ns, value)
+
+
+def _edges(signals: Mapping[str, Signal], step_s: float, whole_ns: int) -> tuple[Times, str | None]:
+    start, end = longest_stretch(signals)
+    step_ns = round(step_s * 1e9)
+    # the last sample holds for one of its own intervals
+    steps = (end - start + min(int(np.median(np.diff(s.t_ns))) for s in signals.values())) // step_ns
+    if steps < 10:
+        raise ReplayDataError(
+            f"inputs overlap for {(end - start) / 1e9:.0f} s only: too little to replay. See `whyhot show`."
+        )
+    left_out = (whole_ns - (end - start)) / 1e9
+    note = (
+        f"{left_out:.0f} s left out: inputs are silent for more than 10 minutes, or not all there"
+        if left_out > 60
+        else None
+    )
+    return start + step_ns * np.arange(steps + 1, dtype=np.int64), note
+
+
+def _averages(
+    signals: Mapping[str, Signal],
+    needed: Mapping[str, ChannelData],
+    given: Mapping[str, float],
+    turning: str | None,
+    around: Mapping[str, Sequence[ChannelData]],
+    shaft: Sequence[str],
+    network: Network,
+    monomials: tuple[Monomial, ...],
+    edges: Times,
+) -> tuple[Floats, Floats, dict[str, Floats], Floats | None]:
+    features, boundaries, mechanical = [], [], []
+    means: dict[str, list[Floats]] = {name: [] for name in signals}
+    for at in range(0, edges.size - 1, CHUNK_STEPS):
+        part = pieces(signals, edges[at : at + CHUNK_STEPS + 1])
+        scaled = {f: part.values[c.spec.name] / scale(network, f) for f, c in needed.items()}
+        scaled |= {f: np.full(part.weight.size, value) for f, value in given.items()}
+        if turning is not None:
+            scaled["flux"] = np.where(np.abs(part.values[turning]) < STANDSTILL_rpm, 0.0, scaled["flux"])
+        features.append(part.mean(evaluate(monomials, scaled, part.weight.size)))
+        outside = [np.mean([part.values[c.spec.name] for c in group], axis=0) for group in around.values()]
+        boundaries.append(part.mean(np.stack(outside, axis=1)))
+        if shaft:
+            torque, speed = (part.values[name] for name in shaft)
+            mechanical.append(part.mean(torque * speed * RPM))
+        for name, values in part.values.items():
+            means[name].append(part.mean(values))
+    whole = {name: np.concatenate(m) for name, m in means.items()}
+    return (
+        np.concatenate(features),
+        np.concatenate(boundaries),
+        whole,
+        np.concatenate(mechanical) if mechanical else None,
+    )
+
+
+def _live(signals: Iterable[Signal], edges: Times, recover_s: float) -> Bools:
+    """False where an input was bridged, and until the observed nodes have forgotten it."""
+    live = np.ones(edges.size - 1, dtype=np.bool_)
+    for signal in signals:
+        for start, end in signal.gaps:
+            until = np.searchsorted(edges, end + round(recover_s * 1e9))
+            live[max(np.searchsorted(edges, start, side="right") - 1, 0) : until] = False
+    return live
+
+
+def recovery_s(network: Network, mean_features: Floats, channels: Sequence[ChannelData]) -> float:
+    """3 times the fastest observed mode: C / sum G of the quickest node with an observed channel, at mean features [s]."""
+    seen = {
+        node for c in channels if c.spec.role == "observed" for node in (c.spec.weights or {c.spec.node or "": 1.0})
+    }
+    constants = time_constants(network, mean_features)
+    return 3.0 * min((constants[n.name] for n in network.nodes if n.name in seen), default=0.0)
+
+
+def _observe(channel: ChannelData, good: Bools, edges: Times, raw_files: tuple[str, ...]) -> Observation:
+    """Bin a channel's samples into steps [edge, next edge); bad samples are shown where there are no good ones."""
+    spec, n = channel.spec, edges.size - 1
+    step_ns = int(edges[1] - edges[0])
+    inside = (channel.t_ns >= edges[0]) & (channel.t_ns < edges[-1])
+    step = (channel.t_ns[inside] - edges[0]) // step_ns
+    count_good = np.bincount(step[good[inside]], minlength=n)
+    keep = good[inside] | (count_good[step] == 0)
+    step, t, value = step[keep], channel.t_ns[inside][keep], channel.value[inside][keep]
+    count = np.bincount(step, minlength=n)
+    there = count > 0
+    with np.errstate(invalid="ignore"):
+        measured = np.bincount(step, value, minlength=n) / count
+        place = np.bincount(step, (t - edges[step]) / step_ns, minlength=n) / count
+    first, last, raw = (np.full(n, -1, dtype=np.int64) for _ in range(3))
+    position = np.array([raw_files.index(file) for file in channel.raws], dtype=np.int64)
+    starts = np.searchsorted(step, np.flatnonzero(there))
+    ends = np.append(starts[1:], step.size) - 1
+    records, files = channel.record[inside][keep], channel.raw[inside][keep]
+    first[there], last[there], raw[there] = records[starts], records[ends], position[files[starts]]
+    weights = dict(spec.weights) or {spec.node or spec.name: 1.0}
+    return Observation(
+        channel=spec.name,
+        label=followed(weights) or " + ".join(f"{w:g} {node}" for node, w in weights.items()),
+        weights=weights,
+        level=spec.level,
+        noise=spec.noise,
+        bias_sd=spec.bias_sd,
+        resolution=spec.resolution or 0.0,
+        time_constant_s=spec.time_constant_s,
+        measured=measured,
+        place=np.nan_to_num(place),
+        samples=count_good.astype(np.int64),
+        good=count_good > 0,
+        first_record=first,
+        last_record=last,
+        raw=raw,
+    )

@@ -1,0 +1,272 @@
+"""Filter and smoother over a session: temperatures corrected by the measured channels, and the heat that they ask for at one node."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from replay.engine.frame.frame import InputFrame, Meter, Observation
+from replay.engine.results.heat_readings import heat_readings
+from replay.engine.results.hot_spot_bands import smoothed_spots
+from replay.engine.results.kernel_cache import load_kernel
+from replay.engine.results.open_loop import initial_temperatures, modelled, referenced
+from replay.engine.results.run import Filtered, Smoothed
+from twin.filters.ekf import at_their_pace
+from twin.filters.inputs import AnyReading, HeatReading, Reading, Start
+from twin.filters.smoother import smoothed
+from twin.filters.unknowns import Unknown, UnknownBias, UnknownFactor, UnknownHeat
+from twin.motor.causes import parse
+from twin.motor.network import Network
+from twin.run.losses import heat_flows
+from twin.run.simulate import Frame, simulate, source_heat
+
+Floats = NDArray[np.float64]
+
+MOST_NODES = 100  # above, a pass over a session takes longer than all else of a replay, by the cube of the nodes
+LEAST_NOISE_K = 0.01  # of one sample: no sensor is without, whatever its bench file says
+LEAST_LOSS_W = 1.0  # of a motor at rest: the sizes of the unknown heat follow its mean loss
+HEAT_SHARE = 0.05  # sd of the unknown heat at the start, of the mean loss of the whole network
+HEAT_WALK_SHARE = 0.001  # of its random walk per square root of a second, of the same loss: where the search begins
+MOST_FACTOR_SD = 0.7  # of the logarithm of what multiplies a loss: a factor of two
+NOTHING_ASKED: Mapping[str, Unknown] = {}
+
+
+@dataclass(frozen=True)
+class Estimated(Filtered):
+    """What a filter has just found: beside what is sealed of it, what its summary says of the smoother's hot spots
+    (`replay.engine.results.hot_spot_bands.smoothed_spots`) and of each cause that was asked for."""
+
+    spots: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    asked: Sequence[Mapping[str, Any]] = ()
+
+
+def filter_session(
+    network: Network,
+    frame: InputFrame,
+    losses: Mapping[str, float],
+    level: str,
+    asked: Mapping[str, Unknown] = NOTHING_ASKED,
+    measured: Sequence[str] | None = None,
+) -> Estimated | None:
+    """Temperatures and the loss at a node from the channels named in `measured`; None where there is no such node or channel, or the
+    network is too large.
+
+    `losses`: node -> mean modelled loss [W]; `asked`: id of a cause -> what to find for it, losses first
+    (`replay.engine.results.asked_unknowns`). The node is that of the first loss in it. Without one it is the magnet with the largest, else the
+    rotor node with the largest, and several magnets have one unknown, what multiplies the losses of all of them; all else in
+    `asked` is found beside. Left out, `measured` is every channel of this level but those of magnets, which are kept to check the
+    filter. Kept channels set no initial temperature either. A resistance is read as the temperature that it stands for, with an
+    error of its own to be found; so are powers and heats beside thermometers, whose error is also that of the model's other losses
+    (`replay.engine.results.heat_readings`). Raises `FrameError`, `DivergedError` as `twin.filters.ekf.filter_unknowns`.
+    """
+    own = list(asked.values())
+    said = place_of_loss(own[0]) if own else None
+    node = said or uncertain_node(network, losses)
+    channels = _production_like(network, frame, level) if measured is None else measured
+    seen = tuple(o for o in frame.observations if o.channel in channels)
+    chosen = [m for m in frame.meters if m.seen.channel in channels]
+    meters = [m for m in chosen if m.what.law is not None]
+    if node is None or not (seen or meters) or len(network.nodes) > MOST_NODES:
+        return None
+    inputs = Frame(step_s=frame.step_s, features=frame.features, boundaries=frame.boundaries)
+    temperatures, sd = initial_temperatures(network, replace(frame, observations=seen), level)
+    start = Start(temperatures, sd)
+    own = own if said else [unknown_loss(network, node, losses), *own]
+    begins = {n.name: (float(t), float(s)) for n, t, s in zip(network.nodes, temperatures, sd, strict=True)}
+    converted = [_as_thermometer(m, begins) for m in meters]
+    readings = [reading_of(o, frame) for o in (*seen, *(o for o, _ in converted))]
+    errors = (UnknownBias(o.channel, sd_K) for o, sd_K in converted)
+    unknowns = at_their_pace(network, inputs, start, [*own, *errors], readings)
+    paced = unknowns[0]
+    assert not isinstance(paced, UnknownBias)  # a loss is first
+    heats = _heats(chosen, network, frame, inputs, temperatures, node)
+    every: list[AnyReading] = [*readings, *(reading for reading, _ in heats)]
+    smooth = smoothed(network, inputs, start, [*unknowns, *(error for _, error in heats)], every)
+    estimate = smooth.filtered
+    at_node = [i for i, source in enumerate(network.sources) if source.node == node]
+
+    def loss(temperatures: Floats, found: Floats, found_sd: Floats) -> tuple[Floats, Floats, Floats]:
+        """As the model has it, as estimated, and the standard deviation of that (N,) [W]."""
+        nominal: Floats = source_heat(network, inputs, temperatures)[:, at_node].sum(axis=1)
+        if isinstance(paced, UnknownHeat):
+            return nominal, nominal + found, found_sd
+        return nominal, nominal * np.exp(found), nominal * np.exp(found) * found_sd
+
+    count = len(readings)
+    of_temperatures = replace(
+        estimate, innovations=estimate.innovations[:, :count], variances=estimate.variances[:, :count]
+    )
+    nominal, heat_W, heat_sd_W = loss(estimate.temperatures, estimate.found[1:, 0], estimate.found_sd[1:, 0])
+    _, smooth_W, smooth_sd_W = loss(smooth.temperatures, smooth.found[:-1, 0], smooth.found_sd[:-1, 0])
+    found = zip(asked.items(), range(len(own) - len(asked), len(own)), strict=True)
+    return Estimated(
+        node=node,
+        measured=tuple(r.channel for r in every),
+        temperatures=estimate.temperatures,
+        heat_W=heat_W,
+        heat_sd_W=heat_sd_W,
+        nominal_W=nominal,
+        heat_walk_W=paced.walk_W if isinstance(paced, UnknownHeat) else paced.walk * float(nominal.mean()),
+        nis=of_temperatures.nis,
+        smoothed=Smoothed(smooth.temperatures, smooth_W, smooth_sd_W),
+        spots=smoothed_spots(network, frame, smooth.temperatures, smooth.temperatures_sd),
+        asked=[_found(cause, one, smooth.found[:-1, i], smooth.found_sd[:-1, i]) for (cause, one), i in found],
+    )
+
+
+def mean_losses(network: Network, inputs: Frame, temperatures: Floats) -> dict[str, float]:
+    """Node -> mean modelled loss [W] at temperatures (N + 1, n), of nodes that have a source."""
+    heat = source_heat(network, inputs, temperatures).mean(axis=0)
+    losses = dict.fromkeys((source.node for source in network.sources), 0.0)
+    for source, watts in zip(network.sources, heat, strict=True):
+        losses[source.node] += float(watts)
+    return losses
+
+
+def filtered_summary(filtered: Estimated, frame: InputFrame, nodes: tuple[str, ...]) -> dict[str, Any]:
+    """The entry `filtered` of a run's summary. `mae_K`, `smoothed_mae_K`: of each channel that the filter did not see, `read_mae_K`,
+    `smoothed_read_mae_K` of each that it did; `heat_bias_W`: mean of estimated minus modelled heat; `heat_walk_W_per_sqrt_s`: the
+    random walk that made the readings most likely; `heat`: the loss at the node; `hot_spots`: by the smoother; `unknowns`: of
+    the causes that were asked for, where there are any."""
+    smooth = filtered.smoothed
+
+    def errors(temperatures: Floats, seen: bool) -> dict[str, float]:
+        found: dict[str, float] = {}
+        for o in frame.observations:
+            use = o.good & frame.live
+            if (o.channel in filtered.measured) == seen and use.any():
+                residual = o.measured - modelled(o, frame, temperatures, nodes)
+                found[o.channel] = float(np.abs(residual[use]).mean())
+        return found
+
+    return {
+        "node": filtered.node,
+        "measured": list(filtered.measured),
+        "mae_K": errors(filtered.temperatures, seen=False),
+        "smoothed_mae_K": None if smooth is None else errors(smooth.temperatures, seen=False),
+        "read_mae_K": errors(filtered.temperatures, seen=True),
+        "smoothed_read_mae_K": None if smooth is None else errors(smooth.temperatures, seen=True),
+        "heat_bias_W": float((filtered.heat_W - filtered.nominal_W).mean()),
+        "heat_walk_W_per_sqrt_s": filtered.heat_walk_W,
+        "heat": {
+            "modelled_mean_W": float(filtered.nominal_W.mean()),
+            "filter": _course(filtered.heat_W, filtered.heat_sd_W, frame.step_s, 1),
+            "smoother": None if smooth is None else _course(smooth.heat_W, smooth.heat_sd_W, frame.step_s, 0),
+        },
+        "hot_spots": {spot: dict(one) for spot, one in filtered.spots.items()},
+        "nis": filtered.nis if np.isfinite(filtered.nis) else None,
+        **({"unknowns": [dict(one) for one in filtered.asked]} if filtered.asked else {}),
+    }
+
+
+def _course(heat_W: Floats, sd_W: Floats, step_s: float, late: int) -> dict[str, float]:
+    """A heat (N,) in a few numbers; `sd_W` is that at any time (root mean square). `late`: 1 where it is known at the end of a step."""
+    k = int(np.argmax(heat_W))
+    return {
+        "mean_W": float(heat_W.mean()),
+        "sd_W": float(np.sqrt((sd_W**2).mean())),
+        "max_W": float(heat_W[k]),
+        "max_sd_W": float(sd_W[k]),
+        "max_at_s": (k + late) * step_s,
+    }
+
+
+def _found(cause: str, unknown: Unknown, found: Floats, sd: Floats) -> dict[str, Any]:
+    """A cause that was asked for, by the smoother (N,): heat beside the modelled one [W], what a coefficient is multiplied by, or what a
+    channel reads too much [K]. `sd` is that at any time."""
+    unit = {UnknownHeat: "W", UnknownFactor: "1", UnknownBias: "K"}[type(unknown)]
+    if isinstance(unknown, UnknownFactor):
+        found, sd = np.exp(found), np.exp(found) * sd
+    spread = float(np.sqrt((sd**2).mean()))
+    return {
+        "id": cause,
+        "unit": unit,
+        "mean": float(found.mean()),
+        "sd": spread,
+        "min": float(found.min()),
+        "max": float(found.max()),
+    }
+
+
+def place_of_loss(unknown: Unknown) -> str | None:
+    """The node whose loss an unknown is about; None of a conductance or a sensor."""
+    if isinstance(unknown, UnknownHeat):
+        return unknown.node
+    if isinstance(unknown, UnknownFactor) and parse(unknown.of).kind == "loss":
+        return parse(unknown.of).place
+    return None
+
+
+def unknown_heat(node: str, losses: Mapping[str, float]) -> UnknownHeat:
+    """The unknown heat at a node, as large as follows from the mean modelled `losses` [W] of all nodes."""
+    loss_W = max(sum(losses.values()), LEAST_LOSS_W)
+    return UnknownHeat(node, HEAT_SHARE * loss_W, HEAT_WALK_SHARE * loss_W)
+
+
+def unknown_loss(network: Network, node: str, losses: Mapping[str, float]) -> UnknownHeat | UnknownFactor:
+    """The unknown heat at a node; where that is one of several magnets, as in slices of a stack, what multiplies the losses of all of them:
+    a heat in one slice would leave the others, which no sensor may see, as they are."""
+    heat = unknown_heat(node, losses)
+    magnets = [n.name for n in network.nodes if n.region == "magnet" and losses.get(n.name, 0.0) > 0]
+    if node not in magnets or len(magnets) == 1:
+        return heat
+    sd = min(heat.sd_W / sum(losses[name] for name in magnets), MOST_FACTOR_SD)
+    of, *also = (f"loss.{name}.scale" for name in magnets)
+    return UnknownFactor(of, sd, sd * heat.walk_W / heat.sd_W, tuple(also))
+
+
+def uncertain_node(network: Network, losses: Mapping[str, float]) -> str | None:
+    """Of the paper's losses the magnets' is known least; a network without magnets has them in its rotor."""
+    for region in ("magnet", "rotor"):
+        here = [node.name for node in network.nodes if node.region == region]
+        if here:
+            return max(here, key=lambda name: losses.get(name, 0.0))
+    return None
+
+
+def _production_like(network: Network, frame: InputFrame, level: str) -> list[str]:
+    magnets = {node.name for node in network.nodes if node.region == "magnet"}
+    all_of_them = (*frame.observations, *(meter.seen for meter in frame.meters))
+    return [o.channel for o in all_of_them if level in ("testing", o.level) and o.label not in magnets]
+
+
+def _heats(
+    meters: Sequence[Meter], network: Network, frame: InputFrame, inputs: Frame, temperatures: Floats, node: str
+) -> list[tuple[HeatReading, UnknownBias]]:
+    """What meters of power and heat add, about the open loop from these temperatures (n,)."""
+    if all(meter.what.law is not None for meter in meters):
+        return []
+    open_loop = simulate(load_kernel(network), inputs, temperatures)
+    return heat_readings(meters, network, frame, heat_flows(network, inputs, open_loop), node)
+
+
+def _as_thermometer(meter: Meter, begins: Mapping[str, tuple[float, float]]) -> tuple[Observation, float]:
+    """A resistance or flux linkage as the temperature that it stands for, and the sd of its constant error [K]. `begins`: node ->
+    temperature and sd at the start, which are those of a reference that the bench file leaves out."""
+    law, o = referenced(meter, {node: degC for node, (degC, _) in begins.items()}).law, meter.seen
+    assert law is not None  # meters without one are left out
+    degC, per_K = law.temperature(o.measured), abs(law.per_K)
+    if meter.what.referenced:
+        rise = 1 / abs(law.slope_per_K) + abs(float(np.nanmean(degC)) - law.reference_degC)
+        sd_K = float(np.hypot(o.bias_sd / per_K, meter.what.gain_sd * rise))
+    else:
+        sd_K = sum(share * begins[node][1] for node, share in law.weights.items())
+    as_degC = replace(o, weights=law.weights, measured=degC, noise=o.noise / per_K, resolution=o.resolution / per_K)
+    return as_degC, max(sd_K, LEAST_NOISE_K)
+
+
+def reading_of(o: Observation, frame: InputFrame) -> Reading:
+    """A recorded channel as a filter reads it: means of its good samples where no input was bridged."""
+    samples = np.maximum(o.samples, 1)
+    return Reading(
+        channel=o.channel,
+        weights=o.weights,
+        time_constant_s=o.time_constant_s,
+        value=np.where(o.good & frame.live, o.measured, np.nan),
+        place=o.place,
+        variance=np.maximum(o.noise**2 + o.resolution**2 / 12, LEAST_NOISE_K**2) / samples,
+    )

@@ -1,0 +1,73 @@
+"""Where the heat of a run comes from, where it goes to, and the efficiency: entries of a run's summary."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from replay.engine.frame.frame import InputFrame
+from replay.engine.results.run import HeatCourse
+from twin.motor.network import Network
+from twin.run.losses import HeatAccount, HeatFlows, by_kind
+
+Floats = NDArray[np.float64]
+
+
+def losses_summary(found: HeatAccount) -> dict[str, Any]:
+    """The entry `losses`: energies [J] and means [W] of losses by kind, region and node, what boundaries took and nodes stored; and
+    what the balance does not close by."""
+
+    def parts(energies: dict[str, float]) -> dict[str, dict[str, float]]:
+        return {name: {"mean_W": energy / found.duration_s, "energy_J": energy} for name, energy in energies.items()}
+
+    return {
+        "mean_W": found.made / found.duration_s,
+        "energy_J": found.made,
+        "kinds": parts(dict(found.kinds)),
+        "regions": parts(dict(found.regions)),
+        "nodes": parts(dict(found.nodes)),
+        "boundaries": parts(dict(found.boundaries)),
+        "stored": {region: {"energy_J": energy} for region, energy in found.stored.items()},
+        "left_J": found.left,
+    }
+
+
+def heat_course(network: Network, flows: HeatFlows) -> HeatCourse:
+    """The losses by kind and what each boundary takes, step by step."""
+    return HeatCourse(
+        kinds=by_kind(network, flows),
+        boundaries={b.name: flows.boundaries[i] for i, b in enumerate(network.boundaries)},
+    )
+
+
+def efficiency_summary(frame: InputFrame, flows: HeatFlows) -> dict[str, float | None] | None:
+    """The entry `efficiency`: energy out over energy in, motor and generator alike; None where torque or speed is not known or nothing
+    was given out. `modelled`: electrical power is mechanical power and losses; `measured`: as recorded, None without it."""
+    if frame.mechanical_W is None:
+        return None
+    modelled = efficiency(frame.mechanical_W + flows.made, frame.mechanical_W)
+    if modelled is None:
+        return None
+    electrical = electrical_W(frame)
+    return {
+        "modelled": modelled,
+        "measured": None if electrical is None else efficiency(electrical, frame.mechanical_W),
+        "mechanical_J": float(frame.mechanical_W.sum()) * frame.step_s,
+    }
+
+
+def electrical_W(frame: InputFrame) -> Floats | None:
+    """The recorded electrical power of each step (N,), NaN where there is none; None where no single channel gives it."""
+    observed = [meter.seen.measured for meter in frame.meters if meter.what.quantity == "power"]
+    given = [values for name, values in frame.inputs.items() if name == "power_W"]
+    return (observed + given)[0] if len(observed + given) == 1 else None
+
+
+def efficiency(electrical_W: Floats, mechanical_W: Floats) -> float | None:
+    """Energy out over energy in of powers (N,), each signed: into the terminals, out of the shaft. None where nothing goes out."""
+    known = np.isfinite(electrical_W)
+    into = np.maximum(electrical_W, 0.0)[known] + np.maximum(-mechanical_W, 0.0)[known]
+    out = np.maximum(mechanical_W, 0.0)[known] + np.maximum(-electrical_W, 0.0)[known]
+    return float(out.sum() / into.sum()) if into.sum() > 0 and out.sum() > 0 else None

@@ -1,0 +1,140 @@
+"""How sure a run's hot spots are: by what its calibration left unknown, or by what the motor file says of its own numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+from numpy.typing import NDArray
+
+from ingest.facts.events import SessionRecorded
+from ingest.facts.facts import Facts
+from ingest.facts.store import Store
+from replay.engine.files.motor_file import read_motor
+from replay.engine.frame.frame import InputFrame
+from replay.engine.results.artefacts import read_parquet
+from replay.engine.results.hot_spots import hot_spots
+from replay.engine.results.open_loop import modelled
+from twin.calibration.calibrate import freedom
+from twin.calibration.uncertainty import coarse, sd_K
+from twin.calibration.united import United
+from twin.errors import DivergedError
+from twin.fitting.model import Test
+from twin.motor.ageing_law import AgeingTerm
+from twin.motor.configured import configured
+from twin.motor.features import placed_terms
+from twin.motor.network import Network
+from twin.run.simulate import Frame
+
+Floats = NDArray[np.float64]
+
+MOST_NODES = 100  # above, the derivatives take longer than all else of a replay, by the cube of the nodes
+Z95 = 1.96
+TOO_LARGE = f"more than {MOST_NODES}"  # how the reason of a large network ends
+
+
+def with_bands(
+    store: Store,
+    facts: Facts,
+    session: SessionRecorded,
+    model: str,
+    network: Network,
+    frame: InputFrame,
+    start: tuple[Floats, Floats],
+    ageing: Sequence[Mapping[str, Any]],
+    spots: Mapping[str, Mapping[str, Any]],
+) -> dict[str, dict[str, Any]]:
+    """The entry `hot_spots` with `sd_K` and `ci95_degC` of each node's highest temperature, by what is not known of coefficients,
+    capacities, the `start` (temperatures and sd, (n,)) and what `ageing` (`replay.engine.specimen.aged`) has left. `band_from`: "calibration", else "motor file",
+    whose `sd` are wide as nothing was learnt. All None for networks of more than `MOST_NODES`, with the reason as `why_no_band`.
+
+    `network`: that of the session, as its specimen has it.
+    """
+    if not spots or len(network.nodes) > MOST_NODES:
+        return _without(spots, f"the network has {len(network.nodes)} nodes, {TOO_LARGE}")
+    whole, latest = Frame(frame.step_s, frame.features, frame.boundaries), max(one["at_s"] for one in spots.values())
+    test = Test(
+        name=session.name,
+        kind=session.kind,
+        frame=coarse(whole, latest),
+        inputs={},
+        features={},
+        initial=start[0],
+        initial_sd=start[1],
+        channels=(),
+    )
+    motor = read_motor(store.archive.read(model), facts.models[model].file)
+    covariance, band_from = known_covariance(store, facts, model, motor, session.configuration)
+    covariance = covariance + _aged(configured(motor, session.configuration), ageing)
+    at = [(str(one["node"]), float(one["at_s"])) for one in spots.values()]
+    try:
+        found = sd_K(network, test, at, covariance)
+    except DivergedError:  # the run itself is whole
+        return _without(spots, "the model runs away in the longer steps that a band is worked out in")
+    return {
+        spot: {
+            **one,
+            "sd_K": sd,
+            "ci95_degC": [one["max_degC"] - Z95 * sd, one["max_degC"] + Z95 * sd],
+            "band_from": band_from,
+        }
+        for (spot, one), sd in zip(spots.items(), found, strict=True)
+    }
+
+
+def _without(spots: Mapping[str, Mapping[str, Any]], why: str) -> dict[str, dict[str, Any]]:
+    none = {"sd_K": None, "ci95_degC": None, "band_from": None, "why_no_band": why}
+    return {spot: {**one, **none} for spot, one in spots.items()}
+
+
+def smoothed_spots(network: Network, frame: InputFrame, temperatures: Floats, sd: Floats) -> dict[str, dict[str, Any]]:
+    """The hot spots by a smoother's `temperatures` with their own `sd` (N + 1, n): `replay.engine.results.hot_spots.hot_spots` with `sd_K` and
+    `ci95_degC`, and `checked_by`, the channels that follow the node. `sd_K` is the root of the sum of squares of the smoother's own,
+    how far it is off these channels, and what they may read too much (`bias_sd`). Both None where there are none: a smoother's own
+    holds noise and random walks alone, and was 4 to 8 times too small at magnets."""
+    nodes = tuple(node.name for node in network.nodes)
+    found: dict[str, dict[str, Any]] = {}
+    for spot, one in hot_spots(network, temperatures, frame.step_s).items():
+        there = [o for o in frame.observations if o.label == one["node"] and (o.good & frame.live).any()]
+        found[spot] = {**one, "sd_K": None, "ci95_degC": None, "checked_by": [o.channel for o in there]}
+        if there:
+            off = [(o.measured - modelled(o, frame, temperatures, nodes))[o.good & frame.live] for o in there]
+            own = sd[round(one["at_s"] / frame.step_s), nodes.index(one["node"])]
+            wrong = np.mean([o.bias_sd**2 + np.mean(k**2) for o, k in zip(there, off, strict=True)])
+            whole = float(np.sqrt(own**2 + wrong))
+            band = [one["max_degC"] - Z95 * whole, one["max_degC"] + Z95 * whole]
+            found[spot] |= {"sd_K": whole, "ci95_degC": band}
+    return found
+
+
+def known_covariance(store: Store, facts: Facts, model: str, motor: Network, rig: str | None) -> tuple[Floats, str]:
+    """Covariance (P, P) of ln coefficients and ln capacities of a rig's own network, and where it is from: priors, and what a calibration
+    left in the place of those that it learnt."""
+    covariance = np.diag([p.sd**2 for p in freedom(configured(motor, rig), ())])
+    event = facts.calibrations.get(model)
+    if event is None or event.covariance is None:
+        return covariance, "motor file"
+    table = read_parquet(store.archive.read(event.covariance))
+    names, learnt = United(motor, [rig]).names_of(rig), {name: i for i, name in enumerate(table["name"].to_pylist())}
+    own = np.array([i for i, name in enumerate(names) if name in learnt], dtype=np.intp)
+    theirs = np.array([learnt[names[i]] for i in own], dtype=np.intp)
+    whole = np.array(table["covariance"].to_pylist(), dtype=np.float64)
+    covariance[np.ix_(own, own)] = whole[np.ix_(theirs, theirs)]
+    return covariance, "calibration"
+
+
+def _aged(network: Network, ageing: Sequence[Mapping[str, Any]]) -> Floats:
+    """What is not known of the factors of a specimen's ageing, on top: terms that are equally old are off together."""
+    places = list(placed_terms(network))
+    found = np.zeros((len(places) + len(network.nodes),) * 2)
+    for entry in ageing:
+        old = np.array([isinstance(term, AgeingTerm) and place in entry["places"] for place, term in places])
+        found[: len(places), : len(places)] += float(entry["sd"]) ** 2 * np.outer(old, old)
+    return found
+
+
+def covariance_table(names: Sequence[str], covariance: Floats) -> pa.Table:
+    """One row a parameter: its name and its row of the covariance of logarithms."""
+    return pa.table({"name": list(names), "covariance": covariance.tolist()})

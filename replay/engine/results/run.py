@@ -1,0 +1,144 @@
+"""What a replay gives: temperatures of every node, and what each observed channel says of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True)
+class Observed:
+    """One observed channel against the model, at M steps. All arrays (M,).
+
+    `measured`, `modelled` [degC]: mean of the samples in the step, and the model at the same mean time; `sd_K` [K] the
+    channel's own uncertainty of a mean (noise, resolution and session bias); `used` False where samples are held, stuck,
+    saturated or follow a bridged gap of an input; `first_record`, `last_record` int64: lineage into `raw`.
+    """
+
+    channel: str
+    node: str  # the one that it follows by more than half, else "0.5 a + 0.5 b"
+    t_ns: NDArray[np.int64]
+    measured: NDArray[np.float64]
+    modelled: NDArray[np.float64]
+    sd_K: float
+    bias_sd_K: float
+    used: NDArray[np.bool_]
+    first_record: NDArray[np.int64]
+    last_record: NDArray[np.int64]
+    raw: NDArray[np.int64]  # index into Run.raw_files
+
+    @property
+    def residual(self) -> NDArray[np.float64]:
+        """measured - modelled [K], (M,)."""
+        return self.measured - self.modelled
+
+
+@dataclass(frozen=True)
+class Metered:
+    """An observed channel that is no thermometer, against the model: as `Observed`, all in the `unit` of its quantity. `place`: the
+    nodes or the boundary that it is about, "motor" for a power; `gain_sd`: of the share by which it reads too much."""
+
+    channel: str
+    quantity: str
+    unit: str
+    place: str
+    t_ns: NDArray[np.int64]
+    measured: NDArray[np.float64]
+    modelled: NDArray[np.float64]
+    sd: float
+    bias_sd: float
+    gain_sd: float
+    used: NDArray[np.bool_]
+    first_record: NDArray[np.int64]
+    last_record: NDArray[np.int64]
+    raw: NDArray[np.int64]
+
+    @property
+    def residual(self) -> NDArray[np.float64]:
+        """measured - modelled, (M,)."""
+        return self.measured - self.modelled
+
+    @property
+    def floor(self) -> float:
+        """What the meter itself leaves open, one standard deviation of a mean: noise, offset, and gain of the mean size."""
+        used = np.abs(self.modelled[self.used])
+        size = float(used.mean()) if used.size else 0.0
+        return float(np.hypot(np.hypot(self.sd, self.bias_sd), self.gain_sd * size))
+
+
+@dataclass(frozen=True)
+class HeatCourse:
+    """Where heat comes from and goes to in every step, (N,) [W]: `kinds` (of `twin.run.losses.KINDS`) the losses, `boundaries` what
+    each takes."""
+
+    kinds: Mapping[str, NDArray[np.float64]]
+    boundaries: Mapping[str, NDArray[np.float64]]
+
+
+@dataclass(frozen=True)
+class Smoothed:
+    """What the filter would have said had it known all readings of the session, those after each moment included: `temperatures`
+    float64 (N + 1, n) [degC]; per step (N,) [W] `heat_W` the estimated heat and `heat_sd_W` its standard deviation."""
+
+    temperatures: NDArray[np.float64]
+    heat_W: NDArray[np.float64]
+    heat_sd_W: NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Filtered:
+    """The same session through the filter, which sees the channels `measured` and estimates the heat at `node`.
+
+    `temperatures` float64 (N + 1, n) [degC], from all readings up to each edge; per step (N,) [W]: `heat_W` the estimated
+    heat, `heat_sd_W` its standard deviation, `nominal_W` what the model has there. `heat_walk_W` [W / sqrt(s)]: how fast
+    the estimate may wander; `nis`: mean squared innovation over its variance, 1 where all is as assumed; `smoothed`: None in
+    runs that were sealed without.
+    """
+
+    node: str
+    measured: tuple[str, ...]
+    temperatures: NDArray[np.float64]
+    heat_W: NDArray[np.float64]
+    heat_sd_W: NDArray[np.float64]
+    nominal_W: NDArray[np.float64]
+    heat_walk_W: float
+    nis: float
+    smoothed: Smoothed | None = None
+
+
+@dataclass(frozen=True)
+class Run:
+    """An open-loop replay of one session with one model.
+
+    `t_ns` int64 (N + 1,) step boundaries; `temperatures` float64 (N + 1, n) [degC] in the order of `nodes`; `inputs`:
+    column name with unit -> (N,) step means (`speed_rpm`, `current_A`, `coolant_degC`, ...); `losses_W` (N,) the
+    network's whole heat; `summary`: this run's entry of `replay --json`; `filtered`: None where no filter was run; `heat`:
+    None of runs that were sealed before there was one.
+    """
+
+    run: str
+    session: str
+    session_name: str
+    kind: str
+    model: str
+    motor: str
+    level: str
+    digest: str
+    nodes: tuple[str, ...]
+    regions: Mapping[str, str]  # node -> region
+    limits_degC: Mapping[str, float]
+    t_ns: NDArray[np.int64]
+    absolute: bool
+    temperatures: NDArray[np.float64]
+    inputs: Mapping[str, NDArray[np.float64]]
+    losses_W: NDArray[np.float64]
+    observed: tuple[Observed, ...]
+    raw_files: tuple[str, ...]
+    summary: Mapping[str, Any]
+    filtered: Filtered | None = None
+    meters: tuple[Metered, ...] = ()
+    heat: HeatCourse | None = None

@@ -1,0 +1,105 @@
+"""A sealed run read back from the archive: what reports and viewers show is what was sealed, never a second computation."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+
+from ingest.facts.events import ReplayCompleted
+from ingest.facts.facts import Facts
+from ingest.facts.store import Store
+from replay.engine.files.configurations import network_of
+from replay.engine.results.artefacts import filtered_of, heat_of, read_parquet
+from replay.engine.results.run import Filtered, Metered, Observed, Run
+
+
+def load_run(store: Store, facts: Facts, event: ReplayCompleted) -> Run:
+    """The run of an event, arrays from its artefacts (re-hashed on reading; DamageError where they are not what was sealed)."""
+    session = facts.session(event.session)
+    network = network_of(store, facts, session, event.model)
+    frame, temperatures, residuals = (
+        read_parquet(store.archive.read(event.artefacts[name])) for name in ("frame", "temperatures", "residuals")
+    )
+    nodes = tuple(node.name for node in network.nodes)
+    raw_files = tuple(json.loads(frame.schema.metadata[b"files"]))
+    return Run(
+        run=event.run,
+        session=event.session,
+        session_name=session.name,
+        kind=session.kind,
+        model=event.model,
+        motor=event.motor,
+        level=event.level,
+        digest=event.digest,
+        nodes=nodes,
+        regions={node.name: node.region for node in network.nodes},
+        limits_degC={node.name: node.limit_degC for node in network.nodes if node.limit_degC is not None},
+        t_ns=temperatures["t_ns"].to_numpy(),
+        absolute=session.absolute,
+        temperatures=np.stack([temperatures[f"{node}_degC"].to_numpy() for node in nodes], axis=1),
+        inputs={c.removeprefix("input:"): frame[c].to_numpy() for c in frame.column_names if c.startswith("input:")},
+        losses_W=temperatures["network_heat_W"].to_numpy()[:-1],
+        observed=tuple(_observed(residuals, entry, raw_files) for entry in event.summary["channels"]),
+        raw_files=raw_files,
+        summary=event.summary,
+        filtered=_filtered(store, event, nodes),
+        meters=_meters(store, event, raw_files),
+        heat=heat_of(read_parquet(store.archive.read(event.artefacts["heat"]))) if "heat" in event.artefacts else None,
+    )
+
+
+def _filtered(store: Store, event: ReplayCompleted, nodes: tuple[str, ...]) -> Filtered | None:
+    """None for a run that was sealed without a filter."""
+    if "filtered" not in event.artefacts:
+        return None
+    return filtered_of(read_parquet(store.archive.read(event.artefacts["filtered"])), event.summary["filtered"], nodes)
+
+
+def _meters(store: Store, event: ReplayCompleted, raw_files: tuple[str, ...]) -> tuple[Metered, ...]:
+    if "meters" not in event.artefacts:
+        return ()
+    table = read_parquet(store.archive.read(event.artefacts["meters"]))
+    return tuple(_metered(table, entry, raw_files) for entry in event.summary["meters"])
+
+
+def _metered(table: pa.Table, entry: dict[str, Any], raw_files: tuple[str, ...]) -> Metered:
+    rows = table.filter(pc.equal(table["channel"], entry["channel"]))
+    raw = pc.fill_null(pc.index_in(rows["file_id"], pa.array(raw_files)), -1)
+    return Metered(
+        channel=str(entry["channel"]),
+        quantity=str(entry["quantity"]),
+        unit=str(entry["unit"]),
+        place=str(entry["place"]),
+        sd=float(entry["white"]),
+        bias_sd=float(entry["bias_sd"]),
+        gain_sd=float(entry["gain_sd"]),
+        raw=raw.to_numpy(),
+        t_ns=rows["t_ns"].to_numpy(),
+        measured=rows["measured"].to_numpy(),
+        modelled=rows["modelled"].to_numpy(),
+        used=rows["used"].to_numpy(),
+        first_record=rows["first_record"].to_numpy(),
+        last_record=rows["last_record"].to_numpy(),
+    )
+
+
+def _observed(residuals: pa.Table, entry: dict[str, Any], raw_files: tuple[str, ...]) -> Observed:
+    rows = residuals.filter(pc.equal(residuals["channel"], entry["channel"]))
+    raw = pc.fill_null(pc.index_in(rows["file_id"], pa.array(raw_files)), -1)
+    return Observed(
+        channel=str(entry["channel"]),
+        node=str(entry["node"]),
+        t_ns=rows["t_ns"].to_numpy(),
+        measured=rows["measured_degC"].to_numpy(),
+        modelled=rows["modelled_degC"].to_numpy(),
+        sd_K=float(entry["white_K"]),
+        bias_sd_K=float(entry["bias_sd_K"]),
+        used=rows["used"].to_numpy(),
+        first_record=rows["first_record"].to_numpy(),
+        last_record=rows["last_record"].to_numpy(),
+        raw=raw.to_numpy(),
+    )

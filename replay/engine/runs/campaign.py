@@ -1,0 +1,111 @@
+"""Many sessions replayed: in this process or in several, with one writer of facts and the same digests either way."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from multiprocessing import get_context
+from pathlib import Path
+
+from ingest.errors import IngestError
+from ingest.facts import facts as ledger_facts
+from ingest.facts.events import ReplayCompleted, ReplayDiverged, SessionRecorded
+from ingest.facts.store import Store
+from replay.engine.files.models import model_of
+from replay.engine.runs.runs import Completed, replay
+from replay.errors import ReplayDataError, ReplayError
+from twin.compiled.integrators import DEFAULT
+from twin.errors import TwinError
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """One session's replay: a run, a divergence, or the one line that says why there is none."""
+
+    session: SessionRecorded
+    run: ReplayCompleted | None
+    refusal: str | None
+
+
+@dataclass(frozen=True)
+class Job:
+    """What a worker needs: names and hashes, never arrays."""
+
+    store: Path
+    session: str
+    model: str
+    level: str
+    integrator: str
+    work: Path
+    unknown: tuple[str, ...]
+
+
+def replay_sessions(
+    store: Store,
+    sessions: Sequence[SessionRecorded],
+    model: str | None,
+    level: str,
+    workers: int,
+    tell: Callable[[str], None] = lambda _: None,
+    integrator: str = DEFAULT.name,
+    unknown: Sequence[str] = (),
+) -> list[Outcome]:
+    """Replay each session with `model` (None: the one its bench file names) and append the runs that are new. `unknown`: ids of the
+    causes that the filter is to find, none for its own choice.
+
+    A session that cannot be replayed does not stop the others. Raises ReplayDataError where no model can be found.
+    """
+    facts = ledger_facts.at(store.ledger)
+    work = store.work()
+    outcomes: list[Outcome] = []
+    jobs: list[tuple[SessionRecorded, Job]] = []
+    for session in sessions:
+        try:
+            named = model or model_of(facts, session)
+            jobs.append((session, Job(store.folder, session.session, named, level, integrator, work, tuple(unknown))))
+        except ReplayDataError as error:
+            outcomes.append(Outcome(session, None, str(error)))
+    for (session, _), done in zip(jobs, _each([job for _, job in jobs], workers), strict=True):
+        outcomes.append(_append(store, session, done, work))
+        tell(f"replayed {len(outcomes)} of {len(sessions)}: {session.name}")
+    order = {session.session: i for i, session in enumerate(sessions)}
+    return sorted(outcomes, key=lambda outcome: order[outcome.session.session])
+
+
+def _each(jobs: Sequence[Job], workers: int) -> Iterator[Completed | str]:
+    if workers <= 1 or len(jobs) < 2:
+        yield from map(_work, jobs)
+        return
+    with ProcessPoolExecutor(min(workers, len(jobs)), mp_context=get_context("spawn")) as pool:
+        yield from pool.map(_work, jobs)
+
+
+def _work(job: Job) -> Completed | str:
+    """One session, in whatever process: everything is read from the store, and only facts travel back."""
+    try:
+        with Store.open(job.store) as store:
+            facts = ledger_facts.at(store.ledger)
+            session = facts.session(job.session)
+            return replay(store, facts, session, job.model, job.level, job.integrator, job.work, job.unknown)
+    except (ReplayError, IngestError, TwinError) as error:
+        return str(error)
+
+
+def _append(store: Store, session: SessionRecorded, done: Completed | str, work: Path) -> Outcome:
+    if isinstance(done, str):
+        return Outcome(session, None, done)
+    if not done.known:
+        if isinstance(done.event, ReplayCompleted):
+            for sha256 in done.event.artefacts.values():
+                store.archive.seal(work / sha256)
+        store.ledger.append(f"run-{done.event.run}", done.event)
+    if isinstance(done.event, ReplayDiverged):
+        place = f"first at {done.event.t_s} s in {done.event.field}" if done.event.field else "in no stored field"
+        return Outcome(
+            session,
+            None,
+            f"session {session.name}: replayed with the same key on the same machine and came out different, {place}: "
+            "run whyhot verify --read, then report this with whyhot doctor.",
+        )
+    return Outcome(session, done.event, None)

@@ -1,0 +1,331 @@
+"""Runs: a session replayed, sealed and cited; the same key gives the same digest, or `ReplayDiverged` says where not."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+from numpy.typing import NDArray
+
+from ingest.bench.bench_file import read_bench
+from ingest.bench.derating import DeratingRule
+from ingest.catalogue.channels import ChannelData, load
+from ingest.catalogue.power import balance
+from ingest.facts.events import ReplayCompleted, ReplayDiverged, SessionRecorded
+from ingest.facts.facts import Facts
+from ingest.facts.store import Store
+from replay.engine.files.bench_versions import with_bench_of
+from replay.engine.files.configurations import network_of
+from replay.engine.frame import frame as frames
+from replay.engine.frame.frame import InputFrame, Meter
+from replay.engine.frame.frame_of import session_frame
+from replay.engine.results.artefacts import (
+    AROUND,
+    filtered_table,
+    frame_table,
+    heat_table,
+    meter_table,
+    read_parquet,
+    residual_table,
+    steps_of,
+    temperature_table,
+    to_parquet,
+)
+from replay.engine.results.asked_unknowns import asked_unknowns
+from replay.engine.results.filtered import filter_session, filtered_summary, mean_losses
+from replay.engine.results.heat_account import efficiency_summary, heat_course, losses_summary
+from replay.engine.results.hot_spot_bands import with_bands
+from replay.engine.results.hot_spots import derating_summary, hot_spots, limits, watched
+from replay.engine.results.kernel_cache import load_kernel
+from replay.engine.results.open_loop import initial_temperatures, metered, modelled, referenced
+from replay.engine.results.residuals import by_node, channel_summary, meter_summary
+from replay.engine.results.run import Metered, Observed
+from replay.engine.runs.identity import digest_of, environment, replay_key, run_id
+from replay.engine.runs.sources import code_of
+from replay.engine.specimen.aged import OfSpecimen, of_specimen
+from replay.errors import ReplayDataError
+from twin.compiled.integrators import DEFAULT, INTEGRATORS, Tableau
+from twin.errors import TwinError
+from twin.motor.network import Network
+from twin.run.losses import HeatFlows, account, heat_flows
+from twin.run.simulate import Frame, simulate
+
+Floats = NDArray[np.float64]
+
+MELTED_DEGC = 2000.0  # no motor is hotter, or colder below: the model or an input is wrong by orders of magnitude
+
+
+@dataclass(frozen=True)
+class Completed:
+    """The fact of a run; `known` where the ledger has it already."""
+
+    event: ReplayCompleted | ReplayDiverged
+    known: bool
+
+
+def replay(
+    store: Store,
+    facts: Facts,
+    session: SessionRecorded,
+    model: str,
+    level: str,
+    integrator: str,
+    work: Path,
+    unknown: Sequence[str] = (),
+) -> Completed:
+    """Open-loop replay of one session with a model (SHA-256 of a motor file in the archive), and the filter beside it.
+
+    Leaves frame, temperatures, heat, residuals, meters and the filter's estimate as files in `work`, named by their SHA-256, for
+    the one writer to seal. The digest is that of the open loop: the filter follows from the same frame, and changes nothing in it.
+    `integrator`: one of `twin.compiled.integrators.INTEGRATORS`; of another than the default the summary says how far off it is, and the heat
+    account is the default's. `unknown`: ids of causes that the filter is to find (`replay.engine.results.asked_unknowns`). Raises ReplayDataError where the session lacks an input or the model runs away.
+    """
+    specimen = of_specimen(store, facts, session, network_of(store, facts, session, model))
+    network = specimen.network
+    facts = with_bench_of(facts, model)
+    channels = load(store, facts, session)
+    frame = session_frame(session, channels, network, specimen.hours)
+    initial, initial_sd = initial_temperatures(network, frame, level)
+    inputs = Frame(step_s=frame.step_s, features=frame.features, boundaries=frame.boundaries)
+    reference = _simulated(network, inputs, initial, session, DEFAULT)
+    method = INTEGRATORS[integrator]
+    temperatures = reference if method is DEFAULT else _simulated(network, inputs, initial, session, method)
+    flows = heat_flows(network, inputs, reference)
+    nodes = tuple(node.name for node in network.nodes)
+    observed = tuple(_observed(o, frame, temperatures, nodes) for o in frame.observations)
+    begins = dict(zip(nodes, initial.tolist(), strict=True))
+    meters = tuple(_metered(m, frame, network, temperatures, flows, begins) for m in frame.meters)
+    compared: tuple[Observed | Metered, ...] = (*observed, *meters)
+    digest = digest_of([*temperatures.T, *(o.modelled for o in compared), *(o.residual for o in compared)])
+    tables = {
+        "frame": frame_table(frame),
+        "temperatures": temperature_table(frame, temperatures, nodes, flows.made),
+        "residuals": residual_table(frame, observed),
+        "heat": heat_table(frame, heat_course(network, flows)),
+    }
+    if meters:
+        tables["meters"] = meter_table(frame, meters)
+    artefacts = {name: _written(to_parquet(table), work) for name, table in tables.items()}
+    mean_W = mean_losses(network, inputs, temperatures)
+    asked = asked_unknowns(network, unknown, mean_W, frame.observations)
+    filtered = filter_session(network, frame, mean_W, level, asked)
+    if filtered is not None:
+        artefacts["filtered"] = _written(to_parquet(filtered_table(frame, filtered, nodes)), work)
+    rules = _deratings(store, facts, session)
+    spots = hot_spots(network, temperatures, frame.step_s)
+    key = replay_key(
+        facts,
+        session,
+        model,
+        level,
+        initial,
+        artefacts["frame"],
+        integrator,
+        specimen.ageing,
+        unknown,
+        code=code_of(__name__),
+    )
+    summary = {
+        "session": session.session,
+        "session_name": session.name,
+        "kind": session.kind,
+        "model": model,
+        "motor": network.name,
+        "level": level,
+        "digest": digest,
+        **(
+            {} if method is DEFAULT else {"integrator": _off(integrator, temperatures - reference, nodes, frame.step_s)}
+        ),
+        **_history(specimen),
+        **_errors(frame, observed),
+        "meters": _meter_errors(frame, meters),
+        **_heat(network, inputs, frame, temperatures, flows, channels),
+        "hot_spots": with_bands(
+            *(store, facts, session, model, network, frame, (initial, initial_sd)), specimen.ageing, spots
+        ),
+        "derating": derating_summary(
+            rules, watched(rules, channels, frame.t_ns[:-1]), network, temperatures, frame.step_s
+        ),
+        "filtered": None if filtered is None else filtered_summary(filtered, frame, nodes),
+    }
+    event = ReplayCompleted(
+        run=run_id(key),
+        session=session.session,
+        model=model,
+        motor=network.name,
+        level=level,
+        bench=facts.current(session.bench) if session.bench else None,
+        key=key,
+        digest=digest,
+        environment=environment(),
+        artefacts=artefacts,
+        summary=summary,
+    )
+    return _against_the_ledger(store, facts, event, tables["temperatures"])
+
+
+def _history(specimen: OfSpecimen) -> dict[str, Any]:
+    """The entries `ageing` and `hours`, of a motor that asks for them."""
+    said = {"ageing": list(specimen.ageing), "hours": dict(specimen.hours)}
+    return {name: entry for name, entry in said.items() if entry}
+
+
+def _off(integrator: str, difference: Floats, nodes: Sequence[str], step_s: float) -> dict[str, Any]:
+    """The entry `integrator`: where a run is furthest from the default's."""
+    edge, node = (int(i) for i in np.unravel_index(int(np.abs(difference).argmax()), difference.shape))
+    worst = float(abs(difference[edge, node]))
+    return {"name": integrator, "error_K": worst, "node": nodes[node], "at_s": edge * step_s, "against": DEFAULT.name}
+
+
+def _simulated(network: Network, inputs: Frame, initial: Floats, session: SessionRecorded, method: Tableau) -> Floats:
+    try:
+        temperatures = simulate(load_kernel(network, method), inputs, initial)
+    except TwinError as error:
+        raise ReplayDataError(f"session {session.name}: {error}") from None
+    hot = np.argwhere(np.abs(temperatures) > MELTED_DEGC)
+    if hot.size:
+        step, node = (int(i) for i in hot[0])
+        raise ReplayDataError(
+            f'session {session.name}: node "{network.nodes[node].name}" of the model is beyond {MELTED_DEGC:,.0f} degC at '
+            f"{step * inputs.step_s:,.0f} s: check its losses and links in the motor file, and the units of the inputs."
+        )
+    return temperatures
+
+
+def _observed(o: frames.Observation, frame: InputFrame, temperatures: Floats, nodes: tuple[str, ...]) -> Observed:
+    there = np.isfinite(o.measured)
+    per_step = float(np.median(o.samples[o.good])) if o.good.any() else 1.0
+    return Observed(
+        channel=o.channel,
+        node=o.label,
+        t_ns=(frame.t_ns[:-1] + np.round(o.place * np.diff(frame.t_ns)).astype(np.int64))[there],
+        measured=o.measured[there],
+        modelled=modelled(o, frame, temperatures, nodes)[there],
+        sd_K=float(np.hypot(o.noise, o.resolution / 12**0.5) / per_step**0.5),
+        bias_sd_K=o.bias_sd,
+        used=(o.good & frame.live)[there],
+        first_record=o.first_record[there],
+        last_record=o.last_record[there],
+        raw=o.raw[there],
+    )
+
+
+def _metered(
+    meter: Meter,
+    frame: InputFrame,
+    network: Network,
+    temperatures: Floats,
+    flows: HeatFlows,
+    begins: Mapping[str, float],
+) -> Metered:
+    what, seen = referenced(meter, begins), meter.seen
+    there = np.isfinite(seen.measured)
+    per_step = float(np.median(seen.samples[seen.good])) if seen.good.any() else 1.0
+    return Metered(
+        channel=seen.channel,
+        quantity=what.quantity,
+        unit=what.unit,
+        place="motor" if what.quantity == "power" else what.boundary or seen.label,
+        t_ns=(frame.t_ns[:-1] + np.round(seen.place * np.diff(frame.t_ns)).astype(np.int64))[there],
+        measured=seen.measured[there],
+        modelled=metered(meter, what, frame, network, temperatures, flows)[there],
+        sd=float(np.hypot(seen.noise, seen.resolution / 12**0.5) / per_step**0.5),
+        bias_sd=seen.bias_sd,
+        gain_sd=what.gain_sd,
+        used=(seen.good & frame.live)[there],
+        first_record=seen.first_record[there],
+        last_record=seen.last_record[there],
+        raw=seen.raw[there],
+    )
+
+
+def _deratings(store: Store, facts: Facts, session: SessionRecorded) -> Sequence[DeratingRule]:
+    if session.bench is None:
+        return ()
+    sha256 = facts.current(session.bench)
+    return read_bench(store.archive.read(sha256), sha256[:12]).deratings
+
+
+def _meter_errors(frame: InputFrame, meters: Sequence[Metered]) -> list[dict[str, Any]]:
+    start = int(frame.t_ns[0])
+    found = []
+    for m in meters:
+        around = {name: frame.inputs[name][steps_of(frame, m)] for name in AROUND if name in frame.inputs}
+        entry = meter_summary(m, {**around, "t_s": (m.t_ns - start) / 1e9}, start)
+        if entry is not None:
+            found.append(entry)
+    return found
+
+
+def _errors(frame: InputFrame, observed: Sequence[Observed]) -> dict[str, Any]:
+    start = int(frame.t_ns[0])
+    entries = []
+    for o in observed:
+        around = {name: frame.inputs[name][steps_of(frame, o)] for name in AROUND if name in frame.inputs}
+        places = {**around, "temperature_degC": o.measured, "t_s": (o.t_ns - start) / 1e9}
+        entry = channel_summary(o, places, start)
+        if entry is not None:
+            entries.append(entry)
+    return {
+        "duration_s": float((frame.t_ns[-1] - start) / 1e9),
+        "step_s": frame.step_s,
+        "note": frame.note,
+        "mae_K": by_node(entries, "mae_K"),
+        "max_K": by_node(entries, "max_K"),
+        "bias_K": by_node(entries, "bias_K"),
+        "channels": entries,
+    }
+
+
+def _heat(
+    network: Network,
+    inputs: Frame,
+    frame: InputFrame,
+    temperatures: Floats,
+    flows: HeatFlows,
+    channels: Sequence[ChannelData],
+) -> dict[str, Any]:
+    """Where heat came from and went to, what it took above its limit, and the power balance beside the network's own heat [W]."""
+    power = balance(channels)
+    return {
+        "network_heat_W": float(flows.made.mean()),
+        "electrical_minus_mechanical_W": power.mean_loss_W if power else None,
+        "losses": losses_summary(account(network, inputs, temperatures, flows)),
+        "efficiency": efficiency_summary(frame, flows),
+        "limits": limits(network, temperatures, frame.step_s),
+    }
+
+
+def _against_the_ledger(store: Store, facts: Facts, event: ReplayCompleted, temperatures: pa.Table) -> Completed:
+    before = facts.runs.get(event.run)
+    if before is None or before.environment != event.environment:
+        return Completed(event, known=False)
+    if before.digest == event.digest:
+        return Completed(event, known=True)
+    t_s, column = _first_difference(read_parquet(store.archive.read(before.artefacts["temperatures"])), temperatures)
+    diverged = ReplayDiverged(run=event.run, digest=event.digest, expected=before.digest, t_s=t_s, field=column)
+    return Completed(diverged, known=False)
+
+
+def _first_difference(before: pa.Table, now: pa.Table) -> tuple[float | None, str | None]:
+    """The earliest time [s from start] at which a temperature differs, and its column."""
+    t_ns = now["t_ns"].to_numpy()
+    pairs = {name: (before[name].to_numpy(), now[name].to_numpy()) for name in now.column_names}
+    differing = {
+        name: int(np.argmax(a != b)) for name, (a, b) in pairs.items() if not np.array_equal(a, b, equal_nan=True)
+    }
+    if not differing:
+        return None, None
+    column = min(differing, key=lambda name: differing[name])
+    return float(t_ns[differing[column]] - t_ns[0]) / 1e9, column
+
+
+def _written(data: bytes, work: Path) -> str:
+    sha256 = hashlib.sha256(data).hexdigest()
+    (work / sha256).write_bytes(data)
+    return sha256

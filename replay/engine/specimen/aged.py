@@ -1,0 +1,205 @@
+"""A motor as the specimen of a session has it: what that went through before, and what is left of its conductances."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ingest.catalogue.channels import load
+from ingest.facts.events import SessionRecorded
+from ingest.facts.facts import Facts
+from ingest.facts.store import Store
+from replay.engine.files.configurations import network_of
+from replay.engine.files.motor_file import read_motor
+from replay.engine.specimen.heat_history import HEATED, Trace, doses, in_order, trace_of_heat
+from replay.errors import ReplayDataError
+from twin.insulation.ageing_state import Check, State, by_law, filtered, onwards
+from twin.motor.ageing_law import Ageing, AgeingPlace, aged, ageing_places, insulation_law
+from twin.motor.features import monomials
+from twin.motor.network import Network
+
+LAW = "law"
+DIGITS = 9  # behind the point, of what a run's key holds; the network has the same factor
+_HOURS = re.compile(r"hours_above_(.+)degC")
+
+
+@dataclass(frozen=True)
+class OfSpecimen:
+    """`network`: without ageing terms, these multiplied by `factors`; `hours`: its features `hours_above_<T>degC` -> h; `ageing`: for places
+    that are equally old {places, above_degC, dose_h, factor, sd, from}, `sd` that of the factor's logarithm, `from` the assessment
+    whose checks say so, or "law"."""
+
+    network: Network
+    factors: Mapping[AgeingPlace, float]
+    hours: Mapping[str, float]
+    ageing: Sequence[Mapping[str, Any]]
+
+
+@dataclass(frozen=True)
+class _Left:
+    """The state that the last check before a session left, and the assessment that it stands in."""
+
+    assessment: str
+    above_degC: float
+    state: State
+
+
+def of_specimen(store: Store, facts: Facts, session: SessionRecorded, network: Network) -> OfSpecimen:
+    """A session's network (`replay.engine.files.configurations.network_of`) as its specimen has it.
+
+    Insulation goes on from the state that the last check before the session left, where the latest assessment of this specimen
+    counts hours above the temperature of the law; all else follows the law from 0 h on. Raises ReplayDataError where the motor
+    asks for hours, and the session names no specimen or they are not known.
+    """
+    places, features = ageing_places(network), _hour_features(network)
+    limits = sorted({*(place.ageing.above_degC for place in places), *features.values()})
+    if not limits:
+        return OfSpecimen(network, {}, {}, ())
+    before, by_time = _before(facts, session, limits[0])
+    hours = _hours(store, facts, session, before, by_time, limits)
+    left = _left(store, facts, session, before) if any(place.insulation for place in places) else None
+    now = {place: _entry(place, hours[place.ageing.above_degC], left) for place in places}
+    factors = {place: float(entry["factor"]) for place, entry in now.items()}
+    return OfSpecimen(
+        network=aged(network, factors),
+        factors=factors,
+        hours={feature: hours[degC] for feature, degC in features.items()},
+        ageing=_together(now),
+    )
+
+
+def hours_of(store: Store, facts: Facts, session: SessionRecorded, network: Network) -> dict[str, float]:
+    """The features `hours_above_<T>degC` of a network, in a session [h]; refusals as of `of_specimen`."""
+    features = _hour_features(network)
+    if not features:
+        return {}
+    limits = sorted(set(features.values()))
+    before, by_time = _before(facts, session, limits[0])
+    hours = _hours(store, facts, session, before, by_time, limits)
+    return {feature: hours[degC] for feature, degC in features.items()}
+
+
+def ageing_left_out(store: Store, facts: Facts, sessions: Sequence[SessionRecorded], model: str) -> list[str]:
+    """A line for each session whose specimen is not new by the laws of `model` (SHA-256 of a motor file): for verbs that take it as new.
+
+    Sessions are read for a motor with such laws only.
+    """
+    found = []
+    for session in sessions:
+        network = network_of(store, facts, session, model)
+        known = session.specimen is not None and bool(ageing_places(network))
+        for entry in of_specimen(store, facts, session, network).ageing if known else ():
+            if entry["factor"] != 1.0:
+                found.append(
+                    f"session {session.name}: {', '.join(entry['places'])} taken as new; {entry['dose_h']:.3g} h above "
+                    f"{entry['above_degC']:g} degC have left {entry['factor']:.3g} of it, which replay takes into account."
+                )
+    return found
+
+
+def law_of(store: Store, facts: Facts, model: str | None, above_degC: float) -> Ageing:
+    """What `model` (SHA-256 of a motor file; None: no motor) says of its insulation beforehand: `twin.motor.ageing_law.insulation_law`."""
+    network = None if model is None else read_motor(store.archive.read(model), facts.models[model].file)
+    return insulation_law(network, above_degC)
+
+
+def states_left(checks: Sequence[Check | None], law: Ageing) -> list[dict[str, float] | None]:
+    """The state that each check of a specimen leaves (`twin.insulation.ageing_state.State`), in the order of their doses; None where the check
+    has no dose or no resistance."""
+    states = iter(filtered([check for check in checks if check], law))
+    return [asdict(next(states)) if check else None for check in checks]
+
+
+def _hour_features(network: Network) -> dict[str, float]:
+    """Feature -> its temperature [degC]."""
+    return {f: float(found[1]) for m in monomials(network) for f in m.features if (found := _HOURS.fullmatch(f))}
+
+
+def _before(facts: Facts, session: SessionRecorded, degC: float) -> tuple[list[SessionRecorded], bool]:
+    """The specimen's sessions before this one, in order, and whether stamps say so."""
+    if session.specimen is None:
+        raise ReplayDataError(
+            f"session {session.name}: names no specimen, and the motor file asks how long that was above {degC:g} degC before: "
+            "ingest it again with --specimen S, or replay with a model without ageing (--model)."
+        )
+    ordered, by_time = in_order([one for one in facts.sessions if one.specimen == session.specimen])
+    return ordered[: [one.session for one in ordered].index(session.session)], by_time
+
+
+def _hours(
+    store: Store,
+    facts: Facts,
+    session: SessionRecorded,
+    before: Sequence[SessionRecorded],
+    by_time: bool,
+    limits: Sequence[float],
+) -> dict[float, float]:
+    """Hours above each of `limits` [degC] in the sessions before."""
+    traces: dict[str, Trace | None] = {}
+    for one in before:
+        trace = trace_of_heat(load(store, facts, one))
+        if trace is not None:
+            traces[one.session] = trace
+        elif one.kind == HEATED:
+            raise ReplayDataError(
+                f"session {session.name}: the hours of {session.specimen} above {limits[0]:g} degC are not known, as its session "
+                f"{one.name} of kind {HEATED} has no temperature of it: give its channel a node in the bench file and ingest it again."
+            )
+
+    def above(trace: Trace) -> NDArray[np.float64]:
+        return np.array([trace.hours_above(degC) for degC in limits], dtype=np.float64)
+
+    found = doses([*before, session], by_time, traces, above, np.zeros(len(limits)))[session.session]
+    assert found is not None  # every oven session has a course
+    return dict(zip(limits, found.tolist(), strict=True))
+
+
+def _left(store: Store, facts: Facts, session: SessionRecorded, before: Iterable[SessionRecorded]) -> _Left | None:
+    """Of the latest assessment that knows the specimen; None where that has no state of it before the session."""
+    earlier = {one.session for one in before}
+
+    def is_before(check: Mapping[str, Any]) -> bool:
+        if check["start_ns"] is None or not session.absolute:
+            return check["session"] in earlier
+        return int(check["start_ns"]) < session.start_ns
+
+    for event in reversed(list(facts.assessments.values())):
+        answer = json.loads(store.archive.read(event.answer))
+        for specimen in answer["specimens"]:
+            if specimen["specimen"] == session.specimen:
+                states = [check["left"] for check in specimen["checks"] if check.get("left") and is_before(check)]
+                return _Left(event.assessment, float(answer["threshold_degC"]), State(**states[-1])) if states else None
+    return None
+
+
+def _entry(place: AgeingPlace, dose_h: float, left: _Left | None) -> dict[str, Any]:
+    law = place.ageing
+    if left is not None and place.insulation and left.above_degC == law.above_degC:
+        state, source = onwards(left.state, dose_h, law), left.assessment
+    else:
+        state, source = by_law(dose_h, law), LAW
+    return {
+        "above_degC": law.above_degC,
+        "dose_h": round(state.dose_h, DIGITS),
+        "factor": round(state.factor, DIGITS),
+        "sd": round(state.ln_factor_sd, DIGITS),
+        "from": source,
+    }
+
+
+def _together(now: Mapping[AgeingPlace, Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """Places that are equally old in one entry."""
+    found: list[dict[str, Any]] = []
+    for place, entry in now.items():
+        like = next((one for one in found if {**entry, "places": one["places"]} == one), None)
+        if like is None:
+            found.append({"places": [place.place], **entry})
+        elif place.place not in like["places"]:
+            like["places"].append(place.place)
+    return found

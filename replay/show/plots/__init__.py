@@ -1,0 +1,1 @@
+"""One picture each: measured against model, errors by cell, heat, filters, networks."""

@@ -1,0 +1,84 @@
+"""The share of its current that a controller allowed a motor, by its sensor and by the hot spot that the sensor stands for."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from replay.engine.results.run import Run
+from replay.show.plots.plots import ROWS, WIDTH, time_axis
+from replay.show.words import words
+from replay.show.words.figure import Plot, Table, inline_svg, name_lines, panels, style
+from replay.show.words.palette import COLOURS, DASHES, SOFT, with_variables
+from replay.show.words.thin import thin
+from twin.run.derating import Derating
+
+Floats = NDArray[np.float64]
+
+OF = {"winding": ("copper",), "magnet": ("magnet", "rotor")}  # what a rule protects -> regions, the first that is there
+
+
+def derating_over_time(run: Run, entry: Mapping[str, Any], columns: int) -> Plot | None:
+    """A rule of the bench file beside a run; None where its sensor was not recorded as an observation."""
+    watched = next((one for one in run.observed if one.channel == entry["channel"]), None)
+    hot = hottest_of(run, entry["protects"])
+    if watched is None or hot is None or not watched.used.any():
+        return None
+    rule, time = Derating(entry["begin_degC"], entry["end_degC"]), time_axis(run)
+    t = {"sensor": time.of(watched.t_ns[watched.used]), "hot spot": time.of(run.t_ns)}
+    degC = {"sensor": watched.measured[watched.used], "hot spot": hot}
+    names = {"sensor": words.name(entry["channel"]), "hot spot": "hot spot"}
+    title = _title(entry)
+    with style(f"{run.session} derating {entry['channel']}"):
+        figure, (upper, lower) = panels(WIDTH, (1.2, 0.9), top=0.08)
+        for ax, values in ((upper, degC), (lower, {k: 100 * rule.factor(v) for k, v in degC.items()})):
+            ends = []
+            for (key, y), colour, dashes in zip(values.items(), COLOURS, ("-", DASHES[0]), strict=False):
+                ax.plot(*thin(t[key], y, columns), color=colour, linestyle=dashes, linewidth=1.2)
+                ends.append((float(y[-1]), names[key], colour))
+            if ax is upper:
+                for degrees in (entry["begin_degC"], entry["end_degC"]):
+                    ax.axhline(degrees, color=SOFT[0], linewidth=0.8, linestyle=(0, (1.4, 1.2)))
+                name_lines(ax, ends)
+        upper.set_ylabel("temperature [°C]")
+        lower.set_ylabel("current\nallowed [%]")
+        lower.set_ylim(-4, 104)
+        lower.set_xlim(0, time.of(run.t_ns[-1:])[0])
+        lower.set_xlabel(time.label)
+        svg = with_variables(inline_svg(figure, title))
+    note = f"Dotted: where {words.name(entry['channel'])} begins to take current back, and where none is left. Dashed: the model."
+    return Plot(title, svg, note, _table(run, rule, t, degC))
+
+
+def hottest_of(run: Run, spot: str) -> Floats | None:
+    """The hottest of what a rule protects, (N + 1,) [degC]; None where the motor has no such node."""
+    for region in OF[spot]:
+        at = [i for i, node in enumerate(run.nodes) if run.regions.get(node) == region]
+        if at:
+            hottest: Floats = run.temperatures[:, at].max(axis=1)
+            return hottest
+    return None
+
+
+def _title(entry: Mapping[str, Any]) -> str:
+    if entry["late_s"] > 0:
+        return (
+            f"{words.name(entry['channel'])} sees the hottest {entry['protects']} too late: for "
+            f"{words.duration(entry['late_s'])} it allows all the current that the hot spot does not"
+        )
+    if entry["seconds"] > 0:
+        return f"{words.name(entry['channel'])} takes current back for {words.duration(entry['seconds'])}"
+    return f"{words.name(entry['channel'])} allows full current throughout"
+
+
+def _table(run: Run, rule: Derating, t: Mapping[str, Floats], degC: Mapping[str, Floats]) -> Table:
+    at = t["sensor"][np.unique(np.linspace(0, t["sensor"].size - 1, ROWS).astype(np.intp))]
+    head = (time_axis(run).label, "sensor [°C]", "current allowed [%]", "hot spot [°C]", "by the hot spot [%]")
+    cells = [[f"{value:.2f}" for value in at]]
+    for key in ("sensor", "hot spot"):
+        values = np.interp(at, t[key], degC[key])
+        cells += [[f"{value:.1f}" for value in values], [f"{100 * value:.0f}" for value in rule.factor(values)]]
+    return Table(head, tuple(zip(*cells, strict=True)))

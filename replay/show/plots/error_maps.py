@@ -1,0 +1,228 @@
+"""Plots of where the error lies: by operating cell, along temperature, along the time in a session."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import LinearSegmentedColormap, Normalize
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from replay.engine.results.run import Run
+from replay.show.plots.cells import (
+    ENOUGH_S,
+    Cells,
+    Pool,
+    along,
+    in_cells,
+    load_column,
+    pool_by_node,
+    round_centres,
+    round_edges,
+)
+from replay.show.plots.plots import WIDTH
+from replay.show.words import words
+from replay.show.words.figure import Plot, Table, inline_svg, name_lines, style
+from replay.show.words.palette import COLOURS, DASHES, DIVERGING, SOFT, with_variables
+
+Floats = NDArray[np.float64]
+
+ACROSS = 3  # maps in a row
+SHOWN = 12  # maps at most: the nodes furthest off
+LOAD_NAMES = {"current_A": ("current", "A"), "torque_Nm": ("torque", "Nm")}
+READING = "Orange: measured hotter than the model. Blue: measured colder. "
+
+
+def error_map(runs: Sequence[Run]) -> Plot | None:
+    """Node x operating cell (speed x load), mean residual [K]; nodes without a cell of enough data are left out.
+
+    None where there is none, or where the runs share no speed and load.
+    """
+    load = load_column(runs)
+    if load is None or not all("speed_rpm" in run.inputs for run in runs):
+        return None
+    pools = dict(list(pool_by_node(runs, ("speed_rpm", load)).items())[:SHOWN])
+    if not pools:
+        return None
+    maps = {node: cells for node, cells in _maps(pools, load).items() if np.isfinite(cells.mean).any()}
+    if not maps:
+        return None
+    title = _map_title(maps, load)
+    with style("error map"):
+        svg = with_variables(inline_svg(_draw_maps(maps, load), title))
+    note = f"{READING}Hatched: less than {ENOUGH_S:.0f} s of data, nothing can be said. All sessions together, weighted by time."
+    return Plot(title, svg, note, _map_table(maps, load))
+
+
+def _maps(pools: Mapping[str, Pool], load: str) -> dict[str, Cells]:
+    def edges(column: str) -> Floats:
+        values = [pool.inputs[column] for pool in pools.values()]
+        return round_centres(max(float(np.max(v, where=np.isfinite(v), initial=0.0)) for v in values), 5)
+
+    speeds, loads = edges("speed_rpm"), edges(load)
+    return {n: in_cells(p, p.inputs["speed_rpm"], p.inputs[load], speeds, loads) for n, p in pools.items()}
+
+
+def _cell_name(cells: Cells, i: int, j: int, load: str) -> str:
+    name, unit = LOAD_NAMES[load]
+    x, y = cells.x_edges, cells.y_edges
+    return f"{words.number(x[i])} to {words.number(x[i + 1])} rpm and {words.number(y[j])} to {words.number(y[j + 1])} {unit} {name}"
+
+
+def _map_title(maps: Mapping[str, Cells], load: str) -> str:
+    node = max(maps, key=lambda n: float(np.nanmax(np.abs(maps[n].mean))))
+    cells = maps[node]
+    i, j = np.unravel_index(int(np.nanargmax(np.abs(cells.mean))), cells.mean.shape)
+    value = cells.mean[i, j]
+    way = "too cold" if value > 0 else "too hot"
+    return f"{words.capital(words.name(node))}: model {words.kelvin(abs(value))} {way} at {_cell_name(cells, int(i), int(j), load)}"
+
+
+def _draw_maps(maps: Mapping[str, Cells], load: str) -> Figure:
+    rows = -(-len(maps) // ACROSS)
+    height = 1.95 * rows + 0.9
+    figure = Figure(figsize=(WIDTH, height))
+    FigureCanvasAgg(figure)
+    place = {
+        "left": 0.085,
+        "right": 0.985,
+        "bottom": 1.0 / height,
+        "top": 1 - 0.25 / height,
+        "wspace": 0.12,
+        "hspace": 0.3,
+    }
+    axes = figure.subplots(rows, ACROSS, sharex=True, sharey=True, squeeze=False, gridspec_kw=place)
+    largest = max(1.0, *(float(np.nanmax(np.abs(cells.mean))) for cells in maps.values()))
+    colours = ScalarMappable(Normalize(-largest, largest), LinearSegmentedColormap.from_list("error", DIVERGING, N=41))
+    for ax, (node, cells) in zip(axes.flat, maps.items(), strict=False):
+        _draw_map(ax, node, cells, colours)
+    for ax in axes.flat[len(maps) :]:
+        ax.set_visible(False)
+    for ax in axes[:, 0]:
+        ax.set_ylabel(f"{LOAD_NAMES[load][0]} [{LOAD_NAMES[load][1]}]")
+    for ax in axes.flat[max(0, len(maps) - ACROSS) : len(maps)]:
+        ax.set_xlabel("speed [rpm]")
+        ax.tick_params(labelbottom=True)
+    bar = figure.add_axes((0.3, 0.45 / height, 0.4, 0.09 / height))
+    scale = figure.colorbar(colours, cax=bar, orientation="horizontal")
+    scale.set_label("measured − model [K]")
+    scale.outline.set_visible(False)
+    return figure
+
+
+def _draw_map(axes: Axes, node: str, cells: Cells, colours: ScalarMappable) -> None:
+    axes.grid(False)
+    axes.patch.set(hatch="////", facecolor="none", edgecolor=SOFT[0], linewidth=0)
+    axes.set_title(words.capital(words.name(node)), fontsize=8.5, loc="left", pad=3)
+    axes.set_xticks(_centres(cells.x_edges)[:: 2 if cells.x_edges.size > 5 else 1])
+    axes.set_yticks(_centres(cells.y_edges))
+    axes.set_xlim(cells.x_edges[0], cells.x_edges[-1])
+    axes.set_ylim(cells.y_edges[0], cells.y_edges[-1])
+    axes.xaxis.set_major_formatter(lambda value, _: words.number(value))
+    for i, j in np.argwhere(np.isfinite(cells.mean)):
+        x, y, value = cells.x_edges[i : i + 2], cells.y_edges[j : j + 2], cells.mean[i, j]
+        axes.fill([x[0], x[1], x[1], x[0]], [y[0], y[0], y[1], y[1]], facecolor=colours.to_rgba(value), linewidth=0)
+        axes.text(x.mean(), y.mean(), words.signed(value), ha="center", va="center", fontsize=7, color="#000000")
+
+
+def _map_table(maps: Mapping[str, Cells], load: str) -> Table:
+    rows = [
+        (
+            words.name(node),
+            _cell_name(cells, int(i), int(j), load),
+            words.signed(cells.mean[i, j]),
+            words.duration(cells.seconds[i, j]),
+        )
+        for node, cells in maps.items()
+        for i, j in np.argwhere(np.isfinite(cells.mean))
+    ]
+    return Table(("node", "operating cell", "measured − model [K]", "time"), tuple(rows))
+
+
+def _centres(edges: Floats) -> Floats:
+    return np.concatenate([[0.0], (edges[1:-1] + edges[2:]) / 2])
+
+
+def error_along(runs: Sequence[Run]) -> Plot | None:
+    """Mean residual of each node along its temperature and along the time in a session; None where no cell of either holds
+    enough data, and a panel less where none of its cells does."""
+    pools = dict(list(pool_by_node(runs).items())[: len(COLOURS)])
+    if not pools:
+        return None
+    hot = _edges([pool.measured for pool in pools.values()], 10)
+    late = _edges([pool.since_start / 60 for pool in pools.values()], 12)
+    by_temperature = {node: along(pool, pool.measured, hot) for node, pool in pools.items()}
+    by_time = {node: along(pool, pool.since_start / 60, late) for node, pool in pools.items()}
+    shown = [
+        (lines, edges, label)
+        for lines, edges, label in (
+            (by_temperature, hot, "measured temperature [°C]"),
+            (by_time, late, "time since start [min]"),
+        )
+        if any(np.isfinite(mean).any() for mean in lines.values())
+    ]
+    if not shown:
+        return None
+    title = _along_title(by_temperature, hot)
+    with style("error along"):
+        figure = Figure(figsize=(WIDTH, 2.6))
+        FigureCanvasAgg(figure)
+        place = {"left": 0.085, "right": 0.84, "bottom": 0.18, "top": 0.95, "wspace": 0.1}
+        axes = figure.subplots(1, len(shown), sharey=True, squeeze=False, gridspec_kw=place)[0]
+        for ax, (lines, edges, label) in zip(axes, shown, strict=True):
+            _draw_along(ax, lines, edges)
+            ax.set(xlabel=label)
+        axes[0].set(ylabel="measured − model [K]")
+        name_lines(axes[-1], _ends(shown[-1][0]))
+        svg = with_variables(inline_svg(figure, title))
+    return Plot(
+        title,
+        svg,
+        f"Mean of each cell that holds {ENOUGH_S:.0f} s; all sessions together.",
+        _along_table(by_temperature, hot),
+    )
+
+
+def _edges(values: Sequence[Floats], cells: int) -> Floats:
+    return round_edges(min(float(v.min()) for v in values), max(float(v.max()) for v in values), cells)
+
+
+def _draw_along(axes: Axes, lines: Mapping[str, Floats], edges: Floats) -> None:
+    axes.axhline(0, color=SOFT[0], linewidth=0.8)
+    for mean, colour, dashes in zip(lines.values(), COLOURS, ("-", *DASHES[1:]), strict=False):
+        axes.plot((edges[:-1] + edges[1:]) / 2, mean, color=colour, linestyle=dashes, marker="o", markersize=2.6)
+
+
+def _ends(lines: Mapping[str, Floats]) -> list[tuple[float, str, str]]:
+    known = [
+        (node, mean[np.isfinite(mean)], colour) for (node, mean), colour in zip(lines.items(), COLOURS, strict=False)
+    ]
+    return [(float(mean[-1]), words.name(node), colour) for node, mean, colour in known if mean.size]
+
+
+def _along_title(lines: Mapping[str, Floats], edges: Floats) -> str:
+    known = ((node, mean) for node, mean in lines.items() if np.isfinite(mean).any())
+    if (worst := next(known, None)) is None:
+        return f"No cell of temperature holds {ENOUGH_S:.0f} s of data"
+    node, mean = worst
+    at = int(np.nanargmax(np.abs(mean)))
+    way = "too cold" if mean[at] > 0 else "too hot"
+    span = f"{words.number(edges[at])} to {words.number(edges[at + 1])} °C"
+    return f"{words.capital(words.name(node))}: model {words.kelvin(abs(mean[at]))} {way} when it is at {span}"
+
+
+def _along_table(lines: Mapping[str, Floats], edges: Floats) -> Table:
+    head = ("measured temperature [°C]", *(f"{words.name(node)} [K]" for node in lines))
+    rows = [
+        (
+            f"{words.number(a)} to {words.number(b)}",
+            *(words.signed(mean[i]) if np.isfinite(mean[i]) else "–" for mean in lines.values()),
+        )
+        for i, (a, b) in enumerate(pairwise(edges))
+    ]
+    return Table(head, tuple(rows))

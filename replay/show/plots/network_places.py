@@ -1,0 +1,95 @@
+"""Where the nodes of a motor stand in its picture [inches]: the outside on top, the rotor below, end a at the left."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from replay.show.words.layout import stress_layout, without_overlap
+from twin.motor.features import stream_places
+from twin.motor.network import Network
+
+Floats = NDArray[np.float64]
+
+LAYER: Mapping[str, float] = {  # region -> height where the layout starts
+    "housing": 3.0,
+    "iron": 2.0,
+    "copper": 1.0,
+    "fluid": 0.5,
+    "other": 0.5,
+    "magnet": -1.0,
+    "rotor": -1.0,
+    "bearing": -1.5,
+}
+OUTSIDE = 4.0  # of boundaries
+PAGE = (9.6, 6.2)
+MANY = 12  # nodes and boundaries that fill the page
+GAP = (0.22, 0.16)  # between two boxes
+DECADES = 3.0  # a link that conducts so much less than the best is twice as long
+HUB = 2.0  # links that make a node of a large network a length of 1 further from its neighbours
+
+
+def places_of_boxes(network: Network, conductances: Floats, boxes: Floats) -> Floats:
+    """Centres (n + b, 2) of `boxes` (n + b, 2), none over another: near where `conductances` (links,) [W/K] are large."""
+    return without_overlap(_on_page(_lengths(network, conductances), _start(network)), boxes + np.array(GAP))
+
+
+def places_of_dots(network: Network) -> Floats:
+    """Places (n + b, 2) in a network of many nodes: slices in rows, what joins all of them aside."""
+    return _on_page(_hubs_far(network), _start(network))
+
+
+def slice_of(name: str) -> tuple[str, int]:
+    """`teeth_7` -> teeth, 7; `teeth` -> teeth, 0."""
+    found = re.fullmatch(r"(.*)_(\d+)", name)
+    return (found[1], int(found[2])) if found else (name, 0)
+
+
+def _on_page(lengths: Floats, start: Floats) -> Floats:
+    place = stress_layout(lengths, start)
+    span = np.ptp(place, axis=0)
+    scale = np.array(PAGE) / np.where(span > 0, span, 1.0)
+    on_page: Floats = place * scale * min(1.0, (len(place) / MANY) ** 0.5)
+    return on_page
+
+
+def _lengths(network: Network, conductances: Floats) -> Floats:
+    index = {name: i for i, name in enumerate(network.names)}
+    lengths = np.zeros((len(index), len(index)))
+    best = max(conductances.max(initial=0.0), 1e-9)
+    worse = np.clip(np.log10(best / np.maximum(conductances, 1e-12)) / DECADES, 0.0, 1.0)
+    ends = [(link.a, link.b) for link in network.links]
+    for (a, b), length in [*zip(ends, 1.0 + worse, strict=True), *((pair, 1.0) for pair in stream_places(network))]:
+        lengths[index[a], index[b]] = lengths[index[b], index[a]] = length
+    return lengths
+
+
+def _hubs_far(network: Network) -> Floats:
+    """1 between slices, more to a node that touches many: what a housing or coolant joins is not near one another for that."""
+    index = {name: i for i, name in enumerate(network.names)}
+    ends = [(index[a], index[b]) for a, b in [*((link.a, link.b) for link in network.links), *stream_places(network)]]
+    lengths = np.zeros((len(index), len(index)))
+    touches = np.bincount(np.array(ends).ravel(), minlength=len(index))
+    for a, b in ends:
+        lengths[a, b] = lengths[b, a] = max(1.0, max(touches[a], touches[b]) / HUB)
+    return lengths
+
+
+def _start(network: Network) -> Floats:
+    """By region from top to bottom, by end and slice from left to right; a little off the rows, so that none lies on another."""
+    regions = {node.name: node.region for node in network.nodes}
+    most: dict[str, int] = {}
+    for part, number in map(slice_of, network.names):
+        most[part] = max(most.get(part, 1), number)
+    start = []
+    for i, name in enumerate(network.names):
+        part, number = slice_of(name)
+        end = next((word for word in reversed(part.split("_")) if word in ("a", "b")), "")
+        side = {"a": -1.5, "b": 1.5}.get(end, 0.0)
+        along = 3.0 * (number / most[part] - 0.5) if number else 0.0
+        height = LAYER[regions[name]] if name in regions else OUTSIDE
+        start.append((side + along + 0.05 * np.sin(7.0 * i), height + 0.05 * np.cos(5.0 * i)))
+    return np.array(start)

@@ -1,0 +1,225 @@
+"""Plots over time: measured against model with the residual below, the inputs, and the one picture of the README."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from numpy.typing import NDArray
+
+from replay.engine.results.run import Observed, Run
+from replay.show.words import words
+from replay.show.words.figure import LEFT, Plot, Table, inline_svg, name_lines, panels, save, style
+from replay.show.words.findings import channel_errors, finding
+from replay.show.words.palette import COLOURS, DASHES, INK, PAPER, SOFT, with_variables
+from replay.show.words.thin import thin, with_gaps
+
+Floats = NDArray[np.float64]
+
+TOGETHER = 4  # channels in one panel
+ROWS = 40  # of the table behind a plot
+NEAR_LIMIT = 0.5  # of the temperatures' range: a limit that is further away is not drawn
+WIDTH = 7.6  # inches: the text width of an A4 page
+AXES: Mapping[str, tuple[str, str]] = {  # unit at the end of an input's name -> (title of its panel, unit)
+    "rpm": ("speed", "rpm"),
+    "A": ("current", "A"),
+    "Nm": ("torque", "Nm"),
+    "degC": ("boundaries", "°C"),
+    "lpm": ("flow", "l/min"),
+}
+
+
+@dataclass(frozen=True)
+class TimeAxis:
+    """Time since the start of a session, in minutes up to three hours, in hours above."""
+
+    start_ns: int
+    unit_s: float
+    unit: str
+
+    @property
+    def label(self) -> str:
+        return f"time since start [{self.unit}]"
+
+    def of(self, t_ns: NDArray[np.int64]) -> Floats:
+        """Nanoseconds (N,) -> this axis' unit."""
+        return np.asarray((t_ns - self.start_ns) / 1e9 / self.unit_s, dtype=np.float64)
+
+
+def time_axis(run: Run) -> TimeAxis:
+    """The axis that fits the run's length."""
+    long = run.t_ns[-1] - run.t_ns[0] > 3 * 3600 * 1e9
+    return TimeAxis(int(run.t_ns[0]), *((3600.0, "h") if long else (60.0, "min")))
+
+
+def groups(run: Run) -> list[list[Observed]]:
+    """Observed channels by region of their node, in the order of the nodes, at most 4 together."""
+    by_region: dict[str, list[Observed]] = {}
+    order = {node: i for i, node in enumerate(run.nodes)}
+    for observed in sorted(run.observed, key=lambda o: order.get(o.node, len(order))):
+        if (observed.used & np.isfinite(observed.residual)).any():
+            by_region.setdefault(run.regions.get(observed.node, "other"), []).append(observed)
+    return [members[i : i + TOGETHER] for members in by_region.values() for i in range(0, len(members), TOGETHER)]
+
+
+def over_time(run: Run, group: Sequence[Observed], columns: int) -> Plot:
+    """Measured and model of a group of channels over time, residual with the sensors' band below; `columns` to thin to."""
+    mine = {observed.channel for observed in group}
+    worst = next(error for error in channel_errors(run.summary) if error.channel in mine)
+    title = finding(worst)
+    with style(f"{run.session} {group[0].channel}"):
+        figure, (upper, lower) = panels(WIDTH, (1.6, 0.95))
+        draw_temperatures(upper, run, group, columns)
+        draw_residuals(lower, run, group, columns)
+        lower.set_xlabel(time_axis(run).label)
+        svg = with_variables(inline_svg(figure, title))
+    return Plot(title, svg, "", _table(run, group))
+
+
+def draw_temperatures(axes: Axes, run: Run, group: Sequence[Observed], columns: int) -> None:
+    """Measured solid, model dashed, one colour a channel, names at the right."""
+    time, ends = time_axis(run), []
+    for observed, name, colour, dashes in zip(group, _names(group), COLOURS, DASHES, strict=False):
+        measured = with_gaps(time.of(observed.t_ns), observed.measured, observed.used)
+        axes.plot(*thin(*measured, columns), color=colour, linewidth=1.4)
+        modelled = with_gaps(time.of(observed.t_ns), observed.modelled, np.ones_like(observed.used))
+        axes.plot(*thin(*modelled, columns), color=colour, linestyle=dashes, linewidth=1.1)
+        ends.append((float(observed.measured[-1]), name, colour))
+    axes.set_ylabel("temperature [°C]")
+    axes.set_xlim(0, time.of(run.t_ns[-1:])[0])
+    _draw_limits(axes, run, group)
+    for style_, text in (("-", "measured"), (DASHES[0], "model")):
+        axes.plot([], [], color=INK[0], linestyle=style_, label=text)
+    axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, frameon=False, borderpad=0, handlelength=2.6)
+    name_lines(axes, ends)
+
+
+def _draw_limits(axes: Axes, run: Run, group: Sequence[Observed]) -> None:
+    """The limits of the group's nodes, those that the temperatures come near."""
+    low, high = axes.get_ylim()
+    limits = {run.limits_degC[o.node] for o in group if o.node in run.limits_degC}
+    for limit in sorted(limit for limit in limits if limit < high + NEAR_LIMIT * (high - low)):
+        axes.axhline(limit, color=SOFT[0], linewidth=0.9, linestyle=(0, (1.4, 1.2)))
+        axes.annotate(
+            f"limit {limit:g} °C",
+            (0.005, limit),
+            xycoords=("axes fraction", "data"),
+            xytext=(0, 2),
+            textcoords="offset points",
+            color=SOFT[0],
+            fontsize=7,
+        )
+
+
+def draw_residuals(axes: Axes, run: Run, group: Sequence[Observed], columns: int) -> None:
+    """Measured minus model [K]; grey: one standard deviation of what the sensor itself leaves open."""
+    time, ends = time_axis(run), []
+    for band in sorted({round(_floor(observed), 3) for observed in group}):
+        axes.axhspan(-band, band, color=SOFT[0], alpha=0.22, linewidth=0)
+    axes.axhline(0, color=SOFT[0], linewidth=0.8)
+    for observed, name, colour, dashes in zip(group, _names(group), COLOURS, ("-", *DASHES[1:]), strict=False):
+        t, residual = with_gaps(time.of(observed.t_ns), observed.residual, observed.used)
+        axes.plot(*thin(t, residual, columns), color=colour, linestyle=dashes, linewidth=1.1)
+        ends.append((float(residual[np.isfinite(residual)][-1]), name, colour))
+    axes.set_ylabel("measured −\nmodel [K]")
+    axes.set_xlim(0, time.of(run.t_ns[-1:])[0])
+    if len(group) > 1:
+        name_lines(axes, ends)
+
+
+def _floor(observed: Observed) -> float:
+    return float(np.hypot(observed.sd_K, observed.bias_sd_K))
+
+
+def _names(group: Sequence[Observed]) -> list[str]:
+    nodes = [observed.node for observed in group]
+    return [words.name(o.node) if nodes.count(o.node) == 1 else o.channel for o in group]
+
+
+def inputs_over_time(run: Run, columns: int) -> Plot | None:
+    """What drove the motor, one panel a unit, torque only where no current is known; None where the run knows no input of such a unit."""
+    by_unit: dict[str, list[str]] = {}
+    for column in (name for name, values in run.inputs.items() if np.isfinite(values).any()):
+        by_unit.setdefault(column.rpartition("_")[2], []).append(column)
+    shown = [(unit, by_unit[unit]) for unit in AXES if unit in by_unit and not (unit == "Nm" and "A" in by_unit)]
+    if not shown:
+        return None
+    time = time_axis(run)
+    middle = time.of((run.t_ns[:-1] + run.t_ns[1:]) // 2)
+    title = f"What drove it: {words.joined([AXES[unit][0] for unit, _ in shown])}"
+    with style(f"{run.session} inputs"):
+        figure, axes = panels(WIDTH, [0.62] * len(shown), top=0.08)
+        for ax, (unit, names) in zip(axes, shown, strict=True):
+            _draw_inputs(ax, unit, {name: thin(middle, run.inputs[name], columns) for name in names[: len(COLOURS)]})
+        axes[-1].set_xlim(0, time.of(run.t_ns[-1:])[0])
+        axes[-1].set_xlabel(time.label)
+        svg = with_variables(inline_svg(figure, title))
+    return Plot(title, svg, "", _input_table(run, [name for _, names in shown for name in names]))
+
+
+def _draw_inputs(axes: Axes, unit: str, series: Mapping[str, tuple[Floats, Floats]]) -> None:
+    ends, alone = [], len(series) == 1
+    for (name, (t, y)), colour, dashes in zip(series.items(), COLOURS, ("-", *DASHES), strict=False):
+        axes.plot(t, y, color=INK[0] if alone else colour, linestyle=dashes, linewidth=0.8)
+        ends.append(
+            (float(y[np.isfinite(y)][-1]) if np.isfinite(y).any() else 0.0, words.name(name.rpartition("_")[0]), colour)
+        )
+    axes.set_ylabel("\n".join((AXES[unit][0], f"[{AXES[unit][1]}]")))
+    axes.yaxis.set_major_formatter(lambda value, _: words.number(value))
+    if not alone:
+        name_lines(axes, ends)
+
+
+def _instants(t_ns: NDArray[np.int64]) -> NDArray[np.intp]:
+    return np.unique(np.linspace(0, t_ns.size - 1, ROWS).astype(np.intp))
+
+
+def _table(run: Run, group: Sequence[Observed]) -> Table:
+    time, names = time_axis(run), _names(group)
+    at_ns = group[0].t_ns[_instants(group[0].t_ns)]
+    head = (
+        time.label,
+        *(f"{name} {what}" for name in names for what in ("measured [°C]", "model [°C]", "difference [K]")),
+    )
+    cells = [[f"{t:.2f}" for t in time.of(at_ns)]]
+    for observed in group:
+        i = np.clip(np.searchsorted(observed.t_ns, at_ns), 0, observed.t_ns.size - 1)
+        used = observed.used[i]
+        cells += [[f"{v:.1f}" for v in observed.measured[i]], [f"{v:.1f}" for v in observed.modelled[i]]]
+        cells.append(
+            [words.signed(v) if good else "masked" for v, good in zip(observed.residual[i], used, strict=True)]
+        )
+    return Table(head, tuple(zip(*cells, strict=True)))
+
+
+def _input_table(run: Run, names: Sequence[str]) -> Table:
+    time = time_axis(run)
+    i = _instants(run.t_ns[:-1])
+    head = (time.label, *(f"{words.name(n.rpartition('_')[0])} [{AXES[n.rpartition('_')[2]][1]}]" for n in names))
+    cells = [[f"{t:.2f}" for t in time.of(run.t_ns[i])], *([f"{v:,.1f}" for v in run.inputs[n][i]] for n in names)]
+    return Table(head, tuple(zip(*cells, strict=True)))
+
+
+def picture(runs: Sequence[Run], target: Path) -> None:
+    """The worst session in one picture, on white, 900 px wide: `target` with the suffixes .svg and .png.
+
+    Raises ValueError where no run has a usable channel.
+    """
+    worst = max((e for run in runs for e in channel_errors(run.summary)), key=lambda e: e.mae_K)
+    run = next(run for run in runs if run.session == worst.session)
+    ranked = [error.channel for error in channel_errors(run.summary)][:TOGETHER]
+    group = [observed for observed in run.observed if observed.channel in ranked]
+    with style("picture"):
+        figure, (upper, lower) = panels(9.0, (3.0, 1.7), top=0.62)
+        figure.set_facecolor(PAPER[0])
+        draw_temperatures(upper, run, group, 900)
+        draw_residuals(lower, run, group, 900)
+        lower.set_xlabel(time_axis(run).label)
+        figure.text(LEFT, 0.96, finding(worst), fontsize=11, fontweight="bold", va="center")
+        upper.set_title(
+            f"session {run.session_name}, model {run.motor}, open loop", fontsize=8.5, color=SOFT[0], loc="right"
+        )
+        save(figure, target)

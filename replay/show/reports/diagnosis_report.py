@@ -1,0 +1,112 @@
+"""The report of a diagnosis: one HTML file that asks for nothing, reads in light and dark and prints on A4."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from replay.engine.results.run import Run
+from replay.show.plots.compare import MODELS, compare, lines_drawn
+from replay.show.plots.error_maps import error_map
+from replay.show.plots.filter_plots import estimated_loss
+from replay.show.reports import verdict
+from replay.show.reports.diagnosis_text import diagnosis_name, gain_notes, looked_at, next_commands
+from replay.show.reports.gain_plot import gain_bars
+from replay.show.reports.ranking import ranking
+from replay.show.reports.report import COLUMNS, LINES, ReportContext, started
+from replay.show.words.figure import Plot
+from replay.show.words.page import template
+from replay.studies.diagnosis.answer import Diagnosis
+
+
+@dataclass(frozen=True)
+class SessionModels:
+    """One session's part of the report: one of its runs for name and kind, and whether it was kept from learning."""
+
+    run: Run
+    start: str
+    kept: bool
+    plots: Sequence[Plot]
+
+
+def write_diagnosis_report(
+    diagnosis: Diagnosis,
+    runs: Mapping[str, Mapping[str, Run]],
+    diff: str,
+    target: Path,
+    context: ReportContext,
+) -> None:
+    """Write the report of a diagnosis to `target`. The same input gives the same bytes.
+
+    `runs`: session id -> "published", "recalibrated", "extended" -> its sealed run; sessions and models may be missing.
+    `diff`: unified diff of the motor or bench file, "" where nothing is added.
+    """
+    shown = {session: runs[session] for session in (*diagnosis.train, *diagnosis.held_out) if runs.get(session)}
+    page = template("diagnosis.html.j2").render(
+        diagnosis=diagnosis,
+        name=diagnosis_name(diagnosis),
+        verdict=verdict,
+        answer=verdict.answer(diagnosis),
+        gain_plot=gain_bars(diagnosis),
+        gain_notes=gain_notes(diagnosis),
+        looked_at=looked_at(diagnosis),
+        commands=next_commands(diagnosis),
+        sessions=_sessions(diagnosis, shown),
+        map=error_map([models["published"] for models in shown.values() if "published" in models]) if shown else None,
+        ranking=ranking(diagnosis),
+        filtered=list(_filtered(diagnosis, shown)),
+        diff=[(_diff_class(line), line) for line in diff.splitlines()],
+        replays=[(MODELS[key].label, models[key]) for models in shown.values() for key in MODELS if key in models],
+        context=context,
+    )
+    target.write_text(page, encoding="utf-8")
+
+
+def _diff_class(line: str) -> str:
+    if line.startswith(("+++", "---")):
+        return "file"
+    return {"+": "added", "-": "removed"}.get(line[:1], "same")
+
+
+def _columns(shown: Mapping[str, Mapping[str, Run]]) -> int:
+    """Pixel columns a line, so that the page stays under 5 MB."""
+    return min(COLUMNS, COLUMNS * LINES // max(sum(map(lines_drawn, shown.values())), 1))
+
+
+def _sessions(diagnosis: Diagnosis, shown: Mapping[str, Mapping[str, Run]]) -> list[SessionModels]:
+    return [
+        SessionModels(run, started(run), session in diagnosis.held_out, compare(models, _columns(shown)))
+        for session, models in shown.items()
+        for run in [next(iter(models.values()))]
+    ]
+
+
+def _filtered(diagnosis: Diagnosis, shown: Mapping[str, Mapping[str, Run]]) -> Iterator[tuple[str, str, Plot]]:
+    """Session, model, plot: before and after, of the kept sessions, or of all where none is kept."""
+    sessions = [session for session in shown if session in diagnosis.held_out] or list(shown)
+    for models in (shown[session] for session in sessions):
+        known = [key for key in MODELS if key in models]
+        for key in dict.fromkeys((known[0], known[-1])):
+            plot = filter_section(models[key], diagnosis if key == "published" else None, _columns(shown))
+            if plot is not None:
+                own = replace(plot, svg=_own_ids(plot.svg, f"{key}-"))
+                yield models[key].session_name, MODELS[key].label, own
+
+
+def filter_section(run: Run, diagnosis: Diagnosis | None, columns: int) -> Plot | None:
+    """The heat that a filter finds in a run, beside what the model says; None where the run was not filtered.
+
+    `diagnosis`: where it names something else than a loss of the filtered node, the title says so.
+    """
+    if run.filtered is None:
+        return None
+    blamed = [cause for cause in diagnosis.causes if verdict.is_loss_at(cause, run.filtered.node)] if diagnosis else []
+    elsewhere = diagnosis.causes[0].id if diagnosis and diagnosis.causes and not blamed else None
+    return estimated_loss(run, columns, elsewhere)
+
+
+def _own_ids(svg: str, prefix: str) -> str:
+    """Two drawings of one session are made with the same ids: on one page each needs its own."""
+    return re.sub(r"( id=\"|href=\"#|url\(#)", rf"\g<1>{prefix}", svg)

@@ -1,0 +1,178 @@
+"""A diagnosis as text, 100 columns wide, and as Markdown for the viewer: the answer first, the next command last."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from replay.show.reports import verdict
+from replay.show.reports.verdict import Ending
+from replay.show.words import words
+from replay.show.words.terminal import labelled
+from replay.studies.diagnosis.answer import Diagnosis, Gain, Named
+
+RIVALS = 5  # told at most
+
+
+def diagnosis_text(diagnosis: Diagnosis) -> str:
+    """What `whyhot diagnose` prints. No colours, no trailing newline."""
+    lines = labelled("What is wrong", verdict.what_is_wrong(diagnosis))
+    lines += _paragraphs("Left out", [f"{m.session_name}: {m.says}" for m in diagnosis.masked])
+    for label, paragraphs in _ending(diagnosis):
+        lines += _paragraphs(label, paragraphs)
+    lines += _paragraphs("Gain, kept", list(_gain(diagnosis)))
+    lines += labelled("Looked at", looked_at(diagnosis))
+    if diagnosis.next_test is not None:
+        lines += labelled("Next test", diagnosis.next_test)
+    return "\n".join(
+        [
+            *lines,
+            *labelled("Next", " · ".join([*next_commands(diagnosis), f"whyhot report {diagnosis_name(diagnosis)}"])),
+        ]
+    )
+
+
+def looked_at(diagnosis: Diagnosis) -> str:
+    """ "213 candidates, 5 sessions (3 to learn from, 2 kept), 68,000 steps, 14 s"."""
+    learnt, kept = len(diagnosis.train), len(diagnosis.held_out)
+    text = (
+        f"{diagnosis.candidates:,} candidates, {learnt + kept} session{'s' * (learnt + kept != 1)} "
+        f"({learnt} to learn from, {kept} kept), {diagnosis.steps:,} steps, {words.duration(diagnosis.seconds)}"
+    )
+    if diagnosis.dropped:
+        text += f"; left out because the model became unstable with them: {', '.join(diagnosis.dropped)}"
+    return text
+
+
+def next_commands(diagnosis: Diagnosis) -> list[str]:
+    """What to type next; the id as a person would type it."""
+    name = diagnosis_name(diagnosis)
+    extended = diagnosis.extended_model is not None or diagnosis.extended_bench is not None
+    seen = [*diagnosis.held_out_names, *diagnosis.train_names][:1]
+    return [
+        *([f"whyhot accept {name}"] if extended else []),
+        *(f"whyhot view {session}" for session in seen),
+    ]
+
+
+def diagnosis_name(diagnosis: Diagnosis) -> str:
+    """ "d-7f31beef"."""
+    return f"d-{words.short(diagnosis.diagnosis)}"
+
+
+def answer_markdown(diagnosis: Diagnosis) -> str:
+    """The answer for the viewer's text panel: what, how much, what else it could be, what it gains, where to look."""
+    lines = [f"# {verdict.answer(diagnosis)}", ""]
+    for cause in diagnosis.causes:
+        lines += [f"## `{cause.id}`", f"{words.capital(cause.says)}.", ""]
+        lines += [f"- {_evidence(diagnosis, cause)}", f"- {verdict.effect(diagnosis, cause)}"]
+        lines += [f"- `{cause.formula}`", f"- {verdict.whether_improved(cause)}"]
+        lines += [f"- not told apart from `{other}`: {says}" for other, says in verdict.rivals_left(cause)]
+        lines += [f"- test that would: {cause.separating_test}"] if cause.separating_test else []
+        lines += [""]
+    gain = list(_gain(diagnosis))
+    lines += ["## Gain on kept sessions", *(f"- {line}" for line in gain), ""] if gain else []
+    lines += [f"Most telling test: {diagnosis.next_test}", ""] if diagnosis.next_test is not None else []
+    return "\n".join([*lines, f"Diagnosis {diagnosis_name(diagnosis)}: {looked_at(diagnosis)}.", ""])
+
+
+def _paragraphs(label: str, paragraphs: Sequence[str]) -> list[str]:
+    return [line for i, text in enumerate(paragraphs) for line in labelled(label if i == 0 else "", text)]
+
+
+def _ending(diagnosis: Diagnosis) -> Iterator[tuple[str, Sequence[str]]]:
+    """The middle of the page: label, paragraphs."""
+    match verdict.ending(diagnosis):
+        case Ending.NAMED:
+            for cause in diagnosis.causes:
+                yield from _cause(diagnosis, cause)
+        case Ending.AGREES | Ending.CANNOT_TELL:
+            yield "Named cause", ["none", verdict.finding(diagnosis)]
+        case Ending.UNKNOWN:
+            yield "Named cause", ["none"]
+    for heat in diagnosis.unknown:
+        goes_with = f"It goes with {words.joined([words.name(name) for name in heat.goes_with])}. " * bool(
+            heat.goes_with
+        )
+        evidence = f"ln BF {verdict.figures(heat.log_bayes_factor)}{' of the strongest' * bool(heat.patchwork)}"
+        yield "Unknown", [verdict.unknown_sentence(heat), f"{goes_with}{words.capital(evidence)}"]
+    yield "Rivals", [*_rivals(diagnosis)] or ["none above the null"]
+
+
+def _cause(diagnosis: Diagnosis, cause: Named) -> Iterator[tuple[str, Sequence[str]]]:
+    yield (
+        "Named cause",
+        [
+            f"{cause.id}   {_evidence(diagnosis, cause)}",
+            cause.says,
+            verdict.effect(diagnosis, cause),
+            *([cause.formula] if cause.formula else []),
+            *([] if cause.improved else [verdict.whether_improved(cause)]),
+        ],
+    )
+    told = [f"{other}: {says}" for other, says in verdict.rivals_left(cause)]
+    if told:
+        share = f"its own share of that probability is {verdict.probability(cause.member_probability)}"
+        test = [f"Test that would: {cause.separating_test}"] if cause.separating_test else []
+        yield "Not told apart", [*told, share, *test]
+    else:
+        yield "Not told apart", ["nothing within ln 20"]
+
+
+def _evidence(diagnosis: Diagnosis, cause: Named) -> str:
+    against = (
+        f"null {verdict.figures(diagnosis.null_log_bayes_factor)}, threshold {verdict.figures(diagnosis.threshold)}"
+    )
+    bayes = f"ln BF {verdict.figures(cause.log_bayes_factor)}, {against}"
+    return f"probability {verdict.probability(cause.probability)} ({bayes})"
+
+
+def _rivals(diagnosis: Diagnosis) -> Iterator[str]:
+    for rival in diagnosis.rivals[:RIVALS]:
+        yield f"{rival.id}: ln BF {verdict.figures(rival.log_bayes_factor)}, {rival.why_not}"
+    if len(diagnosis.rivals) > RIVALS:
+        yield f"and {len(diagnosis.rivals) - RIVALS} more in the report"
+
+
+def _gain(diagnosis: Diagnosis) -> Iterator[str]:
+    """Errors on kept sessions, node by node, then what qualifies them."""
+    if not diagnosis.gain:
+        return
+    if diagnosis.causes:
+        yield from _before_and_after(diagnosis.gain)
+    else:
+        recalibrated = (
+            f"{words.name(g.node)} {g.published_mae_K:.1f} -> {words.kelvin(g.mae_before_K)}" for g in diagnosis.gain
+        )
+        yield f"by recalibration alone: {' · '.join(recalibrated)}"
+    outside = max(gain.outside_trained_share for gain in diagnosis.gain)
+    interval = f"95 % intervals {diagnosis.gain[0].interval}; " if diagnosis.causes else ""
+    yield f"{words.joined(diagnosis.held_out_names)}; {interval}{100 * outside:.0f} % of the time outside trained points"
+    yield from gain_notes(diagnosis)
+
+
+def _before_and_after(gains: Sequence[Gain]) -> Iterator[str]:
+    """The better first, then the worse, then those that the interval leaves unchanged on one line."""
+    by_verdict: dict[str, list[Gain]] = {}
+    for gain in sorted(gains, key=lambda g: g.mae_after_K - g.mae_before_K):
+        by_verdict.setdefault(verdict.change(gain), []).append(gain)
+    for word in ("better", "worse"):
+        for gain in by_verdict.get(word, []):
+            ends = sorted(abs(end) for end in gain.ci95_K)
+            change = f"{abs(gain.mae_before_K - gain.mae_after_K):.1f} {word}, {ends[0]:.1f} to {ends[1]:.1f}"
+            fall = f"{gain.mae_before_K:.1f} -> {words.kelvin(gain.mae_after_K)}"
+            yield f"{words.name(gain.node)} {fall} ({change}); {words.kelvin(gain.published_mae_K)} as published"
+    if same := by_verdict.get("unchanged"):
+        yield f"unchanged: {' · '.join(f'{words.name(g.node)} {words.kelvin(g.mae_after_K)}' for g in same)}"
+
+
+def gain_notes(diagnosis: Diagnosis) -> list[str]:
+    """What a reader must know before trusting the gain."""
+    notes = []
+    if diagnosis.log_score_gain is not None and diagnosis.log_score_gain_lower is not None:
+        score, lower = verdict.figures(diagnosis.log_score_gain), verdict.figures(diagnosis.log_score_gain_lower)
+        notes.append(f"log score of the kept sessions {score} higher, at least {lower}")
+    if diagnosis.few_kept_data:
+        notes.append("few kept data: under 8 independent blocks, so the interval is rough")
+    if diagnosis.opened_before:
+        notes.append("not a first look: an earlier diagnosis opened these kept sessions")
+    return notes

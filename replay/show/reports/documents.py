@@ -1,0 +1,159 @@
+"""Report and layers of what a store holds: which runs, read back from their seals, to which files."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+
+from ingest.catalogue.channels import load
+from ingest.facts.events import ReplayCompleted, SessionRecorded
+from ingest.facts.facts import Facts, at
+from ingest.facts.store import Store
+from replay.engine.results.run import Run
+from replay.engine.results.sealed import load_run
+from replay.engine.runs.campaign import replay_sessions
+from replay.errors import ReplayDataError
+from replay.show.reports.diagnosis_report import write_diagnosis_report
+from replay.show.reports.diagnosis_text import answer_markdown
+from replay.show.reports.layers import write_filtered, write_measured, write_open_loop
+from replay.show.reports.report import ReportContext, write_report
+from replay.show.words.words import short
+from replay.studies.diagnosis.answer import Diagnosis, read
+from replay.studies.diagnosis.formulas import text_diff
+
+NAMED = ("whyhot", "numpy", "scipy", "numba", "pyarrow", "matplotlib")
+
+
+def write_replay_report(
+    store: Store, facts: Facts, sessions: Sequence[str], target: Path, command: str, model: str | None = None
+) -> list[Run]:
+    """The report of the latest run of each session (all replayed ones where none is named); returns these runs.
+
+    `model`: id of the model that they are to be of, None for any. Raises ReplayDataError where a session has no such run.
+    """
+    chosen = [facts.session(text) for text in sessions] or [s for s in facts.sessions if latest_run(facts, s, model)]
+    if not chosen:
+        raise ReplayDataError(f"no session of this store was replayed{_with(facts, model)}, then report.")
+    runs = [load_run(store, facts, _run_of(facts, session, model)) for session in chosen]
+    target.parent.mkdir(parents=True, exist_ok=True)
+    write_report(runs, target, context(store, command))
+    return runs
+
+
+def write_layers(store: Store, facts: Facts, sessions: Sequence[str], folder: Path) -> list[Path]:
+    """One .rrd a layer and session: `<session>.measured.rrd` and, where it was replayed, `<session>.open_loop.rrd`
+    and, where a filter ran, `<session>.filtered.rrd`; `<session>.extended.rrd` where a diagnosis extended the model and its report was
+    made.
+
+    Raises ViewerError where rerun is not installed.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    paths = []
+    for session in (facts.session(text) for text in sessions):
+        extension = _extension(store, facts, session)
+        event = extension.published if extension else latest_run(facts, session)
+        run = load_run(store, facts, event) if event else None
+        paths.append(folder / f"{session.name}.measured.rrd")
+        write_measured(session, load(store, facts, session), paths[-1], run)
+        if run:
+            paths.append(folder / f"{session.name}.open_loop.rrd")
+            write_open_loop(run, paths[-1])
+            if run.filtered:
+                paths.append(folder / f"{session.name}.filtered.rrd")
+                write_filtered(run, paths[-1])
+            if extension:  # last: its layout shows both
+                paths.append(folder / f"{session.name}.extended.rrd")
+                extended = load_run(store, facts, extension.extended)
+                says = answer_markdown(extension.diagnosis)
+                write_open_loop(extended, paths[-1], "extended", run, says)
+    return paths
+
+
+@dataclass(frozen=True)
+class _Extension:
+    """The last diagnosis that extended a model over a session, with the session's runs before and after."""
+
+    diagnosis: Diagnosis
+    published: ReplayCompleted
+    extended: ReplayCompleted
+
+
+def _extension(store: Store, facts: Facts, session: SessionRecorded) -> _Extension | None:
+    """None where no diagnosis extended a model here, or its report was not made yet (which replays the session)."""
+    runs = {event.model: event for event in facts.runs.values() if event.session == session.session}
+    for completed in reversed(list(facts.diagnoses.values())):
+        if session.session in (*completed.key["train"], *completed.key["kept"]):
+            found = read(json.loads(store.archive.read(completed.artefact)))
+            if found.extended_model in runs and found.model in runs:
+                return _Extension(found, runs[found.model], runs[found.extended_model])
+    return None
+
+
+def write_diagnosis(
+    store: Store, diagnosis: Diagnosis, target: Path, command: str, tell: Callable[[str], None] = lambda _: None
+) -> dict[str, dict[str, Run]]:
+    """The report of a diagnosis; returns its runs, session -> model as the report calls it -> run. Its sessions are replayed first under the model as published, recalibrated and extended, where
+    the ledger does not have these runs."""
+    names = [*diagnosis.train, *diagnosis.held_out]
+    models = {
+        "published": diagnosis.model,
+        "recalibrated": diagnosis.recalibrated_model,
+        "extended": diagnosis.extended_model,
+    }
+    runs: dict[str, dict[str, Run]] = {name: {} for name in names}
+    for label, model in models.items():
+        if model is None:
+            continue
+        facts = at(store.ledger)
+        sessions = [facts.session(name) for name in names]
+        outcomes = replay_sessions(store, sessions, model, diagnosis.level, 1, tell)
+        facts = at(store.ledger)
+        for outcome in outcomes:
+            if outcome.run:
+                runs[outcome.session.session][label] = load_run(store, facts, outcome.run)
+    target.parent.mkdir(parents=True, exist_ok=True)
+    write_diagnosis_report(diagnosis, runs, _difference(store, diagnosis), target, context(store, command))
+    return runs
+
+
+def _difference(store: Store, diagnosis: Diagnosis) -> str:
+    """What the extended motor and bench files say otherwise."""
+    parts = []
+    if diagnosis.extended_model and diagnosis.recalibrated_model:
+        parts.append((diagnosis.recalibrated_model, diagnosis.extended_model))
+    if diagnosis.extended_bench and diagnosis.recalibrated_bench:
+        parts.append((diagnosis.recalibrated_bench, diagnosis.extended_bench))
+    return "\n".join(text_diff(store.archive.read(old), store.archive.read(new)) for old, new in parts)
+
+
+def context(store: Store, command: str) -> ReportContext:
+    head = store.ledger.head()
+    return ReportContext(
+        command=command.strip(),
+        store_head=f"{head.position} {head.root[:16]}",
+        versions={name: version(name) for name in NAMED},
+    )
+
+
+def latest_run(facts: Facts, session: SessionRecorded, model: str | None = None) -> ReplayCompleted | None:
+    """The run of a session (with this model, where one is given) that was recorded last, or None."""
+    runs = [event for event in facts.runs.values() if event.session == session.session]
+    return next((event for event in reversed(runs) if model in (None, event.model)), None)
+
+
+def _run_of(facts: Facts, session: SessionRecorded, model: str | None) -> ReplayCompleted:
+    event = latest_run(facts, session, model)
+    if event is None:
+        raise ReplayDataError(f"session {session.name} was not replayed{_with(facts, model, session.name)}")
+    return event
+
+
+def _with(facts: Facts, model: str | None, session: str = "") -> str:
+    """ " yet", or with which model not, and the command that would."""
+    command = f"whyhot replay {session}".rstrip()
+    if model is None:
+        return f" yet: {command}"
+    return f" with model {facts.models[model].motor} {short(model)}: {command} --model {short(model)}"

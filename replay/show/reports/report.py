@@ -1,0 +1,100 @@
+"""The report of a replay: one HTML file that asks for nothing, reads in light and dark and prints on A4."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+
+from replay.engine.results.run import Observed, Run
+from replay.show.plots.derating_plot import derating_over_time
+from replay.show.plots.error_maps import error_along, error_map
+from replay.show.plots.filter_plots import filter_over_time
+from replay.show.plots.heat_plots import heat_balance
+from replay.show.plots.meter_plots import meter_over_time
+from replay.show.plots.plots import groups, inputs_over_time, over_time
+from replay.show.words import heat_words, words
+from replay.show.words.figure import Plot
+from replay.show.words.filter_words import filter_says
+from replay.show.words.findings import answer, channel_errors, power_balance
+from replay.show.words.page import template
+
+COLUMNS = 600  # pixel columns that a line is thinned to ...
+FILTER_LINES = 11  # of a plot of filter and smoother, its band as two
+LINES = 120  # ... up to this many lines; above, each gets fewer, so that the file stays under 5 MB
+
+
+@dataclass(frozen=True)
+class ReportContext:
+    """Where the report comes from: the command typed, the store's head, versions of what computed it (name -> version)."""
+
+    command: str
+    store_head: str
+    versions: Mapping[str, str]
+
+
+@dataclass(frozen=True)
+class SessionPlots:
+    """One session's part of the report."""
+
+    run: Run
+    start: str
+    plots: Sequence[Plot]
+
+
+def write_report(runs: Sequence[Run], target: Path, context: ReportContext) -> None:
+    """Write the report of one replay (a run a session, in the order wanted) to `target`. The same runs give the same bytes."""
+    summaries = [run.summary for run in runs]
+    page = template("report.html.j2").render(
+        answer=answer(summaries),
+        runs=runs,
+        errors={run.session: channel_errors(run.summary) for run in runs},
+        sessions=_sessions(runs),
+        maps=[plot for plot in (error_map(runs), error_along(runs)) if plot is not None],
+        balances=power_balance(summaries),
+        heats=[(run.session_name, said) for run in runs if (said := _heat(run))],
+        meters=[(run.session_name, entry) for run in runs for entry in run.summary.get("meters") or ()],
+        notes=[(run.session_name, run.summary["note"]) for run in runs if run.summary.get("note")],
+        context=context,
+    )
+    target.write_text(page, encoding="utf-8")
+
+
+def _heat(run: Run) -> list[str]:
+    """What a run says of heat, hot spots, its filter, limits and derating, a sentence each."""
+    summary = run.summary
+    told = [
+        heat_words.heat(summary),
+        heat_words.hottest(summary),
+        *filter_says(summary),
+        *heat_words.above_limits(summary),
+    ]
+    return [words.capital(text) for text in (*told, *heat_words.derating(summary)) if text]
+
+
+def _sessions(runs: Sequence[Run]) -> list[SessionPlots]:
+    grouped = [(run, groups(run)) for run in runs]
+    lines = sum(3 * len(group) for _, of_run in grouped for group in of_run) + sum(len(run.inputs) for run in runs)
+    lines += FILTER_LINES * sum(run.filtered is not None for run in runs)
+    columns = min(COLUMNS, COLUMNS * LINES // max(lines, 1))
+    return [SessionPlots(run, started(run), _plots(run, of_run, columns)) for run, of_run in grouped]
+
+
+def _plots(run: Run, of_run: Sequence[Sequence[Observed]], columns: int) -> list[Plot]:
+    inputs = inputs_over_time(run, columns)
+    deratings = (derating_over_time(run, entry, columns) for entry in run.summary.get("derating") or ())
+    filtered = filter_over_time(run, columns)
+    return [
+        *(over_time(run, group, columns) for group in of_run),
+        *([filtered] if filtered is not None else []),
+        *(meter_over_time(run, metered, columns) for metered in run.meters),
+        *(plot for plot in (heat_balance(run, columns), *deratings, inputs) if plot is not None),
+    ]
+
+
+def started(run: Run) -> str:
+    """When a session began, to the second."""
+    if not run.absolute:
+        return "no absolute time"
+    return f"{datetime.fromtimestamp(int(run.t_ns[0]) // 10**9, UTC):%Y-%m-%d %H:%M:%S} UTC"

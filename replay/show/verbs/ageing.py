@@ -1,0 +1,193 @@
+"""What heat has done to the insulation, as text 100 columns wide and as a picture."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+from replay.show.words import words
+from replay.show.words.terminal import labelled
+from replay.studies.ageing.assessment import Assessment, Batch, Law, LivesLaw, Specimen, Stress
+
+ROWS = 12  # specimens in the table; of more, those that stand out most
+NAMED = 8  # specimens or batches in a sentence
+FORMS = {
+    "none": "no change beyond repeatability",
+    "monotone": "rising steadily",
+    "dip_then_rise": "falling first, then rising",
+    "changepoint": "changing course",
+}
+
+
+def ageing_text(found: Assessment) -> str:
+    """What `whyhot ageing` prints. No colours, no trailing newline."""
+    lines = labelled("Answer", answer(found))
+    lines += ["", *_table(found)]
+    if len(found.batches) > 1:
+        lines += ["", *_batches(found)]
+    lines += ["", *labelled("R", f"thermal resistance of the insulation; repeatability {found.repeatability_from}")]
+    lines += labelled(
+        "Rules", f"{words.joined(found.rules)}; each number is by one rule, from the least to the most of them"
+    )
+    if found.law:
+        lines += labelled("Law", _law(found.law))
+    if found.life.law:
+        lines += labelled("Life", _lives(found.life.law, found.criterion))
+    for text in _stress(found):
+        lines += labelled("Stress", text)
+    lines += labelled("Life used", f"hours at {found.threshold_degC:g} °C that the dose is worth, of 20,000 h")
+    lines += labelled("Next", 'whyhot sql "FROM conductivity_by_cycle"   or   "FROM fleet_health"')
+    return "\n".join(lines)
+
+
+def answer(found: Assessment) -> str:
+    """How many specimens, what the courses are, and what stands out."""
+    checks = sum(len(one.checks) for one in found.specimens)
+    parts = [f"{words.counted(len(found.specimens), 'specimen')}, {words.counted(checks, 'check')}."]
+    changed = [one for one in found.specimens if one.significant]
+    if len(found.specimens) <= NAMED:
+        parts += [f"{one.specimen}: {course(one)}." for one in changed]
+        for names, says in (
+            ([one.specimen for one in found.specimens if not one.significant and one.checks], FORMS["none"]),
+            ([one.specimen for one in found.specimens if not one.checks], "no check"),
+        ):
+            if names:
+                parts.append(f"{words.joined(names)}: {says}.")
+    else:
+        forms = Counter(one.form for one in changed)
+        told = [f"{count} {FORMS[form]}" for form, count in forms.most_common()]
+        parts.append(f"{len(changed)} change beyond repeatability" + (f" ({words.joined(told)})." if told else "."))
+    return " ".join([*parts, standing_out(found)])
+
+
+def course(one: Specimen) -> str:
+    """One specimen's course in words."""
+    text = (
+        "falling steadily" if one.form == "monotone" and (one.slope_percent_per_100h or 0.0) < 0.0 else FORMS[one.form]
+    )
+    if one.change_at_dose_h is not None:
+        text += f" at {one.change_at_dose_h:.0f} h"
+    if one.level_from_dose_h is not None:
+        text += f" until it is level from {one.level_from_dose_h:.0f} h on"
+    if one.slope_percent_per_100h is not None:
+        text += f", R {one.slope_percent_per_100h:+.1f} % per 100 h".replace("-", "−")
+        if one.ci95:
+            text += f" ({one.ci95[0]:.1f} to {one.ci95[1]:.1f})".replace("-", "−")
+    return f"{text} (probability of this form {100 * one.form_probability:.0f} %)"
+
+
+def standing_out(found: Assessment) -> str:
+    """The batches and specimens that are not as the others."""
+    batches = sorted((one for one in found.batches if one.outlying), key=score)
+    specimens = sorted((one for one in found.specimens if one.outlying), key=score)
+    rate = f"false discovery rate {100 * found.false_discovery_rate:.0f} %"
+    said = []
+    if batches:
+        said.append(f"{words.joined([f'batch {one.batch}' for one in batches[:NAMED]])}{_more(batches)}")
+    if specimens:
+        said.append(f"{words.joined([one.specimen for one in specimens[:NAMED]])}{_more(specimens)}")
+    if not said:
+        return f"None stands out from the others ({rate})."
+    return f"Not as the others: {words.joined(said)} ({rate})."
+
+
+def score(one: Specimen | Batch) -> float:
+    """The one that ages fastest beyond the others first."""
+    return math.inf if one.score is None else -one.score
+
+
+def _more(some: Sequence[object]) -> str:
+    return f" and {len(some) - NAMED} more" if len(some) > NAMED else ""
+
+
+def _table(found: Assessment) -> Iterator[str]:
+    shown = list(found.specimens)
+    if len(shown) > ROWS:
+        bad = {one.batch for one in found.batches if one.outlying}
+        shown = sorted(shown, key=lambda one: (not one.outlying, one.batch not in bad, score(one)))[:ROWS]
+    wide = max([8, *(len(one.specimen) for one in shown)])
+    yield f"{'Specimen':<{wide}}  {'batch':<6}  checks    dose  {'course':<14}{'sure':>5}  {'R per 100 h':>12}  {'conducts':>8}  life used"
+    for one in shown:
+        last = next((check for check in reversed(one.checks) if check.conductivity_percent is not None), None)
+        yield (
+            f"{one.specimen:<{wide}}  {one.batch or '-':<6}  {len(one.checks):>6}  {_hours(one.dose_h):>6}  {one.form.replace('_', ' '):<14}"
+            f"{100 * one.form_probability:>3.0f} %  {_slope(one):>12}  {_percent(last.conductivity_percent if last else None):>8}  {_life(one)}"
+            f"{_apart(one)}"
+        )
+    if len(found.specimens) > len(shown):
+        yield f"and {len(found.specimens) - len(shown)} more"
+
+
+def _apart(one: Specimen) -> str:
+    if not one.outlying:
+        return ""
+    return "  stands out" if one.score is None else f"  stands out ({one.score:+.2g} sd)"
+
+
+def _batches(found: Assessment) -> Iterator[str]:
+    yield f"{'Batch':<12}{'specimens':>10}{'R per 100 h':>14}{'above the others':>19}"
+    for one in sorted(found.batches, key=score):
+        slope = "-" if one.slope_percent_per_100h is None else f"{one.slope_percent_per_100h:+.1f} %".replace("-", "−")
+        above = "-" if one.score is None else f"{one.score:+.1f} sd".replace("-", "−")
+        yield f"{one.batch:<12}{one.specimens:>10}{slope:>14}{above:>19}{'  stands out' if one.outlying else ''}"
+
+
+def _law(law: Law) -> str:
+    begins = f" from {law.from_h:.0f} h on" if law.from_h else ""
+    text = f"insulation conducts {law.percent_per_100h:+.1f} % per 100 h{begins} (± {law.sd:.1f}), from {law.source}".replace(
+        "-", "−"
+    )
+    return f"{text}; written into model {words.short(law.model)}: replay takes it into account" if law.model else text
+
+
+def _lives(law: LivesLaw, criterion: str) -> str:
+    def with_band(given: dict[str, Any], digits: int) -> str:
+        ends = ["?" if end is None else f"{end:,.{digits}f}" for end in given["ci95"]]
+        return f"{given['value']:,.{digits}f} ({ends[0]} to {ends[1]})"
+
+    text = f"until {criterion}: {with_band(law.median_h_at_180degC, 0)} h at 180 °C by {with_band(law.activation_energy_eV, 2)} eV"
+    if law.temperature_index_degC is None or law.halving_interval_K is None:
+        return f"{text}; {law.why_no_index}"
+    index, halving = with_band(law.temperature_index_degC, 0), with_band(law.halving_interval_K, 1)
+    return f"{text}; temperature index {index} °C, halving interval {halving} K"
+
+
+def _stress(found: Assessment) -> Iterator[str]:
+    """The stresses that are told from all others, then those that go together."""
+    known = [one for one in found.stress if one.percent is not None and one.sd_percent is not None]
+    if len(known) < 2:
+        return
+    told = [f"{_effect(one)} ({one.name})" for one in known if not one.not_told_from]
+    if told:
+        yield f"{words.joined(told)}, all specimens together"
+    together = [one for one in known if one.not_told_from]
+    if together:
+        names, alone = words.joined([one.name for one in together]), " or ".join(map(_effect, together))
+        yield f"{names} go together in these sessions: {alone}, if one does it all; cycles of another length would tell"
+
+
+def _effect(one: Stress) -> str:
+    return f"R {one.percent:+.1f} % ± {one.sd_percent:.1f} % each {one.unit}".replace("-", "−").replace("degC", "°C")
+
+
+def _hours(value: float | None) -> str:
+    return "-" if value is None else f"{value:,.0f} h"
+
+
+def _slope(one: Specimen) -> str:
+    """Its own where its course is beyond repeatability, else what it and the fleet together say."""
+    own, fleet = one.slope_percent_per_100h, one.fleet_slope_percent_per_100h
+    slope = own if one.significant or fleet is None else fleet
+    return "-" if slope is None else f"{slope:+.1f} %".replace("-", "−")
+
+
+def _percent(value: float | None) -> str:
+    return "-" if value is None else f"{value:.0f} %"
+
+
+def _life(one: Specimen) -> str:
+    if one.life_used is None:
+        return "-"
+    return f"{100 * one.life_used[0]:.0f} to {100 * one.life_used[1]:.0f} %"

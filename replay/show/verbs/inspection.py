@@ -1,0 +1,116 @@
+"""What `whyhot inspect` says of logs."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from ingest.intake.inspection import InspectedFile, Inspection, Seen
+from replay.show.words.words import duration
+
+SHOWN = 40  # signals; the JSON has all
+
+
+def inspection_json(found: Inspection) -> dict[str, Any]:
+    """The answer "whyhot.inspect/1"."""
+    return {
+        "schema": "whyhot.inspect/1",
+        "files": [_file_json(one) for one in found.files],
+        "signals": [
+            {
+                "signal": seen.signal.qualified,
+                "unit": seen.signal.unit,
+                "quantity": seen.quantity,
+                "low": seen.low,
+                "high": seen.high,
+            }
+            for seen in found.signals
+        ],
+        "unknown_ids": found.unknown_ids,
+    }
+
+
+def _file_json(one: InspectedFile) -> dict[str, Any]:
+    reading = one.reading
+    if reading is None:
+        return {"name": one.path.name, "outcome": "unreadable", "why": one.why}
+    return {
+        "name": one.path.name,
+        "outcome": "cut" if reading.cut else "readable",
+        "why": reading.cut,
+        "note": one.note,
+        "format": reading.format,
+        "found": reading.found,
+        "rejected": reading.rejected,
+        "rejections": [{"where": r.where, "why": r.why} for r in reading.rejections],
+        "absolute": reading.absolute,
+        "start_ns": reading.start_ns,
+        "end_ns": reading.end_ns,
+        "settings": dict(reading.settings),
+        "ids": dict(reading.ids),
+    }
+
+
+def inspection_text(found: Inspection) -> str:
+    """Files first, then signals with what they seem to be."""
+    lines = [line for one in found.files if one.reading for line in _file_lines(one)]
+    width = max((len(seen.signal.qualified) for seen in found.signals), default=0)
+    lines += [f"  {_signal_line(seen, width)}" for seen in found.signals[:SHOWN]]
+    if len(found.signals) > SHOWN:
+        lines.append(f"  and {len(found.signals) - SHOWN} more signals (--json has all)")
+    for key, count in list(found.unknown_ids.items())[:10]:
+        lines.append(f"  {key}: {count:,} frames that no database explains")
+    return "\n".join(lines)
+
+
+def nothing_to_draft(found: Inspection, databases: Sequence[Path], draft: Path) -> str | None:
+    """Why `draft` was not written; None where there are signals to write down."""
+    if found.signals:
+        return None
+    if _frames(found) and not databases:
+        return f"{draft}: no draft was written: frames show no signals without their database. Add --dbc FILE.dbc."
+    return f"{draft}: no draft was written: no signal was found in these logs. Give logs that hold some."
+
+
+def next_step(found: Inspection, databases: Sequence[Path], bench: Path | None, draft: Path | None) -> str:
+    """What to do after `whyhot inspect` with these --dbc, --bench and --bench-draft."""
+    logs = [str(one.path) for one in found.files if one.reading]
+    explained = bool(databases) or not _frames(found)
+    dbc = [word for path in databases for word in ("--dbc", str(path))] if explained else ["--dbc", "FILE.dbc"]
+    if draft and found.signals and explained:
+        return f"complete {draft}, then whyhot ingest {shlex.join([*logs, '--bench', str(draft), *dbc])}"
+    if bench and not draft:
+        return f"whyhot ingest {shlex.join([*logs, '--bench', str(bench), *dbc])}"
+    return f"whyhot inspect {shlex.join([*logs, *dbc, '--bench-draft', str(draft or 'bench.toml')])}"
+
+
+def _frames(found: Inspection) -> bool:
+    return any(one.reading.holds == "frames" for one in found.files if one.reading)
+
+
+def _file_lines(one: InspectedFile) -> list[str]:
+    reading = one.reading
+    assert reading is not None
+    seconds = (
+        (reading.end_ns - reading.start_ns) / 1e9
+        if reading.start_ns is not None and reading.end_ns is not None
+        else 0.0
+    )
+    clock = "with absolute time" if reading.absolute else "time from its own start"
+    holds = reading.holds if reading.found != 1 else reading.holds.removesuffix("s")
+    lines = [f"{one.path.name}   {reading.format}   {reading.found:,} {holds} in {duration(seconds)}, {clock}"]
+    if one.note:
+        lines.append(f"  {one.note}: say rate_hz or column under [time] of the bench file")
+    if reading.cut:
+        lines.append(f"  {reading.cut}")
+    if reading.rejected:
+        first = reading.rejections[0]
+        lines.append(f"  {reading.rejected:,} rejected, the first at {first.where}: {first.why}")
+    return lines
+
+
+def _signal_line(seen: Seen, width: int) -> str:
+    span = f"{seen.low:g} to {seen.high:g}" if seen.low is not None and seen.high is not None else ""
+    return f"{seen.signal.qualified:<{width}}  {seen.signal.unit or '-':<8} {seen.quantity or 'not guessed':<20} {span}".rstrip()

@@ -1,0 +1,35 @@
+"""Many replays in a few lines: a row a recording, a column a node, and where the largest error of each is."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from replay.show.words import words
+from replay.show.words.findings import answer, channel_errors
+from replay.show.words.terminal import INDENT, labelled
+
+
+def overview(summaries: Sequence[Mapping[str, Any]]) -> list[str]:
+    """The answer in a sentence, then mean absolute errors [K] by recording and node."""
+    nodes = list(dict.fromkeys(node for summary in summaries for node in summary["mae_K"]))
+    wide = max((len(summary["session_name"]) for summary in summaries), default=0)
+    head = " " * (wide + 12) + "".join(f"{words.name(node):>9}" for node in nodes)
+    return [
+        *labelled("What is wrong", answer(summaries)),
+        "",
+        " " * INDENT + head + "   mean error, and the largest",
+        *(" " * INDENT + _row(summary, nodes, wide) for summary in summaries),
+    ]
+
+
+def _row(summary: Mapping[str, Any], nodes: Sequence[str], wide: int) -> str:
+    errors = channel_errors(summary)
+    figures = "".join(f"{summary['mae_K'][node]:>7.1f} K" if node in summary["mae_K"] else " " * 9 for node in nodes)
+    lead = f"{summary['session_name']:<{wide}}{words.duration(summary['duration_s']):>12}{figures}   "
+    if not errors:
+        return lead + "no node is observed"
+    if all(error.within_floor for error in errors):
+        return lead + "all within the sensors' own uncertainty"
+    worst = errors[0]
+    return lead + f"{words.name(worst.node)} {worst.direction}, up to {words.kelvin(worst.max_K)}"

@@ -1,0 +1,209 @@
+"""The protocol's outcome as JSON and as text, 100 columns wide."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from replay.show.words import words
+from replay.show.words.terminal import labelled
+from replay.studies.characterise.protocol import MOVES_K, Protocol, of_interest
+
+SHOWN = 12  # parameters that a person reads
+ENOUGH = 0.9  # of what all points not run would teach: so many are said to be worth running
+WORSE_K = 0.2  # by which a filter must be worse than the open loop for that to be explained
+
+
+def document(found: Protocol) -> dict[str, Any]:
+    """`whyhot.protocol/1`."""
+    event, weighed = found.calibration.event, found.influence
+    moved = {p["name"]: p for p in event.parameters}
+    fitted = set(found.fitted)
+    return {
+        "schema": "whyhot.protocol/1",
+        "motor": event.motor,
+        "parent": event.parent,
+        "model": event.model,
+        "calibration": event.calibration,
+        "warnings": list(found.warnings),
+        "converged": event.converged,
+        "points": [_session(session) for session in found.points],
+        "drives": [_session(session) for session in found.drives],
+        "influence": [
+            {
+                **moved[weighed.parameters[i].name],
+                "fitted": weighed.parameters[i].name in fitted,
+                "per_prior_sd_K": dict(zip(weighed.nodes, map(float, weighed.per_sd_K[i]), strict=True)),
+            }
+            for i in weighed.order(of_interest(found.network))
+        ],
+        "unknown_before_K": dict(zip(weighed.nodes, found.unknown_K, strict=True)),
+        "choice": [
+            {
+                **_session(found.points[choice.test]),
+                "gain_nats": choice.gain,
+                "unknown_after_K": dict(zip(weighed.nodes, map(float, choice.known_K), strict=True)),
+            }
+            for choice in found.choices
+        ],
+        "proposed": [
+            {
+                "says": p.words,
+                "gain_nats": p.gain,
+                "hours": p.hours,
+                "unknown_after_K": dict(zip(weighed.nodes, map(float, p.known_K), strict=True)),
+            }
+            for p in found.proposals
+        ],
+        "checked": [
+            {
+                "session": after["session"],
+                "session_name": after["session_name"],
+                "before_mae_K": before["mae_K"],
+                "after_mae_K": after["mae_K"],
+                "filtered": after["filtered"],
+            }
+            for before, after in zip(found.before, found.after, strict=True)
+        ],
+    }
+
+
+def _session(session: Any) -> dict[str, str]:
+    return {"session": session.session, "name": session.name, "kind": session.kind}
+
+
+def protocol_text(found: Protocol) -> str:
+    """What `whyhot protocol` prints. No colours, no trailing newline."""
+    event = found.calibration.event
+    lines = [line for warning in found.warnings for line in labelled("Motor file", warning)]
+    lines += ["", *labelled("Answer", answer(found))] if lines else labelled("Answer", answer(found))
+    lines += ["", *_influence(found)]
+    lines += ["", *_points(found)]
+    if found.proposals:
+        lines += ["", *labelled("Next points", next_points(found))]
+    lines += ["", *_checked(found), ""]
+    for text in filter_notes(found):
+        lines += labelled("Filter", text)
+    model = words.short(event.model)
+    return "\n".join([*lines, *labelled("Next", f"whyhot replay --model {model} · whyhot diagnose --model {model}")])
+
+
+def answer(found: Protocol) -> str:
+    """The error on the drive cycles before and after, at the node that was worst."""
+    errors = checked(found)
+    node, (before, after) = max(errors.items(), key=lambda one: one[1][0])
+    ended = "" if found.calibration.event.converged else " The fit did not converge: take it as a start only."
+    return (
+        f"Fitted to {words.joined([s.name for s in found.points])}, {found.network.name} is {after:.1f} K off at the "
+        f"{words.name(node)} on {words.joined([s.name for s in found.drives])} (before {before:.1f} K), from which nothing "
+        f"was learnt; {len(found.fitted)} of {len(found.influence.parameters)} parameters were fitted.{ended}"
+    )
+
+
+def checked(found: Protocol) -> dict[str, tuple[float, float]]:
+    """Node -> mean absolute error over the drives [K], before and after."""
+    nodes = dict.fromkeys(node for summary in found.before for node in summary["mae_K"])
+    both = {node: [_mean(some, node) for some in (found.before, found.after)] for node in nodes}
+    return {node: (values[0], values[1]) for node, values in both.items()}
+
+
+def _mean(summaries: Sequence[Mapping[str, Any]], node: str) -> float:
+    values = [(s["mae_K"][node], s["duration_s"]) for s in summaries if node in s["mae_K"]]
+    return float(sum(v * t for v, t in values) / sum(t for _, t in values))
+
+
+def _influence(found: Protocol) -> Iterator[str]:
+    weighed = found.influence
+    nodes = of_interest(found.network)
+    order = weighed.order(nodes)[:SHOWN]
+    width = max(len(weighed.parameters[i].name) for i in order)
+    yield f"{'Influence on windings and magnets, per prior sd':<{max(width, 48)}} most at"
+    moved = {p["name"]: p for p in found.calibration.event.parameters}
+    for i in order:
+        parameter = weighed.parameters[i]
+        node = max(nodes, key=lambda n: weighed.per_sd_K[i, n])
+        one = moved[parameter.name]
+        value = f"{one['before']:.4g} -> {one['value']:.4g} {one['unit']}"
+        size = f"{weighed.per_sd_K[i, node]:>6.1f} K {words.name(weighed.nodes[node])}"
+        yield f"{parameter.name:<{max(width, 48)}} {size:<28} {value}".rstrip()
+    small = len(weighed.parameters) - len(found.fitted)
+    if small:
+        yield f"{small} parameters move no node by {MOVES_K} K and stay as the file says"
+
+
+def _points(found: Protocol) -> Iterator[str]:
+    """Point by point, the two nodes that are least known before anything is learnt."""
+    nodes = found.influence.nodes
+    least = sorted(of_interest(found.network), key=lambda i: -found.unknown_K[i])[:2]
+    names = " and ".join(words.name(nodes[i]) for i in least)
+    yield f"What each point teaches; what is left unknown on the drive cycles at {names}"
+    recorded = [f"{one.name} ({one.kind})" for one in (found.points[choice.test] for choice in found.choices)]
+    width = max(28, *map(len, [*recorded, *(one.words for one in found.proposals)]))
+
+    def row(label: str, nats: str, left: Sequence[float]) -> str:
+        return f"{label:<{width}} {nats:>10}   " + "  ".join(f"{left[i]:>5.2f} K" for i in least)
+
+    yield row("before any", "", found.unknown_K)
+    for label, choice in zip(recorded, found.choices, strict=True):
+        yield row(label, f"{choice.gain:.1f} nats", choice.known_K.tolist())
+    if found.proposals:
+        yield "Not run yet, each beside all above it, those that teach most an hour first"
+    for one in found.proposals:
+        yield row(one.words, f"{one.gain:.1f} nats", one.known_K.tolist())
+
+
+def next_points(found: Protocol) -> str:
+    """How many of the proposed points, the first ones, teach most of what all of them would."""
+    gains = np.cumsum([one.gain for one in found.proposals])
+    count = int(np.argmax(gains >= ENOUGH * gains[-1])) + 1
+    first = found.proposals[:count]
+    after = f"teach{'es' if count == 1 else ''} {100 * gains[count - 1] / gains[-1]:.0f} % of what all {len(found.proposals)} would"
+    return f"{words.joined([one.words for one in first])} {after}, in {sum(one.hours for one in first):.1f} h"
+
+
+def _checked(found: Protocol) -> Iterator[str]:
+    errors = checked(found)
+    width = max(len(words.name(node)) for node in errors)
+    yield f"{'Mean error, drives':<{max(width, 20)}} {'before':>9} {'after':>9}"
+    for node, (before, after) in sorted(errors.items(), key=lambda one: -one[1][0]):
+        yield f"{words.name(node):<{max(width, 20)}} {words.kelvin(before):>9} {words.kelvin(after):>9}"
+
+
+def filter_notes(found: Protocol) -> Iterator[str]:
+    """A line a drive: what the filter makes of the channels that it was not given; and why, where the open loop does better."""
+    worse = False
+    for summary in found.after:
+        filtered = summary["filtered"]
+        if filtered and filtered["mae_K"]:
+            seen = {c["channel"]: c for c in summary["channels"]}
+            worse |= any(mae > seen[name]["mae_K"] + WORSE_K for name, mae in filtered["mae_K"].items() if name in seen)
+            parts = [
+                f"{channel} {words.kelvin(mae)} (open loop {words.kelvin(seen[channel]['mae_K'])})"
+                for channel, mae in filtered["mae_K"].items()
+                if channel in seen
+            ]
+            if parts:
+                yield (
+                    f"{summary['session_name']}: from {words.counted(len(filtered['measured']), 'channel')} and an unknown "
+                    f"heat at the {words.name(filtered['node'])}, the kept {words.joined(parts)}"
+                )
+    if worse:
+        yield (
+            "the open loop does better where it begins with the kept channel's own first reading, and where the filter takes for "
+            f"temperature what a thermometer reads too much{_too_much(found)}: a [[correction]] in the bench file takes that off"
+        )
+
+
+def _too_much(found: Protocol) -> str:
+    """Of the channels that a filter read, the one with the largest constant error by the calibration, of one sign on every point."""
+    read = {channel for summary in found.after if summary["filtered"] for channel in summary["filtered"]["measured"]}
+    errors = defaultdict(list)
+    for one in found.calibration.event.errors:
+        if "bias_K" in one and one["channel"] in read:
+            errors[one["channel"]].append(float(one["bias_K"]))
+    means = {name: float(np.mean(some)) for name, some in errors.items() if len({bias > 0 for bias in some}) == 1}
+    worst = max(means, key=lambda name: abs(means[name]), default=None)
+    return "" if worst is None else f" (by the calibration {worst} {words.signed_kelvin(means[worst])})"

@@ -1,0 +1,114 @@
+"""What each sensor is worth, as JSON and as text 100 columns wide."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from replay.show.words import words
+from replay.show.words.terminal import labelled
+from replay.studies.characterise.sensors import LEAST_OTHERS, TOLERATED_K, Worth, student
+
+LEAST_COVERED = 0.9  # coverage of a 95 % band below which it is said to be too narrow
+
+
+def document(found: Worth) -> dict[str, Any]:
+    """`whyhot.sensors/1`."""
+    margin = found.margin
+    return {
+        "schema": "whyhot.sensors/1",
+        "motor": found.network.name,
+        "model": found.model,
+        "sessions": [session.session for session in found.sessions],
+        "heat_at": found.node,
+        "withheld": [vars(one) for one in found.withheld],
+        "done_without": [vars(one) for one in found.order],
+        "dispensable": dispensable(found),
+        "margin": None if margin is None else {**vars(margin), "channels": list(margin.channels)},
+    }
+
+
+def dispensable(found: Worth) -> list[str]:
+    """The channels that can go one after the other while each one gone is estimated to a mean of 2 K."""
+    names = []
+    for one in found.order:
+        if one.worst_mae_K > TOLERATED_K:
+            break
+        names.append(one.channel)
+    return names
+
+
+def sensors_text(found: Worth) -> str:
+    """What `whyhot sensors` prints. No colours, no trailing newline."""
+    lines = labelled("Answer", answer(found))
+    lines += ["", *_table(found)]
+    for text in band_notes(found):
+        lines += labelled("Bands", text)
+    lines += ["", *_order(found)]
+    for text in margin_notes(found):
+        lines += ["", *labelled("Margin", text)]
+    return "\n".join(lines)
+
+
+def answer(found: Worth) -> str:
+    """How many could go, and the one that is missed most."""
+    gone = dispensable(found)
+    most = max(found.withheld, key=lambda one: one.mae_K)
+    could = f"{words.joined(gone)} could be done without" if gone else "no sensor can be done without"
+    return (
+        f"Of {words.counted(len(found.withheld), 'channel')} {could}: what is gone is estimated to a mean of {TOLERATED_K:.0f} K or "
+        f"better. Missed most, alone: {most.channel} at the {words.name(most.node)}, {words.kelvin(most.mae_K)}."
+    )
+
+
+def _table(found: Worth) -> Iterator[str]:
+    width = max(12, *(len(_label(one.channel, one.node)) for one in found.withheld))
+    yield f"{'Withheld':<{width}}  {'mean':>7}  {'worst':>7}  {'open loop':>9}  {'95 % band':>10}   within it"
+    for one in sorted(found.withheld, key=lambda one: -one.mae_K):
+        narrow = ": too narrow" if one.covered < LEAST_COVERED else ""
+        yield (
+            f"{_label(one.channel, one.node):<{width}}  {words.kelvin(one.mae_K):>7}  {words.kelvin(one.max_K):>7}  "
+            f"{words.kelvin(one.open_loop_K):>9}  +-{words.kelvin(one.band_K):>8}   {100 * one.covered:.0f} % of "
+            f"{words.counted(one.sessions, 'session')}{narrow}"
+        )
+
+
+def band_notes(found: Worth) -> Iterator[str]:
+    """Where bands come from: how few sessions make them wide, and which channels have too few for any but the filter's own."""
+    if others := sorted({one.sessions - 1 for one in found.withheld if one.widened}):
+        factors = words.joined([f"{student(count):.1f} with {count}" for count in others])
+        yield f"each session's from the errors in the others, times Student's factor ({factors}): few sessions make wide bands"
+    alone = [one.channel for one in found.withheld if not one.widened]
+    if alone:
+        whose = "" if len(alone) == len(found.withheld) else f" for {words.joined(alone)}"
+        yield (
+            f"the filter's own{whose}, which know noise and random walks alone: those that hold what the model is off by are made from "
+            f"the errors in other sessions, and need {LEAST_OTHERS + 1} sessions with the channel"
+        )
+
+
+def _label(channel: str, node: str) -> str:
+    return f"{words.name(node)} ({channel})"
+
+
+def _order(found: Worth) -> Iterator[str]:
+    yield "Done without one after the other: then the worst mean error of those gone"
+    for i, one in enumerate(found.order):
+        left = len(found.withheld) - 1 - i
+        yield f"  {one.channel:<20} {words.kelvin(one.worst_mae_K):>7}   {words.counted(left, 'channel')} left"
+
+
+def margin_notes(found: Worth) -> Iterator[str]:
+    """The margin from a vehicle's channels to the hot spot, or how to get it."""
+    margin = found.margin
+    if margin is None:
+        yield (
+            'no channel is of level production: say which a vehicle has with --vehicle CHANNEL, or level = "production" in the '
+            "bench file"
+        )
+        return
+    yield (
+        f"from {words.joined(list(margin.channels))} to the hottest winding (mostly {words.name(margin.hottest)}), passed in "
+        f"{100 * margin.risk:g} % of the time: {words.kelvin(margin.from_sensor_K)} above the hottest reading, "
+        f"{words.kelvin(margin.from_filter_K)} above what a filter makes of the readings"
+    )

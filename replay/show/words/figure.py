@@ -1,0 +1,130 @@
+"""One plot of the report: a matplotlib figure drawn without global state, as inline SVG that follows the page's colours."""
+
+from __future__ import annotations
+
+import html
+import io
+import re
+import warnings
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from scipy.optimize import isotonic_regression
+
+from replay.show.words.palette import INK, SOFT
+
+STYLE: Any = {
+    "svg.fonttype": "none",
+    "font.family": ["sans-serif"],
+    "font.sans-serif": ["DejaVu Sans"],  # laid out with this; the page shows its own system font
+    "font.size": 8.5,
+    "text.parse_math": False,  # names may hold a dollar sign
+    "text.color": INK[0],
+    "axes.edgecolor": SOFT[0],
+    "axes.labelcolor": INK[0],
+    "axes.facecolor": "none",
+    "axes.grid": True,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.linewidth": 0.6,
+    "axes.unicode_minus": True,
+    "figure.facecolor": "none",
+    "grid.color": SOFT[0],
+    "grid.alpha": 0.25,
+    "grid.linewidth": 0.5,
+    "hatch.color": SOFT[0],
+    "hatch.linewidth": 0.4,
+    "lines.linewidth": 1.2,
+    "lines.scale_dashes": True,
+    "path.simplify": True,
+    "xtick.color": INK[0],
+    "ytick.color": INK[0],
+    "xtick.major.width": 0.6,
+    "ytick.major.width": 0.6,
+}
+LEFT, BOTTOM = 0.1, 0.42  # share of the width, inches: for the axes' titles
+LINE = 11 / 72  # inches: height of a name at the end of a line
+
+
+@dataclass(frozen=True)
+class Table:
+    """The data behind a plot, as text: `rows` are as long as `head`."""
+
+    head: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+
+
+@dataclass(frozen=True)
+class Plot:
+    """A plot of the report: the title says the finding, the note how to read it."""
+
+    title: str
+    svg: str
+    note: str
+    table: Table
+
+
+@contextmanager
+def style(key: str) -> Iterator[None]:
+    """Draw inside this. `key` makes the ids within the SVG, so that plots on one page cannot mix theirs up."""
+    with matplotlib.rc_context(STYLE | {"svg.hashsalt": key}), warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="Glyph .* missing")  # the page's font has it
+        yield
+
+
+def panels(width: float, heights: Sequence[float], top: float = 0.28) -> tuple[Figure, list[Axes]]:
+    """Panels over one another with one time axis [inches; `top` for key and title]; room at the right for the names of lines."""
+    figure = Figure()
+    FigureCanvasAgg(figure)
+    grid: dict[str, Any] = {"height_ratios": list(heights), "left": LEFT, "right": 0.86, "hspace": 0.14}
+    total = sum(heights) + top + BOTTOM
+    grid |= {"top": 1 - top / total, "bottom": BOTTOM / total}
+    figure.set_size_inches(width, total)
+    axes = figure.subplots(len(heights), 1, sharex=True, squeeze=False, gridspec_kw=grid)
+    for ax in axes[:, 0]:
+        ax.yaxis.set_label_coords(-0.085, 0.5)
+    return figure, list(axes[:, 0])
+
+
+def save(figure: Figure, target: Path) -> None:
+    """As `target` with the suffixes .svg and .png; the same figure gives the same bytes."""
+    figure.savefig(target.with_suffix(".svg"), metadata={"Date": None})
+    figure.savefig(target.with_suffix(".png"), dpi=200, metadata={"Software": None})
+
+
+def inline_svg(figure: Figure, label: str) -> str:
+    """The figure as an `<svg>` element for a page: no ids but those it refers to, no prolog, two decimals, the page's font."""
+    buffer = io.StringIO()
+    figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None, "Type": None, "Format": None})
+    text = buffer.getvalue()
+    text = text[text.index("<svg") :]
+    referred = set(re.findall(r"#\w+", text))
+    text = re.sub(r"\s*<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
+    text = re.sub(r" id=\"([^\"]*)\"", lambda m: m[0] if f"#{m[1]}" in referred else "", text)
+    text = re.sub(r" d=\"[^\"]*\"", lambda m: re.sub(r"(\.\d\d)\d+", r"\1", m[0]), text)
+    text = text.replace("xlink:href", "href").replace("'DejaVu Sans'", "system-ui").replace("\n", " ")
+    box = re.search(r"viewBox=\"[^\"]*\"", text)
+    assert box is not None, "matplotlib writes a viewBox"
+    opening = f'<svg {box[0]} role="img" aria-label="{html.escape(label)}">'
+    return opening + re.sub(r" {2,}", " ", text[text.index(">") + 1 :])
+
+
+def name_lines(axes: Axes, names: Sequence[tuple[float, str, str]]) -> None:
+    """Names at the right end of lines: (y in data units, text, colour), moved as little as keeps them apart."""
+    low, high = axes.get_ylim()
+    ranked = sorted(names)
+    figure = axes.get_figure(root=True)
+    assert figure is not None, "axes are drawn in a figure"
+    height = axes.get_position().height * figure.get_figheight()
+    spread = LINE / height * np.arange(len(ranked))
+    wanted = np.clip([(y - low) / (high - low) for y, _, _ in ranked], 0.0, 1.0)
+    for place, (_, text, colour) in zip(isotonic_regression(wanted - spread).x + spread, ranked, strict=True):
+        axes.annotate(text, (1.01, place), xycoords="axes fraction", va="center", color=colour, annotation_clip=False)

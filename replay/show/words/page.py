@@ -1,0 +1,36 @@
+"""The page that every report is written on: its templates, and how they write numbers and names."""
+
+from __future__ import annotations
+
+import re
+
+from jinja2 import Environment, PackageLoader, StrictUndefined, Template
+from markupsafe import Markup
+
+from replay.show.words import heat_words, words
+from replay.show.words.palette import variables
+
+
+def template(name: str) -> Template:
+    """A template of this folder, with the colours of both pages as `light` and `dark`; a name that is missing is an error."""
+    environment = Environment(
+        loader=PackageLoader("replay.show", ""),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.globals.update(light=variables(dark=False), dark=variables(dark=True))
+    environment.filters.update(
+        kelvin=words.kelvin,
+        unbroken=lambda text: re.sub(r"(?<=\d) (?=[°%A-Za-z])", "\N{NO-BREAK SPACE}", text),
+        signed_kelvin=words.signed_kelvin,
+        where=words.where,
+        nodename=words.name,
+        capital=words.capital,
+        duration=words.duration,
+        quantity=heat_words.quantity,
+        clock=words.clock,
+        svg=Markup,  # drawn by us, with every name escaped
+    )
+    return environment.get_template(name)

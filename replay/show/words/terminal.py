@@ -1,0 +1,99 @@
+"""The replay as text, 100 columns wide: the answer first, the next command last."""
+
+from __future__ import annotations
+
+import re
+import textwrap
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from replay.show.words import heat_words, words
+from replay.show.words.filter_words import filter_says
+from replay.show.words.findings import ChannelError, answer, channel_errors, power_balance
+
+WIDTH = 100
+INDENT = 18
+NUMBER_AND_UNIT = re.compile(
+    r"(?<=\d) (?=(?:K|°C|degC|W|kW|W/K|J/K|A|Nm|rpm|l/min|%|s|min|h)(?!\w))|(?<=\d) (?=-> \d)|(?<=\d ->) (?=\d)"
+)
+
+
+def replay_text(summaries: Sequence[Mapping[str, Any]], next_command: str) -> str:
+    """What `whyhot replay` prints: answer, a few lines a session, the next command. No colours, no trailing newline."""
+    lines = labelled("What is wrong", answer(summaries))
+    for summary in summaries:
+        lines += ["", *_session(summary)]
+    for text in power_balance(summaries):
+        lines += ["", *labelled("Power balance", text)]
+    return "\n".join([*lines, "", *labelled("Next", next_command)])
+
+
+def labelled(label: str, text: str) -> list[str]:
+    """A paragraph beside its label, wrapped; a number and its unit, and "6.1 -> 0.9 K", stay on one line."""
+    bound = NUMBER_AND_UNIT.sub("\N{NO-BREAK SPACE}", text)
+    wrapped = textwrap.wrap(bound, WIDTH - INDENT, break_long_words=False, break_on_hyphens=False) or [""]
+    lines = [f"{label if i == 0 else '':<{INDENT}}{line}".rstrip() for i, line in enumerate(wrapped)]
+    return [line.replace("\N{NO-BREAK SPACE}", " ") for line in lines]
+
+
+def _session(summary: Mapping[str, Any]) -> Iterator[str]:
+    head = f"{summary['kind']}, {words.duration(summary['duration_s'])}, model {summary['motor']} {words.short(summary['model'])}"
+    yield from textwrap.wrap(
+        f"{summary['session_name']}   {head}, digest {words.short(summary['digest'])}", WIDTH, subsequent_indent="  "
+    )
+    if (other := summary.get("integrator")) is not None:
+        yield (
+            f"  {other['name']}: up to {other['error_K']:.2f} K from {other['against']}, at the {words.name(other['node'])} at "
+            f"{words.clock(other['at_s'])}"
+        )
+    errors = channel_errors(summary)
+    if not errors:
+        yield "  no channel of this session observes a node of the model with usable samples"
+        yield from _beside(summary)
+        return
+    label = {id(e): _label(e, errors) for e in errors}
+    width = max(map(len, label.values()))
+    yield f"  {'':<{width}}   {'mean':>7}  {'worst':>7}  {'bias':>7}   measured minus model"
+    for error in errors:
+        figures = (
+            f"{words.kelvin(error.mae_K):>7}  {words.kelvin(error.max_K):>7}  {words.signed_kelvin(error.bias_K):>7}"
+        )
+        yield from _row(f"  {label[id(error)]:<{width}}   {figures}   ", _verdict(error))
+    yield from _beside(summary)
+
+
+def _beside(summary: Mapping[str, Any]) -> Iterator[str]:
+    """What other meters say, heat, hot spots, what the filter makes of them, limits and derating."""
+    for entry in summary.get("meters") or ():
+        yield from _row(f"  {entry['channel']} ({entry['quantity']})   ", heat_words.meter(entry))
+    told = [
+        *heat_words.aged(summary),
+        heat_words.heat(summary),
+        heat_words.hottest(summary),
+        *filter_says(summary),
+        *heat_words.above_limits(summary),
+    ]
+    for text in (*told, *heat_words.derating(summary)):
+        if text:
+            yield from _row("  ", text)
+
+
+def _label(error: ChannelError, errors: Sequence[ChannelError]) -> str:
+    shared = sum(other.node == error.node for other in errors) > 1
+    return f"{words.name(error.node)} ({error.channel})" if shared else words.name(error.node)
+
+
+def _verdict(error: ChannelError) -> str:
+    if error.within_floor:
+        verdict = f"within its floor ({words.kelvin(error.floor_K)})"
+    else:
+        place = words.where(error.where)
+        verdict = f"model {error.direction}" + (
+            f", most {place}" if place else f", worst at {words.clock(error.max_at_s)}"
+        )
+    return verdict + (f"; {error.masked:,} steps masked" if error.masked else "")
+
+
+def _row(start: str, text: str) -> list[str]:
+    lines = textwrap.wrap(text, max(WIDTH - len(start), 30), break_long_words=False, break_on_hyphens=False)
+    return [f"{start if i == 0 else ' ' * len(start)}{line}" for i, line in enumerate(lines)]

@@ -1,0 +1,1 @@
+"""What heat has done to the insulation of every specimen: its history, its checks, and the answer."""

@@ -1,0 +1,305 @@
+"""What heat has done to the insulation of every specimen in a store: doses, resistances, courses, and who is not as the others."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
+from hashlib import sha256
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ingest.facts.events import AgeingAssessed, ModelPublished, SessionRecorded
+from ingest.facts.facts import Facts
+from ingest.facts.sessions import natural
+from ingest.facts.store import Store
+from replay.engine.files.motor_file import read_motor
+from replay.engine.files.motor_text import with_law
+from replay.engine.results.artefacts import to_parquet
+from replay.engine.runs.identity import run_id
+from replay.engine.runs.sources import code_of
+from replay.engine.specimen.aged import law_of, states_left
+from replay.errors import ReplayDataError
+from replay.studies.ageing.assessment import Assessment, Batch, Check, HotHours, Law, Specimen, document, read, tables
+from replay.studies.ageing.configured_checks import models_of
+from replay.studies.ageing.history import History, Point, histories, is_check, of_ageing
+from replay.studies.ageing.lives import lives_of
+from replay.studies.ageing.stress import beside_heat, stress_of
+from twin.insulation.ageing_state import Check as Seen
+from twin.motor.ageing_law import Ageing
+
+if TYPE_CHECKING:
+    from analytics.insulation.campaign import Assessed
+    from analytics.insulation.fleet.outlying import SpecimenHealth
+
+Floats = NDArray[np.float64]
+Tell = Callable[[str], None]
+
+CRITERION = "conductivity -50 %"
+
+
+def assess(store: Store, facts: Facts, motor: str | None, as_of: str | None, tell: Tell = lambda _: None) -> Assessment:
+    """Assess every specimen that has a DC check or a row in a table of evaluated checks.
+
+    The same question again reads the sealed answer; with `as_of` nothing is written. `motor`: a model that the law is
+    written into, as a new one. Raises ReplayDataError where the store holds no check of a named specimen.
+    """
+    sessions = of_ageing(facts)
+    key = _key(facts, sessions, motor)
+    identity = run_id(key)
+    if identity in facts.assessments:
+        again = facts.assessments[identity]
+        if as_of is None and again is not list(facts.assessments.values())[-1]:
+            store.ledger.append(f"ageing-{identity}", again)  # the last one is what SQL shows
+        return read(json.loads(store.archive.read(again.answer)))
+    known = histories(store, facts, sessions, motor, as_of, tell)
+    batches = {str(session.specimen): session.batch for session in sessions if session.batch}
+    found = _assessed(store, facts, motor, known, batches, identity, tell)
+    if as_of is None:
+        if motor and found.law:
+            found = replace(found, law=replace(found.law, model=_published(store, facts, motor, found.law)))
+        _keep(store, found, key, {name: history.hours for name, history in known.items()})
+    return found
+
+
+def _key(facts: Facts, sessions: Sequence[SessionRecorded], motor: str | None) -> dict[str, Any]:
+    """Everything that the answer may depend on, but for the environment."""
+    return {
+        "sessions": _hash(
+            [
+                s.session,
+                s.batch,
+                s.kind,
+                s.configuration,
+                facts.current(s.bench) if s.bench else None,
+                [f["decode"] for f in s.files],
+            ]
+            for s in sessions
+        ),
+        "motor": motor,
+        "models": models_of(facts, sessions),
+        "code": code_of(__name__),
+    }
+
+
+def _hash(rows: Iterable[Sequence[Any]]) -> str:
+    return sha256(json.dumps(list(rows)).encode()).hexdigest()
+
+
+def _assessed(
+    store: Store,
+    facts: Facts,
+    motor: str | None,
+    known: Mapping[str, History],
+    batches: Mapping[str, str],
+    identity: str,
+    tell: Tell,
+) -> Assessment:
+    from analytics.insulation import campaign
+    from analytics.insulation.dose import arrhenius
+
+    if not known:
+        raise ReplayDataError(
+            'no DC check of a named specimen is in this store: ingest logs of checks with kind = "dc_check" and a specimen, or a '
+            "table of evaluated checks with the quantities thermal_resistance and dose."
+        )
+    names = sorted(known, key=natural)
+    tell("weighing the courses")
+    rows = [(name, point) for name in names for point in known[name].points if point.usable]
+    found = campaign.assess(
+        [name for name, _ in rows],
+        [batches.get(name) for name, _ in rows],
+        [point.dose_h or 0.0 for _, point in rows],
+        [point.resistance or 0.0 for _, point in rows],
+        [point.sd or 0.0 for _, point in rows],
+    )
+    repeats, of_each = found.repeatability, iter(found.sd.tolist())
+    sd = {name: [next(of_each) if point.usable else None for point in known[name].points] for name in names}
+    law = law_of(store, facts, motor, arrhenius.THRESHOLD_DEGC)
+    compared = {one.specimen: one for one in found.fleet.specimens}
+    specimens = [
+        _specimen(name, batches.get(name), known[name], sd[name], found, compared.get(name), law) for name in names
+    ]
+    fleet_law, stress = _law(found, specimens), stress_of(rows, found.sd)
+    return Assessment(
+        assessment=identity,
+        motor=facts.models[motor].motor if motor else None,
+        threshold_degC=arrhenius.THRESHOLD_DEGC,
+        criterion=CRITERION,
+        activation_energy_eV={
+            "value": arrhenius.ASSUMED.eV,
+            "ci95": [rule.eV for rule in arrhenius.ASSUMED_BAND],
+            "from": "assumed",
+        },
+        rules=[rule.name for rule in arrhenius.RULES],
+        repeatability_from=f"{100 * repeats.sd:.1f} %, from {repeats.source}"
+        if repeats.source != "assumed"
+        else "3 %, assumed",
+        law=fleet_law,
+        life=lives_of(known, sd, CRITERION),
+        specimens=specimens,
+        batches=[
+            Batch(
+                batch=one.batch,
+                specimens=one.specimens,
+                slope_percent_per_100h=one.slope_percent_per_100h,
+                score=one.score,
+                outlying=one.outlying,
+            )
+            for one in found.fleet.batches
+        ],
+        stress=stress,
+        false_discovery_rate=found.fleet.false_discovery_rate,
+        notes=[
+            *_unnamed(facts),
+            *(f"{name}: {line}" for name in names for line in known[name].notes),
+            *(_not_heat_alone(beside_heat(stress)) if fleet_law else ()),
+        ],
+    )
+
+
+def _law(found: Assessed, specimens: Sequence[Specimen]) -> Law | None:
+    """The fleet's slope with what specimens differ by where there are three; else that of the one whose course is surest; a rise that has
+    become level is no law to go on with."""
+    from analytics.insulation.dose.arrhenius import THRESHOLD_DEGC
+
+    fleet, changed = (
+        found.fleet,
+        [one for one in specimens if one.significant and one.ci95 and one.level_from_dose_h is None],
+    )
+    if not changed:
+        return None
+    if fleet.slope_percent_per_100h is not None and fleet.specimen_spread is not None:
+        law = Ageing.of_resistance(THRESHOLD_DEGC, fleet.slope_percent_per_100h, fleet.specimen_spread)
+        return Law(percent_per_100h=law.percent_per_100h, sd=law.sd, from_h=0.0, source="fleet", model=None)
+    one = max(changed, key=lambda one: one.form_probability)
+    low, high = one.ci95 or (0.0, 0.0)
+    law = Ageing.of_resistance(
+        THRESHOLD_DEGC, one.slope_percent_per_100h or 0.0, (high - low) / 3.92, one.change_at_dose_h or 0.0
+    )
+    return Law(percent_per_100h=law.percent_per_100h, sd=law.sd, from_h=law.from_h, source=one.specimen, model=None)
+
+
+def _not_heat_alone(others: Sequence[str]) -> list[str]:
+    if not others:
+        return []
+    said = " and ".join(others)
+    return [
+        f"the law counts hours of heat, and {said} did part of it: it holds for specimens that have as much of that for their hours."
+    ]
+
+
+def _published(store: Store, facts: Facts, motor: str, law: Law) -> str:
+    """The motor file with the law in its insulation, as a model with its parent. Raises MotorFileError where it has no insulation."""
+    from analytics.insulation.dose.arrhenius import THRESHOLD_DEGC
+
+    parent = facts.models[motor]
+    text = store.archive.read(motor)
+    network = read_motor(text, parent.file)
+    aged = with_law(text.decode("utf-8"), network, law.percent_per_100h, law.sd, THRESHOLD_DEGC, law.from_h)
+    model = store.archive.seal(aged.encode("utf-8"))
+    if model not in facts.models:
+        published = ModelPublished(model=model, motor=parent.motor, file=parent.file, parent=motor)
+        store.ledger.append(f"motor-{parent.motor}", published)
+    return model
+
+
+def _unnamed(facts: Facts) -> list[str]:
+    count = sum(session.specimen is None and is_check(facts, session) for session in facts.sessions)
+    return [f"{count} checks without a specimen are left out: ingest them again with --specimen S."] if count else []
+
+
+def _specimen(
+    name: str,
+    batch: str | None,
+    history: History,
+    sd: Sequence[float | None],
+    found: Assessed,
+    compared: SpecimenHealth | None,
+    law: Ageing,
+) -> Specimen:
+    from analytics.insulation.courses import forms
+    from analytics.insulation.dose.arrhenius import LIFE_H
+
+    form = found.forms.get(name) or forms.assess([], [], [])
+    life = found.remaining.get(name)
+    first, worth = next((point.resistance for point in history.points if point.usable), None), history.worth
+    left = states_left([_seen(point, own) for point, own in zip(history.points, sd, strict=True)], law)
+    last = next((point.dose_h for point in reversed(history.points) if point.dose_h is not None), None)
+    return Specimen(
+        specimen=name,
+        batch=batch,
+        cycles=history.cycles,
+        checks=[_check(point, i, first, sd[i], left[i]) for i, point in enumerate(history.points)],
+        dose_h=last if worth is None else float(worth[0]),
+        equivalent_h=None if worth is None else _range(worth[1:]),
+        form=form.name,
+        form_probability=form.probability,
+        change_at_dose_h=form.change_at_dose_h,
+        level_from_dose_h=form.level_from_dose_h,
+        slope_percent_per_100h=form.slope_percent_per_100h,
+        ci95=list(form.ci95) if form.ci95 else None,
+        repeatability_percent=100 * found.repeatability.sd,
+        significant=form.significant,
+        life_used=None if worth is None else _range(worth[1:] / LIFE_H),
+        fleet_slope_percent_per_100h=life.slope_percent_per_100h if life else None,
+        fleet_slope_sd=life.slope_sd if life else None,
+        remaining_h=list(life.remaining_ci95_h) if life else None,
+        score=compared.score if compared else None,
+        outlying=bool(compared and compared.outlying),
+        why=form.why or (compared.why if compared else "") or None,
+    )
+
+
+def _seen(point: Point, sd: float | None) -> Seen | None:
+    """As the filter over checks takes it."""
+    if sd is None or point.dose_h is None or point.resistance is None:
+        return None
+    return Seen(point.dose_h, math.log(point.resistance), sd)
+
+
+def _check(point: Point, number: int, first: float | None, sd: float | None, left: dict[str, float] | None) -> Check:
+    found, r = point.found, point.resistance
+    return Check(
+        session=point.session.session,
+        session_name=point.session.name,
+        start_ns=point.start_ns,
+        number=number,
+        dose_h=point.dose_h,
+        equivalent_h=None if point.worth is None else _range(point.worth[1:]),
+        resistance_K_per_W=r,
+        sd=point.sd,
+        sd_percent=None if sd is None else 100 * sd,
+        source=point.source,
+        state=getattr(found, "steady", None),
+        why=point.why or getattr(found, "why", None),
+        conductivity_percent=100 * first / r if first and r else None,
+        hottest_channel=getattr(found, "hottest", None),
+        hottest_degC=getattr(found, "hottest_degC", None),
+        cycles=point.cycles,
+        discharge_h=point.discharge_h,
+        left=left,
+    )
+
+
+def _range(values: Floats) -> list[float]:
+    return [float(values.min()), float(values.max())]
+
+
+def _keep(store: Store, found: Assessment, key: dict[str, Any], hours: Mapping[str, Sequence[HotHours]]) -> None:
+    """Seal the answer and its tables, and say so in the ledger."""
+    answer = json.dumps(document(found, {}), sort_keys=True).encode()
+    store.ledger.append(
+        f"ageing-{found.assessment}",
+        AgeingAssessed(
+            assessment=found.assessment,
+            key=key,
+            answer=store.archive.seal(answer),
+            artefacts={name: store.archive.seal(to_parquet(table)) for name, table in tables(found, hours).items()},
+            sessions=sorted({check.session for one in found.specimens for check in one.checks}),
+            digest=sha256(answer).hexdigest(),
+        ),
+    )

@@ -1,0 +1,93 @@
+"""Hours of discharge: how long a test voltage was above the inception voltage that the specimen was last checked for.
+
+A bench file says both with quantities that it has: an oven log a channel of `voltage`, an electrical check `inception_voltage`.
+Both are taken as rms, as an alternating test voltage is stated (IEC 60270: peak over root 2).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ingest.catalogue.channels import ChannelData
+from ingest.facts.events import SessionRecorded
+from replay.engine.specimen.heat_history import HEATED, doses
+
+Floats = NDArray[np.float64]
+
+VOLTAGE, INCEPTION = "voltage", "inception_voltage"
+NO_GAP_V = 327.0 / math.sqrt(2.0)  # Paschen's minimum of air is 327 V: below it no gap in air discharges, however wide
+
+
+@dataclass(frozen=True)
+class AppliedVoltage:
+    """The voltage [V] of a session, `t_ns` (N,) rising, and the inception voltage [V] of the specimen then."""
+
+    t_ns: NDArray[np.int64]
+    volts: Floats
+    inception_V: float
+
+    def until(self, end_ns: int) -> Self:
+        """What of it lies before `end_ns`."""
+        end = int(np.searchsorted(self.t_ns, end_ns))
+        return replace(self, t_ns=self.t_ns[:end], volts=self.volts[:end])
+
+    def hours(self) -> Floats:
+        """(1,) [h] above the inception voltage."""
+        from analytics.insulation.dose.oven_cycle import hours_above
+
+        return np.array([hours_above((self.t_ns - self.t_ns[:1]) / 1e9, self.volts, self.inception_V)])
+
+
+@dataclass(frozen=True)
+class Electrical:
+    """What a session says of voltage: the test voltage of an oven log, stamps [ns] and values [V], of several channels the highest,
+    where it could discharge at all; and the inception voltage [V] that it measured, of several phases the lowest. Else None."""
+
+    tested: tuple[NDArray[np.int64], Floats] | None
+    inception_V: float | None
+
+
+@dataclass(frozen=True)
+class Discharge:
+    """`before`: session -> hours of discharge before it [h], None where they are not known; `why` says it in a line, or None."""
+
+    before: Mapping[str, float | None]
+    why: str | None
+
+
+def electrical_of(session: SessionRecorded, channels: Sequence[ChannelData]) -> Electrical:
+    """`channels`: all of the session, the ones that its bench file ignores too."""
+    used = [channel for channel in channels if channel.spec.role != "ignored" and len(channel.t_ns)]
+    volts = [channel for channel in used if channel.spec.quantity == VOLTAGE and session.kind == HEATED]
+    tested = [(one.t_ns, np.abs(one.value)) for one in volts if np.abs(one.value).max() > NO_GAP_V]
+    checked = [float(np.median(channel.value)) for channel in used if channel.spec.quantity == INCEPTION]
+    return Electrical(max(tested, key=lambda one: float(one[1].mean()), default=None), min(checked, default=None))
+
+
+def discharge_of(sessions: Sequence[SessionRecorded], by_time: bool, electrical: Mapping[str, Electrical]) -> Discharge:
+    """`sessions` of a specimen in order, `by_time` as `heat_history.in_order` says; those without an entry in `electrical` count
+    nothing."""
+    inception_V: float | None = None
+    tests: dict[str, AppliedVoltage | None] = {}
+    for session in sessions:
+        said = electrical.get(session.session)
+        if said is None:
+            continue
+        if said.tested is not None:
+            tests[session.session] = None if inception_V is None else AppliedVoltage(*said.tested, inception_V)
+        inception_V = inception_V if said.inception_V is None else said.inception_V
+    found = doses(sessions, by_time, tests, AppliedVoltage.hours, np.zeros(1))
+    unknown = [session.name for session in sessions if tests.get(session.session, True) is None]
+    return Discharge(
+        {name: None if hours is None else float(hours[0]) for name, hours in found.items()},
+        f"session {unknown[0]} has a test voltage, and no inception voltage was measured before it: hours of discharge are not known "
+        "from there on; ingest the electrical check that came before it (inception_voltage)."
+        if unknown
+        else None,
+    )

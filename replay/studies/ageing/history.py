@@ -1,0 +1,296 @@
+"""From sessions to what is known of each specimen: its checks with the dose before each, its oven cycles, all the heat it had."""
+
+from __future__ import annotations
+
+import math
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ingest.catalogue.channels import load
+from ingest.errors import DamageError
+from ingest.facts.events import SessionRecorded
+from ingest.facts.facts import Facts
+from ingest.facts.store import Store
+from replay.engine.specimen.heat_history import CHECKED, HEATED, Heat, Trace, doses, in_order, trace_of_heat
+from replay.studies.ageing.assessment import HotHours, OvenCycle
+from replay.studies.ageing.configured_checks import LoggedCheck, evaluate_checks, logged_check
+from replay.studies.ageing.dc_checks import Evaluated, evaluated
+from replay.studies.ageing.discharge import Electrical, discharge_of, electrical_of
+
+if TYPE_CHECKING:
+    from analytics.insulation.checks.resistance import CheckResistance
+
+Floats = NDArray[np.float64]
+Tell = Callable[[str], None]
+
+ELSEWHERE = "evaluated elsewhere"
+
+
+@dataclass(frozen=True)
+class Point:
+    """A check with its dose [h]; `worth` (4,) as `worth_of`; both None where not known, `why` then says why. `cycles`: how many oven
+    cycles the specimen had before, `discharge_h`: how many hours its test voltage was above the inception voltage [h]; both None of a
+    row of a table, hours of discharge also where they are not known. `counters`: what a table counted besides, by
+    channel."""
+
+    session: SessionRecorded
+    start_ns: int | None
+    dose_h: float | None
+    worth: Floats | None
+    found: CheckResistance | Evaluated
+    why: str | None
+    cycles: int | None = None
+    discharge_h: float | None = None
+    counters: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def resistance(self) -> float | None:
+        return self.found.resistance_K_per_W
+
+    @property
+    def sd(self) -> float | None:
+        return None if isinstance(self.found, Evaluated) else self.found.sd_K_per_W
+
+    @property
+    def source(self) -> str | None:
+        return ELSEWHERE if isinstance(self.found, Evaluated) else self.found.source
+
+    @property
+    def usable(self) -> bool:
+        return self.dose_h is not None and self.resistance is not None and self.resistance > 0.0
+
+
+@dataclass(frozen=True)
+class History:
+    """`points` in order of dose; `worth` (4,) of all the heat that is known, None where an oven log has no temperatures;
+    `notes` for a person."""
+
+    points: list[Point] = field(default_factory=list)
+    cycles: list[OvenCycle] = field(default_factory=list)
+    hours: list[HotHours] = field(default_factory=list)
+    worth: Floats | None = None
+    notes: list[str] = field(default_factory=list)
+
+
+def is_table(facts: Facts, session: SessionRecorded) -> bool:
+    """Whether it holds rows of checks that were evaluated elsewhere, or of hours that vehicles counted."""
+    return any(
+        channel["quantity"] in ("thermal_resistance", "dose") and channel["role"] != "ignored"
+        for file in session.files
+        for channel in facts.decodes[file["decode"]].channels
+    )
+
+
+def is_check(facts: Facts, session: SessionRecorded) -> bool:
+    """Whether it tells of a specimen's insulation or its dose."""
+    return session.kind == CHECKED or is_table(facts, session)
+
+
+def of_ageing(facts: Facts) -> list[SessionRecorded]:
+    """Every session of a specimen that has a check or counted hours: a hot drive ages its insulation too."""
+    known = {session.specimen for session in facts.sessions if is_check(facts, session)} - {None}
+    return [session for session in facts.sessions if session.specimen in known]
+
+
+def histories(
+    store: Store, facts: Facts, ageing: Sequence[SessionRecorded], motor: str | None, as_of: str | None, tell: Tell
+) -> dict[str, History]:
+    """Specimen -> what is known of it. `ageing`: the sessions of `of_ageing`; `motor`: a model that checks in one of its configurations
+    are evaluated through."""
+    by_specimen: dict[str, list[SessionRecorded]] = defaultdict(list)
+    for session in ageing:
+        by_specimen[str(session.specimen)].append(session)
+    rows: dict[str, list[Evaluated]] = defaultdict(list)
+    if any(is_table(facts, session) for some in by_specimen.values() for session in some):
+        tell("reading tables")
+        for row in evaluated(store, facts, as_of):
+            rows[row.session].append(row)
+    found = {}
+    for name, sessions in by_specimen.items():
+        logs = [session for session in sessions if session.session not in rows]
+        tell(f"reading {name}")
+        history = _of_logs(store, facts, motor, logs)
+        given = [(session, row) for session in sessions for row in rows.get(session.session, ())]
+        found[name] = _with_tables(history, given) if given else history
+    return found
+
+
+def worth_of(heat: Heat) -> Floats:
+    """(4,): hours above the threshold, then what all hours are worth at it by each of `arrhenius.RULES`."""
+    from analytics.insulation.dose.arrhenius import RULES, THRESHOLD_DEGC, equivalent_hours
+
+    above = heat.hours[heat.degC > THRESHOLD_DEGC].sum()
+    return np.array(
+        [above, *(equivalent_hours(heat.degC, heat.hours, THRESHOLD_DEGC, rule, -math.inf) for rule in RULES)]
+    )
+
+
+# ---- logs ----------------------------------------------------------------------------------------------------------
+
+
+def _of_logs(store: Store, facts: Facts, motor: str | None, sessions: Sequence[SessionRecorded]) -> History:
+    ordered, by_time = in_order(sessions)
+    heats: dict[str, Trace | None] = {session.session: None for session in ordered if session.kind == HEATED}
+    checks: dict[str, LoggedCheck] = {}
+    notes: list[str] = []
+    electrical: dict[str, Electrical] = {}
+    for session in ordered:
+        try:
+            channels = load(store, facts, session)
+        except DamageError as error:
+            notes.append(str(error))
+            continue
+        electrical[session.session] = electrical_of(session, channels)
+        if trace := trace_of_heat(channels):
+            heats[session.session] = trace
+        if session.kind == CHECKED:
+            checks[session.session] = logged_check(store, facts, session, channels, motor)
+    if checks and not by_time:
+        notes.append(
+            "its logs have no absolute time: checks and oven sessions are in the order of the numbers in their names"
+        )
+    dose, discharge = (
+        doses(ordered, by_time, heats, _worth, worth_of(NOTHING)),
+        discharge_of(ordered, by_time, electrical),
+    )
+    if discharge.why:
+        notes.append(discharge.why)
+    found, said = evaluate_checks(list(checks.values()))
+    notes += said
+    answers = dict(zip(checks, found, strict=True))
+    cycles = list(_oven_cycles(ordered, heats))
+    points = [
+        _point(
+            session,
+            dose[session.session],
+            answers[session.session],
+            _before(session, ordered, by_time, cycles),
+            discharge.before[session.session],
+        )
+        for session in ordered
+        if session.session in answers
+    ]
+    hours = [
+        HotHours(session.session, session.name, trace.channel, trace.heat)
+        for session in ordered
+        if (trace := heats.get(session.session)) is not None
+    ]
+    return History(points, cycles, hours, _all_heat(ordered, heats), notes)
+
+
+def _before(
+    session: SessionRecorded, ordered: Sequence[SessionRecorded], by_time: bool, cycles: Sequence[OvenCycle]
+) -> int:
+    """How many of the cycles were over."""
+    if by_time:
+        return sum(bool((one.start_ns or 0) + one.soak_to_s * 1e9 <= session.start_ns) for one in cycles)
+    earlier = {one.session for one in ordered[: ordered.index(session)]}
+    return sum(one.session in earlier for one in cycles)
+
+
+def _point(
+    session: SessionRecorded, worth: Floats | None, found: CheckResistance, cycles: int, discharge_h: float | None
+) -> Point:
+    why = None if worth is not None else "an oven session before it has no temperature of the specimen"
+    start = session.start_ns if session.absolute else None
+    dose = None if worth is None else float(worth[0])
+    return Point(session, start, dose, worth, found, why, cycles, discharge_h)
+
+
+def _all_heat(sessions: Sequence[SessionRecorded], heats: Mapping[str, Trace | None]) -> Floats | None:
+    """None without any session, and where an oven log has no temperatures."""
+    known = [trace for trace in heats.values() if trace is not None]
+    if not sessions or len(known) < len(heats):
+        return None
+    return np.asarray(np.sum([worth_of(NOTHING), *map(_worth, known)], axis=0), np.float64)
+
+
+def _worth(trace: Trace) -> Floats:
+    """`worth_of` a course, which says to the crossing how long it was above the threshold."""
+    from analytics.insulation.dose.arrhenius import THRESHOLD_DEGC
+
+    found = worth_of(trace.heat)
+    found[0] = trace.hours_above(THRESHOLD_DEGC)
+    return found
+
+
+NOTHING = Heat(np.empty(0), np.empty(0))
+
+
+def _oven_cycles(sessions: Iterable[SessionRecorded], heats: Mapping[str, Trace | None]) -> Iterator[OvenCycle]:
+    """Every stay above the threshold in the specimen's sessions, counted in their order."""
+    from analytics.insulation.dose.oven_cycle import cycles
+
+    stays = (
+        (session, trace, (trace.t_ns[0] - session.start_ns) / 1e9, stay)
+        for session in sessions
+        if (trace := heats.get(session.session)) is not None
+        for stay in cycles((trace.t_ns - trace.t_ns[0]) / 1e9, trace.degC)
+    )
+    for number, (session, trace, begins_s, stay) in enumerate(stays, 1):
+        yield OvenCycle(
+            session=session.session,
+            session_name=session.name,
+            channel=trace.channel,
+            number=number,
+            start_ns=session.start_ns if session.absolute else None,
+            heating_from_s=None if stay.heating_from_s is None else stay.heating_from_s + begins_s,
+            soak_from_s=stay.soak_from_s + begins_s,
+            soak_to_s=stay.soak_to_s + begins_s,
+            cooling_to_s=None if stay.cooling_to_s is None else stay.cooling_to_s + begins_s,
+            highest_degC=stay.highest_degC,
+            soak_degC=stay.soak_degC,
+            hours_above=stay.hours_above,
+            unknown_h=stay.unknown_h,
+            swing_K=stay.swing_K,
+            heating_K_per_min=stay.heating_K_per_min,
+            cooling_K_per_min=stay.cooling_K_per_min,
+        )
+
+
+# ---- tables --------------------------------------------------------------------------------------------------------
+
+
+def _with_tables(history: History, rows: Sequence[tuple[SessionRecorded, Evaluated]]) -> History:
+    """With the rows of tables: checks that were evaluated elsewhere, and hours that were counted until then.
+
+    A row of a check that says no dose has what was counted by its time, between two readouts in proportion.
+    """
+    counted = [(row.t_ns or 0, worth_of(row.counted)) for _, row in rows if row.counted is not None]
+    readouts = sorted(counted, key=lambda one: one[0])
+    points = [_row_point(session, row, readouts) for session, row in rows if row.resistance_K_per_W is not None]
+    every = sorted([*history.points, *points], key=_place)
+    worths = [*(worth for _, worth in readouts), *(point.worth for point in points if point.worth is not None)]
+    worth = np.max(worths, axis=0) if worths else None
+    if history.worth is not None and history.worth[0] > 0.0:
+        worth = history.worth if worth is None else worth + history.worth
+    last = max((row for row in rows if row[1].counted), key=lambda row: row[1].t_ns or 0, default=None)
+    if last is not None and last[1].counted is not None:  # readouts sum up since the motor was made
+        latest = HotHours(last[0].session, last[0].name, "counters", last[1].counted)
+        history = replace(history, hours=[*history.hours, latest])
+    return replace(history, points=every, worth=worth)
+
+
+def _row_point(session: SessionRecorded, row: Evaluated, readouts: Sequence[tuple[int, Floats]]) -> Point:
+    dose, worth = row.dose_h, None
+    if dose is not None and row.degC is not None:
+        worth = worth_of(Heat(np.array([row.degC]), np.array([dose])))
+        worth[0] = dose
+    elif dose is None and row.counted is not None:
+        worth = worth_of(row.counted)
+    elif dose is None and readouts and row.t_ns is not None and readouts[0][0] <= row.t_ns <= readouts[-1][0]:
+        at, known = zip(*readouts, strict=True)
+        worth = np.array([np.interp(row.t_ns, at, course) for course in np.transpose(known)])
+    if dose is None and worth is not None:
+        dose = float(worth[0])
+    why = "neither the row nor a counter's readout around it says a dose" if dose is None else None
+    return Point(session, row.t_ns, dose, worth, row, why, counters=row.counters)
+
+
+def _place(point: Point) -> tuple[float, int]:
+    return (math.inf if point.dose_h is None else point.dose_h, point.start_ns or 0)

@@ -1,0 +1,1 @@
+"""A motor's numbers from sessions, and what follows: the protocol, what sensors are worth, what the motor bears."""

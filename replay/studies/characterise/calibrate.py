@@ -1,0 +1,224 @@
+"""Calibration over stored sessions: estimates, the motor file that holds them as a new model, and the fact of it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
+from difflib import get_close_matches
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ingest.facts.events import CalibrationCompleted, Event, ModelPublished, SessionRecorded
+from ingest.facts.facts import Facts
+from ingest.facts.store import Store
+from ingest.texts.nearest import hint
+from replay.engine.files.configurations import network_of
+from replay.engine.files.models import model_of
+from replay.engine.files.motor_file import read_motor
+from replay.engine.files.motor_text import written
+from replay.engine.results.artefacts import to_parquet
+from replay.engine.results.hot_spot_bands import covariance_table
+from replay.engine.runs.identity import environment, run_id
+from replay.engine.runs.sources import code_of
+from replay.engine.specimen.aged import of_specimen
+from replay.errors import ReplayDataError
+from replay.studies.sessions.fitting import fitting
+from replay.studies.sessions.recorded import STEP_S, test_of
+from twin.calibration.calibrate import Calibration, Estimate, calibrate
+from twin.calibration.profile import profile
+from twin.calibration.united import United
+from twin.fitting.model import Test
+from twin.fitting.recorded import Meter
+
+Floats = NDArray[np.float64]
+
+UNITS = {"loss": "W", "conductance": "W/K", "capacity": "J/K"}
+
+
+@dataclass(frozen=True)
+class CalibrationResult:
+    """The fact, whether the ledger had it already, the numbers behind it (covariance included), and the sessions as they were learnt
+    from, in their order."""
+
+    event: CalibrationCompleted
+    known: bool
+    calibration: Calibration
+    tests: tuple[Test, ...]
+
+
+def calibrate_sessions(
+    store: Store,
+    facts: Facts,
+    sessions: Sequence[SessionRecorded],
+    model: str | None,
+    level: str,
+    only: Sequence[str] | None = None,
+) -> CalibrationResult:
+    """Estimate coefficients and capacities of `model` (None: the one that the sessions' bench files name) from sessions; `only` those of
+    these names, where some are given.
+
+    Each session is run in its own configuration of the motor, all of them with the same coefficients. The motor file with the new
+    numbers is sealed and published with its parent. The same question again writes nothing.
+    Raises ReplayDataError where there is no session, the sessions name different models, or one lacks what it needs.
+    """
+    parent = model or common_model(facts, sessions)
+    name = facts.models[parent].file
+    data = store.archive.read(parent)
+    old = [of_specimen(store, facts, one, network_of(store, facts, one, parent)) for one in sessions]
+    tests = [
+        test_of(store, facts, one, its.network, (), level, meters=True) for one, its in zip(sessions, old, strict=True)
+    ]
+    rigs = [session.configuration for session in sessions]
+    united = United(read_motor(data, name), rigs)
+    network = united.network
+    tests = [united.test(test, rig, its.factors) for test, rig, its in zip(tests, rigs, old, strict=True)]
+    with fitting(f"calibration of {network.name}"):
+        found = calibrate(network, tests, only)
+    named_estimates = zip(found.estimates, united.names, strict=True)
+    result = replace(found, estimates=tuple(replace(one, name=called) for one, called in named_estimates))
+    key = _key(facts, sessions, parent, level, only)
+    named = ", ".join(f"{s.name} ({s.configuration})" if s.configuration else s.name for s in sessions)
+    says = f"Calibrated on {named} from model {parent[:12]}.\nComments beside a number speak of its value before."
+    text = written(data, name, united.version(result.network), says)
+    sealed = store.archive.seal(text)
+    event = CalibrationCompleted(
+        calibration=run_id(key),
+        sessions=[session.session for session in sessions],
+        parent=parent,
+        model=sealed,
+        motor=network.name,
+        level=level,
+        key=key,
+        environment=environment(),
+        converged=result.fit.converged,
+        iterations=result.iterations,
+        log_posterior=-result.fit.cost,
+        parameters=[_parameter(estimate) for estimate in result.estimates],
+        errors=_errors(sessions, tests, result),
+        covariance=store.archive.seal(to_parquet(covariance_table(united.names, _covariance(result)))),
+    )
+    return CalibrationResult(event, _keep(store, facts, event, name), result, tuple(tests))
+
+
+def profiles(result: CalibrationResult, names: Sequence[str]) -> list[dict[str, Any]]:
+    """What the data alone say of each parameter named, everything else fitted anew (`twin.calibration.profile`); an end of the interval is None where
+    they do not bound it. Raises ReplayDataError where there is no such parameter."""
+    before = {estimate.name: estimate.before for estimate in result.calibration.estimates}
+    if unknown := [name for name in names if name not in before]:
+        raise ReplayDataError(
+            f"--profile {unknown[0]}: the motor has no such parameter.{_nearest(unknown[0], before)} Names are kind.place.law; "
+            "`whyhot calibrate --on S --json` lists those of this motor as `parameters`."
+        )
+    found = []
+    for place, name in [(list(before).index(name), name) for name in names]:
+        with fitting(f"profile of {name}"):
+            one = profile(result.calibration.fit, place)
+        ends = [None if end is None else before[name] * math.exp(end) for end in (one.low, one.high)]
+        value, unit = before[name] * math.exp(one.best), UNITS[name.split(".", 1)[0]]
+        course = [[before[name] * math.exp(v), float(r)] for v, r in zip(one.values, one.rise, strict=True)]
+        found.append({"name": name, "unit": unit, "value": value, "ci95": ends, "course": course})
+    return found
+
+
+def _nearest(name: str, names: Collection[str]) -> str:
+    """The parameter most like a name that is none: however far, of the same kind where there is that kind."""
+    alike = [one for one in names if one.split(".", 1)[0] == name.split(".", 1)[0]] or list(names)
+    return hint(name, names) or f" Nearest: {get_close_matches(name, alike, n=1, cutoff=0.0)[0]}."
+
+
+def common_model(facts: Facts, sessions: Sequence[SessionRecorded]) -> str:
+    if not sessions:
+        raise ReplayDataError("no session to calibrate on: name some with --on. `whyhot sessions` lists them.")
+    named = {model_of(facts, session): session.name for session in sessions}
+    if len(named) > 1:
+        which = ", ".join(f"{session} names {model[:12]}" for model, session in named.items())
+        raise ReplayDataError(
+            f"the sessions' bench files name different motor files ({which}): say which one with --model."
+        )
+    return next(iter(named))
+
+
+def _covariance(result: Calibration) -> Floats:
+    """(P, P) of the motor's own parameters."""
+    size = len(result.estimates)
+    return np.asarray(np.linalg.inv(result.fit.hessian)[:size, :size], dtype=np.float64)
+
+
+def _key(
+    facts: Facts, sessions: Sequence[SessionRecorded], parent: str, level: str, only: Sequence[str] | None
+) -> dict[str, Any]:
+    """Everything that the estimates may depend on, but for the environment."""
+    decodes = [facts.decodes[file["decode"]] for session in sessions for file in session.files]
+    return {
+        "sessions": sorted(session.session for session in sessions),
+        "raw": sorted({d.raw for d in decodes}),
+        "databases": sorted({sha for d in decodes for sha in d.databases}),
+        "benches": sorted({facts.current(session.bench) for session in sessions if session.bench}),
+        "decoder": sorted({d.decoder for d in decodes}),
+        "parent": parent,
+        "level": level,
+        "settings": {"step_s": STEP_S} | ({} if only is None else {"only": sorted(only)}),
+        "code": code_of(__name__),
+    }
+
+
+def _keep(store: Store, facts: Facts, event: CalibrationCompleted, file: str) -> bool:
+    """Append what the ledger does not have; whether it had the calibration."""
+    stream = f"calibration-{event.calibration}"
+    known = any(
+        isinstance(one.event, CalibrationCompleted) and one.event.calibration == event.calibration
+        for one in store.ledger.events()
+    )
+    events: list[tuple[str, Event]] = []
+    if event.model not in facts.models:
+        published = ModelPublished(model=event.model, motor=event.motor, file=file, parent=event.parent)
+        events.append((f"motor-{event.motor}", published))
+    if not known:
+        events.append((stream, event))
+    if events:
+        store.ledger.append_all(events)
+    return known
+
+
+def _parameter(estimate: Estimate) -> dict[str, Any]:
+    return {
+        "name": estimate.name,
+        "unit": UNITS[estimate.name.split(".", 1)[0]],
+        "before": estimate.before,
+        "value": estimate.value,
+        "log_change": estimate.log_change,
+        "sd": estimate.sd,
+        "prior_sd": estimate.prior_sd,
+        "held": estimate.held,
+    }
+
+
+def _errors(sessions: Sequence[SessionRecorded], tests: Sequence[Test], result: Calibration) -> list[dict[str, Any]]:
+    """One entry a session and channel; those of meters have a `unit` and no K in their keys."""
+    entries = []
+    for (s, name), before in result.mae_before.items():
+        found = next(one for one in tests[s].sensors if one.name == name)
+        entry: dict[str, Any] = {"session": sessions[s].session, "session_name": sessions[s].name, "channel": name}
+        after, bias = result.mae_after[s, name], result.bias.get((s, name), 0.0)
+        if isinstance(found, Meter):
+            entry |= {"place": _place(found, result), "unit": found.unit, "before": before, "after": after}
+            entry |= {
+                "bias": bias,
+                "bias_sd": found.bias_sd,
+                "gain": result.gain.get(name, 0.0),
+                "gain_sd": found.gain_sd,
+            }
+        else:
+            entry |= {"node": " + ".join(found.output.weights), "before_K": before, "after_K": after}
+            entry |= {"bias_K": bias, "bias_sd_K": found.bias_sd, "outliers_s": result.outliers_s.get((s, name), 0.0)}
+        entries.append(entry)
+    return entries
+
+
+def _place(meter: Meter, result: Calibration) -> str:
+    if meter.law is not None:
+        return " + ".join(meter.law.weights)
+    return "motor" if meter.boundary is None else result.network.boundaries[meter.boundary].name

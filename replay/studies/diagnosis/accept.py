@@ -1,0 +1,94 @@
+"""A diagnosis accepted: its extended model and bench file become the current ones. A fact of its own, and a person's word."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from ingest.facts import facts as ledger_facts
+from ingest.facts.events import CauseAccepted, DiagnosisCompleted, ModelExtended
+from ingest.facts.facts import Facts
+from ingest.facts.store import Store
+from replay.engine.files.models import model_of
+from replay.errors import ReplayDataError
+from replay.studies.diagnosis.answer import Diagnosis, read
+
+SHORT = 12  # characters of an id, enough to name it by
+
+
+@dataclass(frozen=True)
+class Acceptance:
+    """The fact, and whether it held already (then nothing was written). `elsewhere`: name of a session of the diagnosis -> the
+    model that it goes on with, where its bench file names none that the accepted one replaces."""
+
+    event: CauseAccepted
+    known: bool
+    elsewhere: Mapping[str, str]
+
+
+def find_diagnosis(facts: Facts, text: str) -> DiagnosisCompleted:
+    """A diagnosis by id or unique beginning of an id, with or without `d-` before it.
+
+    Raises ReplayDataError with what there is.
+    """
+    wanted = text.lower().removeprefix("d-")
+    found = [one for one in facts.diagnoses if wanted and one.startswith(wanted)]
+    if len(found) == 1:
+        return facts.diagnoses[found[0]]
+    why = "is the beginning of more than one" if found else "is not in this store"
+    known = ", ".join(f"d-{one[:SHORT]}" for one in found or facts.diagnoses)
+    raise ReplayDataError(
+        f'diagnosis "{text}" {why}: '
+        + (f"it holds {known}." if known else "it holds none yet: `whyhot diagnose --on S...`")
+    )
+
+
+def accept(store: Store, text: str) -> Acceptance:
+    """Make the extended model and bench file of a diagnosis the current ones; needs a store that may be written.
+
+    Raises ReplayDataError where there is no such diagnosis, or it has nothing to accept.
+    """
+    facts = ledger_facts.at(store.ledger)
+    completed = find_diagnosis(facts, text)
+    found = read(json.loads(store.archive.read(completed.artefact)))
+    event = _event(store, completed.diagnosis, found)
+    replaced = ((event.parent, event.model), (event.parent_bench, event.bench))
+    known = all(facts.successors.get(parent) == child for parent, child in replaced if parent and child)
+    if not known:
+        store.ledger.append(f"diagnosis-{event.diagnosis}", event)
+        facts = ledger_facts.at(store.ledger)
+    return Acceptance(event, known, _elsewhere(facts, found, event.model) if event.model else {})
+
+
+def _event(store: Store, diagnosis: str, found: Diagnosis) -> CauseAccepted:
+    """What accepting this diagnosis says."""
+    improved = [cause.id for cause in found.causes if cause.improved]
+    if found.extended_model is None and found.extended_bench is None:
+        named = ", ".join(cause.id for cause in found.causes)
+        why = f"{named} did not make the kept sessions better" if named else "it named no cause"
+        why = f"{', '.join(improved)} changes neither motor nor bench file" if improved else why
+        raise ReplayDataError(
+            f"diagnosis d-{diagnosis[:SHORT]}: there is nothing to accept: {why}. Models stay as they are."
+        )
+    recorded = store.ledger.events(ModelExtended, stream=f"diagnosis-{diagnosis}")
+    benches = [
+        one.event.parent_bench
+        for one in recorded
+        if isinstance(one.event, ModelExtended) and one.event.bench == found.extended_bench
+    ]
+    return CauseAccepted(
+        diagnosis=diagnosis,
+        causes=improved,
+        parent=found.model if found.extended_model else None,
+        model=found.extended_model,
+        parent_bench=benches[-1] if found.extended_bench else None,
+        bench=found.extended_bench,
+    )
+
+
+def _elsewhere(facts: Facts, found: Diagnosis, model: str) -> dict[str, str]:
+    sessions = [facts.session(one) for one in (*found.train, *found.held_out)]
+    named = [session for session in sessions if (bench := facts.bench_of(session)) and bench.model]
+    models = {session.name: model_of(facts, session) for session in named}
+    return {name: one for name, one in models.items() if one != model}

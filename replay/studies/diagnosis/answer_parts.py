@@ -1,0 +1,229 @@
+"""The parts of a diagnosis' answer, worded from what the twin found."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ingest.facts.events import SessionRecorded
+from ingest.texts.quantities import column_suffix
+from replay.engine.results.residuals import where
+from replay.studies.diagnosis.answer import Named, Rival, Shown, UnknownHeat
+from replay.studies.diagnosis.formulas import formula
+from replay.studies.diagnosis.kept_sessions import Measured
+from twin.calibration.learned import size
+from twin.diagnosis.free_heats import Unknown
+from twin.diagnosis.naming import MOST_SIGMAS, MOST_TERMS, Naming, Refit, Round
+from twin.diagnosis.told_apart import separating_test, telling_test, told_apart
+from twin.differences.candidates import Candidate
+from twin.differences.columns import AddedTerms
+from twin.fitting.fit import Fit
+from twin.fitting.model import Model
+from twin.fitting.noise import floor_variance
+from twin.motor.causes import says
+from twin.motor.features import quantity, scale
+from twin.motor.network import Network
+from twin.motor.outputs import followed
+
+Floats = NDArray[np.float64]
+
+RIVALS = 5
+
+
+def shown(model: Model, sessions: Sequence[SessionRecorded]) -> list[Shown]:
+    """What the file's own model gets wrong on the training sessions."""
+    result = []
+    for series in model.residuals(np.zeros(len(model.parameters))):
+        test, session = model.tests[series.session], sessions[series.session]
+        channel = next((c for c in test.channels if c.name == series.channel), None)
+        if channel is None:  # a meter, whose rows are no temperatures
+            continue
+        at = np.minimum((series.t_s / test.frame.step_s).astype(np.intp), len(test.frame.features) - 1)
+        size_K = np.abs(series.y)
+        places = {with_unit(f): values[at] * scale(model.network, f) for f, values in test.inputs.items()}
+        floor = float(np.hypot(np.sqrt(floor_variance(series, model.noise_of(series.channel))), channel.bias_sd))
+        result.append(
+            Shown(
+                session=session.session,
+                session_name=session.name,
+                channel=series.channel,
+                node=followed(channel.output.weights) or " + ".join(channel.output.weights),
+                mae_K=float(size_K.mean()),
+                max_K=float(size_K.max()),
+                bias_K=float(series.y.mean()),
+                floor_K=floor,
+                white=_white(series.y),
+                where={name: span for name, value in places.items() if (span := where(value, size_K)) is not None},
+            )
+        )
+    return result
+
+
+def with_unit(feature: str) -> str:
+    """`speed` -> `speed_rpm`."""
+    return feature + column_suffix(quantity(feature) or feature)
+
+
+def _white(residual: Floats) -> bool:
+    """Whether neighbouring blocks say nothing of each other: lag-1 autocorrelation within two sigma (Bartlett)."""
+    centred = residual - residual.mean()
+    total = float(centred @ centred)
+    return bool(total == 0.0 or abs(float(centred[1:] @ centred[:-1])) / total < 2 / np.sqrt(len(residual)))
+
+
+@dataclass(frozen=True)
+class Context:
+    """What a named cause is worded from."""
+
+    network: Network
+    train: Sequence[SessionRecorded]
+    naming: Naming
+    kept: Measured | None
+    log_bf_unknown: float
+
+
+def named(context: Context, refit: Refit) -> Named:
+    """A cause that survived, with its size, class and gain."""
+    final, cause = context.naming.final, refit.candidate.cause
+    place = place_of(final, refit)
+    found = size(final, place, refit.candidate.unit)
+    effect_K, node, test, t_s = _largest_effect(final, place)
+    first = _entered(context.naming, refit.candidate)
+    apart = told_apart(first, refit.candidate, context.log_bf_unknown)
+    others = [member.candidate for member in apart.others]
+    kept = context.kept
+    improved = kept is not None and kept.improved and not refit.candidate.repeated
+    why = kept.why if kept else "no session was kept: say --hold-out"
+    return Named(
+        id=str(cause),
+        says=says(cause),
+        members=list(refit.candidate.members),
+        estimate=found.value,
+        ci95=sorted([found.low, found.high]),
+        unit=found.unit,
+        typical_W=found.typical_W,
+        largest_effect_K=effect_K,
+        largest_effect_node=node,
+        largest_effect_session=context.train[test].session,
+        largest_effect_t_s=t_s,
+        formula=_formula(refit, found.value, context.network),
+        log_bayes_factor=refit.log_bayes_factor,
+        probability=apart.probability,
+        member_probability=apart.leader.probability,
+        indistinguishable_from=[str(other.cause) for other in others],
+        separating_test=separating_test(first, refit.candidate, others[0]) if others else None,
+        significant=True,
+        identified=all((o.cause.kind, o.cause.place) == (cause.kind, cause.place) for o in others),
+        improved=improved,
+        why_not_improved=None if improved else why or "what changes from session to session is said by no file",
+    )
+
+
+def place_of(final: Fit, refit: Refit) -> int:
+    """Where a term stands in the vector of the final fit."""
+    return next(i for i, p in enumerate(final.model.parameters) if p == refit.parameter)
+
+
+def _entered(naming: Naming, candidate: Candidate) -> Round:
+    """The round in which a term was let in."""
+    leading = (
+        one
+        for one in naming.rounds
+        if any(r.candidate == candidate for r in one.refits)
+        and max((r for r in one.refits if r.possible), key=lambda r: r.log_bayes_factor).candidate == candidate
+    )
+    return next(leading, naming.rounds[0])
+
+
+def _largest_effect(final: Fit, place: int) -> tuple[float, str, int, float]:
+    """What a term moves at most: K, the node, the test and the time [s]."""
+    without = final.beta.copy()
+    without[place] = 0.0
+    best = (0.0, final.model.network.nodes[0].name, 0, 0.0)
+    for s, test in enumerate(final.model.tests):
+        moved = final.model.course(s, final.beta)[1] - final.model.course(s, without)[1]
+        k, node = (int(i) for i in np.unravel_index(np.argmax(np.abs(moved)), moved.shape))
+        if abs(moved[k, node]) > best[0]:
+            name = final.model.network.nodes[node].name
+            best = (float(abs(moved[k, node])), name, s, (k + 0.5) * test.frame.step_s)
+    return best
+
+
+def _formula(refit: Refit, value: float, network: Network) -> str:
+    cause, column = refit.candidate.cause, refit.candidate.column
+    if isinstance(column, AddedTerms):
+        return formula(replace(column.terms[0][1], coefficient=value), cause.place, network)
+    if cause.law == "scale":
+        return f"{cause.kind} of {cause.place} times {value:.3g}"
+    unit = "" if refit.candidate.unit == "1" else f" {refit.candidate.unit}"
+    return f"{cause} = {value:.4g}{unit}"
+
+
+def rivals(naming: Naming, refused: Sequence[tuple[Refit, str]]) -> list[Rival]:
+    """The best candidates that were not named, and why. `refused`: terms that the kept sessions spoke against, with the reason."""
+    chosen = {str(refit.candidate.cause) for refit in naming.accepted}
+    found: dict[str, Rival] = {}
+
+    def add(candidate: Candidate, value: float, why: str) -> None:
+        name = str(candidate.cause)
+        if name not in chosen and name not in found:
+            found[name] = Rival(id=name, says=says(candidate.cause), log_bayes_factor=value, why_not=why)
+
+    for refit, reason in refused:
+        add(refit.candidate, refit.log_bayes_factor, reason)
+    for refit in naming.patchwork:
+        others = " and ".join(str(r.candidate.cause) for r in naming.patchwork if r is not refit)
+        add(
+            refit.candidate,
+            refit.log_bayes_factor,
+            f"fits only together with {others}: none of them has the form of what is there",
+        )
+    for candidate, value in naming.left_out:
+        add(candidate, value, "let in first; left out at the end, the fit is about as good")
+    for number, one in enumerate(naming.rounds):
+        best = max((r.log_bayes_factor for r in one.refits if r.possible), default=0.0)
+        for refit in sorted(one.refits, key=lambda r: -r.log_bayes_factor):
+            value, last = refit.log_bayes_factor, number == len(naming.rounds) - 1
+            why = f"{best - value:.1f} behind in ln BF after both were refitted"
+            if not refit.ended:
+                why = f"its search was stopped where it promised to stay {best - refit.promised:.1f} behind in ln BF"
+            elif not refit.possible:
+                why = _impossible(refit)
+            elif last and value > naming.threshold:
+                why = f"{MOST_TERMS} terms are the most that are named"
+            elif last:
+                why = f"under the threshold of {naming.threshold:.0f}"
+            add(refit.candidate, value, why)
+    return list(found.values())[:RIVALS]
+
+
+def _impossible(refit: Refit) -> str:
+    share = abs(refit.amplitude) / refit.parameter.sd
+    if share > MOST_SIGMAS:
+        return f"it would have to be {share:.0f} times as large as such a cause usually is"
+    return "it would have to take away more than there is"
+
+
+def suspected_test(naming: Naming) -> str | None:
+    """The test after which the best candidate that nothing was named for would stand out, if it is there; None without one."""
+    first = naming.rounds[0]
+    best = max((r for r in first.refits if r.possible), key=lambda r: r.log_bayes_factor, default=None)
+    test = telling_test(first, best.candidate) if best and not naming.accepted else None
+    return f"{test}: it would show whether {best.candidate.cause} is there" if best and test else None
+
+
+def unknown_heat(heat: Unknown, network: Network, patchwork: Sequence[Refit]) -> UnknownHeat:
+    """A free heat in stored units."""
+    when = {with_unit(f): [low * scale(network, f), high * scale(network, f)] for f, (low, high) in heat.inputs.items()}
+    when[f"{heat.node}_degC"] = list(heat.temperature_degC)
+    return UnknownHeat(
+        node=heat.node,
+        watts=list(heat.watts),
+        when=when,
+        goes_with=list(heat.goes_with),
+        log_bayes_factor=heat.log_bayes_factor,
+        patchwork=[str(refit.candidate.cause) for refit in patchwork],
+    )

@@ -1,0 +1,213 @@
+"""The diagnosis of stored sessions: shown, named, extended, measured; the answer sealed, each step a fact."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from ingest.facts.events import (
+    CauseNamed,
+    DiagnosisCompleted,
+    Event,
+    GainMeasured,
+    HeldOutOpened,
+    ModelExtended,
+    ModelPublished,
+    SessionRecorded,
+)
+from ingest.facts.facts import Facts
+from ingest.facts.store import Store
+from replay.engine.files.bench_versions import MADE, with_bench_of
+from replay.engine.runs.identity import run_id
+from replay.engine.runs.sources import code_of
+from replay.errors import ReplayDataError
+from replay.studies.characterise.calibrate import common_model
+from replay.studies.diagnosis.answer import Diagnosis, document, read
+from replay.studies.diagnosis.answer_parts import Context, named, rivals, shown, suspected_test, unknown_heat
+from replay.studies.diagnosis.data_faults import data_faults
+from replay.studies.diagnosis.extension import Version, version
+from replay.studies.diagnosis.found import Found, find
+from replay.studies.diagnosis.named_faults import left_out, masked, named_fault, named_swap
+from replay.studies.diagnosis.question import Campaign, Question, campaign_of, check, kept_of, key_of
+from replay.studies.sessions.fitting import fitting
+from twin.diagnosis.swaps import misread, scan
+from twin.differences.everyday import everyday
+from twin.fitting.model import Model
+
+Tell = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Result:
+    """The answer, and whether the ledger had it already."""
+
+    diagnosis: Diagnosis
+    known: bool
+
+
+def diagnose(
+    store: Store,
+    facts: Facts,
+    train: Sequence[SessionRecorded],
+    kept: Sequence[SessionRecorded],
+    model: str | None,
+    level: str,
+    tell: Tell = lambda _: None,
+) -> Result:
+    """Name what the model gets wrong on `train`, and measure on `kept` what the extended model gains.
+
+    The same question again reads the sealed answer. Raises ReplayDataError where sessions are too few, too short, of
+    different motors, kept and learnt from at once, or lack what the model needs.
+    """
+    check(train, kept)
+    model = model or common_model(facts, [*train, *kept])
+    question = Question(store, with_bench_of(facts, model), train, kept, model, level)
+    key = key_of(question, code_of(__name__))
+    identity = run_id(key)
+    if identity in facts.diagnoses:
+        return Result(read(json.loads(store.archive.read(facts.diagnoses[identity].artefact))), True)
+    started = time.monotonic()
+    with fitting(f"diagnosis with model {question.model[:12]}"):
+        answer = _answered(question, identity, tell)
+    answer = replace(answer, seconds=round(time.monotonic() - started, 1))
+    _keep(question, answer, key)
+    return Result(answer, False)
+
+
+def _answered(question: Question, identity: str, tell: Tell) -> Diagnosis:
+    tell("reading the sessions")
+    campaign = campaign_of(question)
+    network = campaign.network
+    model = Model(network, campaign.tests, everyday(network, campaign.tests))
+    wrong = shown(model, question.train)
+    tell("looking for exchanged and misread channels")
+    if lines := misread(model):
+        raise ReplayDataError(lines[0])
+    swaps = scan(model, campaign.candidates)
+    tests = kept_of(question, campaign)
+    if tests:  # a fact before anything is predicted: who stops here has looked all the same
+        opened = HeldOutOpened(diagnosis=identity, sessions=[s.session for s in question.kept])
+        question.store.ledger.append(f"diagnosis-{identity}", opened)
+    found = find(campaign, model, swaps, tests, tell)
+    naming, kept = found.naming, found.kept
+    tell("weighing the data's own faults")
+    faults = data_faults(naming.final, campaign.loaded, campaign.starts_ns, campaign.observed, naming.threshold)
+    context = Context(network, question.train, naming, kept, found.log_bf_unknown)
+    causes = [named(context, refit) for refit in naming.accepted]
+    causes += [named_swap(swap, kept) for swap in swaps]
+    causes += [named_fault(fault, kept) for fault in faults]
+    causes.sort(key=lambda cause: -cause.log_bayes_factor)
+    tell("writing the models")
+    note = f"Recalibrated by diagnosis {identity}."
+    recalibrated = version(question, campaign, found.base, (), (), note)
+    extended = _extended(question, campaign, found, identity)
+    last = naming.rounds[-1]
+    return Diagnosis(
+        diagnosis=identity,
+        motor=network.name,
+        level=question.level,
+        model=question.model,
+        train=[s.session for s in question.train],
+        held_out=[s.session for s in question.kept],
+        train_names=[s.name for s in question.train],
+        held_out_names=[s.name for s in question.kept],
+        opened_before=any(question.facts.opened.get(s.session) for s in question.kept),
+        shown=wrong,
+        causes=causes,
+        rivals=rivals(naming, found.refused),
+        unknown=[unknown_heat(heat, network, naming.patchwork) for heat in found.unknown],
+        masked=[*masked(question, faults), *left_out(question, campaign)],
+        recalibrated_model=recalibrated.motor,
+        recalibrated_bench=recalibrated.bench,
+        extended_model=extended.motor if extended and extended.motor != question.model else None,
+        extended_bench=extended.bench if extended else None,
+        gain=list(kept.gain) if kept else [],
+        log_score_gain=kept.log_score_gain if kept else None,
+        log_score_gain_lower=kept.log_score_gain_lower if kept else None,
+        few_kept_data=bool(kept and kept.few),
+        candidates=len(campaign.candidates),
+        dropped=sorted({name for one in naming.rounds for name in one.dropped}),
+        steps=sum(len(t.frame.features) for t in campaign.tests),
+        null_log_bayes_factor=last.null,
+        threshold=naming.threshold,
+        next_test=next((c.separating_test for c in causes if c.separating_test), None) or suspected_test(naming),
+        seconds=0.0,
+    )
+
+
+def _extended(question: Question, campaign: Campaign, found: Found, identity: str) -> Version | None:
+    """The extended motor and bench file, where the kept sessions got better."""
+    if found.kept is None or not found.kept.improved:
+        return None
+    named = [str(refit.candidate.cause) for refit in found.naming.accepted if not refit.candidate.repeated]
+    named += [str(swap.candidate.cause) for swap in found.swaps]
+    if not named:  # what changes from session to session is said by no file
+        return None
+    note = f"Extended by diagnosis {identity}: {', '.join(named)}."
+    return version(question, campaign, found.naming.final, found.naming.accepted, found.swaps, note)
+
+
+def _keep(question: Question, answer: Diagnosis, key: dict[str, Any]) -> None:
+    """Seal the answer and append its facts: what was named, extended, measured."""
+    store, facts, name = question.store, question.facts, f"diagnosis-{answer.diagnosis}"
+    parent_bench = facts.bench_of(question.train[0])
+    artefact = store.archive.seal(json.dumps(document(answer, {}), sort_keys=True).encode())
+    facts_of: list[tuple[str, Event]] = []
+    for model in dict.fromkeys(m for m in (answer.recalibrated_model, answer.extended_model) if m):
+        if model not in facts.models:
+            file = facts.models[question.model].file
+            published = ModelPublished(model=model, motor=answer.motor, file=file, parent=question.model)
+            facts_of.append((f"motor-{answer.motor}", published))
+    for bench in dict.fromkeys(b for b in (answer.recalibrated_bench, answer.extended_bench) if b):
+        if parent_bench and bench not in facts.benches:
+            facts_of.append((f"bench-{bench}", replace(parent_bench, sha256=bench)))
+    for cause in answer.causes:
+        facts_of.append(
+            (
+                name,
+                CauseNamed(
+                    diagnosis=answer.diagnosis,
+                    cause=cause.id,
+                    estimate=cause.estimate,
+                    unit=cause.unit,
+                    log_bayes_factor=cause.log_bayes_factor,
+                    probability=cause.probability,
+                ),
+            )
+        )
+    if answer.extended_model or answer.extended_bench:
+        facts_of.append(
+            (
+                name,
+                ModelExtended(
+                    diagnosis=answer.diagnosis,
+                    parent=question.model if answer.extended_model else None,
+                    model=answer.extended_model,
+                    parent_bench=parent_bench.sha256 if answer.extended_bench and parent_bench else None,
+                    bench=answer.extended_bench,
+                ),
+            )
+        )
+    if answer.gain:
+        gain = [vars(one) for one in answer.gain]
+        facts_of.append((name, GainMeasured(diagnosis=answer.diagnosis, gain=gain)))
+    summary: dict[str, Any] = {"motor": answer.motor, "causes": [c.id for c in answer.causes]}
+    if parent_bench:
+        summary[MADE] = {"parent": parent_bench.sha256, "of_model": _benches(answer, parent_bench.sha256)}
+    facts_of.append((name, DiagnosisCompleted(diagnosis=answer.diagnosis, key=key, artefact=artefact, summary=summary)))
+    store.ledger.append_all(facts_of)
+
+
+def _benches(answer: Diagnosis, parent: str) -> dict[str, str]:
+    """Model -> the bench file that goes with it."""
+    made = {answer.model: parent}
+    for model, bench in (
+        (answer.recalibrated_model, answer.recalibrated_bench),
+        (answer.extended_model, answer.extended_bench),
+    ):
+        if model is not None:
+            made[model] = bench or parent
+    return made

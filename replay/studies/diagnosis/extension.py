@@ -1,0 +1,103 @@
+"""New versions with a parent: the motor file and the bench file that say together what a diagnosis found."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from ingest.bench.corrections import MASKED, SWAP, spelt
+from replay.engine.files.bench_text import corrected
+from replay.engine.files.motor_text import written
+from replay.studies.diagnosis.answer_parts import place_of
+from replay.studies.diagnosis.question import Campaign, Question
+from twin.calibration.learned import network_of, size
+from twin.diagnosis.expressible import expressible, readings
+from twin.diagnosis.naming import Refit
+from twin.diagnosis.swaps import Swap
+from twin.differences.candidates import sensor_place
+from twin.differences.columns import ObservedChannel, Reading
+from twin.fitting import actions
+from twin.fitting.fit import Fit
+from twin.motor.network import Network
+
+MOTOR_KINDS = ("loss", "conductance", "capacity", "ageing")
+DIGITS = 3  # of a healthy difference in a bench file
+FIRST, LAST = (
+    ("bias", "drift"),
+    ("gain", "stem"),
+)  # a reading is gain times truth plus bias: the bias is taken off first
+
+
+@dataclass(frozen=True)
+class Version:
+    """SHA-256 of a motor file and of the bench file that goes with it; None where no bench file is known, or it says all already."""
+
+    motor: str
+    bench: str | None
+
+
+def version(
+    question: Question, campaign: Campaign, found: Fit, named: Sequence[Refit], swaps: Sequence[Swap], note: str
+) -> Version:
+    """Motor and bench file with what a fit learnt, sealed, so that a replay of both gives what the fit gives, less what belongs to
+    one session. `named`: its terms; `swaps`: the exchanges that it was made with; `note`: what the files shall say of it."""
+    store, facts = question.store, question.facts
+    driving = {i.bus for i in campaign.inputs}
+    places = {place_of(found, refit): refit for refit in named}
+    fit = expressible(found, places, {o.name for o in campaign.observed if o.bus in driving})
+    network = network_of(fit, campaign.monomials)
+    data, name = store.archive.read(question.model), facts.models[question.model].file
+    motor = store.archive.seal(written(data, name, network, note))
+    parent = facts.bench_of(question.train[0])
+    if parent is None:
+        return Version(motor, None)
+    own = readings(fit, places)
+    amounts = {str(swap.candidate.cause): 1.0 for swap in swaps}
+    for place, refit in places.items():
+        if refit.candidate.cause.kind not in MOTOR_KINDS:
+            amounts[str(refit.candidate.cause)] = size(fit, place, refit.candidate.unit).value
+    sensors = _sensors(campaign.observed, swaps)
+    healthy = {f"sensor.{sensors[channel]}.lag": lag_s for channel, lag_s in own.lag_s.items()}
+    healthy |= {_cause(action, network, campaign, sensors): amount for action, amount in own.errors.items()}
+    amounts |= {cause: float(f"{amount:.{DIGITS}g}") for cause, amount in healthy.items()}
+    before = store.archive.read(parent.sha256)
+    text = corrected(before, parent.name, _in_order(amounts), note, own.weights)
+    return Version(motor, store.archive.seal(text) if text != before else None)
+
+
+def _sensors(observed: Sequence[ObservedChannel], swaps: Sequence[Swap]) -> dict[str, str]:
+    """Channel -> place in the ids of corrections, below those of the exchanges: what was learnt of a sensor's place is then read by
+    the other channel."""
+    other = {c.name: c.name for c in observed}
+    for swap in swaps:
+        pair = swap.candidate.column
+        assert isinstance(pair, Reading)
+        other |= {pair.channel: pair.other, pair.other: pair.channel}
+    crossed = {c.name: ObservedChannel(other[c.name], c.weights, c.bus) for c in observed}
+    return {name: sensor_place(c, list(crossed.values())) for name, c in crossed.items()}
+
+
+def _cause(action: actions.Action, network: Network, campaign: Campaign, sensors: Mapping[str, str]) -> str:
+    match action:
+        case actions.Bias(channel):
+            return f"sensor.{sensors[channel]}.bias"
+        case actions.Gain(channel):
+            return f"sensor.{sensors[channel]}.gain"
+        case actions.Late(channels, drifts):
+            bus = next(o.bus for o in campaign.observed if o.name in channels)
+            return f"clock.{spelt(bus)}.{'drift' if drifts else 'offset'}"
+        case actions.BoundaryBias(boundary):
+            return f"boundary.{network.boundaries[boundary].name}.bias"
+        case actions.InputGain(name):
+            return f"input.{name}.gain"
+    raise TypeError(f"{action} is no error of a bench")
+
+
+def _in_order(amounts: Mapping[str, float]) -> dict[str, float]:
+    """Exchanges first, as places below are called what they are called then; then what is added to readings, then factors."""
+
+    def rank(cause: str) -> int:
+        law = cause.split(".", 2)[2]
+        return 0 if law.startswith(SWAP) or law in MASKED else 1 if law in FIRST else 3 if law in LAST else 2
+
+    return dict(sorted(amounts.items(), key=lambda one: rank(one[0])))

@@ -1,0 +1,151 @@
+"""What a diagnosis is asked: the sessions to learn from and those to keep, as the twin takes them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from ingest.catalogue.channels import ChannelData, load
+from ingest.facts.events import SessionRecorded
+from ingest.facts.facts import Facts
+from ingest.facts.store import Store
+from replay.engine.files.configurations import refuse_other_rigs
+from replay.engine.files.motor_file import read_motor
+from replay.errors import ReplayDataError
+from replay.studies.sessions.recorded import STEP_S, test_of
+from twin.differences.candidates import Candidate, added_monomials, generate
+from twin.differences.columns import EntryFactor, InputChannel, ObservedChannel
+from twin.fitting.model import Test
+from twin.motor.configured import configured
+from twin.motor.features import Monomial
+from twin.motor.network import Network
+
+LEAST_S = 900.0  # of training: below, hardly anything of a motor's slow modes is in the data
+RIPPLE = Monomial((("current", 2.0),))  # the law of the rotor's everyday heat at standstill
+
+
+@dataclass(frozen=True)
+class Question:
+    """What is asked: the sessions to learn from and the kept ones, the model and level."""
+
+    store: Store
+    facts: Facts
+    train: Sequence[SessionRecorded]
+    kept: Sequence[SessionRecorded]
+    model: str
+    level: str
+
+
+def check(train: Sequence[SessionRecorded], kept: Sequence[SessionRecorded]) -> None:
+    """Raises ReplayDataError where there is nothing to learn from, or what is learnt from is kept too."""
+    if not train:
+        raise ReplayDataError("no session to learn from: name some with --on. `whyhot sessions` lists them.")
+    both = {s.session for s in train} & {s.session for s in kept}
+    if both:
+        named = ", ".join(s.name for s in kept if s.session in both)
+        raise ReplayDataError(
+            f"{named}: learnt from and kept at once: a kept session must be one that --on does not name."
+        )
+    refuse_other_rigs([*train, *kept])
+    length_s = sum(s.end_ns - s.start_ns for s in train) / 1e9
+    if length_s < LEAST_S:
+        raise ReplayDataError(
+            f"too little to tell: {length_s / 60:.0f} min to learn from, at least {LEAST_S / 60:.0f} are needed. "
+            "Add an S1 or S2 point or a drive cycle with --on."
+        )
+
+
+def key_of(question: Question, code: str) -> dict[str, Any]:
+    """Everything that the answer may depend on, but for the environment. `code`: hash of the sources that answer."""
+    facts, every = question.facts, [*question.train, *question.kept]
+    decodes = [facts.decodes[file["decode"]] for session in every for file in session.files]
+    return {
+        "train": [session.session for session in question.train],
+        "kept": [session.session for session in question.kept],
+        "raw": sorted({d.raw for d in decodes}),
+        "databases": sorted({sha for d in decodes for sha in d.databases}),
+        "benches": sorted({facts.current(session.bench) for session in every if session.bench}),
+        "decoder": sorted({d.decoder for d in decodes}),
+        "model": question.model,
+        "level": question.level,
+        "settings": {"step_s": STEP_S},
+        "code": code,
+    }
+
+
+@dataclass(frozen=True)
+class Campaign:
+    """The training sessions as the twin takes them."""
+
+    network: Network
+    tests: tuple[Test, ...]
+    candidates: tuple[Candidate, ...]
+    monomials: tuple[Monomial, ...]
+    observed: tuple[ObservedChannel, ...]
+    inputs: tuple[InputChannel, ...]
+    loaded: Sequence[Sequence[ChannelData]]
+    starts_ns: tuple[int, ...]
+
+
+def campaign_of(question: Question) -> Campaign:
+    """The training sessions, read. Raises ReplayDataError where one lacks what the model needs."""
+    motor = read_motor(question.store.archive.read(question.model), question.facts.models[question.model].file)
+    network = configured(motor, None)
+    loaded = [load(question.store, question.facts, session) for session in question.train]
+    observed, inputs = _channels(loaded, network, question.level)
+    candidates = generate(network, observed, inputs)
+    given = {i.name for i in inputs}
+    monomials = tuple(
+        dict.fromkeys(
+            [*added_monomials(candidates), *([RIPPLE] if "current" in given and "current" in network.scale else [])]
+        )
+    )
+    tests = tuple(
+        test_of(
+            *(question.store, question.facts, session, network, monomials, question.level),
+            across(candidates),
+            meters=True,
+            loaded=own,
+        )
+        for session, own in zip(question.train, loaded, strict=True)
+    )
+    starts = tuple(test.start_ns for test in tests)
+    return Campaign(network, tests, candidates, monomials, observed, inputs, loaded, starts)
+
+
+def _channels(
+    loaded: Sequence[Sequence[ChannelData]], network: Network, level: str
+) -> tuple[tuple[ObservedChannel, ...], tuple[InputChannel, ...]]:
+    """What is observed and what drives, over all sessions."""
+    nodes = {node.name for node in network.nodes}
+    observed: dict[str, ObservedChannel] = {}
+    inputs: dict[str, InputChannel] = {}
+    for channel in (c for channels in loaded for c in channels):
+        spec = channel.spec
+        weights = dict(spec.weights) or {spec.node or "": 1.0}
+        if spec.role == "observed" and spec.quantity == "temperature" and set(weights) <= nodes:
+            if level in ("testing", spec.level):
+                observed.setdefault(spec.name, ObservedChannel(spec.name, weights, channel.buses[0]))
+        elif spec.role == "input" or (spec.role == "observed" and spec.quantity == "temperature"):
+            name = spec.node or spec.quantity if spec.quantity == "temperature" else spec.quantity
+            inputs.setdefault(name, InputChannel(name, channel.buses[0]))
+    return tuple(observed.values()), tuple(inputs.values())
+
+
+def kept_of(question: Question, campaign: Campaign) -> list[Test]:
+    """The kept sessions, read."""
+    return [
+        test_of(
+            *(question.store, question.facts, session, campaign.network, campaign.monomials, question.level),
+            across(campaign.candidates),
+            meters=True,
+        )
+        for session in question.kept
+    ]
+
+
+def across(candidates: Sequence[Candidate]) -> tuple[str, ...]:
+    """The laws of candidates that change from session to session."""
+    columns = (c.column for c in candidates if c.repeated)
+    return tuple(dict.fromkeys(column.by for column in columns if isinstance(column, EntryFactor)))

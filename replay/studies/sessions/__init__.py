@@ -1,0 +1,1 @@
+"""Stored sessions as fits take them, and what surrounds a fit."""

@@ -1,0 +1,164 @@
+"""Stored sessions as the diagnosis takes them: steps of 1 s, features of every candidate averaged at the native rate."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ingest.catalogue import quality
+from ingest.catalogue.channels import ChannelData, load
+from ingest.facts.events import SessionRecorded
+from ingest.facts.facts import Facts
+from ingest.facts.store import Store
+from replay.engine.frame import frame as frames
+from replay.engine.frame.frame import InputFrame, Observation
+from replay.engine.frame.frame_of import as_fed
+from replay.engine.frame.meters import Measurand
+from replay.engine.results.open_loop import initial_temperatures, referenced
+from replay.engine.specimen.aged import hours_of
+from replay.errors import ReplayDataError
+from replay.studies.sessions.history import course_of
+from twin.fitting.model import Channel, Test
+from twin.fitting.recorded import Meter
+from twin.motor.features import QUANTITY, Monomial, is_flow, monomials
+from twin.motor.network import Network
+from twin.motor.outputs import BLOCK_S, Output
+from twin.run.simulate import Frame
+
+Floats = NDArray[np.float64]
+
+STEP_S = 1.0
+
+
+def test_of(
+    store: Store,
+    facts: Facts,
+    session: SessionRecorded,
+    network: Network,
+    wanted: Sequence[Monomial],
+    level: str,
+    laws: Sequence[str] = (),
+    meters: bool = False,
+    loaded: Sequence[ChannelData] | None = None,
+) -> Test:
+    """A session with the products of features `wanted` besides the network's own, and what the `laws` across sessions multiply with;
+    with `meters`, what observes power, heat, resistance or flux is learnt from too; `loaded`: its channels, where they are read already.
+
+    Raises ReplayDataError where it lacks an input, or no channel of it observes a node.
+    """
+    channels = as_fed(session, load(store, facts, session) if loaded is None else loaded, network)
+    own = monomials(network)
+    single = [Monomial(((f, 1.0),)) for f in _single(network, channels)]
+    every = tuple(dict.fromkeys([*own, *single, *wanted]))
+    good = [found.good for found in quality.assess(channels)]
+    try:
+        frame = frames.build(channels, good, network, every, STEP_S, hours_of(store, facts, session, network))
+    except ReplayDataError as error:
+        raise ReplayDataError(f"session {session.name}: {error}") from None
+    course = course_of(store, facts, session, laws)
+    test = replace(_test(session, frame, network, every, len(own), level, channels), course=course)
+    return with_meters(test, frame, network, level, channels) if meters else test
+
+
+def _single(network: Network, channels: Sequence[ChannelData]) -> list[str]:
+    """The features that a session records, by themselves; of several flows those that the network tells apart."""
+    given = [c.spec.quantity for c in channels if c.spec.role == "input"]
+    recorded = [f for f, q in QUANTITY.items() if q in network.scale and f in given and not is_flow(f)]
+    flows = {f for m in monomials(network) for f in m.features if is_flow(f)}
+    if not flows and "flow" in network.scale and given.count("flow") == 1:
+        flows = {"flow"}
+    return [*recorded, *sorted(flows)]
+
+
+def _test(
+    session: SessionRecorded,
+    frame: InputFrame,
+    network: Network,
+    every: Sequence[Monomial],
+    own: int,
+    level: str,
+    channels: Sequence[ChannelData],
+) -> Test:
+    length = round(BLOCK_S / STEP_S)
+    steps = len(frame.features) // length * length
+    seen = [o for o in frame.observations if level in ("testing", o.level) and o.good[:steps].any()]
+    if not seen:
+        raise ReplayDataError(
+            f"session {session.name}: no usable channel of level {level} observes a node of {network.name}: there is "
+            "nothing to learn from. Say node = ... in the bench file, or leave the session out."
+        )
+    named = {m.name: np.ascontiguousarray(frame.features[:steps, j]) for j, m in enumerate(every)}
+    initial, sd = initial_temperatures(network, replace(frame, features=frame.features[:, :own]), level)
+    return Test(
+        name=session.name,
+        kind=session.kind,
+        frame=Frame(STEP_S, np.ascontiguousarray(frame.features[:steps, :own]), frame.boundaries[:steps]),
+        inputs={
+            m.powers[0][0]: named[m.name]
+            for m in every
+            if m.shape is None and len(m.powers) == 1 and m.powers[0][1] == 1.0
+        },
+        features=named,
+        initial=initial,
+        initial_sd=sd,
+        channels=tuple(_channel(o, frame, steps, channels) for o in seen),
+        start_ns=int(frame.t_ns[0]),
+    )
+
+
+def with_meters(test: Test, frame: InputFrame, network: Network, level: str, channels: Sequence[ChannelData]) -> Test:
+    """A test with the frame's meters of this level."""
+    begins = dict(zip((node.name for node in network.nodes), test.initial.tolist(), strict=True))
+    begins_sd = dict(zip(begins, test.initial_sd.tolist(), strict=True))
+    steps = len(test.frame.features)
+    found = []
+    for meter in frame.meters:
+        if level in ("testing", meter.seen.level) and meter.seen.good[:steps].any():
+            what = referenced(meter, begins)
+            own = _meter(_channel(meter.seen, frame, steps, channels), what, frame, network)
+            if what.law is not None and not meter.what.referenced:
+                start_K = np.hypot.reduce([share * begins_sd[node] for node, share in what.law.weights.items()])
+                own = replace(own, bias_sd=float(np.hypot(own.bias_sd, start_K * own.row)))
+            found.append(own)
+    return replace(test, meters=tuple(found))
+
+
+def _meter(whole: Channel, what: Measurand, frame: InputFrame, network: Network) -> Meter:
+    around = [b.name for b in network.boundaries]
+    given = frame.mechanical_W if what.quantity == "power" else None
+    return Meter(
+        name=whole.name,
+        bus=whole.bus,
+        unit=what.unit,
+        output=replace(whole.output, weights={}),
+        measured=whole.measured,
+        white_sd=whole.white_sd,
+        resolution=whole.resolution,
+        bias_sd=whole.bias_sd,
+        gain_sd=what.gain_sd,
+        boundary=None if what.boundary is None else around.index(what.boundary),
+        given=0.0 if given is None else given[: whole.measured.size],
+        law=what.law,
+    )
+
+
+def _channel(o: Observation, frame: InputFrame, steps: int, channels: Sequence[ChannelData]) -> Channel:
+    samples = np.where(o.good & frame.live, o.samples, 0).astype(np.float64)[:steps]
+    bus = next(_bus(c) for c in channels if c.spec.name == o.channel)
+    return Channel(
+        name=o.channel,
+        bus=bus,
+        output=Output(weights=o.weights, time_constant_s=o.time_constant_s, samples=samples, place=o.place[:steps]),
+        measured=o.measured[:steps],
+        white_sd=o.noise,
+        resolution=o.resolution,
+        bias_sd=o.bias_sd,
+    )
+
+
+def _bus(channel: ChannelData) -> str:
+    """The bus that stamps a channel; for a table the file itself."""
+    return channel.buses[0]

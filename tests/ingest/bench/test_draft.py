@@ -1,0 +1,92 @@
+"""A draft bench file reads back and fits the very logs that it was drafted for."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ingest.bench.bench_file import read_bench
+from ingest.bench.draft import draft_bench
+from ingest.bench.resolving import resolve
+from ingest.bench.signals import Signal
+
+UNITS = st.sampled_from(
+    [None, "", "°C", "K", "degF", "A", "Apk", "Vrms", "U/min", "Nm", "kW", "l/min", "bar", "-", "MΩ", "??"]
+)
+NAMES = st.one_of(
+    st.sampled_from(
+        ["Speed", "IdFbk", "T_EndWinding.A", "1st temp", "ambient", "TrqSoll", 'quo"te\\n', "Температура", "MAG_1"]
+    ),
+    st.text(min_size=1, max_size=12),
+)
+BUSES = st.sampled_from([None, "can1", "can2"])
+FRAMES = st.builds(Signal, NAMES, st.sampled_from(["TempA", "Motor"]), BUSES, UNITS, st.sampled_from([None, 0.1]))
+TABLES = st.builds(Signal, NAMES, unit=UNITS)
+
+
+@given(st.one_of(st.lists(FRAMES, max_size=8), st.lists(TABLES, max_size=8, unique_by=lambda signal: signal.name)))
+def test_a_draft_is_a_bench_file_that_fits_its_logs(signals: list[Signal]) -> None:
+    text = draft_bench(signals, {}, "logs")
+    bench = read_bench(text.encode("utf-8"), "draft.toml")
+    assert len(resolve(bench, signals)) == text.count("\n[[channel]]\n")
+
+
+TABLE = [
+    Signal("Zeit"),
+    Signal("T_Wicklung_1", unit="°C"),
+    Signal("ambient", unit="degC"),
+    Signal("TC_coolant", unit="degC"),
+    Signal("Drehzahl", unit="U/min"),
+    Signal("n2", unit="rpm"),
+    Signal("Id", unit="Apk"),
+    Signal("Torque"),
+]
+
+
+def test_a_draft_guesses_quantity_unit_and_node() -> None:
+    text = draft_bench(TABLE, {}, "a.csv")
+    channels = {channel.name: channel for channel in resolve(read_bench(text.encode(), "draft.toml"), TABLE)}
+    assert {name: (c.quantity, c.unit, c.node, c.role) for name, c in channels.items()} == {
+        "Drehzahl": ("speed", "U/min", None, "input"),
+        "n2": ("speed", "rpm", None, "input"),
+        "Id": ("current_d", "Apk", None, "input"),
+        "Torque": ("torque", "Nm", None, "input"),
+        "T_Wicklung_1": ("temperature", "°C", "wicklung_1", "observed"),
+        "ambient": ("temperature", "degC", "ambient", "input"),
+        "TC_coolant": ("temperature", "degC", "coolant", "input"),
+    }
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        'quantity = "speed"  # CHECK: several signals look like speed; keep one',
+        'unit = "Nm"  # CHECK: the log does not say',
+        "#   Zeit",
+    ],
+)
+def test_a_draft_says_where_a_person_must_decide(line: str) -> None:
+    assert line in draft_bench(TABLE, {}, "a.csv").split("\n")
+
+
+def test_a_table_without_a_time_column_gets_a_rate_to_fill_in() -> None:
+    without = draft_bench([Signal("speed")], {"untimed": True}, "a.csv")
+    assert "[time]\nrate_hz = 1.0                  # CHECK" in without
+    assert read_bench(without.encode(), "draft.toml").time.rate_hz == 1.0
+    assert "[time]" not in draft_bench([Signal("speed")], {"untimed": False}, "a.csv")
+
+
+def test_equal_names_are_written_with_message_or_bus() -> None:
+    signals = [Signal("T", "A", "can1", "°C"), Signal("T", "A", "can2", "°C"), Signal("T", "B", "can1", "°C")]
+    text = draft_bench(signals, {}, "a.blf")
+    assert [line for line in text.split("\n") if line.startswith("signal")] == [
+        'signal = "can1:A.T"',
+        'signal = "can2:A.T"',
+        'signal = "B.T"',
+    ]
+
+
+def test_a_name_of_a_log_cannot_leave_its_comment() -> None:
+    text = draft_bench([Signal("Remark\n[[channel]]")], {}, "evil\nmotor = 3.csv")
+    assert "# Draft for evil?motor = 3.csv:" in text and read_bench(text.encode(), "draft.toml").channels == ()

@@ -1,0 +1,174 @@
+"""What every row of FORMATS keeps, unasked. A new format brings one file: `files/sample` with its first suffix."""
+
+import gzip
+import json
+import random
+import time
+from collections.abc import Iterable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ingest.errors import UnreadableLogError
+from ingest.formats import FORMATS, Format, Frames, Log, Rows, TimeSpec, open_log, recognise
+from made.places import LOGS
+
+PATIENCE_S = 5.0  # for one damaged sample
+
+each_format = pytest.mark.parametrize("entry", FORMATS, ids=[entry.name for entry in FORMATS])
+
+
+def sample(entry: Format) -> Path:
+    return LOGS / f"sample{entry.suffixes[0]}"
+
+
+def read(path: Path) -> tuple[Log, list[Frames | Rows]]:
+    log = open_log(path)
+    return log, list(log.batches())
+
+
+def check_account(log: Log, batches: Iterable[Frames | Rows]) -> None:
+    """Every record once: in a batch, or rejected."""
+    in_batches = [int(number) for batch in batches for number in batch.record]
+    assert in_batches == sorted(in_batches)
+    rejected = [entry.record for entry in log.rejected]
+    assert rejected == sorted(rejected)
+    assert sorted(in_batches + rejected) == list(range(log.found))
+
+
+def read_damaged(path: Path) -> None:
+    """Anything may be wrong with `path`: it is read in time and keeps the account, or refused in one line."""
+    began = time.monotonic()
+    try:
+        check_account(*read(path))
+    except UnreadableLogError as error:
+        assert str(error).startswith(f"{path.name}: ")
+        assert "\n" not in str(error)
+    assert time.monotonic() - began < PATIENCE_S
+
+
+@each_format
+def test_each_record_of_the_sample_comes_out_once(entry: Format) -> None:
+    assert sample(entry).exists(), f"a new format brings a small log: {sample(entry)}"
+    log, batches = read(sample(entry))
+    assert log.found > len(log.rejected) > 0  # a sample holds records of both kinds
+    check_account(log, batches)
+
+
+@each_format
+def test_each_rejected_record_says_where_and_why(entry: Format) -> None:
+    log, _ = read(sample(entry))
+    for one in log.rejected:
+        assert one.where and one.why and one.raw
+        assert "\n" not in one.where + one.why
+
+
+@each_format
+def test_arrays_have_the_types_and_lengths_of_the_contract(entry: Format) -> None:
+    for batch in read(sample(entry))[1]:
+        count = len(batch.t_ns)
+        assert count > 0
+        assert [batch.t_ns.dtype.name, batch.record.dtype.name] == ["int64", "int64"]
+        assert len(batch.record) == count
+        if isinstance(batch, Frames):
+            assert entry.holds == "frames"
+            arrays = (batch.bus, batch.can_id, batch.flags, batch.offsets, batch.data)
+            assert [array.dtype.name for array in arrays] == ["uint8", "uint32", "uint8", "int64", "uint8"]
+            assert {len(batch.bus), len(batch.can_id), len(batch.flags), len(batch.offsets) - 1} == {count}
+            assert batch.offsets[0] == 0 and batch.offsets[-1] == len(batch.data)
+            assert (np.diff(batch.offsets) >= 0).all()
+        else:
+            assert entry.holds == "rows"
+            assert all(
+                values.dtype in (np.float64, object) and len(values) == count for values in batch.columns.values()
+            )
+
+
+@each_format
+def test_settings_and_units_are_plain_json(entry: Format) -> None:
+    log, _ = read(sample(entry))
+    assert json.loads(json.dumps([log.settings, log.units])) == [log.settings, log.units]
+
+
+@each_format
+def test_a_log_read_twice_gives_the_same(entry: Format) -> None:
+    (first, some), (second, others) = read(sample(entry)), read(sample(entry))
+    assert (first.rejected, first.settings, first.cut) == (second.rejected, second.settings, second.cut)
+    for one, other in zip(some, others, strict=True):
+        np.testing.assert_array_equal(one.t_ns, other.t_ns)
+
+
+@each_format
+def test_an_empty_file_is_refused_with_what_to_do(entry: Format, tmp_path: Path) -> None:
+    path = tmp_path / f"nothing{entry.suffixes[0]}"
+    path.touch()
+    with pytest.raises(UnreadableLogError, match=r"is empty \(0 bytes\): nothing to read\. Copy the file again\."):
+        open_log(path)
+
+
+@each_format
+def test_a_sample_cut_anywhere_is_read_or_refused(entry: Format, tmp_path: Path) -> None:
+    whole = sample(entry).read_bytes()
+    path = tmp_path / sample(entry).name
+    for length in range(1, len(whole), max(1, len(whole) // 150)):
+        path.write_bytes(whole[:length])
+        read_damaged(path)
+
+
+@each_format
+def test_a_sample_with_bytes_changed_is_read_or_refused(entry: Format, tmp_path: Path) -> None:
+    whole = sample(entry).read_bytes()
+    path = tmp_path / sample(entry).name
+    chance = random.Random(20)
+    for _ in range(150):
+        damaged = bytearray(whole)
+        for _ in range(chance.choice((1, 1, 4))):
+            damaged[chance.randrange(len(damaged))] = chance.choice((0, 10, 255, chance.randrange(256)))
+        path.write_bytes(damaged)
+        read_damaged(path)
+
+
+@pytest.mark.parametrize(
+    "entry", [one for one in FORMATS if any(name.endswith(".gz") for name in one.suffixes)], ids=lambda one: one.name
+)
+def test_a_packed_sample_that_is_damaged_at_its_beginning_is_read_or_refused(entry: Format, tmp_path: Path) -> None:
+    whole = gzip.compress(sample(entry).read_bytes(), mtime=0)
+    path = tmp_path / f"{sample(entry).name}.gz"
+    for length in range(1, 40):
+        path.write_bytes(whole[:length])
+        read_damaged(path)
+    for at in range(20):
+        for octet in (0, 1, 4, 8, 16, 255):
+            path.write_bytes(whole[:at] + bytes([octet]) + whole[at + 1 :])
+            read_damaged(path)
+
+
+@each_format
+def test_a_file_of_random_bytes_is_read_or_refused(entry: Format, tmp_path: Path) -> None:
+    path = tmp_path / f"noise{entry.suffixes[0]}"
+    for seed in range(10):
+        path.write_bytes(entry.magic + random.Random(seed).randbytes(20_000))
+        read_damaged(path)
+
+
+@each_format
+def test_a_zone_that_is_none_is_refused_by_name(entry: Format) -> None:
+    log = open_log(sample(entry), TimeSpec(zone="Europe/Atlantis"))
+    with pytest.raises(UnreadableLogError, match=r'zone = "Europe/Atlantis" .* is no IANA time zone'):
+        list(log.batches())
+
+
+def test_a_file_is_recognised_by_its_mark_before_its_name(tmp_path: Path) -> None:
+    path = tmp_path / "renamed.csv"
+    path.write_bytes((LOGS / "sample.blf").read_bytes())
+    assert recognise(path).name == "blf"
+
+
+def test_a_file_of_no_known_format_is_refused_with_those_that_are(tmp_path: Path) -> None:
+    path = tmp_path / "report.pdf"
+    path.write_bytes(b"%PDF-1.7")
+    with pytest.raises(
+        UnreadableLogError, match=r"report\.pdf: is none of the known log formats \(\.blf \.asc .*\.csv"
+    ):
+        recognise(path)

@@ -1,0 +1,606 @@
+"""Tables: what is recognised, what every row becomes, and the line a person reads where a table is refused."""
+
+import gzip
+import random
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from ingest.errors import UnreadableLogError
+from ingest.formats import Log, Rows, TimeSpec, open_log
+from ingest.formats import csv as tables
+from ingest.formats._csv_numbers import MISSING
+from made.places import LOGS
+
+COPY_AGAIN = "; copy the file again if the original is whole."
+
+S_NS = 1_000_000_000
+MARCH_NS = 1_709_280_000 * S_NS  # 1 March 2024, 08:00 UTC
+
+
+def read(path: Path, spec: TimeSpec | None = None) -> tuple[Log, list[int], dict[str, list[Any]]]:
+    """(log, t_ns, columns) of all rows."""
+    log = open_log(path, spec)
+    t_ns: list[int] = []
+    columns: dict[str, list[Any]] = {}
+    for batch in log.batches():
+        assert isinstance(batch, Rows)
+        t_ns += batch.t_ns.tolist()
+        for name, values in batch.columns.items():
+            columns.setdefault(name, []).extend(values.tolist())
+    return log, t_ns, columns
+
+
+def table(folder: Path, text: str, name: str = "log.csv", encoding: str = "utf-8") -> Path:
+    path = folder / name
+    path.write_bytes(text.encode(encoding))
+    return path
+
+
+def test_the_sample_is_recognised_whole() -> None:
+    log, t_ns, columns = read(LOGS / "sample.csv")
+    assert t_ns == [MARCH_NS, MARCH_NS + S_NS // 2, MARCH_NS + 3 * S_NS // 2, MARCH_NS + 3 * S_NS]
+    np.testing.assert_array_equal(columns["T_mag"], [20.5, 20.6, np.nan, 21.1])
+    assert columns["Drehzahl"] == [0, 1500, 1500, 1600]
+    assert columns["Kommentar"] == ["", "Start", "a;b", ""]
+    assert (columns["n"], columns["n_2"]) == ([1] * 4, [2] * 4)
+    assert log.units == {"T_mag": "°C", "Drehzahl": "1/min", "n": "1", "n_2": "1"}
+    assert log.settings == {
+        "encoding": "cp1252",
+        "delimiter": ";",
+        "decimal": ",",
+        "units_row": True,
+        "time_column": "Zeit",
+        "time": "day.month.year in UTC",
+        "renamed": {"n": ["n", "n_2"]},
+        "gz": False,
+        "backward_steps": 0,
+    }
+    assert [(entry.record, entry.where, entry.why) for entry in log.rejected] == [
+        (2, "line 5, column T_mag", 'text "abc" where numbers are'),
+        (4, "line 8", "has 5 fields where the header has 6"),
+        (5, "line 9, column Zeit", '"morgen" is no time (day.month.year in UTC)'),
+    ]
+    assert log.found == 7
+
+
+# ---- how a table is written -----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("text", "delimiter", "decimal"),
+    [
+        ("t,T\n0.5,20.5\n1.5,21.5\n", ",", "."),
+        ("t;T\n0.5;20.5\n1.5;21.5\n", ";", "."),
+        ("t;T\n0,5;20,5\n1,5;21,5\n", ";", ","),
+        ("t\tT\n0,5\t20,5\n1,5\t21,5\n", "\t", ","),
+        ('t;"T"\n0,5;"20,5"\n"1,5";21,5\n', ";", ","),
+        ("t;T;note, if any\n0.5;20.5;a,b\n1.5;21.5;\n", ";", "."),
+    ],
+)
+def test_delimiter_and_decimal_sign_are_recognised(tmp_path: Path, text: str, delimiter: str, decimal: str) -> None:
+    log, t_ns, columns = read(table(tmp_path, text))
+    assert (log.settings["delimiter"], log.settings["decimal"]) == (delimiter, decimal)
+    assert t_ns == [S_NS // 2, 3 * S_NS // 2]
+    assert columns["T"] == [20.5, 21.5]
+
+
+@pytest.mark.parametrize(("encoding", "said"), [("utf-8", "utf-8"), ("utf-8-sig", "utf-8"), ("cp1252", "cp1252")])
+def test_encoding_is_recognised(tmp_path: Path, encoding: str, said: str) -> None:
+    log, _, columns = read(table(tmp_path, "t;Öl [°C]\n0;20\n1;21\n", encoding=encoding))
+    assert (log.settings["encoding"], columns["Öl [°C]"], log.units) == (said, [20, 21], {"Öl [°C]": "°C"})
+
+
+def test_utf_16_is_refused_with_what_to_do(tmp_path: Path) -> None:
+    path = table(tmp_path, "t;T\n0;20\n", encoding="utf-16")
+    with pytest.raises(UnreadableLogError, match=r"log\.csv: is no table in UTF-8\. Export it as CSV in UTF-8\."):
+        read(path)
+
+
+@pytest.mark.parametrize(
+    ("rows", "units"),
+    [
+        ("s,degC,1\n0,20.5,0.1\n1,21,0.2\n", {"t": "s", "T": "degC", "x": "1"}),
+        ("[s],(degC),\n0,20.5,0.1\n1,21,0.2\n", {"t": "s", "T": "degC"}),
+        ("0,abc,0.1\n1,21,0.2\n2,22,0.3\n", {}),
+        ("0,--,0.1\n1,21,0.2\n2,22,0.3\n", {}),
+    ],
+    ids=["units", "bracketed", "a row with text in it", "a row with a gap in it"],
+)
+def test_a_row_of_units_is_told_from_a_row_of_data(tmp_path: Path, rows: str, units: dict[str, str]) -> None:
+    log, _, _ = read(table(tmp_path, "t,T,x\n" + rows))
+    assert (log.settings["units_row"], log.units) == (bool(units), units)
+    assert log.found == 2 + (not units)
+
+
+@pytest.mark.parametrize("token", sorted(MISSING))
+def test_a_sign_for_missing_is_nan(tmp_path: Path, token: str) -> None:
+    log, _, columns = read(table(tmp_path, f"t,T\n0,20\n1,{token}\n2, {token} \n3,21\n"))
+    np.testing.assert_array_equal(columns["T"], [20, np.nan, np.nan, 21])
+    assert not log.rejected
+
+
+def test_columns_of_text_stay_text_and_codes_are_no_numbers(tmp_path: Path) -> None:
+    _, _, columns = read(table(tmp_path, "t,serial,state,mixed\n0,0417,on,1\n1,0418,off,x\n2,0419,on,y\n"))
+    assert columns == {"serial": ["0417", "0418", "0419"], "state": ["on", "off", "on"], "mixed": ["1", "x", "y"]}
+
+
+def test_a_column_that_is_empty_at_first_is_what_it_holds_later(tmp_path: Path) -> None:
+    rows = "".join(f"{n},,\n" for n in range(300)) + "300,start of S1,\n301,,\n302,,7.5\n"
+    _, _, columns = read(table(tmp_path, "t,comment,late\n" + rows))
+    assert columns["comment"][299:] == ["", "start of S1", "", ""]
+    assert columns["late"][-1] == 7.5 and np.isnan(columns["late"][:-1]).all()
+
+
+def test_empty_and_repeated_names_are_made_unique_and_said(tmp_path: Path) -> None:
+    log, _, columns = read(table(tmp_path, "t,T,,T,T_2\n0,1,2,3,4\n1,1,2,3,4\n"))
+    assert list(columns) == ["T", "column_3", "T_3", "T_2"]
+    assert log.settings["renamed"] == {"": ["column_3"], "T": ["T", "T_3"]}
+
+
+def test_a_delimiter_at_the_end_of_each_row_is_a_column_without_name(tmp_path: Path) -> None:
+    _, _, columns = read(table(tmp_path, "t;T\n0;20,5;\n1;21,5;\n"))
+    assert columns["T"] == [20.5, 21.5] and np.isnan(columns["column_3"]).all()
+
+
+def test_decimal_commas_between_commas_are_refused_with_what_to_do(tmp_path: Path) -> None:
+    path = table(tmp_path, "t,T,n\n0,5,20,5,1\n1,5,21,5,1\n")
+    with pytest.raises(UnreadableLogError) as refused:
+        read(path)
+    assert str(refused.value) == (
+        "log.csv: rows hold 5 fields where the header holds 3: the comma seems to be the decimal sign as well as the "
+        'delimiter. Export it with decimal points, or with ";" between the columns.'
+    )
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        (
+            "Bench 7\nt;T\n0;20\n1;21\n",
+            "log.csv: most rows hold 2 fields where line 1 holds 1: it is not their header.",
+        ),
+        ("0,20.5\n1,21.5\n", "log.csv: line 1 holds numbers where the names of the columns should be."),
+        ("t,T\n", "log.csv: holds one line and no row below it: nothing to read."),
+        ("\n \n", "log.csv: holds no line with text: nothing to read."),
+        ("t,T,n\n0,x\n1,20\n2,21\n", "log.csv: most rows hold 2 fields where line 1 holds 3: it is not their header."),
+        ("t,T\n,20\n,21\n", "log.csv: no column is recognised as its time."),
+    ],
+)
+def test_a_table_that_cannot_be_one_is_refused(tmp_path: Path, text: str, says: str) -> None:
+    with pytest.raises(UnreadableLogError) as refused:
+        read(table(tmp_path, text))
+    assert str(refused.value).startswith(says)
+
+
+# ---- rows -----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("row", "where", "why"),
+    [
+        ("7,20,30,40", "line 9", "has 4 fields where the header has 3"),
+        ("7,20", "line 9", "has 2 fields where the header has 3"),
+        ("pause", "line 9", "has 1 field where the header has 3"),
+        ("7,ERR,1", "line 9, column T", 'text "ERR" where numbers are'),
+        ("7,inf,1", "line 9, column T", 'text "inf" where numbers are'),
+        ("7,1e999,1", "line 9, column T", 'text "1e999" where numbers are'),
+        ("7,1_0,1", "line 9, column T", 'text "1_0" where numbers are'),
+        ("7,0x10,1", "line 9, column T", 'text "0x10" where numbers are'),
+        (",20,1", "line 9, column t", "no time"),
+        ('7,"20,1', "line 9", "has 2 fields where the header has 3"),
+        ("9e18,20,1", "line 9, column t", '"9e+18" is no time (s from the start)'),
+    ],
+)
+def test_a_row_that_cannot_be_read_is_rejected_and_the_others_are_kept(
+    tmp_path: Path, row: str, where: str, why: str
+) -> None:
+    rows = [f"{n},{20 + n},1" for n in range(7)] + [row] + [f"{n},{20 + n},1" for n in range(8, 200)]
+    log, t_ns, columns = read(table(tmp_path, "t,T,n\n" + "\n".join(rows) + "\n"))
+    assert [(entry.record, entry.where, entry.why) for entry in log.rejected] == [(7, where, why)]
+    assert len(t_ns) == 199 and columns["T"][7] == 28
+    assert log.cut is None
+
+
+def test_blank_lines_are_no_rows_but_count_as_lines(tmp_path: Path) -> None:
+    log, t_ns, _ = read(table(tmp_path, "t,T\r\n0,20\r\n\r\n1,abc\r\n2,21\r\n3,21\r\n \r\n"))
+    assert (log.found, t_ns) == (4, [0, 2 * S_NS, 3 * S_NS])
+    assert log.rejected[0].where == "line 4, column T"
+
+
+def test_a_last_row_that_is_cut_is_said(tmp_path: Path) -> None:
+    log, _, _ = read(table(tmp_path, "t,T,n\n0,20,1\n1,21,1\n2,2"))
+    assert log.cut == f"ends inside line 4: 2 rows were read and kept{COPY_AGAIN}"
+
+
+PLAIN = ["1", "-2.5", "+3e-2", ".5", "7.", "", "NaN", "-", "x", "inf", " 4 ", '"5"', '"6', "1,2", "1e400", "٣"]
+GROUPED = [
+    "1.234,5",
+    "-1.234",
+    "1.234.567",
+    "1,5",
+    "12",
+    "",
+    "NaN",
+    "x",
+    " 4,0 ",
+    '"1.000,5"',
+    "1.23",
+    "1 000",
+    "1e400",
+]
+
+
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(seed=st.integers(0, 10_000), written=st.sampled_from([(",", PLAIN, "1"), (";", GROUPED, "1.234,5")]))
+def test_rows_read_together_equal_rows_read_one_by_one(
+    tmp_path: Path, seed: int, written: tuple[str, list[str], str]
+) -> None:
+    chance, (delimiter, cells, usual) = random.Random(seed), written
+    rows = [delimiter.join([str(n), chance.choice(cells), chance.choice(["a", "", '"b,c"'])]) for n in range(40)]
+    fine = [delimiter.join([str(n), usual, "a"]) for n in range(200)]
+    path = table(tmp_path, delimiter.join(["t", "T", "note"]) + "\n" + "\n".join(fine + rows) + "\n")
+    both = []
+    for together in (tables.CsvLog._together, lambda self, lines: None):
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(tables.CsvLog, "_together", together)
+            log, t_ns, columns = read(path)
+        both.append((log.rejected, t_ns, columns["note"], [repr(value) for value in columns["T"]]))
+    assert both[0] == both[1]
+
+
+# ---- time -----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("header", "cells", "wanted", "absolute"),
+    [
+        ("time", ["0", "0.5"], [0, S_NS // 2], False),
+        ("Time [ms]", ["0", "500"], [0, S_NS // 2], False),
+        ("time_us", ["0", "500000"], [0, S_NS // 2], False),
+        ("Zeit in min", ["0", "0.5"], [0, 30 * S_NS], False),
+        ("timestamp", ["1709280000", "1709280000.25"], [MARCH_NS, MARCH_NS + S_NS // 4], True),
+        ("timestamp", ["1709280000000", "1709280000250"], [MARCH_NS, MARCH_NS + S_NS // 4], True),
+        ("when", ["2024-03-01 08:00:00", "2024-03-01 08:00:00.25"], [MARCH_NS, MARCH_NS + S_NS // 4], True),
+        ("when", ["2024-03-01T08:00:00Z", "2024-03-01T09:00:00+01:00"], [MARCH_NS, MARCH_NS], True),
+        ("DateTime", ["01.03.2024 08:00:00,25", "01.03.2024 08:00"], [MARCH_NS + S_NS // 4, MARCH_NS], True),
+    ],
+)
+def test_a_time_column_is_recognised(
+    tmp_path: Path, header: str, cells: list[str], wanted: list[int], absolute: bool
+) -> None:
+    path = table(tmp_path, f"n;{header}\n" + "".join(f"1;{cell}\n" for cell in cells))
+    log, t_ns, columns = read(path)
+    assert (t_ns, log.absolute, list(columns)) == (wanted, absolute, ["n"])
+    assert log.settings["time_column"] == header
+
+
+def test_a_column_t_that_does_not_rise_is_a_temperature(tmp_path: Path) -> None:
+    path = table(tmp_path, "t,n\n20,1\n19.5,1\n19.0,1\n20,1\n")
+    with pytest.raises(
+        UnreadableLogError, match=r"no column is recognised as its time\. Under \[time\] of the bench file say"
+    ):
+        read(path)
+
+
+def test_a_table_without_time_is_refused_with_both_ways_out(tmp_path: Path) -> None:
+    path = table(tmp_path, "uhr;T\n1;20\n2;21\n", "id_0.csv")
+    with pytest.raises(UnreadableLogError) as refused:
+        read(path)
+    assert str(refused.value) == (
+        "id_0.csv: no column is recognised as its time. Under [time] of the bench file say rate_hz = 1.0 (rows at a fixed "
+        'rate), or column = "..." with format or unit.'
+    )
+
+
+def test_a_clock_without_a_date_is_shown_in_the_refusal(tmp_path: Path) -> None:
+    path = table(tmp_path, "Time,T\n08:00:00,20\n08:00:01,21\n")
+    with pytest.raises(UnreadableLogError, match=r'\("Time" holds "08:00:00", which is no whole stamp\)'):
+        read(path)
+
+
+def test_rows_at_a_fixed_rate_keep_their_place(tmp_path: Path) -> None:
+    path = table(tmp_path, "T\n20\n21\nabc\n22\n23\n")
+    log, t_ns, _ = read(path, TimeSpec(rate_hz=2.0))
+    assert (t_ns, log.absolute) == ([0, S_NS // 2, 3 * S_NS // 2, 2 * S_NS], False)
+    log, t_ns, _ = read(path, TimeSpec(rate_hz=2.0, start="2024-03-01T08:00:00Z"))
+    assert (t_ns[0], log.absolute) == (MARCH_NS, True)
+
+
+def test_a_stated_column_counts_from_the_stated_start(tmp_path: Path) -> None:
+    path = table(tmp_path, "T,clock\n20,10\n21,20\n")
+    log, t_ns, columns = read(path, TimeSpec(column="clock", unit="ms", start="2024-03-01T08:00:00Z"))
+    assert (t_ns, log.absolute, list(columns)) == ([MARCH_NS + 10_000_000, MARCH_NS + 20_000_000], True, ["T"])
+
+
+@pytest.mark.parametrize(
+    ("form", "cell", "seconds"),
+    [
+        ("%d.%m.%Y %H:%M:%S", "1.3.2024 8:00:01", 1),
+        ("%m/%d/%y %I:%M:%S %p", "03/01/24 08:00:01 AM", 1),
+        ("%m/%d/%y %I:%M:%S %p", "03/01/24 12:00:01 pm", 4 * 3600 + 1),
+        ("%Y%m%d%H%M%S", "20240301080001", 1),
+        ("%d %b %Y %H:%M:%S.%f", "01 Mar 2024 08:00:01.000", 1),
+        ("%Y-%m-%dT%H:%M:%S%z", "2024-03-01T08:00:01-02:00", 7201),
+        ("%B %d, %Y %H:%M:%S", "March 01, 2024 08:00:01", 1),
+    ],
+)
+def test_a_stated_format_is_read(tmp_path: Path, form: str, cell: str, seconds: int) -> None:
+    path = table(tmp_path, f"when;T\n{cell};20\n{cell};21\n")
+    log, t_ns, _ = read(path, TimeSpec(column="when", format=form))
+    assert t_ns == [MARCH_NS + seconds * S_NS] * 2 and log.absolute
+
+
+@pytest.mark.parametrize("cell", ["31.02.2024 08:00:00", "01.13.2024 08:00:00", "01.03.2024 24:00:00", "gestern", ""])
+def test_a_stamp_that_is_none_is_rejected(tmp_path: Path, cell: str) -> None:
+    path = table(tmp_path, f"Zeit;T\n01.03.2024 08:00:00;20\n{cell};21\n01.03.2024 08:00:02;20\n")
+    log, t_ns, _ = read(path, TimeSpec(column="Zeit", format="%d.%m.%Y %H:%M:%S"))
+    assert t_ns == [MARCH_NS, MARCH_NS + 2 * S_NS]
+    assert [entry.where for entry in log.rejected] == ["line 3, column Zeit"]
+
+
+@pytest.mark.parametrize(
+    ("spec", "says"),
+    [
+        (
+            TimeSpec(column="Tiem"),
+            'column = "Tiem" under [time] of the bench file is none of the table. Nearest: Time.',
+        ),
+        (TimeSpec(column="T"), 'column "T" holds "warm", which is no number and no stamp that is known. Say format ='),
+        (TimeSpec(column="Time", unit="d"), 'unit = "d" under [time] of the bench file is no unit of time.'),
+        (
+            TimeSpec(column="Time", format="%H:%M"),
+            'format = "%H:%M" under [time] of the bench file holds no whole date.',
+        ),
+        (TimeSpec(column="Time", format="%Y-%W"), 'format = "%Y-%W" under [time] of the bench file holds %W, which is'),
+        (TimeSpec(rate_hz=0.0), "rate_hz = 0 under [time] of the bench file is not above 0."),
+    ],
+)
+def test_a_stated_time_that_cannot_be_is_refused(tmp_path: Path, spec: TimeSpec, says: str) -> None:
+    with pytest.raises(UnreadableLogError) as refused:
+        read(table(tmp_path, "Time,T\n0,warm\n1,warm\n"), spec)
+    assert str(refused.value).startswith(f"log.csv: {says}")
+
+
+def test_steps_back_in_time_are_kept_and_counted(tmp_path: Path) -> None:
+    log, t_ns, _ = read(table(tmp_path, "time,T\n" + "".join(f"{n},20\n" for n in (*range(20), 18, 19, 20, 10, 11))))
+    assert len(t_ns) == 25 and log.settings["backward_steps"] == 2
+
+
+def test_local_stamps_are_converted_on_both_sides_of_summer_time(tmp_path: Path) -> None:
+    stamps = ["2024-03-31 01:59:59", "2024-03-31 03:00:00", "2024-03-31 03:00:01"]
+    path = table(tmp_path, "time,T\n" + "".join(f"{stamp},20\n" for stamp in stamps))
+    log, t_ns, _ = read(path, TimeSpec(zone="Europe/Rome"))
+    assert np.diff(t_ns).tolist() == [S_NS, S_NS]
+    assert "ambiguous_rows" not in log.settings
+
+
+def test_the_hour_that_comes_twice_is_told_by_the_step_back(tmp_path: Path) -> None:
+    local = ["01:59:59", "02:00:00", "02:59:59", "02:00:00", "02:59:59", "03:00:00"]
+    path = table(tmp_path, "time,T\n" + "".join(f"2024-10-27 {clock},20\n" for clock in local))
+    log, t_ns, _ = read(path, TimeSpec(zone="Europe/Rome"))
+    assert np.diff(t_ns).tolist() == [S_NS, 3599 * S_NS, S_NS, 3599 * S_NS, S_NS]
+    assert (log.settings["ambiguous_rows"], log.settings["backward_steps"]) == (4, 0)
+
+
+@pytest.mark.parametrize("time", [TimeSpec(), TimeSpec(column="time", format="%d.%m.%Y %H:%M:%S")])
+def test_a_time_that_does_not_exist_is_rejected_with_the_reason(tmp_path: Path, time: TimeSpec) -> None:
+    local = ["01:59:59", "02:00:00", "02:30:00", "24:00:00", "03:00:00"]
+    path = table(tmp_path, "time,T\n" + "".join(f"31.03.2024 {clock},20\n" for clock in local))
+    log, t_ns, _ = read(path, replace(time, zone="Europe/Rome"))
+    assert np.diff(t_ns).tolist() == [S_NS]
+    gone = "does not exist in Europe/Rome on that day (clocks went forward)"
+    assert [(entry.where, entry.why) for entry in log.rejected[:2]] == [
+        ("line 3, column time", f"02:00:00 {gone}"),
+        ("line 4, column time", f"02:30:00 {gone}"),
+    ]
+    assert log.rejected[2].why.startswith('"31.03.2024 24:00:00" is no time (')
+
+
+def test_a_stamp_with_its_own_offset_exists_whatever_the_zone(tmp_path: Path) -> None:
+    path = table(tmp_path, "time,T\n2024-03-31T02:30:00+01:00,20\n2024-03-31T02:30:00,20\n")
+    log, t_ns, _ = read(path, TimeSpec(zone="Europe/Rome"))
+    assert len(t_ns) == 1 and log.rejected[0].why.startswith("02:30:00 does not exist in Europe/Rome")
+
+
+# ---- numbers and stamps as German and Italian loggers write them ----------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("cells", "wanted", "said"),
+    [
+        (["1.234,5", "998,25", "1.234"], [1234.5, 998.25, 1234.0], "."),
+        (["1.234.567,5", "-2.000,0", "+1,5e3"], [1234567.5, -2000.0, 1500.0], "."),
+        (["1 234,5", "998,25", "12 345 678"], [1234.5, 998.25, 12345678.0], " "),
+        (["1\u202f234,5", "998,25", "1,0"], [1234.5, 998.25, 1.0], "\u202f"),
+        (["1'234.5", "998.25", "1'000"], [1234.5, 998.25, 1000.0], "'"),
+        (["1,234.5", "998.25", "1,234"], [1234.5, 998.25, 1234.0], ","),
+        (["1.234.567", "0,5", "--"], [1234567.0, 0.5, np.nan], "."),
+        (["0.5", "1.234", "20.125"], [0.5, 1.234, 20.125], None),  # decimals, not thousands
+    ],
+)
+def test_signs_between_thousands_are_read_where_they_cannot_be_decimals(
+    tmp_path: Path, cells: list[str], wanted: list[float], said: str | None
+) -> None:
+    log, _, columns = read(table(tmp_path, "t;R\n" + "".join(f"{i};{cell}\n" for i, cell in enumerate(cells))))
+    np.testing.assert_array_equal(columns["R"], wanted)
+    assert log.settings.get("thousands") == said and not log.rejected
+
+
+def test_thousands_that_come_late_are_read_where_they_are_sure_and_rejected_where_not(tmp_path: Path) -> None:
+    rows = [f"{i};998,5\n" for i in range(300)]
+    log, _, columns = read(table(tmp_path, "t;R\n" + "".join(rows) + "300;1.001,5\n301;1.002\n302;1.002.003\n"))
+    assert columns["R"][300:] == [1001.5, 1002003.0]
+    assert [(entry.where, entry.why) for entry in log.rejected] == [
+        ("line 303, column R", 'text "1.002" where numbers are')
+    ]
+
+
+@pytest.mark.parametrize("text", ["1.23,5", "1234.567,5", "0.123,5", "1.2345,5", "1,234.5", "1 23", "12.3456"])
+def test_groups_that_are_not_of_three_digits_are_no_number(tmp_path: Path, text: str) -> None:
+    log, _, _ = read(table(tmp_path, f"t;R\n0;1.234,5\n1;2,5\n2;3,5\n3;{text}\n"))
+    assert [entry.why for entry in log.rejected] == [f'text "{text}" where numbers are']
+
+
+DECEMBER_NS = 1_766_563_200 * S_NS  # 24 December 2025, 08:00 UTC
+
+
+@pytest.mark.parametrize(
+    "stamp",
+    [
+        *("24.12.2025 08:00:0{}", "24.12.25 08:00:0{}", "24.12.2025, 08:00:0{}", "24.12.2025T08.00.0{}"),
+        *("24/12/2025 08.00.0{}", "24/12/25 08:00:0{}", "24/12/2025  8:00:0{},000"),
+        *("24-dic-2025 08.00.0{}", "24 dicembre 2025 08:00:0{}", "24/dic/25 08.00.0{}"),
+        *("24. Dez. 2025 08:00:0{}", "24. Dezember 2025 08:00:0{}", "24.Dez.2025 08:00:0{}", "24-Dec-2025 08:00:0{}"),
+    ],
+)
+@pytest.mark.parametrize("encoding", ["utf-8", "cp1252"])
+def test_german_and_italian_stamps_are_recognised(tmp_path: Path, stamp: str, encoding: str) -> None:
+    rows = "".join(f"{stamp.format(i)};{230 + i},5\n" for i in range(3))
+    log, t_ns, columns = read(table(tmp_path, f"Öfen;T\n;°C\n{rows}", encoding=encoding))
+    assert t_ns == [DECEMBER_NS + i * S_NS for i in range(3)]
+    assert (columns, log.units, log.absolute) == ({"T": [230.5, 231.5, 232.5]}, {"T": "°C"}, True)
+
+
+@pytest.mark.parametrize(
+    ("names", "month"),
+    [
+        ("gen Jan January gennaio Januar Jänner", 1), ("feb Februar febbraio", 2), ("mar März Mrz Maerz marzo", 3), ("apr aprile", 4),
+        ("mag Mai May maggio", 5), ("giu Juni June giugno", 6), ("lug Juli July luglio", 7), ("ago Aug August agosto", 8),
+        ("set Sep September settembre", 9), ("ott Okt Oct ottobre", 10), ("nov November novembre", 11), ("dic Dez Dec", 12),
+    ],
+)  # fmt: skip
+def test_months_have_german_italian_and_english_names(tmp_path: Path, names: str, month: int) -> None:
+    for name in names.split():
+        _, t_ns, _ = read(table(tmp_path, f"Zeit;T\n01. {name} 2025 08:00:00;1,5\n"))
+        assert str(np.array(t_ns, "M8[ns]")[0])[:10] == f"2025-{month:02d}-01", name
+
+
+def test_a_name_of_no_month_is_rejected(tmp_path: Path) -> None:
+    log, t_ns, _ = read(table(tmp_path, "Zeit;T\n24-dic-2025 08:00:00;1,5\n25-xyz-2025 08:00:00;1,5\n"))
+    assert t_ns == [DECEMBER_NS]
+    assert [entry.why for entry in log.rejected] == ['"25-xyz-2025 08:00:00" is no time (day month year in UTC)']
+
+
+@pytest.mark.parametrize(
+    ("head", "row"),
+    [
+        ("Datum;Uhrzeit", "24.12.2025;08:00:0{}"),
+        ("Data;Ora", "24/12/2025;08.00.0{}"),
+        ("Data;Ora", "24-dic-2025;08.00.0{}"),
+        ("Datum;Uhrzeit", "24.12.25;08.00.0{}"),
+        ("Uhrzeit;Datum", "08:00:0{};24.12.2025"),
+        ("Datum;Uhrzeit", "2025-12-24;08:00:0{}"),
+    ],
+)
+def test_date_and_time_of_day_may_stand_in_two_columns(tmp_path: Path, head: str, row: str) -> None:
+    log, t_ns, columns = read(table(tmp_path, f"{head};T\n" + "".join(f"{row.format(i)};230,5\n" for i in range(3))))
+    assert t_ns == [DECEMBER_NS + i * S_NS for i in range(3)]
+    assert columns == {"T": [230.5] * 3}
+    day, clock = sorted(head.split(";"), key=lambda name: name not in ("Datum", "Data"))
+    assert log.settings["time_column"] == f"{day} + {clock}"
+
+
+def test_a_row_without_its_time_of_day_is_rejected_and_a_stated_format_takes_both_columns(tmp_path: Path) -> None:
+    path = table(tmp_path, "Data;Ora;T\n" + "12/24/2025;08.00.00;1,5\n" * 3 + "12/24/2025;;1,5\n;;1,5\n")
+    log, t_ns, _ = read(path, TimeSpec(format="%m/%d/%Y %H.%M.%S"))
+    assert t_ns == [DECEMBER_NS] * 3
+    assert [(entry.where, entry.why) for entry in log.rejected] == [
+        ("line 5, column Data + Ora", '"12/24/2025 " is no time (%m/%d/%Y %H.%M.%S in UTC)'),
+        ("line 6, column Data + Ora", "no time"),
+    ]
+
+
+def test_a_date_with_slashes_begins_with_the_day_where_the_table_is_european_or_shows_it(tmp_path: Path) -> None:
+    _, t_ns, _ = read(table(tmp_path, "Time;T\n05/06/2025 08:00:00;1,5\n"))
+    assert str(np.array(t_ns, "M8[ns]")[0])[:10] == "2025-06-05"
+    _, t_ns, _ = read(table(tmp_path, "Time,T\n05/06/2025 08:00:00,1\n13/06/2025 08:00:00,1\n"))
+    assert str(np.array(t_ns, "M8[ns]")[0])[:10] == "2025-06-05"
+
+
+@pytest.mark.parametrize(
+    ("stamp", "why"),
+    [
+        ("05/06/2025 08:00:00", 'holds "05/06/2025 08:00:00", which may begin with the day or with the month'),
+        ("12/24/2025 08:00:00", 'holds "12/24/2025 08:00:00", which may begin with the day or with the month'),
+        ("12/24/2025 08:00:00 AM", "which is no whole stamp"),
+    ],
+)
+def test_a_date_that_may_be_of_either_order_is_refused(tmp_path: Path, stamp: str, why: str) -> None:
+    with pytest.raises(UnreadableLogError, match=why):
+        read(table(tmp_path, f"Time,T\n{stamp},1.5\n{stamp},1.5\n"))
+
+
+# ---- size and packing -----------------------------------------------------------------------------------------------
+
+
+def test_a_packed_table_is_read_through(tmp_path: Path) -> None:
+    path = tmp_path / "log.csv.gz"
+    path.write_bytes(gzip.compress(b"t,T\n0,20\n1,21\n"))
+    log, t_ns, _ = read(path)
+    assert (t_ns, log.settings["gz"]) == ([0, S_NS], True)
+
+
+def test_a_packed_table_that_is_cut_keeps_its_whole_rows(tmp_path: Path) -> None:
+    chance = random.Random(6)
+    packed = gzip.compress(("t,T\n" + "".join(f"{n},{chance.random() * 100:.6f}\n" for n in range(5000))).encode())
+    path = tmp_path / "log.csv.gz"
+    path.write_bytes(packed[:-20_000])
+    log, t_ns, _ = read(path)
+    assert 500 < len(t_ns) < 4500
+    assert log.cut and log.cut.startswith(f"ends inside its packed contents at byte {len(packed) - 20_000:,}: ")
+    assert log.rejected == [] or log.rejected[-1].why == "the file ends inside it"
+
+
+def test_a_packed_bomb_is_stopped_at_a_limit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("ingest.formats._text.ALWAYS", 1 << 20)
+    path = tmp_path / "bomb.csv.gz"
+    path.write_bytes(gzip.compress(b"t,T\n" + b"0,20\n" * 4_000_000, compresslevel=9))
+    log, _, _ = read(path, TimeSpec(rate_hz=1.0))
+    limit = 200 * path.stat().st_size
+    assert limit < 20_000_000
+    assert log.cut and log.cut.startswith(f"unpacks to more than {limit:,} bytes: ")
+
+
+def test_a_line_without_end_is_stopped_at_a_limit(tmp_path: Path) -> None:
+    path = tmp_path / "line.csv"
+    path.write_bytes(b"t,T\n0,20\n1,21\n" + b"0" * (6 << 20))
+    log, t_ns, _ = read(path)
+    assert len(t_ns) == 2
+    assert log.cut == f"holds a line longer than 1,048,576 bytes: 2 rows were read and kept{COPY_AGAIN}"
+
+
+def test_a_table_of_several_blocks_counts_lines_and_records_through(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("ingest.formats._text.BLOCK", 1000)
+    rows = [f"{n},{20 + n}" for n in range(3000)]
+    rows[2500] = "2500,abc"
+    log, t_ns, _ = read(table(tmp_path, "t,T\n" + "\n".join(rows)))
+    assert (log.found, len(t_ns), t_ns[-1]) == (3000, 2999, 2999 * S_NS)
+    assert [(entry.record, entry.where) for entry in log.rejected] == [(2500, "line 2,502, column T")]
+
+
+def test_a_packed_table_with_a_flipped_byte_is_not_half_believed(tmp_path: Path) -> None:
+    path = tmp_path / "flip.csv.gz"
+    rows = "".join(f"{k},{20 + k % 7 / 10}\n" for k in range(5000))
+    data = bytearray(gzip.compress(f"time,T\n{rows}".encode(), mtime=0))
+    data[len(data) // 2] ^= 0x10
+    path.write_bytes(data)
+    with pytest.raises(UnreadableLogError, match=r"flip\.csv\.gz: .*any line may be wrong"):
+        list(open_log(path).batches())
+
+
+def test_a_table_with_a_row_a_check_needs_no_time(tmp_path: Path) -> None:
+    checks = table(tmp_path, "serial,dose_h,R\nM1,12,0.05\nM2,10,0.04\nM1,0,0.06\n")
+    log, t_ns, columns = read(checks, TimeSpec(untimed=True))
+    assert (t_ns, columns["dose_h"], log.absolute) == ([0, S_NS, 2 * S_NS], [12, 10, 0], False)
+    dated = table(tmp_path, "serial,Zeit,R\nM1,03.03.2024,0.05\nM2,01.03.2024,0.04\n", "dated.csv")
+    assert read(dated, TimeSpec(untimed=True))[0].absolute
+    with pytest.raises(UnreadableLogError, match="no column is recognised as its time"):
+        read(table(tmp_path, "serial,Zeit,R\nM1,soon,0.05\n", "soon.csv"), TimeSpec(untimed=True))

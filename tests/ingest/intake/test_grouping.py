@@ -1,0 +1,168 @@
+"""Files grouped into sessions: one transaction however many there are, and nothing read that cannot say anything."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pytest
+from eventsourcing.persistence import StoredEvent
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from ingest.catalogue import quality
+from ingest.catalogue.channels import ChannelData, load, load_each
+from ingest.facts import facts
+from ingest.facts.events import SessionRecorded
+from ingest.facts.facts import Facts
+from ingest.facts.ledger import Ledger
+from ingest.facts.sessions import Override
+from ingest.facts.store import Store
+from ingest.facts.store_check import damage
+from ingest.intake import grouping
+from ingest.intake.intake import Intake, take_in
+from ingest.intake.setup import MotorFile, prepare
+from ingest.log import samples
+from made.channels import channel
+
+BENCH = """\
+schema = "whyhot.bench/1"
+specimen_column = "specimen"
+[time]
+column = "time"
+[[channel]]
+signal = "R"
+quantity = "insulation_resistance"
+unit = "ohm"
+"""
+GIVEN = BENCH.replace("specimen_column", 'kind = "insulation_check"\nspecimen_column', 1)
+
+
+def _no_motor(path: Path) -> MotorFile:
+    raise AssertionError(f"{path} should not be read")
+
+
+def take(folder: Path, specimens: Sequence[str], bench: str = GIVEN) -> Intake:
+    """A table of checks, a row each ten seconds, of these specimens."""
+    rows = [f"2026-01-01 {k // 360:02}:{k // 6 % 60:02}:{k % 6}0,{name},{1e9 + k}" for k, name in enumerate(specimens)]
+    (folder / "checks.csv").write_text("\n".join(["time,specimen,R", *rows]) + "\n")
+    (folder / "checks.toml").write_text(bench)
+    paths = [folder / "checks.csv"]
+    with Store.open(folder / "s", create=True) as store:
+        return take_in(store, paths, prepare(paths, folder / "checks.toml", [], _no_motor), Override())
+
+
+def now(folder: Path) -> Facts:
+    with Store.open(folder / "s") as store:
+        return facts.at(store.ledger)
+
+
+@pytest.mark.parametrize("count", [2, 200])
+def test_all_sessions_of_a_table_are_kept_in_one_transaction(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, count: int
+) -> None:
+    transactions: list[set[str]] = []
+    insert = Ledger._insert
+
+    def counted(ledger: Ledger, rows: Sequence[StoredEvent]) -> Sequence[int]:
+        transactions.append({row.topic.removeprefix("whyhot:") for row in rows})
+        return insert(ledger, rows)
+
+    monkeypatch.setattr(Ledger, "_insert", counted)
+    take(tmp_path, [f"S{k}" for k in range(count)])
+    assert len(now(tmp_path).sessions) == count
+    assert [one for one in transactions if "SessionRecorded" in one] == [{"SessionRecorded"}]
+    assert {"RawFileSealed", "DecodeCompleted"} in transactions  # of a file, together
+
+
+def test_sessions_are_kept_all_or_none_and_the_same_command_finishes_what_was_stopped(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    specimens = ["S0", "S0", "S1", "S2", "S2"]
+
+    def stopped(store: Store, known: Facts, some: Sequence[SessionRecorded]) -> Iterator[list[ChannelData]]:
+        for session, channels in zip(some, load_each(store, known, some), strict=True):
+            if session.specimen == "S2":
+                raise KeyboardInterrupt
+            yield channels
+
+    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+        patch.setattr(grouping, "load_each", stopped)
+        take(tmp_path, specimens, BENCH)
+    assert (len(now(tmp_path).decodes), len(now(tmp_path).sessions)) == (1, 0)
+    take(tmp_path, specimens, BENCH)
+    assert [session.specimen for session in now(tmp_path).sessions] == ["S0", "S1", "S2"]
+    assert [session.kind for session in now(tmp_path).sessions] == ["insulation_check"] * 3
+    with Store.open(tmp_path / "s") as store:
+        assert damage(store) == []
+
+
+def test_samples_are_read_where_the_kind_is_to_be_told_or_a_finding_is_possible(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    read: list[str | None] = []
+
+    def watched(store: Store, known: Facts, some: Sequence[SessionRecorded]) -> Iterator[list[ChannelData]]:
+        read.extend(session.specimen for session in some)
+        return load_each(store, known, some)
+
+    monkeypatch.setattr(grouping, "load_each", watched)
+    (tmp_path / "given").mkdir()
+    take(tmp_path / "given", ["few"] * 3 + ["more"] * 4)
+    assert read == ["more"]
+    read.clear()
+    (tmp_path / "open").mkdir()
+    take(tmp_path / "open", ["few"] * 3 + ["more"] * 4, BENCH)
+    assert read == ["few", "more"]
+
+
+def test_sessions_of_one_table_read_it_once_and_hold_what_each_alone_holds(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    take(tmp_path, ["S0"] * 3 + ["S1"] + ["S2"] * 5)
+    known = now(tmp_path)
+    read: list[Path] = []
+    whole = samples.read
+
+    def counted(path: Path, columns: Sequence[str] | None = None) -> pa.Table:
+        read.append(path)
+        return whole(path, columns)
+
+    with Store.open(tmp_path / "s") as store:
+        alone = [load(store, known, session) for session in known.sessions]
+        monkeypatch.setattr(samples, "read", counted)
+        together = list(load_each(store, known, known.sessions))
+    assert len(read) == 1
+    assert [len(channels[0].value) for channels in together] == [3, 1, 5]
+    for (one,), (other,) in zip(together, alone, strict=True):
+        assert (one.spec, one.raws, one.buses) == (other.spec, other.raws, other.buses)
+        for name in ("t_ns", "value", "record", "raw"):
+            np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
+
+
+def test_a_gap_among_four_records_is_still_said(tmp_path: Path) -> None:
+    (tmp_path / "checks.toml").write_text(GIVEN)
+    stamps = ("08:00:00", "08:00:10", "08:00:20", "09:00:00")
+    rows = [f"2026-01-01 {stamp},S0,1e9" for stamp in stamps]
+    (tmp_path / "checks.csv").write_text("\n".join(["time,specimen,R", *rows]) + "\n")
+    paths = [tmp_path / "checks.csv"]
+    with Store.open(tmp_path / "s", create=True) as store:
+        intake = take_in(store, paths, prepare(paths, tmp_path / "checks.toml", [], _no_motor), Override())
+    assert [flag.flag for _, flag in intake.flags] == ["gap"]
+
+
+SAMPLES = st.lists(st.tuples(st.floats(0, 1e6), st.integers(-2, 2)), min_size=1, max_size=grouping.FEW_RECORDS)
+
+
+@settings(max_examples=100, deadline=None)
+@given(SAMPLES, SAMPLES)
+def test_so_few_records_hold_no_finding(one: list[tuple[float, int]], other: list[tuple[float, int]]) -> None:
+    channels = [
+        channel(
+            name, "temperature", [float(value) for _, value in some], t_s=np.sort([t_s for t_s, _ in some]), node="x"
+        )
+        for name, some in (("a", one), ("b", other))
+    ]
+    assert quality.findings(quality.assess(channels)) == []

@@ -1,0 +1,41 @@
+"""Logs looked at before anything is stored: what several files hold together, and the draft for all of them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from ingest.intake.inspection import draft, inspect
+
+HEAD = "date Sam Sep 30 15:06:13.191 2017\nbase hex  timestamps absolute\n"
+
+
+def asc(path: Path, ids: str) -> Path:
+    """A log of one frame for each of `ids`, a tenth of a second apart."""
+    frames = [f"   {i / 10:.6f} 1  {one}             Rx   d 2 05 0C\n" for i, one in enumerate(ids.split())]
+    path.write_text(HEAD + "".join(frames), encoding="utf-8")
+    return path
+
+
+def csv(path: Path, *values: float) -> Path:
+    rows = "".join(f"{i},{value}\n" for i, value in enumerate(values))
+    path.write_text(f"time,T_winding\n{rows}", encoding="utf-8")
+    return path
+
+
+def test_unknown_identifiers_are_counted_over_all_files(tmp_path: Path) -> None:
+    first, second = asc(tmp_path / "a.asc", "123 123 456"), asc(tmp_path / "b.asc", "123 789")
+    assert inspect([first, second], [], None).unknown_ids == {"can1:0x123": 3, "can1:0x456": 1, "can1:0x789": 1}
+
+
+def test_a_column_of_several_tables_spans_them_all(tmp_path: Path) -> None:
+    files = [csv(tmp_path / "a.csv", 20.0, 90.0), csv(tmp_path / "b.csv", 15.0, 30.0)]
+    (seen,) = inspect(files, [], None).signals
+    assert (seen.low, seen.high) == (15.0, 90.0)
+
+
+@pytest.mark.parametrize(("count", "named"), [(1, "0.csv"), (3, "0.csv, 1.csv, 2.csv"), (4, "4 logs")])
+def test_a_draft_names_the_logs_that_it_is_for(tmp_path: Path, count: int, named: str) -> None:
+    files = [csv(tmp_path / f"{i}.csv", 20.0, 21.0) for i in range(count)]
+    assert f"# Draft for {named}: " in draft(inspect(files, [], None))

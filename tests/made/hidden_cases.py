@@ -1,0 +1,101 @@
+"""Motors of `plant` that hide one thing each, through logs, store and search, each in a process of its own.
+
+The search stops after its first term; exchanged channels and faults of the data need no search at all.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from ingest.facts import facts as ledger_facts
+from ingest.facts.sessions import Override
+from ingest.facts.store import Store
+from ingest.intake.intake import take_in
+from ingest.intake.setup import prepare
+from plant import Effect, Plant, drives, points, sessions, write_campaign
+from replay.engine.files.models import for_intake
+from replay.studies.characterise.calibrate import common_model
+from replay.studies.diagnosis.data_faults import data_faults
+from replay.studies.diagnosis.question import Campaign, Question, campaign_of
+from twin.diagnosis.naming import THRESHOLD, search
+from twin.diagnosis.swaps import scan
+from twin.diagnosis.told_apart import told_apart
+from twin.differences.everyday import everyday
+from twin.fitting.fit import NEAR_ENOUGH, fit
+from twin.fitting.model import Model
+
+LAYOUT = "six"
+
+
+@dataclass(frozen=True)
+class Case:
+    """A specimen and what it hides, "" for nothing; `size` in the unit of its kind (plant/README.md)."""
+
+    seed: int
+    cause: str = ""
+    size: float = 0.0
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What enters first, "" for nothing; `same`: what the data cannot tell from it; ln BF against the model without it; `amplitude`
+    in the unit of its prior; `leading`: ln BF of all that were refitted."""
+
+    first: str
+    same: tuple[str, ...] = ()
+    log_bf: float = 0.0
+    amplitude: float = 0.0
+    leading: tuple[tuple[str, float], ...] = ()
+
+
+def _campaign(case: Case) -> Campaign:
+    """An S1 point, S2 pulses and a WLTC, as BLF with motor, bench and DBC file, ingested and read back as the verb reads them."""
+    plant = Plant(case.seed, Effect(case.cause, case.size)) if case.cause else Plant(case.seed)
+    plan = [points.s1(plant, 9000.0, 20.0, 0), points.s2(plant, 7000.0, 20.0, 1), drives.wltp(1)]
+    with TemporaryDirectory() as name:
+        folder = Path(name)
+        logs = write_campaign(folder, plant, sessions(plant, plan, LAYOUT), layout=LAYOUT)
+        setup = prepare(logs, folder / "bench.toml", [folder / "bench.dbc"], for_intake)
+        with Store.open(folder / "store", create=True) as store:
+            take_in(store, logs, setup, Override())
+            known = ledger_facts.at(store.ledger)
+            stored = [known.session(log.stem) for log in logs]
+            return campaign_of(Question(store, known, stored, [], common_model(known, stored), "testing"))
+
+
+def diagnosed(case: Case) -> Answer:
+    """What the first step of the search says of a case; for exchanged channels the scan, for a fault of the data its evidence."""
+    with threadpool_limits(1, user_api="blas"):
+        campaign = _campaign(case)
+        model = Model(campaign.network, campaign.tests, everyday(campaign.network, campaign.tests))
+        swaps = scan(model, campaign.candidates)
+        if swaps:
+            return Answer(str(swaps[0].candidate.cause), log_bf=swaps[0].log_bayes_factor)
+        if case.cause.endswith(".stuck"):
+            return _fault(campaign, model)
+        return _first_term(campaign, model)
+
+
+def _fault(campaign: Campaign, model: Model) -> Answer:
+    current = fit(model, np.zeros(len(model.parameters)), enough=NEAR_ENOUGH)
+    found = data_faults(current, campaign.loaded, campaign.starts_ns, campaign.observed, THRESHOLD)
+    return Answer(str(found[0].cause), log_bf=found[0].log_bayes_factor) if found else Answer("")
+
+
+def _first_term(campaign: Campaign, model: Model) -> Answer:
+    """What the search lets in first: no term gets over an endless threshold, so that it stops there."""
+    naming = search(model, campaign.candidates, threshold=np.inf)
+    found, heat = naming.rounds[0], naming.heats[0].log_bayes_factor
+    leading = tuple((str(r.candidate.cause), r.log_bayes_factor) for r in found.refits)
+    if heat > max(THRESHOLD, float(found.scores.log_bayes_factor.max())):
+        return Answer("unknown", log_bf=heat, leading=leading)
+    best = max((r for r in found.refits if r.possible), key=lambda r: r.log_bayes_factor, default=None)
+    if best is None or best.log_bayes_factor <= max(THRESHOLD, found.null):
+        return Answer("", leading=leading)
+    same = tuple(str(m.candidate.cause) for m in told_apart(found, best.candidate, heat).others)
+    return Answer(str(best.candidate.cause), same, best.log_bayes_factor, best.amplitude, leading)

@@ -1,0 +1,80 @@
+"""`whyhot inspect`: what to do next, and the draft that it writes or not."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from ingest.bench.bench_file import read_bench
+from made import can_bench
+from replay.cli import main
+
+Capture = pytest.CaptureFixture[str]
+DBC = ("--dbc", "bench.dbc")
+
+
+@pytest.fixture
+def logs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    can_bench.write_files(tmp_path)
+    can_bench.write_log(tmp_path / "a b.asc", seconds=5)
+    (tmp_path / "tc.csv").write_text("time,T_winding\n0,25.0\n1,25.1\n", encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    ("words", "following"),
+    [
+        (("a b.asc",), "whyhot inspect 'a b.asc' --dbc FILE.dbc --bench-draft bench.toml"),
+        (("a b.asc", *DBC), "whyhot inspect 'a b.asc' --dbc bench.dbc --bench-draft bench.toml"),
+        (("tc.csv",), "whyhot inspect tc.csv --bench-draft bench.toml"),
+        (
+            ("a b.asc", "tc.csv", *DBC, "--bench-draft", "d.toml"),
+            "complete d.toml, then whyhot ingest 'a b.asc' tc.csv --bench d.toml --dbc bench.dbc",
+        ),
+        (("tc.csv", "--bench-draft", "d.toml"), "complete d.toml, then whyhot ingest tc.csv --bench d.toml"),
+        (("a b.asc", "tc.csv", "--bench-draft", "d.toml"), "--dbc FILE.dbc --bench-draft d.toml"),
+        (("a b.asc", *DBC, "--bench", "bench.toml"), "whyhot ingest 'a b.asc' --bench bench.toml --dbc bench.dbc"),
+    ],
+)
+def test_the_next_step_follows_from_what_was_given(
+    logs: Path, capsys: Capture, words: tuple[str, ...], following: str
+) -> None:
+    assert main(["inspect", *words]) == 0
+    last = capsys.readouterr().out.splitlines()[-1]
+    assert last.startswith("next: ") and last.endswith(following)
+
+
+def test_a_draft_of_frames_without_a_database_is_refused_in_one_line(logs: Path, capsys: Capture) -> None:
+    assert main(["inspect", "a b.asc", "--bench-draft", "new/d.toml", "--json"]) == 1
+    printed = capsys.readouterr()
+    assert printed.err == (
+        "new/d.toml: no draft was written: frames show no signals without their database. Add --dbc FILE.dbc.\n"
+    )
+    assert json.loads(printed.out)["bench_draft"] is None
+    assert not Path("new").exists()
+
+
+@pytest.mark.parametrize("verb", ["inspect", "ingest"])
+def test_a_log_that_is_not_there_is_told_from_a_folder(verb: str, logs: Path, capsys: Capture) -> None:
+    Path("monday").mkdir()
+    for name, says in (
+        ("tcc.csv", "tcc.csv: there is no such file: correct the path."),
+        ("monday", "monday: is a folder: name the log files in it."),
+    ):
+        assert main([verb, "tc.csv", name]) == 2
+        assert capsys.readouterr().err.strip() == says
+
+
+def test_one_row_is_not_rows(logs: Path, capsys: Capture) -> None:
+    Path("one.csv").write_text("Time,T\n2025-10-09T08:53:21Z,20\n", encoding="utf-8")
+    assert main(["inspect", "one.csv"]) == 0
+    assert capsys.readouterr().out.startswith("one.csv   csv   1 row in 0 s")
+
+
+def test_the_folders_of_a_draft_are_made(logs: Path, capsys: Capture) -> None:
+    assert main(["inspect", "tc.csv", "--bench-draft", "new/folder/d.toml"]) == 0
+    assert "draft bench file: new/folder/d.toml" in capsys.readouterr().out.splitlines()
+    assert read_bench(Path("new/folder/d.toml").read_bytes(), "d.toml").channels[0].node == "winding"

@@ -1,0 +1,321 @@
+"""The report of a diagnosis: every section says what was found, and nothing leaves the page."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from made.diagnoses import (
+    ABSORBED,
+    ALL,
+    EDDY,
+    NAMED,
+    NOT_IMPROVED,
+    RIVALS,
+    SEVERAL,
+    SILENT,
+    TOLD_APART,
+    TOO_LITTLE,
+    UNKNOWN,
+    gain,
+    runs,
+)
+from replay.engine.results.run import Filtered, Run
+from replay.show.plots.compare import compare
+from replay.show.reports.diagnosis_report import filter_section, write_diagnosis_report
+from replay.show.reports.gain_plot import gain_bars
+from replay.show.reports.ranking import SHOWN, ranking
+from replay.show.reports.report import ReportContext
+from replay.studies.diagnosis.answer import Diagnosis
+
+CONTEXT = ReportContext(command="whyhot diagnose --on 1_s1", store_head="4f0c91", versions={"whyhot": "0.1.0"})
+DIFF = '--- motor.toml\n+++ motor.toml\n@@ -1 +1 @@\n node = "magnet"\n-a = 1\n+a = <2>\n'
+FEW = ("3_wltp", "5_wltp")
+
+
+class Tags(HTMLParser):
+    """Every opening tag with its attributes, and the text."""
+
+    def __init__(self, html: str) -> None:
+        super().__init__()
+        self.tags: list[tuple[str, dict[str, str | None]]] = []
+        self.text = ""
+        self.feed(html)
+        self.text = self.text.replace("\N{NO-BREAK SPACE}", " ")
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append((tag, dict(attrs)))
+
+    def handle_data(self, data: str) -> None:
+        self.text += data
+
+
+def page(
+    folder: Path,
+    diagnosis: Diagnosis,
+    of: dict[str, dict[str, Run]],
+    diff: str = "",
+    context: ReportContext = CONTEXT,
+) -> str:
+    write_diagnosis_report(diagnosis, of, diff, folder / "report.html", context)
+    return (folder / "report.html").read_text(encoding="utf-8")
+
+
+@pytest.fixture(scope="module")
+def html(tmp_path_factory: pytest.TempPathFactory) -> str:
+    """The report of a named cause over a session learnt from and a kept one."""
+    return page(tmp_path_factory.mktemp("report"), NAMED, runs(names=FEW), DIFF)
+
+
+def test_the_report_tells_in_order_answer_gain_error_evidence_change_and_source(html: str) -> None:
+    order = (
+        "Magnet loss grows with speed squared and current squared, +96 W (88 to 104), probability 97 %.",
+        "Magnet: mean error on kept sessions falls from 6.1 K to 0.9 K (4.1 to 6.0 K better)",
+        "What the model as published gets wrong",
+        "Measured and modelled over time",
+        "Rotor surface: mean error 3.1 K as published, 2.2 K recalibrated, 0.3 K with the cause",
+        "Where in operation, as published",
+        "loss.magnet.speed2_current2: ln BF 310, 22 ahead of the best rival (null 4.6, threshold 8)",
+        "What could not be told apart from",
+        "The cause, and what it changes",
+        "loss of magnet [W] += 96 (n/16000 rpm)^2 (I/450 A)^2",
+        "The change of the file",
+        "Gain on kept sessions",
+        "What this was computed from",
+    )
+    text = Tags(html).text
+    places = [text.index(part) for part in order]
+    assert places == sorted(places)
+
+
+def test_the_report_names_what_it_was_computed_from(html: str) -> None:
+    text = Tags(html).text
+    for source in ("whyhot diagnose --on 1_s1", "4f0c91", "0.1.0", "7f31beef" * 8, "9ac1f00d" * 8, "1ca11b00" * 8):
+        assert source in text
+    for model in "pre":
+        assert f"{model}5b6c7d8e9f00112" in text
+    assert "4f0cbeef" * 8 in text and "whyhot accept d-7f31beef" in text
+
+
+def test_kept_sessions_are_marked_and_come_after_those_learnt_from(html: str) -> None:
+    headings = re.findall(r"<h3>(\S+) (.*?)</h3>", html)
+    sessions = [(name, "nothing was learnt from it" in rest) for name, rest in headings if name in FEW]
+    assert sessions == [("3_wltp", False), ("5_wltp", True)]
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_every_ending_has_a_page_from_which_nothing_leaves(name: str, tmp_path: Path) -> None:
+    html = page(tmp_path, ALL[name], runs("published", "recalibrated", names=FEW[:1], steps=600))
+    assert "http:" not in html and "https:" not in html and "url(" not in re.sub(r"url\(#[\w-]+\)", "", html)
+    parsed = Tags(html)
+    assert not {tag for tag, _ in parsed.tags} & {"script", "link", "img", "iframe", "object", "base", "form"}
+    assert all(a["href"] and a["href"].startswith("#") for _, a in parsed.tags if "href" in a)
+    tags = [tag for tag, _ in parsed.tags]
+    assert tags.count("figure") == tags.count("figcaption") == tags.count("details") == tags.count("svg") > 0
+    ids = [a["id"] for _, a in parsed.tags if "id" in a]
+    assert len(ids) == len(set(ids)) > 0
+
+
+def test_the_page_knows_dark_screens_and_paper(html: str) -> None:
+    assert "@media screen and (prefers-color-scheme: dark)" in html and "@page { size: A4;" in html
+
+
+def test_the_same_input_gives_the_same_bytes(html: str, tmp_path: Path) -> None:
+    assert page(tmp_path, NAMED, runs(names=FEW), DIFF) == html
+
+
+def test_added_and_removed_lines_of_the_file_are_marked_and_escaped(html: str) -> None:
+    assert '<span class="removed">-a = 1</span>' in html
+    assert '<span class="added">+a = &lt;2&gt;</span>' in html
+    assert '<span class="file">+++ motor.toml</span>' in html
+
+
+def test_without_a_change_there_is_no_diff(tmp_path: Path) -> None:
+    html = page(tmp_path, NOT_IMPROVED, {})
+    assert "The change of the file" not in html
+    assert "no file is changed for it: the lower bound of the log score" in Tags(html).text
+
+
+def test_without_replays_the_words_and_numbers_are_still_there(tmp_path: Path) -> None:
+    text = Tags(page(tmp_path, NAMED, {})).text
+    assert "Measured and modelled over time" not in text and "Where in operation" not in text
+    assert "Gain on kept sessions" in text and "spread evenly" in text
+
+
+def test_told_apart_lists_give_the_members_and_the_separating_test(tmp_path: Path) -> None:
+    text = Tags(page(tmp_path, TOLD_APART, {})).text
+    assert "loss.magnet.speed_current2: magnet loss grows with speed and current squared" in text
+    assert "Together 95 %; the share of the one named is 41 %." in text
+    assert "The test that would tell them apart: S2 at 12,000 rpm" in text
+
+
+def test_what_was_masked_or_dropped_is_said(tmp_path: Path) -> None:
+    text = Tags(page(tmp_path, SEVERAL, {})).text
+    assert "Left out: 3_wltp: MAG_1 holds its last value for 240 s, 6 times" in text
+    assert "Left out because the model became unstable with them: loss.magnet.temperature." in text
+    assert "Not a first look" in text
+
+
+def test_an_unknown_heat_has_its_own_section(tmp_path: Path) -> None:
+    text = Tags(page(tmp_path, UNKNOWN, {})).text
+    assert "Heat that no candidate explains" in text and "Evidence: ln BF 373." in text
+    assert "The cause, and what it changes" not in text
+
+
+HOSTILE = '<script>alert("1")</script> & $x^2$ \'"<img src=x>'
+
+
+def test_hostile_names_stay_text(tmp_path: Path) -> None:
+    cause = replace(EDDY, says=HOSTILE, formula=HOSTILE, largest_effect_node=HOSTILE, separating_test=HOSTILE)
+    hostile = replace(
+        NAMED,
+        motor=HOSTILE,
+        train_names=[HOSTILE] * 3,
+        causes=[replace(cause, improved=False, why_not_improved=HOSTILE, indistinguishable_from=["loss.teeth.scale"])],
+        rivals=[replace(RIVALS[0], id=HOSTILE, says=HOSTILE, why_not=HOSTILE)],
+        unknown=[replace(UNKNOWN.unknown[0], node=HOSTILE, goes_with=[HOSTILE])],
+        gain=[gain(HOSTILE, 2.0, 1.0, (0.5, 1.5), 3.0)],
+        shown=[replace(NAMED.shown[0], node=HOSTILE, channel=HOSTILE, session_name=HOSTILE)],
+        next_test=HOSTILE,
+    )
+    context = ReportContext(command=HOSTILE, store_head=HOSTILE, versions={HOSTILE: HOSTILE})
+    parsed = Tags(page(tmp_path, hostile, {}, HOSTILE, context))
+    assert not {tag for tag, _ in parsed.tags} & {"script", "img"}
+    assert parsed.text.count("alert(") >= 15
+
+
+# ---- the plots -----------------------------------------------------------------------------------------------------
+
+
+def test_a_region_shows_each_model_and_titles_give_each_one_s_error() -> None:
+    plots = compare(runs(names=("5_wltp",))["5e555_wltp"], 300)
+    assert plots[0].title == "Rotor surface: mean error 3.1 K as published, 2.2 K recalibrated, 0.3 K with the cause"
+    assert {plot.title for plot in plots[1:]} == {
+        "Winding: mean error 0.2 K with every model",
+        "Stator: mean error 0.2 K with every model",
+    }
+    assert plots[0].table.head == (
+        "time since start [min]",
+        "rotor surface measured [°C]",
+        "rotor surface as published [K]",
+        "rotor surface recalibrated [K]",
+        "rotor surface with the cause [K]",
+    )
+    left = [float(cell) for cell in plots[0].table.rows[-1][2:]]
+    assert left == pytest.approx([6.0, 4.2, 0.6], abs=0.5)
+    for colour in ("--vermillion", "--blue", "--green"):
+        assert f"var({colour})" in plots[0].svg
+
+
+def test_a_session_replayed_under_one_model_only_is_shown_with_it() -> None:
+    plots = compare(runs("published", names=("5_wltp",))["5e555_wltp"], 300)
+    assert plots[0].title == "Rotor surface: mean error 3.1 K as published"
+    assert "var(--green)" not in plots[0].svg
+
+
+def test_the_ranking_draws_the_null_and_the_threshold() -> None:
+    plot = ranking(NAMED)
+    assert plot is not None
+    assert "null 4.6" in plot.svg and "threshold 8" in plot.svg
+    assert plot.table.rows[0] == ("loss.magnet.speed2_current2", "310", "named")
+    assert plot.table.rows[1][2].startswith("22 behind")
+
+
+def test_the_ranking_of_a_motor_without_a_cause_says_that_none_was_named() -> None:
+    plot = ranking(SILENT)
+    assert plot is not None
+    assert plot.title == (
+        "No candidate was named: the best is loss.rotor_surface.speed3 at ln BF 1.2 (null 4.6, threshold 8)"
+    )
+    assert ranking(replace(SILENT, rivals=[])) is None
+
+
+def test_an_unknown_heat_is_ranked_among_the_candidates() -> None:
+    plot = ranking(UNKNOWN)
+    assert plot is not None
+    assert plot.title.startswith("Unknown heat at endwinding b outer: ln BF 373, 84.8 ahead of the best rival")
+
+
+def test_the_ranking_is_cut_to_what_can_be_read_and_keeps_every_named_cause() -> None:
+    many = [replace(RIVALS[0], log_bayes_factor=400.0 + i) for i in range(30)]
+    plot = ranking(replace(NAMED, rivals=many))
+    assert plot is not None
+    assert len(plot.table.rows) == SHOWN
+    assert plot.title == "loss.magnet.speed2_current2: ln BF 310 (null 4.6, threshold 8)"
+
+
+def test_the_table_of_the_gain_tells_trained_points_from_others() -> None:
+    plot = gain_bars(NAMED)
+    assert plot is not None
+    assert plot.table.head[-2:] == ("rms at trained points [K]", "rms outside them [K]")
+    assert {row[0]: row[-2:] for row in plot.table.rows}["magnet"] == ("7.32 -> 1.08", "12.20 -> 1.80")
+    nowhere = replace(NAMED, gain=[replace(gain, rms_outside_K=[]) for gain in NAMED.gain])
+    plot = gain_bars(nowhere)
+    assert plot is not None and {row[-1] for row in plot.table.rows} == {"-"}
+
+
+def test_gain_bars_say_when_nothing_is_better() -> None:
+    plot = gain_bars(NOT_IMPROVED)
+    assert plot is not None
+    assert plot.title == "No node is predicted better on the kept sessions by more than chance"
+
+
+def test_without_a_cause_the_bars_compare_published_and_recalibrated_only() -> None:
+    plot = gain_bars(ABSORBED)
+    assert plot is not None
+    assert plot.title == "Magnet on kept sessions: mean error 9.0 K as published, 0.3 K recalibrated"
+    assert plot.table.head[:3] == ("node", "as published [K]", "recalibrated [K]")
+    assert "->" not in str(plot.table.rows)
+    assert "with the cause" not in plot.svg
+
+
+def test_without_kept_sessions_there_are_no_bars() -> None:
+    assert gain_bars(TOO_LITTLE) is None
+
+
+def test_a_run_that_was_not_filtered_has_no_filter_section(html: str) -> None:
+    assert filter_section(runs("published", names=FEW[:1])["5e553_wltp"]["published"], NAMED, 300) is None
+    assert "What a filter would say" not in html
+
+
+def filtered(node: str) -> dict[str, dict[str, Run]]:
+    """Runs whose filter finds 40 W more at `node` than the model has there; 2 W with the cause."""
+    extra = {"published": 40.0, "recalibrated": 30.0, "extended": 2.0}
+    return {
+        session: {key: replace(run, filtered=_filter(run, node, extra[key])) for key, run in models.items()}
+        for session, models in runs(names=FEW).items()
+    }
+
+
+def _filter(run: Run, node: str, extra_W: float) -> Filtered:
+    steps = run.t_ns.size - 1
+    nominal, sd = np.full(steps, 50.0), np.full(steps, 5.0)
+    return Filtered(node, ("T_1",), run.temperatures, nominal + extra_W, sd, nominal, heat_walk_W=0.1, nis=1.0)
+
+
+def test_the_filter_is_shown_before_and_after_for_kept_sessions_with_ids_of_its_own(tmp_path: Path) -> None:
+    html = page(tmp_path, NAMED, filtered("rotor_surface"))
+    text = Tags(html).text
+    assert re.findall(r"<h3>(\S+) <span class=\"note\">(.*?)</span></h3>", html)[-2:] == [
+        ("5_wltp", "as published"),
+        ("5_wltp", "with the cause"),
+    ]
+    assert "Not the rotor surface: the filter puts 40 W more there" in text
+    assert "yet the evidence names loss.magnet.speed2_current2" in text
+    assert "The filter sees no other loss at the rotor surface" in text
+    ids = [a["id"] for _, a in Tags(html).tags if "id" in a]
+    assert len(ids) == len(set(ids)) > 0
+
+
+def test_a_filter_that_blames_the_right_node_is_not_contradicted() -> None:
+    run = filtered("rotor_surface")["5e555_wltp"]["published"]
+    right = replace(NAMED, causes=[replace(EDDY, id="loss.rotor_surface.scale", members=["rotor_surface"])])
+    perhaps = replace(NAMED, causes=[replace(EDDY, indistinguishable_from=["loss.rotor_surface.scale"])])
+    for diagnosis in (right, perhaps):
+        plot = filter_section(run, diagnosis, 300)
+        assert plot is not None and plot.title.startswith("The filter puts 40 W more loss at the rotor surface")

@@ -1,0 +1,258 @@
+"""A diagnosis in words: each ending says what was found, what was not, and what to do next."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import pytest
+
+from made.diagnoses import (
+    ABSORBED,
+    ALL,
+    BIAS,
+    EDDY,
+    NAMED,
+    NOT_IMPROVED,
+    RIVALS,
+    SEVERAL,
+    SILENT,
+    TOLD_APART,
+    TOO_LITTLE,
+    UNKNOWN,
+    gain,
+    shown,
+)
+from replay.show.reports.diagnosis_text import answer_markdown, diagnosis_text
+from replay.show.reports.verdict import Ending, active, answer, change, ending, figures, probability, size, watts
+from replay.show.words.terminal import WIDTH
+from replay.studies.diagnosis.answer import Diagnosis
+
+
+def flat(text: str) -> str:
+    """The text without its line breaks."""
+    return re.sub(r"\s+", " ", text)
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_every_page_begins_with_what_is_wrong_ends_with_the_next_command_and_is_100_columns_wide(name: str) -> None:
+    lines = diagnosis_text(ALL[name]).splitlines()
+    assert lines[0].startswith("What is wrong     ")
+    assert lines[-1].startswith("Next              whyhot ")
+    assert max(map(len, lines)) <= WIDTH
+
+
+@pytest.mark.parametrize(
+    ("diagnosis", "expected"),
+    [
+        (NAMED, Ending.NAMED),
+        (NOT_IMPROVED, Ending.NAMED),
+        (UNKNOWN, Ending.UNKNOWN),
+        (SILENT, Ending.AGREES),
+        (ABSORBED, Ending.AGREES),
+        (TOO_LITTLE, Ending.CANNOT_TELL),
+        (replace(SILENT, shown=[]), Ending.CANNOT_TELL),
+        (replace(SILENT, candidates=0), Ending.CANNOT_TELL),
+        (replace(ABSORBED, gain=[gain("magnet", 1.9, 1.9, (0, 0), 9.0)]), Ending.CANNOT_TELL),
+    ],
+)
+def test_a_diagnosis_ends_in_one_of_four_ways(diagnosis: Diagnosis, expected: Ending) -> None:
+    assert ending(diagnosis) is expected
+
+
+def test_what_is_wrong_gives_the_worst_node_with_its_place_then_the_others_then_the_floor() -> None:
+    assert (
+        "magnet 6.1 K mean, 17.1 K worst, most at 8,000 to 16,000 rpm and at 300 to 450 A · rotor surface 5.2 K · "
+        "all else within its floor (0.4 K)"
+    ) in flat(diagnosis_text(NAMED))
+
+
+def test_a_named_cause_comes_with_its_id_words_size_formula_and_evidence() -> None:
+    text = flat(diagnosis_text(NAMED))
+    for part in (
+        "Named cause loss.magnet.speed2_current2 probability 97 % (ln BF 310, null 4.6, threshold 8)",
+        "magnet loss grows with speed squared and current squared",
+        "+96 W (88 to 104); +14.2 W at the typical point; largest effect +6.3 K at the magnet, 3_wltp 1:12:40",
+        "loss of magnet [W] += 96 (n/16000 rpm)^2 (I/450 A)^2",
+        "Not told apart nothing within ln 20",
+        "loss.rotor_surface.speed3: ln BF 288, 22 behind",
+    ):
+        assert part in text
+
+
+def test_the_gain_lists_better_worse_and_unchanged_nodes() -> None:
+    text = flat(diagnosis_text(NAMED))
+    assert "magnet 6.1 -> 0.9 K (5.2 better, 4.1 to 6.0); 9.0 K as published" in text
+    assert "unchanged: endwinding a outer 0.3 K" in text
+    assert "4_s1 and 5_wltp; 95 % intervals within these sessions; 8 % of the time outside trained points" in text
+    assert "rotor surface 0.5 -> 0.6 K (0.1 worse, 0.1 to 0.2); 7.7 K as published" in flat(
+        diagnosis_text(NOT_IMPROVED)
+    )
+
+
+@pytest.mark.parametrize(
+    ("ci", "word"), [((0.1, 0.4), "better"), ((-0.1, 0.4), "unchanged"), ((-0.4, -0.1), "worse"), ((0, 0), "unchanged")]
+)
+def test_a_node_is_better_or_worse_only_where_the_whole_interval_says_so(ci: tuple[float, float], word: str) -> None:
+    assert change(gain("magnet", 1.0, 0.8, ci, 2.0)) == word
+
+
+def test_causes_that_cannot_be_told_apart_are_listed_with_the_test_that_would() -> None:
+    text = flat(diagnosis_text(TOLD_APART))
+    assert "Not told apart loss.magnet.speed_current2: magnet loss grows with speed and current squared" in text
+    assert "conductance.magnet-rotor_core.scale: the heat path between magnet and rotor core" in text
+    assert "Test that would: S2 at 12,000 rpm" in text
+    assert answer(TOLD_APART).startswith(
+        "One of 3 causes that these sessions cannot tell apart: magnet loss grows with"
+    )
+
+
+def test_a_cause_that_does_not_improve_kept_sessions_says_why_and_offers_nothing_to_accept() -> None:
+    text = flat(diagnosis_text(NOT_IMPROVED))
+    assert "no file is changed for it: the lower bound of the log score's gain is below zero (-3.1)" in text
+    assert "whyhot accept" not in text
+    assert "The kept sessions are not predicted better with it, so no file is changed." in answer(NOT_IMPROVED)
+
+
+def test_what_can_be_accepted_is_offered_first() -> None:
+    assert diagnosis_text(NAMED).splitlines()[-1] == (
+        "Next              whyhot accept d-7f31beef · whyhot view 4_s1 · whyhot report d-7f31beef"
+    )
+    only_bench = replace(NAMED, causes=[BIAS], extended_model=None, extended_bench="be" * 32)
+    assert "whyhot accept d-7f31beef" in diagnosis_text(only_bench)
+
+
+def test_several_causes_are_each_named_with_what_was_masked_dropped_and_doubtful() -> None:
+    text = flat(diagnosis_text(SEVERAL))
+    assert text.count("Named cause") == text.count("Not told apart") == 2
+    assert "Left out 3_wltp: MAG_1 holds its last value for 240 s, 6 times" in text
+    assert "left out because the model became unstable with them: loss.magnet.temperature" in text
+    assert "few kept data" in text and "not a first look" in text
+    assert answer(SEVERAL).startswith("Two causes: magnet loss grows")
+    assert "few kept data" not in flat(diagnosis_text(NAMED)) and "not a first look" not in flat(diagnosis_text(NAMED))
+
+
+def test_a_motor_that_agrees_is_told_so_with_the_best_candidate_and_the_null() -> None:
+    assert answer(SILENT) == (
+        "The twin agrees with these sessions within its floor; 213 candidates tried, best ln BF 1.2 (null 4.6, threshold 8)."
+    )
+    assert "nothing: every node is within its floor (0.4 K)" in flat(diagnosis_text(SILENT))
+    assert "none with evidence (null 4.6, threshold 8)" in answer(replace(SILENT, rivals=[]))
+
+
+def test_an_error_that_recalibration_takes_away_is_not_called_agreement() -> None:
+    assert answer(ABSORBED).startswith("No new cause is needed: the model as published is 6.1 K off at the magnet")
+    assert "by recalibration alone: magnet 9.0 -> 0.3 K" in flat(diagnosis_text(ABSORBED))
+    assert "take that away" not in answer(replace(ABSORBED, gain=[]))
+
+
+def test_a_candidate_above_the_threshold_that_was_not_named_is_pointed_at() -> None:
+    refused = replace(RIVALS[0], log_bayes_factor=14.6, why_not="it makes the kept sessions worse")
+    told = f"best ln BF 14.6 (null 4.6, threshold 8): {refused.id}, which is no cause all the same: see the rivals."
+    assert answer(replace(ABSORBED, rivals=[refused])).endswith(told)
+
+
+def test_an_unknown_heat_says_where_how_many_watts_when_and_what_it_goes_with() -> None:
+    text = flat(diagnosis_text(UNKNOWN))
+    assert (
+        "Unknown Something adds 20 to 45 W at endwinding b outer when it is 90 to 140 °C and speed is 3,000 to 6,000 rpm; "
+        "no candidate explains it. It goes with endwinding b outer and current."
+    ) in text
+    assert "Next test S2 at 6,000 rpm, 60 s pulses, with a sensor in air_b" in text
+    assert answer(UNKNOWN).endswith("Most telling next test: S2 at 6,000 rpm, 60 s pulses, with a sensor in air_b.")
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "says"),
+    [
+        (20.0, 45.0, "adds 20 to 45 W at endwinding b outer"),
+        (-45.0, -20.0, "takes 20 to 45 W away from endwinding b outer"),
+        (-5.0, 45.0, "takes up to 5 W from and adds up to 45 W to endwinding b outer"),
+    ],
+)
+def test_an_unknown_cooling_is_not_called_a_heat(low: float, high: float, says: str) -> None:
+    assert watts(replace(UNKNOWN.unknown[0], watts=[low, high])) == says
+
+
+def test_an_unknown_heat_without_a_range_says_no_when() -> None:
+    assert active(replace(UNKNOWN.unknown[0], when={})) == ""
+
+
+def test_patchwork_says_what_fits_only_together_and_no_watts() -> None:
+    heat = replace(UNKNOWN.unknown[0], patchwork=["loss.magnet.speed2", "loss.rotor_surface.speed"])
+    text = flat(diagnosis_text(replace(UNKNOWN, unknown=[heat])))
+    assert (
+        "Something at endwinding b outer has a form that no candidate has: loss.magnet.speed2 and loss.rotor_surface.speed fit "
+        "only together, so none of them is named."
+    ) in text
+    assert "of the strongest" in text
+    assert " W at endwinding b outer" not in text
+
+
+def test_an_unknown_heat_beside_a_named_cause_is_told_too() -> None:
+    both = replace(NAMED, unknown=UNKNOWN.unknown)
+    assert "Beside that: something adds 20 to 45 W" in answer(both)
+    assert "Unknown           Something adds 20 to 45 W" in diagnosis_text(both)
+
+
+def test_too_little_data_says_what_is_left_and_which_test_would_tell() -> None:
+    assert answer(TOO_LITTLE) == (
+        "These sessions cannot tell why: magnet 6.1 K and rotor surface 5.2 K stay above the sensors' floor, and of 213 "
+        "candidates none stands out: best ln BF 6.1 (null 4.6, threshold 8). "
+        "Most telling next test: S2 at 6,000 rpm, 60 s pulses of 300 A."
+    )
+    assert "1 session (1 to learn from, 0 kept)" in flat(diagnosis_text(TOO_LITTLE))
+
+
+def test_without_a_channel_or_a_candidate_nothing_is_claimed() -> None:
+    assert answer(replace(SILENT, shown=[])).startswith("Nothing can be said: no channel")
+    assert answer(replace(SILENT, candidates=0)).startswith("Nothing can be said: these sessions leave no candidate")
+
+
+def test_rivals_beyond_five_are_counted() -> None:
+    many = replace(NAMED, rivals=[replace(RIVALS[0], id=f"loss.node_{'abcdefgh'[i]}.speed3") for i in range(8)])
+    assert "and 3 more in the report" in diagnosis_text(many)
+    assert "loss.node_f.speed3" not in diagnosis_text(many)
+
+
+@pytest.mark.parametrize(
+    ("cause", "unit", "estimate", "ci95", "says"),
+    [
+        ("loss.magnet.speed2_current2", "W", 1234.4, [1180.0, 1290.0], "+1,234 W (1,180 to 1,290)"),
+        ("conductance.shaft-rotor_core.constant", "W/K", -0.4, [-0.52, -0.31], "−0.4 W/K (−0.52 to −0.31)"),
+        ("loss.magnet.scale", "1", 1.35, [1.21, 1.5], "factor 1.35 (1.21 to 1.5)"),
+        ("sensor.magnet.gain", "1", 0.0312, [0.0284, 0.0341], "+3.12 % (2.84 to 3.41)"),
+        ("input.flow.bias", "lpm", 0.6, [0.4, 0.8], "+0.6 l/min (0.4 to 0.8)"),
+        ("sensor.magnet.swap_teeth", "1", 1.0, [1.0, 1.0], ""),
+        ("sensor.magnet.hold", "1", 0.1, [0.1, 0.1], ""),
+    ],
+)
+def test_the_size_of_a_cause_has_sign_unit_and_interval(
+    cause: str, unit: str, estimate: float, ci95: list[float], says: str
+) -> None:
+    assert size(replace(EDDY, id=cause, unit=unit, estimate=estimate, ci95=ci95)) == says
+
+
+@pytest.mark.parametrize(("value", "says"), [(0.97, "97 %"), (0.9999, "over 99 %"), (0.0001, "under 1 %")])
+def test_a_probability_is_never_called_certain(value: float, says: str) -> None:
+    assert probability(value) == says
+
+
+def test_figures_keep_three_digits() -> None:
+    assert [figures(v) for v in (0.03124, 14.25, 310.2, 12345.0, -1.1)] == ["0.0312", "14.2", "310", "12,345", "−1.1"]
+
+
+def test_the_worst_of_several_channels_of_a_node_gives_its_place() -> None:
+    two = [shown("magnet", 2.0, channel="A"), shown("magnet", 4.0, channel="B", where={"speed_rpm": [100.0, 900.0]})]
+    assert "magnet 3.0 K mean, 11.2 K worst, most at 100 to 900 rpm" in flat(diagnosis_text(replace(SILENT, shown=two)))
+
+
+def test_the_viewer_s_panel_begins_with_the_answer_and_lists_causes_and_gain() -> None:
+    text = answer_markdown(TOLD_APART)
+    assert text.startswith(f"# {answer(TOLD_APART)}\n")
+    assert "## `loss.magnet.speed2_current2`" in text and "`loss of magnet [W] += 96" in text
+    assert (
+        "- not told apart from `loss.magnet.speed_current2`" in text and "- test that would: S2 at 12,000 rpm" in text
+    )
+    assert "## Gain on kept sessions" in text and "d-7f31beef" in text
+    assert "## " not in answer_markdown(UNKNOWN)

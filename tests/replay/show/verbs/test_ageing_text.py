@@ -1,0 +1,160 @@
+"""The words of an assessment: what changed, what did not, who stands out, and nothing wider than a terminal."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from replay.engine.specimen.heat_history import Heat
+from replay.show.verbs.ageing import ageing_text, answer
+from replay.studies.ageing.assessment import (
+    Assessment,
+    Batch,
+    Check,
+    HotHours,
+    Lives,
+    Specimen,
+    Stress,
+    document,
+    read,
+    tables,
+)
+
+CHECK = Check(
+    session="s",
+    session_name="dc_01",
+    start_ns=None,
+    number=0,
+    dose_h=0.0,
+    equivalent_h=[0.0, 0.0],
+    resistance_K_per_W=0.02,
+    sd=0.0001,
+    source="iron sensor",
+    state="steady",
+    why=None,
+    conductivity_percent=100.0,
+    hottest_channel="3v",
+    hottest_degC=130.0,
+)
+LATER = replace(
+    CHECK, number=1, dose_h=120.0, equivalent_h=[1200.0, 3900.0], resistance_K_per_W=0.025, conductivity_percent=80.0
+)
+WORSE = Specimen(
+    specimen="S01",
+    batch="B1",
+    cycles=[],
+    checks=[CHECK, LATER],
+    dose_h=120.0,
+    equivalent_h=[1200.0, 3900.0],
+    form="monotone",
+    form_probability=0.93,
+    change_at_dose_h=None,
+    level_from_dose_h=None,
+    slope_percent_per_100h=20.4,
+    ci95=[17.0, 23.0],
+    repeatability_percent=0.8,
+    significant=True,
+    life_used=[0.06, 0.195],
+    fleet_slope_percent_per_100h=None,
+    fleet_slope_sd=None,
+    remaining_h=None,
+    score=4.2,
+    outlying=True,
+    why=None,
+)
+STILL = replace(
+    WORSE,
+    specimen="S02",
+    form="none",
+    slope_percent_per_100h=-0.3,
+    ci95=[-1.0, 0.4],
+    significant=False,
+    score=-0.2,
+    outlying=False,
+)
+
+
+def assessment(*specimens: Specimen, batches: list[Batch] | None = None) -> Assessment:
+    return Assessment(
+        assessment="a" * 16,
+        motor=None,
+        threshold_degC=180.0,
+        criterion="conductivity -50 %",
+        activation_energy_eV={"value": 1.0, "ci95": [0.9, 1.1], "from": "assumed"},
+        rules=["0.9 eV", "1.1 eV", "10 K rule"],
+        repeatability_from="0.8 %, from repeats",
+        specimens=list(specimens),
+        law=None,
+        life=Lives(criterion="conductivity -50 %", lives=[], law=None, why="no specimen has reached the criterion yet"),
+        batches=batches or [],
+        stress=[],
+        false_discovery_rate=0.05,
+        notes=[],
+    )
+
+
+def test_what_changed_is_said_with_its_size_and_what_did_not_by_name() -> None:
+    said = answer(assessment(WORSE, STILL))
+    assert "S01: rising steadily, R +20.4 % per 100 h (17.0 to 23.0) (probability of this form 93 %)" in said
+    assert "S02: no change beyond repeatability" in said
+    assert "Not as the others: S01" in said
+
+
+def test_a_falling_course_is_not_called_rising() -> None:
+    assert "falling steadily" in answer(assessment(replace(WORSE, slope_percent_per_100h=-9.0, ci95=None)))
+
+
+def test_where_nobody_stands_out_that_is_said() -> None:
+    assert "None stands out from the others (false discovery rate 5 %)" in answer(assessment(STILL))
+
+
+@pytest.mark.parametrize("count", [1, 40])
+def test_the_text_fits_a_terminal_and_a_fleet_is_cut_short(count: int) -> None:
+    many = [replace(WORSE, specimen=f"M{k:03d}", score=float(k)) for k in range(count)]
+    batches = [
+        Batch(batch=f"B{k}", specimens=20, slope_percent_per_100h=3.0, score=k, outlying=k == 1) for k in range(2)
+    ]
+    lines = ageing_text(assessment(*many, batches=batches)).splitlines()
+    assert max(map(len, lines)) <= 110
+    assert ("and 28 more" in lines) == (count == 40)
+    assert any(line.startswith("B1") and line.endswith("stands out") for line in lines)
+    first = next(line for line in lines if line.startswith("M0"))
+    assert first.startswith(f"M{count - 1:03d}"), "the one that stands out most is first"
+
+
+def test_stresses_are_said_apart_where_they_are_told_apart_and_as_one_or_other_where_not() -> None:
+    heat = Stress(name="heat", unit="100 h above 180 degC", percent=24.0, sd_percent=2.0, not_told_from=["cycles"])
+    cycles = Stress(name="cycles", unit="cycle", percent=-2.9, sd_percent=0.3, not_told_from=["heat"])
+    discharge = Stress(name="discharge", unit="100 h", percent=40.0, sd_percent=9.0, not_told_from=[])
+    nothing = Stress(name="vibration", unit="h", percent=None, sd_percent=None, not_told_from=[])
+
+    def said(*stress: Stress) -> str:
+        return " ".join(ageing_text(replace(assessment(WORSE), stress=list(stress))).split())
+
+    assert "Stress R +40.0 % ± 9.0 % each 100 h (discharge), all specimens together" in said(heat, cycles, discharge)
+    assert (
+        "Stress heat and cycles go together in these sessions: R +24.0 % ± 2.0 % each 100 h above 180 °C or R −2.9 % ± 0.3 % each cycle, "
+        "if one does it all" in said(heat, cycles, nothing)
+    )
+    assert "Stress" not in said(discharge), "one alone is the slope"
+    assert "Stress" not in said()
+
+
+def test_an_assessment_survives_its_json_and_its_tables_hold_every_check() -> None:
+    found = assessment(WORSE, STILL)
+    data = document(found, {})
+    assert read(data) == found
+    assert data["specimens"][0]["checks"][1]["from"] == "iron sensor"
+    assert data["fleet"] == {
+        "outlying_specimens": [{"specimen": "S01", "batch": "B1", "score": 4.2}],
+        "outlying_batches": [],
+        "false_discovery_rate": 0.05,
+    }
+    hours = HotHours("s", "oven_01", "W", Heat(np.array([229.0, 230.0, 231.0]), np.array([1.0, 0.0, 11.0])))
+    made = tables(found, {"S01": [hours]})
+    assert made["hours"].column("hours").to_pylist() == [1.0, 11.0]
+    assert made["checks"].num_rows == 4
+    assert made["checks"].column("equivalent_high_h").to_pylist()[1] == 3900.0
+    assert made["specimens"].column("life_used_low").to_pylist() == [0.06, 0.06]

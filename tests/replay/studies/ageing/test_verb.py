@@ -1,0 +1,221 @@
+"""`whyhot ageing` on the plant's stators and fleets: doses, resistances, forms, who stands out; facts and refusals."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from ingest.facts import facts
+from ingest.facts.store import Store
+from ingest.facts.store_check import damage
+from plant import fleet, insulation_campaign
+from plant.bare_stator_motor import motor_toml
+from plant.counters import counters, write_counters
+from plant.timeline import Plan
+from replay.cli import main
+from replay.studies.ageing.assessment import document, read
+
+Capture = pytest.CaptureFixture[str]
+FORMS = ("none", "dip_then_rise")
+
+
+def _taken_in(commands: Sequence[Sequence[str]], store: Path) -> None:
+    for words in commands:
+        assert main([*words, "--store", str(store)]) == 0
+
+
+def _asked(store: Path, *more: str) -> dict[str, Any]:
+    target = store.parent / "answer.json"
+    assert main(["ageing", "--store", str(store), "--json", str(target), *more]) == 0
+    answer: dict[str, Any] = json.loads(target.read_text(encoding="utf-8"))
+    return answer
+
+
+@dataclass(frozen=True)
+class Asked:
+    store: Path
+    truth: insulation_campaign.Campaign
+    answer: Mapping[str, Any]
+
+    def of(self, name: str) -> Mapping[str, Any]:
+        found: Mapping[str, Any] = next(one for one in self.answer["specimens"] if one["specimen"] == name)
+        return found
+
+
+@pytest.fixture(scope="module")
+def stators(tmp_path_factory: pytest.TempPathFactory) -> Asked:
+    """Two stators, nine cycles: one whose insulation does nothing, one that cures first and gets worse then."""
+    folder = tmp_path_factory.mktemp("stators")
+    plan = Plan(stators=2, cycles=9, forms=FORMS, early_stops=0.0, dead=0.0, electrical=False)
+    written = insulation_campaign.write(folder / "logs", seed=4, plan=plan)
+    _taken_in(written.ingest, folder / "store")
+    return Asked(folder / "store", written.truth, _asked(folder / "store"))
+
+
+def test_doses_are_the_hours_of_the_copper_above_180_degC(stators: Asked) -> None:
+    for stator in stators.truth.stators:
+        found = [check["dose_h"] for check in stators.of(stator.name)["checks"]]
+        assert found == pytest.approx([check.dose_h for check in stator.checks], rel=0.01, abs=0.01)
+
+
+def test_equivalent_hours_are_a_range_over_rules_and_life_used_is_of_20_000_h(stators: Asked) -> None:
+    last = stators.of("S01")["checks"][-1]
+    low, high = last["equivalent_h"]
+    assert 6 * last["dose_h"] < low < high < 60 * last["dose_h"]
+    assert stators.of("S01")["life_used"] == pytest.approx([low / 20_000, high / 20_000], rel=1e-3)
+
+
+def test_resistances_follow_the_hidden_ones(stators: Asked) -> None:
+    for stator in stators.truth.stators:
+        checks = stators.of(stator.name)["checks"]
+        true = np.array([check.resistance_K_per_W for check in stator.checks])
+        found = np.array([check["resistance_K_per_W"] for check in checks])
+        assert {check["from"] for check in checks} == {"iron sensor"}
+        assert np.log(found / true).std() < 0.02
+
+
+def test_the_forms_are_named(stators: Asked) -> None:
+    healthy, cured = stators.of("S01"), stators.of("S02")
+    assert (healthy["form"], healthy["significant"]) == ("none", False)
+    assert (cured["form"], cured["significant"]) == ("dip_then_rise", True)
+    assert cured["change_at_dose_h"] is not None
+    assert cured["ci95"][0] < cured["slope_percent_per_100h"] < cured["ci95"][1]
+
+
+def test_the_answer_is_a_fact_and_is_read_back(stators: Asked, capsys: Capture) -> None:
+    again = _asked(stators.store)
+    assert again["specimens"] == stators.answer["specimens"]
+    with Store.open(stators.store) as store:
+        known = facts.at(store.ledger).assessments
+        assert list(known) == [stators.answer["assessment"]]
+        assert damage(store) == []
+    assert document(read(stators.answer), {})["specimens"] == stators.answer["specimens"]
+
+
+def test_as_of_an_earlier_time_only_earlier_sessions_count(stators: Asked) -> None:
+    with Store.open(stators.store) as store:
+        position = next(
+            one.position
+            for one in store.ledger.events()
+            if one.event.TOPIC == "whyhot:SessionRecorded" and getattr(one.event, "specimen", "") == "S02"
+        )
+    answer = _asked(stators.store, "--as-of", str(position - 1))
+    assert [one["specimen"] for one in answer["specimens"]] == ["S01"]
+
+
+def test_the_views_show_the_latest_assessment(stators: Asked, capsys: Capture) -> None:
+    asked = "SELECT specimen, count(*) AS checks, max(dose_h) AS dose FROM conductivity_by_cycle GROUP BY 1 ORDER BY 1"
+    assert main(["sql", asked, "--store", str(stators.store), "--json"]) == 0
+    rows = json.loads(capsys.readouterr().out)["rows"]
+    assert [(row["specimen"], row["checks"]) for row in rows] == [("S01", 10), ("S02", 10)]
+
+
+def test_with_a_motor_the_law_becomes_a_model_of_it(stators: Asked, tmp_path: Path) -> None:
+    motor = tmp_path / "motor.toml"
+    motor.write_text(motor_toml(), encoding="utf-8")
+    law = _asked(stators.store, "--motor", str(motor))["law"]
+    assert law["source"] == "S02", "the only one whose course is beyond repeatability"
+    assert law["percent_per_100h"] < -3.0
+    with Store.open(stators.store) as store:
+        published = facts.at(store.ledger).models[law["model"]]
+        text = store.archive.read(law["model"]).decode()
+    assert published.parent is not None
+    assert "ageing = {above_degC = 180" in text
+
+
+def test_each_check_leaves_a_state_for_later_sessions(stators: Asked) -> None:
+    left = [check["left"]["ln_factor"] for check in stators.of("S02")["checks"]]
+    true = [-np.log(check.resistance_K_per_W) for check in stators.truth.stators[1].checks]
+    assert np.corrcoef(left, true)[0, 1] > 0.9
+
+
+def test_the_picture_is_drawn(stators: Asked, tmp_path: Path) -> None:
+    _asked(stators.store, "--out", str(tmp_path / "ageing.svg"))
+    assert (tmp_path / "ageing.svg").read_text(encoding="utf-8").count("S02") >= 1
+    assert (tmp_path / "ageing.png").stat().st_size > 10_000
+
+
+@pytest.fixture(scope="module")
+def tables(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """80 motors in a table whose rows are in no order; those of one batch age faster."""
+    folder = tmp_path_factory.mktemp("fleet")
+    written = fleet.write_checks(folder, seed=5, motors=80, batches=4, bad_batches=1)
+    _taken_in(written.ingest, folder / "store")
+    (folder / "bad").write_text("\n".join(written.truth.bad_batches), encoding="utf-8")
+    return folder
+
+
+def test_a_bad_batch_is_found_in_a_table_and_nothing_else(tables: Path, capsys: Capture) -> None:
+    answer = _asked(tables / "store")
+    assert [one["batch"] for one in answer["fleet"]["outlying_batches"]] == (tables / "bad").read_text().split()
+    assert len(answer["fleet"]["outlying_specimens"]) <= 1
+    assert len(answer["specimens"]) == 80
+    check = answer["specimens"][0]["checks"][-1]
+    assert (check["from"], check["equivalent_h"]) == ("evaluated elsewhere", None)
+    doses = [one["dose_h"] for one in answer["specimens"][0]["checks"]]
+    assert doses == sorted(doses)
+
+
+COUNTERS = """schema = "whyhot.bench/1"
+specimen_column = "serial"
+batch_column = "batch"
+kind = "drive"
+
+[time]
+column = "date"
+format = "%Y-%m-%d %H:%M"
+
+[[channel]]
+signal = "starts"
+quantity = "counter"
+"""
+BIN = """
+[[channel]]
+signal = "h_{low:.0f}_{high:.0f}"
+quantity = "dose"
+unit = "h"
+bin_degC = [{low}, {high}]
+"""
+
+
+def test_what_vehicles_count_is_a_dose(tmp_path: Path) -> None:
+    read_out = counters(3, motors=6, readouts=(2, 3), activation_eV=1.0)
+    edges = read_out.edges_degC
+    bins = [BIN.format(low=low, high=high) for low, high in pairwise(edges)]
+    (tmp_path / "bench.toml").write_text("".join([COUNTERS, *bins]), encoding="utf-8")
+    path = write_counters(tmp_path / "counters.csv", read_out, ["B1"] * 6)
+    store = tmp_path / "store"
+    _taken_in([["ingest", str(path), "--bench", str(tmp_path / "bench.toml")]], store)
+    found = {one["specimen"]: one for one in _asked(store)["specimens"]}
+    for motor in set(read_out.motor.tolist()):
+        last = np.flatnonzero(read_out.motor == motor)[-1]
+        one = found[f"M{motor + 1:04d}"]
+        above = read_out.hours[last][edges[:-1] >= 180.0].sum()
+        assert one["dose_h"] == pytest.approx(above, abs=0.05)
+        assert (one["checks"], one["form"], one["significant"]) == ([], "none", False)
+        low, high = one["equivalent_h"]
+        assert low < read_out.true_equivalent_h[last] < high, "1.0 eV lies between the rules"
+        assert one["life_used"] == pytest.approx([low / 20_000, high / 20_000], rel=1e-3)
+        assert "3 are needed" in one["why"]
+
+
+def _refused(capsys: Capture, *words: str) -> str:
+    capsys.readouterr()
+    assert main(list(words)) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    return line
+
+
+def test_a_store_without_checks_is_refused_in_one_line(tmp_path: Path, capsys: Capture) -> None:
+    with Store.open(tmp_path / "store", create=True):
+        pass
+    line = _refused(capsys, "ageing", "--store", str(tmp_path / "store"))
+    assert "no DC check" in line
+    assert "thermal_resistance" in line

@@ -1,0 +1,285 @@
+"""`whyhot accept`: a diagnosis's extended model and bench file become current, once, and everything follows."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import shutil
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from ingest.facts import facts as ledger_facts
+from ingest.facts.events import BenchRegistered, DiagnosisCompleted, ModelExtended, ModelPublished
+from ingest.facts.store import Store
+from made import can_bench
+from replay.cli import main
+from replay.engine.files.bench_text import corrected
+from replay.engine.files.models import model_of
+from replay.studies.diagnosis.answer import Diagnosis, Named, document
+
+CAUSES = {"loss.magnet.speed2": True, "sensor.magnet.bias": True, "input.current.gain": False}
+
+
+@pytest.fixture(scope="module")
+def ingested(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("accept")
+    can_bench.write_files(folder)
+    can_bench.write_log(folder / "1_learn.blf", seconds=120)
+    words = ["ingest", str(folder / "1_learn.blf"), "--bench", str(folder / "bench.toml")]
+    assert main([*words, "--dbc", str(folder / "bench.dbc"), "--store", str(folder / "store")]) == 0
+    return folder / "store"
+
+
+@pytest.fixture
+def store_folder(ingested: Path, tmp_path: Path) -> Path:
+    """A copy of the store, for each test to write to."""
+    shutil.copytree(ingested, tmp_path / "store")
+    return tmp_path / "store"
+
+
+def named(cause: str, improved: bool) -> Named:
+    return Named(
+        id=cause,
+        says="a cause",
+        members=[],
+        estimate=1.0,
+        ci95=[0.5, 1.5],
+        unit="W",
+        typical_W=None,
+        largest_effect_K=3.0,
+        largest_effect_node="magnet",
+        largest_effect_session="1",
+        largest_effect_t_s=60.0,
+        formula="",
+        log_bayes_factor=40.0,
+        probability=0.99,
+        member_probability=0.9,
+        indistinguishable_from=[],
+        separating_test=None,
+        significant=True,
+        identified=True,
+        improved=improved,
+        why_not_improved=None if improved else "kept sessions are no better",
+    )
+
+
+def diagnosed(
+    folder: Path,
+    number: str,
+    causes: dict[str, bool],
+    model: bool = True,
+    bench: bool = True,
+    parent: str | None = None,
+) -> dict[str, str | None]:
+    """A sealed diagnosis of the session, as a study leaves it: extended files, the document and its facts."""
+    with Store.open(folder, write=True) as store:
+        facts = ledger_facts.at(store.ledger)
+        (session,) = facts.sessions
+        old_bench = facts.bench_of(session)
+        assert old_bench is not None
+        old_model = parent or model_of(facts, session)
+        motor = store.archive.read(old_model) + f"# extended by {number}\n".encode()
+        new_model = store.archive.seal(motor) if model else None
+        text = corrected(store.archive.read(old_bench.sha256), old_bench.name, {"sensor.magnet.bias": 1.5}, number)
+        new_bench = store.archive.seal(text) if bench else None
+        extended = {
+            "parent": old_model if model else None,
+            "model": new_model,
+            "parent_bench": old_bench.sha256 if bench else None,
+            "bench": new_bench,
+        }
+        found = Diagnosis(
+            diagnosis=number,
+            motor="servo-5kW",
+            level="testing",
+            model=old_model,
+            train=[session.session],
+            held_out=[],
+            train_names=[session.name],
+            held_out_names=[],
+            opened_before=False,
+            shown=[],
+            causes=[named(cause, improved) for cause, improved in causes.items()],
+            rivals=[],
+            unknown=[],
+            masked=[],
+            recalibrated_model=None,
+            extended_model=new_model,
+            extended_bench=new_bench,
+            gain=[],
+            log_score_gain=None,
+            log_score_gain_lower=None,
+            few_kept_data=False,
+            candidates=200,
+            dropped=[],
+            steps=120,
+            null_log_bayes_factor=3.0,
+            threshold=6.0,
+            next_test=None,
+            seconds=1.0,
+        )
+        artefact = store.archive.seal(json.dumps(document(found, {})).encode())
+        stream = f"diagnosis-{number}"
+        if new_model:
+            published = ModelPublished(model=new_model, motor="servo-5kW", file="motor.toml", parent=old_model)
+            store.ledger.append("motor-servo-5kW", published)
+        if new_bench:
+            registered = BenchRegistered(
+                sha256=new_bench, name=old_bench.name, motor=old_bench.motor, model=old_bench.model
+            )
+            store.ledger.append(f"bench-{new_bench}", registered)
+        if new_model or new_bench:
+            store.ledger.append(stream, ModelExtended(diagnosis=number, **extended))
+        completed = DiagnosisCompleted(diagnosis=number, key={}, artefact=artefact, summary={})
+        store.ledger.append(stream, completed)
+        return extended
+
+
+def accept(folder: Path, capsys: pytest.CaptureFixture[str], text: str, code: int = 0) -> dict[str, Any]:
+    capsys.readouterr()
+    assert main(["accept", text, "--json", "--store", str(folder)]) == code
+    answer: dict[str, Any] = json.loads(capsys.readouterr().out)
+    return answer
+
+
+def current(folder: Path, as_of: str | None = None) -> tuple[str, str]:
+    """Model and bench file of the session."""
+    with Store.open(folder) as store:
+        facts = ledger_facts.at(store.ledger, as_of)
+        bench = facts.bench_of(facts.sessions[0])
+        assert bench is not None
+        return model_of(facts, facts.sessions[0]), bench.sha256
+
+
+def head(folder: Path) -> int:
+    with Store.open(folder) as store:
+        return store.ledger.head().position
+
+
+def test_model_and_bench_file_become_current(store_folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    made = diagnosed(store_folder, "4f0cbeef00000001", CAUSES)
+    before = head(store_folder)
+    answer = accept(store_folder, capsys, "d-4f0c")
+    assert answer["schema"] == "whyhot.acceptance/1"
+    assert answer["diagnosis"] == "4f0cbeef00000001"
+    assert answer["causes"] == ["loss.magnet.speed2", "sensor.magnet.bias"]
+    assert {key: answer[key] for key in made} == made
+    assert answer["written"] is True
+    assert answer["provenance"]["store_head"]["position"] == before + 1
+    assert current(store_folder) == (made["model"], made["bench"])
+    assert current(store_folder, as_of=str(before)) == (made["parent"], made["parent_bench"])
+
+
+def test_a_replay_after_it_is_another_run_of_the_same_session(
+    store_folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    made = diagnosed(store_folder, "4f0cbeef00000001", CAUSES)
+
+    def replayed() -> dict[str, Any]:
+        capsys.readouterr()
+        assert main(["replay", "1_learn", "--json", "--store", str(store_folder)]) == 0
+        (run,) = json.loads(capsys.readouterr().out)["runs"]
+        return dict(run)
+
+    before = replayed()
+    accept(store_folder, capsys, "d-4f0c")
+    after = replayed()
+    assert after["session"] == before["session"]
+    assert (before["model"], after["model"]) == (made["parent"], made["model"])
+    assert (
+        after["mae_K"]["magnet"] > before["mae_K"]["magnet"] + 0.05
+    )  # its numbers are the parent's: the bench file did it
+    assert after["mae_K"]["yoke"] == pytest.approx(before["mae_K"]["yoke"], abs=0.05)
+
+
+def test_accepting_again_says_so_and_writes_nothing(store_folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    diagnosed(store_folder, "4f0cbeef00000001", CAUSES)
+    accept(store_folder, capsys, "4f0cbeef00000001")
+    before = head(store_folder)
+    assert accept(store_folder, capsys, "4F0C")["written"] is False
+    assert head(store_folder) == before
+    assert main(["accept", "d-4f0c", "--store", str(store_folder)]) == 0
+    assert "was accepted before: nothing was written" in capsys.readouterr().out
+
+
+def test_a_diagnosis_of_the_extended_model_continues_the_chain(
+    store_folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    diagnosed(store_folder, "aaaa000000000001", CAUSES)
+    accept(store_folder, capsys, "d-aaaa")
+    second = diagnosed(store_folder, "bbbb000000000002", CAUSES)
+    accept(store_folder, capsys, "d-bbbb")
+    assert current(store_folder) == (second["model"], second["bench"])
+    assert accept(store_folder, capsys, "d-aaaa")["written"] is False
+
+
+def test_the_last_of_two_from_the_same_model_is_current_and_the_first_can_be_taken_again(
+    store_folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    first = diagnosed(store_folder, "aaaa000000000001", CAUSES)
+    second = diagnosed(store_folder, "bbbb000000000002", CAUSES)
+    for text, made in (("d-aaaa", first), ("d-bbbb", second), ("d-aaaa", first)):
+        assert accept(store_folder, capsys, text)["written"] is True
+        assert current(store_folder) == (made["model"], made["bench"])
+
+
+def test_only_what_was_extended_changes(store_folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    model, _ = current(store_folder)
+    of_bench = diagnosed(store_folder, "aaaa000000000001", {"sensor.magnet.bias": True}, model=False)
+    answer = accept(store_folder, capsys, "d-aaaa")
+    assert (answer["parent"], answer["model"]) == (None, None)
+    assert current(store_folder) == (model, of_bench["bench"])
+    of_model = diagnosed(store_folder, "bbbb000000000002", {"loss.magnet.speed2": True}, bench=False)
+    assert accept(store_folder, capsys, "d-bbbb")["bench"] is None
+    assert current(store_folder) == (of_model["model"], of_bench["bench"])
+
+
+def test_sessions_that_go_on_with_another_model_are_said(
+    store_folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    other = hashlib.sha256(b"other").hexdigest()
+    with Store.open(store_folder, write=True) as store:
+        other = store.archive.seal(can_bench.MOTOR.replace("240.0", "250.0").encode())
+        published = ModelPublished(model=other, motor="servo-5kW", file="motor.toml", parent=None)
+        store.ledger.append("motor-servo-5kW", published)
+    model, _ = current(store_folder)
+    made = diagnosed(store_folder, "aaaa000000000001", {"loss.magnet.speed2": True}, bench=False, parent=other)
+    assert main(["accept", "d-aaaa", "--store", str(store_folder)]) == 0
+    assert capsys.readouterr().err == (
+        f"session 1_learn: goes on with model {model[:8]}: say --model {str(made['model'])[:8]} to replay it.\n"
+    )
+
+
+@pytest.mark.parametrize(
+    ("causes", "why"),
+    [
+        ({}, "it named no cause"),
+        ({"loss.magnet.speed2": False}, "loss.magnet.speed2 did not make the kept sessions better"),
+    ],
+)
+def test_a_diagnosis_with_nothing_to_accept_is_refused(
+    store_folder: Path, capsys: pytest.CaptureFixture[str], causes: dict[str, bool], why: str
+) -> None:
+    diagnosed(store_folder, "4f0cbeef00000001", causes, model=False, bench=False)
+    before = head(store_folder)
+    answer = accept(store_folder, capsys, "d-4f0c", code=2)
+    assert answer["error"] == (f"diagnosis d-4f0cbeef0000: there is nothing to accept: {why}. Models stay as they are.")
+    assert head(store_folder) == before
+
+
+def test_an_unknown_or_ambiguous_diagnosis_is_refused_with_what_there_is(
+    store_folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert accept(store_folder, capsys, "d-1", code=2)["error"] == (
+        'diagnosis "d-1" is not in this store: it holds none yet: `whyhot diagnose --on S...`'
+    )
+    for number in ("4f0c000000000001", "4f0d000000000002"):
+        diagnosed(store_folder, number, CAUSES)
+    assert accept(store_folder, capsys, "d-9", code=2)["error"] == (
+        'diagnosis "d-9" is not in this store: it holds d-4f0c00000000, d-4f0d00000000.'
+    )
+    assert accept(store_folder, capsys, "d-4f0", code=2)["error"] == (
+        'diagnosis "d-4f0" is the beginning of more than one: it holds d-4f0c00000000, d-4f0d00000000.'
+    )

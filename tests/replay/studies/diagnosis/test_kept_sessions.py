@@ -1,0 +1,61 @@
+"""Kept sessions: the error is told apart by whether training visited that speed and current."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from made.motor import CHANNELS, Drive, every_law, recorded, smooth
+from replay.studies.diagnosis.answer import Gain
+from replay.studies.diagnosis.kept_sessions import measured
+from twin.fitting import actions
+from twin.fitting.actions import Parameter
+from twin.fitting.fit import Fit, fit
+from twin.fitting.model import Model, Test
+from twin.fitting.noise import ChannelNoise
+from twin.motor.features import terms
+
+INITIAL = np.array([45.0, 42.0, 41.0, 35.0])
+QUIET = {channel: ChannelNoise(0.05, 60.0, 0.01, 600.0) for channel in CHANNELS}
+LONG_S = 1600.0
+
+
+def _test(current: float, late: float) -> Test:
+    """A motor with more copper loss than its file says; `current` from the start, `late` in the second half."""
+    drive: Drive = {**smooth(LONG_S), "speed": np.full_like(smooth(LONG_S)["speed"], 0.5)}
+    half = np.arange(len(drive["speed"])) < len(drive["speed"]) // 2
+    drive = {**drive, "current": np.where(half, current, late)}
+    network = every_law()
+    copper = network.sources[0]
+    more = replace(copper, terms=(replace(copper.terms[0], coefficient=560.0), *copper.terms[1:]))
+    true = replace(network, sources=(more, *network.sources[1:]))
+    return recorded(network, drive, INITIAL, true=true, seed=1)
+
+
+def _fitted(train: Test, *parameters: Parameter) -> Fit:
+    own = [*(Parameter(f"bias.{c}", actions.Bias(c), 0.3, 0) for c in CHANNELS), *parameters]
+    return fit(Model(every_law(), [train], own, QUIET), np.zeros(len(own)))
+
+
+def _gain(kept: Test) -> Gain:
+    train = _test(0.5, 0.5)
+    copper = [term.coefficient for term in terms(every_law())].index(500.0)
+    before, after = _fitted(train), _fitted(train, Parameter("copper", actions.Scale((copper,)), 0.3))
+    (found,) = [g for g in measured(before, after, [train], [kept], named=False).gain if g.node == "winding"]
+    return found
+
+
+def test_errors_where_training_was_and_where_it_was_not_are_told_apart() -> None:
+    gain = _gain(_test(0.5, 0.95))
+    assert gain.outside_trained_share == pytest.approx(0.5)
+    inside, outside = gain.rms_inside_K, gain.rms_outside_K
+    assert len(inside) == len(outside) == 2
+    assert outside[0] > 2 * inside[0] > 0.2, "copper loss grows with the square of a current that training never saw"
+    assert inside[1] < 0.2 and outside[1] < 0.2, "and is known once its coefficient is"
+
+
+def test_where_no_kept_time_was_there_is_no_error() -> None:
+    assert _gain(_test(0.5, 0.5)).rms_outside_K == []
+    assert _gain(_test(0.95, 0.95)).rms_inside_K == []

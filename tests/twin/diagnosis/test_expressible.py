@@ -1,0 +1,160 @@
+"""What files can say of a fit: the conditional mode against brute force, shares of sensors, and slopes as one node's line."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from made.motor import every_law, pulses, recorded
+from twin.calibration.learned import network_of
+from twin.diagnosis.expressible import COMMON_FROM, WORTH_A_LINE, expressible, readings
+from twin.fitting import actions
+from twin.fitting.actions import Parameter, Place
+from twin.fitting.fit import NEAR_ENOUGH, Fit, fit
+from twin.fitting.model import Model, Test
+from twin.motor.features import terms
+
+Floats = NDArray[np.float64]
+
+NETWORK = every_law()
+NAMES = NETWORK.names
+INITIAL = np.array([45.0, 42.0, 41.0, 35.0])
+
+
+def at(*names: str) -> Place:
+    return Place(*sorted(NAMES.index(name) for name in names))
+
+
+@pytest.fixture(scope="module")
+def tests() -> list[Test]:
+    return [recorded(NETWORK, pulses(600.0, seed=s), INITIAL, name=str(s)) for s in range(COMMON_FROM)]
+
+
+def fit_at(tests: list[Test], numbers: list[tuple[Parameter, float]], seed: int = 0) -> Fit:
+    """A fit whose mode and curvature are given: what follows from them needs no data."""
+    model = Model(NETWORK, tests, [parameter for parameter, _ in numbers])
+    rng = np.random.default_rng(seed)
+    root = rng.normal(size=(len(numbers), len(numbers))) / model.sd
+    hessian = root.T @ root + np.diag(1 / model.sd**2)
+    return Fit(model, np.array([value for _, value in numbers]), 0.0, hessian, (), 0.0, True, 1)
+
+
+@pytest.fixture(scope="module")
+def fitted(tests: list[Test]) -> Fit:
+    """To a motor whose thermocouple sits beyond its node, and that lacks a path which another one has too much of."""
+    far = {"W_1": {"winding": 1.1, "yoke": -0.1}}
+    found = [recorded(NETWORK, pulses(600.0, seed=s), INITIAL, name=str(s), seed=s) for s in range(COMMON_FROM)]
+    names = [node.name for node in NETWORK.nodes]
+    moved = [
+        replace(
+            test,
+            channels=tuple(
+                replace(c, measured=c.measured + 0.1 * _apart(test, names)) if c.name in far else c
+                for c in test.channels
+            ),
+        )
+        for test in found
+    ]
+    parameters = [
+        *(Parameter(f"term{i}", actions.Scale((i,)), 0.4) for i in range(len(list(terms(NETWORK))))),
+        Parameter("conductance.winding-case", actions.Added((at("winding", "case"),), "constant", 1.0), 0.5, low=-0.5),
+        *(Parameter(f"sensor.W_1.beside.{n}", actions.Beside("W_1", names.index(n)), 0.1) for n in ("yoke", "case")),
+        Parameter("clock.can1.offset", actions.Late(("W_1", "Y_1", "R_1"), False), 0.5),
+        *(Parameter("sensor.W_1.bias", actions.Bias("W_1"), 0.3, number) for number in range(COMMON_FROM)),
+        Parameter("named", actions.Scale((3,)), 0.7),
+    ]
+    return fit(Model(NETWORK, moved, parameters), np.zeros(len(parameters)))
+
+
+def _apart(test: Test, names: list[str]) -> Floats:
+    """Step means of winding minus yoke in the model of the file (N,)."""
+    means = Model(NETWORK, [test], []).course(0, np.zeros(0))[1]
+    return means[:, names.index("winding")] - means[:, names.index("yoke")]
+
+
+def test_what_files_cannot_say_is_left_out_and_the_others_follow(fitted: Fit) -> None:
+    names = [p.name for p in fitted.model.parameters]
+    clock, share, named = (names.index(n) for n in ("clock.can1.offset", "sensor.W_1.beside.yoke", "named"))
+    assert fitted.beta[share] < -0.05
+    assert fitted.beta[clock] != 0
+    found = expressible(fitted, [named], {"W_1", "Y_1", "R_1"})
+    shares = [i for i, n in enumerate(names) if "beside" in n or n.startswith("conductance")]
+    assert found.beta[clock] == found.beta[share] == 0.0
+    assert (found.beta[shares] >= 0).all()
+    assert found.beta[named] == fitted.beta[named]
+    # the rest is where it fits best, and that is another place than before
+    clipped = fitted.beta.copy()
+    clipped[shares] = np.maximum(clipped[shares], 0.0)
+    clipped[clock] = 0.0
+    assert found.cost < cost(fitted.model, clipped) - 1.0
+    assert fit(found.model, found.beta, enough=0.01).cost > found.cost - NEAR_ENOUGH
+
+
+def cost(model: Model, beta: Floats) -> float:
+    """- ln posterior up to a constant."""
+    white = [model.whitened(s, s.y[:, None])[:, 0] for s in model.residuals(beta)]
+    return float(sum(w @ w for w in white) + np.sum((beta / model.sd) ** 2)) / 2
+
+
+def test_what_is_not_worth_a_line_goes_unless_it_is_named(fitted: Fit) -> None:
+    names = [p.name for p in fitted.model.parameters]
+    gains = [Parameter(f"gain{i}", actions.Gain(c), 0.01) for i, c in enumerate(("Y_1", "R_1"))]
+    beta = np.append(fitted.beta, [0.5 * WORTH_A_LINE * 0.01] * 2)
+    hessian = np.diag(np.append(np.diag(fitted.hessian), [1e4, 1e4]))
+    small = replace(fitted, model=fitted.model.plus(gains), beta=beta, hessian=hessian)
+    found = expressible(small, [len(names)], ())
+    assert found.beta[len(names)] == beta[-1]
+    assert found.beta[-1] == 0.0
+
+
+def test_where_files_can_say_all_nothing_moves(tests: list[Test]) -> None:
+    fit = fit_at(tests, [(Parameter("term0", actions.Scale((0,)), 0.4), 0.3)])
+    assert expressible(fit, (), ()) is fit
+
+
+def test_shares_come_on_top_of_what_the_file_says_and_add_up(tests: list[Test]) -> None:
+    beside = [(Parameter(f"beside{i}", actions.Beside("R_1", i), 0.1), share) for i, share in ((1, 0.1), (3, 0.2))]
+    weights = readings(fit_at(tests, beside), ()).weights
+    assert weights == {"R_1": {"magnet": 0.49, "yoke": 0.1, "case": pytest.approx(0.41)}}
+    assert sum(weights["R_1"].values()) == pytest.approx(1.0, abs=1e-9)
+
+
+def test_an_error_that_all_tests_share_is_one_of_the_bench(tests: list[Test]) -> None:
+    def fit(values: tuple[float, ...]) -> Fit:
+        return fit_at(
+            tests, [(Parameter("bias", actions.Bias("W_1"), 0.5, number), v) for number, v in enumerate(values)]
+        )
+
+    assert readings(fit((0.5, 0.52, 0.54)), ()).errors == {actions.Bias("W_1"): pytest.approx(0.52)}
+    for apart in ((0.5, -0.5, 0.6), (0.01, 0.011, 0.012), (0.2, 0.9, 0.1)):
+        assert readings(fit(apart), ()).errors == {}
+
+
+def test_what_a_named_cause_holds_already_is_not_said_twice(tests: list[Test]) -> None:
+    numbers = [
+        (Parameter("sensor.W_1.lag", actions.Lag("W_1"), 0.8), 0.5),
+        (Parameter("sensor.winding.lag", actions.Lag("W_1"), 20.0), 9.0),
+        (Parameter("sensor.Y_1.lag", actions.Lag("Y_1"), 0.8), -0.25),
+    ]
+    assert readings(fit_at(tests, numbers), [1]).lag_s == {"Y_1": -0.25}
+
+
+@pytest.mark.parametrize("place", [("winding",), ("yoke", "case"), ("case", "ambient"), ("yoke", "magnet")])
+def test_a_slope_with_temperature_is_written_so_that_the_run_stays(tests: list[Test], place: tuple[str, ...]) -> None:
+    of_place: dict[frozenset[str], list[int]] = {}
+    links = [frozenset((link.a, link.b)) for link in NETWORK.links for _ in link.terms]
+    sources = [frozenset((source.node,)) for source in NETWORK.sources for _ in source.terms]
+    for i, ends in enumerate([*links, *sources]):
+        of_place.setdefault(ends, []).append(i)
+    own = tuple(of_place[frozenset(place)])
+    tilt = actions.Tilt((at(*place),), (own,), (45.0,))
+    fit = fit_at(tests, [(Parameter("slope", tilt, 0.003), 0.008)])
+    wanted, none = (fit.model.course(0, beta)[0] for beta in (fit.beta, np.zeros(1)))
+    network = network_of(fit, ())
+    found = Model(network, tests, []).course(0, np.zeros(0))[0]
+    moved = np.abs(wanted - none).max()
+    assert moved > 0.1
+    assert np.abs(found - wanted).max() < 0.25 * moved  # two ends, one node

@@ -1,0 +1,199 @@
+"""Naming on a small motor whose tests come from another integrator: a hidden loss is named, a healthy motor is not."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
+
+from made.motor import AMBIENT_DEGC, CHANNELS, COOLANT_DEGC, SINGLE, every_law, pulses, recorded
+from twin.diagnosis import naming
+from twin.diagnosis.mode import rises, slowest_mode_s
+from twin.diagnosis.naming import Naming, scored, search, with_refits
+from twin.differences.candidates import Candidate, added_monomials, generate
+from twin.differences.columns import InputChannel, ObservedChannel
+from twin.differences.everyday import everyday
+from twin.differences.proposals import Proposals
+from twin.errors import DivergedError
+from twin.fitting import actions
+from twin.fitting.actions import Parameter
+from twin.fitting.fit import Fit, fit
+from twin.fitting.model import Model, Test
+from twin.motor.network import Network, Term
+
+Floats = NDArray[np.float64]
+
+SEEDS = range(5)
+INITIAL = np.array([45.0, 42.0, 41.0, 35.0])
+HIDDEN = "loss.magnet.speed2_current2"
+WATTS = 80.0  # at full speed and current
+CANDIDATES = tuple(
+    c
+    for c in generate(
+        every_law(),
+        [ObservedChannel(name, weights, "can1") for name, (weights, _) in CHANNELS.items()],
+        [InputChannel(name, "can1") for name in (*SINGLE, "coolant", "ambient")],
+    )
+    if c.cause.kind in ("loss", "sensor")
+)
+
+
+def _with_loss() -> Network:
+    network, term = every_law(), Term(WATTS, {"speed": 2.0, "current": 2.0})
+    sources = tuple(replace(s, terms=(*s.terms, term)) if s.node == "magnet" else s for s in network.sources)
+    return replace(network, name="with-loss", sources=sources)
+
+
+def _model(true: Network, seed: int, duration_s: float = 900.0) -> Model:
+    more = added_monomials(CANDIDATES)
+    tests: list[Test] = [
+        recorded(
+            every_law(), pulses(duration_s, seed=i), INITIAL, true=true, more=more, seed=10 * seed + i, name=f"{i}"
+        )
+        for i in range(2)
+    ]
+    return Model(every_law(), tests, everyday(every_law(), tests))
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _one_thread() -> Iterator[None]:
+    """The matrices are small: more threads only wait for each other."""
+    with threadpool_limits(1, user_api="blas"):
+        yield
+
+
+@pytest.fixture(scope="module")
+def hidden() -> list[Naming]:
+    return [search(_model(_with_loss(), seed), CANDIDATES) for seed in SEEDS]
+
+
+@pytest.fixture(scope="module")
+def calibrated() -> Fit:
+    model = _model(every_law(), 1, duration_s=600.0)
+    return fit(model, np.zeros(len(model.parameters)))
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_a_healthy_motor_is_silent(seed: int) -> None:
+    found = search(_model(every_law(), seed), CANDIDATES)
+    assert found.accepted == ()
+    assert len(found.rounds) == 1
+    assert found.final is found.rounds[0].base
+
+
+def test_a_hidden_loss_is_named(hidden: list[Naming]) -> None:
+    for found in hidden:
+        assert [str(one.candidate.cause) for one in found.accepted] == [HIDDEN]
+        assert found.accepted[0].log_bayes_factor > 20
+
+
+def test_its_size_is_told(hidden: list[Naming]) -> None:
+    """In watts of root mean square over the tests, within what a free magnet's own loss leaves open."""
+    drives = [pulses(900.0, seed=i) for i in range(2)]
+    rms = np.sqrt(np.mean(np.concatenate([d["speed"] ** 2 * d["current"] ** 2 for d in drives]) ** 2))
+    for found in hidden:
+        (one,) = found.accepted
+        assert abs(one.amplitude - WATTS * rms) < 3 * one.sd
+        assert one.sd < 0.3 * WATTS * rms
+
+
+def test_the_last_round_looked_with_it_in_the_model(hidden: list[Naming]) -> None:
+    for found in hidden:
+        assert found.rounds[-1].base.model.parameters[-1].name == HIDDEN
+        assert found.final.beta[-1] == found.accepted[0].amplitude
+
+
+def test_the_first_round_ranks_it_first(hidden: list[Naming]) -> None:
+    for found in hidden:
+        first = found.rounds[0]
+        assert str(first.candidates[first.order()[0]].cause) == HIDDEN
+        assert first.scores.log_bayes_factor.max() > first.null
+
+
+def test_a_loss_that_is_there_already_is_not_named_again(hidden: list[Naming]) -> None:
+    for found in hidden:
+        assert HIDDEN not in [str(c.cause) for c in found.rounds[-1].candidates]
+
+
+def test_a_threshold_above_what_the_data_say_names_nothing() -> None:
+    assert search(_model(_with_loss(), 0), CANDIDATES, threshold=1e4).accepted == ()
+
+
+def test_refits_that_cannot_win_any_more_stop_and_the_winner_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Begun with one linearisation each; the winner ends where it ends when all are fitted in full."""
+    model = _model(_with_loss(), 0)
+    current = fit(model, np.zeros(len(model.parameters)))
+    leading = [c for c in CANDIDATES if c.cause.place == "magnet" and c.cause.kind == "loss"]
+    monkeypatch.setattr(naming, "FAR_BEHIND", np.inf)
+    monkeypatch.setattr(naming, "OUT_OF_REACH", np.inf)
+    whole = with_refits(scored(current, leading), lambda _: None).refits
+    monkeypatch.setattr(naming, "OUT_OF_REACH", 0.1)
+    monkeypatch.setattr(naming, "FIRST_LINEARISATIONS", 1)
+    raced = with_refits(scored(current, leading), lambda _: None).refits
+    assert all(one.ended for one in whole)
+    assert any(not one.ended for one in raced)
+    best, same = (max(some, key=lambda r: r.log_bayes_factor) for some in (whole, raced))
+    assert best.candidate == same.candidate
+    assert same.ended
+    assert same.log_bayes_factor == pytest.approx(best.log_bayes_factor, abs=0.5)
+    assert sum(one.fit.linearisations for one in raced) < sum(one.fit.linearisations for one in whole)
+
+
+def test_patchwork_is_no_name(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(naming, "is_patchwork", lambda *_: True)
+    found = search(_model(_with_loss(), 0), CANDIDATES)
+    assert found.accepted == ()
+    assert [str(one.candidate.cause) for one in found.patchwork] == [HIDDEN]
+    assert found.is_unknown
+    assert found.final is found.rounds[0].base
+
+
+def test_a_candidate_without_a_finite_column_is_dropped_and_said(calibrated: Fit) -> None:
+    """Its heat is not a number somewhere: the others are scored as if it were not there."""
+    model = calibrated.model
+    wild = replace(
+        model.tests[1],
+        features={**model.tests[1].features, "speed3": np.full(len(model.tests[1].frame.features), np.nan)},
+    )
+    broken = replace(calibrated, model=Model(model.network, [model.tests[0], wild], model.parameters, model.noise))
+    some = [c for c in CANDIDATES if c.cause.kind == "loss"]
+    names = {str(c.cause) for c in some if c.cause.law == "speed3"}
+    assert names
+    found = with_refits(scored(broken, some), lambda _: None)
+    assert set(found.dropped) == names
+    assert names.isdisjoint(str(c.cause) for c in found.candidates)
+    expected = with_refits(scored(calibrated, [c for c in some if str(c.cause) not in names]), lambda _: None)
+    assert [c.cause for c in found.candidates] == [c.cause for c in expected.candidates]
+    np.testing.assert_allclose(found.scores.log_bayes_factor, expected.scores.log_bayes_factor, atol=0.02)
+
+
+def test_a_refit_that_runs_away_is_no_refit(calibrated: Fit, monkeypatch: pytest.MonkeyPatch) -> None:
+    def runs_away(*_: object, **__: object) -> Fit:
+        raise DivergedError("temperatures run away")
+
+    monkeypatch.setattr(naming, "fit", runs_away)
+    candidate: Candidate = CANDIDATES[0]
+    parameter = Proposals(calibrated.model, calibrated.beta).parameter(candidate)
+    assert naming.refitted(calibrated, candidate, parameter) is None
+
+
+def test_the_slowest_mode_and_the_rises_are_those_of_the_motor(calibrated: Fit) -> None:
+    """Cooled from afar: minutes; the rises are measured over the coldest boundary."""
+    assert 60 < slowest_mode_s(calibrated) < 1800
+    for channel, rise in rises(calibrated.model).items():
+        top = max(c.measured.max() for t in calibrated.model.tests for c in t.channels if c.name == channel)
+        assert rise == pytest.approx(top - min(COOLANT_DEGC, AMBIENT_DEGC))
+
+
+def test_what_takes_away_more_than_there_is_is_not_possible() -> None:
+    """It ends at its bound; a cause that has a sign may end at 0, and none may be larger than four prior sd."""
+    cooling = Parameter("p", actions.Bias("W_1"), 1.0, low=-2.0)
+    assert naming.is_possible(cooling, -1.9)
+    assert not naming.is_possible(cooling, -2.0)
+    assert naming.is_possible(cooling, 4.0)
+    assert not naming.is_possible(cooling, 4.1)
+    assert naming.is_possible(Parameter("p", actions.Bias("W_1"), 1.0, low=0.0), 0.0)

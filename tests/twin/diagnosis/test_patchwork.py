@@ -1,0 +1,53 @@
+"""When terms that survived are names, and when they only stand in together for a law that the list lacks."""
+
+from __future__ import annotations
+
+import pytest
+
+from made.motor import CHANNELS, SINGLE, every_law
+from twin.diagnosis.patchwork import is_patchwork, nodes_of
+from twin.differences.candidates import generate
+from twin.differences.columns import InputChannel, ObservedChannel
+
+CANDIDATES = {
+    str(c.cause): c
+    for c in generate(
+        every_law(),
+        [ObservedChannel(name, weights, "can1") for name, (weights, _) in CHANNELS.items()],
+        [InputChannel(name, "can1") for name in (*SINGLE, "coolant", "ambient")],
+    )
+}
+MAGNET, YOKE, CASE = "loss.magnet.scale", "loss.yoke.speed2", "loss.case.constant"  # in a row, one link apart
+
+
+def _is(*terms: tuple[str, float]) -> bool:
+    return is_patchwork([(CANDIDATES[name], value) for name, value in terms], every_law())
+
+
+def test_one_term_is_a_name() -> None:
+    assert not _is((MAGNET, 8.0))
+    assert not is_patchwork([], every_law())
+
+
+def test_a_strong_term_stays_a_name_beside_a_weak_one() -> None:
+    assert not _is((MAGNET, 50.0), (YOKE, 8.0))
+
+
+@pytest.mark.parametrize("order", [1, -1])
+def test_neighbours_that_need_each_other_are_patchwork(order: int) -> None:
+    assert _is(*((MAGNET, 15.0), (YOKE, 9.0))[::order])
+
+
+def test_several_weak_neighbours_count_together() -> None:
+    assert _is((YOKE, 20.0), (MAGNET, 6.0), (CASE, 6.0))
+    assert not _is((YOKE, 20.0), (MAGNET, 6.0))
+
+
+def test_terms_that_are_far_apart_are_two_names() -> None:
+    assert not _is((MAGNET, 15.0), (CASE, 14.0))
+
+
+@pytest.mark.parametrize("name", ["sensor.magnet.lag", "input.current.gain", "boundary.coolant.bias"])
+def test_what_changes_no_temperature_of_a_node_is_near_nothing(name: str) -> None:
+    assert nodes_of(CANDIDATES[name], every_law()) == frozenset()
+    assert not _is((MAGNET, 15.0), (name, 14.0))

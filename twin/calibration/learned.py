@@ -1,0 +1,269 @@
+"""What a fit learnt, as a motor: the network that a motor file can say, and the size of each named term with its band."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.fitting import actions
+from twin.fitting.actions import Parameter
+from twin.fitting.fit import Fit
+from twin.motor import features
+from twin.motor.network import NOBODY, Link, Network, Node, Shape, Source, TemperatureFactor, Term
+
+Floats = NDArray[np.float64]
+
+LEAST_FACTOR, MOST_CURRENT = 0.05, 1.5  # a law stays above 0 up to this current
+REFERENCE_DIGITS = 1  # of a temperature that a slope is written about
+
+
+def network_of(found: Fit, monomials: Sequence[features.Monomial]) -> Network:
+    """The network of a fit. `monomials`: the products that added terms may use, by their names.
+
+    A path below 0, and what belongs to a test or a sensor, is no part of a motor (`twin.diagnosis.expressible`). A slope with temperature
+    is written for one node, as the straight line that follows it best over the tests: of a link with the end that says more of
+    the mean of both, of copper beside copper's own.
+    """
+    network, beta = found.model.network, found.beta
+    terms = _terms(found)
+    by_name = {m.name: m for m in monomials}
+    links = [replace(link, terms=tuple(terms.pop(0) for _ in link.terms)) for link in network.links]
+    sources = [replace(source, terms=tuple(terms.pop(0) for _ in source.terms)) for source in network.sources]
+    nodes = [_node(node, i, found) for i, node in enumerate(network.nodes)]
+    for p, parameter in enumerate(found.model.parameters):
+        match parameter.action:
+            case actions.Added(places, feature, rms, own) if beta[p]:
+                exponents = dict(by_name[feature].powers) if feature != "constant" else {}
+                term = Term(float(beta[p]) / rms, exponents, copper=own > 0, resistance=min(own, 0))
+                for place in places:
+                    _add(network.names, place, term, links, sources)
+            case actions.Attached(at, lag_s) if beta[p] > 0:
+                for i in at:
+                    name = f"{network.nodes[i].name}_attached"
+                    nodes.append(Node(name, float(beta[p]), network.nodes[i].region))
+                    links.append(Link(network.nodes[i].name, name, (Term(float(beta[p]) / lag_s),)))
+    return replace(network, nodes=tuple(nodes), links=tuple(links), sources=tuple(sources))
+
+
+def _add(names: Sequence[str], place: actions.Place, term: Term, links: list[Link], sources: list[Source]) -> None:
+    if place.b == NOBODY:
+        node = names[place.a]
+        for i, source in enumerate(sources):
+            if source.node == node:
+                sources[i] = replace(source, terms=(*source.terms, term))
+                return
+        sources.append(Source(node, (term,)))
+        return
+    ends = {names[place.a], names[place.b]}
+    for i, link in enumerate(links):
+        if {link.a, link.b} == ends:
+            if term.coefficient > 0:
+                links[i] = replace(link, terms=(*link.terms, term))
+            return
+    if term.coefficient > 0:
+        links.append(Link(names[place.a], names[place.b], (term,)))
+
+
+def _node(node: Node, i: int, found: Fit) -> Node:
+    factor = sum(
+        float(b)
+        for b, p in zip(found.beta, found.model.parameters, strict=True)
+        if isinstance(p.action, actions.Capacity) and i in p.action.nodes
+    )
+    return replace(node, capacity=node.capacity * float(np.exp(factor)))
+
+
+def _terms(found: Fit) -> list[Term]:
+    """The network's own terms with their factors, exponents, shapes and slopes."""
+    network = found.model.network
+    own = list(features.terms(network))
+    log: defaultdict[int, float] = defaultdict(float)
+    powers: defaultdict[int, dict[str, float]] = defaultdict(dict)
+    tents: dict[int, list[tuple[actions.Tent, float]]] = {}
+    slopes: defaultdict[int, list[_Slope]] = defaultdict(list)
+    for beta, parameter in zip(found.beta.tolist(), found.model.parameters, strict=True):
+        match parameter.action:
+            case actions.Scale(terms):
+                for i in terms:
+                    log[i] += beta
+            case actions.Power((*terms,), feature):
+                for i in terms:
+                    powers[i][feature] = powers[i].get(feature, 0.0) + beta
+            case actions.Tent(terms) as tent:
+                for i in terms:
+                    tents.setdefault(i, []).append((tent, beta))
+            case actions.Tilt(places, terms, references) if beta:
+                for place, members, reference in zip(places, terms, references, strict=True):
+                    for i in members:
+                        slopes[i].append(_Slope(place, beta, reference))
+    lines = _straight(found, slopes)
+    return [
+        replace(
+            term,
+            coefficient=term.coefficient * float(np.exp(log[i])) * (lines[i].factor if i in lines else 1.0),
+            exponents={f: e + powers[i].get(f, 0.0) for f, e in term.exponents.items()},
+            shape=_shape(tents[i]) if i in tents and term.shape is None else term.shape,
+            temperature=lines[i].temperature if i in lines else term.temperature,
+        )
+        for i, term in enumerate(own)
+    ]
+
+
+@dataclass(frozen=True)
+class _Slope:
+    """A term grows by `per_K` of itself for each kelvin of the node, or of the mean of the link's ends, over a reference."""
+
+    place: actions.Place
+    per_K: float
+    reference_degC: float
+
+
+@dataclass(frozen=True)
+class _Line:
+    """A term times `factor`, and a temperature factor that is 1 at the mean of the tests."""
+
+    factor: float
+    temperature: TemperatureFactor
+
+
+def _straight(found: Fit, slopes: Mapping[int, Sequence[_Slope]]) -> dict[int, _Line]:
+    """All slopes of each term as a line of one node's temperature over the tests, steps weighed by what the term carries."""
+    if not slopes:
+        return {}
+    model, network = found.model, found.model.network
+    runs = [model.course(s, found.beta) for s in range(len(model.tests))]
+    outside = np.concatenate([test.frame.boundaries for test in model.tests])
+    t = np.hstack([np.concatenate([means for _, means, _ in runs]), outside])
+    carried = np.concatenate([values for _, _, values in runs])
+    result = {}
+    for i, own in slopes.items():
+        term = list(features.terms(network))[i]
+        wanted = sum((s.per_K * (_mean(t, s.place) - s.reference_degC) for s in own), np.zeros(len(t)))
+        rise = t[:, own[0].place.a] - network.copper.reference_degC
+        wanted = wanted / (1 + network.copper.alpha_per_K * rise) ** (int(term.copper) + term.resistance)
+        nodes = [end for end in (own[0].place.a, own[0].place.b) if 0 <= end < len(network.nodes)]
+        if term.temperature is not None:
+            nodes = [network.names.index(term.temperature.node)]
+            wanted = wanted + term.temperature.slope_per_K * (t[:, nodes[0]] - term.temperature.reference_degC)
+        result[i] = _line(network, t, 1.0 + wanted, np.abs(carried[:, i]), nodes)
+    return result
+
+
+def _mean(t: Floats, place: actions.Place) -> Floats:
+    return t[:, place.a] if place.b == NOBODY else (t[:, place.a] + t[:, place.b]) / 2
+
+
+def _line(network: Network, t: Floats, wanted: Floats, weight: Floats, nodes: Sequence[int]) -> _Line:
+    """The straight line of one of the nodes that is nearest to `wanted` (N,)."""
+    weight = weight / weight.sum() if weight.any() else np.full(len(t), 1 / len(t))
+    middle = float(weight @ wanted)
+    lines = []
+    for node in nodes:
+        reference = round(float(weight @ t[:, node]), REFERENCE_DIGITS)
+        off = t[:, node] - float(weight @ t[:, node])
+        slope = float(weight @ (off * wanted)) / max(float(weight @ off**2), 1e-12)
+        left = float(weight @ (wanted - middle - slope * off) ** 2)
+        at = max(LEAST_FACTOR, middle + slope * (reference - float(weight @ t[:, node])))
+        lines.append((left, _Line(at, TemperatureFactor(network.names[node], slope / at, reference))))
+    return min(lines, key=lambda one: one[0])[1]
+
+
+def _shape(tents: Sequence[tuple[actions.Tent, float]]) -> Shape:
+    speeds = tents[0][0].speeds
+    factor, slope = [0.0] * len(speeds), [0.0] * len(speeds)
+    for tent, beta in tents:
+        (slope if tent.current else factor)[tent.knot] += beta
+    factor = [max(f, LEAST_FACTOR - 1) for f in factor]
+    slope = [max(c, (LEAST_FACTOR - 1 - f) / MOST_CURRENT) for f, c in zip(factor, slope, strict=True)]
+    return Shape(speeds, tuple(factor), tuple(slope))
+
+
+@dataclass(frozen=True)
+class Size:
+    """A named term as people count it: `value` with its 95 % band in `unit`; `typical_W` its mean heat over training."""
+
+    value: float
+    low: float
+    high: float
+    unit: str
+    typical_W: float | None
+
+
+def size(found: Fit, place: int, unit: str) -> Size:
+    """The size of the parameter at `place`: together with what the healthy differences of the same kind took of it.
+
+    A factor where it multiplies; W or W/K at features of 1 where it adds; else its own unit.
+    """
+    parameter = found.model.parameters[place]
+    weights = _shares(found, parameter)
+    weights[place] = 1.0
+    covariance = np.linalg.inv(found.hessian)
+    value, sd = float(weights @ found.beta), float(np.sqrt(weights @ covariance @ weights))
+    match parameter.action:
+        case actions.Scale() | actions.Capacity():
+            low, middle, high = (float(np.exp(value + k * sd)) for k in (-1.96, 0.0, 1.96))
+            return Size(middle, low, high, "1", _scaled_W(found, parameter.action, middle))
+        case actions.Added(places, feature, rms, _):
+            per, typical = 1 / rms, None
+            if places[0].b == NOBODY:
+                mean = float(
+                    np.mean(
+                        np.concatenate([_feature(t.features, feature, t.frame.features) for t in found.model.tests])
+                    )
+                )
+                typical = value * per * mean * len(places)
+            return Size(value * per, (value - 1.96 * sd) * per, (value + 1.96 * sd) * per, unit, typical)
+        case actions.Tilt():
+            return Size(value, value - 1.96 * sd, value + 1.96 * sd, "1/K", None)
+    return Size(value, value - 1.96 * sd, value + 1.96 * sd, unit, None)
+
+
+def _feature(given: Mapping[str, Floats], name: str, rows: Floats) -> Floats:
+    return np.ones(len(rows)) if name == "constant" else given[name]
+
+
+def _scaled_W(found: Fit, action: actions.Action, factor: float) -> float | None:
+    """What a factor on losses adds to their mean heat."""
+    if not isinstance(action, actions.Scale):
+        return None
+    first = sum(len(link.terms) for link in found.model.network.links)
+    if min(action.terms) < first:
+        return None
+    values = np.concatenate([found.model.course(s, found.beta)[2] for s in range(len(found.model.tests))])
+    return float(values[:, list(action.terms)].sum(axis=1).mean() * (1 - 1 / factor))
+
+
+def _shares(found: Fit, parameter: Parameter) -> Floats:
+    """How much of each healthy difference counts as the named one: a coefficient's own logarithm for `scale`, a channel's own
+    gain or lag, the mean over tests of what each brings along."""
+    weights = np.zeros(len(found.beta))
+    action, tests = parameter.action, len(found.model.tests)
+    for p, other in enumerate(found.model.parameters):
+        own = other.action
+        match action:
+            case actions.Scale(terms) if isinstance(own, actions.Scale) and set(own.terms) <= set(terms):
+                means = _mean_values(found)
+                weights[p] = sum(means[i] for i in own.terms) / sum(means[i] for i in terms)
+            case actions.Capacity(nodes) if isinstance(own, actions.Capacity) and set(own.nodes) <= set(nodes):
+                weights[p] = len(own.nodes) / len(nodes)
+            case (
+                actions.Bias()
+                | actions.Gain()
+                | actions.Lag()
+                | actions.Late()
+                | actions.BoundaryBias()
+                | actions.InputGain()
+            ):
+                if own == action:
+                    weights[p] = 1.0 if other.test is None else 1.0 / tests
+    return weights
+
+
+def _mean_values(found: Fit) -> Floats:
+    values = [found.model.course(s, found.beta)[2] for s in range(len(found.model.tests))]
+    means: Floats = np.abs(np.concatenate(values)).mean(axis=0)
+    return means

@@ -1,0 +1,281 @@
+"""The index program: the arithmetic of the straight-line kernel with the topology as data, compiled once for all.
+
+One text for one run and for `twin.arithmetic.vectors.LANES` side by side, where what an index costs is shared by all of them.
+
+Row and column of the step matrix are kept as `values` (n diagonals, then the upper and the lower off-diagonals, both in the
+order of elimination), so every access is one precomputed index.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.arithmetic.vectors import vectors
+from twin.compiled.integrators import Tableau
+from twin.compiled.structure import Group, Structure
+from twin.motor.drops import drop
+from twin.motor.network import NOBODY
+
+Floats = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+
+class Program(NamedTuple):
+    """Arrays of indices, and the tableau divided by its gamma.
+
+    `term_*` (K,) are grouped, group g holds `term_start[g]:term_start[g + 1]`. `group` (G, 6): a, b, own, other, law (-1: a
+    fluid's table), 1 where one way. `knots` and `relative` of `knot_start[g]:knot_start[g + 1]`: the table of its fluid.
+    `place` (G, 6): positions of (a,a) (b,b) (a,b) (b,a) (a,other) (b,other) in `values`, -1 where there is none.
+    `order` (n,); pivot p of `order[p]` has the entries `edge_start[p]:edge_start[p + 1]` with rows `edge_to` (E,);
+    `update` (U,): position of the entry that each product of elimination is taken from, in the order of the loops.
+    """
+
+    n: int
+    symmetric: bool
+    gamma: float
+    back: float
+    term_start: Index
+    term_coefficient: Index
+    term_monomial: Index
+    group: Index
+    knot_start: Index
+    knots: Floats
+    relative: Floats
+    place: Index
+    order: Index
+    edge_start: Index
+    edge_to: Index
+    update: Index
+    stages: Floats  # (s, s) strictly lower
+    weights: Floats  # (s,)
+
+
+def program(structure: Structure, tableau: Tableau) -> Program:
+    """The network and the method as arrays."""
+    n, pattern = structure.n, structure.pattern
+    edges = [(p, j) for p in pattern.order for j in pattern.later[p]]
+    where = {(i, i): i for i in range(n)}
+    where |= {edge: n + e for e, edge in enumerate(edges)}
+    where |= {(j, i): n + len(edges) + e for e, (i, j) in enumerate(edges)}
+    lengths = [len(pattern.later[p]) for p in pattern.order]
+    terms = [term for group in structure.groups for term in group.terms]
+    stages = np.zeros((len(tableau.b), len(tableau.b)))
+    for i, row in enumerate(tableau.a):
+        stages[i, :i] = np.array(row) / tableau.gamma
+    return Program(
+        n=n,
+        symmetric=structure.symmetric,
+        gamma=tableau.gamma,
+        back=tableau.back,
+        term_start=_index(np.cumsum([0, *(len(group.terms) for group in structure.groups)])),
+        term_coefficient=_index([i for i, _ in terms]),
+        term_monomial=_index([j for _, j in terms]),
+        group=_index([_group(g) for g in structure.groups]).reshape(-1, 6),
+        knot_start=_index(np.cumsum([0, *(len(g.fluid) for g in structure.groups)])),
+        knots=np.array([degC for g in structure.groups for degC, _ in g.fluid], dtype=np.float64),
+        relative=np.array([factor for g in structure.groups for _, factor in g.fluid], dtype=np.float64),
+        place=_index([_places(g, n, where) for g in structure.groups]).reshape(-1, 6),
+        order=_index(pattern.order),
+        edge_start=_index(np.cumsum([0, *lengths])),
+        edge_to=_index([j for _, j in edges]),
+        update=_index([where[i, j] for p in pattern.order for i in pattern.later[p] for j in pattern.later[p]]),
+        stages=stages,
+        weights=np.array(tableau.b) / tableau.gamma,
+    )
+
+
+def _index(values: Any) -> Index:
+    return np.array(values, dtype=np.int64)
+
+
+def _group(group: Group) -> tuple[int, int, int, int, int, bool]:
+    law = -1 if group.fluid else group.law
+    return group.a, group.b, group.own, group.other, law, group.one_way
+
+
+def _places(group: Group, n: int, where: dict[tuple[int, int], int]) -> list[int]:
+    a, b, m = group.a, group.b, group.other
+    between = 0 <= b < n
+    crossed = m != NOBODY
+    return [
+        where[a, a],
+        where[b, b] if between else -1,
+        where[a, b] if between else -1,
+        where[b, a] if between else -1,
+        where[a, m] if crossed else -1,
+        where[b, m] if crossed and between else -1,
+    ]
+
+
+@numba.njit(error_model="numpy", nogil=True, cache=True)
+def table(at: Any, knots: Floats, values: Floats) -> Any:
+    """A table (K,) over rising knots (K,), linear between them and constant beyond, and its slope: a sum of ramps."""
+    value, slope = values[0], 0.0
+    for i in range(1, len(knots)):
+        low, high = knots[i - 1], knots[i]
+        rise = (values[i] - values[i - 1]) / (high - low)
+        value += rise * np.minimum(np.maximum(at - low, 0.0), high - low)
+        slope += rise * (low < at) * (at <= high)
+    return value, slope
+
+
+@numba.njit(error_model="numpy", nogil=True, cache=True)
+def assemble(
+    program: Program,
+    constant: Floats,
+    coefficients: Floats,
+    copper: Floats,
+    factors: Floats,
+    phi: Any,
+    outside: Any,
+    start: Any,
+    values: Any,
+    right: Any,
+) -> None:
+    """One step: its matrix, eliminated, into `values` (n + 2E,) and its right-hand side into `right` (n,) [W].
+
+    `constant` (n,) C / (gamma h) [W/K]; `phi` (m,) features; `outside` (b,) [degC]. What is not linear in temperature is
+    linearised about `start` (n,).
+    """
+    n, order, edge_start = program.n, program.order, program.edge_start
+    edges = len(program.edge_to)
+    for i in range(len(values)):
+        values[i] = constant[i] if i < n else 0.0
+    for i in range(n):
+        right[i] = 0.0
+    for g in range(len(program.group)):
+        amount = 0.0
+        for t in range(program.term_start[g], program.term_start[g + 1]):
+            j, coefficient = program.term_monomial[t], coefficients[program.term_coefficient[t]]
+            if j < 0:
+                amount += coefficient
+            else:
+                amount += coefficient * phi[j]
+        a, b, own, other, law, one_way = program.group[g]
+        aa, bb, ab, ba, am, bm = program.place[g]
+        if b < 0:
+            own_slope = 0.0
+            if own != 0:
+                factor = 1.0 + copper[0] * (start[a] - copper[1])
+                own_slope = amount * copper[0]
+                if own < 0:
+                    factor = 1.0 / factor
+                    own_slope = -own_slope * factor * factor
+                amount *= factor
+            if other >= 0:
+                factor = 1.0 + factors[g, 0] * (start[other] - factors[g, 1])
+                slope = amount * factors[g, 0]
+                own_slope *= factor
+                amount *= factor
+                values[am] -= slope
+                right[a] -= slope * start[other]
+            values[aa] -= own_slope
+            right[a] += amount - own_slope * start[a]
+            continue
+        far = outside[b - n] if b >= n else start[b]
+        value = far - start[a]
+        if law != 0:
+            value, by_a, by_b = drop(law, start[a], far)
+            first, end = program.knot_start[g], program.knot_start[g + 1]
+            if first < end:
+                relative, growth = table(far, program.knots[first:end], program.relative[first:end])
+                value, by_a, by_b = relative * value, relative * by_a, relative * by_b + growth * value
+        if other >= 0:
+            slope = amount * factors[g, 0] * value
+            amount *= 1.0 + factors[g, 0] * (start[other] - factors[g, 1])
+            values[am] -= slope
+            right[a] -= slope * start[other]
+            if b < n and one_way == 0:
+                values[bm] += slope
+                right[b] += slope * start[other]
+        to_a = to_b = amount
+        if law != 0:
+            to_a, to_b = -amount * by_a, amount * by_b
+        values[aa] += to_a
+        if b >= n:
+            right[a] += amount * far if law == 0 else amount * value + to_a * start[a]
+            continue
+        values[ab] -= to_b
+        if one_way == 0:
+            values[ba] -= to_a
+            values[bb] += to_b
+        if law != 0:
+            rest = amount * value + to_a * start[a] - to_b * far
+            right[a] += rest
+            if one_way == 0:
+                right[b] -= rest
+    u = 0
+    for p in range(n):
+        first, end = edge_start[p], edge_start[p + 1]
+        pivot = 1.0 / values[order[p]]
+        values[order[p]] = pivot
+        for e in range(first, end):
+            multiplier = values[n + e if program.symmetric else n + edges + e] * pivot
+            values[n + edges + e] = multiplier
+            begin = e if program.symmetric else first  # entries left of the diagonal are had from those right of it
+            for f in range(begin, end):
+                values[program.update[u + f - first]] -= multiplier * values[n + f]
+            u += end - first
+
+
+@numba.njit(error_model="numpy", nogil=True, cache=True)
+def run(
+    program: Program,
+    features: Floats,
+    boundaries: Floats,
+    step_s: float,
+    coefficients: Floats,
+    capacities: Floats,
+    copper: Floats,
+    factors: Floats,
+    out: Floats,
+    stage: Floats,
+) -> None:
+    """Fill `out` (N + 1, n) from its first row; `stage` (s, n) is left holding the last step's stage temperatures.
+
+    With a last axis of `twin.arithmetic.vectors.LANES` in `features`, `boundaries`, `out` and `stage`: so many runs, each with the bits
+    that it has alone.
+    """
+    n, order, edge_start, edge_to = program.n, program.order, program.edge_start, program.edge_to
+    edges, lanes = len(edge_to), features.shape[2:]
+    values, right = vectors(np.empty((n + 2 * edges, *lanes)), lanes), vectors(np.empty((n, *lanes)), lanes)
+    delta, stages = vectors(np.empty(stage.shape), lanes), vectors(stage, lanes)
+    phi, outside, course = vectors(features, lanes), vectors(boundaries, lanes), vectors(out, lanes)
+    constant = capacities / (program.gamma * step_s)
+    looking, back, before = program.back != 0.0, 0.0, course[0]
+    if looking:
+        constant = capacities / step_s
+    for k in range(len(phi)):
+        start = course[k]
+        assemble(program, constant, coefficients, copper, factors, phi[k], outside[k], start, values, right)
+        for s in range(len(stages)):
+            z = stages[s]
+            for i in range(n):
+                base = start[i] + back * (start[i] - before[i])
+                for j in range(s):
+                    base += program.stages[s, j] * delta[j, i]
+                delta[s, i] = base
+                z[i] = constant[i] * base + right[i]
+            for p in range(n):
+                own = z[order[p]]
+                for e in range(edge_start[p], edge_start[p + 1]):
+                    z[edge_to[e]] -= values[n + edges + e] * own
+            for p in range(n - 1, -1, -1):
+                i = order[p]
+                total = z[i]
+                for e in range(edge_start[p], edge_start[p + 1]):
+                    total -= values[n + e] * z[edge_to[e]]
+                z[i] = total * values[i]
+            for i in range(n):
+                delta[s, i] = z[i] - delta[s, i]
+        for i in range(n):
+            end = start[i] + back * (start[i] - before[i])
+            for s in range(len(stages)):
+                end += program.weights[s] * delta[s, i]
+            course[k + 1, i] = end
+        if looking:
+            constant, back, before = capacities / (program.gamma * step_s), program.back, start

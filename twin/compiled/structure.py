@@ -1,0 +1,166 @@
+"""A network as indices: what both kernels are made from. It holds the topology and no value that calibration changes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.compiled.sparse import Pattern, factorise
+from twin.motor import features
+from twin.motor.drops import LAWS, LINEAR
+from twin.motor.network import NOBODY, Fluid, Network, Term
+
+CONSTANT = -1  # a term without features
+
+Knots = tuple[tuple[float, float], ...]
+
+
+@dataclass(frozen=True)
+class Group:
+    """Terms that share a place and its factors, so their sum is multiplied once.
+
+    `a`: the node that takes the heat. `b`: the link's other end, a node or `n + boundary`, NOBODY in a source.
+    `terms`: (coefficient, monomial or CONSTANT). `own`: +1 copper, -1 resistance, 0 none, of the node's own temperature.
+    `other`: node of the temperature factor, or NOBODY; its values are row `index` of `Parameters.factors`. `law`: how the
+    link's heat follows its two temperatures (`twin.motor.drops`). `one_way`: the heat is not taken out of b, which flows on.
+    `fluid`: (T_b [degC], factor) of the fluid's heat capacity where it goes with temperature, else empty.
+    """
+
+    a: int
+    b: int
+    terms: tuple[tuple[int, int], ...]
+    own: int
+    other: int
+    law: int = LINEAR
+    one_way: bool = False
+    fluid: Knots = ()
+
+    @property
+    def plain(self) -> bool:
+        """Whether the heat of a link follows the difference of its two temperatures itself."""
+        return self.law == LINEAR and not self.fluid
+
+
+@dataclass(frozen=True)
+class Structure:
+    """`monomials`: columns of the features; `symmetric`: the step matrix is so, half of the elimination can be saved."""
+
+    n: int
+    monomials: int
+    groups: tuple[Group, ...]
+    pattern: Pattern
+    symmetric: bool
+
+
+@dataclass(frozen=True)
+class Parameters:
+    """The values of a network. `coefficients` (K,) [W or W/K] in the order of `features.terms`, then of `features.streams`;
+    `capacities` (n,) [J/K]; `copper` (2,) alpha [1/K], reference [degC]; `factors` (groups, 2) slope [1/K], reference [degC],
+    0 where there is none.
+    """
+
+    coefficients: NDArray[np.float64]
+    capacities: NDArray[np.float64]
+    copper: NDArray[np.float64]
+    factors: NDArray[np.float64]
+
+
+_Key = tuple[Group, float, float]  # a group still without terms, slope, reference
+
+
+def _places(network: Network) -> Iterator[tuple[_Key, Term]]:
+    """The place of every coefficient, in their order."""
+    index = {name: i for i, name in enumerate(network.names)}
+    for link in network.links:
+        a, b = sorted((index[link.a], index[link.b]))
+        for term in link.terms:
+            yield _key(a, b, term, index), term
+    for source in network.sources:
+        for term in source.terms:
+            yield _key(index[source.node], NOBODY, term, index), term
+    knots = [_knots(circuit.fluid) for circuit in network.circuits for _ in circuit.nodes]
+    streams = zip(features.stream_places(network), features.streams(network), knots, strict=True)
+    for (before, node), term, fluid in streams:
+        group = Group(index[node], index[before], (), 0, NOBODY, one_way=True, fluid=fluid)
+        yield (group, 0.0, 0.0), term
+
+
+def _key(a: int, b: int, term: Term, index: dict[str, int]) -> _Key:
+    law, own = LINEAR if term.law is None else LAWS[term.law], 1 if term.copper else term.resistance
+    factor = term.temperature
+    if factor is None:
+        return Group(a, b, (), own, NOBODY, law), 0.0, 0.0
+    return Group(a, b, (), own, index[factor.node], law), factor.slope_per_K, factor.reference_degC
+
+
+def _knots(fluid: Fluid) -> Knots:
+    """The fluid's heat capacity over that at `features.STREAM_DEGC`, at the knots of both its tables; empty if constant."""
+    knots = sorted({*fluid.density.degC, *fluid.heat_capacity.degC})
+    unit = fluid.at(features.STREAM_DEGC)
+    values = tuple((float(degC), fluid.at(degC) / unit) for degC in knots)
+    return values if len({value for _, value in values}) > 1 else ()
+
+
+@dataclass(frozen=True)
+class _Grouped:
+    """The terms of each group: its key -> (coefficient, monomial) pairs; how many monomials there are."""
+
+    groups: dict[_Key, tuple[tuple[int, int], ...]]
+    monomials: int
+
+
+def _grouped(network: Network) -> _Grouped:
+    column = {monomial: j for j, monomial in enumerate(features.monomials(network))}
+    groups: dict[_Key, list[tuple[int, int]]] = {}
+    for coefficient, (key, term) in enumerate(_places(network)):
+        groups.setdefault(key, []).append((coefficient, column.get(features.monomial(term), CONSTANT)))
+    return _Grouped({key: tuple(terms) for key, terms in groups.items()}, len(column))
+
+
+def structure(network: Network) -> Structure:
+    """The indices of a checked network."""
+    return _structure(network, _grouped(network))
+
+
+def parameters(network: Network) -> Parameters:
+    """The values of a checked network, in the order of its structure."""
+    return _parameters(network, _grouped(network))
+
+
+def described(network: Network) -> tuple[Structure, Parameters]:
+    """Both, for less than one after the other."""
+    grouped = _grouped(network)
+    return _structure(network, grouped), _parameters(network, grouped)
+
+
+def _structure(network: Network, grouped: _Grouped) -> Structure:
+    n = len(network.nodes)
+    groups = tuple(
+        Group(key.a, key.b, terms, key.own, key.other, key.law, key.one_way, key.fluid)
+        for (key, _, _), terms in grouped.groups.items()
+    )
+    edges = [(g.a, g.b) for g in groups if 0 <= g.b < n]
+    crossed = [(end, g.other) for g in groups if g.other != NOBODY for end in (g.a, g.b) if 0 <= end < n]
+    pattern = factorise(n, edges + crossed)
+    return Structure(n, grouped.monomials, groups, pattern, all(_mirrored(g, n) for g in groups))
+
+
+def _mirrored(group: Group, n: int) -> bool:
+    """Whether what a group adds to the step matrix is symmetric."""
+    if group.other != NOBODY and not (group.b == NOBODY and group.other == group.a):
+        return False
+    return not 0 <= group.b < n or (group.plain and not group.one_way)
+
+
+def _parameters(network: Network, grouped: _Grouped) -> Parameters:
+    factors = [(slope, reference) for _, slope, reference in grouped.groups]
+    every = (*features.terms(network), *features.streams(network))
+    return Parameters(
+        coefficients=np.array([term.coefficient for term in every]),
+        capacities=np.array([node.capacity for node in network.nodes]),
+        copper=np.array([network.copper.alpha_per_K, network.copper.reference_degC]),
+        factors=np.array(factors, dtype=np.float64).reshape(-1, 2),
+    )

@@ -1,0 +1,1 @@
+"""Which cause the data ask for, what cannot be told apart, what stays unknown, and what naming gained."""

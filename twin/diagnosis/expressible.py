@@ -1,0 +1,169 @@
+"""What motor and bench files can say of a fit: its mode given that what they cannot say, or what is not worth a line, is not there.
+
+So a hundred small differences that are left out do not add up to kelvins: those that are written take their part. Which are left out
+is decided with the fit's own curvature H (Laplace's approximation): with d the entries set to 0 and f the others,
+
+    beta_f = mode_f + H_ff^-1 H_fd mode_d,
+
+the mean of a Gaussian given some of its entries (Rasmussen and Williams 2006, A.6). From there the rest is fitted again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.fitting import actions
+from twin.fitting.actions import Parameter
+from twin.fitting.fit import NEAR_ENOUGH, Fit, fit
+from twin.motor.network import NOBODY
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+WORTH_A_LINE = 0.1  # of its prior sd: a healthy difference below is not written
+MOST_BESIDE = 0.9  # of what a sensor follows may be other nodes than its own
+COMMON_FROM = 3  # tests: from two nobody sees whether they agree
+COMMON = 3.0  # standard errors of the mean over tests that a common error is away from 0
+WORTH_A_CORRECTION = 0.3  # of its prior sd: likewise
+
+
+def expressible(found: Fit, named: Collection[int], driving: Collection[str]) -> Fit:
+    """The fit of what files can say, its vector in the places of `found`. `named`: places in the vector that are written as they are;
+    `driving`: channels on a bus that stamps inputs too, where a common lateness cannot be said.
+
+    Without: a path or a share of a sensor below 0, the clock of a bus that drives the model, and healthy differences below
+    `WORTH_A_LINE`. What belongs to one test is no part of a file and stays free.
+    """
+    parameters, mode = found.model.parameters, found.beta
+    open_ = np.array([p not in named and one.test is None for p, one in enumerate(parameters)])
+    unsayable = open_ & np.array([_is_common_drive(one, driving) for one in parameters])
+    positive = open_ & np.array([_is_share(one) for one in parameters])
+    optional = open_ & np.array([_is_optional(one) for one in parameters])
+    least = WORTH_A_LINE * found.model.sd
+    held = (mode <= found.model.low) | (mode >= found.model.high) | np.isin(np.arange(mode.size), list(named))
+    left_out, beta = unsayable, _given(found, unsayable, held)
+    for smallest in (np.zeros_like(least), least):
+        while True:
+            more = ~left_out & ((positive & (beta < smallest)) | (optional & (np.abs(beta) < smallest)))
+            if not more.any():
+                break
+            left_out = left_out | more
+            beta = _given(found, left_out, held)
+    if not left_out.any():
+        return found
+    pinned = [
+        replace(one, low=beta[p], high=beta[p])
+        if left_out[p] or p in named
+        else replace(one, low=max(one.low, 0.0))
+        if positive[p]
+        else one
+        for p, one in enumerate(parameters)
+    ]
+    return fit(found.model.with_priors(pinned), beta, NEAR_ENOUGH)
+
+
+def _given(found: Fit, left_out: Bools, held: Bools) -> Floats:
+    """The mode given that the entries `left_out` are 0 and those `held` stay where they are."""
+    if not left_out.any():
+        return found.beta
+    model, mode, h = found.model, found.beta, found.hessian
+    free = ~left_out & ~held
+    beta = np.where(left_out, 0.0, mode)
+    beta[free] += np.linalg.solve(h[np.ix_(free, free)], h[np.ix_(free, left_out)] @ mode[left_out])
+    clipped: Floats = np.clip(beta, model.low, model.high)
+    return clipped
+
+
+def _is_common_drive(one: Parameter, driving: Collection[str]) -> bool:
+    return isinstance(one.action, actions.Late) and not set(one.action.channels).isdisjoint(driving)
+
+
+def _is_share(one: Parameter) -> bool:
+    """Of a path, or of a node in what a sensor follows: never below 0."""
+    match one.action:
+        case actions.Added(places):
+            return places[0].b != NOBODY
+        case actions.Beside():
+            return True
+    return False
+
+
+def _is_optional(one: Parameter) -> bool:
+    """What a file may say or not: terms and tables of their own."""
+    return isinstance(one.action, actions.Added | actions.Tilt | actions.OnReading)
+
+
+# --- What a bench file says of it --------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Readings:
+    """`weights`: channel -> node -> share of what it follows, sum 1, where that is not one node alone; `lag_s`: channel -> what its
+    time constant is more than stated; `errors`: what every test has in common, in the unit of the action."""
+
+    weights: Mapping[str, Mapping[str, float]]
+    lag_s: Mapping[str, float]
+    errors: Mapping[actions.Action, float]
+
+
+def readings(found: Fit, named: Collection[int]) -> Readings:
+    """The sensors, clocks, inputs and boundaries of a fit. `named`: places in the vector that somebody else writes, each with what
+    the healthy differences of the same kind took of it."""
+    parameters = list(enumerate(found.model.parameters))
+    taken = {one.action for p, one in parameters if p in named}
+    meters = {meter.name for test in found.model.tests for meter in test.meters}
+    ours = [
+        (one, float(found.beta[p]))
+        for p, one in parameters
+        if p not in named and one.action not in taken and getattr(one.action, "channel", None) not in meters
+    ]
+    errors: dict[actions.Action, float] = {}
+    for one, value in ours:
+        if one.test is None and isinstance(one.action, actions.Gain | actions.Late) and value:
+            errors[one.action] = value
+    for action, mean in _common(ours):
+        errors[action] = mean
+    lags = {one.action.channel: value for one, value in ours if isinstance(one.action, actions.Lag) and value}
+    return Readings(_weights(found), lags, errors)
+
+
+def _common(ours: Sequence[tuple[Parameter, float]]) -> list[tuple[actions.Action, float]]:
+    """Errors of the tests that agree well enough to be one error of the bench: their means."""
+    by_action: dict[actions.Action, list[tuple[float, float]]] = {}
+    for one, value in ours:
+        if one.test is not None and isinstance(one.action, actions.Bias | actions.BoundaryBias | actions.InputGain):
+            by_action.setdefault(one.action, []).append((value, one.sd))
+    found = []
+    for action, values in by_action.items():
+        each = np.array([value for value, _ in values])
+        if each.size >= COMMON_FROM:
+            mean, error = float(each.mean()), float(each.std(ddof=1)) / each.size**0.5
+            if abs(mean) > max(COMMON * error, WORTH_A_CORRECTION * values[0][1]):
+                found.append((action, mean))
+    return found
+
+
+def _weights(found: Fit) -> dict[str, dict[str, float]]:
+    """Shares with four digits, the largest takes what rounding leaves."""
+    names = found.model.network.names
+    result = {}
+    for name, channel in {c.name: c for test in found.model.tests for c in test.channels}.items():
+        beside: dict[str, float] = {}
+        for one, value in zip(found.model.parameters, found.beta.tolist(), strict=True):
+            if isinstance(one.action, actions.Beside) and one.action.channel == name and value:
+                beside[names[one.action.node]] = value
+        if beside:
+            part = min(1.0, MOST_BESIDE / sum(beside.values()))
+            own = 1.0 - part * sum(beside.values())
+            shares = {node: own * share for node, share in channel.output.weights.items()}
+            for node, share in beside.items():
+                shares[node] = shares.get(node, 0.0) + part * share
+            rounded = {node: round(share, 4) for node, share in shares.items() if round(share, 4) > 0}
+            largest = max(rounded, key=lambda node: rounded[node])
+            rounded[largest] = round(1.0 - sum(v for node, v in rounded.items() if node != largest), 4)
+            result[name] = rounded
+    return result

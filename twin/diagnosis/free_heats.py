@@ -1,0 +1,133 @@
+"""A free heat at every node of a fitted motor: where the data want heat that no cause names, and what it goes with."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.diagnosis.evidence import TOLD_APART
+from twin.diagnosis.mode import slowest_mode_s, stacked
+from twin.diagnosis.unknown import (
+    SPACING_S,
+    FreeHeat,
+    Response,
+    active_ranges,
+    associations,
+    free_heat,
+    tent_times,
+    tents,
+)
+from twin.differences.everyday import mean_loss_W
+from twin.fitting import actions
+from twin.fitting.actions import Parameter
+from twin.fitting.fit import Fit
+from twin.fitting.model import Model
+from twin.fitting.one_test import alone
+
+Floats = NDArray[np.float64]
+
+LEAST_RUNS = 5  # of tents that the bootstrap draws: with fewer its bands are too narrow
+
+
+@dataclass(frozen=True)
+class Unknown:
+    """A heat that no candidate explains. While it is active: `watts` (10 to 90 % range [W], cooling negative), and the 5 to
+    95 % ranges of `inputs` (dimensionless features) and of the node's own `temperature_degC`. `goes_with`: features, and the
+    node whose temperature it follows, with a clear association, strongest first."""
+
+    node: str
+    log_bayes_factor: float
+    watts: tuple[float, float]
+    inputs: Mapping[str, tuple[float, float]]
+    temperature_degC: tuple[float, float]
+    goes_with: tuple[str, ...]
+
+
+def free_heats(current: Fit) -> tuple[FreeHeat, ...]:
+    """The free heat of every node about a fit, highest ln BF first (`twin.diagnosis.unknown`)."""
+    projector, _, e0 = stacked(current, current.parts)
+    network = current.model.network
+    total_W = mean_loss_W(network, current.model.tests)
+    responses = _responses(current)
+    found = [free_heat(n.name, own, e0, projector, total_W) for n, own in zip(network.nodes, responses, strict=True)]
+    return tuple(sorted(found, key=lambda heat: -heat.log_bayes_factor))
+
+
+def _responses(current: Fit) -> list[list[Response]]:
+    """Of every node those of every test, rows in the order of `Fit.parts`."""
+    found: list[list[Response]] = [[] for _ in current.model.network.nodes]
+    start = 0
+    for number, test in enumerate(current.model.tests):
+        model, at = alone(current.model, number, test)
+        times = _times(current.model, number)
+        heats = [
+            Parameter(f"heat.{node}.{time_s:g}", actions.FreeHeat(node, time_s, SPACING_S), 1.0)
+            for node in range(len(found))
+            for time_s in times
+        ]
+        parts = model.linearise(current.beta[at], heats)
+        columns = np.concatenate([model.whitened(part.series, part.extra) for part in parts])
+        rows = slice(start, start + len(columns))
+        start = rows.stop
+        for node, own in enumerate(np.split(columns, len(found), axis=1)):
+            found[node].append(Response(rows, times, own))
+    return found
+
+
+def _times(model: Model, number: int) -> Floats:
+    frame = model.tests[number].frame
+    times: Floats = tent_times(frame.step_s * len(frame.features))
+    return times
+
+
+def describe(current: Fit, heat: FreeHeat) -> Unknown:
+    """How large a free heat is, when it is there and what it goes with, bands by block bootstrap (`twin.diagnosis.unknown`)."""
+    inputs = _over_tents(current.model, [test.inputs for test in current.model.tests])
+    if "current" in inputs:  # its components only repeat it
+        inputs = {name: values for name, values in inputs.items() if name not in ("current_d", "current_q")}
+    names = [node.name for node in current.model.network.nodes]
+    means = [current.model.course(s, current.beta)[1] for s in range(len(current.model.tests))]
+    temperatures = _over_tents(current.model, [dict(zip(names, x.T, strict=True)) for x in means])
+    watts, ranges = active_ranges(heat.watts, {**inputs, heat.node: temperatures[heat.node]})
+    runs = math.ceil(2 * slowest_mode_s(current) / SPACING_S)
+    block = max(1, min(runs, len(heat.watts) // LEAST_RUNS))
+    follows = _followed(heat, inputs, temperatures, block)
+    found = associations(heat.watts, {**inputs, follows: temperatures[follows]}, block)
+    own = ranges.pop(heat.node)
+    return Unknown(heat.node, heat.log_bayes_factor, watts, ranges, own, tuple(a.feature for a in found if a.clear))
+
+
+def _over_tents(model: Model, series: Sequence[Mapping[str, Floats]]) -> dict[str, Floats]:
+    """What every test has of series over its steps, as means over each tent, tests one after the other."""
+    shared = [name for name in series[0] if all(name in own for own in series)]
+    found: dict[str, list[Floats]] = {name: [] for name in shared}
+    for number, own in enumerate(series):
+        frame = model.tests[number].frame
+        middle = frame.step_s * (np.arange(len(frame.features), dtype=np.float64) + 0.5)
+        weight = tents(middle, _times(model, number))
+        share = weight / np.maximum(weight.sum(axis=0), 1e-12)
+        for name in shared:
+            found[name].append(own[name] @ share)
+    return {name: np.concatenate(parts) for name, parts in found.items()}
+
+
+def _followed(heat: FreeHeat, inputs: Mapping[str, Floats], temperatures: Mapping[str, Floats], block: int) -> str:
+    """The node whose temperature, beside the inputs, tells most of the heat; its own unless another does so clearly: by ln 20
+    in ln likelihood, a run of tents counting as one observation."""
+    unexplained = {
+        node: _unexplained(heat.watts, [*inputs.values(), temperature]) for node, temperature in temperatures.items()
+    }
+    best = min(unexplained, key=lambda node: unexplained[node])
+    ahead = len(heat.watts) / block / 2 * np.log(unexplained[heat.node] / unexplained[best])
+    return best if ahead > TOLD_APART else heat.node
+
+
+def _unexplained(watts: Floats, features: Sequence[Floats]) -> float:
+    """Mean square [W^2] that a regression on the features leaves, at least a millionth of all."""
+    design = np.column_stack([np.ones(len(watts)), *(x / max(float(np.abs(x).max()), 1e-12) for x in features)])
+    left = watts - design @ np.linalg.lstsq(design, watts, rcond=None)[0]
+    return max(float(np.mean(left**2)), 1e-6 * float(np.mean(watts**2)), 1e-30)

@@ -1,0 +1,240 @@
+"""Naming: which term the data ask for beyond everything a healthy motor may do, one after the other, and which survive.
+
+Broad noise, then fitted noise with the leading candidates in the design; every candidate scored with all else integrated
+out; where a free heat at one node explains more than any of them, nothing is named. Else the leading ones are refitted in
+full, the best enters where it beats the threshold, and at the end every one is left out once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import log_ndtr
+
+from twin.diagnosis.evidence import Scores, null_quantile, score
+from twin.diagnosis.free_heats import free_heats
+from twin.diagnosis.mode import linearised, stacked
+from twin.diagnosis.patchwork import is_patchwork
+from twin.diagnosis.refined import refined, under_its_noise
+from twin.diagnosis.taking_over import taken_over
+from twin.diagnosis.unknown import FreeHeat
+from twin.differences.candidates import Candidate
+from twin.errors import DivergedError
+from twin.fitting.actions import Parameter
+from twin.fitting.fit import NEAR_ENOUGH, Fit, fit
+from twin.fitting.model import Model
+
+Floats = NDArray[np.float64]
+
+THRESHOLD = 6.0  # ln BF that a term must exceed; healthy motors of another form set it (benchmarks/trials.py)
+MOST_TERMS = 3
+MOST_SIGMAS = 4.0  # prior sd of a candidate: a larger amplitude is not what its name says
+REFITTED, WORTH_REFITTING = 5, 4.0  # how many, and from which linear ln BF on
+FAR_BEHIND = 10.0  # of the leading one in linear ln BF: not refitted
+FIRST_LINEARISATIONS, REFIT_LINEARISATIONS = 4, 15  # of every refit, and of those that may still come near the best
+OUT_OF_REACH = 6.0  # behind the best, twice what tells two apart, with all that a search still promises: it stops there
+
+Tell = Callable[[str], None]
+
+
+def is_possible(parameter: Parameter, amplitude: float) -> bool:
+    """Whether a cause can have this amplitude: within four prior sd, and no less than what is there to be taken away."""
+    taken = parameter.low < 0.0 and amplitude <= parameter.low
+    return abs(amplitude) <= MOST_SIGMAS * parameter.sd and not taken
+
+
+@dataclass(frozen=True)
+class Refit:
+    """A candidate after a full fit: ln BF against the model without it by Laplace, amplitude and its sd."""
+
+    candidate: Candidate
+    parameter: Parameter
+    fit: Fit
+    log_bayes_factor: float
+    amplitude: float
+    sd: float
+
+    @property
+    def possible(self) -> bool:
+        """Whether the amplitude is one that such a cause can have: the data want no more of it than there can be."""
+        return is_possible(self.parameter, self.amplitude)
+
+    @property
+    def ended(self) -> bool:
+        """Whether its search is at its end, at the mode or not."""
+        return self.fit.converged or self.fit.linearisations >= REFIT_LINEARISATIONS
+
+    @property
+    def promised(self) -> float:
+        """ln BF with what the quadratic model promises of a search that has not ended."""
+        return self.log_bayes_factor + (0.0 if self.ended else self.fit.left)
+
+
+@dataclass(frozen=True)
+class Round:
+    """One search for one more term: scores of all candidates at the fit without it, and the refits of the leading ones."""
+
+    base: Fit
+    candidates: tuple[Candidate, ...]
+    parameters: tuple[Parameter, ...]
+    scores: Scores
+    gram: Floats
+    null: float
+    refits: tuple[Refit, ...]
+    dropped: tuple[str, ...]
+
+    def order(self) -> list[int]:
+        """Candidates, best linear score first."""
+        return [int(i) for i in np.argsort(-self.scores.log_bayes_factor, kind="stable")]
+
+
+@dataclass(frozen=True)
+class Naming:
+    """`rounds` in the order of the search, the last one found nothing more (or the most terms were reached); `accepted`: the
+    terms that survived, with ln BF of leaving each out; `left_out`: those that did not survive; `final`: the fit with them;
+    `heats`: free heats about the first fit, highest ln BF first; `patchwork`: terms that survived only together, none of them named."""
+
+    rounds: tuple[Round, ...]
+    accepted: tuple[Refit, ...]
+    left_out: tuple[tuple[Candidate, float], ...]
+    final: Fit
+    heats: tuple[FreeHeat, ...]
+    threshold: float
+    patchwork: tuple[Refit, ...] = ()
+
+    @property
+    def is_unknown(self) -> bool:
+        """Whether a heat of any course explains more than every candidate did, before refits, or only patchwork fits."""
+        linear = float(self.rounds[0].scores.log_bayes_factor.max(initial=0.0))
+        return bool(self.patchwork) or self.heats[0].log_bayes_factor > max(self.threshold, linear)
+
+
+def search(
+    model: Model, candidates: Sequence[Candidate], tell: Tell = lambda _: None, threshold: float = THRESHOLD
+) -> Naming:
+    """Find the terms. Raises `DivergedError` where the model itself runs away."""
+    tell("calibrating")
+    current = refined(fit(model, np.zeros(len(model.parameters)), NEAR_ENOUGH), candidates, tell)
+    tell("scoring")
+    first = scored(current, candidates)
+    tell("looking for heat that no candidate explains")
+    found = Naming((first,), (), (), current, free_heats(current), threshold)
+    if found.is_unknown:
+        return found
+    rounds = [with_refits(first, tell)]
+    accepted: list[tuple[Candidate, Parameter]] = []
+    while True:
+        best = max((r for r in rounds[-1].refits if r.possible), key=lambda r: r.log_bayes_factor, default=None)
+        if best is None or best.log_bayes_factor <= max(threshold, rounds[-1].null) or len(accepted) == MOST_TERMS:
+            break
+        accepted.append((best.candidate, best.parameter))
+        tell("fitting the noise")
+        current = under_its_noise(best.fit, candidates)
+        tell("scoring")
+        left = [c for c in candidates if c not in [a for a, _ in accepted]]
+        rounds.append(with_refits(scored(current, left), tell))
+    tell("leaving out")
+    found = _eliminated(replace(found, rounds=tuple(rounds), final=current), accepted, model)
+    if is_patchwork([(r.candidate, r.log_bayes_factor) for r in found.accepted], model.network):
+        return replace(found, accepted=(), patchwork=found.accepted, final=first.base)
+    return found
+
+
+def scored(current: Fit, candidates: Sequence[Candidate]) -> Round:
+    """The score of every candidate at a fit, none refitted yet."""
+    chosen, parameters, parts, dropped = linearised(current, candidates)
+    projector, v, e0 = stacked(current, parts)
+    sigma = np.array([p.sd for p in parameters])
+    sign = np.array([c.sign for c in chosen], dtype=np.float64)
+    scores = score(v, e0, projector, sigma, sign)
+    gram = projector.inner(v, v)
+    null = null_quantile(gram, sigma, sign)
+    return Round(current, tuple(chosen), tuple(parameters), scores, gram, null, (), tuple(dropped))
+
+
+def with_refits(found: Round, tell: Tell) -> Round:
+    """The round with its leading candidates refitted, two at a time: all begin, and those that may still come near the best go on."""
+    linear = found.scores.log_bayes_factor
+    least = max(WORTH_REFITTING, float(linear.max(initial=0.0)) - FAR_BEHIND)
+    leading = [i for i in found.order()[:REFITTED] if linear[i] >= least]
+
+    def begun(i: int) -> Refit | None:
+        tell(f"refitting {found.candidates[i].cause}")
+        return refitted(found.base, found.candidates[i], found.parameters[i])
+
+    with ThreadPoolExecutor(2) as pool:
+        first = list(pool.map(begun, leading))
+        refits = [r for r in first if r is not None]
+        while True:
+            best = max((r.promised for r in refits if r.possible), default=0.0)
+            further = [not r.ended and r.promised > best - OUT_OF_REACH for r in refits]
+            if not any(further):
+                break
+            refits = list(pool.map(lambda r, on: _went_on(found.base, r) if on else r, refits, further))
+    lost = [str(found.candidates[i].cause) for i, refit in zip(leading, first, strict=True) if refit is None]
+    return replace(found, refits=tuple(refits), dropped=(*found.dropped, *lost))
+
+
+def refitted(current: Fit, candidate: Candidate, parameter: Parameter) -> Refit | None:
+    """The begun fit with one more term, from where it does what healthy differences did in its place. None where it runs away."""
+    beta, amplitude = taken_over(current, candidate, parameter)
+    start = 1e-3 * parameter.sd if parameter.low == 0.0 else 0.0
+    try:
+        found = fit(
+            current.model.plus([parameter]), np.append(beta, amplitude or start), NEAR_ENOUGH, FIRST_LINEARISATIONS
+        )
+    except (DivergedError, np.linalg.LinAlgError):
+        return None
+    return _compared(found, current, candidate, parameter, len(found.beta) - 1)
+
+
+def _went_on(current: Fit, begun: Refit) -> Refit:
+    """The refit from where it stopped to its end."""
+    so_far = begun.fit.linearisations
+    found = fit(begun.fit.model, begun.fit.beta, NEAR_ENOUGH, REFIT_LINEARISATIONS - so_far)
+    whole = replace(
+        found, linearisations=REFIT_LINEARISATIONS if not found.converged else so_far + found.linearisations
+    )
+    return _compared(whole, current, begun.candidate, begun.parameter, len(found.beta) - 1)
+
+
+def _compared(found: Fit, without: Fit, candidate: Candidate, parameter: Parameter, place: int) -> Refit:
+    """ln BF of a term by Laplace on both sides; a half-normal prior where it has a sign."""
+    sd = float(np.sqrt(np.linalg.inv(found.hessian)[place, place]))
+    amplitude = float(found.beta[place])
+    gain = found.log_evidence - without.log_evidence
+    if parameter.low == 0.0 or parameter.high == 0.0:
+        gain += float(np.log(2) + log_ndtr(abs(amplitude) / sd))
+    return Refit(candidate, parameter, found, gain, amplitude, sd)
+
+
+def without_term(current: Fit, place: int, calm: Floats) -> Fit:
+    """The fit without one term, from where the others are; from the first fit `calm` with no term where that runs away."""
+    model = current.model.without(place)
+    try:
+        return fit(model, np.delete(current.beta, place), enough=NEAR_ENOUGH)
+    except DivergedError:
+        return fit(model, np.append(calm, np.zeros(len(model.parameters) - len(calm))), enough=NEAR_ENOUGH)
+
+
+def _eliminated(found: Naming, accepted: list[tuple[Candidate, Parameter]], model: Model) -> Naming:
+    """Leave every term out once, both sides fitted; the weakest goes while it is under the threshold."""
+    left_out: list[tuple[Candidate, float]] = []
+    current = found.final
+    while accepted:
+        compared = []
+        for i, (candidate, parameter) in enumerate(accepted):
+            place = len(model.parameters) + i
+            without = without_term(current, place, found.rounds[0].base.beta)
+            compared.append((_compared(current, without, candidate, parameter, place), without))
+        weakest = min(range(len(compared)), key=lambda i: compared[i][0].log_bayes_factor)
+        if compared[weakest][0].log_bayes_factor > found.threshold:
+            return replace(found, accepted=tuple(c for c, _ in compared), left_out=tuple(left_out), final=current)
+        left_out.append((accepted[weakest][0], compared[weakest][0].log_bayes_factor))
+        current = compared[weakest][1]
+        del accepted[weakest]
+    return replace(found, left_out=tuple(left_out), final=current)

@@ -1,0 +1,129 @@
+"""A short menu of tests that a bench could run next, within what the recorded ones have shown the motor to do."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from twin.errors import CauseError
+from twin.fitting.model import Test
+from twin.motor import features
+from twin.motor.causes import Cause
+from twin.motor.network import Network
+from twin.run.simulate import Frame
+
+Floats = NDArray[np.float64]
+
+LOADS = {"current": "A", "torque": "Nm"}  # what a test sets besides the speed: the first that is known, and its unit
+HOUR_S, MINUTE_S = 3600.0, 60.0
+SLOW_SHARE, FAST_SHARE, MIDDLE_SHARE = 0.25, 0.9, 0.5  # of the highest speed
+PULSE_S, PAUSE_S = 60.0, 240.0
+LEAST_FLOW_SHARE = 0.5  # of the usual flow, in the flow step
+
+
+@dataclass(frozen=True)
+class Proposed:
+    """A test in words, and its inputs (N,) in steps: dimensionless `speed`, `load`, and `flow` as a share of the usual one."""
+
+    words: str
+    speed: Floats
+    load: Floats
+    flow: Floats
+
+
+def menu(network: Network, tests: Sequence[Test]) -> tuple[Proposed, ...]:
+    """S1 and S2 at low and high speed, a spin-down, direct current at standstill, a flow step; nothing where the tests know no
+    speed or load."""
+    load = load_of(tests)
+    if load is None or not all("speed" in t.inputs for t in tests):
+        return ()
+    speeds = np.concatenate([t.inputs["speed"] for t in tests])
+    loads = np.concatenate([t.inputs[load] for t in tests])
+    top, usual, most = float(speeds.max()), float(np.sqrt(np.mean(loads**2))), float(loads.max())
+    step_s = tests[0].frame.step_s
+    hour: Floats = step_s * np.arange(round(HOUR_S / step_s), dtype=np.float64)
+    third = hour[: len(hour) // 3]
+    ones = np.ones_like(hour)
+
+    def rpm(share: float) -> str:
+        return f"{share * top * network.scale['speed']:,.0f} rpm"
+
+    def amount(level: float) -> str:
+        return f"{level * network.scale[load]:.0f} {LOADS[load]}"
+
+    pulses = np.where(hour % (PULSE_S + PAUSE_S) < PULSE_S, most, 0.0)
+    coasting = top * np.clip((15 * MINUTE_S - third) / (5 * MINUTE_S), 0.0, 1.0)
+    found = []
+    for share in (SLOW_SHARE, FAST_SHARE):
+        s1 = f"S1 at {rpm(share)} and {amount(usual)}, 60 min"
+        s2 = f"S2 pulses of {PULSE_S:.0f} s at {rpm(share)} and {amount(most)}, 60 min"
+        found += [
+            Proposed(s1, share * top * ones, usual * ones, ones),
+            Proposed(s2, share * top * ones, pulses, ones),
+        ]
+    found.append(
+        Proposed(f"spin-down from {rpm(1.0)} without {load}, 20 min", coasting, 0 * third, np.ones_like(third))
+    )
+    if load == "current":
+        found.append(Proposed(f"DC at standstill with {amount(usual)}, 60 min", 0 * ones, usual * ones, ones))
+    if any(name.startswith("flow") for name in tests[0].inputs):
+        stepped = np.where(hour % (HOUR_S / 3) < HOUR_S / 6, 1.0, LEAST_FLOW_SHARE)
+        words = f"flow halved every other 10 min at {rpm(MIDDLE_SHARE)} and {amount(usual)}, 60 min"
+        found.append(Proposed(words, MIDDLE_SHARE * top * ones, usual * ones, stepped))
+    return tuple(found)
+
+
+def load_of(tests: Sequence[Test]) -> str | None:
+    """The input that says how hard the motor works."""
+    return next((name for name in LOADS if all(name in t.inputs for t in tests)), None)
+
+
+def as_test(network: Network, tests: Sequence[Test], proposed: Proposed) -> Test:
+    """What the model needs to run it: from the coldest recorded start, between the mean boundaries, with every channel of the
+    tests. Inputs that the proposal does not set are those of the recorded step nearest in speed and load."""
+    inputs = _inputs(tests, proposed)
+    length = len(proposed.speed)
+    coldest = min(tests, key=lambda t: float(t.initial.mean()))
+    around = np.concatenate([t.frame.boundaries for t in tests]).mean(axis=0)
+    own = features.monomials(network)
+    frame = Frame(tests[0].frame.step_s, features.evaluate(own, inputs, length), np.tile(around, (length, 1)))
+    products = {m.name: frame.features[:, j] for j, m in enumerate(own)}
+    for name in tests[0].features:
+        if name not in products and (found := _product(name, inputs, length)) is not None:
+            products[name] = found
+    every, middle = np.ones(length), np.full(length, 0.5)
+    sheet = {c.name: c for t in tests for c in t.channels}
+    channels = tuple(
+        replace(c, output=replace(c.output, samples=every, place=middle), measured=np.zeros(length))
+        for c in sheet.values()
+    )
+    return Test(proposed.words, "other", frame, inputs, products, coldest.initial, coldest.initial_sd, channels)
+
+
+def _inputs(tests: Sequence[Test], proposed: Proposed) -> dict[str, Floats]:
+    load = str(load_of(tests))
+    shared = [name for name in tests[0].inputs if all(name in t.inputs for t in tests)]
+    seen = {name: np.concatenate([t.inputs[name] for t in tests]) for name in shared}
+    _, nearest = cKDTree(np.column_stack([seen["speed"], seen[load]])).query(
+        np.column_stack([proposed.speed, proposed.load])
+    )
+    found = {name: values[nearest] for name, values in seen.items()}
+    for name in shared:
+        if name.startswith("flow"):
+            found[name] = float(np.median(seen[name])) * proposed.flow
+    return {**found, "speed": proposed.speed, load: proposed.load}
+
+
+def _product(name: str, inputs: dict[str, Floats], length: int) -> Floats | None:
+    """The product of features that a law names; None where an input of it is not set, or it is none."""
+    try:
+        powers = Cause("loss", "any", name).exponents
+    except CauseError:
+        return None
+    if not powers.keys() <= inputs.keys():
+        return None
+    return features.evaluate((features.Monomial(tuple(powers.items())),), inputs, length)[:, 0]

@@ -1,0 +1,86 @@
+"""Noise and priors that the data themselves ask for: restricted maximum likelihood and empirical Bayes about a fit."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.diagnosis.evidence import score
+from twin.diagnosis.mode import linearised, rises, slowest_mode_s, stacked
+from twin.diagnosis.pooling import kinds, pooled_scales
+from twin.diagnosis.reml import Observed, reml
+from twin.differences.candidates import Candidate
+from twin.fitting.fit import LINEARISATIONS, NEAR_ENOUGH, Fit, fit
+from twin.fitting.model import Columns, Model
+from twin.fitting.noise import ChannelNoise
+
+Floats = NDArray[np.float64]
+Tell = Callable[[str], None]
+
+IN_DESIGN = 10  # leading candidates beside the parameters when the noise is fitted
+ON_THE_WAY = 4  # linearisations of a fit that another follows under other noise or priors
+
+
+def refined(current: Fit, candidates: Sequence[Candidate], tell: Tell) -> Fit:
+    """The fit under noise fitted with the leading candidates in the design, the priors of families fitted, and noise again."""
+    tell("fitting the noise")
+    current = under_its_noise(current, candidates, ON_THE_WAY)
+    tell("fitting the priors of families")
+    current = fit(_with_pooled_priors(_design(current, candidates)), current.beta, NEAR_ENOUGH, ON_THE_WAY)
+    tell("fitting the noise")
+    return under_its_noise(current, candidates)
+
+
+def under_its_noise(current: Fit, candidates: Sequence[Candidate], linearisations: int = LINEARISATIONS) -> Fit:
+    """The fit under noise fitted with the leading candidates in the design."""
+    noise = _fitted_noise(_design(current, candidates))
+    return fit(current.model.with_noise(noise), current.beta, NEAR_ENOUGH, linearisations)
+
+
+@dataclass(frozen=True)
+class _Design:
+    """A fit with its `leading` candidates beside it: `free` parameters (not at a bound), columns `a` (N, f) and `v` (N, l)
+    whitened, `sigma` (l,) of the candidates, `e0` (N,), and the series with their columns as they stand."""
+
+    current: Fit
+    free: NDArray[np.bool_]
+    a: Floats
+    v: Floats
+    sigma: Floats
+    e0: Floats
+    parts: Sequence[Columns]
+
+
+def _design(current: Fit, candidates: Sequence[Candidate]) -> _Design:
+    _, parameters, parts, _ = linearised(current, candidates)
+    projector, v, e0 = stacked(current, parts)
+    sigma = np.array([p.sd for p in parameters])
+    scores = score(v, e0, projector, sigma, np.zeros(len(sigma)))
+    leading = np.argsort(-scores.log_bayes_factor, kind="stable")[:IN_DESIGN]
+    kept = [Columns(p.series, p.at, p.columns, p.extra[:, leading]) for p in parts]
+    return _Design(current, current.free, projector.columns, v[:, leading], sigma[leading], e0, kept)
+
+
+def _fitted_noise(design: _Design) -> Mapping[str, ChannelNoise]:
+    """The channels' noise by restricted maximum likelihood, parameters and leading candidates integrated out."""
+    current, free = design.current, design.free
+    observed = []
+    for part in design.parts:
+        columns = np.zeros((part.series.y.size, current.beta.size))
+        columns[:, part.at] = part.columns
+        own = np.column_stack([columns[:, free], part.extra])
+        observed.append(Observed(part.series, part.series.y + columns[:, free] @ current.beta[free], own))
+    precision = 1 / np.concatenate([current.model.sd[free], design.sigma]) ** 2
+    return reml(observed, precision, slowest_mode_s(current), rises(current.model)).noise
+
+
+def _with_pooled_priors(design: _Design) -> Model:
+    """The model with the priors of its families of healthy differences scaled by the data."""
+    model = design.current.model
+    columns = np.hstack([design.a, design.v])
+    kind, gram, right = kinds(model.network), columns.T @ columns, columns.T @ design.e0
+    scales = pooled_scales(model.parameters, design.free, kind, gram, right, design.sigma)
+    return model.with_priors([replace(p, sd=p.sd * s) for p, s in zip(model.parameters, scales, strict=True)])

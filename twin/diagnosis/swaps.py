@@ -1,0 +1,259 @@
+"""Exchanged channels, wrong units and signs: found before anything is calibrated.
+
+They are no small linear terms: once coefficients have bent to fit exchanged channels, a linear score looks at the wrong point.
+So the uncalibrated simulation is compared with each reading of the data, its parameters integrated out in one linear step,
+
+    ln p(data) = -(ln|R| + ln|A'A + Lambda| - ln|Lambda| + e'e - e'A (A'A + Lambda)^-1 A'e) / 2,
+
+A, e whitened under noise as wide as what a file's own error leaves (Rasmussen and Williams 2006, 2.7). An exchange that
+stands out so must also be ahead once the motor is calibrated to the one and to the other reading, and explain more than any other
+cause: a mass or a loss that the file lacks at one of two like places looks like an exchange before.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cholesky, solve_triangular
+
+from twin.diagnosis.naming import scored
+from twin.differences.candidates import Candidate
+from twin.differences.columns import Reading
+from twin.errors import DivergedError
+from twin.fitting.fit import NEAR_ENOUGH, Fit, fit
+from twin.fitting.model import Channel, Index, Model, Test
+from twin.fitting.noise import ChannelNoise, Series, log_det, whiten
+from twin.motor.outputs import blocks
+
+Floats = NDArray[np.float64]
+
+COARSE = ChannelNoise(ar_sd=1.0, ar_tau_s=60.0, ou_sd=2.0, ou_tau_s=600.0)  # [K], what one linear step leaves
+MARGIN = 8.0  # ln BF that a fault must exceed, before calibration and after
+
+
+@dataclass(frozen=True)
+class Swap:
+    """An accepted exchange of two channels: ln evidence with their measurements exchanged, less as recorded, nothing calibrated."""
+
+    candidate: Candidate
+    log_bayes_factor: float
+
+
+@dataclass(frozen=True)
+class _Misreading:
+    """A channel shows `factor` x degC + `offset`."""
+
+    factor: float
+    offset: float
+    says: str
+    remedy: str
+
+
+RIGHT = _Misreading(1.0, 0.0, "", "")
+MISREADINGS = (
+    _Misreading(1.8, 32.0, "degF (1.8 x degC + 32)", 'give unit = "degF" in the bench file'),
+    _Misreading(
+        -1.0, 0.0, "degC with the sign reversed", "turn its plug, or derive it with a minus sign in the bench file"
+    ),
+)
+
+
+def scan(model: Model, candidates: Sequence[Candidate]) -> list[Swap]:
+    """The exchanged pairs among the swaps of `candidates`, the clearest first. A channel is in one pair at most; each further
+    pair is sought with those before it exchanged. Raises `DivergedError` where the model runs away."""
+    uncalibrated = _Uncalibrated(model)
+    recorded = {name: name for name in uncalibrated.sheet}
+    pairs = [(c, c.column) for c in candidates if isinstance(c.column, Reading) and c.column.law == "swap"]
+    found: list[Swap] = []
+    while pairs:
+        base = uncalibrated.log_evidence(recorded)
+        gains = [uncalibrated.log_evidence(_crossed(recorded, at)) - base for _, at in pairs]
+        best = int(np.argmax(gains))
+        if gains[best] <= MARGIN:
+            break
+        candidate, at = pairs[best]
+        if not _stands_out_calibrated(model, at, candidates):
+            del pairs[best]
+            continue
+        found.append(Swap(candidate, gains[best]))
+        recorded = _crossed(recorded, at)
+        model = _exchanged_in(model, at)
+        taken = {at.channel, at.other}
+        pairs = [(c, p) for c, p in pairs if taken.isdisjoint((p.channel, p.other))]
+    return found
+
+
+def _stands_out_calibrated(model: Model, pair: Reading, candidates: Sequence[Candidate]) -> bool:
+    """Whether the motor calibrated to the exchanged tests is ahead of that calibrated to the tests as they are, by more than any other
+    cause would be. What cannot be calibrated at all is behind."""
+    as_recorded, crossed = _calibrated(model), _calibrated(_exchanged_in(model, pair))
+    if as_recorded is None or crossed is None:
+        return crossed is not None
+    ahead = crossed.log_evidence - as_recorded.log_evidence
+    others = [c for c in candidates if not c.discrete]
+    if ahead > MARGIN and others:
+        ahead -= float(scored(as_recorded, others).scores.log_bayes_factor.max(initial=0.0))
+    return ahead > MARGIN
+
+
+def _calibrated(model: Model) -> Fit | None:
+    try:
+        return fit(model, np.zeros(len(model.parameters)), NEAR_ENOUGH)
+    except DivergedError:
+        return None
+
+
+def _exchanged_in(model: Model, pair: Reading) -> Model:
+    return Model(model.network, exchanged(model.tests, pair.channel, pair.other), model.parameters, model.noise)
+
+
+def _crossed(recorded: Mapping[str, str], pair: Reading) -> dict[str, str]:
+    return {**recorded, pair.channel: recorded[pair.other], pair.other: recorded[pair.channel]}
+
+
+def exchanged(tests: Sequence[Test], channel: str, other: str) -> tuple[Test, ...]:
+    """The tests with what two channels recorded exchanged: values, usable samples, their times, the step that they are rounded
+    to. Place, lag, noise and bias stay with the name, as these are the sensor's own. Where a test has one of the two, its
+    record becomes the other's."""
+    sheet = _sheet(tests)
+    to = {channel: other, other: channel}
+    return tuple(replace(test, channels=tuple(_exchanged(test, to, sheet))) for test in tests)
+
+
+def _exchanged(test: Test, to: Mapping[str, str], sheet: Mapping[str, Channel]) -> Iterator[Channel]:
+    own = {c.name: c for c in test.channels}
+    for c in test.channels:
+        name = to.get(c.name, c.name)
+        yield _recorded(c, own[name]) if name in own else _recorded(sheet[name], c)
+
+
+def _sheet(tests: Sequence[Test]) -> dict[str, Channel]:
+    """Every channel by its name, as the first test that has it knows it."""
+    return {c.name: c for test in reversed(tests) for c in test.channels}
+
+
+def _recorded(channel: Channel, record: Channel) -> Channel:
+    output = replace(channel.output, samples=record.output.samples, place=record.output.place)
+    return replace(channel, output=output, measured=record.measured, resolution=record.resolution)
+
+
+def misread(model: Model) -> list[str]:
+    """A line for every channel whose values follow the motor in another unit or with the other sign, the clearest first: what,
+    where, why and what to do. Each further one is sought with those before it put right. Raises `DivergedError` where the model
+    runs away."""
+    uncalibrated = _Uncalibrated(model)
+    recorded = {name: name for name in uncalibrated.sheet}
+    wrong: dict[str, _Misreading] = {}
+    lines: list[str] = []
+    while True:
+        base = uncalibrated.log_evidence(recorded, wrong)
+        tried = [(name, each) for name in recorded if name not in wrong for each in MISREADINGS]
+        gains = [uncalibrated.log_evidence(recorded, {**wrong, name: each}) - base for name, each in tried]
+        best = int(np.argmax(gains)) if gains else 0
+        if not gains or gains[best] <= MARGIN:
+            return lines
+        name, each = tried[best]
+        wrong[name] = each
+        line = f'channel "{name}": its values follow the motor as {each.says}, not as degC (ln Bayes factor '
+        lines.append(f"{line}{gains[best]:.0f}): {each.remedy}")
+
+
+# --- Evidence ---------------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class _Record:
+    """What a channel recorded in a test: blocks that are `there` (B,), their means and times."""
+
+    there: NDArray[np.bool_]
+    means: Floats
+    t_s: Floats
+
+
+@dataclass(frozen=True)
+class _Simulated:
+    """What the model would show at a channel in every block of a test, and its columns there, at their places."""
+
+    shown: Floats
+    at: Index
+    columns: Floats
+
+
+@dataclass(frozen=True)
+class _Piece:
+    """A record as one channel's: A, A'A, A'e, e'e, ln|R|."""
+
+    at: Index
+    white: Floats
+    gram: Floats
+    right: Floats
+    square: float
+    log_r: float
+
+
+class _Uncalibrated:
+    """The simulation of the motor file at every block of every channel, and the records to be read with it."""
+
+    def __init__(self, model: Model) -> None:
+        self.precision = 1 / model.sd**2
+        self.sheet = _sheet(model.tests)
+        self.numbers = range(len(model.tests))
+        whole = Model(model.network, [_whole(t, self.sheet) for t in model.tests], model.parameters)
+        self.simulated = {
+            (part.series.session, part.series.channel): _Simulated(-part.series.y, part.at, part.columns)
+            for part in whole.linearise(np.zeros(len(model.parameters)))
+        }
+        self.records: dict[tuple[int, str], _Record] = {}
+        for s, test in enumerate(model.tests):
+            for c in test.channels:
+                cut = blocks(c.output, test.frame.step_s)
+                self.records[s, c.name] = _Record(cut.there, cut.measured(c.measured), cut.times_s(test.frame.step_s))
+        self._own: dict[tuple[int, str], _Piece] = {}
+        for s, name in self.records:
+            self._own[s, name] = self._piece(s, name, name, RIGHT)
+
+    def log_evidence(self, recorded: Mapping[str, str], wrong: Mapping[str, _Misreading] | None = None) -> float:
+        """ln p(data), without -N ln(2 pi) / 2, where channel `name` shows the record `recorded[name]`."""
+        gram, right, rest = np.diag(self.precision), np.zeros(len(self.precision)), 0.0
+        for s in self.numbers:
+            for name, record in recorded.items():
+                if (s, record) in self.records:
+                    piece = self._read(s, name, record, (wrong or {}).get(name, RIGHT))
+                    gram[np.ix_(piece.at, piece.at)] += piece.gram
+                    right[piece.at] += piece.right
+                    rest += piece.square + piece.log_r
+        lower = cholesky(gram, lower=True)
+        fitted = solve_triangular(lower, right, lower=True)
+        volume = 2 * np.log(np.diag(lower)).sum() - np.log(self.precision).sum()
+        return -float(rest + volume - fitted @ fitted) / 2
+
+    def _read(self, s: int, name: str, record: str, wrong: _Misreading) -> _Piece:
+        same = name == record and wrong is RIGHT
+        return self._own[s, name] if same else self._piece(s, name, record, wrong)
+
+    def _piece(self, s: int, name: str, record: str, wrong: _Misreading) -> _Piece:
+        simulated, kept, channel = self.simulated[s, name], self.records[s, record], self.sheet[name]
+        y = kept.means - wrong.factor * simulated.shown[kept.there] - wrong.offset
+        samples = np.ones_like(y)  # one a block: beside kelvins a sensor's own noise is nothing
+        series = Series(s, name, kept.t_s, y, samples, channel.white_sd, channel.resolution)
+        e = whiten(series, COARSE, y[:, None])[:, 0]
+        like = self._own.get((s, name))
+        if like is not None and wrong.factor == 1.0 and np.array_equal(kept.t_s, self.records[s, name].t_s):
+            white, gram = like.white, like.gram
+        else:
+            white = whiten(series, COARSE, wrong.factor * simulated.columns[kept.there])
+            gram = white.T @ white
+        return _Piece(simulated.at, white, gram, white.T @ e, float(e @ e), log_det(series, COARSE))
+
+
+def _whole(test: Test, sheet: Mapping[str, Channel]) -> Test:
+    """The test with every channel of all tests, usable in every step."""
+    length = len(test.frame.features)
+    every, middle, zero = np.ones(length), np.full(length, 0.5), np.zeros(length)
+    channels = (
+        replace(c, output=replace(c.output, samples=every, place=middle), measured=zero) for c in sheet.values()
+    )
+    return replace(test, channels=tuple(channels))

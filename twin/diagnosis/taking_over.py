@@ -1,0 +1,78 @@
+"""Where a candidate's refit starts: at the amplitude with which it does what healthy differences had to do in its place.
+
+Calibration bends every law at a place to stand in for a cause: a coefficient's logarithm, exponents, the map of a loss, a
+sensor's lag. From there the way back is long and curved, and a search that is cut short takes a form of law that is only near for
+the better one.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.differences.candidates import Candidate
+from twin.differences.columns import AddedTerms
+from twin.differences.proposals import Proposals
+from twin.fitting import actions
+from twin.fitting.actions import Parameter
+from twin.fitting.fit import Fit
+from twin.fitting.model import Model
+
+Floats = NDArray[np.float64]
+
+WORTH_TAKING = 0.1  # of the candidate's prior sd: below, a refit starts where all else is
+
+
+def taken_over(current: Fit, candidate: Candidate, parameter: Parameter) -> tuple[Floats, float]:
+    """A vector (p,) and an amplitude: a heat or conductance keeps its mean over the tests, anything else the prediction."""
+    match parameter.action, candidate.column:
+        case actions.Added(_, feature, rms), AddedTerms(added):
+            proposals = Proposals(current.model, current.beta)
+            own = {i for place, _ in added for i in proposals.terms(place)}
+            beta = _straightened(current, own, form=True)
+            change = _mean(current.model, current.beta, own) - _mean(current.model, beta, own)
+            amplitude = change / len(added) * rms / proposals.mean(feature)
+        case actions.Scale(terms), _:
+            beta = _straightened(current, set(terms), form=False)
+            bent, straight = (_mean(current.model, vector, set(terms)) for vector in (current.beta, beta))
+            amplitude = float(np.log(bent / straight)) if bent > 0 and straight > 0 else 0.0
+        case _:
+            beta, amplitude = _same_done(current, parameter.action)
+    if abs(amplitude) < WORTH_TAKING * parameter.sd or not parameter.low < amplitude < parameter.high:
+        return current.beta, 0.0
+    return beta, amplitude
+
+
+def _straightened(current: Fit, terms: set[int], form: bool) -> Floats:
+    """The vector with the factors of the terms (and with their `form`: exponents and maps) as in the file. What acts on other terms
+    too stays."""
+    beta = current.beta.copy()
+    for p, other in enumerate(current.model.parameters):
+        match other.action:
+            case actions.Scale(own) if set(own) <= terms:
+                beta[p] = 0.0
+            case actions.Power(own) | actions.Tent(own) if form and set(own) <= terms:
+                beta[p] = 0.0
+    return beta
+
+
+def _mean(model: Model, beta: Floats, terms: set[int]) -> float:
+    """Mean of the terms together over the tests [W or W/K]."""
+    if not terms:
+        return 0.0
+    values = np.concatenate([model.course(s, beta)[2] for s in range(len(model.tests))])
+    return float(values[:, sorted(terms)].sum(axis=1).mean())
+
+
+def _same_done(current: Fit, action: actions.Action) -> tuple[Floats, float]:
+    """The vector without the healthy differences that do the same, of those of single tests without their mean, and what that was."""
+    beta, parameters = current.beta.copy(), current.model.parameters
+    same = [p for p, other in enumerate(parameters) if other.action == action]
+    amplitude = 0.0
+    for of_tests in (False, True):
+        own = [p for p in same if (parameters[p].test is not None) == of_tests]
+        if own:
+            moved = float(beta[own].sum()) / (len(own) if of_tests else 1)
+            beta[own] = beta[own] - moved if of_tests else 0.0
+            amplitude += moved
+    return beta, amplitude

@@ -1,0 +1,1 @@
+"""What may differ, as data: what healthy motors do, and every candidate cause, with priors."""

@@ -1,0 +1,334 @@
+"""The candidate causes of a motor on a bench, as data: what each is called, how large it may be, how its column is made.
+
+candidates = generate(network, channels, inputs)
+
+A column is the derivative of the blocks' residual by the candidate's amplitude, which is 0 in the nominal model; this module
+only says of what (`twin.differences.columns`). `twin.differences.sizes` holds the prior size of an amplitude, fixed before looking at data as a fraction of
+a scale of this motor and campaign, so that one rule serves a 5 kW servo and a 250 kW drive. `twin.diagnosis.evidence` scores.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+
+import numpy as np
+
+from twin.differences.columns import (
+    AddedTerms,
+    AttachedMass,
+    CapacityFactor,
+    ClockError,
+    Column,
+    EntryFactor,
+    InputChannel,
+    InputError,
+    ObservedChannel,
+    Reading,
+)
+from twin.differences.sizes import Sigma
+from twin.motor.causes import Cause, groups, spelt
+from twin.motor.features import Monomial, is_flow, is_known, monomial, monomials, product, quantity
+from twin.motor.network import Network, Term
+from twin.motor.paths import Place, links_with_groups, missing
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One candidate. `unit` of its amplitude; `sign` +1 or -1 where the amplitude can have only that one, else 0; `members`
+    the places that share its amplitude, where it is a group; `discrete`: a swap, 0 or 1, to be scanned before calibration;
+    `repeated`: only where sessions of its kind are there at least twice."""
+
+    cause: Cause
+    unit: str
+    sigma: Sigma
+    sign: int
+    column: Column
+    members: tuple[str, ...] = ()
+    discrete: bool = False
+    repeated: bool = False
+
+
+# --- The tables: laws that have a mechanism ---------------------------------------------------------------------------------
+
+HEAT, LOG_SCALE, OWN_LINK, MISSING_LINK, CAPACITY, SESSION = 0.05, float(np.log(2)), 1.0, 0.2, 0.3, 0.15
+INPUT_GAIN, FLOW_GAIN, INPUT_BIAS, BOUNDARY_BIAS_K = 0.05, 0.3, 0.02, 3.0
+SENSOR = {  # law -> (sigma, unit, sign): a lag only delays, heat along the leads only pulls towards ambient
+    "bias": (3.0, "K", 0),
+    "gain": (0.05, "1", 0),
+    "lag": (20.0, "s", 1),
+    "drift": (2.0, "K/h", 0),
+    "stem": (0.05, "1", 1),
+}
+CLOCK = {"offset": (5.0, "s"), "drift": (100.0, "ppm")}
+INPUT_UNITS = {"speed": "rpm", "torque": "Nm", "voltage": "V", "flux": "Wb", "flow": "lpm", "current": "A"}
+ATTACHED_LAG_S = 300.0
+
+_ROTATING = (
+    "speed",
+    "speed2",
+    "speed3",
+    "current2",
+    "speed_current",
+    "speed_current2",
+    "speed2_current",
+    "speed2_current2",
+)
+_IRON = ("constant", "speed", "speed1.5", "speed2", "current2", *_ROTATING[4:])
+LOSS_LAWS = {  # region -> laws of a heat there that some mechanism follows
+    "copper": (
+        "constant",
+        "current",
+        "current2",
+        "speed2",
+        "speed_current2",
+        "speed2_current2",
+    ),  # contacts, AC, rotor field
+    "iron": _IRON,  # PWM ripple at standstill, hysteresis, eddies, load
+    "magnet": ("constant", *_ROTATING),
+    "rotor": ("constant", *_ROTATING),  # slot harmonics, windage, carrier
+    "bearing": ("constant", "speed", "speed1.5", "speed2"),  # seals, rolling, churning
+    "fluid": ("constant", "speed2", "speed3"),  # windage
+    "housing": ("constant", "speed2", "current2", "speed_current2"),  # shields: leakage field
+    "other": ("constant", *_ROTATING),
+}
+CONVECTION = ("constant", "speed", "speed1.5")
+COOLING = ("", "0.5")  # exponents of the flow
+_LIKE_AN_EXPONENT = re.compile(r"[a-z]\d+$")  # `flow_loop1`: an id would read a flow_loop to the first power
+_TURNING = ("rotor", "magnet", "bearing")
+
+
+def generate(
+    network: Network, channels: Sequence[ObservedChannel], inputs: Sequence[InputChannel]
+) -> tuple[Candidate, ...]:
+    """Every candidate of a checked network with these observed channels and inputs, in a fixed order, ids unique.
+
+    Laws use only features that the inputs give; an input `flow` stands for every flow that the network's laws tell apart. No two
+    say the same: at a node or link with one term `scale` stands for that term's own law, and of two buses only the one with fewer
+    inputs has a clock, as only their difference shows.
+    """
+    inputs = _as_named(network, inputs)
+    features = _available(network, inputs)
+    return (
+        *_losses(network, features),
+        *_conductances(network, features),
+        *_capacities(network),
+        *_boundaries(network),
+        *_sensors(network, channels),
+        *_clocks(channels, inputs),
+        *_inputs(network, inputs),
+        *_ageing(network),
+    )
+
+
+def added_monomials(candidates: Sequence[Candidate]) -> tuple[Monomial, ...]:
+    """The products of features that the candidates' added terms need, in order of first use, the constant left out."""
+    terms = [term for c in candidates if isinstance(c.column, AddedTerms) for _, term in c.column.terms]
+    return tuple(m for m in dict.fromkeys(monomial(term) for term in terms) if m.powers)
+
+
+def _as_named(network: Network, inputs: Sequence[InputChannel]) -> list[InputChannel]:
+    """The inputs as laws call them: a bench knows quantities, a motor with two circuits `flow_jacket` and `flow_oil`."""
+    used = {feature for m in monomials(network) for feature in m.features}
+    flows = [f for f in sorted(used) if is_flow(f)] or ["flow"]
+    return [replace(i, name=name) for i in inputs for name in (flows if i.name == "flow" else [i.name])]
+
+
+def _available(network: Network, inputs: Sequence[InputChannel]) -> frozenset[str]:
+    given = {i.name for i in inputs if is_known(i.name)}
+    return frozenset(f for f in given if quantity(f) in network.scale)
+
+
+def _exponents(cause: Cause, features: frozenset[str]) -> dict[str, float] | None:
+    """Those of a law, the current's taken by the torque where only that is known; None where a feature is not given."""
+    stand_in = "torque" if "current" not in features else "current"
+    exponents = {(stand_in if f == "current" else f): e for f, e in cause.exponents.items()}
+    return exponents if exponents.keys() <= features else None
+
+
+# --- Losses -----------------------------------------------------------------------------------------------------------------
+
+
+def _losses(network: Network, features: frozenset[str]) -> Iterator[Candidate]:
+    terms = {source.node: source.terms for source in network.sources}
+    regions = {node.name: node.region for node in network.nodes}
+    for name, members in _places_with_groups(list(regions)):
+        own = [terms.get(node, ()) for node in members]
+        places = tuple((node,) for node in members)
+        shown = members if len(members) > 1 else ()
+        if all(own):
+            for by in ("scale", "temperature"):
+                yield _entry_factor(Cause("loss", name, by), places, shown, Sigma(HEAT, "total_loss"))
+            if regions[members[0]] in ("magnet", "bearing"):
+                yield _entry_factor(Cause("loss", name, "session"), places, shown, Sigma(SESSION))
+        for law in _laws(own, LOSS_LAWS[regions[members[0]]], features):
+            column = AddedTerms(tuple((p, _unit_term(t, law)) for p, t in zip(places, own, strict=True)))
+            sign = 0 if any(own) else 1  # where the model has no heat, a heat can only be missing
+            yield Candidate(Cause("loss", name, law.name), "W", Sigma(HEAT, "total_loss"), sign, column, shown)
+
+
+def _entry_factor(cause: Cause, places: tuple[Place, ...], shown: tuple[str, ...], own_law: Sigma) -> Candidate:
+    """`scale`, `temperature` or `session` of the whole law at the places; `own_law`: the size of one more law there."""
+    if cause.law == "scale":
+        return Candidate(cause, "1", Sigma(LOG_SCALE), 0, EntryFactor(places, "one"), shown)
+    if cause.law == "session":
+        return Candidate(cause, "1/session", Sigma(SESSION), 0, EntryFactor(places, "session"), shown, repeated=True)
+    unit = "W" if cause.kind == "loss" else "W/K"
+    return Candidate(cause, unit, own_law, 0, EntryFactor(places, cause.law), shown)
+
+
+def _laws(own: Sequence[tuple[Term, ...]], table: Sequence[str], features: frozenset[str]) -> Iterator[Monomial]:
+    """The laws of the table and of the places' own terms, without the one that a place's only term already is."""
+    only = {product(terms[0]) for terms in own if len(terms) == 1}
+    shared = set.intersection(*({product(term) for term in terms} for terms in own))
+    ordered = [m for m in dict.fromkeys(product(t) for terms in own for t in terms) if m in shared]
+    for law in table:
+        exponents = _exponents(Cause("loss", "any", law), features)
+        if exponents is not None:
+            ordered.append(product(Term(1.0, exponents)))
+    yield from (m for m in dict.fromkeys(ordered) if m not in only)
+
+
+def _unit_term(own: Sequence[Term], law: Monomial) -> Term:
+    """Coefficient 1 with the law; it falls and rises with temperature as the place's own term of that law does."""
+    like = next((term for term in own if product(term) == law), Term(1.0))
+    return Term(1.0, law.exponents, copper=like.copper, resistance=like.resistance, temperature=like.temperature)
+
+
+def _places_with_groups(names: Sequence[str]) -> list[tuple[str, tuple[str, ...]]]:
+    return [*((name, (name,)) for name in names), *groups(names).items()]
+
+
+# --- Conductances -----------------------------------------------------------------------------------------------------------
+
+
+def _conductances(network: Network, features: frozenset[str]) -> Iterator[Candidate]:
+    present: dict[Place, tuple[Term, ...]] = {(link.a, link.b): link.terms for link in network.links}
+    for name, places in links_with_groups(network, list(present)):
+        shown = tuple("-".join(place) for place in places) if len(places) > 1 else ()
+        own = [present[place] for place in places]
+        size = Sigma(OWN_LINK, "own_conductance", places)
+        yield _entry_factor(Cause("conductance", name, "scale"), places, shown, size)
+        table = _link_laws(network, places[0], own[0])
+        if table or _at_boundary(network, places[0]):
+            yield _entry_factor(Cause("conductance", name, "temperature"), places, shown, size)
+        if _wears(network, places[0]):
+            yield _entry_factor(Cause("conductance", name, "session"), places, shown, size)
+        for law in _laws(own, table, features):
+            column = AddedTerms(tuple((p, _unit_term(t, law)) for p, t in zip(places, own, strict=True)))
+            yield Candidate(Cause("conductance", name, law.name), "W/K", size, 0, column, shown)
+    taken = {name for name, _ in links_with_groups(network, list(present))}
+    for name, places in links_with_groups(network, missing(network)):
+        if name not in taken:
+            shown = tuple("-".join(place) for place in places) if len(places) > 1 else ()
+            column = AddedTerms(tuple((place, Term(1.0)) for place in places))
+            size = Sigma(MISSING_LINK, "smaller_neighbour", places)
+            yield Candidate(Cause("conductance", name, "constant"), "W/K", size, 1, column, shown)
+
+
+def _regions(network: Network, place: Place) -> tuple[str, ...]:
+    regions = {node.name: node.region for node in network.nodes}
+    return tuple(regions.get(end, "boundary") for end in place)
+
+
+def _at_boundary(network: Network, place: Place) -> bool:
+    return "boundary" in _regions(network, place)
+
+
+def _link_laws(network: Network, place: Place, own: Sequence[Term]) -> tuple[str, ...]:
+    """Laws with a mechanism: convection where air is, a gap turns or the file says so; cooling where it follows a flow."""
+    regions = _regions(network, place)
+    used = {feature for term in own for feature in term.exponents}
+    gap = any(r in _TURNING for r in regions) and any(r in ("copper", "iron") for r in regions)
+    laws = CONVECTION if "fluid" in regions or gap or "speed" in used else ()
+    flows = [f for f in sorted(used) if is_flow(f) and not _LIKE_AN_EXPONENT.search(f)]
+    return (*laws, *(["constant"] if flows else []), *(flow + exponent for flow in flows for exponent in COOLING))
+
+
+def _wears(network: Network, place: Place) -> bool:
+    """Films that foul, insulation that degrades, fits that open: what changes from session to session."""
+    regions = set(_regions(network, place))
+    return "boundary" in regions or _insulated(network, place) or regions in ({"iron", "housing"}, {"rotor"})
+
+
+def _insulated(network: Network, place: Place) -> bool:
+    regions = _regions(network, place)
+    return "copper" in regions and "iron" in regions
+
+
+# --- The rest ---------------------------------------------------------------------------------------------------------------
+
+
+def _capacities(network: Network) -> Iterator[Candidate]:
+    capacity = {node.name: node.capacity for node in network.nodes}
+    for name, members in _places_with_groups(list(capacity)):
+        shown = members if len(members) > 1 else ()
+        yield Candidate(Cause("capacity", name, "scale"), "1", Sigma(CAPACITY), 0, CapacityFactor(members), shown)
+        size = Sigma(CAPACITY * float(np.mean([capacity[node] for node in members])))
+        yield Candidate(
+            Cause("capacity", name, "attached"), "J/K", size, 1, AttachedMass(members, ATTACHED_LAG_S), shown
+        )
+
+
+def _boundaries(network: Network) -> Iterator[Candidate]:
+    for boundary in network.boundaries:
+        cause = Cause("boundary", boundary.name, "bias")
+        yield Candidate(cause, "K", Sigma(BOUNDARY_BIAS_K), 0, InputError(boundary.name, "bias"))
+
+
+def sensor_place(channel: ObservedChannel, channels: Sequence[ObservedChannel]) -> str:
+    """A sensor's place in ids: its node where it is the only channel that follows it alone, or, where none does, the only one that
+    follows it by more than half; else `node@signal`."""
+    own = [c for c in channels if c.node == channel.node and c.weights[c.node] > 0.5]
+    alone = [c for c in own if len(c.weights) == 1]
+    return channel.node if (alone or own) == [channel] else f"{channel.node}@{spelt(channel.name)}"
+
+
+def _sensors(network: Network, channels: Sequence[ObservedChannel]) -> Iterator[Candidate]:
+    ambient = any(boundary.name == "ambient" for boundary in network.boundaries)
+    places = {c.name: sensor_place(c, channels) for c in channels}
+    for channel in channels:
+        for law, (size, unit, sign) in SENSOR.items():
+            if law != "stem" or ambient:
+                cause = Cause("sensor", places[channel.name], law)
+                yield Candidate(cause, unit, Sigma(size), sign, Reading(channel.name, law))
+    for a, b in combinations(channels, 2):
+        if a.bus == b.bus and a.weights != b.weights:
+            cause = Cause("sensor", places[a.name], f"swap_{places[b.name]}")
+            yield Candidate(cause, "1", Sigma(1.0), 1, Reading(a.name, "swap", b.name), discrete=True)
+
+
+def _clocks(channels: Sequence[ObservedChannel], inputs: Sequence[InputChannel]) -> Iterator[Candidate]:
+    buses = list(dict.fromkeys([*(i.bus for i in inputs), *(c.bus for c in channels)]))
+    driving = [sum(i.bus == bus for i in inputs) for bus in buses]
+    if (
+        len(buses) < 3
+    ):  # only their difference shows: the one with fewer inputs stands for it, and one alone shows nothing
+        buses = buses[1:] if driving[0] >= driving[-1] else buses[:1]
+    for bus in buses:
+        for law, (size, unit) in CLOCK.items():
+            yield Candidate(Cause("clock", spelt(bus), law), unit, Sigma(size), 0, ClockError(bus, law))
+
+
+def _inputs(network: Network, inputs: Sequence[InputChannel]) -> Iterator[Candidate]:
+    used = {feature for m in monomials(network) for feature in m.features}
+    for name in dict.fromkeys(i.name for i in inputs if i.name in used):
+        own = str(quantity(name))
+        gain = FLOW_GAIN if own == "flow" else INPUT_GAIN
+        yield Candidate(Cause("input", name, "gain"), "1", Sigma(gain), 0, InputError(name, "gain"))
+        size = Sigma(INPUT_BIAS * network.scale[own])
+        yield Candidate(Cause("input", name, "bias"), INPUT_UNITS[own], size, 0, InputError(name, "bias"))
+
+
+def _ageing(network: Network) -> Iterator[Candidate]:
+    """Slot insulation with the hours above its class: the limit of its copper node, 180 degC where none is given."""
+    limits = {node.name: node.limit_degC or 180.0 for node in network.nodes if node.region == "copper"}
+    insulated = [(link.a, link.b) for link in network.links if _insulated(network, (link.a, link.b))]
+    for name, places in links_with_groups(network, insulated):
+        limit = next(limits[end] for end in places[0] if end in limits)
+        law = f"hours_above_{limit:.15g}degC"
+        shown = tuple("-".join(place) for place in places) if len(places) > 1 else ()
+        cause, column = Cause("ageing", name, law), EntryFactor(places, law)
+        yield Candidate(cause, "1/100 h", Sigma(SESSION), 0, column, shown, repeated=True)

@@ -1,0 +1,311 @@
+"""What a healthy motor may do that its file does not say: every difference a parameter with a prior in physical units.
+
+A candidate cause is tested beyond these; what is left out here is found as a "cause" in every healthy motor.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Hashable, Iterator, Mapping, Sequence
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.fitting import actions
+from twin.fitting.actions import Parameter, Place
+from twin.fitting.model import Test
+from twin.motor import features
+from twin.motor.causes import groups
+from twin.motor.network import Network, Term
+from twin.motor.paths import links_with_groups, missing
+
+Floats = NDArray[np.float64]
+
+BOUND = math.log(4.0)
+EXPONENT_SHARE = 0.2  # sd of an exponent over the exponent: those of a lumped file are fits
+KNOTS = 5
+MAP_SD = 0.2  # of iron's and magnets' whole loss, of copper's part that grows with speed
+TILT_PER_K, FILM_TILT_PER_K, MOST_TILT_PER_K = 0.003, 0.002, 0.008
+STANDSTILL_SHARE = 0.002  # of the mean total loss: heat of the current's ripple in the rotor
+PATH_SHARE, MOST_PATH = 0.1, 0.05  # of the smaller end's largest conductance; at most of the median over nodes of it
+COOLANT_K, AMBIENT_K = 0.2, 0.5
+INPUT_GAIN = {"current": 0.005, "current_d": 0.005, "current_q": 0.005, "torque": 0.005, "flow": 0.01}
+CHANNEL_GAIN, CHANNEL_LAG_S = 0.01, 0.8
+BESIDE = 0.1  # share of a neighbour in what a sensor follows: a lump is not the place of its sensor
+CLOCK_S, CLOCK_TEST_S, CLOCK_PPM = 0.5, 0.1, 30.0
+START_K = 3.0  # least sd of a start: a measured one is in the data already, and as wrong as its sensor
+ROTATING = ("rotor", "magnet")
+
+
+def everyday(network: Network, tests: Sequence[Test]) -> tuple[Parameter, ...]:
+    """The parameters of a healthy motor on these tests."""
+    used = {feature for test in tests for feature in test.inputs}
+    return (
+        *_laws(network),
+        *_common(network),
+        *_exponents(network),
+        *_film_slopes(network, tests),
+        *_maps(network, tests),
+        *_standstill(network, tests, used),
+        *_paths(network, tests),
+        *_sensors(tests),
+        *_beside(network, tests),
+        *(p for number, test in enumerate(tests) for p in of_test(network, test, number)),
+    )
+
+
+def of_test(network: Network, test: Test, number: int) -> Iterator[Parameter]:
+    """What a test brings along: where it starts, what its inputs and sensors are off by."""
+    for i, node in enumerate(network.nodes):
+        yield Parameter(f"start.{node.name}", actions.Start(i), max(START_K, float(test.initial_sd[i])), number)
+    for channel in test.channels:
+        yield Parameter(f"sensor.{channel.name}.bias", actions.Bias(channel.name), channel.bias_sd, number)
+    for meter in test.meters:
+        if meter.bias_sd:
+            yield Parameter(f"meter.{meter.name}.bias", actions.Bias(meter.name), meter.bias_sd, number)
+    for bus, own in _buses([test]).items():
+        yield Parameter(f"clock.{bus}.test", actions.Late(own, False), CLOCK_TEST_S, number)
+    cooled = _cooled_by_flow(network)
+    for b, boundary in enumerate(network.boundaries):
+        sd = COOLANT_K if boundary.name in cooled else AMBIENT_K
+        yield Parameter(f"boundary.{boundary.name}.bias", actions.BoundaryBias(b), sd, number)
+    used = {name for m in features.monomials(network) for name in m.features}
+    for name in sorted(used):
+        known = "flow" if features.quantity(name) == "flow" else name
+        if known in INPUT_GAIN:
+            yield Parameter(f"input.{name}.gain", actions.InputGain(name), INPUT_GAIN[known], number)
+
+
+def _cooled_by_flow(network: Network) -> set[str]:
+    """The ends of links that follow a flow, and where the fluid of a circuit comes from."""
+    flowing = [link for link in network.links if any(f.startswith("flow") for t in link.terms for f in t.exponents)]
+    return {end for link in flowing for end in (link.a, link.b)} | {circuit.inlet for circuit in network.circuits}
+
+
+def _laws(network: Network) -> Iterator[Parameter]:
+    for i, term in enumerate(features.terms(network)):
+        yield Parameter(f"term{i}", actions.Scale((i,)), term.sd, low=-BOUND, high=BOUND)
+    for i, node in enumerate(network.nodes):
+        yield Parameter(f"capacity.{node.name}", actions.Capacity((i,)), node.sd, low=-BOUND, high=BOUND)
+
+
+def _common(network: Network) -> Iterator[Parameter]:
+    """Both sides of a motor are built alike, and a file that is wrong of one is wrong of the other."""
+    links, sources = terms_of(network)
+    sd = [term.sd for term in features.terms(network)]
+    conductances = {name: [links[m] for m in members] for name, members in alike_links(network).items()}
+    losses = {name: [sources[m] for m in members] for name, members in alike_sources(network).items()}
+    for kind, places in (("conductance", conductances), ("loss", losses)):
+        for name, own in places.items():
+            for k, both in enumerate(zip(*own, strict=True)):
+                if len(both) > 1:
+                    yield Parameter(f"{kind}.{name}.both{k}", actions.Scale(both), sd[both[0]], low=-BOUND, high=BOUND)
+
+
+def alike_links(network: Network) -> dict[str, tuple[tuple[str, str], ...]]:
+    """Every link once, with the one that mirrors it where both have laws of one form: name -> links."""
+    laws = {(link.a, link.b): [_form(term) for term in link.terms] for link in network.links}
+    named = [(name, tuple((a, b) for a, b in places)) for name, places in links_with_groups(network, list(laws))]
+    return _alike(named, laws)
+
+
+def alike_sources(network: Network) -> dict[str, tuple[str, ...]]:
+    """Every source once, with its twin where both have laws of one form: name -> nodes."""
+    laws = {source.node: [_form(term) for term in source.terms] for source in network.sources}
+    singles: list[tuple[str, tuple[str, ...]]] = [(node, (node,)) for node in laws]
+    return _alike([*singles, *groups(laws).items()], laws)
+
+
+K = TypeVar("K", bound=Hashable)
+
+
+def _alike(named: Sequence[tuple[str, tuple[K, ...]]], laws: Mapping[K, object]) -> dict[str, tuple[K, ...]]:
+    found: dict[str, tuple[K, ...]] = {}
+    taken: set[K] = set()
+    for name, members in sorted(named, key=lambda one: -len(one[1])):
+        if not taken & set(members) and all(laws[m] == laws[members[0]] for m in members):
+            found[name] = members
+            taken |= set(members)
+    return found
+
+
+def _form(term: Term) -> tuple[object, ...]:
+    return (*sorted(term.exponents.items()), term.copper, term.resistance, term.law)
+
+
+def terms_of(network: Network) -> tuple[dict[tuple[str, str], tuple[int, ...]], dict[str, tuple[int, ...]]]:
+    """Places in `features.terms` of every link and of every source."""
+    at, links, sources = 0, {}, {}
+    for link in network.links:
+        links[link.a, link.b] = tuple(range(at, at + len(link.terms)))
+        at += len(link.terms)
+    for source in network.sources:
+        sources[source.node] = tuple(range(at, at + len(source.terms)))
+        at += len(source.terms)
+    return links, sources
+
+
+def _exponents(network: Network) -> Iterator[Parameter]:
+    """Of films; those of losses are in the maps."""
+    links, _ = terms_of(network)
+    terms = list(features.terms(network))
+    for name, members in alike_links(network).items():
+        for both in zip(*(links[m] for m in members), strict=True):
+            for feature, exponent in terms[both[0]].exponents.items():
+                if not feature.startswith("hours") and exponent:
+                    sd = EXPONENT_SHARE * abs(exponent)
+                    yield Parameter(
+                        f"conductance.{name}.{feature}", actions.Power(both, feature), sd, low=-0.8, high=0.8
+                    )
+
+
+def _film_slopes(network: Network, tests: Sequence[Test]) -> Iterator[Parameter]:
+    """Air conducts better when warm, and radiation and free convection grow with temperature."""
+    links, _ = terms_of(network)
+    regions = {node.name: node.region for node in network.nodes}
+    initial = np.mean([test.initial for test in tests], axis=0)
+    outside = np.mean([test.frame.boundaries.mean(axis=0) for test in tests], axis=0)
+    start = np.concatenate([initial, outside])
+    for name, members in alike_links(network).items():
+        between = {regions.get(end, "boundary") for end in members[0]}
+        gap = bool(between & set(ROTATING)) and bool(between & {"copper", "iron"})
+        if gap or between & {"fluid", "boundary"}:
+            ends = [sorted(network.names.index(end) for end in link) for link in members]
+            yield Parameter(
+                f"conductance.{name}.temperature",
+                actions.Tilt(
+                    tuple(Place(*places) for places in ends),
+                    tuple(links[link] for link in members),
+                    tuple(float(start[places].mean()) for places in ends),
+                ),
+                FILM_TILT_PER_K,
+                low=-MOST_TILT_PER_K,
+                high=MOST_TILT_PER_K,
+            )
+
+
+def _maps(network: Network, tests: Sequence[Test]) -> Iterator[Parameter]:
+    _, sources = terms_of(network)
+    regions = {node.name: node.region for node in network.nodes}
+    names = list(regions)
+    terms = list(features.terms(network))
+    speeds = (
+        tuple(np.linspace(0.0, max(float(t.inputs["speed"].max()) for t in tests), KNOTS).tolist())
+        if all("speed" in t.inputs for t in tests)
+        else ()
+    )
+    for name, members in alike_sources(network).items():
+        copper = regions[members[0]] == "copper"  # what direct current loses there is known
+        shaped = tuple(i for node in members for i in sources[node] if terms[i].exponents.get("speed") or not copper)
+        if speeds and speeds[-1] > 0 and any(terms[i].exponents.get("speed") for i in shaped):
+            for knot in range(KNOTS):
+                for current in (False, True):
+                    if current and not all("current" in t.inputs for t in tests):
+                        continue
+                    action = actions.Tent(shaped, speeds, knot, current)
+                    yield Parameter(f"map.{name}.{knot}{'i' if current else ''}", action, MAP_SD, low=-0.9, high=3.0)
+        at = [names.index(node) for node in members]
+        yield Parameter(
+            f"loss.{name}.temperature",
+            actions.Tilt(
+                tuple(Place(i) for i in at),
+                tuple(sources[node] for node in members),
+                tuple(float(np.mean([t.initial[i] for t in tests])) for i in at),
+            ),
+            TILT_PER_K,
+            low=-MOST_TILT_PER_K,
+            high=MOST_TILT_PER_K,
+        )
+
+
+def _standstill(network: Network, tests: Sequence[Test], used: set[str]) -> Iterator[Parameter]:
+    if "current" not in used or not all("current2" in t.features for t in tests):
+        return
+    total = mean_loss_W(network, tests)
+    rms = float(np.sqrt(np.mean(np.concatenate([t.features["current2"] for t in tests]) ** 2)))
+    for i, node in enumerate(network.nodes):
+        if node.region in ROTATING:
+            yield Parameter(
+                f"loss.{node.name}.standstill", actions.Added((Place(i),), "current2", rms), STANDSTILL_SHARE * total
+            )
+
+
+def _paths(network: Network, tests: Sequence[Test]) -> Iterator[Parameter]:
+    largest = largest_conductance(network, tests)
+    most = MOST_PATH * float(np.median([largest[node.name] for node in network.nodes]))
+    for a, b in missing(network):
+        ends = [largest[end] for end in (a, b) if largest[end]]
+        if not ends:  # joined by fluid alone: nothing says how large a path may be
+            continue
+        sd = min(most, PATH_SHARE * min(ends))
+        place = Place(network.names.index(a), network.names.index(b))
+        yield Parameter(f"conductance.{a}-{b}", actions.Added((place,), "constant", 1.0), sd, low=-sd)
+
+
+def _sensors(tests: Sequence[Test]) -> Iterator[Parameter]:
+    channels = {c.name: c for test in tests for c in test.channels}
+    for name, channel in channels.items():
+        yield Parameter(f"sensor.{name}.gain", actions.Gain(name), CHANNEL_GAIN)
+        yield Parameter(f"sensor.{name}.lag", actions.Lag(name), CHANNEL_LAG_S, low=-channel.output.time_constant_s)
+    for name, sd in {m.name: m.gain_sd for test in tests for m in test.meters if m.gain_sd}.items():
+        yield Parameter(f"meter.{name}.gain", actions.Gain(name), sd)
+    for bus, own in _buses(tests).items():
+        yield Parameter(f"clock.{bus}.offset", actions.Late(own, False), CLOCK_S)
+        yield Parameter(f"clock.{bus}.drift", actions.Late(own, True), CLOCK_PPM)
+
+
+def _buses(tests: Sequence[Test]) -> dict[str, tuple[str, ...]]:
+    """Channels by the bus that stamps them."""
+    buses = {c.name: c.bus for test in tests for c in test.channels}
+    return {bus: tuple(name for name, own in buses.items() if own == bus) for bus in dict.fromkeys(buses.values())}
+
+
+def _beside(network: Network, tests: Sequence[Test]) -> Iterator[Parameter]:
+    """A sensor follows a little of what its node is joined to, and of the air around it; of nothing across a rotating gap."""
+    names = [node.name for node in network.nodes]
+    air = {node.name for node in network.nodes if node.region == "fluid"}
+    turning = {node.name for node in network.nodes if node.region in ROTATING}
+    for name, channel in {c.name: c for test in tests for c in test.channels}.items():
+        weights = channel.output.weights
+        place = max(weights, key=lambda node: weights[node])
+        joined = {end for link in network.links if place in (link.a, link.b) for end in (link.a, link.b)}
+        beside = joined & set(names) - {place}
+        touched = {node for node in beside if node in air or (node in turning) == (place in turning)}
+        for node in sorted(touched, key=names.index):
+            action = actions.Beside(name, names.index(node))
+            yield Parameter(f"sensor.{name}.beside.{node}", action, BESIDE, low=-0.5, high=0.9)
+
+
+def mean_loss_W(network: Network, tests: Sequence[Test]) -> float:
+    """Mean total loss of the tests by the file, copper at its reference temperature [W]."""
+    _, sources = terms_of(network)
+    terms = list(features.terms(network))
+    total = steps = 0.0
+    for test in tests:
+        column = {m.name: test.frame.features[:, j] for j, m in enumerate(features.monomials(network))}
+        for own in sources.values():
+            for i in own:
+                phi = column.get(features.monomial(terms[i]).name)
+                total += terms[i].coefficient * (len(test.frame.features) if phi is None else float(phi.sum()))
+        steps += len(test.frame.features)
+    return total / steps
+
+
+def mean_conductances(network: Network, tests: Sequence[Test]) -> dict[tuple[str, str], float]:
+    """Mean conductance of every link over the tests by the file [W/K]."""
+    column = np.mean(np.concatenate([t.frame.features for t in tests]), axis=0)
+    at = {m.name: j for j, m in enumerate(features.monomials(network))}
+    found = {}
+    for link in network.links:
+        products = [(t.coefficient, at.get(features.monomial(t).name)) for t in link.terms]
+        found[link.a, link.b] = float(sum(c * (1.0 if j is None else column[j]) for c, j in products))
+    return found
+
+
+def largest_conductance(network: Network, tests: Sequence[Test]) -> dict[str, float]:
+    """The largest mean conductance at every node and boundary [W/K]."""
+    found = dict.fromkeys(network.names, 0.0)
+    for (a, b), g in mean_conductances(network, tests).items():
+        found[a], found[b] = max(found[a], g), max(found[b], g)
+    return found

@@ -1,0 +1,45 @@
+"""The prior size of an amplitude: a fixed share of a scale of this motor in this campaign."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from twin.motor.paths import Place
+
+
+@dataclass(frozen=True)
+class Scales:
+    """Sizes of this motor in this campaign, under the calibrated model over training: mean total loss [W], and the mean
+    conductance [W/K] of each link by its place as its cause id writes it."""
+
+    total_loss_W: float
+    conductance_W_per_K: Mapping[str, float]
+
+    def at(self, node: str) -> float:
+        """The largest mean conductance at a node or boundary; infinite where nothing is joined to it, so that the other end
+        of a missing link sizes it."""
+        own = (g for place, g in self.conductance_W_per_K.items() if node in place.split("-"))
+        return max(own, default=float("inf"))
+
+
+@dataclass(frozen=True)
+class Sigma:
+    """Prior sd of an amplitude: `share` times `of`: `unit` (1), `total_loss`, `own_conductance` (mean of the places), or
+    `smaller_neighbour` (of a link's two ends, the smaller of their largest conductances; mean of the places)."""
+
+    share: float
+    of: str = "unit"
+    places: tuple[Place, ...] = ()
+
+    def value(self, scales: Scales) -> float:
+        """In the amplitude's unit."""
+        if self.of == "total_loss":
+            return self.share * scales.total_loss_W
+        if self.of == "own_conductance":
+            return self.share * float(np.mean([scales.conductance_W_per_K["-".join(place)] for place in self.places]))
+        if self.of == "smaller_neighbour":
+            return self.share * float(np.mean([min(scales.at(end) for end in place) for place in self.places]))
+        return self.share

@@ -1,0 +1,1 @@
+"""Temperatures and unknowns estimated while readings come in: Kalman filters and a smoother."""

@@ -1,0 +1,255 @@
+"""Extended Kalman filter: unknown heats and coefficients, estimated from measured temperatures while the motor runs.
+
+The paper's filter (its section 4) estimates the magnets' loss from endwindings and rotor surface; its state is z, dz/dt and
+the unknown input, of size 2p + o (`twin.paper.ekf`). This is the small form of the same: the network's own step
+(`twin.compiled.integrators`, with the inputs held) on [temperatures, unknowns, readings].
+
+Extended: each step is linearised about the estimate at its start. For losses linear in temperature (copper) that is exact;
+of resistances, temperature factors and unknown factors the second derivative is left out of the covariance, never of the
+estimate (`twin.filters.ukf` keeps it). Readings of a step are independent and taken together; a missing one is left out.
+
+A filter is told where the unknown heat is. Told the wrong node it still finds a history that fits.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TypeVar
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
+
+from twin.arithmetic.lane_code import pointer
+from twin.arithmetic.lanes import Store, aligned, record
+from twin.compiled.once import once_a_network
+from twin.filters.inputs import AnyReading, Inputs, Start, inputs_of, with_walks
+from twin.filters.plan import Plan, plan
+from twin.filters.readings import Readings, correct, observe, readings_of, row_of
+from twin.filters.step import carry
+from twin.filters.unknowns import Unknown, UnknownFactor, UnknownHeat
+from twin.motor.network import Network
+from twin.run.simulate import Frame, check_finite
+
+Floats = NDArray[np.float64]
+Index = NDArray[np.int64]
+U = TypeVar("U", bound=Unknown)
+
+PACES = (1 / 30, 30.0)  # within which the walks of the unknowns are sought, as factors of what is given
+PACE_ENOUGH = 0.3  # of the logarithm of a pace: the likelihood is flat there, and Brent's last parabola is nearer
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """What a filter knows at each edge from all readings up to it, with standard deviations: `temperatures` (N + 1, n) [degC] and
+    `found` (N + 1, u) of `unknowns` (heat [W] beside the model's own, logarithm of a factor, error [K]); row k + 1 after step k.
+    `innovations`, `variances` (N, m) [K, K^2 or W, W^2] of each channel given those before it in the step, heats last, NaN where it
+    says nothing;
+    `covariance` (S, S) after the last step."""
+
+    unknowns: tuple[Unknown, ...]
+    temperatures: Floats
+    temperatures_sd: Floats
+    found: Floats
+    found_sd: Floats
+    innovations: Floats
+    variances: Floats
+    covariance: Floats
+    log_likelihood: float
+
+    @property
+    def nis(self) -> float:
+        """Mean squared innovation over its variance: 1 where noise and model are as said; NaN without a reading. It hardly
+        sees the unknowns' random walks, which is why those are chosen by likelihood."""
+        there = np.isfinite(self.innovations)
+        return float(np.mean(self.innovations[there] ** 2 / self.variances[there])) if there.any() else float("nan")
+
+
+def filter_unknowns(
+    network: Network, frame: Frame, start: Start, unknowns: Sequence[Unknown], readings: Sequence[AnyReading]
+) -> Estimate:
+    """Temperatures and unknowns from the readings. Without a reading the temperatures are those of `simulate` to rounding.
+
+    Raises as `twin.filters.inputs.inputs_of`, and `DivergedError` where the temperatures leave the finite numbers.
+    """
+    return _filtered(inputs_of(network, frame, start, unknowns, readings))
+
+
+def _filtered(inputs: Inputs) -> Estimate:
+    run = run_of(inputs)
+    states, innovations = courses(inputs)
+    run.begin(inputs)
+    likelihood = through(
+        run.plan,
+        run.readings,
+        run.m,
+        run.at,
+        inputs.features,
+        inputs.boundaries,
+        inputs.values,
+        inputs.places,
+        inputs.variances,
+        states[0],
+        states[1],
+        innovations,
+    )
+    return estimate_of(inputs, states, innovations, run.covariance(), float(likelihood))
+
+
+@dataclass(frozen=True)
+class Run:
+    """A filter's numbers `m` and indices `at` (`twin.arithmetic.lanes`), and where in them the step and its readings are, as records; `size` S of
+    the state."""
+
+    plan: Plan
+    readings: Readings
+    size: int
+    m: Floats
+    at: Index
+
+    def begin(self, inputs: Inputs) -> None:
+        """The state and its covariance are those at the first edge, and every step adds its variances."""
+        last, m = inputs.parts.last, len(inputs.parts.weights)
+        own = np.r_[0:last, last + m : len(inputs.x)]  # what was read before a step is not carried along
+        self.m[self.plan.process : self.plan.process + len(own)] = inputs.parts.process[own]
+        rows = self.state()
+        rows[: len(own), : len(own)], rows[: len(own), len(own)] = inputs.covariance[np.ix_(own, own)], inputs.x[own, 0]
+
+    def state(self) -> Floats:
+        """[P | x] as rows."""
+        length = self.plan.length
+        return self.m[self.plan.state : self.plan.state + length**2].reshape(length, length)
+
+    def covariance(self) -> Floats:
+        """P (S, S)."""
+        return self.state()[: self.size, : self.size].copy()
+
+
+def run_of(inputs: Inputs) -> Run:
+    """The arrays of a run: those of the last one where the same is read and sought of the same network."""
+    parts, known = inputs.parts, _last_run(inputs.network)
+    arrays = (
+        parts.constant,
+        parts.factor_of,
+        parts.heats,
+        parts.weights,
+        parts.bias,
+        parts.state,
+        parts.lag,
+        parts.signs,
+    )
+    key = (inputs.boundaries.shape[1], *(array.tobytes() for array in (*arrays, parts.of_losses)))
+    if key not in known:
+        store = Store()
+        steps = plan(parts, inputs.boundaries.shape[1], store)
+        readings = readings_of(steps, store)
+        known.clear()
+        known[key] = Run(record(steps), record(readings), steps.size, store.numbers(), store.indices())
+    kept = known[key]
+    return replace(kept, m=aligned(kept.m), at=kept.at.copy())
+
+
+@once_a_network
+def _last_run(network: Network) -> dict[tuple[object, ...], Run]:
+    """By all that it is made of, never begun."""
+    return {}
+
+
+def courses(inputs: Inputs) -> tuple[Floats, Floats]:
+    """Room for estimates and their variances at all edges (2, N + 1, n + u), and for innovations with theirs (N, m + q, 2)."""
+    steps, channels = inputs.values.shape
+    return np.empty((2, steps + 1, inputs.parts.last)), np.empty((steps, channels, 2))
+
+
+@numba.njit(error_model="numpy", nogil=True, cache=True)
+def through(
+    plan: Plan,
+    taken: Readings,
+    numbers: Floats,
+    indices: Index,
+    features: Floats,
+    boundaries: Floats,
+    readings: Floats,
+    places: Floats,
+    variances: Floats,
+    states: Floats,
+    spreads: Floats,
+    innovations: Floats,
+) -> float:
+    """The filter over N steps, from the state in `numbers` to that at the last edge; the log likelihood of the readings.
+
+    `readings` (N, m + q) [degC, W], NaN where there is none, `places` and `variances` (N, m + q), or (1, m + q) for all steps.
+    Filled: `states` and `spreads` (N + 1, c), the first c numbers of the state and their variances at every edge, `innovations`
+    (N, m + q, 2).
+    """
+    likelihood, size, length, early = 0.0, plan.size, plan.length, bool((places != 1.0).any())
+    m, at, channels = pointer(numbers, 0), pointer(indices, 0), readings.shape[1]
+    for k in range(len(boundaries) + 1):
+        if k > 0:
+            phi = pointer(features, (k - 1) * features.shape[1])
+            outside, read = pointer(boundaries, (k - 1) * boundaries.shape[1]), (k - 1) * channels
+            carry(plan, m, at, phi, outside, early)
+            values, place = pointer(readings, read), pointer(places, row_of(places, k - 1) * channels)
+            variance = pointer(variances, row_of(variances, k - 1) * channels)
+            count = observe(plan, taken, m, at, outside, values, place, variance)
+            likelihood += correct(plan, taken, m, at, count, pointer(innovations, 2 * read))
+        for i in range(states.shape[1]):
+            states[k, i], spreads[k, i] = m[plan.state + i * length + size], m[plan.state + i * length + i]
+    return likelihood
+
+
+def estimate_of(
+    inputs: Inputs, states: Floats, innovations: Floats, covariance: Floats, log_likelihood: float
+) -> Estimate:
+    """From `states` (2, N + 1, n + u), estimates and variances in the order of the state, which it takes over. Raises
+    `DivergedError`."""
+    n, unknown = len(inputs.network.nodes), np.argsort(inputs.order).tolist()
+    check_finite(inputs.network, inputs.frame, states[0, :, :n])
+    sd, told = np.sqrt(states[1], out=states[1]), columns_of(innovations, inputs.channels)
+    return Estimate(
+        unknowns=inputs.unknowns,
+        temperatures=states[0, :, :n],
+        temperatures_sd=sd[:, :n],
+        found=columns_of(states[0, :, n:], unknown),
+        found_sd=columns_of(sd[:, n:], unknown),
+        innovations=told[..., 0],
+        variances=told[..., 1],
+        covariance=covariance,
+        log_likelihood=log_likelihood,
+    )
+
+
+def columns_of(array: Floats, which: Sequence[int]) -> Floats:
+    """These columns of `array`: itself where they are all of them, in their order."""
+    return array if list(which) == list(range(array.shape[1])) else array[:, list(which)]
+
+
+def at_their_pace(
+    network: Network, frame: Frame, start: Start, unknowns: Sequence[U], readings: Sequence[AnyReading]
+) -> tuple[U, ...]:
+    """The unknowns, the random walks of heats and factors times the one number, within `PACES`, that makes the readings most likely
+    (marginal likelihood, by Brent's bounded search over its logarithm). Raises as `filter_unknowns`."""
+
+    inputs = inputs_of(network, frame, start, unknowns, readings)
+
+    def surprise(log_pace: float) -> float:
+        return -_filtered(with_walks(inputs, _paced(unknowns, np.exp(log_pace)))).log_likelihood
+
+    best = minimize_scalar(surprise, bounds=np.log(PACES), method="bounded", options={"xatol": PACE_ENOUGH})
+    return _paced(unknowns, float(np.exp(best.x)))
+
+
+def _paced(unknowns: Sequence[U], pace: float) -> tuple[U, ...]:
+    return tuple(_at_pace(unknown, pace) for unknown in unknowns)
+
+
+def _at_pace(unknown: U, pace: float) -> U:
+    match unknown:
+        case UnknownHeat():
+            return replace(unknown, walk_W=unknown.walk_W * pace)
+        case UnknownFactor():
+            return replace(unknown, walk=unknown.walk * pace)
+        case _:
+            return unknown

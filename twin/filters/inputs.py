@@ -1,0 +1,248 @@
+"""What every filter is given: readings of sensors and meters, a start, unknowns; and the same as the arrays that the compiled steps
+take.
+
+The unknown heat of a node stands *beside* its modelled loss, held within a step, and is a random walk: inverting one step for it
+would amplify noise to kilowatts (Gillijns and De Moor, 2007, doi:10.1016/j.automatica.2006.08.002). A sensor's known lag is a state
+of its own, exact for a temperature that is linear within the step, as `twin.motor.outputs` models it; what is read lies at the
+samples' mean time within the step. A constant error of a sensor is taken for temperature, and for heat, where it is no unknown.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.compiled.laid_out import LaidOut, laid_out
+from twin.compiled.laws import Law
+from twin.compiled.once import once_a_network
+from twin.errors import FrameError
+from twin.filters.plan import Parts
+from twin.filters.unknowns import Unknown, node_place, places, variances
+from twin.motor.check import check
+from twin.motor.network import NOBODY, Network
+from twin.motor.outputs import lag_factors
+from twin.run.losses import takers
+from twin.run.simulate import Frame, check_frame
+
+Floats = NDArray[np.float64]
+
+# Of every node: what a network's form leaves open. Measured on a conduction mesh whose motor file errs by 2 to 5 K in open loop:
+# 0.02 makes the innovations 5 to 13 times as large (NIS) as the filter thinks, 0.1 1.0 to 1.5 times, at the highest likelihood.
+TEMPERATURE_K_PER_SQRT_S = 0.1
+READING_SD_K = 0.1  # of a lagging sensor's reading at the start, about equilibrium
+
+
+@dataclass(frozen=True)
+class Reading:
+    """A measured channel over N steps. `weights`: node -> share, sum 1; `time_constant_s`: known first-order lag; `value` (N,)
+    [degC] mean of each step's samples, NaN where there is none; `place` (N,) in [0, 1]: their mean time within the step;
+    `variance` (N,) [K^2] of that mean, above 0 where there is a value."""
+
+    channel: str
+    weights: Mapping[str, float]
+    time_constant_s: float
+    value: Floats
+    place: Floats
+    variance: Floats
+
+
+@dataclass(frozen=True)
+class HeatReading:
+    """A measured heat over N steps: of all losses, or what `boundary` takes. `value` (N,) [W] mean over each step, NaN where there
+    is none; `variance` (N,) [W^2] of that mean, above 0 where there is a value. It is compared with the heat at the end of
+    the step, linear about the estimate there; an `UnknownBias` of this channel is in W."""
+
+    channel: str
+    value: Floats
+    variance: Floats
+    boundary: str | None = None
+
+
+AnyReading = Reading | HeatReading
+
+
+@dataclass(frozen=True)
+class Start:
+    """Temperatures (n,) [degC] at the first edge with their standard deviations (n,) [K]; `walk_K` [K / sqrt(s)] of every node,
+    the random walk between steps that the network's form leaves open."""
+
+    temperatures: Floats
+    sd: Floats
+    walk_K: float = TEMPERATURE_K_PER_SQRT_S
+
+
+@dataclass(frozen=True)
+class Inputs:
+    """A frame, a start, readings and unknowns as arrays. `order` (u,): of the unknowns in the state, heats first; `x` (S, 1)
+    and `covariance` (S, S) at the first edge; `values` (N, m + q) of the readings, those of temperatures first: `channels` says which
+    of them each given one is; `places` and `variances` likewise, or one row (1, m + q) where they are those of every step. Copy what a
+    step changes."""
+
+    network: Network
+    frame: Frame
+    unknowns: tuple[Unknown, ...]
+    order: tuple[int, ...]
+    channels: tuple[int, ...]
+    parts: Parts
+    x: Floats
+    covariance: Floats
+    features: Floats
+    boundaries: Floats
+    values: Floats
+    places: Floats
+    variances: Floats
+
+
+_checked = once_a_network(check)
+
+
+def inputs_of(
+    network: Network, frame: Frame, start: Start, unknowns: Sequence[Unknown], readings: Sequence[AnyReading]
+) -> Inputs:
+    """Raises `NetworkError` where the network cannot be a motor, `FrameError` where shapes do not fit, an input is not finite, a
+    variance or standard deviation is not above 0, or a node or coefficient is not the network's, and `CauseError` where an
+    unknown factor is not written as a cause."""
+    _checked(network)
+    motor = laid_out(network)
+    check_frame(network, frame, start.temperatures, motor.shape.monomials)
+    _check(network, frame, start, readings)
+    sensors = [r for r in readings if isinstance(r, Reading)]
+    meters = [r for r in readings if isinstance(r, HeatReading)]
+    parts, order, at_start = _parts(network, motor, frame.step_s, start, unknowns, sensors, meters)
+    x, covariance = _at_the_start(parts, start, at_start)
+    steps = len(frame.features)
+    every: list[AnyReading] = [*sensors, *meters]
+    values = _columns([r.value for r in every], steps)
+    at = _columns_or_row([r.place if isinstance(r, Reading) else np.ones(steps) for r in every], steps)
+    noise = _columns_or_row([r.variance for r in every], steps)
+    _check_noise(every, values, at, noise)
+    return Inputs(
+        network=network,
+        frame=frame,
+        unknowns=tuple(unknowns),
+        order=order,
+        channels=tuple(next(i for i, other in enumerate(every) if other is r) for r in readings),
+        parts=parts,
+        x=x,
+        covariance=covariance,
+        features=np.ascontiguousarray(frame.features, dtype=np.float64),
+        boundaries=np.ascontiguousarray(frame.boundaries, dtype=np.float64),
+        values=values,
+        places=at,
+        variances=noise,
+    )
+
+
+def with_walks(inputs: Inputs, unknowns: Sequence[Unknown]) -> Inputs:
+    """The same for unknowns that differ from those of `inputs` in their walks alone."""
+    n, process = inputs.parts.program.n, inputs.parts.process.copy()
+    _, process[n : inputs.parts.last] = variances(unknowns, inputs.order, inputs.frame.step_s)
+    return replace(inputs, unknowns=tuple(unknowns), parts=inputs.parts._replace(process=process))
+
+
+def _check(network: Network, frame: Frame, start: Start, readings: Sequence[AnyReading]) -> None:
+    steps = len(frame.features)
+    if start.sd.shape != start.temperatures.shape or not (start.sd > 0).all() or not start.walk_K >= 0:
+        raise FrameError(f"the start needs a standard deviation above 0 for each of {len(network.nodes)} nodes")
+    around = [boundary.name for boundary in network.boundaries]
+    for r in readings:
+        if isinstance(r, Reading):
+            for name in r.weights:
+                node_place(network, name)
+        elif r.boundary is not None and r.boundary not in around:
+            raise FrameError(f'channel "{r.channel}": no boundary "{r.boundary}": name one of {", ".join(around)}')
+        place = r.place if isinstance(r, Reading) else np.ones(steps)
+        if any(values.shape != (steps,) for values in (r.value, place, r.variance)):
+            raise FrameError(f'channel "{r.channel}": give value, place and variance for each of {steps} steps')
+
+
+def _check_noise(readings: Sequence[AnyReading], values: Floats, places: Floats, variances: Floats) -> None:
+    missing = ~(np.isfinite(places) & (variances > 0))
+    if missing.any():
+        for j in np.flatnonzero((np.isfinite(values) & missing).any(axis=0)).tolist():
+            channel = readings[j].channel
+            raise FrameError(f'channel "{channel}": a value without a place or a variance above 0: give it a noise')
+
+
+def _parts(
+    network: Network,
+    motor: LaidOut,
+    step_s: float,
+    start: Start,
+    unknowns: Sequence[Unknown],
+    readings: Sequence[Reading],
+    meters: Sequence[HeatReading],
+) -> tuple[Parts, tuple[int, ...], list[float]]:
+    """With the order of the unknowns in the state, and their variances at the start."""
+    names = [node.name for node in network.nodes]
+    n, m, values = len(names), len(readings), motor.values
+    channels = [*(r.channel for r in readings), *(r.channel for r in meters)]
+    of = places(network, unknowns, len(values.coefficients), channels)
+    at_start, walks = variances(unknowns, of.order, step_s)
+    last = n + len(of.order)
+    weights, lag, state = np.zeros((m, n)), np.zeros((m, 3)), np.full(m, -1, dtype=np.int64)
+    size = last + m
+    for j, reading in enumerate(readings):
+        weights[j, [names.index(name) for name in reading.weights]] = list(reading.weights.values())
+        if reading.time_constant_s > 0:
+            lag[j] = lag_factors(reading.time_constant_s, step_s)
+            state[j], size = size, size + 1
+    process = np.zeros(size)
+    process[:n] = start.walk_K**2 * step_s
+    process[n:last] = walks
+    parts = Parts(
+        program=motor.program,
+        constant=values.capacities / (motor.program.gamma * step_s),
+        copper=values.copper,
+        nominal=values.coefficients,
+        factor_of=of.factor_of,
+        heats=of.heats,
+        places=motor.table.places,
+        numbers=motor.table.numbers,
+        unknown_factors=of.factors,
+        last=last,
+        weights=weights,
+        bias=np.where(of.bias_of >= 0, n + len(of.heats) + of.factors + of.bias_of, -1),
+        state=state,
+        lag=lag,
+        signs=_signs(network, motor.laws, meters),
+        of_losses=np.array([1.0 if meter.boundary is None else 0.0 for meter in meters]),
+        process=process,
+    )
+    return parts, of.order, at_start
+
+
+def _signs(network: Network, laws: Sequence[Law], meters: Sequence[HeatReading]) -> Floats:
+    """(q, G): 1 for the sources where losses are measured, -1 for the laws whose heat the boundary takes."""
+    taker, around = takers(network), [boundary.name for boundary in network.boundaries]
+    taken = np.array([-1 if (b := taker(law)) is None else b for law in laws])
+    source = np.array([law.b == NOBODY for law in laws])
+    rows = [source if m.boundary is None else -1.0 * (taken == around.index(m.boundary)) for m in meters]
+    return np.array(rows, dtype=np.float64).reshape(-1, len(laws))
+
+
+def _at_the_start(parts: Parts, start: Start, unknown: Sequence[float]) -> tuple[Floats, Floats]:
+    """State (S, 1) and covariance (S, S): sensors in equilibrium but for `READING_SD_K`."""
+    n, last, size = parts.program.n, parts.last, len(parts.process)
+    onto = np.zeros((size, last))  # temperatures and unknowns -> state
+    onto[:last] = np.eye(last)
+    own = np.zeros(size)
+    for j, at in enumerate(parts.state.tolist()):
+        for place in {last + j, at if at >= 0 else last + j}:
+            onto[place, :n] = parts.weights[j]
+            own[place] = READING_SD_K**2
+    x = onto @ np.append(start.temperatures, np.zeros(last - n))
+    return x[:, None], (onto * np.append(start.sd**2, unknown)) @ onto.T + np.diag(own)
+
+
+def _columns(values: Sequence[Floats], steps: int) -> Floats:
+    return np.ascontiguousarray(np.stack(values, axis=1) if values else np.empty((steps, 0)), dtype=np.float64)
+
+
+def _columns_or_row(values: Sequence[Floats], steps: int) -> Floats:
+    """A row (1, columns) where no step's differs: all of them would take longer to write than the filter to look at them."""
+    same = steps > 0 and all((column == column[0]).all() for column in values)
+    return _columns([column[:1] for column in values], 1) if same else _columns(values, steps)

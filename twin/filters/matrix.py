@@ -1,0 +1,211 @@
+"""The matrix of a filter's step and its right-hand side: the network's laws, linear about the estimate, eliminated.
+
+The same step as `twin.compiled.indexed`, with amounts that unknown factors multiply; every loop goes through the lists of a `Plan`.
+"""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numba
+import numpy as np
+from numba.np.numpy_support import carray
+from numpy.typing import NDArray
+
+from twin.arithmetic.lane_code import pointer
+from twin.arithmetic.lanes import both, scaled, within
+from twin.arithmetic.powers import exp_of_number
+from twin.filters.pivots import eliminate_few
+from twin.filters.plan import Plan
+from twin.motor.drops import between, drop
+
+Floats = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+u = np.uint64  # numba then asks of no index whether it counts from the end
+
+
+class Laws(Protocol):
+    """Of a `Plan` or another form: what `laws_at` takes."""
+
+    @property
+    def temperatures(self) -> int: ...
+    @property
+    def law(self) -> int: ...
+    @property
+    def law_numbers(self) -> int: ...
+    @property
+    def psi(self) -> int: ...
+    @property
+    def knots(self) -> int: ...
+    @property
+    def copper(self) -> int: ...
+
+
+class Matrix(Protocol):
+    """Of a `Plan` or another form: what `eliminate` takes."""
+
+    @property
+    def n(self) -> int: ...
+    @property
+    def edges(self) -> int: ...
+    @property
+    def values(self) -> int: ...
+    @property
+    def order(self) -> int: ...
+    @property
+    def edge_start(self) -> int: ...
+    @property
+    def update(self) -> int: ...
+
+
+@within
+def laws_at(plan: Laws, m: Floats, at: Index, listed: int, count: int) -> None:
+    """`psi`: what multiplies the amounts of `count` groups at `temperatures`, and its slopes with T_a, T_b and T_m, as
+    `twin.compiled.laws`."""
+    T = plan.temperatures
+    for e in range(listed, listed + count):
+        g = at[u(e)]
+        law, numbers, psi = plan.law + 7 * g, plan.law_numbers + g * (3 + 2 * plan.knots), plan.psi + 4 * g
+        a, b, own, other, kind, knots = (
+            at[u(law)],
+            at[u(law + 1)],
+            at[u(law + 2)],
+            at[u(law + 3)],
+            at[u(law + 5)],
+            at[u(law + 6)],
+        )
+        value, by_a, by_b, by_m = 1.0, 0.0, 0.0, 0.0
+        if b >= 0:
+            value, by_a, by_b = m[u(T + b)] - m[u(T + a)], -1.0, 1.0
+            if kind != 0:
+                value, by_a, by_b = drop(kind, m[u(T + a)], m[u(T + b)])
+            if knots > 0:
+                at_degC = carray(pointer(m, numbers + 3), knots)
+                relative = carray(pointer(m, numbers + 3 + knots), knots)
+                factor, growth = between(m[u(T + b)], at_degC, relative)
+                value, by_a, by_b = factor * value, factor * by_a, factor * by_b + growth * value
+        if own != 0:
+            alpha = m[u(plan.copper)]
+            factor = 1.0 + alpha * (m[u(T + a)] - m[u(plan.copper + 1)])
+            if own < 0:
+                factor = 1.0 / factor
+                alpha *= -factor * factor
+            value, by_a, by_b = factor * value, factor * by_a + alpha * value, factor * by_b
+        if other >= 0:
+            slope = m[u(numbers)]
+            factor = 1.0 + slope * (m[u(T + other)] - m[u(numbers + 1)])
+            value, by_a, by_b, by_m = factor * value, factor * by_a, factor * by_b, slope * value
+        m[u(psi)], m[u(psi + 1)], m[u(psi + 2)], m[u(psi + 3)] = value, by_a, by_b, by_m
+
+
+@within
+def amounts_at(plan: Plan, m: Floats, at: Index, state: int) -> None:
+    """`amounts` of all groups, by the step's features and the factors of [P | x] at `state`."""
+    first = plan.n + plan.heats
+    scaled(m, plan.amounts, 1.0, plan.constant, plan.groups)
+    for v in range(plan.varied):
+        g, j = both(at[u(plan.vary + v)])
+        m[u(plan.amounts + g)] += m[u(plan.by_monomial + v)] * m[u(plan.features + j)]
+    for p in range(plan.factors):
+        m[u(plan.scale + p)] = exp_of_number(m[u(state + (first + p) * plan.length + plan.size)])
+    for t in range(plan.terms):
+        m[u(plan.amounts + at[u(plan.term + 3 * t)])] += term_at(plan, m, at, t)
+
+
+@within
+def term_at(plan: Plan, m: Floats, at: Index, t: int) -> float:
+    """What a term that has a factor adds to the amount of its group."""
+    p, j = at[u(plan.term + 3 * t + 1)], at[u(plan.term + 3 * t + 2)]
+    amount: float = m[u(plan.nominal + t)] * m[u(plan.scale + p)]
+    if j >= 0:
+        amount *= m[u(plan.features + j)]
+    return amount
+
+
+@within
+def surround(plan: Plan, m: Floats, state: int, outside: Floats) -> None:
+    """`temperatures`: those of [P | x] at `state`, and `outside` (b,)."""
+    for i in range(plan.n):
+        m[u(plan.temperatures + i)] = m[u(state + i * plan.length + plan.size)]
+    for i in range(plan.around):
+        m[u(plan.temperatures + plan.n + i)] = outside[i]
+
+
+@numba.njit(error_model="numpy", nogil=True, cache=True)
+def assemble(plan: Plan, m: Floats, at: Index, phi: Floats, outside: Floats, state: int) -> None:
+    """`values`: the step matrix, eliminated, and its right-hand side, linear about [P | x] at `state`; `phi` (F,) features."""
+    n, values, amounts, T = plan.n, plan.values, plan.amounts, plan.temperatures
+    right = values + n + 2 * plan.edges + 1
+    for j in range(plan.monomials):
+        m[u(plan.features + j)] = phi[j]
+    surround(plan, m, state, outside)
+    amounts_at(plan, m, at, state)
+    laws_at(plan, m, at, plan.bent, plan.bents)
+    scaled(m, values, 1.0, plan.fixed, plan.filled)
+    for r in range(plan.plain, plan.plain + 5 * plan.plains, 5):
+        amount = m[u(amounts + at[u(r)])]
+        m[u(values + at[u(r + 1)])] += amount
+        m[u(values + at[u(r + 2)])] += amount
+        m[u(values + at[u(r + 3)])] -= amount
+        m[u(values + at[u(r + 4)])] -= amount
+    for r in range(plan.rim, plan.rim + 4 * plan.rims, 4):
+        amount = m[u(amounts + at[u(r)])]
+        m[u(values + at[u(r + 1)])] += amount
+        m[u(values + at[u(r + 2)])] += amount * m[u(T + at[u(r + 3)])]
+    for r in range(plan.constant_heat, plan.constant_heat + 2 * plan.constants, 2):
+        m[u(values + at[u(r + 1)])] += m[u(amounts + at[u(r)])]
+    for r in range(plan.other, plan.other + 8 * plan.others, 8):
+        g = at[u(r)]
+        a, b, other = at[u(plan.law + 7 * g)], at[u(plan.law + 7 * g + 1)], at[u(plan.law + 7 * g + 3)]
+        psi = plan.psi + 4 * g
+        value, by_a, by_b, by_m = m[u(psi)], m[u(psi + 1)], m[u(psi + 2)], m[u(psi + 3)]
+        amount = m[u(amounts + g)]
+        rest = value - by_a * m[u(T + a)]
+        if other >= 0:
+            rest -= by_m * m[u(T + other)]
+            m[u(values + at[u(r + 3)])] -= amount * by_m
+        if 0 <= b < n:
+            rest -= by_b * m[u(T + b)]
+            m[u(values + at[u(r + 2)])] -= amount * by_b
+            if at[u(r + 5)] >= 0:
+                m[u(values + at[u(r + 4)])] += amount * by_a
+                m[u(values + at[u(r + 5)])] += amount * by_b
+                m[u(values + at[u(r + 7)])] -= amount * rest
+                if other >= 0:
+                    m[u(values + at[u(r + 6)])] += amount * by_m
+        m[u(values + at[u(r + 1)])] -= amount * by_a
+        m[u(right + a)] += amount * rest
+    for i in range(n):  # heat that does not depend on the state is a rise of x that its own storage would give
+        m[u(right + i)] *= m[u(plan.inverse + i)]
+        m[u(state + i * plan.length + plan.size)] += m[u(right + i)]
+    eliminate(plan, m, at)
+
+
+@within
+def eliminate(plan: Matrix, m: Floats, at: Index) -> None:
+    """Pivots become their inverses, lower entries what takes a pivot's row from theirs, upper ones are divided by the pivot."""
+    values, update, edges = plan.values, plan.update, plan.edges
+    for p in range(plan.n):
+        first, own = at[u(plan.edge_start + p)], values + at[u(plan.order + p)]
+        count = at[u(plan.edge_start + p + 1)] - first
+        pivot = 1.0 / m[u(own)]
+        m[u(own)] = pivot
+        upper = values + plan.n + first
+        lower = upper + edges
+        if count == 1:
+            eliminate_few(m, at, values, upper, lower, update, pivot, 1)
+        elif count == 2:
+            eliminate_few(m, at, values, upper, lower, update, pivot, 2)
+        elif count == 3:
+            eliminate_few(m, at, values, upper, lower, update, pivot, 3)
+        elif count == 4:
+            eliminate_few(m, at, values, upper, lower, update, pivot, 4)
+        else:
+            for e in range(count):
+                m[u(lower + e)] *= pivot
+                for f in range(count):
+                    m[u(values + at[u(update + e * count + f)])] -= m[u(lower + e)] * m[u(upper + f)]
+            for f in range(count):
+                m[u(upper + f)] *= pivot
+        update += count * count

@@ -1,0 +1,330 @@
+"""The readings of a step, all at once: what they say of the state, and the state given them.
+
+Each reading y is linear in the state before the step and after it, as its samples have their mean time somewhere within it. Its row
+holds cov(y, x after) for every number of the state, then the reading predicted less the one made, then cov(y, y'), noise
+included. Elimination of the readings' covariance S, on these rows, leaves independent ones, and from them the gain K; the state
+takes the readings in Joseph's form, which holds for any gain, so that what K is rounded by enters P squared (R. S. Bucy, P. D.
+Joseph, Filtering for Stochastic Processes, 1968). With G = cov(x, y), of readings before and after the step alike, its products are
+
+    (I - K H) P (I - K H)' + K R K' = P - K G' - (G - K S) K'.
+
+As x stands beside P, what the covariance loses is what the state moves by. P is touched once a step, above its diagonal.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple, Protocol
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.arithmetic.lane_code import pointer
+from twin.arithmetic.lanes import NOWHERE, Store, Sweep, less, mirrored, paired, row_less, scaled, sweep, width, within
+from twin.filters.matrix import amounts_at, laws_at, surround, term_at
+from twin.filters.plan import Plan
+
+Floats = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+LOG_2_PI = float(np.log(2 * np.pi))
+u = np.uint64  # numba then asks of no index whether it counts from the end
+
+
+class Readings(NamedTuple):
+    """Where the readings of a step are, r of them at most, as rows of `stride`. `crossed`: cov(y, x), the prediction less the reading,
+    anything to the end of a row of the state, then S. After `correct`, `gain`: K', then by how much of those before it each reading is
+    short to be independent; `missed`: (G - K S)'. `later` and `earlier`: what each takes, sign changed, of which numbers of the state after and
+    before the step, one reading after the other from `later_start` and `earlier_start` on; `later_row` and `earlier_row` are
+    these lists for `sweep`. They stand until other channels are read, or at other places. `metered` (r,) what meters would read,
+    `channel` (r,)."""
+
+    stride: int
+    # numbers
+    crossed: int
+    gain: int  # behind `crossed`
+    missed: int  # behind `gain`; before it is there, rows of independent readings
+    later_share: int
+    earlier_share: int
+    metered: int
+    place: int  # of each channel when the lists were made, below 0 where it was not read
+    # indices
+    number: int  # of readings, in the lists
+    later: int
+    later_row: int
+    later_start: int
+    earlier: int
+    earlier_row: int
+    earlier_start: int
+    channel: int
+    rows: int  # for `sweep`
+    each: int  # (r,) where each begins
+    taken: int  # (r,) pairs of `less`: where each begins, twice
+    numbered: int  # where each begins, and its number
+    before: int  # where each begins, and where its covariance with others does
+    lost: int  # (2 r,) of `crossed` and `gain`, and with what they are multiplied, `gain` and `missed`
+    by_later: Sweep
+    by_earlier: Sweep
+
+
+class Layout(Protocol):
+    """What rows of a state, a `Plan` or another form, say of themselves to `readings_of` and `correct`."""
+
+    @property
+    def size(self) -> int: ...
+    @property
+    def length(self) -> int: ...
+    @property
+    def channels(self) -> int: ...
+    @property
+    def meters(self) -> int: ...
+    @property
+    def unit(self) -> int: ...
+    @property
+    def state(self) -> int: ...
+    @property
+    def ahead(self) -> int: ...
+    @property
+    def row(self) -> int: ...
+
+
+def readings_of(plan: Layout, store: Store) -> Readings:
+    """The places of a step's readings, put into `store`."""
+    most = plan.channels + plan.meters
+    stride = plan.length + width(most)
+    none = [0] * (most * (plan.size + 2) + 1)
+    begins = [q * stride for q in range(most)]
+    rows = store.pairs([*((begin, 0) for begin in begins), (-1, 0)])
+    crossed, beyond = store.rows(3 * most, stride), most * stride
+    later_row, earlier_row = store.index(none), store.index(none)
+    return Readings(
+        stride=stride,
+        crossed=crossed,
+        gain=crossed + most * stride,
+        missed=crossed + 2 * most * stride,
+        later_share=store.put(np.zeros(len(none))),
+        earlier_share=store.put(np.zeros(len(none))),
+        metered=store.rows(1, most),
+        place=store.put(np.full(most, -2.0)),
+        number=store.index([0]),
+        later=store.index(none),
+        later_row=later_row,
+        later_start=store.index(none[: most + 1]),
+        earlier=store.index(none),
+        earlier_row=earlier_row,
+        earlier_start=store.index(none[: most + 1]),
+        channel=store.index(none[:most]),
+        rows=rows,
+        each=store.index(begins),
+        taken=store.pairs([(begin, begin) for begin in begins]),
+        numbered=store.pairs([(begin, q) for q, begin in enumerate(begins)]),
+        before=store.pairs([(begin, begin + plan.length) for begin in begins]),
+        lost=store.pairs([pair for b in begins for pair in ((b, beyond + b), (beyond + b, 2 * beyond + b))]),
+        by_later=Sweep(rows, later_row),
+        by_earlier=Sweep(rows, earlier_row),
+    )
+
+
+@within
+def _takes(plan: Plan, r: Readings, m: Floats, at: Index, q: int, i: int, share: float, place: float) -> None:
+    """Reading q takes `share` of number i of the state, `place` of it after the step and the rest before it."""
+    if place != 0.0:
+        e = at[u(r.later_start + q + 1)]
+        at[u(r.later + e)], at[u(r.later_row + e)] = i, paired(i * plan.length, e)
+        m[u(r.later_share + e)], at[u(r.later_start + q + 1)] = share * place, e + 1
+    if place != 1.0:
+        e = at[u(r.earlier_start + q + 1)]
+        at[u(r.earlier + e)], at[u(r.earlier_row + e)] = i, paired(i * plan.length, e)
+        m[u(r.earlier_share + e)], at[u(r.earlier_start + q + 1)] = share * (1 - place), e + 1
+
+
+@within
+def _ended(r: Readings, at: Index, q: int) -> None:
+    """All that reading q takes is there."""
+    for row, start in ((r.later_row, r.later_start), (r.earlier_row, r.earlier_start)):
+        end = at[u(start + q + 1)]
+        at[u(row + end)], at[u(start + q + 1)] = -1, end + 1
+
+
+@within
+def _sensor(plan: Plan, r: Readings, m: Floats, at: Index, j: int, place: float, q: int) -> None:
+    """What channel j reads at `place` within the step becomes reading q: shares of the state, an error of its own included."""
+    if at[u(plan.channel_state + j)] >= 0:
+        _takes(plan, r, m, at, q, at[u(plan.channel_state + j)], -1.0, place)
+    else:
+        for e in range(at[u(plan.node_start + j)], at[u(plan.node_start + j + 1)]):
+            _takes(plan, r, m, at, q, at[u(plan.node + e)], m[u(plan.node_share + e)], place)
+    if at[u(plan.channel_bias + j)] >= 0:
+        _takes(plan, r, m, at, q, at[u(plan.channel_bias + j)], -1.0, 1.0)
+
+
+@numba.njit(error_model="numpy", nogil=True, cache=True)
+def meter(plan: Plan, r: Readings, m: Floats, at: Index, j: int, outside: Floats, state: int, q: int) -> float:
+    """What meter j of heat reads [W] at [P | x] at `state`, with the step's features; its slopes there become reading q."""
+    n, size, length, first = plan.n, plan.size, plan.length, plan.n + plan.heats
+    begun = at[u(r.later_start + q)]
+    slope, total = r.later_share + begun, 0.0
+    for i in range(size):
+        _takes(plan, r, m, at, q, i, 0.0, 1.0)
+    surround(plan, m, state, outside)
+    amounts_at(plan, m, at, state)
+    laws_at(plan, m, at, plan.each, plan.laws)
+    signs = plan.signs + j * plan.laws
+    for t in range(plan.terms):
+        g, p = at[u(plan.term + 3 * t)], at[u(plan.term + 3 * t + 1)]
+        m[u(slope + first + p)] -= m[u(signs + g)] * term_at(plan, m, at, t) * m[u(plan.psi + 4 * g)]
+    for g in range(plan.laws):
+        if m[u(signs + g)] == 0.0:
+            continue
+        psi = plan.psi + 4 * g
+        value, by_a, by_b, by_m = m[u(psi)], m[u(psi + 1)], m[u(psi + 2)], m[u(psi + 3)]
+        amount = m[u(signs + g)] * m[u(plan.amounts + g)]
+        a, b, other = at[u(plan.law + 7 * g)], at[u(plan.law + 7 * g + 1)], at[u(plan.law + 7 * g + 3)]
+        total += amount * value
+        m[u(slope + a)] -= amount * by_a
+        if 0 <= b < n:
+            m[u(slope + b)] -= amount * by_b
+        if other >= 0:
+            m[u(slope + other)] -= amount * by_m
+    for i in range(n, first):
+        m[u(slope + i)] = -m[u(plan.of_losses + j)]
+        total += m[u(plan.of_losses + j)] * m[u(state + i * length + size)]
+    bias = at[u(plan.channel_bias + plan.channels + j)]
+    if bias >= 0:
+        m[u(slope + bias)] = -1.0
+        total += m[u(state + bias * length + size)]
+    return total
+
+
+@within
+def _stand(plan: Plan, r: Readings, m: Floats, at: Index, values: Floats, places: Floats) -> bool:
+    """Whether the lists are those of the channels that are read now, at their places; what they are of from now on. A meter's slopes
+    are those of one step."""
+    stand = True
+    for j in range(plan.channels + plan.meters):
+        place = -1.0 if np.isnan(values[j]) else places[j]
+        stand &= m[u(r.place + j)] == place and (j < plan.channels or place < 0.0)
+        m[u(r.place + j)] = place
+    return stand
+
+
+@within
+def _listed(plan: Plan, r: Readings, m: Floats, at: Index, outside: Floats, values: Floats, places: Floats) -> None:
+    """The lists of the channels that are read; in `metered` what meters would read."""
+    q = at[u(NOWHERE)]  # 0, but no literal: for one, numba would compile all that takes it a second time
+    for j in range(plan.channels + plan.meters):
+        if np.isnan(values[j]):
+            continue
+        at[u(r.later_start + q + 1)], at[u(r.earlier_start + q + 1)] = (
+            at[u(r.later_start + q)],
+            at[u(r.earlier_start + q)],
+        )
+        if j < plan.channels:
+            _sensor(plan, r, m, at, j, places[j], q)
+        else:
+            m[u(r.metered + q)] = meter(plan, r, m, at, j - plan.channels, outside, plan.ahead, q)
+        _ended(r, at, q)
+        at[u(r.rows + q)], at[u(r.channel + q)] = paired(q * r.stride, 0), j
+        q += 1
+    at[u(r.number)] = q
+    at[u(r.rows + q)] = -1
+
+
+@within
+def row_of(rows: Floats, step: int) -> int:
+    """Which row of places or variances is a step's: there may be one for all steps."""
+    return step if len(rows) > 1 else 0
+
+
+@numba.njit(error_model="numpy", nogil=True, cache=True)
+def observe(
+    plan: Plan,
+    r: Readings,
+    m: Floats,
+    at: Index,
+    outside: Floats,
+    values: Floats,
+    places: Floats,
+    variances: Floats,
+) -> int:
+    """How many readings the step has that `carry` just made; their rows. Meters are linear about the state as predicted."""
+    length, size, stride, unit = plan.length, plan.size, r.stride, plan.unit
+    if not _stand(plan, r, m, at, values, places):
+        _listed(plan, r, m, at, outside, values, places)
+    count: int = at[u(r.number)]
+    sweep(m, at, r.by_later, r.crossed, plan.ahead, plan.ahead, unit, r.later_share, length)
+    if at[u(r.earlier_start + count)] > count:
+        sweep(m, at, r.by_earlier, r.crossed, r.crossed, plan.turned, unit + 1, r.earlier_share, length)
+    for q in range(count):
+        own, j = r.crossed + q * stride, at[u(r.channel + q)]
+        if j >= plan.channels:
+            m[u(own + size)] = m[u(r.metered + q)]
+        m[u(own + size)] -= values[j]
+        _together(plan, r, m, at, q, variances[j])
+    return count
+
+
+@within
+def _together(plan: Plan, r: Readings, m: Floats, at: Index, q: int, variance: float) -> None:
+    """cov(y_p, y_q) of every p up to q, behind both rows; `variance` of the noise of q."""
+    stride, column, own = r.stride, plan.length + q, r.crossed + q * r.stride + plan.length
+    for p in range(q):
+        m[u(own + p)] = 0.0
+    m[u(own + q)] = variance
+    for e in range(at[u(r.later_start + q)], at[u(r.later_start + q + 1)] - 1):
+        share, i = m[u(r.later_share + e)], at[u(r.later + e)]
+        for p in range(q + 1):
+            m[u(own + p)] -= share * m[u(r.crossed + p * stride + i)]
+    for e in range(at[u(r.earlier_start + q)], at[u(r.earlier_start + q + 1)] - 1):
+        share, i = m[u(r.earlier_share + e)], at[u(r.earlier + e)]
+        for p in range(q + 1):
+            m[u(own + p)] -= share * _with_before(plan, r, m, at, p, i)
+    for p in range(q):
+        m[u(r.crossed + p * stride + column)] = m[u(own + p)]
+
+
+@within
+def _with_before(plan: Plan, r: Readings, m: Floats, at: Index, q: int, i: int) -> float:
+    """cov(y_q, x_i) of the state before the step."""
+    total, row = 0.0, i * plan.length
+    for e in range(at[u(r.later_start + q)], at[u(r.later_start + q + 1)] - 1):
+        total -= m[u(r.later_share + e)] * m[u(plan.turned + row + at[u(r.later + e)])]
+    for e in range(at[u(r.earlier_start + q)], at[u(r.earlier_start + q + 1)] - 1):
+        total -= m[u(r.earlier_share + e)] * m[u(plan.state + row + at[u(r.earlier + e)])]
+    return total
+
+
+@numba.njit(error_model="numpy", nogil=True, cache=True)
+def correct(plan: Layout, r: Readings, m: Floats, at: Index, count: int, innovations: Floats) -> float:
+    """`state`: [P | x] given the first `count` readings, from `ahead`, symmetric to the last bit; the log likelihood of the readings.
+    `innovations` (m + q, 2) of each given those before it, with their variances, NaN where there is no reading."""
+    length, size, stride, unit, row = plan.length, plan.size, r.stride, plan.unit + 1, at[u(NOWHERE)]
+    squares, product, logs = 0.0, 1.0, 0.0
+    told = pointer(innovations, 0)
+    for j in range(2 * (plan.channels + plan.meters)):
+        told[u(j)] = np.nan
+    for q in range(count):
+        own = r.missed + row
+        row_less(m, at, r.before, q, own, r.crossed + row, r.missed, unit, r.gain + q, stride)
+        spread, innovation = m[u(own + length + q)], -m[u(own + size)]
+        scale = 1.0 / spread
+        scaled(m, r.gain + row, scale, own, stride)
+        j = at[u(r.channel + q)]
+        told[u(2 * j)], told[u(2 * j + 1)] = innovation, spread
+        squares += innovation * innovation * scale
+        product *= spread
+        if not 1e-100 < product < 1e100:  # one logarithm for many readings, within the range of numbers
+            logs, product = logs + np.log(product), 1.0
+        row += stride
+    for q in range(count - 2, -1, -1):
+        own = r.gain + q * stride
+        behind = own + length + q + 1
+        row_less(m, at, r.numbered, count - 1 - q, own, own, own + stride, unit, behind, length)
+    less(m, at, r.each, count, r.numbered, count, r.missed, r.crossed, r.gain, unit, r.crossed + length, stride, length)
+    for i in range(0, size, 8):
+        out, ahead, others = plan.state + i * length + i, plan.ahead + i * length + i, r.crossed + i
+        rows = min(8, size - i)
+        less(m, at, plan.row, rows, r.lost, 2 * count, out, ahead, others, unit, r.crossed + i, 1, length - i)
+    mirrored(m, plan.state, size, length)
+    likelihood: float = -0.5 * (squares + logs + np.log(product) + count * LOG_2_PI)
+    return likelihood

@@ -1,0 +1,249 @@
+"""Fixed-interval smoother: what is known at each edge from all readings of the session, those after it included.
+
+The filter's estimate lags behind what happens, as later readings cannot speak yet; the smoother's does not. It is the smoother of
+Rauch, Tung and Striebel (doi:10.2514/3.3166) over `twin.filters.ekf`, in the form of Bryson and Frazier as modified by Bierman
+(Int. J. Control 18 (1973) 65): backward from the last edge it carries l and L, what later readings say, so that
+
+    x_s = x - P l,    P_s = P - P L P,
+
+through each step and its readings at once, gains k and rows h, how each reading moves with the state before the step. F is the
+step's derivative at the filter's estimate; r are the rows h, and e the innovations, of the independent readings of variance 1
+that `twin.filters.readings` makes of them:
+
+    A = F - sum k h',    L <- A' L A + sum r r',    l <- A' l - sum r e.
+
+No covariance is inverted, so that states without noise of their own do no harm, and every F is that of its own step. The filter's
+states are kept at the edges of blocks; a block is filtered again, step by step, when the way back reaches it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.arithmetic.lane_code import pointer
+from twin.arithmetic.lanes import Store, less, mirrored, record, row_less, scaled, sweep
+from twin.filters.ekf import Estimate, Run, columns_of, courses, estimate_of, through
+from twin.filters.inputs import AnyReading, Inputs, Start, inputs_of
+from twin.filters.plan import Plan, plan
+from twin.filters.readings import Readings, correct, observe, readings_of, row_of
+from twin.filters.step import carry, derive
+from twin.filters.unknowns import Unknown
+from twin.motor.network import Network
+from twin.run.simulate import Frame
+
+Floats = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Smoothed:
+    """What is known at each edge from all readings, with standard deviations: `temperatures` (N + 1, n) [degC] and `found`
+    (N + 1, u) of the unknowns (heat [W], logarithm of a factor, error [K]); row k holds in step k. `filtered`: from the
+    readings so far."""
+
+    filtered: Estimate
+    temperatures: Floats
+    temperatures_sd: Floats
+    found: Floats
+    found_sd: Floats
+
+
+def smoothed(
+    network: Network, frame: Frame, start: Start, unknowns: Sequence[Unknown], readings: Sequence[AnyReading]
+) -> Smoothed:
+    """Temperatures and unknowns from all readings of the session. Raises as `twin.filters.ekf.filter_unknowns`."""
+    inputs = inputs_of(network, frame, start, unknowns, readings)
+    steps, n = len(inputs.values), len(network.nodes)
+    length = block_length(steps)
+    run, back = _run_of(inputs, length)
+    blocks = [slice(first, min(first + length, steps)) for first in range(0, steps, length)]
+    kept, filtered = _forward(inputs, run, blocks)
+    states = np.empty((2, steps + 1, inputs.parts.last))
+    of = np.argsort(inputs.order).tolist()
+    states[0, -1] = np.append(filtered.temperatures[-1], filtered.found[-1][list(inputs.order)])
+    states[1, -1] = np.append(filtered.temperatures_sd[-1], filtered.found_sd[-1][list(inputs.order)]) ** 2
+    for block, state in zip(reversed(blocks), reversed(kept), strict=True):
+        run.state()[:] = state
+        edges = slice(block.start, block.stop)
+        _back_through(
+            run.plan,
+            run.readings,
+            back,
+            run.m,
+            run.at,
+            inputs.features[block],
+            inputs.boundaries[block],
+            inputs.values[block],
+            of_block(inputs.places, block),
+            of_block(inputs.variances, block),
+            states[0, edges],
+            states[1, edges],
+        )
+    sd = np.sqrt(states[1], out=states[1])
+    found, found_sd = columns_of(states[0, :, n:], of), columns_of(sd[:, n:], of)
+    return Smoothed(filtered, states[0, :, :n], sd[:, :n], found, found_sd)
+
+
+def of_block(rows: Floats, block: slice) -> Floats:
+    """The rows of places or variances that are a block's: one for all steps stays so."""
+    return rows[block] if len(rows) > 1 else rows
+
+
+def block_length(steps: int) -> int:
+    """Steps of a block for which least is kept: a covariance a block, and two matrices a step of one block."""
+    return max(1, math.isqrt(steps // 2))
+
+
+class Back(NamedTuple):
+    """Where the way back has its numbers, rows of the state's length but for readings. Of each step of a block: `edge` (S rows) [P | x]
+    at its start, `matrix` (S rows) how the state at its end moves with that at its start, readings included, `rows` (m + q of the
+    gain's stride) how each independent reading of variance 1 does, behind it the innovation, sign changed; `taken` of them."""
+
+    edge: int
+    matrix: int
+    rows: int
+    taken: int  # index
+    one: int  # S rows
+    before: int  # S rows, F
+    later: int  # S rows, [L | l], sign changed
+    product: int  # S rows
+    by_number: int  # (S,) pairs: all rows of the state, and the numbers of a row
+    by_row: int  # (S,) pairs: all rows, and where each begins
+
+
+def _run_of(inputs: Inputs, steps: int) -> tuple[Run, Back]:
+    """The arrays of a filter and of the way back through blocks of so many steps."""
+    store = Store()
+    own = plan(inputs.parts, inputs.boundaries.shape[1], store)
+    readings = readings_of(own, store)
+    most, length = own.channels + own.meters, own.length
+    back = Back(
+        edge=store.rows(steps * length, length),
+        matrix=store.rows(steps * length, length),
+        rows=store.rows(steps * most, readings.stride),
+        taken=store.index([0] * steps),
+        one=store.put(np.eye(length)),
+        before=store.rows(length, length),
+        later=store.rows(length, length),
+        product=store.rows(length, length),
+        by_number=store.pairs([(i * length, i) for i in range(own.size)]),
+        by_row=store.pairs([(i * length, i * length) for i in range(own.size)]),
+    )
+    return Run(record(own), record(readings), own.size, store.numbers(), store.indices()), record(back)
+
+
+def _forward(inputs: Inputs, run: Run, blocks: Sequence[slice]) -> tuple[list[Floats], Estimate]:
+    """[P | x] at the start of each block, and what the filter says."""
+    states, innovations = courses(inputs)
+    run.begin(inputs)
+    states[:, 0] = inputs.x[: inputs.parts.last, 0], np.diag(inputs.covariance)[: inputs.parts.last]
+    likelihood, kept = 0.0, []
+    for block in blocks:
+        kept.append(run.state().copy())
+        edges = slice(block.start, block.stop + 1)
+        likelihood += through(
+            run.plan,
+            run.readings,
+            run.m,
+            run.at,
+            inputs.features[block],
+            inputs.boundaries[block],
+            inputs.values[block],
+            of_block(inputs.places, block),
+            of_block(inputs.variances, block),
+            states[0, edges],
+            states[1, edges],
+            innovations[block],
+        )
+    return kept, estimate_of(inputs, states, innovations, run.covariance(), likelihood)
+
+
+@numba.njit(error_model="numpy", nogil=True, cache=True)
+def _back_through(
+    plan: Plan,
+    taken: Readings,
+    back: Back,
+    numbers: Floats,
+    indices: Index,
+    features: Floats,
+    boundaries: Floats,
+    readings: Floats,
+    places: Floats,
+    variances: Floats,
+    states: Floats,
+    spreads: Floats,
+) -> None:
+    """Filter a block again, keep what the way back needs, and go back: [L | l] from its last edge to its first, `states` and `spreads`
+    (N, c), the first c numbers of the state and their variances, at all of its edges but the last."""
+    size, length = plan.size, plan.length
+    block, most = length * length, (plan.channels + plan.meters) * taken.stride
+    innovations, early = np.empty((readings.shape[1], 2)), bool((places != 1.0).any())
+    m, at, channels = pointer(numbers, 0), pointer(indices, 0), readings.shape[1]
+    for k in range(len(boundaries)):
+        scaled(m, back.edge + k * block, 1.0, plan.state, block)
+        outside, values = pointer(boundaries, k * boundaries.shape[1]), pointer(readings, k * channels)
+        carry(plan, m, at, pointer(features, k * features.shape[1]), outside, early)
+        derive(plan, m, at, back.one, back.before)
+        place = pointer(places, row_of(places, k) * channels)
+        variance = pointer(variances, row_of(variances, k) * channels)
+        count = observe(plan, taken, m, at, outside, values, place, variance)
+        at[back.taken + k] = count
+        rows, matrix = back.rows + k * most, back.matrix + k * block
+        _reading_rows(plan, taken, back, m, at, count, rows)
+        correct(plan, taken, m, at, count, pointer(innovations, 0))
+        unit = plan.unit + 1
+        less(m, at, plan.row, size, taken.taken, count, matrix, back.before, rows, unit, taken.gain, 1, length)
+        _independent(plan, taken, m, at, count, innovations, rows)
+    for k in range(len(boundaries) - 1, -1, -1):
+        _before_step(plan, taken, back, m, at, at[back.taken + k], back.rows + k * most, back.matrix + k * block)
+        edge, product = back.edge + k * block, back.product
+        less(m, at, plan.row, size, back.by_number, size, product, product, back.later, plan.unit, edge, length, length)
+        for i in range(states.shape[1]):
+            known, left = m[edge + i * length + size], m[edge + i * length + i]
+            for c in range(size):
+                left -= m[product + i * length + c] * m[edge + i * length + c]
+            states[k, i], spreads[k, i] = known - m[product + i * length + size], max(left, 0.0)
+
+
+@numba.njit(error_model="numpy", nogil=True, cache=True)
+def _reading_rows(plan: Plan, taken: Readings, back: Back, m: Floats, at: Index, count: int, out: int) -> None:
+    """`out` (count rows of the gain's stride): how each reading moves with the state before the step."""
+    sweep(m, at, taken.by_later, out, back.before, back.before, plan.unit, taken.later_share, plan.length)
+    for q in range(count):
+        for e in range(at[taken.earlier_start + q], at[taken.earlier_start + q + 1] - 1):
+            m[out + q * taken.stride + at[taken.earlier + e]] -= m[taken.earlier_share + e]
+
+
+@numba.njit(error_model="numpy", nogil=True, cache=True)
+def _independent(plan: Plan, taken: Readings, m: Floats, at: Index, count: int, innovations: Floats, rows: int) -> None:
+    """The same of the independent readings of variance 1 that `correct` just made of them, and their innovations, sign changed."""
+    size, length, stride, unit = plan.size, plan.length, taken.stride, plan.unit + 1
+    for q in range(count):
+        row = rows + q * stride
+        row_less(m, at, taken.before, q, row, row, rows, unit, taken.gain + q, length)
+    for q in range(count):
+        row, told = rows + q * stride, at[taken.channel + q]
+        scale = 1.0 / np.sqrt(innovations[told, 1])
+        scaled(m, row, scale, row, length)
+        m[row + size] = -scale * innovations[told, 0]
+
+
+@numba.njit(error_model="numpy", nogil=True, cache=True)
+def _before_step(
+    plan: Plan, taken: Readings, back: Back, m: Floats, at: Index, count: int, rows: int, matrix: int
+) -> None:
+    """[L | l] before a step and its readings, from after them, symmetric to the last bit."""
+    size, length, product, later = plan.size, plan.length, back.product, back.later
+    less(m, at, plan.row, size, back.by_number, size, product, product, matrix, plan.unit, later, length, length)
+    for i in range(size):
+        m[product + i * length + size] = -m[later + i * length + size]
+    less(m, at, plan.row, size, back.by_row, size, later, later, product, plan.unit, matrix, 1, length)
+    less(m, at, plan.row, size, taken.taken, count, later, later, rows, plan.unit + 1, rows, 1, length)
+    mirrored(m, later, size, length)

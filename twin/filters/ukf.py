@@ -1,0 +1,152 @@
+"""Unscented Kalman filter: the filter of `twin.filters.ekf` with its step taken from many points at once instead of its derivative.
+
+Sigma points after Van der Merwe (The scaled unscented transformation: Julier, doi:10.1109/ACC.2002.1025369; Wan and Van der Merwe,
+doi:10.1109/ASSPCC.2000.882463): the estimate, and the estimate plus and minus each column of the root of its covariance, times
+`spread`. Each is a state of its own with its own factors, carried by the network's own step linearised about itself, so
+that mean and covariance hold the curvature that the extended filter leaves out. Readings are taken as there: those of
+temperatures are linear in the state. In a network whose heats are linear in temperatures and unknowns both filters are one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.filters.ekf import Estimate, courses, estimate_of, run_of
+from twin.filters.inputs import AnyReading, Start, inputs_of
+from twin.filters.plan import Plan
+from twin.filters.readings import Readings, correct, observe, row_of
+from twin.filters.step import move
+from twin.filters.unknowns import Unknown
+from twin.motor.network import Network
+from twin.run.simulate import Frame
+
+Floats = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+ALPHA, BETA, KAPPA = 0.5, 2.0, 0.0  # points at half of sqrt(size) standard deviations: about 2.5 for 25 numbers
+
+
+def filter_unscented(
+    network: Network, frame: Frame, start: Start, unknowns: Sequence[Unknown], readings: Sequence[AnyReading]
+) -> Estimate:
+    """Temperatures and unknowns from the readings, as `twin.filters.ekf.filter_unknowns`. Raises as that."""
+    inputs = inputs_of(network, frame, start, unknowns, readings)
+    run = run_of(inputs)
+    run.begin(inputs)
+    states, innovations = courses(inputs)
+    likelihood = _through(
+        run.plan,
+        run.readings,
+        run.m,
+        run.at,
+        inputs.features,
+        inputs.boundaries,
+        inputs.values,
+        inputs.places,
+        inputs.variances,
+        states[0],
+        states[1],
+        innovations,
+    )
+    return estimate_of(inputs, states, innovations, run.covariance(), float(likelihood))
+
+
+@numba.njit(error_model="numpy", nogil=True, cache=True)
+def _through(
+    plan: Plan,
+    taken: Readings,
+    m: Floats,
+    at: Index,
+    features: Floats,
+    boundaries: Floats,
+    readings: Floats,
+    places: Floats,
+    variances: Floats,
+    states: Floats,
+    spreads: Floats,
+    innovations: Floats,
+) -> float:
+    """As `twin.filters.ekf.through`."""
+    likelihood, size, length = 0.0, plan.size, plan.length
+    root, points = np.empty((size, size)), np.empty((2, 2 * size + 1, size))
+    for k in range(len(boundaries) + 1):
+        if k > 0:
+            _carry(plan, m, at, features[k - 1], boundaries[k - 1], root, points[0], points[1])
+            place, variance = places[row_of(places, k - 1)], variances[row_of(variances, k - 1)]
+            count = observe(plan, taken, m, at, boundaries[k - 1], readings[k - 1], place, variance)
+            likelihood += correct(plan, taken, m, at, count, innovations[k - 1])
+        for i in range(states.shape[1]):
+            states[k, i], spreads[k, i] = m[plan.state + i * length + size], m[plan.state + i * length + i]
+    return likelihood
+
+
+@numba.njit(error_model="numpy", nogil=True, cache=True)
+def _carry(
+    plan: Plan, m: Floats, at: Index, phi: Floats, outside: Floats, root: Floats, before: Floats, after: Floats
+) -> None:
+    """As `twin.filters.step.carry`, through the sigma points `before` and `after` (2 S + 1, S) the step; `root` (S, S)."""
+    size, length, state, turned, ahead = plan.size, plan.length, plan.state, plan.turned, plan.ahead
+    scale = ALPHA * ALPHA * (size + KAPPA)
+    spread, weight = np.sqrt(scale), 0.5 / scale
+    _root(m[state : state + size * length].reshape((size, length)), root)
+    for p in range(2 * size + 1):
+        column, sign = (p - 1) // 2, 0.0 if p == 0 else 1.0 if p % 2 else -1.0
+        for i in range(size):
+            before[p, i] = m[state + i * length + size]
+            if p > 0 and i >= column:
+                before[p, i] += sign * spread * root[i, column]
+            m[turned + i * length + size] = before[p, i]
+        move(plan, m, at, phi, outside, turned, ahead)
+        for i in range(size):
+            after[p, i] = m[ahead + i * length + size]
+    _gather(plan, m, before, after, weight, 1.0 - size / scale)
+
+
+@numba.njit(error_model="numpy", nogil=True, cache=True)
+def _gather(plan: Plan, m: Floats, before: Floats, after: Floats, weight: float, middle: float) -> None:
+    """`ahead` and `turned` from the sigma points; the one in the middle counts `middle` in the mean."""
+    size, length = plan.size, plan.length
+    begun = before[0].copy()
+    mean = np.empty(size)
+    for i in range(size):
+        total = 0.0
+        for p in range(1, len(after)):
+            total += after[p, i] - after[0, i]
+        mean[i] = after[0, i] + weight * total
+    for i in range(size):
+        for c in range(size):
+            m[plan.ahead + i * length + c] = m[plan.turned + i * length + c] = 0.0
+    for p in range(len(after)):
+        share = middle + 1.0 - ALPHA * ALPHA + BETA if p == 0 else weight
+        for i in range(size):
+            after[p, i] -= mean[i]
+            before[p, i] -= begun[i]
+        for i in range(size):
+            mine, earlier = share * after[p, i], share * before[p, i]
+            for c in range(size):
+                m[plan.ahead + i * length + c] += mine * after[p, c]
+                m[plan.turned + i * length + c] += earlier * after[p, c]
+    for i in range(size):
+        m[plan.ahead + i * length + i] += m[plan.process + i]
+        m[plan.ahead + i * length + size], m[plan.turned + i * length + size] = mean[i], begun[i]
+
+
+@numba.njit(error_model="numpy", nogil=True, cache=True)
+def _root(covariance: Floats, root: Floats) -> None:
+    """Lower triangle (S, S) of Cholesky of P; a number that the others determine gets a column of zeros."""
+    for j in range(len(root)):
+        own = covariance[j, j]
+        left = own
+        for q in range(j):
+            left -= root[j, q] * root[j, q]
+        pivot = np.sqrt(left) if left > 1e-14 * own else 0.0
+        root[j, j] = pivot
+        for i in range(j + 1, len(root)):
+            entry = covariance[i, j]
+            for q in range(j):
+                entry -= root[i, q] * root[j, q]
+            root[i, j] = entry / pivot if pivot > 0.0 else 0.0

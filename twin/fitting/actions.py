@@ -1,0 +1,194 @@
+"""What one number can do to a modelled test: the vocabulary of healthy differences and of candidate causes alike."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from twin.motor.network import NOBODY
+
+Terms = tuple[int, ...]  # places in `features.terms`
+
+
+@dataclass(frozen=True)
+class Scale:
+    """The terms times exp(p)."""
+
+    terms: Terms
+
+
+@dataclass(frozen=True)
+class Power:
+    """The terms times the feature to the power p."""
+
+    terms: Terms
+    feature: str
+
+
+@dataclass(frozen=True)
+class Tent:
+    """The terms times 1 + p hat(speed) [current], hat the tent on knot `knot` of `speeds` (dimensionless)."""
+
+    terms: Terms
+    speeds: tuple[float, ...]
+    knot: int
+    current: bool
+
+
+@dataclass(frozen=True)
+class Course:
+    """The terms times exp(p f), f one number a test: the count of its kind so far (`session`) or a dose in 100 h."""
+
+    terms: Terms
+    by: str
+
+
+@dataclass(frozen=True)
+class InputGain:
+    """An input reads (1 + p) times the truth."""
+
+    name: str
+
+
+@dataclass(frozen=True)
+class InputBias:
+    """An input reads p [its stored unit] too much."""
+
+    name: str
+    scale: float
+
+
+@dataclass(frozen=True)
+class Place:
+    """A node, or two ends of a link: indices as in `Network.names`."""
+
+    a: int
+    b: int = NOBODY
+
+
+@dataclass(frozen=True)
+class Added:
+    """p [W or W/K] * feature / rms at every place; `own`: the heat goes with copper (+1) or its inverse (-1)."""
+
+    places: tuple[Place, ...]
+    feature: str
+    rms: float
+    own: int = 0
+
+
+@dataclass(frozen=True)
+class Tilt:
+    """The terms, all at one of `places`, times 1 + p (T - reference), T of the node or mean of the link's ends."""
+
+    places: tuple[Place, ...]
+    terms: tuple[Terms, ...]
+    references: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Capacity:
+    """The nodes' capacities times exp(p)."""
+
+    nodes: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class Attached:
+    """A mass of p [J/K] behind each node, following it with a time constant."""
+
+    nodes: tuple[int, ...]
+    lag_s: float
+
+
+@dataclass(frozen=True)
+class Start:
+    """A node is p [K] hotter at the start."""
+
+    node: int
+
+
+@dataclass(frozen=True)
+class BoundaryBias:
+    """A boundary reads p [K] too much."""
+
+    boundary: int
+
+
+@dataclass(frozen=True)
+class Bias:
+    """A channel reads p [K] too much."""
+
+    channel: str
+
+
+@dataclass(frozen=True)
+class Gain:
+    """A channel reads (1 + p) times the truth in degC."""
+
+    channel: str
+
+
+@dataclass(frozen=True)
+class Lag:
+    """A channel follows p [s] more slowly than stated."""
+
+    channel: str
+
+
+@dataclass(frozen=True)
+class Drift:
+    """A channel reads p [K/h] times the hours since the start too much."""
+
+    channel: str
+
+
+@dataclass(frozen=True)
+class Stem:
+    """A channel reads p times (ambient - truth) too much; `ambient`: the boundary's index among the boundaries."""
+
+    channel: str
+    ambient: int
+
+
+@dataclass(frozen=True)
+class Beside:
+    """A channel follows p of a node (an index) and 1 - p of its own place: a thermocouple reads a mixture of what it touches."""
+
+    channel: str
+    node: int
+
+
+@dataclass(frozen=True)
+class Late:
+    """The stamps of the channels are late by p [s], or by p [ppm] of the time run where `drifts`; `sign` -1: it is all else
+    that is late."""
+
+    channels: tuple[str, ...]
+    drifts: bool
+    sign: float = 1.0
+
+
+@dataclass(frozen=True)
+class FreeHeat:
+    """p [W] * tent into a node: one of those that make up a free heat, at `time_s` of its test."""
+
+    node: int
+    time_s: float
+    spacing_s: float
+
+
+OnTerms = Scale | Power | Tent | Course | InputGain | InputBias
+OnReading = Bias | Gain | Lag | Drift | Stem | Beside | Late
+Action = OnTerms | Added | Tilt | Capacity | Attached | Start | BoundaryBias | FreeHeat | OnReading
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One number with its prior, mean 0 unless `mean` says else. `test`: the one it belongs to, None for all. `low`, `high`:
+    where it is held."""
+
+    name: str
+    action: Action
+    sd: float
+    test: int | None = None
+    low: float = -float("inf")
+    high: float = float("inf")

@@ -1,0 +1,132 @@
+"""The thermal circuit of one test under parameters: its states, its laws and what each carries, and its runs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.compiled.laws import Law, Table
+from twin.compiled.structure import described
+from twin.fitting import actions
+from twin.fitting.actions import Parameter
+from twin.fitting.drive import Drive
+from twin.fitting.march import System, run
+from twin.fitting.recorded import Test
+from twin.fitting.rows import Entry, Products
+from twin.motor.network import NOBODY, Network
+
+Floats = NDArray[np.float64]
+
+
+class Circuit:
+    """Everything about a test that does not depend on the vector. States: the network's nodes, then masses that follow them; boundaries
+    are behind all states. `active`: (place in the vector, action) of what acts in this test."""
+
+    def __init__(self, network: Network, test: Test, numbers: Sequence[Parameter], number: int) -> None:
+        self.network, self.test, self.step_s = network, test, test.frame.step_s
+        self.active = [(p, one.action) for p, one in enumerate(numbers) if one.test in (None, number)]
+        self.n, self.steps = len(network.nodes), len(test.frame.features)
+        self.followers = [
+            (p, node, one.action.lag_s)
+            for p, one in enumerate(numbers)
+            if isinstance(one.action, actions.Attached)
+            for node in one.action.nodes
+        ]
+        self.states = self.n + len(self.followers)
+        self.edges_s: Floats = np.arange(self.steps + 1, dtype=np.float64) * self.step_s
+        self.drive = Drive(network, test, self.active)
+        shape, values = described(network)
+        self.capacities = np.concatenate([values.capacities, np.ones(len(self.followers))])
+        self._laws: dict[Law, int] = {}
+        members = [
+            (self._law(self.placed(Law.of(group, values, g))), group.terms) for g, group in enumerate(shape.groups)
+        ]
+        self.law_of = [law for _, law in sorted((i, law) for law, terms in members for i, _ in terms)]
+        self._carry()
+        self.laws = tuple(self._laws)
+        self.table = Table.of(self.laws, network.copper)
+
+    def _carry(self) -> None:
+        """Which terms and features the laws carry, and with tilts."""
+        terms: list[Entry] = [(law, 1.0, i, 0, NOBODY) for i, law in enumerate(self.law_of)]
+        tilts: list[Entry] = []
+        rows: list[Entry] = []
+        for i, (p, node, lag_s) in enumerate(self.followers):
+            rows.append((self._law(Law(node, self.n + i, one_way=True)), 1 / lag_s, 0, 0, p))
+            rows.append((self._law(Law(self.n + i, node, one_way=True)), 1 / lag_s, 0, 0, NOBODY))
+        for p, action in self.active:
+            match action:
+                case actions.Added(places, feature, rms, own):
+                    row, factor = self.drive.feature(feature, rms)
+                    rows += [(self._law(self.place(place, own)), factor, row, 0, p) for place in places]
+                case actions.Tilt(places, members, references):
+                    for place, own_terms, reference in zip(places, members, references, strict=True):
+                        law = self._law(self.place(place, tilt=reference))
+                        tilts += [(law, 1.0, i, 0, p) for i in own_terms]
+        self.of_terms, self.of_features = Products.of(terms + tilts), Products.of(rows)
+        self.tilts = Products.of([(i, weight, law, 0, p) for law, weight, i, _, p in tilts])
+
+    def _law(self, law: Law) -> int:
+        return self._laws.setdefault(law, len(self._laws))
+
+    def placed(self, law: Law) -> Law:
+        """With boundaries behind all states."""
+        return replace(law, b=law.b + len(self.followers)) if law.b >= self.n else law
+
+    def place(self, place: actions.Place, own: int = 0, tilt: float | None = None) -> Law:
+        return self.placed(Law(place.a, place.b, own, tilt=tilt))
+
+    def start(self, beta: Floats) -> Floats:
+        """Temperatures at the start (states,)."""
+        found = np.concatenate([self.test.initial, [self.test.initial[node] for _, node, _ in self.followers]])
+        for p, action in self.active:
+            if isinstance(action, actions.Start):
+                found[self.moved_by_start(action.node)] += beta[p]
+        return found
+
+    def moved_by_start(self, node: int) -> list[int]:
+        return [node, *(self.n + i for i, (_, follows, _) in enumerate(self.followers) if follows == node)]
+
+    def run(self, beta: Floats, course: Floats) -> Run:
+        """One run, heats linearised about a course (N, states). Raises `DivergedError`."""
+        drive = self.drive
+        prompt, tents = drive.terms(beta)
+        late_s = drive.late_s(beta)
+        values = drive.delayed(prompt, late_s)
+        carried = np.zeros((len(self.laws), self.steps))
+        self.of_terms.add(carried, values, drive.one, beta)
+        self.of_features.add(carried, drive.delayed(drive.features.values, late_s), drive.one, beta)
+        capacity, boundaries = self.capacities.copy(), drive.delayed(self.test.frame.boundaries.T, late_s).T.copy()
+        for p, action in self.active:
+            match action:
+                case actions.Capacity(nodes):
+                    capacity[list(nodes)] *= np.exp(beta[p])
+                case actions.BoundaryBias(boundary):
+                    boundaries[:, boundary] -= beta[p]
+        system = System.of(self.table, carried, capacity, self.step_s, course, boundaries)
+        edges, means = run(system, self.start(beta))
+        acting = {int(i) for own in (self.of_terms, self.of_features) for i in own.to[own.weights(beta) != 0]}
+        affine = all(self.laws[i].affine for i in acting)
+        return Run(beta, prompt, tents, late_s, values, carried, affine, system, boundaries, edges, means)
+
+
+@dataclass(frozen=True)
+class Run:
+    """One run of one test at a vector. `prompt` (T, N): terms before they are delayed by `late_s`, `tents` the factors of their
+    tents; `values` (T, N) as they act; `carried` (L, N): what each law carries; `affine`: whether every
+    heat is linear in temperature, so that the course it was linearised about does not matter."""
+
+    beta: Floats
+    prompt: Floats
+    tents: Floats
+    late_s: float
+    values: Floats
+    carried: Floats
+    affine: bool
+    system: System
+    boundaries: Floats
+    edges: Floats
+    means: Floats

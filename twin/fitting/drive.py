@@ -1,0 +1,135 @@
+"""What drives one test: the terms of the network and products of features, as a vector of parameters changes them."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.fitting import actions
+from twin.fitting.recorded import Test
+from twin.fitting.rows import Entry, Products, delayed
+from twin.motor import features
+from twin.motor.network import Network
+
+Floats = NDArray[np.float64]
+
+LEAST_INPUT = 0.02  # of its scale: where an input is smaller, a bias of it moves nothing
+LEAST_TENT = 0.05
+PROBE_S = 0.25  # of time, for the slope of a reading by its stamps: past the kinks at whole steps
+
+
+class Rows:
+    """Rows (R, N) that are asked for by a name, each made once; row 0 is 1."""
+
+    def __init__(self, length: int) -> None:
+        self._places: dict[Hashable, int] = {}
+        self.values = np.ones((1, length))
+
+    def place(self, name: Hashable) -> int | None:
+        return self._places.get(name)
+
+    def added(self, name: Hashable, row: Floats) -> int:
+        self._places[name] = len(self.values)
+        self.values = np.vstack([self.values, row])
+        return self._places[name]
+
+
+class Drive:
+    """The drive of a test under the parameters that are active in it."""
+
+    def __init__(self, network: Network, test: Test, active: Sequence[tuple[int, actions.Action]]) -> None:
+        self.test, self.step_s = test, test.frame.step_s
+        terms = [*features.terms(network), *features.streams(network)]  # what fluid carries is driven like any term
+        self.exponents = [features.monomial(term).exponents for term in terms]
+        own = {m.name: test.frame.features[:, j] for j, m in enumerate(features.monomials(network))}
+        ones = np.ones(len(test.frame.features))
+        self.base = np.array([term.coefficient * own.get(features.monomial(term).name, ones) for term in terms])
+        self.shapes, self.features, self.one = Rows(ones.size), Rows(ones.size), ones[None]
+        self._effects: dict[actions.OnTerms, list[tuple[int, int, float]]] = {}
+        self._late = [(p, one.sign) for p, one in active if isinstance(one, actions.Late) and test.is_common(one)]
+        logs: list[Entry] = []
+        tents: list[Entry] = []
+        for p, action in active:
+            if isinstance(action, actions.OnTerms):
+                into = tents if isinstance(action, actions.Tent) else logs
+                into += [(term, factor, shape, 0, p) for term, shape, factor in self.effect(action)]
+        self._logs, self._tents = Products.of(logs), Products.of(tents)
+
+    def effect(self, action: actions.OnTerms) -> list[tuple[int, int, float]]:
+        """(term, row of `shapes`, factor): the change of ln term (in a tent of the term) per p is factor times row."""
+        if action not in self._effects:
+            self._effects[action] = self._effect(action)
+        return self._effects[action]
+
+    def _effect(self, action: actions.OnTerms) -> list[tuple[int, int, float]]:
+        match action:
+            case actions.Scale(terms):
+                return [(i, 0, 1.0) for i in terms]
+            case actions.Course(terms, by):
+                return [(i, 0, self.test.course.get(by, 0.0)) for i in terms]
+            case actions.InputGain(name):
+                return [(i, 0, -e[name]) for i, e in enumerate(self.exponents) if name in e]
+            case actions.Power(terms, _):
+                return [(i, self._shape(action), 1.0) for i in terms]
+            case actions.Tent(terms):
+                return [(i, self._shape(action), 1.0) for i in terms]
+            case actions.InputBias(name, _):
+                return [(i, self._shape(action), -e[name]) for i, e in enumerate(self.exponents) if name in e]
+
+    def _shape(self, action: actions.Power | actions.Tent | actions.InputBias) -> int:
+        """The row of `shapes` that an action multiplies with."""
+        inputs = self.test.inputs
+        match action:
+            case actions.Power(_, feature):
+                name: tuple[object, ...] = ("ln", feature)
+            case actions.Tent(_, speeds, knot, current):
+                name = ("tent", speeds, knot, current)
+            case actions.InputBias(feature, scale):
+                name = ("bias", feature, scale)
+        place = self.shapes.place(name)
+        if place is not None:
+            return place
+        match action:
+            case actions.Power(_, feature):
+                row = np.log(np.maximum(inputs[feature], LEAST_INPUT))
+            case actions.Tent(_, speeds, knot, current):
+                hat = np.interp(inputs["speed"], speeds, np.eye(len(speeds))[knot])
+                row = hat * inputs["current"] if current else hat
+            case actions.InputBias(feature, scale):
+                u = inputs[feature]
+                row = np.where(u > LEAST_INPUT, 1 / (scale * np.maximum(u, LEAST_INPUT)), 0.0)
+        return self.shapes.added(name, row)
+
+    def feature(self, name: str, rms: float) -> tuple[int, float]:
+        """The row of `features` with a product of features, and 1 / rms; 0 for what is nowhere in the tests that gave its rms."""
+        factor = 1 / rms if rms else 0.0
+        if name == "constant":
+            return 0, factor
+        place = self.features.place(name)
+        return (self.features.added(name, self.test.features[name]) if place is None else place), factor
+
+    def terms(self, beta: Floats) -> tuple[Floats, Floats]:
+        """Every term (T, N) [W or W/K], and the factor of its tents (T, N), before any delay."""
+        log, tents, shapes = np.zeros_like(self.base), np.ones_like(self.base), self.shapes.values
+        self._logs.add(log, shapes, self.one, beta)
+        self._tents.add(tents, shapes, self.one, beta)
+        np.maximum(tents, LEAST_TENT, out=tents)
+        np.exp(log, out=log)
+        log *= self.base
+        log *= tents
+        return log, tents
+
+    def late_s(self, beta: Floats) -> float:
+        """How late all channels are together."""
+        return sum(sign * float(beta[p]) for p, sign in self._late)
+
+    def delayed(self, x: Floats, late_s: float) -> Floats:
+        """Step means (R, N) of what happened `late_s` before."""
+        return delayed(x, late_s / self.step_s)
+
+    def delayed_slope(self, x: Floats, late_s: float) -> Floats:
+        """d `delayed` / d late_s, at whole steps the mean of both sides."""
+        slope: Floats = (self.delayed(x, late_s + PROBE_S) - self.delayed(x, late_s - PROBE_S)) / (2 * PROBE_S)
+        return slope

@@ -1,0 +1,226 @@
+"""What the channels and meters of one test show of it, and what that changes by with the parameters of readings."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.fitting import actions
+from twin.fitting.actions import Action
+from twin.fitting.circuit import Circuit, Run
+from twin.fitting.drive import PROBE_S
+from twin.fitting.metering import Metering
+from twin.fitting.noise import Series
+from twin.fitting.recorded import Channel
+from twin.fitting.responses import Mean, Sensor, means
+from twin.motor.outputs import blocks, lagged
+
+Floats = NDArray[np.float64]
+A = TypeVar("A", bound=Action)
+
+LAG_PROBE_S = 0.05  # for the slope of a reading by its lag, which has no kinks
+
+
+class Sensing:
+    """The channels of a circuit's test: everything that does not depend on the vector."""
+
+    def __init__(self, circuit: Circuit, number: int) -> None:
+        self.circuit, self.test, self.number = circuit, circuit.test, number
+        channels, sensors, step_s = self.test.channels, self.test.sensors, circuit.step_s
+        self.blocks = [blocks(one.output, step_s) for one in sensors]
+        self.times_s = [cut.times_s(step_s) for cut in self.blocks]
+        self.weights = [self._weights(channel) for channel in channels]
+        self.measured = [b.measured(c.measured) for b, c in zip(self.blocks, sensors, strict=True)]
+        self.metering = Metering(circuit, self.blocks[len(channels) :])
+        self._own: list[dict[type, list[tuple[int, Action]]]] = [{} for _ in self.blocks]
+        for p, action in circuit.active:
+            for k in self.read_by(action):
+                self._own[k].setdefault(type(action), []).append((p, action))
+
+    def read_by(self, action: Action) -> list[int]:
+        """The channels, then the meters, that an action makes read otherwise than the temperatures say. A stem reads its boundary;
+        a meter reads heats, which anything may change."""
+        count = len(self.test.channels)
+        meters = list(range(count, count + len(self.test.meters)))
+        match action:
+            case actions.BoundaryBias():
+                return [*(k for k in range(count) if self.of(k, actions.Stem)), *meters]
+            case actions.Late(names):
+                about: tuple[str, ...] = () if self.test.is_common(action) else names
+            case _ if isinstance(action, actions.OnReading):
+                about = (action.channel,)
+            case _:
+                return meters
+        return [k for k, one in enumerate(self.test.sensors) if one.name in about]
+
+    def _weights(self, channel: Channel) -> Floats:
+        names = [node.name for node in self.circuit.network.nodes]
+        weights = np.zeros(self.circuit.states)
+        for node, share in channel.output.weights.items():
+            weights[names.index(node)] += share
+        return weights
+
+    def of(self, k: int, kind: type[A]) -> list[tuple[int, A]]:
+        """The parameters of channel k whose action is of a kind."""
+        return [(p, action) for p, action in self._own[k].get(kind, []) if isinstance(action, kind)]
+
+    def towards(self, k: int, node: int) -> Floats:
+        """What the weights (states,) of channel k change by for each share of a node beside its place."""
+        change = -self.weights[k]
+        change[node] += 1.0
+        return change
+
+    def late_by(self, action: actions.Late) -> Floats:
+        """Lateness (N + 1,) [s] for each unit of the parameter."""
+        return self.circuit.edges_s * 1e-6 if action.drifts else np.ones(self.circuit.steps + 1)
+
+
+class Readings:
+    """What channel k shows in one run; behind the channels stand the meters."""
+
+    def __new__(cls, sensing: Sensing, run: Run, k: int) -> Readings:  # noqa: PYI034 -- k says which of the two
+        return super().__new__(cls if k < len(sensing.test.channels) else _MeterReadings)
+
+    def __init__(self, sensing: Sensing, run: Run, k: int) -> None:
+        self.sensing, self.run, self.k = sensing, run, k
+        self.channel, self.cut = sensing.test.channels[k], sensing.blocks[k]
+        self.step_s = sensing.circuit.step_s
+        self.weights = sensing.weights[k]
+        for p, action in sensing.of(k, actions.Beside):
+            self.weights = self.weights + run.beta[p] * sensing.towards(k, action.node)
+        self.lag_s = max(0.0, self.channel.output.time_constant_s + self._sum(actions.Lag))
+        self.factor = 1.0 + self._sum(actions.Gain) - self._sum(actions.Stem)  # what the truth is multiplied with
+        self.late_s = np.zeros(sensing.circuit.steps + 1)
+        for p, late in sensing.of(k, actions.Late):
+            self.late_s = self.late_s + late.sign * float(run.beta[p]) * sensing.late_by(late)
+        self.truth: Floats = run.edges @ self.weights
+        self.followed = lagged(self.truth, self.lag_s, self.step_s)  # by the sensor itself
+
+    def _sum(self, kind: type[Action]) -> float:
+        return float(sum(self.run.beta[p] for p, _ in self.sensing.of(self.k, kind)))
+
+    @property
+    def sensor(self) -> Sensor:
+        return Sensor(self.weights, self.lag_s)
+
+    def block_means(self) -> list[Mean]:
+        """Means of blocks as `twin.fitting.responses.responses` takes them."""
+        return means(self.k, self.cut, self.late_s / self.step_s)
+
+    def stamped(self, rows: Floats, late_s: Floats) -> Floats:
+        """Block means (..., B) of readings (..., N + 1) whose stamps are late."""
+        if late_s.any():
+            last = rows.shape[-1] - 1
+            at = np.clip(np.arange(last + 1) - late_s / self.step_s, 0, last)
+            low = np.minimum(at.astype(np.intp), last - 1)
+            rows = rows[..., low] + (at - low) * (rows[..., low + 1] - rows[..., low])
+        return self.cut.means(rows)
+
+    def shown(self) -> Floats:
+        """What the channel shows (N + 1,), its stamps aside."""
+        found = self.factor * self.followed + self._sum(actions.Bias)
+        for p, stem in self.sensing.of(self.k, actions.Stem):
+            found = found + self.run.beta[p] * self.ambient(stem)
+        drift = self._sum(actions.Drift)
+        shown: Floats = found + drift * self.sensing.circuit.edges_s / 3600 if drift else found
+        return shown
+
+    def ambient(self, action: actions.Stem) -> Floats:
+        around = self.run.boundaries[:, action.ambient]
+        return np.append(around, around[-1])
+
+    def series(self) -> Series:
+        """Measured minus shown."""
+        return Series(
+            session=self.sensing.number,
+            channel=self.channel.name,
+            t_s=self.sensing.times_s[self.k],
+            y=self.sensing.measured[self.k] - self.stamped(self.shown(), self.late_s),
+            samples=self.cut.samples,
+            white_sd=self.channel.white_sd,
+            resolution=self.channel.resolution,
+        )
+
+    def columns(self, wanted: Sequence[tuple[int, Action]]) -> Iterator[tuple[int, Floats]]:
+        """(column, (B,)): what the reading changes by where the temperatures do not."""
+        rows: list[tuple[int, Floats]] = []
+        beside: list[tuple[int, int]] = []
+        for column, action in wanted:
+            match action:
+                case actions.Bias():
+                    yield column, np.ones(len(self.sensing.measured[self.k]))
+                case actions.Gain():
+                    rows.append((column, self.followed))
+                case actions.Drift():
+                    rows.append((column, self.sensing.circuit.edges_s / 3600))
+                case actions.Stem():
+                    rows.append((column, self.ambient(action) - self.followed))
+                case actions.BoundaryBias(boundary):
+                    stems = [p for p, stem in self.sensing.of(self.k, actions.Stem) if stem.ambient == boundary]
+                    if stems:
+                        yield column, np.full(len(self.sensing.measured[self.k]), -float(self.run.beta[stems].sum()))
+                case actions.Beside(_, node):
+                    beside.append((column, node))
+                case actions.Lag():
+                    low, high = max(0.0, self.lag_s - LAG_PROBE_S), self.lag_s + LAG_PROBE_S
+                    changed = lagged(self.truth, high, self.step_s) - lagged(self.truth, low, self.step_s)
+                    rows.append((column, self.factor * changed / (high - low)))
+                case actions.Late(_, _, sign):
+                    shown, by = self.shown(), PROBE_S * self.sensing.late_by(action)
+                    after, before = (self.stamped(shown, self.late_s + way * by) for way in (1.0, -1.0))
+                    yield column, sign * (after - before) / (2 * PROBE_S)
+        if beside:
+            edges, nodes = self.run.edges, [node for _, node in beside]
+            moved = lagged(edges[:, nodes].T - edges @ self.sensing.weights[self.k], self.lag_s, self.step_s)
+            rows += [(column, self.factor * row) for (column, _), row in zip(beside, moved, strict=True)]
+        if rows:
+            found = self.stamped(np.array([row for _, row in rows]), self.late_s)
+            yield from zip((column for column, _ in rows), found, strict=True)
+
+
+class _MeterReadings(Readings):
+    """What a meter shows in one run. It follows no temperature alone: all of its columns come from `columns`."""
+
+    def __init__(self, sensing: Sensing, run: Run, k: int) -> None:
+        self.sensing, self.run, self.k, self.cut = sensing, run, k, sensing.blocks[k]
+        self.at = k - len(sensing.test.channels)
+        self.meter = sensing.test.meters[self.at]
+        self.factor = 1.0 + self._sum(actions.Gain)
+        self.truth_means = sensing.metering.reading(run, self.at)
+
+    @property
+    def sensor(self) -> Sensor:
+        return Sensor(np.zeros(self.sensing.circuit.states), 0.0)
+
+    def block_means(self) -> list[Mean]:
+        return []
+
+    def series(self) -> Series:
+        shown = (self.factor * self.truth_means + self._sum(actions.Bias)) / self.meter.row
+        return Series(
+            session=self.sensing.number,
+            channel=self.meter.name,
+            t_s=self.sensing.times_s[self.k],
+            y=self.sensing.measured[self.k] / self.meter.row - shown,
+            samples=self.cut.samples,
+            white_sd=self.meter.white_sd / self.meter.row,
+            resolution=self.meter.resolution / self.meter.row,
+        )
+
+    def columns(self, wanted: Sequence[tuple[int, Action]]) -> Iterator[tuple[int, Floats]]:
+        return ((column, moved / self.meter.row) for column, moved in self._moved(wanted))
+
+    def _moved(self, wanted: Sequence[tuple[int, Action]]) -> Iterator[tuple[int, Floats]]:
+        """(column, (B,)) in the meter's unit."""
+        heats = [(column, action) for column, action in wanted if not isinstance(action, actions.Bias | actions.Gain)]
+        if heats:
+            moved = self.factor * self.sensing.metering.columns(self.run, heats)[self.at]
+            yield from ((column, moved[:, column]) for column, _ in heats)
+        for column, action in wanted:
+            if isinstance(action, actions.Bias):
+                yield column, np.ones(len(self.truth_means))
+            elif isinstance(action, actions.Gain):
+                yield column, self.truth_means

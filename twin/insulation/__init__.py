@@ -1,0 +1,1 @@
+"""What DC checks say of one specimen's insulation, and the state that they leave."""

@@ -1,0 +1,193 @@
+"""A DC check's test as a fit over many checks takes it: steps as long as blocks, one mean channel a place, only the minutes that are asked."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.differences.everyday import terms_of
+from twin.fitting.recorded import Channel, Test
+from twin.motor.features import monomial, monomials, terms
+from twin.motor.network import Network
+from twin.motor.outputs import BLOCK_S, Output
+from twin.run.simulate import Frame
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+ON_QUANTILE, ON_SHARE = 0.995, 0.5  # the load is on above this share of this quantile of the heat
+BEFORE_S = 120.0  # of a switch, that belong to its minutes
+MOST_LEAD_K = 10.0  # of the copper over what is around it, where a record begins at rest
+START_K, START_SHARE = 0.1, 0.2  # sd of a node's start about the others; more by this share of their excess at rest
+
+
+def coarse(test: Test) -> Test:
+    """The test in steps of one block (10 s), without meters; what does not fill a step at the end is left out.
+
+    What drives it are means over the steps, a channel the mean of its samples there with their mean place.
+    """
+    many = max(1, round(BLOCK_S / test.frame.step_s))
+    steps = len(test.frame.features) // many
+
+    def means(values: Floats) -> Floats:
+        return np.asarray(values[: steps * many].reshape(steps, many, *values.shape[1:]).mean(axis=1))
+
+    def thinned(channel: Channel) -> Channel:
+        samples = channel.output.samples[: steps * many].reshape(steps, many)
+        total = np.maximum(samples.sum(axis=1), 1.0)
+        values = np.where(samples > 0.0, channel.measured[: steps * many].reshape(steps, many), 0.0)
+        place = (np.arange(many) + channel.output.place[: steps * many].reshape(steps, many)) / many
+        output = replace(
+            channel.output, samples=samples.sum(axis=1), place=np.asarray((samples * place).sum(axis=1) / total)
+        )
+        return replace(channel, output=output, measured=np.asarray((samples * values).sum(axis=1) / total))
+
+    return replace(
+        test,
+        frame=Frame(
+            test.frame.step_s * many,
+            np.ascontiguousarray(means(test.frame.features)),
+            np.ascontiguousarray(means(test.frame.boundaries)),
+        ),
+        inputs={name: means(values) for name, values in test.inputs.items()},
+        features={name: means(values) for name, values in test.features.items()},
+        channels=tuple(thinned(channel) for channel in test.channels),
+        meters=(),
+    )
+
+
+def by_place(test: Test, left_out: Collection[str]) -> Test:
+    """One channel for all that follow the same nodes with the same lag, but for those of the names `left_out`: their mean where each of
+    them has samples, none where they never have. Sensors of one lump are at different places of it, and their mean is nearer to what the
+    lump stands for."""
+    groups: dict[tuple[object, ...], list[Channel]] = {}
+    for channel in test.channels:
+        if channel.name not in left_out:
+            place = (*sorted(channel.output.weights.items()), channel.output.time_constant_s)
+            groups.setdefault(place, []).append(channel)
+    means = map(_mean, groups.values())
+    return replace(test, channels=tuple(channel for channel in means if channel.output.samples.any()))
+
+
+def _mean(channels: Sequence[Channel]) -> Channel:
+    first, many = channels[0], len(channels)
+    samples = np.min([c.output.samples for c in channels], axis=0)
+    weights = first.output.weights
+    rms = {name: float(np.sqrt(np.mean([getattr(c, name) ** 2 for c in channels]))) for name in NOISES}
+    return Channel(
+        name=" + ".join(weights),
+        bus=first.bus,
+        output=Output(
+            weights,
+            first.output.time_constant_s,
+            samples,
+            np.asarray(np.mean([c.output.place for c in channels], axis=0), np.float64),
+        ),
+        measured=np.asarray(np.mean([c.measured for c in channels], axis=0), np.float64),
+        **{name: value / float(np.sqrt(many)) for name, value in rms.items()},
+    )
+
+
+NOISES = ("white_sd", "resolution", "bias_sd")
+
+
+def begun_alike(network: Network, test: Test) -> Test:
+    """The test with starts as a body has them that was left to itself: all nodes at the mean of what the sensors read first, as surely as
+    it was near what is around it. So what sensors differ by then is mostly theirs. Of a body that was not left to itself, each node starts
+    where its own sensors say."""
+    own = _first_readings(test)
+    if not own:
+        return test
+    level, lead = float(np.mean(list(own.values()))), abs(_lead_K(test))
+    if lead < MOST_LEAD_K:
+        start = np.full(len(network.nodes), level)
+    else:
+        start = np.array([own.get(node.name, level) for node in network.nodes])
+    return replace(test, initial=start, initial_sd=np.full(start.size, START_K + START_SHARE * lead))
+
+
+def _first_readings(test: Test) -> dict[str, float]:
+    """Node -> what the sensors that follow it alone read first [degC]."""
+    found: dict[str, list[float]] = {}
+    for channel in test.channels:
+        there = np.flatnonzero(channel.output.samples > 0.0)
+        if there.size and len(channel.output.weights) == 1:
+            found.setdefault(next(iter(channel.output.weights)), []).append(float(channel.measured[there[0]]))
+    return {node: float(np.mean(values)) for node, values in found.items()}
+
+
+def _lead_K(test: Test) -> float:
+    """How far the body is above what is around it as the record begins."""
+    first = _first_readings(test)
+    return float(np.mean(list(first.values())) - test.frame.boundaries[0].mean()) if first else 0.0
+
+
+def of_iron(network: Network, channel: Channel) -> bool:
+    """Whether it follows iron more than anything else."""
+    region = {node.name: node.region for node in network.nodes}
+    weights = channel.output.weights
+    return region[max(weights, key=lambda node: weights[node])] == "iron"
+
+
+def without_iron(network: Network, test: Test) -> Test:
+    """The test without the channels that follow iron."""
+    return replace(test, channels=tuple(one for one in test.channels if not of_iron(network, one)))
+
+
+def iron_moved(network: Network, test: Test, by_K: float) -> Test:
+    """The test with the readings of channels that follow iron moved by so many K."""
+    moved = (replace(c, measured=c.measured + by_K) if of_iron(network, c) else c for c in test.channels)
+    return replace(test, channels=tuple(moved))
+
+
+def load(network: Network, test: Test) -> tuple[int, int] | None:
+    """First and last step of the last load without a break, by the heat of the network's sources; None where there is none."""
+    column = {m.name: test.frame.features[:, j] for j, m in enumerate(monomials(network))}
+    ones = np.ones(len(test.frame.features))
+    listed = list(terms(network))
+    heat = np.zeros(ones.size)
+    for places in terms_of(network)[1].values():
+        for i in places:
+            heat += listed[i].coefficient * column.get(monomial(listed[i]).name, ones)
+    on = heat > ON_SHARE * np.quantile(heat, ON_QUANTILE)
+    if not on.any() or not heat.max() > 0.0:
+        return None
+    last = int(np.flatnonzero(on)[-1])
+    return int(np.max(np.flatnonzero(~on[:last]), initial=-1)) + 1, last
+
+
+def every_s(test: Test) -> float:
+    """Time between two steps with samples of the channel that has fewest [s]."""
+    found = [np.flatnonzero(channel.output.samples > 0.0) for channel in test.channels]
+    return test.frame.step_s * max(float(np.median(np.diff(there))) if there.size > 1 else 1.0 for there in found)
+
+
+def minutes_of_switches(network: Network, test: Test, minutes: float) -> Test | None:
+    """The test with only the samples from 2 min before to `minutes` after its load is switched on and off; None where neither has
+    as much recorded behind it. A record that begins warm and under load does not hold the switching on."""
+    found = load(network, test)
+    if found is None:
+        return None
+    step_s = test.frame.step_s
+    t_s = (np.arange(len(test.frame.features)) + 0.5) * step_s
+    shown = np.zeros(t_s.size, dtype=np.bool_)
+    switches = [found[0], found[1] + 1] if found[0] > 0 or abs(_lead_K(test)) < MOST_LEAD_K else [found[1] + 1]
+    for at_s in (switch * step_s for switch in switches):
+        until_s = at_s + 60.0 * minutes
+        if until_s <= t_s[-1] + step_s:
+            shown |= (t_s >= at_s - BEFORE_S) & (t_s <= until_s)
+    cut = only(test, shown)
+    return cut if cut.channels else None
+
+
+def only(test: Test, shown: Bools) -> Test:
+    """The test with the samples of the steps `shown` (N,) alone; channels that have none there are left out."""
+
+    def cut(channel: Channel) -> Channel:
+        samples = np.where(shown, channel.output.samples, 0.0)
+        return replace(channel, output=replace(channel.output, samples=samples))
+
+    return replace(test, channels=tuple(one for one in map(cut, test.channels) if one.output.samples.any()))

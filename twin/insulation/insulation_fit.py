@@ -1,0 +1,202 @@
+"""What each DC check of one specimen says of the insulation of a network, all checks in one fit.
+
+Every check multiplies the conductances of the insulation (`twin.motor.ageing_law.is_insulation`) by a factor of its own. Between checks may
+differ besides, each with a prior: where the nodes start, what radiates and what convects to boundaries, what sensors, currents, boundary
+temperatures and the logger's clock are off by. Everything else is the same in all checks: coefficients and capacities about the motor
+file's, and how much of its neighbours the sensors of a place follow. So what the file has wrong bends all checks alike, and the course
+of the factor over the checks hardly at all.
+
+The mode (`twin.fitting.fit`) is under broad noise, as a network of some nodes misfits in its form. That misfit is nearly the same in every check
+and no error of the course; so the sd of a factor is that of its own check, with the noise as large as the residuals are:
+
+    S = H^-1 (s^2 J' R^-1 J + L) H^-1
+
+over the parameters of the check, H = J' R^-1 J + L, L the priors' precision, s^2 the mean square of the whitened residuals (sandwich:
+P. J. Huber, Proc. 5th Berkeley Symp. 1 (1967) 221). What the checks share, the level of R and the scale of its changes, is not in it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.differences.everyday import BOUND, terms_of
+from twin.fitting import actions
+from twin.fitting.actions import Parameter
+from twin.fitting.fit import NEAR_ENOUGH, Fit, fit
+from twin.fitting.model import Model, Test
+from twin.insulation.check_tests import every_s
+from twin.motor.ageing_law import is_insulation
+from twin.motor.features import monomial, monomials, terms
+from twin.motor.network import Network
+
+Floats = NDArray[np.float64]
+
+FACTOR_SD, MOST_FACTOR = 1.0, 3.0  # of the insulation's ln factor
+SURFACE_SD = {"radiation": 0.15, "free_convection": 0.1}  # of the logarithms: emissivity from 0.8 to 0.9 is 0.12
+PLAIN_SURFACE_SD = 0.2  # of links to boundaries, where none of them has such a law
+FREE_SD = 1.0  # of an emissivity that is left free
+MOST_SURFACE = 3.0
+FILM_PER_K = 0.005  # what a film gains with the temperature beyond its law
+LEAST_FILM_PER_K, MOST_FILM_PER_K = -0.008, 0.02
+BESIDE_SD = 0.1  # share of a neighbour in what the sensors of a place follow
+BOUNDARY_K = 0.3
+CURRENT_GAIN = 0.0005  # of one check: what is the same in all of them is in the sources
+LATE_SHARE = 0.3  # of the time between two samples: a load is switched in between
+LINEARISATIONS = 60
+
+
+@dataclass(frozen=True)
+class OverChecks:
+    """Of each check (K,): `resistance` of the insulation's links side by side [K/W], and the sd of its logarithm `ln_sd` in the course
+    of these checks. `misfit_K`: root mean square of measured less modelled block means; `misfit`: the same over the widest span of a
+    channel in a check."""
+
+    resistance: Floats
+    ln_sd: Floats
+    misfit_K: float
+    misfit: float
+    converged: bool
+
+
+def insulated(network: Network) -> bool:
+    """Whether it has links from copper to iron."""
+    return any(is_insulation(network, link) for link in network.links)
+
+
+def over_checks(network: Network, tests: Sequence[Test], emissivity_free: bool) -> OverChecks:
+    """The insulation of a checked network at each of `tests` (one a check, channels of other names at other places).
+
+    `emissivity_free`: the level of the curves says nothing about the surfaces, their radiation is left free in each check. Raises
+    ValueError where there is no test or no insulation, `DivergedError` where a run leaves the finite numbers.
+    """
+    if not tests or not insulated(network):
+        raise ValueError("nothing to estimate: a fit over checks needs a test and a link from copper to iron")
+    model = Model(network, tests, tuple(_freedom(network, tests, emissivity_free)))
+    found = fit(model, np.zeros(len(model.parameters)), NEAR_ENOUGH, LINEARISATIONS)
+    whitened, left = _whitened(found)
+    square = float(whitened @ whitened) / whitened.size
+    misfit_K = float(np.sqrt(np.mean(left**2)))
+    return OverChecks(
+        resistance=_resistances(network, tests, found),
+        ln_sd=np.array([_own_sd(found, k, square) for k in range(len(tests))]),
+        misfit_K=misfit_K,
+        misfit=misfit_K / max(_span_K(test) for test in tests),
+        converged=found.converged,
+    )
+
+
+def _freedom(network: Network, tests: Sequence[Test], emissivity_free: bool) -> Iterator[Parameter]:
+    """First a factor a check, then the coefficients; then everything else."""
+    own = tuple(_insulation(network))
+    for k in range(len(tests)):
+        yield Parameter("insulation", actions.Scale(own), FACTOR_SD, k, -MOST_FACTOR, MOST_FACTOR)
+    for i, term in enumerate(terms(network)):
+        yield Parameter(f"term{i}", actions.Scale((i,)), term.sd, low=-BOUND, high=BOUND)
+    for i, node in enumerate(network.nodes):
+        yield Parameter(f"capacity.{node.name}", actions.Capacity((i,)), node.sd, low=-BOUND, high=BOUND)
+    yield from _sensors(network, tests)
+    yield from _films(network, tests)
+    surfaces = _surfaces(network)
+    free = next(iter(surfaces), None) if emissivity_free else None  # radiation, where there is some
+    for k, test in enumerate(tests):
+        for law, places in surfaces.items():
+            sd = FREE_SD if law == free else SURFACE_SD.get(law, PLAIN_SURFACE_SD)
+            yield Parameter(f"surface.{law}", actions.Scale(places), sd, k, -MOST_SURFACE, MOST_SURFACE)
+        yield from _of_check(network, test, k)
+
+
+def _insulation(network: Network) -> Iterator[int]:
+    links, _ = terms_of(network)
+    for link in network.links:
+        if is_insulation(network, link):
+            yield from links[link.a, link.b]
+
+
+def _surfaces(network: Network) -> dict[str, tuple[int, ...]]:
+    """Law -> terms of all links to a boundary, radiation first. Terms without a law are paths of solids that stay as they are, but where
+    no link has a law: then they stand for the surfaces ("plain")."""
+    outside, links = {boundary.name for boundary in network.boundaries}, terms_of(network)[0]
+    found: dict[str, tuple[int, ...]] = dict.fromkeys((*SURFACE_SD, "plain"), ())
+    for link in network.links:
+        if outside & {link.a, link.b}:
+            for place, term in zip(links[link.a, link.b], link.terms, strict=True):
+                law = term.law or "plain"
+                found[law] = (*found[law], place)
+    lawful = any(found[law] for law in SURFACE_SD)
+    return {law: places for law, places in found.items() if places and (law != "plain" or not lawful)}
+
+
+def _films(network: Network, tests: Sequence[Test]) -> Iterator[Parameter]:
+    """Laws of films are fits, and where a file has none a constant stands for film and radiation: they may rise more or less with the
+    temperature than the file says."""
+    films = {i for law, own in _surfaces(network).items() if law != "radiation" for i in own}
+    reference = float(np.mean([test.frame.boundaries.mean() for test in tests]))
+    places, members = [], []
+    for (a, b), own in terms_of(network)[0].items():
+        if films & set(own):
+            places.append(actions.Place(*sorted(network.names.index(end) for end in (a, b))))
+            members.append(tuple(i for i in own if i in films))
+    if places:
+        tilt = actions.Tilt(tuple(places), tuple(members), (reference,) * len(places))
+        yield Parameter("film", tilt, FILM_PER_K, low=LEAST_FILM_PER_K, high=MOST_FILM_PER_K)
+
+
+def _sensors(network: Network, tests: Sequence[Test]) -> Iterator[Parameter]:
+    """How much of its neighbours the sensors of a place follow."""
+    names = [node.name for node in network.nodes]
+    for channel in {c.name: c for test in tests for c in test.channels}.values():
+        weights = channel.output.weights
+        place = max(weights, key=lambda node: weights[node])
+        joined = {end for link in network.links if place in (link.a, link.b) for end in (link.a, link.b)}
+        for node in sorted(joined & set(names) - {place}, key=names.index):
+            beside = actions.Beside(channel.name, names.index(node))
+            yield Parameter(f"sensor.{channel.name}.beside.{node}", beside, BESIDE_SD, low=-0.5, high=0.9)
+
+
+def _of_check(network: Network, test: Test, k: int) -> Iterator[Parameter]:
+    for i, node in enumerate(network.nodes):
+        yield Parameter(f"start.{node.name}", actions.Start(i), float(test.initial_sd[i]), k)
+    for channel in test.channels:
+        if channel.bias_sd:
+            yield Parameter(f"sensor.{channel.name}.bias", actions.Bias(channel.name), channel.bias_sd, k)
+    for b, boundary in enumerate(network.boundaries):
+        yield Parameter(f"boundary.{boundary.name}.bias", actions.BoundaryBias(b), BOUNDARY_K, k)
+    for name in sorted({name for m in monomials(network) for name in m.features if name.startswith("current")}):
+        yield Parameter(f"input.{name}.gain", actions.InputGain(name), CURRENT_GAIN, k)
+    late = actions.Late(tuple(channel.name for channel in test.channels), False)
+    yield Parameter("late", late, LATE_SHARE * every_s(test), k)
+
+
+def _whitened(found: Fit) -> tuple[Floats, Floats]:
+    """The residuals of all channels, under the noise and as they are."""
+    white = [found.model.whitened(part.series, part.series.y[:, None])[:, 0] for part in found.parts]
+    return np.concatenate(white), np.concatenate([part.series.y for part in found.parts])
+
+
+def _span_K(test: Test) -> float:
+    return max(float(np.ptp(channel.measured[channel.output.samples > 0.0])) for channel in test.channels)
+
+
+def _own_sd(found: Fit, k: int, square: float) -> float:
+    """Of the factor of check k, which is the first of its parameters."""
+    own = [i for i, parameter in enumerate(found.model.parameters) if parameter.test == k]
+    hessian, prior = found.hessian[np.ix_(own, own)], np.diag(found.model.sd[own] ** -2.0)
+    inverse = np.linalg.inv(hessian)
+    return float(np.sqrt((inverse @ (square * (hessian - prior) + prior) @ inverse)[0, 0]))
+
+
+def _resistances(network: Network, tests: Sequence[Test], found: Fit) -> Floats:
+    """[K/W] (K,): by the mean conductances of the tests with the coefficients that all checks share, then each check's factor."""
+    column = np.mean(np.concatenate([test.frame.features for test in tests]), axis=0)
+    at = {m.name: float(column[j]) for j, m in enumerate(monomials(network))}
+    shared = found.beta[len(tests) :]
+    listed = list(terms(network))
+    conductance = sum(
+        listed[i].coefficient * at.get(monomial(listed[i]).name, 1.0) * float(np.exp(shared[i]))
+        for i in _insulation(network)
+    )
+    return np.asarray(np.exp(-found.beta[: len(tests)]) / conductance)

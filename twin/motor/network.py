@@ -1,0 +1,164 @@
+"""The network as data: nodes, boundaries, links and sources, every law linear in its coefficients.
+
+The state is the temperature of each node [degC]; `C dT/dt = sum_links G (T_other - T) + P` (paper Eq. 1-4, reduced form).
+A conductance [W/K] or a loss [W] is a sum of terms, `coefficient * product of features ** exponent`, times the optional
+factors of the term. A circuit is fluid that flows through nodes in order and carries heat one way.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+NOBODY = -1  # the index of no node: of a source's other end, of the node of a temperature factor that is not there
+
+
+@dataclass(frozen=True)
+class TemperatureFactor:
+    """Multiply by `1 + slope_per_K * (T_node - reference_degC)`."""
+
+    node: str
+    slope_per_K: float
+    reference_degC: float
+
+
+@dataclass(frozen=True)
+class Shape:
+    """Multiply by `1 + sum_k hat_k(speed) (factor_k + current_slope_k current)`, features dimensionless.
+
+    `hat_k` are the tent functions over the rising knots `speed`, 1 at their own knot and 0 at the others, the outermost
+    constant beyond the ends: between knots the deviations are interpolated, and 0 changes nothing. Losses only.
+    """
+
+    speed: tuple[float, ...]
+    factor: tuple[float, ...]
+    current_slope: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Map:
+    """Multiply by a table over speed and torque, both dimensionless magnitudes: `values[i][j]` at `speed[i]`, `torque[j]`, rising
+    knots of 0 or more. Bilinear between the knots, constant beyond the outermost."""
+
+    speed: tuple[float, ...]
+    torque: tuple[float, ...]
+    values: tuple[tuple[float, ...], ...]
+
+
+@dataclass(frozen=True)
+class Term:
+    """`coefficient` [W/K in a link, W in a source] times each feature to its exponent, times the optional factors."""
+
+    coefficient: float
+    exponents: Mapping[str, float] = field(default_factory=dict)  # feature -> exponent, features dimensionless
+    sd: float = 0.4  # prior standard deviation of ln coefficient
+    copper: bool = False  # times 1 + alpha (T_node - reference)
+    resistance: int = 0  # -1: divided by the same factor
+    temperature: TemperatureFactor | None = None
+    shape: Shape | Map | None = None
+    law: str | None = (
+        None  # of a link: "radiation" or "free_convection" (`twin.motor.drops`); None: the difference itself
+    )
+
+
+@dataclass(frozen=True)
+class Node:
+    name: str
+    capacity: float  # J/K
+    region: str
+    sd: float = 0.15
+    limit_degC: float | None = None
+
+
+@dataclass(frozen=True)
+class Boundary:
+    name: str
+
+
+@dataclass(frozen=True)
+class Link:
+    a: str  # node or boundary
+    b: str
+    terms: tuple[Term, ...]
+
+
+@dataclass(frozen=True)
+class Source:
+    node: str
+    terms: tuple[Term, ...]
+
+
+@dataclass(frozen=True)
+class Property:
+    """A property of a fluid over its temperature: `value` at the rising `degC`, linear between, constant beyond the ends. One
+    entry is a constant."""
+
+    degC: tuple[float, ...]
+    value: tuple[float, ...]
+
+    def at(self, degC: float) -> float:
+        return float(np.interp(degC, self.degC, self.value))
+
+
+@dataclass(frozen=True)
+class Fluid:
+    density: Property  # kg/m3
+    heat_capacity: Property  # J/(kg K)
+
+    def at(self, degC: float) -> float:
+        """Heat capacity of a volume [J/(m3 K)]."""
+        return self.density.at(degC) * self.heat_capacity.at(degC)
+
+
+@dataclass(frozen=True)
+class FluidCircuit:
+    """Fluid from the boundary `inlet` through `nodes` in order: node i takes rho cp V (T_{i-1} - T_i), the first from the inlet.
+
+    `flow`: the feature of the volume flow V, a magnitude: a flow that reverses goes the same way round. rho cp is that of the
+    fluid that comes, at the temperature T_{i-1}.
+    """
+
+    name: str
+    inlet: str
+    nodes: tuple[str, ...]
+    fluid: Fluid
+    flow: str = "flow"
+
+
+@dataclass(frozen=True)
+class Copper:
+    alpha_per_K: float = 0.00393
+    reference_degC: float = 20.0
+
+
+@dataclass(frozen=True)
+class Configuration:
+    """Another rig of the same motor (`twin.motor.configured`): `remove` names nodes and boundaries; links and sources replace those of
+    the same place, or are added."""
+
+    name: str
+    remove: tuple[str, ...] = ()
+    links: tuple[Link, ...] = ()
+    sources: tuple[Source, ...] = ()
+
+
+@dataclass(frozen=True)
+class Network:
+    """A motor. `scale`: feature quantity -> what 1 means, in the stored unit ({"speed": 16000.0, "current": 450.0})."""
+
+    name: str
+    nodes: tuple[Node, ...]
+    boundaries: tuple[Boundary, ...]
+    links: tuple[Link, ...]
+    sources: tuple[Source, ...]
+    copper: Copper = field(default_factory=Copper)
+    scale: Mapping[str, float] = field(default_factory=dict)
+    circuits: tuple[FluidCircuit, ...] = ()
+    configurations: tuple[Configuration, ...] = ()
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Nodes, then boundaries: the order of every index of a temperature."""
+        return (*(node.name for node in self.nodes), *(boundary.name for boundary in self.boundaries))

@@ -1,0 +1,93 @@
+"""What channels other than thermometers read of a motor's temperatures and heats.
+
+A resistance or a flux linkage goes with the mean temperature of nodes (`Thermometric`). A power or a heat is a sum of the
+motor's heats over a step, through the meter's own first-order lag (`lagged_means`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+from twin.arithmetic.powers import exp
+from twin.motor.network import Copper
+
+Floats = NDArray[np.float64]
+
+FORGOTTEN = 1e-5  # share of a reading that older blocks may still make up unseen
+
+
+@dataclass(frozen=True)
+class Thermometric:
+    """A reading `reference (1 + slope_per_K (T - reference_degC))`, T [degC] the mean of nodes by `weights` (node -> share, sum 1).
+
+    The resistance of a winding (slope: copper's), the flux linkage of magnets (slope: that of their remanence, below 0).
+    """
+
+    weights: Mapping[str, float]
+    reference: float
+    slope_per_K: float
+    reference_degC: float
+
+    @property
+    def per_K(self) -> float:
+        """What the reading changes by for each K."""
+        return self.reference * self.slope_per_K
+
+    def reading(self, degC: Floats) -> Floats:
+        """What is read at temperatures (N,) [degC]."""
+        return self.reference + self.per_K * (degC - self.reference_degC)
+
+    def temperature(self, reading: Floats) -> Floats:
+        """The temperatures (N,) [degC] that readings stand for."""
+        return self.reference_degC + (reading - self.reference) / self.per_K
+
+    def through(self, reading: float, degC: float) -> Thermometric:
+        """The same law with the reference with which it reads `reading` at a temperature."""
+        return replace(self, reference=reading / (1 + self.slope_per_K * (degC - self.reference_degC)))
+
+
+def copper_slope(copper: Copper, reference_degC: float) -> float:
+    """The slope [1/K] about a reference temperature of a resistance that goes with `1 + alpha (T - copper's reference)`."""
+    return copper.alpha_per_K / (1 + copper.alpha_per_K * (reference_degC - copper.reference_degC))
+
+
+def lagged_means(means: Floats, tau_s: float, step_s: float) -> Floats:
+    """First-order lag of what is constant within each step: its means over the steps (..., N); in equilibrium at the first."""
+    if tau_s <= 0.0:
+        return means
+    kept, edge = _lag(tau_s, step_s)
+    before = lfilter([0.0, 1.0 - kept], [1.0, -kept], means - means[..., :1]) + means[..., :1]
+    found: Floats = means + edge * (before - means)
+    return found
+
+
+def lag_parts(weights: Floats, tau_s: float, step_s: float, length: int) -> list[tuple[int, Floats]]:
+    """Of means over blocks of `length` steps, with `weights` (N,) within each, of a lagged reading: (blocks ahead, (N,)), the weights
+    of what there is before the lag, in the mean of the block so many later. N is a multiple of `length`."""
+    if tau_s <= 0.0:
+        return [(0, weights)]
+    kept, edge = _lag(tau_s, step_s)
+    blocks = weights.reshape(-1, length)
+    apart = np.arange(length)[:, None] - np.arange(length)
+    parts = []
+    for ahead in range(len(blocks)):
+        if ahead and kept ** ((ahead - 1) * length) < FORGOTTEN:
+            break
+        by = apart + ahead * length  # steps from what there is to when it is read
+        share = np.where(by > 0, edge * (1 - kept) * kept ** np.maximum(by - 1, 0), np.where(by == 0, 1.0 - edge, 0.0))
+        part = np.zeros_like(blocks)
+        part[: len(blocks) - ahead] = blocks[ahead:] @ share
+        part[0, 0] += edge * float(blocks[ahead] @ kept ** (np.arange(length) + ahead * length))  # in equilibrium there
+        parts.append((ahead, part.ravel()))
+    return parts
+
+
+def _lag(tau_s: float, step_s: float) -> tuple[float, float]:
+    """What is left of a difference after a step, and its mean over the step."""
+    kept = float(exp(np.array([-step_s / tau_s]))[0])
+    return kept, (1.0 - kept) * tau_s / step_s

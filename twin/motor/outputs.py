@@ -1,0 +1,102 @@
+"""What a sensor reads of the temperatures, and its means over blocks of time."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+from twin.arithmetic.powers import exp
+
+Floats = NDArray[np.float64]
+
+BLOCK_S = 10.0
+
+
+@dataclass(frozen=True)
+class Output:
+    """A channel over N steps. `weights`: node -> share, sum 1; `time_constant_s`: known first-order lag; `samples` (N,): usable
+    samples in each step; `place` (N,) in [0, 1]: their mean time within it."""
+
+    weights: Mapping[str, float]
+    time_constant_s: float
+    samples: Floats
+    place: Floats
+
+
+def followed(weights: Mapping[str, float]) -> str | None:
+    """The node that makes up more than half of what a sensor follows; None where none does."""
+    node = max(weights, key=lambda name: weights[name])
+    return node if weights[node] > 0.5 else None
+
+
+@dataclass(frozen=True)
+class Blocks:
+    """The block means of one output: mean = sum over the block's steps of `old` x reading at a step's start and `new` x reading at
+    its end. `old`, `new` (N,); `there` (B,): blocks with at least half of the samples of a full one, the only ones with
+    weights; `samples` (B,)."""
+
+    length: int  # steps
+    old: Floats
+    new: Floats
+    there: NDArray[np.bool_]
+    samples: Floats
+
+    def means(self, reading: Floats) -> Floats:
+        """Of readings at the steps' edges (..., N + 1), the means (..., B) of the blocks that are there."""
+        starts = np.arange(0, self.old.size, self.length)
+        weighted = self.old * reading[..., :-1] + self.new * reading[..., 1:]
+        means: Floats = np.add.reduceat(weighted, starts, axis=-1)[..., self.there]
+        return means
+
+    @property
+    def of_step(self) -> Floats:
+        """Weight (N,) of each step in the mean of its block."""
+        return self.old + self.new
+
+    def of_steps(self, values: Floats) -> Floats:
+        """Of what is constant within each step (..., N), the means (..., B) of the blocks that are there."""
+        starts = np.arange(0, self.old.size, self.length)
+        means: Floats = np.add.reduceat(self.of_step * values, starts, axis=-1)[..., self.there]
+        return means
+
+    def measured(self, values: Floats) -> Floats:
+        """Of means over the steps (N,), NaN where there is no sample, the means of the blocks that are there."""
+        weight = self.of_step
+        starts = np.arange(0, weight.size, self.length)
+        means: Floats = np.add.reduceat(np.where(weight > 0, weight * values, 0.0), starts)[self.there]
+        return means
+
+    def times_s(self, step_s: float) -> Floats:
+        """Mean time of the samples of each block that is there, since the start of the first step."""
+        return self.means(step_s * np.arange(self.old.size + 1, dtype=np.float64))
+
+
+def blocks(output: Output, step_s: float) -> Blocks:
+    """Cut the steps into blocks of 10 s."""
+    length = max(1, round(BLOCK_S / step_s))
+    starts = np.arange(0, output.samples.size, length)
+    total = np.add.reduceat(output.samples, starts)
+    there = (total > 0) & (2 * total >= total.max(initial=0.0))
+    share = np.divide(1.0, total, out=np.zeros_like(total), where=there)
+    weight = output.samples * np.repeat(share, length)[: output.samples.size]
+    return Blocks(length, weight * (1 - output.place), weight * output.place, there, total[there])
+
+
+def lagged(truth: Floats, tau_s: float, step_s: float) -> Floats:
+    """First-order lag of (..., N + 1) values at equal steps, in equilibrium at the first; exact where the truth is linear in each step."""
+    if tau_s <= 0.0:
+        return truth
+    a, before, now = lag_factors(tau_s, step_s)
+    out: Floats = lfilter([now, before], [1.0, -a], truth - truth[..., :1]) + truth[..., :1]
+    return out
+
+
+def lag_factors(tau_s: float, step_s: float) -> tuple[float, float, float]:
+    """Factors of the last reading, the last truth and the truth now, sum 1."""
+    a = float(exp(np.array([-step_s / tau_s]))[0])
+    ramp = (1.0 - a) * tau_s / step_s
+    return a, ramp - a, 1.0 - ramp

@@ -1,0 +1,407 @@
+"""Extended Kalman filter in the paper's form (its Eq. 5-13): x = [z, zdot, rho], inputs u = [v, vdot].
+
+z are the independent coordinates of `twin.paper.form`, z = B0 q: the temperatures of the p capacitors; rho the o unknowns: heats,
+logarithms of factors, errors of channels.
+Rates are states beside temperatures, so that a step is a Taylor series, whatever the network,
+
+    z <- z + h zdot + h w / 2,   zdot <- zdot + w,   rho <- rho + noise,
+
+and all that the network says enters as a measurement without noise: the capacitor equation Gamma = C zdot - Q(z, rho, v) = 0.
+With w free that is the implicit trapezoidal rule. Predicted is the w of that rule, linear about z before the step, with inputs as they
+are after it, v + h vdot: Gamma is zero before it is measured, but for what is not linear, and the perfect measurements shape the
+covariance alone. It is singular after them, and kept on its rank (`twin.paper.ekf_step`).
+A lagging sensor's reading is a state too, as in `twin.filters.inputs`: 2p + o numbers, and one for each of those.
+
+Inputs are needed at edges: means of the two steps that meet there. The small form (`twin.filters.ekf`) holds them within a step, makes one
+step of the network's own integrator and keeps no rates. Both are the same filter but for the error of their integrators:
+this one is the check of the other, at two and a half times its cost.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.arithmetic.lane_code import pointer
+from twin.arithmetic.lanes import Store, record
+from twin.filters.ekf import Estimate, estimate_of
+from twin.filters.inputs import READING_SD_K, AnyReading, Inputs, Reading, Start, inputs_of
+from twin.filters.readings import Readings, correct, readings_of, row_of
+from twin.filters.unknowns import Unknown
+from twin.motor.network import Network
+from twin.paper.ekf_step import (
+    Rates,
+    amounts_of,
+    change,
+    laws_of,
+    linearised,
+    metered,
+    rates_of,
+    reads,
+    shares_of,
+    solve,
+    spread,
+)
+from twin.paper.law_heats import LawHeats, law_heats, psi_at
+from twin.run.simulate import Frame
+
+Floats = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+u = np.uint64  # numba then asks of no index whether it counts from the end
+
+RATE_SD = 500.0  # K/s of w where it has to be a number: above any rate, and its square rounded by less than is asked of a variance
+
+
+def filter_with_rates(
+    network: Network, frame: Frame, start: Start, unknowns: Sequence[Unknown], readings: Sequence[AnyReading]
+) -> Estimate:
+    """Temperatures and unknowns from the readings, as `twin.filters.ekf.filter_unknowns`, and it raises as that; `covariance` is that of z,
+    zdot, rho and lagging readings. A meter of heat is linear about the state as predicted, with the step's own means of inputs."""
+    inputs = inputs_of(network, frame, start, unknowns, readings)
+    laws = law_heats(network)
+    shares, multiplied = shares_of(inputs.parts, inputs.features.shape[1])
+    means, around = inputs.features @ shares[:-1] + shares[-1], at_edges(inputs.boundaries)
+    capacities = np.array([node.capacity for node in network.nodes])
+    shift, _, state = transition(inputs, frame.step_s)
+    x, covariance = at_the_start(inputs, laws, laws.amounts(inputs.features[0]), around[0], capacities, state)
+    n, (steps, channels) = len(capacities), inputs.values.shape
+    own = np.r_[0:n, 2 * n : len(x)]
+    store = Store()
+    rates = rates_of(inputs.parts, multiplied, capacities, around.shape[1], frame.step_s, store)
+    taken = readings_of(rates, store)
+    numbers, indices = store.numbers(), store.indices()
+    rows = numbers[rates.state : rates.state + rates.length**2].reshape(rates.length, rates.length)
+    rows[: len(own), : len(own)], rows[: len(own), len(own)] = covariance[np.ix_(own, own)], x[own, 0]
+    states, innovations = np.empty((2, steps + 1, n + len(inputs.order))), np.empty((steps, channels, 2))
+    likelihood = _run(
+        capacities,
+        inputs.parts.weights,
+        np.array([r.time_constant_s for r in readings if isinstance(r, Reading)], dtype=np.float64),
+        inputs.parts.bias,
+        state,
+        shift,
+        frame.step_s,
+        at_edges(means),
+        around,
+        means,
+        inputs.boundaries,
+        inputs.values,
+        inputs.places,
+        inputs.variances,
+        record(rates),
+        record(taken),
+        numbers,
+        indices,
+        x,
+        states[0],
+        states[1],
+        innovations,
+    )
+    onto = np.zeros((len(x), len(own)))
+    onto[own, np.arange(len(own))] = 1.0
+    for place, i, j in indices[rates.cell : rates.cell + 3 * rates.cells].reshape(-1, 3).tolist():
+        onto[n + i, j] = -numbers[rates.slopes + place] / capacities[i]
+    covariance = onto @ rows[: len(own), : len(own)] @ onto.T
+    return estimate_of(inputs, states, innovations, (covariance + covariance.T) / 2, float(likelihood))
+
+
+def at_edges(means: Floats) -> Floats:
+    """(N + 1, c) at the edges of N steps, from their means (N, c)."""
+    beyond = np.concatenate([means[:1], means, means[-1:]])
+    edges: Floats = (beyond[:-1] + beyond[1:]) / 2
+    return edges
+
+
+def transition(inputs: Inputs, step_s: float) -> tuple[Floats, Floats, Index]:
+    """F (S, S) and the variances Q (S, S) of a step, with `RATE_SD` for w as other filters need one, and the place of each channel's
+    lagging reading (m,), -1 without lag."""
+    parts = inputs.parts
+    n, o = parts.program.n, len(inputs.order)
+    lagging = np.flatnonzero(parts.state >= 0)
+    state = np.full(len(parts.state), -1, dtype=np.int64)
+    state[lagging] = 2 * n + o + np.arange(len(lagging))
+    size = 2 * n + o + len(lagging)
+    shift, by_rate = np.eye(size), np.zeros((size, n))
+    shift[:n, n : 2 * n] = step_s * np.eye(n)
+    by_rate[:n], by_rate[n : 2 * n] = step_s / 2 * np.eye(n), np.eye(n)
+    for j in lagging:
+        own, before, after = parts.lag[j]
+        shift[state[j]] = after * (parts.weights[j] @ shift[:n])
+        shift[state[j], :n] += before * parts.weights[j]
+        shift[state[j], state[j]] = own
+        by_rate[state[j]] = after * (parts.weights[j] @ by_rate[:n])
+    process = RATE_SD**2 * by_rate @ by_rate.T
+    walks = np.concatenate([parts.process[:n], np.zeros(n), parts.process[n : n + o], np.zeros(len(lagging))])
+    return shift, process + np.diag(walks), state
+
+
+def at_the_start(
+    inputs: Inputs, laws: LawHeats, amounts: Floats, around: Floats, capacities: Floats, state: Index
+) -> tuple[Floats, Floats]:
+    """State (S, 1) and covariance (S, S) by the laws' amounts (L,) and boundaries (b,) at the first edge: rates as the capacitor equation
+    has them, sensors in equilibrium but for `READING_SD_K`."""
+    n, o, parts = len(capacities), len(inputs.order), inputs.parts
+    heat, slope, z = np.empty(n), np.empty((n, n)), inputs.x[:n, 0].copy()
+    shares, multiplied = shares_of(parts, inputs.features.shape[1])
+    found, by_factor = inputs.features[0] @ shares[:-1] + shares[-1], np.empty((parts.unknown_factors, n))
+    for p in range(parts.unknown_factors):
+        own = np.zeros(len(amounts))
+        for t, (g, factor) in enumerate(multiplied):
+            own[g] = found[len(own) + t] if factor == p else own[g]
+        heats_of(laws, own, z, around, by_factor[p], slope)
+    heats_of(laws, amounts, z, around, heat, slope)
+    lagging = state[state >= 0]
+    onto = np.zeros((2 * n + o + len(lagging), n + o))
+    onto[:n, :n], onto[2 * n : 2 * n + o, n:] = np.eye(n), np.eye(o)
+    onto[n : 2 * n, :n] = slope / capacities[:, None]
+    first = n + len(parts.heats)
+    onto[n + parts.heats, np.arange(n, first)] = 1 / capacities[parts.heats]
+    onto[n : 2 * n, first : first + parts.unknown_factors] = by_factor.T / capacities[:, None]
+    onto[lagging, :n] = parts.weights[state >= 0]
+    own = np.zeros(len(onto))
+    own[lagging] = READING_SD_K**2
+    x = onto @ inputs.x[: n + o, 0]
+    x[n : 2 * n] = heat / capacities
+    return x[:, None], onto @ inputs.covariance[: n + o, : n + o] @ onto.T + np.diag(own)
+
+
+@numba.njit(error_model="numpy", nogil=True, cache=True)
+def heats_of(laws: LawHeats, amounts: Floats, z: Floats, around: Floats, heat: Floats, slope: Floats) -> None:
+    """Q (n,) into the capacitors without unknown heats [W], and Q_z (n, n) [W/K], of laws with these amounts (L,)."""
+    n = laws.n
+    at, found = np.empty((n + len(around), 1)), np.empty((len(laws.places), 4))
+    at[:n, 0] = z
+    at[n:, 0] = around
+    psi_at(laws.places, laws.numbers, laws.copper, at, found)
+    heat[:] = 0.0
+    slope[:] = 0.0
+    for w in range(len(found)):
+        a, b, one_way = laws.places[w, 0], laws.places[w, 1], laws.places[w, 4]
+        ends = 2 if 0 <= b < n and not one_way else 1
+        for e in range(ends):
+            to, amount = (a, amounts[w]) if e == 0 else (b, -amounts[w])
+            heat[to] += amount * found[w, 0]
+            for i in range(3):
+                by = laws.places[w, i if i < 2 else 3]
+                if 0 <= by < n:
+                    slope[to, by] += amount * found[w, i + 1]
+
+
+@numba.njit(error_model="numpy", nogil=True, cache=True)
+def _solve(matrix: Floats, right: Floats) -> None:
+    """`right` (n,) becomes the solution; storage outweighs what losses take from the diagonal, so no pivot is sought."""
+    n = len(right)
+    for p in range(n):
+        for i in range(p + 1, n):
+            if matrix[i, p] != 0.0:
+                share = matrix[i, p] / matrix[p, p]
+                for j in range(p + 1, n):
+                    matrix[i, j] -= share * matrix[p, j]
+                right[i] -= share * right[p]
+    for p in range(n - 1, -1, -1):
+        for j in range(p + 1, n):
+            right[p] -= matrix[p, j] * right[j]
+        right[p] /= matrix[p, p]
+
+
+@numba.njit(error_model="numpy", nogil=True, cache=True)
+def predict(
+    laws: LawHeats,
+    capacities: Floats,
+    heats: Index,
+    shift: Floats,
+    step_s: float,
+    amounts: Floats,
+    around: Floats,
+    k: int,
+    x: Floats,
+    heat: Floats,
+    slope: Floats,
+) -> None:
+    """x (S, 1) one step on, from edge k; `heat` (n,) and `slope` (n, n) are left as they are there. `amounts` (edges, L) as the factors of
+    x have them. The filter's own step before its perfect measurements, in plain matrices: what other filters are given."""
+    n, size = len(capacities), len(x)
+    z, rate = x[:n, 0].copy(), x[n : 2 * n, 0].copy()
+    more, matrix = np.empty(n), np.empty((n, n))
+    heats_of(laws, amounts[k + 1], z, around[k + 1], heat, slope)
+    for o in range(len(heats)):
+        heat[heats[o]] += x[2 * n + o, 0]
+    for i in range(n):
+        more[i] = heat[i] - capacities[i] * rate[i]
+        for j in range(n):
+            more[i] += step_s * slope[i, j] * rate[j]
+            matrix[i, j] = -0.5 * step_s * slope[i, j]
+        matrix[i, i] += capacities[i]
+    _solve(matrix, more)
+    moved = np.zeros(size)
+    for i in range(size):
+        for j in range(size):
+            if shift[i, j] != 0.0:
+                moved[i] += shift[i, j] * x[j, 0]
+    for i in range(2 * n, size):  # a lagging reading follows the temperatures as they end
+        for j in range(n):
+            moved[i] += 0.5 * shift[i, n + j] * more[j]
+    for i in range(n):
+        moved[i] += 0.5 * step_s * more[i]
+        moved[n + i] += more[i]
+    for i in range(size):
+        x[i, 0] = moved[i]
+    heats_of(laws, amounts[k + 1], x[:n, 0].copy(), around[k + 1], heat, slope)
+    for o in range(len(heats)):
+        heat[heats[o]] += x[2 * n + o, 0]
+
+
+@numba.njit(error_model="numpy", nogil=True, cache=True)
+def _run(
+    capacities: Floats,
+    weights: Floats,
+    time_constants: Floats,
+    bias: Index,
+    state: Index,
+    shift: Floats,
+    step_s: float,
+    amounts: Floats,
+    around: Floats,
+    means: Floats,
+    boundaries: Floats,
+    readings: Floats,
+    places: Floats,
+    variances: Floats,
+    rates: Rates,
+    taken: Readings,
+    numbers: Floats,
+    indices: Index,
+    x: Floats,
+    states: Floats,
+    spreads: Floats,
+    innovations: Floats,
+) -> float:
+    """The filter over all steps, from `state` of `rates`; the log likelihood of the readings. `amounts` (N + 1, L + P) and
+    `around` (N + 1, b) at edges, `means` and `boundaries` of steps; the other arrays as in `twin.filters.ekf.through`."""
+    n, size, length, likelihood, h = rates.n, rates.size, rates.length, 0.0, np.empty(len(x))
+    channels, m, at = readings.shape[1], pointer(numbers, 0), pointer(indices, 0)
+    laws_of(rates, m, at, x, around[0])
+    amounts_of(rates, m, at, amounts[0], x)
+    linearised(rates, m, at, x)
+    for k in range(len(readings) + 1):
+        if k > 0:
+            laws_of(rates, m, at, x, around[k])
+            amounts_of(rates, m, at, amounts[k], x)
+            change(rates, m, at, step_s, x)
+            _move(rates, shift, step_s, m, x)
+            laws_of(rates, m, at, x, around[k])
+            spread(rates, m, at, x)
+            _meet(rates, shift, step_s, m, at, x)
+            count, about = 0, False
+            for j in range(channels):
+                if np.isnan(readings[k - 1, j]):
+                    continue
+                if j < rates.channels:
+                    before_s = (1.0 - places[row_of(places, k - 1), j]) * step_s
+                    sensor_row(weights[j], time_constants[j], state[j], before_s, n, h)
+                    off = _linear(rates, capacities, m, at, h, x, count)
+                else:
+                    if not about:
+                        laws_of(rates, m, at, x, boundaries[k - 1])
+                        amounts_of(rates, m, at, means[k - 1], x)
+                        about = True
+                    off = metered(rates, m, at, j - rates.channels, x, count)
+                if bias[j] >= 0:
+                    m[u(rates.shares + count * length + bias[j])] = -1.0
+                    off += x[n + bias[j], 0]
+                reads(rates, m, at, count, taken.crossed, taken.stride)
+                own = taken.crossed + count * taken.stride
+                m[u(own + size)] = off - readings[k - 1, j]
+                m[u(own + length + count)] += variances[row_of(variances, k - 1), j]
+                at[u(taken.channel + count)] = j
+                count += 1
+            likelihood += correct(rates, taken, m, at, count, pointer(innovations, 2 * (k - 1) * channels))
+            _follow(rates, capacities, m, at, x)
+        for i in range(states.shape[1]):
+            states[k, i], spreads[k, i] = m[u(rates.state + i * length + size)], m[u(rates.state + i * length + i)]
+    return likelihood
+
+
+@numba.njit(error_model="numpy", nogil=True, cache=True)
+def _move(rates: Rates, shift: Floats, step_s: float, m: Floats, x: Floats) -> None:
+    """x (S, 1) one step on by its rates and `right`, w."""
+    n, right = rates.n, rates.right
+    for i in range(2 * n + rates.unknown, len(x)):  # a lagging reading follows the temperatures as they end
+        moved = shift[i, i] * x[i, 0]
+        for j in range(n):
+            moved += shift[i, j] * x[j, 0] + shift[i, n + j] * (x[n + j, 0] + 0.5 * m[u(right + j)])
+        x[i, 0] = moved
+    for i in range(n):
+        more = m[u(right + i)]
+        x[i, 0] += step_s * (x[n + i, 0] + 0.5 * more)
+        x[n + i, 0] += more
+
+
+@numba.njit(error_model="numpy", nogil=True, cache=True)
+def _meet(rates: Rates, shift: Floats, step_s: float, m: Floats, at: Index, x: Floats) -> None:
+    """x (S, 1) as predicted meets the capacitor equation, linear about it, by what w has to be more; into `ahead` as well."""
+    n, size, length = rates.n, rates.size, rates.length
+    for i in range(n):
+        m[u(rates.right + i)] = 2.0 / step_s * m[u(rates.heat + i)] - m[u(rates.own + i)] * x[n + i, 0]
+    solve(rates, m, at)
+    for i in range(2 * n + rates.unknown, len(x)):
+        for j in range(n):
+            x[i, 0] += 0.5 * shift[i, n + j] * m[u(rates.right + j)]
+    for i in range(n):
+        more = m[u(rates.right + i)]
+        x[i, 0] += 0.5 * step_s * more
+        x[n + i, 0] += more
+        m[u(rates.ahead + i * length + size)] = x[i, 0]
+    for i in range(n, size):
+        m[u(rates.ahead + i * length + size)] = x[n + i, 0]
+
+
+@numba.njit(error_model="numpy", nogil=True, cache=True)
+def _linear(rates: Rates, capacities: Floats, m: Floats, at: Index, h: Floats, x: Floats, q: int) -> float:
+    """`h x` (S,); its slopes with y become `shares` of reading q."""
+    n, size, shares, total, late = rates.n, rates.size, rates.shares + q * rates.length, 0.0, False
+    for i in range(n):
+        m[u(shares + i)] = -h[i]
+        total += h[i] * x[i, 0]
+    for i in range(n, 2 * n):
+        late |= h[i] != 0.0
+        total += h[i] * x[i, 0]
+    for i in range(n, size):
+        m[u(shares + i)] = -h[n + i]
+        total += h[n + i] * x[n + i, 0]
+    if late:  # what it takes of rates is what the capacitor equation makes of them
+        for c in range(rates.cell, rates.cell + 3 * rates.cells, 3):
+            i = at[u(c + 1)]
+            m[u(shares + at[u(c + 2)])] += h[n + i] * m[u(rates.slopes + at[u(c)])] / capacities[i]
+    return total
+
+
+@numba.njit(error_model="numpy", nogil=True, cache=True)
+def _follow(rates: Rates, capacities: Floats, m: Floats, at: Index, x: Floats) -> None:
+    """x (S, 1) becomes what it is in `state`; the rates move with the rest as the capacitor equation has it."""
+    n, size, length, moved = rates.n, rates.size, rates.length, rates.right
+    for i in range(size):
+        after, own = m[u(rates.state + i * length + size)], i if i < n else n + i
+        m[u(moved + i)], x[own, 0] = after - x[own, 0], after
+    for c in range(rates.cell, rates.cell + 3 * rates.cells, 3):
+        i = at[u(c + 1)]
+        x[n + i, 0] -= m[u(rates.slopes + at[u(c)])] * m[u(moved + at[u(c + 2)])] / capacities[i]
+
+
+@numba.njit(error_model="numpy", nogil=True, cache=True)
+def sensor_row(weights: Floats, time_constant: float, state: int, before_s: float, n: int, h: Floats) -> None:
+    """`h` (S,): what a channel reads `before_s` before the end of the step: its own rate is known, zdot or (T - reading) / lag."""
+    h[:] = 0.0
+    if state >= 0:
+        share = before_s / time_constant
+        h[state] = 1.0 + share
+        for i in range(n):
+            h[i] = -share * weights[i]
+        return
+    for i in range(n):
+        h[i] = weights[i]
+        h[n + i] = -before_s * weights[i]

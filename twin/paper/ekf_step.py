@@ -1,0 +1,414 @@
+"""The covariance of the paper's filter, on its rank: what `twin.paper.ekf` does to P, with w free.
+
+After the capacitor equations are measured without noise, the errors of the rates are those of the rest, C dzdot = Q_z dz + Q_rho drho.
+So P = T P_y T' with y = [z, rho, lagging readings], and a step, its perfect measurements included, is one of y alone: the trapezoidal rule
+
+    (2 C / h - Q_z+) z+ = (2 C / h + Q_z) z + Q_rho rho + Q_rho+ rho+,   rho+ = rho + noise,
+
+linearised at the edges. Q_rho is 1 at the node of an unknown heat, of a factor's logarithm the heat that it multiplies, of a channel's error 0.
+What w is does not matter while it may be anything; of the covariance nothing has to cancel that is 1e6 of what is left.
+P_y is positive definite as long as every number has noise at the start or in a step: F P_y F' + Q is made of products with its rows, and
+the readings take from it what elimination of their covariance leaves (`twin.filters.readings`), which is less than
+P_y while a reading's variance is above what P_y is rounded by, 1e-16 of its largest. Walks put back in every step what rounding takes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.arithmetic.lanes import NOWHERE, Store, Sweep, less, paired, scaled, sweep, transposed, width, within
+from twin.filters.matrix import eliminate, laws_at
+from twin.filters.plan import Parts
+
+Floats = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+u = np.uint64  # numba then asks of no index whether it counts from the end
+
+
+class Rates(NamedTuple):
+    """Where the numbers and indices of a run are (`twin.arithmetic.lanes`), and how many there are. `values`: n diagonals, E upper and E lower entries
+    of 2 C / h - Q_z, eliminated; `slopes`: in the same order those of -Q_z at the edge where P_y is, one that nobody reads, those of
+    -Q_rho, of heats first, and what does not change of `reach`."""
+
+    n: int
+    heats: int
+    unknown: int  # numbers of rho: heats, factors, errors of channels
+    size: int  # S_y
+    length: int  # of a row
+    edges: int  # E
+    entries: int  # of Q_z
+    cells: int  # those first, then of Q_rho
+    channels: int
+    meters: int
+    laws: int  # L
+    multiplied: int  # P, of a law and one factor each
+    driven: int  # of -Q_rho, by factors
+    around: int  # boundaries
+    knots: int
+    # numbers
+    unit: int  # 0, 1
+    own: int  # (n,) 2 C / h [W/K]
+    copper: int
+    law_numbers: int  # as `twin.filters.plan.Plan`, like all that `laws_at` takes
+    psi: int
+    amounts: int  # (L,) of each law, factors included
+    terms: int  # (P,) of them what factors multiply
+    temperatures: int  # (n + b,)
+    heat: int  # (n,) into the capacitors, and one that nobody reads
+    slopes: int
+    values: int
+    right: int  # (S_y,)
+    after: int  # what lagging readings take of the temperatures after a step, sign changed
+    noise: int  # (S_y rows) of the right-hand side
+    signs: int  # (q, L)
+    of_losses: int  # (q,)
+    shares: int  # (m + q rows) of each reading, sign changed
+    state: int  # [P_y | y]
+    moved: int
+    turned: int
+    ahead: int  # [P_y | y] as predicted
+    # indices
+    each: int  # 0, 1, ... of all groups
+    row: int  # the same times `length`
+    order: int
+    edge_start: int
+    edge_to: int
+    update: int
+    law: int
+    into: int  # (laws, 8) a, b, and in `values` (a,a) (a,b) (a,m) (b,a) (b,b) (b,m), for each what nobody reads where there is none
+    node: int  # (heats,)
+    term: int  # (P, 4) law, factor, and in `slopes` where its heat goes into a and where it comes out of b
+    cell: int  # (cells, 3) place in `slopes`, node and number of y
+    taken: int  # (m + q, S_y) pairs: rows and shares that each reading takes
+    number: int  # (m + q,) of them
+    reach: Sweep  # the right-hand side
+    forward: Sweep
+    backward: Sweep
+    follow: Sweep  # lagging readings with the temperatures after a step
+
+
+def shares_of(parts: Parts, monomials: int) -> tuple[Floats, list[tuple[int, int]]]:
+    """(F + 1, L + P): what each of F monomials, then 1, adds to the amount of each law without what factors multiply, then to what of a law
+    a factor multiplies; which law and which factor, P of them."""
+    program, laws = parts.program, len(parts.places)
+    law = np.repeat(np.arange(laws), np.diff(program.term_start)).tolist()
+    factor = parts.factor_of[program.term_coefficient].tolist()
+    multiplied = sorted({(g, p) for g, p in zip(law, factor, strict=True) if p >= 0})
+    where = {term: laws + t for t, term in enumerate(multiplied)}
+    column = np.array([where.get(term, term[0]) for term in zip(law, factor, strict=True)])
+    found = np.zeros((monomials + 1, laws + len(multiplied)))
+    np.add.at(found, (program.term_monomial, column), parts.nominal[program.term_coefficient])  # -1 is the last row
+    return found, multiplied
+
+
+def rates_of(
+    parts: Parts,
+    multiplied: Sequence[tuple[int, int]],
+    capacities: Floats,
+    boundaries: int,
+    step_s: float,
+    store: Store,
+) -> Rates:
+    """The places of a run, put into `store`; `multiplied` as in `shares_of`."""
+    program, m, meters = parts.program, len(parts.weights), len(parts.signs)
+    n, edges, heats, o = program.n, len(program.edge_to), len(parts.heats), parts.last - program.n
+    lagging = np.flatnonzero(parts.state >= 0).tolist()
+    size = n + o + len(lagging)
+    length = width(size + 1)
+    order, own = program.order.tolist(), 2 * capacities / step_s
+    where = {i: (i, i) for i in range(n)}
+    forward: dict[int, list[tuple[int, int]]] = {i: [] for i in order}
+    backward: dict[int, list[tuple[int, int]]] = {i: [] for i in order}
+    for p, i in enumerate(order):
+        for e in range(program.edge_start[p], program.edge_start[p + 1]):
+            j = int(program.edge_to[e])
+            where[n + e], where[n + edges + e] = (i, j), (j, i)
+            forward[j].append((i * length, n + edges + e))
+            backward[i].insert(0, (j * length, n + e))
+    used = sorted({*range(n), *(int(e) for e in program.place.ravel() if 0 <= e < n + 2 * edges)})
+    fixed = [-1.0, *(-own)]  # behind the slopes
+    nobody = n + 2 * edges
+    drive = {(node, k): nobody + 1 + k for k, node in enumerate(parts.heats.tolist())}
+    terms = []
+    into = []
+    for (a, b, _, _, one_way, _, _), places in zip(parts.places.tolist(), program.place.tolist(), strict=True):
+        aa, bb, ab, ba, am, bm = (e if 0 <= e < nobody else nobody for e in places)
+        both = 0 <= b < n and not one_way
+        into.append([a, b, aa, ab, am, ba, bb, bm] if both else [a, n, aa, ab, am, nobody, nobody, nobody])
+    for g, p in multiplied:
+        a, b = into[g][:2]
+        goes = drive.setdefault((a, heats + p), nobody + 1 + len(drive))
+        comes = drive.setdefault((b, heats + p), nobody + 1 + len(drive)) if b < n else nobody
+        terms.append([g, p, goes, comes])
+    one = nobody + 1 + len(drive)
+    cells = [[e, *where[e]] for e in used] + [[e, i, n + k] for (i, k), e in drive.items()]
+    takes: list[list[tuple[int, int]]] = [[(i * length, one + 1 + i)] for i in range(n)]
+    for e, i, j in cells:
+        takes[i].append((j * length, e))
+    takes += [[((n + k) * length, one)] for k in range(o)]
+    by_noise = np.zeros((size, n + o))
+    by_noise[:n, :n], by_noise[n : n + o, n:] = np.diag(own), np.eye(o)
+    after: list[float] = []
+    follows = []
+    for k, j in enumerate(lagging):
+        kept, before, now = parts.lag[j].tolist()
+        nodes = np.flatnonzero(parts.weights[j]).tolist()
+        takes.append(
+            [
+                ((n + o + k) * length, one + len(fixed)),
+                *((i * length, one + len(fixed) + 1 + q) for q, i in enumerate(nodes)),
+            ]
+        )
+        fixed += [-kept, *(-before * parts.weights[j, nodes])]
+        follows.append([(i * length, len(after) + q) for q, i in enumerate(nodes)])
+        after += (-now * parts.weights[j, nodes]).tolist()
+        by_noise[n + o + k, :n] = -now * parts.weights[j]
+    noise = np.zeros((length, length))
+    noise[:size, :size] = (by_noise * parts.process[: n + o]) @ by_noise.T
+    rows = [i * length for i in range(size)]
+    pivots = [rows[i] for i in order]
+    values = store.rows(1, nobody + 1)
+    slopes = store.put(np.concatenate([np.zeros(nobody + 1), -np.ones(heats), np.zeros(len(drive) - heats), fixed]))
+    for (i, k), e in drive.items():
+        forward[i].append(((n + k) * length, slopes - values + e))
+    return Rates(
+        n=n,
+        heats=heats,
+        unknown=o,
+        size=size,
+        length=length,
+        edges=edges,
+        entries=len(used),
+        cells=len(cells),
+        channels=m,
+        meters=meters,
+        laws=len(parts.places),
+        multiplied=len(terms),
+        driven=len(drive) - heats,
+        around=boundaries,
+        knots=(parts.numbers.shape[1] - 3) // 2,
+        unit=store.put(np.array([0.0, 1.0])),
+        own=store.put(own),
+        copper=store.put(parts.copper),
+        law_numbers=store.put(parts.numbers),
+        psi=store.rows(len(parts.places), 4),
+        amounts=store.rows(1, len(parts.places)),
+        terms=store.rows(1, len(terms)),
+        temperatures=store.rows(1, n + boundaries),
+        heat=store.rows(1, n + 1),
+        slopes=slopes,
+        values=values,
+        right=store.rows(1, size),
+        after=store.put(np.array(after)),
+        noise=store.put(noise),
+        signs=store.put(parts.signs),
+        of_losses=store.put(parts.of_losses),
+        shares=store.rows(m + meters, length),
+        state=store.rows(length, length),
+        moved=store.rows(length, length),
+        turned=store.rows(length, length),
+        ahead=store.rows(length, length),
+        each=store.index(range(len(parts.places))),
+        row=store.index(range(0, length * length, length)),
+        order=store.index(order),
+        edge_start=store.index(program.edge_start.tolist()),
+        edge_to=store.index(program.edge_to.tolist()),
+        update=store.index(program.update.tolist()),
+        law=store.table(parts.places.tolist()),
+        into=store.table(into),
+        node=store.index(parts.heats.tolist()),
+        term=store.table(terms),
+        cell=store.table(cells),
+        taken=store.index([0] * ((m + meters) * size)),
+        number=store.index([0] * (m + meters)),
+        reach=store.sweep(rows, [0] * size, takes),
+        forward=store.sweep(pivots, [0] * n, [forward[i] for i in order]),
+        backward=store.sweep(pivots[::-1], order[::-1], [backward[i] for i in order[::-1]]),
+        follow=store.sweep(rows[n + o :], [0] * len(lagging), follows),
+    )
+
+
+@numba.njit(error_model="numpy", nogil=True, cache=True)
+def laws_of(rates: Rates, m: Floats, at: Index, x: Floats, outside: Floats) -> None:
+    """`psi` at the temperatures of x (S, 1), and what they are beside `outside` (b,)."""
+    for i in range(rates.n):
+        m[u(rates.temperatures + i)] = x[i, 0]
+    for i in range(rates.around):
+        m[u(rates.temperatures + rates.n + i)] = outside[i]
+    laws_at(rates, m, at, rates.each, rates.laws)
+
+
+@numba.njit(error_model="numpy", nogil=True, cache=True)
+def amounts_of(rates: Rates, m: Floats, at: Index, amounts: Floats, x: Floats) -> None:
+    """`amounts` and `terms` by `amounts` (L + P,) of an edge and the factors of x (S, 1)."""
+    first = 2 * rates.n + rates.heats
+    for g in range(rates.laws):
+        m[u(rates.amounts + g)] = amounts[g]
+    for t in range(rates.multiplied):
+        g, p = at[u(rates.term + 4 * t)], at[u(rates.term + 4 * t + 1)]
+        m[u(rates.terms + t)] = amounts[rates.laws + t] * np.exp(x[first + p, 0])
+        m[u(rates.amounts + g)] += m[u(rates.terms + t)]
+
+
+@numba.njit(error_model="numpy", nogil=True, cache=True)
+def linearised(rates: Rates, m: Floats, at: Index, x: Floats) -> None:
+    """`heat` [W] of x (S, 1) and all that changes of `slopes`, by `psi`, `amounts` and `terms`."""
+    slopes = rates.slopes
+    _balance(rates, m, at, x, slopes)
+    first = slopes + rates.n + 2 * rates.edges + 1 + rates.heats
+    for e in range(first, first + rates.driven):
+        m[u(e)] = 0.0
+    for t in range(rates.multiplied):
+        own = rates.term + 4 * t
+        heat = m[u(rates.terms + t)] * m[u(rates.psi + 4 * at[u(own)])]
+        m[u(slopes + at[u(own + 2)])] -= heat
+        m[u(slopes + at[u(own + 3)])] += heat
+
+
+@within
+def _balance(rates: Rates, m: Floats, at: Index, x: Floats, slopes: int) -> None:
+    """`heat` [W], the unknown ones of x (S, 1) included, and -Q_z at `slopes` [W/K], by `psi` and `amounts`."""
+    n, heat = rates.n, rates.heat
+    for i in range(n):
+        m[u(heat + i)] = 0.0
+    for k in range(rates.heats):
+        m[u(heat + at[u(rates.node + k)])] = x[2 * n + k, 0]
+    for e in range(n + 2 * rates.edges):
+        m[u(slopes + e)] = 0.0
+    for g in range(rates.laws):
+        to, psi, amount = rates.into + 8 * g, rates.psi + 4 * g, m[u(rates.amounts + g)]
+        value, by_a, by_b, by_m = (
+            amount * m[u(psi)],
+            amount * m[u(psi + 1)],
+            amount * m[u(psi + 2)],
+            amount * m[u(psi + 3)],
+        )
+        m[u(heat + at[u(to)])] += value
+        m[u(heat + at[u(to + 1)])] -= value
+        m[u(slopes + at[u(to + 2)])] -= by_a
+        m[u(slopes + at[u(to + 3)])] -= by_b
+        m[u(slopes + at[u(to + 4)])] -= by_m
+        m[u(slopes + at[u(to + 5)])] += by_a
+        m[u(slopes + at[u(to + 6)])] += by_b
+        m[u(slopes + at[u(to + 7)])] += by_m
+
+
+@numba.njit(error_model="numpy", nogil=True, cache=True)
+def change(rates: Rates, m: Floats, at: Index, step_s: float, x: Floats) -> None:
+    """`right`: w [K/s] with which x (S, 1) has no Gamma at the end of a step, linear about its z, where `psi` and `amounts` are of that z and
+    of what is around it then."""
+    n, heat, right, values = rates.n, rates.heat, rates.right, rates.values
+    _balance(rates, m, at, x, values)
+    for c in range(rates.cell, rates.cell + 3 * rates.entries, 3):
+        m[u(heat + at[u(c + 1)])] -= step_s * m[u(values + at[u(c)])] * x[n + at[u(c + 2)], 0]
+    _eliminated(rates, m, at, values)
+    for i in range(n):
+        m[u(right + i)] = 2.0 / step_s * m[u(heat + i)] - m[u(rates.own + i)] * x[n + i, 0]
+    solve(rates, m, at)
+
+
+@within
+def _eliminated(rates: Rates, m: Floats, at: Index, slopes: int) -> None:
+    """`values` by -Q_z at `slopes`."""
+    for e in range(rates.n + 2 * rates.edges):
+        m[u(rates.values + e)] = m[u(slopes + e)]
+    for i in range(rates.n):
+        m[u(rates.values + i)] += m[u(rates.own + i)]
+    eliminate(rates, m, at)
+
+
+@numba.njit(error_model="numpy", nogil=True, cache=True)
+def spread(rates: Rates, m: Floats, at: Index, x: Floats) -> None:
+    """`ahead`: P_y one step on from `state`, given the capacitor equations, by `psi`, `amounts` and x (S, 1) at the end of the step;
+    symmetric to rounding. Filled: `values`, `slopes` and `heat` there."""
+    size, length, slopes, unit = rates.size, rates.length, rates.slopes, rates.unit
+    sweep(m, at, rates.reach, rates.moved, rates.noise, rates.state, unit, slopes, length)
+    transposed(m, rates.turned, rates.moved, size, length)
+    sweep(m, at, rates.reach, rates.moved, rates.noise, rates.turned, unit + 1, slopes, length)
+    linearised(rates, m, at, x)
+    _eliminated(rates, m, at, slopes)
+    _solved(rates, m, at, rates.moved, rates.ahead)
+    transposed(m, rates.turned, rates.ahead, size, length)
+    _solved(rates, m, at, rates.turned, rates.ahead)
+
+
+@within
+def _solved(rates: Rates, m: Floats, at: Index, right: int, out: int) -> None:
+    """The rows of a step whose right-hand sides are the rows at `right`."""
+    length, unit, values = rates.length, rates.unit + 1, rates.values
+    for row in range(rates.n * length, (rates.n + rates.unknown) * length, length):
+        scaled(m, out + row, 1.0, right + row, length)
+    sweep(m, at, rates.forward, out, right, out, unit, values, length)
+    sweep(m, at, rates.backward, out, out, out, values, values, length)
+    sweep(m, at, rates.follow, out, right, out, unit, rates.after, length)
+
+
+@numba.njit(error_model="numpy", nogil=True, cache=True)
+def solve(rates: Rates, m: Floats, at: Index) -> None:
+    """`right` becomes the solution with the matrix that `values` are of."""
+    values, right, upper = rates.values, rates.right, rates.values + rates.n
+    for p in range(rates.n):
+        own = m[u(right + at[u(rates.order + p)])]
+        for e in range(at[u(rates.edge_start + p)], at[u(rates.edge_start + p + 1)]):
+            m[u(right + at[u(rates.edge_to + e)])] -= m[u(upper + rates.edges + e)] * own
+    for p in range(rates.n - 1, -1, -1):
+        i = at[u(rates.order + p)]
+        own = m[u(right + i)] * m[u(values + i)]
+        for e in range(at[u(rates.edge_start + p)], at[u(rates.edge_start + p + 1)]):
+            own -= m[u(upper + e)] * m[u(right + at[u(rates.edge_to + e)])]
+        m[u(right + i)] = own
+
+
+@numba.njit(error_model="numpy", nogil=True, cache=True)
+def metered(rates: Rates, m: Floats, at: Index, j: int, x: Floats, q: int) -> float:
+    """What meter j of heat reads [W] of x (S, 1), by `psi`, `amounts` and `terms`; its slopes become `shares` of reading q."""
+    n, heats, shares, signs, total = (
+        rates.n,
+        rates.heats,
+        rates.shares + q * rates.length,
+        rates.signs + j * rates.laws,
+        0.0,
+    )
+    for i in range(rates.size):
+        m[u(shares + i)] = 0.0
+    for g in range(rates.laws):
+        law, psi, amount = rates.law + 7 * g, rates.psi + 4 * g, m[u(signs + g)] * m[u(rates.amounts + g)]
+        a, b, other = at[u(law)], at[u(law + 1)], at[u(law + 3)]
+        total += amount * m[u(psi)]
+        m[u(shares + a)] -= amount * m[u(psi + 1)]
+        if 0 <= b < n:
+            m[u(shares + b)] -= amount * m[u(psi + 2)]
+        if other >= 0:
+            m[u(shares + other)] -= amount * m[u(psi + 3)]
+    for k in range(heats):
+        m[u(shares + n + k)] = -m[u(rates.of_losses + j)]
+        total += m[u(rates.of_losses + j)] * x[2 * n + k, 0]
+    for t in range(rates.multiplied):
+        g, p = at[u(rates.term + 4 * t)], at[u(rates.term + 4 * t + 1)]
+        m[u(shares + n + heats + p)] -= m[u(signs + g)] * m[u(rates.terms + t)] * m[u(rates.psi + 4 * g)]
+    return total
+
+
+@within
+def reads(rates: Rates, m: Floats, at: Index, q: int, gain: int, stride: int) -> None:
+    """Row q of `gain`, rows of `stride`: the covariance of what takes `shares` with y as predicted, and with those before it there."""
+    count, size, length, own = 0, rates.size, rates.length, gain + q * stride
+    shares, taken = rates.shares + q * length, rates.taken + q * size
+    for i in range(size):
+        if m[u(shares + i)] != 0.0:
+            at[u(taken + count)] = paired(i * length, i)
+            count += 1
+    at[u(rates.number + q)] = count
+    less(m, at, NOWHERE, 1, taken, count, own, rates.noise, rates.ahead, rates.unit, shares, 0, length)
+    for p in range(q + 1):
+        total = 0.0
+        for e in range(rates.taken + p * size, rates.taken + p * size + at[u(rates.number + p)]):
+            i = at[u(e)] >> 32
+            total -= m[u(rates.shares + p * length + i // length)] * m[u(own + i // length)]
+        m[u(gain + p * stride + length + q)] = m[u(own + length + p)] = total

@@ -1,0 +1,62 @@
+"""Every law of a network as amount times psi (`twin.compiled.laws`), one after the other at one state: what the paper's form and the
+sensitivities of the filters are made from."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.compiled.laws import Law, Table, psi_of
+from twin.compiled.structure import CONSTANT, described, structure
+from twin.motor import features
+from twin.motor.network import Network
+
+Floats = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+
+class LawHeats(NamedTuple):
+    """The laws of a network, one a group of its structure. `places`, `numbers`, `copper` as `twin.compiled.laws.Table`; `shares`
+    (m + 1, L): what each monomial, then 1, adds to the amount of each law [W or W/K]; `n` nodes."""
+
+    n: int
+    places: Index
+    numbers: Floats
+    copper: Floats
+    shares: Floats
+
+    def amounts(self, features_of_steps: Floats) -> Floats:
+        """(N, L) amount of each law in steps with features (N, m)."""
+        found: Floats = features_of_steps @ self.shares[:-1] + self.shares[-1]
+        return found
+
+
+def law_heats(network: Network) -> LawHeats:
+    """The laws of a checked network with its own coefficients."""
+    shape, values = described(network)
+    laws = [Law.of(group, values, g) for g, group in enumerate(shape.groups)]
+    table = Table.of(laws, network.copper)
+    return LawHeats(len(network.nodes), table.places, table.numbers, table.copper, shares(network, values.coefficients))
+
+
+def shares(network: Network, coefficients: Floats) -> Floats:
+    """(m + 1, L) as in `LawHeats`, of given coefficients in the order of `features.terms`."""
+    groups = structure(network).groups
+    found = np.zeros((len(features.monomials(network)) + 1, len(groups)))
+    for g, group in enumerate(groups):
+        for i, j in group.terms:
+            found[-1 if j == CONSTANT else j, g] += coefficients[i]
+    return found
+
+
+@numba.njit(error_model="numpy", nogil=True, cache=True)
+def psi_at(places: Index, numbers: Floats, copper: Floats, at: Floats, found: Floats) -> None:
+    """`found` (L, 4): psi of every law and its slopes with T_a, T_b and T_m at nodes and boundaries `at` (n + b, 1) [degC]."""
+    one = np.empty((4, 1))
+    for w in range(len(places)):
+        psi_of(places[w], numbers[w], copper, at, 0, one)
+        for i in range(4):
+            found[w, i] = one[i, 0]

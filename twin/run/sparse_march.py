@@ -1,0 +1,238 @@
+"""A run by the implicit midpoint rule over the sparse elimination of a network of any size, and what parameters do to it: compiled once for all networks.
+
+The scheme is that of `twin.fitting.march`; the steps are assembled and eliminated by the index program (`twin.compiled.indexed`), `LANES` of them side by
+side. Of each step M z = S T + b, T' = 2 z - T with S = 2 C / h, a parameter that brings the heat q moves z by M dz = S dT + q: all
+parameters side by side, in strips of columns (`twin.arithmetic.lanes`) that stay in the nearest caches.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.arithmetic.lanes import Store, Sweep, sweep
+from twin.arithmetic.vectors import LANES, vectors
+from twin.compiled.indexed import Index, Program, assemble
+
+Floats = NDArray[np.float64]
+
+STRIP = 96  # columns at most that go through the steps together: what they need stays in the nearest caches
+SETTLED_K = (
+    1e-4  # heats that are linearised about what is so near are exact to 1e-8 K: what is left falls with the square
+)
+ROUNDS = 8  # of linearising steps about what the last round found
+
+
+@numba.njit(error_model="numpy", nogil=True, cache=True)
+def run(
+    program: Program,
+    affine: bool,
+    storage: Floats,
+    coefficients: Floats,
+    copper: Floats,
+    factors: Floats,
+    phi: Floats,
+    around: Floats,
+    start: Floats,
+    shares: Floats,
+    means: Floats,
+    rises: Floats,
+) -> None:
+    """K steps from `start` (n,), which is left at their end: `means` (K, n) their mean temperatures, `rises` (K, n) half of what each
+    rises by, and `shares` (K, n + 2 E) of its elimination: 1 / pivot of each node, then what each row takes of later ones on the way up, of
+    earlier ones on the way down, both in the order of the program's edges.
+
+    `phi` (K', m, LANES) and `around` (K', b, LANES) of at least so many steps; `storage` (n,) S [W/K]; `affine`: one round is exact.
+    """
+    n, order, edge_start, edge_to = program.n, program.order, program.edge_start, program.edge_to
+    edges, lanes = len(edge_to), (LANES,)
+    values, about, right = np.empty((n + 2 * edges, LANES)), np.empty((n, LANES)), np.empty((n, LANES))
+    side_by_side = vectors(values, lanes), vectors(right, lanes)
+    features, outside, course = vectors(phi, lanes), vectors(around, lanes), vectors(about, lanes)
+    z, edge, last = np.empty(n), np.empty(n), np.zeros(n)
+    for first in range(0, len(means), LANES):
+        own, count = first // LANES, min(LANES, len(means) - first)
+        for i in range(n):
+            for k in range(LANES):
+                about[i, k] = start[i] + (2 * k + 1) * last[i]
+        for _ in range(1 if affine else ROUNDS):
+            assemble(
+                program, storage, coefficients, copper, factors, features[own], outside[own], course, *side_by_side
+            )
+            moved = 0.0
+            for i in range(n):
+                edge[i] = start[i]
+            for k in range(count):
+                for i in range(n):
+                    z[i] = storage[i] * edge[i] + right[i, k]
+                for p in range(n):
+                    for e in range(edge_start[p], edge_start[p + 1]):
+                        z[edge_to[e]] -= values[n + edges + e, k] * z[order[p]]
+                for p in range(n - 1, -1, -1):
+                    i = order[p]
+                    for e in range(edge_start[p], edge_start[p + 1]):
+                        z[i] -= values[n + e, k] * z[edge_to[e]]
+                    z[i] *= values[i, k]
+                for i in range(n):
+                    moved = max(moved, abs(z[i] - about[i, k]))
+                    about[i, k] = means[first + k, i] = z[i]
+                    rises[first + k, i] = z[i] - edge[i]
+                    edge[i] = 2 * z[i] - edge[i]
+            if moved < SETTLED_K:
+                break
+        for i in range(n):
+            start[i], last[i] = edge[i], rises[first + count - 1, i]
+        for k in range(count):
+            for i in range(n):
+                shares[first + k, i] = values[i, k]
+            for p in range(n):
+                for e in range(edge_start[p], edge_start[p + 1]):
+                    shares[first + k, n + e] = values[n + e, k] * values[order[p], k]
+                    shares[first + k, n + edges + e] = values[n + edges + e, k]
+
+
+class Plan(NamedTuple):
+    """Where things are. A strip has rows of `wide` numbers from `strips` on: n `right`-hand sides that become mean temperatures of the
+    step, n temperatures at its end, m readings, m means of blocks; `numbers` in each. `units`: 0, 1, -1, -2; `storage` S (n,); `lags`: what a step leaves
+    of each reading; `follows`: what readings take; `shares` (K, n + 2 E) of each step, `weights` (K, W) of its end in the means of blocks, `begins`
+    (B, W) of the start of each block."""
+
+    n: int
+    sensors: int
+    size: int
+    weighed: int
+    units: int
+    storage: int
+    lags: int
+    follows: int
+    shares: int
+    weights: int
+    begins: int
+    strips: int
+    numbers: int
+    wide: int
+    right: Sweep
+    down: Sweep
+    up: Sweep
+    end: Sweep
+    read: Sweep
+    mean: Sweep
+
+
+class Sensors(NamedTuple):
+    """Each reads `nodes` of it by `weights`, through a lag of `factors`: of its last reading, of the last truth and of the truth now; (0, 0, 1) is none."""
+
+    nodes: Sequence[Sequence[int]]
+    weights: Sequence[Sequence[float]]
+    factors: Sequence[tuple[float, float, float]]
+
+
+class Loads(NamedTuple):
+    """What parameters bring: those of strip s are `start[s]:start[s + 1]`, each `sign` times a heat of number `heat` times the product of features of
+    number `feature`, which goes to a `place` within the strip: row and column."""
+
+    start: Index
+    place: Index
+    heat: Index
+    feature: Index
+    sign: Floats
+
+
+def planned(
+    program: Program, storage: Floats, sensors: Sensors, steps: int, blocks: int, initial: Floats
+) -> tuple[Plan, Floats, Index, Index]:
+    """The plan of `steps` in `blocks` at a time, its numbers and indices, and of which sensor each weight is. `initial` (n, S, W): columns at the start."""
+    wide = initial.shape[2]
+    n, m, edges = program.n, len(sensors.nodes), len(program.edge_to)
+    store, order = Store(), program.order.tolist()
+    number = {node: p for p, node in enumerate(order)}
+    rows, ends = [wide * i for i in range(n)], [wide * (n + i) for i in range(n)]
+    downs: list[list[tuple[int, int]]] = [[] for _ in range(n)]
+    ups: list[list[tuple[int, int]]] = [[] for _ in range(n)]
+    for p, node in enumerate(order):
+        for e in range(program.edge_start[p], program.edge_start[p + 1]):
+            later = int(program.edge_to[e])
+            downs[number[later]].append((rows[node], n + edges + e))
+            ups[p].append((rows[later], n + e))
+    lagged = [s for s, (kept, before, _) in enumerate(sensors.factors) if kept or before]
+    follows: list[float] = []
+    reads: list[list[tuple[int, int]]] = []
+    for s in lagged:  # the truth at a step's start is twice its mean less that at its end
+        _, before, now = sensors.factors[s]
+        reads.append([])
+        for node, weight in zip(sensors.nodes[s], sensors.weights[s], strict=True):
+            for row, factor in ((rows[node], 2 * before), (ends[node], now - before)):
+                reads[-1].append((row, len(follows)))
+                follows.append(-factor * weight)
+    readings = [wide * (2 * n + s) for s in range(m)]
+    means: list[list[tuple[int, int]]] = []
+    of: list[tuple[int, float]] = []  # sensor and weight of all that means are made of
+    for s in range(m):
+        parts = [(ends[i], w) for i, w in zip(sensors.nodes[s], sensors.weights[s], strict=True)]
+        own = [(readings[s], 1.0)] if s in set(lagged) else parts
+        means.append([(row, len(of) + j) for j, (row, _) in enumerate(own)])
+        of += [(s, weight) for _, weight in own]
+    strips, size = initial.shape[1], n + 2 * edges
+    plan = Plan(
+        n=n,
+        sensors=m,
+        size=size,
+        weighed=len(of),
+        units=store.put(np.array([0.0, 1.0, -1.0, -2.0])),
+        storage=store.put(storage),
+        lags=store.put(np.array([kept for kept, _, _ in sensors.factors])),
+        follows=store.put(np.array(follows)),
+        shares=store.rows(steps, size),
+        weights=store.rows(steps, len(of)),
+        begins=store.rows(blocks, len(of)),
+        numbers=wide * (2 * n + 2 * m),
+        wide=wide,
+        strips=store.rows(strips, wide * (2 * n + 2 * m)),
+        right=store.sweep(rows, list(range(n)), [[]] * n),
+        down=store.sweep([rows[i] for i in order], [0] * n, downs),
+        up=store.sweep([rows[i] for i in order[::-1]], order[::-1], ups[::-1]),
+        end=store.sweep(rows, [0] * n, [[(row, 0)] for row in rows]),
+        read=store.sweep([wide * s for s in lagged], lagged, reads),
+        mean=store.sweep([wide * s for s in range(m)], [0] * m, means),
+    )
+    numbers = store.numbers()
+    begin = np.zeros((strips, 2 * n + 2 * m, wide))
+    begin[:, n : 2 * n] = initial.transpose(1, 0, 2)
+    for s in lagged:  # in equilibrium
+        begin[:, 2 * n + s] = np.tensordot(sensors.weights[s], initial[list(sensors.nodes[s])], 1)
+    numbers[plan.strips : plan.strips + begin.size] = begin.ravel()
+    return plan, numbers, store.indices(), np.array(of)
+
+
+@numba.njit(error_model="numpy", nogil=True, cache=True)
+def carry(
+    plan: Plan, m: Floats, at: Index, loads: Loads, heats: Floats, phi: Floats, length: int, means: Floats
+) -> None:
+    """What the steps whose shares and weights are in place do to the columns of all strips, from the start to the end, where `means`
+    (B, m, S, W) of each sensor over each block of `length` steps are known. `heats` (L, K) [W per unit of the feature], `phi` (F, K)."""
+    wide = plan.wide
+    for s in range(len(loads.start) - 1):
+        right = plan.strips + s * plan.numbers
+        end, reading = right + wide * plan.n, right + wide * 2 * plan.n
+        mean = reading + wide * plan.sensors
+        for k in range(heats.shape[1]):
+            shares, block = plan.shares + k * plan.size, k // length
+            if k % length == 0:
+                begins = plan.begins + block * plan.weighed
+                sweep(m, at, plan.mean, mean, mean, right, plan.units, begins, wide)
+            sweep(m, at, plan.right, right, end, right, plan.storage, plan.units, wide)
+            for e in range(loads.start[s], loads.start[s + 1]):
+                m[right + loads.place[e]] += loads.sign[e] * heats[loads.heat[e], k] * phi[loads.feature[e], k]
+            sweep(m, at, plan.down, right, right, right, plan.units + 1, shares, wide)
+            sweep(m, at, plan.up, right, right, right, shares, shares, wide)
+            sweep(m, at, plan.end, end, end, right, plan.units + 2, plan.units + 3, wide)
+            sweep(m, at, plan.read, reading, reading, right, plan.lags, plan.follows, wide)
+            sweep(m, at, plan.mean, mean, mean, right, plan.units + 1, plan.weights + k * plan.weighed, wide)
+            if (k + 1) % length == 0:
+                for r in range(plan.sensors):
+                    for c in range(wide):
+                        means[block, r, s, c] = m[mean + r * wide + c]
