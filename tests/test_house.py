@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from made.places import ROOT
+from replay.engine.runs.sources import imported
 
 MAY_IMPORT = {
     "twin": {"twin"},
@@ -139,6 +140,11 @@ def test_a_folder_says_in_a_sentence_what_it_holds_and_runs_nothing(folder: str)
     assert says.splitlines()[0].endswith((".", "?")), folder
     if folder not in ("ingest.formats", "replay.cli", "whyhot"):  # the list of formats, the verbs, the guard
         assert len(tree.body) == 1, f"{folder} holds more than its sentence"
+
+
+def test_keys_see_every_import() -> None:
+    for module, others in GRAPH.items():
+        assert imported(module) - {module} == others - {"whyhot"}, module  # which holds the version alone
 
 
 def test_tests_follow_the_rooms() -> None:
