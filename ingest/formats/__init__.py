@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from importlib import import_module
 from pathlib import Path
 from typing import Any
+from zoneinfo import ZoneInfo
 
 import numpy as np
 from numpy.typing import NDArray
@@ -81,6 +82,11 @@ class TimeSpec:
     start: str | None = None
     untimed: bool = False
 
+    @property
+    def local(self) -> ZoneInfo:
+        """The zone of local stamps."""
+        return ZoneInfo(self.zone)
+
 
 @dataclass
 class Log(ABC):
@@ -124,6 +130,7 @@ FORMATS: tuple[Format, ...] = (
     Format("tdms", "rows", (".tdms",), b"TDSm", "ingest.formats.tdms"),
     Format("csv", "rows", (".csv", ".csv.gz", ".txt", ".tsv"), b"", "ingest.formats.csv"),
 )
+SUFFIXES = " ".join(suffix for entry in FORMATS for suffix in entry.suffixes)  # as help and refusals list them
 
 
 def recognise(path: Path) -> Format:
@@ -141,11 +148,21 @@ def recognise(path: Path) -> Format:
     for entry in FORMATS:
         if path.name.lower().endswith(entry.suffixes) and not entry.magic:
             return entry
-    known = " ".join(suffix for entry in FORMATS for suffix in entry.suffixes)
-    raise UnreadableLogError(f"{path.name}: is none of the known log formats ({known}). Export it as one of these.")
+    raise UnreadableLogError(f"{path.name}: is none of the known log formats ({SUFFIXES}). Export it as one of these.")
 
 
 def open_log(path: Path, time: TimeSpec | None = None) -> Log:
-    """Open `path` with the reader of its format. Raises as `recognise`."""
-    log: Log = import_module(recognise(path).module).reader(path, time or TimeSpec())
+    """Open `path` with the reader of its format.
+
+    Raises UnreadableLogError as `recognise`, and for a zone that is not in the IANA data base.
+    """
+    spec = time or TimeSpec()
+    try:
+        ZoneInfo(spec.zone)
+    except (OSError, ValueError, KeyError):
+        raise UnreadableLogError(
+            f'{path.name}: zone = "{spec.zone}" under [time] of the bench file is no IANA time zone. '
+            "Write it as Europe/Rome."
+        ) from None
+    log: Log = import_module(recognise(path).module).reader(path, spec)
     return log

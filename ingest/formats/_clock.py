@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from datetime import UTC, datetime, timedelta
-from zoneinfo import ZoneInfo
 
 from ingest.errors import UnreadableLogError
 from ingest.formats import TimeSpec
@@ -12,12 +11,12 @@ EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 YEARS = (1971, 2200)  # of a log: in 1970 no clock was set, and int64 nanoseconds end in 2262
 
 
-def wall_ns(stamp: datetime, time: TimeSpec, log: str) -> int | None:
+def wall_ns(stamp: datetime, time: TimeSpec) -> int | None:
     """Nanoseconds UTC of the wall clock `stamp` of a file; None for a year that no log is from.
 
     A zone that explains the column of a table says nothing of files with a date of their own: they are UTC then.
     """
-    zone = zone_of(time, log) if time.column is None else UTC
+    zone = time.local if time.column is None else UTC
     return _ns(stamp.replace(tzinfo=zone)) if YEARS[0] <= stamp.year <= YEARS[1] else None
 
 
@@ -35,16 +34,6 @@ def start_ns(time: TimeSpec, log: str) -> int | None:
             "2024-03-01T08:00:00Z."
         )
     return _ns(stamp if stamp.tzinfo else stamp.replace(tzinfo=UTC))
-
-
-def zone_of(time: TimeSpec, log: str) -> ZoneInfo:
-    """The zone of local stamps. Raises UnreadableLogError for a name that is not in the IANA data base."""
-    try:
-        return ZoneInfo(time.zone)
-    except (OSError, ValueError, KeyError):
-        raise UnreadableLogError(
-            f'{log}: zone = "{time.zone}" under [time] of the bench file is no IANA time zone. Write it as Europe/Rome.'
-        ) from None
 
 
 def _ns(stamp: datetime) -> int:

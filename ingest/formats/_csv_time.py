@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ingest.errors import UnreadableLogError
 from ingest.formats import TimeSpec
-from ingest.formats._clock import start_ns, zone_of
+from ingest.formats._clock import start_ns
 from ingest.formats._csv_dialect import Dialect
 from ingest.formats._csv_numbers import MISSING
 from ingest.formats._csv_stamps import (
@@ -139,14 +139,14 @@ def recognise_clock(time: TimeSpec, dialect: Dialect, log: str) -> Clock:
 
 def _stated(time: TimeSpec, column: str, dialect: Dialect, start: int | None, log: str) -> Clock:
     if time.format is not None:
-        local = LocalClock(zone_of(time, log))
+        local = LocalClock(time.local)
         says = f"{time.format} in {time.zone}"
         return Stamped(says=says, absolute=True, columns=(column,), pattern=pattern_of(time.format, log), local=local)
     if time.unit is not None and time.unit not in UNITS_NS:
         raise UnreadableLogError(
             f'{log}: unit = "{time.unit}" under [time] of the bench file is no unit of time. Known are {" ".join(UNITS_NS)}.'
         )
-    clock = _by_content(time, column, dialect, start, log)
+    clock = _by_content(time, column, dialect, start)
     if clock is None:
         cell = next((cell for cell in _cells(dialect, column) if cell not in MISSING), "")
         raise UnreadableLogError(
@@ -163,16 +163,16 @@ def _found(time: TimeSpec, dialect: Dialect, start: int | None, log: str) -> Clo
         fitting = (name for name in (*named, *dialect.names) if _fits(pattern, dialect, name))
         if column := next(fitting, None):
             return _stated(time, column, dialect, start, log)
-        if clock := _of_two(time, {f"{time.format} in {time.zone}": pattern}, dialect, log):
+        if clock := _of_two(time, {f"{time.format} in {time.zone}": pattern}, dialect):
             return clock
     for column in named:
         rising = dialect.numeric[dialect.names.index(column)] is not True or _rises(dialect, column)
-        if rising and (clock := _by_content(time, column, dialect, start, log)):
+        if rising and (clock := _by_content(time, column, dialect, start)):
             return clock
     for column in dialect.names:
-        if clock := _stamped(time, column, dialect, log):
+        if clock := _stamped(time, column, dialect):
             return clock
-    if clock := _of_two(time, {f"{says} in {time.zone}": pattern for says, pattern in KNOWN.items()}, dialect, log):
+    if clock := _of_two(time, _known(time), dialect):
         return clock
     if time.untimed and not named:
         return Rate(says="rows without a time", absolute=False, rate_hz=1.0, origin_ns=0)
@@ -186,10 +186,10 @@ def _found(time: TimeSpec, dialect: Dialect, start: int | None, log: str) -> Clo
     )
 
 
-def _by_content(time: TimeSpec, column: str, dialect: Dialect, start: int | None, log: str) -> Clock | None:
+def _by_content(time: TimeSpec, column: str, dialect: Dialect, start: int | None) -> Clock | None:
     """Numbers counted from the start or from 1970, or stamps of a known form; None for anything else."""
     if dialect.numeric[dialect.names.index(column)] is not True:
-        return None if time.unit else _stamped(time, column, dialect, log)
+        return None if time.unit else _stamped(time, column, dialect)
     unit = time.unit or base_and_unit(column)[1] or dialect.units.get(column)
     candidates = [unit] if unit in UNITS_NS else ["s", "ms", "us", "ns"]
     for candidate in candidates:
@@ -203,18 +203,21 @@ def _by_content(time: TimeSpec, column: str, dialect: Dialect, start: int | None
     )
 
 
-def _stamped(time: TimeSpec, column: str, dialect: Dialect, log: str) -> Clock | None:
-    return _of_cells(
-        time, {f"{says} in {time.zone}": pattern for says, pattern in KNOWN.items()}, (column,), dialect, log
-    )
+def _stamped(time: TimeSpec, column: str, dialect: Dialect) -> Clock | None:
+    return _of_cells(time, _known(time), (column,), dialect)
 
 
-def _of_two(time: TimeSpec, patterns: Mapping[str, str], dialect: Dialect, log: str) -> Clock | None:
+def _known(time: TimeSpec) -> dict[str, str]:
+    """The forms of stamps that are recognised unasked: in words -> pattern."""
+    return {f"{says} in {time.zone}": pattern for says, pattern in KNOWN.items()}
+
+
+def _of_two(time: TimeSpec, patterns: Mapping[str, str], dialect: Dialect) -> Clock | None:
     """A column of dates and one of times of day."""
     days = [name for name in dialect.names if _fits(DATE_ALONE, dialect, name)]
     clocks = [name for name in dialect.names if _fits(CLOCK_ALONE, dialect, name)]
     for pair in ((day, clock) for day in days for clock in clocks if day != clock):
-        found = _of_cells(time, patterns, pair, dialect, log)
+        found = _of_cells(time, patterns, pair, dialect)
         if (
             found
             and not found.t_ns(joined(*(np.array(_cells(dialect, name), object) for name in pair)), NO_RECORD)[1].all()
@@ -223,15 +226,13 @@ def _of_two(time: TimeSpec, patterns: Mapping[str, str], dialect: Dialect, log: 
     return None
 
 
-def _of_cells(
-    time: TimeSpec, patterns: Mapping[str, str], columns: tuple[str, ...], dialect: Dialect, log: str
-) -> Clock | None:
+def _of_cells(time: TimeSpec, patterns: Mapping[str, str], columns: tuple[str, ...], dialect: Dialect) -> Clock | None:
     """The first of `patterns` that fits the cells of a column, or of two joined."""
     said = [" ".join(row) for row in zip(*(_cells(dialect, name) for name in columns), strict=True)]
     said = [cell for cell in said if cell.strip() not in MISSING]
     for says, pattern in patterns.items():
         if said and fits(pattern, said) and (pattern != KNOWN[SLASHED] or _is_day_first(said, dialect)):
-            local = LocalClock(zone_of(time, log))
+            local = LocalClock(time.local)
             return Stamped(says=says, absolute=True, columns=columns, pattern=pattern, local=local)
     return None
 

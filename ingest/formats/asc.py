@@ -119,7 +119,7 @@ class AscLog(Log):
 
     def _take_date(self, text: str) -> None:
         stamp = parse_date(text)
-        date_ns = wall_ns(stamp, self.time, self.path.name) if stamp else None
+        date_ns = wall_ns(stamp, self.time) if stamp else None
         if date_ns is None:
             self.settings["date_not_understood"] = text.strip()[:SHOWN]
             return

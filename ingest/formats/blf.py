@@ -111,7 +111,7 @@ class BlfLog(Log):
             stamp = datetime(year, month, day, hour, minute, second, milli * 1000)
         except ValueError:
             return None
-        return wall_ns(stamp, self.time, self.path.name)
+        return wall_ns(stamp, self.time)
 
     def _batch(self, stream: _Stream) -> Iterator[Frames]:
         data = bytes(stream.data) + bytes(MARGIN)

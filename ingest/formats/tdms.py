@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from ingest.errors import UnreadableLogError
 from ingest.formats import Log, Rejected, Rows
-from ingest.formats._clock import EPOCH, YEARS, start_ns, zone_of
+from ingest.formats._clock import EPOCH, YEARS, start_ns
 from ingest.formats._csv_time import LATEST_NS, UNITS_NS, base_and_unit, is_time_name
 from ingest.formats._tdms_file import (
     TdmsFile,
@@ -119,7 +119,6 @@ class TdmsLog(Log):
 
     def batches(self) -> Iterator[Rows]:
         """Rows base by base. Raises UnreadableLogError where nothing can be read, or no row has a time."""
-        zone_of(self.time, self.path.name)
         file = open_tdms(self.path)
         try:
             yield from self._rows(file)
