@@ -12,6 +12,7 @@ from importlib import import_module
 
 import pytest
 
+from ingest.formats import SUFFIXES
 from made.places import ROOT
 from replay.cli import VERBS, build_parser
 
@@ -40,6 +41,13 @@ def _help(verb: str) -> str:
 
 def test_the_reference_of_verbs_is_what_the_program_says() -> None:
     assert PAGE.read_text(encoding="utf-8") == page(), "run: python tests/test_docs.py"
+
+
+def test_the_formats_that_pages_list_are_those_that_are_read() -> None:
+    page = (ROOT / "docs" / "limitations.md").read_text(encoding="utf-8")
+    listed = re.search(r"\*\*Read:\*\*(.*?)\*\*Not yet:", page, flags=re.DOTALL)
+    assert listed
+    assert re.findall(r"`(\.[a-z.]+)`", listed[1]) == SUFFIXES.split()
 
 
 @pytest.mark.parametrize("verb", sorted(VERBS))

@@ -34,7 +34,7 @@ COMMENT ON VIEW files IS
 COMMENT ON COLUMN files.file_id IS 'SHA-256 of its bytes: its name in the archive';
 COMMENT ON COLUMN files.name IS 'Its name when it was ingested';
 COMMENT ON COLUMN files.size_bytes IS 'Its size in bytes';
-COMMENT ON COLUMN files.format IS 'blf, asc, csv ...; null where no format claims it';
+COMMENT ON COLUMN files.format IS 'log format; null where no format claims it';
 COMMENT ON COLUMN files.sealed IS 'When it came into the archive, UTC';
 COMMENT ON COLUMN files.decode IS 'Id of the decode that its sessions use, else of the latest: a folder of decoded/';
 COMMENT ON COLUMN files.outcome IS 'decoded, salvaged (up to some damage) or quarantined (nothing can be read)';

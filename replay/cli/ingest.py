@@ -11,9 +11,9 @@ KINDS = ("wltp", "s1", "s2", "ageing", "dc_check", "insulation_check", "drive", 
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "files", metavar="FILE", nargs="+", type=Path, help="log files (BLF, ASC, TDMS, CSV; .gz where text)"
-    )
+    from ingest.formats import SUFFIXES
+
+    parser.add_argument("files", metavar="FILE", nargs="+", type=Path, help=f"log files ({SUFFIXES})")
     parser.add_argument("--bench", metavar="B", type=Path, help="bench file: what each signal means")
     parser.add_argument(
         "--dbc", metavar="D", type=Path, action="append", default=[], help="signal database; may be repeated"

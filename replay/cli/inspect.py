@@ -9,7 +9,9 @@ from replay.cli.answer import Answer, provenance
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("files", metavar="FILE", nargs="+", type=Path, help="log files")
+    from ingest.formats import SUFFIXES
+
+    parser.add_argument("files", metavar="FILE", nargs="+", type=Path, help=f"log files ({SUFFIXES})")
     parser.add_argument(
         "--dbc", metavar="D", type=Path, action="append", default=[], help="signal database; may be repeated"
     )
