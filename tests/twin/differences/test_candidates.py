@@ -51,6 +51,11 @@ def _by_id(candidates: Sequence[Candidate]) -> dict[str, Candidate]:
     return {str(c.cause): c for c in candidates}
 
 
+def test_a_bench_without_inputs_and_channels_has_no_candidate_of_a_clock() -> None:
+    kinds = {candidate.cause.kind for candidate in generate(motor("reference_motor"), [], [])}
+    assert "capacity" in kinds and "clock" not in kinds
+
+
 def test_the_reference_motor_has_hundreds_each_with_an_id_of_its_own(candidates: tuple[Candidate, ...]) -> None:
     assert len(candidates) > 200
     assert len(_by_id(candidates)) == len(candidates)
