@@ -6,7 +6,9 @@ The parts are the packages `ingest`, `twin`, `analytics` and `replay`; this one 
 from importlib.util import find_spec
 from pathlib import Path
 
-for _name in ("ingest", "twin", "analytics", "replay"):
+PACKAGES = ("ingest", "twin", "analytics", "replay")
+
+for _name in PACKAGES:
     _spec = find_spec(_name)
     if _spec and _spec.origin and Path(_spec.origin).parents[1] != Path(__file__).parents[1]:
         raise ImportError(

@@ -49,7 +49,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Entry point of the `whyhot` command; returns the exit code."""
     words = _json_words(list(sys.argv[1:] if argv is None else argv))
     verb = next((word for word in words if not word.startswith("-")), None)
-    parser = build_parser(verb)
+    try:
+        parser = build_parser(verb)
+    except ImportError as error:  # another module hides one of ours, or a part is not installed
+        print(f"whyhot: {error}", file=sys.stderr)
+        return 2
     args = parser.parse_args(words)
     try:
         if args.verb is None:
@@ -123,6 +127,11 @@ def _refusal(error: Exception, args: argparse.Namespace) -> str | None:
     """The one line of an error that a file, a flag or the machine caused; None for a defect of ours."""
     if any(base.__name__ in ROOTS for base in type(error).__mro__):
         return str(error)
+    if isinstance(error, ImportError) and error.name is not None:
+        from whyhot.installation import ADVICE
+
+        missing = error.name.partition(".")[0]
+        return f"whyhot {args.verb} needs the package {missing}, which is missing here or another's: {ADVICE}."
     if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT):
         return (
             f"{store_folder(args)}: the disk is full: nothing half-written was kept. Free some space and run it again."

@@ -31,6 +31,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> Answer:
     from ingest.facts.ledger_lock import has_wal_reset_bug
+    from whyhot.installation import problems
 
     folder = store_folder(args)
     free = shutil.disk_usage(next(p for p in (folder, *folder.absolute().parents) if p.exists())).free
@@ -52,9 +53,15 @@ def run(args: argparse.Namespace) -> Answer:
         lines.append(
             "this SQLite can lose data when two processes write at once: whyhot lets only one write, by ledger.lock"
         )
-    return Answer(
-        {"schema": "whyhot.doctor/1", **facts, "packages": packages, "provenance": provenance(None)}, "\n".join(lines)
-    )
+    notes = problems()
+    data = {
+        "schema": "whyhot.doctor/1",
+        **facts,
+        "packages": packages,
+        "problems": notes,
+        "provenance": provenance(None),
+    }
+    return Answer(data, "\n".join(lines), 1 if notes else 0, notes)
 
 
 def _version(name: str) -> str | None:

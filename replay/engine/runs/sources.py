@@ -47,7 +47,7 @@ def imported(module: str) -> set[str]:
         names = re.sub(r"#.*| as \w+", "", many or few).replace(",", " ").split()
         submodules = {f"{package}.{name}" for name in names if _file(f"{package}.{name}").is_file()}
         found |= submodules or {package}
-    return found
+    return {name for name in found if _file(name).is_file()}  # a verb may do without a part that is not installed
 
 
 def _file(module: str) -> Path:

@@ -1,0 +1,56 @@
+"""Whether the files that are installed are whyhot's: another distribution with a package of the same name overwrites them in silence."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+from importlib.metadata import Distribution, PackageNotFoundError, PackagePath, distribution, packages_distributions
+from importlib.util import find_spec
+
+from whyhot import PACKAGES
+
+ADVICE = "install whyhot again, as an application of its own (uv tool install or pipx)"
+
+
+def problems() -> list[str]:
+    """One line for each thing that is wrong with the installation, with what to do; none where all is well.
+
+    Said are packages of ours that are not there, other distributions that install one too, and files of ours that are missing or
+    not as they were installed, by the SHA-256 in the distribution's RECORD.
+    """
+    return [*_missing_packages(), *_other_distributions(), *_changed_files()]
+
+
+def _missing_packages() -> list[str]:
+    return [f"package {name} of whyhot is missing: {ADVICE}." for name in PACKAGES if find_spec(name) is None]
+
+
+def _other_distributions() -> list[str]:
+    owners = packages_distributions()
+    others = {(name, other) for name in PACKAGES for other in owners.get(name, ()) if other != "whyhot"}
+    return [
+        f"{other} installs a package {name} too, and one of the two overwrites or hides the other: {ADVICE}."
+        for name, other in sorted(others)
+    ]
+
+
+def _changed_files() -> list[str]:
+    try:
+        ours = distribution("whyhot")
+    except PackageNotFoundError:  # a checkout that is not installed
+        return []
+    changed = [str(path) for path in ours.files or () if path.parts[0] in PACKAGES and not _is_as_installed(ours, path)]
+    if not changed:
+        return []
+    others = f" and {len(changed) - 1} more" if len(changed) > 1 else ""
+    return [f"{changed[0]}{others} of whyhot: missing, or not as installed: {ADVICE}."]
+
+
+def _is_as_installed(ours: Distribution, path: PackagePath) -> bool:
+    if path.hash is None:  # compiled by Python afterwards
+        return True
+    try:
+        data = ours.locate_file(path).read_bytes()  # type: ignore[attr-defined]
+    except OSError:
+        return False
+    return base64.urlsafe_b64encode(hashlib.sha256(data).digest()).rstrip(b"=").decode() == path.hash.value
