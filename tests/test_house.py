@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import re
 import subprocess
 import sys
 from graphlib import CycleError, TopologicalSorter
@@ -11,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from made.places import ROOT
+from made.rooms import FOLDERS, ROOMS, docstring, name
 from replay.engine.runs.sources import imported
 
 MAY_IMPORT = {
@@ -53,30 +55,7 @@ def test_replay_imports_analytics_only_inside_functions() -> None:
         assert "analytics" not in set().union(*at_the_top), path.relative_to(ROOT)
 
 
-# From the bottom up: a room imports from those before it only. `errors` belongs to everyone in its package.
-ROOMS = {
-    "twin": (
-        *(
-            "arithmetic",
-            "motor",
-            "compiled",
-            "run",
-            "filters",
-            "paper",
-            "fitting",
-            "differences",
-            "diagnosis",
-            "calibration",
-        ),
-        "insulation",
-    ),
-    "ingest": ("texts", "formats", "bench", "facts", "log", "catalogue", "intake"),
-    "analytics.insulation": ("dose", "checks", "courses", "fleet", "life"),
-    "replay": ("engine", "studies", "show", "demo", "cli"),
-    "replay.engine": ("files", "frame", "specimen", "results", "runs"),
-    "replay.studies": ("sessions", "motors", "characterise", "diagnosis", "ageing"),
-    "replay.show": ("words", "plots", "verbs", "reports"),
-}
+# What lies in no room of its folder.
 OUTSIDE = {
     "ingest": {"errors"},
     "twin": {"errors"},
@@ -132,14 +111,23 @@ def test_no_files_import_each_other_in_a_circle() -> None:
         pytest.fail(" -> ".join(circle.args[1]))
 
 
-@pytest.mark.parametrize("folder", sorted(name for name, path in MODULES.items() if path.name == "__init__.py"))
-def test_a_folder_says_in_a_sentence_what_it_holds_and_runs_nothing(folder: str) -> None:
-    tree = ast.parse(MODULES[folder].read_text(encoding="utf-8"))
-    says = ast.get_docstring(tree)
-    assert says, folder
-    assert says.splitlines()[0].endswith((".", "?")), folder
-    if folder not in ("ingest.formats", "replay.cli", "whyhot"):  # the list of formats, the verbs, the guard
-        assert len(tree.body) == 1, f"{folder} holds more than its sentence"
+@pytest.mark.parametrize("folder", FOLDERS, ids=name)
+def test_a_folder_says_in_a_sentence_what_it_holds_and_runs_nothing(folder: Path) -> None:
+    assert docstring(folder).splitlines()[0].endswith((".", "?"))
+    tree = ast.parse((folder / "__init__.py").read_text(encoding="utf-8"))
+    if name(folder) not in ("ingest.formats", "replay.cli"):  # the list of formats, the verbs
+        assert len(tree.body) == 1, "holds more than its sentence"
+
+
+@pytest.mark.parametrize("folder", FOLDERS, ids=name)
+def test_a_folder_speaks_of_what_lies_in_it(folder: Path) -> None:
+    for word in re.findall(r"`([a-z_]+(?:\.[a-z_]+)*)`", docstring(folder)):
+        assert f"{name(folder)}.{word}" in MODULES or word in MODULES, f"there is no `{word}` in {name(folder)}"
+
+
+def test_every_folder_is_a_room_in_the_order_of_its_package() -> None:
+    folders = {_name(path) for path in MODULES.values() if path.name == "__init__.py"} - {"whyhot"}
+    assert folders == {name(folder) for folder in FOLDERS}
 
 
 def test_keys_see_every_import() -> None:

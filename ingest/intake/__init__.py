@@ -1,1 +1,5 @@
-"""The verb: files at a door become facts, sessions and inspections, or are only looked into."""
+"""Files at the door: they become facts, sessions and inspections, or are only looked into.
+
+`intake` is `whyhot ingest`: `setup` checks bench file, databases and motor file before anything is kept, `grouping` puts
+files into sessions. `inspection` looks without storing, `attachments` seals photographs with what was found.
+"""

@@ -1,1 +1,5 @@
-"""What people write, read strictly: TOML, units, quantities, formulas; and the names that they probably meant."""
+"""What people write, read strictly: TOML, units, quantities, formulas; and the names that they probably meant.
+
+`toml_file` over `toml_lines` refuses with file and line, `quantities` over `units` knows units, `expressions` over
+`powers` derived channels, `nearest` what was probably meant, `guessing` what a signal probably is.
+"""

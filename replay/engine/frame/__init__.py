@@ -1,1 +1,5 @@
-"""The input frame: the one narrow door from a session's channels into the twin."""
+"""The input frame: the one narrow door from a session's channels into the twin.
+
+`frame` averages every product of features over each step from held signals (`inputs`), as the mean of I^2 is not the
+square of a mean; `meters` are power, heat, resistance and flux. `frame_of` is the one way to a session's frame.
+"""
