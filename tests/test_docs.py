@@ -1,4 +1,4 @@
-"""Pages that cannot go stale. Run as a script it writes docs/cli.md; run by pytest it checks it.
+"""Pages that cannot go stale. As a script it writes docs/cli.md and the tables of rooms in ARCHITECTURE.md; pytest checks them.
 
 python tests/test_docs.py
 """
@@ -6,14 +6,17 @@ python tests/test_docs.py
 from __future__ import annotations
 
 import argparse
+import pkgutil
 import re
 from functools import partial
 from importlib import import_module
+from pathlib import Path
 
 import pytest
 
 from ingest.formats import SUFFIXES
 from made.places import ROOT
+from made.rooms import below, docstring
 from replay.cli import VERBS, build_parser
 
 PAGE = ROOT / "docs" / "cli.md"
@@ -39,6 +42,36 @@ def _help(verb: str) -> str:
     return text
 
 
+ARCHITECTURE = ROOT / "ARCHITECTURE.md"
+ROOMS = re.compile(r"(<!-- rooms of (\w+):.*? -->\n).*?(<!-- end of rooms -->)", re.DOTALL)
+CELL_WORDS = 40  # a longer cell of ARCHITECTURE.md is a paragraph, and belongs into the docstring of its room
+
+
+def architecture() -> str:
+    """ARCHITECTURE.md with its tables of rooms as the folders' docstrings say them."""
+    return ROOMS.sub(lambda part: part[1] + _rooms(part[2]) + part[3], ARCHITECTURE.read_text(encoding="utf-8"))
+
+
+def _rooms(package: str) -> str:
+    rows = ["| room | what it holds |", "|---|---|"]
+    for folder in below(ROOT / package):
+        rows.append(f"| `{folder.relative_to(ROOT).as_posix()}` | {docstring(folder).splitlines()[0]} |")
+    return "\n".join([*rows, ""])
+
+
+def test_the_tables_of_rooms_are_what_the_folders_say() -> None:
+    page = ARCHITECTURE.read_text(encoding="utf-8")
+    assert len(ROOMS.findall(page)) == 4
+    assert page == architecture(), "run: python tests/test_docs.py"
+
+
+def test_no_cell_of_the_architecture_is_a_paragraph() -> None:
+    rows = [line for line in ARCHITECTURE.read_text(encoding="utf-8").splitlines() if line.startswith("|")]
+    assert len(rows) > 50
+    for cell in (cell for row in rows for cell in row.split("|")):
+        assert len(cell.split()) <= CELL_WORDS, cell
+
+
 def test_the_reference_of_verbs_is_what_the_program_says() -> None:
     assert PAGE.read_text(encoding="utf-8") == page(), "run: python tests/test_docs.py"
 
@@ -58,9 +91,25 @@ def test_every_verb_is_one_file_with_arguments_and_run(verb: str) -> None:
     assert f"`whyhot {verb}" in (module.__doc__ or "")
 
 
+PAGES = [*(ROOT / name for name in ("README.md", "ARCHITECTURE.md")), *sorted((ROOT / "docs").glob("*.md"))]
+HOUSE = ("twin", "ingest", "analytics", "replay", "whyhot", "tests", "benchmarks", "notebooks", "examples")
+FILE = re.compile(rf"(?<![\w/.-])(?:{'|'.join(HOUSE)})/[\w./*-]*\w")
+NAME = re.compile(r"(?<![\w/.-])(?:twin|ingest|analytics|replay|whyhot)(?:\.(?!json)\w+)+(?![\w/-])")
+
+
+@pytest.mark.parametrize("source", PAGES, ids=lambda source: source.name)
+def test_every_file_and_module_that_a_page_names_is_there(source: Path) -> None:
+    text = source.read_text(encoding="utf-8")
+    for path in FILE.findall(text):
+        assert list(ROOT.glob(path)), path
+    for dotted in NAME.findall(text):
+        assert pkgutil.resolve_name(dotted) is not None, dotted
+    ours = {path.name for folder in HOUSE for path in (ROOT / folder).rglob("*.py")}
+    assert set(re.findall(r"`(\w+\.py)`", text)) <= ours
+
+
 def test_every_link_of_the_pages_leads_somewhere() -> None:
-    pages = [ROOT / "README.md", ROOT / "ARCHITECTURE.md", *sorted((ROOT / "docs").glob("*.md"))]
-    links = [(p, link) for p in pages for link in re.findall(r"\]\(([^)#:]+)[^):]*\)", p.read_text(encoding="utf-8"))]
+    links = [(p, link) for p in PAGES for link in re.findall(r"\]\(([^)#:]+)[^):]*\)", p.read_text(encoding="utf-8"))]
     assert links
     for source, link in links:
         assert (source.parent / link).exists(), f"{source.name}: {link}"
@@ -74,3 +123,4 @@ def test_pages_speak_of_verbs_that_exist() -> None:
 
 if __name__ == "__main__":
     PAGE.write_text(page(), encoding="utf-8")
+    ARCHITECTURE.write_text(architecture(), encoding="utf-8")
