@@ -1,4 +1,4 @@
-"""Pages that cannot go stale. As a script it writes docs/cli.md and the tables of rooms in ARCHITECTURE.md; pytest checks them.
+"""Pages that cannot go stale. A script too: it writes docs/cli.md and the tables of rooms in ARCHITECTURE.md.
 
 python tests/test_docs.py
 """
@@ -22,9 +22,10 @@ from replay.cli import VERBS, build_parser
 PAGE = ROOT / "docs" / "cli.md"
 HEAD = """# The command line
 
-Written by `python tests/test_docs.py`; `whyhot VERB --help` prints the same. Every verb takes `--store DIR` (default: `WHYHOT_STORE`,
-else `./whyhot-store`) and `--json [FILE.json]`. Exit codes: 0 done; 1 done with something refused or quarantined; 2 could not start
-or stopped before its end; 130 interrupted. Answers go to standard output, refusals and warnings to standard error, a line each.
+Written by `python tests/test_docs.py`; `whyhot VERB --help` prints the same. Every verb takes `--store DIR` (default:
+`WHYHOT_STORE`, else `./whyhot-store`) and `--json [FILE.json]`. Exit codes: 0 done; 1 done with something refused or
+quarantined; 2 could not start or stopped before its end; 130 interrupted. Answers go to standard output, refusals and
+warnings to standard error, a line each.
 """
 
 

@@ -1,7 +1,7 @@
 """What one replay gives: open loop, residuals, heat, hot spots, filter and smoother; and the files that it leaves.
 
-`open_loop` runs the motor by its inputs alone; `residuals` says how wrong that is and where, `heat_account` where the heat
-went, `hot_spots` what was hottest and `hot_spot_bands` how sure that is. `filtered` runs filter and smoother beside it for
-what `asked_unknowns` were asked for; nothing of that goes back into the open loop. `artefacts` are the files of a run,
-`sealed` reads them back.
+`open_loop` runs the motor by its inputs alone; `residuals` says how wrong that is and where, `heat_account` where the
+heat went, `hot_spots` what was hottest and `hot_spot_bands` how sure that is. `filtered` runs filter and smoother
+beside it for what `asked_unknowns` were asked for; nothing of that goes back into the open loop. `artefacts` are the
+files of a run, `sealed` reads them back.
 """
