@@ -19,7 +19,7 @@ GAP = "  "
 
 
 def to_text(result: Result, width: int = 100) -> str:
-    """A table of every column; long texts are cut to keep a line within `width` characters, as far as that goes."""
+    """The answer as a table; long texts are cut so that a line stays within `width` characters, as far as that goes."""
     if result.columns == PLAN:
         return "\n".join(str(value) for _, value in result.rows).rstrip()
     cells = [[_cell(value) for value in row] for row in result.rows]
@@ -37,7 +37,10 @@ def to_text(result: Result, width: int = 100) -> str:
 
 
 def to_json(result: Result) -> dict[str, Any]:
-    """`{"columns": [{"name", "type"}], "rows": [{name: value}], "more"}` of plain JSON values; times as ISO 8601 text."""
+    """The answer as plain JSON values, times as ISO 8601 text.
+
+    `{"columns": [{"name", "type"}], "rows": [{name: value}], "more": whether there were more rows}`
+    """
     names = [{"name": name, "type": kind} for name, kind in zip(result.columns, result.types, strict=True)]
     rows = [
         {name: _json(value, kind) for name, kind, value in zip(result.columns, result.types, row, strict=True)}
@@ -58,7 +61,7 @@ def to_csv(result: Result) -> str:
 
 
 def _fit(widths: list[int], least: list[int], width: int) -> list[int]:
-    """The width of each column: the widest give way first, none below its least."""
+    """The width of each column in a table that is too wide: the widest columns give way first, none below its least."""
     fitted = list(widths)
     spare = width - len(GAP) * (len(widths) - 1)
     while sum(fitted) > spare and (loose := [i for i, wide in enumerate(fitted) if wide > least[i]]):
@@ -81,7 +84,7 @@ def _cell(value: Any) -> str:
 
 
 def _plain(text: str) -> str:
-    """`text` on one line, with what a terminal would obey written out."""
+    """`text` on one line; characters that would move a terminal's cursor or change its colours are written out."""
     return "".join(one if one.isprintable() else one.encode("unicode_escape").decode() for one in text)
 
 

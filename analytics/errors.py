@@ -6,11 +6,11 @@ class AnalyticsError(Exception):
 
 
 class WarehouseError(AnalyticsError):
-    """The warehouse cannot be built or opened: a projection it reads is missing or damaged, or the folder is not writable."""
+    """The warehouse cannot be built or opened: a file of it is missing or damaged, or the folder is read-only."""
 
 
 class QueryError(AnalyticsError):
-    """A query that DuckDB cannot answer: an unknown name, wrong syntax, a value that does not fit, too little memory."""
+    """A query that DuckDB cannot answer: an unknown name, wrong syntax, an unfit value, too little memory."""
 
 
 class RefusedQueryError(AnalyticsError):

@@ -1,4 +1,4 @@
-"""docs/sql.md, written from the comments of the views and the queries in `sql/examples`: `python -m analytics.reference`."""
+"""`python -m analytics.reference` prints docs/sql.md: the comments of the views, and the queries in `sql/examples`."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from analytics import warehouse
 
 INTRODUCTION = """# SQL reference
 
-`whyhot sql "SELECT ..."` asks the views below; `analytics.warehouse.connect(folder)` opens them for a notebook. They are
-made anew from the ledger whenever it has changed, and can only be read. A unit is part of a column's name; times are
-int64 nanoseconds UTC (`_ns`) or seconds since the start of the session (`t_s`). With `--as-of` the views hold what was
-known at that event or time. The dialect is [DuckDB's](https://duckdb.org/docs/stable/sql/introduction).
+`whyhot sql "SELECT ..."` asks the views below; `analytics.warehouse.connect(folder)` opens them for a notebook. They
+are made anew from the ledger whenever it has changed, and can only be read. A unit is part of a column's name; times
+are int64 nanoseconds UTC (`_ns`) or seconds since the start of the session (`t_s`). With `--as-of` the views hold
+what was known at that event or time. The dialect is [DuckDB's](https://duckdb.org/docs/stable/sql/introduction).
 
 This page is generated: `python -m analytics.reference > docs/sql.md`.
 """

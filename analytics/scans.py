@@ -1,11 +1,13 @@
-"""Views over the Parquet files: `base.values`, `base.temperatures`, `base.residuals`, and `base.ageing_...` of the latest assessment.
+"""Views over the Parquet files of a store: samples, temperatures, residuals, and the latest assessment of ageing.
 
-A branch of the view is one column of one schema, over the list of all files with that schema; the session comes by a join
-on the file's path. Measured on 250 files (50 sessions of 5 groups with 6 channels, 30 million values): a query that names
-a session and a channel takes 13 ms, one channel of all sessions 70 ms. DuckDB drops the branches whose constant channel,
-quantity or node does not fit, reads only the column left, and skips the files that the join leaves out. The two obvious
-designs lose: a branch for each file opens all of them to bind (300 ms and 1,000 ms), and UNPIVOT reads every column of
-the group (40 ms and 500 ms). What grows is the number of distinct columns: about 1 ms a query for each at 200 files.
+They are `base.values`, `base.temperatures`, `base.residuals` and `base.ageing_...`. Each is a UNION of branches. A
+branch reads one column (a channel, a node) of all files that have the same columns; which session a row is of comes
+by a join on the file's path. Measured on 250 files (50 sessions of 5 groups with 6 channels, 30 million values): a
+query that names a session and a channel takes 13 ms, one channel of all sessions 70 ms. DuckDB drops the branches
+whose constant channel, quantity or node does not fit, reads only the column left, and skips the files that the join
+leaves out. The two obvious designs lose: a branch for each file opens all of them to bind (300 ms and 1,000 ms), and
+UNPIVOT reads every column of the group (40 ms and 500 ms). What grows is the number of distinct columns: about 1 ms a
+query for each at 200 files.
 """
 
 from __future__ import annotations

@@ -120,7 +120,7 @@ def _channels(facts: Facts, used: Iterable[str]) -> Rows:
 
 
 def _region(channel: Mapping[str, Any]) -> str | None:
-    """As the decode says; by the node's name where it was made before decodes said it."""
+    """The region of a channel's node, as the decode says; by the node's name where an older decode does not say it."""
     node: str | None = channel.get("node")
     found: str | None = channel.get("region", region_by_name(node) if node else None)
     return found

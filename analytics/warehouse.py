@@ -1,7 +1,8 @@
 """The DuckDB warehouse: ledger and Parquet as views for SQL. A cache that is thrown away and made again at will.
 
-`warehouse.duckdb` is never the record of anything. It holds the facts as small tables and, over the Parquet files of the
-store, views by absolute path; it says in `base.built_from` what it was made from, and is made anew where that has changed.
+`warehouse.duckdb` is never the record of anything. It holds the facts as small tables and, over the Parquet files of
+the store, views by absolute path; it says in `base.built_from` what it was made from, and is made anew where that has
+changed.
 """
 
 from __future__ import annotations
@@ -69,7 +70,7 @@ class Warehouse:
 
 
 class _Stale(Exception):
-    """The file was built from something else than what is there now."""
+    """The warehouse's file was built from other facts, or by other code, than there are now."""
 
 
 class _Broken(Exception):
@@ -79,8 +80,8 @@ class _Broken(Exception):
 def build(store: Store, facts: Facts, target: Path, source: Mapping[str, str] | None = None) -> None:
     """Make the warehouse of `facts` at `target`: whole or not at all.
 
-    `source`: what it depends on, taken before the facts, so that an event that comes meanwhile makes the next one stale.
-    Raises WarehouseError where a Parquet file is missing or damaged, or the folder cannot be written.
+    `source`: what it depends on, taken before the facts, so that an event that comes meanwhile makes the next one
+    stale. Raises WarehouseError where a Parquet file is missing or damaged, or the folder cannot be written.
     """
     source = source or _source(store)
     rows = tables.rows(store, facts, store.ledger.events())
@@ -98,8 +99,8 @@ def build(store: Store, facts: Facts, target: Path, source: Mapping[str, str] | 
 def refresh(store: Store, as_of: str | None = None) -> Warehouse:
     """The warehouse of the store as it is now; made anew where the ledger, this package or DuckDB has changed.
 
-    With `as_of` (event number or ISO 8601 time) it is made in memory and the file stays. A file that is not whole is moved
-    aside, made again and told in `notes`. Raises WarehouseError as `build`, LedgerError for a bad `as_of`.
+    With `as_of` (event number or ISO 8601 time) it is made in memory and the file stays. A file that is not whole is
+    moved aside, made again and told in `notes`. Raises WarehouseError as `build`, LedgerError for a bad `as_of`.
     """
     if as_of is not None:
         return Warehouse(_in_memory(store, as_of))
@@ -249,7 +250,7 @@ def _log(path: Path) -> Path:
 
 
 def _source(store: Store) -> dict[str, str]:
-    """What a warehouse of this store depends on."""
+    """What a warehouse of this store is made from, name -> value: it is stale where one of these has changed."""
     head = store.ledger.head()
     return {
         "ledger": f"{head.position} {head.root}",

@@ -1,4 +1,4 @@
-"""Whether the files that are installed are whyhot's: another distribution with a package of the same name overwrites them in silence."""
+"""Whether what is installed is whyhot's: another distribution with packages of these names may overwrite it."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ ADVICE = "install whyhot again, as an application of its own (uv tool install or
 def problems() -> list[str]:
     """One line for each thing that is wrong with the installation, with what to do; none where all is well.
 
-    Said are packages of ours that are not there, other distributions that install one too, and files of ours that are missing or
-    not as they were installed, by the SHA-256 in the distribution's RECORD.
+    They are: packages of ours that are not there; other distributions that install one too; files of ours that are
+    missing or not as they were installed, by the SHA-256 in the distribution's RECORD.
     """
     return [*_missing_packages(), *_other_distributions(), *_changed_files()]
 

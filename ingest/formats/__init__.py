@@ -57,7 +57,7 @@ class Rows:
 
 @dataclass(frozen=True)
 class Rejected:
-    """A record that could not be read. `where` as a person finds it ("line 12", "byte 316,402"); `raw` its first bytes."""
+    """A record that could not be read. `where`: "line 12" or "byte 316,402"; `raw`: its first bytes."""
 
     record: int
     where: str
@@ -67,11 +67,11 @@ class Rejected:
 
 @dataclass(frozen=True)
 class TimeSpec:
-    """How a log's own stamps are to be understood (`[time]` of a bench file; INTERFACES section 3).
+    """How a log's own stamps are to be understood (`[time]` of a bench file).
 
     `column` with `format` (strptime) or `unit` ("s", "ms", ... counted from start), or `rate_hz` [1/s]; `zone` is the
-    IANA zone of local stamps; `start` an ISO 8601 UTC stamp that a relative time counts from. `untimed`: rows may have no
-    time at all, as in a table with a row a check.
+    IANA zone of local stamps; `start` an ISO 8601 UTC stamp that a relative time counts from. `untimed`: rows may
+    have no time at all, as in a table with a row a check.
     """
 
     column: str | None = None

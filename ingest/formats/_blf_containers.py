@@ -21,7 +21,7 @@ STEP = 256  # bytes that are unpacked at once once a container has turned out to
 
 @dataclass(frozen=True)
 class Part:
-    """What one outer object holds. `problem`: a clause that says why it is not whole; then `data` is what came before."""
+    """What one outer object holds. `problem`: why it is not whole, as a clause; then `data` is what came before."""
 
     at: int  # its first byte in the file
     data: bytes

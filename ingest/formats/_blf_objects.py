@@ -1,8 +1,8 @@
 """The objects inside the unpacked stream of a BLF file, found and read with array operations.
 
-An object is `LOBJ`, header size, header version, object size, type; those that carry a stamp continue with flags and the
-stamp. Objects stand one behind the other with up to 4 bytes of padding. Layouts as in Vector's binary logging format 4.x
-(the same that python-can and Vector_BLF read).
+An object is `LOBJ`, header size, header version, object size, type; those that carry a stamp continue with flags and
+the stamp. Objects stand one behind the other with up to 4 bytes of padding. Layouts as in Vector's binary logging
+format 4.x (the same that python-can and Vector_BLF read).
 """
 
 from __future__ import annotations
@@ -76,8 +76,8 @@ class Objects:
 def split(stream: bytes, *, aligned: bool) -> Objects:
     """Find the objects of `stream` (its MARGIN spare bytes not counted). Not `aligned`: it may begin inside an object.
 
-    Every `LOBJ` is a candidate; the chain of sizes tells the true ones from those inside a payload. Python runs once for
-    each break of that chain, never for each object.
+    Every `LOBJ` is a candidate; the chain of sizes tells the true ones from those inside a payload. Python runs once
+    for each break of that chain, never for each object.
     """
     length = len(stream) - MARGIN
     at = _candidates(stream, length)
@@ -192,7 +192,8 @@ def read_frames(
 ) -> tuple[Frames, list[Rejected]]:
     """The frames among `objects`, and what had to be rejected: error frames, damage, impossible values.
 
-    Stamps count from `start_ns` [ns]; records from `first_record` in the order of the stream; `where` says a byte of it.
+    Stamps count from `start_ns` [ns]; records from `first_record` in the order of the stream; `where` says a byte of
+    it.
     """
     ours = np.isin(objects.head["type"], (*FRAME_TYPES, *ERROR_TYPES))
     at, head = objects.at[ours], objects.head[ours]
@@ -244,7 +245,11 @@ def _fd_100(part: NDArray[np.void], space: Ints, _: Ints) -> tuple[Ints, Ints, I
 
 
 def _fd_101(part: NDArray[np.void], space: Ints, header: Ints) -> tuple[Ints, Ints, Ints]:
-    """`extra` is where further data begins, from the start of the object; what the file leaves out of a payload is zero."""
+    """(flags, length, room for the payload) of CAN FD objects of type 101.
+
+    `extra` in the file: where further data begins, from the start of the object. What it leaves out of a payload is
+    zero.
+    """
     bits, extra = part["fd_flags"].astype(np.int64), part["extra"].astype(np.int64)
     flags = FD * (bits >> 12 & 1) | REMOTE * (bits >> 4 & 1) | TRANSMIT * (part["transmit"] != 0)
     space = np.where(extra > 0, np.clip(extra - header - FD_101.itemsize, 0, space), space)
@@ -264,7 +269,7 @@ LAYOUTS: tuple[tuple[tuple[int, ...], np.dtype[np.void], Callable[..., tuple[Int
 
 
 def _stamps(head: NDArray[np.void], start_ns: int, why: NDArray[np.uint8]) -> Ints:
-    """Flag 1: the stamp counts 10 us, else 1 ns."""
+    """Stamps of objects [ns]: with flag 1 they count 10 us in the file, else 1 ns."""
     scale = np.where(head["flags"] == 1, np.uint64(10_000), np.uint64(1))
     late = head["stamp"] > np.uint64(LAST_NS - max(0, start_ns)) // scale
     why[late] = LATE

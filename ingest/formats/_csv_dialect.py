@@ -21,7 +21,7 @@ UNIT_IN_NAME = re.compile(r"\[([^\[\]]*)\]\s*$")
 
 @dataclass(frozen=True)
 class Dialect:
-    """`names` are unique; `numeric`: column by column, None where the first rows leave it empty."""
+    """How a table is written. `names` are unique; `numeric`: which columns hold numbers, None: empty as yet."""
 
     delimiter: str
     numerals: Numerals
@@ -68,7 +68,7 @@ def recognise_dialect(lines: Sequence[str], log: str) -> Dialect:
 
 
 def _delimiter(lines: Sequence[str]) -> str:
-    """The one that cuts most rows into as many cells as the header, then the one that makes most cells."""
+    """The delimiter that cuts most rows into as many cells as the header; of several, the one that makes most cells."""
 
     def fit(delimiter: str) -> tuple[bool, int, int]:
         header = cells(lines[0], delimiter)
@@ -80,7 +80,7 @@ def _delimiter(lines: Sequence[str]) -> str:
 
 
 def _open_end(row: Sequence[str], header: Sequence[str]) -> bool:
-    """Whether a delimiter ends the row, but not the header."""
+    """Whether a row ends with a delimiter more than the header has."""
     return len(row) == len(header) + 1 and not row[-1].strip()
 
 
@@ -134,12 +134,12 @@ def _is_units_row(rows: Sequence[Sequence[str]], numerals: Numerals) -> bool:
 
 
 def _bare(unit: str) -> str:
-    """`[degC]` and `(degC)` as `degC`."""
+    """A unit without its brackets: `[degC]` and `(degC)` become `degC`."""
     return unit[1:-1].strip() if unit[0] + unit[-1] in ("[]", "()") else unit
 
 
 def _is_numeric(column: Sequence[str], numerals: Numerals) -> bool | None:
-    """More numbers than texts, and no code such as 0417; None where there is neither."""
+    """Whether a column holds numbers: more of them than texts, and no code such as 0417; None where it is empty."""
     said = [cell for cell in column if cell not in MISSING]
     if not said:
         return None

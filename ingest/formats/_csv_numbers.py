@@ -1,4 +1,4 @@
-"""Numbers as tables write them: 1234.5, 1234,5, and with a sign between thousands 1.234,5, 1,234.5, 1 234,5 or 1'234.5."""
+"""Numbers as tables write them: 1234.5, 1234,5, and with thousands 1.234,5, 1,234.5, 1 234,5 or 1'234.5."""
 
 from __future__ import annotations
 
@@ -21,16 +21,17 @@ EXPONENT = r"(?:[eE][+-]?[0-9]+)?"
 
 @dataclass(frozen=True)
 class Numerals:
-    """`decimal`: the decimal sign; `group`: the sign between thousands, "" where the first rows show none.
+    """How a table writes numbers: `decimal` sign, and `group` between thousands, "" where the first rows show none.
 
-    1.234 is 1234 only where `group` says so; 1.234,5 and 1.234.567 cannot be anything else, so that they are read always.
+    1.234 is 1234 only where `group` says so; 1.234,5 and 1.234.567 cannot be anything else, so that they are read
+    always.
     """
 
     decimal: str
     group: str = ""
 
     def value(self, cell: str) -> float | None:
-        """The number in `cell`; NaN where it is a sign for "missing", None where it is text, or beyond what a double holds."""
+        """The number in `cell`; NaN where it is a sign for "missing", None where it is text or too large."""
         cell = cell.strip()
         if cell in MISSING:
             return float("nan")
@@ -73,7 +74,7 @@ class Numerals:
 
     @cached_property
     def _sure(self) -> re.Pattern[str]:
-        """Written with thousands, without a doubt: with a blank or apostrophe, both signs, or two groups of one sign."""
+        """Numbers that surely have thousands: with a blank or apostrophe, both signs, or two groups of one sign."""
         sign, other = re.escape(self.decimal), re.escape(OTHER[self.decimal])
         ends = [
             *(f"(?:{re.escape(one)}[0-9]{{3}})+(?:{sign}[0-9]*)?" for one in BLANKS + APOSTROPHES),

@@ -20,8 +20,8 @@ Ints = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 
 MONTHS = {name: number for number, names in enumerate(  # first three letters, English, German and Italian
-    ("jan jän gen", "feb", "mar mär mrz mae", "apr", "may mai mag", "jun giu", "jul lug", "aug ago", "sep set", "oct okt ott",
-     "nov", "dec dez dic"), 1
+    ("jan jän gen", "feb", "mar mär mrz mae", "apr", "may mai mag", "jun giu", "jul lug", "aug ago", "sep set",
+     "oct okt ott", "nov", "dec dez dic"), 1
 ) for name in names.split()}  # fmt: skip
 NAME = r"[A-Za-zÀ-ɏ]"  # a letter of a month's name: RE2 has no \w for letters beyond ASCII
 DIRECTIVES = {
@@ -83,9 +83,11 @@ def fits(pattern: str, cells: list[str]) -> bool:
 
 @dataclass
 class LocalClock:
-    """From a local clock to UTC. Where the clock is put back, an hour comes twice: it counts as the first until the
-    stamps go back by half an hour or more inside it, then as the second. A log that begins inside that hour is taken to
-    begin in the first. Where the clock is put forward, an hour does not exist.
+    """From a local clock to UTC.
+
+    Where the clock is put back, an hour comes twice: it counts as the first until the stamps go back by half an hour or
+    more inside it, then as the second. A log that begins inside that hour is taken to begin in the first. Where the
+    clock is put forward, an hour does not exist.
     """
 
     zone: ZoneInfo
@@ -123,8 +125,10 @@ class LocalClock:
 
 
 def parse(cells: NDArray[np.object_], pattern: str, clock: LocalClock) -> tuple[Ints, Flags]:
-    """(t_ns, bad) of the stamps `cells` (N,) of str: nanoseconds UTC, and whether a cell is no stamp of `pattern`, or of a
-    local time that does not exist."""
+    """(t_ns, bad) of the stamps `cells` (N,) of str: nanoseconds UTC, and which cells are no time.
+
+    A cell is none where it does not fit `pattern`, or names a local time that does not exist.
+    """
     at, wall, fields = _walls(cells, pattern)
     t_ns, bad = np.zeros(len(cells), np.int64), np.ones(len(cells), bool)
     t_ns[at], bad[at] = _utc(wall, fields.get("z"), clock)
@@ -138,7 +142,7 @@ def time_of_day(cell: str, pattern: str) -> str | None:
 
 
 def _walls(cells: NDArray[np.object_], pattern: str) -> tuple[Ints, Ints, dict[str, pa.Array]]:
-    """Of the cells that are stamps of `pattern`: (places, ns since 1970 of the wall clock, named groups)."""
+    """The cells that are stamps of `pattern`: (their places, ns since 1970 of the wall clock, named groups)."""
     found = pc.extract_regex(pc.utf8_trim_whitespace(pa.array(cells, pa.string())), pattern)
     good = found.is_valid().to_numpy(zero_copy_only=False)
     part = found.filter(found.is_valid())
@@ -179,7 +183,7 @@ def _wall_ns(fields: dict[str, pa.Array], count: int) -> tuple[Ints, Flags]:
 
 
 def _month(names: pa.Array) -> Ints:
-    """1 to 12; 0 for what is no month's name."""
+    """The month of its name, 1 to 12; 0 for what is no month's name."""
     place = pc.index_in(pc.utf8_slice_codeunits(pc.utf8_lower(names), 0, 3), pa.array(list(MONTHS)))
     numbers = np.array([0, *MONTHS.values()])
     return np.asarray(numbers[np.asarray(pc.fill_null(place, -1).to_numpy()) + 1], np.int64)
@@ -193,7 +197,7 @@ def _fraction_ns(digits: pa.Array | None, count: int) -> Ints:
 
 
 def _utc(wall_ns: Ints, zones: pa.Array | None, clock: LocalClock) -> tuple[Ints, Flags]:
-    """A stamp with its own offset goes by that, the others by `clock`; (nanoseconds UTC, whether there is no such time)."""
+    """(nanoseconds UTC, whether there is no such time) of stamps: by their own offset, else by `clock`."""
     if zones is None:
         return clock.to_utc(wall_ns)
     said, which = np.unique(zones.to_numpy(zero_copy_only=False).astype(str), return_inverse=True)

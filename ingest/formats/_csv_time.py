@@ -46,8 +46,10 @@ NO_RECORD = np.empty(0, np.int64)  # stamps need none
 
 @dataclass(kw_only=True)
 class Clock(ABC):
-    """How a row has its time. `columns` are those that hold it, none to two (date, time of day); `is_text`: their cells are
-    wanted as text."""
+    """How the rows of a table have their time.
+
+    `columns`: those that hold it, none, one, or two (date and time of day); `is_text`: their cells are wanted as text.
+    """
 
     says: str
     absolute: bool
@@ -69,7 +71,7 @@ class Clock(ABC):
 
 @dataclass(kw_only=True)
 class Rate(Clock):
-    """Row k at k / rate."""
+    """Rows at a fixed rate: row k is at k / `rate_hz` after the origin."""
 
     rate_hz: float
     origin_ns: int
@@ -114,7 +116,10 @@ class Stamped(Clock):
 
 
 def recognise_clock(time: TimeSpec, dialect: Dialect, log: str) -> Clock:
-    """The clock that `[time]` of the bench file states, else the one that the table shows. Raises UnreadableLogError."""
+    """The clock that `[time]` of the bench file states, else the one that the table shows.
+
+    Raises UnreadableLogError.
+    """
     start = start_ns(time, log)
     if time.rate_hz is not None:
         if not time.rate_hz > 0:
@@ -144,14 +149,15 @@ def _stated(time: TimeSpec, column: str, dialect: Dialect, start: int | None, lo
         return Stamped(says=says, absolute=True, columns=(column,), pattern=pattern_of(time.format, log), local=local)
     if time.unit is not None and time.unit not in UNITS_NS:
         raise UnreadableLogError(
-            f'{log}: unit = "{time.unit}" under [time] of the bench file is no unit of time. Known are {" ".join(UNITS_NS)}.'
+            f'{log}: unit = "{time.unit}" under [time] of the bench file is no unit of time. '
+            f"Known are {' '.join(UNITS_NS)}."
         )
     clock = _by_content(time, column, dialect, start)
     if clock is None:
         cell = next((cell for cell in _cells(dialect, column) if cell not in MISSING), "")
         raise UnreadableLogError(
-            f'{log}: column "{column}" holds "{cell[:60]}", which is no number and no stamp that is known. Say format = '
-            '"%d.%m.%Y %H:%M:%S" (as it is written there) under [time] of the bench file.'
+            f'{log}: column "{column}" holds "{cell[:60]}", which is no number and no stamp that is known. '
+            'Say format = "%d.%m.%Y %H:%M:%S" (as it is written there) under [time] of the bench file.'
         )
     return clock
 
@@ -181,8 +187,8 @@ def _found(time: TimeSpec, dialect: Dialect, start: int | None, log: str) -> Clo
     why = "may begin with the day or with the month" if seen and fits(KNOWN[SLASHED], [seen]) else "is no whole stamp"
     holds = f' ("{texts[0]}" holds "{seen[:40]}", which {why})' if seen is not None else ""
     raise UnreadableLogError(
-        f"{log}: no column is recognised as its time{holds}. Under [time] of the bench file say rate_hz = 1.0 (rows at a "
-        'fixed rate), or column = "..." with format or unit.'
+        f"{log}: no column is recognised as its time{holds}. Under [time] of the bench file say rate_hz = 1.0 "
+        '(rows at a fixed rate), or column = "..." with format or unit.'
     )
 
 
@@ -213,7 +219,7 @@ def _known(time: TimeSpec) -> dict[str, str]:
 
 
 def _of_two(time: TimeSpec, patterns: Mapping[str, str], dialect: Dialect) -> Clock | None:
-    """A column of dates and one of times of day."""
+    """The clock of a table with a column of dates and one of times of day; None where there are no such two."""
     days = [name for name in dialect.names if _fits(DATE_ALONE, dialect, name)]
     clocks = [name for name in dialect.names if _fits(CLOCK_ALONE, dialect, name)]
     for pair in ((day, clock) for day in days for clock in clocks if day != clock):
@@ -238,7 +244,7 @@ def _of_cells(time: TimeSpec, patterns: Mapping[str, str], columns: tuple[str, .
 
 
 def _is_day_first(cells: list[str], dialect: Dialect) -> bool:
-    """24/12 is one; 05/06 is where the table is written as in Europe: decimal commas, or semicolons between the columns."""
+    """Whether dates begin with the day. 24/12 does; 05/06 does in a table with decimal commas or semicolons."""
     told = day_first(cells)
     return told if told is not None else dialect.numerals.decimal == "," or dialect.delimiter == ";"
 
@@ -264,20 +270,20 @@ def _fits(pattern: str, dialect: Dialect, column: str) -> bool:
 
 
 def _rises(dialect: Dialect, column: str) -> bool:
-    """Time goes on: at most one step in ten goes back, and the last is later than the first."""
+    """Whether a column goes on as time does: at most one step in ten back, the last later than the first."""
     values = np.array(_numbers(dialect, column))
     back = int((np.diff(values) < 0).sum())
     return len(values) == 1 or (len(values) > 1 and 10 * back <= len(values) and bool(values[-1] > values[0]))
 
 
 def is_time_name(name: str) -> bool:
-    """`T` alone is a temperature, `t` is time."""
+    """Whether the name of a column says that it holds the time: `t` does, `T` alone is a temperature."""
     base = base_and_unit(name)[0]
     return base in TIME_NAMES or (base == "t" and name.startswith("t"))
 
 
 def base_and_unit(name: str) -> tuple[str, str | None]:
-    """("time", "s") of `Time [s]`, `time_s` and `Time in s`."""
+    """The name of a column and the unit in it: ("time", "s") of `Time [s]`, `time_s` and `Time in s`."""
     words = [word for word in re.findall(r"[^\W_]+", name.casefold()) if word != "in"]
     unit = words.pop() if len(words) > 1 and words[-1] in UNITS_NS else None
     return "".join(words), unit

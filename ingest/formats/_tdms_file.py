@@ -1,7 +1,9 @@
-"""A TDMS file opened up to its first damage, through nptdms: https://nptdms.readthedocs.io (LGPL, installed separately).
+"""A TDMS file opened up to its first damage.
 
-The format: https://www.ni.com/en/support/documentation/supplemental/07/tdms-file-format-internal-structure.html. A file is a
-row of segments, each a lead-in of 28 bytes, what it says of its channels, and their values.
+nptdms reads it: https://nptdms.readthedocs.io (LGPL, installed separately). The format is described at
+https://www.ni.com/en/support/documentation/supplemental/07/tdms-file-format-internal-structure.html
+
+A file is a row of segments, each a lead-in of 28 bytes, what it says of its channels, and their values.
 """
 
 from __future__ import annotations
@@ -34,7 +36,7 @@ Ints = NDArray[np.int64]
 
 @dataclass
 class TdmsFile:
-    """An open file: close it. `channels` of nptdms in the order of the file; `ended` says how it ends before its end."""
+    """An open file, to be closed. `channels`: nptdms', in the order of the file; `ended`: how it ends early."""
 
     channels: list[Any]
     ended: str | None
@@ -84,18 +86,20 @@ def _opened(nptdms: Any, path: Path, end: int) -> TdmsFile | None:
 
 
 def _believable(channels: Iterable[Any], size: int) -> bool:
-    """A value takes a byte at least."""
+    """Whether the file can hold as many values as a channel claims: each takes a byte at least."""
     return all(len(channel) <= size for channel in channels)
 
 
 def _countable(properties: Mapping[str, Any]) -> bool:
-    """nptdms looks for each of as many scalings as there are said to be."""
+    """Whether the number of scalings that a channel claims can be true: nptdms would look for each of them."""
     return int(properties.get("NI_Number_Of_Scales", 0)) <= MOST_SCALINGS
 
 
 def values(channel: Any, start: int, count: int) -> NDArray[Any] | None:
-    """Values of a channel from `start` on (N,), N at most `count`; raw ones where it says no scaling that can be used, None
-    where they cannot be read."""
+    """At most `count` values of a channel (N,) from `start` on; None where they cannot be read.
+
+    They are raw where the channel says no scaling that can be used.
+    """
     with np.errstate(all="ignore"):
         try:
             return np.asarray(channel.read_data(start, count))
@@ -169,8 +173,10 @@ def _library(log: str) -> Any:
 
 
 def _segments(path: Path) -> tuple[list[int], str | None]:
-    """Where each segment begins that the lead-ins lead to, then where the last of them ends; and how the file ends before its
-    end."""
+    """(bytes where each segment begins, and where the last one ends; how the file ends before its end).
+
+    Each lead-in says where the next one is.
+    """
     size = path.stat().st_size
     edges = [0]
     with path.open("rb") as file:

@@ -19,7 +19,7 @@ GZIP_MAGIC = b"\x1f\x8b"
 
 @dataclass
 class TextFile:
-    """A text file. After `blocks()`: `ended` says why it ended before its end, `open_line` that no line feed ends it."""
+    """A text file. After `blocks()`, `ended` says why it ended early, `open_line` that no line feed ends it."""
 
     path: Path
     ended: str | None = None
@@ -69,6 +69,7 @@ class TextFile:
                 self.ended = f"is damaged at byte {file.tell():,} (its packed contents: {error})"
                 return
             raise UnreadableLogError(
-                f"{self.path.name}: its packed contents are damaged ({error}), any line may be wrong: nothing of it is used. "
+                f"{self.path.name}: its packed contents are damaged ({error}), any line may be wrong: "
+                "nothing of it is used. "
                 "Copy the file again."
             ) from None

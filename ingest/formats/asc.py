@@ -1,10 +1,11 @@
 """ASC: Vector's text format for CAN logs, packed with gzip or not.
 
-`bus` is the channel number as it stands in the file. The date is a wall clock time without a zone: UTC unless `[time] zone` (without a column)
-says otherwise, or `[time] start` replaces it. The date of the first trigger block goes before that of the header; a later
-block counts from its own date where its stamps begin again, and goes on where they go on. `timestamps relative`: each
-stamp counts from the line before. Statistics, bus states, requests to send (TxRq) and other events are no frames: they
-are counted in `settings["other_lines"]`. Error frames are found and rejected. Remote frames have no payload.
+`bus` is the channel number as it stands in the file. The date is a wall clock time without a zone: UTC unless `[time]
+zone` (without a column) says otherwise, or `[time] start` replaces it. The date of the first trigger block goes
+before that of the header; a later block counts from its own date where its stamps begin again, and goes on where they
+go on. `timestamps relative`: each stamp counts from the line before. Statistics, bus states, requests to send (TxRq)
+and other events are no frames: they are counted in `settings["other_lines"]`. Error frames are found and rejected.
+Remote frames have no payload.
 """
 
 from __future__ import annotations
@@ -61,7 +62,7 @@ class _Clock:
         return self.origin_ns + ticks, late
 
     def _begin(self, first_ns: int) -> None:
-        """Let a date that was read count where time begins there."""
+        """Let the date that was read last count from `first_ns` on, where the stamps begin anew there."""
         if self.date_ns is None:
             return
         if self.last_ns is None or self.relative or first_ns < self.last_ns:
@@ -144,7 +145,7 @@ class AscLog(Log):
         self._lines += len(lines)
 
     def _placed(self, table: _Table, lines: list[bytes]) -> Iterator[Frames]:
-        """Number and time what was found in `lines`."""
+        """The frames among `lines` with numbers and times; what is rejected is noted."""
         t_ns, late = self._clock.place(table.stamp)
         for index in np.flatnonzero(late & table.frame).tolist():
             table.set(index, "", "has a stamp that no log can reach")
@@ -240,7 +241,7 @@ def _block_begins(block: bytes, first: int) -> list[int]:
 
 
 def _text_of(line: bytes) -> str:
-    """Only dates hold letters beyond ASCII (Mär): in UTF-8 or in the code page of the machine."""
+    """A line as text. Only dates hold letters beyond ASCII (Mär), in UTF-8 or in the code page of the machine."""
     try:
         return line.decode().strip()
     except UnicodeDecodeError:

@@ -1,9 +1,10 @@
 """BLF: Vector's binary logging format. A header, then objects, most of them in containers packed with zlib.
 
-`bus` is the channel number as it stands in the file (from 1). The start of the file is a wall clock time without a zone: it
-is taken as UTC unless `[time]` names a zone and no column, or `[time] start` replaces it; without either, time counts from 0. Error
-frames are records that were found and rejected; remote frames have the flag REMOTE and no payload; objects that are no
-frames are counted by type in `settings["other_objects"]`. Nothing that the file declares is believed before it is checked.
+`bus` is the channel number as it stands in the file (from 1). The start of the file is a wall clock time without a
+zone: it is taken as UTC unless `[time]` names a zone and no column, or `[time] start` replaces it; without either,
+time counts from 0. Error frames are records that were found and rejected; remote frames have the flag REMOTE and no
+payload; objects that are no frames are counted by type in `settings["other_objects"]`. Nothing that the file declares
+is believed before it is checked.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ SHOWN_PROBLEMS = 3
 
 @dataclass
 class _Stream:
-    """Unpacked bytes that are not read yet: `wanted` of them hold a whole object; `aligned`: they begin with one."""
+    """Unpacked bytes that are not read yet. `wanted`: how many hold a whole object; `aligned`: they begin with one."""
 
     data: bytearray = field(default_factory=bytearray)
     wanted: int = 0
@@ -50,7 +51,7 @@ class _Stream:
         self.wanted, self.aligned = objects.wanted, objects.aligned
 
     def lose(self) -> None:
-        """What comes next does not continue what was there."""
+        """Begin anew: the bytes that come next do not continue those that were there."""
         self.data.clear()
         self.begins.clear()
         self.wanted, self.aligned = 0, False

@@ -1,12 +1,12 @@
 """CSV: tables of text, packed with gzip or not.
 
 Delimiter, decimal sign, encoding, a row of units and the time are recognised from the first 200 rows and stored in
-`settings`. A line is a row: a quoted cell does not go on in the next. Blank lines are no rows. `columns` are those of the
-header without the one (or two: date, time of day) that holds the time; an empty name becomes `column_<place>`, a second `T` becomes `T_2`
-(`settings["renamed"]`). A row with too few or too many fields, with text where its column holds numbers, or without a time
-is rejected; a row whose time goes back is kept and counted. In a local zone, the hour that comes twice in autumn counts as
-the first until its stamps go back, then as the second (`settings["ambiguous_rows"]`), and a time in the hour that spring
-leaves out is none.
+`settings`. A line is a row: a quoted cell does not go on in the next. Blank lines are no rows. `columns` are those of
+the header without the one (or two: date, time of day) that holds the time; an empty name becomes `column_<place>`, a
+second `T` becomes `T_2` (`settings["renamed"]`). A row with too few or too many fields, with text where its column
+holds numbers, or without a time is rejected; a row whose time goes back is kept and counted. In a local zone, the
+hour that comes twice in autumn counts as the first until its stamps go back, then as the second
+(`settings["ambiguous_rows"]`), and a time in the hour that spring leaves out is none.
 """
 
 from __future__ import annotations
@@ -63,12 +63,13 @@ class CsvLog(Log):
             self._lines += len(lines) - begin
         if not self._lines:
             raise UnreadableLogError(
-                f"{self.path.name}: {text.ended or 'unpacks to 0 bytes'}: no row of it can be read. Copy the file again."
+                f"{self.path.name}: {text.ended or 'unpacks to 0 bytes'}: no row of it can be read. "
+                "Copy the file again."
             )
         self._finish(text)
 
     def _decoded(self, block: bytes, *, first: bool) -> str:
-        """UTF-8, and cp1252 for a block that is none."""
+        """A block as text: UTF-8, or cp1252 where it is not UTF-8."""
         if first and (block.startswith((b"\xff\xfe", b"\xfe\xff")) or b"\0" in block[:4096]):
             raise UnreadableLogError(f"{self.path.name}: is no table in UTF-8. Export it as CSV in UTF-8.")
         try:
@@ -99,7 +100,7 @@ class CsvLog(Log):
         return begin
 
     def _kinds(self, begin: int) -> tuple[bool, ...]:
-        """Which columns hold numbers; those that are empty at first are looked at further down the file, from line `begin` on."""
+        """Which columns hold numbers; those empty at first are looked at further down, from line `begin` on."""
         kinds = dict(enumerate(self._dialect.numeric))
         kinds |= {self._dialect.names.index(name): not self._clock.is_text for name in self._clock.columns}
         empty = {place for place, kind in kinds.items() if kind is None}
@@ -245,7 +246,7 @@ class CsvLog(Log):
 
 
 def _is_row(line: str) -> bool:
-    """A blank line is none; one of tabs alone is a row of empty cells."""
+    """Whether a line is a row: a blank one is not, one of tabs alone is a row of empty cells."""
     return bool(line.strip(" \r"))
 
 

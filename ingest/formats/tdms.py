@@ -1,9 +1,10 @@
 """TDMS, the format of LabVIEW and DIAdem.
 
-A row is what channels of one time base say of one moment: channels with the same start and increment (`wf_start_time`,
-`wf_increment`, in any group), or those of a group with a channel of stamps, or of numbers that is called time. The rows of one
-base follow those of another; a column is empty in the rows of others. Columns are named as the channels, with the group
-before (`Oven/T1`) where two channels are called alike. Scalings are applied. A row without a time is rejected.
+A row is what channels of one time base say of one moment: channels with the same start and increment
+(`wf_start_time`, `wf_increment`, in any group), or those of a group with a channel of stamps, or of numbers that is
+called time. The rows of one base follow those of another; a column is empty in the rows of others. Columns are named
+as the channels, with the group before (`Oven/T1`) where two channels are called alike. Scalings are applied. A row
+without a time is rejected.
 """
 
 from __future__ import annotations
@@ -48,7 +49,7 @@ Flags = NDArray[np.bool_]
 
 @dataclass(frozen=True)
 class _Waveform:
-    """Row k at origin + offset + k step."""
+    """Rows at a fixed step: row k is at origin + offset + k times step."""
 
     step_ns: float
     offset_ns: float
@@ -78,7 +79,7 @@ class _Stamps:
         return f'channel "{self.channel.name}" of group "{self.channel.group_name}"'
 
     def t_ns(self, start: int, count: int) -> tuple[Ints, Flags, Sequence[bytes]]:
-        """As of a waveform."""
+        """As `_Waveform.t_ns`."""
         t_ns, bad = np.zeros(count, np.int64), np.ones(count, bool)
         found = values(self.channel, start, count)
         if found is None:
@@ -103,7 +104,7 @@ class _Untimed:
     origin_ns: int | None = 0
 
     def t_ns(self, start: int, count: int) -> tuple[Ints, Flags, Sequence[bytes]]:
-        """As of a waveform."""
+        """As `_Waveform.t_ns`."""
         return np.zeros(count, np.int64), np.ones(count, bool), []
 
 
@@ -189,7 +190,7 @@ class TdmsLog(Log):
     # ---- time ------------------------------------------------------------------------------------------------------
 
     def _bases(self, channels: Sequence[Any]) -> dict[_Base, list[Any]]:
-        """The channels by their time base. Raises UnreadableLogError where the stated time is none, or none is found."""
+        """Time base -> its channels. Raises UnreadableLogError where the stated time is none, or none is found."""
         stated, origin = self._stated(channels), start_ns(self.time, self.path.name)
         found: dict[_Base, list[Any]] = {}
         for group, some in groupby(channels, key=lambda channel: channel.group_name):
@@ -203,7 +204,8 @@ class TdmsLog(Log):
                 found.setdefault(base or by_clock or _Untimed(group), []).append(channel)
         if all(isinstance(base, _Untimed) for base in found):
             raise UnreadableLogError(
-                f"{self.path.name}: no channel says its time (wf_increment), and none holds it. Under [time] of the bench file say "
+                f"{self.path.name}: no channel says its time (wf_increment), and none holds it. "
+                "Under [time] of the bench file say "
                 'rate_hz = 1.0 (rows at a fixed rate), or column = "..." with unit.'
             )
         return found
@@ -217,7 +219,8 @@ class TdmsLog(Log):
             )
         if unit is not None and unit not in UNITS_NS:
             raise UnreadableLogError(
-                f'{self.path.name}: unit = "{unit}" under [time] of the bench file is no unit of time. Known are {" ".join(UNITS_NS)}.'
+                f'{self.path.name}: unit = "{unit}" under [time] of the bench file is no unit of time. '
+                f"Known are {' '.join(UNITS_NS)}."
             )
         if column is None:
             return None
@@ -229,7 +232,8 @@ class TdmsLog(Log):
             )
         if is_text(named[column]):
             raise UnreadableLogError(
-                f'{self.path.name}: column = "{column}" under [time] of the bench file holds text: name a channel of stamps or numbers.'
+                f'{self.path.name}: column = "{column}" under [time] of the bench file holds text: '
+                "name a channel of stamps or numbers."
             )
         return named[column]
 

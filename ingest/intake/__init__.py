@@ -1,5 +1,5 @@
 """Files at the door: they become facts, sessions and inspections, or are only looked into.
 
-`intake` is `whyhot ingest`: `setup` checks bench file, databases and motor file before anything is kept, `grouping` puts
-files into sessions. `inspection` looks without storing, `attachments` seals photographs with what was found.
+`intake` is `whyhot ingest`: `setup` checks bench file, databases and motor file before anything is kept, `grouping`
+puts files into sessions. `inspection` looks without storing, `attachments` seals photographs with what was found.
 """

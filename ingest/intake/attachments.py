@@ -24,8 +24,11 @@ Key = tuple[str | None, ...]  # bytes, specimen, time, session and finding
 
 @dataclass(frozen=True)
 class Finding:
-    """What was found on `specimen`. `happened`: ISO 8601, UTC where it names no zone; `session`: id, unique beginning of
-    one or name of the session that the inspection followed. Both may be unknown."""
+    """What was found on `specimen`.
+
+    `happened`: ISO 8601, UTC where it names no zone. `session`: id, unique beginning of one, or name of the session
+    that the inspection followed. Both may be unknown.
+    """
 
     specimen: str
     says: str
@@ -104,13 +107,14 @@ def _session(facts: Facts, text: str, specimen: str) -> str:
     session = facts.session(text)
     if session.specimen not in (None, specimen):
         raise UnknownSessionError(
-            f'session {session.name}: is of specimen "{session.specimen}", not "{specimen}": correct --specimen or --session'
+            f'session {session.name}: is of specimen "{session.specimen}", not "{specimen}": '
+            "correct --specimen or --session"
         )
     return session.session
 
 
 def _utc(text: str) -> str:
-    """As the ledger writes times. Raises IngestError."""
+    """A time of day and date as the ledger writes them, in UTC. Raises IngestError."""
     try:
         moment = datetime.fromisoformat(text)
         moment = (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).astimezone(UTC)

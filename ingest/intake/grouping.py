@@ -1,4 +1,4 @@
-"""All files of a store grouped into sessions: what is new becomes facts, with its kind and what a person should look at."""
+"""All files of a store grouped into sessions; new ones become facts, with their kind and what to look at."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def group_files(store: Store, said: Mapping[str, Override]) -> tuple[tuple[str, 
 
 
 def _is_read(session: SessionRecorded) -> bool:
-    """Whether its samples have something to tell: a kind that nobody gave, or what a person should look at."""
+    """Whether a session's samples must be read: nobody gave its kind, or it is no short one."""
     return not session.kind or sum(one["last_record"] - one["first_record"] + 1 for one in session.files) > FEW_RECORDS
 
 
@@ -64,6 +64,7 @@ def _overlaps(known: Facts, session: SessionRecorded) -> list[QualityFlagged]:
         from_ns, to_ns = max(a.start_ns or 0, b.start_ns or 0), min(a.end_ns or 0, b.end_ns or 0)
         if common and a.raw != b.raw and to_ns > from_ns:
             names = " and ".join(known.files[one.raw].name for one in (a, b))
-            says = f"{names} hold the same channels for {(to_ns - from_ns) / 1e9:.0f} s: equal samples count once in a replay"
+            seconds = (to_ns - from_ns) / 1e9
+            says = f"{names} hold the same channels for {seconds:.0f} s: equal samples count once in a replay"
             flags.append(QualityFlagged(flag="overlap", says=says, detail={"channels": sorted(common)}))
     return flags

@@ -115,7 +115,7 @@ def _ranges(recording: Path) -> dict[str, tuple[float, float]]:
 
 
 def _widen(spans: dict[str, tuple[float, float]], more: Mapping[str, tuple[float, float]]) -> None:
-    """Let each of `spans` hold what `more` says of the same column as well."""
+    """Widen each of `spans` (column -> least and greatest value) by the span of the same column in `more`."""
     for name, (low, high) in more.items():
         before = spans.get(name, (low, high))
         spans[name] = (min(low, before[0]), max(high, before[1]))

@@ -35,9 +35,12 @@ from ingest.log.specimens import Specimens
 
 @dataclass(frozen=True)
 class Taken:
-    """What became of one file. `holds` "frames" or "rows", None where no format claims it; `decode` None where it was
-    refused before anything was kept; `known` where the file was decoded so before, `anew` where its sessions are others
-    now all the same: by another bench or motor file, specimen, or together with another file."""
+    """What became of one file.
+
+    `holds`: "frames" or "rows", None where no format claims it. `decode`: None where it was refused before anything was
+    kept. `known`: it was decoded so before. `anew`: its sessions are others now all the same, by another bench or motor
+    file, another specimen, or together with another file.
+    """
 
     name: str
     size: int
@@ -132,7 +135,7 @@ def take_in(
 
 
 def _again(known: Facts, found: Sequence[Taken | _Read]) -> dict[str, DecodeCompleted]:
-    """By raw file: a known decode that one under another bench or motor file followed. Given again, it is the latest."""
+    """Raw file -> the known decode to go back to: another bench or motor file had followed it."""
     given = {one.raw: one.decode for one in found if isinstance(one, Taken) and one.decode and one.decode.bench}
     latest = {one.raw: one for one in known.decodes.values() if one.bench and one.outcome != "quarantined"}
     return {raw: decode for raw, decode in given.items() if latest.get(raw, decode) != decode}
@@ -168,7 +171,7 @@ def _redecode(reader: Reader, store: Store, known: Facts, decode: DecodeComplete
 
 
 def _read(reader: Reader, known: Facts, path: Path, setup: Setup, work: Path, before: set[str]) -> Taken | _Read:
-    """Read a file into the working folder; one that is known, a copy of one read `before`, or no log is done with here."""
+    """Read a file into the working folder, unless it is known, a copy of one read `before`, or no log."""
     size = path.stat().st_size
     try:
         form = recognise(path)
@@ -207,7 +210,8 @@ def _keep(store: Store, known: Facts, one: _Read, setup: Setup, channels: Sequen
         events.append(decode)
     for twin in known.files.values():
         if twin.name == _name(one.path) and twin.sha256 != one.raw and one.raw not in known.files:
-            says = f"{_name(one.path)}: another file of this name was ingested before, with other bytes ({twin.sha256[:12]})"
+            name, other = _name(one.path), twin.sha256[:12]
+            says = f"{name}: another file of this name was ingested before, with other bytes ({other})"
             events.append(QualityFlagged(flag="same_name_other_bytes", says=says, detail={"other": twin.sha256}))
     store.ledger.append_all([(f"file-{one.raw}", event) for event in events])
     return Taken(_name(one.path), size, one.form.holds, one.raw, decode, known=False, refusal=one.why)
@@ -225,7 +229,7 @@ def _decode(
 
 
 def _name(path: Path) -> str:
-    """The file's name as text that can be kept: what is no UTF-8 in it becomes a question mark."""
+    """The file's name as text that can be kept: bytes that are no UTF-8 become question marks."""
     return path.name.encode("utf-8", "replace").decode("utf-8")
 
 

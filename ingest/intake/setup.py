@@ -48,7 +48,7 @@ class MotorFile:
 
 @dataclass(frozen=True)
 class Setup:
-    """What explains the logs: bench file, databases and motor file, read and checked. `model`: SHA-256 of the motor file."""
+    """What explains the logs: bench file, databases, motor file, checked. `model`: SHA-256 of the motor file."""
 
     bench: Bench | None
     bench_data: bytes
@@ -61,7 +61,7 @@ class Setup:
         return self.bench.time if self.bench else TimeSpec()
 
     def databases_of(self, form: Format) -> tuple[Database, ...]:
-        """Those that a log of this format is decoded with: none for a table."""
+        """The databases that a log of this format is decoded with: none for a table."""
         return self.databases if form.holds == "frames" else ()
 
     def attachments(self, form: Format) -> list[Attachment]:
@@ -84,8 +84,8 @@ def prepare(
 ) -> Setup:
     """Check that the logs are there, and read bench file, databases and the motor file that the bench file names.
 
-    `motor_file` reads a motor file (this package knows nothing of networks). Raises BenchFileError, TomlError, UnitError,
-    DatabaseError, or what `motor_file` raises.
+    `motor_file` reads a motor file (this package knows nothing of networks). Raises BenchFileError, TomlError,
+    UnitError, DatabaseError, or what `motor_file` raises.
     """
     refuse_missing(files)
     loaded = tuple(load_database(_bytes(path, "--dbc"), path.name) for path in databases)
@@ -119,8 +119,8 @@ def _configured(bench: Bench, motor: MotorFile) -> MotorFile:
         gone = [place for place in (channel.node, *channel.weights) if place and place not in there]
         if gone and channel.role != "ignored":
             raise BenchFileError(
-                f'{bench.name}:{channel.at("node")}: node "{gone[0]}" of {channel.called} is not there in configuration '
-                f'"{name}": take the channel out, or write role = "ignored".'
+                f'{bench.name}:{channel.at("node")}: node "{gone[0]}" of {channel.called} is not there in '
+                f'configuration "{name}": take the channel out, or write role = "ignored".'
             )
     return replace(
         motor,
@@ -135,7 +135,8 @@ def resolved(setup: Setup, readings: Sequence[Reading], known: Facts) -> Sequenc
         return ()
     if not setup.databases and any(one.holds == "frames" for one in readings):
         raise IngestError(
-            f"{setup.bench.name}: names signals, and no signal database tells where they lie in the frames: add --dbc FILE.dbc"
+            f"{setup.bench.name}: names signals, and no signal database tells where they lie in the frames: "
+            "add --dbc FILE.dbc"
         )
     here = signals_in(setup.databases, readings)
     signals = [*here, *_elsewhere(setup.bench, here, known)]

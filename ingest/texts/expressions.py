@@ -6,8 +6,8 @@
     power   := atom ("**" signed)?
     atom    := number | signal | "(" sum ")" | function "(" sum ("," sum)* ")"
 
-A signal is an identifier, or any name in backquotes. Everything is evaluated in float64, element by element, with the same bits on
-every machine (`ingest.texts.powers`).
+A signal is an identifier, or any name in backquotes. Everything is evaluated in float64, element by element, with the
+same bits on every machine (`ingest.texts.powers`).
 """
 
 from __future__ import annotations
@@ -73,7 +73,10 @@ class Expression:
     _root: _Node
 
     def evaluate(self, values: Mapping[str, NDArray[Any]]) -> Array:
-        """Signal name -> values (N,), all of one length -> float64 (N,); NaN where an input is NaN or the result not finite."""
+        """Values float64 (N,) of the expression; NaN where an input is NaN or the result not finite.
+
+        `values`: signal name -> its values (N,), all of one length.
+        """
         arrays = {name: np.asarray(values[name], dtype=np.float64) for name in self.names}
         with np.errstate(all="ignore"):
             result = np.array(self._root.value(arrays), dtype=np.float64)
@@ -108,7 +111,7 @@ class _Call:
 
 @dataclass(frozen=True)
 class _Chain:
-    """first op term op term ...: a loop, so that a long sum is not a deep one."""
+    """A sum or product of many terms, first op term op term ...: a loop, so that a long sum is not a deep one."""
 
     first: _Node
     rest: tuple[tuple[Callable[..., Any], _Node], ...]

@@ -51,7 +51,7 @@ _COMMAND = "_(ref|cmd|command|set|setpoint|req|request|demand|target|desired)_|s
 
 
 def guess(signal: str, unit: str | None = None) -> str | None:
-    """The quantity that a signal probably has: by its unit where that is known, refined by the words of its name, else by them.
+    """The quantity that a signal probably has: by its unit where that is known, and by the words of its name.
 
     `unit` as the file writes it. None where nothing speaks for one, and for commands that no quantity stands for.
     """

@@ -138,7 +138,7 @@ def column_suffix(quantity_or_unit: str | None) -> str:
 
 
 def other_unit(found: str, unit: str, quantity: str, convention: str = "rms") -> bool:
-    """Whether the unit `found` in a log contradicts the `unit` and convention of the bench file (which are known to fit).
+    """Whether the unit `found` in a log contradicts the `unit` and convention of the bench file, known to be sound.
 
     A unit that nobody knows, and "-", contradict nothing.
     """

@@ -36,7 +36,7 @@ _HINTS = (  # words of tomllib -> what to do
 
 @dataclass(frozen=True)
 class Kind(Generic[T]):
-    """What a value must be: `wanted` in words, `read` turns it into T or raises ValueError, which may say what was found."""
+    """What a value must be: `wanted` in words; `read` makes a T of it or raises ValueError (what was found)."""
 
     wanted: str
     read: Callable[[Any], T]
@@ -79,7 +79,7 @@ def _range(value: Any) -> tuple[float, float]:
 
 
 def _named(value: Any, read_one: Callable[[Any], T]) -> dict[str, T]:
-    """The values of a mapping, each read; the ValueError of one that cannot be names it."""
+    """The values of a mapping, each read; where one cannot be read, the ValueError names it."""
     read_all: dict[str, T] = {}
     for key, one in dict(_check(value, isinstance(value, dict))).items():
         try:
@@ -202,7 +202,8 @@ class Table:
 def read(source: Path | bytes, name: str, schema: str) -> Table:
     """The root table of a TOML file; `name` as in messages, `schema` such as "whyhot.bench/1".
 
-    Raises TomlError where it cannot be read, is no TOML, is over `LARGEST` bytes or nested too deeply, or is of another schema.
+    Raises TomlError where it cannot be read, is no TOML, is over `LARGEST` bytes or nested too deeply, or is of
+    another schema.
     """
     text = _decode(_load(source, name), name)
     deep = toml_lines.too_deep(text)

@@ -1,4 +1,4 @@
-"""Line numbers of the tables, keys and elements of a TOML text, which `tomllib` does not keep, and a bound on its depth."""
+"""Line numbers of the tables, keys and elements of a TOML text, which `tomllib` does not keep; a bound on its depth."""
 
 from __future__ import annotations
 
@@ -96,7 +96,7 @@ class _Walk:
         return path
 
     def _within(self, path: Path) -> Path:
-        """An array of tables stands for its last element."""
+        """The path of a key inside the tables above it; an array of tables stands for its last element."""
         return (*path, self._elements[path] - 1) if path in self._elements else path
 
     def _key(self, end: str) -> list[str]:

@@ -1,6 +1,7 @@
 """The command line: one file a verb. A verb parses, calls and words its answer; no logic lives here.
 
-Exit codes: 0 done; 1 done with something refused or quarantined; 2 could not start or stopped before its end; 130 interrupted.
+Exit codes: 0 done; 1 done with something refused or quarantined; 2 could not start or stopped before its end;
+130 interrupted.
 """
 
 from __future__ import annotations
@@ -109,7 +110,7 @@ def build_parser(verb: str | None) -> argparse.ArgumentParser:
 
 
 def _json_words(words: list[str]) -> list[str]:
-    """`--json` takes the next word only if that ends in .json: `--json out.json` -> `--json=out.json`, else `--json=-`."""
+    """The words with `--json out.json` as `--json=out.json`; where the next word is no name in .json, as `--json=-`."""
     joined: list[str] = []
     rest = iter(range(len(words)))
     for i in rest:

@@ -12,8 +12,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--motor",
         metavar="M",
-        help="model id, motor name or motor file: checks in one of its configurations are evaluated through it, and the law of "
-        "deterioration is written into it, as a new model",
+        help="model id, motor name or motor file: checks in one of its configurations are evaluated through it, and "
+        "the law of deterioration is written into it, as a new model",
     )
     parser.add_argument("--as-of", metavar="POINT", help="as known at a ledger position or an ISO time")
     parser.add_argument(

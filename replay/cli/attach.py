@@ -1,4 +1,4 @@
-"""`whyhot attach FILE... --specimen S --finding TEXT`: photographs, thermograms, any file, sealed with what was found."""
+"""`whyhot attach FILE... --specimen S --finding TEXT`: any file (a photograph) sealed with what was found on S."""
 
 from __future__ import annotations
 

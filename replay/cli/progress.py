@@ -1,4 +1,4 @@
-"""Progress on standard error, one line that is overwritten; silent where nobody looks (a pipe, a file, a dumb terminal)."""
+"""Progress on standard error: one line that is overwritten, and none where nobody looks (a pipe, a dumb terminal)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`whyhot sessions`: the catalogue."""
+"""`whyhot sessions`: the catalogue of recorded sessions."""
 
 from __future__ import annotations
 
