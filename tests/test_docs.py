@@ -8,6 +8,7 @@ from __future__ import annotations
 import argparse
 import pkgutil
 import re
+import subprocess
 from functools import partial
 from importlib import import_module
 from pathlib import Path
@@ -92,7 +93,10 @@ def test_every_verb_is_one_file_with_arguments_and_run(verb: str) -> None:
     assert f"`whyhot {verb}" in (module.__doc__ or "")
 
 
-PAGES = [*(ROOT / name for name in ("README.md", "ARCHITECTURE.md")), *sorted((ROOT / "docs").glob("*.md"))]
+PAGES = [
+    *(ROOT / f"{name}.md" for name in ("README", "ARCHITECTURE", "CONTRIBUTING")),
+    *sorted((ROOT / "docs").glob("*.md")),
+]
 HOUSE = ("twin", "ingest", "analytics", "replay", "whyhot", "tests", "benchmarks", "notebooks", "examples")
 FILE = re.compile(rf"(?<![\w/.-])(?:{'|'.join(HOUSE)})/[\w./*-]*\w")
 NAME = re.compile(r"(?<![\w/.-])(?:twin|ingest|analytics|replay|whyhot)(?:\.(?!json)\w+)+(?![\w/-])")
@@ -114,6 +118,19 @@ def test_every_link_of_the_pages_leads_somewhere() -> None:
     assert links
     for source, link in links:
         assert (source.parent / link).exists(), f"{source.name}: {link}"
+
+
+def test_the_commits_that_are_shown_as_examples_are_there() -> None:
+    def git(*words: str) -> str:
+        return subprocess.run(["git", *words], cwd=ROOT, capture_output=True, text=True, check=False).stdout
+
+    if git("rev-parse", "--is-shallow-repository").strip() != "false":
+        pytest.skip("a copy without the history")
+    page = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    examples = re.findall(r"\| `([0-9a-f]{7})` (.*?) \|$", page, flags=re.MULTILINE)
+    assert len(examples) >= 6
+    for commit, title in examples:
+        assert git("log", "-1", "--format=%s", commit, "--").strip() == title
 
 
 def test_pages_speak_of_verbs_that_exist() -> None:
