@@ -1,1 +1,4 @@
-"""Motor files made from nothing, from motors of another size, and from motors of more nodes."""
+"""Motor files made from nothing, from motors of another size, and from motors of more nodes.
+
+`new` fills a template, `scale` changes size or cuts along the stack, `reduce` leaves fewer nodes.
+"""
