@@ -179,7 +179,7 @@ class Motor(ExtendedKalmanFilter):  # type: ignore[misc]
 
 def filterpys(inputs: Inputs, model: Callable[[Floats, int], tuple[Floats, Floats]]) -> Floats:
     """The states (N, S) at the ends of steps."""
-    steps, m, size = len(inputs.values), inputs.values.shape[1], inputs.parts.last
+    steps, m, size = len(inputs.values), inputs.values.shape[1], inputs.parts.sought
     peer = Motor(size, m)
     peer.model = model
     peer.x, peer.P = inputs.x[:size, 0].copy(), inputs.covariance[:size, :size].copy()

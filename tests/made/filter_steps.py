@@ -1,4 +1,5 @@
-"""The filters' step and readings one at a time, as vectors and matrices: what peers are given and derivatives are taken of."""
+"""The filters' step and readings one at a time, as vectors and matrices: what peers are given and derivatives are
+taken of."""
 
 from __future__ import annotations
 
@@ -15,13 +16,13 @@ Floats = np.ndarray[Any, Any]
 
 
 class Steps:
-    """Of one run. States (S,) are temperatures, unknowns and lagging readings; behind them (S + m,) what each channel would have read at
-    the start of the step just made."""
+    """Of one run. States (S,) are temperatures, unknowns and lagging readings; behind them (S + m,) what each channel
+    would have read at the start of the step just made."""
 
     def __init__(self, inputs: Inputs) -> None:
         self.inputs, self.parts, self.run = inputs, inputs.parts, run_of(inputs)
-        last, m = self.parts.last, len(self.parts.weights)
-        self.own = np.r_[0:last, last + m : len(inputs.x)]
+        sought, m = self.parts.sought, len(self.parts.weights)
+        self.own = np.r_[0:sought, sought + m : len(inputs.x)]
         self.size, self.channels = len(self.own), m
         self.process = np.diag(self.parts.process[self.own])
         self.now = np.zeros((m, self.size))  # what each channel reads at an edge

@@ -1,12 +1,13 @@
 """Extended Kalman filter: unknown heats and coefficients, estimated from measured temperatures while the motor runs.
 
-The paper's filter (its section 4) estimates the magnets' loss from endwindings and rotor surface; its state is z, dz/dt and
-the unknown input, of size 2p + o (`twin.paper.ekf`). This is the small form of the same: the network's own step
-(`twin.compiled.integrators`, with the inputs held) on [temperatures, unknowns, readings].
+The paper's filter (its section 4) estimates the magnets' loss from endwindings and rotor surface; its state is z,
+dz/dt and the unknown input, of size 2p + o (`twin.paper.ekf`). This is the small form of the same: the network's own
+step (`twin.compiled.integrators`, with the inputs held) on [temperatures, unknowns, readings].
 
-Extended: each step is linearised about the estimate at its start. For losses linear in temperature (copper) that is exact;
-of resistances, temperature factors and unknown factors the second derivative is left out of the covariance, never of the
-estimate (`twin.filters.ukf` keeps it). Readings of a step are independent and taken together; a missing one is left out.
+Extended: each step is linearised about the estimate at its start. For losses linear in temperature (copper) that is
+exact; of resistances, temperature factors and unknown factors the second derivative is left out of the covariance,
+never of the estimate (`twin.filters.ukf` keeps it). Readings of a step are independent and taken together; a missing
+one is left out.
 
 A filter is told where the unknown heat is. Told the wrong node it still finds a history that fits.
 """
@@ -26,7 +27,8 @@ from twin.arithmetic.lane_code import pointer
 from twin.arithmetic.lanes import Store, aligned, record
 from twin.compiled.once import once_a_network
 from twin.filters.inputs import AnyReading, Inputs, Start, inputs_of, with_walks
-from twin.filters.plan import Plan, plan
+from twin.filters.plan import Plan
+from twin.filters.planning import plan
 from twin.filters.readings import Readings, correct, observe, readings_of, row_of
 from twin.filters.step import carry
 from twin.filters.unknowns import Unknown, UnknownFactor, UnknownHeat
@@ -43,11 +45,13 @@ PACE_ENOUGH = 0.3  # of the logarithm of a pace: the likelihood is flat there, a
 
 @dataclass(frozen=True)
 class Estimate:
-    """What a filter knows at each edge from all readings up to it, with standard deviations: `temperatures` (N + 1, n) [degC] and
-    `found` (N + 1, u) of `unknowns` (heat [W] beside the model's own, logarithm of a factor, error [K]); row k + 1 after step k.
-    `innovations`, `variances` (N, m) [K, K^2 or W, W^2] of each channel given those before it in the step, heats last, NaN where it
-    says nothing;
-    `covariance` (S, S) after the last step."""
+    """What a filter knows at each edge from all readings up to it: row 0 is the start, row k + 1 is after step k.
+
+    `temperatures` (N + 1, n) [degC] and `found` (N + 1, u) of the `unknowns` (heat [W] beside the model's own,
+    logarithm of a factor, error [K]), each with its standard deviation. `innovations` (N, channels) [K, W]: each
+    reading less what those before it let expect, with `variances` [K^2, W^2], NaN where a channel says nothing;
+    thermometers first. `covariance` (S, S) of the state after the last step; `log_likelihood` of all readings.
+    """
 
     unknowns: tuple[Unknown, ...]
     temperatures: Floats
@@ -61,8 +65,8 @@ class Estimate:
 
     @property
     def nis(self) -> float:
-        """Mean squared innovation over its variance: 1 where noise and model are as said; NaN without a reading. It hardly
-        sees the unknowns' random walks, which is why those are chosen by likelihood."""
+        """Mean squared innovation over its variance: 1 where noise and model are as said; NaN without a reading. It
+        hardly sees the unknowns' random walks, which is why those are chosen by likelihood."""
         there = np.isfinite(self.innovations)
         return float(np.mean(self.innovations[there] ** 2 / self.variances[there])) if there.any() else float("nan")
 
@@ -70,7 +74,8 @@ class Estimate:
 def filter_unknowns(
     network: Network, frame: Frame, start: Start, unknowns: Sequence[Unknown], readings: Sequence[AnyReading]
 ) -> Estimate:
-    """Temperatures and unknowns from the readings. Without a reading the temperatures are those of `simulate` to rounding.
+    """Temperatures and unknowns from the readings. Without a reading the temperatures are those of `simulate` to
+    rounding.
 
     Raises as `twin.filters.inputs.inputs_of`, and `DivergedError` where the temperatures leave the finite numbers.
     """
@@ -100,8 +105,8 @@ def _filtered(inputs: Inputs) -> Estimate:
 
 @dataclass(frozen=True)
 class Run:
-    """A filter's numbers `m` and indices `at` (`twin.arithmetic.lanes`), and where in them the step and its readings are, as records; `size` S of
-    the state."""
+    """A filter ready to go: numbers `m` and indices `at` (`twin.arithmetic.lanes`), the records of where in them the
+    step and its readings are, and the `size` S of the state."""
 
     plan: Plan
     readings: Readings
@@ -110,25 +115,26 @@ class Run:
     at: Index
 
     def begin(self, inputs: Inputs) -> None:
-        """The state and its covariance are those at the first edge, and every step adds its variances."""
-        last, m = inputs.parts.last, len(inputs.parts.weights)
-        own = np.r_[0:last, last + m : len(inputs.x)]  # what was read before a step is not carried along
+        """Set the state and its covariance to those at the first edge, and what every step adds."""
+        sought, m = inputs.parts.sought, len(inputs.parts.weights)
+        own = np.r_[0:sought, sought + m : len(inputs.x)]  # what was read before a step is not carried along
         self.m[self.plan.process : self.plan.process + len(own)] = inputs.parts.process[own]
         rows = self.state()
         rows[: len(own), : len(own)], rows[: len(own), len(own)] = inputs.covariance[np.ix_(own, own)], inputs.x[own, 0]
 
     def state(self) -> Floats:
-        """[P | x] as rows."""
+        """The rows [P | x] (length, length), to read or to write."""
         length = self.plan.length
         return self.m[self.plan.state : self.plan.state + length**2].reshape(length, length)
 
     def covariance(self) -> Floats:
-        """P (S, S)."""
+        """A copy of P (S, S)."""
         return self.state()[: self.size, : self.size].copy()
 
 
 def run_of(inputs: Inputs) -> Run:
-    """The arrays of a run: those of the last one where the same is read and sought of the same network."""
+    """A filter for these inputs, not begun. Where the last one for this network read and sought the same, only its
+    arrays are copied."""
     parts, known = inputs.parts, _last_run(inputs.network)
     arrays = (
         parts.constant,
@@ -153,14 +159,15 @@ def run_of(inputs: Inputs) -> Run:
 
 @once_a_network
 def _last_run(network: Network) -> dict[tuple[object, ...], Run]:
-    """By all that it is made of, never begun."""
+    """The run made last for a network, never begun, by all that it is made of."""
     return {}
 
 
 def courses(inputs: Inputs) -> tuple[Floats, Floats]:
-    """Room for estimates and their variances at all edges (2, N + 1, n + u), and for innovations with theirs (N, m + q, 2)."""
+    """Room, not filled, for estimates and their variances at all edges (2, N + 1, n + u), and for innovations with
+    theirs (N, m + q, 2)."""
     steps, channels = inputs.values.shape
-    return np.empty((2, steps + 1, inputs.parts.last)), np.empty((steps, channels, 2))
+    return np.empty((2, steps + 1, inputs.parts.sought)), np.empty((steps, channels, 2))
 
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
@@ -178,11 +185,12 @@ def through(
     spreads: Floats,
     innovations: Floats,
 ) -> float:
-    """The filter over N steps, from the state in `numbers` to that at the last edge; the log likelihood of the readings.
+    """The filter over N steps, from the state in `numbers` to that at the last edge. Returns the log likelihood of
+    the readings.
 
-    `readings` (N, m + q) [degC, W], NaN where there is none, `places` and `variances` (N, m + q), or (1, m + q) for all steps.
-    Filled: `states` and `spreads` (N + 1, c), the first c numbers of the state and their variances at every edge, `innovations`
-    (N, m + q, 2).
+    `features` (N, F), `boundaries` (N, b) [degC], `readings` (N, m + q) [degC, W], NaN where there is none, `places`
+    and `variances` (N, m + q), or (1, m + q) for all steps. Filled: `states` and `spreads` (N + 1, c) with the first
+    c numbers of the state and their variances at every edge, `innovations` (N, m + q, 2) as by `correct`.
     """
     likelihood, size, length, early = 0.0, plan.size, plan.length, bool((places != 1.0).any())
     m, at, channels = pointer(numbers, 0), pointer(indices, 0), readings.shape[1]
@@ -203,8 +211,8 @@ def through(
 def estimate_of(
     inputs: Inputs, states: Floats, innovations: Floats, covariance: Floats, log_likelihood: float
 ) -> Estimate:
-    """From `states` (2, N + 1, n + u), estimates and variances in the order of the state, which it takes over. Raises
-    `DivergedError`."""
+    """The estimate, from `states` (2, N + 1, n + u), means and variances in the order of the state, which it takes
+    over, and `innovations` (N, m + q, 2). Raises `DivergedError` where the temperatures leave the finite numbers."""
     n, unknown = len(inputs.network.nodes), np.argsort(inputs.order).tolist()
     check_finite(inputs.network, inputs.frame, states[0, :, :n])
     sd, told = np.sqrt(states[1], out=states[1]), columns_of(innovations, inputs.channels)
@@ -229,8 +237,9 @@ def columns_of(array: Floats, which: Sequence[int]) -> Floats:
 def at_their_pace(
     network: Network, frame: Frame, start: Start, unknowns: Sequence[U], readings: Sequence[AnyReading]
 ) -> tuple[U, ...]:
-    """The unknowns, the random walks of heats and factors times the one number, within `PACES`, that makes the readings most likely
-    (marginal likelihood, by Brent's bounded search over its logarithm). Raises as `filter_unknowns`."""
+    """The unknowns with the random walks of heats and factors times one number, within `PACES`: the one that makes
+    the readings most likely (marginal likelihood, by Brent's bounded search over its logarithm). Raises as
+    `filter_unknowns`."""
 
     inputs = inputs_of(network, frame, start, unknowns, readings)
 

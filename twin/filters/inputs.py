@@ -1,10 +1,11 @@
-"""What every filter is given: readings of sensors and meters, a start, unknowns; and the same as the arrays that the compiled steps
-take.
+"""What every filter is given: readings of sensors and meters, a start, unknowns; and the same as the arrays that the
+compiled steps take.
 
-The unknown heat of a node stands *beside* its modelled loss, held within a step, and is a random walk: inverting one step for it
-would amplify noise to kilowatts (Gillijns and De Moor, 2007, doi:10.1016/j.automatica.2006.08.002). A sensor's known lag is a state
-of its own, exact for a temperature that is linear within the step, as `twin.motor.outputs` models it; what is read lies at the
-samples' mean time within the step. A constant error of a sensor is taken for temperature, and for heat, where it is no unknown.
+The unknown heat of a node stands *beside* its modelled loss, held within a step, and is a random walk: inverting one
+step for it would amplify noise to kilowatts (Gillijns and De Moor, 2007, doi:10.1016/j.automatica.2006.08.002). A
+sensor's known lag is a state of its own, exact for a temperature that is linear within the step, as
+`twin.motor.outputs` models it; what is read lies at the samples' mean time within the step. A constant error of a
+sensor that is no unknown is taken for temperature, and so for heat.
 """
 
 from __future__ import annotations
@@ -29,17 +30,19 @@ from twin.run.simulate import Frame, check_frame
 
 Floats = NDArray[np.float64]
 
-# Of every node: what a network's form leaves open. Measured on a conduction mesh whose motor file errs by 2 to 5 K in open loop:
-# 0.02 makes the innovations 5 to 13 times as large (NIS) as the filter thinks, 0.1 1.0 to 1.5 times, at the highest likelihood.
+# Of every node: what a network's form leaves open. Measured on a conduction mesh whose motor file errs by 2 to 5 K in
+# open loop: 0.02 makes the innovations 5 to 13 times as large (NIS) as the filter thinks, 0.1 1.0 to 1.5 times, at
+# the highest likelihood.
 TEMPERATURE_K_PER_SQRT_S = 0.1
 READING_SD_K = 0.1  # of a lagging sensor's reading at the start, about equilibrium
 
 
 @dataclass(frozen=True)
 class Reading:
-    """A measured channel over N steps. `weights`: node -> share, sum 1; `time_constant_s`: known first-order lag; `value` (N,)
-    [degC] mean of each step's samples, NaN where there is none; `place` (N,) in [0, 1]: their mean time within the step;
-    `variance` (N,) [K^2] of that mean, above 0 where there is a value."""
+    """A thermometer over N steps. `weights`: node -> share of its temperature in what is measured, sum 1;
+    `time_constant_s`: of a known first-order lag, 0 for none; `value` (N,) [degC] mean of each step's samples, NaN
+    where there is none; `place` (N,) in [0, 1]: their mean time within the step; `variance` (N,) [K^2] of that mean,
+    above 0 where there is a value."""
 
     channel: str
     weights: Mapping[str, float]
@@ -51,9 +54,9 @@ class Reading:
 
 @dataclass(frozen=True)
 class HeatReading:
-    """A measured heat over N steps: of all losses, or what `boundary` takes. `value` (N,) [W] mean over each step, NaN where there
-    is none; `variance` (N,) [W^2] of that mean, above 0 where there is a value. It is compared with the heat at the end of
-    the step, linear about the estimate there; an `UnknownBias` of this channel is in W."""
+    """A meter of heat over N steps: of all losses, or of what `boundary` takes. `value` (N,) [W] mean over each step,
+    NaN where there is none; `variance` (N,) [W^2] of that mean, above 0 where there is a value. It is compared with
+    the heat at the end of the step, linear about the estimate there; an `UnknownBias` of this channel is in W."""
 
     channel: str
     value: Floats
@@ -66,8 +69,8 @@ AnyReading = Reading | HeatReading
 
 @dataclass(frozen=True)
 class Start:
-    """Temperatures (n,) [degC] at the first edge with their standard deviations (n,) [K]; `walk_K` [K / sqrt(s)] of every node,
-    the random walk between steps that the network's form leaves open."""
+    """What is known at the first edge: temperatures (n,) [degC] of the nodes with their standard deviations (n,) [K].
+    `walk_K` [K / sqrt(s)]: the random walk of every node between steps that the network's form leaves open."""
 
     temperatures: Floats
     sd: Floats
@@ -76,10 +79,14 @@ class Start:
 
 @dataclass(frozen=True)
 class Inputs:
-    """A frame, a start, readings and unknowns as arrays. `order` (u,): of the unknowns in the state, heats first; `x` (S, 1)
-    and `covariance` (S, S) at the first edge; `values` (N, m + q) of the readings, those of temperatures first: `channels` says which
-    of them each given one is; `places` and `variances` likewise, or one row (1, m + q) where they are those of every step. Copy what a
-    step changes."""
+    """A frame, a start, readings and unknowns as arrays; copy what a step changes.
+
+    The state `x` (S, 1) with its `covariance` (S, S) is that of the first edge: temperatures, unknowns in `order`
+    (u,), heats first, what each thermometer read at the last edge (m), and what each lagging one reads now. `values`
+    (N, m + q) of the readings have thermometers first; `channels` says which of these columns each reading is, as
+    given. `places` and `variances` are (N, m + q), or one row (1, m + q) where they are those of every step.
+    `features` (N, F), `boundaries` (N, b) [degC].
+    """
 
     network: Network
     frame: Frame
@@ -102,9 +109,12 @@ _checked = once_a_network(check)
 def inputs_of(
     network: Network, frame: Frame, start: Start, unknowns: Sequence[Unknown], readings: Sequence[AnyReading]
 ) -> Inputs:
-    """Raises `NetworkError` where the network cannot be a motor, `FrameError` where shapes do not fit, an input is not finite, a
-    variance or standard deviation is not above 0, or a node or coefficient is not the network's, and `CauseError` where an
-    unknown factor is not written as a cause."""
+    """The arrays of a frame, a start, unknowns and readings.
+
+    Raises `NetworkError` where the network cannot be a motor, `FrameError` where shapes do not fit, an input is not
+    finite, a variance or standard deviation is not above 0, or a node or coefficient is not the network's, and
+    `CauseError` where an unknown factor is not written as a cause.
+    """
     _checked(network)
     motor = laid_out(network)
     check_frame(network, frame, start.temperatures, motor.shape.monomials)
@@ -137,9 +147,9 @@ def inputs_of(
 
 
 def with_walks(inputs: Inputs, unknowns: Sequence[Unknown]) -> Inputs:
-    """The same for unknowns that differ from those of `inputs` in their walks alone."""
+    """`inputs` for unknowns that differ from theirs in the walks alone."""
     n, process = inputs.parts.program.n, inputs.parts.process.copy()
-    _, process[n : inputs.parts.last] = variances(unknowns, inputs.order, inputs.frame.step_s)
+    _, process[n : inputs.parts.sought] = variances(unknowns, inputs.order, inputs.frame.step_s)
     return replace(inputs, unknowns=tuple(unknowns), parts=inputs.parts._replace(process=process))
 
 
@@ -176,15 +186,15 @@ def _parts(
     readings: Sequence[Reading],
     meters: Sequence[HeatReading],
 ) -> tuple[Parts, tuple[int, ...], list[float]]:
-    """With the order of the unknowns in the state, and their variances at the start."""
+    """The parts of all steps, the order of the unknowns in the state, and their variances at the start."""
     names = [node.name for node in network.nodes]
     n, m, values = len(names), len(readings), motor.values
     channels = [*(r.channel for r in readings), *(r.channel for r in meters)]
     of = places(network, unknowns, len(values.coefficients), channels)
     at_start, walks = variances(unknowns, of.order, step_s)
-    last = n + len(of.order)
+    sought = n + len(of.order)
     weights, lag, state = np.zeros((m, n)), np.zeros((m, 3)), np.full(m, -1, dtype=np.int64)
-    size = last + m
+    size = sought + m
     for j, reading in enumerate(readings):
         weights[j, [names.index(name) for name in reading.weights]] = list(reading.weights.values())
         if reading.time_constant_s > 0:
@@ -192,7 +202,7 @@ def _parts(
             state[j], size = size, size + 1
     process = np.zeros(size)
     process[:n] = start.walk_K**2 * step_s
-    process[n:last] = walks
+    process[n:sought] = walks
     parts = Parts(
         program=motor.program,
         constant=values.capacities / (motor.program.gamma * step_s),
@@ -203,7 +213,7 @@ def _parts(
         places=motor.table.places,
         numbers=motor.table.numbers,
         unknown_factors=of.factors,
-        last=last,
+        sought=sought,
         weights=weights,
         bias=np.where(of.bias_of >= 0, n + len(of.heats) + of.factors + of.bias_of, -1),
         state=state,
@@ -216,7 +226,8 @@ def _parts(
 
 
 def _signs(network: Network, laws: Sequence[Law], meters: Sequence[HeatReading]) -> Floats:
-    """(q, G): 1 for the sources where losses are measured, -1 for the laws whose heat the boundary takes."""
+    """By which each meter adds up the heat of each group (q, G): 1 for sources where losses are measured, -1 for laws
+    whose heat the boundary takes."""
     taker, around = takers(network), [boundary.name for boundary in network.boundaries]
     taken = np.array([-1 if (b := taker(law)) is None else b for law in laws])
     source = np.array([law.b == NOBODY for law in laws])
@@ -225,16 +236,17 @@ def _signs(network: Network, laws: Sequence[Law], meters: Sequence[HeatReading])
 
 
 def _at_the_start(parts: Parts, start: Start, unknown: Sequence[float]) -> tuple[Floats, Floats]:
-    """State (S, 1) and covariance (S, S): sensors in equilibrium but for `READING_SD_K`."""
-    n, last, size = parts.program.n, parts.last, len(parts.process)
-    onto = np.zeros((size, last))  # temperatures and unknowns -> state
-    onto[:last] = np.eye(last)
+    """State (S, 1) and covariance (S, S) at the first edge: unknowns 0, and sensors in equilibrium but for
+    `READING_SD_K`."""
+    n, sought, size = parts.program.n, parts.sought, len(parts.process)
+    onto = np.zeros((size, sought))  # temperatures and unknowns -> state
+    onto[:sought] = np.eye(sought)
     own = np.zeros(size)
     for j, at in enumerate(parts.state.tolist()):
-        for place in {last + j, at if at >= 0 else last + j}:
+        for place in {sought + j, at if at >= 0 else sought + j}:
             onto[place, :n] = parts.weights[j]
             own[place] = READING_SD_K**2
-    x = onto @ np.append(start.temperatures, np.zeros(last - n))
+    x = onto @ np.append(start.temperatures, np.zeros(sought - n))
     return x[:, None], (onto * np.append(start.sd**2, unknown)) @ onto.T + np.diag(own)
 
 
@@ -243,6 +255,7 @@ def _columns(values: Sequence[Floats], steps: int) -> Floats:
 
 
 def _columns_or_row(values: Sequence[Floats], steps: int) -> Floats:
-    """A row (1, columns) where no step's differs: all of them would take longer to write than the filter to look at them."""
+    """As columns (N, columns), or one row (1, columns) where no step's differs: all of them would take longer to
+    write than the filter to look at them."""
     same = steps > 0 and all((column == column[0]).all() for column in values)
     return _columns([column[:1] for column in values], 1) if same else _columns(values, steps)

@@ -1,4 +1,5 @@
-"""Elimination by one pivot with few neighbours, written out: loops of two to four turns take longer to begin and end than to run."""
+"""Elimination by one pivot with few neighbours, written out: loops of two to four turns take longer to begin and end
+than to run."""
 
 from __future__ import annotations
 
@@ -16,9 +17,12 @@ _I64 = ir.IntType(64)
 def _eliminating(
     typing: Any, m: Any, at: Any, values: Any, upper: Any, lower: Any, update: Any, pivot: Any, count: Any
 ) -> Any:
-    """For a literal `count` of entries right of the pivot at `upper` and below it at `lower`, `pivot` its inverse: every product
-    lower pivot upper is taken from the entry of `values` that the next index at `update` says; lower entries are multiplied
-    by the pivot, then upper ones."""
+    """Eliminate by one pivot with `count` neighbours, a literal; `pivot` is its inverse, `upper` and `lower` are
+    where its entries right of it and below it begin.
+
+    Each product lower x pivot x upper is taken from the entry of `values` whose place is the next index at `update`.
+    Then lower entries are multiplied by the pivot, and upper ones too.
+    """
     i = types.int64
     signature = types.void(m, at, i, i, i, i, types.float64, count)
 

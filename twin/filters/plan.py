@@ -1,339 +1,199 @@
-"""Where the numbers of a filter's step are, and which of them each of its loops takes: a network, unknowns and channels as data.
+"""Where the numbers of a filter's step are: the state, the tables of indices that its loops go through, and their
+names.
 
-The state, S = n + o + u + b + lagging channels: n node temperatures, o unknown heats, u logarithms of unknown factors, b errors of
-channels, and the reading now of each channel whose sensor lags. It stands beside its covariance, [P | x], as rows of one matrix
-(`twin.arithmetic.lanes`), so that what is done to P is done to x in the same breath.
+The state has S numbers: temperatures of n nodes, o unknown heats, u logarithms of unknown factors, errors of
+channels, and what each channel reads now whose sensor lags. It stands beside its covariance as rows [P | x] of one
+matrix (`twin.arithmetic.lanes`), so that what is done to P is done to x in the same breath: P_ij is number j of row
+i, x_i is number S of row i, and a row is filled up with zeros to its `length`.
+
+Every example below is of one motor: nodes 0 winding, 1 stator, 2 rotor, and the coolant as 3. Its groups are the
+links 0 winding-stator, 1 stator-rotor and 2 stator-coolant, the losses 3 of the winding (copper) and 4 of the rotor.
+Its unknowns are a heat at the rotor, a factor of link 0, and a constant error of the thermometer W at the winding. A
+second thermometer, half stator and half rotor, lags. So S = 7, and x is
+
+    winding [degC], stator [degC], rotor [degC], heat [W], ln factor, error of W [K], reading of the second [degC].
 """
 
 from __future__ import annotations
 
-import itertools
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.arithmetic.lanes import Store, Sweep, width
-from twin.arithmetic.vectors import LANES
+from twin.arithmetic.lanes import Sweep, within
 from twin.compiled.indexed import Program
-from twin.motor.drops import LINEAR
-from twin.motor.network import NOBODY
 
 Floats = NDArray[np.float64]
 Index = NDArray[np.int64]
 
+u = np.uint64  # numba then asks of no index whether it counts from the end
+
 
 class Parts(NamedTuple):
-    """What the steps of one run share. `nominal` (K,) coefficients and which factor each has, `factor_of` (K,), -1 for
-    none; `heats` (o,): nodes of the unknown heats; `places`, `numbers`: the groups as `twin.compiled.laws.Table`; `unknown_factors` u; `last`:
-    place of the first channel's last reading. Per channel: `weights` (m, n), `bias` (m,) place of its
-    constant error and `state` (m,) of its reading now, -1 where there is none, `lag` (m, 3) factors of the last reading, the
-    last temperature and the temperature now. Per meter of heat, behind the channels: `signs` (q, G) of the groups whose heat it
-    adds up, `of_losses` (q,) 1 where unknown heats are part of it; `bias` (m + q,). `process` (S,) variances added at the end
-    of each step."""
+    """A network, unknowns and readings as arrays, for all steps of a run: n nodes, K coefficients, G groups, o
+    unknown heats, m thermometers, q meters of heat.
+
+    What `bias`, `state` and `process` say is of a state with m numbers more, as the paper's form needs it: behind the
+    unknowns what each thermometer read at the last edge, then the readings now of those that lag
+    (`twin.filters.inputs.Inputs.x`).
+    """
 
     program: Program
     constant: Floats  # (n,) C / (gamma h) [W/K]
-    copper: Floats
-    nominal: Floats
-    factor_of: Index
-    heats: Index
-    places: Index
-    numbers: Floats
+    copper: Floats  # (2,) alpha [1/K] and its reference [degC]
+    nominal: Floats  # (K,) coefficients as the motor file has them
+    factor_of: Index  # (K,) which unknown factor multiplies each coefficient, -1 for none
+    heats: Index  # (o,) the node of each unknown heat
+    places: Index  # (G, 7) and
+    numbers: Floats  # (G, 3 + 2 knots), the groups' laws as `twin.compiled.laws.Table` has them
     unknown_factors: int
-    last: int
-    weights: Floats
-    bias: Index
-    state: Index
-    lag: Floats
-    signs: Floats
-    of_losses: Floats
-    process: Floats
+    sought: int  # temperatures and unknowns, which stand first in the state
+    weights: Floats  # (m, n) of each node in what a thermometer measures
+    bias: Index  # (m + q,) place in the state of each channel's constant error, -1 where none is sought
+    state: Index  # (m,) place in the state of what a thermometer reads now, -1 where it does not lag
+    lag: Floats  # (m, 3) of a lagging one: shares of its last reading, of the last temperature, of the temperature now
+    signs: Floats  # (q, G) by which a meter adds up the heat of each group
+    of_losses: Floats  # (q,) 1 where a meter reads the unknown heats too, else 0
+    process: Floats  # variance that each step adds to each number of the state
 
 
 class Plan(NamedTuple):
-    """Where the numbers and indices of a run's step are in its two arrays (`twin.arithmetic.lanes`), and how many there are.
+    """How many there are of what a step works on, and where it begins in the run's array of numbers or of indices.
 
-    `values` of the step matrix: n diagonals, E upper and E lower entries in the order of elimination, -1, the right-hand side (n),
-    one that nobody reads, and for both stages the heats that factors multiply, sign changed. A stage has rows behind its nodes:
-    the unknown heats, the unknown factors. Tables are flat, a row after the other.
+    A table has one row behind the other; its comment shows the row of the module's example. Read them by the
+    functions below.
     """
 
-    n: int
-    heats: int
-    factors: int
+    n: int  # nodes
+    heats: int  # o
+    factors: int  # u
     size: int  # S
-    length: int  # of a row
+    length: int  # of a row of numbers: S + 1 + u, filled up
     laws: int  # groups, G
-    monomials: int  # F
-    groups: int  # numbers of a row of amounts
-    terms: int
-    varied: int
-    plains: int
-    rims: int
-    constants: int
-    others: int
-    bents: int
-    edges: int  # E
+    monomials: int  # F, products of features
+    groups: int  # numbers of a row of amounts: G, filled up
+    terms: int  # of groups, those that an unknown factor multiplies
+    varied: int  # rows of `vary`
+    plains: int  # rows of `plain`
+    rims: int  # rows of `rim`
+    constants: int  # rows of `constant_heat`
+    others: int  # rows of `other`
+    bents: int  # entries of `bent`
+    edges: int  # E, entries above the diagonal of the eliminated step matrix
     filled: int  # numbers of `fixed`
-    drives: int
-    channels: int  # m
+    drives: int  # different pairs of a node and an unknown factor that drives it
+    channels: int  # m thermometers
     meters: int  # q
-    lagging: int
+    lagging: int  # thermometers that lag
     around: int  # boundaries
-    knots: int
-    # numbers
+    knots: int  # most of a fluid's table
+    # Numbers, by where they begin.
     unit: int  # 0, 1
     own: int  # (n,) C / (gamma h) [W/K]
-    fixed: int  # of `values`, what no step changes
+    fixed: int  # `values` before any step adds to them
     inverse: int  # (n,) 1 / own
-    process: int  # (S,)
+    process: int  # (S,) variances that each step adds
     own_begun: int  # (n,) own times what the second stage begins with of the first
     own_less: int  # (n,) own times the same less 1, which it is given less of the start
     more: int  # 1 over that
-    copper: int
+    copper: int  # alpha [1/K], reference [degC]
     law_numbers: int  # (G, 3 + 2 knots) as `twin.compiled.laws.Table`
-    constant: int  # (G,) of each group's amount, what no feature changes
-    by_monomial: int  # (varied,) what a feature adds to it
-    nominal: int  # (terms,) coefficients that have a factor
-    node_share: int  # of each channel's nodes, sign changed
-    before: int  # the same times what a lagging reading takes of temperatures before the step
-    now: int  # and after
-    kept: int  # 1, and (m,) of itself
-    signs: int  # (q, G)
-    of_losses: int  # (q,)
-    features: int  # (F,) of the step
-    amounts: int  # (G,)
-    scale: int  # (factors,) what they multiply by
-    psi: int  # (G, 4) what multiplies the amounts, and its slopes with T_a, T_b, T_m
-    temperatures: int  # (n + b,) nodes and boundaries
-    values: int
-    beyond: int  # (2, n) stages of x less their start
-    stage: int
+    constant: int  # (G,) what no feature changes of each group's amount
+    by_monomial: int  # (varied,) what a monomial of 1 adds to a group's amount, for each row of `vary`
+    nominal: int  # (terms,) coefficients that an unknown factor multiplies
+    node_share: int  # weights of the nodes of all thermometers, sign changed: -1, -0.5, -0.5
+    before: int  # the same times what a lagging reading takes of the temperatures before the step
+    now: int  # and of those after it
+    kept: int  # 1, then (m,) what a lagging reading takes of itself
+    signs: int  # (q, G) as in `Parts`
+    of_losses: int  # (q,) as in `Parts`
+    features: int  # (F,) monomials of the step
+    amounts: int  # (G,) W/K of links, W of losses
+    scale: int  # (factors,) exp of their logarithms in x
+    psi: int  # (G, 4) what an amount is multiplied by to be a heat, and its slopes with T_a, T_b and T_m
+    temperatures: int  # (n + boundaries,) [degC] at the start of the step
+    values: (
+        int  # step matrix: n diagonals, E entries above it, E below; then -1, right-hand side (n,), drives (2, drives)
+    )
+    beyond: int  # (2, n) temperatures of each stage less those at the start
+    stage: int  # n + o + u rows
     state: int  # [P | x]
-    moved: int  # F P, but for the factors' part
+    moved: int  # F P, but for the columns of F that are the factors'
     turned: int  # its transpose; in the column of x, x before the step
     driven_rows: int  # whole blocks of columns of F, the factors' among them, as rows
     ahead: int  # [P | x] as predicted, in place of `moved`
-    # indices
-    each: int  # 0, 1, ... of all groups
-    row: int  # the same times `length`
-    law: int  # (G, 7) as `twin.compiled.laws.Table`
-    term: int  # (terms, 3) group, factor, monomial or -1
-    vary: int  # (varied,) pairs: group and monomial
-    plain: int  # (plains, 5) links of the difference itself that change: group, (a,a) (b,b) (a,b) (b,a) in `values`
-    rim: int  # (rims, 4) the same to a boundary: group, (a,a), right-hand side of a, temperature
-    constant_heat: int  # (constants, 2) sources that no temperature changes: group, right-hand side of a
-    other: int  # (others, 8) group, (a,a) (a,b) (a,m) (b,a) (b,b) (b,m), right-hand side of b
-    bent: int  # groups of which a step needs more than their difference
-    order: int
-    edge_start: int
-    update: int
-    driven: int  # (terms, 4) term, group, which of a stage's drives goes into a and which comes out of b, or -1
-    by_factor: int  # (factors,) pairs: the factors' rows of these, and their numbers
-    node_start: int  # (m + 1,)
-    node: int
-    channel_state: int  # (m,) of a lagging channel, else -1
-    channel_bias: int  # (m + q,) or -1
-    forward: Sweep  # the elimination on a stage's rows, heats included
-    driven_first: Sweep  # and the factors', in the first stage
-    driven_second: Sweep
-    backward: Sweep
-    unmoved: Sweep  # rows that a step leaves, lagging readings included
+    # Indices, by where they begin.
+    each: int  # 0, 1, 2 ...: all groups
+    row: int  # 0, 16, 32 ...: where each row of the state begins
+    law: int  # (G, 7) as `twin.compiled.laws.Table`. Of the copper loss: 0, -1, 1, -1, 0, 0, 0
+    term: int  # (terms, 3) group, factor, monomial or -1: 0, 0, 0
+    vary: int  # (varied,) pairs of a group and a monomial that adds to its amount: (2, 1) (3, 2) (4, 3)
+    plain: int  # (plains, 5) links that change: group, places of aa, bb, ab, ba in `values`: 0, 0, 1, 3, 5
+    rim: int  # (rims, 4) the same to a boundary: group, aa, right-hand side of a, which temperature: 2, 1, 9, 3
+    constant_heat: int  # (constants, 2) losses that no temperature changes: group, right-hand side of a: 4, 10
+    other: int  # (others, 8) group, aa, ab, am, ba, bb, bm, right-hand side of b: 3, 0, -1, -1, -1, -1, -1, -1
+    bent: int  # groups whose psi and slopes a step needs: 0, 3
+    order: int  # (n,) the pivots
+    edge_start: int  # (n + 1,) where each pivot's entries begin among the E
+    update: int  # places in `values` that elimination takes its products from, in the order of the loops
+    driven: int  # (terms, 4) term, group, which drive goes into a and which comes out of b, or -1: 0, 0, 0, 1
+    by_factor: int  # (factors,) pairs: where the factor's row begins in `driven_rows`, and the factor
+    node_start: int  # (m + 1,) where each thermometer's nodes begin in `node`: 0, 1, 3
+    node: int  # nodes of all thermometers: 0, 1, 2
+    channel_state: int  # (m,) place in x of what a lagging thermometer reads, -1 where it does not lag: -1, 6
+    channel_bias: int  # (m + q,) place in x of a channel's constant error, or -1: 5, -1, -1
+    forward: Sweep  # elimination, forward, of a stage's rows: nodes and unknown heats
+    driven_first: Sweep  # the same with the factors' rows, in the first stage
+    driven_second: Sweep  # and in the second
+    backward: Sweep  # elimination, backward
+    unmoved: Sweep  # what becomes of rows that are no temperature: they stay, and lagging readings fade
     follow: Sweep  # what lagging readings take of the temperatures after the step
 
 
-def plan(parts: Parts, boundaries: int, store: Store) -> Plan:
-    """The places of a run's step, put into `store`."""
-    program, m, meters = parts.program, len(parts.weights), len(parts.signs)
-    n, edges, heats, factors = program.n, len(program.edge_to), len(parts.heats), parts.unknown_factors
-    share = float(program.stages[1, 0])
-    assert program.stages.shape == (2, 2) and program.weights.tolist() == [share, 1.0], "it ends at its second stage"
-    state = np.where(parts.state >= 0, parts.state - m, -1).tolist()
-    lagging = [j for j in range(m) if state[j] >= 0]
-    size = parts.last + len(lagging)
-    length = width(size + 1 + factors)
-    amounts, terms, nominal = _amounts(parts)
-    plain, rims, constants, others = _assembly(parts)
-    monomial, group = np.nonzero(amounts[:-1])
-    vary = list(zip(group.tolist(), monomial.tolist(), strict=True))
-    changing = {g for g, _ in vary} | {g for g, _, _ in terms}
-    fixed = [*parts.constant.tolist(), *[0.0] * (width(2 * n + 2 * edges + 1) - n)]
-    fixed[n + 2 * edges] = -1.0
-    always = amounts[-1].tolist()
-    for g, aa, bb, ab, ba in (row for row in plain if row[0] not in changing):
-        fixed[aa] += always[g]
-        fixed[bb] += always[g]
-        fixed[ab] -= always[g]
-        fixed[ba] -= always[g]
-    plain = [row for row in plain if row[0] in changing]
-    driven, drive = _drives(parts, terms)
-    drives = len(drive)
-    bent = sorted({row[0] for row in others} | {row[1] for row in driven})
-    order, edge_to = program.order.tolist(), (program.edge_to * length).tolist()
-    rows = [length * i for i in range(max(size, n))]
-    pivots = [rows[i] for i in order]
-    backward = [range(int(b) - 1, int(a) - 1, -1) for a, b in itertools.pairwise(program.edge_start)]
-    forward = _forward(parts, length)
-    nodes = [np.flatnonzero(weights).tolist() for weights in parts.weights]
-    first = list(itertools.accumulate([len(own) for own in nodes], initial=0))
-    shares = np.array([-parts.weights[j, i] for j, own in enumerate(nodes) for i in own])
-    lag = np.array([parts.lag[j] for j, own in enumerate(nodes) for _ in own]).reshape(-1, 3)
-    reads = [[(rows[i], first[j] + k) for k, i in enumerate(nodes[j])] for j in lagging]
-    lags = [rows[state[j]] for j in lagging]
-    driven_rows = [((size + 1) % LANES + p) * length for p in range(factors)]
-
-    def with_drives(stage: int) -> list[list[tuple[int, int]]]:
-        at: dict[int, list[tuple[int, int]]] = {}
-        for (i, p), k in drive.items():
-            at.setdefault(i, []).append((length * (n + heats + p), 2 * n + 2 * edges + 1 + stage * drives + k))
-        return [[*own, *at.get(i, [])] for i, own in zip(order, forward, strict=True)]
-
-    moved = store.rows(length, length)
-    return Plan(
-        n=n,
-        heats=heats,
-        factors=factors,
-        size=size,
-        length=length,
-        laws=len(parts.places),
-        monomials=len(amounts) - 1,
-        groups=amounts.shape[1],
-        terms=len(terms),
-        varied=len(vary),
-        plains=len(plain),
-        rims=len(rims),
-        constants=len(constants),
-        others=len(others),
-        bents=len(bent),
-        edges=edges,
-        filled=len(fixed),
-        drives=drives,
-        channels=m,
-        meters=meters,
-        lagging=len(lagging),
-        around=boundaries,
-        knots=(parts.numbers.shape[1] - 3) // 2,
-        unit=store.put(np.array([0.0, 1.0])),
-        own=store.put(parts.constant),
-        fixed=store.put(np.array(fixed)),
-        inverse=store.put(1 / parts.constant),
-        process=store.rows(1, size),
-        own_begun=store.put(parts.constant * share),
-        own_less=store.put(parts.constant * (share - 1.0)),
-        more=store.put(np.array([1.0 / (share - 1.0)])),
-        copper=store.put(parts.copper),
-        law_numbers=store.put(parts.numbers),
-        constant=store.put(amounts[-1]),
-        by_monomial=store.put(amounts[monomial, group]),
-        nominal=store.put(np.array(nominal)),
-        node_share=store.put(shares),
-        before=store.put(shares * lag[:, 1]),
-        now=store.put(shares * lag[:, 2]),
-        kept=store.put(np.append(1.0, parts.lag[:, 0])),
-        signs=store.put(parts.signs),
-        of_losses=store.put(parts.of_losses),
-        features=store.rows(1, len(amounts)),
-        amounts=store.rows(1, amounts.shape[1]),
-        scale=store.rows(1, factors),
-        psi=store.rows(len(parts.places), 4),
-        temperatures=store.rows(1, n + boundaries),
-        values=store.rows(1, 2 * n + 2 * edges + 1 + 2 * drives),
-        beyond=store.rows(2, n),
-        stage=store.rows(n + heats + factors, length),
-        state=store.rows(length, length),
-        moved=moved,
-        turned=store.rows(length, length),
-        driven_rows=store.rows(width((size + 1) % LANES + factors), length),
-        ahead=moved,
-        each=store.index(range(len(parts.places))),
-        row=store.index(range(0, length * length, length)),
-        law=store.table(parts.places.tolist()),
-        term=store.table(terms),
-        vary=store.pairs(vary),
-        plain=store.table(plain),
-        rim=store.table(rims),
-        constant_heat=store.table(constants),
-        other=store.table(others),
-        bent=store.index(bent),
-        order=store.index(order),
-        edge_start=store.index(program.edge_start.tolist()),
-        update=store.index(program.update.tolist()),
-        driven=store.table(driven),
-        by_factor=store.pairs((row, p) for p, row in enumerate(driven_rows)),
-        node_start=store.index(first),
-        node=store.index([i for own in nodes for i in own]),
-        channel_state=store.index(state),
-        channel_bias=store.index(parts.bias.tolist()),
-        forward=store.sweep(pivots, order, forward),
-        driven_first=store.sweep(pivots, order, with_drives(0)),
-        driven_second=store.sweep(pivots, order, with_drives(1)),
-        backward=store.sweep(pivots[::-1], order[::-1], [[(edge_to[e], n + e) for e in own] for own in backward[::-1]]),
-        unmoved=store.sweep(
-            [*rows[n : parts.last], *lags],
-            [*[0] * (parts.last - n), *(1 + j for j in lagging)],
-            [*[[]] * (parts.last - n), *reads],
-        ),
-        follow=store.sweep(lags, [0] * len(lags), reads),
-    )
+@within
+def x_at(plan: Plan, rows: int, i: int) -> np.uint64:
+    """The place of x_i in the matrix [P | x] that begins at `rows`."""
+    return u(rows + i * plan.length + plan.size)
 
 
-def _amounts(parts: Parts) -> tuple[Floats, list[tuple[int, int, int]], list[float]]:
-    """(F + 1, G) what each monomial, then 1, adds to each group's amount; the terms that have a factor, and their coefficients."""
-    program, groups = parts.program, len(parts.places)
-    amounts = np.zeros((int(program.term_monomial.max(initial=-1)) + 2, width(groups)))
-    group, coefficient = np.repeat(np.arange(groups), np.diff(program.term_start)), program.term_coefficient
-    factor, nominal = parts.factor_of[coefficient], parts.nominal[coefficient]
-    fixed, free = np.flatnonzero(factor < 0), np.flatnonzero(factor >= 0)
-    np.add.at(amounts, (program.term_monomial[fixed], group[fixed]), nominal[fixed])  # -1 is the last row
-    terms = [(int(group[t]), int(factor[t]), int(program.term_monomial[t])) for t in free]
-    return amounts, terms, nominal[free].tolist()
+@within
+def right_hand_side(plan: Plan) -> int:
+    """Where the step matrix' right-hand side (n,) begins."""
+    return plan.values + plan.n + 2 * plan.edges + 1
 
 
-def _assembly(parts: Parts) -> tuple[list[list[int]], list[list[int]], list[list[int]], list[list[int]]]:
-    """Rows of `plain`, `rim`, `constant_heat` and `other`."""
-    n, edges = parts.program.n, len(parts.program.edge_to)
-    right = n + 2 * edges + 1
-    plain, rims, constants, others = [], [], [], []
-    for g, (a, b, own, other, one_way, law, knots) in enumerate(parts.places.tolist()):
-        aa, bb, ab, ba, am, bm = parts.program.place[g].tolist()
-        bent = own != 0 or other != NOBODY or law != LINEAR or knots
-        if b == NOBODY and not bent:
-            constants.append([g, right + a])
-        elif b >= n and not bent:
-            rims.append([g, aa, right + a, b])
-        elif not 0 <= b < n or one_way:
-            others.append([g, aa, ab, am, -1, -1, -1, -1])
-        elif bent:
-            others.append([g, aa, ab, am, ba, bb, bm, right + b])
-        else:
-            plain.append([g, aa, bb, ab, ba])
-    return plain, rims, constants, others
+@within
+def drives_at(plan: Plan) -> int:
+    """Where the heats begin that unknown factors multiply, of both stages (2, drives), sign changed [W]."""
+    return plan.values + 2 * plan.n + 2 * plan.edges + 1
 
 
-def _forward(parts: Parts, length: int) -> list[list[tuple[int, int]]]:
-    """For each pivot: the rows of a stage that it takes and which of `values`, heats included."""
-    program = parts.program
-    n, edges, order = program.n, len(program.edge_to), program.order.tolist()
-    found: dict[int, list[tuple[int, int]]] = {i: [] for i in order}
-    for p, i in enumerate(order):
-        for e in range(program.edge_start[p], program.edge_start[p + 1]):
-            found[int(program.edge_to[e])].append((i * length, n + edges + e))
-    for o, node in enumerate(parts.heats.tolist()):
-        found[node].append(((n + o) * length, n + 2 * edges))
-    return [found[i] for i in order]
+@within
+def term_of(plan: Plan, at: Index, t: int) -> tuple[int, int]:
+    """Group and unknown factor of a term that one multiplies."""
+    row = plan.term + 3 * t
+    return at[u(row)], at[u(row + 1)]
 
 
-def _drives(
-    parts: Parts, terms: Sequence[tuple[int, int, int]]
-) -> tuple[list[tuple[int, int, int, int]], dict[tuple[int, int], int]]:
-    """Rows of `driven`; (node, factor) -> number of a stage's drives."""
-    where: dict[tuple[int, int], int] = {}
-    driven = []
-    for t, (g, p, _) in enumerate(terms):
-        a, b, _, _, one_way, _, _ = parts.places[g].tolist()
-        into = where.setdefault((a, p), len(where))
-        out = where.setdefault((b, p), len(where)) if 0 <= b < parts.program.n and not one_way else -1
-        driven.append((t, g, into, out))
-    return driven, where
+@within
+def ends_of(plan: Plan, at: Index, g: int) -> tuple[int, int, int]:
+    """Whose temperatures are T_a, T_b and T_m in group g: a node, or n + boundary; below 0 where its law has none of
+    them."""
+    row = plan.law + 7 * g
+    return at[u(row)], at[u(row + 1)], at[u(row + 3)]
+
+
+@within
+def psi_of(plan: Plan, m: Floats, g: int) -> tuple[float, float, float, float]:
+    """What group g's amount is multiplied by to be a heat, and its slopes with T_a, T_b and T_m."""
+    row = plan.psi + 4 * g
+    return m[u(row)], m[u(row + 1)], m[u(row + 2)], m[u(row + 3)]
+
+
+@within
+def driven_of(plan: Plan, at: Index, d: int) -> tuple[int, int, int, int]:
+    """A heat that an unknown factor multiplies: its term and group, which of a stage's drives is the heat into a, and
+    which the heat out of b, -1 where there is no such node."""
+    row = plan.driven + 4 * d
+    return at[u(row)], at[u(row + 1)], at[u(row + 2)], at[u(row + 3)]

@@ -1,14 +1,16 @@
 """The readings of a step, all at once: what they say of the state, and the state given them.
 
-Each reading y is linear in the state before the step and after it, as its samples have their mean time somewhere within it. Its row
-holds cov(y, x after) for every number of the state, then the reading predicted less the one made, then cov(y, y'), noise
-included. Elimination of the readings' covariance S, on these rows, leaves independent ones, and from them the gain K; the state
-takes the readings in Joseph's form, which holds for any gain, so that what K is rounded by enters P squared (R. S. Bucy, P. D.
-Joseph, Filtering for Stochastic Processes, 1968). With G = cov(x, y), of readings before and after the step alike, its products are
+A reading y is linear in the state before the step and after it, as its samples have their mean time somewhere within
+it. Its row holds cov(y, x after) for every number of the state, the prediction less the value read, and cov(y, y')
+with all readings, noise included. Elimination of the readings' covariance S, on these rows, leaves independent
+readings, and from them the gain K; the state takes the readings in Joseph's form, which holds for any gain, so that
+what K is rounded by enters P squared (R. S. Bucy, P. D. Joseph, Filtering for Stochastic Processes, 1968). With G =
+cov(x, y), of readings before and after the step alike, its products are
 
     (I - K H) P (I - K H)' + K R K' = P - K G' - (G - K S) K'.
 
-As x stands beside P, what the covariance loses is what the state moves by. P is touched once a step, above its diagonal.
+As x stands beside P, what the covariance loses is what the state moves by. P is touched once a step, above its
+diagonal.
 """
 
 from __future__ import annotations
@@ -22,7 +24,7 @@ from numpy.typing import NDArray
 from twin.arithmetic.lane_code import pointer
 from twin.arithmetic.lanes import NOWHERE, Store, Sweep, less, mirrored, paired, row_less, scaled, sweep, width, within
 from twin.filters.matrix import amounts_at, laws_at, surround, term_at
-from twin.filters.plan import Plan
+from twin.filters.plan import Plan, ends_of, psi_of, term_of, x_at
 
 Floats = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -32,43 +34,50 @@ u = np.uint64  # numba then asks of no index whether it counts from the end
 
 
 class Readings(NamedTuple):
-    """Where the readings of a step are, r of them at most, as rows of `stride`. `crossed`: cov(y, x), the prediction less the reading,
-    anything to the end of a row of the state, then S. After `correct`, `gain`: K', then by how much of those before it each reading is
-    short to be independent; `missed`: (G - K S)'. `later` and `earlier`: what each takes, sign changed, of which numbers of the state after and
-    before the step, one reading after the other from `later_start` and `earlier_start` on; `later_row` and `earlier_row` are
-    these lists for `sweep`. They stand until other channels are read, or at other places. `metered` (r,) what meters would read,
-    `channel` (r,)."""
+    """Where the readings of a step are, r of them at most: a row of `stride` numbers for each, and lists of what each
+    takes of the state. Of the example of `twin.filters.plan`, of which W is read at the end of the step, 4.67 K above
+    what was predicted, the second thermometer at a quarter of it, and a meter of all losses, the row of W at
+    `crossed` is
 
-    stride: int
-    # numbers
-    crossed: int
-    gain: int  # behind `crossed`
-    missed: int  # behind `gain`; before it is there, rows of independent readings
-    later_share: int
+        cov(y, x) of 7 numbers | -4.67 | up to number 16 what nobody reads | cov(y, y') with the three readings
+
+    Entries of the lists `later` and `earlier` say which share a reading takes of which number of the state, after the
+    step and before it, sign changed as `sweep` subtracts. W takes (-1, 0) and (-1, 5) later, the winding and its own
+    error; the second takes (-0.25, 6) later and (-0.75, 6) earlier. Behind each reading's entries there is one that
+    ends them. The lists hold until other channels are read, or at other places in the step; those of meters for one
+    step.
+    """
+
+    stride: int  # numbers of a row
+    # Numbers, by where they begin.
+    crossed: int  # a row for each reading
+    gain: int  # a row for each, behind `crossed`; after `correct`: K', then what makes readings independent
+    missed: int  # a row for each, behind `gain`: independent readings; after `correct`, (G - K S)'
+    later_share: int  # of each entry of the lists, sign changed
     earlier_share: int
-    metered: int
-    place: int  # of each channel when the lists were made, below 0 where it was not read
-    # indices
-    number: int  # of readings, in the lists
-    later: int
-    later_row: int
-    later_start: int
+    metered: int  # (r,) what a meter would read as predicted [W]
+    place: int  # (m + q,) of each channel when the lists were made, below 0 where it was not read
+    # Indices, by where they begin.
+    number: int  # how many readings the lists are of
+    later: int  # number of the state of each entry
+    later_row: int  # entries for `sweep`: pairs of where that number's row begins and the entry; -1 ends a reading
+    later_start: int  # (r + 1,) where a reading's entries begin
     earlier: int
     earlier_row: int
     earlier_start: int
-    channel: int
-    rows: int  # for `sweep`
-    each: int  # (r,) where each begins
-    taken: int  # (r,) pairs of `less`: where each begins, twice
-    numbered: int  # where each begins, and its number
-    before: int  # where each begins, and where its covariance with others does
-    lost: int  # (2 r,) of `crossed` and `gain`, and with what they are multiplied, `gain` and `missed`
+    channel: int  # (r,) of a reading
+    rows: int  # for `sweep`: (r,) pairs of where a reading's row begins and 0, then -1
+    each: int  # (r,) where a reading's row begins
+    taken: int  # (r,) for `less`: pairs of that place with itself
+    numbered: int  # (r,) pairs of that place and the reading
+    before: int  # (r,) pairs of that place and where its covariance with the readings begins
+    lost: int  # (2 r,) pairs for P - K G' - (G - K S) K': of `crossed` with `gain`, of `gain` with `missed`
     by_later: Sweep
     by_earlier: Sweep
 
 
 class Layout(Protocol):
-    """What rows of a state, a `Plan` or another form, say of themselves to `readings_of` and `correct`."""
+    """What a `Plan`, and what the paper's form has instead, say of their rows to `readings_of` and `correct`."""
 
     @property
     def size(self) -> int: ...
@@ -89,7 +98,7 @@ class Layout(Protocol):
 
 
 def readings_of(plan: Layout, store: Store) -> Readings:
-    """The places of a step's readings, put into `store`."""
+    """Where the readings of a step will be, for rows as `plan` says; `store` is given room for them."""
     most = plan.channels + plan.meters
     stride = plan.length + width(most)
     none = [0] * (most * (plan.size + 2) + 1)
@@ -126,8 +135,32 @@ def readings_of(plan: Layout, store: Store) -> Readings:
 
 
 @within
+def later_of(r: Readings, at: Index, q: int) -> tuple[int, int]:
+    """The first entry of reading q in the list of what is taken after the step, and the end of its entries."""
+    return at[u(r.later_start + q)], at[u(r.later_start + q + 1)] - 1
+
+
+@within
+def earlier_of(r: Readings, at: Index, q: int) -> tuple[int, int]:
+    """The same in the list of what is taken before the step."""
+    return at[u(r.earlier_start + q)], at[u(r.earlier_start + q + 1)] - 1
+
+
+@within
+def later_entry(r: Readings, m: Floats, at: Index, e: int) -> tuple[float, int]:
+    """The share of an entry, sign changed, and the number of the state after the step that it is of."""
+    return m[u(r.later_share + e)], at[u(r.later + e)]
+
+
+@within
+def earlier_entry(r: Readings, m: Floats, at: Index, e: int) -> tuple[float, int]:
+    """The share of an entry, sign changed, and the number of the state before the step that it is of."""
+    return m[u(r.earlier_share + e)], at[u(r.earlier + e)]
+
+
+@within
 def _takes(plan: Plan, r: Readings, m: Floats, at: Index, q: int, i: int, share: float, place: float) -> None:
-    """Reading q takes `share` of number i of the state, `place` of it after the step and the rest before it."""
+    """Enter that reading q takes `share` of number i of the state: `place` of it after the step, the rest before it."""
     if place != 0.0:
         e = at[u(r.later_start + q + 1)]
         at[u(r.later + e)], at[u(r.later_row + e)] = i, paired(i * plan.length, e)
@@ -140,7 +173,7 @@ def _takes(plan: Plan, r: Readings, m: Floats, at: Index, q: int, i: int, share:
 
 @within
 def _ended(r: Readings, at: Index, q: int) -> None:
-    """All that reading q takes is there."""
+    """End the entries of reading q in both lists."""
     for row, start in ((r.later_row, r.later_start), (r.earlier_row, r.earlier_start)):
         end = at[u(start + q + 1)]
         at[u(row + end)], at[u(start + q + 1)] = -1, end + 1
@@ -148,7 +181,8 @@ def _ended(r: Readings, at: Index, q: int) -> None:
 
 @within
 def _sensor(plan: Plan, r: Readings, m: Floats, at: Index, j: int, place: float, q: int) -> None:
-    """What channel j reads at `place` within the step becomes reading q: shares of the state, an error of its own included."""
+    """Enter what reading q of channel j takes, at `place` within the step: shares of nodes or of a lagging reading,
+    and an error of its own."""
     if at[u(plan.channel_state + j)] >= 0:
         _takes(plan, r, m, at, q, at[u(plan.channel_state + j)], -1.0, place)
     else:
@@ -160,8 +194,9 @@ def _sensor(plan: Plan, r: Readings, m: Floats, at: Index, j: int, place: float,
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
 def meter(plan: Plan, r: Readings, m: Floats, at: Index, j: int, outside: Floats, state: int, q: int) -> float:
-    """What meter j of heat reads [W] at [P | x] at `state`, with the step's features; its slopes there become reading q."""
-    n, size, length, first = plan.n, plan.size, plan.length, plan.n + plan.heats
+    """What meter j of heat reads [W] in the state [P | x] at `state`, with the monomials of the step and boundaries
+    `outside` [degC]; its slopes there become the entries of reading q."""
+    n, size, first = plan.n, plan.size, plan.n + plan.heats
     begun = at[u(r.later_start + q)]
     slope, total = r.later_share + begun, 0.0
     for i in range(size):
@@ -171,15 +206,15 @@ def meter(plan: Plan, r: Readings, m: Floats, at: Index, j: int, outside: Floats
     laws_at(plan, m, at, plan.each, plan.laws)
     signs = plan.signs + j * plan.laws
     for t in range(plan.terms):
-        g, p = at[u(plan.term + 3 * t)], at[u(plan.term + 3 * t + 1)]
-        m[u(slope + first + p)] -= m[u(signs + g)] * term_at(plan, m, at, t) * m[u(plan.psi + 4 * g)]
+        g, p = term_of(plan, at, t)
+        heat = psi_of(plan, m, g)[0]
+        m[u(slope + first + p)] -= m[u(signs + g)] * term_at(plan, m, at, t) * heat
     for g in range(plan.laws):
         if m[u(signs + g)] == 0.0:
             continue
-        psi = plan.psi + 4 * g
-        value, by_a, by_b, by_m = m[u(psi)], m[u(psi + 1)], m[u(psi + 2)], m[u(psi + 3)]
+        value, by_a, by_b, by_m = psi_of(plan, m, g)
         amount = m[u(signs + g)] * m[u(plan.amounts + g)]
-        a, b, other = at[u(plan.law + 7 * g)], at[u(plan.law + 7 * g + 1)], at[u(plan.law + 7 * g + 3)]
+        a, b, other = ends_of(plan, at, g)
         total += amount * value
         m[u(slope + a)] -= amount * by_a
         if 0 <= b < n:
@@ -188,29 +223,29 @@ def meter(plan: Plan, r: Readings, m: Floats, at: Index, j: int, outside: Floats
             m[u(slope + other)] -= amount * by_m
     for i in range(n, first):
         m[u(slope + i)] = -m[u(plan.of_losses + j)]
-        total += m[u(plan.of_losses + j)] * m[u(state + i * length + size)]
+        total += m[u(plan.of_losses + j)] * m[x_at(plan, state, i)]
     bias = at[u(plan.channel_bias + plan.channels + j)]
     if bias >= 0:
         m[u(slope + bias)] = -1.0
-        total += m[u(state + bias * length + size)]
+        total += m[x_at(plan, state, bias)]
     return total
 
 
 @within
-def _stand(plan: Plan, r: Readings, m: Floats, at: Index, values: Floats, places: Floats) -> bool:
-    """Whether the lists are those of the channels that are read now, at their places; what they are of from now on. A meter's slopes
-    are those of one step."""
-    stand = True
+def _still_hold(plan: Plan, r: Readings, m: Floats, values: Floats, places: Floats) -> bool:
+    """Whether the lists are of the channels that are read now, at their places; `place` is set to these. A meter's
+    slopes are those of one step."""
+    hold = True
     for j in range(plan.channels + plan.meters):
         place = -1.0 if np.isnan(values[j]) else places[j]
-        stand &= m[u(r.place + j)] == place and (j < plan.channels or place < 0.0)
+        hold &= m[u(r.place + j)] == place and (j < plan.channels or place < 0.0)
         m[u(r.place + j)] = place
-    return stand
+    return hold
 
 
 @within
 def _listed(plan: Plan, r: Readings, m: Floats, at: Index, outside: Floats, values: Floats, places: Floats) -> None:
-    """The lists of the channels that are read; in `metered` what meters would read."""
+    """Make the lists of the channels that are read, and fill `metered`."""
     q = at[u(NOWHERE)]  # 0, but no literal: for one, numba would compile all that takes it a second time
     for j in range(plan.channels + plan.meters):
         if np.isnan(values[j]):
@@ -232,7 +267,7 @@ def _listed(plan: Plan, r: Readings, m: Floats, at: Index, outside: Floats, valu
 
 @within
 def row_of(rows: Floats, step: int) -> int:
-    """Which row of places or variances is a step's: there may be one for all steps."""
+    """Which row of places or variances (N, channels) is step `step`'s; one row (1, channels) is every step's."""
     return step if len(rows) > 1 else 0
 
 
@@ -247,9 +282,11 @@ def observe(
     places: Floats,
     variances: Floats,
 ) -> int:
-    """How many readings the step has that `carry` just made; their rows. Meters are linear about the state as predicted."""
+    """Fill the rows of the readings of the step that `carry` just made, and return how many there are. `values` (m +
+    q,) [degC, W], NaN where there is none, `places` in [0, 1] within the step, `variances` [K^2, W^2] of the noise.
+    Meters are linear about the state as predicted."""
     length, size, stride, unit = plan.length, plan.size, r.stride, plan.unit
-    if not _stand(plan, r, m, at, values, places):
+    if not _still_hold(plan, r, m, values, places):
         _listed(plan, r, m, at, outside, values, places)
     count: int = at[u(r.number)]
     sweep(m, at, r.by_later, r.crossed, plan.ahead, plan.ahead, unit, r.later_share, length)
@@ -266,17 +303,19 @@ def observe(
 
 @within
 def _together(plan: Plan, r: Readings, m: Floats, at: Index, q: int, variance: float) -> None:
-    """cov(y_p, y_q) of every p up to q, behind both rows; `variance` of the noise of q."""
+    """Fill cov(y_p, y_q) of every reading p up to q, behind both rows; `variance` of the noise of q."""
     stride, column, own = r.stride, plan.length + q, r.crossed + q * r.stride + plan.length
     for p in range(q):
         m[u(own + p)] = 0.0
     m[u(own + q)] = variance
-    for e in range(at[u(r.later_start + q)], at[u(r.later_start + q + 1)] - 1):
-        share, i = m[u(r.later_share + e)], at[u(r.later + e)]
+    first, end = later_of(r, at, q)
+    for e in range(first, end):
+        share, i = later_entry(r, m, at, e)
         for p in range(q + 1):
             m[u(own + p)] -= share * m[u(r.crossed + p * stride + i)]
-    for e in range(at[u(r.earlier_start + q)], at[u(r.earlier_start + q + 1)] - 1):
-        share, i = m[u(r.earlier_share + e)], at[u(r.earlier + e)]
+    first, end = earlier_of(r, at, q)
+    for e in range(first, end):
+        share, i = earlier_entry(r, m, at, e)
         for p in range(q + 1):
             m[u(own + p)] -= share * _with_before(plan, r, m, at, p, i)
     for p in range(q):
@@ -285,19 +324,24 @@ def _together(plan: Plan, r: Readings, m: Floats, at: Index, q: int, variance: f
 
 @within
 def _with_before(plan: Plan, r: Readings, m: Floats, at: Index, q: int, i: int) -> float:
-    """cov(y_q, x_i) of the state before the step."""
+    """cov(y_q, x_i), x_i before the step."""
     total, row = 0.0, i * plan.length
-    for e in range(at[u(r.later_start + q)], at[u(r.later_start + q + 1)] - 1):
-        total -= m[u(r.later_share + e)] * m[u(plan.turned + row + at[u(r.later + e)])]
-    for e in range(at[u(r.earlier_start + q)], at[u(r.earlier_start + q + 1)] - 1):
-        total -= m[u(r.earlier_share + e)] * m[u(plan.state + row + at[u(r.earlier + e)])]
+    first, end = later_of(r, at, q)
+    for e in range(first, end):
+        share, c = later_entry(r, m, at, e)
+        total -= share * m[u(plan.turned + row + c)]
+    first, end = earlier_of(r, at, q)
+    for e in range(first, end):
+        share, c = earlier_entry(r, m, at, e)
+        total -= share * m[u(plan.state + row + c)]
     return total
 
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
 def correct(plan: Layout, r: Readings, m: Floats, at: Index, count: int, innovations: Floats) -> float:
-    """`state`: [P | x] given the first `count` readings, from `ahead`, symmetric to the last bit; the log likelihood of the readings.
-    `innovations` (m + q, 2) of each given those before it, with their variances, NaN where there is no reading."""
+    """The state given the first `count` readings: [P | x] at `state` from that at `ahead`, symmetric to the last bit.
+    Returns the log likelihood of the readings. Fills `innovations` (m + q, 2): each reading's difference from what
+    those before it let expect [K, W], and its variance; NaN where there is no reading."""
     length, size, stride, unit, row = plan.length, plan.size, r.stride, plan.unit + 1, at[u(NOWHERE)]
     squares, product, logs = 0.0, 1.0, 0.0
     told = pointer(innovations, 0)

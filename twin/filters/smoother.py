@@ -1,19 +1,21 @@
 """Fixed-interval smoother: what is known at each edge from all readings of the session, those after it included.
 
-The filter's estimate lags behind what happens, as later readings cannot speak yet; the smoother's does not. It is the smoother of
-Rauch, Tung and Striebel (doi:10.2514/3.3166) over `twin.filters.ekf`, in the form of Bryson and Frazier as modified by Bierman
-(Int. J. Control 18 (1973) 65): backward from the last edge it carries l and L, what later readings say, so that
+The filter's estimate lags behind what happens, as later readings cannot speak yet; the smoother's does not. It is the
+smoother of Rauch, Tung and Striebel (doi:10.2514/3.3166) over `twin.filters.ekf`, in the form of Bryson and Frazier
+as modified by Bierman (Int. J. Control 18 (1973) 65): backward from the last edge it carries l and L, what later
+readings say, so that
 
     x_s = x - P l,    P_s = P - P L P,
 
-through each step and its readings at once, gains k and rows h, how each reading moves with the state before the step. F is the
-step's derivative at the filter's estimate; r are the rows h, and e the innovations, of the independent readings of variance 1
-that `twin.filters.readings` makes of them:
+through each step and its readings at once, gains k and rows h, how each reading moves with the state before the step.
+F is the step's derivative at the filter's estimate; r are the rows h, and e the innovations, of the independent
+readings of variance 1 that `twin.filters.readings` makes of them:
 
     A = F - sum k h',    L <- A' L A + sum r r',    l <- A' l - sum r e.
 
-No covariance is inverted, so that states without noise of their own do no harm, and every F is that of its own step. The filter's
-states are kept at the edges of blocks; a block is filtered again, step by step, when the way back reaches it.
+No covariance is inverted, so that states without noise of their own do no harm, and every F is that of its own step.
+The filter's states are kept at the edges of blocks; a block is filtered again, step by step, when the way back
+reaches it.
 """
 
 from __future__ import annotations
@@ -31,8 +33,9 @@ from twin.arithmetic.lane_code import pointer
 from twin.arithmetic.lanes import Store, less, mirrored, record, row_less, scaled, sweep
 from twin.filters.ekf import Estimate, Run, columns_of, courses, estimate_of, through
 from twin.filters.inputs import AnyReading, Inputs, Start, inputs_of
-from twin.filters.plan import Plan, plan
-from twin.filters.readings import Readings, correct, observe, readings_of, row_of
+from twin.filters.plan import Plan
+from twin.filters.planning import plan
+from twin.filters.readings import Readings, correct, earlier_entry, earlier_of, observe, readings_of, row_of
 from twin.filters.step import carry, derive
 from twin.filters.unknowns import Unknown
 from twin.motor.network import Network
@@ -44,9 +47,9 @@ Index = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Smoothed:
-    """What is known at each edge from all readings, with standard deviations: `temperatures` (N + 1, n) [degC] and `found`
-    (N + 1, u) of the unknowns (heat [W], logarithm of a factor, error [K]); row k holds in step k. `filtered`: from the
-    readings so far."""
+    """What is known at each edge from all readings of the session; `filtered`: from those so far. `temperatures` (N +
+    1, n) [degC] and `found` (N + 1, u) of the unknowns (heat [W], logarithm of a factor, error [K]), each with its
+    standard deviation. Row k is of edge k; its unknowns hold in step k."""
 
     filtered: Estimate
     temperatures: Floats
@@ -65,7 +68,7 @@ def smoothed(
     run, back = _run_of(inputs, length)
     blocks = [slice(first, min(first + length, steps)) for first in range(0, steps, length)]
     kept, filtered = _forward(inputs, run, blocks)
-    states = np.empty((2, steps + 1, inputs.parts.last))
+    states = np.empty((2, steps + 1, inputs.parts.sought))
     of = np.argsort(inputs.order).tolist()
     states[0, -1] = np.append(filtered.temperatures[-1], filtered.found[-1][list(inputs.order)])
     states[1, -1] = np.append(filtered.temperatures_sd[-1], filtered.found_sd[-1][list(inputs.order)]) ** 2
@@ -92,34 +95,35 @@ def smoothed(
 
 
 def of_block(rows: Floats, block: slice) -> Floats:
-    """The rows of places or variances that are a block's: one for all steps stays so."""
+    """The rows of places or variances that are a block's; one row for all steps stays one."""
     return rows[block] if len(rows) > 1 else rows
 
 
 def block_length(steps: int) -> int:
-    """Steps of a block for which least is kept: a covariance a block, and two matrices a step of one block."""
+    """How many steps a block has for which least is kept: a covariance for each block, and two matrices for each step
+    of one block."""
     return max(1, math.isqrt(steps // 2))
 
 
 class Back(NamedTuple):
-    """Where the way back has its numbers, rows of the state's length but for readings. Of each step of a block: `edge` (S rows) [P | x]
-    at its start, `matrix` (S rows) how the state at its end moves with that at its start, readings included, `rows` (m + q of the
-    gain's stride) how each independent reading of variance 1 does, behind it the innovation, sign changed; `taken` of them."""
+    """Where the way back has its numbers: rows as long as the state's, but for `rows`. Each of `edge`, `matrix` and
+    `rows` has one piece behind the other, one for each step of a block."""
 
-    edge: int
-    matrix: int
-    rows: int
-    taken: int  # index
-    one: int  # S rows
-    before: int  # S rows, F
-    later: int  # S rows, [L | l], sign changed
-    product: int  # S rows
-    by_number: int  # (S,) pairs: all rows of the state, and the numbers of a row
-    by_row: int  # (S,) pairs: all rows, and where each begins
+    edge: int  # [P | x] at the start of each step
+    matrix: int  # of each step: how the state at its end, readings taken, moves with that at its start
+    rows: int  # of each step, m + q rows of the readings' stride: how each independent reading of variance 1 moves with
+    # the state at its start, and behind it the innovation, sign changed
+    taken: int  # index: how many readings each step takes
+    one: int  # the unit matrix
+    before: int  # F of one step
+    later: int  # [L | l], sign changed
+    product: int
+    by_number: int  # (S,) pairs: where each row of the state begins, and its number
+    by_row: int  # (S,) pairs: where each row begins, twice
 
 
 def _run_of(inputs: Inputs, steps: int) -> tuple[Run, Back]:
-    """The arrays of a filter and of the way back through blocks of so many steps."""
+    """A filter, and the places of the way back through blocks of at most so many steps."""
     store = Store()
     own = plan(inputs.parts, inputs.boundaries.shape[1], store)
     readings = readings_of(own, store)
@@ -140,10 +144,10 @@ def _run_of(inputs: Inputs, steps: int) -> tuple[Run, Back]:
 
 
 def _forward(inputs: Inputs, run: Run, blocks: Sequence[slice]) -> tuple[list[Floats], Estimate]:
-    """[P | x] at the start of each block, and what the filter says."""
+    """The filter over all blocks: [P | x] at the start of each block, and what the filter says."""
     states, innovations = courses(inputs)
     run.begin(inputs)
-    states[:, 0] = inputs.x[: inputs.parts.last, 0], np.diag(inputs.covariance)[: inputs.parts.last]
+    states[:, 0] = inputs.x[: inputs.parts.sought, 0], np.diag(inputs.covariance)[: inputs.parts.sought]
     likelihood, kept = 0.0, []
     for block in blocks:
         kept.append(run.state().copy())
@@ -180,8 +184,9 @@ def _back_through(
     states: Floats,
     spreads: Floats,
 ) -> None:
-    """Filter a block again, keep what the way back needs, and go back: [L | l] from its last edge to its first, `states` and `spreads`
-    (N, c), the first c numbers of the state and their variances, at all of its edges but the last."""
+    """Filter a block again from the state in `numbers`, keep what the way back needs, and go back: [L | l] from the
+    block's last edge to its first. Inputs as for `twin.filters.ekf.through`. Filled: `states` and `spreads` (N, c),
+    the first c numbers of the smoothed state and their variances, at all of the block's edges but the last."""
     size, length = plan.size, plan.length
     block, most = length * length, (plan.channels + plan.meters) * taken.stride
     innovations, early = np.empty((readings.shape[1], 2)), bool((places != 1.0).any())
@@ -214,16 +219,20 @@ def _back_through(
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
 def _reading_rows(plan: Plan, taken: Readings, back: Back, m: Floats, at: Index, count: int, out: int) -> None:
-    """`out` (count rows of the gain's stride): how each reading moves with the state before the step."""
+    """Fill `out`, a row of the readings' stride each: how each of `count` readings moves with the state before the
+    step."""
     sweep(m, at, taken.by_later, out, back.before, back.before, plan.unit, taken.later_share, plan.length)
     for q in range(count):
-        for e in range(at[taken.earlier_start + q], at[taken.earlier_start + q + 1] - 1):
-            m[out + q * taken.stride + at[taken.earlier + e]] -= m[taken.earlier_share + e]
+        first, end = earlier_of(taken, at, q)
+        for e in range(first, end):
+            share, i = earlier_entry(taken, m, at, e)
+            m[out + q * taken.stride + i] -= share
 
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
 def _independent(plan: Plan, taken: Readings, m: Floats, at: Index, count: int, innovations: Floats, rows: int) -> None:
-    """The same of the independent readings of variance 1 that `correct` just made of them, and their innovations, sign changed."""
+    """Make `rows` those of the independent readings of variance 1 that `correct` just made, each with its innovation
+    behind it, sign changed."""
     size, length, stride, unit = plan.size, plan.length, taken.stride, plan.unit + 1
     for q in range(count):
         row = rows + q * stride
@@ -239,7 +248,7 @@ def _independent(plan: Plan, taken: Readings, m: Floats, at: Index, count: int, 
 def _before_step(
     plan: Plan, taken: Readings, back: Back, m: Floats, at: Index, count: int, rows: int, matrix: int
 ) -> None:
-    """[L | l] before a step and its readings, from after them, symmetric to the last bit."""
+    """[L | l] of before a step and its readings from that of after them, symmetric to the last bit."""
     size, length, product, later = plan.size, plan.length, back.product, back.later
     less(m, at, plan.row, size, back.by_number, size, product, product, matrix, plan.unit, later, length, length)
     for i in range(size):

@@ -1,10 +1,12 @@
-"""Unscented Kalman filter: the filter of `twin.filters.ekf` with its step taken from many points at once instead of its derivative.
+"""Unscented Kalman filter: the filter of `twin.filters.ekf` with its step taken from many points at once instead of
+its derivative.
 
-Sigma points after Van der Merwe (The scaled unscented transformation: Julier, doi:10.1109/ACC.2002.1025369; Wan and Van der Merwe,
-doi:10.1109/ASSPCC.2000.882463): the estimate, and the estimate plus and minus each column of the root of its covariance, times
-`spread`. Each is a state of its own with its own factors, carried by the network's own step linearised about itself, so
-that mean and covariance hold the curvature that the extended filter leaves out. Readings are taken as there: those of
-temperatures are linear in the state. In a network whose heats are linear in temperatures and unknowns both filters are one.
+Sigma points after Van der Merwe (The scaled unscented transformation: Julier, doi:10.1109/ACC.2002.1025369; Wan and
+Van der Merwe, doi:10.1109/ASSPCC.2000.882463): the estimate, and the estimate plus and minus each column of the root
+of its covariance, times `spread`. Each is a state of its own with its own factors, carried by the network's own step
+linearised about itself, so that mean and covariance hold the curvature that the extended filter leaves out. Readings
+are taken as there: those of temperatures are linear in the state. In a network whose heats are linear in temperatures
+and unknowns both filters are one.
 """
 
 from __future__ import annotations
@@ -33,7 +35,8 @@ ALPHA, BETA, KAPPA = 0.5, 2.0, 0.0  # points at half of sqrt(size) standard devi
 def filter_unscented(
     network: Network, frame: Frame, start: Start, unknowns: Sequence[Unknown], readings: Sequence[AnyReading]
 ) -> Estimate:
-    """Temperatures and unknowns from the readings, as `twin.filters.ekf.filter_unknowns`. Raises as that."""
+    """Temperatures and unknowns from the readings by sigma points. Takes, returns and raises what
+    `twin.filters.ekf.filter_unknowns` does."""
     inputs = inputs_of(network, frame, start, unknowns, readings)
     run = run_of(inputs)
     run.begin(inputs)
@@ -70,7 +73,7 @@ def _through(
     spreads: Floats,
     innovations: Floats,
 ) -> float:
-    """As `twin.filters.ekf.through`."""
+    """The filter over N steps; takes, fills and returns what `twin.filters.ekf.through` does."""
     likelihood, size, length = 0.0, plan.size, plan.length
     root, points = np.empty((size, size)), np.empty((2, 2 * size + 1, size))
     for k in range(len(boundaries) + 1):
@@ -88,7 +91,8 @@ def _through(
 def _carry(
     plan: Plan, m: Floats, at: Index, phi: Floats, outside: Floats, root: Floats, before: Floats, after: Floats
 ) -> None:
-    """As `twin.filters.step.carry`, through the sigma points `before` and `after` (2 S + 1, S) the step; `root` (S, S)."""
+    """One step as by `twin.filters.step.carry`, through sigma points. Filled: those `before` the step and `after` it
+    (2 S + 1, S), and the Cholesky factor `root` (S, S) of the covariance."""
     size, length, state, turned, ahead = plan.size, plan.length, plan.state, plan.turned, plan.ahead
     scale = ALPHA * ALPHA * (size + KAPPA)
     spread, weight = np.sqrt(scale), 0.5 / scale
@@ -108,7 +112,8 @@ def _carry(
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
 def _gather(plan: Plan, m: Floats, before: Floats, after: Floats, weight: float, middle: float) -> None:
-    """`ahead` and `turned` from the sigma points; the one in the middle counts `middle` in the mean."""
+    """`ahead` and `turned` as `carry` leaves them, from the sigma points; a point counts `weight` in the mean, the
+    one in the middle `middle`."""
     size, length = plan.size, plan.length
     begun = before[0].copy()
     mean = np.empty(size)
@@ -137,7 +142,8 @@ def _gather(plan: Plan, m: Floats, before: Floats, after: Floats, weight: float,
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
 def _root(covariance: Floats, root: Floats) -> None:
-    """Lower triangle (S, S) of Cholesky of P; a number that the others determine gets a column of zeros."""
+    """The lower triangle (S, S) of Cholesky of P into `root`; a number that the others determine gets a column of
+    zeros."""
     for j in range(len(root)):
         own = covariance[j, j]
         left = own

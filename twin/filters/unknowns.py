@@ -1,5 +1,6 @@
-"""What a filter is to find besides temperatures: heats, factors of the motor file's own coefficients, constant errors of sensors;
-each a random walk."""
+"""What a filter is to find besides temperatures: heats, factors of the motor file's own coefficients, constant errors
+of sensors; each is a random walk.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +22,8 @@ Index = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class UnknownHeat:
-    """Heat into `node` beside the model's own [W]: `sd_W` about 0 at the start, `walk_W` [W / sqrt(s)]."""
+    """Heat [W] into `node` beside the model's own: 0 at the start with standard deviation `sd_W`, then a random walk
+    of `walk_W` [W / sqrt(s)]."""
 
     node: str
     sd_W: float
@@ -34,9 +36,10 @@ class UnknownHeat:
 
 @dataclass(frozen=True)
 class UnknownFactor:
-    """The natural logarithm of what multiplies coefficients: `sd` about 0 at the start, `walk` [1 / sqrt(s)]. `of` as causes are
-    written: `conductance.rotor_surface-teeth.scale` every term of the link, `loss.magnet.scale` every term of the source,
-    `loss.magnet.speed2` the term with that law. `also`: others that it multiplies alike, as where a part is cut into slices."""
+    """The natural logarithm of what multiplies coefficients: 0 at the start with standard deviation `sd`, then a
+    random walk of `walk` [1 / sqrt(s)]. `of` is written as a cause: `conductance.rotor_surface-teeth.scale` for every
+    term of the link, `loss.magnet.scale` for every term of the source, `loss.magnet.speed2` for the term with that
+    law. `also`: others that it multiplies alike, as where a part is cut into slices."""
 
     of: str
     sd: float
@@ -50,8 +53,8 @@ class UnknownFactor:
 
 @dataclass(frozen=True)
 class UnknownBias:
-    """What a channel reads too much [K, of a heat W]: `sd_K` about 0 at the start, `walk_K` [K / sqrt(s)], 0 for an error that
-    does not drift."""
+    """What a channel reads too much [K, of a meter of heat W]: 0 at the start with standard deviation `sd_K`, then a
+    random walk of `walk_K` [K / sqrt(s)], 0 for an error that does not drift."""
 
     channel: str
     sd_K: float
@@ -67,9 +70,9 @@ Unknown = UnknownHeat | UnknownFactor | UnknownBias
 
 @dataclass(frozen=True)
 class Places:
-    """Unknowns as indices, heats before factors before biases: `order` (u,) of the unknowns as given, `heats` (o,) their nodes,
-    `factor_of` (K,) for every coefficient the factor that multiplies it, `bias_of` (m,) for every channel its bias, -1 for
-    none."""
+    """Where unknowns are in a network and its readings, heats before factors before biases: `order` (u,) of the
+    unknowns as given, `heats` (o,) the node of each, `factor_of` (K,) which of the `factors` multiplies each
+    coefficient, `bias_of` (channels,) which bias each channel has; -1 for none."""
 
     order: tuple[int, ...]
     heats: Index
@@ -79,8 +82,12 @@ class Places:
 
 
 def places(network: Network, unknowns: Sequence[Unknown], coefficients: int, channels: Sequence[str]) -> Places:
-    """Raises `FrameError` for a node, link, source or law that the network has not, a channel that is not read, a start without
-    spread, a walk below 0, and for two unknowns of one place."""
+    """Where unknowns are in a network of so many `coefficients` whose `channels` are read.
+
+    Raises `FrameError` for a node, link, source or law that the network has not, a channel that is not read, a start
+    without spread, a walk below 0, and for two unknowns of one place; `CauseError` for a factor that is not written
+    as a cause.
+    """
     nodes = [node.name for node in network.nodes]
     heats: list[int] = []
     factors: list[int] = []
@@ -114,6 +121,7 @@ def places(network: Network, unknowns: Sequence[Unknown], coefficients: int, cha
 
 
 def _spread(unknown: Unknown) -> tuple[float, float]:
+    """Standard deviation at the start, and the random walk."""
     match unknown:
         case UnknownHeat():
             return unknown.sd_W, unknown.walk_W
@@ -138,8 +146,8 @@ def node_place(network: Network, name: str) -> int:
 
 
 def terms_of(network: Network, cause: str) -> list[int]:
-    """Places in `features.terms` of what a cause id names. Raises `CauseError` for what is no id, `FrameError` for what the
-    network has not."""
+    """Places in `features.terms` of the coefficients that a cause id names. Raises `CauseError` for what is no id,
+    `FrameError` for what the network has not."""
     asked = parse(cause)
     link = len(asked.ends) == 2 and set(asked.ends) <= set(network.names)
     place = link_place(network, *asked.ends) if link else asked.place
@@ -155,7 +163,7 @@ def terms_of(network: Network, cause: str) -> list[int]:
 
 @once_a_network
 def _listed(network: Network) -> dict[tuple[str, str], list[tuple[str, int]]]:
-    """The laws of each link and source, and the places of their coefficients."""
+    """(kind, place) of each link and source -> the names of its laws, each with the place of its coefficient."""
     found: dict[tuple[str, str], list[tuple[str, int]]] = {}
     for i, (place, term) in enumerate(features.placed_terms(network)):
         kind = "conductance" if "-" in place else "loss"

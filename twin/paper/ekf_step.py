@@ -1,15 +1,17 @@
 """The covariance of the paper's filter, on its rank: what `twin.paper.ekf` does to P, with w free.
 
-After the capacitor equations are measured without noise, the errors of the rates are those of the rest, C dzdot = Q_z dz + Q_rho drho.
-So P = T P_y T' with y = [z, rho, lagging readings], and a step, its perfect measurements included, is one of y alone: the trapezoidal rule
+After the capacitor equations are measured without noise, the errors of the rates are those of the rest, C dzdot = Q_z
+dz + Q_rho drho. So P = T P_y T' with y = [z, rho, lagging readings], and a step, its perfect measurements included,
+is one of y alone: the trapezoidal rule
 
     (2 C / h - Q_z+) z+ = (2 C / h + Q_z) z + Q_rho rho + Q_rho+ rho+,   rho+ = rho + noise,
 
-linearised at the edges. Q_rho is 1 at the node of an unknown heat, of a factor's logarithm the heat that it multiplies, of a channel's error 0.
-What w is does not matter while it may be anything; of the covariance nothing has to cancel that is 1e6 of what is left.
-P_y is positive definite as long as every number has noise at the start or in a step: F P_y F' + Q is made of products with its rows, and
-the readings take from it what elimination of their covariance leaves (`twin.filters.readings`), which is less than
-P_y while a reading's variance is above what P_y is rounded by, 1e-16 of its largest. Walks put back in every step what rounding takes.
+linearised at the edges. Q_rho is 1 at the node of an unknown heat, of a factor's logarithm the heat that it
+multiplies, of a channel's error 0. What w is does not matter while it may be anything; of the covariance nothing has
+to cancel that is 1e6 of what is left. P_y is positive definite as long as every number has noise at the start or in a
+step: F P_y F' + Q is made of products with its rows, and the readings take from it what elimination of their
+covariance leaves (`twin.filters.readings`), which is less than P_y while a reading's variance is above what P_y is
+rounded by, 1e-16 of its largest. Walks put back in every step what rounding takes.
 """
 
 from __future__ import annotations
@@ -32,9 +34,10 @@ u = np.uint64  # numba then asks of no index whether it counts from the end
 
 
 class Rates(NamedTuple):
-    """Where the numbers and indices of a run are (`twin.arithmetic.lanes`), and how many there are. `values`: n diagonals, E upper and E lower entries
-    of 2 C / h - Q_z, eliminated; `slopes`: in the same order those of -Q_z at the edge where P_y is, one that nobody reads, those of
-    -Q_rho, of heats first, and what does not change of `reach`."""
+    """Where the numbers and indices of a run are (`twin.arithmetic.lanes`), and how many there are. `values`: n
+    diagonals, E upper and E lower entries of 2 C / h - Q_z, eliminated; `slopes`: in the same order those of -Q_z at
+    the edge where P_y is, one that nobody reads, those of -Q_rho, of heats first, and what does not change of
+    `reach`."""
 
     n: int
     heats: int
@@ -94,8 +97,8 @@ class Rates(NamedTuple):
 
 
 def shares_of(parts: Parts, monomials: int) -> tuple[Floats, list[tuple[int, int]]]:
-    """(F + 1, L + P): what each of F monomials, then 1, adds to the amount of each law without what factors multiply, then to what of a law
-    a factor multiplies; which law and which factor, P of them."""
+    """(F + 1, L + P): what each of F monomials, then 1, adds to the amount of each law without what factors multiply,
+    then to what of a law a factor multiplies; which law and which factor, P of them."""
     program, laws = parts.program, len(parts.places)
     law = np.repeat(np.arange(laws), np.diff(program.term_start)).tolist()
     factor = parts.factor_of[program.term_coefficient].tolist()
@@ -117,7 +120,7 @@ def rates_of(
 ) -> Rates:
     """The places of a run, put into `store`; `multiplied` as in `shares_of`."""
     program, m, meters = parts.program, len(parts.weights), len(parts.signs)
-    n, edges, heats, o = program.n, len(program.edge_to), len(parts.heats), parts.last - program.n
+    n, edges, heats, o = program.n, len(program.edge_to), len(parts.heats), parts.sought - program.n
     lagging = np.flatnonzero(parts.state >= 0).tolist()
     size = n + o + len(lagging)
     length = width(size + 1)
@@ -301,8 +304,8 @@ def _balance(rates: Rates, m: Floats, at: Index, x: Floats, slopes: int) -> None
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
 def change(rates: Rates, m: Floats, at: Index, step_s: float, x: Floats) -> None:
-    """`right`: w [K/s] with which x (S, 1) has no Gamma at the end of a step, linear about its z, where `psi` and `amounts` are of that z and
-    of what is around it then."""
+    """`right`: w [K/s] with which x (S, 1) has no Gamma at the end of a step, linear about its z, where `psi` and
+    `amounts` are of that z and of what is around it then."""
     n, heat, right, values = rates.n, rates.heat, rates.right, rates.values
     _balance(rates, m, at, x, values)
     for c in range(rates.cell, rates.cell + 3 * rates.entries, 3):
@@ -325,8 +328,8 @@ def _eliminated(rates: Rates, m: Floats, at: Index, slopes: int) -> None:
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
 def spread(rates: Rates, m: Floats, at: Index, x: Floats) -> None:
-    """`ahead`: P_y one step on from `state`, given the capacitor equations, by `psi`, `amounts` and x (S, 1) at the end of the step;
-    symmetric to rounding. Filled: `values`, `slopes` and `heat` there."""
+    """`ahead`: P_y one step on from `state`, given the capacitor equations, by `psi`, `amounts` and x (S, 1) at the
+    end of the step; symmetric to rounding. Filled: `values`, `slopes` and `heat` there."""
     size, length, slopes, unit = rates.size, rates.length, rates.slopes, rates.unit
     sweep(m, at, rates.reach, rates.moved, rates.noise, rates.state, unit, slopes, length)
     transposed(m, rates.turned, rates.moved, size, length)
@@ -367,7 +370,8 @@ def solve(rates: Rates, m: Floats, at: Index) -> None:
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
 def metered(rates: Rates, m: Floats, at: Index, j: int, x: Floats, q: int) -> float:
-    """What meter j of heat reads [W] of x (S, 1), by `psi`, `amounts` and `terms`; its slopes become `shares` of reading q."""
+    """What meter j of heat reads [W] of x (S, 1), by `psi`, `amounts` and `terms`; its slopes become `shares` of
+    reading q."""
     n, heats, shares, signs, total = (
         rates.n,
         rates.heats,
@@ -397,7 +401,8 @@ def metered(rates: Rates, m: Floats, at: Index, j: int, x: Floats, q: int) -> fl
 
 @within
 def reads(rates: Rates, m: Floats, at: Index, q: int, gain: int, stride: int) -> None:
-    """Row q of `gain`, rows of `stride`: the covariance of what takes `shares` with y as predicted, and with those before it there."""
+    """Row q of `gain`, rows of `stride`: the covariance of what takes `shares` with y as predicted, and with those
+    before it there."""
     count, size, length, own = 0, rates.size, rates.length, gain + q * stride
     shares, taken = rates.shares + q * length, rates.taken + q * size
     for i in range(size):

@@ -47,7 +47,7 @@ def test_it_agrees_with_filterpy(linear: bool, make_network: Any, make_frame: An
     network, inputs, start, channels = case(make_network, make_frame, linear)
     ours = filter_unscented(network, inputs, start, MIXED, channels)
     of = inputs_of(network, inputs, start, MIXED, channels)
-    steps, last = Steps(of), of.parts.last
+    steps, sought = Steps(of), of.parts.sought
 
     def step(x: Floats, dt: float, k: int) -> Floats:
         return steps.moved(k, x)
@@ -67,8 +67,8 @@ def test_it_agrees_with_filterpy(linear: bool, make_network: Any, make_frame: An
         seen = np.flatnonzero(np.isfinite(of.values[k]))
         if len(seen):
             peer.update(of.values[k, seen], R=np.diag(variances[k, seen]), seen=seen)
-        found = peer.x[5:last][inverse] - ours.found[k + 1]
-        sd = np.sqrt(np.diag(peer.P))[5:last][inverse] - ours.found_sd[k + 1]
+        found = peer.x[5:sought][inverse] - ours.found[k + 1]
+        sd = np.sqrt(np.diag(peer.P))[5:sought][inverse] - ours.found_sd[k + 1]
         worst = np.maximum(
             worst, [np.abs(peer.x[:5] - ours.temperatures[k + 1]).max(), np.abs(found).max(), np.abs(sd).max()]
         )

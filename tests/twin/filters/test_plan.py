@@ -1,0 +1,120 @@
+"""The rows that `twin.filters.plan` and `twin.filters.readings` show are those of the motor that they describe."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numba
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from twin.filters.ekf import Run, run_of
+from twin.filters.inputs import HeatReading, Inputs, Reading, Start, inputs_of
+from twin.filters.plan import Plan, driven_of, drives_at, ends_of, right_hand_side, term_of, x_at
+from twin.filters.readings import Readings, earlier_entry, earlier_of, later_entry, later_of, observe
+from twin.filters.step import carry
+from twin.filters.unknowns import Unknown, UnknownBias, UnknownFactor, UnknownHeat
+from twin.motor.network import Boundary, Link, Network, Node, Source, Term
+from twin.run.simulate import Frame
+
+Floats = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+STEPS = 2
+
+
+@pytest.fixture(scope="module")
+def inputs() -> Inputs:
+    """Of the example of `twin.filters.plan`."""
+    network = Network(
+        "example",
+        nodes=(Node("winding", 1000.0, "stator"), Node("stator", 4000.0, "stator"), Node("rotor", 2000.0, "rotor")),
+        boundaries=(Boundary("coolant"),),
+        links=(
+            Link("winding", "stator", (Term(20.0, {"speed": 1.0}),)),
+            Link("stator", "rotor", (Term(5.0),)),
+            Link("stator", "coolant", (Term(30.0, {"flow": 1.0}),)),
+        ),
+        sources=(
+            Source("winding", (Term(300.0, {"current": 2.0}, copper=True),)),
+            Source("rotor", (Term(50.0, {"speed": 2.0}),)),
+        ),
+        scale={"speed": 1.0, "current": 1.0, "flow": 1.0},
+    )
+    every = np.ones(STEPS)
+    w = Reading("W", {"winding": 1.0}, 0.0, 50.0 * every, every, 0.01 * every)
+    second = replace(
+        w, channel="second", weights={"stator": 0.5, "rotor": 0.5}, time_constant_s=5.0, place=0.25 * every
+    )
+    losses = HeatReading("losses", 300.0 * every, 100.0 * every)
+    factor = UnknownFactor("conductance.winding-stator.scale", 0.1, 1e-4)
+    unknowns: list[Unknown] = [UnknownHeat("rotor", 50.0, 3.0), factor, UnknownBias("W", 1.0)]
+    frame = Frame(1.0, np.ones((STEPS, 4)), np.full((STEPS, 1), 40.0))
+    return inputs_of(network, frame, Start(np.full(3, 45.0), np.ones(3)), unknowns, [w, second, losses])
+
+
+@pytest.fixture(scope="module")
+def run(inputs: Inputs) -> Run:
+    return run_of(inputs)
+
+
+@numba.njit(error_model="numpy")
+def _rows(plan: Plan, at: Index) -> tuple[object, ...]:
+    return term_of(plan, at, 0), ends_of(plan, at, 2), ends_of(plan, at, 3), driven_of(plan, at, 0)
+
+
+@numba.njit(error_model="numpy")
+def _places(plan: Plan) -> tuple[int, int, int]:
+    return right_hand_side(plan) - plan.values, drives_at(plan) - plan.values, int(x_at(plan, 0, 2))
+
+
+@numba.njit(error_model="numpy")
+def _taken(r: Readings, m: Floats, at: Index, q: int) -> tuple[list[tuple[float, int]], list[tuple[float, int]]]:
+    later, earlier = later_of(r, at, q), earlier_of(r, at, q)
+    return (
+        [later_entry(r, m, at, e) for e in range(later[0], later[1])],
+        [earlier_entry(r, m, at, e) for e in range(earlier[0], earlier[1])],
+    )
+
+
+def test_tables_have_the_rows_that_their_comments_show(run: Run) -> None:
+    plan, at = run.plan, run.at
+    shown = {
+        "law": (5, 7, [0, -1, 1, -1, 0, 0, 0], 3),
+        "term": (1, 3, [0, 0, 0], 0),
+        "plain": (1, 5, [0, 0, 1, 3, 5], 0),
+        "rim": (1, 4, [2, 1, 9, 3], 0),
+        "constant_heat": (1, 2, [4, 10], 0),
+        "other": (1, 8, [3, 0, -1, -1, -1, -1, -1, -1], 0),
+        "driven": (1, 4, [0, 0, 0, 1], 0),
+        "bent": (1, 2, [0, 3], 0),
+        "row": (1, 3, [0, 16, 32], 0),
+        "node_start": (1, 3, [0, 1, 3], 0),
+        "node": (1, 3, [0, 1, 2], 0),
+        "channel_state": (1, 2, [-1, 6], 0),
+        "channel_bias": (1, 3, [5, -1, -1], 0),
+    }
+    for name, (rows, columns, row, which) in shown.items():
+        place = getattr(plan, name)
+        assert at[place : place + rows * columns].reshape(rows, columns)[which].tolist() == row, name
+    assert run.size == 7 and plan.length == 16
+    assert [(pair >> 32, pair & 0xFFFFFFFF) for pair in at[plan.vary :][: plan.varied]] == [(2, 1), (3, 2), (4, 3)]
+    assert run.m[plan.node_share :][:3].tolist() == [-1.0, -0.5, -0.5]
+
+
+def test_names_of_rows_give_what_stands_in_them(run: Run) -> None:
+    assert _rows(run.plan, run.at) == ((0, 0), (1, 3, -1), (0, -1, -1), (0, 0, 0, 1))
+    assert _places(run.plan) == (8, 11, 2 * 16 + 7)
+
+
+def test_a_reading_has_the_row_and_the_entries_that_are_shown(inputs: Inputs, run: Run) -> None:
+    run.begin(inputs)
+    plan, r, m, at = run.plan, run.readings, run.m, run.at
+    carry(plan, m, at, inputs.features[0], inputs.boundaries[0], True)
+    assert observe(plan, r, m, at, inputs.boundaries[0], inputs.values[0], inputs.places[0], inputs.variances[0]) == 3
+    row = m[r.crossed :][: r.stride]
+    assert row[7] == pytest.approx(-4.67, abs=0.01)  # less the 50 degC read
+    np.testing.assert_allclose(row[16:19], [1.98, 0.01, 1.15], atol=0.01)
+    assert _taken(r, m, at, 0) == ([(-1.0, 0), (-1.0, 5)], [])
+    assert _taken(r, m, at, 1) == ([(-0.25, 6)], [(-0.75, 6)])
