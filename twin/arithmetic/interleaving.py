@@ -27,8 +27,8 @@ PIECE = 30_000_000 // 8
 
 
 def at_a_border(shapes: Sequence[tuple[int, ...]]) -> list[Floats]:
-    """Arrays of these shapes, not filled, each from a border of vectors on. Several are in one piece of memory, as that is
-    had faster than many."""
+    """Arrays of these shapes, not filled, that begin at borders of the machine's vectors. Several share one piece of
+    memory, which is had faster than many pieces."""
     found: list[Floats] = []
     sizes = [-(-math.prod(shape) // LANES) * LANES for shape in shapes]
     first = 0
@@ -46,23 +46,25 @@ def at_a_border(shapes: Sequence[tuple[int, ...]]) -> list[Floats]:
 
 
 def _data(context: Any, builder: Any, kind: Any, array: Any) -> Any:
+    """Where the first number of an array is."""
     return context.make_array(kind)(context, builder, array).data
 
 
 def _pointers(context: Any, builder: Any, kinds: Any, arrays: Any, place: Any) -> list[Any]:
-    """Of the number at `place` of each of a tuple of arrays."""
+    """Where number `place` of each of a tuple of arrays is."""
     data = [_data(context, builder, kind, builder.extract_value(arrays, c)) for c, kind in enumerate(kinds)]
     return [builder.gep(own, [place], inbounds=True) for own in data]
 
 
 def _rows(context: Any, builder: Any, kind: Any, array: Any, row: Any) -> list[Any]:
-    """Pointers to `LANES` rows of an array (Q, LANES)."""
+    """Where `LANES` rows of an array (Q, LANES) begin, from `row` on."""
     data, first = _data(context, builder, kind, array), builder.mul(row, _I64(LANES))
     return [builder.gep(data, [builder.add(first, _I64(r * LANES))], inbounds=True) for r in range(LANES)]
 
 
 def _turned(builder: Any, sources: list[Any], targets: list[Any], past_caches: bool) -> Any:
-    """The block from one to the other; the sum of its numbers times 0, which is 0 where each is finite.
+    """Transpose the block of numbers at `sources` to `targets`. The value is the sum of the numbers times 0, which is
+    0 where each is finite.
 
     `past_caches`: targets are written without being read before, and lie at borders of vectors.
     """
@@ -107,7 +109,8 @@ _block_out: Any = intrinsic(_giving)
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
 def interleave(sources: tuple[Floats, ...], first: int, into: Floats) -> bool:
-    """Fill `into` (Q, LANES) from number `first` on of each of `LANES` sources (flat). Whether all of it is finite."""
+    """Fill `into` (Q, LANES): lane c from number `first` on of source c of `LANES` (flat). Returns whether all of it
+    is finite."""
     whole = len(into) - len(into) % LANES
     sums = np.zeros((1, LANES))
     left = vectors(sums, (LANES,))
@@ -123,7 +126,7 @@ def interleave(sources: tuple[Floats, ...], first: int, into: Floats) -> bool:
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
 def separate(rows: Floats, targets: tuple[Floats, ...], first: int) -> None:
-    """Lane c of `rows` (Q, LANES) goes to target c of `LANES` (flat), from its number `first` on, past the caches.
+    """Write lane c of `rows` (Q, LANES) to target c of `LANES` (flat), from its number `first` on, past the caches.
 
     Raises `ValueError` where that is not at a border of vectors.
     """

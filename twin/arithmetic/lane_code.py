@@ -1,8 +1,9 @@
-"""The instructions of `twin.arithmetic.lanes`, written out as vectors of LLVM through numba's interface for extensions.
+"""The instructions of `twin.arithmetic.lanes`, written out as vectors of LLVM through numba's interface for
+extensions.
 
-A compiler that has to find out whether two rows of one array overlap gives up, silently, one release or the other. A product and the
-sum that it goes into are rounded once, wherever it runs: the same bits on every machine, slowly where there is no such
-instruction (x86 before 2013).
+A compiler that has to find out for itself whether two rows of one array overlap stops making vectors of loops in one
+release or the other, and does not say so. A product and the sum that it goes into are rounded once, wherever it runs:
+the same bits on every machine, slowly where there is no such instruction (x86 before 2013).
 """
 
 from __future__ import annotations
@@ -19,13 +20,16 @@ _I32, _I64, _F64 = ir.IntType(32), ir.IntType(64), ir.DoubleType()
 
 
 def address(context: Any, builder: Any, kind: Any, given: Any) -> Any:
-    """Where the first number is of an array, or of what is left of one (`pointer`)."""
+    """Where the first number of an array is, or of what is left of one (`pointer`)."""
     return given if isinstance(kind, types.CPointer) else context.make_array(kind)(context, builder, given).data
 
 
 def _pointing(typing: Any, array: Any, place: Any) -> Any:
-    """Where `array[place]` is: an array without a length, for compiled functions. They count who holds an array itself, each time that
-    one is given it, in memory that all threads see; that costs more than most loops here. Whoever makes one keeps the array."""
+    """`pointer(array, place)`: where `array[place]` is, as an array without a length, for compiled functions.
+
+    Compiled functions count who holds an array, each time that one is given it, in memory that all threads see; that
+    costs more than most loops here. Whoever makes a pointer keeps the array.
+    """
     kind: Any = types.CPointer
     signature = kind(array.dtype)(array, types.int64)
 
@@ -39,30 +43,35 @@ pointer: Any = intrinsic(_pointing)
 
 
 def _load(builder: Any, data: Any, place: Any, vector: Any) -> Any:
+    """The vector at a place."""
     found = builder.load(builder.bitcast(builder.gep(data, [place], inbounds=True), vector.as_pointer()))
     found.align = 8
     return found
 
 
 def _store(builder: Any, value: Any, data: Any, place: Any) -> None:
+    """Write a vector to a place."""
     address = builder.gep(data, [place], inbounds=True)
     builder.store(value, builder.bitcast(address, value.type.as_pointer())).align = 8
 
 
 def _index(builder: Any, indices: Any, place: Any) -> Any:
+    """The index at a place."""
     return builder.load(builder.gep(indices, [place], inbounds=True))
 
 
 def _pair(builder: Any, pair: Any) -> tuple[Any, Any]:
+    """The two indices that `twin.arithmetic.lanes.paired` made one."""
     return builder.ashr(pair, _I64(32)), builder.and_(pair, _I64(0xFFFFFFFF))
 
 
 def _number(builder: Any, data: Any, place: Any, vector: Any) -> Any:
+    """The number at a place, in all lanes of a vector."""
     return _everywhere(builder, builder.load(builder.gep(data, [place], inbounds=True)), vector)
 
 
 def _everywhere(builder: Any, value: Any, vector: Any) -> Any:
-    """One number in all places of a vector."""
+    """One number in all lanes of a vector."""
     one = builder.insert_element(ir.Constant(vector, ir.Undefined), value, _I32(0))
     first = ir.Constant(ir.VectorType(_I32, vector.count), [0] * vector.count)
     return builder.shuffle_vector(one, ir.Constant(vector, ir.Undefined), first)
@@ -92,7 +101,7 @@ def _sweeping(
     both: Any,
     lanes: Any,
 ) -> Any:
-    """`sweep_mixed` for `lanes` numbers, a literal; `beside` is left out where the literal `both` is 0."""
+    """`sweep_mixed` for `lanes` numbers of each row, a literal; where the literal `both` is 0 `beside` is left out."""
     i, vector = types.int64, ir.VectorType(_F64, LANES)
     signature = types.void(m, at, i, i, i, i, i, i, i, i, i, both, lanes)
 
@@ -238,7 +247,8 @@ scale_vectors: Any = intrinsic(prefer_literal=True)(_scaling)
 
 
 def transposed(builder: Any, block: list[Any]) -> list[Any]:
-    """Of `LANES` vectors of as many numbers: halves of halves change places across the diagonal."""
+    """The transpose of a block, `LANES` vectors of as many numbers: halves of halves change places across the
+    diagonal."""
     turned = list(block)
     for half in (1, 2, 4):
         for r in (r for r in range(LANES) if not r & half):
@@ -251,8 +261,8 @@ def transposed(builder: Any, block: list[Any]) -> list[Any]:
 
 
 def _turning(typing: Any, m: Any, out: Any, source: Any, length: Any, diagonal: Any) -> Any:
-    """8 x 8 numbers from `source` on, transposed, from `out` on, rows `length` apart; if the literal `diagonal` is 1, those right of the
-    diagonal stay as they are."""
+    """Transpose 8 x 8 numbers from `source` to `out`, rows `length` apart. If the literal `diagonal` is 1, numbers
+    right of the diagonal stay as they are."""
     i, half_kept = types.int64, bool(diagonal.literal_value)
     signature = types.void(m, i, i, i, diagonal)
 

@@ -1,9 +1,12 @@
 """Rows of matrices side by side in the vector registers: the few operations that the filters spend their time in.
 
-All matrices of a run are in one flat array of numbers, rows of each of one length, a multiple of `LANES` and laid out from a border
-of the machine's vectors (`Store`); all indices are in another. So every function here takes two arrays, or pointers to them
-(`twin.arithmetic.lane_code.pointer`), and places in them. A row is worked on up to four vectors at a time, in registers while indices say
-which other rows take part: a sparse matrix costs its entries, and nothing is written before it is complete.
+All matrices of a run are in one flat array of numbers `m`, all indices in another, `at`; a place is where something
+begins in one of them, and every function takes both, or pointers to them (`twin.arithmetic.lane_code.pointer`), and
+places. `Store` lays them out: a row has a multiple of `LANES` numbers and begins at a border of the machine's
+vectors.
+
+A row is worked on up to four vectors at a time, in registers while indices say which other rows take part: a sparse
+matrix costs its entries, and nothing is written before it is complete.
 """
 
 from __future__ import annotations
@@ -30,19 +33,27 @@ u = np.uint64  # numba then asks of no index whether it counts from the end
 
 
 def width(numbers: int) -> int:
-    """The length of rows of so many numbers."""
+    """The length of a row that holds so many numbers: the next multiple of `LANES`."""
     return -(-numbers // LANES) * LANES
 
 
 def within(function: Function) -> Function:
-    """Compile a function that compiled ones alone call, into them: a way in from Python takes numba as long as a short function."""
+    """Compile a function into the compiled ones that call it. It cannot be called from Python: a way in from there
+    takes numba as long to compile as a short function."""
     no_way_in: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
     return cast(Function, numba.njit(error_model="numpy", nogil=True, forceinline=True, **no_way_in)(function))
 
 
 class Sweep(NamedTuple):
-    """Lists of `sweep`, as places of pairs (`paired`). `rows`: each row and which factor it has, an index below 0 behind the last;
-    `others`: the others that each takes and which share of them, of all rows one after the other, likewise behind each row's last."""
+    """The places of two lists of pairs (`paired`) that say what `sweep` does, an index below 0 behind the last.
+
+    `rows`: where each row begins and which factor it has. `others`: for each row in turn the others that it takes,
+    where each begins and which share of it, and again an index below 0. Rows of 16 numbers of which the second takes
+    the first times share 5, and the third takes the second times share 6 and row 48 times share 7, are
+
+        rows      0 0 | 16 1 | 32 2 | -1 0
+        others    -1 0 | 0 5 | -1 0 | 16 6 | 48 7 | -1 0
+    """
 
     rows: int
     others: int
@@ -50,18 +61,19 @@ class Sweep(NamedTuple):
 
 @within
 def paired(first: int, second: int) -> int:
-    """Two indices as one, which is loaded at once."""
+    """Two indices as one number, which is loaded at once."""
     return first << 32 | second
 
 
 @within
 def both(pair: int) -> tuple[int, int]:
-    """The two that `paired` made one."""
+    """The two indices that `paired` made one."""
     return pair >> 32, pair & 0xFFFFFFFF
 
 
 class Store:
-    """Collects numbers and indices; each is given the place where it will be in `numbers()` or `indices()`. The first index is 0."""
+    """Collects numbers and indices of a run; each method that adds some returns the place where they will be in
+    `numbers()` or `indices()`. The index 0 stands first (`NOWHERE`)."""
 
     def __init__(self) -> None:
         self._numbers: list[tuple[int, Floats]] = []
@@ -69,46 +81,52 @@ class Store:
         self._end = 0
 
     def rows(self, count: int, length: int) -> int:
-        """Zeros."""
+        """Room for `count` rows of `length` numbers, all 0."""
         place = self._end
         self._end += width(count * length)
         return place
 
     def put(self, numbers: Floats) -> int:
+        """Numbers, one row after the other."""
         place = self.rows(1, numbers.size)
         self._numbers.append((place, numbers))
         return place
 
     def index(self, indices: Iterable[int]) -> int:
+        """Indices."""
         place = len(self._indices)
         self._indices += indices
         return place
 
     def table(self, rows: Iterable[Iterable[int]]) -> int:
-        """A row after the other."""
+        """Rows of indices, one after the other."""
         return self.index(itertools.chain.from_iterable(rows))
 
     def pairs(self, pairs: Iterable[tuple[int, int]]) -> int:
+        """Pairs of indices as `paired` makes them."""
         return self.index([first << 32 | second for first, second in pairs])
 
     def sweep(self, rows: Sequence[int], scales: Sequence[int], others: Sequence[Sequence[tuple[int, int]]]) -> Sweep:
-        """`others`: for each row the start and the share of each that it takes."""
+        """The lists of a `Sweep`: where `rows` begin, which factor (`scales`) each has, and for each row pairs of
+        where another begins that it takes, and which share."""
         end = (-1, 0)
         taken = itertools.chain.from_iterable((*own, end) for own in others)
         return Sweep(self.pairs([*zip(rows, scales, strict=True), end]), self.pairs(taken))
 
     def numbers(self) -> Floats:
+        """All numbers, from a border of the machine's vectors on."""
         found = aligned(np.zeros(self._end))
         for place, numbers in self._numbers:
             found[place : place + numbers.size] = numbers.ravel()
         return found
 
     def indices(self) -> Index:
+        """All indices."""
         return np.array(self._indices, dtype=np.int64)
 
 
 def aligned(numbers: Floats) -> Floats:
-    """A copy (N,) that begins at a border of the machine's vectors."""
+    """A copy (N,) of numbers that begins at a border of the machine's vectors."""
     wide = np.empty(numbers.size + LANES)
     first = -(wide.ctypes.data // wide.itemsize) % LANES
     copy = wide[first : first + numbers.size]
@@ -117,9 +135,9 @@ def aligned(numbers: Floats) -> Floats:
 
 
 def record(fields: Fields) -> Fields:
-    """The same fields, Sweeps among them, as one record in memory: compiled functions then take one address and not every field, which is
-    what they take longest to compile for. They read them by the same names; so does Python, but for names that numpy has for
-    itself, such as `size`."""
+    """The same fields, a `Sweep` as a record within, as one record in memory: compiled functions then take one
+    address and not every field, which is what they take longest to compile for. They read fields by the same names;
+    so does Python, but for names that numpy has for itself, such as `size`."""
     entries = fields._asdict().items()
     kinds = [
         (name, [(of, np.int64) for of in Sweep._fields] if isinstance(value, Sweep) else np.int64)
@@ -132,9 +150,10 @@ def record(fields: Fields) -> Fields:
 def sweep(
     m: Floats, at: Index, lists: Sweep, out: int, base: int, others: int, factors: int, shares: int, length: int
 ) -> None:
-    """Rows of `out`, one after the other, so that `others` may be rows of `out` that are complete; for every row and c < `length`
+    """Fill rows of `out`, one after the other, so that `others` may be rows of `out` that are complete. Row and scale
+    are a pair of `lists.rows`, start_e and which_e those of `lists.others` that are the row's; for every c < `length`
 
-    m[out + row + c] = m[factors + scale] m[base + row + c] - sum_e m[shares + which_e] m[others + start_e + c],  e of that row
+        m[out + row + c] = m[factors + scale] m[base + row + c] - sum_e m[shares + which_e] m[others + start_e + c]
     """
     rows, taken = lists.rows, lists.others
     while length >= 32:
@@ -162,7 +181,7 @@ def sweep_mixed(
     shares: int,
     length: int,
 ) -> None:
-    """The same from two rows, the second less as much as `less` says
+    """As `sweep`, from the rows of `base` and those of `beside`
 
     m[out + row + c] = m[factors + scale] m[base + row + c] - m[less + scale] m[beside + row + c] - sum_e ...
     """
@@ -194,12 +213,13 @@ def less(
     onward: int,
     length: int,
 ) -> None:
-    """The same where all rows take shares of the same `number` others, pairs at `taken`, and each row's shares are `onward` from those of the
-    row before; for the p-th of `count` indices at `rows` and every c < `length`
+    """As `sweep` where all rows take shares of the same others: `number` pairs at `taken`. Rows are `count` indices
+    at `rows`; each has its shares `onward` from those of the row before it. For the p-th and every c < `length`
 
-    m[out + row + c] = m[factor] m[base + row + c] - sum_e m[shares + p onward + which_e] m[others + start_e + c]
+        m[out + row + c] = m[factor] m[base + row + c] - sum_e m[shares + p onward + which_e] m[others + start_e + c]
 
-    No row of `out` is among the others."""
+    No row of `out` may be among the others.
+    """
     for p in range(0, count - 3, 4):
         own, c = shares + p * onward, 0
         while c <= length - 32:
@@ -229,7 +249,7 @@ def row_less(
     shares: int,
     length: int,
 ) -> None:
-    """`less` for one row, which begins at `out`; others that end there may be rows of the same."""
+    """`less` for the one row that begins at `out`; the others may be rows of the same matrix that are complete."""
     while length >= 32:
         tile_vectors(m, at, NOWHERE, taken, number, out, base, others, factor, shares, 0, 1, 32)
         out, base, others, length = out + 32, base + 32, others + 32, length - 32
@@ -252,14 +272,14 @@ def scaled(m: Floats, out: int, factor: float, base: int, length: int) -> None:
 
 @within
 def _in_blocks(size: int) -> int:
-    """Up to which row whole blocks are worth it: of the last one, one or two rows may be there."""
+    """Up to which row whole blocks of `LANES` are worth it: of the last one, one or two rows may be there."""
     return size - size % LANES if size % LANES < 3 else -(-size // LANES) * LANES
 
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
 def transposed(m: Floats, out: int, source: int, size: int, length: int) -> None:
-    """The first `size` columns of as many rows at `source` become those at `out`, both of that length; what is behind them is as it was, or
-    comes from behind those at `source`."""
+    """Transpose `size` rows at `source`, of their first `size` numbers each, to rows at `out`; all are `length` long.
+    What stands behind them is kept, or comes from behind those at `source`."""
     blocks = _in_blocks(size)
     for i in range(0, blocks, 8):
         for j in range(0, blocks, 8):
@@ -272,7 +292,8 @@ def transposed(m: Floats, out: int, source: int, size: int, length: int) -> None
 
 @within
 def as_rows(m: Floats, out: int, source: int, size: int, length: int, first: int, end: int) -> None:
-    """Columns from `first`, a multiple of `LANES`, up to at least `end` of `size` rows at `source` become rows at `out`."""
+    """Columns `first` to at least `end` of `size` rows at `source` become rows at `out`; `first` is a multiple of
+    `LANES`."""
     for j in range(first, end, 8):
         for i in range(0, size, 8):
             turn_block(m, out + (j - first) * length + i, source + i * length + j, length, 0)
@@ -280,7 +301,8 @@ def as_rows(m: Floats, out: int, source: int, size: int, length: int, first: int
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
 def mirrored(m: Floats, matrix: int, size: int, length: int) -> None:
-    """What is right of the diagonal of `size` rows is written to the left of it, at least up to column `size`."""
+    """Make a matrix of `size` rows symmetric: what is right of the diagonal is copied to the left of it, at least up
+    to column `size`."""
     blocks = _in_blocks(size)
     for i in range(0, blocks, 8):
         turn_block(m, matrix + i * length + i, matrix + i * length + i, length, 1)

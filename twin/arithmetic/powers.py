@@ -24,14 +24,14 @@ _C2, _C3, _C4, _C5, _C6, _C7, _C8, _C9, _C10, _C11, _C12, _C13 = (1 / math.facto
 
 
 def power(base: NDArray[np.float64], exponent: float) -> NDArray[np.float64]:
-    """`base ** exponent`, base (N,) not negative, exponent not negative; 0 ** 0 is 1. Within 1e-14 of it."""
+    """`base ** exponent`, both not negative, base (N,), within 1e-14 of it; 0 ** 0 is 1."""
     whole = int(exponent)
     result = _integer_power(base, whole)
     return result if exponent == whole else result * _root(base, exponent - whole)
 
 
 def _root(base: NDArray[np.float64], exponent: float) -> NDArray[np.float64]:
-    """The power for an exponent between 0 and 1."""
+    """`base ** exponent` for an exponent between 0 and 1."""
     if exponent == 0.5:
         return np.sqrt(base)
     positive = np.where(base > 0, base, 1.0)
@@ -39,6 +39,7 @@ def _root(base: NDArray[np.float64], exponent: float) -> NDArray[np.float64]:
 
 
 def _integer_power(base: NDArray[np.float64], exponent: int) -> NDArray[np.float64]:
+    """`base ** exponent` by squaring."""
     result = np.ones_like(base)
     while exponent:
         if exponent & 1:
@@ -49,8 +50,11 @@ def _integer_power(base: NDArray[np.float64], exponent: int) -> NDArray[np.float
 
 
 def log(x: NDArray[np.float64]) -> NDArray[np.float64]:
-    """ln x (N,) of positive numbers, within 3e-16 of it: k ln 2 + 2 artanh((m - 1) / (m + 1)), m within sqrt(1/2)..sqrt(2); the series
-    ends below 2^-53."""
+    """ln x (N,) of positive numbers, within 3e-16 of it.
+
+    It is k ln 2 + 2 artanh((m - 1) / (m + 1)) for x = m 2^k, m within sqrt(1/2)..sqrt(2); the series ends below
+    2^-53.
+    """
     mantissa, exponent = np.frexp(x)
     low = mantissa < np.sqrt(0.5)
     m = np.where(low, 2 * mantissa, mantissa)
@@ -65,7 +69,8 @@ def log(x: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def exp(x: NDArray[np.float64]) -> NDArray[np.float64]:
-    """e^x (N,) where it is a normal number, within 1.5e-16 of it: 2^k e^r, |r| <= ln 2 / 2, Taylor series by Estrin's scheme."""
+    """e^x (N,), within 1.5e-16 of it where it is a normal number: 2^k e^r, |r| <= ln 2 / 2, Taylor series by Estrin's
+    scheme."""
     k, series = _split(np.clip(x, _LEAST, _MOST))
     with np.errstate(over="ignore"):
         result: NDArray[np.float64] = np.ldexp(series, k.astype(np.int32))
@@ -73,7 +78,7 @@ def exp(x: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _split(x: Any) -> Any:
-    """k and e^r of an array, or in compiled functions of a number."""
+    """k and e^r of x = k ln 2 + r, of an array, or in compiled functions of a number."""
     k = (x * _LN2_INVERSE + _WHOLE) - _WHOLE
     r = (x - k * _LN2_HIGH) - k * _LN2_LOW
     square = r * r
@@ -89,7 +94,7 @@ _split_of_number = within(_split)
 
 @within
 def exp_of_number(x: float) -> float:
-    """`exp` of a number, the same bits, for compiled functions, into which it is compiled."""
+    """`exp` of one number, with the same bits, for compiled functions, into which it is compiled."""
     k, series = _split_of_number(x)
     if x > _MOST:
         return np.inf
@@ -102,5 +107,6 @@ def exp_of_number(x: float) -> float:
 
 @within
 def _power_of_two(k: int) -> float:
+    """2^k for k of a normal number."""
     result: float = np.int64((k + 1023) << 52).view(np.float64)
     return result

@@ -1,10 +1,11 @@
-"""Vectors of `LANES` numbers as values of compiled functions: what is written for one run is compiled for so many.
+"""Vectors of `LANES` numbers as values of compiled functions: what is written for one run is compiled for `LANES` at
+once.
 
-`vectors` makes an array with a last axis of lanes into one whose entries are vectors; their sums, products, quotients,
-square roots, `np.minimum`, `np.maximum` and comparisons (1.0 where they hold, else 0.0) are one instruction each, or a few
-where the machine's vectors are narrower. So they do not hang on a compiler that finds out for itself that a loop can be
-made into them. No multiplication is fused with an addition: every lane has the bits that a number has. Outside of compiled
-functions the same statements run over numpy's rows.
+`vectors` makes an array with a last axis of lanes into one whose entries are vectors. Their sums, products,
+quotients, square roots, `np.minimum`, `np.maximum` and comparisons (1.0 where they hold, else 0.0) are one
+instruction each, or a few where the machine's vectors are narrower; no compiler has to find out for itself that a
+loop can be made into them. No multiplication is fused with an addition: every lane has the bits that a number has.
+Outside of compiled functions the same statements run over numpy's rows.
 """
 
 from __future__ import annotations
@@ -61,13 +62,14 @@ class _Model(models.PrimitiveModel):
 
 @lower_cast(types.float64, Vector)  # type: ignore[no-untyped-call, untyped-decorator]
 def _everywhere(context: Any, builder: Any, number: Any, kind: Any, value: Any) -> Any:
+    """A number in all lanes of a vector."""
     one = builder.insert_element(ir.Constant(_VECTOR, ir.Undefined), value, _I32(0))
     first = ir.Constant(ir.VectorType(_I32, LANES), [0] * LANES)
     return builder.shuffle_vector(one, ir.Constant(_VECTOR, ir.Undefined), first)
 
 
 def _define(operation: Any, made: Callable[..., Any], count: int = 2) -> None:
-    """An operation of `count` vectors: the instructions that `made(builder, *values)` gives."""
+    """Define an operation of `count` vectors as the instructions that `made(builder, *values)` gives."""
     given = (vector,) * count
 
     class Template(ConcreteTemplate):
@@ -112,8 +114,8 @@ _define(np.sqrt, _root, 1)
 
 
 def vectors(array: Any, lanes: tuple[int, ...]) -> Any:
-    """An array (..., LANES) as one (...) of vectors where `lanes` is (LANES,); as it is where that is (), and where nothing is
-    compiled."""
+    """An array (..., LANES) as one (...) whose entries are vectors, in compiled functions where `lanes` is (LANES,);
+    the array itself where `lanes` is (), and where nothing is compiled."""
     return array
 
 
@@ -123,8 +125,9 @@ def _vectors(array: Any, lanes: Any) -> Any:
 
 
 def _keep_borders(builder: Any) -> None:
-    """Have all that this function keeps on the stack lie at borders of vectors, as something there that is looked at does.
-    Else each vector lies across two lines of the cache, which costs a large kernel a fifth more time."""
+    """Have all that this function keeps on the stack begin at borders of vectors, as it does where something there is
+    that is looked at. Else each vector lies across two lines of the cache, which costs a large kernel a fifth more
+    time."""
     place = cgutils.alloca_once(builder, _VECTOR)  # type: ignore[no-untyped-call]
     place.align = 8 * LANES
     builder.asm(ir.FunctionType(ir.VoidType(), [place.type]), "", "r", [place], side_effect=True)
