@@ -1,8 +1,10 @@
-"""Calibration: a motor's coefficients from recorded tests, with what is known beforehand and what a test brings along.
+"""Calibration: a motor's coefficients from recorded tests, with what is known beforehand and what a test brings
+along.
 
-The mode (`twin.fitting.fit`) under Gaussian noise (`twin.fitting.noise`) and Gaussian priors: ln coefficient and ln capacity about the motor
-file's values with the file's `sd`; a test's initial temperatures about where its run starts; a bias a test and channel. It is
-sought twice: under broad noise, then under noise as wide as what the first mode leaves.
+What is sought is the mode (`twin.fitting.fit`) under Gaussian noise (`twin.fitting.noise`) and Gaussian priors: ln
+coefficient and ln capacity about the motor file's values with the file's `sd`, a test's initial temperatures about
+where its run starts, and a bias of each channel in each test. It is sought twice: under broad noise, then under noise
+as wide as what the first mode leaves.
 """
 
 from __future__ import annotations
@@ -35,7 +37,8 @@ LEFT_FREE = 0.9  # a parameter whose sd is still this share of its prior sd was 
 
 @dataclass(frozen=True)
 class Estimate:
-    """A parameter of the motor. `value`, `before` in its unit (W, W/K, J/K); `log_change`, `sd`, `prior_sd` of the logarithm."""
+    """A parameter of the motor: `value` and `before` in its unit (W, W/K, J/K); `log_change`, `sd` and `prior_sd` of
+    its logarithm; `held` where it is at its bound."""
 
     name: str
     before: float
@@ -43,16 +46,20 @@ class Estimate:
     log_change: float
     sd: float
     prior_sd: float
-    held: bool  # at its bound
+    held: bool
 
 
 @dataclass(frozen=True)
 class Calibration:
-    """`fit`: the mode and all that is known about it, covariance included; `estimates`: its first parameters, those of the
-    motor; `iterations`: linearisations of both searches; `mae_before`, `mae_after`: (test, channel or meter) -> mean absolute
-    residual [K, of meters in their unit] of block means, of runs of the one and the other motor without any nuisance; `bias`: what it reads
-    too much in that test; `gain`: meter -> the share by which it reads too much; `outliers_s`: how long a channel jumped away and back,
-    which was left out (`twin.calibration.outliers`)."""
+    """A motor with new coefficients and capacities, and how it was found.
+
+    `estimates` are the parameters of the motor, the first ones of `fit`, which holds the mode and all that is known
+    about it, covariance included; `iterations` counts the linearisations of both searches. By (test, channel or
+    meter): `mae_before` and `mae_after`, the mean absolute residual [K, of meters in their unit] of block means, of
+    runs of the motor before and after without bias or gain; `bias`, what it reads too much in that test; `outliers_s`
+    [s], how long a channel jumped away and back, which was left out (`twin.calibration.outliers`). By meter: `gain`,
+    the share by which it reads too much.
+    """
 
     network: Network
     estimates: tuple[Estimate, ...]
@@ -66,7 +73,8 @@ class Calibration:
 
 
 def calibrate(network: Network, tests: Sequence[Test], only: Container[str] | None = None) -> Calibration:
-    """The mode and what is known about it; `only` the parameters of these names move, all where None.
+    """Fit a motor's coefficients and capacities to tests. Only parameters of the names in `only` move, all where it
+    is None.
 
     Raises `DivergedError` where the network's own run leaves the finite numbers.
     """
@@ -95,9 +103,11 @@ def calibrate(network: Network, tests: Sequence[Test], only: Container[str] | No
 
 
 def freedom(network: Network, tests: Sequence[Test], only: Container[str] | None = None) -> tuple[Parameter, ...]:
-    """What a calibration may move: every coefficient, every capacity, the gain of every meter, then what each test brings along.
+    """The parameters of a calibration: every coefficient, every capacity, the gain of every meter, then what each
+    test brings along.
 
-    Coefficients and capacities that are not among `only` are held where they are, and stay as uncertain as their priors.
+    Coefficients and capacities that are not among `only` are held where they are, and stay as uncertain as their
+    priors.
     """
 
     def of_motor(name: str, action: actions.Action, sd: float) -> Parameter:
@@ -136,11 +146,11 @@ def _laws(network: Network) -> tuple[str, ...]:
 
 
 def widened_noise(found: Fit) -> dict[str, ChannelNoise]:
-    """The noise of a fit, wider by the factor by which each channel's whitened residual is above 1 in root mean square
-    (R. T. Birge, Phys. Rev. 40 (1932) 207), in all its parts but the white one; never narrower.
+    """channel -> its noise in a fit, wider by the factor by which its whitened residual is above 1 in root mean
+    square (R. T. Birge, Phys. Rev. 40 (1932) 207), in all its parts but the white one; never narrower.
 
-    A model without everyday freedom misfits in its form, fast and slow. Fitted variances (`twin.diagnosis.reml`) call nearly all of
-    that slow, trust the fast part too much, and predict kept sessions of a real motor worse.
+    A model without everyday freedom misfits in its form, fast and slow. Fitted variances (`twin.diagnosis.reml`) call
+    nearly all of that slow, trust the fast part too much, and predict kept sessions of a real motor worse.
     """
     left: defaultdict[str, list[Floats]] = defaultdict(list)
     for part in found.parts:

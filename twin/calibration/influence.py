@@ -1,8 +1,10 @@
-"""How far what is not known of a motor's coefficients and capacities moves the temperature of each node over recorded tests.
+"""How far what is not known of a motor's coefficients and capacities moves the temperature of each node over recorded
+tests.
 
-The paper's sensitivities (its section 3.1): the exact derivative of every node's temperature by every parameter's logarithm,
-here times the parameter's prior standard deviation, so that a well-known loss and a guessed film are measured with one scale.
-All are sums over blocks of 10 s, taken as the blocks come (`twin.run.block_columns`): no test is too long.
+The paper's sensitivities (its section 3.1): the exact derivative of every node's temperature by every parameter's
+logarithm, here times the parameter's prior standard deviation, so that a well-known loss and a guessed film are
+measured with one scale. All are sums over blocks of 10 s, taken as the blocks come (`twin.run.block_columns`): no
+test is too long.
 """
 
 from __future__ import annotations
@@ -28,8 +30,9 @@ ROWS = 256  # that are multiplied with the parameters' covariance at a time
 
 @dataclass(frozen=True)
 class Influence:
-    """On the nodes of `network` over `tests`. `parameters` (P,) of the motor; `per_sd_K` (P, n): root mean square over all blocks of the tests
-    by which one prior standard deviation of each moves each node."""
+    """How far each parameter moves each node of `network` over `tests`: `parameters` (P,) of the motor; `per_sd_K`
+    (P, n), the root mean square over all blocks of the tests of how far one prior standard deviation of the parameter
+    moves the node [K]."""
 
     network: Network
     tests: tuple[Test, ...]
@@ -38,15 +41,16 @@ class Influence:
 
     @property
     def nodes(self) -> tuple[str, ...]:
+        """Names of the nodes."""
         return tuple(node.name for node in self.network.nodes)
 
     def order(self, nodes: Sequence[int]) -> list[int]:
-        """The parameters, those that move one of these nodes most first."""
+        """Places of all parameters, that which moves one of these nodes most first."""
         return [int(i) for i in np.argsort(-self.per_sd_K[:, list(nodes)].max(axis=1), kind="stable")]
 
     def unknown_K(self, precisions: Sequence[Floats]) -> Floats:
-        """(K, n) [K]: root mean square over all blocks of the tests of each node's standard deviation, under each of K precisions (P, P) of
-        the parameters; the tests are run once for all of them."""
+        """Standard deviation of each node's temperature (K, n) [K], root mean square over all blocks of the tests,
+        under each of K precisions (P, P) of the parameters; the tests are run once for all of them."""
         roots = [np.linalg.cholesky(np.linalg.inv(precision)) for precision in precisions]
 
         def squares(rows: Floats) -> Floats:
@@ -63,7 +67,8 @@ class Influence:
 
 
 def influence(network: Network, tests: Sequence[Test]) -> Influence:
-    """Of every coefficient and capacity on every node. Raises `DivergedError` where the network's own run leaves the finite numbers."""
+    """The influence of every coefficient and capacity on every node. Raises `DivergedError` where the network's own
+    run leaves the finite numbers."""
     parameters = freedom(network, ())
     sd = np.array([p.sd for p in parameters])
     square = _mean(network, tests, lambda rows: np.einsum("bnp,bnp->pn", rows, rows))
@@ -71,14 +76,15 @@ def influence(network: Network, tests: Sequence[Test]) -> Influence:
 
 
 def columns(network: Network, test: Test) -> Iterator[Floats]:
-    """Some blocks at a time (b, n, P): d temperature / d ln parameter in each block [K]."""
+    """The derivative of each node's temperature in each block by each ln parameter [K], some blocks at a time (b, n,
+    P)."""
     places, values = of_motor(network)
     every = of_every_node(network, test.frame)
     return (some * values for some in block_columns(network, test.frame, test.initial, every, places))
 
 
 def _mean(network: Network, tests: Sequence[Test], of: Callable[[Floats], Floats]) -> Floats:
-    """Of what some blocks add up to, over all blocks of all tests, two of which are run at a time."""
+    """What `of` adds up to over some blocks, as a mean over all blocks of all tests, two of which are run at a time."""
 
     def summed(test: Test) -> tuple[Floats, int]:
         total, count = np.zeros(()), 0

@@ -1,8 +1,10 @@
-"""Readings that no motor could give: blocks that jump away from both their neighbours and come back, such as of a loose contact.
+"""Readings that no motor could give: blocks that jump away from both their neighbours and come back, such as of a
+loose contact.
 
-A temperature's residual changes slowly. A block that is further from the median of the five around it than six times what is
-usual in that channel and test, than its own noise allows and than 5 K (1.4826 x the median absolute deviation: F. R. Hampel, J. Am. Stat. Assoc. 69 (1974) 383,
-doi:10.1080/01621459.1974.10482962) is left out of a fit, and counted.
+A temperature's residual changes slowly. A block that is further from the median of the five around it than six times
+what is usual in that channel and test, than its own noise allows and than 5 K (1.4826 x the median absolute
+deviation: F. R. Hampel, J. Am. Stat. Assoc. 69 (1974) 383, doi:10.1080/01621459.1974.10482962) is left out of a fit,
+and counted.
 """
 
 from __future__ import annotations
@@ -28,7 +30,8 @@ MAD = 1.4826  # sd of a normal over its median absolute deviation
 
 
 def outliers(found: Fit) -> dict[tuple[int, str], Bools]:
-    """(test, channel) -> which of its blocks (B,) that are there jump, where any does. Temperatures only."""
+    """(test, channel) -> which of the channel's blocks (B,) that are there jump, for channels where any does.
+    Temperatures only."""
     marked = {}
     names = {channel.name for test in found.model.tests for channel in test.channels}
     for part in found.parts:
@@ -41,7 +44,8 @@ def outliers(found: Fit) -> dict[tuple[int, str], Bools]:
 
 
 def jumping(y: Floats, noise: Floats) -> Bools:
-    """(B,): further from the median around it than six times the usual and the noise (B,) of each, and 5 K."""
+    """Which blocks of residuals (B,) [K] are further from the median around them than six times what is usual or than
+    the `noise` (B,) [K] of each allows, and than 5 K."""
     away = np.abs(y - median_filter(y, AROUND, mode="nearest"))
     usual = np.maximum(MAD * float(np.median(away)), noise)
     found: Bools = away > np.maximum(FAR * usual, LEAST_K)
@@ -57,6 +61,7 @@ def without(tests: Sequence[Test], marked: Mapping[tuple[int, str], Bools]) -> t
 
 
 def _masked(test: Test, channel: Channel, jumps: Bools | None) -> Channel:
+    """The channel without the samples of blocks that jump (B,)."""
     if jumps is None:
         return channel
     cut = blocks(channel.output, test.frame.step_s)

@@ -1,9 +1,10 @@
 """What each test of a campaign teaches of a motor's coefficients and capacities, and in which order to run them.
 
-Under a Gaussian prior the parameters' precision is Lambda + sum_s M_s, M_s the Fisher information of test s with what the test
-brings along (start, sensor offsets) integrated out. D-optimal: the next test is the one with the largest gain in
-ln det / 2, the information in nats (D. V. Lindley, Ann. Math. Statist. 27 (1956) 986, doi:10.1214/aoms/1177728069; greedy
-choice is within 1 - 1/e of the best set: A. Krause et al., J. Mach. Learn. Res. 9 (2008) 235).
+Under a Gaussian prior the parameters' precision is Lambda + sum_s M_s, M_s the Fisher information of test s with what
+the test brings along (start, sensor offsets) integrated out. D-optimal: the next test is the one with the largest
+gain in ln det / 2, the information in nats (D. V. Lindley, Ann. Math. Statist. 27 (1956) 986,
+doi:10.1214/aoms/1177728069; greedy choice is within 1 - 1/e of the best set: A. Krause et al., J. Mach. Learn. Res. 9
+(2008) 235).
 """
 
 from __future__ import annotations
@@ -27,8 +28,9 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Choice:
-    """One more test, in the order in which they teach most. `gain`: nats that it adds to those before it; `known_K` (n,): root mean square over the
-    drive by which each node is still uncertain once it is learnt from, by the parameters alone."""
+    """One more test, in the order in which they teach most: `gain` [nats] that it adds to those before it; `known_K`
+    (n,) [K], how uncertain each node still is once it is learnt from, by the parameters alone, root mean square over
+    the drive."""
 
     test: int
     gain: float
@@ -36,9 +38,12 @@ class Choice:
 
 
 def information(network: Network, test: Test, noise: Mapping[str, ChannelNoise]) -> Floats:
-    """Fisher information (P, P) of a test's thermometers on ln coefficients and ln capacities, in the order of `twin.calibration.calibrate.freedom`.
+    """Fisher information (P, P) of a test's thermometers on ln coefficients and ln capacities, in the order of
+    `twin.calibration.calibrate.freedom`; `noise` by channel.
 
-    Blocks are taken as they come: no test is too long. Raises `DivergedError` where the network's own run leaves the finite numbers."""
+    Blocks are taken as they come: no test is too long. Raises `DivergedError` where the network's own run leaves the
+    finite numbers.
+    """
     places, values = of_motor(network)
     step_s, n, shared = test.frame.step_s, len(network.nodes), len(places)
     starts = [places[-1] + 1 + i for i in range(n)]
@@ -71,15 +76,18 @@ def _whitening(
 
 
 def prior(parameters: Sequence[Parameter]) -> Floats:
-    """Precision (P, P) before anything is learnt."""
+    """Precision (P, P) of the parameters before anything is learnt."""
     return np.diag([p.sd**-2.0 for p in parameters])
 
 
 def in_order(
     of_tests: Sequence[Floats], drive: Influence, known: Floats | None = None, hours: Sequence[float] | None = None
 ) -> list[Choice]:
-    """The tests, greedily by what each adds to those before it; to `known` (P, P), the precision that the first one begins with, where that
-    is more than the prior; by what each adds an hour where `hours` says how long each takes."""
+    """The tests by what each adds to those before it, the best first (greedy), from the information (P, P) of each.
+
+    `known` (P, P) is the precision that the first one begins with, where that is more than the prior. Where `hours`
+    says how long each test takes, they are ordered by what they add an hour.
+    """
     precision = prior(drive.parameters) if known is None else known
     left = list(range(len(of_tests)))
     chosen: list[tuple[int, float]] = []
@@ -96,11 +104,13 @@ def in_order(
 
 
 def gain_nats(precision: Floats, more: Floats) -> float:
-    """ln det(precision + more) / 2 - ln det(precision) / 2."""
+    """What `more` information adds to a `precision` (P, P) [nats]: ln det(precision + more) / 2 - ln det(precision) /
+    2."""
     return float(np.linalg.slogdet(precision + more)[1] - np.linalg.slogdet(precision)[1]) / 2
 
 
 def known_K(precision: Floats, drive: Influence) -> Floats:
-    """(n,) [K]: root mean square over the drive's blocks of each node's standard deviation under the parameters' precision."""
+    """Standard deviation of each node's temperature (n,) [K] under the parameters' `precision` (P, P), root mean
+    square over the drive's blocks."""
     found: Floats = drive.unknown_K([precision])[0]
     return found

@@ -1,9 +1,10 @@
-"""Profile likelihood of one parameter of a fit: what the data alone say of it, everything else fitted anew at each value.
+"""Profile likelihood of one parameter of a fit: what the data alone say of it, everything else fitted anew at each
+value.
 
-A standard deviation takes the likelihood for a parabola and adds what was known beforehand. The profile does neither: it is the
-least misfit at each value, without the parameter's own prior, and its 95 % interval is where twice the misfit has risen
-by 3.84 (S. S. Wilks, Ann. Math. Statist. 9 (1938) 60, doi:10.1214/aoms/1177732360). An end that is not reached within the
-parameter's bounds is none: the data do not bound it there.
+A standard deviation takes the likelihood for a parabola and adds what was known beforehand. The profile does neither:
+it is the least misfit at each value, without the parameter's own prior, and its 95 % interval is where twice the
+misfit has risen by 3.84 (S. S. Wilks, Ann. Math. Statist. 9 (1938) 60, doi:10.1214/aoms/1177732360). An end that is
+not reached within the parameter's bounds is none: the data do not bound it there.
 """
 
 from __future__ import annotations
@@ -27,8 +28,9 @@ STEPS = 12  # outwards and back, of the search for an end
 
 @dataclass(frozen=True)
 class Profile:
-    """Of a logarithm: `best` value; `low`, `high` ends of the 95 % interval, None where the data do not bound it; `values`, `rise` (K,): every
-    value tried, rising, and twice its misfit above the best one's."""
+    """The profile of one logarithm: its `best` value; `low` and `high`, ends of the 95 % interval, None where the
+    data do not bound it; `values` (K,) all values tried, rising, and `rise` (K,) twice the misfit of each above that
+    of the best."""
 
     name: str
     best: float
@@ -39,7 +41,8 @@ class Profile:
 
 
 def profile(found: Fit, place: int) -> Profile:
-    """The profile of one entry of a fit's vector. Raises `DivergedError` where the model runs away at its best value."""
+    """The profile of the parameter at `place` of a fit's vector. Raises `DivergedError` where the model runs away at
+    its best value."""
     free = found.model.with_priors(
         [replace(p, sd=NO_PRIOR) if i == place else p for i, p in enumerate(found.model.parameters)]
     )
@@ -69,7 +72,8 @@ def profile(found: Fit, place: int) -> Profile:
 
 
 def _end(rise: Callable[[float], float], best: float, step: float, bound: float) -> float | None:
-    """Where the misfit has risen enough, from the best value towards a bound: steps by the square root of what is missing."""
+    """Where the misfit has risen enough, from the best value towards a bound: steps by the square root of what is
+    missing."""
     inside, outside, reached = 0.0, None, 0.0
     offset = step
     for _ in range(STEPS):

@@ -1,8 +1,9 @@
 """Several rigs of one motor as one network, so that one fit learns from tests of all of them.
 
-Every rig (`twin.motor.configured`) is there at once. A law that not all of them have is multiplied by a gate: a feature that is 1 in tests
-of the rigs that have it, else 0. What a rig lacks is so cut off in its tests, and every coefficient and capacity is one number. In the
-same way a law that ages is multiplied by what is left of it in each test.
+Every rig (`twin.motor.configured`) is there at once. A law that not all of them have is multiplied by a gate: a
+feature that is 1 in tests of the rigs that have it, else 0. What a rig lacks is so cut off in its tests, and every
+coefficient and capacity is one number. In the same way a law that ages is multiplied by what is left of it in each
+test.
 """
 
 from __future__ import annotations
@@ -31,7 +32,8 @@ ABSENT_SD_K = 1.0  # of the start of a node that a rig does not have: no reading
 
 @dataclass(frozen=True)
 class _Place:
-    """Where a link or source stands in the motor: its place in `configuration`, or in the motor's own (None); the rigs that have it."""
+    """Where a link or source is written in the motor file: its `index` in `configuration`, or in the motor's own
+    (None); and the rigs that have it."""
 
     configuration: str | None
     index: int
@@ -39,8 +41,10 @@ class _Place:
 
 
 class United:
-    """The rigs of a checked `motor` that are named, None the whole motor. `network` has every node, boundary and law that one of them has;
-    `names` are those of its coefficients, then of its capacities: what a configuration says itself ends in `@` and its name.
+    """The named rigs of a checked `motor`, None for the whole motor, as one network.
+
+    `network` has every node, boundary and law that one of the rigs has. `names` are those of its coefficients, then
+    of its capacities; what a configuration says itself ends in `@` and its name.
 
     Raises `ConfigurationError` where the motor has no such configuration.
     """
@@ -65,7 +69,8 @@ class United:
         )
 
     def _placed(self, whole: Sequence[E], own: Sequence[Sequence[E]]) -> Iterator[tuple[_Place, E]]:
-        """Every link (or source) that a rig has: the motor's, then those that each configuration says itself."""
+        """Every link (or source) that one of the rigs has: the motor's, then those that each configuration says
+        itself."""
         for i, one in enumerate(whole):
             if rigs := tuple(r for r, said in enumerate(self._said) if said is None or _keeps(said, one)):
                 yield _Place(None, i, rigs), one
@@ -73,6 +78,7 @@ class United:
             yield from ((_Place(self.rigs[r], i, (r,)), one) for i, one in enumerate(some))
 
     def _gated(self, place: Link | Source, rigs: Rigs) -> tuple[Term, ...]:
+        """The terms of a link or source, times the gate of its rigs and what is left where they age."""
         gate = {} if len(rigs) == len(self.rigs) else {_gate(rigs): 1.0}
         gated = [replace(t, exponents={**t.exponents, **gate, **self._left(place, t)}) for t in place.terms]
         self._columns.update((monomial(new), (monomial(t), rigs)) for new, t in zip(gated, place.terms, strict=True))
@@ -89,7 +95,7 @@ class United:
         return {feature: 1.0}
 
     def _circuits(self) -> Iterator[FluidCircuit]:
-        """Each course that the fluid takes in some rigs, by a flow of its own where the others have another one."""
+        """Each circuit of the rigs; where not all of them have it, with a flow of its own."""
         courses: dict[FluidCircuit, list[int]] = {}
         for r, own in enumerate(self._own):
             for circuit in own.circuits:
@@ -105,6 +111,7 @@ class United:
 
     @cached_property
     def names(self) -> tuple[str, ...]:
+        """Names of the coefficients of `network`, then of its capacities."""
         laws = [("conductance", f"{link.a}-{link.b}", at, link.terms) for at, link in self._links]
         laws += [("loss", source.node, at, source.terms) for at, source in self._sources]
         found = [
@@ -117,7 +124,7 @@ class United:
         return (*of_laws, *(f"capacity.{node.name}.scale" for node in self.network.nodes))
 
     def names_of(self, rig: str | None) -> tuple[str, ...]:
-        """`names` in the order of a rig's own network."""
+        """The `names` of the coefficients and capacities of one rig, in the order of the rig's own network."""
         r, names = self.rigs.index(rig), iter(self.names)
         at: dict[frozenset[str], list[str]] = {}
         placed: tuple[tuple[_Place, Link | Source], ...] = (*self._links, *self._sources)
@@ -130,8 +137,8 @@ class United:
         return (*of_laws, *(f"capacity.{node.name}.scale" for node in self._own[r].nodes))
 
     def test(self, test: Test, rig: str | None, factors: Mapping[AgeingPlace, float] | None = None) -> Test:
-        """A test of a rig, read for its own network (`configured`), as the united network takes it; `factors`: what is left of its laws
-        that age (1 where none are given)."""
+        """The test of a rig, read for its own network (`configured`), as the united network takes it. `factors`: what
+        is left of its laws that age, 1 where none are given."""
         r = self.rigs.index(rig)
         own, around = self._own[r], [b.name for b in self._own[r].boundaries]
         anywhere = float(test.initial.mean())
@@ -160,7 +167,8 @@ class United:
         )
 
     def _features(self, test: Test, rig: int, factors: Mapping[AgeingPlace, float]) -> Floats:
-        """(N, m): each product in the rigs that have it, 0 in others, times what is left of it."""
+        """Monomials of the test (N, m): each as the rig has it, times what is left where it ages; 0 where the rig
+        does not have it."""
         columns = monomials(self.network)
         found = np.zeros((len(test.frame.features), len(columns)))
         for j, column in enumerate(columns):
@@ -173,7 +181,8 @@ class United:
         return found
 
     def version(self, network: Network) -> Network:
-        """The motor, its configurations included, with the coefficients and capacities of a version of the united network."""
+        """The motor, its configurations included, with the coefficients and capacities of `network`, a version of the
+        united one."""
         capacities = {node.name: node.capacity for node in network.nodes}
         links = _renewed(self._links, [link.terms for link in network.links])
         sources = _renewed(self._sources, [source.terms for source in network.sources])
@@ -200,14 +209,17 @@ def _keeps(said: Configuration, one: Link | Source) -> bool:
 
 
 def _ends(one: Link | Source) -> frozenset[str]:
+    """What a link or source stands between: two names or one."""
     return frozenset((one.a, one.b) if isinstance(one, Link) else (one.node,))
 
 
 def _gate(rigs: Rigs) -> str:
+    """The feature that is 1 in tests of these rigs and else 0."""
     return "rig_" + "_".join(map(str, rigs))
 
 
 def _flows(motor: Network, circuit: FluidCircuit) -> Iterator[Term]:
+    """The terms of a circuit's flow."""
     return streams(replace(motor, circuits=(circuit,)))
 
 
