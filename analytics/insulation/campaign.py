@@ -23,8 +23,9 @@ FALSE_DISCOVERY_RATE = 0.05
 
 @dataclass(frozen=True)
 class Assessed:
-    """`sd` (n,) of ln R of each check, as all that follows weighs it (`Repeatability.of_checks`). `forms`, `remaining`: by
-    specimen, where it has a check; nothing remains to be said of fewer than three specimens."""
+    """What checks say of many specimens. `sd` (n,) of ln R of each check, as all that follows weighs it
+    (`Repeatability.of_checks`); `forms` and `remaining` by specimen, where it has a check. Fewer than three specimens
+    leave nothing to say of what remains."""
 
     repeatability: Repeatability
     sd: Floats
@@ -40,8 +41,9 @@ def assess(
     resistance_K_per_W: ArrayLike,
     sd_K_per_W: ArrayLike,
 ) -> Assessed:
-    """One entry a check, in any order: specimen and batch (n,), dose (n,) [h], R (n,) [K/W] above zero, and what one evaluation
-    leaves uncertain of it (n,) [K/W]; how checks repeat comes on top."""
+    """Everything that the checks of many specimens say. Arguments have one entry for each check, in any order:
+    specimen and batch (n,), dose (n,) [h], R (n,) [K/W] above zero, and what one evaluation leaves uncertain of it
+    (n,) [K/W]; how checks repeat comes on top."""
     resistance, dose = np.asarray(resistance_K_per_W, np.float64), np.asarray(dose_h, np.float64)
     ln_r = np.log(resistance)
     repeats = repeatability.estimate(specimen, dose, ln_r)

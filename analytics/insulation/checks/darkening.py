@@ -30,8 +30,9 @@ LEAST_REACH = 1.0  # of theta / P, over its least: else the intercept is far fro
 
 
 def cold_resistance(t_s: Floats, drop_K: Floats, excess_K: Floats, power_W: Floats) -> float | None:
-    """K [K/W], the intercept over theta / P, of a load from its begin: arrays (N,). None where the load is shorter
-    than 45 min or the excess hardly rises in that time, as in a cooled motor."""
+    """The intercept K [K/W] of a load from its begin, over theta / P: samples (N,) of time [s], drop [K], iron's
+    excess [K] and power [W]. None where the load is shorter than 45 min or the excess hardly rises in that time, as
+    in a cooled motor."""
     since = t_s - t_s[0]
     used = (since > FROM_S) & (since <= TO_S)
     if since[-1] < TO_S or used.sum() < 3:
@@ -43,9 +44,9 @@ def cold_resistance(t_s: Floats, drop_K: Floats, excess_K: Floats, power_W: Floa
 
 
 def surface_shift(at_rest: Floats, cold: Floats) -> Floats:
-    """d (n,) of checks in the order of time, to be added to ln R: `at_rest` (n,) [K/W] with NaN where a check has
-    none, `cold` (n,) [K/W] with NaN likewise. Checks without are between their neighbours; zeros where fewer than two
-    have both."""
+    """What darker surfaces took from each check: d (n,), to be added to ln R. Checks are in the order of time,
+    `at_rest` (n,) and `cold` (n,) [K/W] NaN where a check has none. Checks without get what lies between their
+    neighbours; all get 0 where fewer than two have both."""
     both = np.flatnonzero(np.isfinite(at_rest) & np.isfinite(cold))
     if both.size < 2:
         return np.zeros(at_rest.size)

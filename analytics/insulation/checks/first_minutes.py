@@ -53,8 +53,8 @@ REFITS, SEED = 40, 0
 
 @dataclass(frozen=True)
 class Stretch:
-    """Samples around one switch, `t_s` (n,) [s], `copper` (n,) mean [degC], `power` (n,) [W]; the switch was after
-    `from_s` and not after `to_s`; `before_W` the power until then."""
+    """Samples around one switch of the load: `t_s` (n,) [s], `copper` (n,) mean [degC], `power` (n,) [W]. The switch
+    was after `from_s` and not after `to_s`; `before_W` is the power until then."""
 
     t_s: Floats
     copper: Floats
@@ -66,15 +66,15 @@ class Stretch:
 
 @dataclass(frozen=True)
 class Apparent:
-    """`resistance` sum_j A_j [K/W] with `sd` [K/W]."""
+    """`resistance`: the sum of the A_j [K/W], with its `sd` [K/W]."""
 
     resistance: float
     sd: float
 
 
 def stretch(t_s: Floats, copper: Floats, power: Floats, switched: int) -> Stretch | None:
-    """Around the switch at sample `switched`, the first of the new load; arrays (N,) as in `Stretch`, without NaN.
-    None where fewer than 20 min are recorded after it or the samples are more than 60 s apart."""
+    """The stretch around the switch at sample `switched`, the first of the new load; arrays (N,) as in `Stretch`,
+    without NaN. None where fewer than 20 min are recorded after it or the samples are more than 60 s apart."""
     step = float(np.median(np.diff(t_s))) if t_s.size > 1 else np.inf
     from_s = float(t_s[switched - 1]) if switched else float(t_s[0]) - step
     wanted = (t_s >= from_s - BEFORE_S) & (t_s <= from_s + LENGTH_S)
@@ -93,7 +93,7 @@ def stretch(t_s: Floats, copper: Floats, power: Floats, switched: int) -> Stretc
 
 
 def fit(stretches: Sequence[Stretch]) -> Apparent:
-    """The resistance that all `stretches` share. ValueError where there are none."""
+    """The resistance that all `stretches` share. Raises ValueError where there are none."""
     if not stretches:
         raise ValueError("no stretch of heating or cooling: a fit needs one at least")
     designs = [[_design(part, part.from_s + m * (part.to_s - part.from_s)) for m in MOMENTS] for part in stretches]
@@ -116,12 +116,14 @@ def fit(stretches: Sequence[Stretch]) -> Apparent:
 
 @dataclass(frozen=True)
 class _Design:
-    """`slow` (n, q) orthonormal; `fast` (n, taus) what the terms' responses are beside them."""
+    """What is fitted to a stretch: `slow` (n, q) orthonormal columns of line and parabola; `fast` (n, taus) what the
+    terms' responses are beside them."""
 
     slow: Floats
     fast: Floats
 
     def left(self, y: Floats) -> Floats:
+        """What the slow columns leave over of `y` (n,)."""
         return np.asarray(y - self.slow @ (self.slow.T @ y))
 
 
@@ -144,7 +146,8 @@ def _design(part: Stretch, switch_s: float) -> _Design:
 
 
 def _responses(x: Floats, step_W: Floats) -> Floats:
-    """u_j (n, taus) [W] of a power that is 0 until x = 0, then linear between samples, its first sample's from 0 on."""
+    """u_j (n, taus) [W] at times x (n,) [s] after a switch: the power is 0 until x = 0, has its first sample's value
+    from there on, and is linear between samples."""
     u = np.zeros((x.size, TAU_S.size))
     now, since, power = np.zeros(TAU_S.size), 0.0, None
     for k in np.flatnonzero(x > 0.0):
@@ -158,7 +161,8 @@ def _responses(x: Floats, step_W: Floats) -> Floats:
 
 
 def _solve(designs: Sequence[Sequence[_Design]], measured: Sequence[Floats], freedom: int) -> _Solution:
-    """Non-negative least squares for every choice of the moments, weighed by likelihood."""
+    """The spectrum by non-negative least squares for every choice of the moments of switching, weighed by
+    likelihood."""
     choices = list(itertools.product(*designs))
     spectra, squares = [], []
     for choice in choices:

@@ -38,8 +38,8 @@ CHANCE = 0.01
 
 @dataclass(frozen=True)
 class Repeatability:
-    """`sd` of ln R between repeats (0.03: 3 %), known with `degrees_of_freedom` (infinite where assumed); `source`:
-    "repeats", "scatter about smooth courses", "repeats and scatter" or "assumed"."""
+    """How checks repeat: `sd` of ln R between repeats (0.03: 3 %), known with `degrees_of_freedom` (infinite where
+    assumed); `source`: "repeats", "scatter about smooth courses", "repeats and scatter" or "assumed"."""
 
     sd: float
     degrees_of_freedom: float
@@ -63,8 +63,8 @@ class Repeatability:
 
 
 def estimate(specimen: Sequence[Hashable], dose_h: ArrayLike, ln_resistance: ArrayLike) -> Repeatability:
-    """From all checks of all specimens, in any order: `specimen` (n,), dose (n,) [h], ln R (n,). Rows that are not
-    finite are left out. 3 % is assumed where both ways have fewer than four degrees of freedom."""
+    """How checks repeat, from all checks of all specimens in any order: `specimen` (n,), dose (n,) [h], ln R (n,).
+    Rows that are not finite are left out. 3 % is assumed where both ways have fewer than four degrees of freedom."""
     groups: list[tuple[float, int]] = []
     scatters: list[Floats] = []
     for doses, values in _of_each(specimen, dose_h, ln_resistance):
@@ -82,7 +82,7 @@ def estimate(specimen: Sequence[Hashable], dose_h: ArrayLike, ln_resistance: Arr
 
 
 def _of_each(specimen: Sequence[Hashable], dose_h: ArrayLike, ln_resistance: ArrayLike) -> list[tuple[Floats, Floats]]:
-    """Doses, ascending, and ln R of every specimen."""
+    """Doses, ascending, and ln R of every specimen that has checks."""
     dose, y = np.asarray(dose_h, np.float64), np.asarray(ln_resistance, np.float64)
     places: dict[Hashable, int] = {}
     code = np.array([places.setdefault(name, len(places)) for name in specimen], np.int64)
@@ -95,8 +95,8 @@ def _of_each(specimen: Sequence[Hashable], dose_h: ArrayLike, ln_resistance: Arr
 
 
 def _against_neighbours(dose: Floats, mean: Floats, size: NDArray[np.int64]) -> Floats:
-    """Each inner check less the line between its neighbours, over what its standard deviation is in multiples of one
-    check's."""
+    """How far each inner check is off the line between its neighbours, in units that have one check's standard
+    deviation."""
     if len(dose) < 3:
         return np.empty(0)
     share = (dose[1:-1] - dose[:-2]) / (dose[2:] - dose[:-2])  # of the later neighbour

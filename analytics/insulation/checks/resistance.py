@@ -48,9 +48,10 @@ def evaluate_together(traces: Sequence[CheckTrace], first: Sequence[Together] = 
 
     A sensor that fails in one check is left out of all, as the mean of the others is another temperature, unless
     fewer than half would remain; then each check leaves out its own. The route is the most trusted one that serves
-    three quarters of the checks, those of `first` before all others, else the one that serves most; checks that it does
-    not serve have none. What sensors are off by from check to check is read before the load (`check_zero`). By an iron
-    sensor alone the first check has its own value, later ones without what darker surfaces take from theirs, 2 % at most.
+    three quarters of the checks, those of `first` before all others, else the one that serves most; checks that it
+    does not serve have none. What sensors are off by from check to check is read before the load (`check_zero`). By
+    an iron sensor alone the first check has its own value, later ones without what darker surfaces take from theirs,
+    2 % at most.
     """
     bad = _left_out(traces)
     checks = [read(*one) for one in zip(of_one_zero(traces, bad), bad, strict=True)]
@@ -70,7 +71,7 @@ def evaluate_together(traces: Sequence[CheckTrace], first: Sequence[Together] = 
 
 
 def _left_out(traces: Sequence[CheckTrace]) -> list[dict[str, str]]:
-    """Name -> why, of the sensors that each check leaves out."""
+    """Sensors that each check leaves out: name -> why."""
     bad = [unusable_sensors(trace) for trace in traces]
     bad = [found | stray for found, stray in zip(bad, strayed(traces, bad), strict=True)]
     common: dict[str, str] = {}
@@ -95,8 +96,9 @@ def _answers(
 
 
 def _in_their_course(found: Sequence[Estimate | str]) -> list[Estimate | str]:
-    """Estimates whose sd is what they can be off by from check to check: where each lies nearer to the middle of its
-    neighbours than its sd lets it (median, for normal errors), the rest of that is common to all and moves no course."""
+    """The estimates with an sd of what they can be off by from check to check: where each lies nearer to the middle
+    of its neighbours than its sd lets it (median, for normal errors), the rest of that sd is common to all and moves
+    no course."""
     known = [one for one in found if isinstance(one, Estimate) and one.value > 0.0]
     if len(known) < LEAST_COURSE:
         return list(found)
@@ -112,7 +114,7 @@ def _known(found: Estimate | str, _: Loaded) -> Estimate | str:
 
 
 def _without_darkening(answers: tuple[CheckResistance, ...], checks: Sequence[Read]) -> tuple[CheckResistance, ...]:
-    """What darker surfaces take from the values of an iron sensor, put back."""
+    """The answers by an iron sensor, with what darker surfaces took from them put back."""
     cold = [
         _cold(one.check) if answer.source == "iron sensor" else None
         for answer, one in zip(answers, checks, strict=True)

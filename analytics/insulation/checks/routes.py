@@ -11,8 +11,8 @@ On a bare stator of 24 lumps in free air the second gives 1.3 times, the third 2
 whatever the insulation; their courses over checks are 0.9 times as steep in ln R. So values of two routes never
 belong into one course.
 
-What else can tell the resistances of all checks of a specimen at once, such as a motor file's network of the rig, comes in
-as `Together`; it is no business of this package how.
+What else can tell the resistances of all checks of a specimen at once, such as a motor file's network of the rig,
+comes in as `Together`; it is no business of this package how.
 """
 
 from __future__ import annotations
@@ -39,12 +39,13 @@ MOST_LEAD_K = 10.0  # of the copper over the ambient at rest: a stator that was 
 
 @dataclass(frozen=True)
 class CheckResistance:
-    """What a check says. `resistance_K_per_W` with `sd_K_per_W` by `source`, or None and `why`.
+    """What a check says: `resistance_K_per_W` with `sd_K_per_W` by the route `source`, or None and `why` not.
 
-    `copper_degC`, `iron_degC` means of the used sensors and `power_W` where they settle, `hottest_degC` of the sensor
-    `hottest` with `hottest_sd_K`. `steady`: these are means of the last 10 min of load ("steady"), asymptotes
-    ("extrapolated"), or means of the last 10 min of a load too short to tell ("not reached"). `load_s` how long the
-    load was on without a break. `left_out`: sensors that were not used, each with why.
+    `copper_degC` and `iron_degC` are means of the used sensors, and `power_W` that where they settle; `hottest_degC`
+    with `hottest_sd_K` is that of the sensor `hottest`. `steady` says what these are: means of the last 10 min of
+    load ("steady"), asymptotes ("extrapolated"), or means of the last 10 min of a load too short to tell ("not
+    reached"). `load_s` [s]: how long the load was on without a break. `left_out`: sensors that were not used, each
+    with why.
     """
 
     resistance_K_per_W: float | None
@@ -64,7 +65,7 @@ class CheckResistance:
 
 @dataclass(frozen=True)
 class Estimate:
-    """[K/W]"""
+    """A resistance and its standard deviation [K/W]."""
 
     value: float
     sd: float
@@ -89,8 +90,8 @@ class Together:
 
 @dataclass(frozen=True)
 class Read:
-    """A check without the sensors that are left out, and what it says but for the resistance; `check` None where nothing
-    can be evaluated, `told` says why then."""
+    """A check without the sensors that are left out, and `told`: all that it says but for the resistance. Where
+    nothing can be evaluated `check` is None and `told` says why."""
 
     check: Loaded | None
     told: CheckResistance
@@ -131,7 +132,7 @@ def too_wide(found: Estimate) -> str | None:
 
 
 def _told(check: Loaded, left_out: tuple[str, ...]) -> CheckResistance:
-    """All but the resistance."""
+    """What a check says, but for the resistance."""
     on, t = check.on, check.t_s[check.on]
     means = [check.copper[on], check.power[on], *([] if check.iron is None else [check.iron[on]])]
     series = np.column_stack([*means, check.sensors[on]])

@@ -18,10 +18,9 @@ LEAST_SENSORS = 3  # of a kind, for their median to be a measure
 
 
 def unusable(names: Sequence[str], value_degC: Floats) -> dict[str, str]:
-    """Name -> why, of the columns of `value_degC` (N, k) that cannot be believed: sensors of one kind, copper or
-    iron, as these may move differently. The measure is their median, so more than half of three or more have to be
-    right; of fewer only missing samples are seen.
-    """
+    """Columns of `value_degC` (N, k) that cannot be believed: name -> why. They are sensors of one kind, copper or
+    iron, as the two may move differently. The measure is their median, so more than half of three or more have to be
+    right; of fewer only missing samples are seen."""
     possible = possible_only(value_degC)
     there = np.isfinite(possible)
     present = there.mean(axis=0) if len(possible) else np.zeros(len(names))
@@ -44,7 +43,7 @@ def unusable(names: Sequence[str], value_degC: Floats) -> dict[str, str]:
 
 
 def possible_only(value_degC: Floats) -> Floats:
-    """The same with NaN for what no winding or iron can have."""
+    """The readings [degC] with NaN for what no winding or iron can have."""
     lowest, highest = POSSIBLE_DEGC
     with np.errstate(invalid="ignore"):
         return np.where((value_degC > lowest) & (value_degC < highest), value_degC, np.nan)

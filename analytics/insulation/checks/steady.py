@@ -51,8 +51,8 @@ MOST_LAG = 0.98
 
 @dataclass(frozen=True)
 class Settled:
-    """Of each series (k,): `last` the mean over the last 10 min, `final` where it goes at the ambient of these, and
-    `sd` of that; `rise` how far it has come. `tau_s` [s] of the slowest mode."""
+    """Where each of k series goes: `last` (k,) its mean over the last 10 min, `final` (k,) where it settles at the
+    ambient of these, `sd` (k,) of that, and `rise` (k,) how far it has come. `tau_s` [s]: the slowest mode."""
 
     last: Floats
     final: Floats
@@ -80,7 +80,7 @@ class AtRest:
 
 
 def settle(t_s: Floats, series: Floats, ambient: Floats | None, follows: Floats) -> Settled | None:
-    """Where `series` (N, k) of a stretch of constant load go, `t_s` (N,) [s] rising from its begin.
+    """Where `series` (N, k) of a stretch of constant load settle, `t_s` (N,) [s] rising from its begin.
 
     `ambient` (N,) in the unit of the series, None where it is not measured; `follows` (k,) how much of the ambient's
     change each series takes part in at last: 1 for temperatures, 0 for their differences. None where the stretch is
@@ -114,7 +114,8 @@ def settle(t_s: Floats, series: Floats, ambient: Floats | None, follows: Floats)
 
 
 def resistance_at_rest(t_s: Floats, drop_K: Floats, body_degC: Floats, power_W: Floats) -> AtRest | None:
-    """R of a stretch of load from its begin: arrays (N,), `power_W` above zero. None where it is under 20 min.
+    """R at rest from a stretch of load from its begin: samples (N,), `power_W` above zero. None where it is under 20
+    min.
 
     The sd holds the noise, correlated from minute to minute, half the difference to the same fit over the later half,
     where the early modes are surely over, and `REST_SHARE`.
@@ -143,7 +144,7 @@ def _rate(t_s: Floats, value: Floats) -> Floats:
 
 
 def _intercept(x: Floats, y: Floats) -> tuple[float, float]:
-    """Of a straight line, with its sd; the mean where x does not vary."""
+    """The intercept of a straight line through y over x (n,), with its sd; the mean where x does not vary."""
     scale = float(np.abs(x).max()) or 1.0
     design = np.column_stack([np.ones_like(x), x / scale])
     inverse = np.linalg.pinv(design.T @ design, rcond=1e-12)
@@ -171,7 +172,7 @@ def _fit(
     tau: float,
     ratio: float,
 ) -> _Fit:
-    """For given rates: Y, B and C of each series, the last with prior precision `bend` in squares of the noise."""
+    """Y, B and C of each series for given rates, C with prior precision `bend` in squares of the noise."""
     x, left = t[used], (y - _felt(t, air, tau)[:, None] * follows)[used]
     since = x - x[0]
     design = np.stack([np.ones_like(x), np.exp(-since / tau), np.exp(-since / (ratio * tau))], axis=1)
@@ -183,7 +184,7 @@ def _fit(
 
 
 def _felt(t_s: Floats, air: Floats, tau_s: float) -> Floats:
-    """The ambient as a body of `tau_s` feels it that has felt its first value for ever."""
+    """The ambient as a body of time constant `tau_s` feels it that has felt its first value for ever."""
     felt = np.empty_like(air)
     felt[0] = air[0]
     kept = np.exp(-np.diff(t_s) / tau_s)
@@ -193,7 +194,8 @@ def _felt(t_s: Floats, air: Floats, tau_s: float) -> Floats:
 
 
 def _inflated(residual: Floats) -> Floats:
-    """Variance (k,) of the noise, as much larger as its correlation from block to block makes a mean less certain."""
+    """Variance (k,) of the noise, larger by as much as its correlation from block to block makes a mean less
+    certain."""
     squares = np.sum(residual**2, axis=0)
     lag = np.clip(np.sum(residual[1:] * residual[:-1], axis=0) / np.maximum(squares, 1e-300), 0.0, MOST_LAG)
     return np.asarray(np.maximum(squares, 1e-300) / max(len(residual) - PARAMETERS, 1) * (1.0 + lag) / (1.0 - lag))

@@ -24,8 +24,8 @@ LEAST_SENSORS, LEAST_CHECKS = 4, 4
 
 
 def strayed(traces: Sequence[CheckTrace], left_out: Sequence[Mapping[str, str]]) -> list[dict[str, str]]:
-    """Name -> why, of the copper sensors of each check of one specimen, in the order of time, that stray there;
-    `left_out`: those that are not used anyway. Nothing is said with fewer than four sensors or checks."""
+    """Copper sensors of each check of one specimen, in the order of time, that stray there: name -> why. `left_out`:
+    those that are not used anyway. Nothing is said with fewer than four sensors or checks."""
     places = [_places(trace, out) for trace, out in zip(traces, left_out, strict=True)]
     names = sorted({name for found in places for name in found})
     if len(names) < LEAST_SENSORS or len(traces) < LEAST_CHECKS:
@@ -55,7 +55,7 @@ def _places(trace: CheckTrace, left_out: Mapping[str, str]) -> dict[str, float]:
 
 
 def _around(above: Floats, k: int) -> Floats:
-    """Median of each sensor over the checks around check `k`, without it; NaN where there is none."""
+    """Median of each sensor over the checks around check `k`, without `k`; NaN where there is none."""
     near = np.delete(above, k, axis=0)[max(k - AROUND, 0) : k + AROUND]
     there = np.isfinite(near).any(axis=0)
     result = np.full(above.shape[1], np.nan)

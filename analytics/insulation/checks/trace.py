@@ -33,9 +33,9 @@ class CheckTrace:
 
 @dataclass(frozen=True)
 class Loaded:
-    """A trace without unusable sensors and incomplete rows: `t_s` (N,) [s], `sensors` (N, k) of the copper with their
-    `names`, means (N,) of the `iron` sensors and the `air` [degC], None where there are none, `power` (N,) [W]; its
-    last load without a break is from sample `first` to `last`."""
+    """A trace without unusable sensors and incomplete rows: `t_s` (N,) [s], `sensors` (N, k) of the copper [degC]
+    with their `names`, means (N,) of the `iron` sensors and of the `air` [degC], None where there are none, and
+    `power` (N,) [W]. Its last load without a break is from sample `first` to `last`."""
 
     t_s: Floats
     sensors: Floats
@@ -48,17 +48,17 @@ class Loaded:
 
     @property
     def on(self) -> slice:
-        """Samples under that load."""
+        """The samples under that load."""
         return slice(self.first, self.last + 1)
 
     @property
     def copper(self) -> Floats:
-        """Mean of the sensors (N,) [degC]."""
+        """Mean of the copper sensors (N,) [degC]."""
         return np.asarray(self.sensors.mean(axis=1))
 
     @property
     def load_s(self) -> float:
-        """Since the last sample before it, as it was switched on in between."""
+        """How long the load was on [s], from the last sample before it, as it was switched on in between."""
         return float(self.t_s[self.last] - self.t_s[max(self.first - 1, 0)])
 
 
@@ -105,8 +105,8 @@ def loaded(trace: CheckTrace, left_out: Collection[str]) -> Loaded | str:
 
 
 def _ambient(degC: Floats, t_s: Floats) -> Floats | None:
-    """Mean of the ambient channels, over missing samples as a straight line; a channel with gaps counts only while it
-    is there."""
+    """Mean of the ambient channels (N,) [degC], a straight line over missing samples; a channel with gaps counts only
+    while it is there."""
     if not degC.shape[1]:
         return None
     there = np.isfinite(degC)

@@ -40,7 +40,7 @@ EVALUATIONS = 20
 @dataclass(frozen=True)
 class Curve:
     """One check from rest: `t_s` (N,) [s], `copper` (N,) mean [degC], `power` (N,) [W], `air` (N,) [degC], all
-    without NaN. `on` first sample under load, `off` first sample after it, N where the log ends under load."""
+    without NaN. `on`: the first sample under load; `off`: the first after it, N where the log ends under load."""
 
     t_s: Floats
     copper: Floats
@@ -52,7 +52,7 @@ class Curve:
 
 @dataclass(frozen=True)
 class FromCurve:
-    """R [K/W] and its sd [K/W]."""
+    """R and its standard deviation [K/W]."""
 
     resistance: float
     sd: float
@@ -102,13 +102,13 @@ def _thinned(curve: Curve) -> Curve:
 
 
 def _left(curve: Curve, vectors: Floats) -> Floats:
-    """(vectors, N + priors) what the curve and the priors leave over, in their sds."""
+    """What the curve and the priors leave over (vectors, N + priors), in units of their sds."""
     over = (_simulated(curve, vectors) - curve.copper) / MODEL_K
     return np.concatenate([over, (vectors[:, : PRIOR.size] - PRIOR) / PRIOR_SD], axis=1)
 
 
 def _simulated(curve: Curve, vectors: Floats) -> Floats:
-    """T_w (vectors, N) by the implicit midpoint rule, with the film of the step before."""
+    """T_w (vectors, N) [degC] by the implicit midpoint rule, with the film of the step before."""
     values = np.ascontiguousarray(np.exp(vectors[:, : PRIOR.size]))
     power = np.repeat(curve.power[None, 1:] + curve.power[None, :-1], len(vectors), axis=0) / 2.0
     for place, elapsed in ((curve.on, vectors[:, -2]), (curve.off, vectors[:, -1])):
@@ -121,8 +121,8 @@ def _simulated(curve: Curve, vectors: Floats) -> Floats:
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
 def _marched(values: Floats, start: Floats, power: Floats, air: Floats, seconds: Floats) -> Floats:
-    """(vectors, N): `values` (vectors, 6) as `PRIOR` has them, `start` (vectors,) [degC], `power` (vectors, N - 1) [W]
-    and `air` (N - 1,) [degC] between the samples, `seconds` (N - 1,) from one to the next."""
+    """T_w (vectors, N) [degC]: `values` (vectors, 6) as `PRIOR` has them, `start` (vectors,) [degC], `power`
+    (vectors, N - 1) [W] and `air` (N - 1,) [degC] between the samples, `seconds` (N - 1,) from one to the next."""
     course = np.empty((len(values), seconds.size + 1))
     for i in range(len(values)):
         resistance, winding, iron, convects, radiates, share = values[i]

@@ -27,8 +27,9 @@ LEAST_CHECKS = 3
 
 
 def of_one_zero(traces: Sequence[CheckTrace], left_out: Sequence[Mapping[str, str]]) -> list[CheckTrace]:
-    """The checks of one specimen with their iron moved by what their own sensors are off by [K]; those that do not
-    begin at rest, and all where fewer than three do, as they are. `left_out`: sensors not used, of each check."""
+    """The checks of one specimen with their iron moved by what their own sensors are off by [K]. Checks that do not
+    begin at rest stay as they are, and all do where fewer than three begin so. `left_out`: sensors not used, of each
+    check."""
     seen = [_resting(trace, out) for trace, out in zip(traces, left_out, strict=True)]
     offset, variance = np.array([found or (np.nan, np.nan) for found in seen]).reshape(-1, 2).T
     known = np.isfinite(offset)
@@ -67,7 +68,7 @@ def _at_rest(check: Loaded, used: NDArray[np.intp]) -> bool:
 
 
 def _rounding(sensors: Floats) -> float:
-    """Variance of the mean of sensors (N, k) that rounding makes: a twelfth of the square of the smallest step."""
+    """Variance [K^2] that rounding gives the mean of sensors (N, k): a twelfth of the square of the smallest step."""
     steps = np.abs(np.diff(sensors, axis=0))
     step = float(np.min(steps[steps > 1e-6], initial=np.inf))
     return step**2 / 12.0 / sensors.shape[1] if np.isfinite(step) else 0.0

@@ -34,9 +34,9 @@ CURE_SPAN = 0.4  # longest k of the cure
 
 @dataclass(frozen=True)
 class Courses:
-    """`columns` (a, n, 2): both shapes at n doses. `sds` (a, 2) of the amplitudes' priors. `weight` (a,): within the
-    form, summing to 1. `turn` (a,): x of its corner, `level` (a,): x from which it stays level; NaN where there is
-    none. `cell` (a,): the width in x that this corner stands for."""
+    """A list of a courses at n doses. `columns` (a, n, 2): first(x) and second(x) of each; `sds` (a, 2) of the
+    amplitudes' priors; `weight` (a,) within the form, summing to 1; `turn` (a,): x of its corner, and `level` (a,): x
+    from which it stays level, NaN where there is none; `cell` (a,): the width in x that this corner stands for."""
 
     columns: Floats
     sds: Floats
@@ -46,6 +46,7 @@ class Courses:
     level: Floats
 
     def some(self, chosen: NDArray[np.int64]) -> Courses:
+        """The `chosen` ones."""
         return Courses(
             self.columns[chosen],
             self.sds[chosen],
@@ -57,8 +58,8 @@ class Courses:
 
 
 def courses(form: str, x: Floats, at: Floats, turns: int) -> Courses | None:
-    """The courses of `form` at `at` (n,), with turns at the middle of `turns` equal parts of where the checks' places
-    `x`, ascending and distinct, let them be. None where the checks are too few for this form."""
+    """The courses of `form` at `at` (n,). They turn at the middles of `turns` equal parts of where the checks' places
+    `x`, ascending and distinct, let them turn. None where the checks are too few for this form."""
     if form == MONOTONE:
         return _monotone(at)
     places = turning_places(x, turns)
@@ -70,13 +71,15 @@ def courses(form: str, x: Floats, at: Floats, turns: int) -> Courses | None:
 
 
 def courses_of_all(x: Floats, at: Floats, turns: int) -> Courses:
-    """Those of every form for which the checks are enough, one form after the other: weights sum to their number."""
+    """The courses of every form for which the checks are enough, one form after the other; weights sum to the number
+    of forms."""
     found = [given for form in CHANGING if (given := courses(form, x, at, turns)) is not None]
     return Courses(*(np.concatenate([getattr(given, of.name) for given in found]) for of in fields(Courses)))
 
 
 def turning_places(x: Floats, turns: int) -> Floats | None:
-    """Between the second check and the last place that leaves two of them after it; None below four checks."""
+    """Where courses may turn: places from the second check to the last place that leaves two checks after it. None
+    below four checks."""
     if len(x) < 4:
         return None
     low, high = x[1], (x[-3] + x[-2]) / 2
@@ -150,7 +153,8 @@ def _pairs(first: Floats, second: Floats) -> Floats:
 def _joined(
     parts: list[tuple[Floats, float, tuple[float, float]]], turn: Floats, cell: Floats, level: Floats | None = None
 ) -> Courses:
-    """Of several parts: columns, the weight of the whole part, and the standard deviations of its amplitudes."""
+    """The courses of several parts, each given as columns, the weight of the whole part, and the standard deviations
+    of its amplitudes."""
     columns = np.concatenate([part for part, _, _ in parts])
     weight = np.concatenate([np.full(len(part), w / len(part)) for part, w, _ in parts])
     sds = np.concatenate([np.tile(sd, (len(part), 1)) for part, _, sd in parts])

@@ -50,15 +50,16 @@ LEAST_DOSES = 3
 
 @dataclass(frozen=True)
 class Form:
-    """`name`: none, monotone, dip_then_rise or changepoint, with its `probability`; `probabilities` are those of all
-    four.
+    """The form of one specimen's course: `name` is none, monotone, dip_then_rise or changepoint, with its
+    `probability`; `probabilities` are those of all four.
 
-    `change_at_dose_h`: where a changepoint or the lowest point of a dip lies [h], with the interval of 95 %; else None.
-    `slope_percent_per_100h`: mean change of R over `branch_dose_h` [%/100 h; positive: worse], with the interval of 95
-    %: the whole course where the form is none (a straight line) or monotone, from the change to the last check
-    otherwise, or to where a rise has become level. `level_from_dose_h`: that place, where `level_probability` of a
-    level is above one half. `p_value`: share of series without any change that show as much, of those drawn until ten
-    do. `why`: what kept this from being assessed, or empty."""
+    `change_at_dose_h` [h]: where a changepoint or the lowest point of a dip lies, with the interval of 95 %; else
+    None. `slope_percent_per_100h` [%/100 h; positive: worse]: mean change of R over `branch_dose_h`, with the
+    interval of 95 %. That branch is the whole course where the form is none (a straight line) or monotone, else from
+    the change to the last check or to where a rise has become level. `level_from_dose_h`: that place, where
+    `level_probability` of a level is above one half. `p_value`: share of series without any change that show as much,
+    of those drawn until ten do. `why`: what kept this from being assessed, or empty.
+    """
 
     name: str
     probability: float
@@ -110,7 +111,7 @@ def assess(
 
 
 def _clean(dose_h: ArrayLike, ln_resistance: ArrayLike, sd: ArrayLike) -> tuple[Floats, Floats, Floats]:
-    """Finite rows in the order of dose."""
+    """The finite rows, in the order of dose."""
     dose, y = np.asarray(dose_h, np.float64), np.asarray(ln_resistance, np.float64)
     s = np.broadcast_to(np.asarray(sd, np.float64), dose.shape)
     good = np.isfinite(dose) & np.isfinite(y) & np.isfinite(s) & (s > 0.0)
@@ -128,8 +129,8 @@ def _unknown(why: str) -> Form:
 
 @dataclass(frozen=True)
 class _Errors:
-    """Of checks at `x` (n,), 0 at the first and 1 at the last, with standard deviations `sd` (n,). `root` (n, n):
-    whitens, with the start's flat prior integrated out; root' root is the precision that is left."""
+    """Errors of checks at `x` (n,), 0 at the first and 1 at the last, with standard deviations `sd` (n,). `root` (n,
+    n) whitens a series, with the start's flat prior integrated out: root' root is the precision that is left."""
 
     x: Floats
     sd: Floats
@@ -149,8 +150,8 @@ class _Errors:
 
 @dataclass(frozen=True)
 class _Amplitudes:
-    """Both amplitudes, in units of their priors' standard deviations, before the constraint: their precision (2, 2,
-    ...), and `pull` (2, ...), the precision times their means."""
+    """The normal distribution of both amplitudes, in units of their priors' standard deviations, before they are cut
+    to positive values: their precision (2, 2, ...), and `pull` (2, ...), the precision times their means."""
 
     precision: Floats
     pull: Floats
@@ -162,7 +163,7 @@ class _Amplitudes:
 
     @property
     def gained(self) -> Floats:
-        """Twice the logarithm of what they add to the likelihood at their means."""
+        """Twice the logarithm of what amplitudes at their means add to the likelihood."""
         return np.asarray((self.pull * self.mean).sum(axis=0), np.float64)
 
     @property
@@ -179,8 +180,8 @@ class _Amplitudes:
 
 @dataclass(frozen=True)
 class _Posterior:
-    """Of the amplitudes of each course: precision (2, 2, a), and `rows` (2, a, n) that make of a whitened series what
-    pulls at them."""
+    """The amplitudes of each course, for any series: precision (2, 2, a), and `rows` (2, a, n) that make of a
+    whitened series what pulls at them."""
 
     precision: Floats
     rows: Floats
@@ -191,18 +192,20 @@ class _Posterior:
         return cls(_precision(white), white)
 
     def amplitudes(self, white: Floats) -> _Amplitudes:
-        """For whitened series (n, m): (..., a, m)."""
+        """The amplitudes (..., a, m) for whitened series (n, m)."""
         return _Amplitudes(self.precision[..., None], self.rows @ white)
 
 
 @dataclass(frozen=True)
 class _OddCheck:
-    """A series `y` (n,), and which of its checks may be odd: `place` (m,), n for none of them. `ln_none` (m,): of a
-    constant, with the prior of each case and over a constant without odd checks.
+    """A series `y` (n,) of which one check at most is odd, by cases: `place` (m,) of the odd check, n for none.
+    `ln_none` (m,): ln of the marginal likelihood of a constant in each case, with the case's prior, over that of a
+    constant without odd checks.
 
-    With P the precision of the series without its start, a variance larger by v at check i takes P e_i e_i' P /
-    (1 / v + P_ii) from it (Sherman and Morrison): what is summed over the checks is made once, and one term taken off
-    for each case: `row` (m, n) is e_i' P, `pull` (m,) its factor."""
+    With P the precision of the series without its start, a variance larger by v at check i takes P e_i e_i' P / (1 /
+    v + P_ii) from it (Sherman and Morrison): what is summed over the checks is made once, and one term taken off for
+    each case: `row` (m, n) is e_i' P, `pull` (m,) its factor.
+    """
 
     errors: _Errors
     y: Floats
@@ -221,7 +224,7 @@ class _OddCheck:
         return cls(errors, y, np.arange(n + 1), row, pull, np.asarray(ln_prior + gained / 2, np.float64))
 
     def likely(self, given: Courses) -> _OddCheck:
-        """Without the cases that a coarse grid of courses finds improbable."""
+        """The same without the cases that a coarse grid of courses finds improbable."""
         ln = _ln_sum(np.vstack([self.ln_none, self.ln_weights(given)]))
         keep = (ln > ln.max() + math.log(ODD_LIKELY)) | (self.place == len(self.y))
         return replace(
@@ -229,7 +232,8 @@ class _OddCheck:
         )
 
     def ln_weights(self, given: Courses) -> Floats:
-        """(a, m): ln of the marginal likelihood of each course with its weight, likewise."""
+        """ln of the marginal likelihood of each course in each case (a, m), with the course's weight and the case's
+        prior, over that of a constant without odd checks."""
         white, at = self.errors.whitened(given), _scaled(given, len(self.y)) @ self.row.T
         pulled = self.pull * at
         precision = _precision(white)[..., None] - pulled[:, None] * at
@@ -263,7 +267,7 @@ def _precision(white: Floats) -> Floats:
 
 
 def _probabilities(ln_likelihood: Mapping[str, float]) -> dict[str, float]:
-    """Of all forms, from their marginal likelihoods; forms that cannot be assessed have 0."""
+    """Probability of every form from their marginal likelihoods; 0 for forms that cannot be assessed."""
     each = math.log((1.0 - PRIOR_NONE) / len(CHANGING))
     priors = {NONE: math.log(PRIOR_NONE), **dict.fromkeys(CHANGING, each)}
     ln = np.array([prior + ln_likelihood.get(form, -math.inf) for form, prior in priors.items()])
@@ -289,7 +293,7 @@ def _p_value(coarse: Courses, errors: _Errors, y: Floats, seed: int, degrees_of_
 
 
 def _unchanged(errors: _Errors, seed: int, degrees_of_freedom: float) -> Floats:
-    """(n, m): series without any change."""
+    """Series without any change (n, m), drawn from the errors."""
     random = np.random.default_rng([seed, 0])
     series = errors.sd[:, None] * random.standard_normal((len(errors.sd), NULL_SERIES))
     if math.isfinite(degrees_of_freedom):
@@ -300,18 +304,19 @@ def _unchanged(errors: _Errors, seed: int, degrees_of_freedom: float) -> Floats:
 
 @dataclass(frozen=True)
 class _Evidence:
-    """For a change of any form, by the courses of a coarse grid with their `ln_weight` (a,)."""
+    """The evidence for a change of any form, by the courses of a coarse grid with their `ln_weight` (a,)."""
 
     ln_weight: Floats
     posterior: _Posterior
 
     def of(self, white: Floats) -> Floats:
-        """(m,): ln of the sum of the forms' factors, of whitened series (n, m)."""
+        """ln of the sum of the forms' factors (m,) for whitened series (n, m)."""
         return _ln_sum(self.ln_weight[:, None] + self.posterior.amplitudes(white).ln_factor)
 
     def reached(self, white: Floats, least: float) -> Ints:
-        """Which of these series have that much evidence. Most have not by what it cannot exceed: a course gains the
-        square of the whole series at most, and both amplitudes are positive with probability 1 at most."""
+        """Which of whitened series (n, m) have at least so much evidence. Most are refused by what it cannot exceed:
+        a course gains the square of the whole series at most, and both amplitudes are positive with probability 1 at
+        most."""
         ln_most = self.ln_weight - np.log(_determinant(self.posterior.precision)) / 2 + math.log(4.0)
         at = np.flatnonzero(_ln_sum(ln_most) + (white**2).sum(axis=0) / 2 >= least)
         at = at[_ln_sum(ln_most[:, None] + self.posterior.amplitudes(white[:, at]).gained / 2) >= least]
@@ -323,8 +328,8 @@ class _Evidence:
 
 @dataclass(frozen=True)
 class _Drawn:
-    """Courses drawn from the posterior, in x: where each turns, the mean slope after it, and where the rise ends
-    (m,)."""
+    """Courses drawn from the posterior (m,), in x: where each turns, its mean slope after that, and where its rise
+    ends."""
 
     turn: Floats
     slope: Floats
@@ -401,7 +406,7 @@ def _changing(
 
 
 def _constant(probabilities: Mapping[str, float], p_value: float, dose: Floats, y: Floats, errors: _Errors) -> Form:
-    """None, with the straight line that the checks allow."""
+    """The form none, with the straight line that the checks allow."""
     white = errors.root @ np.column_stack([dose - dose.mean(), y])
     information = float(white[:, 0] @ white[:, 0])
     slope = PERCENT_PER_100_H * float(white[:, 0] @ white[:, 1]) / information

@@ -22,8 +22,8 @@ ROOT_TWO_PI = 2.5066282746310002
 
 
 def log_both_positive(a: Floats, b: Floats, correlation: Floats) -> Floats:
-    """ln P(X > 0, Y > 0) for means `a`, `b` and standard deviations 1, element by element; shapes of the means alike,
-    the correlations broadcast. Correlations of exactly -1 or 1 are not meant. To 1e-8 relative."""
+    """ln P(X > 0, Y > 0) of normal variables with means `a` and `b` and standard deviations 1, element by element, to
+    1e-8 relative. The means have one shape; the correlations, between -1 and 1 and neither of them, broadcast."""
     r = np.sqrt((1.0 - correlation) * (1.0 + correlation))
     a_, b_ = np.where(a == 0.0, 1e-300, a), np.where(b == 0.0, 1e-300, b)
     with np.errstate(over="ignore"):

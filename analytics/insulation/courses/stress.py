@@ -1,17 +1,20 @@
-"""What each kind of stress does to ln R beside the others: hours of heat, thermal cycles, hours of discharge, whatever is counted.
+"""What each kind of stress does to ln R beside the others: hours of heat, thermal cycles, hours of discharge,
+whatever is counted.
 
     ln R_ij = b_i + s_i X_ij1 + f(X_ij1) + sum_{k > 1} a_k X_ijk + e_ij
 
-with a start of its own for each specimen and one effect of each further stress for all of them, by weighted least squares. Specimens
-age at their own rates, so the first stress (heat) has a slope for each where they have four checks, and its effect is the one slope of
-all; and insulation does not age evenly, so what heat does may change along its way, f: a natural cubic spline, the same for all. Else a
-course that levels off is put down to whatever was done early: without f, of six stators that all had their voltage tests in the first
-half of a campaign, half are said to suffer from discharges that do nothing.
+with a start of its own for each specimen and one effect of each further stress for all of them, by weighted least
+squares. Specimens age at their own rates, so the first stress (heat) has a slope for each where they have four
+checks, and its effect is the one slope of all; and insulation does not age evenly, so what heat does may change along
+its way, f: a natural cubic spline, the same for all. Else a course that levels off is put down to whatever was done
+early: without f, of six stators that all had their voltage tests in the first half of a campaign, half are said to
+suffer from discharges that do nothing.
 
-The errors are widened to how far the effect moves when each specimen is left out (the jackknife by clusters: MacKinnon, Nielsen and
-Webb, J. Appl. Econometrics 38 (2023) 671, arXiv:2301.04527), as specimens differ in more than their starts. Oven cycles of one length
-make hours and cycles the same column: then neither is told apart from the other, and only a cycle of another length, or another
-temperature, would. What either would be alone is still known, and given. Rates over campaigns: `benchmarks/stress.py`.
+The errors are widened to how far the effect moves when each specimen is left out (the jackknife by clusters:
+MacKinnon, Nielsen and Webb, J. Appl. Econometrics 38 (2023) 671, arXiv:2301.04527), as specimens differ in more than
+their starts. Oven cycles of one length make hours and cycles the same column: then neither is told apart from the
+other, and only a cycle of another length, or another temperature, would. What either would be alone is still known,
+and given. Rates over campaigns: `benchmarks/stress.py`.
 """
 
 from __future__ import annotations
@@ -35,8 +38,9 @@ CHECKS_A_BEND = 4  # that are left when each specimen has its start
 
 @dataclass(frozen=True)
 class Stress:
-    """Effect of one unit of the stress `name` on ln R with its standard deviation; `not_told_from`: the stresses that could be it
-    instead, and the effect is then what it would be if they did nothing. None where it does not vary within any specimen."""
+    """The `effect` of one unit of the stress `name` on ln R with its standard deviation; None where the stress does
+    not vary within any specimen. `not_told_from`: the stresses that could be it instead; the effect is then what it
+    would be if they did nothing."""
 
     name: str
     effect: float | None
@@ -47,8 +51,8 @@ class Stress:
 def effects(
     specimen: Sequence[str], ln_resistance: ArrayLike, sd: ArrayLike, columns: Mapping[str, ArrayLike]
 ) -> tuple[Stress, ...]:
-    """One entry a check in any order: specimen, ln R, its sd (n,), and for each stress what it had summed up to (n,); the first is
-    the one whose course may bend."""
+    """The effect of each stress. Arguments have one entry for each check, in any order: specimen, ln R, its sd (n,),
+    and for each stress what it had summed up to (n,); the first stress is the one whose course may bend."""
     places = {name: k for k, name in enumerate(dict.fromkeys(specimen))}
     who = np.array([places[name] for name in specimen], np.int64)
     weight = 1.0 / np.asarray(sd, np.float64)
@@ -82,8 +86,8 @@ def effects(
 
 
 def _bends(along: Floats, count: int) -> Floats:
-    """(n, count): natural cubic splines of a stress over knots at its quantiles, without the straight line (Hastie, Tibshirani and
-    Friedman, The Elements of Statistical Learning, 2nd ed., eq. 5.4)."""
+    """Natural cubic splines (n, count) of a stress over knots at its quantiles, without the straight line (Hastie,
+    Tibshirani and Friedman, The Elements of Statistical Learning, 2nd ed., eq. 5.4)."""
     knots = np.unique(np.quantile(np.unique(along), np.linspace(0.0, 1.0, count + 2)))
     if count < 1 or len(knots) < 3:
         return np.empty((len(along), 0))
@@ -115,8 +119,8 @@ def _less_lines(who: NDArray[np.int64], along: Floats, columns: Floats) -> Float
 
 
 def _told_apart(who: NDArray[np.int64], x: Floats, bends: Floats, rates: bool) -> NDArray[np.bool_]:
-    """(K, K) of columns (n, K): where neither the columns nor what is estimated of them go together; and those that are nearly a
-    course of the first are not told from it."""
+    """Which of the columns (n, K) are told from which (K, K): neither they nor what is estimated of them go together;
+    and what is nearly a course of the first is not told from it."""
     unit = x / np.linalg.norm(x, axis=0)
     left = _less(unit, bends)
     size = np.linalg.norm(left, axis=0)
@@ -132,8 +136,8 @@ def _told_apart(who: NDArray[np.int64], x: Floats, bends: Floats, rates: bool) -
 
 
 def _first_effect(who: NDArray[np.int64], x: Floats, y: Floats) -> tuple[float, float]:
-    """The effect of the first of the columns (n, K) beside the others, and its sd: of the errors, or by leaving out each specimen in
-    turn where that is larger."""
+    """The effect of the first of the columns (n, K) beside the others, and its sd: by the errors, or by leaving out
+    each specimen in turn where that is larger."""
     scale = np.linalg.norm(x, axis=0)
     unit, specimens = x / np.where(scale > NEARLY * scale[0], scale, np.inf), int(who.max()) + 1
     products = np.stack([unit * column[:, None] for column in (*unit.T, y)], axis=2)
@@ -154,7 +158,7 @@ def _solved(sums: Floats) -> tuple[float, float]:
 
 
 def _within(who: NDArray[np.int64], specimens: int, values: Floats, weight: Floats) -> Floats:
-    """Less the weighted mean of its specimen, times the weight."""
+    """Values less the weighted mean of their specimen, times the weight."""
     total = np.bincount(who, weight**2, specimens)
     mean = np.bincount(who, weight**2 * values, specimens) / total
     return np.asarray((values - mean[who]) * weight, np.float64)

@@ -2,8 +2,8 @@
 
 Two rules are in use, and they are not the same: the activation energy of one chemical reaction (Arrhenius; IEEE Std
 98, IEC 60216), and the rule of thumb that life halves every 10 K (of the kind of V. M. Montsinger, Trans. AIEE 49
-(1930) 776, who found 8 K for class A). At 180 degC the latter equals 1.2 eV, at 230 degC 1.5 eV. A number here is always by one
-rule; `Band` says what several rules make of the same hours, each end by the one rule that it names.
+(1930) 776, who found 8 K for class A). At 180 degC the latter equals 1.2 eV, at 230 degC 1.5 eV. A number here is
+always by one rule; `Band` says what several rules make of the same hours, each end by the one rule that it names.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ class Doubling:
 
 @dataclass(frozen=True)
 class Activation:
-    """One reaction of activation energy `eV`."""
+    """One reaction of activation energy `eV` [eV]."""
 
     eV: float
 
@@ -125,7 +125,7 @@ def equivalent_band(
 
 
 def life_used(equivalent: Band, life_h: float = LIFE_H) -> tuple[float, float]:
-    """Shares of a life of `life_h` [h] at the temperature that `equivalent` [h] is referred to: least and most."""
+    """Shares of a life of `life_h` [h], least and most, that `equivalent` hours [h] at the same temperature use up."""
     return equivalent.least / life_h, equivalent.most / life_h
 
 
@@ -138,7 +138,7 @@ def temperature_worth(hours: float, worth_h: float, at_degC: float, rule: Rule) 
 def temperature_band(
     hours: float, worth_h: float, at_degC: float = THRESHOLD_DEGC, rules: Sequence[Rule] = ASSUMED_BAND
 ) -> Band:
-    """`temperature_worth` [degC] under each of `rules`, here 0.9 and 1.1 eV: the least and the most."""
+    """`temperature_worth` [degC] under each of `rules`: the least and the most."""
     return _band([temperature_worth(hours, worth_h, at_degC, rule) for rule in rules], rules)
 
 

@@ -54,13 +54,14 @@ class Cycle:
 
     @property
     def soak_h(self) -> float:
-        """[h], gaps included."""
+        """How long it soaked [h], gaps included."""
         return (self.soak_to_s - self.soak_from_s) / HOUR_S
 
 
 @dataclass(frozen=True)
 class Histogram:
-    """`hours` (B,) [h] between neighbours of `edges_degC` (B + 1,) [degC], and `unknown_h` [h] in gaps."""
+    """Hours by temperature: `hours` (B,) [h] between neighbours of `edges_degC` (B + 1,) [degC], and `unknown_h` [h]
+    in gaps."""
 
     edges_degC: Floats
     hours: Floats
@@ -68,7 +69,7 @@ class Histogram:
 
     @property
     def centres_degC(self) -> Floats:
-        """(B,) [degC]; with `hours` the arguments of `arrhenius.equivalent_hours`."""
+        """Middles of the bins (B,) [degC]; with `hours` the arguments of `arrhenius.equivalent_hours`."""
         return (self.edges_degC[1:] + self.edges_degC[:-1]) / 2.0
 
 
@@ -137,8 +138,8 @@ def _clean(t_s: Floats, value: Floats) -> _Trace:
 
 
 def _hours_below(trace: _Trace, degC: Floats) -> Floats:
-    """Hours below each of `degC` (B,), rising: the sum over steps of dt clip((x - low) / (high - low), 0, 1), as sums
-    over the steps that are wholly below and those that are partly, sorted once."""
+    """Hours below each of `degC` (B,), rising: the sum over steps of dt clip((degC - low) / (high - low), 0, 1), as
+    sums over the steps that are wholly below and those that are partly, sorted once."""
     seconds = np.diff(trace.t_s)[trace.known]
     low = np.minimum(trace.value[:-1], trace.value[1:])[trace.known]
     high = np.maximum(trace.value[:-1], trace.value[1:])[trace.known]
@@ -181,8 +182,8 @@ def _stays(value: Floats, threshold: float) -> list[tuple[int, int]]:
 
 
 def _cycle(trace: _Trace, first: int, last: int, after: int, before: int, threshold: float) -> Cycle:
-    """The stay from sample `first` to `last`; the stay before it ends at `after`, the one behind it begins at
-    `before`."""
+    """The cycle of the stay from sample `first` to `last`; the stay before it ends at `after`, the one behind it
+    begins at `before`."""
     t, value = trace.t_s, trace.value
     level = _median_over_time(t[first : last + 1], value[first : last + 1])
     heating, cooling = value[after:first], value[last + 1 : before + 1]
@@ -211,8 +212,8 @@ def _cycle(trace: _Trace, first: int, last: int, after: int, before: int, thresh
 
 
 def _rates(trace: _Trace) -> Floats:
-    """Means [K/min] from each sample on over `RATE_S`, a step where that is longer, and the trace where that is shorter; none
-    across a gap."""
+    """Mean rates [K/min] from each sample on over `RATE_S`: over one step where that is longer, over the whole trace
+    where that is shorter. Those across a gap are left out."""
     t = trace.t_s
     if t.size < 2:
         return np.empty(0)
@@ -225,7 +226,8 @@ def _rates(trace: _Trace) -> Floats:
 
 
 def _after_a_pause(trace: _Trace, left: int, first: int, level: float) -> int:
-    """Where heating begins if the log paused at the foot: the first sample after the gap, where that is still near the foot."""
+    """Where heating begins if the log paused at the foot: the first sample after the gap, where that is still near
+    the foot."""
     gaps = left + 1 + np.flatnonzero(~trace.known[left:first])
     foot = trace.value[left]
     near = gaps[trace.value[gaps] < foot + PAUSE_SHARE * (level - foot)]
@@ -239,7 +241,7 @@ def _at_foot(value: Floats, level: float) -> NDArray[np.bool_]:
 
 
 def _median_over_time(t_s: Floats, value: Floats) -> float:
-    """Of the samples, each weighed by the time around it, no more than a gap's."""
+    """Median of the samples, each weighed by the time around it, at most that of a gap."""
     if value.size < 2:
         return float(value[0])
     step = np.minimum(np.diff(t_s), GAP_MEDIANS * float(np.median(np.diff(t_s))))

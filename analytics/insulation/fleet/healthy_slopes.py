@@ -2,10 +2,11 @@
 one, or in between.
 
 It is off by shift + tau (exp(g z) - 1) / g with z normal (Tukey's g distribution, Hoaglin and Peters, Software for
-Exploring Distribution Shape, MIT LIDS-P-909, 1979: normal at g = 0, log-normal where g is tau over the centre), and read
-with a normal error of its own. The data choose shift, tau and g; as rates of one cause multiply, g is at most a quarter
-more than a log-normal of that spread has. What stands out takes no part: each slope is with probability 0.02 one of a
-Cauchy density three times as wide. Of few specimens tau leans on what is usual, by the prior that `spread.py` has.
+Exploring Distribution Shape, MIT LIDS-P-909, 1979: normal at g = 0, log-normal where g is tau over the centre), and
+read with a normal error of its own. The data choose shift, tau and g; as rates of one cause multiply, g is at most a
+quarter more than a log-normal of that spread has. What stands out takes no part: each slope is with probability 0.02
+one of a Cauchy density three times as wide. Of few specimens tau leans on what is usual, by the prior that
+`spread.py` has.
 
 z is cut into cells, each a narrow normal, so that densities and probabilities are sums in closed form however small or
 large errors are beside tau. What is not known of shift, tau and g counts: probabilities are means over their posterior
@@ -39,8 +40,8 @@ IGNORED = 0.01  # of the highest weight: points of the grid that are left out
 
 @dataclass(frozen=True)
 class HealthySlopes:
-    """Points of the posterior (k,) with `ln_weight` (k,), not normalised, and what each specimen brought to that (k,
-    m)."""
+    """The posterior of shift, tau and g as points (k,) with `ln_weight` (k,), not normalised, and what each specimen
+    brought to that (k, m)."""
 
     shift: Floats
     tau: Floats
@@ -49,16 +50,18 @@ class HealthySlopes:
     ln_brought: Floats
 
     def scores(self, off: Floats, variance: Floats) -> Floats:
-        """(m,): normal quantiles of the probability that a healthy slope is less than `off` (m,) from its centre, read with
-        an error of `variance` (m,); for each specimen by all others."""
+        """How each specimen's slope compares with healthy ones (m,): the normal quantile of the probability that a
+        healthy slope is less than `off` (m,) from its centre, read with an error of `variance` (m,), by all other
+        specimens."""
         return self._quantiles(off, variance, self.ln_weight[:, None] - self.ln_brought)
 
     def scores_of_newcomers(self, off: Floats, variance: Floats) -> Floats:
-        """The same of other specimens (any number,), by all that was learnt from."""
+        """The same for other specimens (any number,), by all that was learnt from."""
         return self._quantiles(off, variance, self.ln_weight[:, None])
 
     def without(self, place: int) -> HealthySlopes:
-        """As if one specimen had not been there, but for the centres and the points themselves."""
+        """The posterior as if the specimen at `place` had not been there, but for the centres and the points
+        themselves."""
         rest = np.delete(self.ln_brought, place, axis=1)
         return HealthySlopes(self.shift, self.tau, self.g, self.ln_weight - self.ln_brought[:, place], rest)
 
@@ -72,9 +75,9 @@ class HealthySlopes:
 def healthy_slopes(
     off: Floats, variance: Floats, takes_part: Flags, centre: float, tau: float, usual: float, weight: float
 ) -> HealthySlopes:
-    """From slopes less their centres (m,), the variances of both (m,), and which of them are of healthy batches (m,).
-    `centre` of all slopes, `tau`: a robust spread about it, `usual`: the spread expected before looking, with the
-    weight of `weight` specimens; all in one unit."""
+    """The posterior from slopes less their centres (m,), the variances of both (m,), and which of them are of healthy
+    batches (m,). `centre` of all slopes, `tau`: a robust spread about it, `usual`: the spread expected before
+    looking, with the weight of `weight` specimens; all in one unit."""
     points = np.array(list(_grid(tau, tau / max(abs(centre), 1e-6 * tau))))
     wide = WIDTH * np.sqrt(tau**2 + variance)
     outlying = STANDS_OUT / (math.pi * wide * (1.0 + (off / wide) ** 2))
@@ -87,7 +90,7 @@ def healthy_slopes(
 
 
 def _grid(tau: float, share: float) -> Iterator[tuple[float, float, float]]:
-    """Shift, tau and g; `share`: of the robust tau in the centre."""
+    """Points (shift, tau, g) of the grid; `share`: the robust tau as a share of the centre."""
     for spread in SPREADS:
         for shift in SHIFTS:
             for skew in SKEWS:
@@ -95,7 +98,7 @@ def _grid(tau: float, share: float) -> Iterator[tuple[float, float, float]]:
 
 
 def _cells(off: Floats, variance: Floats, shift: float, tau: float, g: float) -> tuple[Floats, Floats]:
-    """By how many standard deviations each slope is above each cell (m, cells), and these."""
+    """By how many standard deviations each slope is above each cell (m, cells), and these standard deviations."""
     middle = shift + tau * (np.expm1(g * CELLS) / g if g > 0.0 else CELLS)
     sd = np.sqrt(variance[:, None] + (CELL / 2.0 * tau * np.exp(g * CELLS)) ** 2)
     return (off[:, None] - middle) / sd, sd
@@ -107,7 +110,7 @@ def _density(off: Floats, variance: Floats, shift: float, tau: float, g: float) 
 
 
 def _ln_beyond(off: Floats, variance: Floats, shift: float, tau: float, g: float) -> Floats:
-    """ln of the probability of a slope that is further off."""
+    """ln of the probability of a healthy slope that is further off than each."""
     z, _ = _cells(off, variance, shift, tau, g)
     ln_each = log_ndtr(-z) + np.log(SHARES)
     top = ln_each.max(axis=1)

@@ -52,8 +52,8 @@ def bent_line(dose_h: ArrayLike, knots: Floats) -> Floats:
 def fit_course(
     specimen: ArrayLike, dose_h: ArrayLike, y: ArrayLike, sd: ArrayLike, batch: ArrayLike | None = None
 ) -> tuple[MixedFit, Floats]:
-    """The fit, not degenerate, with the bends that all specimens share, and these (k,) [h]: `fit_bends`, else without
-    any."""
+    """The fit that is not degenerate, with the bends that all specimens share where `fit_bends` finds them, and the
+    doses of these (k,) [h]; else without any."""
     none = np.empty(0)
     bent = fit_bends(specimen, dose_h, y, sd, batch)
     return bent or (fit(specimen, dose_h, y, sd, bent_line(dose_h, none), batch, nondegenerate=True), none)
@@ -62,8 +62,8 @@ def fit_course(
 def fit_bends(
     specimen: ArrayLike, dose_h: ArrayLike, y: ArrayLike, sd: ArrayLike, batch: ArrayLike | None = None
 ) -> tuple[MixedFit, Floats] | None:
-    """The fit, not degenerate, with the bends that all specimens share, and these (k,) [h]; None where their Wald
-    statistic is one that chance makes in more than 1 of 100 fleets."""
+    """The fit that is not degenerate, with the bends that all specimens share, and the doses of these (k,) [h]; None
+    where their Wald statistic is one that chance makes in more than 1 of 100 fleets."""
     knots = bends(dose_h, int(np.max(specimen)) + 1)
     if not len(knots):
         return None
@@ -110,13 +110,15 @@ def fit(
     session: ArrayLike | None = None,
     nondegenerate: bool = False,
 ) -> MixedFit:
-    """Rows in any order: place of the specimen (n,) from 0 to m - 1, dose (n,) [h], y (n,), standard deviation (n,) but
-    for one common factor. `fixed` (n, p): columns of x; a constant and the dose where left out. `batch` (m,): place of
-    each specimen's batch, `session` (n,): place of each row's session; -1 for none. Needs more rows than p.
+    """The mixed model of rows in any order: place of the specimen (n,) from 0 to m - 1, dose (n,) [h], y (n,),
+    standard deviation (n,) but for one common factor. `fixed` (n, p): columns of x; a constant and the dose where
+    left out. `batch` (m,): place of each specimen's batch, `session` (n,): place of each row's session; -1 for none.
+    Needs more rows than p.
 
-    `nondegenerate`: with the weak prior of Chung et al. (Psychometrika 78 (2013) 685, DOI 10.1007/s11336-013-9328-2) on
-    the standard deviations of slopes, proportional to them. A few specimens often make them exactly 0 by chance, and
-    bands too narrow."""
+    `nondegenerate`: with the weak prior of Chung et al. (Psychometrika 78 (2013) 685, DOI 10.1007/s11336-013-9328-2)
+    on the standard deviations of slopes, proportional to them. A few specimens often make them exactly 0 by chance,
+    and bands too narrow.
+    """
     sums = _Sums.of(specimen, dose_h, y, sd, fixed, batch, session)
     best = _search(sums, 1.0, nondegenerate)
     free = [0, 2] + [3] * (sums.batches > 1) + [4] * (sums.sessions > 1)
@@ -127,9 +129,10 @@ def fit(
 
 @dataclass(frozen=True)
 class _Sums:
-    """Weighted sums over rows, in units in which doses, columns and weights are about 1. Shared columns: batch slopes,
-    sessions, then the fixed ones. `zz` (m, 2, 2), `zs` (m, 2, q), `zy` (m, 2): of a specimen's constant and dose; `ss`,
-    `sy`, `yy`."""
+    """Weighted sums over rows, in units in which doses, columns and weights are about 1. A specimen has two columns,
+    constant and dose; q columns are shared: batch slopes, sessions, then the fixed ones. Products of a specimen's
+    with themselves `zz` (m, 2, 2), with the shared ones `zs` (m, 2, q) and with y `zy` (m, 2); of the shared ones
+    `ss` and `sy`; `yy`."""
 
     zz: Floats
     zs: Floats
@@ -199,13 +202,13 @@ class _Sums:
 
 
 def _pairs(who: Ints, m: int, root: Floats, run: Floats) -> Floats:
-    """Products of the two columns by specimen (m, 2, 2)."""
+    """Products of a specimen's two columns with themselves (m, 2, 2)."""
     sums = [np.bincount(who, product, m) for product in (root**2, root * run, root * run, run**2)]
     return np.asarray(np.stack(sums, axis=1).reshape(m, 2, 2), np.float64)
 
 
 def _in_place(row: Ints, column: Ints, value: Floats, rows: int) -> sparse.csr_matrix:
-    """Values at their rows and columns; those of column -1 nowhere."""
+    """A sparse matrix of values at their rows and columns, without those of column -1."""
     there = column >= 0
     shape = (rows, int(column.max()) + 1)
     return sparse.csr_matrix((value[there], (row[there], column[there])), shape=shape)
@@ -213,9 +216,9 @@ def _in_place(row: Ints, column: Ints, value: Floats, rows: int) -> sparse.csr_m
 
 @dataclass(frozen=True)
 class _Solved:
-    """At one set of variances: L (2, 2), the inverse of I + L' zz L (m, 2, 2), the shared columns' relative standard
-    deviations (q,), 1 for fixed ones, the Cholesky factor of what is left for them, its solution, scale^2 and the
-    deviance."""
+    """The fit at one set of variances: L (2, 2), the inverse of I + L' zz L (m, 2, 2), the shared columns' relative
+    standard deviations (q,), 1 for fixed ones, the Cholesky factor of what is left for them, its solution, scale^2
+    and the deviance."""
 
     lower: Floats
     inverse: Floats
@@ -255,7 +258,8 @@ def _solve(sums: _Sums, theta: Floats) -> _Solved:
 
 
 def _search(sums: _Sums, start: float, nondegenerate: bool) -> tuple[Floats, float]:
-    """The relative L (3) and standard deviations of batches and sessions that minimise the deviance, and that."""
+    """The relative L (3) and standard deviations of batches and sessions that minimise the deviance, and the least
+    deviance."""
     bounds = [(0.0, MOST), (-MOST, MOST), (0.0, MOST)]
     bounds += [(0.0, MOST if there else 0.0) for there in (sums.batches > 1, sums.sessions > 1)]
     first = np.array([start, 0.0, start, start * (bounds[3][1] > 0.0), start * (bounds[4][1] > 0.0)])

@@ -7,17 +7,18 @@ that what stands out does not hide itself. Where few specimens or batches are th
 what is usual: specimens differ by a fifth, batches by an eighth of the common slope, with the weight of two specimens
 and four batches.
 
-A batch is tested first, by its centre against those of the others; then each specimen against the centre of its batch:
-its own where the batch is outlying, so that the members of a bad batch are not listed one by one unless they stand out
-of it too, and else one that leans on the fleet's; where batches have but a few specimens, that of all healthy ones. In
-a batch that ages n times as fast specimens differ n times as much, as rates multiply. What is tested takes no part in what it is tested against, and of few specimens none in the spread
-that it is judged by. Scores are one-sided (outlying means worse) and compared with Student's t: each spread has as many
-degrees of freedom as it was learnt from, what is usual counted with its weight, but at most sixteen for what specimens
-truly are, as tails are heavier than any model's; a specimen's own error has four more than its checks. Where two spreads
-count their freedom is by Welch (Biometrika 34 (1947) 28, DOI 10.1093/biomet/34.1-2.28); twenty at most for batches. Of few
-specimens a batch has to stand out by Student's own test as well. Lists
-keep the false-discovery rate of Benjamini and Hochberg (J. R. Stat. Soc. B 57 (1995) 289, DOI
-10.1111/j.2517-6161.1995.tb02031.x): of two batches either could be the worse one, so each is tested at half of it.
+A batch is tested first, by its centre against those of the others; then each specimen against the centre of its
+batch: its own where the batch is outlying, so that the members of a bad batch are not listed one by one unless they
+stand out of it too, and else one that leans on the fleet's; where batches have but a few specimens, that of all
+healthy ones. In a batch that ages n times as fast specimens differ n times as much, as rates multiply. What is tested
+takes no part in what it is tested against, and of few specimens none in the spread that it is judged by. Scores are
+one-sided (outlying means worse) and compared with Student's t: each spread has as many degrees of freedom as it was
+learnt from, what is usual counted with its weight, but at most sixteen for what specimens truly are, as tails are
+heavier than any model's; a specimen's own error has four more than its checks. Where two spreads count their freedom
+is by Welch (Biometrika 34 (1947) 28, DOI 10.1093/biomet/34.1-2.28); twenty at most for batches. Of few specimens a
+batch has to stand out by Student's own test as well. Lists keep the false-discovery rate of Benjamini and Hochberg
+(J. R. Stat. Soc. B 57 (1995) 289, DOI 10.1111/j.2517-6161.1995.tb02031.x): of two batches either could be the worse
+one, so each is tested at half of it.
 """
 
 from __future__ import annotations
@@ -56,10 +57,10 @@ FEW = 30  # specimens: up to here what healthy slopes are like is learnt anew fo
 
 @dataclass(frozen=True)
 class SpecimenHealth:
-    """`slope_percent_per_100h` by its own checks with the interval of 95 % [%/100 h; positive: worse], None where it
-    has no two different doses; `score`: by how many standard deviations it is above its batch; `p_value` of that;
-    `step_at_dose_h`: from where on a step was taken out that no insulation makes. `why`: what kept it from being
-    compared, or empty."""
+    """How a specimen compares with its batch. `slope_percent_per_100h` by its own checks with the interval of 95 %
+    [%/100 h; positive: worse], None where it has no two different doses; `score`: by how many standard deviations it
+    is above its batch, with its `p_value`; `step_at_dose_h`: from where on a step was taken out that no insulation
+    makes. `why`: what kept it from being compared, or empty."""
 
     specimen: str
     batch: str | None
@@ -75,7 +76,7 @@ class SpecimenHealth:
 
 @dataclass(frozen=True)
 class BatchHealth:
-    """The centre of its specimens' slopes, and how that compares with the other batches."""
+    """How a batch compares with the others, by the centre of its specimens' slopes."""
 
     batch: str
     specimens: int
@@ -88,9 +89,9 @@ class BatchHealth:
 
 @dataclass(frozen=True)
 class FleetAssessment:
-    """In the order of names. `slope_percent_per_100h`: of the fleet; `specimen_spread`, `batch_spread`: standard
-    deviations of healthy slopes [%/100 h]; `noise_scale`: what the given standard deviations had to be multiplied
-    by."""
+    """All specimens and batches, each in the order of names. `slope_percent_per_100h`: of the fleet;
+    `specimen_spread`, `batch_spread`: standard deviations of healthy slopes [%/100 h]; `noise_scale`: what the given
+    standard deviations had to be multiplied by."""
 
     specimens: tuple[SpecimenHealth, ...]
     batches: tuple[BatchHealth, ...]
@@ -102,12 +103,12 @@ class FleetAssessment:
 
     @property
     def outlying_specimens(self) -> tuple[SpecimenHealth, ...]:
-        """The worst first."""
+        """Specimens that stand out, the worst first."""
         return tuple(sorted((s for s in self.specimens if s.outlying), key=lambda s: -(s.score or 0.0)))
 
     @property
     def outlying_batches(self) -> tuple[BatchHealth, ...]:
-        """The worst first."""
+        """Batches that stand out, the worst first."""
         return tuple(sorted((b for b in self.batches if b.outlying), key=lambda b: -(b.score or 0.0)))
 
 
@@ -119,9 +120,9 @@ def assess(
     sd: ArrayLike,
     false_discovery_rate: float = 0.05,
 ) -> FleetAssessment:
-    """One entry a check, in any order: specimen and batch (n,), dose (n,) [h], ln R (n,), its standard deviation
-    between repeats (n,) or one for all. A specimen's batch is the last that its checks name. Rows that are not finite
-    are left out."""
+    """How the specimens and batches of a fleet compare. Arguments have one entry for each check, in any order:
+    specimen and batch (n,), dose (n,) [h], ln R (n,), its standard deviation between repeats (n,) or one for all. A
+    specimen's batch is the last that its checks name. Rows that are not finite are left out."""
     names = sorted(set(specimen))
     place = {name: k for k, name in enumerate(names)}
     who = np.array([place[name] for name in specimen], np.int64)
@@ -174,7 +175,7 @@ def benjamini_hochberg(p_values: ArrayLike, rate: float) -> Flags:
 
 @dataclass(frozen=True)
 class _Rows:
-    """Checks that are finite, with the place of their specimen; `y` without the bends that all courses share."""
+    """The finite checks, with the place of their specimen; `y` is ln R without the bends that all courses share."""
 
     who: Ints
     dose: Floats
@@ -200,8 +201,8 @@ class _Rows:
 
 
 def _without_bends(who: Ints, dose: Floats, y: Floats, sd: Floats) -> Floats:
-    """y less the bends that the courses of all specimens share, so that a specimen seen early compares with one seen
-    late."""
+    """ln R less the bends that the courses of all specimens share, so that a specimen seen early compares with one
+    seen late."""
     present, code = np.unique(who, return_inverse=True)
     bent = mixed.fit_bends(code, dose, y, sd) if len(present) else None
     if bent is None:
@@ -225,8 +226,8 @@ class _Test:
 
 @dataclass(frozen=True)
 class _Fleet:
-    """Slopes [1/h], variances of their errors, numbers of checks and places of their batches (m,); `batches` is the
-    place of those without one."""
+    """Slopes [1/h] of m specimens, variances of their errors, numbers of checks, and places of their batches;
+    `batches` is the place of those without one."""
 
     slope: Floats
     variance: Floats
@@ -240,7 +241,8 @@ class _Fleet:
         return spread(self.slope, self.variance, self.group, self.batches + 1, USUAL_SHARE, LEAST_SPREAD, USUAL_WEIGHT)
 
     def among_batches(self, but: Ints) -> Spread:
-        """The fleet's centre and the spread of batches about it, without some of them unless nothing else is left."""
+        """The fleet's centre and the spread of batches about it, without the batches `but` unless nothing else is
+        left."""
         rest = np.setdiff1d(np.unique(self.group), but)
         if not len(rest):
             rest = np.unique(self.group)
@@ -273,8 +275,8 @@ class _Fleet:
         return float(student.sf((self.slope[own].mean() - self.slope[~own].mean()) / sd, freedom))
 
     def pooled(self, but: Ints) -> _Fleet:
-        """All batches as one, but for some, where batches are small: neither their centres nor the spread about these are
-        known then, and pairs that happen to be alike would make everybody else stand out."""
+        """The fleet with all batches but `but` as one, where batches are small: neither their centres nor the spread
+        about these are known then, and pairs that happen to be alike would make everybody else stand out."""
         if len(self.slope) >= LEAST_BY_BATCH * len(np.unique(self.group)):
             return self
         return replace(self, group=np.where(np.isin(self.group, but), self.group, self.batches))
@@ -285,7 +287,7 @@ class _Fleet:
 
     @property
     def freedom(self) -> float:
-        """Of the specimens' spread, what is usual counted in, as far as heavy tails let it count."""
+        """Degrees of freedom of the specimens' spread, what is usual counted in, as far as heavy tails let it count."""
         return min(USUAL_WEIGHT + len(self.slope) - len(np.unique(self.group)), TAILS)
 
 
@@ -330,7 +332,7 @@ def _test_specimens(fleet: _Fleet, bad: Ints, rate: float) -> list[_Test]:
 
 
 def _scores(fleet: _Fleet, bad: Ints) -> tuple[Floats, Floats]:
-    """(m,): of each specimen, and their degrees of freedom."""
+    """Score of each specimen (m,), and its degrees of freedom (m,)."""
     fleet = fleet.pooled(bad)
     healthy = _healthy(fleet, bad)
     scores, freedom = healthy.scores(*_off(fleet, fleet, bad)), _freedom(fleet, fleet)
@@ -344,7 +346,7 @@ def _scores(fleet: _Fleet, bad: Ints) -> tuple[Floats, Floats]:
 
 
 def _freedom(fleet: _Fleet, others: _Fleet) -> Floats:
-    """(m,) of each specimen's score, with the spread that `others` tell."""
+    """Degrees of freedom of each specimen's score (m,), with the spread that `others` tell."""
     own = fleet.variance / (fleet.variance + others.within.tau_square)
     freedom = _welch((1.0 - own, others.freedom), (own, ERROR_TAILS + fleet.checks))
     return np.asarray(freedom, np.float64)
@@ -372,8 +374,8 @@ def _middle(fleet: _Fleet, bad: Ints) -> float:
 
 
 def _off(fleet: _Fleet, others: _Fleet, bad: Ints) -> tuple[Floats, Floats]:
-    """(m,): each specimen's slope less the centre of its batch, as `others` tell it, and the variance of both. In
-    bad batches by how many times they are as fast."""
+    """Each specimen's slope less the centre of its batch, as `others` tell it (m,), and the variance of both (m,). In
+    bad batches, which age n times as fast, differences are divided by n."""
     centre, variance = _centres(others, bad)
     times, middle = np.ones(len(centre)), _middle(others, bad)
     if middle > 0.0:

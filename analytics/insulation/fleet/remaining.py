@@ -32,9 +32,10 @@ DOSES = 600  # at which the probability is computed, in equal ratios: 4 %, inter
 
 @dataclass(frozen=True)
 class RemainingLife:
-    """`dose_h`: at the last check. `end_dose_h`: at which the criterion is met, and `remaining_h`: from the last check
-    on, each with the interval of 95 %; None where no dose has that probability. `slope_percent_per_100h`: of its course
-    beyond the last check, with its standard deviation [%/100 h]."""
+    """What a specimen has left. `dose_h`: at its last check. `end_dose_h`: the dose at which it meets the criterion,
+    and `remaining_h`: from the last check to there, each with the interval of 95 %; None where no dose has that
+    probability. `slope_percent_per_100h`: of its course beyond the last check, with its standard deviation [%/100
+    h]."""
 
     specimen: str
     dose_h: float
@@ -54,9 +55,9 @@ def remaining(
     sd: ArrayLike,
     factor: float = HALF_CONDUCTIVITY,
 ) -> tuple[RemainingLife, ...]:
-    """One entry a check, in any order, as for `outlying.assess`; specimens in the order of names. Rows that are not
-    finite are left out, and specimens without any left. Empty below three specimens or where all checks are at one
-    dose."""
+    """What each specimen has left, in the order of names. Arguments have one entry for each check, in any order, as
+    for `outlying.assess`. Rows that are not finite are left out, and specimens without any left. Empty below three
+    specimens or where all checks are at one dose."""
     dose, y = np.asarray(dose_h, np.float64), np.asarray(ln_resistance, np.float64)
     s = np.broadcast_to(np.asarray(sd, np.float64), dose.shape)
     good = np.isfinite(dose) & np.isfinite(y) & np.isfinite(s) & (s > 0.0)
@@ -81,8 +82,8 @@ def remaining(
 
 
 def _courses(fit: mixed.MixedFit, knots: Floats, at: Floats, limit: float) -> tuple[Floats, Floats, Floats]:
-    """By how many standard deviations each course (m, n) is over the limit at each dose, its slope far out and that
-    one's (m,)."""
+    """By how many standard deviations each course is over the limit at each dose (m, n); the slope far out of each
+    and its standard deviation (m,)."""
     columns = mixed.bent_line(at, knots) - mixed.bent_line([0.0], knots)
     ways = np.column_stack([columns, np.zeros_like(at), at])  # beta, start, slope
     far = np.concatenate([[0.0], np.ones(1 + len(knots)), [0.0, 1.0]])
@@ -93,7 +94,7 @@ def _courses(fit: mixed.MixedFit, knots: Floats, at: Floats, limit: float) -> tu
 
 
 def _dose_of(quantile: float, at: Floats, over: Floats) -> float | None:
-    """The first dose at which the course is so many standard deviations over the limit."""
+    """The first dose at which the course is `quantile` standard deviations over the limit."""
     beyond = np.flatnonzero(over >= quantile)
     if not len(beyond):
         return None

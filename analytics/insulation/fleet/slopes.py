@@ -1,9 +1,10 @@
 """The slope of every specimen's ln R over dose by itself, for many specimens at once.
 
-A line is fitted to each by weighted least squares, where errors beyond 1.5 standard deviations count less (Huber, Ann.
-Math. Statist. 35 (1964) 73, DOI 10.1214/aoms/1177703732). Standard deviations come from the given ones times one factor
-for all; a specimen that scatters more still has a factor of its own. Both are of each check against the line between its
-neighbours in dose (as in `repeatability.py`), not against the specimen's line: a bend is no error of a slope.
+A line is fitted to each by weighted least squares, where errors beyond 1.5 standard deviations count less (Huber,
+Ann. Math. Statist. 35 (1964) 73, DOI 10.1214/aoms/1177703732). Standard deviations come from the given ones times one
+factor for all; a specimen that scatters more still has a factor of its own. Both are of each check against the line
+between its neighbours in dose (as in `repeatability.py`), not against the specimen's line: a bend is no error of a
+slope.
 
 A sensor that was exchanged makes a step, and a step in the middle looks like a slope: `step_or_slope` weighs both.
 """
@@ -31,8 +32,8 @@ CUT_SQUARE = float(chi2.cdf(CUT**2, 3) + CUT**2 * chi2.sf(CUT**2, 1))
 
 @dataclass(frozen=True)
 class Slopes:
-    """By specimen (m,): slope and its standard deviation [1/h] (infinite without two different doses), number of
-    checks, and the factor on its checks' standard deviations. `scale`: that of all."""
+    """By specimen (m,): the slope and its standard deviation [1/h] (infinite without two different doses), the number
+    of checks, and the factor on its checks' standard deviations. `scale`: the factor of all."""
 
     slope: Floats
     sd: Floats
@@ -42,8 +43,8 @@ class Slopes:
 
 
 def slopes(specimen: Ints, dose_h: Floats, y: Floats, sd: Floats) -> Slopes:
-    """`specimen` (n,): places from 0 to m - 1, each there; dose [h], y and its standard deviation (n,), rows in any
-    order."""
+    """The slope of each specimen from rows in any order: place of the specimen (n,), from 0 to m - 1, each there;
+    dose (n,) [h], y (n,) and its standard deviation (n,)."""
     lines = _Lines.of(specimen, dose_h, y, sd)
     for _ in range(ROUNDS):
         lines = lines.pulled()
@@ -53,7 +54,7 @@ def slopes(specimen: Ints, dose_h: Floats, y: Floats, sd: Floats) -> Slopes:
 
 
 def _factors(who: Ints, dose: Floats, y: Floats, sd: Floats, specimens: int) -> tuple[float, Floats]:
-    """On the given standard deviations: of all specimens, and of each (m,), at least that."""
+    """By what the given standard deviations are too small: of all specimens, and of each (m,), at least that."""
     order = np.lexsort((dose, who))
     who, dose, y, variance = who[order], dose[order], y[order], sd[order] ** 2
     at = 1 + np.flatnonzero(who[2:] == who[:-2])  # checks between two others of their specimen
@@ -69,9 +70,9 @@ def _factors(who: Ints, dose: Floats, y: Floats, sd: Floats, specimens: int) -> 
 
 @dataclass(frozen=True)
 class _Lines:
-    """Rows with `root` 1 / sd, `left` of each one's variance once a line is fitted, and `residual` from the lines over
-    sd; by specimen the number of checks, the spread of the dose (sum of weighted squares about its mean), and the
-    line's slope."""
+    """A line fitted to each specimen. Of rows: `root` 1 / sd, `left` of each one's variance once a line is fitted,
+    and `residual` from the line over sd. Of specimens: the number of checks, the spread of the dose (sum of weighted
+    squares about its mean), and the line's slope."""
 
     who: Ints
     dose: Floats
@@ -86,7 +87,7 @@ class _Lines:
 
     @classmethod
     def of(cls, who: Ints, dose: Floats, y: Floats, sd: Floats) -> _Lines:
-        """By least squares."""
+        """The lines by least squares."""
         root = 1.0 / sd
         weight, centred, spread, slope, residual = _fitted(who, dose, y, root, np.ones_like(root))
         along = np.divide((root * centred) ** 2, spread[who], out=np.zeros_like(root), where=spread[who] > 0.0)
@@ -95,7 +96,7 @@ class _Lines:
         return cls(who, dose, y, root, left, residual, counts, spread, slope, _scale_of_lines(residual, left))
 
     def pulled(self) -> _Lines:
-        """Once more, where residuals beyond 1.5 standard deviations count less."""
+        """The lines fitted once more, where residuals beyond 1.5 standard deviations count less."""
         off = np.abs(self.residual) / self.scale
         *_, slope, residual = _fitted(self.who, self.dose, self.y, self.root, np.minimum(1.0, HUBER / off.clip(HUBER)))
         return replace(self, slope=slope, residual=residual, scale=_scale_of_lines(residual, self.left))
@@ -143,10 +144,13 @@ class Step:
 def step_or_slope(
     dose_h: Floats, y: Floats, sd: Floats, usual: float, usual_sd: float, unusual_sd: float
 ) -> Step | None:
-    """The step of one specimen with the slopes of others, N(usual, usual_sd^2), where that has the higher marginal
-    likelihood than a slope further off, with N(0, unusual_sd^2) added; both equally probable before looking. Steps are
-    N(0, 0.08^2) before any check but the first; the slope is further off from the first check on, or as probably from
-    any other but the last. Else None. Rows (n,) in any order; slopes in 1/h."""
+    """The step of one specimen where that explains it better than a slope unlike the others'; else None. Rows (n,) in
+    any order; slopes in 1/h.
+
+    Compared are the marginal likelihoods of a step N(0, 0.08^2) before any check but the first, with the slopes of
+    others, N(usual, usual_sd^2); and of a slope further off, with N(0, unusual_sd^2) added, from the first check on
+    or as probably from any other but the last. Both are equally probable before looking.
+    """
     order = np.argsort(dose_h, kind="stable")
     dose, rest, sd = dose_h[order], (y - usual * dose_h)[order], sd[order]
     precision = np.linalg.inv(np.diag(sd**2) + usual_sd**2 * np.outer(dose, dose))
@@ -167,7 +171,7 @@ def step_or_slope(
 
 
 def _ln_gain(inverse: Floats, columns: Floats, rest: Floats, prior_sd: float) -> Floats:
-    """Of the marginal likelihood by each column, its amplitude N(0, prior_sd^2)."""
+    """By how much each column, its amplitude N(0, prior_sd^2), raises the ln of the marginal likelihood."""
     information = (columns * (inverse @ columns)).sum(axis=0)
     score = columns.T @ inverse @ rest
     return np.asarray((score**2 / (information + prior_sd**-2) - np.log1p(prior_sd**2 * information)) / 2, np.float64)

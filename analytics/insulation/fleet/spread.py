@@ -26,7 +26,8 @@ HALVINGS = 26
 
 @dataclass(frozen=True)
 class Spread:
-    """`centre` (g,) and its variance (g,) (NaN and infinite for a group without values), and `tau`^2."""
+    """`centre` (g,) of each group and its variance (g,), NaN and infinite for a group without values; `tau`^2 of
+    all."""
 
     centre: Floats
     variance: Floats
@@ -36,8 +37,9 @@ class Spread:
 def spread(
     value: Floats, variance: Floats, group: Ints, groups: int, usual_share: float, least: float, weight: float
 ) -> Spread:
-    """`value`, `variance` of its error, and its `group` (n,). The usual tau is `usual_share` of the median centre or
-    `least`, with the weight of `weight` values. Needs one value at least."""
+    """Centres of groups and the spread about them, from each `value` (n,), the `variance` of its error (n,) and its
+    `group` (n,). The usual tau is `usual_share` of the median centre, or `least`, with the weight of `weight` values.
+    Needs one value at least."""
     present = np.unique(group)
     centre = np.full(groups, np.nan)
     centre[present] = [np.median(value[group == k]) for k in present]
@@ -60,7 +62,7 @@ def spread(
 
 
 def _tau_square(off: Floats, variance: Floats, group: Ints, groups: int, usual: float, weight: float) -> float:
-    """The root of the score, between a millionth of the largest value it could have and that."""
+    """tau^2: the root of the score, between a millionth of the largest value it could have and that value."""
 
     def score(tau_square: float) -> float:
         a = 1.0 / (tau_square + variance)

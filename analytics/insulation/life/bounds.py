@@ -1,9 +1,9 @@
 """Bounds of what a law of life says: by the profile of the likelihood, or by parametric bootstrap.
 
 A value psi of a quantity lies within the bounds if the best law that has it is not too much less likely than the best
-of all: 2 (l_max - l(psi)) <= chi2_1 (Meeker & Escobar 1998, chapters 8 and 19). For a quantile, the activation energy and
-the temperature index, to have psi is a linear condition on (gamma, delta), see `censored`, so that each l(psi) is one
-concave search.
+of all: 2 (l_max - l(psi)) <= chi2_1 (Meeker & Escobar 1998, chapters 8 and 19). For a quantile, the activation energy
+and the temperature index, to have psi is a linear condition on (gamma, delta), see `censored`, so that each l(psi) is
+one concave search.
 """
 
 from __future__ import annotations
@@ -32,8 +32,8 @@ COLDEST_DEGC = -272.0  # below, a temperature index is not bounded
 
 @dataclass(frozen=True)
 class Bounds:
-    """`value` lies between `lower` and `upper` with `confidence`, in `unit`; -inf or inf (0 and inf for a life): the
-    data do not bound it there. `lost`: draws of the bootstrap that gave no value."""
+    """`value` lies between `lower` and `upper` with `confidence`, in `unit`. An end of -inf or inf (of a life 0 or
+    inf): the data do not bound it there. `lost`: draws of the bootstrap that gave no value."""
 
     quantity: str
     unit: str
@@ -47,7 +47,7 @@ class Bounds:
 
 
 class Quantity(Protocol):
-    """Something that a law says. Inside, psi: the value itself, for lives its logarithm."""
+    """Something that a law says. psi is its value, or where it is a life the logarithm of that."""
 
     @property
     def name(self) -> str: ...
@@ -91,7 +91,7 @@ class Quantile:
 
 @dataclass(frozen=True)
 class ActivationEnergy:
-    """E [eV]."""
+    """The activation energy E [eV]."""
 
     name: str = "activation energy"
     unit: str = "eV"
@@ -227,7 +227,8 @@ def bootstrap(fit: LifeFit, quantity: Quantity, draws: int = 2000, seed: int = 0
 
 
 def _temperature(fit: LifeFit, location: Floats, eV: Floats, sigma: Floats, life_h: float) -> Floats:
-    """Where the median life is `life_h` [degC]; NaN where lives do not get shorter with heat or none is that long."""
+    """The temperature [degC] at which the median life is `life_h` [h]; NaN where lives do not get shorter with heat
+    or none is that long."""
     with np.errstate(divide="ignore", invalid="ignore"):
         u = (math.log(life_h) - location - sigma * standard_quantile(fit.distribution, 0.5)) / eV
     inverse = 1.0 / (fit.centre_degC + ZERO_DEGC_IN_K) + BOLTZMANN_EV_PER_K * u
@@ -236,7 +237,7 @@ def _temperature(fit: LifeFit, location: Floats, eV: Floats, sigma: Floats, life
 
 
 def _through(fit: LifeFit, p: float, degC: float, log_h: float) -> Restriction:
-    """Laws whose quantile `p` at `degC` is `log_h`: gamma_0 + u gamma_1 - log_h delta = - z_p."""
+    """The laws whose quantile `p` at `degC` is `log_h` (ln h): gamma_0 + u gamma_1 - log_h delta = - z_p."""
     u = float(reciprocal(degC, fit.centre_degC))
     base = np.array([-standard_quantile(fit.distribution, p), 0.0, 0.0])
     return Restriction(base, np.array([[-u, 1.0, 0.0], [log_h, 0.0, 1.0]]))
@@ -268,7 +269,7 @@ def _natural(at: Floats) -> tuple[Floats, Floats, Floats]:
 
 
 def _edge(excess: Callable[[float], float], psi: float, step: float) -> float:
-    """Where `excess` gets above zero, from `psi` towards `psi + step`; infinite where it does not."""
+    """Where `excess` gets above zero on the way from `psi` past `psi + step`; infinite where it does not."""
     inner, outer = psi, psi + step
     if not math.isfinite(outer):
         return math.copysign(math.inf, step)

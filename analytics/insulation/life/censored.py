@@ -43,9 +43,9 @@ class Lives:
 
 @dataclass(frozen=True)
 class Line:
-    """Of each data set: `log_likelihood` (...,) of ln t (exact lives as densities per unit of ln t), the highest or its
-    limit where `settled` (...,), and without limit where not; `beta` (..., r) and `sigma` (...,) at the maximum, NaN
-    where `found` (...,) says that there is none."""
+    """The fitted line of each data set: `beta` (..., r) and `sigma` (...,) at the maximum, NaN where `found` (...,)
+    says that there is none. `log_likelihood` (...,) of ln t (exact lives as densities per unit of ln t): the highest,
+    or its limit where `settled` (...,), and without limit where not."""
 
     beta: Floats
     sigma: Floats
@@ -56,14 +56,14 @@ class Line:
 
 @dataclass(frozen=True)
 class Restriction:
-    """theta = (gamma, delta) = `base` + phi @ `directions`: (r + 1,) and (free, r + 1)."""
+    """A linear condition on theta = (gamma, delta): theta = `base` + phi @ `directions`, (r + 1,) and (free, r + 1)."""
 
     base: Floats
     directions: Floats
 
 
 def standard_quantile(distribution: Distribution, p: float) -> float:
-    """Z with P(Z' <= Z) = `p`."""
+    """The z with P(Z <= z) = `p`."""
     return float(ndtri(p)) if distribution == "lognormal" else float(np.log(-np.log1p(-p)))
 
 
@@ -93,14 +93,15 @@ def covariance(lives: Lives, distribution: Distribution, beta: Floats, sigma: fl
 
 
 def _rows(x: Floats, y: Floats) -> Floats:
-    """z = rows @ theta; 0 where `y` is not finite, as nothing then depends on theta."""
+    """Rows (..., n, r + 1) so that z = rows @ theta; 0 where `y` is not finite, as nothing then depends on theta."""
     finite = np.isfinite(y)[..., None]
     shape = (*y.shape, x.shape[1])
     return np.where(finite, np.concatenate([np.broadcast_to(-x, shape), y[..., None]], axis=-1), 0.0)
 
 
 def _start(lives: Lives) -> tuple[Floats, Floats]:
-    """Least squares of the middles; the spread is never nothing, and too wide rather than too narrow."""
+    """A first theta by least squares of the middles of intervals; the spread is never nothing, and too wide rather
+    than too narrow."""
     lower, upper = np.broadcast_arrays(lives.lower, lives.upper)
     one = np.where(np.isfinite(lower), lower, upper)
     middle = (one + np.where(np.isfinite(upper), upper, lower)) / 2
@@ -255,7 +256,7 @@ def _extreme_bend(z: Floats) -> tuple[Floats, Floats]:
 
 
 def _exp(z: Floats) -> Floats:
-    """Finite, so that nothing times it is nothing: survival to e^600 is none."""
+    """e^z kept finite, so that nothing times it is nothing: survival to e^600 is none."""
     return np.asarray(np.exp(np.minimum(z, 600.0)))
 
 

@@ -1,9 +1,9 @@
 """Does the law hold for the lives it was fitted to? One line over temperature, and one spread at all of them.
 
-Likelihood-ratio tests against separate locations, and separate locations and spreads, at each temperature (Nelson 1990,
-chapter 5; Meeker & Escobar 1998, chapter 19). IEC 60216-3 asks for both, as an F test of linearity and a chi-squared test
-of equal variances. The chi-squared distribution of large samples calls too much with ten specimens a temperature, so
-that the distribution of the ratio is simulated under the law.
+Likelihood-ratio tests against separate locations, and separate locations and spreads, at each temperature (Nelson
+1990, chapter 5; Meeker & Escobar 1998, chapter 19). IEC 60216-3 asks for both, as an F test of linearity and a
+chi-squared test of equal variances. The chi-squared distribution of large samples calls too much with ten specimens a
+temperature, so that the distribution of the ratio is simulated under the law.
 """
 
 from __future__ import annotations
@@ -30,9 +30,10 @@ ALIKE = "too few or too equal lives at each temperature: nothing to hold the law
 
 @dataclass(frozen=True)
 class Check:
-    """`asks` what was tested; `ratio`: 2 (l - l_0), `p_value` the share of simulated ratios that are as large.
-    `passed`: above 0.05. `says`: what was found, for a person; `left_out_degC`: temperatures that say nothing about it.
-    `p_value` NaN and `passed` False: could not be tested, `says` why."""
+    """Whether the law passed one question: `asks` what was tested, `ratio` 2 (l - l_0), `p_value` the share of
+    simulated ratios that are as large, `passed` where that is above 0.05. `says`: what was found, for a person;
+    `left_out_degC`: temperatures that say nothing about it. Where it could not be tested `p_value` is NaN, `passed`
+    False, and `says` has why."""
 
     asks: str
     ratio: float
@@ -120,8 +121,8 @@ def _line_through(tested: LifeTable, law: LifeFit) -> LifeFit | NoFit:
 
 
 def _p_value(ratio: Ratio, tested: LifeTable, draws: tuple[Floats, Floats]) -> tuple[float, float]:
-    """The ratio of the data, and the share of draws (those that have one, and the data themselves) with one as
-    large; NaN where the data or most draws have none, as a likelihood without limit has not."""
+    """The ratio of the data, and the share of draws with one as large, of those that have one and the data
+    themselves. NaN where the data or most draws have none, as a likelihood without limit has not."""
     lives = _logs(tested, np.ones((tested.counts.size, 1)))
     seen = float(ratio(lives.lower, lives.upper))
     simulated = ratio(*draws)
@@ -154,7 +155,7 @@ def _spread(tested: LifeTable, degC: float, distribution: Distribution) -> float
 
 
 def _groups(tested: LifeTable) -> Floats:
-    """A regressor a temperature, (n, temperatures)."""
+    """A regressor for each temperature (n, temperatures)."""
     return np.equal.outer(tested.temperature_degC, np.unique(tested.temperature_degC)).astype(np.float64)
 
 

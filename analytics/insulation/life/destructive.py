@@ -33,9 +33,10 @@ SMALLEST_SPREAD = 1e-9  # of ln strength: below, the law goes through every spec
 
 @dataclass(frozen=True)
 class Fall:
-    """`start`: median strength before ageing, in the unit of the data; `per_h`: fall of ln strength an hour at
-    `at_degC`; `rule`: what an hour is worth, its number with 95 % profile bounds in `between`; `sigma` of ln strength,
-    by maximum likelihood; `log_likelihood` of the strengths. `criterion`: the strength that ends a life."""
+    """How strength falls. `start`: median strength before ageing, in the unit of the data; `per_h`: fall of ln
+    strength an hour at `at_degC`; `rule`: what an hour is worth, its number with 95 % profile bounds in `between`;
+    `sigma` of ln strength, by maximum likelihood; `log_likelihood` of the strengths. `criterion`: the strength that
+    ends a life."""
 
     start: float
     per_h: float
@@ -57,17 +58,18 @@ class Fall:
 def by_energy(
     temperature_degC: ArrayLike, hours: ArrayLike, strength: ArrayLike, criterion: float, at_degC: float
 ) -> Fall | NoFit:
-    """Fit with an activation energy [eV]: specimens (n,) aged `hours` [h] at `temperature_degC`, broken at `strength`.
-    above 0, in any unit. `criterion`: the strength that ends a life, above 0; the hours of the result are at `at_degC`.
-    `NoFit` where a row cannot be (the first such is named, counted from 1), where the strengths do not fall, or do not
-    determine the energy."""
+    """The fall with an activation energy [eV]: specimens (n,) aged `hours` [h] at `temperature_degC`, broken at
+    `strength`, above 0, in any unit. `criterion`: the strength that ends a life, above 0; the hours of the result are
+    at `at_degC`. `NoFit` where a row cannot be (the first such is named, counted from 1), where the strengths do not
+    fall, or do not determine the energy."""
     return _fitted(temperature_degC, hours, strength, criterion, at_degC, Activation, ENERGIES_EV)
 
 
 def by_doubling(
     temperature_degC: ArrayLike, hours: ArrayLike, strength: ArrayLike, criterion: float, at_degC: float
 ) -> Fall | NoFit:
-    """The same with the kelvin that double the rate (Nelson's own form, and NIST's reference problem)."""
+    """As `by_energy`, with the kelvin that double the rate instead (Nelson's own form, and NIST's reference
+    problem)."""
     return _fitted(temperature_degC, hours, strength, criterion, at_degC, Doubling, DOUBLINGS_K)
 
 
@@ -140,7 +142,7 @@ def _fitted(
 
 
 def _faulty(degC: Floats, hours: Floats, strength: Floats, criterion: float, at_degC: float) -> str | None:
-    """What is wrong with the question or with a row."""
+    """What is wrong with the question or with a row; None where nothing is."""
     if not (math.isfinite(criterion) and criterion > 0.0 and at_degC > -ZERO_DEGC_IN_K):
         return "a life ends at a strength above zero, and hours are at a temperature above absolute zero"
     faults = (

@@ -21,8 +21,8 @@ SURE = 1.6449  # standard errors: 5 % on the one side that counts
 
 @dataclass(frozen=True)
 class Passage:
-    """The life lies between `lower_h` and `upper_h` [h] of dose; `upper_h` inf: not yet over. None both, with `why`: no
-    life."""
+    """The life lies between `lower_h` and `upper_h` [h] of dose; `upper_h` inf: not yet over. Where no life can be
+    told both are None and `why` says so."""
 
     lower_h: float | None
     upper_h: float | None
@@ -60,7 +60,7 @@ def first_passage(dose_h: ArrayLike, ln_resistance: ArrayLike, sd: ArrayLike, ri
 
 
 def _by_dose(dose: Floats, value: Floats, error: Floats) -> tuple[Floats, Floats, Floats]:
-    """One value a dose, weighted by what each check is worth."""
+    """One value for each dose, checks weighted by their errors."""
     doses, place = np.unique(dose, return_inverse=True)
     weight = np.bincount(place, 1.0 / error**2)
     return doses, np.bincount(place, value / error**2) / weight, 1.0 / np.sqrt(weight)

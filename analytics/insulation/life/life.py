@@ -32,9 +32,9 @@ CLOSE = 1e-6  # of a life: ends no further apart are one, as the probability bet
 
 @dataclass(frozen=True)
 class LifeTable:
-    """What is known of each life, (n,): it ended between `lower_h` and `upper_h` [h] at `temperature_degC`. Equal:
-    exactly then. `upper_h` inf: had not ended (right-censored); `lower_h` 0: ended before the first look. `counts`:
-    specimens alike."""
+    """What is known of each life (n,): it ended between `lower_h` and `upper_h` [h] at `temperature_degC`; exactly
+    then where these are equal. `upper_h` inf: it had not ended (right-censored); `lower_h` 0: it ended before the
+    first look. `counts`: how many specimens are alike."""
 
     temperature_degC: Floats
     lower_h: Floats
@@ -47,11 +47,11 @@ class LifeTable:
         return np.isfinite(self.upper_h)
 
     def at(self, chosen: NDArray[np.bool_]) -> LifeTable:
-        """Those `chosen` (n,)."""
+        """The rows of those `chosen` (n,)."""
         return LifeTable(self.temperature_degC[chosen], self.lower_h[chosen], self.upper_h[chosen], self.counts[chosen])
 
     def units(self) -> LifeTable:
-        """One row a specimen."""
+        """The same with one row for each specimen."""
         many = self.counts.astype(np.int64)
         return LifeTable(
             np.repeat(self.temperature_degC, many),
@@ -78,6 +78,7 @@ class LifeFit:
 
     @property
     def activation_energy_eV(self) -> float:
+        """E [eV]."""
         return self.eV
 
     @property
@@ -87,7 +88,7 @@ class LifeFit:
 
     @property
     def temperatures_degC(self) -> tuple[float, ...]:
-        """Those at which a life ended, coolest first."""
+        """Temperatures at which a life ended, coolest first."""
         return tuple(float(t) for t in np.unique(self.tested.temperature_degC[self.tested.ended]))
 
     def quantile(self, p: float, degC: float) -> float:
@@ -110,7 +111,7 @@ class NoFit:
 
 
 def reciprocal(degC: ArrayLike, centre_degC: float) -> Floats:
-    """(1 / k)(1 / T - 1 / T_c) [1/eV]."""
+    """The regressor (1 / k)(1 / T - 1 / T_c) [1/eV]."""
     absolute = np.asarray(degC, np.float64) + ZERO_DEGC_IN_K
     return np.asarray((1.0 / absolute - 1.0 / (centre_degC + ZERO_DEGC_IN_K)) / BOLTZMANN_EV_PER_K)
 
@@ -126,8 +127,8 @@ def fit(
 ) -> LifeFit | NoFit:
     """The law of the lives (n,), see `LifeTable`; `criterion` names what ended a life. `NoFit` where the data do not
     determine it, or a row cannot be (the first such is named, counted from 1). Rows of no specimen, and those that
-    say nothing (from 0 h to inf), are left out; ends closer than a millionth are one. Lives at one temperature are those
-    whose `temperature_degC` is equal.
+    say nothing (from 0 h to inf), are left out; ends closer than a millionth are one. Lives at one temperature are
+    those whose `temperature_degC` is equal.
 
     >>> lives = [900.0, 1100.0, 90.0, 110.0]
     >>> two = fit([200.0, 200.0, 240.0, 240.0], lives, lives, "lognormal", criterion="breakdown")
@@ -164,7 +165,7 @@ def fit(
 
 
 def log_lives(tested: LifeTable, centre_degC: float) -> Lives:
-    """As `censored` takes them: regressors 1 and the reciprocal temperature."""
+    """The lives as `censored` takes them: regressors 1 and the reciprocal temperature."""
     x = np.stack([np.ones(tested.counts.size), reciprocal(tested.temperature_degC, centre_degC)], axis=-1)
     with np.errstate(divide="ignore"):
         return Lives(x, np.log(tested.lower_h), np.log(tested.upper_h), tested.counts)
@@ -187,7 +188,7 @@ def _centre(tested: LifeTable) -> float:
 
 
 def _faulty(rows: LifeTable, distribution: str) -> str | None:
-    """What is wrong with the question or with a row that stands for a specimen."""
+    """What is wrong with the question or with a row that stands for a specimen; None where nothing is."""
     if distribution not in DISTRIBUTIONS:
         return f"lives are {' or '.join(DISTRIBUTIONS)}, not {distribution}"
     degC, lower, upper, counts = rows.temperature_degC, rows.lower_h, rows.upper_h, rows.counts
@@ -208,7 +209,7 @@ def _faulty(rows: LifeTable, distribution: str) -> str | None:
 
 
 def _too_little(tested: LifeTable) -> str | None:
-    """What all lives together lack."""
+    """What all lives together lack; None where nothing."""
     if not tested.counts.size:
         return "no row says anything of a life: each is watched for 0 h, or stands for no specimen"
     if np.unique(tested.temperature_degC).size < 2:

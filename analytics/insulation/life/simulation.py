@@ -14,8 +14,8 @@ Floats = NDArray[np.float64]
 def drawn(
     tested: LifeTable, log_life: Floats, sigma: Floats, distribution: Distribution, draws: int, seed: int
 ) -> tuple[Floats, Floats]:
-    """ln h between which each life ended, (draws, n) twice, for the n specimens of `tested.units()`, whose ln h have
-    the locations `log_life` (n,) and the spread `sigma` (n,).
+    """Between which ln h each drawn life ended, two arrays (draws, n), for the n specimens of `tested.units()`, whose
+    ln h have the locations `log_life` (n,) and the spread `sigma` (n,).
 
     How a specimen was watched is read from those of its temperature: to the longest time seen there if any was
     right-censored, else to its end; looked at whenever any of them was (the ends of their intervals) if any is

@@ -35,9 +35,9 @@ class Condition:
 
 @dataclass(frozen=True)
 class Endurance:
-    """`index` [degC] and `halving` [K] with two-sided 95 % bounds, `lower_limit_degC` the one-sided 95 % limit of the
-    index; both for `criterion` and `life_h` [h]. `written` as IEC writes it, "TI (HIC): 165.3 (18.4)"; `conditions`
-    that are not met are not to be left out beside it."""
+    """`index` [degC] and `halving` [K] for `criterion` and `life_h` [h], with two-sided 95 % bounds;
+    `lower_limit_degC`: the one-sided 95 % limit of the index. `written` as IEC writes it, "TI (HIC): 165.3 (18.4)";
+    `conditions` that are not met are not to be left out beside it."""
 
     index: Bounds
     halving: Bounds
@@ -48,10 +48,12 @@ class Endurance:
 
     @property
     def met(self) -> bool:
+        """Whether all conditions are."""
         return all(condition.met for condition in self.conditions)
 
     @property
     def written(self) -> str:
+        """As IEC writes it."""
         return f"TI (HIC): {self.index.value:.1f} ({self.halving.value:.1f})"
 
 
