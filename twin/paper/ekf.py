@@ -1,20 +1,21 @@
 """Extended Kalman filter in the paper's form (its Eq. 5-13): x = [z, zdot, rho], inputs u = [v, vdot].
 
-z are the independent coordinates of `twin.paper.form`, z = B0 q: the temperatures of the p capacitors; rho the o unknowns: heats,
-logarithms of factors, errors of channels.
-Rates are states beside temperatures, so that a step is a Taylor series, whatever the network,
+z are the independent coordinates of `twin.paper.form`, z = B0 q: the temperatures of the p capacitors; rho the o
+unknowns: heats, logarithms of factors, errors of channels. Rates are states beside temperatures, so that a step is a
+Taylor series, whatever the network,
 
     z <- z + h zdot + h w / 2,   zdot <- zdot + w,   rho <- rho + noise,
 
-and all that the network says enters as a measurement without noise: the capacitor equation Gamma = C zdot - Q(z, rho, v) = 0.
-With w free that is the implicit trapezoidal rule. Predicted is the w of that rule, linear about z before the step, with inputs as they
-are after it, v + h vdot: Gamma is zero before it is measured, but for what is not linear, and the perfect measurements shape the
-covariance alone. It is singular after them, and kept on its rank (`twin.paper.ekf_step`).
-A lagging sensor's reading is a state too, as in `twin.filters.inputs`: 2p + o numbers, and one for each of those.
+and all that the network says enters as a measurement without noise: the capacitor equation Gamma = C zdot - Q(z, rho,
+v) = 0. With w free that is the implicit trapezoidal rule. Predicted is the w of that rule, linear about z before the
+step, with inputs as they are after it, v + h vdot: Gamma is zero before it is measured, but for what is not linear,
+and the perfect measurements shape the covariance alone. It is singular after them, and kept on its rank
+(`twin.paper.ekf_step`). A lagging sensor's reading is a state too, as in `twin.filters.inputs`: 2p + o numbers, and
+one for each of those.
 
-Inputs are needed at edges: means of the two steps that meet there. The small form (`twin.filters.ekf`) holds them within a step, makes one
-step of the network's own integrator and keeps no rates. Both are the same filter but for the error of their integrators:
-this one is the check of the other, at two and a half times its cost.
+Inputs are needed at edges: means of the two steps that meet there. The small form (`twin.filters.ekf`) holds them
+within a step, makes one step of the network's own integrator and keeps no rates. Both are the same filter but for the
+error of their integrators: this one is the check of the other, at two and a half times its cost.
 """
 
 from __future__ import annotations
@@ -53,14 +54,16 @@ Index = NDArray[np.int64]
 
 u = np.uint64  # numba then asks of no index whether it counts from the end
 
-RATE_SD = 500.0  # K/s of w where it has to be a number: above any rate, and its square rounded by less than is asked of a variance
+# Of w [K/s] where it has to be a number: above any rate, and its square rounded by less than is asked of a variance.
+RATE_SD = 500.0
 
 
 def filter_with_rates(
     network: Network, frame: Frame, start: Start, unknowns: Sequence[Unknown], readings: Sequence[AnyReading]
 ) -> Estimate:
-    """Temperatures and unknowns from the readings, as `twin.filters.ekf.filter_unknowns`, and it raises as that; `covariance` is that of z,
-    zdot, rho and lagging readings. A meter of heat is linear about the state as predicted, with the step's own means of inputs."""
+    """Temperatures and unknowns from the readings; takes, returns and raises what `twin.filters.ekf.filter_unknowns`
+    does, with the `covariance` of z, zdot, rho and lagging readings. A meter of heat is linear about the state as
+    predicted, with the step's own means of inputs."""
     inputs = inputs_of(network, frame, start, unknowns, readings)
     laws = law_heats(network)
     shares, multiplied = shares_of(inputs.parts, inputs.features.shape[1])
@@ -110,15 +113,15 @@ def filter_with_rates(
 
 
 def at_edges(means: Floats) -> Floats:
-    """(N + 1, c) at the edges of N steps, from their means (N, c)."""
+    """Inputs at the edges of N steps (N + 1, c), from their means (N, c)."""
     beyond = np.concatenate([means[:1], means, means[-1:]])
     edges: Floats = (beyond[:-1] + beyond[1:]) / 2
     return edges
 
 
 def transition(inputs: Inputs, step_s: float) -> tuple[Floats, Floats, Index]:
-    """F (S, S) and the variances Q (S, S) of a step, with `RATE_SD` for w as other filters need one, and the place of each channel's
-    lagging reading (m,), -1 without lag."""
+    """F (S, S) and the variances Q (S, S) of a step, with `RATE_SD` for w as other filters need one, and where each
+    channel's lagging reading is in the state (m,), -1 without lag."""
     parts = inputs.parts
     n, o = parts.program.n, len(inputs.order)
     lagging = np.flatnonzero(parts.state >= 0)
@@ -142,8 +145,8 @@ def transition(inputs: Inputs, step_s: float) -> tuple[Floats, Floats, Index]:
 def at_the_start(
     inputs: Inputs, laws: LawHeats, amounts: Floats, around: Floats, capacities: Floats, state: Index
 ) -> tuple[Floats, Floats]:
-    """State (S, 1) and covariance (S, S) by the laws' amounts (L,) and boundaries (b,) at the first edge: rates as the capacitor equation
-    has them, sensors in equilibrium but for `READING_SD_K`."""
+    """State (S, 1) and covariance (S, S) at the first edge, by the laws' amounts (L,) and boundaries (b,) there:
+    rates as the capacitor equation has them, sensors in equilibrium but for `READING_SD_K`."""
     n, o, parts = len(capacities), len(inputs.order), inputs.parts
     heat, slope, z = np.empty(n), np.empty((n, n)), inputs.x[:n, 0].copy()
     shares, multiplied = shares_of(parts, inputs.features.shape[1])
@@ -171,7 +174,8 @@ def at_the_start(
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
 def heats_of(laws: LawHeats, amounts: Floats, z: Floats, around: Floats, heat: Floats, slope: Floats) -> None:
-    """Q (n,) into the capacitors without unknown heats [W], and Q_z (n, n) [W/K], of laws with these amounts (L,)."""
+    """Fill Q (n,) [W], the heat into the capacitors without unknown heats, and Q_z (n, n) [W/K], of laws with these
+    amounts (L,)."""
     n = laws.n
     at, found = np.empty((n + len(around), 1)), np.empty((len(laws.places), 4))
     at[:n, 0] = z
@@ -193,7 +197,7 @@ def heats_of(laws: LawHeats, amounts: Floats, z: Floats, around: Floats, heat: F
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
 def _solve(matrix: Floats, right: Floats) -> None:
-    """`right` (n,) becomes the solution; storage outweighs what losses take from the diagonal, so no pivot is sought."""
+    """Solve for `right` (n,) in place. Storage outweighs what losses take from the diagonal, so no pivot is sought."""
     n = len(right)
     for p in range(n):
         for i in range(p + 1, n):
@@ -222,8 +226,9 @@ def predict(
     heat: Floats,
     slope: Floats,
 ) -> None:
-    """x (S, 1) one step on, from edge k; `heat` (n,) and `slope` (n, n) are left as they are there. `amounts` (edges, L) as the factors of
-    x have them. The filter's own step before its perfect measurements, in plain matrices: what other filters are given."""
+    """Move x (S, 1) one step on, from edge k: the filter's own step before its perfect measurements, in plain
+    matrices, as other filters are given it. `amounts` (edges, L) are those with the factors of x. `heat` (n,) and
+    `slope` (n, n) are left as they are after the step."""
     n, size = len(capacities), len(x)
     z, rate = x[:n, 0].copy(), x[n : 2 * n, 0].copy()
     more, matrix = np.empty(n), np.empty((n, n))
@@ -280,8 +285,9 @@ def _run(
     spreads: Floats,
     innovations: Floats,
 ) -> float:
-    """The filter over all steps, from `state` of `rates`; the log likelihood of the readings. `amounts` (N + 1, L + P) and
-    `around` (N + 1, b) at edges, `means` and `boundaries` of steps; the other arrays as in `twin.filters.ekf.through`."""
+    """The filter over all steps, from `state` of `rates`; returns the log likelihood of the readings. `amounts` (N +
+    1, L + P) and `around` (N + 1, b) are at edges, `means` and `boundaries` of steps; the other arrays as in
+    `twin.filters.ekf.through`."""
     n, size, length, likelihood, h = rates.n, rates.size, rates.length, 0.0, np.empty(len(x))
     channels, m, at = readings.shape[1], pointer(numbers, 0), pointer(indices, 0)
     laws_of(rates, m, at, x, around[0])
@@ -328,7 +334,7 @@ def _run(
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
 def _move(rates: Rates, shift: Floats, step_s: float, m: Floats, x: Floats) -> None:
-    """x (S, 1) one step on by its rates and `right`, w."""
+    """Move x (S, 1) one step on by its rates and by w in `right`."""
     n, right = rates.n, rates.right
     for i in range(2 * n + rates.unknown, len(x)):  # a lagging reading follows the temperatures as they end
         moved = shift[i, i] * x[i, 0]
@@ -343,7 +349,8 @@ def _move(rates: Rates, shift: Floats, step_s: float, m: Floats, x: Floats) -> N
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
 def _meet(rates: Rates, shift: Floats, step_s: float, m: Floats, at: Index, x: Floats) -> None:
-    """x (S, 1) as predicted meets the capacitor equation, linear about it, by what w has to be more; into `ahead` as well."""
+    """Have x (S, 1) as predicted meet the capacitor equation, linear about it, by what w has to be more; x in `ahead`
+    too."""
     n, size, length = rates.n, rates.size, rates.length
     for i in range(n):
         m[u(rates.right + i)] = 2.0 / step_s * m[u(rates.heat + i)] - m[u(rates.own + i)] * x[n + i, 0]
@@ -362,7 +369,7 @@ def _meet(rates: Rates, shift: Floats, step_s: float, m: Floats, at: Index, x: F
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
 def _linear(rates: Rates, capacities: Floats, m: Floats, at: Index, h: Floats, x: Floats, q: int) -> float:
-    """`h x` (S,); its slopes with y become `shares` of reading q."""
+    """`h x` (S,), a reading; its slopes with y become `shares` of reading q."""
     n, size, shares, total, late = rates.n, rates.size, rates.shares + q * rates.length, 0.0, False
     for i in range(n):
         m[u(shares + i)] = -h[i]
@@ -382,7 +389,7 @@ def _linear(rates: Rates, capacities: Floats, m: Floats, at: Index, h: Floats, x
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
 def _follow(rates: Rates, capacities: Floats, m: Floats, at: Index, x: Floats) -> None:
-    """x (S, 1) becomes what it is in `state`; the rates move with the rest as the capacitor equation has it."""
+    """Set x (S, 1) to what it is in `state`; the rates move with the rest as the capacitor equation has it."""
     n, size, length, moved = rates.n, rates.size, rates.length, rates.right
     for i in range(size):
         after, own = m[u(rates.state + i * length + size)], i if i < n else n + i
@@ -394,7 +401,8 @@ def _follow(rates: Rates, capacities: Floats, m: Floats, at: Index, x: Floats) -
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
 def sensor_row(weights: Floats, time_constant: float, state: int, before_s: float, n: int, h: Floats) -> None:
-    """`h` (S,): what a channel reads `before_s` before the end of the step: its own rate is known, zdot or (T - reading) / lag."""
+    """Fill `h` (S,): what a channel reads `before_s` before the end of the step, by its own rate, which is known:
+    zdot, or (T - reading) / lag."""
     h[:] = 0.0
     if state >= 0:
         share = before_s / time_constant

@@ -34,10 +34,9 @@ u = np.uint64  # numba then asks of no index whether it counts from the end
 
 
 class Rates(NamedTuple):
-    """Where the numbers and indices of a run are (`twin.arithmetic.lanes`), and how many there are. `values`: n
-    diagonals, E upper and E lower entries of 2 C / h - Q_z, eliminated; `slopes`: in the same order those of -Q_z at
-    the edge where P_y is, one that nobody reads, those of -Q_rho, of heats first, and what does not change of
-    `reach`."""
+    """How many there are of what a run works on, and where it begins in the run's numbers or indices
+    (`twin.arithmetic.lanes`). A table has one row behind the other; comments show a row for the motor of
+    `twin.filters.plan`, whose P_y is of S_y = 7 numbers y, that state's own."""
 
     n: int
     heats: int
@@ -54,7 +53,7 @@ class Rates(NamedTuple):
     driven: int  # of -Q_rho, by factors
     around: int  # boundaries
     knots: int
-    # numbers
+    # Numbers, by where they begin.
     unit: int  # 0, 1
     own: int  # (n,) 2 C / h [W/K]
     copper: int
@@ -64,8 +63,8 @@ class Rates(NamedTuple):
     terms: int  # (P,) of them what factors multiply
     temperatures: int  # (n + b,)
     heat: int  # (n,) into the capacitors, and one that nobody reads
-    slopes: int
-    values: int
+    slopes: int  # as `values` those of -Q_z at the edge of P_y; 1 that nobody reads; -Q_rho, heats first; -1, -2 C / h
+    values: int  # 2 C / h - Q_z, eliminated: n diagonals, E entries above it, E below
     right: int  # (S_y,)
     after: int  # what lagging readings take of the temperatures after a step, sign changed
     noise: int  # (S_y rows) of the right-hand side
@@ -76,18 +75,18 @@ class Rates(NamedTuple):
     moved: int
     turned: int
     ahead: int  # [P_y | y] as predicted
-    # indices
-    each: int  # 0, 1, ... of all groups
-    row: int  # the same times `length`
+    # Indices, by where they begin.
+    each: int  # 0, 1, 2 ...: all laws
+    row: int  # 0, 8, 16 ...: where each row of [P_y | y] begins
     order: int
     edge_start: int
     edge_to: int
     update: int
     law: int
-    into: int  # (laws, 8) a, b, and in `values` (a,a) (a,b) (a,m) (b,a) (b,b) (b,m), for each what nobody reads where there is none
+    into: int  # (laws, 8) a, b, then aa, ab, am, ba, bb, bm in `slopes`; 7 is read by nobody: 0, 1, 0, 3, 7, 5, 1, 7
     node: int  # (heats,)
-    term: int  # (P, 4) law, factor, and in `slopes` where its heat goes into a and where it comes out of b
-    cell: int  # (cells, 3) place in `slopes`, node and number of y
+    term: int  # (P, 4) law, factor, and where in `slopes` its heat goes into a and comes out of b: 0, 0, 9, 10
+    cell: int  # (cells, 3) place in `slopes`, node and number of y. Of the unknown heat: 8, 2, 3
     taken: int  # (m + q, S_y) pairs: rows and shares that each reading takes
     number: int  # (m + q,) of them
     reach: Sweep  # the right-hand side
@@ -97,8 +96,9 @@ class Rates(NamedTuple):
 
 
 def shares_of(parts: Parts, monomials: int) -> tuple[Floats, list[tuple[int, int]]]:
-    """(F + 1, L + P): what each of F monomials, then 1, adds to the amount of each law without what factors multiply,
-    then to what of a law a factor multiplies; which law and which factor, P of them."""
+    """What each of F monomials, and in the last row 1, adds to amounts (F + 1, L + P): first to that of each law,
+    without what factors multiply, then to the P pieces of laws that a factor multiplies. And which law and which
+    factor each piece is of."""
     program, laws = parts.program, len(parts.places)
     law = np.repeat(np.arange(laws), np.diff(program.term_start)).tolist()
     factor = parts.factor_of[program.term_coefficient].tolist()
@@ -118,7 +118,7 @@ def rates_of(
     step_s: float,
     store: Store,
 ) -> Rates:
-    """The places of a run, put into `store`; `multiplied` as in `shares_of`."""
+    """The places of a run among so many boundaries; `store` is given room for it. `multiplied` as in `shares_of`."""
     program, m, meters = parts.program, len(parts.weights), len(parts.signs)
     n, edges, heats, o = program.n, len(program.edge_to), len(parts.heats), parts.sought - program.n
     lagging = np.flatnonzero(parts.state >= 0).tolist()
@@ -239,7 +239,7 @@ def rates_of(
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
 def laws_of(rates: Rates, m: Floats, at: Index, x: Floats, outside: Floats) -> None:
-    """`psi` at the temperatures of x (S, 1), and what they are beside `outside` (b,)."""
+    """Fill `psi` at the temperatures of x (S, 1), and `temperatures` with these and `outside` (b,) [degC]."""
     for i in range(rates.n):
         m[u(rates.temperatures + i)] = x[i, 0]
     for i in range(rates.around):
@@ -249,7 +249,7 @@ def laws_of(rates: Rates, m: Floats, at: Index, x: Floats, outside: Floats) -> N
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
 def amounts_of(rates: Rates, m: Floats, at: Index, amounts: Floats, x: Floats) -> None:
-    """`amounts` and `terms` by `amounts` (L + P,) of an edge and the factors of x (S, 1)."""
+    """Fill `amounts` and `terms` from `amounts` (L + P,) of an edge and the factors of x (S, 1)."""
     first = 2 * rates.n + rates.heats
     for g in range(rates.laws):
         m[u(rates.amounts + g)] = amounts[g]
@@ -261,7 +261,7 @@ def amounts_of(rates: Rates, m: Floats, at: Index, amounts: Floats, x: Floats) -
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
 def linearised(rates: Rates, m: Floats, at: Index, x: Floats) -> None:
-    """`heat` [W] of x (S, 1) and all that changes of `slopes`, by `psi`, `amounts` and `terms`."""
+    """Fill `heat` [W] of x (S, 1) and all that changes of `slopes`, from `psi`, `amounts` and `terms`."""
     slopes = rates.slopes
     _balance(rates, m, at, x, slopes)
     first = slopes + rates.n + 2 * rates.edges + 1 + rates.heats
@@ -276,7 +276,7 @@ def linearised(rates: Rates, m: Floats, at: Index, x: Floats) -> None:
 
 @within
 def _balance(rates: Rates, m: Floats, at: Index, x: Floats, slopes: int) -> None:
-    """`heat` [W], the unknown ones of x (S, 1) included, and -Q_z at `slopes` [W/K], by `psi` and `amounts`."""
+    """Fill `heat` [W], the unknown ones of x (S, 1) included, and -Q_z at `slopes` [W/K], from `psi` and `amounts`."""
     n, heat = rates.n, rates.heat
     for i in range(n):
         m[u(heat + i)] = 0.0
@@ -304,8 +304,8 @@ def _balance(rates: Rates, m: Floats, at: Index, x: Floats, slopes: int) -> None
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
 def change(rates: Rates, m: Floats, at: Index, step_s: float, x: Floats) -> None:
-    """`right`: w [K/s] with which x (S, 1) has no Gamma at the end of a step, linear about its z, where `psi` and
-    `amounts` are of that z and of what is around it then."""
+    """Fill `right` with the w [K/s] for which x (S, 1) has no Gamma at the end of a step, linear about its z; `psi`
+    and `amounts` are of that z and of what is around it then."""
     n, heat, right, values = rates.n, rates.heat, rates.right, rates.values
     _balance(rates, m, at, x, values)
     for c in range(rates.cell, rates.cell + 3 * rates.entries, 3):
@@ -318,7 +318,7 @@ def change(rates: Rates, m: Floats, at: Index, step_s: float, x: Floats) -> None
 
 @within
 def _eliminated(rates: Rates, m: Floats, at: Index, slopes: int) -> None:
-    """`values` by -Q_z at `slopes`."""
+    """Fill `values` with the eliminated matrix of -Q_z at `slopes`."""
     for e in range(rates.n + 2 * rates.edges):
         m[u(rates.values + e)] = m[u(slopes + e)]
     for i in range(rates.n):
@@ -328,8 +328,8 @@ def _eliminated(rates: Rates, m: Floats, at: Index, slopes: int) -> None:
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
 def spread(rates: Rates, m: Floats, at: Index, x: Floats) -> None:
-    """`ahead`: P_y one step on from `state`, given the capacitor equations, by `psi`, `amounts` and x (S, 1) at the
-    end of the step; symmetric to rounding. Filled: `values`, `slopes` and `heat` there."""
+    """Fill `ahead` with P_y one step on from `state`, given the capacitor equations, by `psi`, `amounts` and x (S, 1)
+    at the end of the step; symmetric to rounding. `values`, `slopes` and `heat` are of that end then."""
     size, length, slopes, unit = rates.size, rates.length, rates.slopes, rates.unit
     sweep(m, at, rates.reach, rates.moved, rates.noise, rates.state, unit, slopes, length)
     transposed(m, rates.turned, rates.moved, size, length)
@@ -343,7 +343,7 @@ def spread(rates: Rates, m: Floats, at: Index, x: Floats) -> None:
 
 @within
 def _solved(rates: Rates, m: Floats, at: Index, right: int, out: int) -> None:
-    """The rows of a step whose right-hand sides are the rows at `right`."""
+    """Solve for the rows of a step whose right-hand sides are the rows at `right`, into `out`."""
     length, unit, values = rates.length, rates.unit + 1, rates.values
     for row in range(rates.n * length, (rates.n + rates.unknown) * length, length):
         scaled(m, out + row, 1.0, right + row, length)
@@ -354,7 +354,7 @@ def _solved(rates: Rates, m: Floats, at: Index, right: int, out: int) -> None:
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
 def solve(rates: Rates, m: Floats, at: Index) -> None:
-    """`right` becomes the solution with the matrix that `values` are of."""
+    """Solve for `right` in place, with the matrix that `values` are of."""
     values, right, upper = rates.values, rates.right, rates.values + rates.n
     for p in range(rates.n):
         own = m[u(right + at[u(rates.order + p)])]
@@ -401,8 +401,8 @@ def metered(rates: Rates, m: Floats, at: Index, j: int, x: Floats, q: int) -> fl
 
 @within
 def reads(rates: Rates, m: Floats, at: Index, q: int, gain: int, stride: int) -> None:
-    """Row q of `gain`, rows of `stride`: the covariance of what takes `shares` with y as predicted, and with those
-    before it there."""
+    """Fill row q of `gain`, of rows `stride` long: the covariance of the reading that takes `shares` with y as
+    predicted, and with the readings before it."""
     count, size, length, own = 0, rates.size, rates.length, gain + q * stride
     shares, taken = rates.shares + q * length, rates.taken + q * size
     for i in range(size):

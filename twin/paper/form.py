@@ -1,15 +1,15 @@
 """A network as the paper writes it: temperatures and heat flows as coordinates, tied by constraints (its Eq. 1-4).
 
-The coordinates are q = [q_T, q_Q]: q_T the temperatures of nodes and boundaries, q_Q the heat flows of links, sources and
-capacitors. At inputs v (features and boundary temperatures) they fulfil
+The coordinates are q = [q_T, q_Q]: q_T the temperatures of nodes and boundaries, q_Q the heat flows of links, sources
+and capacitors. At inputs v (features and boundary temperatures) they fulfil
 
     Phi(q, v) = 0       Kirchhoff at every node, every boundary, every link as a resistor, every source,
     Gamma = A qdot + A1 q = 0       C dT/dt less the heat that flows into the capacitor, for every node,
 
-which BDF2 (qdot = (3 q - 4 q' + q'') / (2 h); Hairer and Wanner, Solving Ordinary Differential Equations II, V.1) turns into
-equations in q alone, solved by Newton-Raphson with exact derivatives. The first step is one of implicit Euler. `simulate`
-runs the reduced form of the same network, the temperatures of the nodes alone, and is faster by orders of magnitude: this
-form is its check, and says what flows where.
+which BDF2 (qdot = (3 q - 4 q' + q'') / (2 h); Hairer and Wanner, Solving Ordinary Differential Equations II, V.1)
+turns into equations in q alone, solved by Newton-Raphson with exact derivatives. The first step is one of implicit
+Euler. `simulate` runs the reduced form of the same network, the temperatures of the nodes alone, and is faster by
+orders of magnitude: this form is its check, and says what flows where.
 """
 
 from __future__ import annotations
@@ -36,8 +36,8 @@ ENOUGH = 1e-10  # of a step, relative to the largest coordinate: the next would 
 
 @dataclass(frozen=True)
 class Flow:
-    """A heat flow that is a coordinate: into `node`, out of `other` (node or boundary); `other` None is a source's. `one_way`: of a
-    fluid, not taken out of `other`, which flows on."""
+    """A heat flow that is a coordinate: into `node`, out of `other` (node or boundary), None in a source. `one_way`:
+    of a fluid, not taken out of `other`, which flows on."""
 
     node: str
     other: str | None
@@ -46,8 +46,8 @@ class Flow:
 
 @dataclass(frozen=True)
 class Constraints:
-    """Phi and Gamma of a network of n nodes, b boundaries and F flows. A coordinate's place in q (n + b + F + n): temperatures
-    of nodes, of boundaries, heat flows as `flows`, heat into the capacitors."""
+    """Phi and Gamma of a network of n nodes, b boundaries and F flows. A coordinate's place in q (n + b + F + n):
+    temperatures of nodes, of boundaries, heat flows as `flows`, heat into the capacitors."""
 
     laws: LawHeats
     flows: tuple[Flow, ...]
@@ -81,13 +81,13 @@ class Constraints:
         return found
 
     def gamma(self, q: Floats, rate: Floats) -> Floats:
-        """Gamma (n,) [W] = A qdot + A1 q."""
+        """Gamma = A qdot + A1 q (n,) [W]."""
         n = len(self.capacities)
         found: Floats = self.capacities * rate[:n] - q[-n:]
         return found
 
     def derivatives(self, q: Floats, amounts: Floats, per_s: float) -> csc_array:
-        """d [Phi, Gamma] / dq where qdot = `per_s` q + what does not depend on q."""
+        """d [Phi, Gamma] / dq where qdot is `per_s` q and something that does not depend on q."""
         n, end, flows = len(self.capacities), self.temperatures, len(self.flows)
         slopes = amounts[:, None] * self._psi(q)[:, 1:]
         to, by = np.nonzero(self.incidence)
@@ -130,8 +130,8 @@ class Constraints:
 
 @dataclass(frozen=True)
 class Course:
-    """A run in the paper's form: `temperatures` (N + 1, n) [degC], `flows` (N + 1, F) [W] as `of` names them, `stored` (N + 1, n)
-    [W] heat into each capacitor. Row 0 is the start, under the inputs of the first step."""
+    """A run in the paper's form: `temperatures` (N + 1, n) [degC], `flows` (N + 1, F) [W] as `of` names them,
+    `stored` (N + 1, n) [W] heat into each capacitor. Row 0 is the start, under the inputs of the first step."""
 
     of: tuple[Flow, ...]
     temperatures: Floats
@@ -161,10 +161,11 @@ def constraints(network: Network) -> Constraints:
 
 
 def simulate_with_flows(network: Network, frame: Frame, initial: Floats) -> Course:
-    """Temperatures and every heat flow from `initial` (n,) [degC] on, by BDF2 with Newton-Raphson; inputs held over each step.
+    """Temperatures and every heat flow from `initial` (n,) [degC] on, by BDF2 with Newton-Raphson; inputs held over
+    each step.
 
-    Raises `NetworkError` where the network cannot be a motor, `FrameError` where shapes do not fit or an input is not finite,
-    and `DivergedError` where Newton-Raphson does not converge or the temperatures leave the finite numbers.
+    Raises `NetworkError` where the network cannot be a motor, `FrameError` where shapes do not fit or an input is not
+    finite, and `DivergedError` where Newton-Raphson does not converge or the temperatures leave the finite numbers.
     """
     form = constraints(network)
     check_frame(network, frame, initial)
@@ -188,7 +189,7 @@ def simulate_with_flows(network: Network, frame: Frame, initial: Floats) -> Cour
 def _newton(
     form: Constraints, start: Floats, amounts: Floats, around: Floats, per_s: float, past: Floats, time_s: float
 ) -> Floats:
-    """q with Phi = 0 and Gamma = 0, where qdot = `per_s` q + `past`."""
+    """The q with Phi = 0 and Gamma = 0, where qdot = `per_s` q + `past`."""
     q = start
     for _ in range(ITERATIONS):
         wrong = np.concatenate([form.phi(q, amounts, around), form.gamma(q, per_s * q + past)])

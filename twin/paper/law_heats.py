@@ -1,5 +1,5 @@
-"""Every law of a network as amount times psi (`twin.compiled.laws`), one after the other at one state: what the paper's form and the
-sensitivities of the filters are made from."""
+"""Every law of a network as amount times psi (`twin.compiled.laws`), one after the other at one state: what the
+paper's form and the sensitivities of the filters are made from."""
 
 from __future__ import annotations
 
@@ -19,8 +19,9 @@ Index = NDArray[np.int64]
 
 
 class LawHeats(NamedTuple):
-    """The laws of a network, one a group of its structure. `places`, `numbers`, `copper` as `twin.compiled.laws.Table`; `shares`
-    (m + 1, L): what each monomial, then 1, adds to the amount of each law [W or W/K]; `n` nodes."""
+    """The laws of a network, one for each group of its structure. `places`, `numbers`, `copper` as
+    `twin.compiled.laws.Table`; `shares` (m + 1, L): what each monomial, and in the last row 1, adds to the amount of
+    each law [W or W/K]; `n` nodes."""
 
     n: int
     places: Index
@@ -29,7 +30,7 @@ class LawHeats(NamedTuple):
     shares: Floats
 
     def amounts(self, features_of_steps: Floats) -> Floats:
-        """(N, L) amount of each law in steps with features (N, m)."""
+        """Amount of each law (N, L) in steps with features (N, m)."""
         found: Floats = features_of_steps @ self.shares[:-1] + self.shares[-1]
         return found
 
@@ -43,7 +44,7 @@ def law_heats(network: Network) -> LawHeats:
 
 
 def shares(network: Network, coefficients: Floats) -> Floats:
-    """(m + 1, L) as in `LawHeats`, of given coefficients in the order of `features.terms`."""
+    """`LawHeats.shares` (m + 1, L) of given coefficients in the order of `features.terms`."""
     groups = structure(network).groups
     found = np.zeros((len(features.monomials(network)) + 1, len(groups)))
     for g, group in enumerate(groups):
@@ -54,7 +55,8 @@ def shares(network: Network, coefficients: Floats) -> Floats:
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
 def psi_at(places: Index, numbers: Floats, copper: Floats, at: Floats, found: Floats) -> None:
-    """`found` (L, 4): psi of every law and its slopes with T_a, T_b and T_m at nodes and boundaries `at` (n + b, 1) [degC]."""
+    """Fill `found` (L, 4): psi of every law and its slopes with T_a, T_b and T_m, at nodes and boundaries `at` (n +
+    b, 1) [degC]."""
     one = np.empty((4, 1))
     for w in range(len(places)):
         psi_of(places[w], numbers[w], copper, at, 0, one)
