@@ -1,4 +1,6 @@
-"""A DC check's test as a fit over many checks takes it: steps as long as blocks, one mean channel a place, only the minutes that are asked."""
+"""A DC check's test as a fit over many checks takes it: steps as long as blocks, one mean channel for each place,
+only the minutes that are asked for.
+"""
 
 from __future__ import annotations
 
@@ -60,9 +62,9 @@ def coarse(test: Test) -> Test:
 
 
 def by_place(test: Test, left_out: Collection[str]) -> Test:
-    """One channel for all that follow the same nodes with the same lag, but for those of the names `left_out`: their mean where each of
-    them has samples, none where they never have. Sensors of one lump are at different places of it, and their mean is nearer to what the
-    lump stands for."""
+    """The test with one channel for all that follow the same nodes with the same lag, but for those of the names
+    `left_out`: their mean where each of them has samples, none where they never have. Sensors of one lump are at
+    different places of it, and their mean is nearer to what the lump stands for."""
     groups: dict[tuple[object, ...], list[Channel]] = {}
     for channel in test.channels:
         if channel.name not in left_out:
@@ -95,9 +97,9 @@ NOISES = ("white_sd", "resolution", "bias_sd")
 
 
 def begun_alike(network: Network, test: Test) -> Test:
-    """The test with starts as a body has them that was left to itself: all nodes at the mean of what the sensors read first, as surely as
-    it was near what is around it. So what sensors differ by then is mostly theirs. Of a body that was not left to itself, each node starts
-    where its own sensors say."""
+    """The test with the start of a body that was left to itself: all nodes begin at the mean of what the sensors read
+    first, as surely as that was near what is around it. So what sensors differ by then is mostly theirs. Of a body
+    that was not left to itself, each node starts where its own sensors say."""
     own = _first_readings(test)
     if not own:
         return test
@@ -120,13 +122,13 @@ def _first_readings(test: Test) -> dict[str, float]:
 
 
 def _lead_K(test: Test) -> float:
-    """How far the body is above what is around it as the record begins."""
+    """How far the body is above what is around it as the record begins [K]."""
     first = _first_readings(test)
     return float(np.mean(list(first.values())) - test.frame.boundaries[0].mean()) if first else 0.0
 
 
 def of_iron(network: Network, channel: Channel) -> bool:
-    """Whether it follows iron more than anything else."""
+    """Whether a channel follows iron more than anything else."""
     region = {node.name: node.region for node in network.nodes}
     weights = channel.output.weights
     return region[max(weights, key=lambda node: weights[node])] == "iron"
@@ -144,7 +146,8 @@ def iron_moved(network: Network, test: Test, by_K: float) -> Test:
 
 
 def load(network: Network, test: Test) -> tuple[int, int] | None:
-    """First and last step of the last load without a break, by the heat of the network's sources; None where there is none."""
+    """First and last step of the last load without a break, by the heat of the network's sources; None where there is
+    none."""
     column = {m.name: test.frame.features[:, j] for j, m in enumerate(monomials(network))}
     ones = np.ones(len(test.frame.features))
     listed = list(terms(network))
@@ -166,8 +169,9 @@ def every_s(test: Test) -> float:
 
 
 def minutes_of_switches(network: Network, test: Test, minutes: float) -> Test | None:
-    """The test with only the samples from 2 min before to `minutes` after its load is switched on and off; None where neither has
-    as much recorded behind it. A record that begins warm and under load does not hold the switching on."""
+    """The test with only the samples from 2 min before to `minutes` after its load is switched on and off; None where
+    neither has as much recorded behind it. A record that begins warm and under load does not hold the switching
+    on."""
     found = load(network, test)
     if found is None:
         return None

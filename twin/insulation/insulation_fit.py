@@ -1,18 +1,21 @@
 """What each DC check of one specimen says of the insulation of a network, all checks in one fit.
 
-Every check multiplies the conductances of the insulation (`twin.motor.ageing_law.is_insulation`) by a factor of its own. Between checks may
-differ besides, each with a prior: where the nodes start, what radiates and what convects to boundaries, what sensors, currents, boundary
-temperatures and the logger's clock are off by. Everything else is the same in all checks: coefficients and capacities about the motor
-file's, and how much of its neighbours the sensors of a place follow. So what the file has wrong bends all checks alike, and the course
-of the factor over the checks hardly at all.
+Every check multiplies the conductances of the insulation (`twin.motor.ageing_law.is_insulation`) by a factor of its
+own. Between checks may differ besides, each with a prior: where the nodes start, what radiates and what convects to
+boundaries, what sensors, currents, boundary temperatures and the logger's clock are off by. Everything else is the
+same in all checks: coefficients and capacities about the motor file's, and how much of its neighbours the sensors of
+a place follow. So what the file has wrong bends all checks alike, and the course of the factor over the checks hardly
+at all.
 
-The mode (`twin.fitting.fit`) is under broad noise, as a network of some nodes misfits in its form. That misfit is nearly the same in every check
-and no error of the course; so the sd of a factor is that of its own check, with the noise as large as the residuals are:
+The mode (`twin.fitting.fit`) is under broad noise, as a network of some nodes misfits in its form. That misfit is
+nearly the same in every check and no error of the course; so the sd of a factor is that of its own check, with the
+noise as large as the residuals are:
 
     S = H^-1 (s^2 J' R^-1 J + L) H^-1
 
-over the parameters of the check, H = J' R^-1 J + L, L the priors' precision, s^2 the mean square of the whitened residuals (sandwich:
-P. J. Huber, Proc. 5th Berkeley Symp. 1 (1967) 221). What the checks share, the level of R and the scale of its changes, is not in it.
+over the parameters of the check, H = J' R^-1 J + L, L the priors' precision, s^2 the mean square of the whitened
+residuals (sandwich: P. J. Huber, Proc. 5th Berkeley Symp. 1 (1967) 221). What the checks share, the level of R and
+the scale of its changes, is not in it.
 """
 
 from __future__ import annotations
@@ -51,9 +54,9 @@ LINEARISATIONS = 60
 
 @dataclass(frozen=True)
 class OverChecks:
-    """Of each check (K,): `resistance` of the insulation's links side by side [K/W], and the sd of its logarithm `ln_sd` in the course
-    of these checks. `misfit_K`: root mean square of measured less modelled block means; `misfit`: the same over the widest span of a
-    channel in a check."""
+    """What the fit says of each check (K,): `resistance` of the insulation's links side by side [K/W], and `ln_sd`,
+    the sd of its logarithm in the course of these checks. `misfit_K`: root mean square of measured less modelled
+    block means; `misfit`: the same over the widest span of a channel in a check."""
 
     resistance: Floats
     ln_sd: Floats
@@ -63,15 +66,17 @@ class OverChecks:
 
 
 def insulated(network: Network) -> bool:
-    """Whether it has links from copper to iron."""
+    """Whether a network has links from copper to iron."""
     return any(is_insulation(network, link) for link in network.links)
 
 
 def over_checks(network: Network, tests: Sequence[Test], emissivity_free: bool) -> OverChecks:
-    """The insulation of a checked network at each of `tests` (one a check, channels of other names at other places).
+    """The insulation of a checked network at each of `tests`, one for each check; channels at different places have
+    different names.
 
-    `emissivity_free`: the level of the curves says nothing about the surfaces, their radiation is left free in each check. Raises
-    ValueError where there is no test or no insulation, `DivergedError` where a run leaves the finite numbers.
+    `emissivity_free`: the level of the curves says nothing about the surfaces, as their radiation is left free in
+    each check. Raises ValueError where there is no test or no insulation, `DivergedError` where a run leaves the
+    finite numbers.
     """
     if not tests or not insulated(network):
         raise ValueError("nothing to estimate: a fit over checks needs a test and a link from copper to iron")
@@ -90,7 +95,7 @@ def over_checks(network: Network, tests: Sequence[Test], emissivity_free: bool) 
 
 
 def _freedom(network: Network, tests: Sequence[Test], emissivity_free: bool) -> Iterator[Parameter]:
-    """First a factor a check, then the coefficients; then everything else."""
+    """First the factor of each check, then the coefficients; then everything else."""
     own = tuple(_insulation(network))
     for k in range(len(tests)):
         yield Parameter("insulation", actions.Scale(own), FACTOR_SD, k, -MOST_FACTOR, MOST_FACTOR)
@@ -117,8 +122,8 @@ def _insulation(network: Network) -> Iterator[int]:
 
 
 def _surfaces(network: Network) -> dict[str, tuple[int, ...]]:
-    """Law -> terms of all links to a boundary, radiation first. Terms without a law are paths of solids that stay as they are, but where
-    no link has a law: then they stand for the surfaces ("plain")."""
+    """Law -> terms of all links to a boundary, radiation first. Terms without a law are paths of solids that stay as
+    they are, but where no link has a law: then they stand for the surfaces ("plain")."""
     outside, links = {boundary.name for boundary in network.boundaries}, terms_of(network)[0]
     found: dict[str, tuple[int, ...]] = dict.fromkeys((*SURFACE_SD, "plain"), ())
     for link in network.links:
@@ -131,8 +136,8 @@ def _surfaces(network: Network) -> dict[str, tuple[int, ...]]:
 
 
 def _films(network: Network, tests: Sequence[Test]) -> Iterator[Parameter]:
-    """Laws of films are fits, and where a file has none a constant stands for film and radiation: they may rise more or less with the
-    temperature than the file says."""
+    """How films may differ from the file: their laws are fits, and where a file has none a constant stands for film
+    and radiation, so they may rise more or less with the temperature than the file says."""
     films = {i for law, own in _surfaces(network).items() if law != "radiation" for i in own}
     reference = float(np.mean([test.frame.boundaries.mean() for test in tests]))
     places, members = [], []
@@ -182,7 +187,7 @@ def _span_K(test: Test) -> float:
 
 
 def _own_sd(found: Fit, k: int, square: float) -> float:
-    """Of the factor of check k, which is the first of its parameters."""
+    """Standard deviation of the factor of check k, which is the first of its parameters."""
     own = [i for i, parameter in enumerate(found.model.parameters) if parameter.test == k]
     hessian, prior = found.hessian[np.ix_(own, own)], np.diag(found.model.sd[own] ** -2.0)
     inverse = np.linalg.inv(hessian)
@@ -190,7 +195,8 @@ def _own_sd(found: Fit, k: int, square: float) -> float:
 
 
 def _resistances(network: Network, tests: Sequence[Test], found: Fit) -> Floats:
-    """[K/W] (K,): by the mean conductances of the tests with the coefficients that all checks share, then each check's factor."""
+    """Resistance of the insulation at each check (K,) [K/W]: by the mean conductances of the tests with the
+    coefficients that all checks share, then each check's factor."""
     column = np.mean(np.concatenate([test.frame.features for test in tests]), axis=0)
     at = {m.name: float(column[j]) for j, m in enumerate(monomials(network))}
     shared = found.beta[len(tests) :]
