@@ -1,4 +1,5 @@
-"""Derating: how a controller takes current back as what it watches becomes hot, and how it would have with better eyes."""
+"""Derating: how a controller takes current back as what it watches becomes hot, and how it would have with better
+eyes."""
 
 from __future__ import annotations
 
@@ -24,9 +25,10 @@ class Derating:
 
 @dataclass(frozen=True)
 class Derated:
-    """A strategy over a run. `seconds`, `mean`, `lowest`: how long its factor was below 1, its mean and its lowest; the same with
-    `_hot` had it watched the hot spot. `late_s`: the hot spot asks for less current while the sensor asks for none;
-    `hottest_free_degC`: the hottest that the hot spot became while the sensor took no current back, None where it always did."""
+    """A strategy over a run. `seconds`, `mean`, `lowest`: how long its factor was below 1, its mean and its lowest;
+    with `_hot` the same had it watched the hot spot. `late_s`: how long the hot spot asked for less current while the
+    sensor asked for none; `hottest_free_degC`: the hottest that the hot spot became while the sensor took no current
+    back, None where it always did."""
 
     seconds: float
     mean: float
@@ -39,8 +41,8 @@ class Derated:
 
 
 def derated(strategy: Derating, watched_degC: Floats, hot_spot_degC: Floats, step_s: float) -> Derated | None:
-    """A strategy beside a run of steps: what its sensor showed (N,) and the hottest place that it protects (N,) [degC]. Steps without a
-    sample are left out; None where none has one."""
+    """How a strategy would have acted in a run of steps: by what its sensor showed (N,) and the hottest place that it
+    protects (N,) [degC]. Steps without a sample are left out; None where none has one."""
     there = np.isfinite(watched_degC)
     if not there.any():
         return None

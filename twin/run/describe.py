@@ -21,9 +21,9 @@ _GRID = np.linspace(0.0, 1.0, 11)
 
 @dataclass(frozen=True)
 class Description:
-    """What a network is. Time constants [s] are the slowest and fastest mode with the boundaries held, losses aside, at
-    all features 0 (`at_rest`) and all features 1 (`at_full`); `unknowns`: coefficients and capacities. `circuits`, `laws`, `maps`
-    and `configurations` are in words, one entry each.
+    """What a network is. Time constants [s] are the slowest and fastest mode with the boundaries held, losses aside,
+    at all features 0 (`at_rest`) and all features 1 (`at_full`); `unknowns`: coefficients and capacities. `circuits`,
+    `laws`, `maps` and `configurations` are in words, one entry each.
     """
 
     name: str
@@ -46,7 +46,7 @@ class Description:
     warnings: tuple[str, ...]
 
     def to_json(self) -> dict[str, Any]:
-        """The same as JSON holds it: no end is null."""
+        """The same for JSON: an infinite time constant is null."""
         values = asdict(self)
         for key in ("at_rest_s", "at_full_s"):
             values[key] = [None if math.isinf(constant) else constant for constant in values[key]]
@@ -62,7 +62,10 @@ class Description:
         )
         lines = [
             f"{self.name}: {', '.join(counts)}",
-            f"coefficients   {self.coefficients}; with {_count(self.nodes, 'capacity')} {_count(self.unknowns, 'unknown')}",
+            (
+                f"coefficients   {self.coefficients}; with {_count(self.nodes, 'capacity')} "
+                f"{_count(self.unknowns, 'unknown')}"
+            ),
             f"features       {', '.join(self.features) or 'none'}",
             f"heat capacity  {self.capacity_J_per_K:,.0f} J/K",
             f"time constants {_span(self.at_rest_s)} at rest, {_span(self.at_full_s)} with all features at 1",
@@ -171,7 +174,8 @@ def _adds(term: Term) -> bool:
 
 
 def _negative(source: Source) -> list[str]:
-    """A warning where the node's summed loss falls below zero for features within 0..1, factors of temperature aside."""
+    """A warning where the node's summed loss falls below zero for features within 0..1, factors of temperature
+    aside."""
     used = sorted({f for term in source.terms for f in features.monomial(term).features})
     if all(_adds(term) for term in source.terms) or len(used) > 4:
         return []

@@ -1,4 +1,5 @@
-"""How much load a motor bears at a speed, for ever or for some seconds, until a node is at its limit; and how sure that is."""
+"""How much load a motor bears at a speed, for ever or for some seconds, until a node is at its limit; and how sure
+that is."""
 
 from __future__ import annotations
 
@@ -30,9 +31,9 @@ Drive = Callable[[float], Floats]  # load -> features (m,)
 
 @dataclass(frozen=True)
 class Border:
-    """What a motor bears at a speed. `load` in the unit of the drive; `low`, `high` of a 95 % band from what is not known of its
-    coefficients; `node` that is at its limit there, None where the most recorded load is borne; `headroom_K` to the nearest limit at
-    `load`, 0 where a node is at it."""
+    """What a motor bears at a speed. `load` in the unit of the drive; `low` and `high` of a 95 % band by what is not
+    known of its coefficients; `node` that is at its limit there, None where the largest recorded load is borne;
+    `headroom_K` to the nearest limit at `load`, 0 where a node is at it."""
 
     load: float
     low: float
@@ -43,8 +44,8 @@ class Border:
 
 @dataclass(frozen=True)
 class Motor:
-    """A compiled network with `limits` (n,) [degC], NaN without one, its boundaries (b,) [degC], and `covariance` (P, P) of ln coefficients
-    and ln capacities, in this order."""
+    """A compiled network with `limits` (n,) [degC], NaN without one, its boundaries (b,) [degC], and `covariance` (P,
+    P) of ln coefficients and ln capacities, in this order."""
 
     compiled: Compiled
     limits: Floats
@@ -53,7 +54,8 @@ class Motor:
 
 
 def temperatures(motor: Motor, features: Floats, start: Floats, seconds: float) -> Floats:
-    """Of every node (n,) [degC] after some seconds, or in the steady state of infinitely many; infinite where it runs away."""
+    """Temperature of every node (n,) [degC] after some seconds of constant features (m,), or in the steady state
+    after infinitely many; infinite where it runs away."""
     steady = math.isinf(seconds)
     try:
         course = simulate(motor.compiled, _frame(motor, features, seconds), start)
@@ -71,7 +73,8 @@ def _frame(motor: Motor, features: Floats, seconds: float) -> Frame:
 
 
 def border(motor: Motor, drive: Drive, start: Floats, seconds: float, most: float) -> Border:
-    """The load up to `most` at which the first node reaches its limit, from `start` (n,) [degC] on."""
+    """What the motor bears: the load up to `most` at which the first node reaches its limit, from `start` (n,) [degC]
+    on for some seconds."""
 
     def over(load: float) -> Floats:
         """(n,) [K] over each limit."""
@@ -102,13 +105,14 @@ def _name(motor: Motor, over: Floats) -> str:
 
 
 def _slope(worst: Callable[[float], float], load: float) -> float:
-    """K a unit of load, as of a heat that grows with its square; from below, as above the motor may run away."""
+    """How much hotter the worst node becomes for each unit of load, as by a heat that grows with the load's square;
+    from below, as above the motor may run away."""
     less = (1 - SLOPE_STEP) * load
     return max(2 * load * (worst(load) - worst(less)) / (load**2 - less**2), LEAST_SLOPE)
 
 
 def _sd_K(motor: Motor, drive: Drive, start: Floats, seconds: float, load: float, node: int) -> float:
-    """Standard deviation of a node's temperature that comes from the parameters."""
+    """Standard deviation [K] of a node's temperature that comes from the parameters."""
     features = drive(load)
     values = motor.compiled.parameters
     size = sum(1 for _ in terms(motor.compiled.network))  # streams of fluids are behind them, and known

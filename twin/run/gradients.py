@@ -1,7 +1,9 @@
-"""The derivatives of one number made of a run's temperatures by every coefficient, capacity and initial temperature, in two runs' time.
+"""The derivatives of one number made of a run's temperatures by every coefficient, capacity and initial temperature,
+in two runs' time.
 
-Exact for the discrete scheme, backwards from the last step to the first (`twin.compiled.codegen_derivatives`): the hottest magnet of a run
-and how sure it is, the load that a node bears, a squared error. Of many numbers, `twin.run.sensitivities` is faster.
+Exact for the discrete scheme, backwards from the last step to the first (`twin.compiled.codegen_derivatives`): the
+hottest magnet of a run and how sure it is, the load that a node bears, a squared error. Of many numbers,
+`twin.run.sensitivities` is faster.
 """
 
 from __future__ import annotations
@@ -20,8 +22,9 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Gradient:
-    """By `coefficients` (K,) in the order of `features.terms`, then `streams`, `capacities` (n,) and `initial` temperatures (n,): of a
-    number in K it is K per W or W/K, K per J/K and K/K."""
+    """The derivatives of one number by `coefficients` (K,) in the order of `features.terms`, then `streams`, by
+    `capacities` (n,) and by `initial` temperatures (n,): of a number in K they are K per W or W/K, K per J/K and
+    K/K."""
 
     coefficients: Floats
     capacities: Floats
@@ -29,14 +32,17 @@ class Gradient:
 
 
 def gradient(compiled: Compiled, frame: Frame, temperatures: Floats, weights: Floats) -> Gradient:
-    """Of the sum of `weights` (N + 1, n) times `temperatures` (N + 1, n), which `simulate` gave for the `frame`.
+    """The derivatives of the sum of `weights` (N + 1, n) times `temperatures` (N + 1, n), which `simulate` gave for
+    the `frame`.
 
-    What follows its last weight that is not zero costs nothing. Raises `FrameError` for a network of the index form or another method than the default.
+    What follows the last weight that is not zero costs nothing. Raises `FrameError` for a network of the index form
+    or another method than the default.
     """
     network, p = compiled.network, compiled.parameters
     if compiled.gradient is None:
         raise FrameError(
-            f'network "{network.name}" of {len(network.nodes)} nodes has no kernel for gradients: take the default integrator, and merge '
+            f'network "{network.name}" of {len(network.nodes)} nodes has no kernel for gradients: '
+            "take the default integrator, and merge "
             "nodes where there are more than about 50 (whyhot motor reduce)"
         )
     n, there = len(network.nodes), np.flatnonzero(np.einsum("ij,ij->i", weights, weights))

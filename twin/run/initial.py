@@ -23,11 +23,12 @@ def steady_interpolation(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Initial temperatures (n,) [degC] and their prior standard deviations (n,) [K].
 
-    A node of `measured`, node -> (temperature, sd), starts there, with that sd but at least 0.3 K; where `weights` say of the node that
-    it was measured in a mixture, node -> share, its own over a half, the mixture starts there. Every other node takes the
-    steady temperature between measured nodes and boundaries, without losses, with the conductances of `features_row` (m,)
-    (temperature factors at their reference); its sd is 1 K and 1 K a link from the nearest known temperature, within 2 to
-    4 K. A part that no conductance joins to anything known (a rotor at rest may be one) starts at the mean of what is known.
+    A node of `measured`, node -> (temperature, sd), starts there, with that sd but at least 0.3 K. Where `weights`,
+    node -> shares, say that it was measured in a mixture of which its own share is over a half, the mixture starts
+    there. Every other node takes the steady temperature between measured nodes and boundaries, without losses, with
+    the conductances of `features_row` (m,) (temperature factors at their reference); its sd is 1 K and 1 K for each
+    link to the nearest known temperature, within 2 to 4 K. A part that no conductance joins to anything known (a
+    rotor at rest may be one) starts at the mean of what is known.
     """
     n = len(network.nodes)
     index = _index(network)
@@ -43,9 +44,9 @@ def steady_interpolation(
 
 
 def conductances(network: Network, features_row: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(n + b, n + b) [W/K] between nodes, then boundaries, at features (m,): row i holds what node i takes per kelvin of each
-    other. Temperature factors at their reference, radiation about 20 degC, free convection at 10 K, fluids at 20 degC. Symmetric
-    but for circuits."""
+    """Conductances (n + b, n + b) [W/K] between nodes, then boundaries, at features (m,): row i holds what node i
+    takes for each kelvin of another. Temperature factors are at their reference, radiation about 20 degC, free
+    convection at 10 K, fluids at 20 degC. Symmetric but for circuits."""
     index = _index(network)
     column = {monomial: j for j, monomial in enumerate(features.monomials(network))}
     result = np.zeros((len(index), len(index)))
@@ -67,7 +68,8 @@ def _index(network: Network) -> dict[str, int]:
 def _interpolate(
     conductance: NDArray[np.float64], known: Mapping[int, float], mixed: Mapping[int, Mapping[int, float]]
 ) -> NDArray[np.float64]:
-    """Of what is `known`, those in `mixed` are the temperature of a mixture."""
+    """Steady temperatures (n + b,) between those that are `known`; of these, places in `mixed` are known as the
+    temperature of a mixture."""
     size = len(conductance)
     result = np.full(size, np.mean(list(known.values())))
     fixed = np.array(sorted(known.keys() - mixed.keys()), dtype=np.intp)
@@ -85,7 +87,8 @@ def _interpolate(
 
 
 def _solved(matrix: NDArray[np.float64], right: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Elimination with the largest pivot of each column, an element at a time: LAPACK's bits change with the processor."""
+    """The solution by elimination with the largest pivot of each column, an element at a time: LAPACK's bits change
+    with the processor."""
     whole = np.column_stack([matrix, right])
     for k in range(len(right)):
         pivot = k + int(np.abs(whole[k:, k]).argmax())
@@ -109,7 +112,7 @@ def _reaches(conductance: NDArray[np.float64], start: int, known: Mapping[int, f
 
 
 def _links_away(network: Network, index: Mapping[str, int], known: Mapping[int, float]) -> NDArray[np.float64]:
-    """Links from each node to the nearest known one; infinite where there is none."""
+    """How many links each node is from the nearest known one; infinite where there is none."""
     distance = np.full(len(index), np.inf)
     distance[list(known)] = 0.0
     ends = [*((link.a, link.b) for link in network.links), *features.stream_places(network)]
@@ -121,6 +124,7 @@ def _links_away(network: Network, index: Mapping[str, int], known: Mapping[int, 
 
 
 def time_constants(network: Network, features_row: NDArray[np.float64]) -> dict[str, float]:
-    """Node -> C / sum of its conductances [s] at features (m,): how fast it follows its neighbours; infinite alone."""
+    """Node -> C / sum of its conductances [s] at features (m,): how fast it follows its neighbours; infinite where it
+    has none."""
     total = conductances(network, features_row).sum(axis=1)
     return {node.name: node.capacity / total[i] if total[i] > 0 else np.inf for i, node in enumerate(network.nodes)}

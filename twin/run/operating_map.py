@@ -1,9 +1,9 @@
 """What drives a motor at an operating point: inputs over speed and load, as recorded steps have shown them.
 
-Recorded steps are averaged in small cells first, so that an hour at one point counts as much as a passing second. At a point every
-input is a plane through the cells nearest to it, weighed by their distance (local linear
-regression: W. S. Cleveland, J. Am. Stat. Assoc. 74 (1979) 829, doi:10.1080/01621459.1979.10481038). It is good up to
-the largest load that was recorded near a speed; beyond, nothing is known.
+Recorded steps are averaged in small cells first, so that an hour at one point counts as much as a passing second. At
+a point every input is a plane through the cells nearest to it, weighed by their distance (local linear regression: W.
+S. Cleveland, J. Am. Stat. Assoc. 74 (1979) 829, doi:10.1080/01621459.1979.10481038). It is good up to the largest
+load that was recorded near a speed; beyond, nothing is known.
 """
 
 from __future__ import annotations
@@ -22,7 +22,8 @@ NEAR = 0.06  # of the largest speed and load: how far a recorded cell speaks
 
 
 class OperatingMap:
-    """`speed`, `load` (N,) at least 0 and `inputs`, name -> (N,), of all recorded steps, in any units; NaN where unknown."""
+    """All recorded steps: `speed` and `load` (N,), at least 0, and `inputs`, name -> (N,), in any units; NaN where
+    unknown."""
 
     def __init__(self, speed: Floats, load: Floats, inputs: Mapping[str, Floats]) -> None:
         there = np.isfinite(np.stack([speed, load, *inputs.values()])).all(axis=0)

@@ -1,14 +1,16 @@
-"""From many nodes to few: coupled nodes are merged greedily, by how much a merger would move the temperatures of interest.
+"""From many nodes to few: coupled nodes are merged greedily, by how much a merger would move the temperatures of
+interest.
 
-A merged node is the sum of its members (`twin.motor.merging`). Nodes of a circuit are merged with the next ones of the same circuit only,
-so that the fluid goes on flowing through each node once.
+A merged node is the sum of its members (`twin.motor.merging`). Nodes of a circuit are merged with the next ones of
+the same circuit only, so that the fluid goes on flowing through each node once.
 
-To hold two nodes at one temperature a heat must flow between them. At a steady state of a linear network it is `(T_i - T_j) / R_ij`, with R_ij the
-resistance between the two, `e' L^-1 e` for e = e_i - e_j, and moves node k by `(L^-1 e)_k (T_i - T_j) / R_ij` (superposition).
-With L + C / tau in place of L the same describes what happens within about tau. The mean square of both over the nodes of
-interest, with the differences of a run of the full network, is the estimate by which pairs are ranked (`estimates`). Only the
-leading pairs are then run, and the one with the least error on kept courses, which no estimate was made from, is taken; large networks
-are first thinned by the estimate alone.
+To hold two nodes at one temperature a heat must flow between them. At a steady state of a linear network it is `(T_i
+- T_j) / R_ij`, with R_ij the resistance between the two, `e' L^-1 e` for e = e_i - e_j, and moves node k by `(L^-1
+e)_k (T_i - T_j) / R_ij` (superposition). With L + C / tau in place of L the same describes what happens within about
+tau. The mean square of both over the nodes of interest, with the differences of a run of the full network, is the
+estimate by which pairs are ranked (`estimates`). Only the leading pairs are then run, and the one with the least
+error on kept courses, which no estimate was made from, is taken; large networks are first thinned by the estimate
+alone.
 """
 
 from __future__ import annotations
@@ -39,7 +41,8 @@ LEADING = 8  # pairs that are run at each size below
 
 @dataclass(frozen=True)
 class Course:
-    """One session: inputs `frame` of N steps for the full network, and its own temperatures (N + 1, n) [degC] in them."""
+    """One session: inputs `frame` of N steps for the full network, and the full network's own temperatures (N + 1, n)
+    [degC] in them."""
 
     frame: Frame
     temperatures: Floats
@@ -47,7 +50,8 @@ class Course:
 
 @dataclass(frozen=True)
 class Error:
-    """Of the nodes of interest against the full network [K]: root mean square, mean and largest size, and the node of that."""
+    """What a network is off by at the nodes of interest, against the full one [K]: root mean square, mean and largest
+    size, and the node of the largest."""
 
     rms_K: float
     mean_K: float
@@ -57,7 +61,8 @@ class Error:
 
 @dataclass(frozen=True)
 class Reduced:
-    """A network of one size. `groups`: its nodes -> those of the full network that they stand for; `kept` is None without kept courses."""
+    """A network of one size. `groups`: its nodes -> those of the full network that they stand for; `kept` is None
+    without kept courses."""
 
     network: Network
     groups: Mapping[str, tuple[str, ...]]
@@ -66,19 +71,20 @@ class Reduced:
 
     @property
     def deciding(self) -> Error:
-        """On the kept courses, else on the trained ones: what its mergers were chosen by."""
+        """The error on the kept courses, else on the trained ones: what its mergers were chosen by."""
         return self.kept or self.trained
 
 
 @dataclass(frozen=True)
 class _State:
-    """A partition on the way down: the network, and of each of its nodes the nodes of the full one."""
+    """A partition on the way down: the network, and for each of its nodes those of the full one."""
 
     network: Network
     groups: tuple[tuple[int, ...], ...]
 
     @property
     def size(self) -> int:
+        """How many nodes it has."""
         return len(self.groups)
 
 
@@ -94,10 +100,11 @@ def reductions(
 ) -> tuple[Reduced, ...]:
     """Networks from the full size down to `least` nodes (at least 1), each merged from the one before.
 
-    `interest`: the nodes whose temperatures count; `apart`: nodes that share no group as long as another pair can be merged. A group is
-    named after its member of `apart`, else after the part that makes up most of it. The trained courses say which pairs lead; of these
-    the one with the least root mean square error over the kept courses is merged, over the trained ones where none is kept.
-    `compile_` prepares a network to run. Sizes that were passed several at a time are left out.
+    `interest`: the nodes whose temperatures count; `apart`: nodes that share no group as long as another pair can be
+    merged. A group is named after its member of `apart`, else after the part that makes up most of it. The trained
+    courses say which pairs lead; of these the one with the least root mean square error over the kept courses is
+    merged, over the trained ones where none is kept. `compile_` prepares a network to run. Sizes that were passed
+    several at a time are left out.
     """
     work = _Work(network, trained, kept, interest, apart, compile_)
     state = _State(network, tuple((i,) for i in range(len(network.nodes))))
@@ -121,14 +128,14 @@ def reductions(
 
 
 def smallest(levels: Sequence[Reduced], within_K: float) -> Reduced | None:
-    """The level of fewest nodes whose mean error is at most `within_K` [K], by its kept courses where there are any; None where the
-    first level, the full network, is the only one."""
+    """The level of fewest nodes whose mean error is at most `within_K` [K], by its kept courses where there are any;
+    None where the first level, the full network, is the only one."""
     good = [level for level in levels[1:] if level.deciding.mean_K <= within_K]
     return min(good, key=lambda level: len(level.groups), default=None)
 
 
 def _may_join(network: Network) -> NDArray[np.bool_]:
-    """(n, n): whether two nodes may be merged as far as circuits go."""
+    """Whether two nodes may be merged as far as circuits go (n, n)."""
     names = [node.name for node in network.nodes]
     wet = np.array([any(name in circuit.nodes for circuit in network.circuits) for name in names], dtype=np.bool_)
     may: NDArray[np.bool_] = ~(wet[:, None] | wet)
@@ -197,7 +204,8 @@ class _Work:
         return share
 
     def pairs(self, state: _State) -> list[tuple[int, int]]:
-        """Coupled pairs of groups, least estimate first; two with nodes of `apart` only where there is no other pair."""
+        """Coupled pairs of groups, least estimate first; two with nodes of `apart` only where there is no other
+        pair."""
         member = (self._shares(state) > 0).astype(np.float64)
         between = member.T @ self._between @ member
         coupled = (np.triu(between + between.T, 1) > 0) & _may_join(state.network)
@@ -208,7 +216,8 @@ class _Work:
         return [(int(first[p]), int(second[p])) for p in np.argsort(cost, kind="stable")]
 
     def estimates(self, state: _State, first: NDArray[np.intp], second: NDArray[np.intp]) -> Floats:
-        """(pairs,) [K]: root mean square that merging groups `first` and `second` is expected to add at the nodes of interest."""
+        """Root mean square (pairs,) [K] that merging groups `first` and `second` is expected to add at the nodes of
+        interest."""
         share = self._shares(state)
         member = (share > 0).astype(np.float64)
         balance, capacity = member.T @ self._balance @ member, member.T @ self._capacity
@@ -237,7 +246,8 @@ class _Work:
         return _State(merged(state.network, new), tuple(group for group in groups if group is not None))
 
     def _name(self, group: Sequence[int]) -> str:
-        """Of its largest node of `apart`, else of the part that makes up most of it: the slice that bears its name, else the first."""
+        """The name of a group: of its largest node of `apart`; else of the part that makes up most of it, the slice
+        that bears the part's name or the first one."""
         named = [i for i in sorted(group) if i in self.apart]
         if named:
             return self._names[max(named, key=lambda i: self._capacity[i])]
@@ -249,6 +259,7 @@ class _Work:
         return most if most in slices else slices[0]
 
     def measured(self, state: _State) -> Reduced:
+        """The reduced network with its errors on all courses."""
         groups = {
             node.name: tuple(self._names[i] for i in sorted(group))
             for node, group in zip(state.network.nodes, state.groups, strict=True)
@@ -257,7 +268,7 @@ class _Work:
         return Reduced(state.network, groups, trained, self.error(state, self._kept) if self._kept else None)
 
     def error(self, state: _State, courses: Sequence[Course]) -> Error:
-        """Of a run of the reduced network against the full one's."""
+        """What a run of the reduced network is off by against the full one's, over the courses."""
         compiled = self._compile(state.network)
         columns = [self._columns.index(monomial) for monomial in monomials(state.network)]
         share = self._shares(state)
