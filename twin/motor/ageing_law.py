@@ -1,7 +1,8 @@
-"""A coefficient that goes with a specimen's earlier heat: the law in the motor file, and the network as a specimen has it now.
+"""A coefficient that goes with a specimen's earlier heat: the law in the motor file, and the network as a specimen
+has it now.
 
-A dose is a number of hours above a temperature. It does not change within a session, so a session's network is one with other
-coefficients, and no kernel sees anything of ageing.
+A dose is a number of hours above a temperature. It does not change within a session, so a session's network is one
+with other coefficients, and no kernel sees anything of ageing.
 """
 
 from __future__ import annotations
@@ -21,12 +22,12 @@ UNKNOWN_SD = 5.0  # % per 100 h
 
 @dataclass(frozen=True)
 class Ageing:
-    """Behind a dose of h hours above `above_degC` a coefficient is
+    """How a coefficient changes with dose. Behind a dose of h hours above `above_degC` it is
 
         coefficient * exp(ln(1 + percent_per_100h / 100) max(h - from_h, 0) / 100 h)
 
-    which is above 0 at any dose. `percent_per_100h` above -100; `sd`: how well it is known, in the same unit; `from_h`: the dose at
-    which the change begins.
+    which is above 0 at any dose. `percent_per_100h` above -100; `sd`: how well it is known, in the same unit;
+    `from_h`: the dose at which the change begins.
     """
 
     above_degC: float
@@ -36,18 +37,19 @@ class Ageing:
 
     @classmethod
     def of_resistance(cls, above_degC: float, slope_percent_per_100h: float, sd: float, from_h: float = 0.0) -> Ageing:
-        """The law of a conductance whose resistance grows by this: slope of 100 ln R per 100 h and its sd; positive is worse."""
+        """The law of a conductance whose resistance grows by `slope_percent_per_100h`, 100 times the slope of ln R
+        over 100 h, with its sd; positive is worse."""
         left = math.exp(-slope_percent_per_100h / 100.0)
         return cls(above_degC, 100.0 * (left - 1.0), sd * left, from_h)
 
     @property
     def rate(self) -> float:
-        """Of the coefficient's logarithm, per 100 h."""
+        """Rate of the coefficient's logarithm per 100 h."""
         return math.log1p(self.percent_per_100h / 100.0)
 
     @property
     def rate_sd(self) -> float:
-        """Of `rate`."""
+        """Standard deviation of `rate`."""
         return self.sd / (100.0 + self.percent_per_100h)
 
     def counting_100h(self, from_dose_h: float, to_dose_h: float) -> float:
@@ -69,7 +71,8 @@ def ageing_term(term: Term, law: Ageing) -> AgeingTerm:
 
 @dataclass(frozen=True)
 class AgeingPlace:
-    """An ageing law of a network: where its term stands (a node, or a link as `a-b`), and whether that is insulation."""
+    """An ageing law of a network: where its term stands (a node, or a link as `a-b`), and whether that is
+    insulation."""
 
     place: str
     insulation: bool
@@ -88,7 +91,7 @@ def _places(network: Network) -> Iterator[AgeingPlace]:
 
 
 def place_of(network: Network, one: Link | Source, term: AgeingTerm) -> AgeingPlace:
-    """Of an ageing term of a link or source."""
+    """The ageing place of a term of a link or source."""
     if isinstance(one, Link):
         return AgeingPlace(f"{one.a}-{one.b}", is_insulation(network, one), term.ageing)
     return AgeingPlace(one.node, False, term.ageing)
@@ -97,8 +100,8 @@ def place_of(network: Network, one: Link | Source, term: AgeingTerm) -> AgeingPl
 def aged(network: Network, factors: Mapping[AgeingPlace, float]) -> Network:
     """The network of a specimen: each ageing term becomes a plain one, its coefficient times the factor of its place.
 
-    `factors`: one for each of `ageing_places`; a network without any comes back as it is. Configurations are left alone: use it
-    behind `configured`.
+    `factors`: one for each of `ageing_places`; a network without any comes back as it is. Configurations are left
+    alone: use it behind `configured`.
     """
     if not factors:
         return network
@@ -116,7 +119,8 @@ def _plain(network: Network, one: Link | Source, term: Term, factors: Mapping[Ag
 
 
 def with_ageing(network: Network, law: Ageing) -> Network:
-    """The network whose insulation ages by `law`: every term of every link of copper and iron, its configurations' too."""
+    """The network whose insulation ages by `law`: every term of every link of copper and iron, its configurations'
+    too."""
 
     def ageing(links: tuple[Link, ...]) -> tuple[Link, ...]:
         return tuple(
@@ -131,8 +135,8 @@ def with_ageing(network: Network, law: Ageing) -> Network:
 
 
 def insulation_law(network: Network | None, above_degC: float) -> Ageing:
-    """The law of a network's insulation over hours above a temperature, the first one; where there is none a rate of 0 with an sd of 5 %
-    per 100 h."""
+    """The first ageing law of a network's insulation over hours above this temperature; a rate of 0 with an sd of 5 %
+    per 100 h where it has none."""
     found = (one.ageing for one in (ageing_places(network) if network else ()) if one.insulation)
     return next((law for law in found if law.above_degC == above_degC), Ageing(above_degC, 0.0, UNKNOWN_SD))
 
@@ -144,5 +148,5 @@ def is_insulation(network: Network, link: Link) -> bool:
 
 
 def _shared(term: Term) -> dict[str, Any]:
-    """What every term has."""
+    """The fields that every term has."""
     return {one.name: getattr(term, one.name) for one in fields(Term)}

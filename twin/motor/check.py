@@ -257,8 +257,8 @@ def _check_map(network: Network, entry: Entry, number: int, table: Map, in_link:
             says = f"its {name} do not rise from 0 or above: features are magnitudes, sort them, each only once"
             raise BadValueError(entry, f"{where}: {says}")
     if len(table.values) != len(table.speed) or any(len(row) != len(table.torque) for row in table.values):
-        says = f"needs {len(table.speed)} rows of {len(table.torque)} values: a row for each speed, a value for each torque"
-        raise BadValueError(entry, f"{where} {says}")
+        size = f"{len(table.speed)} rows of {len(table.torque)} values"
+        raise BadValueError(entry, f"{where} needs {size}: a row for each speed, a value for each torque")
     for row in table.values:
         for value in row:
             if not math.isfinite(value) or (in_link and value < 0):

@@ -1,7 +1,8 @@
 """Features: the dimensionless quantities that a motor's laws are made of, and the products of powers of them.
 
-Every feature is a magnitude, `|quantity| / scale` (|n| / n0, |torque| / T0, |i_d| / I0, ...), so any exponent is defined;
-flux is 0 at standstill by definition of the frame; `hours_above_<T>degC` counts hours (scale 1 h). 0 ** 0 is 1.
+Every feature is a magnitude, `|quantity| / scale` (|n| / n0, |torque| / T0, |i_d| / I0, ...), so any exponent is
+defined; flux is 0 at standstill by definition of the frame; `hours_above_<T>degC` counts hours (scale 1 h). 0 ** 0 is
+1.
 """
 
 from __future__ import annotations
@@ -60,8 +61,8 @@ def scale(network: Network, feature: str) -> float:
 
 @dataclass(frozen=True)
 class Monomial:
-    """A product of features to exponents, `((feature, exponent), ...)` in a fixed order, exponents above 0, times its shape or
-    map."""
+    """A product of features to exponents, `((feature, exponent), ...)` in a fixed order, exponents above 0, times its
+    shape or map."""
 
     powers: tuple[tuple[str, float], ...]
     shape: Shape | Map | None = None
@@ -80,7 +81,8 @@ class Monomial:
     def name(self) -> str:
         """The law as in cause ids: `speed2_current2`, exponents in shortest decimals, 1 not written; `constant`.
 
-        A shape or map adds digits of its own numbers' hash (`speed1.6*shape4f1c02ab`), so that two products never share a name.
+        A shape or map adds digits of its own numbers' hash (`speed1.6*shape4f1c02ab`), so that two products never
+        share a name.
         """
         written = "_".join(f + ("" if e == 1 else f"{e:.15g}") for f, e in self.powers) or "constant"
         if self.shape is None:
@@ -133,7 +135,7 @@ def terms(network: Network) -> Iterator[Term]:
 
 
 def placed_terms(network: Network) -> Iterator[tuple[str, Term]]:
-    """`terms` with where they stand: a node, or a link as `a-b`."""
+    """`terms`, each with where it stands: a node, or a link as `a-b`."""
     for link in network.links:
         yield from ((f"{link.a}-{link.b}", term) for term in link.terms)
     for source in network.sources:
@@ -143,8 +145,8 @@ def placed_terms(network: Network) -> Iterator[tuple[str, Term]]:
 def streams(network: Network) -> Iterator[Term]:
     """What the fluid carries into every node of every circuit, in order: rho cp at `STREAM_DEGC` times the flow [W/K].
 
-    Their coefficients stand behind those of `terms`. They are physics and no parameters: nothing that fits or names laws
-    iterates over them, but an error of the flow acts on them as on any term.
+    Their coefficients stand behind those of `terms`. They are physics and no parameters: nothing that fits or names
+    laws iterates over them, but an error of the flow acts on them as on any term.
     """
     for circuit in network.circuits:
         per_lpm = circuit.fluid.at(STREAM_DEGC) / LPM_PER_M3_PER_S
@@ -168,7 +170,8 @@ def monomials(network: Network) -> tuple[Monomial, ...]:
 
 
 def evaluate(monomials: tuple[Monomial, ...], u: Mapping[str, NDArray[np.float64]], length: int) -> NDArray[np.float64]:
-    """(length, m): each monomial over the dimensionless features `u`, feature -> (length,), of which the magnitude is taken.
+    """(length, m): each monomial over the dimensionless features `u`, feature -> (length,), of which the magnitude is
+    taken.
 
     `u` must hold every feature used.
 
@@ -189,7 +192,7 @@ def evaluate(monomials: tuple[Monomial, ...], u: Mapping[str, NDArray[np.float64
 
 
 def beyond(table: Map, u: Mapping[str, NDArray[np.float64]]) -> NDArray[np.bool_]:
-    """(length,): where speed or torque is outside the table."""
+    """In which steps (length,) speed or torque is outside the table."""
     result: NDArray[np.bool_] = np.zeros(1, dtype=np.bool_)
     for feature, knots in (("speed", table.speed), ("torque", table.torque)):
         at = np.abs(u[feature])
@@ -198,7 +201,8 @@ def beyond(table: Map, u: Mapping[str, NDArray[np.float64]]) -> NDArray[np.bool_
 
 
 def _shape_factor(shape: Shape, u: Mapping[str, NDArray[np.float64]]) -> NDArray[np.float64]:
-    """(length,): what a shape multiplies by. Elementwise products and sums only, for the reason given in `twin.arithmetic.powers`."""
+    """What a shape multiplies by (length,). Elementwise products and sums only, for the reason given in
+    `twin.arithmetic.powers`."""
     left, share = _placed(shape.speed, u["speed"])
 
     def between(values: tuple[float, ...]) -> NDArray[np.float64]:
@@ -213,7 +217,7 @@ def _shape_factor(shape: Shape, u: Mapping[str, NDArray[np.float64]]) -> NDArray
 
 
 def _mapped(table: Map, u: Mapping[str, NDArray[np.float64]]) -> NDArray[np.float64]:
-    """(length,): what a map multiplies by."""
+    """What a map multiplies by (length,)."""
     values = np.array(table.values)
     (i, along), (j, across) = _placed(table.speed, u["speed"]), _placed(table.torque, u["torque"])
     low = (1 - across) * values[i, j] + across * values[i, j + 1]
@@ -223,7 +227,8 @@ def _mapped(table: Map, u: Mapping[str, NDArray[np.float64]]) -> NDArray[np.floa
 
 
 def _placed(rising: tuple[float, ...], u: NDArray[np.float64]) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
-    """(length,) the knot at or before each magnitude, the last but one at most, and the share of the way to the next."""
+    """The knot at or before each magnitude (length,), the last but one at most, and the share of the way to the next
+    (length,)."""
     knots = np.array(rising)
     at = np.clip(np.abs(u), knots[0], knots[-1])
     left = np.clip(np.searchsorted(knots, at, side="right") - 1, 0, knots.size - 2)

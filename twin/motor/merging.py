@@ -1,7 +1,8 @@
-"""Nodes of a network become one: the sum of their capacities and losses, and of their conductances to each other neighbour.
+"""Nodes of a network become one: the sum of their capacities and losses, and of their conductances to each other
+neighbour.
 
-The links within the new node vanish. In matrices that is `V' C V`, `V' L V`, `V' P` with one column of `V` for each node of the new
-network, so no heat is lost.
+The links within the new node vanish. In matrices that is `V' C V`, `V' L V`, `V' P` with one column of `V` for each
+node of the new network, so no heat is lost.
 """
 
 from __future__ import annotations
@@ -15,11 +16,12 @@ from twin.motor.network import Configuration, Link, Network, Node, Source, Term
 
 
 def merged(network: Network, groups: Mapping[str, Sequence[str]]) -> Network:
-    """`groups`, name -> nodes, become one node each, in the place of their first; all else stays as it is.
+    """The network in which each of `groups`, name -> nodes, is one node, in the place of its first; all else stays as
+    it is.
 
-    Terms of the same features and factors add up; a prior's sd is that of the sum of what is added, each known by itself, so that
-    slices of a part (`twin.motor.slicing`) make the part again. Region: that of most capacity; limit: the lowest. Configurations are left out
-    (`merged_configurations`).
+    Terms of the same features and factors add up; a prior's sd is that of the sum of what is added, each known by
+    itself, so that slices of a part (`twin.motor.slicing`) make the part again. Region: that of most capacity; limit:
+    the lowest. Configurations are left out (`merged_configurations`).
     """
     new = {member: name for name, members in groups.items() for member in members}
 
@@ -51,10 +53,11 @@ def merged(network: Network, groups: Mapping[str, Sequence[str]]) -> Network:
 
 
 def merged_configurations(network: Network, groups: Mapping[str, Sequence[str]]) -> tuple[Configuration, ...]:
-    """What the configurations of `network` are of the whole motor, merged: each says what its own network, merged alike, has otherwise.
+    """The configurations of a whole motor `network`, for the motor merged by `groups`: each says how its own network,
+    merged alike, differs from that.
 
-    One that removes some members of a group only, or that leaves nothing of a coupling or loss that the whole motor has, has no such
-    version and is left out.
+    One that removes some members of a group only, or that leaves nothing of a coupling or loss that the whole motor
+    has, has no such version and is left out.
     """
     whole = merged(configured(network, None), groups)
     found = (_merged_configuration(network, whole, one, groups) for one in network.configurations)

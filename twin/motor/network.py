@@ -1,8 +1,8 @@
 """The network as data: nodes, boundaries, links and sources, every law linear in its coefficients.
 
-The state is the temperature of each node [degC]; `C dT/dt = sum_links G (T_other - T) + P` (paper Eq. 1-4, reduced form).
-A conductance [W/K] or a loss [W] is a sum of terms, `coefficient * product of features ** exponent`, times the optional
-factors of the term. A circuit is fluid that flows through nodes in order and carries heat one way.
+The state is the temperature of each node [degC]; `C dT/dt = sum_links G (T_other - T) + P` (paper Eq. 1-4, reduced
+form). A conductance [W/K] or a loss [W] is a sum of terms, `coefficient * product of features ** exponent`, times the
+optional factors of the term. A circuit is fluid that flows through nodes in order and carries heat one way.
 """
 
 from __future__ import annotations
@@ -39,8 +39,8 @@ class Shape:
 
 @dataclass(frozen=True)
 class Map:
-    """Multiply by a table over speed and torque, both dimensionless magnitudes: `values[i][j]` at `speed[i]`, `torque[j]`, rising
-    knots of 0 or more. Bilinear between the knots, constant beyond the outermost."""
+    """Multiply by a table over speed and torque, both dimensionless magnitudes: `values[i][j]` at `speed[i]`,
+    `torque[j]`, rising knots of 0 or more. Bilinear between the knots, constant beyond the outermost."""
 
     speed: tuple[float, ...]
     torque: tuple[float, ...]
@@ -58,13 +58,14 @@ class Term:
     resistance: int = 0  # -1: divided by the same factor
     temperature: TemperatureFactor | None = None
     shape: Shape | Map | None = None
-    law: str | None = (
-        None  # of a link: "radiation" or "free_convection" (`twin.motor.drops`); None: the difference itself
-    )
+    law: str | None = None  # of a link: "radiation" or "free_convection" (`twin.motor.drops`), None: the difference
 
 
 @dataclass(frozen=True)
 class Node:
+    """A lump of the motor: `capacity` [J/K], with `sd` the prior standard deviation of its logarithm; `limit_degC`
+    that it must not pass, None for none."""
+
     name: str
     capacity: float  # J/K
     region: str
@@ -74,11 +75,15 @@ class Node:
 
 @dataclass(frozen=True)
 class Boundary:
+    """A temperature that is given: a coolant, the air."""
+
     name: str
 
 
 @dataclass(frozen=True)
 class Link:
+    """A conductance [W/K] between two places, each a node or a boundary: the sum of its terms."""
+
     a: str  # node or boundary
     b: str
     terms: tuple[Term, ...]
@@ -86,24 +91,29 @@ class Link:
 
 @dataclass(frozen=True)
 class Source:
+    """A loss [W] in a node: the sum of its terms."""
+
     node: str
     terms: tuple[Term, ...]
 
 
 @dataclass(frozen=True)
 class Property:
-    """A property of a fluid over its temperature: `value` at the rising `degC`, linear between, constant beyond the ends. One
-    entry is a constant."""
+    """A property of a fluid over its temperature: `value` at the rising `degC`, linear between, constant beyond the
+    ends. One entry is a constant."""
 
     degC: tuple[float, ...]
     value: tuple[float, ...]
 
     def at(self, degC: float) -> float:
+        """The value at a temperature [degC]."""
         return float(np.interp(degC, self.degC, self.value))
 
 
 @dataclass(frozen=True)
 class Fluid:
+    """What a circuit carries."""
+
     density: Property  # kg/m3
     heat_capacity: Property  # J/(kg K)
 
@@ -114,10 +124,11 @@ class Fluid:
 
 @dataclass(frozen=True)
 class FluidCircuit:
-    """Fluid from the boundary `inlet` through `nodes` in order: node i takes rho cp V (T_{i-1} - T_i), the first from the inlet.
+    """Fluid from the boundary `inlet` through `nodes` in order: node i takes rho cp V (T_{i-1} - T_i), the first from
+    the inlet.
 
-    `flow`: the feature of the volume flow V, a magnitude: a flow that reverses goes the same way round. rho cp is that of the
-    fluid that comes, at the temperature T_{i-1}.
+    `flow`: the feature of the volume flow V, a magnitude: a flow that reverses goes the same way round. rho cp is
+    that of the fluid that comes, at the temperature T_{i-1}.
     """
 
     name: str
@@ -129,14 +140,16 @@ class FluidCircuit:
 
 @dataclass(frozen=True)
 class Copper:
+    """The resistance of copper grows by `1 + alpha_per_K * (T - reference_degC)`."""
+
     alpha_per_K: float = 0.00393
     reference_degC: float = 20.0
 
 
 @dataclass(frozen=True)
 class Configuration:
-    """Another rig of the same motor (`twin.motor.configured`): `remove` names nodes and boundaries; links and sources replace those of
-    the same place, or are added."""
+    """Another rig of the same motor (`twin.motor.configured`): `remove` names nodes and boundaries; links and sources
+    replace those of the same place, or are added."""
 
     name: str
     remove: tuple[str, ...] = ()

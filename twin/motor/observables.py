@@ -1,7 +1,7 @@
 """What channels other than thermometers read of a motor's temperatures and heats.
 
-A resistance or a flux linkage goes with the mean temperature of nodes (`Thermometric`). A power or a heat is a sum of the
-motor's heats over a step, through the meter's own first-order lag (`lagged_means`).
+A resistance or a flux linkage goes with the mean temperature of nodes (`Thermometric`). A power or a heat is a sum of
+the motor's heats over a step, through the meter's own first-order lag (`lagged_means`).
 """
 
 from __future__ import annotations
@@ -23,9 +23,11 @@ FORGOTTEN = 1e-5  # share of a reading that older blocks may still make up unsee
 
 @dataclass(frozen=True)
 class Thermometric:
-    """A reading `reference (1 + slope_per_K (T - reference_degC))`, T [degC] the mean of nodes by `weights` (node -> share, sum 1).
+    """A reading `reference (1 + slope_per_K (T - reference_degC))`, T [degC] the mean of nodes by `weights` (node ->
+    share, sum 1).
 
-    The resistance of a winding (slope: copper's), the flux linkage of magnets (slope: that of their remanence, below 0).
+    The resistance of a winding (slope: copper's), the flux linkage of magnets (slope: that of their remanence, below
+    0).
     """
 
     weights: Mapping[str, float]
@@ -52,12 +54,14 @@ class Thermometric:
 
 
 def copper_slope(copper: Copper, reference_degC: float) -> float:
-    """The slope [1/K] about a reference temperature of a resistance that goes with `1 + alpha (T - copper's reference)`."""
+    """The slope [1/K] about a reference temperature of a resistance that goes with `1 + alpha (T - copper's
+    reference)`."""
     return copper.alpha_per_K / (1 + copper.alpha_per_K * (reference_degC - copper.reference_degC))
 
 
 def lagged_means(means: Floats, tau_s: float, step_s: float) -> Floats:
-    """First-order lag of what is constant within each step: its means over the steps (..., N); in equilibrium at the first."""
+    """Means over the steps (..., N) of what is constant within each step, through a first-order lag; in equilibrium
+    at the first."""
     if tau_s <= 0.0:
         return means
     kept, edge = _lag(tau_s, step_s)
@@ -67,8 +71,9 @@ def lagged_means(means: Floats, tau_s: float, step_s: float) -> Floats:
 
 
 def lag_parts(weights: Floats, tau_s: float, step_s: float, length: int) -> list[tuple[int, Floats]]:
-    """Of means over blocks of `length` steps, with `weights` (N,) within each, of a lagged reading: (blocks ahead, (N,)), the weights
-    of what there is before the lag, in the mean of the block so many later. N is a multiple of `length`."""
+    """How a block mean of a lagged reading is made of what there is before the lag. Of blocks of `length` steps, with
+    `weights` (N,) within each, N a multiple of `length`: pairs (how many blocks later, the weights (N,) in the mean
+    of that block)."""
     if tau_s <= 0.0:
         return [(0, weights)]
     kept, edge = _lag(tau_s, step_s)

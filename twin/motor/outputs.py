@@ -18,8 +18,8 @@ BLOCK_S = 10.0
 
 @dataclass(frozen=True)
 class Output:
-    """A channel over N steps. `weights`: node -> share, sum 1; `time_constant_s`: known first-order lag; `samples` (N,): usable
-    samples in each step; `place` (N,) in [0, 1]: their mean time within it."""
+    """A channel over N steps. `weights`: node -> share, sum 1; `time_constant_s`: known first-order lag; `samples`
+    (N,): usable samples in each step; `place` (N,) in [0, 1]: their mean time within it."""
 
     weights: Mapping[str, float]
     time_constant_s: float
@@ -35,9 +35,9 @@ def followed(weights: Mapping[str, float]) -> str | None:
 
 @dataclass(frozen=True)
 class Blocks:
-    """The block means of one output: mean = sum over the block's steps of `old` x reading at a step's start and `new` x reading at
-    its end. `old`, `new` (N,); `there` (B,): blocks with at least half of the samples of a full one, the only ones with
-    weights; `samples` (B,)."""
+    """The block means of one output: a mean is the sum over the block's steps of `old` times the reading at the
+    step's start and `new` times that at its end, both (N,). `there` (B,): blocks with at least half of the samples of
+    a full one, the only ones with weights; `samples` (B,) of each."""
 
     length: int  # steps
     old: Floats
@@ -46,7 +46,7 @@ class Blocks:
     samples: Floats
 
     def means(self, reading: Floats) -> Floats:
-        """Of readings at the steps' edges (..., N + 1), the means (..., B) of the blocks that are there."""
+        """Means (..., B) of the blocks that are there, of readings at the steps' edges (..., N + 1)."""
         starts = np.arange(0, self.old.size, self.length)
         weighted = self.old * reading[..., :-1] + self.new * reading[..., 1:]
         means: Floats = np.add.reduceat(weighted, starts, axis=-1)[..., self.there]
@@ -58,20 +58,20 @@ class Blocks:
         return self.old + self.new
 
     def of_steps(self, values: Floats) -> Floats:
-        """Of what is constant within each step (..., N), the means (..., B) of the blocks that are there."""
+        """Means (..., B) of the blocks that are there, of what is constant within each step (..., N)."""
         starts = np.arange(0, self.old.size, self.length)
         means: Floats = np.add.reduceat(self.of_step * values, starts, axis=-1)[..., self.there]
         return means
 
     def measured(self, values: Floats) -> Floats:
-        """Of means over the steps (N,), NaN where there is no sample, the means of the blocks that are there."""
+        """Means of the blocks that are there, of means over the steps (N,), NaN where there is no sample."""
         weight = self.of_step
         starts = np.arange(0, weight.size, self.length)
         means: Floats = np.add.reduceat(np.where(weight > 0, weight * values, 0.0), starts)[self.there]
         return means
 
     def times_s(self, step_s: float) -> Floats:
-        """Mean time of the samples of each block that is there, since the start of the first step."""
+        """Mean time [s] of the samples of each block that is there, since the start of the first step."""
         return self.means(step_s * np.arange(self.old.size + 1, dtype=np.float64))
 
 
@@ -87,7 +87,8 @@ def blocks(output: Output, step_s: float) -> Blocks:
 
 
 def lagged(truth: Floats, tau_s: float, step_s: float) -> Floats:
-    """First-order lag of (..., N + 1) values at equal steps, in equilibrium at the first; exact where the truth is linear in each step."""
+    """Values at the edges of equal steps (..., N + 1) through a first-order lag, in equilibrium at the first; exact
+    where they are linear in each step."""
     if tau_s <= 0.0:
         return truth
     a, before, now = lag_factors(tau_s, step_s)
@@ -96,7 +97,7 @@ def lagged(truth: Floats, tau_s: float, step_s: float) -> Floats:
 
 
 def lag_factors(tau_s: float, step_s: float) -> tuple[float, float, float]:
-    """Factors of the last reading, the last truth and the truth now, sum 1."""
+    """Shares of the last reading, the last truth and the truth now in the reading now; their sum is 1."""
     a = float(exp(np.array([-step_s / tau_s]))[0])
     ramp = (1.0 - a) * tau_s / step_s
     return a, ramp - a, 1.0 - ramp

@@ -1,14 +1,15 @@
 """A motor of another size from one that is known: every length times one number, materials and turns the same.
 
-What stays the same at features of 1: flux density, linear current density, speed, number of turns and poles, and the speed of the
-coolant. So 1 means `length` times the current, its cube the torque, its square the voltage, flux and coolant flow. Each value
-then follows a power of the length ratio k, from lambda A / d, h A, rho l / A and the eddy loss per volume, omega^2 B^2 d^2 / rho:
+What stays the same at features of 1: flux density, linear current density, speed, number of turns and poles, and the
+speed of the coolant. So 1 means `length` times the current, its cube the torque, its square the voltage, flux and
+coolant flow. Each value then follows a power of the length ratio k, from lambda A / d, h A, rho l / A and the eddy
+loss per volume, omega^2 B^2 d^2 / rho:
 
-capacity k^3; conduction k^1; film k^2; copper DC loss k^1 (current squared by k^2, resistance by 1/k); eddy losses in bars and
-magnets, which grow with the motor, k^5; iron, bearings and all else by volume, k^3.
+capacity k^3; conduction k^1; film k^2; copper DC loss k^1 (current squared by k^2, resistance by 1/k); eddy losses in
+bars and magnets, which grow with the motor, k^5; iron, bearings and all else by volume, k^3.
 
-None of these powers is certain: a contact lies between conduction and area, the surface of a rotor loses by volume and by eddy
-currents. So each has a standard deviation, which widens the prior of the value by `sd |ln k|`.
+None of these powers is certain: a contact lies between conduction and area, the surface of a rotor loses by volume
+and by eddy currents. So each has a standard deviation, which widens the prior of the value by `sd |ln k|`.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ MOST = 10.0  # times larger or smaller: beyond that no similarity is left
 
 @dataclass(frozen=True)
 class Growth:
-    """A value grows with `k ** power`; `sd`: standard deviation of that power."""
+    """How a value grows with the motor: with `k ** power`; `sd`: standard deviation of that power."""
 
     power: float
     sd: float
@@ -73,14 +74,16 @@ def scaled(network: Network, length: float) -> Network:
 
 
 def link_growth(link: Link, term: Term, regions: dict[str, str]) -> Growth:
-    """A film where an end is a fluid or a boundary, or the term has a law of its own or moves with a feature; else conduction."""
+    """How a link's term grows: as a film where an end is a fluid or a boundary, or the term has a law of its own or
+    moves with a feature; else as conduction."""
     still = term.law is None and not any(term.exponents.values())
     solid = all(regions.get(end, "fluid") != "fluid" for end in (link.a, link.b))
     return CONDUCTION if still and solid else FILM
 
 
 def loss_growth(term: Term, region: str) -> Growth:
-    """By what makes the heat: copper by its factors and features, the rest by the region of its node."""
+    """How a loss grows, by what makes the heat: copper by its factors and features, the rest by the region of its
+    node."""
     if term.copper or term.resistance or region == "copper":
         alternating = term.resistance or term.exponents.get("speed", 0.0) > 0
         return EDDY if alternating else COPPER_DC

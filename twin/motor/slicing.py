@@ -1,11 +1,13 @@
 """A motor cut into slices along its stack: one lump becomes a row of lumps, with conduction along the row.
 
-Capacities, losses, and all conductances between different parts are split so that their sums stay; the conduction along a part
-is new, k V / L^2 for its whole length (V = C / (rho c) its volume, L the stack's length), or what the file has between the
-halves of a part. So the sliced motor has a temperature profile along the stack that the lumped one cannot have.
+Capacities, losses, and all conductances between different parts are split so that their sums stay; the conduction
+along a part is new, k V / L^2 for its whole length (V = C / (rho c) its volume, L the stack's length), or what the
+file has between the halves of a part. So the sliced motor has a temperature profile along the stack that the lumped
+one cannot have.
 
-Cutting says nothing new of a value: priors of slices are independent, so each of n that add up has sqrt(n) times the part's `sd`, and
-their sum (of links along a row, that of their resistances) is known as well as the part's own number was, to first order in `sd`.
+Cutting says nothing new of a value: priors of slices are independent, so each of n that add up has sqrt(n) times the
+part's `sd`, and their sum (of links along a row, that of their resistances) is known as well as the part's own number
+was, to first order in `sd`.
 """
 
 from __future__ import annotations
@@ -19,7 +21,8 @@ from twin.errors import BadValueError, DuplicateError, Entry, UnknownNodeError
 from twin.motor.check import meant
 from twin.motor.network import Configuration, Link, Network, Node, Source, Term
 
-# region -> conductivity along the shaft [W/(m K)], volumetric heat capacity [J/(m3 K)]; sheets conduct across their insulation only
+# region -> conductivity along the shaft [W/(m K)], volumetric heat capacity [J/(m3 K)]; sheets conduct across their
+# insulation only
 MATERIAL: Mapping[str, tuple[float, float]] = {
     "copper": (390.0, 3.44e6),
     "iron": (4.0, 3.52e6),
@@ -32,7 +35,7 @@ _ENDS = ("a", "b")  # parts of a name that say the end of the motor
 
 @dataclass(frozen=True)
 class _Part:
-    """A node in its row: it takes the slices `at` of all; `names` are theirs, in order."""
+    """A node in its row of slices: it takes those in `at`, which bear its `names` in order."""
 
     node: str
     at: range
@@ -45,13 +48,15 @@ class _Part:
 def sliced(network: Network, nodes: Sequence[str], slices: int, length_m: float) -> Network:
     """`nodes` cut into `slices` along the stack of `length_m` [m]; the middle slice of each keeps its node's name.
 
-    Nodes that differ only in `_a` and `_b` are the two halves of one part, and share its slices. A neighbour that is not cut
-    touches the first slice where its own name says `_a`, the last where it says `_b`, else all of them in equal parts. Rows that are
-    neighbours touch slice by slice. A temperature factor follows the slice at the same place, else the middle one. Configurations remove
-    every slice of what they remove, and what they put in the place of others is cut like these.
+    Nodes that differ only in `_a` and `_b` are the two halves of one part, and share its slices. A neighbour that is
+    not cut touches the first slice where its own name says `_a`, the last where it says `_b`, else all of them in
+    equal parts. Rows that are neighbours touch slice by slice. A temperature factor follows the slice at the same
+    place, else the middle one. Configurations remove every slice of what they remove, and what they put in the place
+    of others is cut like these.
 
-    Raises `UnknownNodeError` for a name that is no node, `BadValueError` for a number of slices that cannot be shared out, a
-    length that is not above 0, a node of a circuit, or a region that has no conductivity along the shaft, `DuplicateError` for a name given twice.
+    Raises `UnknownNodeError` for a name that is no node, `BadValueError` for a number of slices that cannot be shared
+    out, a length that is not above 0, a node of a circuit, or a region that has no conductivity along the shaft,
+    `DuplicateError` for a name given twice.
     """
     _check(network, nodes, slices, length_m)
     rows = _rows(nodes)
@@ -118,22 +123,23 @@ def _parts(row: Sequence[str], slices: int) -> Iterator[_Part]:
 
 
 def _sd(sd: float, count: int) -> float:
-    """Of each of `count` independent parts of equal size whose sum has `sd`."""
+    """The sd of each of `count` independent parts of equal size whose sum has `sd`."""
     return round(sd * math.sqrt(count), 3)
 
 
 def _shared(terms: Sequence[Term], count: int) -> tuple[Term, ...]:
-    """Of each of `count` places side by side."""
+    """The terms of each of `count` places side by side."""
     return tuple(replace(t, coefficient=t.coefficient / count, sd=_sd(t.sd, count)) for t in terms)
 
 
 def _in_row(terms: Sequence[Term], count: int) -> tuple[Term, ...]:
-    """Of each of `count` places in series."""
+    """The terms of each of `count` places in series."""
     return tuple(replace(t, coefficient=t.coefficient * count, sd=_sd(t.sd, count)) for t in terms)
 
 
 def _following(terms: Sequence[Term], at: int, parts: Mapping[str, _Part]) -> tuple[Term, ...]:
-    """Temperature factors of cut nodes follow the slice `at`; where their node does not reach there, the middle one, which keeps the name."""
+    """The terms for slice `at`: a temperature factor of a cut node follows its slice there; where the node does not
+    reach there, its middle slice, which keeps the name."""
     return tuple(
         replace(term, temperature=replace(term.temperature, node=parts[term.temperature.node].name(at)))
         if term.temperature and term.temperature.node in parts and at in parts[term.temperature.node].at
@@ -188,7 +194,8 @@ def _halves(link: Link) -> bool:
 
 
 def _along(network: Network, row: Sequence[_Part], slices: int, length_m: float) -> Iterator[Link]:
-    """Links from slice to slice: the file's own between halves, whose middles are L / halves apart, else the material's."""
+    """Links from slice to slice: the file's own between halves, whose middles are L / halves apart, else the
+    material's."""
     own = _said(network.links, row, slices)
     if own:
         yield from own
