@@ -40,8 +40,8 @@ UNITS = {"loss": "W", "conductance": "W/K", "capacity": "J/K"}
 
 @dataclass(frozen=True)
 class CalibrationResult:
-    """The fact, whether the ledger had it already, the numbers behind it (covariance included), and the sessions as they were learnt
-    from, in their order."""
+    """A calibration: the fact, whether the ledger had it already, the numbers behind it (covariance included), and
+    the sessions as they were learnt from, in their order."""
 
     event: CalibrationCompleted
     known: bool
@@ -57,12 +57,12 @@ def calibrate_sessions(
     level: str,
     only: Sequence[str] | None = None,
 ) -> CalibrationResult:
-    """Estimate coefficients and capacities of `model` (None: the one that the sessions' bench files name) from sessions; `only` those of
-    these names, where some are given.
+    """Estimate coefficients and capacities of `model` (None: the one that the sessions' bench files name) from
+    sessions; only those named in `only`, where it is given.
 
-    Each session is run in its own configuration of the motor, all of them with the same coefficients. The motor file with the new
-    numbers is sealed and published with its parent. The same question again writes nothing.
-    Raises ReplayDataError where there is no session, the sessions name different models, or one lacks what it needs.
+    Each session is run in its own configuration of the motor, all of them with the same coefficients. The motor file
+    with the new numbers is sealed and published with its parent. The same question again writes nothing. Raises
+    ReplayDataError where there is no session, the sessions name different models, or one lacks what it needs.
     """
     parent = model or common_model(facts, sessions)
     name = facts.models[parent].file
@@ -104,12 +104,14 @@ def calibrate_sessions(
 
 
 def profiles(result: CalibrationResult, names: Sequence[str]) -> list[dict[str, Any]]:
-    """What the data alone say of each parameter named, everything else fitted anew (`twin.calibration.profile`); an end of the interval is None where
-    they do not bound it. Raises ReplayDataError where there is no such parameter."""
+    """What the data alone say of each named parameter, everything else fitted anew (`twin.calibration.profile`), one
+    entry for each; an end of the interval is None where the data do not bound it. Raises ReplayDataError where there
+    is no such parameter."""
     before = {estimate.name: estimate.before for estimate in result.calibration.estimates}
     if unknown := [name for name in names if name not in before]:
         raise ReplayDataError(
-            f"--profile {unknown[0]}: the motor has no such parameter.{_nearest(unknown[0], before)} Names are kind.place.law; "
+            f"--profile {unknown[0]}: the motor has no such parameter.{_nearest(unknown[0], before)} Names are "
+            "kind.place.law; "
             "`whyhot calibrate --on S --json` lists those of this motor as `parameters`."
         )
     found = []
@@ -124,12 +126,14 @@ def profiles(result: CalibrationResult, names: Sequence[str]) -> list[dict[str, 
 
 
 def _nearest(name: str, names: Collection[str]) -> str:
-    """The parameter most like a name that is none: however far, of the same kind where there is that kind."""
+    """The parameter most like a name that is none, as the end of a refusal: one of the same kind where there is that
+    kind."""
     alike = [one for one in names if one.split(".", 1)[0] == name.split(".", 1)[0]] or list(names)
     return hint(name, names) or f" Nearest: {get_close_matches(name, alike, n=1, cutoff=0.0)[0]}."
 
 
 def common_model(facts: Facts, sessions: Sequence[SessionRecorded]) -> str:
+    """The model that all sessions name. Raises ReplayDataError where there is none or they name different ones."""
     if not sessions:
         raise ReplayDataError("no session to calibrate on: name some with --on. `whyhot sessions` lists them.")
     named = {model_of(facts, session): session.name for session in sessions}
@@ -142,7 +146,7 @@ def common_model(facts: Facts, sessions: Sequence[SessionRecorded]) -> str:
 
 
 def _covariance(result: Calibration) -> Floats:
-    """(P, P) of the motor's own parameters."""
+    """Covariance (P, P) of the motor's own parameters."""
     size = len(result.estimates)
     return np.asarray(np.linalg.inv(result.fit.hessian)[:size, :size], dtype=np.float64)
 
@@ -166,7 +170,7 @@ def _key(
 
 
 def _keep(store: Store, facts: Facts, event: CalibrationCompleted, file: str) -> bool:
-    """Append what the ledger does not have; whether it had the calibration."""
+    """Append what the ledger does not have. Returns whether it had the calibration."""
     stream = f"calibration-{event.calibration}"
     known = any(
         isinstance(one.event, CalibrationCompleted) and one.event.calibration == event.calibration
@@ -197,7 +201,7 @@ def _parameter(estimate: Estimate) -> dict[str, Any]:
 
 
 def _errors(sessions: Sequence[SessionRecorded], tests: Sequence[Test], result: Calibration) -> list[dict[str, Any]]:
-    """One entry a session and channel; those of meters have a `unit` and no K in their keys."""
+    """One entry for each session and channel; those of meters have a `unit` and no K in their keys."""
     entries = []
     for (s, name), before in result.mae_before.items():
         found = next(one for one in tests[s].sensors if one.name == name)

@@ -1,4 +1,5 @@
-"""Torque over speed that a motor bears for ever and for 10, 30 and 60 s, and how the recorded S1 and S2 sessions ended."""
+"""Torque over speed that a motor bears for ever and for 10, 30 and 60 s, and how the recorded S1 and S2 sessions
+ended."""
 
 from __future__ import annotations
 
@@ -45,10 +46,13 @@ SLOPE_s = 2.0  # over which the rise of a lagging thermometer is taken: noise wo
 
 @dataclass(frozen=True)
 class Ended:
-    """How an S1 session, or one pulse of an S2 session, ended: the limited node that was measured nearest to its limit, how hot (its
-    thermometer's known lag taken off); mean `speed_rpm`, largest `load` and `current_A` (rms, None where it is not recorded) of the
-    minute before that moment, of no more than the pulse. `reason`: "temperature", "current limit" ("load limit" where a session has no
-    current) or "time". `pulse` counts from 1, None for a whole session; `seconds`: its length."""
+    """How an S1 session, or one pulse of an S2 session, ended.
+
+    `reason`: "temperature", "current limit" ("load limit" where a session has no current) or "time". Named is the
+    limited node that was measured nearest to its limit, with how hot it was, its thermometer's known lag taken off.
+    Mean `speed_rpm`, largest `load` and `current_A` (rms, None where it is not recorded) are of the minute before
+    that moment, within the pulse. `pulse` counts from 1, None for a whole session; `seconds`: its length.
+    """
 
     session: SessionRecorded
     pulse: int | None
@@ -63,9 +67,10 @@ class Ended:
 
 @dataclass(frozen=True)
 class Envelope:
-    """`borders` [speed][duration] over `speeds_rpm` and `DURATIONS_S`, in the unit of `load_column`; `boundaries` as they are held
-    [degC]; `start_degC` the hottest node at the start, at rest in equilibrium with them; `fitted`: the model was made from another one,
-    so that bands are as wide as the sessions leave its parameters unknown, else as wide as its file's `sd`."""
+    """What a motor bears: `borders` [speed][duration] over `speeds_rpm` and `DURATIONS_S`, in the unit of
+    `load_column`, with `boundaries` held at these temperatures [degC]. `start_degC`: the hottest node at the start,
+    at rest in equilibrium with them. `fitted`: the model was made from another one, and bands are as wide as the
+    sessions leave its parameters unknown; else as wide as its file's `sd`."""
 
     network: Network
     model: str
@@ -82,7 +87,8 @@ class Envelope:
 def envelope(
     store: Store, facts: Facts, sessions: Sequence[SessionRecorded], model: str | None, level: str, tell: Tell
 ) -> Envelope:
-    """Currents and all other inputs at a torque and speed are as the sessions show them, bands as `Envelope.fitted` says.
+    """The envelope of a model (None: the one that the sessions' bench files name). Currents and all other inputs at a
+    torque and speed are as the sessions show them, bands as `Envelope.fitted` says.
 
     Raises ReplayDataError where no node of the motor has a limit, or the sessions know no speed or load.
     """
@@ -92,7 +98,8 @@ def envelope(
     limits = np.array([math.nan if n.limit_degC is None else n.limit_degC for n in network.nodes])
     if np.isnan(limits).all():
         raise ReplayDataError(
-            f"no node of {network.name} has a limit: say limit_degC = 180.0 or so for its windings and magnets in the motor file."
+            f"no node of {network.name} has a limit: say limit_degC = 180.0 or so for its windings and magnets in the "
+            "motor file."
         )
     tell("reading the sessions")
     channels = [load(store, facts, session) for session in sessions]
@@ -138,7 +145,8 @@ def envelope(
 
 
 def load_column(frames: Sequence[InputFrame]) -> str:
-    """Raises ReplayDataError where the sessions do not share a speed and a load."""
+    """The column of the load that all sessions have. Raises ReplayDataError where they do not share a speed and a
+    load."""
     for name in LOADS.values():
         if all({"speed_rpm", name} <= frame.inputs.keys() for frame in frames):
             return name
@@ -163,7 +171,7 @@ def _joined(frames: Sequence[InputFrame], name: str) -> Floats:
 
 
 def _drive(network: Network, points: OperatingMap, speed: float) -> Callable[[float], Floats]:
-    """Load -> features at a speed."""
+    """The features at a speed, as a function of the load."""
 
     def features(load: float) -> Floats:
         values = {name: np.array([value]) for name, value in points.inputs(speed, load).items()}
@@ -185,8 +193,9 @@ def _at_rest(network: Network, frames: Sequence[InputFrame]) -> Floats:
 def ended(
     network: Network, sessions: Sequence[SessionRecorded], frames: Sequence[InputFrame], column: str
 ) -> tuple[Ended, ...]:
-    """How each S1 session and each pulse of an S2 session ended. What was at its limit is told by the current wherever every session knows
-    it: in field weakening torque is far below its largest while the inverter gives all it can."""
+    """How each S1 session and each pulse of an S2 session ended. What was at its limit is told by the current
+    wherever every session knows it: in field weakening torque is far below its largest while the inverter gives all
+    it can."""
     currents = [phase_current(frame) for frame in frames]
     driven = [current for current in currents if current is not None]
     by_current = len(driven) == len(frames)
@@ -226,8 +235,8 @@ def ended(
 
 
 def without_lag(o: Observation, step_s: float) -> Floats:
-    """(N,) [degC]: where a thermometer is, from what it shows, its known time constant and its rise: at the end of a pulse it is several
-    kelvins behind. NaN where it has no good sample."""
+    """Where a thermometer is (N,) [degC], from what it shows, its known time constant and its rise: at the end of a
+    pulse it shows several kelvins less. NaN where it has no good sample."""
     shown = np.where(o.good, o.measured, np.nan)
     back = max(1, round(SLOPE_s / step_s))
     rise = np.zeros_like(shown)
@@ -237,7 +246,8 @@ def without_lag(o: Observation, step_s: float) -> Floats:
 
 
 def phase_current(frame: InputFrame) -> Floats | None:
-    """(N,) [A rms], from its components where it is not recorded itself; None where those are not either."""
+    """The phase current (N,) [A rms], from its components where it is not recorded itself; None where those are not
+    either."""
     if "current_A" in frame.inputs:
         return np.abs(frame.inputs["current_A"])
     parts = [frame.inputs.get(f"current_{axis}_A") for axis in "dq"]
@@ -248,7 +258,8 @@ def phase_current(frame: InputFrame) -> Floats | None:
 
 
 def pulses(push: Floats, step_s: float) -> list[tuple[int, int]]:
-    """First step and one past the last of each pulse of current or load (N,), in S2 with rests between them: all that is loaded."""
+    """First step and one past the last of each pulse of current or load (N,): of S2 with rests between them, all that
+    is loaded."""
     loaded = push > LOADED * float(np.nanquantile(push, 0.995))
     edges = np.diff(np.r_[0, loaded.astype(np.int8), 0])
     both = zip(np.flatnonzero(edges == 1).tolist(), np.flatnonzero(edges == -1).tolist(), strict=True)

@@ -1,9 +1,10 @@
-"""The paper's protocol over stored sessions: influence on drive cycles, fit on S1 and S2, check and filter on drive cycles.
+"""The paper's protocol over stored sessions: influence on drive cycles, fit on S1 and S2, check and filter on drive
+cycles.
 
-The template is checked, every coefficient and capacity is weighed by what it moves on the drive cycles, the most influential
-ones are fitted to the S1 and S2 points, and the drive cycles, from which nothing was learnt, are replayed with the model
-before and after, the filter beside it (sections 3.1 and 4.2 of the paper). Which points taught most, and which to
-run next, is asked of the fitted model.
+The template is checked, every coefficient and capacity is weighed by what it moves on the drive cycles, the most
+influential ones are fitted to the S1 and S2 points, and the drive cycles, from which nothing was learnt, are replayed
+with the model before and after, the filter beside it (sections 3.1 and 4.2 of the paper). Which points taught most,
+and which to run next, is asked of the fitted model.
 """
 
 from __future__ import annotations
@@ -43,8 +44,9 @@ Tell = Callable[[str], None]
 
 @dataclass(frozen=True)
 class Proposal:
-    """A test that was not run: in words, what it adds to all that were and to the proposals before it [nats], its length [h], and
-    `known_K` (n,) what the parameters leave unknown of each node on the drives after it."""
+    """A test that was not run: in words; what it adds to all that were and to the proposals before it [nats]; its
+    length [h]; and `known_K` (n,) [K], how uncertain each node still is on the drives after it, by the parameters
+    alone."""
 
     words: str
     gain: float
@@ -54,10 +56,11 @@ class Proposal:
 
 @dataclass(frozen=True)
 class Protocol:
-    """`warnings`: what `motor check` says of the motor file; `fitted`: names of the parameters that moved; `choices`: of `points`, in the order in which they teach; `unknown_K` (n,): what
-    the parameters leave unknown of each node on the drives before anything is learnt; `proposals`: tests that were not run, in the order in
-    which they would teach most an hour; `before`, `after`: summaries of the
-    drives' replays with the parent and with the fitted model."""
+    """What the protocol found. `warnings`: what `motor check` says of the motor file; `fitted`: names of the
+    parameters that moved; `choices`: of `points`, in the order in which they teach; `unknown_K` (n,) [K]: how
+    uncertain each node is on the drives before anything is learnt, by the parameters alone; `proposals`: tests that
+    were not run, in the order in which they would teach most an hour; `before`, `after`: summaries of the drives'
+    replays with the parent and with the fitted model."""
 
     network: Network
     warnings: tuple[str, ...]
@@ -76,9 +79,11 @@ class Protocol:
 def run_protocol(
     store: Store, facts: Facts, sessions: Sequence[SessionRecorded], model: str | None, level: str, tell: Tell
 ) -> Protocol:
-    """Run it. The fitted model is published as `calibrate` does, the replays are facts as those of `replay`.
+    """Run the protocol over sessions. The fitted model is published as `calibrate` does, the replays are facts as
+    those of `replay`.
 
-    Raises ReplayDataError where there is no S1 or S2 session, no drive cycle, no motor file, or a session lacks what the model needs.
+    Raises ReplayDataError where there is no S1 or S2 session, no drive cycle, no motor file, or a session lacks what
+    the model needs.
     """
     refuse_other_rigs(sessions)
     points, drives = by_kind(sessions)
@@ -127,10 +132,12 @@ def run_protocol(
 
 
 def template_needed(why: str) -> ReplayDataError:
-    """There is no motor file to begin with: the refusal says how to get one."""
+    """The refusal where there is no motor file to begin with; it says how to get one."""
     return ReplayDataError(
-        f"{why}: the protocol begins with a template. Write one with `whyhot motor new --topology {DEFAULT} -o motor.toml` "
-        f"(or of {', '.join(t for t in TOPOLOGIES if t != DEFAULT)}), put your motor's numbers in, `whyhot motor check motor.toml`, "
+        f"{why}: the protocol begins with a template. Write one with `whyhot motor new --topology {DEFAULT} -o "
+        "motor.toml` "
+        f"(or of {', '.join(t for t in TOPOLOGIES if t != DEFAULT)}), put your motor's numbers in, "
+        "`whyhot motor check motor.toml`, "
         "and say --model motor.toml."
     )
 
@@ -145,7 +152,8 @@ def _named_model(facts: Facts, sessions: Sequence[SessionRecorded]) -> str:
 
 
 def by_kind(sessions: Sequence[SessionRecorded]) -> tuple[tuple[SessionRecorded, ...], tuple[SessionRecorded, ...]]:
-    """Those to learn from and those to check on. Raises ReplayDataError where either is missing, or a session is neither."""
+    """The sessions to learn from (S1, S2), and those to check on (drive cycles). Raises ReplayDataError where either
+    is missing, or a session is neither."""
     points, drives = (tuple(s for s in sessions if s.kind in kinds) for kinds in (POINTS, DRIVES))
     if other := [s for s in sessions if s not in points and s not in drives]:
         raise ReplayDataError(
@@ -161,7 +169,7 @@ def by_kind(sessions: Sequence[SessionRecorded]) -> tuple[tuple[SessionRecorded,
 
 
 def of_interest(network: Network) -> list[int]:
-    """The nodes that a motor's limits are about: windings and magnets; all where there are none."""
+    """Indices of the nodes that a motor's limits are about: windings and magnets; of all where there are none."""
     found = [i for i, node in enumerate(network.nodes) if node.region in ("copper", "magnet")]
     return found or list(range(len(network.nodes)))
 
@@ -169,7 +177,8 @@ def of_interest(network: Network) -> list[int]:
 def _proposals(
     network: Network, tests: Sequence[Test], noise: Mapping[str, ChannelNoise], taught: Floats, drives: Influence
 ) -> tuple[Proposal, ...]:
-    """The tests of the menu, each the one that adds most an hour to what the recorded ones and those before it teach."""
+    """The tests of the menu, each the one that adds most an hour to what the recorded ones and those before it
+    teach."""
     offered = menu(network, tests)
     hours = [len(one.speed) * tests[0].frame.step_s / 3600 for one in offered]
     would_teach = [information(network, as_test(network, tests, one), noise) for one in offered]

@@ -1,11 +1,12 @@
-"""What each sensor is worth: withheld in turn and estimated from the others; and the margin from a vehicle's sensors to the hot spot.
+"""What each sensor is worth: withheld in turn and estimated from the others; and the margin from a vehicle's sensors
+to the hot spot.
 
-A filter as it would run in a vehicle (readings so far) estimates what the withheld channel shows. The hot spot itself is taken
-from the smoother with every channel.
+A filter as it would run in a vehicle (readings so far) estimates what the withheld channel shows. The hot spot itself
+is taken from the smoother with every channel.
 
-What a filter says of its own uncertainty holds noise and random walks, not what is wrong with the network's form, and that keeps its
-sign through a session. So bands are as wide as the errors of other sessions ask for (`banded`), and the hot spot is as uncertain as
-windings are when their own channels are withheld.
+What a filter says of its own uncertainty holds noise and random walks, not what is wrong with the network's form, and
+that keeps its sign through a session. So bands are as wide as the errors of other sessions ask for (`banded`), and
+the hot spot is as uncertain as windings are when their own channels are withheld.
 """
 
 from __future__ import annotations
@@ -51,10 +52,11 @@ LEAST_OTHERS = 2  # sessions that a band is made from: Student's factor of one i
 
 @dataclass(frozen=True)
 class Withheld:
-    """A channel estimated without its own readings, over all sessions. `mae_K`, `max_K` of the filter from the `others`, `open_loop_K` mean
-    error of the model alone; `band_K` half width of the 95 % band (mean), `covered` the share of the readings of its `sessions` within
-    that band; `filter_band_K`, `filter_covered` the same of the filter's own band. `widened`: the band of each session is the one that the
-    others ask for; where not, there are too few of them, and it is the filter's own."""
+    """A channel estimated without its own readings, over all sessions. `mae_K` and `max_K` are of the filter from the
+    `others`, `open_loop_K` is the mean error of the model alone; `band_K` half width of the 95 % band (mean),
+    `covered` the share of the readings of its `sessions` within that band; `filter_band_K`, `filter_covered` the same
+    of the filter's own band. `widened`: the band of each session is the one that the others ask for; where not, there
+    are too few of them, and it is the filter's own."""
 
     channel: str
     node: str
@@ -71,8 +73,8 @@ class Withheld:
 
 @dataclass(frozen=True)
 class SessionErrors:
-    """A withheld channel in one session, where it counts: measured less estimated `K` (M,), and one standard deviation of that by the
-    filter and the sensor, `sd_K` (M,)."""
+    """What a withheld channel is off by in one session, where it counts: measured less estimated, `K` (M,), and one
+    standard deviation of that by the filter and the sensor, `sd_K` (M,)."""
 
     K: Floats
     sd_K: Floats
@@ -80,8 +82,8 @@ class SessionErrors:
 
 @dataclass(frozen=True)
 class Left:
-    """One step of doing without: the channel that is missed least of those left, and then the largest mean error [K] of any channel
-    that is done without."""
+    """One step of doing without: the channel that is missed least of those left, and then the largest mean error [K]
+    of any channel that is done without."""
 
     channel: str
     worst_mae_K: float
@@ -89,8 +91,9 @@ class Left:
 
 @dataclass(frozen=True)
 class Margin:
-    """From a vehicle's channels to the hottest winding: how much must be left to the limit so that the hot spot passes it in no more than
-    `risk` of the time. `from_sensor_K` above the hottest reading, `from_filter_K` above what a filter makes of them."""
+    """From a vehicle's channels to the hottest winding: how much must be left to the limit so that the hot spot
+    passes it in no more than `risk` of the time. `from_sensor_K` above the hottest reading, `from_filter_K` above
+    what a filter makes of them."""
 
     channels: tuple[str, ...]
     risk: float
@@ -101,7 +104,8 @@ class Margin:
 
 @dataclass(frozen=True)
 class Worth:
-    """`withheld` by channel, `order`: in which they are done without, least missed first; `margin` None without a vehicle's channel."""
+    """What each sensor is worth: `withheld` by channel; `order` in which they are done without, least missed first;
+    `margin`, None without a vehicle's channel."""
 
     network: Network
     model: str
@@ -125,6 +129,7 @@ class _Recorded:
 
     @property
     def nodes(self) -> tuple[str, ...]:
+        """Names of the nodes."""
         return tuple(node.name for node in self.network.nodes)
 
     def observation(self, channel: str) -> Observation | None:
@@ -143,7 +148,8 @@ def sensors_worth(
     risk: float,
     tell: Tell,
 ) -> Worth:
-    """`vehicle`: channels that a vehicle has; those of level production where none are named.
+    """What each sensor of the sessions is worth. `vehicle`: channels that a vehicle has; those of level production
+    where none are named; `risk` as in `Margin`.
 
     Raises ReplayDataError where under two channels observe nodes, or a named channel is not there.
     """
@@ -213,7 +219,7 @@ def _errors(one: _Recorded, channel: str, temperatures: Floats) -> tuple[Floats,
 def _withheld(
     recorded: Sequence[_Recorded], channel: str, others: Sequence[str]
 ) -> tuple[Withheld, list[SessionErrors]]:
-    """And its errors, a session after the other."""
+    """What a channel is like from the others, and its errors, one entry for each session."""
     sessions, alone = [], []
     label = ""
     for one in recorded:
@@ -251,22 +257,24 @@ def _withheld(
 
 
 def banded(sessions: Sequence[SessionErrors], factors: Sequence[float]) -> tuple[float, float]:
-    """Half width [K] of the filter's 95 % band with each session's times its factor, and the share within it: means over all readings."""
+    """Half width [K] of the filter's 95 % band with that of each session times its factor, and the share of readings
+    within it: means over all readings."""
     half = np.concatenate([factor * Z95 * one.sd_K for one, factor in zip(sessions, factors, strict=True)])
     error = np.abs(np.concatenate([one.K for one in sessions]))
     return float(half.mean()), float((error <= half).mean())
 
 
 def widenings(sessions: Sequence[SessionErrors]) -> list[float]:
-    """Each session's factor, by the errors in all others; none where those are fewer than `LEAST_OTHERS`."""
+    """The factor for each session's band, by the errors in all others; empty where those are fewer than
+    `LEAST_OTHERS`."""
     if len(sessions) <= LEAST_OTHERS:
         return []
     return [widening([*sessions[:i], *sessions[i + 1 :]]) for i in range(len(sessions))]
 
 
 def widening(sessions: Sequence[SessionErrors]) -> float:
-    """By what a 95 % band is to be widened to hold in another session, by errors in these: Student's, with as many degrees of freedom as
-    there are sessions, as the error of one hardly changes its sign. Never below 1."""
+    """By what a 95 % band is to be widened to hold in another session, by the errors in these: Student's factor, with
+    as many degrees of freedom as there are sessions, as the error of one hardly changes its sign. Never below 1."""
     size = float(np.sqrt(np.mean([np.mean((one.K / one.sd_K) ** 2) for one in sessions])))
     return max(1.0, student(len(sessions)) / Z95 * size)
 
@@ -277,7 +285,8 @@ def student(degrees: int) -> float:
 
 
 def _order(recorded: Sequence[_Recorded], channels: Sequence[str], first: dict[str, float]) -> list[Left]:
-    """Greedily: at each step the channel without which the worst estimate of all that are done without stays smallest."""
+    """Greedily, at each step the channel without which the worst estimate of all that are done without stays
+    smallest."""
     left, gone, found = list(channels), list[str](), list[Left]()
     while len(left) > 1:
         tried = {c: first[c] if not gone else _worst(recorded, [x for x in left if x != c], [*gone, c]) for c in left}
@@ -300,7 +309,8 @@ def _worst(recorded: Sequence[_Recorded], seen: Sequence[str], gone: Sequence[st
 
 
 def _winding_K(recorded: Sequence[_Recorded], errors: Mapping[str, Sequence[SessionErrors]]) -> float:
-    """Root mean square [K] of what windings are off by when their own channels are withheld; of all channels where none is at a winding."""
+    """Root mean square [K] of what windings are off by when their own channels are withheld; of all channels where
+    none is at a winding."""
     windings = {one.network.nodes[i].name for one in recorded for i in nodes_of("winding", one.network)}
     labels = {o.channel: o.label for one in recorded for o in one.frame.observations}
     of = [channel for channel in errors if labels[channel] in windings] or list(errors)
@@ -308,8 +318,8 @@ def _winding_K(recorded: Sequence[_Recorded], errors: Mapping[str, Sequence[Sess
 
 
 def _margin(recorded: Sequence[_Recorded], vehicle: Sequence[str], risk: float, off_K: float) -> Margin:
-    """The hot spot is the hottest winding node of the smoother with every channel, normal about it with the smoother's standard
-    deviation and `off_K` besides."""
+    """The margin from a vehicle's channels. The hot spot is the hottest winding node of the smoother with every
+    channel, normal about it with the smoother's standard deviation and `off_K` besides."""
     above_sensor, above_filter, spread, hottest = [], [], [], dict[str, int]()
     for one in recorded:
         winding = nodes_of("winding", one.network)

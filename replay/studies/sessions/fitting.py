@@ -14,8 +14,8 @@ from twin.errors import TwinError
 
 @contextmanager
 def fitting(what: str) -> Iterator[None]:
-    """Within it linear algebra has one thread (the matrices are small: more only wait for each other), and what `twin` or numpy
-    raise becomes a ReplayDataError that begins with `what`."""
+    """Within it linear algebra has one thread (the matrices are small: more only wait for each other), and what
+    `twin` or numpy raise becomes a ReplayDataError that begins with `what`."""
     with threadpool_limits(1, user_api="blas"):
         try:
             yield

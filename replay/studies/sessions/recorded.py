@@ -1,4 +1,5 @@
-"""Stored sessions as the diagnosis takes them: steps of 1 s, features of every candidate averaged at the native rate."""
+"""Stored sessions as the diagnosis takes them: steps of 1 s, features of every candidate averaged at the native
+rate."""
 
 from __future__ import annotations
 
@@ -44,8 +45,9 @@ def test_of(
     meters: bool = False,
     loaded: Sequence[ChannelData] | None = None,
 ) -> Test:
-    """A session with the products of features `wanted` besides the network's own, and what the `laws` across sessions multiply with;
-    with `meters`, what observes power, heat, resistance or flux is learnt from too; `loaded`: its channels, where they are read already.
+    """A session with the products of features `wanted` besides the network's own, and what the `laws` across sessions
+    multiply with; with `meters`, what observes power, heat, resistance or flux is learnt from too; `loaded`: its
+    channels, where they are read already.
 
     Raises ReplayDataError where it lacks an input, or no channel of it observes a node.
     """
