@@ -1,4 +1,5 @@
-"""What heat has done to the insulation of every specimen in a store: doses, resistances, courses, and who is not as the others."""
+"""What heat has done to the insulation of every specimen in a store: doses, resistances, courses, and who is not as
+the others."""
 
 from __future__ import annotations
 
@@ -103,7 +104,8 @@ def _assessed(
 
     if not known:
         raise ReplayDataError(
-            'no DC check of a named specimen is in this store: ingest logs of checks with kind = "dc_check" and a specimen, or a '
+            'no DC check of a named specimen is in this store: ingest logs of checks with kind = "dc_check" and a '
+            "specimen, or a "
             "table of evaluated checks with the quantities thermal_resistance and dose."
         )
     names = sorted(known, key=natural)
@@ -162,8 +164,8 @@ def _assessed(
 
 
 def _law(found: Assessed, specimens: Sequence[Specimen]) -> Law | None:
-    """The fleet's slope with what specimens differ by where there are three; else that of the one whose course is surest; a rise that has
-    become level is no law to go on with."""
+    """The fleet's slope, with what specimens differ by, where there are three of them; else that of the one whose
+    course is surest. A rise that has become level is no law to go on with."""
     from analytics.insulation.dose.arrhenius import THRESHOLD_DEGC
 
     fleet, changed = (
@@ -188,12 +190,16 @@ def _not_heat_alone(others: Sequence[str]) -> list[str]:
         return []
     said = " and ".join(others)
     return [
-        f"the law counts hours of heat, and {said} did part of it: it holds for specimens that have as much of that for their hours."
+        (
+            f"the law counts hours of heat, and {said} did part of it: it holds for specimens that have as much of "
+            "that for their hours."
+        )
     ]
 
 
 def _published(store: Store, facts: Facts, motor: str, law: Law) -> str:
-    """The motor file with the law in its insulation, as a model with its parent. Raises MotorFileError where it has no insulation."""
+    """The motor file with the law in its insulation, as a model with its parent. Raises MotorFileError where it has
+    no insulation."""
     from analytics.insulation.dose.arrhenius import THRESHOLD_DEGC
 
     parent = facts.models[motor]
@@ -255,7 +261,7 @@ def _specimen(
 
 
 def _seen(point: Point, sd: float | None) -> Seen | None:
-    """As the filter over checks takes it."""
+    """The point as the filter over checks takes it."""
     if sd is None or point.dose_h is None or point.resistance is None:
         return None
     return Seen(point.dose_h, math.log(point.resistance), sd)

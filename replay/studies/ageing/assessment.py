@@ -1,4 +1,5 @@
-"""What an assessment of ageing says, as data: one dataclass, `document` its one JSON (`whyhot.ageing/1`), `tables` its rows for SQL."""
+"""What an assessment of ageing says, as data: one dataclass, `document` its one JSON (`whyhot.ageing/1`), `tables`
+its rows for SQL."""
 
 from __future__ import annotations
 
@@ -15,10 +16,12 @@ SCHEMA = "whyhot.ageing/1"
 
 @dataclass(frozen=True, kw_only=True)
 class Check:
-    """One DC check. `dose_h`: hours above the threshold before it; `equivalent_h`: the same dose as hours at the threshold, [least, most]
-    over the rules of `Assessment.rules`, None where the temperatures are not known; `sd` [K/W] of this check alone, repeatability not in it; `sd_percent` [% of R] with it, as courses are weighed by; `source`: what R was taken from
-    (JSON: `from`); `why`: why there is no R, or no dose; `conductivity_percent`: of the specimen's first R. `cycles`, `discharge_h` before it: thermal cycles, and
-    hours with a test voltage above the inception voltage; None where not known."""
+    """One DC check. `dose_h`: hours above the threshold before it; `equivalent_h`: the same dose as hours at the
+    threshold, [least, most] over the rules of `Assessment.rules`, None where the temperatures are not known; `sd`
+    [K/W] of this check alone, repeatability not in it; `sd_percent` [% of R] with it, as courses are weighed by;
+    `source`: what R was taken from (JSON: `from`); `why`: why there is no R, or no dose; `conductivity_percent`: of
+    the specimen's first R. `cycles`, `discharge_h` before it: thermal cycles, and hours with a test voltage above the
+    inception voltage; None where not known."""
 
     session: str
     session_name: str
@@ -42,11 +45,13 @@ class Check:
 
 @dataclass(frozen=True, kw_only=True)
 class OvenCycle:
-    """One stay of the specimen's hottest place above the threshold, cut from the temperature itself; `number` counts over all logs.
+    """One stay of the specimen's hottest place above the threshold, cut from the temperature itself; `number` counts
+    over all logs.
 
-    Times [s] since the session's start: heating begins, soak, cooling ends; None where the log does not hold it. `soak_degC` mean
-    over the soak; `hours_above` the threshold, of which `unknown_h` more lie in gaps of the log. As a thermal shock: `swing_K` from its
-    lowest to its highest, and the fastest heating and cooling [K/min], a mean over 5 min (IEC 60068-2-14 states rates so).
+    Times [s] since the session's start: heating begins, soak, cooling ends; None where the log does not hold it.
+    `soak_degC` mean over the soak; `hours_above` the threshold, of which `unknown_h` more lie in gaps of the log. As
+    a thermal shock: `swing_K` from its lowest to its highest, and the fastest heating and cooling [K/min], a mean
+    over 5 min (IEC 60068-2-14 states rates so).
     """
 
     session: str
@@ -69,7 +74,8 @@ class OvenCycle:
 
 @dataclass(frozen=True)
 class HotHours:
-    """Hours of a session by the temperature of the specimen's hottest place, `channel` (or the counters of a vehicle)."""
+    """Hours of a session by the temperature of the specimen's hottest place, `channel` (or the counters of a
+    vehicle)."""
 
     session: str
     session_name: str
@@ -79,8 +85,11 @@ class HotHours:
 
 @dataclass(frozen=True, kw_only=True)
 class Specimen:
-    """The course of one specimen. `dose_h`, `equivalent_h`: all that is known of its heat, as in its checks; `level_from_dose_h`: from where on a rise has become level; `slope_percent_per_100h` of its last branch, R growing is positive; `fleet_slope...`: the slope that
-    specimen and fleet together say, with its sd; `remaining_h`: dose until the criterion, [least, most] of 95 %, None where there is no end; `score`: how far the slope is from its fleet's."""
+    """The course of one specimen. `dose_h`, `equivalent_h`: all that is known of its heat, as in its checks;
+    `level_from_dose_h`: from where on a rise has become level; `slope_percent_per_100h` of its last branch, R growing
+    is positive; `fleet_slope...`: the slope that specimen and fleet together say, with its sd; `remaining_h`: dose
+    until the criterion, [least, most] of 95 %, None where there is no end; `score`: how far the slope is from its
+    fleet's."""
 
     specimen: str
     batch: str | None
@@ -107,9 +116,9 @@ class Specimen:
 
 @dataclass(frozen=True, kw_only=True)
 class Stress:
-    """What one kind of stress does to R beside the others, all specimens together: `percent` in R for each `unit` with its sd;
-    `not_told_from`: the stresses that could be it instead, and `percent` is then what it would be if they did nothing. None where
-    nothing varies."""
+    """What one kind of stress does to R beside the others, all specimens together: `percent` in R for each `unit`
+    with its sd; `not_told_from`: the stresses that could be it instead, and `percent` is then what it would be if
+    they did nothing. None where nothing varies."""
 
     name: str
     unit: str
@@ -131,8 +140,9 @@ class Batch:
 
 @dataclass(frozen=True, kw_only=True)
 class Law:
-    """How the conductance of insulation falls: `percent_per_100h` above the threshold with its `sd`, from `from_h` of dose on; `source`: the
-    fleet, or the one specimen that shows a course. `model`: the motor file that says so, where a motor was given."""
+    """How the conductance of insulation falls: by `percent_per_100h` above the threshold with its `sd`, from `from_h`
+    of dose on. `source`: the fleet, or the one specimen that shows a course. `model`: the motor file that says so,
+    where a motor was given."""
 
     percent_per_100h: float
     sd: float
@@ -143,7 +153,8 @@ class Law:
 
 @dataclass(frozen=True, kw_only=True)
 class OneLife:
-    """The dose [h] at which a specimen first met the criterion lies between both, `upper_h` None: not yet; at `degC` on average."""
+    """The dose [h] at which a specimen first met the criterion lies between `lower_h` and `upper_h`, the latter None
+    where it has not yet; at `degC` on average."""
 
     specimen: str
     degC: float
@@ -165,7 +176,7 @@ class LivesLaw:
 
 @dataclass(frozen=True, kw_only=True)
 class Lives:
-    """`law` None, then `why` says what is missing."""
+    """Lives by a criterion and their law; where `law` is None, `why` says what is missing."""
 
     criterion: str
     lives: list[OneLife]
@@ -175,7 +186,8 @@ class Lives:
 
 @dataclass(frozen=True, kw_only=True)
 class Assessment:
-    """`law`: None where no course is beyond repeatability. `rules`: name -> what an hour is worth by it; a number is by one rule, never by a mixture."""
+    """The whole answer. `law`: None where no course is beyond repeatability. `rules`: name -> what an hour is worth
+    by it; a number is by one rule, never by a mixture."""
 
     assessment: str
     motor: str | None
@@ -194,7 +206,7 @@ class Assessment:
 
 
 def document(found: Assessment, provenance: Mapping[str, Any]) -> dict[str, Any]:
-    """`whyhot.ageing/1`."""
+    """The answer as the JSON `whyhot.ageing/1`."""
     outlying = [one for one in found.specimens if one.outlying]
     return {
         "schema": SCHEMA,
@@ -228,7 +240,7 @@ def document(found: Assessment, provenance: Mapping[str, Any]) -> dict[str, Any]
 
 
 def read(data: Mapping[str, Any]) -> Assessment:
-    """What `document` wrote."""
+    """The answer that `document` wrote."""
     given = {key: data[key] for key in Assessment.__dataclass_fields__ if key in data}
     fleet = data["fleet"]
     return Assessment(
@@ -286,7 +298,7 @@ def _check_rows(one: Specimen) -> Iterable[dict[str, Any]]:
 
 
 def _hours_table(found: Assessment, hours: Mapping[str, Sequence[HotHours]]) -> pa.Table:
-    """One row a session and temperature at which it spent any time."""
+    """One row for each session and temperature at which it spent any time."""
     batch = {one.specimen: one.batch for one in found.specimens}
     parts = [HOURS.empty_table()]
     for specimen, sessions in hours.items():
@@ -328,13 +340,14 @@ HOURS = _schema(text="specimen batch session session_name channel", number="degC
 CYCLES = _schema(
     text="session session_name specimen batch channel",
     whole="number start_ns",
-    number="heating_from_s soak_from_s soak_to_s cooling_to_s highest_degC soak_degC hours_above unknown_h swing_K heating_K_per_min "
-    "cooling_K_per_min",
+    number="heating_from_s soak_from_s soak_to_s cooling_to_s highest_degC soak_degC hours_above unknown_h swing_K "
+    "heating_K_per_min cooling_K_per_min",
 )
 CHECKS = _schema(
     text="session session_name specimen batch source state why hottest_channel",
     whole="start_ns number cycles",
-    number="dose_h discharge_h equivalent_low_h equivalent_high_h resistance_K_per_W sd_K_per_W sd_percent conductivity_percent hottest_degC",
+    number="dose_h discharge_h equivalent_low_h equivalent_high_h resistance_K_per_W sd_K_per_W sd_percent "
+    "conductivity_percent hottest_degC",
 )
 SPECIMENS = _schema(
     text="specimen batch form why",

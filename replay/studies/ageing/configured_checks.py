@@ -1,8 +1,10 @@
-"""DC checks through the motor file: the rig is a configuration of the motor, and its insulation is estimated in that network.
+"""DC checks through the motor file: the rig is a configuration of the motor, and its insulation is estimated in that
+network.
 
-Where the bench file of a specimen's checks names a configuration, all its checks are fitted together (`twin.insulation.insulation_fit`), by the
-first of three routes that serves: with the sensors on the iron; without these, the first minutes after the load is switched on and off;
-the whole curves with the emissivity of each check left free. Where none serves, the routes that know no motor file do what they can.
+Where the bench file of a specimen's checks names a configuration, all its checks are fitted together
+(`twin.insulation.insulation_fit`), by the first of three routes that serves: with the sensors on the iron; without
+these, the first minutes after the load is switched on and off; the whole curves with the emissivity of each check
+left free. Where none serves, the routes that know no motor file do what they can.
 """
 
 from __future__ import annotations
@@ -53,8 +55,8 @@ MOST_MISFIT = 0.01  # of the temperatures' span, that a network may be off: more
 
 @dataclass(frozen=True)
 class LoggedCheck:
-    """A check as its log gives it. `test`: the same in `network`, its motor in the `configuration` that its bench file names; both None
-    where it names none, and where it cannot be run so: `why`."""
+    """A check as its log gives it. `test` is the same in `network`, its motor in the `configuration` that its bench
+    file names; both are None where it names none, and where it cannot be run so: then `why` says why."""
 
     trace: CheckTrace
     configuration: str | None = None
@@ -66,8 +68,8 @@ class LoggedCheck:
 def logged_check(
     store: Store, facts: Facts, session: SessionRecorded, channels: Sequence[ChannelData], motor: str | None
 ) -> LoggedCheck:
-    """The check of a session with these channels; `motor`: the model (SHA-256 of a motor file) to evaluate it through, None: the one
-    that its bench file names."""
+    """The check of a session with these channels; `motor`: the model (SHA-256 of a motor file) to evaluate it
+    through, None: the one that its bench file names."""
     trace = trace_of(channels)
     if session.configuration is None:
         return LoggedCheck(trace)
@@ -83,7 +85,7 @@ def logged_check(
 
 
 def models_of(facts: Facts, sessions: Sequence[SessionRecorded]) -> list[str | None]:
-    """The model that each session's configuration is of, None where it has none: part of what an answer depends on."""
+    """The model of each session's configuration, None where it has none: part of what an answer depends on."""
     found: list[str | None] = []
     for session in sessions:
         bench = facts.bench_of(session) if session.configuration is not None else None
@@ -92,8 +94,8 @@ def models_of(facts: Facts, sessions: Sequence[SessionRecorded]) -> list[str | N
 
 
 def evaluate_checks(checks: Sequence[LoggedCheck]) -> tuple[tuple[CheckResistance, ...], list[str]]:
-    """The checks of one specimen in the order of time, comparable with each other, and what a person should know: why a configuration
-    that is named was not used."""
+    """The checks of one specimen in the order of time, comparable with each other, and what a person should know: why
+    a named configuration was not used."""
     from analytics.insulation.checks.resistance import evaluate_together
 
     if not checks:
@@ -119,7 +121,7 @@ class Rig:
 
     @classmethod
     def of(cls, checks: Sequence[LoggedCheck]) -> Rig | None:
-        """None where no check has a network."""
+        """The checks in that network; None where no check has one."""
         there = [check for check in checks if check.network is not None]
         if not there:
             return None
@@ -128,7 +130,7 @@ class Rig:
         return cls(checks, best.configuration, best.network)
 
     def routes(self) -> list[Together]:
-        """In order of trust."""
+        """The routes in order of trust."""
         from analytics.insulation.checks.resistance import Together
 
         return [
@@ -137,7 +139,7 @@ class Rig:
         ]
 
     def _estimates(self, route: str, left_out: Sequence[Mapping[str, str]]) -> list[Estimate | str]:
-        """Of each check: its resistance by one fit of all that the route serves, or why it does not."""
+        """The resistance of each check by one fit of all that the route serves, or why it does not."""
         from analytics.insulation.checks.resistance import Estimate
         from analytics.insulation.checks.routes import too_wide
 
@@ -160,7 +162,8 @@ class Rig:
         return answers
 
     def _iron_off_by(self, left_out: Sequence[Mapping[str, str]]) -> list[float]:
-        """What the iron's sensors have to be moved by, of each check [K]: read before the load, as for every route."""
+        """By how much the iron's sensors of each check have to be moved [K]: read before the load, as for every
+        route."""
         from analytics.insulation.checks.zero import of_one_zero
 
         traces = [check.trace for check in self.checks]
@@ -169,7 +172,7 @@ class Rig:
         return [float(np.nanmean(by)) if np.isfinite(by).any() else 0.0 for by in differences]
 
     def _test(self, route: str, check: LoggedCheck, left_out: Mapping[str, str], iron_K: float) -> Test | str:
-        """What of a check enters, or why nothing does."""
+        """What of a check enters the fit, or why nothing does."""
         if check.test is None:
             return check.why or "its bench file names no configuration"
         if check.network != self.network:
@@ -206,7 +209,8 @@ class Rig:
             return "the fit of all checks did not converge"
         if found.misfit > MOST_MISFIT:
             return (
-                f"the network misses the measured temperatures by {found.misfit_K:.1f} K (rms) whatever its coefficients: "
+                f"the network misses the measured temperatures by {found.misfit_K:.1f} K (rms) whatever its "
+                "coefficients: "
                 "correct the motor file"
             )
         return found

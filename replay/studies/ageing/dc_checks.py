@@ -1,4 +1,5 @@
-"""DC checks as the sessions hold them: logs as arrays on common stamps, and tables of checks that were evaluated elsewhere."""
+"""DC checks as the sessions hold them: logs as arrays on common stamps, and tables of checks that were evaluated
+elsewhere."""
 
 from __future__ import annotations
 
@@ -29,9 +30,9 @@ CURRENTS, VOLTAGES = ("current", "current_dc"), ("voltage", "voltage_dc")
 
 @dataclass(frozen=True)
 class Evaluated:
-    """A row of a table: thermal resistance [K/W], dose [h] and ageing temperature [degC], None where it has none; `counted`: hours
-    since the motor was made, by temperature, where a vehicle's counters give them; `counters`: what else was counted until then, by
-    channel. `t_ns` None without absolute time."""
+    """A row of a table: thermal resistance [K/W], dose [h] and ageing temperature [degC], None where it has none.
+    `counted`: hours since the motor was made, by temperature, where a vehicle's counters give them; `counters`: what
+    else was counted until then, by channel. `t_ns` is None without absolute time."""
 
     session: str
     t_ns: int | None
@@ -60,7 +61,9 @@ def evaluated(store: Store, facts: Facts, as_of: str | None) -> list[Evaluated]:
             JOIN sessions AS s ON s.session = v.session
             WHERE v.quantity IN ('thermal_resistance', 'dose', 'temperature', 'counter') AND v.session IN (
                 SELECT session FROM channels WHERE quantity IN ('thermal_resistance', 'dose') AND role <> 'ignored'
-            ) AND (v.session, v.channel) NOT IN (SELECT (session, channel) FROM channels WHERE quantity = 'counter' AND role = 'ignored')
+            ) AND (v.session, v.channel) NOT IN (
+                SELECT (session, channel) FROM channels WHERE quantity = 'counter' AND role = 'ignored'
+            )
             GROUP BY v.session, v.file_id, v.record, s.start
             ORDER BY v.file_id, v.record
             """
@@ -86,7 +89,8 @@ def _bins(store: Store, facts: Facts, bench: str) -> Mapping[str, tuple[float, f
 
 
 def _heat(bins: Mapping[tuple[float, float], float]) -> Heat | None:
-    """Hours spread evenly over each bin, in parts of 1 K at most: an hour at its upper end is worth more than one at its lower."""
+    """Hours spread evenly over each bin, in parts of 1 K at most: an hour at its upper end is worth more than one at
+    its lower."""
     if not bins:
         return None
     degC, hours = [], []
@@ -98,10 +102,11 @@ def _heat(bins: Mapping[tuple[float, float], float]) -> Heat | None:
 
 
 def trace_of(channels: Sequence[ChannelData]) -> CheckTrace:
-    """The log of a DC check on common stamps: means over steps of the slowest temperature channel's interval, at least 1 s.
+    """The log of a DC check on common stamps: means over steps of the slowest temperature channel's interval, at
+    least 1 s.
 
-    Held, stuck and saturated samples are left out; NaN where a step has no sample. Power is its own channel, else voltage
-    times current; of several of a quantity the one with the largest mean.
+    Held, stuck and saturated samples are left out; NaN where a step has no sample. Power is its own channel, else
+    voltage times current; of several of a quantity the one with the largest mean.
     """
     from analytics.insulation.checks.resistance import CheckTrace
 

@@ -1,7 +1,7 @@
 """Hours of discharge: how long a test voltage was above the inception voltage that the specimen was last checked for.
 
-A bench file says both with quantities that it has: an oven log a channel of `voltage`, an electrical check `inception_voltage`.
-Both are taken as rms, as an alternating test voltage is stated (IEC 60270: peak over root 2).
+A bench file says both with quantities that it has: an oven log a channel of `voltage`, an electrical check
+`inception_voltage`. Both are taken as rms, as an alternating test voltage is stated (IEC 60270: peak over root 2).
 """
 
 from __future__ import annotations
@@ -26,19 +26,19 @@ NO_GAP_V = 327.0 / math.sqrt(2.0)  # Paschen's minimum of air is 327 V: below it
 
 @dataclass(frozen=True)
 class AppliedVoltage:
-    """The voltage [V] of a session, `t_ns` (N,) rising, and the inception voltage [V] of the specimen then."""
+    """The voltage [V] of a session, `t_ns` (N,) rising, and the specimen's inception voltage [V] then."""
 
     t_ns: NDArray[np.int64]
     volts: Floats
     inception_V: float
 
     def until(self, end_ns: int) -> Self:
-        """What of it lies before `end_ns`."""
+        """The part before `end_ns`."""
         end = int(np.searchsorted(self.t_ns, end_ns))
         return replace(self, t_ns=self.t_ns[:end], volts=self.volts[:end])
 
     def hours(self) -> Floats:
-        """(1,) [h] above the inception voltage."""
+        """Hours above the inception voltage (1,) [h]."""
         from analytics.insulation.dose.oven_cycle import hours_above
 
         return np.array([hours_above((self.t_ns - self.t_ns[:1]) / 1e9, self.volts, self.inception_V)])
@@ -46,8 +46,9 @@ class AppliedVoltage:
 
 @dataclass(frozen=True)
 class Electrical:
-    """What a session says of voltage: the test voltage of an oven log, stamps [ns] and values [V], of several channels the highest,
-    where it could discharge at all; and the inception voltage [V] that it measured, of several phases the lowest. Else None."""
+    """What a session says of voltage, None where it does not. The test voltage of an oven log that could discharge at
+    all: stamps [ns] and values [V], of several channels the highest. The inception voltage [V] that it measured, of
+    several phases the lowest."""
 
     tested: tuple[NDArray[np.int64], Floats] | None
     inception_V: float | None
@@ -55,14 +56,15 @@ class Electrical:
 
 @dataclass(frozen=True)
 class Discharge:
-    """`before`: session -> hours of discharge before it [h], None where they are not known; `why` says it in a line, or None."""
+    """`before`: session -> hours of discharge before it [h], None where they are not known; then `why` says it in a
+    line."""
 
     before: Mapping[str, float | None]
     why: str | None
 
 
 def electrical_of(session: SessionRecorded, channels: Sequence[ChannelData]) -> Electrical:
-    """`channels`: all of the session, the ones that its bench file ignores too."""
+    """What a session says of voltage. `channels`: all of the session, the ones that its bench file ignores too."""
     used = [channel for channel in channels if channel.spec.role != "ignored" and len(channel.t_ns)]
     volts = [channel for channel in used if channel.spec.quantity == VOLTAGE and session.kind == HEATED]
     tested = [(one.t_ns, np.abs(one.value)) for one in volts if np.abs(one.value).max() > NO_GAP_V]
@@ -71,8 +73,8 @@ def electrical_of(session: SessionRecorded, channels: Sequence[ChannelData]) -> 
 
 
 def discharge_of(sessions: Sequence[SessionRecorded], by_time: bool, electrical: Mapping[str, Electrical]) -> Discharge:
-    """`sessions` of a specimen in order, `by_time` as `heat_history.in_order` says; those without an entry in `electrical` count
-    nothing."""
+    """Hours of discharge before each session of a specimen. `sessions` in order, `by_time` as `heat_history.in_order`
+    says; those without an entry in `electrical` count nothing."""
     inception_V: float | None = None
     tests: dict[str, AppliedVoltage | None] = {}
     for session in sessions:
@@ -86,7 +88,8 @@ def discharge_of(sessions: Sequence[SessionRecorded], by_time: bool, electrical:
     unknown = [session.name for session in sessions if tests.get(session.session, True) is None]
     return Discharge(
         {name: None if hours is None else float(hours[0]) for name, hours in found.items()},
-        f"session {unknown[0]} has a test voltage, and no inception voltage was measured before it: hours of discharge are not known "
+        f"session {unknown[0]} has a test voltage, and no inception voltage was measured before it: "
+        "hours of discharge are not known "
         "from there on; ingest the electrical check that came before it (inception_voltage)."
         if unknown
         else None,

@@ -1,4 +1,5 @@
-"""From sessions to what is known of each specimen: its checks with the dose before each, its oven cycles, all the heat it had."""
+"""From sessions to what is known of each specimen: its checks with the dose before each, its oven cycles, all the
+heat it had."""
 
 from __future__ import annotations
 
@@ -33,10 +34,10 @@ ELSEWHERE = "evaluated elsewhere"
 
 @dataclass(frozen=True)
 class Point:
-    """A check with its dose [h]; `worth` (4,) as `worth_of`; both None where not known, `why` then says why. `cycles`: how many oven
-    cycles the specimen had before, `discharge_h`: how many hours its test voltage was above the inception voltage [h]; both None of a
-    row of a table, hours of discharge also where they are not known. `counters`: what a table counted besides, by
-    channel."""
+    """A check with its dose [h] and `worth` (4,) as `worth_of`; both None where not known, then `why` says why.
+    `cycles`: how many oven cycles the specimen had before; `discharge_h`: how many hours its test voltage was above
+    the inception voltage [h]. Both are None of a row of a table, hours of discharge also where they are not known.
+    `counters`: what a table counted besides, by channel."""
 
     session: SessionRecorded
     start_ns: int | None
@@ -50,25 +51,29 @@ class Point:
 
     @property
     def resistance(self) -> float | None:
+        """R [K/W], or None."""
         return self.found.resistance_K_per_W
 
     @property
     def sd(self) -> float | None:
+        """Its standard deviation [K/W], or None."""
         return None if isinstance(self.found, Evaluated) else self.found.sd_K_per_W
 
     @property
     def source(self) -> str | None:
+        """The route that R came by, or None."""
         return ELSEWHERE if isinstance(self.found, Evaluated) else self.found.source
 
     @property
     def usable(self) -> bool:
+        """Whether both dose and R are known."""
         return self.dose_h is not None and self.resistance is not None and self.resistance > 0.0
 
 
 @dataclass(frozen=True)
 class History:
-    """`points` in order of dose; `worth` (4,) of all the heat that is known, None where an oven log has no temperatures;
-    `notes` for a person."""
+    """What is known of a specimen: `points` in order of dose; `worth` (4,) of all its heat, None where an oven log
+    has no temperatures; `notes` for a person."""
 
     points: list[Point] = field(default_factory=list)
     cycles: list[OvenCycle] = field(default_factory=list)
@@ -78,7 +83,7 @@ class History:
 
 
 def is_table(facts: Facts, session: SessionRecorded) -> bool:
-    """Whether it holds rows of checks that were evaluated elsewhere, or of hours that vehicles counted."""
+    """Whether the session holds rows of checks that were evaluated elsewhere, or of hours that vehicles counted."""
     return any(
         channel["quantity"] in ("thermal_resistance", "dose") and channel["role"] != "ignored"
         for file in session.files
@@ -87,7 +92,7 @@ def is_table(facts: Facts, session: SessionRecorded) -> bool:
 
 
 def is_check(facts: Facts, session: SessionRecorded) -> bool:
-    """Whether it tells of a specimen's insulation or its dose."""
+    """Whether the session tells of a specimen's insulation or its dose."""
     return session.kind == CHECKED or is_table(facts, session)
 
 
@@ -100,8 +105,8 @@ def of_ageing(facts: Facts) -> list[SessionRecorded]:
 def histories(
     store: Store, facts: Facts, ageing: Sequence[SessionRecorded], motor: str | None, as_of: str | None, tell: Tell
 ) -> dict[str, History]:
-    """Specimen -> what is known of it. `ageing`: the sessions of `of_ageing`; `motor`: a model that checks in one of its configurations
-    are evaluated through."""
+    """Specimen -> what is known of it. `ageing`: the sessions of `of_ageing`; `motor`: a model that checks in one of
+    its configurations are evaluated through."""
     by_specimen: dict[str, list[SessionRecorded]] = defaultdict(list)
     for session in ageing:
         by_specimen[str(session.specimen)].append(session)
@@ -121,7 +126,8 @@ def histories(
 
 
 def worth_of(heat: Heat) -> Floats:
-    """(4,): hours above the threshold, then what all hours are worth at it by each of `arrhenius.RULES`."""
+    """What heat is worth (4,): hours above the threshold, then what all hours are worth at it by each of
+    `arrhenius.RULES`."""
     from analytics.insulation.dose.arrhenius import RULES, THRESHOLD_DEGC, equivalent_hours
 
     above = heat.hours[heat.degC > THRESHOLD_DEGC].sum()
@@ -186,7 +192,7 @@ def _of_logs(store: Store, facts: Facts, motor: str | None, sessions: Sequence[S
 def _before(
     session: SessionRecorded, ordered: Sequence[SessionRecorded], by_time: bool, cycles: Sequence[OvenCycle]
 ) -> int:
-    """How many of the cycles were over."""
+    """How many of the cycles were over before the session."""
     if by_time:
         return sum(bool((one.start_ns or 0) + one.soak_to_s * 1e9 <= session.start_ns) for one in cycles)
     earlier = {one.session for one in ordered[: ordered.index(session)]}
@@ -203,7 +209,7 @@ def _point(
 
 
 def _all_heat(sessions: Sequence[SessionRecorded], heats: Mapping[str, Trace | None]) -> Floats | None:
-    """None without any session, and where an oven log has no temperatures."""
+    """What all sessions are worth together; None without any session, and where an oven log has no temperatures."""
     known = [trace for trace in heats.values() if trace is not None]
     if not sessions or len(known) < len(heats):
         return None
@@ -211,7 +217,7 @@ def _all_heat(sessions: Sequence[SessionRecorded], heats: Mapping[str, Trace | N
 
 
 def _worth(trace: Trace) -> Floats:
-    """`worth_of` a course, which says to the crossing how long it was above the threshold."""
+    """`worth_of` a course, with the hours above the threshold to the crossing of it."""
     from analytics.insulation.dose.arrhenius import THRESHOLD_DEGC
 
     found = worth_of(trace.heat)
@@ -257,7 +263,8 @@ def _oven_cycles(sessions: Iterable[SessionRecorded], heats: Mapping[str, Trace 
 
 
 def _with_tables(history: History, rows: Sequence[tuple[SessionRecorded, Evaluated]]) -> History:
-    """With the rows of tables: checks that were evaluated elsewhere, and hours that were counted until then.
+    """The history with the rows of tables: checks that were evaluated elsewhere, and hours that were counted until
+    then.
 
     A row of a check that says no dose has what was counted by its time, between two readouts in proportion.
     """

@@ -21,10 +21,11 @@ LEAST_SPREAD_K = 5.0  # temperatures closer than this are one: ovens are not equ
 
 
 def lives_of(histories: Mapping[str, History], sd: Mapping[str, Sequence[float | None]], criterion: str) -> Lives:
-    """Between which doses each specimen's conductivity first fell by half, at the median temperature of its dose, and the lognormal law of these.
+    """Between which doses each specimen's conductivity first fell by half, at the median temperature of its dose, and
+    the lognormal law of these.
 
-    Lives are interval-censored by the checks, and right-censored where the criterion is not reached (IEC 60216, IEEE 117). `sd`: of
-    ln R of each point of a history, None where it is not usable.
+    Lives are interval-censored by the checks, and right-censored where the criterion is not reached (IEC 60216, IEEE
+    117). `sd`: of ln R of each point of a history, None where it is not usable.
     """
     from analytics.insulation.life.first_passage import first_passage
 
@@ -96,6 +97,6 @@ def _bounds(law: LifeFit, quantity: Any) -> dict[str, Any]:
 
 
 def _given(found: Any) -> dict[str, Any]:
-    """Value and 95 % bounds; a bound that the data do not give is null."""
+    """Value and 95 % bounds as JSON; a bound that the data do not give is null."""
     ends = [bound if math.isfinite(bound) else None for bound in (found.lower, found.upper)]
     return {"value": found.value, "ci95": ends}

@@ -19,8 +19,8 @@ SEEN_SD = 2.576  # 1 in 100 by chance
 
 
 def stress_of(rows: Sequence[tuple[str, Point]], sd: Floats) -> list[Stress]:
-    """Of usable points with their specimens, and the sd of ln R of each (n,): heat beside all else that any of them had, from those
-    of which everything is known. Empty where there was nothing but heat."""
+    """What each stress did, from usable points with their specimens and the sd of ln R of each (n,): heat beside all
+    else that any of them had, by the points of which everything is known. Empty where there was nothing but heat."""
     from analytics.insulation.courses import stress
 
     amounts = [_amounts(point) for _, point in rows]
@@ -48,7 +48,8 @@ def stress_of(rows: Sequence[tuple[str, Point]], sd: Floats) -> list[Stress]:
 
 
 def _amounts(point: Point) -> Mapping[str, float]:
-    """In the units of `UNITS`, what a table counted as it counted; what is not known is not there."""
+    """How much of each stress was before a check, in the units of `UNITS`, what a table counted as it counted; what
+    is not known is not there."""
     had = {
         HEAT: None if point.dose_h is None else point.dose_h / HUNDRED_H,
         CYCLES: None if point.cycles is None else float(point.cycles),
