@@ -7,7 +7,9 @@ from importlib.resources import files
 
 TOPOLOGIES: Mapping[str, str] = {  # name of the template -> what it is
     "ipm_water_jacket": "interior magnets, water jacket: 21 nodes, both ends apart",
-    "ipm_oil_cooled": "interior magnets, oil on end windings and rotor, water jacket: 14 nodes, two circuits, a loss map",
+    "ipm_oil_cooled": (
+        "interior magnets, oil on end windings and rotor, water jacket: 14 nodes, two circuits, a loss map"
+    ),
     "ipm_four_node": "interior magnets, water jacket: yoke, teeth, winding, rotor",
     "three_node": "any motor: winding, stator, rotor",
     "induction_fan_cooled": "closed induction motor with a fan on its shaft: 9 nodes",

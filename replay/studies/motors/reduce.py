@@ -1,4 +1,5 @@
-"""A motor with fewer nodes: recorded sessions say which mergers lead, kept ones which of them are made, and how many nodes are enough."""
+"""A motor with fewer nodes: recorded sessions say which mergers lead, kept ones which of them are made, and how many
+nodes are enough."""
 
 from __future__ import annotations
 
@@ -30,7 +31,8 @@ WIDTH = 118  # characters of a comment
 
 @dataclass(frozen=True)
 class Reduction:
-    """The motor file with as many nodes as were asked for or are enough, what it was chosen from, and what its errors are of.
+    """The motor file with as many nodes as were asked for or are enough, what it was chosen from, and what its errors
+    are of.
 
     `interest`: node -> why it counts; `chosen` is one of `curve`, which runs from the full network down.
     """
@@ -50,11 +52,13 @@ def reduce_motor(
     hold_out: Sequence[SessionRecorded],
     tell: Callable[[str], None] = lambda _: None,
 ) -> Reduction:
-    """Merge `network` down to `to` nodes; None: to the fewest whose mean error on `hold_out` is at most `ENOUGH_K`. The truth is its own
-    run on the recorded inputs; errors count at measured nodes and at the hottest winding and magnet.
+    """Merge `network` down to `to` nodes; None: to the fewest whose mean error on `hold_out` is at most `ENOUGH_K`.
+    The truth is its own run on the recorded inputs; errors count at measured nodes and at the hottest winding and
+    magnet.
 
-    Raises ReplayDataError where a session lacks what the motor needs, none is given, one is on both sides, `to` is no number of nodes
-    below those that the motor has, or it is left out and no session is kept or no smaller network is good enough on those.
+    Raises ReplayDataError where a session lacks what the motor needs, none is given, one is on both sides, `to` is no
+    number of nodes below those that the motor has, or it is left out and no session is kept or no smaller network is
+    good enough on those.
     """
     _check(network, to, on, hold_out)
     motor, network = network, configured(network, None)
@@ -81,7 +85,8 @@ def _chosen(network: Network, curve: Sequence[Reduced], to: int | None) -> Reduc
         enough = smallest(curve, ENOUGH_K)
         if enough is None:
             raise ReplayDataError(
-                f"no smaller network than {network.name} itself stays within {ENOUGH_K:g} K on average on the kept sessions: say with "
+                f"no smaller network than {network.name} itself stays within {ENOUGH_K:g} K on average on the kept "
+                "sessions: say with "
                 "--to how many nodes it shall have."
             )
         return enough
@@ -99,11 +104,13 @@ def _check(
         raise ReplayDataError("no session to merge by: name some with --on. `whyhot sessions` lists them.")
     if to is None and not hold_out:
         raise ReplayDataError(
-            "how many nodes are enough is chosen by the error on kept sessions: name some with --hold-out, or a number with --to."
+            "how many nodes are enough is chosen by the error on kept sessions: name some with --hold-out, "
+            "or a number with --to."
         )
     if to is not None and not 1 <= to < len(network.nodes):
         raise ReplayDataError(
-            f"--to {to}: {network.name} has {len(network.nodes)} nodes: give a number from 1 to {len(network.nodes) - 1}."
+            f"--to {to}: {network.name} has {len(network.nodes)} nodes: give a number from 1 to "
+            f"{len(network.nodes) - 1}."
         )
     both = {session.session: session.name for session in on}.keys() & {session.session for session in hold_out}
     for session in on:
@@ -144,10 +151,14 @@ def _says(
     hold_out: Sequence[SessionRecorded],
     lost: Sequence[str],
 ) -> str:
-    """What the new file says above: where it comes from, how good it is, what follows what, and which configurations it lost."""
+    """What the new file says above: where it comes from, how good it is, what follows what, and which configurations
+    it lost."""
     learnt = ", ".join(session.name for session in on)
     lines = [
-        f"{network.name} with its {len(network.nodes)} nodes merged to {len(chosen.groups)}, by its own run on {learnt}:"
+        (
+            f"{network.name} with its {len(network.nodes)} nodes merged to {len(chosen.groups)}, "
+            f"by its own run on {learnt}:"
+        )
     ]
     lines.append(
         f"{chosen.trained.mean_K:.2f} K mean, {chosen.trained.largest_K:.1f} K at most ({chosen.trained.worst})."
@@ -155,7 +166,8 @@ def _says(
     if chosen.kept is not None:
         kept = ", ".join(session.name for session in hold_out)
         lines.append(
-            f"Mergers chosen on {kept}: {chosen.kept.mean_K:.2f} K mean, {chosen.kept.largest_K:.1f} K at most ({chosen.kept.worst})."
+            f"Mergers chosen on {kept}: {chosen.kept.mean_K:.2f} K mean, {chosen.kept.largest_K:.1f} K at most "
+            f"({chosen.kept.worst})."
         )
     if lost:
         lines.append(f"Left out, as they take away a part of a merged node only: configuration {', '.join(lost)}.")
