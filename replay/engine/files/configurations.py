@@ -31,7 +31,7 @@ def refuse_other_rigs(sessions: Sequence[SessionRecorded]) -> None:
     for session in sessions:
         if session.configuration is not None:
             raise ReplayDataError(
-                f'session {session.name}: is of configuration "{session.configuration}", and this asks about the whole motor: '
-                "leave it out here. `whyhot calibrate` learns from it together with sessions of the whole motor; go on with "
-                "the model that it gives (--model)."
+                f'session {session.name}: is of configuration "{session.configuration}", and this asks about the '
+                "whole motor: leave it out here. `whyhot calibrate` learns from it together with sessions of the whole "
+                "motor; go on with the model that it gives (--model)."
             )

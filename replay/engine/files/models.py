@@ -45,7 +45,8 @@ def publish_model(store: Store, path: Path) -> str:
 
 
 def find_model(facts: Facts, text: str) -> str:
-    """A model by id, unique beginning of an id, or motor name (its latest). Raises ReplayDataError with what there is."""
+    """A model by id, unique beginning of an id, or motor name (its latest). Raises ReplayDataError with what there
+    is."""
     named = [event.model for event in facts.models.values() if event.motor == text]
     if named:
         return named[-1]
@@ -84,14 +85,16 @@ def model_of(facts: Facts, session: SessionRecorded) -> str:
         )
     if bench.model is None:
         raise ReplayDataError(
-            f'session {session.name}: {bench.name} names no motor file: add motor = "motor.toml" to it and ingest again, '
+            f'session {session.name}: {bench.name} names no motor file: add motor = "motor.toml" to it and ingest '
+            "again, "
             "or say --model motor.toml."
         )
     return facts.current(bench.model)
 
 
 def model_named(store: Store, text: str | None) -> str | None:
-    """The model that a flag says: a motor file (published if new), an id or a motor name; None where nothing is said."""
+    """The model that a flag says: a motor file (published if new), an id or a motor name; None where nothing is
+    said."""
     if text is None:
         return None
     return (

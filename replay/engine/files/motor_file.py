@@ -1,4 +1,5 @@
-"""motor.toml becomes a network: keys and types, defaults, and every refusal with file and line (INTERFACES section 2)."""
+"""motor.toml becomes a network: keys and types, defaults, and every refusal with file and line (INTERFACES section
+2)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""A motor file with maps in files of their own, made whole: every table stands where its file was named, as the store keeps it."""
+"""A motor file with maps in files of their own, made whole: every table stands where its file was named, as the store
+keeps it."""
 
 from __future__ import annotations
 
@@ -23,7 +24,8 @@ def read_motor_file(path: Path) -> Network:
 
 
 def whole(path: Path) -> bytes:
-    """The bytes of a motor file, each `map = "file.csv"` replaced by its table on the same line; its own bytes where there is none.
+    """The bytes of a motor file, each `map = "file.csv"` replaced by its table on the same line; its own bytes where
+    there is none.
 
     Raises MotorFileError where the file or a map cannot be read.
     """
@@ -80,7 +82,8 @@ def _table(file: Path) -> tuple[list[float], list[float], list[list[float]]]:
     rows = [(reader.line_num, row) for row in reader if any(cell.strip() for cell in row)]
     if len(rows) < 2 or len(rows[0][1]) < 2:
         raise MotorFileError(
-            f"{file.name}: holds no table: the first row has a free cell and the torques [Nm], each further row a speed [rpm] "
+            f"{file.name}: holds no table: the first row has a free cell and the torques [Nm], "
+            "each further row a speed [rpm] "
             "and its values."
         )
     (number, head), *body = rows

@@ -23,7 +23,7 @@ def _bare(network: Network) -> str:
 
 
 def _head(network: Network) -> list[str]:
-    """Values that `written` compares and does not change: as precise as they are."""
+    """The values that `written` compares and does not change, as precise as they are."""
     lines = [f'schema = "{SCHEMA}"', f'name = "{network.name}"']
     if network.scale:
         said = {quantity: key for key, quantity in SCALES.items()}
@@ -50,7 +50,8 @@ def _entries(network: Network) -> list[str]:
 
 
 def _node(node: Node) -> str:
-    """With its region: default `sd` of its losses follow from it, and a merged node's name may speak of another one."""
+    """A node with its region: default `sd` of its losses follow from it, and a merged node's name may speak of
+    another one."""
     return f'[[node]]\nname = "{node.name}"\ncapacity = {node.capacity:.7g}\nregion = "{node.region}"'
 
 

@@ -1,4 +1,5 @@
-"""A TOML text with other values: a changed value is replaced where it stands, new keys and tables join their own kind."""
+"""A TOML text with other values: a changed value is replaced where it stands, new keys and tables join their own
+kind."""
 
 from __future__ import annotations
 
@@ -20,9 +21,9 @@ _TABLES = 100
 def edited(text: str, before: Mapping[str, Any], after: Mapping[str, Any], says: str) -> str:
     """`text`, which says `before`, made to say `after`; comments and all that is equal in both stay as written.
 
-    `before` and `after` hold texts, numbers, booleans, lists of these, tables (never empty) and lists of tables. `before`
-    may hold values that the text leaves to their default. What `after` lacks is left alone. Tables are added after the last
-    of their kind, else at the end, under the comment `# added: <says>`.
+    `before` and `after` hold texts, numbers, booleans, lists of these, tables (never empty) and lists of tables.
+    `before` may hold values that the text leaves to their default. What `after` lacks is left alone. Tables are added
+    after the last of their kind, else at the end, under the comment `# added: <says>`.
     """
     return _Edits(text, says).made(before, after)
 
@@ -70,6 +71,7 @@ class _Edits:
         self._edits: list[tuple[int, int, int, str]] = []
 
     def made(self, before: Mapping[str, Any], after: Mapping[str, Any]) -> str:
+        """The text that says `after`."""
         self._table((), before, after)
         line_break = "\r\n" if "\r\n" in self._text else "\n"
         parts, at = [], 0

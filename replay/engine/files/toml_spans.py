@@ -1,4 +1,5 @@
-"""Where each value and table of a TOML text stands, by character: what is needed to change one of them and leave the rest."""
+"""Where each value and table of a TOML text stands, by character: what is needed to change one of them and leave the
+rest."""
 
 from __future__ import annotations
 
@@ -70,7 +71,7 @@ class _Scan:
         return path
 
     def _last(self, path: Path) -> Path:
-        """An array of headed tables stands for its last element."""
+        """The table that a path stands for: an array of headed tables stands for its last element."""
         return (*path, self._elements[path] - 1) if path in self._elements else path
 
     def _keys(self) -> list[str]:
@@ -104,7 +105,7 @@ class _Scan:
         self.found[path] = Span(start, self._at)
 
     def _inside(self, end: str, path: Path) -> None:
-        """The elements of an array, or the pairs of a table in braces."""
+        """Read the elements of an array, or the pairs of a table in braces, up to `end`."""
         self._at += 1
         index = 0
         while self._peek() != end:

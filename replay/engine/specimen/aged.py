@@ -31,9 +31,10 @@ _HOURS = re.compile(r"hours_above_(.+)degC")
 
 @dataclass(frozen=True)
 class OfSpecimen:
-    """`network`: without ageing terms, these multiplied by `factors`; `hours`: its features `hours_above_<T>degC` -> h; `ageing`: for places
-    that are equally old {places, above_degC, dose_h, factor, sd, from}, `sd` that of the factor's logarithm, `from` the assessment
-    whose checks say so, or "law"."""
+    """A session's motor as its specimen has it. `network`: without ageing terms, these multiplied by `factors`;
+    `hours`: its features `hours_above_<T>degC` -> h; `ageing`: one entry {places, above_degC, dose_h, factor, sd,
+    from} for places that are equally old, `sd` that of the factor's logarithm, `from` the assessment whose checks say
+    so, or "law"."""
 
     network: Network
     factors: Mapping[AgeingPlace, float]
@@ -53,9 +54,9 @@ class _Left:
 def of_specimen(store: Store, facts: Facts, session: SessionRecorded, network: Network) -> OfSpecimen:
     """A session's network (`replay.engine.files.configurations.network_of`) as its specimen has it.
 
-    Insulation goes on from the state that the last check before the session left, where the latest assessment of this specimen
-    counts hours above the temperature of the law; all else follows the law from 0 h on. Raises ReplayDataError where the motor
-    asks for hours, and the session names no specimen or they are not known.
+    Insulation goes on from the state that the last check before the session left, where the latest assessment of this
+    specimen counts hours above the temperature of the law; all else follows the law from 0 h on. Raises
+    ReplayDataError where the motor asks for hours, and the session names no specimen or they are not known.
     """
     places, features = ageing_places(network), _hour_features(network)
     limits = sorted({*(place.ageing.above_degC for place in places), *features.values()})
@@ -86,7 +87,8 @@ def hours_of(store: Store, facts: Facts, session: SessionRecorded, network: Netw
 
 
 def ageing_left_out(store: Store, facts: Facts, sessions: Sequence[SessionRecorded], model: str) -> list[str]:
-    """A line for each session whose specimen is not new by the laws of `model` (SHA-256 of a motor file): for verbs that take it as new.
+    """A line for each session whose specimen is not new by the laws of `model` (SHA-256 of a motor file): for verbs
+    that take it as new.
 
     Sessions are read for a motor with such laws only.
     """
@@ -98,20 +100,22 @@ def ageing_left_out(store: Store, facts: Facts, sessions: Sequence[SessionRecord
             if entry["factor"] != 1.0:
                 found.append(
                     f"session {session.name}: {', '.join(entry['places'])} taken as new; {entry['dose_h']:.3g} h above "
-                    f"{entry['above_degC']:g} degC have left {entry['factor']:.3g} of it, which replay takes into account."
+                    f"{entry['above_degC']:g} degC have left {entry['factor']:.3g} of it, "
+                    "which replay takes into account."
                 )
     return found
 
 
 def law_of(store: Store, facts: Facts, model: str | None, above_degC: float) -> Ageing:
-    """What `model` (SHA-256 of a motor file; None: no motor) says of its insulation beforehand: `twin.motor.ageing_law.insulation_law`."""
+    """What `model` (SHA-256 of a motor file; None: no motor) says of its insulation beforehand:
+    `twin.motor.ageing_law.insulation_law`."""
     network = None if model is None else read_motor(store.archive.read(model), facts.models[model].file)
     return insulation_law(network, above_degC)
 
 
 def states_left(checks: Sequence[Check | None], law: Ageing) -> list[dict[str, float] | None]:
-    """The state that each check of a specimen leaves (`twin.insulation.ageing_state.State`), in the order of their doses; None where the check
-    has no dose or no resistance."""
+    """The state that each check of a specimen leaves (`twin.insulation.ageing_state.State`), in the order of their
+    doses; None where the check has no dose or no resistance."""
     states = iter(filtered([check for check in checks if check], law))
     return [asdict(next(states)) if check else None for check in checks]
 
@@ -125,7 +129,8 @@ def _before(facts: Facts, session: SessionRecorded, degC: float) -> tuple[list[S
     """The specimen's sessions before this one, in order, and whether stamps say so."""
     if session.specimen is None:
         raise ReplayDataError(
-            f"session {session.name}: names no specimen, and the motor file asks how long that was above {degC:g} degC before: "
+            f"session {session.name}: names no specimen, and the motor file asks how long that was above {degC:g} "
+            "degC before: "
             "ingest it again with --specimen S, or replay with a model without ageing (--model)."
         )
     ordered, by_time = in_order([one for one in facts.sessions if one.specimen == session.specimen])
@@ -148,8 +153,10 @@ def _hours(
             traces[one.session] = trace
         elif one.kind == HEATED:
             raise ReplayDataError(
-                f"session {session.name}: the hours of {session.specimen} above {limits[0]:g} degC are not known, as its session "
-                f"{one.name} of kind {HEATED} has no temperature of it: give its channel a node in the bench file and ingest it again."
+                f"session {session.name}: the hours of {session.specimen} above {limits[0]:g} degC are not known, "
+                "as its session "
+                f"{one.name} of kind {HEATED} has no temperature of it: give its channel a node in the bench file and "
+                "ingest it again."
             )
 
     def above(trace: Trace) -> NDArray[np.float64]:
@@ -161,7 +168,8 @@ def _hours(
 
 
 def _left(store: Store, facts: Facts, session: SessionRecorded, before: Iterable[SessionRecorded]) -> _Left | None:
-    """Of the latest assessment that knows the specimen; None where that has no state of it before the session."""
+    """The state by the latest assessment that knows the specimen; None where that has no state of it before the
+    session."""
     earlier = {one.session for one in before}
 
     def is_before(check: Mapping[str, Any]) -> bool:
@@ -194,7 +202,7 @@ def _entry(place: AgeingPlace, dose_h: float, left: _Left | None) -> dict[str, A
 
 
 def _together(now: Mapping[AgeingPlace, Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """Places that are equally old in one entry."""
+    """One entry for all places that are equally old."""
     found: list[dict[str, Any]] = []
     for place, entry in now.items():
         like = next((one for one in found if {**entry, "places": one["places"]} == one), None)

@@ -1,4 +1,5 @@
-"""What a specimen went through before each of its checks: its sessions in order, and the hours it spent at each temperature."""
+"""What a specimen went through before each of its checks: its sessions in order, and the hours it spent at each
+temperature."""
 
 from __future__ import annotations
 
@@ -31,14 +32,15 @@ class Heat:
 
 @dataclass(frozen=True)
 class Trace:
-    """The temperature [degC] of the hottest place of the specimen over a session, `t_ns` (N,) rising; `channel` that shows it."""
+    """The temperature [degC] of the hottest place of the specimen over a session, `t_ns` (N,) rising, and the
+    `channel` that shows it."""
 
     t_ns: NDArray[np.int64]
     degC: Floats
     channel: str
 
     def until(self, end_ns: int) -> Self:
-        """What of it lies before `end_ns`."""
+        """The part before `end_ns`."""
         end = int(np.searchsorted(self.t_ns, end_ns))
         return replace(self, t_ns=self.t_ns[:end], degC=self.degC[:end])
 
@@ -56,14 +58,15 @@ class Trace:
         return Heat(found.centres_degC, found.hours)
 
     def hours_above(self, degC: float) -> float:
-        """[h], to the crossing of `degC` [degC] between two samples."""
+        """Hours above `degC` [h], to the crossing of it between two samples."""
         from analytics.insulation.dose.oven_cycle import hours_above
 
         return hours_above(self.t_s, self.degC, degC)
 
 
 def hottest(channels: Iterable[ChannelData]) -> ChannelData | None:
-    """The copper channel with the highest temperature; without any, the hottest other place of the specimen: never a boundary."""
+    """The copper channel with the highest temperature; without any, the hottest other place of the specimen: never a
+    boundary."""
     own = [
         channel
         for channel in channels
@@ -77,7 +80,7 @@ def hottest(channels: Iterable[ChannelData]) -> ChannelData | None:
 
 
 def trace_of_heat(channels: Iterable[ChannelData]) -> Trace | None:
-    """The course of a session; None where no temperature of the specimen is recorded."""
+    """The specimen's temperature over a session; None where none is recorded."""
     found = hottest(channels)
     return None if found is None else Trace(found.t_ns, found.value, found.spec.name)
 
@@ -85,8 +88,9 @@ def trace_of_heat(channels: Iterable[ChannelData]) -> Trace | None:
 def in_order(sessions: Sequence[SessionRecorded]) -> tuple[list[SessionRecorded], bool]:
     """The sessions of a specimen as they followed each other, and whether their stamps tell it.
 
-    Without absolute time the last number of a name tells it: `oven_3` comes before `dc_3`, unless there is one check more than there
-    are oven sessions and both count from the same number: then the first check was the start, and `dc_3` comes before `oven_3`.
+    Without absolute time the last number of a name tells it: `oven_3` comes before `dc_3`, unless there is one check
+    more than there are oven sessions and both count from the same number: then the first check was the start, and
+    `dc_3` comes before `oven_3`.
     """
     if all(session.absolute for session in sessions):
         return sorted(sessions, key=lambda session: (session.start_ns, natural(session.name))), True
@@ -118,11 +122,11 @@ def doses(
     worth: Callable[[Log], Floats],
     nothing: Floats,
 ) -> Mapping[str, Floats | None]:
-    """Session -> what the specimen had behind it, (K,) as `worth` counts from `nothing` (K,) on.
+    """Session -> what the specimen had behind it when it began, (K,) as `worth` counts from `nothing` (K,) on.
 
-    `sessions` in order, `by_time` as `in_order` says. `logs`: None where it is not known what happened to the specimen in a
-    session, and then None behind it; a session that is not there counts nothing. A log that goes on while the specimen is out
-    for its checks counts up to each check.
+    `sessions` in order, `by_time` as `in_order` says. `logs`: None where it is not known what happened to the
+    specimen in a session, and then what was behind it is None in all later ones; a session without an entry counts
+    nothing. A log that goes on while the specimen is out for its checks counts up to each check.
     """
     whole = {name: worth(log) for name, log in logs.items() if log is not None}
     found: dict[str, Floats | None] = {}
