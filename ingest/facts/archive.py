@@ -46,8 +46,8 @@ class Archive:
         """Keep `data`, or the bytes of the file it names, for ever. Returns their SHA-256.
 
         What is there already and whole is kept; what is there and damaged is replaced, with a warning. Raises
-        ChangingFileError where the file changes while it is read, StoreError where the store was opened for reading, and
-        OSError (nothing is left behind) where a file cannot be read or the disk is full.
+        ChangingFileError where the file changes while it is read, StoreError where the store was opened for reading,
+        and OSError (nothing is left behind) where a file cannot be read or the disk is full.
         """
         if self._work is None:
             raise StoreError(f"{self.folder}: the store was opened for reading: open it for writing")

@@ -31,7 +31,8 @@ def sync_tree(folder: Path) -> None:
 
 
 def write_file(folder: Path, chunks: Iterable[bytes]) -> Path:
-    """A new file in `folder` that holds `chunks`, on disk. Raises OSError, a full disk among them; no file is left then."""
+    """A new file in `folder` that holds `chunks`, on disk. Raises OSError, a full disk among them; no file is left
+    then."""
     path = folder / uuid4().hex
     handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0), 0o666)
     try:

@@ -21,9 +21,9 @@ KEYS = {"v", "happened", "recorded", "code", "caused_by", "previous", "digest", 
 class Recorded:
     """An event as it stands in the ledger, its digest checked.
 
-    `position` counts the events of the whole ledger from 1, `version` those of its stream; `happened` and `recorded` are
-    ISO 8601 UTC, `recorded` rising strictly with the position; `code` the program that wrote it; `previous` the digest
-    of the stream's event before.
+    `position` counts the events of the whole ledger from 1, `version` those of its stream; `happened` and `recorded`
+    are ISO 8601 UTC, `recorded` rising strictly with the position; `code` the program that wrote it; `previous` the
+    digest of the stream's event before.
     """
 
     position: int
@@ -127,5 +127,6 @@ def _event(topic: str, envelope: dict[str, Any], where: str) -> Event:
         return kind(**envelope["body"])
     except TypeError:
         raise LedgerError(
-            f"{where}: {topic} version {envelope['v']!r} does not fit this whyhot (it knows {kind.VERSION}): update whyhot"
+            f"{where}: {topic} version {envelope['v']!r} does not fit this whyhot (it knows {kind.VERSION}): "
+            "update whyhot"
         ) from None

@@ -74,8 +74,9 @@ class DecodeCompleted(Event):
     """`file-<sha256>`: what became of every record of a log, under one bench file, its motor file and its databases.
 
     `balance`: found = decoded + unknown_id + wrong_length + rejected. `groups`: [{name, file, rows, columns}];
-    `channels`: [{name, group, column, quantity, unit, node, region, role, derived}]; `sources`: [{record, where, why}] of the
-    first rejected records; `products`: file name -> SHA-256 of recording and Parquet, under `decoded/<decode>/`.
+    `channels`: [{name, group, column, quantity, unit, node, region, role, derived}]; `sources`: [{record, where,
+    why}] of the first rejected records; `products`: file name -> SHA-256 of recording and Parquet, under
+    `decoded/<decode>/`.
     """
 
     TOPIC: ClassVar[str] = "whyhot:DecodeCompleted"
@@ -180,10 +181,10 @@ class ReplayDiverged(Event):
 class CalibrationCompleted(Event):
     """`calibration-<id>`: a motor's coefficients estimated from sessions; `model` is the motor file that holds them.
 
-    `parameters`: [{name, unit, before, value, log_change, sd, prior_sd, held}], sd of the logarithm; `errors`: [{session,
-    session_name, channel, node, before_K, after_K, bias_K, bias_sd_K}]: mean absolute errors of runs with the one and the
-    other model, and what the channel is taken to read too much in that session; `covariance` of all parameters' logarithms (Parquet),
-    None of calibrations that did not keep it.
+    `parameters`: [{name, unit, before, value, log_change, sd, prior_sd, held}], sd of the logarithm; `errors`:
+    [{session, session_name, channel, node, before_K, after_K, bias_K, bias_sd_K}]: mean absolute errors of runs with
+    the one and the other model, and what the channel is taken to read too much in that session; `covariance` of all
+    parameters' logarithms (Parquet), None of calibrations that did not keep it.
     """
 
     TOPIC: ClassVar[str] = "whyhot:CalibrationCompleted"
@@ -205,8 +206,8 @@ class CalibrationCompleted(Event):
 
 @dataclass(frozen=True, kw_only=True)
 class HeldOutOpened(Event):
-    """`diagnosis-<id>`: sessions that were kept from learning were looked at; what is measured on them after this has been
-    seen before."""
+    """`diagnosis-<id>`: sessions that were kept from learning were looked at; what is measured on them after this has
+    been seen before."""
 
     TOPIC: ClassVar[str] = "whyhot:HeldOutOpened"
     diagnosis: str
@@ -229,8 +230,9 @@ class CauseNamed(Event):
 
 @dataclass(frozen=True, kw_only=True)
 class ModelExtended(Event):
-    """`diagnosis-<id>`: a motor or bench file with the causes that improved lies in the archive. `model` extends `parent`,
-    `bench` extends `parent_bench`, the versions that the diagnosis began from; None where nothing was to be added to it."""
+    """`diagnosis-<id>`: a motor or bench file with the causes that improved lies in the archive. `model` extends
+    `parent`, `bench` extends `parent_bench`, the versions that the diagnosis began from; None where nothing was to be
+    added to it."""
 
     TOPIC: ClassVar[str] = "whyhot:ModelExtended"
     diagnosis: str
@@ -242,8 +244,8 @@ class ModelExtended(Event):
 
 @dataclass(frozen=True, kw_only=True)
 class GainMeasured(Event):
-    """`diagnosis-<id>`: what the causes gain on the kept sessions. `gain`: [{node, mae_before_K, mae_after_K, ci95_K, interval,
-    published_mae_K, outside_trained_share, rms_inside_K, rms_outside_K}]."""
+    """`diagnosis-<id>`: what the causes gain on the kept sessions. `gain`: [{node, mae_before_K, mae_after_K, ci95_K,
+    interval, published_mae_K, outside_trained_share, rms_inside_K, rms_outside_K}]."""
 
     TOPIC: ClassVar[str] = "whyhot:GainMeasured"
     diagnosis: str
@@ -252,7 +254,8 @@ class GainMeasured(Event):
 
 @dataclass(frozen=True, kw_only=True)
 class DiagnosisCompleted(Event):
-    """`diagnosis-<id>`: a diagnosis is sealed; `artefact` is the SHA-256 of its document (JSON, `whyhot.diagnosis/1`)."""
+    """`diagnosis-<id>`: a diagnosis is sealed; `artefact` is the SHA-256 of its document (JSON,
+    `whyhot.diagnosis/1`)."""
 
     TOPIC: ClassVar[str] = "whyhot:DiagnosisCompleted"
     diagnosis: str  # = hash of `key`
@@ -263,8 +266,8 @@ class DiagnosisCompleted(Event):
 
 @dataclass(frozen=True, kw_only=True)
 class CauseAccepted(Event):
-    """`diagnosis-<id>`: a person took its improved causes: from here on `model` is current in place of `parent`, and `bench` in
-    place of `parent_bench`; None where there is nothing of the kind."""
+    """`diagnosis-<id>`: a person took its improved causes: from here on `model` is current in place of `parent`, and
+    `bench` in place of `parent_bench`; None where there is nothing of the kind."""
 
     TOPIC: ClassVar[str] = "whyhot:CauseAccepted"
     diagnosis: str
@@ -296,8 +299,9 @@ class InspectionRecorded(Event):
 
 @dataclass(frozen=True, kw_only=True)
 class AgeingAssessed(Event):
-    """`ageing-<id>`: the insulation of specimens was assessed from these sessions. `answer` is the SHA-256 of its document
-    (JSON, `whyhot.ageing/1`), `artefacts`: {checks, specimens, batches} -> SHA-256 of its tables in the archive (Parquet)."""
+    """`ageing-<id>`: the insulation of specimens was assessed from these sessions. `answer` is the SHA-256 of its
+    document (JSON, `whyhot.ageing/1`), `artefacts`: {checks, specimens, batches} -> SHA-256 of its tables in the
+    archive (Parquet)."""
 
     TOPIC: ClassVar[str] = "whyhot:AgeingAssessed"
     assessment: str  # = hash of `key`

@@ -66,7 +66,8 @@ class Facts:
     def bench_of(self, session: SessionRecorded) -> BenchRegistered | None:
         """The bench file that a session points to now, or the version that was accepted in its place.
 
-        With the motor file that lay beside it when the session's files came: the same bytes may lie beside another by now.
+        With the motor file that lay beside it when the session's files came: the same bytes may lie beside another by
+        now.
         """
         bench = self.benches.get(self.current(session.bench)) if session.bench else None
         named = self.models.get(session.model) if session.model else None
@@ -77,7 +78,8 @@ class Facts:
         return self.models.get(bench.model) if bench and bench.model else None
 
     def current(self, sha256: str) -> str:
-        """The version of a model or bench file that was accepted in its place, and in place of that one; else itself."""
+        """The version of a model or bench file that was accepted in its place, and in place of that one; else
+        itself."""
         return _end(self.successors, sha256)
 
     def session(self, text: str) -> SessionRecorded:

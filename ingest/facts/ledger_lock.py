@@ -1,7 +1,7 @@
 """One writing process a store.
 
-SQLite 3.7.0 to 3.51.2 (but 3.50.7 and later 3.50.x, 3.44.6 and later 3.44.x) can corrupt a database in WAL mode when two
-connections write or checkpoint at once (sqlite.org/wal.html, "the WAL-reset bug"). A writer holds a lock of the
+SQLite 3.7.0 to 3.51.2 (but 3.50.7 and later 3.50.x, 3.44.6 and later 3.44.x) can corrupt a database in WAL mode when
+two connections write or checkpoint at once (sqlite.org/wal.html, "the WAL-reset bug"). A writer holds a lock of the
 operating system from open to close, on every version; a reader opens the file read-only, so it can never checkpoint.
 """
 
@@ -36,7 +36,8 @@ def reading_uri(path: Path) -> str:
 class WriterLock:
     """The lock on `path`, held from here to `close` or to the end of the process.
 
-    Raises LedgerError where another process still holds it after `WAIT_S` seconds, OSError where the file cannot be made.
+    Raises LedgerError where another process still holds it after `WAIT_S` seconds, OSError where the file cannot be
+    made.
     """
 
     def __init__(self, path: Path) -> None:

@@ -64,7 +64,8 @@ def natural(name: str) -> list[tuple[int, int, str]]:
 
 
 def order(session: SessionRecorded) -> tuple[Any, ...]:
-    """Sort key of sessions: start (those without absolute time last), name with numbers as numbers, place in the file."""
+    """Sort key of sessions: start (those without absolute time last), name with numbers as numbers, place in the
+    file."""
     start = session.start_ns if session.absolute else 0
     return (not session.absolute, start, natural(session.name), session.start_ns, session.session)
 
@@ -111,8 +112,8 @@ def group(
     """All sessions of these decodes, in the order of `order`.
 
     `decodes` are in the order in which they were given: of several versions of bench and motor file the last is the
-    current one. `benches`: SHA-256 -> bench file; `names`: raw SHA-256 -> file name; `overrides`: raw SHA-256 -> what was
-    said for that file. `kind` is "" where neither says one: the data is to tell.
+    current one. `benches`: SHA-256 -> bench file; `names`: raw SHA-256 -> file name; `overrides`: raw SHA-256 -> what
+    was said for that file. `kind` is "" where neither says one: the data is to tell.
     """
     overrides = overrides or {}
     versions, place = _versions(decodes), {decode.decode: k for k, decode in enumerate(decodes)}
@@ -140,7 +141,8 @@ def regroup(old: Sequence[SessionRecorded], new: Sequence[SessionRecorded]) -> l
 
 
 def overrides_of(sessions: Iterable[SessionRecorded], benches: Mapping[str, Bench]) -> dict[str, Override]:
-    """What was said on the command line for the files of these sessions: where a session differs from its bench file."""
+    """What was said on the command line for the files of these sessions: where a session differs from its bench
+    file."""
     found = {}
     for session in sessions:
         bench = benches.get(session.bench or "", Bench(sha256="", name=""))
@@ -251,7 +253,8 @@ _Version = tuple[str | None, str | None]  # SHA-256 of bench and motor file
 
 
 def _version_of(decodes: Iterable[DecodeCompleted], place: Mapping[str, int]) -> _Version:
-    """The version that most of the files were decoded under; of equals, the one given last. `place`: decode -> its order."""
+    """The version that most of the files were decoded under; of equals, the one given last. `place`: decode -> its
+    order."""
     files: dict[_Version, set[str]] = defaultdict(set)
     last: dict[_Version, int] = {}
     for decode in decodes:

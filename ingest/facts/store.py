@@ -80,7 +80,8 @@ class Store:
         self.ledger.close()
 
     def work(self) -> Path:
-        """A new folder for work in progress. What is left in it at the end is removed. Raises StoreError for a reader."""
+        """A new folder for work in progress. What is left in it at the end is removed. Raises StoreError for a
+        reader."""
         if not self._write:
             raise StoreError(f"{self.folder}: was opened for reading: open the store for writing")
         folder = self._tmp / uuid4().hex
@@ -159,5 +160,6 @@ def _plain_words(folder: Path) -> Iterator[None]:
     except OSError as error:
         place = error.filename or folder
         raise StoreError(
-            f"{folder}: cannot be opened ({place}: {error.strerror}): give a folder that you may read and write, with --store"
+            f"{folder}: cannot be opened ({place}: {error.strerror}): give a folder that you may read and write, "
+            "with --store"
         ) from None

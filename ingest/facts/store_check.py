@@ -32,7 +32,8 @@ AGAIN = "`whyhot rebuild` makes it again"
 
 
 def damage(store: Store, read: bool = True, since: Head | None = None) -> list[str]:
-    """What is not as it was written, one line each: the ledger, what it cites, and with `read` every sealed byte and product hashed again.
+    """What is not as it was written, one line each: the ledger, what it cites, and with `read` every sealed byte and
+    product hashed again.
 
     `since` is a head that was noted down before. Missing products are no damage: see `hints`.
     """
@@ -125,6 +126,7 @@ def _strays(store: Store, recorded: Iterable[Recorded]) -> Iterator[str]:
 def _sqlite() -> Iterator[str]:
     if has_wal_reset_bug():
         yield (
-            f"SQLite {sqlite3.sqlite_version} can corrupt a database that two processes write at once (fixed in 3.51.3): "
+            f"SQLite {sqlite3.sqlite_version} can corrupt a database that two processes write at once (fixed in "
+            "3.51.3): "
             "safe here as ledger.lock lets in one writer, but write to ledger.sqlite with nothing else"
         )
