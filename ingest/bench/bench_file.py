@@ -87,7 +87,8 @@ class Bench:
 def read_bench(data: bytes, name: str) -> Bench:
     """Read and check a bench file; `name` as messages shall call it. Needs no log and no motor file.
 
-    Raises TomlError (structure, types, unknown keys), UnitError, ExpressionError or BenchFileError, each with file and line.
+    Raises TomlError (structure, types, unknown keys), UnitError, ExpressionError or BenchFileError, each with file
+    and line.
     """
     root = read(data, name, SCHEMA)
     root.only(ROOT_KEYS, _UNDER_TIME)

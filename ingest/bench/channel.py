@@ -10,8 +10,8 @@ from dataclasses import dataclass, field
 class Channel:
     """One `[[channel]]` or `[[derived]]`. Numbers are in the *stored* unit of the quantity (quantities.STORED_UNIT).
 
-    Exactly one of `signal` (a name in the log) and `expression` (with `name`) is given. `node` is a node or a boundary of
-    the motor file; `weights` a weighted mean of nodes.
+    Exactly one of `signal` (a name in the log) and `expression` (with `name`) is given. `node` is a node or a
+    boundary of the motor file; `weights` a weighted mean of nodes.
     """
 
     name: str  # the signal's bare name, or the derived channel's

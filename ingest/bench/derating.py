@@ -43,7 +43,7 @@ def _rule(table: Table, channels: Sequence[Channel]) -> DeratingRule:
     begin, end = table.need("begin_degC", NUMBER), table.need("end_degC", NUMBER)
     if not begin < end:
         raise BenchFileError(
-            f"{table.where('end_degC')} end_degC {end:g} is not above begin_degC {begin:g}: the current falls from the one to "
-            "the other."
+            f"{table.where('end_degC')} end_degC {end:g} is not above begin_degC {begin:g}: "
+            "the current falls from the one to the other."
         )
     return DeratingRule(known[wanted], begin, end)

@@ -17,7 +17,8 @@ _LISTED = 200  # signals that nothing was guessed for
 
 _HEAD = """\
 schema = "whyhot.bench/1"
-# Draft for {name}: quantities, units and nodes are guessed from names and units. Read every line, above all those marked CHECK.
+# Draft for {name}: quantities, units and nodes are guessed from names and units. \
+Read every line, above all those marked CHECK.
 # motor = "motor.toml"         # needed to replay; its nodes and boundaries are then the names to use below
 # specimen = "motor-01"
 """
@@ -27,7 +28,8 @@ rate_hz = 1.0                  # CHECK: the log has no time column; how many row
 # start = 2024-03-01T08:00:00Z
 """
 _NODES = """
-# Temperatures: `node` is a place in the motor. Without a motor file any name will do, and oven*, ambient* and coolant* are
+# Temperatures: `node` is a place in the motor. Without a motor file any name will do, \
+and oven*, ambient* and coolant* are
 # what surrounds it. Several channels may share a node; role = "ignored" leaves one out.
 """
 

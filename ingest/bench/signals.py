@@ -13,8 +13,8 @@ from ingest.texts.nearest import nearest
 class Signal:
     """A signal of a log: of a CAN message, or a column of a table (then `message` is None).
 
-    `bus` is "can<n>", None where the message is not tied to one; `unit` and `resolution` (smallest step, in that unit) as
-    database or unit row give them; `source` the database's file name, for messages.
+    `bus` is "can<n>", None where the message is not tied to one; `unit` and `resolution` (smallest step, in that
+    unit) as database or unit row give them; `source` the database's file name, for messages.
     """
 
     name: str

@@ -1,8 +1,8 @@
 """What kind of test a session was, told from its channels, with one sentence why.
 
 The test kinds: `wltp` follows the WLTC trace; `s1` holds speed and load towards thermal equilibrium; `s2` is short
-pulses of load; `drive` any other changing speed; `dc_check` current at standstill; `insulation_check` electrical values of
-the insulation; `ageing` heat without either; `other` all else.
+pulses of load; `drive` any other changing speed; `dc_check` current at standstill; `insulation_check` electrical
+values of the insulation; `ageing` heat without either; `other` all else.
 """
 
 from __future__ import annotations
@@ -123,7 +123,8 @@ def _correlation(speed: Array, cycle: Array) -> Array:
 
 
 def _followed(speed: Array, cycle: Array) -> float:
-    """Share of the trace's seconds that the speed, scaled by one gear ratio, follows within 5 % of the trace's top speed."""
+    """Share of the trace's seconds that the speed, scaled by one gear ratio, follows within 5 % of the trace's top
+    speed."""
     there = cycle[: len(speed)]
     scaled = speed * float(speed @ there) / float(speed @ speed)
     return float(np.sum(np.abs(scaled - there) <= 0.05 * cycle.max())) / len(cycle)

@@ -1,4 +1,5 @@
-"""Operating points: how long a session stayed in each cell of speed and torque, and a block map of it for the terminal."""
+"""Operating points: how long a session stayed in each cell of speed and torque, and a block map of it for the
+terminal."""
 
 from __future__ import annotations
 
@@ -56,10 +57,11 @@ def cells(channels: Sequence[ChannelData]) -> OperatingPoints | None:
 
 
 def round_edges(value: NDArray[np.float64], most: int) -> NDArray[np.float64]:
-    """Edges of at most `most` equal cells over the range of `value`, their middles at round values (1, 2, 2.5, 5 x 10^k).
+    """Edges of at most `most` equal cells over the range of `value`, their middles at round values (1, 2, 2.5, 5 x
+    10^k).
 
-    Tests are driven at round set points: these lie in the middle of a cell, so that noise does not spread one over two. A
-    cell is at least 1 % of the largest value wide.
+    Tests are driven at round set points: these lie in the middle of a cell, so that noise does not spread one over
+    two. A cell is at least 1 % of the largest value wide.
     """
     low, high = float(value.min()), float(value.max())
     least = max((high - low) / most, 0.01 * max(abs(low), abs(high)), 1e-3)
@@ -73,8 +75,8 @@ def round_edges(value: NDArray[np.float64], most: int) -> NDArray[np.float64]:
 
 
 def draw(points: OperatingPoints, width: int = 100) -> str:
-    """The map as text of at most `width` columns: a shade and the minutes a cell, torque upwards, speed to the right, each
-    cell named by its middle.
+    """The map as text of at most `width` columns: a shade and the minutes a cell, torque upwards, speed to the right,
+    each cell named by its middle.
 
     Speed cells that do not fit beside each other are left out from the right, and that is said below.
     """

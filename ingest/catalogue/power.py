@@ -149,8 +149,8 @@ def _says(found: PowerBalance) -> str:
         )
     if found.opposed_share > OPPOSED:
         return (
-            f"electrical and mechanical power have opposite signs for {100 * found.opposed_share:.0f} % of the time under load: "
-            "torque, speed or power has the wrong sign"
+            f"electrical and mechanical power have opposite signs for {100 * found.opposed_share:.0f} % of the time "
+            "under load: torque, speed or power has the wrong sign"
         )
     share = f"loss is below zero for {100 * found.impossible_share:.0f} % of the time under load"
     if found.ratio is not None and found.ratio > 1.0:

@@ -1,12 +1,12 @@
 """Quality of each channel of a session: rate, range, noise, gaps, and stretches in which the sensor told nothing new.
 
-Held and stuck (the rule is fixed): a run of m equal samples is held when m ln(1/p) > 25, p = share of equal neighbours
-of that channel within 10 minutes on either side outside the run (kept within 0.02 to 0.98), the run is longer than 5 s,
-and another channel of the same file moves by more than 10 of its resolutions meanwhile; an input at exactly 0 is never
-held. What a channel resolves is its step, or its noise where that is larger: ten sigma are movement, the last digit of a
-noisy channel is not. A run beside a stretch that is as calm is no fault either: where the calmer side alone explains it
-(other such runs apart) it is the beginning or the end of a rest, and on a real bench at rest temperatures of 0.1 K steps
-repeat for five minutes while a draught moves the ambient.
+Held and stuck (the rule is fixed): a run of m equal samples is held when m ln(1/p) > 25, p = share of equal
+neighbours of that channel within 10 minutes on either side outside the run (kept within 0.02 to 0.98), the run is
+longer than 5 s, and another channel of the same file moves by more than 10 of its resolutions meanwhile; an input at
+exactly 0 is never held. What a channel resolves is its step, or its noise where that is larger: ten sigma are
+movement, the last digit of a noisy channel is not. A run beside a stretch that is as calm is no fault either: where
+the calmer side alone explains it (other such runs apart) it is the beginning or the end of a rest, and on a real
+bench at rest temperatures of 0.1 K steps repeat for five minutes while a draught moves the ambient.
 
 Of the held runs one is
 
@@ -16,8 +16,8 @@ Of the held runs one is
 - stuck, where it lasts to the end of the file or for 10 minutes and more,
 - held otherwise: the last value before a dropout, repeated.
 
-An input is never called saturated, and nothing of it is masked: a set point that is kept and a sensor that is stuck look
-the same, and the bench really ran at one of them. It is said all the same, for a person to judge.
+An input is never called saturated, and nothing of it is masked: a set point that is kept and a sensor that is stuck
+look the same, and the bench really ran at one of them. It is said all the same, for a person to judge.
 """
 
 from __future__ import annotations
@@ -78,8 +78,8 @@ class ChannelQuality:
     """What one channel's samples look like; numbers in its stored unit, None where there are too few samples.
 
     `rate_Hz` 1 / median interval; `noise` one sigma, from second differences; `resolution` the smallest step seen;
-    `good` bool (N,): False for the samples of a stretch, but for the first of a held or stuck one: that was measured; all
-    True for an input, which is used as it stands.
+    `good` bool (N,): False for the samples of a stretch, but for the first of a held or stuck one: that was measured;
+    all True for an input, which is used as it stands.
     """
 
     name: str
@@ -102,7 +102,8 @@ def assess(channels: Sequence[ChannelData]) -> list[ChannelQuality]:
 
 
 def findings(qualities: Sequence[ChannelQuality]) -> list[QualityFlagged]:
-    """What a person should look at: one flag a channel and kind of stretch (of an input one for all), and one for its gaps.
+    """What a person should look at: one flag a channel and kind of stretch (of an input one for all), and one for its
+    gaps.
 
     Ignored channels have none.
     """
@@ -124,7 +125,8 @@ def seconds(value: float) -> str:
 
 
 def noise_of(value: NDArray[np.float64]) -> float | None:
-    """One sigma of white noise in `value` (N,), from second differences, blind to steps in up to a tenth of the samples.
+    """One sigma of white noise in `value` (N,), from second differences, blind to steps in up to a tenth of the
+    samples.
 
     The second difference of white noise has 6 times its variance; of |d| the largest tenth is left out, and the mean of
     the rest is 0.65735 sigma for a normal distribution. A straight rise, however steep, counts as no noise.
@@ -191,7 +193,8 @@ def _held(channel: ChannelData, channels: Sequence[ChannelData], least: Sequence
 
 
 def _improbable(t_ns: NDArray[np.int64], value: NDArray[np.float64]) -> list[tuple[int, int]]:
-    """Runs (first, last) of equal samples, longer than 5 s, that neither both sides together nor one of them explains."""
+    """Runs (first, last) of equal samples, longer than 5 s, that neither both sides together nor one of them
+    explains."""
     if len(value) < 2:
         return []
     equal = np.diff(value) == 0.0

@@ -71,8 +71,8 @@ class Account:
         if reading.found != sum(counted.values()):
             parts = " + ".join(f"{name} {count:,}" for name, count in counted.items())
             raise IngestError(
-                f"the log holds {reading.found:,} records, but {parts} are {sum(counted.values()):,}: some were lost or "
-                "counted twice. This is a defect of whyhot: report it with the log."
+                f"the log holds {reading.found:,} records, but {parts} are {sum(counted.values()):,}: "
+                "some were lost or counted twice. This is a defect of whyhot: report it with the log."
             )
         return {"found": reading.found, **counted}
 

@@ -31,7 +31,8 @@ class MessageSignal:
 
 @dataclass(frozen=True)
 class Message:
-    """A CAN message. `can_id` has bit 31 set for a 29-bit identifier, as in `Frames`; `length` of the payload [bytes]."""
+    """A CAN message. `can_id` has bit 31 set for a 29-bit identifier, as in `Frames`; `length` of the payload
+    [bytes]."""
 
     name: str
     can_id: int
@@ -73,7 +74,8 @@ def signals_of(message: Message, bus: str | None = None) -> list[Signal]:
 def load(data: bytes, name: str) -> Database:
     """The DBC in `data` (UTF-8, else Windows-1252); `name` is the file's, for messages.
 
-    Signals that overlap or leave their message are read all the same, and noted. Raises DatabaseError with file and line.
+    Signals that overlap or leave their message are read all the same, and noted. Raises DatabaseError with file and
+    line.
     """
     text = _text(data)
     notes: list[str] = []

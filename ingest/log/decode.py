@@ -1,7 +1,7 @@
 """From the recording of a log to samples: bits, units, derived channels, and what became of every record.
 
-Nothing is lost in silence: found = decoded + unknown_id + wrong_length + rejected, with `found` counted by the reader of
-the log and `decoded` by the Parquet files that were written.
+Nothing is lost in silence: found = decoded + unknown_id + wrong_length + rejected, with `found` counted by the reader
+of the log and `decoded` by the Parquet files that were written.
 """
 
 from __future__ import annotations

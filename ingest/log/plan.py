@@ -89,8 +89,8 @@ def plan(
 ) -> list[str]:
     """Give each group its outputs; returns the channels for which this log holds no signal.
 
-    `texts`: names of the table's text columns. Without a bench file quantities are guessed. Raises BenchFileError where a
-    channel needs numbers of a column of text.
+    `texts`: names of the table's text columns. Without a bench file quantities are guessed. Raises BenchFileError
+    where a channel needs numbers of a column of text.
     """
     home = {_identity(signal): group for group in groups for signal in group.signals}
     named = {_identity(spec.signals[0]): spec for spec in channels if not spec.derived}
@@ -153,7 +153,8 @@ def _refuse_text(bench: Bench | None, channels: Sequence[ResolvedChannel], texts
         found = next((signal.name for signal in spec.signals if signal.name in texts), None)
         if found is not None and spec.role != "ignored":
             raise BenchFileError(
-                f'{bench.name if bench else "bench file"}:{spec.line}: signal "{found}" holds text in this log: it cannot be '
+                f'{bench.name if bench else "bench file"}:{spec.line}: signal "{found}" holds text in this log: '
+                "it cannot be "
                 f'{"part of " if spec.derived else "a "}{spec.quantity}. Correct the name, or add role = "ignored".'
             )
 
@@ -203,7 +204,8 @@ def _entry(group: Group, signal: Signal | None, column: Column, role: str) -> di
 
 
 def _unique(name: str, taken: Counter[str]) -> str:
-    """`name`, or with a number behind it where the group has such a column already; SQL knows no upper and lower case."""
+    """`name`, or with a number behind it where the group has such a column already; SQL knows no upper and lower
+    case."""
     taken[name.lower()] += 1
     if taken[name.lower()] == 1:
         return name

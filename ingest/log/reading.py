@@ -1,9 +1,11 @@
-"""A log is read by a child process that is limited in time and memory: a damaged file ends the child, never the program.
+"""A log is read by a child process that is limited in time and memory: a damaged file ends the child, never the
+program.
 
-A `Reader` starts `python -m ingest.log.reading`, gives it requests, a line of JSON each, on standard input and takes a line of
-JSON for each from its standard output. The child opens the log and writes the recording; the parent returns what was
-read, or raises. Small logs are read by one child in turn, as its start takes longer than they do; the limits hold for each
-log alone, and a log at which a used child ended is read again by a new one: nothing is refused for what came before it.
+A `Reader` starts `python -m ingest.log.reading`, gives it requests, a line of JSON each, on standard input and takes
+a line of JSON for each from its standard output. The child opens the log and writes the recording; the parent returns
+what was read, or raises. Small logs are read by one child in turn, as its start takes longer than they do; the limits
+hold for each log alone, and a log at which a used child ended is read again by a new one: nothing is refused for what
+came before it.
 """
 
 from __future__ import annotations
@@ -104,8 +106,8 @@ class Reader:
         """Read the log `path` in a child process and write its recording to `target`.
 
         Raises UnreadableLogError where nothing can be read, or where reading would cost more than `limits` (default:
-        `Limits.of(path)`); OSError where `target` cannot be written (disk full) or `path` not be opened. What was written
-        of `target` by then is removed. An interrupt (Ctrl-C) ends the child as well.
+        `Limits.of(path)`); OSError where `target` cannot be written (disk full) or `path` not be opened. What was
+        written of `target` by then is removed. An interrupt (Ctrl-C) ends the child as well.
         """
         limits = limits or Limits.of(path)
         request = {
@@ -168,7 +170,8 @@ def record(
 
 
 def preview(path: Path, folder: Path, time: TimeSpec | None = None) -> Reading:
-    """What is in `path`, before anything is stored; its recording becomes `folder / "preview.mcap"`. Raises as `record`."""
+    """What is in `path`, before anything is stored; its recording becomes `folder / "preview.mcap"`. Raises as
+    `record`."""
     return record(path, folder / "preview.mcap", time)
 
 

@@ -1,10 +1,11 @@
 """The recording of a log: an MCAP file with every record as it arrived, in blocks of one second.
 
-Topics: `raw/can<n>` (n = channel number stored in the file), `raw/rows` for a table, `raw/rejected` for what could not be
-read (JSON). The payload of `raw/can<n>` and `raw/rows` is an Arrow record batch; the Arrow schema is the MCAP schema, so
-that `schema.data + message.data` is an Arrow IPC stream any Arrow reader opens. A block ends where the second of the
-log's own time changes (also backwards), never where a reader's batch ended: the bytes depend on the log alone.
-Format: https://mcap.dev/spec, https://arrow.apache.org/docs/format/Columnar.html#serialization-and-interprocess-communication-ipc
+Topics: `raw/can<n>` (n = channel number stored in the file), `raw/rows` for a table, `raw/rejected` for what could
+not be read (JSON). The payload of `raw/can<n>` and `raw/rows` is an Arrow record batch; the Arrow schema is the MCAP
+schema, so that `schema.data + message.data` is an Arrow IPC stream any Arrow reader opens. A block ends where the
+second of the log's own time changes (also backwards), never where a reader's batch ended: the bytes depend on the log
+alone. Format: https://mcap.dev/spec,
+https://arrow.apache.org/docs/format/Columnar.html#serialization-and-interprocess-communication-ipc
 """
 
 from __future__ import annotations
