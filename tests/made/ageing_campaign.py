@@ -1,4 +1,5 @@
-"""An ageing campaign of the plant's stator in a store: DC checks, oven cycles between them, and what really happened."""
+"""An ageing campaign of the plant's stator in a store: DC checks, oven cycles between them, and what really
+happened."""
 
 from __future__ import annotations
 
@@ -36,8 +37,8 @@ class Campaign:
 
 
 def ageing_campaign(folder: Path, store: Path, specimen: str, seed: int, share_per_100h: float = 0.0) -> Campaign:
-    """Run it, write it to `folder` as BLF with motor, bench and DBC file, ingest it into `store`. `share_per_100h`: how the
-    conductance from winding to teeth changes with the dose, negative for insulation that gets worse."""
+    """Run it, write it to `folder` as BLF with motor, bench and DBC file, ingest it into `store`. `share_per_100h`:
+    how the conductance from winding to teeth changes with the dose, negative for insulation that gets worse."""
     hidden = Effect("ageing.winding-teeth.hours_above_180degC", share_per_100h) if share_per_100h else ()
     plant = Plant(seed, hidden)
     check, oven = _slowly(drives.dc_check(), CHECK_HZ, 2.0), _slowly(drives.oven(), OVEN_HZ, 20.0)

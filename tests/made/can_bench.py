@@ -1,4 +1,5 @@
-"""A small test bench on CAN: a motor whose truth is integrated by scipy, logged to BLF or ASC with a DBC, as a user would.
+"""A small test bench on CAN: a motor whose truth is integrated by scipy, logged to BLF or ASC with a DBC, as a user
+would.
 
 Nothing of `twin` is used here: the network's equations are written out by hand.
 """

@@ -43,8 +43,8 @@ class Case:
 
 @dataclass(frozen=True)
 class Answer:
-    """What enters first, "" for nothing; `same`: what the data cannot tell from it; ln BF against the model without it; `amplitude`
-    in the unit of its prior; `leading`: ln BF of all that were refitted."""
+    """What enters first, "" for nothing; `same`: what the data cannot tell from it; ln BF against the model without
+    it; `amplitude` in the unit of its prior; `leading`: ln BF of all that were refitted."""
 
     first: str
     same: tuple[str, ...] = ()
@@ -54,7 +54,8 @@ class Answer:
 
 
 def _campaign(case: Case) -> Campaign:
-    """An S1 point, S2 pulses and a WLTC, as BLF with motor, bench and DBC file, ingested and read back as the verb reads them."""
+    """An S1 point, S2 pulses and a WLTC, as BLF with motor, bench and DBC file, ingested and read back as the verb
+    reads them."""
     plant = Plant(case.seed, Effect(case.cause, case.size)) if case.cause else Plant(case.seed)
     plan = [points.s1(plant, 9000.0, 20.0, 0), points.s2(plant, 7000.0, 20.0, 1), drives.wltp(1)]
     with TemporaryDirectory() as name:
@@ -69,7 +70,8 @@ def _campaign(case: Case) -> Campaign:
 
 
 def diagnosed(case: Case) -> Answer:
-    """What the first step of the search says of a case; for exchanged channels the scan, for a fault of the data its evidence."""
+    """What the first step of the search says of a case; for exchanged channels the scan, for a fault of the data its
+    evidence."""
     with threadpool_limits(1, user_api="blas"):
         campaign = _campaign(case)
         model = Model(campaign.network, campaign.tests, everyday(campaign.network, campaign.tests))

@@ -1,4 +1,5 @@
-"""A session of the small servo with meters beside its thermometers, as one table: their truth is written out by hand."""
+"""A session of the small servo with meters beside its thermometers, as one table: their truth is written out by
+hand."""
 
 from __future__ import annotations
 

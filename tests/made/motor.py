@@ -170,8 +170,8 @@ def recorded(
     white_sd: float = WHITE_SD,
     name: str = "test",
 ) -> Test:
-    """A test of `true` (else of `network`) as `network`'s model takes it: means over steps of 2 s of what 0.5 s steps gave,
-    white noise where there is a seed; `samples` (N,) of a channel's steps, `off_K` its bias."""
+    """A test of `true` (else of `network`) as `network`'s model takes it: means over steps of 2 s of what 0.5 s steps
+    gave, white noise where there is a seed; `samples` (N,) of a channel's steps, `off_K` its bias."""
     rng = None if seed is None else np.random.default_rng(seed)
     own = monomials(network)
     every = tuple(dict.fromkeys([*own, *(Monomial(((f, 1.0),)) for f in SINGLE), *more]))

@@ -24,9 +24,9 @@ _CLASS_H: dict[float, tuple[float, ...]] = {
     240.0: (1175, 1175, 1521, 1569, 1617, 1665, 1665, 1713, 1761, 1953),
     260.0: (600, 744, 744, 744, 912, 1128, 1320, 1464, 1608, 1896),
 }
-# A new-technology integrated circuit, looked at now and then: between which hours so many failed, by degC. W. Q. Meeker,
-# L. A. Escobar, Statistical Methods for Reliability Data, Wiley 1998, Example 19.11, as in ReliaSoft's reference example
-# "Arrhenius-Lognormal Model for Interval Data" (reliawiki.com).
+# A new-technology integrated circuit, looked at now and then: between which hours so many failed, by degC. W. Q.
+# Meeker, L. A. Escobar, Statistical Methods for Reliability Data, Wiley 1998, Example 19.11, as in ReliaSoft's
+# reference example "Arrhenius-Lognormal Model for Interval Data" (reliawiki.com).
 _CIRCUITS: dict[float, tuple[tuple[float, float, int], ...]] = {
     150.0: ((1536, np.inf, 50),),
     175.0: ((1536, np.inf, 50),),

@@ -1,4 +1,5 @@
-"""An independent truth: a conduction mesh of a motor on its bench, which knows nothing of the product. See README.md."""
+"""An independent truth: a conduction mesh of a motor on its bench, which knows nothing of the product. See
+README.md."""
 
 from plant.campaign import sessions, write_campaign
 from plant.effects import CATALOGUE, Effect, typical

@@ -1,10 +1,11 @@
 """A bare hairpin stator on glass-fibre supports in free air, heated by direct current through two of its three phases.
 
-Twenty-four lumps: slot halves, and near and far part of both winding heads, of each phase; teeth and yoke in halves; the supports;
-the air in the bore. Many stators and checks are run together as arrays (B, lumps). Heat leaves by radiation and free
-convection; between copper and iron lies the slot insulation, whose resistance a campaign changes.
+Twenty-four lumps: slot halves, and near and far part of both winding heads, of each phase; teeth and yoke in halves;
+the supports; the air in the bore. Many stators and checks are run together as arrays (B, lumps). Heat leaves by
+radiation and free convection; between copper and iron lies the slot insulation, whose resistance a campaign changes.
 
-A stator of 198 mm x 134 mm with 48 slots, six bars of 7.6 mm2 each, three parallel paths: 6.0 mOhm a phase at 20 degC. No real one.
+A stator of 198 mm x 134 mm with 48 slots, six bars of 7.6 mm2 each, three parallel paths: 6.0 mOhm a phase at 20
+degC. No real one.
 """
 
 from __future__ import annotations
@@ -50,8 +51,9 @@ class Rig:
 
 @dataclass(frozen=True)
 class Stators:
-    """B stators, each at one check. Factors of the design: `insulation` of the slots' resistance, `conduction` of all other joints
-    (B, joints), `capacity` (B, lumps), `copper` of the winding's resistance. Emissivities of winding heads and iron."""
+    """B stators, each at one check. Factors of the design: `insulation` of the slots' resistance, `conduction` of all
+    other joints (B, joints), `capacity` (B, lumps), `copper` of the winding's resistance. Emissivities of winding
+    heads and iron."""
 
     insulation: Floats
     head_emissivity: Floats
@@ -112,7 +114,8 @@ def _joints() -> tuple[_Joint, ...]:
 
 
 JOINTS = _joints()
-# In the order of LUMPS: J/K, resin included; m2 towards the room and towards the air in the bore; m2 times view factor of the room.
+# In the order of LUMPS: J/K, resin included; m2 towards the room and towards the air in the bore; m2 times view
+# factor of the room.
 CAPACITY = np.repeat([170.0, 100.0, 150.0, 1100.0, 2250.0, 700.0, 20.0], [6, 6, 6, 2, 2, 1, 1])
 ROOM_m2 = np.repeat([0.0, 0.006, 0.013, 0.0, 0.054, 0.05, 0.0], [6, 6, 6, 2, 2, 1, 1])
 BORE_m2 = np.repeat([0.0, 0.003, 0.004, 0.0276, 0.0, 0.0, 0.0], [6, 6, 6, 2, 2, 1, 1])
@@ -131,8 +134,8 @@ def designed(size: int) -> Stators:
 
 
 def film_W_per_m2K(film: str, excess_K: Floats, air_degC: Floats) -> Floats:
-    """Free convection at a cylinder of 0.2 m. `churchill`: Churchill and Chu, DOI 10.1016/0017-9310(75)90222-7, laminar form,
-    with properties of air at the mean temperature. Raises KeyError for a form that is none."""
+    """Free convection at a cylinder of 0.2 m. `churchill`: Churchill and Chu, DOI 10.1016/0017-9310(75)90222-7,
+    laminar form, with properties of air at the mean temperature. Raises KeyError for a form that is none."""
     dT = np.abs(excess_K) + 0.01
     if film == "quarter":
         return np.asarray(1.98 * dT**0.25)
@@ -212,8 +215,8 @@ class _System:
 def run(stators: Stators, rig: Rig, start_degC: Floats, ambient_degC: Floats) -> Run:
     """Heat, then cool. `start_degC` (B, lumps); `ambient_degC` (N + 1, B) at every step of the rig.
 
-    ROS2, a two-stage Rosenbrock method of order 2, L-stable, with inexact Jacobians: Verwer, Spee, Blom and Hundsdorfer,
-    DOI 10.1137/S1064827597326651.
+    ROS2, a two-stage Rosenbrock method of order 2, L-stable, with inexact Jacobians: Verwer, Spee, Blom and
+    Hundsdorfer, DOI 10.1137/S1064827597326651.
     """
     system, h = _System(stators, rig), rig.step_s
     steps = round((rig.heating_s + rig.cooling_s) / h)

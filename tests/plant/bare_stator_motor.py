@@ -1,7 +1,8 @@
 """The motor file of the bare stator: what its designer knows, five lumps of stator, a rotor, and a jacket.
 
-Its configuration `stator_in_air` is the rig: rotor and coolant gone, surfaces in free air, two of three phases energised. It knows
-no specimen: sums of the lumps as designed, the bore's air shared among what it touches, no supports but their path, and no loss that needs turning.
+Its configuration `stator_in_air` is the rig: rotor and coolant gone, surfaces in free air, two of three phases
+energised. It knows no specimen: sums of the lumps as designed, the bore's air shared among what it touches, no
+supports but their path, and no loss that needs turning.
 """
 
 from __future__ import annotations

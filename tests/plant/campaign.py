@@ -30,7 +30,8 @@ INPUTS = (
 
 
 def bench_toml(plant: Plant, layout: str = "six", weights: Mapping[str, Mapping[str, float]] = NOWHERE_ELSE) -> str:
-    """The bench file of one specimen; `weights`: signal -> node -> share, of thermocouples that stand elsewhere than at their node."""
+    """The bench file of one specimen; `weights`: signal -> node -> share, of thermocouples that stand elsewhere than
+    at their node."""
     text = f'schema = "whyhot.bench/1"\nmotor = "motor.toml"\nspecimen = "plant-{plant.seed:04d}"\n'
     for signal, quantity, unit, more in INPUTS:
         text += f'\n[[channel]]\nsignal = "{signal}"\nquantity = "{quantity}"\nunit = "{unit}"\n{more}'
@@ -66,8 +67,9 @@ def write_campaign(
     layout: str = "six",
     weights: Mapping[str, Mapping[str, float]] = NOWHERE_ELSE,
 ) -> list[Path]:
-    """Write `motor.toml`, `bench.toml` (`weights` as of `bench_toml`), `bench.dbc` and a log of each session in each format
-    (logs.WRITERS), named `<number>_<name>`; returns the logs. Raises KeyError for a format that is not there."""
+    """Write `motor.toml`, `bench.toml` (`weights` as of `bench_toml`), `bench.dbc` and a log of each session in each
+    format (logs.WRITERS), named `<number>_<name>`; returns the logs. Raises KeyError for a format that is not
+    there."""
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "motor.toml").write_text(motor_toml(), encoding="utf-8")
     (folder / "bench.toml").write_text(bench_toml(plant, layout, weights), encoding="utf-8")

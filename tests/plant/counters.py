@@ -19,8 +19,9 @@ Ints = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Counters:
-    """Read at visits to the workshop: sums since the motor was made. `hours` (N, bins): of operation with the hot spot in each
-    bin between `edges_degC` (bins + 1,); `true_equivalent_h` (N,): hours at 180 degC by the hidden activation energy."""
+    """Read at visits to the workshop: sums since the motor was made. `hours` (N, bins): of operation with the hot
+    spot in each bin between `edges_degC` (bins + 1,); `true_equivalent_h` (N,): hours at 180 degC by the hidden
+    activation energy."""
 
     motor: NDArray[np.int32]
     day: Floats
@@ -32,7 +33,8 @@ class Counters:
 
 
 def counters(seed: int, motors: int = 2000, readouts: tuple[int, int] = (1, 8), activation_eV: float = 1.0) -> Counters:
-    """Vehicles with drivers of their own: mostly 60 to 120 degC, some often close to 180 degC. A readout is missed now and then."""
+    """Vehicles with drivers of their own: mostly 60 to 120 degC, some often close to 180 degC. A readout is missed
+    now and then."""
     random = np.random.default_rng([seed, 53])
     counts = random.integers(readouts[0], readouts[1] + 1, motors)
     motor = np.repeat(np.arange(motors, dtype=np.int32), counts)
@@ -65,7 +67,8 @@ def counters(seed: int, motors: int = 2000, readouts: tuple[int, int] = (1, 8), 
 
 
 def write_counters(path: Path, read: Counters, batches: Sequence[str]) -> Path:
-    """One row a readout: serial, batch of the motor (`batches` by its place), date, starts, and a column of hours for each bin."""
+    """One row a readout: serial, batch of the motor (`batches` by its place), date, starts, and a column of hours for
+    each bin."""
     bins = [f"h_{low:.0f}_{high:.0f}" for low, high in zip(read.edges_degC[:-1], read.edges_degC[1:], strict=True)]
     lines = [",".join(["serial", "batch", "date", "starts", *bins])]
     for motor, day, starts, hours in zip(read.motor, read.day, read.starts, read.hours, strict=True):

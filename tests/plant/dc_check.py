@@ -1,7 +1,8 @@
-"""The log of a DC check: what the thermocouples, the shunt and the voltmeter of the rig say while a bare stator heats and cools.
+"""The log of a DC check: what the thermocouples, the shunt and the voltmeter of the rig say while a bare stator heats
+and cools.
 
-Twelve thermocouples in the winding heads, six each; `3v` of the upper head is the hottest. The iron may have four. What a check
-cannot repeat is one factor of all its winding thermocouples: how far each reads above the iron.
+Twelve thermocouples in the winding heads, six each; `3v` of the upper head is the hottest. The iron may have four.
+What a check cannot repeat is one factor of all its winding thermocouples: how far each reads above the iron.
 """
 
 from __future__ import annotations
@@ -49,7 +50,7 @@ HOTTEST = "EW_A_3v"
 
 
 def weights() -> Floats:
-    """Of the lumps in each winding thermocouple: (12, lumps)."""
+    """Share of each lump in what each winding thermocouple reads (12, lumps)."""
     found = np.zeros((len(THERMOCOUPLES), len(LUMPS)))
     for row, sensor in zip(found, THERMOCOUPLES, strict=True):
         row[INDEX[f"crown_{sensor.phase}{sensor.end}"]] = sensor.crown
@@ -58,18 +59,20 @@ def weights() -> Floats:
 
 
 def iron_mean(temperature: Floats) -> Floats:
-    """Of the four places in the iron; `temperature` (..., lumps) [degC]."""
+    """Mean of the four places in the iron [degC]; `temperature` (..., lumps) [degC]."""
     return np.asarray(temperature[..., [INDEX[name] for name in IRON]].mean(axis=-1))
 
 
 def resistance_K_per_W(temperature: Floats, heat_W: Floats) -> Floats:
-    """What perfect thermocouples at all places give: mean of the winding heads minus mean of the iron, over the heat in the copper."""
+    """The resistance [K/W] that perfect thermocouples at all places give: mean of the winding heads minus mean of the
+    iron, over the heat in the copper."""
     heads = (temperature @ weights().T).mean(axis=-1)
     return np.asarray((heads - iron_mean(temperature)) / heat_W)
 
 
 def room(random: np.random.Generator, t_s: Floats, hour: float, mean_degC: float, swing_K: float) -> Floats:
-    """Of the room around the rig [degC]: over the day, from `hour` (local) on, and as it comes, with a memory of half an hour."""
+    """Temperature of the room around the rig [degC]: over the day, from `hour` (local) on, and as it comes, with a
+    memory of half an hour."""
     step = float(t_s[1] - t_s[0])
     keeps = np.exp(-step / 1800.0)
     kicks = 0.3 * np.sqrt(1.0 - keeps**2) * random.standard_normal(len(t_s))
@@ -97,7 +100,8 @@ class Reading:
 def columns(
     random: np.random.Generator, rig: Rig, run: Run, place: int, room_degC: Floats, offset_K: Floats, reading: Reading
 ) -> tuple[Floats, list[Column]]:
-    """(t_s, columns) of the check at `place` of a run, in the room (N,) [degC]; `offset_K` (16,) of the thermocouples."""
+    """(t_s, columns) of the check at `place` of a run, in the room (N,) [degC]; `offset_K` (16,) of the
+    thermocouples."""
     every = round(reading.period_s / rig.step_s)
     rows = np.arange(0, len(run.t_s), every)
     if reading.stops_s is not None:

@@ -1,7 +1,7 @@
 """What heat does to the slot insulation: a thermal resistance that changes over dose, in forms that a trial can hide.
 
-The dose is damage in hours at 230 degC: every hour counts exp(E / k (1 / T_ref - 1 / T)) of one, with an activation energy E
-that nobody outside knows and no threshold. A form says ln of the resistance over the start's at a dose.
+The dose is damage in hours at 230 degC: every hour counts exp(E / k (1 / T_ref - 1 / T)) of one, with an activation
+energy E that nobody outside knows and no threshold. A form says ln of the resistance over the start's at a dose.
 """
 
 from __future__ import annotations
@@ -42,6 +42,8 @@ class Form(Protocol):
 
 @dataclass(frozen=True)
 class Unchanged:
+    """Nothing happens."""
+
     name: str = "none"
     change_at_h: float | None = None
 
@@ -51,7 +53,8 @@ class Unchanged:
 
 @dataclass(frozen=True)
 class Monotone:
-    """`total` at `full_h`, as (dose / full_h)^curvature: 1 straight, below 1 slower and slower, above 1 faster and faster."""
+    """ln of the resistance rises by `total` at `full_h`, as (dose / full_h)^curvature: 1 straight, below 1 slower and
+    slower, above 1 faster and faster."""
 
     total: float
     full_h: float
@@ -74,7 +77,7 @@ class DipThenRise:
 
     @property
     def change_at_h(self) -> float | None:
-        """The lowest point."""
+        """The dose of the lowest point."""
         ratio = self.depth / self.time_constant_h / (self.rate / 100.0)
         return self.time_constant_h * float(np.log(ratio)) if ratio > 1.0 else None
 
@@ -117,7 +120,7 @@ class PaperCourse:
 
 @dataclass(frozen=True)
 class Faster:
-    """A form and a steady rise of `rate` per 100 h on top, as in a bad batch."""
+    """Another form, and a steady rise of `rate` per 100 h on top, as in a bad batch."""
 
     form: Form
     rate: float
@@ -141,8 +144,8 @@ CURVATURES = (0.5, 1.0, 2.0)
 
 
 def draw(name: str, random: np.random.Generator, full_h: float, cycle_h: float) -> Form:
-    """A form of that name (FORMS) over a campaign of `full_h` h in cycles of `cycle_h`, of a size worth telling: 0.2 to 0.8 in ln of
-    the insulation's resistance. Raises KeyError for a name that is none."""
+    """A form of that name (FORMS) over a campaign of `full_h` h in cycles of `cycle_h`, of a size worth telling: 0.2
+    to 0.8 in ln of the insulation's resistance. Raises KeyError for a name that is none."""
     size = random.uniform(0.2, 0.8)
     dip = random.uniform(0.15, 0.35)
     turn = random.uniform(0.3, 0.6)

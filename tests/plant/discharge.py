@@ -1,7 +1,8 @@
-"""Voltage tests in the oven: while the voltage is above the inception voltage, discharges wear the insulation beside the heat.
+"""Voltage tests in the oven: while the voltage is above the inception voltage, discharges wear the insulation beside
+the heat.
 
-ln of the resistance grows by a share for each 100 h of discharge; as it grows the inception voltage falls, so that a voltage that
-did nothing at first may do harm later.
+ln of the resistance grows by a share for each 100 h of discharge; as it grows the inception voltage falls, so that a
+voltage that did nothing at first may do harm later.
 """
 
 from __future__ import annotations
@@ -22,8 +23,8 @@ NOISE = 0.002  # of the voltage
 
 
 def hours(ln_insulation: Sequence[float], tests: Sequence[tuple[float, float]], rate: float) -> list[float]:
-    """Hours of discharge in each of N cycles. `ln_insulation` (N + 1,): ln of the slots' resistance without discharge, before the
-    first cycle and after each; `tests`: voltage and hours of each cycle; `rate`: per 100 h."""
+    """Hours of discharge in each of N cycles. `ln_insulation` (N + 1,): ln of the slots' resistance without
+    discharge, before the first cycle and after each; `tests`: voltage and hours of each cycle; `rate`: per 100 h."""
     found: list[float] = []
     for alone, (test_V, on_h) in zip(ln_insulation, tests, strict=False):
         inception_V = insulation_check.inception_V(alone + rate * sum(found) / 100.0)
@@ -38,9 +39,10 @@ def volts(trace: Trace, volts: float, on_h: float) -> Floats:
 
 
 def column(random: np.random.Generator, volts: Floats) -> Column:
-    """As it is logged."""
+    """The test voltage as it is logged."""
     return Column("U_test", "V", np.round(volts * (1.0 + NOISE * random.standard_normal(len(volts)))), 0)
 
 
 def bench_toml() -> str:
+    """The bench file of such a log."""
     return '\n[[channel]]\nsignal = "U_test"\nquantity = "voltage"\nunit = "V"\n'

@@ -21,8 +21,9 @@ DC_A = 160.0
 
 @dataclass(frozen=True)
 class Drive:
-    """Samples (M,) at `rate_hz`: speed [rpm], torque asked for [Nm], flow [l/min], inlet and ambient [degC]; `inverter` 0
-    where it is off; `direct` [A peak] a d current instead of a torque, 0 elsewhere. `step_s` of the solver."""
+    """Samples (M,) at `rate_hz`: speed [rpm], torque asked for [Nm], flow [l/min], inlet and ambient [degC];
+    `inverter` 0 where it is off; `direct` [A peak] a d current instead of a torque, 0 elsewhere. `step_s` of the
+    solver."""
 
     name: str
     kind: str
@@ -45,7 +46,7 @@ class Drive:
         return self.samples / self.rate_hz
 
     def with_courses(self, courses: dict[str, Floats]) -> Drive:
-        """The same with other courses."""
+        """The same drive with other courses."""
         changed: dict[str, Any] = dict(courses)
         return replace(self, **changed)
 
@@ -75,16 +76,18 @@ def drive(
 
 
 def join(name: str, kind: str, parts: list[Drive]) -> Drive:
-    """One behind the other."""
+    """The parts one after the other, as one drive."""
     courses = {c: np.concatenate([getattr(part, c) for part in parts]) for c in COURSES}
     return replace(parts[0].with_courses(courses), name=name, kind=kind)
 
 
 def ramp(from_: float, to: float, seconds: float) -> Floats:
+    """A course from one value to another."""
     return np.linspace(from_, to, round(seconds * RATE_HZ), endpoint=False)
 
 
 def flat(value: float, seconds: float) -> Floats:
+    """A course that stays."""
     return np.full(round(seconds * RATE_HZ), value)
 
 
@@ -146,8 +149,9 @@ def pulse(speed_rpm: float, torque_Nm: float, seconds: float, rest_s: float, res
 
 
 def spin_down(top_rpm: float = 9_000.0, times: int = 3, coast_s: float = 110.0, name: str = "spin_down") -> Drive:
-    """No load: up to speed, two minutes there, coast with the inverter off, a minute of rest. Drag ~ speed and its square.
-    Up to 9,000 rpm the magnets' voltage stays below the link's, so that no current flows through the inverter's diodes."""
+    """No load: up to speed, two minutes there, coast with the inverter off, a minute of rest. Drag ~ speed and its
+    square. Up to 9,000 rpm the magnets' voltage stays below the link's, so that no current flows through the
+    inverter's diodes."""
     t = np.arange(round(coast_s * RATE_HZ)) / RATE_HZ
     coast = top_rpm * (np.exp(-2.5 * t / coast_s) - np.exp(-2.5)) / (1 - np.exp(-2.5))
     one = np.concatenate([ramp(0, top_rpm, 15.0), flat(top_rpm, 120.0), coast, flat(0.0, 60.0)])

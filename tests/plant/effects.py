@@ -1,7 +1,8 @@
-"""Hidden effects: each by the id of its cause (`kind.place.law`) and a size. The catalogue is data; README.md says it aloud.
+"""Hidden effects: each by the id of its cause (`kind.place.law`) and a size. The catalogue is data; README.md says it
+aloud.
 
-`Effect("loss.magnet.speed2_current2", 150.0)`: 150 W more at 16,000 rpm and 450 A. Effects that no law of a thermal network
-has are called `unknown.<what>`; their cause is "unknown" and `node` says where they act.
+`Effect("loss.magnet.speed2_current2", 150.0)`: 150 W more at 16,000 rpm and 450 A. Effects that no law of a thermal
+network has are called `unknown.<what>`; their cause is "unknown" and `node` says where they act.
 """
 
 from __future__ import annotations
@@ -44,8 +45,8 @@ _FACTOR = re.compile(r"(speed|current|torque|flow)(\d+(?:\.\d+)?)?")
 
 @dataclass(frozen=True)
 class Effect:
-    """`cause`: an id; `size`: in the unit of its kind (README.md): W or W/K at the motor file's scales, a factor for `scale`,
-    K, s, K/h, a share. Raises ValueError for a cause that this plant cannot hide."""
+    """`cause`: an id; `size`: in the unit of its kind (README.md): W or W/K at the motor file's scales, a factor for
+    `scale`, K, s, K/h, a share. Raises ValueError for a cause that this plant cannot hide."""
 
     cause: str
     size: float
@@ -88,7 +89,7 @@ class Effect:
 
     @property
     def scored_as(self) -> str:
-        """What a diagnosis has to say."""
+        """The cause that a diagnosis has to name."""
         return "unknown" if self.kind == "unknown" else self.cause
 
     @property

@@ -1,4 +1,5 @@
-"""Everyday differences: what a healthy specimen may do that its motor file does not know. Each is drawn from the seed."""
+"""Everyday differences: what a healthy specimen may do that its motor file does not know. Each is drawn from the
+seed."""
 
 from __future__ import annotations
 
@@ -47,7 +48,8 @@ PATH_COUNTS = (1, 2, 3)
 
 @dataclass(frozen=True)
 class Everyday:
-    """One specimen. `groups`: factor of each group of joints; `capacities`: of each node; `paths`: (cell, cell, W/K)."""
+    """One specimen. `groups`: factor of each group of joints; `capacities`: of each node; `paths`: (cell, cell,
+    W/K)."""
 
     groups: Mapping[str, float] = field(default_factory=dict)
     capacities: Mapping[str, float] = field(default_factory=dict)

@@ -18,7 +18,7 @@ AIR_W_per_mK, AIR_m2_per_s = 0.029, 2.1e-5  # at 80 degC
 
 @dataclass(frozen=True)
 class Film:
-    """h = rest + turning x ratio^exponent, ratio of the speed or the flow to its scale."""
+    """The coefficient h = rest + turning x ratio^exponent, ratio of the speed or the flow to its scale."""
 
     rest: float
     turning: float
@@ -62,7 +62,7 @@ def gap_film(geometry: Geometry, speed_rpm: Floats, tilt: float = 0.0) -> Floats
 
 
 def films(laws: FilmLaws, geometry: Geometry, speed_rpm: Floats, flow_lpm: Floats) -> dict[str, Floats]:
-    """Film -> (M,)."""
+    """The coefficient (M,) of each film."""
     speed, flow = np.abs(speed_rpm) / N0, np.abs(flow_lpm) / FLOW0
     result = {
         name: film.rest + film.turning * (flow if name in BY_FLOW else speed) ** film.exponent

@@ -1,7 +1,7 @@
 """A fleet whose insulation ages: tables of checks that were evaluated elsewhere, checks of many motors as arrays.
 
-ln R of a motor is its start + its rate x dose; a check reads it with the error of its day, whose tails are Student's, and
-with the step of a sensor that was exchanged. Motors of a batch share a little of start and rate.
+ln R of a motor is its start + its rate x dose; a check reads it with the error of its day, whose tails are Student's,
+and with the step of a sensor that was exchanged. Motors of a batch share a little of start and rate.
 """
 
 from __future__ import annotations
@@ -55,8 +55,8 @@ class Checks:
 
 @dataclass(frozen=True)
 class Fleet:
-    """What is true of each motor (M,). `stepped`: the first check after its sensor was exchanged, the number of its checks where
-    it never was; `step`: what that changed ln R by. `checks`: what was measured."""
+    """What is true of each motor (M,). `stepped`: the first check after its sensor was exchanged, the number of its
+    checks where it never was; `step`: what that changed ln R by. `checks`: what was measured."""
 
     serial: tuple[str, ...]
     batch: tuple[str, ...]
@@ -71,12 +71,12 @@ class Fleet:
 
     @property
     def true_resistance_K_per_W(self) -> Floats:
-        """Of each row of the checks, without errors."""
+        """Resistance [K/W] at each row of the checks, without errors."""
         rows = self.checks
         return np.exp(self.start[rows.motor] + self.rate[rows.motor] * rows.dose_h / 100.0)
 
     def dose_at(self, factor: float) -> Floats:
-        """[h] at which R is `factor` times its start, (M,); infinite where it never gets worse."""
+        """Dose [h] at which R of each motor is `factor` times its start (M,); infinite where it never gets worse."""
         with np.errstate(divide="ignore"):
             return np.asarray(np.where(self.rate > 0.0, 100.0 * np.log(factor) / np.maximum(self.rate, 0.0), np.inf))
 
@@ -95,9 +95,9 @@ def fleet(
     hours_a_cycle: float = 0.6,
     population: Population | None = None,
 ) -> Fleet:
-    """Motors and a check after each cycle, as arrays. `cycles`: of every motor, or the fewest and the most; `missing`,
-    `late`: shares of checks that were not made and that were handed in weeks after; `exchanged`: share of motors whose sensor
-    was exchanged. A million rows take a second."""
+    """Motors and a check after each cycle, as arrays. `cycles`: of every motor, or the fewest and the most;
+    `missing`, `late`: shares of checks that were not made and that were handed in weeks after; `exchanged`: share of
+    motors whose sensor was exchanged. A million rows take a second."""
     people = population or Population()
     random = np.random.default_rng([seed, 51])
     counts = np.full(motors, cycles) if isinstance(cycles, int) else random.integers(cycles[0], cycles[1] + 1, motors)
@@ -136,13 +136,14 @@ def fleet(
 
 
 def sums_by_motor(values: Floats, counts: Ints) -> Floats:
+    """Running sums of values within each motor; the first `counts[0]` are the first motor's, and so on."""
     total = np.cumsum(values)
     before = np.concatenate([[0.0], total])[np.cumsum(counts) - counts]
     return np.asarray(total - np.repeat(before, counts))
 
 
 def _errors(random: np.random.Generator, size: int, tails: float) -> Floats:
-    """Of standard deviation 1. Raises ValueError where the tails have none."""
+    """Errors of standard deviation 1. Raises ValueError where the tails have none."""
     if tails <= 2.0:
         raise ValueError("Student's errors have a standard deviation from above 2 degrees of freedom on")
     if np.isinf(tails):
@@ -183,9 +184,9 @@ def write_checks(
     hours_a_cycle: float = 12.0,
     population: Population | None = None,
 ) -> WrittenChecks:
-    """Write `checks.csv` (serial, batch, hours of dose, K/W; rows in no order), `checks_late.csv` with the rows
-    that were handed in later, where `late` makes any, and `bench.toml`. `checks`: fewest and most of a motor. `dates`: a column with the day of the check;
-    without, rows have no time of their own."""
+    """Write `checks.csv` (serial, batch, hours of dose, K/W; rows in no order), `checks_late.csv` with the rows that
+    were handed in later, where `late` makes any, and `bench.toml`. `checks`: fewest and most of a motor. `dates`: a
+    column with the day of the check; without, rows have no time of their own."""
     truth = fleet(
         seed, motors, checks, batches=batches, bad_batches=bad_batches, bad_motors=bad_motors, missing=missing,
         exchanged=exchanged, late=late, hours_a_cycle=hours_a_cycle, population=population,
@@ -205,6 +206,7 @@ def write_checks(
 
 
 def checks_bench(dates: bool) -> str:
+    """The bench file of the tables."""
     time = 'column = "date"\nformat = "%Y-%m-%d %H:%M"\nzone = "UTC"\n' if dates else "rate_hz = 1.0\n"
     return (
         'schema = "whyhot.bench/1"\nspecimen_column = "serial"\nbatch_column = "batch"\nkind = "dc_check"\n\n[time]\n'

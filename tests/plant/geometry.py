@@ -18,7 +18,8 @@ BOUNDARIES = ("coolant", "ambient")
 
 @dataclass(frozen=True)
 class Material:
-    """Density [kg/m3], heat capacity [J/(kg K)], conductivity [W/(m K)], and across the sheets where it is laminated."""
+    """Density [kg/m3], heat capacity [J/(kg K)], conductivity [W/(m K)], and across the sheets where it is
+    laminated."""
 
     density: float
     heat_capacity: float
@@ -26,11 +27,12 @@ class Material:
     across: float = 0.0
 
     def heats(self, volume_m3: float) -> float:
-        """J/K of a volume."""
+        """Heat capacity [J/K] of a volume."""
         return self.density * self.heat_capacity * volume_m3
 
 
-# Handbook values (VDI Heat Atlas, chapter D6; Boglietti, Cavagnino, Staton, IEEE Trans. Energy Conv. 20 (2005), for slot materials).
+# Handbook values (VDI Heat Atlas, chapter D6; Boglietti, Cavagnino, Staton, IEEE Trans. Energy Conv. 20 (2005), for
+# slot materials).
 COPPER = Material(8930.0, 385.0, 385.0)
 SHEET = Material(7650.0, 460.0, 27.0, 4.0)
 STEEL = Material(7800.0, 465.0, 45.0)
@@ -83,7 +85,7 @@ class Geometry:
 
     @property
     def tooth_width(self) -> float:
-        """At half height."""
+        """Width of a tooth at half its height [m]."""
         return pi * (self.bore_radius + self.slot_bottom_radius) / self.slots - self.slot_width
 
     @property

@@ -1,7 +1,8 @@
-"""A campaign as its engineer keeps it: a folder a stator with DC checks, oven logs and insulation checks, and a bench file each.
+"""A campaign as its engineer keeps it: a folder a stator with DC checks, oven logs and insulation checks, and a bench
+file each.
 
-Every stator hides a form of deterioration; their surfaces darken, the room is not the same from day to day, and no two ovens are
-equally hot. What is true of each check is handed back.
+Every stator hides a form of deterioration; their surfaces darken, the room is not the same from day to day, and no
+two ovens are equally hot. What is true of each check is handed back.
 """
 
 from __future__ import annotations
@@ -41,10 +42,11 @@ class Log:
 
 @dataclass(frozen=True)
 class Check:
-    """One DC check. `dose_h`: hours of the copper above 180 degC before it, `discharge_h` above the inception voltage; `damage_h`: equivalent hours of the insulation at
-    230 degC by the hidden activation energy; `insulation`: resistance of the slots over what it was when new;
-    `resistance_K_per_W`: mean of the winding heads minus mean of the iron over the heat in the copper, steady, as perfect sensors
-    have it (so with what dark surfaces do to it, without the leads); `factor`: the check's own error in ln R."""
+    """One DC check. `dose_h`: hours of the copper above 180 degC before it, `discharge_h` above the inception
+    voltage; `damage_h`: equivalent hours of the insulation at 230 degC by the hidden activation energy; `insulation`:
+    resistance of the slots over what it was when new; `resistance_K_per_W`: mean of the winding heads minus mean of
+    the iron over the heat in the copper, steady, as perfect sensors have it (so with what dark surfaces do to it,
+    without the leads); `factor`: the check's own error in ln R."""
 
     log: Log
     cycle: int
@@ -62,8 +64,8 @@ class Check:
 
 @dataclass(frozen=True)
 class Stator:
-    """One stator, its logs in the order of time. `form`: of the slots' resistance over damage; `hours_above`: of the copper
-    above 180 degC in each cycle."""
+    """One stator, its logs in the order of time. `form`: of the slots' resistance over damage; `hours_above`: of the
+    copper above 180 degC in each cycle."""
 
     name: str
     batch: str
@@ -109,8 +111,8 @@ class Written:
 
 
 def write(folder: Path, seed: int, plan: Plan | None = None) -> Written:
-    """Run the campaign and write `S01/dc_01.csv`, `S01/oven_01.csv`, `S01/ie_01.csv` ..., `bench_dc.toml`, `bench_oven.toml`,
-    `bench_insulation.toml`. The same seed and plan write the same bytes."""
+    """Run the campaign and write `S01/dc_01.csv`, `S01/oven_01.csv`, `S01/ie_01.csv` ..., `bench_dc.toml`,
+    `bench_oven.toml`, `bench_insulation.toml`. The same seed and plan write the same bytes."""
     plan = plan or Plan()
     truth = run(seed, plan)
     checks, others = STYLES[plan.check_style], STYLES[plan.oven_style]

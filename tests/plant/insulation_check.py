@@ -1,7 +1,8 @@
-"""Electrical checks of the insulation, one row a check: resistance, polarisation index, capacitance, tan delta, discharge inception.
+"""Electrical checks of the insulation, one row a check: resistance, polarisation index, capacitance, tan delta,
+discharge inception.
 
-They follow the slot insulation loosely: as it deteriorates its resistance and its inception voltage fall and its loss factor
-rises, each with a scatter of its own.
+They follow the slot insulation loosely: as it deteriorates its resistance and its inception voltage fall and its loss
+factor rises, each with a scatter of its own.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """The shipped ageing example: `PYTHONPATH=tests python -m plant.insulation_example FOLDER` writes it.
 
-Two stators through ten oven cycles, one whose insulation cures first and gets worse then and one that nothing happens to, and a
-table of checks of thirty motors with a batch that ages faster than the others.
+Two stators through ten oven cycles, one whose insulation cures first and gets worse then and one that nothing happens
+to, and a table of checks of thirty motors with a batch that ages faster than the others.
 """
 
 from __future__ import annotations
@@ -29,7 +29,8 @@ PLAN = Plan(
 
 
 def write(folder: Path) -> insulation_campaign.Campaign:
-    """`S01`, `S02` with their logs and `fleet` with its table, each log gzipped, and the bench files; returns what is hidden."""
+    """`S01`, `S02` with their logs and `fleet` with its table, each log gzipped, and the bench files; returns what is
+    hidden."""
     written = insulation_campaign.write(folder, SEED, PLAN)
     fleet.write_checks(folder / "fleet", SEED, motors=30, checks=(4, 12), batches=3, bad_batches=1)
     for log in sorted(folder.rglob("*.csv")):

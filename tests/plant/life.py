@@ -1,6 +1,8 @@
-"""Lives of insulation specimens at several temperatures, as a laboratory finds them: exactly, between two checks, or not yet ended.
+"""Lives of insulation specimens at several temperatures, as a laboratory finds them: exactly, between two checks, or
+not yet ended.
 
-ln of a life is its location + E / k (1 / T - 1 / T_180) + scatter: normal (lognormal lives) or smallest extreme value (Weibull).
+ln of a life is its location + E / k (1 / T - 1 / T_180) + scatter: normal (lognormal lives) or smallest extreme value
+(Weibull).
 """
 
 from __future__ import annotations
@@ -53,7 +55,8 @@ class Law:
 
 @dataclass(frozen=True)
 class Lives:
-    """One row a specimen: it failed after `lower_h` and not after `upper_h` (N,). Equal: seen to the hour; infinite: had not failed."""
+    """One row a specimen: it failed after `lower_h` and not after `upper_h` (N,). Equal: seen to the hour; infinite:
+    had not failed."""
 
     temperature_degC: Floats
     lower_h: Floats
@@ -73,9 +76,10 @@ def lives(
     ended: float = 0.7,
     checks: int = 8,
 ) -> Lives:
-    """`n` specimens at each temperature. `censoring`: one of CENSORING. `right`: the tests end when the share `ended` of all such
-    specimens would have failed; `interval`: specimens are looked at `checks` times, evenly, until the median life, and so on
-    at that pace. The lives of a seed do not depend on the censoring. Raises ValueError for a name that is none."""
+    """`n` specimens at each temperature. `censoring`: one of CENSORING. `right`: the tests end when the share `ended`
+    of all such specimens would have failed; `interval`: specimens are looked at `checks` times, evenly, until the
+    median life, and so on at that pace. The lives of a seed do not depend on the censoring. Raises ValueError for a
+    name that is none."""
     if censoring not in CENSORING:
         raise ValueError(f"censoring {censoring!r} is none of {', '.join(CENSORING)}")
     law = law or Law(distribution)

@@ -1,7 +1,7 @@
 """Recordings as log files: BLF, ASC, and CSV as a data logger writes it.
 
-BLF: CAN_MESSAGE objects (type 1) in deflated containers, as python-can reads them; made with array operations, so that an
-hour and a half at 10 Hz takes a fraction of a second.
+BLF: CAN_MESSAGE objects (type 1) in deflated containers, as python-can reads them; made with array operations, so
+that an hour and a half at 10 Hz takes a fraction of a second.
 """
 
 from __future__ import annotations
@@ -91,7 +91,8 @@ def write_asc(path: Path, recording: Recording) -> None:
 
 
 def write_csv(path: Path, recording: Recording, german: bool = False) -> None:
-    """A table with a row of units and one row each 0.5 s: what each signal said last; German: `;`, decimal comma, day.month.year."""
+    """A table with a row of units and one row each 0.5 s: what each signal said last; German: `;`, decimal comma,
+    day.month.year."""
     end = min(int(block.t_ns[-1]) for block in recording.blocks)
     begin = max(int(block.t_ns[0]) for block in recording.blocks)
     rows = np.arange(begin, end, 500_000_000)

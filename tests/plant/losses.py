@@ -1,4 +1,5 @@
-"""Where the heat comes from: copper by layer, iron by region from flux and frequency, magnets, bearings, windage, ripple.
+"""Where the heat comes from: copper by layer, iron by region from flux and frequency, magnets, bearings, windage,
+ripple.
 
 Heat is groups of one course over time each, spread over cells by shares that add up to 1 (copper: to its W/A2).
 """
@@ -136,8 +137,8 @@ def skin(mesh: Mesh, frequency: Floats) -> Floats:
 
 
 def alternating(laws: LossLaws, mesh: Mesh, current2: Floats, speed_rpm: Floats) -> Floats:
-    """(M, layers + 1): I^2 (R_ac / R_dc - 1) [A2] of each bar of the slot, and behind them of the end windings, such that the
-    loss of a cell at T is this times its W/A2 divided by 1 + alpha (T - 20)."""
+    """(M, layers + 1): I^2 (R_ac / R_dc - 1) [A2] of each bar of the slot, and behind them of the end windings, such
+    that the loss of a cell at T is this times its W/A2 divided by 1 + alpha (T - 20)."""
     s = np.abs(speed_rpm) / N0
     rises = skin(mesh, s * F0) * HOT100**2 * current2[:, None]
     slot = rises * laws.of("ac_slot", s)[:, None]

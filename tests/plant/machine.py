@@ -1,7 +1,7 @@
 """The electric side: currents, voltage and flux of a d/q machine at a torque and speed, with field weakening.
 
-Amplitude-invariant values (peak of a phase). Least current that makes the torque within the voltage, as a table over speed
-and torque at two magnet temperatures; between them everything is linear.
+Amplitude-invariant values (peak of a phase). Least current that makes the torque within the voltage, as a table over
+speed and torque at two magnet temperatures; between them everything is linear.
 """
 
 from __future__ import annotations
@@ -29,7 +29,8 @@ TORQUES = np.linspace(0.0, 250.0, 51)
 
 @dataclass(frozen=True)
 class Point:
-    """At each sample: d and q current [A peak], d and q voltage [V peak], flux linkage [Wb], torque that was possible [Nm]."""
+    """At each sample: d and q current [A peak], d and q voltage [V peak], flux linkage [Wb], torque that was possible
+    [Nm]."""
 
     i_d: Floats
     i_q: Floats
@@ -50,7 +51,8 @@ def _lq(i_q: Floats) -> Floats:
 
 @cache
 def _table(magnet_degC: float) -> tuple[Floats, Floats]:
-    """(i_d, largest torque): i_d (speeds, torques) of least current, torque (speeds,) that voltage and current allow."""
+    """(i_d, largest torque): i_d (speeds, torques) of least current, torque (speeds,) that voltage and current
+    allow."""
     psi = PSI_Wb * (1 + PSI_SLOPE * (magnet_degC - 100.0))
     i_d = np.linspace(-CURRENT_A, 0.0, 240)
     i_q = _needed(TORQUES[:, None], i_d[None, :], psi)

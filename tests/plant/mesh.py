@@ -1,7 +1,8 @@
 """The conduction mesh: axial and radial finite volumes from geometry and materials; 182 cells.
 
-A joint between two cells (or a cell and a boundary) conducts 1 / (resistance + 1 / (area x film)); the film, W/(m2 K), comes
-from `films` at every step. Cells of an interface (slot liner, air gap) belong to no node of the reduced network.
+A joint between two cells (or a cell and a boundary) conducts 1 / (resistance + 1 / (area x film)); the film, W/(m2
+K), comes from `films` at every step. Cells of an interface (slot liner, air gap) belong to no node of the reduced
+network.
 """
 
 from __future__ import annotations
@@ -48,8 +49,8 @@ class Cell:
 
 @dataclass(frozen=True)
 class Joint:
-    """Between cells `a` and `b` (`b` may be a boundary). `area` [m2] of the film (for RADIATES times emissivity; for RISES
-    plain); `group` is what is uncertain together; `low`, `high` [degC] thresholds of BOILS and GAPES."""
+    """Between cells `a` and `b` (`b` may be a boundary). `area` [m2] of the film (for RADIATES times emissivity; for
+    RISES plain); `group` is what is uncertain together; `low`, `high` [degC] thresholds of BOILS and GAPES."""
 
     a: str
     b: str
@@ -178,7 +179,8 @@ def _stator(mesh: Mesh) -> None:
 
 
 def _slots(mesh: Mesh) -> None:
-    """The winding window: six bars, liner between each pair of bars and a ring of the teeth, slot bottom to the yoke."""
+    """The winding window: six bars, liner between each pair of bars and a ring of the teeth, slot bottom to the
+    yoke."""
     g, n = mesh.geometry, mesh.axial
     dz = g.stack / n
     resin = g.slot_width * (g.slot_bottom_radius - g.bore_radius) - g.layers * g.bar_area
@@ -234,7 +236,8 @@ def _rotor(mesh: Mesh) -> None:
 
 
 def _endwinding(mesh: Mesh, side: str) -> None:
-    """Six layers in two cells each: from the stack to the bend, and the crown; hairpins join neighbouring layers there."""
+    """Six layers in two cells each: from the stack to the bend, and the crown; hairpins join neighbouring layers
+    there."""
     g, last = mesh.geometry, 0 if side == "a" else mesh.axial - 1
     crown, half_slice = g.crown(side), g.stack / mesh.axial / 2
     area = g.slots * g.bar_area

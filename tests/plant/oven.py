@@ -1,4 +1,5 @@
-"""Oven logs: a stator on its way to 230 degC, the soak, and the way back. Copper and iron as two lumps in the oven's air."""
+"""Oven logs: a stator on its way to 230 degC, the soak, and the way back. Copper and iron as two lumps in the oven's
+air."""
 
 from __future__ import annotations
 
@@ -25,8 +26,8 @@ NOISE_K, STEP_K = 0.1, 0.1
 
 @dataclass(frozen=True)
 class Soak:
-    """One cycle. `offset_K`: what the stator's place is hotter than the controller's own sensor says; `break_h`: the oven fails
-    that long after its start and is switched on again after `break_for_h`."""
+    """One cycle. `offset_K`: what the stator's place is hotter than the controller's own sensor says; `break_h`: the
+    oven fails that long after its start and is switched on again after `break_for_h`."""
 
     oven_degC: float = 230.0
     soak_h: float = 12.0
@@ -65,8 +66,8 @@ def run(
     period_s: float = 60.0,
     stator: tuple[float, float, float] = (1.0, 1.0, 1.0),
 ) -> Trace:
-    """One cycle after the other. `stator`: factors of the three conductances: between copper and iron, from the oven's air to
-    copper, to iron."""
+    """One cycle after the other. `stator`: factors of the three conductances: between copper and iron, from the
+    oven's air to copper, to iron."""
     air, oven = [], []
     for soak in soaks:
         course = _air(soak, period_s)

@@ -1,7 +1,8 @@
-"""Where the design says that a thermocouple stands between two nodes of the motor file, as the `weights` of a bench file say it.
+"""Where the design says that a thermocouple stands between two nodes of the motor file, as the `weights` of a bench
+file say it.
 
-The rotor's surface is hottest in the middle of the stack; the radio's thermocouple is glued near end A. Like the motor file this
-is the design's, and knows no specimen.
+The rotor's surface is hottest in the middle of the stack; the radio's thermocouple is glued near end A. Like the
+motor file this is the design's, and knows no specimen.
 """
 
 from __future__ import annotations
@@ -24,7 +25,8 @@ SETTLE = 0.25  # of the cycle: after the start
 
 @cache
 def weights(signal: str) -> Mapping[str, float]:
-    """Node -> share, to two digits: least squares over a WLTC of the motor as designed; the node alone of one that is not in `TOWARDS`."""
+    """Node -> share, to two digits: least squares over a WLTC of the motor as designed; the node alone of one that is
+    not in `TOWARDS`."""
     (sensor,) = (one for one in SENSORS if one.signal == signal)
     if signal not in TOWARDS:
         return {sensor.node: 1.0}

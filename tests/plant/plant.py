@@ -30,8 +30,8 @@ LITRE_PER_MIN = 1e-3 / 60.0
 
 @dataclass(frozen=True)
 class Truth:
-    """What really happened in a session: `t_s` (N + 1,), `temperatures` (N + 1, n) of the cells [degC], the electric `point`
-    at the drive's samples (M,), `heat`, `to_coolant`, `to_ambient` (N,) W."""
+    """What really happened in a session: `t_s` (N + 1,), `temperatures` (N + 1, n) of the cells [degC], the electric
+    `point` at the drive's samples (M,), `heat`, `to_coolant`, `to_ambient` (N,) W."""
 
     drive: Drive
     t_s: Floats
@@ -49,7 +49,8 @@ class Truth:
 
 
 class Plant:
-    """A specimen. `effect`: hidden effects; `roughness` 0 is the motor as designed, 1 an everyday specimen; `axial` slices.
+    """A specimen. `effect`: hidden effects; `roughness` 0 is the motor as designed, 1 an everyday specimen; `axial`
+    slices.
 
     The draws of a seed do not depend on the effects, so that a plant with and without one differs by it alone.
     """
@@ -205,7 +206,8 @@ class Plant:
         return self._balance(like, 0.0, 0.0)
 
     def steady(self, like: Drive, speed_rpm: float, torque_Nm: float) -> Floats:
-        """Temperatures (n,) after a point held for ever in the surroundings of `like`. Raises ArithmeticError if none."""
+        """Temperatures (n,) after a point held for ever in the surroundings of `like`. Raises ArithmeticError if
+        none."""
         return self._balance(like, speed_rpm, torque_Nm)
 
     def _balance(self, like: Drive, speed_rpm: float, torque_Nm: float) -> Floats:
@@ -215,7 +217,8 @@ class Plant:
         return solver.steady(system, self.loads(system, row, point, 10 / row.rate_hz))
 
     def warm(self, number: int, like: Drive) -> Floats:
-        """A motor that ran before: some load, then 5 to 40 minutes of standing with the coolant on. Cold before an oven."""
+        """A motor that ran before: some load, then 5 to 40 minutes of standing with the coolant on. Cold before an
+        oven."""
         if not like.flow_lpm[0]:
             return np.full(len(self.mesh.cells), float(like.ambient_degC[0]))
         random = self.random(3, number)
@@ -255,7 +258,8 @@ def operate(drive: Drive, magnet_degC: Floats) -> Point:
 
 
 def between(mesh: Mesh, a: str, b: str) -> NDArray[np.intp]:
-    """Joints of a link of the reduced network: from node to node (or boundary), and both halves through an interface."""
+    """Joints of a link of the reduced network: from node to node (or boundary), and both halves through an
+    interface."""
     node = {cell.name: cell.node for cell in mesh.cells}
     reach: dict[str, set[str]] = {}
     for joint in mesh.joints:

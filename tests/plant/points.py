@@ -35,7 +35,8 @@ def s1(
     limit_degC: float = LIMIT_degC,
     name: str = "s1",
 ) -> Drive:
-    """Speed held with the torque at which the hot spot ends at the limit; the largest possible where it does not reach it."""
+    """Speed held with the torque at which the hot spot ends at the limit; the largest possible where it does not
+    reach it."""
     first = plant.warm(number, hold(speed_rpm, 0.0, minutes))
 
     def above(torque: float) -> float:

@@ -1,10 +1,10 @@
 """The motor file: what an honest engineer makes of the design's mesh, 21 nodes as a user has them.
 
-Nothing here knows a specimen: it reads the motor as designed, with the usual exponents. A conductance between two nodes is
-what 1 W driven evenly into the one and out of the other meets in the cells of both (interfaces between them included);
-its dependence on speed or flow is fitted as `constant + coefficient x feature^usual exponent`; then each is scaled once so
-that it carries what the mesh carries at the rated point, as one does with a finite-element model beside. Loss laws are fitted to the
-design's loss map with the field's usual exponents, weighted like a test campaign.
+Nothing here knows a specimen: it reads the motor as designed, with the usual exponents. A conductance between two
+nodes is what 1 W driven evenly into the one and out of the other meets in the cells of both (interfaces between them
+included); its dependence on speed or flow is fitted as `constant + coefficient x feature^usual exponent`; then each
+is scaled once so that it carries what the mesh carries at the rated point, as one does with a finite-element model
+beside. Loss laws are fitted to the design's loss map with the field's usual exponents, weighted like a test campaign.
 """
 
 from __future__ import annotations
@@ -176,7 +176,8 @@ def _pairs(mesh: Mesh) -> list[tuple[str, str]]:
 
 
 def _conductance(plant: Plant, a: str, b: str, speed_rpm: float, flow_lpm: float) -> float:
-    """W/K between mean temperatures of two nodes, 1 W driven evenly through; to a boundary: with all of the node heated."""
+    """W/K between mean temperatures of two nodes, 1 W driven evenly through; to a boundary: with all of the node
+    heated."""
     mesh = plant.mesh
     conductances = _joint_conductances(plant, speed_rpm, flow_lpm)
     inside = {cell.name for cell in mesh.cells if cell.node in (a, b)}
@@ -219,8 +220,8 @@ def _driven(
 
 
 def _facing(mesh: Mesh, a: str, b: str) -> set[str]:
-    """Slices in which two nodes touch along the stack; empty where they touch at an end or outside of it: then all of both
-    counts, as heat has to come along them."""
+    """Slices in which two nodes touch along the stack; empty where they touch at an end or outside of it: then all of
+    both counts, as heat has to come along them."""
     node = {cell.name: cell.node for cell in mesh.cells}
     joints = [mesh.joints[i] for i in between(mesh, a, b)]
     ends = {name for joint in joints for name in (joint.a, joint.b) if node.get(name) in (a, b)}
@@ -268,7 +269,8 @@ def _joint_conductances(plant: Plant, speed_rpm: float, flow_lpm: float) -> Floa
 
 
 def _fit(values: Floats, ratio: Floats, feature: str, exponent: float) -> tuple[Term, ...]:
-    """constant + coefficient x ratio^exponent, none of them negative; a constant alone where it varies by less than 3 %."""
+    """constant + coefficient x ratio^exponent, none of them negative; a constant alone where it varies by less than 3
+    %."""
     if np.ptp(values) < 0.03 * values.mean():
         return (Term(float(values.mean())),)
     columns = np.stack([np.ones_like(ratio), ratio**exponent], axis=1) / values[:, None]

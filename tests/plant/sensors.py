@@ -1,4 +1,5 @@
-"""What the bench records of a session: mixtures of cells, seen late, with noise, bias, steps, holds, lost frames, clocks.
+"""What the bench records of a session: mixtures of cells, seen late, with noise, bias, steps, holds, lost frames,
+clocks.
 
 A recording is messages: stamps [ns since the epoch] and physical values as they stand in the frames.
 """
@@ -62,7 +63,8 @@ LAYOUTS = {
 
 @dataclass(frozen=True)
 class Message:
-    """`name`, CAN `identifier`, `bus` (1, 2), `signals`: name, unit, factor of the last digit, and whether big-endian."""
+    """`name`, CAN `identifier`, `bus` (1, 2), `signals`: name, unit, factor of the last digit, and whether
+    big-endian."""
 
     name: str
     identifier: int
@@ -173,9 +175,11 @@ def _inputs(plant: Plant, truth: Truth, random: np.random.Generator, fast: Float
         "Iq": point.i_q * current + live * INPUT_NOISE["current"] * random.standard_normal(fast.size),
         "Power": measured("power", power),
         "TorqueCommand": drive.torque_Nm,
-        "Inlet": drive.inlet_degC[pick] + INLET_BIAS_SD_K * random.standard_normal() + bias["coolant"] + _white(random, slow),
+        "Inlet": drive.inlet_degC[pick]
+        + INLET_BIAS_SD_K * random.standard_normal() + bias["coolant"] + _white(random, slow),
         "Outlet": outlet + INLET_BIAS_SD_K * random.standard_normal() + _white(random, slow),
-        "Ambient": drive.ambient_degC[pick] + AMBIENT_BIAS_SD_K * random.standard_normal() + bias["ambient"] + _white(random, slow),
+        "Ambient": drive.ambient_degC[pick]
+        + AMBIENT_BIAS_SD_K * random.standard_normal() + bias["ambient"] + _white(random, slow),
         "Flow": np.maximum(measured("flow", drive.flow_lpm[pick], drive.flow_lpm[pick] > 0), 0.0),
     }  # fmt: skip
 

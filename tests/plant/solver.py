@@ -1,9 +1,9 @@
 """The mesh in time and at rest: implicit, sparse, two stages a step, energy counted as it goes.
 
-C dT/dt = -K(u, T) T + s(u, T). The copper's temperature coefficient is part of K; radiation, free convection and the slow
-shape of AC loss are taken at the beginning of a step. Steps by the L-stable two-stage SDIRK of order 2 (Alexander 1977,
-DOI 10.1137/0714068), whose stages share one factorisation. Elimination without pivoting in an order of least degree: the
-matrix is an M-matrix, diagonally dominant.
+C dT/dt = -K(u, T) T + s(u, T). The copper's temperature coefficient is part of K; radiation, free convection and the
+slow shape of AC loss are taken at the beginning of a step. Steps by the L-stable two-stage SDIRK of order 2
+(Alexander 1977, DOI 10.1137/0714068), whose stages share one factorisation. Elimination without pivoting in an order
+of least degree: the matrix is an M-matrix, diagonally dominant.
 """
 
 from __future__ import annotations
@@ -75,9 +75,10 @@ def _ints(values: object) -> Index:
 
 @dataclass(frozen=True)
 class System:
-    """The mesh as arrays. Joints (J,): ends `a`, `b` (boundaries from n on), `resistance`, `film` (-1 none), `area`, `kind`,
-    thresholds, and their entries in the matrix `at` (J, 2), -1 at a boundary. `flow` (W,): cells of the coolant in order,
-    `flow_at` their entries towards the cell before. `dc` (n,) W/A2 at 20 degC; `slope` (n,) 1/K of the other heat."""
+    """The mesh as arrays. Joints (J,): ends `a`, `b` (boundaries from n on), `resistance`, `film` (-1 none), `area`,
+    `kind`, thresholds, and their entries in the matrix `at` (J, 2), -1 at a boundary. `flow` (W,): cells of the
+    coolant in order, `flow_at` their entries towards the cell before. `dc` (n,) W/A2 at 20 degC; `slope` (n,) 1/K of
+    the other heat."""
 
     capacity: Floats
     a: Index
@@ -104,8 +105,8 @@ class System:
 
 @dataclass(frozen=True)
 class Loads:
-    """What drives the cells, a row a step (N): `film` (N, F) W/(m2 K), `stream` (N,) W/K of the coolant, `outside` (N, 2)
-    degC of inlet and ambient, `current2` (N,) A2, `ac` (N, n) W at 20 degC, `heat` (N, n) W at 100 degC."""
+    """What drives the cells, a row a step (N): `film` (N, F) W/(m2 K), `stream` (N,) W/K of the coolant, `outside`
+    (N, 2) degC of inlet and ambient, `current2` (N,) A2, `ac` (N, n) W at 20 degC, `heat` (N, n) W at 100 degC."""
 
     film: Floats
     stream: Floats
@@ -120,8 +121,8 @@ class Loads:
 
 @dataclass(frozen=True)
 class Solution:
-    """`temperatures` (N + 1, n) degC; per step (N,) W: `heat` made, `to_coolant`, `to_ambient` carried away; `gapes` (J,):
-    which gaps were open at the end."""
+    """`temperatures` (N + 1, n) degC; per step (N,) W: `heat` made, `to_coolant`, `to_ambient` carried away; `gapes`
+    (J,): which gaps were open at the end."""
 
     temperatures: Floats
     heat: Floats
@@ -342,7 +343,8 @@ def march(system: System, loads: Loads, start: Floats, step_s: float, gapes: Flo
 
 
 def steady(system: System, loads: Loads, row: int = 0) -> Floats:
-    """Temperatures (n,) at which `loads` of one row do not change them any more. Raises ArithmeticError without balance."""
+    """Temperatures (n,) at which `loads` of one row do not change them any more. Raises ArithmeticError without
+    balance."""
     one = (
         *(loads.film[row], loads.stream[row], loads.outside[row], loads.current2[row]),
         *(loads.ac[row], loads.heat[row]),

@@ -47,7 +47,8 @@ class Column:
 
 
 def write_table(path: Path, style: Style, start: datetime, t_s: Floats, columns: Sequence[Column]) -> None:
-    """One row a `t_s` (N,), whole seconds after `start` (aware); an empty cell where a value is NaN. In cp1252, as loggers do."""
+    """One row a `t_s` (N,), whole seconds after `start` (aware); an empty cell where a value is NaN. In cp1252, as
+    loggers do."""
     zone = ZoneInfo(style.zone)
     begin = start.astimezone(UTC)
     stamps = [(begin + timedelta(seconds=s)).astimezone(zone).strftime(style.stamp) for s in np.rint(t_s).tolist()]

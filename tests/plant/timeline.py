@@ -25,14 +25,15 @@ BATCHES = ("B1", "B2")
 class Plan:
     """What a campaign does and hides.
 
-    forms: one a stator, taken in turn, of deterioration.FORMS; drawn where left out. bad_batch: the second half of the stators,
-    batch B2, ages by `bad_rate` per 100 h on top. repeatability: standard deviation of ln R of a check. repeats:
-    more checks before the first cycle, two a day. darkening: 1 as surfaces in an oven do, 0 not at all. swing_K: of the room over
-    a day. early_stops, dead: shares of the checks whose log ends early, and in which a thermocouple fails. oven_degC: one a
-    cycle, in turn. breaks: share of the cycles in which the oven fails and is switched on again. oven_sensors: without, an oven
-    log holds the oven alone. electrical: with checks of the insulation. activation_eV: drawn from 0.9 to 1.1 where left out.
-    test_V, test_h: rms voltage on the winding in each cycle, in turn, and for how long, each stator `test_shift` cycles further on;
-    none where left out. discharge_rate: what 100 h of it above the inception voltage add to ln of the resistance.
+    forms: one a stator, taken in turn, of deterioration.FORMS; drawn where left out. bad_batch: the second half of
+    the stators, batch B2, ages by `bad_rate` per 100 h on top. repeatability: standard deviation of ln R of a check.
+    repeats: more checks before the first cycle, two a day. darkening: 1 as surfaces in an oven do, 0 not at all.
+    swing_K: of the room over a day. early_stops, dead: shares of the checks whose log ends early, and in which a
+    thermocouple fails. oven_degC: one a cycle, in turn. breaks: share of the cycles in which the oven fails and is
+    switched on again. oven_sensors: without, an oven log holds the oven alone. electrical: with checks of the
+    insulation. activation_eV: drawn from 0.9 to 1.1 where left out. test_V, test_h: rms voltage on the winding in
+    each cycle, in turn, and for how long, each stator `test_shift` cycles further on; none where left out.
+    discharge_rate: what 100 h of it above the inception voltage add to ln of the resistance.
     """
 
     stators: int = 6
@@ -73,7 +74,8 @@ class Plan:
 
 # Twenty cycles of 12 h and one of 60 h, thermocouples in the winding heads only.
 PAPER = Plan(
-    stators=1, cycles=21, last_soak_h=60.0, forms=("paper",), iron=False, repeatability=0.02, repeats=3, early_stops=0.0, dead=0.0
+    stators=1, cycles=21, last_soak_h=60.0, forms=("paper",), iron=False,
+    repeatability=0.02, repeats=3, early_stops=0.0, dead=0.0,
 )  # fmt: skip
 
 
