@@ -45,4 +45,5 @@ class Channel:
 
     @property
     def called(self) -> str:
+        """How a message calls it: `signal "X"`, or `derived channel "X"`."""
         return f'derived channel "{self.name}"' if self.expression else f'signal "{self.signal}"'

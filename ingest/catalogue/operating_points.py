@@ -33,6 +33,7 @@ class OperatingPoints:
 
     @property
     def total_minutes(self) -> float:
+        """Minutes in all cells together."""
         return sum(map(sum, self.minutes))
 
 

@@ -58,6 +58,7 @@ class Stretch:
 
     @property
     def duration_s(self) -> float:
+        """Its length [s]."""
         return (self.end_ns - self.start_ns) / 1e9
 
 
@@ -70,6 +71,7 @@ class Gap:
 
     @property
     def duration_s(self) -> float:
+        """Its length [s]."""
         return (self.end_ns - self.start_ns) / 1e9
 
 

@@ -53,7 +53,8 @@ class _Part:
 
     @property
     def place(self) -> tuple[int, int, str, int]:
-        """By start; of two that start together the longer is first, as a cut copy is the shorter one."""
+        """Where it sorts: by start; of two that start together the longer is first, as a cut copy is the shorter
+        one."""
         return self.start_ns, -self.end_ns, self.raw, self.first
 
 

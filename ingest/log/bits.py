@@ -32,6 +32,7 @@ class Layout:
 
     @property
     def first_byte(self) -> int:
+        """The byte of the payload that holds bit `start`."""
         return self.start // 8
 
     @property
@@ -56,6 +57,7 @@ class Payloads:
         self._words: dict[tuple[int, bool], Words] = {}
 
     def byte(self, at: int) -> Words:
+        """The byte `at` of each payload (N,), as words."""
         return self._data[self._starts + at].astype(np.uint64)
 
     def word(self, at: int, big_endian: bool) -> Words:

@@ -55,11 +55,12 @@ def decode_file(
     folder: Path,
     model: str | None = None,
 ) -> DecodeCompleted:
-    """Decode `folder / "recording.mcap"` into a Parquet file a group beside it; the event that says what came of it.
+    """Decode `folder / "recording.mcap"` into Parquet files beside it, one for each group; returns the event that
+    says what came of it.
 
-    `raw` is the SHA-256 of the log, `model` that of the motor file, `channels` are those of `bench`, resolved. The same
-    inputs give the same bytes. Raises BenchFileError where the bench file does not fit the log, DamageError where the
-    recording is damaged, and IngestError where records were lost.
+    `raw` is the SHA-256 of the log, `model` that of the motor file, `channels` are those of `bench`, resolved. The
+    same inputs give the same bytes. Raises BenchFileError where the bench file does not fit the log, DamageError
+    where the recording is damaged, and IngestError where records were lost.
     """
     path = folder / RECORDING
     messages, notes = merged(databases)
@@ -144,6 +145,7 @@ class _Work:
         self._writers: dict[str, samples.Writer] = {}
 
     def add(self, batch: Frames | Rows) -> None:
+        """Decode a batch of frames or rows."""
         if isinstance(batch, Rows):
             self._write(self._groups[None, None], batch.t_ns, batch.record, batch.columns)
         else:

@@ -38,7 +38,7 @@ class Held:
 def collect(path: Path, groups: Sequence[Group]) -> Held:
     """What derived channels need of other groups, from a pass of its own over the recording at `path`.
 
-    16 bytes of memory a sample; no pass where no group needs anything. Raises DamageError.
+    It takes 16 bytes of memory for each sample; where no group needs anything there is no pass. Raises DamageError.
     """
     foreign = set().union(*(group.foreign for group in groups))
     series: defaultdict[Source, list[Series]] = defaultdict(list)

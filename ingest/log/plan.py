@@ -65,6 +65,7 @@ class Group:
 
     @property
     def columns(self) -> list[Column]:
+        """The columns of its file, in order."""
         return [output.column for output in self.outputs]
 
 

@@ -188,6 +188,7 @@ class _Blocks:
             self.ids[id_text(int(key) >> 32, int(key) & 0xFFFFFFFF)] += int(frames)
 
     def contents(self, log: Log) -> Contents:
+        """What was written, with what `log` counted."""
         return Contents(
             found=log.found,
             written=self.written,

@@ -1,7 +1,7 @@
 """Decoded samples as Parquet: one file a group (a CAN message on a bus, or a table), one row a record.
 
-Columns `t_ns, log_t_ns, file_id, record`, then a column a signal. Each field says its unit, quantity and signal. Bytes
-depend on the rows alone; pages carry CRCs, which are checked on reading.
+Columns `t_ns, log_t_ns, file_id, record`, then one for each signal. Each field says its unit, quantity and signal.
+Bytes depend on the rows alone; pages carry CRCs, which are checked on reading.
 Format: https://parquet.apache.org/docs/file-format/
 """
 
@@ -36,6 +36,7 @@ class Column:
     text: bool = False
 
     def field(self) -> pa.Field:
+        """The field of the Parquet schema, which says signal, unit and quantity."""
         said = {"signal": self.signal, "unit": self.unit, "quantity": self.quantity}
         kind = pa.dictionary(pa.int32(), pa.string()) if self.text else pa.float64()
         return pa.field(self.name, kind, metadata={name: value for name, value in said.items() if value})
