@@ -104,7 +104,7 @@ def read(trace: CheckTrace, left_out: Mapping[str, str]) -> Read:
     if isinstance(check, str):
         told = CheckResistance(None, None, None, check, "not reached", 0.0, None, None, None, None, None, None, said)
         return Read(None, told)
-    return Read(check, _told(check, said))
+    return Read(check, _without_resistance(check, said))
 
 
 def evaluate_by(one: Read, routes: Sequence[Route]) -> CheckResistance:
@@ -131,7 +131,7 @@ def too_wide(found: Estimate) -> str | None:
     return None
 
 
-def _told(check: Loaded, left_out: tuple[str, ...]) -> CheckResistance:
+def _without_resistance(check: Loaded, left_out: tuple[str, ...]) -> CheckResistance:
     """What a check says, but for the resistance."""
     on, t = check.on, check.t_s[check.on]
     means = [check.copper[on], check.power[on], *([] if check.iron is None else [check.iron[on]])]

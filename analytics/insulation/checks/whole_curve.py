@@ -60,18 +60,18 @@ class FromCurve:
 
 def fit(curve: Curve) -> FromCurve | None:
     """R of one curve; None where it has fewer than 40 samples."""
-    curve = _thinned(curve)
+    curve = _fewer_samples(curve)
     size = curve.t_s.size
     if size < LEAST_SAMPLES:
         return None
 
     def left(vector: Floats) -> Floats:
-        return np.asarray(_left(curve, vector[None, :])[0])
+        return np.asarray(_left_over(curve, vector[None, :])[0])
 
     def columns(vector: Floats) -> Floats:
         moved = vector + SLOPE_STEP * np.eye(vector.size)
         moved[:, -2:] -= 2.0 * SLOPE_STEP * (moved[:, -2:] > 1.0)
-        found = _left(curve, np.vstack([vector, moved]))
+        found = _left_over(curve, np.vstack([vector, moved]))
         return np.asarray(((found[1:] - found[0]) / np.diag(moved - vector)[:, None]).T)
 
     start = np.concatenate([PRIOR, [curve.copper[0], 0.5, 0.5]])
@@ -88,7 +88,7 @@ def fit(curve: Curve) -> FromCurve | None:
     return FromCurve(resistance, resistance * float(np.hypot(relative, MODEL_SHARE)))
 
 
-def _thinned(curve: Curve) -> Curve:
+def _fewer_samples(curve: Curve) -> Curve:
     every = max(1, int(THIN_S / float(np.median(np.diff(curve.t_s))))) if curve.t_s.size > 1 else 1
     kept = slice(None, None, every)
     return Curve(
@@ -101,7 +101,7 @@ def _thinned(curve: Curve) -> Curve:
     )
 
 
-def _left(curve: Curve, vectors: Floats) -> Floats:
+def _left_over(curve: Curve, vectors: Floats) -> Floats:
     """What the curve and the priors leave over (vectors, N + priors), in units of their sds."""
     over = (_simulated(curve, vectors) - curve.copper) / MODEL_K
     return np.concatenate([over, (vectors[:, : PRIOR.size] - PRIOR) / PRIOR_SD], axis=1)

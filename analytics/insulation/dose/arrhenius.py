@@ -28,11 +28,14 @@ class Rule(Protocol):
     """A law of temperature: its name, what an hour is worth, and the temperature at which an hour is worth so much."""
 
     @property
-    def name(self) -> str: ...
+    def name(self) -> str:
+        """As answers call it."""
 
-    def acceleration(self, temperature_degC: ArrayLike, at_degC: float) -> Floats: ...
+    def acceleration(self, temperature_degC: ArrayLike, at_degC: float) -> Floats:
+        """Hours at `at_degC` [degC] that an hour at `temperature_degC` [degC] is worth."""
 
-    def temperature(self, acceleration: ArrayLike, at_degC: float) -> Floats: ...
+    def temperature(self, acceleration: ArrayLike, at_degC: float) -> Floats:
+        """Temperature [degC] at which an hour is worth `acceleration` hours at `at_degC` [degC]."""
 
 
 @dataclass(frozen=True)
@@ -43,6 +46,7 @@ class Doubling:
 
     @property
     def name(self) -> str:
+        """As answers say it: "10 K rule"."""
         return f"{self.kelvin:g} K rule"
 
     def acceleration(self, temperature_degC: ArrayLike, at_degC: float) -> Floats:
@@ -62,6 +66,7 @@ class Activation:
 
     @property
     def name(self) -> str:
+        """As answers say it: "0.9 eV"."""
         return f"{self.eV:g} eV"
 
     def acceleration(self, temperature_degC: ArrayLike, at_degC: float) -> Floats:

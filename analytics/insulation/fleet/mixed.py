@@ -124,7 +124,7 @@ def fit(
     free = [0, 2] + [3] * (sums.batches > 1) + [4] * (sums.sessions > 1)
     if best[0][free].min() < SMALL:
         best = min(best, _search(sums, SMALL, nondegenerate), key=lambda found: found[1])
-    return _answer(sums, np.where(np.abs(best[0]) < ZERO, 0.0, best[0]))
+    return _fit_of(sums, np.where(np.abs(best[0]) < ZERO, 0.0, best[0]))
 
 
 @dataclass(frozen=True)
@@ -279,7 +279,7 @@ def _search(sums: _Sums, start: float, nondegenerate: bool) -> tuple[Floats, flo
     return found.x, float(found.fun)
 
 
-def _answer(sums: _Sums, theta: Floats) -> MixedFit:
+def _fit_of(sums: _Sums, theta: Floats) -> MixedFit:
     solved = _solve(sums, theta)
     random, p, m = sums.batches + sums.sessions, sums.p, len(sums.zz)
     covariance = cho_solve((solved.factor, True), np.diag(solved.relative)) * solved.relative[:, None] * solved.variance

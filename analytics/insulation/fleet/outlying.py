@@ -335,10 +335,10 @@ def _scores(fleet: _Fleet, bad: Ints) -> tuple[Floats, Floats]:
     """Score of each specimen (m,), and its degrees of freedom (m,)."""
     fleet = fleet.pooled(bad)
     healthy = _healthy(fleet, bad)
-    scores, freedom = healthy.scores(*_off(fleet, fleet, bad)), _freedom(fleet, fleet)
+    scores, freedom = healthy.scores(*_off_centre(fleet, fleet, bad)), _freedom(fleet, fleet)
     for place in np.argsort(-scores)[:RETESTED].tolist():
         others = fleet.without(place)
-        alone = _off(fleet, others, bad)
+        alone = _off_centre(fleet, others, bad)
         of_others = _healthy(others, bad) if len(fleet.slope) <= FEW else healthy.without(place)
         scores[place] = of_others.scores_of_newcomers(alone[0][[place]], alone[1][[place]])[0]
         freedom[place] = _freedom(fleet, others)[place]
@@ -359,7 +359,7 @@ def _welch(*parts: tuple[ArrayLike, ArrayLike]) -> Floats:
 
 
 def _healthy(fleet: _Fleet, bad: Ints) -> HealthySlopes:
-    off, variance = _off(fleet, fleet, bad)
+    off, variance = _off_centre(fleet, fleet, bad)
     takes_part = ~np.isin(fleet.group, bad)
     centre = _middle(fleet, bad)
     usual = math.hypot(USUAL_SHARE * centre, LEAST_SPREAD)
@@ -373,7 +373,7 @@ def _middle(fleet: _Fleet, bad: Ints) -> float:
     return float(np.median(healthy if len(healthy) else fleet.slope))
 
 
-def _off(fleet: _Fleet, others: _Fleet, bad: Ints) -> tuple[Floats, Floats]:
+def _off_centre(fleet: _Fleet, others: _Fleet, bad: Ints) -> tuple[Floats, Floats]:
     """Each specimen's slope less the centre of its batch, as `others` tell it (m,), and the variance of both (m,). In
     bad batches, which age n times as fast, differences are divided by n."""
     centre, variance = _centres(others, bad)

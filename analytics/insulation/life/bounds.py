@@ -50,16 +50,21 @@ class Quantity(Protocol):
     """Something that a law says. psi is its value, or where it is a life the logarithm of that."""
 
     @property
-    def name(self) -> str: ...
+    def name(self) -> str:
+        """As answers call it."""
 
     @property
-    def unit(self) -> str: ...
+    def unit(self) -> str:
+        """Of its value."""
 
-    def psi(self, fit: LifeFit, location: Floats, eV: Floats, sigma: Floats) -> Floats: ...
+    def psi(self, fit: LifeFit, location: Floats, eV: Floats, sigma: Floats) -> Floats:
+        """psi (...,) by laws with these locations, energies [eV] and spreads (...,)."""
 
-    def deviance(self, fit: LifeFit, psi: float) -> float: ...
+    def deviance(self, fit: LifeFit, psi: float) -> float:
+        """2 (l_max - l(psi)): how much less likely than the fitted law the best one is that has this psi."""
 
-    def value(self, psi: float) -> float: ...
+    def value(self, psi: float) -> float:
+        """The value that a psi stands for."""
 
 
 @dataclass(frozen=True)
