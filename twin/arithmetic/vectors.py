@@ -45,9 +45,11 @@ class Vector(types.Type):
         super().__init__(name=f"vector{LANES}")
 
     def can_convert_from(self, typing: Any, other: Any) -> Any:
+        """A single number becomes a vector."""
         return Conversion.promote if isinstance(other, types.Float) else None
 
     def unify(self, typing: Any, other: Any) -> Any:
+        """A vector and a single number are vectors."""
         return self if isinstance(other, types.Float) else None
 
 

@@ -159,7 +159,7 @@ def earlier_entry(r: Readings, m: Floats, at: Index, e: int) -> tuple[float, int
 
 
 @within
-def _takes(plan: Plan, r: Readings, m: Floats, at: Index, q: int, i: int, share: float, place: float) -> None:
+def _enter(plan: Plan, r: Readings, m: Floats, at: Index, q: int, i: int, share: float, place: float) -> None:
     """Enter that reading q takes `share` of number i of the state: `place` of it after the step, the rest before it."""
     if place != 0.0:
         e = at[u(r.later_start + q + 1)]
@@ -172,7 +172,7 @@ def _takes(plan: Plan, r: Readings, m: Floats, at: Index, q: int, i: int, share:
 
 
 @within
-def _ended(r: Readings, at: Index, q: int) -> None:
+def _end_entries(r: Readings, at: Index, q: int) -> None:
     """End the entries of reading q in both lists."""
     for row, start in ((r.later_row, r.later_start), (r.earlier_row, r.earlier_start)):
         end = at[u(start + q + 1)]
@@ -180,16 +180,16 @@ def _ended(r: Readings, at: Index, q: int) -> None:
 
 
 @within
-def _sensor(plan: Plan, r: Readings, m: Floats, at: Index, j: int, place: float, q: int) -> None:
+def _enter_sensor(plan: Plan, r: Readings, m: Floats, at: Index, j: int, place: float, q: int) -> None:
     """Enter what reading q of channel j takes, at `place` within the step: shares of nodes or of a lagging reading,
     and an error of its own."""
     if at[u(plan.channel_state + j)] >= 0:
-        _takes(plan, r, m, at, q, at[u(plan.channel_state + j)], -1.0, place)
+        _enter(plan, r, m, at, q, at[u(plan.channel_state + j)], -1.0, place)
     else:
         for e in range(at[u(plan.node_start + j)], at[u(plan.node_start + j + 1)]):
-            _takes(plan, r, m, at, q, at[u(plan.node + e)], m[u(plan.node_share + e)], place)
+            _enter(plan, r, m, at, q, at[u(plan.node + e)], m[u(plan.node_share + e)], place)
     if at[u(plan.channel_bias + j)] >= 0:
-        _takes(plan, r, m, at, q, at[u(plan.channel_bias + j)], -1.0, 1.0)
+        _enter(plan, r, m, at, q, at[u(plan.channel_bias + j)], -1.0, 1.0)
 
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
@@ -200,7 +200,7 @@ def meter(plan: Plan, r: Readings, m: Floats, at: Index, j: int, outside: Floats
     begun = at[u(r.later_start + q)]
     slope, total = r.later_share + begun, 0.0
     for i in range(size):
-        _takes(plan, r, m, at, q, i, 0.0, 1.0)
+        _enter(plan, r, m, at, q, i, 0.0, 1.0)
     surround(plan, m, state, outside)
     amounts_at(plan, m, at, state)
     laws_at(plan, m, at, plan.each, plan.laws)
@@ -244,7 +244,7 @@ def _still_hold(plan: Plan, r: Readings, m: Floats, values: Floats, places: Floa
 
 
 @within
-def _listed(plan: Plan, r: Readings, m: Floats, at: Index, outside: Floats, values: Floats, places: Floats) -> None:
+def _make_lists(plan: Plan, r: Readings, m: Floats, at: Index, outside: Floats, values: Floats, places: Floats) -> None:
     """Make the lists of the channels that are read, and fill `metered`."""
     q = at[u(NOWHERE)]  # 0, but no literal: for one, numba would compile all that takes it a second time
     for j in range(plan.channels + plan.meters):
@@ -255,10 +255,10 @@ def _listed(plan: Plan, r: Readings, m: Floats, at: Index, outside: Floats, valu
             at[u(r.earlier_start + q)],
         )
         if j < plan.channels:
-            _sensor(plan, r, m, at, j, places[j], q)
+            _enter_sensor(plan, r, m, at, j, places[j], q)
         else:
             m[u(r.metered + q)] = meter(plan, r, m, at, j - plan.channels, outside, plan.ahead, q)
-        _ended(r, at, q)
+        _end_entries(r, at, q)
         at[u(r.rows + q)], at[u(r.channel + q)] = paired(q * r.stride, 0), j
         q += 1
     at[u(r.number)] = q
@@ -287,7 +287,7 @@ def observe(
     Meters are linear about the state as predicted."""
     length, size, stride, unit = plan.length, plan.size, r.stride, plan.unit
     if not _still_hold(plan, r, m, values, places):
-        _listed(plan, r, m, at, outside, values, places)
+        _make_lists(plan, r, m, at, outside, values, places)
     count: int = at[u(r.number)]
     sweep(m, at, r.by_later, r.crossed, plan.ahead, plan.ahead, unit, r.later_share, length)
     if at[u(r.earlier_start + count)] > count:
@@ -297,12 +297,12 @@ def observe(
         if j >= plan.channels:
             m[u(own + size)] = m[u(r.metered + q)]
         m[u(own + size)] -= values[j]
-        _together(plan, r, m, at, q, variances[j])
+        _covariances_of(plan, r, m, at, q, variances[j])
     return count
 
 
 @within
-def _together(plan: Plan, r: Readings, m: Floats, at: Index, q: int, variance: float) -> None:
+def _covariances_of(plan: Plan, r: Readings, m: Floats, at: Index, q: int, variance: float) -> None:
     """Fill cov(y_p, y_q) of every reading p up to q, behind both rows; `variance` of the noise of q."""
     stride, column, own = r.stride, plan.length + q, r.crossed + q * r.stride + plan.length
     for p in range(q):
@@ -317,13 +317,13 @@ def _together(plan: Plan, r: Readings, m: Floats, at: Index, q: int, variance: f
     for e in range(first, end):
         share, i = earlier_entry(r, m, at, e)
         for p in range(q + 1):
-            m[u(own + p)] -= share * _with_before(plan, r, m, at, p, i)
+            m[u(own + p)] -= share * _covariance_before(plan, r, m, at, p, i)
     for p in range(q):
         m[u(r.crossed + p * stride + column)] = m[u(own + p)]
 
 
 @within
-def _with_before(plan: Plan, r: Readings, m: Floats, at: Index, q: int, i: int) -> float:
+def _covariance_before(plan: Plan, r: Readings, m: Floats, at: Index, q: int, i: int) -> float:
     """cov(y_q, x_i), x_i before the step."""
     total, row = 0.0, i * plan.length
     first, end = later_of(r, at, q)

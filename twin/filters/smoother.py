@@ -205,7 +205,7 @@ def _back_through(
         correct(plan, taken, m, at, count, pointer(innovations, 0))
         unit = plan.unit + 1
         less(m, at, plan.row, size, taken.taken, count, matrix, back.before, rows, unit, taken.gain, 1, length)
-        _independent(plan, taken, m, at, count, innovations, rows)
+        _make_independent(plan, taken, m, at, count, innovations, rows)
     for k in range(len(boundaries) - 1, -1, -1):
         _before_step(plan, taken, back, m, at, at[back.taken + k], back.rows + k * most, back.matrix + k * block)
         edge, product = back.edge + k * block, back.product
@@ -230,7 +230,9 @@ def _reading_rows(plan: Plan, taken: Readings, back: Back, m: Floats, at: Index,
 
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
-def _independent(plan: Plan, taken: Readings, m: Floats, at: Index, count: int, innovations: Floats, rows: int) -> None:
+def _make_independent(
+    plan: Plan, taken: Readings, m: Floats, at: Index, count: int, innovations: Floats, rows: int
+) -> None:
     """Make `rows` those of the independent readings of variance 1 that `correct` just made, each with its innovation
     behind it, sign changed."""
     size, length, stride, unit = plan.size, plan.length, taken.stride, plan.unit + 1

@@ -31,6 +31,7 @@ class UnknownHeat:
 
     @property
     def name(self) -> str:
+        """As answers call it: the node."""
         return self.node
 
 
@@ -48,6 +49,7 @@ class UnknownFactor:
 
     @property
     def name(self) -> str:
+        """As answers call it: the cause."""
         return self.of
 
 
@@ -62,6 +64,7 @@ class UnknownBias:
 
     @property
     def name(self) -> str:
+        """As answers call it: the channel."""
         return self.channel
 
 
