@@ -109,7 +109,8 @@ def _number(session: SessionRecorded) -> int:
 class Logged(Protocol):
     """Something that a session recorded over its time."""
 
-    def until(self, end_ns: int) -> Self: ...
+    def until(self, end_ns: int) -> Self:
+        """The part before `end_ns`."""
 
 
 Log = TypeVar("Log", bound=Logged)

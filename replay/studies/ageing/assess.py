@@ -62,7 +62,7 @@ def assess(store: Store, facts: Facts, motor: str | None, as_of: str | None, tel
     if as_of is None:
         if motor and found.law:
             found = replace(found, law=replace(found.law, model=_published(store, facts, motor, found.law)))
-        _keep(store, found, key, {name: history.hours for name, history in known.items()})
+        _seal_answer(store, found, key, {name: history.hours for name, history in known.items()})
     return found
 
 
@@ -233,7 +233,7 @@ def _specimen(
     form = found.forms.get(name) or forms.assess([], [], [])
     life = found.remaining.get(name)
     first, worth = next((point.resistance for point in history.points if point.usable), None), history.worth
-    left = states_left([_seen(point, own) for point, own in zip(history.points, sd, strict=True)], law)
+    left = states_left([_as_filtered(point, own) for point, own in zip(history.points, sd, strict=True)], law)
     last = next((point.dose_h for point in reversed(history.points) if point.dose_h is not None), None)
     return Specimen(
         specimen=name,
@@ -260,7 +260,7 @@ def _specimen(
     )
 
 
-def _seen(point: Point, sd: float | None) -> Seen | None:
+def _as_filtered(point: Point, sd: float | None) -> Seen | None:
     """The point as the filter over checks takes it."""
     if sd is None or point.dose_h is None or point.resistance is None:
         return None
@@ -295,7 +295,7 @@ def _range(values: Floats) -> list[float]:
     return [float(values.min()), float(values.max())]
 
 
-def _keep(store: Store, found: Assessment, key: dict[str, Any], hours: Mapping[str, Sequence[HotHours]]) -> None:
+def _seal_answer(store: Store, found: Assessment, key: dict[str, Any], hours: Mapping[str, Sequence[HotHours]]) -> None:
     """Seal the answer and its tables, and say so in the ledger."""
     answer = json.dumps(document(found, {}), sort_keys=True).encode()
     store.ledger.append(

@@ -84,8 +84,8 @@ def _law(lives: list[OneLife], criterion: str) -> tuple[LivesLaw | None, str | N
         distribution="lognormal",
         activation_energy_eV=_bounds(law, life_bounds.ActivationEnergy()),
         median_h_at_180degC=_bounds(law, life_bounds.Quantile(0.5, THRESHOLD_DEGC)),
-        temperature_index_degC=_given(index.index) if isinstance(index, Endurance) else None,
-        halving_interval_K=_given(index.halving) if isinstance(index, Endurance) else None,
+        temperature_index_degC=_value_and_bounds(index.index) if isinstance(index, Endurance) else None,
+        halving_interval_K=_value_and_bounds(index.halving) if isinstance(index, Endurance) else None,
         why_no_index=None if isinstance(index, Endurance) else index.reason,
     ), None
 
@@ -93,10 +93,10 @@ def _law(lives: list[OneLife], criterion: str) -> tuple[LivesLaw | None, str | N
 def _bounds(law: LifeFit, quantity: Any) -> dict[str, Any]:
     from analytics.insulation.life.bounds import profile
 
-    return _given(profile(law, quantity))
+    return _value_and_bounds(profile(law, quantity))
 
 
-def _given(found: Any) -> dict[str, Any]:
+def _value_and_bounds(found: Any) -> dict[str, Any]:
     """Value and 95 % bounds as JSON; a bound that the data do not give is null."""
     ends = [bound if math.isfinite(bound) else None for bound in (found.lower, found.upper)]
     return {"value": found.value, "ci95": ends}
