@@ -32,13 +32,14 @@ class Campaign:
 
     @property
     def slope_percent_per_100h(self) -> float:
-        """Of ln R over the dose."""
+        """Slope of 100 ln R over the dose, per 100 h."""
         return float(np.polyfit(self.dose_h, np.log(self.resistance_K_per_W), 1)[0] * 1e4)
 
 
 def ageing_campaign(folder: Path, store: Path, specimen: str, seed: int, share_per_100h: float = 0.0) -> Campaign:
-    """Run it, write it to `folder` as BLF with motor, bench and DBC file, ingest it into `store`. `share_per_100h`:
-    how the conductance from winding to teeth changes with the dose, negative for insulation that gets worse."""
+    """Run the campaign, write it to `folder` as BLF with motor, bench and DBC file, and ingest it into `store`.
+    `share_per_100h`: how the conductance from winding to teeth changes with the dose, negative for insulation that
+    gets worse."""
     hidden = Effect("ageing.winding-teeth.hours_above_180degC", share_per_100h) if share_per_100h else ()
     plant = Plant(seed, hidden)
     check, oven = _slowly(drives.dc_check(), CHECK_HZ, 2.0), _slowly(drives.oven(), OVEN_HZ, 20.0)
@@ -58,19 +59,19 @@ def ageing_campaign(folder: Path, store: Path, specimen: str, seed: int, share_p
 
 
 def _slowly(drive: Drive, rate_hz: float, step_s: float) -> Drive:
-    """The same, recorded and solved less often."""
+    """The drive recorded and solved less often."""
     courses = {name: getattr(drive, name)[:: round(drive.rate_hz / rate_hz)] for name in COURSES}
     return replace(drive.with_courses(courses), rate_hz=rate_hz, step_s=step_s)
 
 
 def _hours_above(plant: Plant, truth: Truth) -> float:
-    """Of the hotter end winding."""
+    """Hours of the hotter end winding above 180 degC."""
     hottest = max((_mean(plant, truth, (node,)) for node in COPPER), key=lambda course: float(course.max()))
     return float((hottest[:-1] > LIMIT_degC).sum() * truth.drive.step_s / 3600.0)
 
 
 def _resistance(plant: Plant, truth: Truth) -> float:
-    """[K/W] over the last 10 min."""
+    """Resistance [K/W] over the last 10 min."""
     rise = _mean(plant, truth, COPPER) - _mean(plant, truth, IRON)
     last = round(600.0 / truth.drive.step_s)
     return float(rise[-last:].mean() / truth.heat[-last:].mean())

@@ -45,7 +45,7 @@ def _explained(observed: Observed, left: float, noise: Any) -> Observed:
 
 
 def shown(node: str, mae_K: float, session: str = "3_wltp", **more: Any) -> Shown:
-    """An entry of `shown`, 0.4 K floor."""
+    """An entry of `shown` with a floor of 0.4 K."""
     values: dict[str, Any] = {
         "session": session_id(session),
         "session_name": session,

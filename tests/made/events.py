@@ -9,16 +9,19 @@ from ingest.facts.events import DecodeCompleted, RawFileSealed, SessionRecorded
 
 
 def sha(text: str) -> str:
+    """SHA-256 (hex) of a text."""
     return hashlib.sha256(text.encode()).hexdigest()
 
 
 def raw(name: str, data: bytes = b"") -> RawFileSealed:
+    """A sealed log of this name."""
     return RawFileSealed(
         sha256=hashlib.sha256(data or name.encode()).hexdigest(), name=name, size=len(data), format="blf"
     )
 
 
 def decode(number: str, of: str, bench: str | None = None, **more: Any) -> DecodeCompleted:
+    """The decode of a raw file, under a bench file where one is given; `more` fields of the event."""
     given: dict[str, Any] = {
         "databases": [],
         "decoder": "1",
@@ -33,6 +36,7 @@ def decode(number: str, of: str, bench: str | None = None, **more: Any) -> Decod
 
 
 def session(number: str, name: str, start_ns: int | None = 0, bench: str | None = None) -> SessionRecorded:
+    """A session of this number and name."""
     return SessionRecorded(
         session=number,
         name=name,

@@ -16,8 +16,8 @@ Floats = np.ndarray[Any, Any]
 
 
 class Steps:
-    """Of one run. States (S,) are temperatures, unknowns and lagging readings; behind them (S + m,) what each channel
-    would have read at the start of the step just made."""
+    """The steps of one run. States (S,) are temperatures, unknowns and lagging readings; extended ones (S + m,) have
+    behind them what each channel would have read at the start of the step just made."""
 
     def __init__(self, inputs: Inputs) -> None:
         self.inputs, self.parts, self.run = inputs, inputs.parts, run_of(inputs)
@@ -38,7 +38,7 @@ class Steps:
         return self.inputs.x[self.own, 0].copy(), self.inputs.covariance[np.ix_(self.own, self.own)].copy()
 
     def moved(self, k: int, x: Floats) -> Floats:
-        """The state one step on."""
+        """The state (S,) one step on."""
         plan, m, at = self.run.plan, self.run.m, self.run.at
         self.run.state()[:] = 0.0
         self.run.state()[: self.size, self.size] = x
@@ -46,7 +46,7 @@ class Steps:
         return np.array(_rows(self.run, plan.moved)[: self.size, self.size])
 
     def matrix(self, k: int, x: Floats) -> Floats:
-        """Its derivative (S, S)."""
+        """The derivative (S, S) of the state one step on."""
         self.moved(k, x)
         plan, m, at = self.run.plan, self.run.m, self.run.at
         _rows(self.run, plan.turned)[:] = np.eye(plan.length)

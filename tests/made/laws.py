@@ -76,7 +76,7 @@ class Heats:
 
 
 def heats(network: Network, phi: Mapping[Monomial, float], at: Mapping[str, float]) -> Heats:
-    """At one moment. `phi`: monomial -> value; `at`: node or boundary -> degC."""
+    """The heats at one moment. `phi`: monomial -> value; `at`: node or boundary -> degC."""
     nodes = {node.name: i for i, node in enumerate(network.nodes)}
     into = np.zeros(len(nodes))
     losses = given = carried = 0.0
@@ -116,7 +116,7 @@ def heats(network: Network, phi: Mapping[Monomial, float], at: Mapping[str, floa
 
 
 def _volume(fluid: Fluid, degC: float) -> float:
-    """rho cp [J/(m3 K)], linear between the knots of both tables."""
+    """rho cp [J/(m3 K)] of a fluid, linear between the knots of both tables."""
     knots = sorted({*fluid.density.degC, *fluid.heat_capacity.degC})
     rho = np.interp(knots, fluid.density.degC, fluid.density.value)
     cp = np.interp(knots, fluid.heat_capacity.degC, fluid.heat_capacity.value)
@@ -137,7 +137,7 @@ def rate(network: Network, phi: Floats, around: Floats) -> Callable[[float, Floa
 
 
 def tight_laws(network: Network, inputs: Frame, initial: Floats) -> Floats:
-    """(N + 1, n) [degC] to about 1e-8 K."""
+    """Temperatures (N + 1, n) [degC], right to about 1e-8 K."""
     out = [initial]
     for phi, around in zip(inputs.features, inputs.boundaries, strict=True):
         f = rate(network, phi, around)

@@ -99,7 +99,7 @@ Floats = NDArray[np.float64]
 
 
 def signals(magnet_loss: float = 30.0, seed: int = 1) -> Mapping[str, Floats]:
-    """What the table's columns hold, a row a second."""
+    """What the table's columns hold, one row for each second."""
     speed, current = (np.repeat(values[::10], 10) for values in can_bench.drive(SECONDS, seed))
     temperatures = can_bench.truth(speed, current, COOLANT, magnet_loss)
     n, i = speed[::10], current[::10]
@@ -129,7 +129,7 @@ def signals(magnet_loss: float = 30.0, seed: int = 1) -> Mapping[str, Floats]:
 
 
 def write(folder: Path, bench: str = BENCH + METERS, magnet_loss: float = 30.0) -> None:
-    """motor.toml, bench.toml and 1_run.csv."""
+    """Write motor.toml, bench.toml and 1_run.csv."""
     columns = signals(magnet_loss)
     rows = [",".join(columns)]
     rows += [",".join(f"{value:.6g}" for value in row) for row in zip(*columns.values(), strict=True)]

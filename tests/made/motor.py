@@ -137,20 +137,21 @@ _known: dict[str, Network] = {}  # name -> the first network of its laws, which 
 
 
 def compiled(network: Network) -> Compiled:
-    """Its kernel, compiled once a name: networks of one name differ in coefficients and capacities only."""
+    """The kernel of a network, compiled once for each name: networks of one name differ in coefficients and
+    capacities only."""
     _known.setdefault(network.name, network)
     return replace(_compiled(network.name), network=network, parameters=parameters(network))
 
 
 def truth(network: Network, drive: Drive, initial: Floats) -> Floats:
-    """Temperatures at the edges (N + 1, n) [degC] in steps of 0.5 s."""
+    """Temperatures at the edges of steps of 0.5 s (N + 1, n) [degC]."""
     steps = len(drive["speed"])
     around = np.tile([COOLANT_DEGC, AMBIENT_DEGC], (steps, 1))
     return simulate(compiled(network), Frame(FINE_S, evaluate(monomials(network), drive, steps), around), initial)
 
 
 def _step_means(x: Floats) -> Floats:
-    """Of (N, ...) at 0.5 s, those over steps of 2 s."""
+    """Means over steps of 2 s, of values (N, ...) at 0.5 s."""
     k = round(STEP_S / FINE_S)
     found: Floats = x[: len(x) // k * k].reshape(-1, k, *x.shape[1:]).mean(axis=1)
     return np.ascontiguousarray(found)

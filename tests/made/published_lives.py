@@ -58,7 +58,7 @@ _BREAKDOWN = """
 
 
 def class_b() -> tuple[Floats, Floats, Floats]:
-    """Temperature, and between which hours each life ended (inf: it had not)."""
+    """Temperatures, and between which hours each life ended (inf: it had not)."""
     rows = [(degC, life, life) for degC, (ended, _) in _CLASS_B.items() for life in ended] + [
         (degC, until, np.inf) for degC, (ended, until) in _CLASS_B.items() for _ in range(10 - len(ended))
     ]
@@ -67,26 +67,26 @@ def class_b() -> tuple[Floats, Floats, Floats]:
 
 
 def class_h() -> tuple[Floats, Floats]:
-    """Temperature and life."""
+    """Temperatures and lives."""
     degC, life = np.array([(degC, life) for degC, lives in _CLASS_H.items() for life in lives], np.float64).T
     return degC, life
 
 
 def circuits() -> tuple[Floats, Floats, Floats, Floats]:
-    """Temperature, between which hours so many failed (inf: had not), and how many."""
+    """Temperatures, between which hours so many failed (inf: had not), and how many."""
     rows = [(degC, *row) for degC, looks in _CIRCUITS.items() for row in looks]
     degC, lower, upper, counts = np.array(rows, np.float64).T
     return degC, lower, upper, counts
 
 
 def mylar() -> tuple[Floats, Floats]:
-    """Field in kV/mm, and life in minutes."""
+    """Fields [kV/mm], and lives [min]."""
     field, life = np.array([(field, life) for field, lives in _MYLAR.items() for life in lives], np.float64).T
     return field, life
 
 
 def breakdown() -> tuple[Floats, Floats, Floats]:
-    """Temperature, weeks, kV."""
+    """Temperatures, weeks of ageing, and strengths [kV]."""
     kV = np.array([[cell.split() for cell in row.split("|")] for row in _BREAKDOWN.strip().splitlines()], np.float64)
     weeks = np.array([1, 2, 4, 8, 16, 32, 48, 64], np.float64)[:, None, None] + np.zeros(kV.shape)
     degC = np.array([180, 225, 250, 275], np.float64)[None, :, None] + np.zeros(kV.shape)

@@ -4,7 +4,7 @@ Twenty-four lumps: slot halves, and near and far part of both winding heads, of 
 the supports; the air in the bore. Many stators and checks are run together as arrays (B, lumps). Heat leaves by
 radiation and free convection; between copper and iron lies the slot insulation, whose resistance a campaign changes.
 
-A stator of 198 mm x 134 mm with 48 slots, six bars of 7.6 mm2 each, three parallel paths: 6.0 mOhm a phase at 20
+A stator of 198 mm x 134 mm with 48 slots, six bars of 7.6 mm2 each, three parallel paths: 6.0 mOhm per phase at 20
 degC. No real one.
 """
 
@@ -64,12 +64,14 @@ class Stators:
 
     @property
     def size(self) -> int:
+        """B."""
         return len(self.insulation)
 
 
 @dataclass(frozen=True)
 class Run:
-    """`t_s` (N,); `temperature` (N, B, lumps) [degC]; `heat` in the copper (N, B) [W]; `current` (N,) [A]."""
+    """A check as it went: `t_s` (N,); `temperature` (N, B, lumps) [degC]; `heat` in the copper (N, B) [W]; `current`
+    (N,) [A]."""
 
     t_s: Floats
     temperature: Floats
@@ -175,10 +177,12 @@ class _System:
                 self.cold_ohm[:, place] = PHASE_ohm * LENGTH_SHARES[part] * stators.copper
 
     def heat(self, temperature: Floats, current: float) -> Floats:
+        """Heat in each lump (B, lumps) [W] with a current [A]."""
         return current**2 * self.cold_ohm * (1.0 + ALPHA_per_K * (temperature - REFERENCE_degC))
 
     def films(self, temperature: Floats, air: Floats) -> tuple[Floats, Floats, Floats]:
-        """W/K of each lump to the room's air and to the bore's, and of the bore's air to the room's."""
+        """Film conductances [W/K] of each lump to the room's air and to the bore's, and of the bore's air to the
+        room's."""
         rig = self.rig
         bore = temperature[:, BORE_AIR, None]
         to_room = rig.film_factor * ROOM_m2 * FILM_OF * film_W_per_m2K(rig.film, temperature - air, air)
@@ -186,7 +190,7 @@ class _System:
         return to_room, to_bore, CHIMNEY_W_per_K15 * np.sqrt(np.abs(bore - air) + 0.01)
 
     def balance(self, temperature: Floats, air_degC: Floats, current: float) -> tuple[Floats, Floats]:
-        """[W] into each lump (B, lumps), and of each stator to the room (B,); ambient `air_degC` (B,)."""
+        """Heat into each lump (B, lumps) [W], and from each stator to the room (B,) [W]; ambient `air_degC` (B,)."""
         air = air_degC[:, None]
         bore = temperature[:, BORE_AIR, None]
         to_room, to_bore, chimney = self.films(temperature, air)
@@ -199,7 +203,7 @@ class _System:
         return net - np.einsum("bij,bj->bi", self.laplace, temperature), lost.sum(axis=1)
 
     def jacobian(self, temperature: Floats, air_degC: Floats, current: float) -> Floats:
-        """d balance / d temperature, but for the slopes of the films, (B, lumps, lumps)."""
+        """d balance / d temperature (B, lumps, lumps), without the slopes of the films."""
         to_room, to_bore, chimney = self.films(temperature, air_degC[:, None])
         matrix = -self.laplace.copy()
         own = current**2 * self.cold_ohm * ALPHA_per_K - to_room - to_bore
@@ -246,7 +250,8 @@ def run(stators: Stators, rig: Rig, start_degC: Floats, ambient_degC: Floats) ->
 
 
 def steady(stators: Stators, rig: Rig, ambient_degC: Floats) -> tuple[Floats, Floats, Floats]:
-    """(temperatures (B, lumps), heat (B,), lost to the room (B,)) with the current on for ever, by Newton's method."""
+    """Temperatures (B, lumps), heat (B,) and heat lost to the room (B,) with the current on for ever, by Newton's
+    method."""
     system = _System(stators, rig)
     here = np.repeat(ambient_degC[:, None] + 80.0, len(LUMPS), axis=1)
     lost = np.zeros(stators.size)

@@ -45,14 +45,14 @@ def lumps(node: str) -> list[int]:
 
 
 def _between(a: str, b: str, series: Sequence[float] = ()) -> float:
-    """W/K of all joints of two nodes, in series with others."""
+    """Conductance [W/K] of all joints of two nodes, in series with others."""
     ours, theirs = lumps(a), lumps(b)
     found = sum(j.W_per_K for j in JOINTS if (j.a in ours and j.b in theirs) or (j.b in ours and j.a in theirs))
     return 1.0 / (1.0 / found + sum(1.0 / other for other in series))
 
 
 def _air(node: str, rig: Rig) -> str:
-    """Terms of the link to the room."""
+    """The terms of the link to the room."""
     places = lumps(node)
     new = designed(1)
     emissivity = float((new.head_emissivity if node.startswith("endwinding") else new.iron_emissivity)[0])
@@ -69,7 +69,7 @@ def _air(node: str, rig: Rig) -> str:
 
 
 def motor_toml(rig: Rig | None = None) -> str:
-    """The text, with the configuration of a rig. Currents are in units of the rig's."""
+    """The motor file, with the configuration of a rig. Currents are in units of the rig's."""
     rig = rig or Rig()
     text = f'schema = "whyhot.motor/1"\nname = "hairpin-stator"\n[scale]\ncurrent_A = {rig.current_A}\n'
     for node in PARTS:
@@ -102,7 +102,7 @@ def motor_toml(rig: Rig | None = None) -> str:
 
 
 def _copper(rig: Rig, phases: int) -> dict[str, float]:
-    """[W] of each node with the rig's current in that many phases, at 20 degC."""
+    """Copper loss [W] of each node with the rig's current in that many phases, at 20 degC."""
     whole = phases * rig.current_A**2 * PHASE_ohm
     head = LENGTH_SHARES["near"] + LENGTH_SHARES["crown"]
     return {"winding": whole * 2 * LENGTH_SHARES["slot"], "endwinding_a": whole * head, "endwinding_b": whole * head}

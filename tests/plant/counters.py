@@ -67,8 +67,8 @@ def counters(seed: int, motors: int = 2000, readouts: tuple[int, int] = (1, 8), 
 
 
 def write_counters(path: Path, read: Counters, batches: Sequence[str]) -> Path:
-    """One row a readout: serial, batch of the motor (`batches` by its place), date, starts, and a column of hours for
-    each bin."""
+    """One row for each readout: serial, batch of the motor (`batches` by its place), date, starts, and a column of
+    hours for each bin."""
     bins = [f"h_{low:.0f}_{high:.0f}" for low, high in zip(read.edges_degC[:-1], read.edges_degC[1:], strict=True)]
     lines = [",".join(["serial", "batch", "date", "starts", *bins])]
     for motor, day, starts, hours in zip(read.motor, read.day, read.starts, read.hours, strict=True):

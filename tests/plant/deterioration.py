@@ -48,6 +48,7 @@ class Unchanged:
     change_at_h: float | None = None
 
     def ln_factor(self, dose_h: ArrayLike) -> Floats:
+        """As `Form`."""
         return np.zeros_like(np.asarray(dose_h, np.float64))
 
 
@@ -63,6 +64,7 @@ class Monotone:
     change_at_h: float | None = None
 
     def ln_factor(self, dose_h: ArrayLike) -> Floats:
+        """As `Form`."""
         return self.total * (np.asarray(dose_h, np.float64) / self.full_h) ** self.curvature
 
 
@@ -82,6 +84,7 @@ class DipThenRise:
         return self.time_constant_h * float(np.log(ratio)) if ratio > 1.0 else None
 
     def ln_factor(self, dose_h: ArrayLike) -> Floats:
+        """As `Form`."""
         dose = np.asarray(dose_h, np.float64)
         return self.rate * dose / 100.0 + self.depth * np.expm1(-dose / self.time_constant_h)
 
@@ -96,6 +99,7 @@ class Changepoint:
     name: str = "changepoint"
 
     def ln_factor(self, dose_h: ArrayLike) -> Floats:
+        """As `Form`."""
         after = np.asarray(dose_h, np.float64) - self.change_at_h
         return np.where(after > 0.0, self.jump + self.rate * after / 100.0, 0.0)
 
@@ -111,9 +115,11 @@ class PaperCourse:
 
     @property
     def change_at_h(self) -> float | None:
+        """Where it turns."""
         return 8 * self.cycle_h
 
     def ln_factor(self, dose_h: ArrayLike) -> Floats:
+        """As `Form`."""
         knots = self.cycle_h * np.array([0.0, 8.0, 15.0])
         return np.interp(np.asarray(dose_h, np.float64), knots, [0.0, -self.fall, self.above_start])
 
@@ -127,15 +133,18 @@ class Faster:
 
     @property
     def name(self) -> str:
+        """The form's, "monotone" for one that is unchanged."""
         return "monotone" if self.form.name == "none" else self.form.name
 
     @property
     def change_at_h(self) -> float | None:
+        """Where the sum of both turns."""
         if isinstance(self.form, DipThenRise):
             return replace(self.form, rate=self.form.rate + self.rate).change_at_h
         return self.form.change_at_h
 
     def ln_factor(self, dose_h: ArrayLike) -> Floats:
+        """As `Form`."""
         return self.form.ln_factor(dose_h) + self.rate * np.asarray(dose_h, np.float64) / 100.0
 
 

@@ -39,10 +39,12 @@ class Drive:
 
     @property
     def samples(self) -> int:
+        """M."""
         return len(self.speed_rpm)
 
     @property
     def seconds(self) -> float:
+        """Its length [s]."""
         return self.samples / self.rate_hz
 
     def with_courses(self, courses: dict[str, Floats]) -> Drive:
@@ -51,6 +53,7 @@ class Drive:
         return replace(self, **changed)
 
     def first(self, seconds: float) -> Drive:
+        """The first so many seconds."""
         m = round(seconds * self.rate_hz)
         return self.with_courses({name: getattr(self, name)[:m] for name in COURSES})
 

@@ -77,14 +77,17 @@ class Effect:
 
     @property
     def kind(self) -> str:
+        """The first word of its cause."""
         return self.cause.split(".", 1)[0]
 
     @property
     def place(self) -> str:
+        """The second."""
         return self.cause.split(".", 2)[1]
 
     @property
     def law(self) -> str:
+        """The third; "" for what no law says."""
         return self.cause.split(".", 2)[2] if self.kind != "unknown" else ""
 
     @property
@@ -113,6 +116,7 @@ class Effect:
 
     @property
     def is_missing_path(self) -> bool:
+        """Whether it is a heat path that the motor file does not have."""
         return self.kind == "conductance" and self.law not in ("scale", "session")
 
 
@@ -141,6 +145,7 @@ class Hidden:
     mistaken_for: str
 
     def effects(self) -> tuple[Effect, ...]:
+        """One for each size."""
         return tuple(Effect(self.cause, size) for size in self.sizes)
 
 

@@ -48,6 +48,7 @@ class Checks:
     arrived: Floats  # day on which it was handed in
 
     def some(self, rows: Flags | Ints) -> Checks:
+        """Those of these rows."""
         return Checks(
             self.motor[rows], self.dose_h[rows], self.resistance_K_per_W[rows], self.day[rows], self.arrived[rows]
         )

@@ -81,6 +81,7 @@ class Geometry:
 
     @property
     def rotor_radius(self) -> float:
+        """Outer radius of the rotor [m]."""
         return self.bore_radius - self.gap
 
     @property
@@ -90,10 +91,11 @@ class Geometry:
 
     @property
     def sleeve_radius(self) -> float:
-        """Wetted by the coolant."""
+        """Radius of the sleeve's wall that the coolant wets [m]."""
         return self.stator_radius + self.sleeve
 
     def crown(self, side: str) -> float:
+        """Length of the winding head on side "a" or "b" [m]."""
         return self.crown_length_a if side == "a" else self.crown_length_b
 
 

@@ -1,5 +1,5 @@
-"""A campaign as its engineer keeps it: a folder a stator with DC checks, oven logs and insulation checks, and a bench
-file each.
+"""A campaign as its engineer keeps it: for each stator a folder with DC checks, oven logs and insulation checks, and
+a bench file for each kind of log.
 
 Every stator hides a form of deterioration; their surfaces darken, the room is not the same from day to day, and no
 two ovens are equally hot. What is true of each check is handed back.
@@ -86,6 +86,7 @@ class Campaign:
 
     @property
     def bad_batches(self) -> tuple[str, ...]:
+        """Batches that age faster than the others."""
         return BATCHES[1:] if self.plan.bad_batch else ()
 
 
@@ -98,7 +99,7 @@ class Written:
 
     @property
     def ingest(self) -> list[list[str]]:
-        """The words of each command that takes the files in: one a stator and kind of log."""
+        """The words of each command that takes the files in: one for each stator and kind of log."""
         commands = []
         for stator in self.truth.stators:
             checks = tuple(check.log for check in stator.checks)
@@ -181,7 +182,7 @@ def _checks(
     insulation: Floats,
     discharge_h: Floats,
 ) -> tuple[Check, ...]:
-    """All of one stator, run together."""
+    """All checks of one stator, run together."""
     rig, size = plan.rig, len(damage_h)
     stators = _at_each_check(random, plan, damage_h, insulation)
     times = np.arange(round((rig.heating_s + rig.cooling_s) / rig.step_s) + 1, dtype=np.float64) * rig.step_s
@@ -250,7 +251,7 @@ def _reading(random: np.random.Generator, plan: Plan) -> dc_check.Reading:
 
 
 def _oven_logs(random: np.random.Generator, plan: Plan, place: int, course: Course) -> tuple[Log, ...]:
-    """`cycles_a_log` cycles a log; between them the logger rests."""
+    """Logs of `cycles_a_log` cycles each; between them the logger rests."""
     logs: list[Log] = []
     tests = plan.tests(place)
     for first in range(0, plan.cycles, plan.cycles_a_log):
@@ -266,7 +267,7 @@ def _oven_logs(random: np.random.Generator, plan: Plan, place: int, course: Cour
 
 
 def _insulation_logs(random: np.random.Generator, course: Course, ln_insulation: Floats) -> tuple[Log, ...]:
-    """On the day of each DC check, once the stator is cold again."""
+    """A log on the day of each DC check, once the stator is cold again."""
     return tuple(
         Log(f"ie_{k + 1:02d}", start + insulation_check.AFTER, np.zeros(1), tuple(insulation_check.columns(random, ln)))
         for k, (start, ln) in enumerate(zip(course.checks, ln_insulation.tolist(), strict=True))

@@ -1,4 +1,4 @@
-"""Electrical checks of the insulation, one row a check: resistance, polarisation index, capacitance, tan delta,
+"""Electrical checks of the insulation, one row each: resistance, polarisation index, capacitance, tan delta,
 discharge inception.
 
 They follow the slot insulation loosely: as it deteriorates its resistance and its inception voltage fall and its loss
@@ -25,13 +25,13 @@ VALUES = (
 
 
 def inception_V(ln_insulation: float) -> float:
-    """The true one, with ln of the slots' resistance over what it was when new."""
+    """The true inception voltage [V], with ln of the slots' resistance over what it was when new."""
     _, _, _, new, slope, *_ = VALUES[-1]
     return new * float(np.exp(slope * ln_insulation))
 
 
 def columns(random: np.random.Generator, ln_insulation: float) -> list[Column]:
-    """One row, with ln of the slots' resistance over what it was when new."""
+    """The row of a check, with ln of the slots' resistance over what it was when new."""
     found = []
     for signal, _, unit, new, slope, scatter, digits in VALUES:
         value = new * np.exp(slope * ln_insulation + scatter * random.standard_normal())
@@ -40,6 +40,7 @@ def columns(random: np.random.Generator, ln_insulation: float) -> list[Column]:
 
 
 def bench_toml(style: Style) -> str:
+    """The bench file of such checks."""
     text = f'schema = "whyhot.bench/1"\nkind = "insulation_check"\n\n{style.toml}'
     for signal, quantity, unit, *_ in VALUES:
         text += f'\n[[channel]]\nsignal = "{signal}"\nquantity = "{quantity}"\nunit = "{unit}"\n'

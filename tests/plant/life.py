@@ -55,8 +55,8 @@ class Law:
 
 @dataclass(frozen=True)
 class Lives:
-    """One row a specimen: it failed after `lower_h` and not after `upper_h` (N,). Equal: seen to the hour; infinite:
-    had not failed."""
+    """One row for each specimen: it failed after `lower_h` and not after `upper_h` (N,). Equal: seen to the hour;
+    infinite: had not failed."""
 
     temperature_degC: Floats
     lower_h: Floats

@@ -32,7 +32,7 @@ NANOSECONDS = 2  # flag of an object's stamp
 
 
 def frames(recording: Recording) -> tuple[NDArray[np.int64], NDArray[np.void]]:
-    """(stamps [ns], objects) of all messages in the order of time."""
+    """Stamps [ns] and objects of all messages, in the order of time."""
     parts = []
     for block in recording.blocks:
         objects = np.zeros(block.t_ns.size, OBJECT)
@@ -45,7 +45,7 @@ def frames(recording: Recording) -> tuple[NDArray[np.int64], NDArray[np.void]]:
 
 
 def _payload(block: Block) -> NDArray[np.void]:
-    """Four signed 16-bit values a frame; absent ones are zero."""
+    """The payload of each frame, four signed 16-bit values; absent ones are zero."""
     message = block.message
     raw = np.zeros((block.t_ns.size, 4), ">i2" if message.motorola else "<i2")
     factors = np.array([factor for _, _, factor in message.signals])
@@ -54,6 +54,7 @@ def _payload(block: Block) -> NDArray[np.void]:
 
 
 def write_blf(path: Path, recording: Recording) -> None:
+    """Write a recording as BLF."""
     stamps, objects = frames(recording)
     begin = int(stamps[0]) // 10**6 * 10**6  # the header has milliseconds
     objects["magic"], objects["header"], objects["version"] = b"LOBJ", 32, 1
@@ -79,6 +80,7 @@ def _system_time(ns: int) -> tuple[int, ...]:
 
 
 def write_asc(path: Path, recording: Recording) -> None:
+    """Write a recording as ASC."""
     stamps, objects = frames(recording)
     begin = int(stamps[0]) // 10**6 * 10**6
     t = datetime.fromtimestamp(begin / 1e9, UTC)
@@ -141,7 +143,7 @@ def _decimal_commas(table: str) -> str:
 
 
 def dbc(messages: tuple[Message, ...]) -> str:
-    """The signal database of the bench: four signed 16-bit signals a frame."""
+    """The signal database of the bench: four signed 16-bit signals in each frame."""
     lines = ['VERSION ""', "NS_ :", "BS_:", "BU_: Bench"]
     for message in messages:
         lines.append(f"BO_ {message.identifier} {message.name}: 8 Bench")

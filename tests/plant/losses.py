@@ -36,27 +36,29 @@ SLOPES = {
 
 @dataclass(frozen=True)
 class LossLaws:
-    """Of one specimen: factor and change of the speed exponent (`tilt`) of each group, of AC and of DC copper."""
+    """The loss laws of one specimen: factor and change of the speed exponent (`tilt`) of each group, of AC and of DC
+    copper."""
 
     factor: Mapping[str, float] = field(default_factory=dict)
     tilt: Mapping[str, float] = field(default_factory=dict)
 
     def of(self, group: str, speed: Floats) -> Floats:
+        """What a group's loss is multiplied by (M,) at these speeds."""
         return self.factor.get(group, 1.0) * np.maximum(speed, 0.02) ** self.tilt.get(group, 0.0)
 
 
 def iron(frequency: Floats, flux_density: Floats) -> Floats:
-    """W/kg of 0.27 mm sheet at f [Hz] and B [T]: hysteresis and eddy currents, 13 W/kg at 400 Hz and 1 T."""
+    """Loss [W/kg] of 0.27 mm sheet at f [Hz] and B [T]: hysteresis and eddy currents, 13 W/kg at 400 Hz and 1 T."""
     return 0.012 * frequency * flux_density**1.7 + 5.1e-5 * frequency**2 * flux_density**2
 
 
 def tooth_density(flux: Floats) -> Floats:
-    """T in the teeth at a flux linkage [Wb]; saturates."""
+    """Flux density [T] in the teeth at a flux linkage [Wb]; saturates."""
     return 1.95 * (1.0 - np.exp(-1.25 * flux / PSI_Wb))
 
 
 def heats(laws: LossLaws, point: Point, speed_rpm: Floats, inverter: Floats) -> Floats:
-    """(M, groups) W in the order of HEATS."""
+    """Heat of each group (M, groups) [W] in the order of HEATS."""
     s, i = np.abs(speed_rpm) / N0, point.current / I0
     f = s * F0
     weakening = np.maximum(-point.i_d, 0.0) / (I0 * np.sqrt(2.0))
@@ -81,7 +83,7 @@ def heats(laws: LossLaws, point: Point, speed_rpm: Floats, inverter: Floats) -> 
 
 
 def shares(mesh: Mesh) -> Floats:
-    """(groups, n): how each group of HEATS spreads over the cells."""
+    """How each group of HEATS spreads over the cells (groups, n)."""
     n, index, z = mesh.axial, mesh.index, np.linspace(-1.0, 1.0, mesh.axial)
     result = np.zeros((len(HEATS), len(mesh.cells)))
 
@@ -110,7 +112,8 @@ def shares(mesh: Mesh) -> Floats:
 
 
 def direct(mesh: Mesh) -> Floats:
-    """(n,) W/A2 at 20 degC for the rms current of a phase: 3 R I^2 of what copper a cell holds. Two parallel paths."""
+    """DC loss of each cell (n,) [W/A2] at 20 degC for the rms current of a phase: 3 R I^2 of what copper a cell
+    holds. Two parallel paths."""
     g, index = mesh.geometry, mesh.index
     per_m = g.slots * 0.25 * RHO_COPPER_20 / g.bar_area
     result = np.zeros(len(mesh.cells))
@@ -124,8 +127,8 @@ def direct(mesh: Mesh) -> Floats:
 
 
 def skin(mesh: Mesh, frequency: Floats) -> Floats:
-    """(M, layers): R_ac / R_dc - 1 of each bar at 100 degC, k-th from the slot bottom: Dowell / Emde,
-    kr = phi + k (k - 1) psi, with xi = h sqrt(pi f mu0 b_bar / (rho b_slot))."""
+    """R_ac / R_dc - 1 of each bar (M, layers) at 100 degC, k-th from the slot bottom: Dowell / Emde, kr = phi + k (k
+    - 1) psi, with xi = h sqrt(pi f mu0 b_bar / (rho b_slot))."""
     g = mesh.geometry
     rho = RHO_COPPER_20 * HOT100
     xi = g.bar_height * np.sqrt(np.pi * np.maximum(frequency, 0.1) * MU0 * g.bar_width / (rho * g.slot_width))
@@ -137,8 +140,8 @@ def skin(mesh: Mesh, frequency: Floats) -> Floats:
 
 
 def alternating(laws: LossLaws, mesh: Mesh, current2: Floats, speed_rpm: Floats) -> Floats:
-    """(M, layers + 1): I^2 (R_ac / R_dc - 1) [A2] of each bar of the slot, and behind them of the end windings, such
-    that the loss of a cell at T is this times its W/A2 divided by 1 + alpha (T - 20)."""
+    """I^2 (R_ac / R_dc - 1) [A2] of each bar of the slot, and behind them of the end windings (M, layers + 1): the AC
+    loss of a cell at T is this times its W/A2 divided by 1 + alpha (T - 20)."""
     s = np.abs(speed_rpm) / N0
     rises = skin(mesh, s * F0) * HOT100**2 * current2[:, None]
     slot = rises * laws.of("ac_slot", s)[:, None]
@@ -147,7 +150,8 @@ def alternating(laws: LossLaws, mesh: Mesh, current2: Floats, speed_rpm: Floats)
 
 
 def alternating_shares(mesh: Mesh) -> Floats:
-    """(layers + 1, n) W/A2 at 20 degC; the inner layers of the end windings lie in more of the stray field."""
+    """AC loss of each cell (layers + 1, n) [W/A2] at 20 degC; the inner layers of the end windings lie in more of the
+    stray field."""
     g, index, dc = mesh.geometry, mesh.index, direct(mesh)
     result = np.zeros((g.layers + 1, len(mesh.cells)))
     for k in range(g.layers):

@@ -41,7 +41,7 @@ class Point:
 
     @property
     def current(self) -> Floats:
-        """rms of a phase [A]."""
+        """Current of a phase [A rms]."""
         return np.hypot(self.i_d, self.i_q) / sqrt(2.0)
 
 
@@ -51,8 +51,7 @@ def _lq(i_q: Floats) -> Floats:
 
 @cache
 def _table(magnet_degC: float) -> tuple[Floats, Floats]:
-    """(i_d, largest torque): i_d (speeds, torques) of least current, torque (speeds,) that voltage and current
-    allow."""
+    """i_d (speeds, torques) of least current, and the torque (speeds,) that voltage and current allow."""
     psi = PSI_Wb * (1 + PSI_SLOPE * (magnet_degC - 100.0))
     i_d = np.linspace(-CURRENT_A, 0.0, 240)
     i_q = _needed(TORQUES[:, None], i_d[None, :], psi)
@@ -79,7 +78,7 @@ def _needed(torque: Floats, i_d: Floats, psi: float) -> Floats:
 
 
 def largest_torque(speed_rpm: float, magnet_degC: float = 100.0) -> float:
-    """Nm that current and voltage allow."""
+    """Torque [Nm] that current and voltage allow."""
     share = (magnet_degC - COLD) / (HOT - COLD)
     cold, hot = (float(np.interp(abs(speed_rpm), SPEEDS, _table(t)[1])) for t in (COLD, HOT))
     return (1 - share) * cold + share * hot
@@ -110,7 +109,7 @@ def operate(speed_rpm: Floats, torque_Nm: Floats, magnet_degC: Floats) -> Point:
 
 
 def _between(table: Floats, speed: Floats, torque: Floats) -> Floats:
-    """Bilinear."""
+    """A table's value at speed and torque, bilinear."""
     x, y = speed / (SPEEDS[1] - SPEEDS[0]), torque / (TORQUES[1] - TORQUES[0])
     i, j = (np.clip(v.astype(np.int64), 0, size - 2) for v, size in ((x, SPEEDS.size), (y, TORQUES.size)))
     u, w = x - i, y - j

@@ -75,11 +75,12 @@ class Mesh:
 
     @property
     def index(self) -> dict[str, int]:
-        """Cell or boundary -> place; boundaries behind the cells."""
+        """Place of each cell and boundary; boundaries are behind the cells."""
         return {name: i for i, name in enumerate([*(c.name for c in self.cells), *BOUNDARIES])}
 
     @property
     def capacity(self) -> Floats:
+        """Heat capacity of each cell (n,) [J/K]."""
         return np.array([c.capacity for c in self.cells])
 
     def of_node(self, node: str) -> NDArray[np.intp]:
@@ -87,19 +88,22 @@ class Mesh:
         return np.array([i for i, c in enumerate(self.cells) if c.node == node], np.intp)
 
     def cell(self, name: str, node: str, capacity: float) -> str:
+        """Add a cell of a node; returns its name."""
         self.cells.append(Cell(name, node, capacity))
         return name
 
     def join(self, a: str, b: str, resistance: float, group: str, film: str = "", area: float = 0.0) -> None:
+        """Add a joint between two cells, or a cell and a boundary."""
         self.joints.append(Joint(a, b, resistance, group, film, area))
 
     def chain(self, names: Sequence[str], conductance: float, group: str) -> None:
-        """Equal conductances [W/K] between neighbours."""
+        """Add joints of equal conductance [W/K] between neighbours."""
         for a, b in pairwise(names):
             self.join(a, b, 1.0 / conductance, group)
 
 
 def names(stem: str, count: int) -> list[str]:
+    """`stem.0`, `stem.1` ..."""
     return [f"{stem}.{z}" for z in range(count)]
 
 
@@ -123,7 +127,7 @@ def half_of(mesh: Mesh, z: int) -> str:
 
 
 def _ring_resistance(inner: float, outer: float, length: float, conductivity: float) -> float:
-    """K/W through a cylinder wall."""
+    """Resistance [K/W] of a cylinder wall."""
     return log(outer / inner) / (2 * pi * conductivity * length)
 
 

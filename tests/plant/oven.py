@@ -48,7 +48,7 @@ class Trace:
     iron: Floats
 
     def hours_above(self, limit_degC: float = LIMIT_degC) -> float:
-        """Of the copper; crossings by straight lines between samples."""
+        """Hours of the copper above a temperature; crossings by straight lines between samples."""
         before, after = self.copper[:-1] - limit_degC, self.copper[1:] - limit_degC
         low, high = np.minimum(before, after), np.maximum(before, after)
         share = np.where(low >= 0.0, 1.0, np.where(high <= 0.0, 0.0, high / np.maximum(high - low, 1e-12)))
@@ -66,8 +66,8 @@ def run(
     period_s: float = 60.0,
     stator: tuple[float, float, float] = (1.0, 1.0, 1.0),
 ) -> Trace:
-    """One cycle after the other. `stator`: factors of the three conductances: between copper and iron, from the
-    oven's air to copper, to iron."""
+    """The trace of one cycle after the other. `stator`: factors of the three conductances: between copper and iron,
+    from the oven's air to copper, to iron."""
     air, oven = [], []
     for soak in soaks:
         course = _air(soak, period_s)
@@ -82,7 +82,7 @@ def run(
 
 
 def _air(soak: Soak, period_s: float) -> Floats:
-    """Ramp, hold for the soak, then off. The soak counts from the end of the ramp."""
+    """The oven's air [degC]: ramp, hold for the soak, then off. The soak counts from the end of the ramp."""
     ramp_s = (soak.oven_degC - soak.room_degC) / RAMP_K_per_s
     on_s = ramp_s + soak.soak_h * 3600.0
     t = period_s * np.arange(round((on_s + soak.cooling_h * 3600.0) / period_s))
@@ -120,7 +120,7 @@ def _lumps(air: Floats, start_degC: float, step_s: float, stator: tuple[float, f
 
 
 def joined(traces: Sequence[Trace], starts: Sequence[timedelta]) -> Trace:
-    """Cycles of one log: nothing is recorded between them."""
+    """The cycles of one log as one trace: nothing is recorded between them."""
     times = [trace.t_s + start.total_seconds() for trace, start in zip(traces, starts, strict=True)]
     oven, copper, iron = (
         np.concatenate([getattr(trace, name) for trace in traces]) for name in ("oven", "copper", "iron")
@@ -129,7 +129,7 @@ def joined(traces: Sequence[Trace], starts: Sequence[timedelta]) -> Trace:
 
 
 def columns(random: np.random.Generator, trace: Trace, sensors: bool = True) -> list[Column]:
-    """Oven, two thermocouples in the winding, one in the iron; without `sensors` the oven alone."""
+    """The log's columns: oven, two thermocouples in the winding, one in the iron; without `sensors` the oven alone."""
     placed = [("T_oven", trace.oven)]
     if sensors:
         placed += [("T_winding", trace.copper), ("T_endwinding", trace.copper), ("T_yoke", trace.iron)]
@@ -144,6 +144,7 @@ NODES = {"T_oven": "oven", "T_winding": "winding", "T_endwinding": "endwinding_a
 
 
 def bench_toml(style: Style, sensors: bool = True) -> str:
+    """The bench file of oven logs."""
     text = f'schema = "whyhot.bench/1"\nkind = "ageing"\n\n{style.toml}'
     for signal, node in NODES.items():
         if sensors or node == "oven":

@@ -43,7 +43,7 @@ class Truth:
     number: int
 
     def at(self, cells: NDArray[np.intp], weights: Floats) -> Floats:
-        """(N + 1,) weighted mean of cells."""
+        """Weighted mean of cells (N + 1,) [degC]."""
         mean: Floats = self.temperatures[:, cells] @ (weights / weights.sum())
         return mean
 
@@ -67,13 +67,13 @@ class Plant:
         self.mesh = self._as_built(designed)
 
     def random(self, *key: int) -> np.random.Generator:
-        """A stream of its own for each purpose."""
+        """A stream of random numbers of its own for each purpose."""
         return np.random.default_rng([self.seed, *key])
 
     # ---- the specimen ----------------------------------------------------------------------------------------------
 
     def _as_built(self, mesh: Mesh) -> Mesh:
-        """Everyday paths and those of effects added."""
+        """The mesh with everyday paths and those of effects."""
         for a, b, conductance in self.everyday.paths:
             mesh.join(a, b, 1.0 / conductance, "everyday")
         for effect in self.effects:
@@ -82,6 +82,7 @@ class Plant:
 
     @cached_property
     def capacity(self) -> Floats:
+        """Heat capacity of each cell (n,) [J/K], as this specimen has it."""
         factor = np.array([self.everyday.capacities.get(cell.node, 1.0) for cell in self.mesh.cells])
         for effect in self.effects:
             if effect.kind == "capacity" and effect.law == "scale":
@@ -188,7 +189,7 @@ class Plant:
         return np.stack([mean(courses[name]) for name in system.films], axis=1)
 
     def _extra(self, effect: Effect, drive: Drive, point: Point, mean, number: int) -> Floats:  # type: ignore[no-untyped-def]
-        """(N, n) W of heat that an effect adds; the same at each node of a group, over its cells by capacity."""
+        """Heat (N, n) [W] that an effect adds; the same at each node of a group, over its cells by capacity."""
         course = _added(effect, drive, point, self.random(6, number))
         heat = np.zeros((1, len(self.mesh.cells)))
         if course is None:
@@ -232,7 +233,7 @@ class Plant:
 
 
 def _row(like: Drive, samples: int) -> Drive:
-    """Its first surroundings, `samples` times."""
+    """The first surroundings of `like`, `samples` times."""
     ones = np.ones(samples)
     base = drive("rest", "other", 0 * ones, 0 * ones, rate_hz=like.rate_hz)
     return replace(
@@ -321,7 +322,7 @@ def _features(drive: Drive, point: Point) -> dict[str, Floats]:
 
 
 def _added(effect: Effect, drive: Drive, point: Point, random: np.random.Generator) -> Floats | None:
-    """(M,) the course of the heat that an effect adds, for 1 W."""
+    """The course (M,) of the heat that an effect adds, for 1 W."""
     features = _features(drive, point)
     if effect.kind == "loss" and effect.law not in ("scale", "temperature"):
         return law(effect.law, features)
@@ -335,7 +336,7 @@ def _added(effect: Effect, drive: Drive, point: Point, random: np.random.Generat
 
 
 def _switching(random: np.random.Generator, drive: Drive, off_s: float, on_s: float) -> Floats:
-    """(M,) 0 and 1 in turn, for times drawn from exponential distributions."""
+    """0 and 1 in turn (M,), for times drawn from exponential distributions."""
     t, edges = 0.0, []
     while t < drive.seconds:
         for mean in (off_s, on_s):

@@ -20,7 +20,7 @@ SEARCH_STEP_s = 5.0
 
 
 def hot_spot(plant: Plant, temperatures: Floats) -> Floats:
-    """(N + 1,) hottest copper cell [degC]."""
+    """The hottest copper cell (N + 1,) [degC]."""
     nodes = ("winding_a", "winding_b", *(f"endwinding_{s}_{p}" for s in "ab" for p in ("inner", "outer")))
     cells = np.concatenate([plant.mesh.of_node(node) for node in nodes])
     hottest: Floats = temperatures[:, cells].max(axis=1)

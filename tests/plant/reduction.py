@@ -63,7 +63,7 @@ class Term:
 
 @dataclass(frozen=True)
 class Reduced:
-    """`capacities` node -> J/K, `links` (a, b) -> terms, `sources` node -> terms."""
+    """The reduced network: `capacities` node -> J/K, `links` (a, b) -> terms, `sources` node -> terms."""
 
     capacities: Mapping[str, float]
     links: Mapping[tuple[str, str], tuple[Term, ...]]
@@ -78,7 +78,7 @@ def reduce() -> Reduced:
 
 
 def _capacities(mesh: Mesh) -> dict[str, float]:
-    """J/K; an interface goes to its neighbours in equal parts."""
+    """Heat capacity [J/K] of each node; that of an interface goes to its neighbours in equal parts."""
     total = dict.fromkeys(NODES, 0.0)
     node = {cell.name: cell.node for cell in mesh.cells}
     for cell in mesh.cells:
@@ -135,7 +135,7 @@ def _mean(mesh: Mesh, node: str, temperatures: Floats) -> float:
 
 
 def _flow(plant: Plant, a: str, b: str, joints: Floats, of_cell: Mapping[str, float], stream: float) -> float:
-    """W from a to b in the mesh; through an interface the mean of what enters and what leaves."""
+    """Heat [W] from a to b in the mesh; through an interface the mean of what enters and what leaves."""
     if b == "coolant":
         return stream * (of_cell[plant.mesh.coolant[-1]] - of_cell["coolant"])
     node = {cell.name: cell.node for cell in plant.mesh.cells}
@@ -176,8 +176,8 @@ def _pairs(mesh: Mesh) -> list[tuple[str, str]]:
 
 
 def _conductance(plant: Plant, a: str, b: str, speed_rpm: float, flow_lpm: float) -> float:
-    """W/K between mean temperatures of two nodes, 1 W driven evenly through; to a boundary: with all of the node
-    heated."""
+    """Conductance [W/K] between mean temperatures of two nodes, 1 W driven evenly through; to a boundary: with all of
+    the node heated."""
     mesh = plant.mesh
     conductances = _joint_conductances(plant, speed_rpm, flow_lpm)
     inside = {cell.name for cell in mesh.cells if cell.node in (a, b)}
@@ -250,7 +250,7 @@ def _system() -> solver.System:
 
 @cache
 def _joint_conductances(plant: Plant, speed_rpm: float, flow_lpm: float) -> Floats:
-    """(J,) W/K; radiation and free convection about 80 degC against their surroundings."""
+    """Conductance of each joint (J,) [W/K]; radiation and free convection about 80 degC against their surroundings."""
     laws, still = plant.everyday.films, np.ones(1)
     h = {
         name: float(values[0])
@@ -269,8 +269,8 @@ def _joint_conductances(plant: Plant, speed_rpm: float, flow_lpm: float) -> Floa
 
 
 def _fit(values: Floats, ratio: Floats, feature: str, exponent: float) -> tuple[Term, ...]:
-    """constant + coefficient x ratio^exponent, none of them negative; a constant alone where it varies by less than 3
-    %."""
+    """Terms `constant + coefficient x ratio^exponent`, none of them negative; a constant alone where the values vary
+    by less than 3 %."""
     if np.ptp(values) < 0.03 * values.mean():
         return (Term(float(values.mean())),)
     columns = np.stack([np.ones_like(ratio), ratio**exponent], axis=1) / values[:, None]
@@ -288,7 +288,7 @@ def _sum(plant: Plant, node: str, cells: Floats) -> Floats:
 
 
 def _copper(plant: Plant) -> dict[str, tuple[Term, ...]]:
-    """DC exactly; AC as speed squared, fitted to the bars' over a map."""
+    """Copper losses: DC exactly; AC as speed squared, fitted to the bars' over a map."""
     speed, _, point = _map()
     dc = losses.direct(plant.mesh) * I0**2
     current2 = point.current**2
@@ -324,7 +324,7 @@ def _other_losses(plant: Plant) -> dict[str, tuple[Term, ...]]:
 
 
 def _map() -> tuple[Floats, Floats, machine.Point]:
-    """(speed, torque, point) over a campaign's points: 24 speeds, torque shares that thin out towards the top."""
+    """Speed, torque and point over a campaign's points: 24 speeds, torque shares that thin out towards the top."""
     speeds = np.linspace(600.0, 15_000.0, 24)
     shares = np.array([0.0, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.55, 0.75, 0.95])
     speed = np.repeat(speeds, shares.size)

@@ -84,6 +84,8 @@ class Block:
 
 @dataclass(frozen=True)
 class Recording:
+    """What the bench recorded of a session, and the truth behind it."""
+
     name: str
     kind: str
     blocks: tuple[Block, ...]
@@ -106,7 +108,8 @@ def sensors(layout: str) -> tuple[Sensor, ...]:
 
 
 def messages(layout: str) -> tuple[Message, ...]:
-    """The messages of a bench with this layout: four thermocouples a frame on the second bus, the radio's apart."""
+    """The messages of a bench with this layout: four thermocouples in each frame on the second bus, the radio's
+    apart."""
     chosen = sensors(layout)
     wired = [sensor.signal for sensor in chosen if not sensor.radio]
     frames = [
@@ -192,7 +195,7 @@ def _white(random: np.random.Generator, t: Floats) -> Floats:
 
 
 def _temperatures(plant: Plant, truth: Truth, random: np.random.Generator, t: Floats, layout: str) -> dict[str, Floats]:
-    """Signal -> (M,) readings. A specimen's sensors sit where its seed says, in every session."""
+    """Signal -> readings (M,). A specimen's sensors sit where its seed says, in every session."""
     place, mine = plant.random(8), sensors(layout)
     readings: dict[str, Floats] = {}
     for sensor in SENSORS:  # all of them are drawn, so that a layout does not change the others
@@ -211,7 +214,7 @@ def _temperatures(plant: Plant, truth: Truth, random: np.random.Generator, t: Fl
 def _place(
     mesh: Mesh, sensor: Sensor, random: np.random.Generator, roughness: float
 ) -> tuple[NDArray[np.intp], Floats]:
-    """Cells and weights: as designed, each weight off by 30 %."""
+    """Cells and weights of a sensor: as designed, each weight off by 30 %."""
     index, marks = mesh.index, {"m": mesh.axial // 2, "e": mesh.axial - 1}
     cells = np.array([index[stem.format(**marks)] for stem, _ in sensor.cells], np.intp)
     off = np.exp(0.3 * roughness * random.standard_normal(len(cells)))
@@ -221,7 +224,8 @@ def _place(
 def _read(
     truth: Truth, place: Floats, t: Floats, lag: float, gain: float, bias: float, effects: list[Effect]
 ) -> Floats:
-    """(M,) before noise and faults: the place's temperature through lag, stem, gain, bias and drift."""
+    """What a sensor shows (M,) before noise and faults: the place's temperature through lag, stem, gain, bias and
+    drift."""
     size = {law: sum(e.size for e in effects if e.law == law) for law in ("lag", "gain", "bias", "drift", "stem")}
     ambient = np.interp(truth.t_s, np.arange(truth.drive.samples) / truth.drive.rate_hz, truth.drive.ambient_degC)
     felt = place + size["stem"] * (ambient - place)
@@ -230,7 +234,7 @@ def _read(
 
 
 def lagged(values: Floats, tau_s: float, step_s: float) -> Floats:
-    """First-order lag, exact for values that are linear within a step."""
+    """Values through a first-order lag, exact where they are linear within a step."""
     a = np.exp(-step_s / tau_s)
     ramp = (1.0 - a) * tau_s / step_s
     result: Floats = values[0] + lfilter([1.0 - ramp, ramp - a], [1.0, -a], values - values[0])
@@ -244,7 +248,7 @@ def _faults(
     t: Floats,
     random: np.random.Generator,
 ) -> None:
-    """Swaps, saturation, a stuck last part, held stretches of wired sensors: in place."""
+    """Put swaps, saturation, a stuck last part and held stretches of wired sensors into the readings."""
     for effect in effects:
         if effect.kind != "sensor" or effect.place not in by_node:
             continue
@@ -277,7 +281,7 @@ def _silences(roughness: float, random: np.random.Generator, t: Floats) -> list[
 
 
 def _hold(values: Floats, silences: list[tuple[float, float]], t: Floats) -> None:
-    """Repeat the values at the begin of each silence, the counter too: in place."""
+    """Repeat the values at the begin of each silence, the counter too."""
     for begin, end in silences:
         first, last = np.searchsorted(t, (begin, end))
         values[first:last] = values[min(first, len(t) - 1)]
@@ -287,7 +291,7 @@ def _hold(values: Floats, silences: list[tuple[float, float]], t: Floats) -> Non
 
 
 def _sent(plant: Plant, message: Message, t: Floats, values: Floats, random: np.random.Generator, number: int) -> Block:
-    """Steps of the converter, lost frames, jitter, and the clock of the bus."""
+    """The frames of a message, with steps of the converter, lost frames, jitter, and the clock of the bus."""
     rough = plant.roughness
     keep = random.random(t.size) >= rough * DROPPED
     lost = {e.place: e.size for e in plant.effects if e.kind == "sensor" and e.law == "dropout"}

@@ -1,4 +1,4 @@
-"""The mesh in time and at rest: implicit, sparse, two stages a step, energy counted as it goes.
+"""The mesh in time and at rest: implicit, sparse, steps of two stages, energy counted as it goes.
 
 C dT/dt = -K(u, T) T + s(u, T). The copper's temperature coefficient is part of K; radiation, free convection and the
 slow shape of AC loss are taken at the beginning of a step. Steps by the L-stable two-stage SDIRK of order 2
@@ -41,7 +41,7 @@ class Elimination(NamedTuple):
 
 
 def eliminate(n: int, pairs: set[tuple[int, int]]) -> Elimination:
-    """Order of least degree, and where every product goes. `pairs`: (i, j) both ways that have an entry."""
+    """The elimination of a matrix, in an order of least degree. `pairs`: (i, j), both ways, of its entries."""
     near: list[set[int]] = [set() for _ in range(n)]
     for i, j in pairs:
         near[i].add(j)
@@ -100,13 +100,15 @@ class System:
 
     @property
     def n(self) -> int:
+        """Cells."""
         return len(self.capacity)
 
 
 @dataclass(frozen=True)
 class Loads:
-    """What drives the cells, a row a step (N): `film` (N, F) W/(m2 K), `stream` (N,) W/K of the coolant, `outside`
-    (N, 2) degC of inlet and ambient, `current2` (N,) A2, `ac` (N, n) W at 20 degC, `heat` (N, n) W at 100 degC."""
+    """What drives the cells, one row for each of N steps: `film` (N, F) W/(m2 K), `stream` (N,) W/K of the coolant,
+    `outside` (N, 2) degC of inlet and ambient, `current2` (N,) A2, `ac` (N, n) W at 20 degC, `heat` (N, n) W at 100
+    degC."""
 
     film: Floats
     stream: Floats
@@ -116,6 +118,7 @@ class Loads:
     heat: Floats
 
     def first(self, steps: int) -> Loads:
+        """Those of the first steps."""
         return Loads(*(getattr(self, name)[:steps] for name in self.__dataclass_fields__))
 
 
@@ -132,7 +135,7 @@ class Solution:
 
 
 def system(mesh: Mesh, capacity: Floats, scale: Floats, dc: Floats, slope: Floats, alpha: float) -> System:
-    """`mesh` as arrays; `scale` (J,) multiplies each joint's conductance."""
+    """The arrays of `mesh`; `scale` (J,) multiplies each joint's conductance."""
     index, n = mesh.index, len(mesh.cells)
     a = np.array([index[j.a] for j in mesh.joints], np.int64)
     b = np.array([index[j.b] for j in mesh.joints], np.int64)

@@ -40,6 +40,8 @@ STYLES: Mapping[str, Style] = {
 
 @dataclass(frozen=True)
 class Column:
+    """One column: its name, unit, values (N,) and decimal digits."""
+
     name: str
     unit: str
     values: Floats
@@ -47,8 +49,8 @@ class Column:
 
 
 def write_table(path: Path, style: Style, start: datetime, t_s: Floats, columns: Sequence[Column]) -> None:
-    """One row a `t_s` (N,), whole seconds after `start` (aware); an empty cell where a value is NaN. In cp1252, as
-    loggers do."""
+    """Write one row for each `t_s` (N,), whole seconds after `start` (aware); an empty cell where a value is NaN. In
+    cp1252, as loggers do."""
     zone = ZoneInfo(style.zone)
     begin = start.astimezone(UTC)
     stamps = [(begin + timedelta(seconds=s)).astimezone(zone).strftime(style.stamp) for s in np.rint(t_s).tolist()]

@@ -25,14 +25,14 @@ BATCHES = ("B1", "B2")
 class Plan:
     """What a campaign does and hides.
 
-    forms: one a stator, taken in turn, of deterioration.FORMS; drawn where left out. bad_batch: the second half of
-    the stators, batch B2, ages by `bad_rate` per 100 h on top. repeatability: standard deviation of ln R of a check.
-    repeats: more checks before the first cycle, two a day. darkening: 1 as surfaces in an oven do, 0 not at all.
-    swing_K: of the room over a day. early_stops, dead: shares of the checks whose log ends early, and in which a
-    thermocouple fails. oven_degC: one a cycle, in turn. breaks: share of the cycles in which the oven fails and is
-    switched on again. oven_sensors: without, an oven log holds the oven alone. electrical: with checks of the
-    insulation. activation_eV: drawn from 0.9 to 1.1 where left out. test_V, test_h: rms voltage on the winding in
-    each cycle, in turn, and for how long, each stator `test_shift` cycles further on; none where left out.
+    forms: of deterioration.FORMS, one for each stator, taken in turn; drawn where left out. bad_batch: the second
+    half of the stators, batch B2, ages by `bad_rate` per 100 h on top. repeatability: standard deviation of ln R of a
+    check. repeats: more checks before the first cycle, two on each day. darkening: 1 as surfaces in an oven do, 0 not
+    at all. swing_K: of the room over a day. early_stops, dead: shares of the checks whose log ends early, and in
+    which a thermocouple fails. oven_degC: one for each cycle, in turn. breaks: share of the cycles in which the oven
+    fails and is switched on again. oven_sensors: without, an oven log holds the oven alone. electrical: with checks
+    of the insulation. activation_eV: drawn from 0.9 to 1.1 where left out. test_V, test_h: rms voltage on the winding
+    in each cycle, in turn, and for how long, each stator `test_shift` cycles further on; none where left out.
     discharge_rate: what 100 h of it above the inception voltage add to ln of the resistance.
     """
 
@@ -93,7 +93,7 @@ class Course:
 
     @property
     def hours_above(self) -> list[float]:
-        """Of the copper above 180 degC in each cycle."""
+        """Hours of the copper above 180 degC in each cycle."""
         return [trace.hours_above() for trace in self.traces]
 
     def before_checks(self, cycles: Sequence[float]) -> Floats:
@@ -102,7 +102,7 @@ class Course:
 
 
 def course(seed: int, plan: Plan, place: int, activation_eV: float) -> Course:
-    """Of the stator at `place`; stators follow each other on one rig."""
+    """The course of the stator at `place`; stators follow each other on one rig."""
     random = np.random.default_rng([seed, 62, place])
     between, copper, iron = np.exp(0.1 * random.standard_normal(3)).tolist()
     traces = tuple(
