@@ -51,8 +51,8 @@ class Audit:
         """Check what can be said only at the end."""
         if self.since and self.since.position > self.position:
             self._find(
-                f"the ledger ends at event {self.position}, the head given was {self.since.position}: "
-                "the end is missing"
+                f"the ledger ends at event {self.position}, "
+                f"the head given was {self.since.position}: the end is missing"
             )
 
     def _chain(self, one: Recorded, where: str) -> None:

@@ -160,6 +160,6 @@ def _plain_words(folder: Path) -> Iterator[None]:
     except OSError as error:
         place = error.filename or folder
         raise StoreError(
-            f"{folder}: cannot be opened ({place}: {error.strerror}): give a folder that you may read and write, "
-            "with --store"
+            f"{folder}: cannot be opened ({place}: {error.strerror}): "
+            "give a folder that you may read and write, with --store"
         ) from None

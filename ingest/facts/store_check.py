@@ -126,7 +126,7 @@ def _strays(store: Store, recorded: Iterable[Recorded]) -> Iterator[str]:
 def _sqlite() -> Iterator[str]:
     if has_wal_reset_bug():
         yield (
-            f"SQLite {sqlite3.sqlite_version} can corrupt a database that two processes write at once (fixed in "
-            "3.51.3): "
+            f"SQLite {sqlite3.sqlite_version} can corrupt a database that two processes "
+            "write at once (fixed in 3.51.3): "
             "safe here as ledger.lock lets in one writer, but write to ledger.sqlite with nothing else"
         )

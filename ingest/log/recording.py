@@ -357,6 +357,6 @@ def _from_arrow(topic: str, batches: Sequence[pa.RecordBatch]) -> Frames | Rows:
 def _damage(path: Path, error: BaseException) -> DamageError:
     says = str(error) or type(error).__name__
     return DamageError(
-        f"{path}: the recording is damaged ({says}): it is not what was written. Make it again from the archive with "
-        "`whyhot rebuild`."
+        f"{path}: the recording is damaged ({says}): it is not what was written. "
+        "Make it again from the archive with `whyhot rebuild`."
     )

@@ -129,8 +129,8 @@ def _before(facts: Facts, session: SessionRecorded, degC: float) -> tuple[list[S
     """The specimen's sessions before this one, in order, and whether stamps say so."""
     if session.specimen is None:
         raise ReplayDataError(
-            f"session {session.name}: names no specimen, and the motor file asks how long that was above {degC:g} "
-            "degC before: "
+            f"session {session.name}: names no specimen, "
+            f"and the motor file asks how long that was above {degC:g} degC before: "
             "ingest it again with --specimen S, or replay with a model without ageing (--model)."
         )
     ordered, by_time = in_order([one for one in facts.sessions if one.specimen == session.specimen])
@@ -153,10 +153,10 @@ def _hours(
             traces[one.session] = trace
         elif one.kind == HEATED:
             raise ReplayDataError(
-                f"session {session.name}: the hours of {session.specimen} above {limits[0]:g} degC are not known, "
-                "as its session "
-                f"{one.name} of kind {HEATED} has no temperature of it: give its channel a node in the bench file and "
-                "ingest it again."
+                f"session {session.name}: the hours of {session.specimen} above {limits[0]:g} degC "
+                "are not known, as its session "
+                f"{one.name} of kind {HEATED} has no temperature of it: "
+                "give its channel a node in the bench file and ingest it again."
             )
 
     def above(trace: Trace) -> NDArray[np.float64]:

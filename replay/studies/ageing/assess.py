@@ -191,8 +191,8 @@ def _not_heat_alone(others: Sequence[str]) -> list[str]:
     said = " and ".join(others)
     return [
         (
-            f"the law counts hours of heat, and {said} did part of it: it holds for specimens that have as much of "
-            "that for their hours."
+            f"the law counts hours of heat, and {said} did part of it: "
+            "it holds for specimens that have as much of that for their hours."
         )
     ]
 

@@ -209,8 +209,8 @@ class Rig:
             return "the fit of all checks did not converge"
         if found.misfit > MOST_MISFIT:
             return (
-                f"the network misses the measured temperatures by {found.misfit_K:.1f} K (rms) whatever its "
-                "coefficients: "
+                f"the network misses the measured temperatures by {found.misfit_K:.1f} K (rms) "
+                "whatever its coefficients: "
                 "correct the motor file"
             )
         return found

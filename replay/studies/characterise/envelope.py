@@ -98,8 +98,8 @@ def envelope(
     limits = np.array([math.nan if n.limit_degC is None else n.limit_degC for n in network.nodes])
     if np.isnan(limits).all():
         raise ReplayDataError(
-            f"no node of {network.name} has a limit: say limit_degC = 180.0 or so for its windings and magnets in the "
-            "motor file."
+            f"no node of {network.name} has a limit: say limit_degC = 180.0 or so for its windings "
+            "and magnets in the motor file."
         )
     tell("reading the sessions")
     channels = [load(store, facts, session) for session in sessions]

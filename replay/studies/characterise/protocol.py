@@ -134,8 +134,8 @@ def run_protocol(
 def template_needed(why: str) -> ReplayDataError:
     """The refusal where there is no motor file to begin with; it says how to get one."""
     return ReplayDataError(
-        f"{why}: the protocol begins with a template. Write one with `whyhot motor new --topology {DEFAULT} -o "
-        "motor.toml` "
+        f"{why}: the protocol begins with a template. "
+        f"Write one with `whyhot motor new --topology {DEFAULT} -o motor.toml` "
         f"(or of {', '.join(t for t in TOPOLOGIES if t != DEFAULT)}), put your motor's numbers in, "
         "`whyhot motor check motor.toml`, "
         "and say --model motor.toml."

@@ -85,8 +85,8 @@ def _chosen(network: Network, curve: Sequence[Reduced], to: int | None) -> Reduc
         enough = smallest(curve, ENOUGH_K)
         if enough is None:
             raise ReplayDataError(
-                f"no smaller network than {network.name} itself stays within {ENOUGH_K:g} K on average on the kept "
-                "sessions: say with "
+                f"no smaller network than {network.name} itself stays within {ENOUGH_K:g} K on average "
+                "on the kept sessions: say with "
                 "--to how many nodes it shall have."
             )
         return enough
@@ -104,8 +104,8 @@ def _check(
         raise ReplayDataError("no session to merge by: name some with --on. `whyhot sessions` lists them.")
     if to is None and not hold_out:
         raise ReplayDataError(
-            "how many nodes are enough is chosen by the error on kept sessions: name some with --hold-out, "
-            "or a number with --to."
+            "how many nodes are enough is chosen by the error on kept sessions: "
+            "name some with --hold-out, or a number with --to."
         )
     if to is not None and not 1 <= to < len(network.nodes):
         raise ReplayDataError(
@@ -166,8 +166,8 @@ def _says(
     if chosen.kept is not None:
         kept = ", ".join(session.name for session in hold_out)
         lines.append(
-            f"Mergers chosen on {kept}: {chosen.kept.mean_K:.2f} K mean, {chosen.kept.largest_K:.1f} K at most "
-            f"({chosen.kept.worst})."
+            f"Mergers chosen on {kept}: {chosen.kept.mean_K:.2f} K mean, "
+            f"{chosen.kept.largest_K:.1f} K at most ({chosen.kept.worst})."
         )
     if lost:
         lines.append(f"Left out, as they take away a part of a merged node only: configuration {', '.join(lost)}.")

@@ -31,10 +31,10 @@ def scaled_file(data: bytes, name: str, length: float) -> bytes:
     headed = edited(data.decode().removeprefix(_BOM), _head(before), _head(after), "").encode()
     says = (
         f"Scaled from {before.name}: every length times {length:g}, materials, turns, poles and speed as they were.\n"
-        f"At features of 1: capacities times {length**3:.4g}, conduction {length:.4g}, films {length**2:.4g}; "
-        "copper DC loss\n"
-        f"{length:.4g}, AC and magnet losses {length**5:.4g}, iron and all other losses {length**3:.4g}. "
-        "Each sd is wider.\n"
+        f"At features of 1: capacities times {length**3:.4g}, conduction {length:.4g}, "
+        f"films {length**2:.4g}; copper DC loss\n"
+        f"{length:.4g}, AC and magnet losses {length**5:.4g}, "
+        f"iron and all other losses {length**3:.4g}. Each sd is wider.\n"
         "Comments beside a number speak of its value before."
     )
     return written(headed, name, after, says)
@@ -60,7 +60,7 @@ def sliced_file(data: bytes, name: str, nodes: Sequence[str], slices: int, lengt
     says = (
         f"{before.name}, its stack cut into slices from end a to end b by\n"
         f"{textwrap.fill(command, WIDTH, subsequent_indent='  ', break_on_hyphens=False)}\n"
-        "The middle slice of each keeps the node's name. Sums of capacities, losses and conductances are those of the "
-        "motor."
+        "The middle slice of each keeps the node's name. Sums of capacities, "
+        "losses and conductances are those of the motor."
     )
     return network_text(cut, says), cut
