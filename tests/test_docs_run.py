@@ -1,5 +1,6 @@
-"""The tutorial is run as it stands, the complete files of the references are read, and refusals are worded as they say. As a script it writes the
-tutorial's logs into a folder, for a reader who wants to follow it: python tests/test_docs_run.py FOLDER
+"""The tutorial is run as it stands, the complete files of the references are read, and refusals are worded as they
+say. As a script it writes the tutorial's logs into a folder, for a reader who wants to follow it: python
+tests/test_docs_run.py FOLDER
 """
 
 from __future__ import annotations
@@ -35,7 +36,8 @@ SECONDS = 900
 
 
 def write_logs(folder: Path) -> None:
-    """A morning on CAN with the power analyser's table beside it, and an afternoon in which a thermocouple comes off."""
+    """A morning on CAN with the power analyser's table beside it, and an afternoon in which a thermocouple comes
+    off."""
     (folder / "bench.dbc").write_text(can_bench.DBC, encoding="utf-8")
     temperatures = _write_can(folder / "monday_am.blf", 1, can_bench.START)
     _write_power(folder / "monday_am_power.csv", 1, can_bench.START, temperatures)
@@ -167,7 +169,8 @@ def _blocks(page: str) -> Iterator[tuple[str, str, str]]:
 
 
 def _commands(block: str) -> Iterator[tuple[str, list[str]]]:
-    """Each command behind `$ `, over several lines where a quote is open, and the lines that are shown of its answer."""
+    """Each command behind `$ `, over several lines where a quote is open, and the lines that are shown of its
+    answer."""
     for text in re.split(r"^\$ ", block, flags=re.MULTILINE)[1:]:
         lines = text.rstrip("\n").split("\n")
         end = 1
@@ -185,7 +188,8 @@ def _run(command: str) -> int:
 
 
 def _assert_printed(shown: list[str], printed: str, command: str) -> None:
-    """Every line shown was printed, in this order, but for the number of blanks; one that ends in ... as a beginning."""
+    """Every line shown was printed, in this order, but for the number of blanks; one that ends in ... as a
+    beginning."""
     rest = iter([_plain(line) for line in printed.splitlines()])
     for line in shown:
         wanted = _plain(line)

@@ -1,4 +1,5 @@
-"""Motors that hide one thing each: it is found first, at its size where that can be compared; and healthy ones stay silent.
+"""Motors that hide one thing each: it is found first, at its size where that can be compared; and healthy ones stay
+silent.
 
 The shipped campaign hides a conductance; `replay/test_diagnose.py` asks for that one through the verb.
 """

@@ -1,4 +1,5 @@
-"""The independent truth is sound: it conserves energy, is resolved, repeats, and hides what it says and nothing else."""
+"""The independent truth is sound: it conserves energy, is resolved, repeats, and hides what it says and nothing
+else."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""The numbers between a log and a run's digest have the same bits on every processor, or a run would not verify on another one."""
+"""The numbers between a log and a run's digest have the same bits on every processor, or a run would not verify on
+another one."""
 
 from __future__ import annotations
 
@@ -60,7 +61,8 @@ def changing(tree: ast.AST) -> list[str]:
 
 
 def _exact(node: ast.BinOp | ast.AugAssign) -> bool:
-    """A square, which numpy and Python multiply; or powers of whole numbers and of two, of which every one is a number."""
+    """A square, which numpy and Python multiply; or powers of whole numbers and of two, of which every one is a
+    number."""
     exponent = node.right if isinstance(node, ast.BinOp) else node.value
     if isinstance(exponent, ast.Constant) and exponent.value == 2:
         return True
@@ -105,7 +107,8 @@ def compiled(x):
 random = np.random.default_rng(3)
 a, b = random.normal(0.0, 300.0, 20_000), random.normal(0.0, 300.0, 20_000)
 derived = parse("hypot(a, b) / sqrt(2) + abs(a)**1.3 + abs(b)**(a / 300)").evaluate({"a": a, "b": b})
-laws = evaluate((Monomial((("speed", 1.6),)), Monomial((("current", 0.8), ("speed", 2.0)))), {"speed": a, "current": b}, a.size)
+products = Monomial((("speed", 1.6),)), Monomial((("current", 0.8), ("speed", 2.0)))
+laws = evaluate(products, {"speed": a, "current": b}, a.size)
 factors = [State(1.0, x / 1000, 0.0, 0.0, 0.0, 0.0).factor for x in a[:200]]
 rest = [*factors, compiled(a / 100.0), *lagged_means(b, 3.0, 0.5)]
 print(hashlib.sha256(np.concatenate([derived, laws.ravel(), rest]).tobytes()).hexdigest())

@@ -88,8 +88,8 @@ NUMBER = r"(?<![\w.])\d[\d,]*(?:\.\d+)?(?![\w.]*\w)"  # not those in an id, a cl
 
 
 def _not_printed(quoted: list[str], printed: list[str]) -> list[str]:
-    """The quoted lines that do not come in `printed` in this order, blanks aside: words equal, numbers to within 2 % or one
-    in the last digit, as far as processors may differ."""
+    """The quoted lines that do not come in `printed` in this order, blanks aside: words equal, numbers to within 2 %
+    or one in the last digit, as far as processors may differ."""
     rest, lost = iter(printed), []
     for line in quoted:
         if not any(_alike(line, other) for other in rest):

@@ -148,7 +148,8 @@ def test_before_the_first_assessment_a_view_is_empty(shared_store: Store, view: 
 def test_conductivity_is_told_check_after_check(assessed: Store) -> None:
     rows = ask(
         assessed,
-        "SELECT specimen, batch, number, session_name, start, dose_h, equivalent_low_h, equivalent_high_h, conductivity_percent, "
+        "SELECT specimen, batch, number, session_name, start, dose_h, equivalent_low_h, "
+        "equivalent_high_h, conductivity_percent, "
         "resistance_K_per_W, sd_K_per_W, source, hottest_channel, hottest_degC, assessment FROM conductivity_by_cycle",
     )
     assert [row[:3] for row in rows] == [("S1", "B1", n) for n in range(4)] + [("S2", "B1", n) for n in range(3)] + [
@@ -182,7 +183,8 @@ def test_batches_that_stand_out_come_first(assessed: Store) -> None:
 def test_only_the_latest_assessment_is_shown_and_an_earlier_one_as_of_its_event(assessed: Store) -> None:
     before = str(assessed.ledger.head().position)
     assess(assessed, "a2", checks=CHECKS[:1], specimens=SPECIMENS[:1], batches=[])
-    latest = "SELECT (SELECT count(*) FROM conductivity_by_cycle), (SELECT count(*) FROM life_used), (SELECT count(*) FROM batches)"
+    counts = (f"(SELECT count(*) FROM {view})" for view in ("conductivity_by_cycle", "life_used", "batches"))
+    latest = f"SELECT {', '.join(counts)}"
     assert ask(assessed, latest) == [(1, 1, 0)]
     assert ask(assessed, latest, before) == [(8, 3, 2)]
     assess(assessed, "a1", checks=CHECKS, specimens=SPECIMENS, batches=BATCHES)  # asked again, it is the latest
@@ -240,7 +242,8 @@ def questioned(assessed: Store) -> Store:
     numbers = {"log_change": 0.1, "sd": 0.02, "prior_sd": 0.4, "held": False}
     parameters = [{"name": "winding-teeth", "unit": "W/K", "before": 40.0, "value": 36.0, **numbers}]
     calibration = CalibrationCompleted(
-        calibration="c1", sessions=["1_s1-id"], parent="m" * 64, model="n" * 64, motor="reference", level="testing", key={},
+        calibration="c1", sessions=["1_s1-id"], parent="m" * 64, model="n" * 64, motor="reference", level="testing",
+        key={},
         environment={}, converged=True, iterations=3, log_posterior=0.0, parameters=parameters, errors=[],
     )  # fmt: skip
     assessed.ledger.append("calibration-c1", calibration)

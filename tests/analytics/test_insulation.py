@@ -1,4 +1,5 @@
-"""`cycles`, `dc_checks` and `insulation_checks` on sessions made by hand, whose hours, doses and resistances are known."""
+"""`cycles`, `dc_checks` and `insulation_checks` on sessions made by hand, whose hours, doses and resistances are
+known."""
 
 from __future__ import annotations
 
@@ -78,7 +79,8 @@ def add(store: Store) -> Add:
         store.ledger.append(
             f"file-{raw}",
             DecodeCompleted(
-                decode=decode, raw=raw, bench=None, databases=[], decoder="1", outcome="decoded", why=None, balance=balance,
+                decode=decode, raw=raw, bench=None, databases=[], decoder="1", outcome="decoded", why=None,
+                balance=balance,
                 groups=[{"name": "rows", "file": "rows.parquet"}], channels=channels,
                 absolute=absolute, start_ns=first, end_ns=last,
             ),
@@ -108,7 +110,8 @@ def test_the_resistance_is_the_rise_from_iron_to_copper_over_the_power(store: St
     add("check", "dc_check", 0.0, CHECK)
     rows = ask(
         store,
-        "SELECT resistance_K_per_W, copper_degC, iron_degC, power_W, drift_percent, load_s, why_no_resistance, power_from FROM dc_checks",
+        "SELECT resistance_K_per_W, copper_degC, iron_degC, power_W, drift_percent, load_s, why_no_resistance, "
+        "power_from FROM dc_checks",
     )
     assert rows == [(0.04, 100.0, 60.0, 1000.0, 0.0, 2350.0, None, "power")]
 
@@ -167,7 +170,8 @@ BREAK = ("power", None, np.where((T_s < 60) | (T_s == 1500), 0.0, 1000.0))
             {"I": ("current", None, np.full(STEPS, 160.0)), "EW": COPPER, "TC": IRON},
             "neither power nor voltage is recorded",
         ),
-        (CHECK | {"P": ("power", None, np.where(T_s >= 1500, 1000.0, 0.0))}, "loaded for 15.1 min without a break, 20 min are needed"),
+        (CHECK | {"P": ("power", None, np.where(T_s >= 1500, 1000.0, 0.0))},
+            "loaded for 15.1 min without a break, 20 min are needed"),
         (CHECK | {"P": BREAK}, "loaded for 15.0 min without a break, 20 min are needed"),
         (CHECK | {"EW": RISES}, "not steady: changes by 5.9 % in 10 min, 1 % is allowed"),
         (CHECK | {"EW": ("temperature", "winding", IRON[2])}, "copper is not warmer than iron"),
@@ -332,7 +336,8 @@ def test_a_table_of_evaluated_checks_is_a_row_a_check(store: Store, add: Add) ->
     add("log", "dc_check", 0.0, CHECK)
     rows = ask(
         store,
-        "SELECT name, start IS NULL, dose_h, resistance_K_per_W, why_no_resistance, why_no_dose, power_from, record FROM dc_checks",
+        "SELECT name, start IS NULL, dose_h, resistance_K_per_W, why_no_resistance, why_no_dose, "
+        "power_from, record FROM dc_checks",
     )
     assert rows == [
         ("log", False, 0.0, 0.04, None, None, "power", None),
@@ -365,7 +370,8 @@ def test_an_insulation_check_is_one_row_with_the_worst_of_its_channels(store: St
     add("megger", "insulation_check", 3.0, columns, step_s=60.0, ignored=("old",))
     rows = ask(
         store,
-        "SELECT specimen, dose_h, insulation_resistance_ohm, polarisation_index, capacitance_F, tan_delta, inception_voltage_V, "
+        "SELECT specimen, dose_h, insulation_resistance_ohm, polarisation_index, capacitance_F, "
+        "tan_delta, inception_voltage_V, "
         "temperature_degC, why_no_dose FROM insulation_checks",
     )
     assert rows == [("stator-07", 1.0, 2.5e9, 3.1, 5e-9, 0.008, 1300.0, 25.0, None)]
@@ -387,8 +393,10 @@ def test_the_macros_are_the_rules_of_an_assessment(store: Store, degC: float) ->
 
 
 def test_the_macros_take_decimals_and_whole_numbers_of_any_type_and_null(store: Store) -> None:
-    sql = "SELECT equivalent_hours(230::DECIMAL(6, 2), 300::SMALLINT, 180, 0.9), equivalent_hours_10K(230, 300, 180), " \
-          "equivalent_hours(NULL, 1, 180, 1)"  # fmt: skip
+    sql = (
+        "SELECT equivalent_hours(230::DECIMAL(6, 2), 300::SMALLINT, 180, 0.9), equivalent_hours_10K(230, 300, 180), "
+        "equivalent_hours(NULL, 1, 180, 1)"
+    )
     ((arrhenius, rule, nothing),) = ask(store, sql)
     assert (round(arrhenius), rule, nothing) == (2963, 9600.0, None)
 

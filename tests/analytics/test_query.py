@@ -40,7 +40,10 @@ def connection(shared_store: Store) -> Iterator[duckdb.DuckDBPyConnection]:
         "SELECT a.name FROM sessions AS a POSITIONAL JOIN sessions AS b",
         "SELECT name, key, value FROM sessions, json_each(attributes)",
         "SELECT * FROM (SELECT channel, value FROM samples) PIVOT (max(value) FOR channel IN ('speed')) , range(3)",
-        "SELECT session_name, row_number() OVER (PARTITION BY session ORDER BY t_s) AS n FROM samples QUALIFY n = 1 AND t_s = 0",
+        (
+            "SELECT session_name, row_number() OVER (PARTITION BY session ORDER BY t_s) AS n FROM samples "
+            "QUALIFY n = 1 AND t_s = 0"
+        ),
     ],
 )
 def test_every_way_to_read_is_open(connection: duckdb.DuckDBPyConnection, sql: str) -> None:
@@ -64,7 +67,8 @@ def test_the_views_explain_themselves(connection: duckdb.DuckDBPyConnection, sql
     assert shows in str(run(connection, sql).rows)
 
 
-# {outside}: a file beside the store; {inside}: the folder of a decode, {raw}: a Parquet file in it; {db}: another database.
+# {outside}: a file beside the store; {inside}: the folder of a decode, {raw}: a Parquet file in it; {db}: another
+# database.
 ESCAPES = [
     "SELECT * FROM read_csv('/etc/passwd')",
     "SELECT * FROM read_csv_auto('/etc/passwd', header = false)",

@@ -144,8 +144,11 @@ def test_an_empty_store_has_all_views_without_rows(tmp_path: Path) -> None:
 
 
 def test_every_view_column_and_macro_is_explained(shared_store: Store) -> None:
-    silent = ask(shared_store, "SELECT table_name, column_name FROM duckdb_columns() WHERE schema_name = 'main' AND NOT internal "
-                        "AND database_name = 'warehouse' AND comment IS NULL")  # fmt: skip
+    silent = ask(
+        shared_store,
+        "SELECT table_name, column_name FROM duckdb_columns() WHERE schema_name = 'main' AND NOT internal "
+        "AND database_name = 'warehouse' AND comment IS NULL",
+    )
     assert silent == []
     views = ask(
         shared_store, "SELECT view_name, comment FROM duckdb_views() WHERE schema_name = 'main' AND NOT internal"

@@ -24,7 +24,8 @@ ASKED = ("diagnose", "--on", *LEARN, "--hold-out", *KEEP)
 
 @dataclass(frozen=True)
 class DiagnosedCampaign:
-    """The store, its answer in JSON, and what the answer was made from: the fit without and with the cause, and the kept tests."""
+    """The store, its answer in JSON, and what the answer was made from: the fit without and with the cause, and the
+    kept tests."""
 
     store: Path
     answer: Mapping[str, Any]

@@ -192,7 +192,8 @@ OBSERVED = {  # quantity -> what it needs beside
 
 
 def observed(quantity: str, more: str) -> str:
-    return f'[[channel]]\nsignal = "Speed"\nquantity = "{quantity}"\nunit = "{STORED_UNIT[quantity]}"\nrole = "observed"\n{more}'
+    unit = STORED_UNIT[quantity]
+    return f'[[channel]]\nsignal = "Speed"\nquantity = "{quantity}"\nunit = "{unit}"\nrole = "observed"\n{more}'
 
 
 @pytest.mark.parametrize("quantity", sorted(bench_module.OBSERVABLE))
@@ -365,7 +366,10 @@ ENTRY = '[[channel]] 1 (signal "MAG_1")'
         (
             TomlError,
             CHANNEL + 'specimen = "x"',
-            f'bench.toml:6: {ENTRY}: key "specimen" does not belong here: it stands above the first [table] of the file.',
+            (
+                f'bench.toml:6: {ENTRY}: key "specimen" does not belong here: it stands above the first [table] of the '
+                "file."
+            ),
         ),
         (
             TomlError,
@@ -463,12 +467,18 @@ DERIVED = '[[derived]]\nname = "i"\nquantity = "current"\nunit = "A"\nexpression
         (
             BenchFileError,
             DERIVED.replace('"i"', '"Speed"'),
-            'bench.toml:2: derived channel "Speed" has the name of a signal in the log, Speed (bench.dbc, Motor). Give it another',
+            (
+                'bench.toml:2: derived channel "Speed" has the name of a signal in the log, Speed (bench.dbc, Motor). '
+                "Give it another"
+            ),
         ),
         (
             BenchFileError,
             DERIVED.replace('"IdFbk"', '"T + 1"'),
-            'signal "T" in the expression of "i" is not unique: can1:A.T, can1:B.T, can2:A.T. Write one of these in backquotes.',
+            (
+                'signal "T" in the expression of "i" is not unique: can1:A.T, can1:B.T, can2:A.T. '
+                "Write one of these in backquotes."
+            ),
         ),
     ],
 )
@@ -484,7 +494,10 @@ def test_a_derived_channel_that_cannot_be_is_refused_at_its_line(kind: type[Inge
         ("{}", "weights must be numbers above 0"),
         (
             "{A = 1.0}",
-            'node must be a name of lower-case letters, digits and _ that begins with a letter, in quotes, found the text "A"',
+            (
+                "node must be a name of lower-case letters, digits and _ that begins with a letter, in quotes, "
+                'found the text "A"'
+            ),
         ),
         ("[1.0]", "weights must be numbers by name"),
     ],

@@ -144,7 +144,10 @@ def test_a_place_leads_to_the_channels_that_go_by_it(cause: str, channels: list[
         (
             "sensor.yoke.bias",
             1,
-            'no channel measures "yoke". There are: ambient, ambient@Room, coolant, coolant@Inlet, endwinding_a, endwinding_a@EW_gap, magnet,',
+            (
+                'no channel measures "yoke". There are: ambient, ambient@Room, coolant, coolant@Inlet, endwinding_a, '
+                "endwinding_a@EW_gap, magnet,"
+            ),
         ),
         ("boundary.coolent.bias", 1, 'no channel measures "coolent". Nearest: coolant.'),
         ("input.currnt.gain", 1, 'no input gives "currnt". Nearest: current.'),

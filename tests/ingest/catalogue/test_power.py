@@ -73,7 +73,8 @@ def test_torque_or_power_of_the_wrong_sign_is_named(power: NDArray[np.float64], 
 def test_torque_of_the_wrong_scale_is_named_with_the_ratio() -> None:
     found = balanced(machine(SHAFT / 0.9, torque=TORQUE * 1.3))
     assert found.says == (
-        f"loss is below zero for {100 * found.impossible_share:.0f} % of the time under load: the shaft gives 1.17 times the "
+        f"loss is below zero for {100 * found.impossible_share:.0f} % of the time under load: "
+        "the shaft gives 1.17 times the "
         "electrical power while driving: check scale, unit and convention of torque and power"
     )
 

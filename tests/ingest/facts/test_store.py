@@ -108,7 +108,8 @@ def test_where_there_is_no_store_none_is_made_unasked(tmp_path: Path, write: boo
     with pytest.raises(StoreError) as caught:
         Store.open(folder, write=write)
     assert str(caught.value) == (
-        f"{folder}: there is no store here: `whyhot ingest FILE...` makes one, --store DIR or WHYHOT_STORE names another"
+        f"{folder}: there is no store here: `whyhot ingest FILE...` makes one, "
+        "--store DIR or WHYHOT_STORE names another"
     )
     assert not folder.exists()
 

@@ -69,7 +69,8 @@ with Store.open(folder, create=True) as store:
     put(store, "last")
 there = names()
 print(json.dumps({
-    "acknowledged": len(acknowledged), "lost": lost, "doubled": len(there) - len(set(there)), "found": found + findings(),
+    "acknowledged": len(acknowledged), "lost": lost, "doubled": len(there) - len(set(there)),
+    "found": found + findings(),
     "unasked": len(there) - 1 - len(acknowledged), "tmp": len(list((folder / "tmp").iterdir())),
 }))
 """

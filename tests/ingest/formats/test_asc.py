@@ -217,7 +217,8 @@ def test_a_packed_log_that_is_cut_keeps_what_comes_before(tmp_path: Path) -> Non
     log, frames = read(path)
     assert 500 < len(frames) < 1500
     assert log.cut == (
-        f"ends inside its packed contents at byte {len(packed) // 2:,}: {len(frames):,} frames were read and kept{COPY_AGAIN}"
+        f"ends inside its packed contents at byte {len(packed) // 2:,}: "
+        f"{len(frames):,} frames were read and kept{COPY_AGAIN}"
     )
 
 

@@ -223,7 +223,8 @@ def test_a_cut_file_says_where_and_how_much_is_missing(tmp_path: Path) -> None:
     kept = log.found - len(log.rejected)
     assert len(frames) == kept
     assert log.cut == (
-        f"ends inside a container at byte 20,000 of {len(whole):,}: {kept:,} of about 2,000 frames were read and kept{COPY_AGAIN}"
+        f"ends inside a container at byte 20,000 of {len(whole):,}: "
+        f"{kept:,} of about 2,000 frames were read and kept{COPY_AGAIN}"
     )
 
 

@@ -293,7 +293,8 @@ def test_a_table_without_time_is_refused_with_both_ways_out(tmp_path: Path) -> N
     with pytest.raises(UnreadableLogError) as refused:
         read(path)
     assert str(refused.value) == (
-        "id_0.csv: no column is recognised as its time. Under [time] of the bench file say rate_hz = 1.0 (rows at a fixed "
+        "id_0.csv: no column is recognised as its time. "
+        "Under [time] of the bench file say rate_hz = 1.0 (rows at a fixed "
         'rate), or column = "..." with format or unit.'
     )
 
@@ -470,9 +471,10 @@ def test_german_and_italian_stamps_are_recognised(tmp_path: Path, stamp: str, en
 @pytest.mark.parametrize(
     ("names", "month"),
     [
-        ("gen Jan January gennaio Januar Jänner", 1), ("feb Februar febbraio", 2), ("mar März Mrz Maerz marzo", 3), ("apr aprile", 4),
-        ("mag Mai May maggio", 5), ("giu Juni June giugno", 6), ("lug Juli July luglio", 7), ("ago Aug August agosto", 8),
-        ("set Sep September settembre", 9), ("ott Okt Oct ottobre", 10), ("nov November novembre", 11), ("dic Dez Dec", 12),
+        ("gen Jan January gennaio Januar Jänner", 1), ("feb Februar febbraio", 2), ("mar März Mrz Maerz marzo", 3),
+        ("apr aprile", 4), ("mag Mai May maggio", 5), ("giu Juni June giugno", 6), ("lug Juli July luglio", 7),
+        ("ago Aug August agosto", 8), ("set Sep September settembre", 9), ("ott Okt Oct ottobre", 10),
+        ("nov November novembre", 11), ("dic Dez Dec", 12),
     ],
 )  # fmt: skip
 def test_months_have_german_italian_and_english_names(tmp_path: Path, names: str, month: int) -> None:

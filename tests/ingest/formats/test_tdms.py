@@ -202,9 +202,12 @@ def test_values_that_outlast_the_stamps_of_their_group_are_rejected(tmp_path: Pa
 @pytest.mark.parametrize(
     ("spec", "says"),
     [
-        (TimeSpec(), "no channel says its time (wf_increment), and none holds it. Under [time] of the bench file say rate_hz"),
-        (TimeSpec(column="clok", unit="s"), 'column = "clok" under [time] of the bench file is no channel of the file. Nearest: clock.'),
-        (TimeSpec(column="note"), 'column = "note" under [time] of the bench file holds text: name a channel of stamps'),
+        (TimeSpec(),
+            "no channel says its time (wf_increment), and none holds it. Under [time] of the bench file say rate_hz"),
+        (TimeSpec(column="clok", unit="s"),
+            'column = "clok" under [time] of the bench file is no channel of the file. Nearest: clock.'),
+        (TimeSpec(column="note"),
+            'column = "note" under [time] of the bench file holds text: name a channel of stamps'),
         (TimeSpec(column="clock", unit="d"), 'unit = "d" under [time] of the bench file is no unit of time.'),
         (TimeSpec(rate_hz=0.0), "rate_hz = 0 under [time] of the bench file is not above 0."),
     ],
@@ -309,8 +312,8 @@ def test_a_file_that_is_cut_in_its_values_keeps_those_before(segments: tuple[Pat
     log, _, columns = read(path)
     assert columns["x"] == list(range(289))
     assert log.cut == (
-        f"ends at byte {len(whole) - 84:,}, inside a segment: 289 rows were read and kept; copy the file again if the "
-        "original is whole."
+        f"ends at byte {len(whole) - 84:,}, inside a segment: 289 rows were read and kept; "
+        "copy the file again if the original is whole."
     )
 
 
@@ -338,8 +341,8 @@ def test_a_damaged_segment_ends_what_is_read(
     log, _, columns = read(path)
     assert columns["x"] == list(range(50 * segment))
     assert log.cut == (
-        f"is damaged at byte {starts[segment]:,}: {50 * segment} rows were read and kept; copy the file again if the "
-        "original is whole."
+        f"is damaged at byte {starts[segment]:,}: {50 * segment} rows were read and kept; "
+        "copy the file again if the original is whole."
     )
 
 

@@ -1,4 +1,5 @@
-"""Photographs and other files with a finding: sealed once, on the specimen's time line, and checked like every sealed byte."""
+"""Photographs and other files with a finding: sealed once, on the specimen's time line, and checked like every sealed
+byte."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""The child process: what it gives back, and that nothing it does or suffers reaches the parent as anything but one line."""
+"""The child process: what it gives back, and that nothing it does or suffers reaches the parent as anything but one
+line."""
 
 import base64
 import json
@@ -245,8 +246,8 @@ def test_a_reader_that_crashes_is_one_line_not_a_traceback() -> None:
     err = b"Traceback (most recent call last):\n  File ...\nKeyError: 'size'\n"
     line = reading._ended("log.blf", 1, err, Limits())
     assert line == (
-        "log.blf: the reader ended with exit code 1 (KeyError: 'size'). This is a defect of the reader: report it with "
-        "the file."
+        "log.blf: the reader ended with exit code 1 (KeyError: 'size'). This is a defect of the reader: "
+        "report it with the file."
     )
     assert "ended with signal 11." in reading._ended("log.blf", -signal.SIGSEGV, b"", Limits())
     assert "was stopped after 60 s" in reading._ended("log.blf", -signal.SIGXCPU, b"", Limits())

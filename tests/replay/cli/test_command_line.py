@@ -94,7 +94,8 @@ def test_a_residual_is_followed_back_to_its_frame(bench: Path, capsys: pytest.Ca
     query = """
         SELECT r.first_record, s.value, r.measured_degC FROM residuals r
         JOIN samples s ON s.file_id = r.file_id AND s.record = r.first_record AND s.channel = r.channel
-        WHERE r.session_name = '1_s1' AND r.channel = 'TC_magnet' AND r.first_record = r.last_record ORDER BY r.t_ns LIMIT 50
+        WHERE r.session_name = '1_s1' AND r.channel = 'TC_magnet' AND r.first_record = r.last_record
+        ORDER BY r.t_ns LIMIT 50
     """
     main(["replay", "1_s1", "--store", str(bench / "store")])
     capsys.readouterr()

@@ -232,7 +232,7 @@ def test_laws_that_stand_twice_at_a_place_are_told_apart() -> None:
     assert names[-5:-3] == ["loss.winding.current2", "loss.winding.current2#2"]
 
 
-# --- Columns of networks that nobody drew by hand ---------------------------------------------------------------------------
+# --- Columns of networks that nobody drew by hand --------------------------------------------------------------------
 
 
 def _any_test(network: Network, frame: Frame) -> Test:

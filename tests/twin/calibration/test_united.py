@@ -1,4 +1,5 @@
-"""Tests of several rigs of one motor in one fit: each runs as on its own network, and all of them teach the same coefficients."""
+"""Tests of several rigs of one motor in one fit: each runs as on its own network, and all of them teach the same
+coefficients."""
 
 from __future__ import annotations
 
@@ -27,7 +28,8 @@ Floats = NDArray[np.float64]
 
 MOTOR = Network(
     "motor",
-    tuple(Node(name, 300.0 * (i + 2), "other") for i, name in enumerate(("winding", "yoke", "magnet", "jacket_1", "jacket_2"))),
+    tuple(Node(name, 300.0 * (i + 2), "other")
+        for i, name in enumerate(("winding", "yoke", "magnet", "jacket_1", "jacket_2"))),
     (Boundary("coolant"), Boundary("air")),
     (
         Link("winding", "yoke", (Term(8.0),)),
@@ -71,7 +73,8 @@ def _recorded(motor: Network, rig: str | None, seed: int = 1, steps: int = 1600)
     edges = simulate(compile_indexed(network), Frame(1.0, columns, around), start)
     always, middle = np.ones(steps), np.full(steps, 0.5)
     channels = tuple(
-        Channel(f"{node}_1", "can1", Output({node: 1.0}, 0.0, always, middle), (edges[:-1, i] + edges[1:, i]) / 2, 0.02, 0.0, 0.0)
+        Channel(f"{node}_1", "can1", Output({node: 1.0}, 0.0, always, middle),
+            (edges[:-1, i] + edges[1:, i]) / 2, 0.02, 0.0, 0.0)
         for i, node in enumerate(("winding", "yoke"))
     )  # fmt: skip
     taken = Meter("heat", "can1", "W", Output({}, 0.0, always, middle), np.full(steps, 90.0), 1.0, 0.0, 0.0, 0.0, 0)

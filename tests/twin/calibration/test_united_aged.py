@@ -1,4 +1,5 @@
-"""Tests of an ageing specimen in one fit: each runs as on its own aged network, and all teach the coefficient of the new one."""
+"""Tests of an ageing specimen in one fit: each runs as on its own aged network, and all teach the coefficient of the
+new one."""
 
 from __future__ import annotations
 

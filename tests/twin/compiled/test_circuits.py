@@ -130,7 +130,7 @@ def test_a_table_is_linear_between_its_knots_and_constant_beyond(at: float) -> N
         assert between(at, knots, values)[1] == pytest.approx(slope, abs=1e-9)
 
 
-# --- A channel: 300 W into fluid that runs through two nodes ----------------------------------------------------------------
+# --- A channel: 300 W into fluid that runs through two nodes ---------------------------------------------------------
 
 
 PER_K_W = 850.0 * 2000.0 * 4.0 / 60_000  # what 4 l/min of the oil carries

@@ -136,7 +136,7 @@ def test_columns_and_priors_that_do_not_fit_are_refused() -> None:
         score(v, e0, projector, np.array([1.0, 0, 1, 1, 1]), np.zeros(5))
 
 
-# --- Told apart and probabilities -------------------------------------------------------------------------------------------
+# --- Told apart and probabilities ------------------------------------------------------------------------------------
 
 
 def test_the_expected_separation_is_the_lead_that_noise_free_data_give() -> None:

@@ -1,4 +1,5 @@
-"""What files can say of a fit: the conditional mode against brute force, shares of sensors, and slopes as one node's line."""
+"""What files can say of a fit: the conditional mode against brute force, shares of sensors, and slopes as one node's
+line."""
 
 from __future__ import annotations
 

@@ -34,7 +34,7 @@ INITIAL = np.array([60.0, 50.0, 55.0, 45.0])
 NOISE = ChannelNoise(ar_sd=0.03, ar_tau_s=60.0, ou_sd=0.05, ou_tau_s=600.0)
 
 
-# --- Classes, on made scores ------------------------------------------------------------------------------------------------
+# --- Classes, on made scores -----------------------------------------------------------------------------------------
 
 
 def _candidate(text: str) -> Candidate:
@@ -91,7 +91,7 @@ def test_probabilities_are_those_of_the_posterior_with_the_unknown_in_it() -> No
     assert answer.probability < told_apart(found, found.candidates[0], -5.0).probability
 
 
-# --- The next test, on a motor that only ran at one speed -------------------------------------------------------------------
+# --- The next test, on a motor that only ran at one speed ------------------------------------------------------------
 
 
 def _drive(duration_s: float) -> made.Drive:

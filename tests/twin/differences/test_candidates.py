@@ -246,7 +246,7 @@ def test_prior_mass_covers_all_of_them(candidates: tuple[Candidate, ...]) -> Non
     assert prior_masses([c.cause for c in candidates]).sum() == pytest.approx(0.4)
 
 
-# --- Other motors and benches -----------------------------------------------------------------------------------------------
+# --- Other motors and benches ----------------------------------------------------------------------------------------
 
 
 def test_on_one_bus_no_clock_can_be_wrong_and_on_two_only_their_difference_shows() -> None:

@@ -1,4 +1,5 @@
-"""What a healthy motor may do: each difference once, with a prior, moving something, and nothing that is already there."""
+"""What a healthy motor may do: each difference once, with a prior, moving something, and nothing that is already
+there."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""The filter agrees with filterpy on the reference motor, keeps its covariance positive and finds a heat that is there."""
+"""The filter agrees with filterpy on the reference motor, keeps its covariance positive and finds a heat that is
+there."""
 
 from __future__ import annotations
 
@@ -331,7 +332,8 @@ def test_a_hidden_heat_is_found_within_its_band(network: Network, inputs: Frame)
 
 
 def test_a_wrong_coefficient_and_a_hidden_heat_are_found_together(network: Network, inputs: Frame) -> None:
-    """The link from rotor surface to magnets is 30 % weaker than its file says, the teeth lose 20 % more, and there is a heat."""
+    """The link from rotor surface to magnets is 30 % weaker than its file says, the teeth lose 20 % more, and there
+    is a heat."""
     link, loss = "conductance.rotor_surface-teeth.scale", "loss.teeth.scale"
     links = [
         replace(k, terms=tuple(replace(t, coefficient=0.7 * t.coefficient) for t in k.terms))
@@ -355,7 +357,8 @@ def test_a_wrong_coefficient_and_a_hidden_heat_are_found_together(network: Netwo
 
 
 def test_the_error_of_a_sensor_is_told_from_heat_by_the_others(network: Network, inputs: Frame) -> None:
-    """Two sensors at the teeth, one 2 K too high: with the error an unknown, the teeth and the hidden heat are as without it."""
+    """Two sensors at the teeth, one 2 K too high: with the error an unknown, the teeth and the hidden heat are as
+    without it."""
     hot = simulate(indexed(with_heat(network, HEAT_W)), inputs, start(network).temperatures)
     good = readings(network, inputs, hot)
     wrong = replace(good[3], channel="second", value=good[3].value + 2.0)

@@ -105,7 +105,8 @@ def test_it_is_the_whole_gaussian_written_out(
 
 
 def test_it_agrees_with_filterpy_where_nothing_changes(make_network: Any, make_frame: Any) -> None:
-    """Without inputs the network is x' = F x, the one case in which filterpy's smoother is right in both of its forms."""
+    """Without inputs the network is x' = F x, the one case in which filterpy's smoother is right in both of its
+    forms."""
     network, inputs, start, channels = small(make_network, make_frame, steps=60)
     inputs = Frame(inputs.step_s, np.zeros_like(inputs.features), np.zeros_like(inputs.boundaries))
     unknowns = [UnknownHeat("n2", 40.0, 5.0)]

@@ -1,4 +1,5 @@
-"""The unscented filter agrees with filterpy's, is the extended one where heats are linear, and bends where they are not."""
+"""The unscented filter agrees with filterpy's, is the extended one where heats are linear, and bends where they are
+not."""
 
 from __future__ import annotations
 
@@ -43,7 +44,8 @@ def case(make_network: Any, make_frame: Any, linear: bool) -> tuple[Network, Fra
 
 @pytest.mark.parametrize("linear", [True, False])
 def test_it_agrees_with_filterpy(linear: bool, make_network: Any, make_frame: Any) -> None:
-    """filterpy keeps the points of the prediction for the reading, from before the noise of the step: they are drawn anew here."""
+    """filterpy keeps the points of the prediction for the reading, from before the noise of the step: they are drawn
+    anew here."""
     network, inputs, start, channels = case(make_network, make_frame, linear)
     ours = filter_unscented(network, inputs, start, MIXED, channels)
     of = inputs_of(network, inputs, start, MIXED, channels)
@@ -95,7 +97,8 @@ def test_where_heats_are_linear_it_is_the_extended_filter(make_network: Any, mak
 
 
 def test_a_wide_factor_moves_the_mean_as_quadrature_says(make_network: Any, make_frame: Any) -> None:
-    """Without readings the mean of exp(p) over p is above 1: the extended filter does not see that, the unscented does."""
+    """Without readings the mean of exp(p) over p is above 1: the extended filter does not see that, the unscented
+    does."""
     network, inputs, start, _ = case(make_network, make_frame, linear=True)
     start = replace(start, sd=np.full(5, 1e-6), walk_K=0.0)
     source = network.sources[0].node

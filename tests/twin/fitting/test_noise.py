@@ -84,7 +84,7 @@ def test_the_floor_is_white_and_autoregressive_noise_or_half_of_what_two_repeats
     assert repeat_floor_variance(first, second) == pytest.approx(0.04, rel=0.05)
 
 
-# --- Restricted maximum likelihood ------------------------------------------------------------------------------------------
+# --- Restricted maximum likelihood -----------------------------------------------------------------------------------
 
 
 def _campaign(seed: int, noises: dict[str, ChannelNoise], parameters: int = 12) -> list[Observed]:
@@ -116,7 +116,8 @@ def test_planted_variances_are_recovered_over_seeds_with_the_parameters_integrat
 
 
 def test_parameters_are_not_taken_for_noise_nor_noise_for_parameters() -> None:
-    """A least-squares residual has lost what the parameters took: its variance is too small, the restricted one is not."""
+    """A least-squares residual has lost what the parameters took: its variance is too small, the restricted one is
+    not."""
     planted = {"teeth": ChannelNoise(0.1, 60.0, 0.25, 600.0)}
     many, few = [], []
     for seed in range(3):

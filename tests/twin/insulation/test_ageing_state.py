@@ -24,7 +24,8 @@ def course(doses: tuple[float, ...], seed: int = 3) -> list[Check]:
 
 
 def conditioned(checks: list[Check], law: Ageing, upto: int) -> tuple[Floats, Floats]:
-    """Mean and covariance of (g at each of the checks, r) given the first `upto` checks, m eliminated by differences."""
+    """Mean and covariance of (g at each of the checks, r) given the first `upto` checks, m eliminated by
+    differences."""
     size = len(checks)
     dose = np.array([check.dose_h for check in checks])
     counts = np.array([law.counting_100h(0.0, d) for d in dose])

@@ -1,4 +1,5 @@
-"""The insulation over checks of a stator that another solver ran: three lumps, its own film, a motor file that is wrong."""
+"""The insulation over checks of a stator that another solver ran: three lumps, its own film, a motor file that is
+wrong."""
 
 from __future__ import annotations
 
@@ -43,8 +44,8 @@ NETWORK = Network(
 
 @cache
 def check(resistance: float, emissivity: float, air_degC: float, noise: int) -> Test:
-    """One check of a stator with other conductances than the file's and a film that grows with the cube root of the excess;
-    `resistance` of its slots over 1 / 30 K/W."""
+    """One check of a stator with other conductances than the file's and a film that grows with the cube root of the
+    excess; `resistance` of its slots over 1 / 30 K/W."""
     capacity = np.array([950.0, 1600.0, 6300.0])
     surface = np.array([0.0, 0.12, 0.13])
 

@@ -32,7 +32,8 @@ STATOR = Configuration(
 )
 MOTOR = Network(
     "motor",
-    tuple(Node(name, 100.0 * (i + 1), "other") for i, name in enumerate(("winding", "yoke", "magnet", "jacket_1", "jacket_2"))),
+    tuple(Node(name, 100.0 * (i + 1), "other")
+        for i, name in enumerate(("winding", "yoke", "magnet", "jacket_1", "jacket_2"))),
     (Boundary("coolant"), Boundary("air")),
     (
         Link("winding", "yoke", (Term(12.0),)),
@@ -106,9 +107,11 @@ def test_an_unknown_configuration_is_refused_with_those_there_are() -> None:
 FOLLOWS = Link("winding", "yoke", (Term(1.0, temperature=TemperatureFactor("magnet", 0.1, 20.0)),))
 REFUSED: dict[str, tuple[Configuration, type[NetworkError], str]] = {
     "name": (Configuration("Dry"), BadNameError, 'configuration "Dry": a name begins with a-z'),
-    "unknown": (Configuration("x", ("magnt",)), UnknownNodeError, 'remove: there is no node or boundary "magnt": did you mean "magnet"'),
+    "unknown": (Configuration("x", ("magnt",)), UnknownNodeError,
+        'remove: there is no node or boundary "magnt": did you mean "magnet"'),
     "twice": (Configuration("x", ("magnet", "magnet")), DuplicateError, 'remove: "magnet" stands there twice'),
-    "cut off": (Configuration("x", ("jacket_1", "jacket_2")), CutOffError, 'configuration "x": node "winding": no path of links'),
+    "cut off": (Configuration("x", ("jacket_1", "jacket_2")), CutOffError,
+        'configuration "x": node "winding": no path of links'),
     "link to what is gone": (
         Configuration("x", ("magnet",), (Link("magnet", "yoke", (Term(1.0),)),)),
         UnknownNodeError,
@@ -119,7 +122,8 @@ REFUSED: dict[str, tuple[Configuration, type[NetworkError], str]] = {
         UnknownNodeError,
         'link "winding-yoke": term 1: temperature: there is no node "magnet"',
     ),
-    "again": (Configuration("x", (), (FOLLOWS, Link("yoke", "winding", (Term(1.0),)))), DuplicateError, "two of its links are of winding-yoke"),
+    "again": (Configuration("x", (), (FOLLOWS, Link("yoke", "winding", (Term(1.0),)))), DuplicateError,
+        "two of its links are of winding-yoke"),
 }  # fmt: skip
 
 

@@ -63,12 +63,14 @@ def test_a_map_makes_the_heat_that_it_says() -> None:
 
 
 REFUSED = {
-    "one speed": (replace(TABLE, speed=(0.5,), values=(TABLE.values[0],)), BadValueError, "map has 1 speeds: give at least 2"),
+    "one speed": (replace(TABLE, speed=(0.5,), values=(TABLE.values[0],)), BadValueError,
+        "map has 1 speeds: give at least 2"),
     "falling": (replace(TABLE, torque=(0.1, 0.4, 0.3, 1.0)), BadValueError, "its torques do not rise from 0 or above"),
     "negative": (replace(TABLE, torque=(-0.1, 0.4, 0.5, 1.0)), BadValueError, "features are magnitudes"),
     "rows": (replace(TABLE, values=TABLE.values[:2]), BadValueError, "map needs 3 rows of 4 values"),
     "columns": (replace(TABLE, values=((0.0, 1.0),) * 3), BadValueError, "map needs 3 rows of 4 values"),
-    "cooling": (replace(TABLE, values=((-1.0,) * 4,) * 3), BadValueError, r'link "iron-coolant": .*a conductance is 0 or more'),
+    "cooling": (replace(TABLE, values=((-1.0,) * 4,) * 3), BadValueError,
+        r'link "iron-coolant": .*a conductance is 0 or more'),
     "endless": (replace(TABLE, values=((float("inf"),) * 4,) * 3), BadValueError, "map holds inf"),
 }  # fmt: skip
 

@@ -65,7 +65,8 @@ def stronger(network: Network, scale: float) -> Network:
 
 
 class Dense:
-    """A network's heats in dense matrices, x = [z, zdot, heats, factors, errors, ...]: the terms of each factor are a network of their own."""
+    """A network's heats in dense matrices, x = [z, zdot, heats, factors, errors, ...]: the terms of each factor are a
+    network of their own."""
 
     def __init__(self, network: Network, of: Inputs) -> None:
         parts, self.boundaries, self.names, self.laws = of.parts, of.boundaries, of.unknowns, law_heats(network)
@@ -137,7 +138,8 @@ def still(make_network: Any, make_frame: Any, step_s: float, seconds: float) -> 
 def test_on_the_reference_motor_both_forms_estimate_the_same(
     drive: Any, worst_K: float, mean_K: float, others: list[Unknown]
 ) -> None:
-    """The worst is at the endwindings where full current begins, for the length of a step: inputs are means of two steps here."""
+    """The worst is at the endwindings where full current begins, for the length of a step: inputs are means of two
+    steps here."""
     network = motor("reference_motor")
     inputs, unknowns = frame(network, drive(), 0.5), [UnknownHeat("magnet", 50.0, 3.0), *others]
     n = len(network.nodes)
@@ -160,7 +162,8 @@ def test_on_the_reference_motor_both_forms_estimate_the_same(
 def test_the_forms_come_together_as_the_step_gets_small(
     make_network: Any, make_frame: Any, others: list[Unknown]
 ) -> None:
-    """The same readings, at the ends of steps of 1 s, in ever finer steps: what is left is the integrators', and half a step of the walks."""
+    """The same readings, at the ends of steps of 1 s, in ever finer steps: what is left is the integrators', and half
+    a step of the walks."""
     off = []
     for step_s in (0.5, 0.25, 0.125):
         network, inputs, start = still(make_network, make_frame, step_s, 60.0)
@@ -192,7 +195,8 @@ def test_without_readings_it_is_the_trapezoidal_rule(make_network: Any, make_fra
 
 
 def test_the_capacitor_equation_holds_without_error(make_network: Any, make_frame: Any) -> None:
-    """Gamma = 0 leaves as many free numbers as there are temperatures and unknowns; the rest of the covariance is rounding."""
+    """Gamma = 0 leaves as many free numbers as there are temperatures and unknowns; the rest of the covariance is
+    rounding."""
     network, inputs, start = still(make_network, make_frame, 0.5, 60.0)
     channels = [Reading("n0", {"n0": 1.0}, 0.0, np.full(120, 45.0), np.ones(120), np.full(120, SD_K**2))]
     found = filter_with_rates(network, inputs, start, [UnknownHeat("n2", 40.0, 5.0)], channels)
@@ -205,8 +209,8 @@ def test_the_capacitor_equation_holds_without_error(make_network: Any, make_fram
 
 @pytest.mark.parametrize("unknowns", [HEATS, MIXED])
 def test_it_agrees_with_filterpy_to_rounding(make_network: Any, make_frame: Any, unknowns: list[Unknown]) -> None:
-    """All measurements of a step at once, R singular, as the paper has it: filterpy is given F, Q, H, R and the predicted mean. It has the
-    factors' terms as networks of their own."""
+    """All measurements of a step at once, R singular, as the paper has it: filterpy is given F, Q, H, R and the
+    predicted mean. It has the factors' terms as networks of their own."""
     network, inputs, start = make_network(4, n=5), make_frame(make_network(4, n=5), 4, steps=60), STARTED
     truth = simulate(compile_indexed(stronger(network, 1.5), load=load), inputs, start.temperatures + 1.0)
     channels = read(network, truth, {"n0": 0.0, "n1": 2.0, "n3": 1.0}, 0.5)
@@ -248,8 +252,8 @@ def test_it_agrees_with_filterpy_to_rounding(make_network: Any, make_frame: Any,
 
 
 def test_with_meters_of_heat_it_agrees_with_filterpy_on_its_rank(make_network: Any, make_frame: Any) -> None:
-    """The filter of z and unknowns that is left when w may be anything: the trapezoidal rule, linear at both edges. With rates, filterpy itself
-    rounds the covariance of watts and of `RATE_SD` by more than is asked here."""
+    """The filter of z and unknowns that is left when w may be anything: the trapezoidal rule, linear at both edges.
+    With rates, filterpy itself rounds the covariance of watts and of `RATE_SD` by more than is asked here."""
     network, inputs, start = make_network(4, n=5), make_frame(make_network(4, n=5), 4, steps=60), STARTED
     unknowns = [*MIXED, UnknownBias("losses", 9.0)]
     other = stronger(network, 1.5)
@@ -313,7 +317,8 @@ def test_with_meters_of_heat_it_agrees_with_filterpy_on_its_rank(make_network: A
 def test_what_is_not_singular_stays_positive_definite_over_many_steps(
     make_network: Any, make_frame: Any, tau: float, others: list[Unknown]
 ) -> None:
-    """Good to 0.0001 K after a start known to 1000 K: of the covariance of z, heats and lagging readings 14 digits cancel at once."""
+    """Good to 0.0001 K after a start known to 1000 K: of the covariance of z, heats and lagging readings 14 digits
+    cancel at once."""
     steps = 100_000
     network, inputs, start = still(make_network, make_frame, 0.5, steps / 2)
     unsure = Start(start.temperatures, np.full(5, 1000.0))

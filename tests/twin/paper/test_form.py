@@ -1,4 +1,5 @@
-"""The paper's form, temperatures and heat flows under constraints, agrees with the reduced form and closes its balances."""
+"""The paper's form, temperatures and heat flows under constraints, agrees with the reduced form and closes its
+balances."""
 
 from __future__ import annotations
 
@@ -74,8 +75,8 @@ def test_it_is_of_second_order_where_inputs_do_not_jump() -> None:
 def test_any_law_agrees_with_a_tight_solution_of_its_own_flows(
     seed: int, laws: bool, make_network: Any, make_frame: Any
 ) -> None:
-    """C dT/dt = heat into the capacitors, all laws as they are and not linearised, by another method of another library. `laws`:
-    with circuits, radiation and free convection."""
+    """C dT/dt = heat into the capacitors, all laws as they are and not linearised, by another method of another
+    library. `laws`: with circuits, radiation and free convection."""
     network: Network = with_laws(make_network(seed), seed) if laws else make_network(seed)
     one: Frame = law_frame(network, seed, 1, 0.5) if laws else make_frame(network, seed, steps=1)
     inputs = Frame(0.25, np.repeat(one.features, 160, 0), np.repeat(one.boundaries, 160, 0))

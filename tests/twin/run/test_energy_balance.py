@@ -1,5 +1,5 @@
-"""Energy of every step, over random networks with circuits, radiation, free convection and temperature factors: what sources
-make, boundaries give and fluids carry in is stored, whatever flows between nodes."""
+"""Energy of every step, over random networks with circuits, radiation, free convection and temperature factors: what
+sources make, boundaries give and fluids carry in is stored, whatever flows between nodes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""DC checks of the plant's bare stator, whose insulation is known, through each route; and checks that cannot be evaluated."""
+"""DC checks of the plant's bare stator, whose insulation is known, through each route; and checks that cannot be
+evaluated."""
 
 from __future__ import annotations
 
@@ -254,19 +255,22 @@ def test_checks_of_one_specimen_never_mix_routes() -> None:
 @pytest.mark.parametrize(
     ("changed", "why"),
     [
-        ({"copper_degC": np.zeros((400, 0)), "copper_names": ()}, "no copper temperature: no channel is of region copper"),
+        ({"copper_degC": np.zeros((400, 0)), "copper_names": ()},
+            "no copper temperature: no channel is of region copper"),
         ({"copper_degC": np.full((400, 2), np.nan)}, "no copper temperature can be believed"),
         ({"power_W": np.zeros(400)}, "power is not above zero"),
         ({"power_W": np.full(400, np.nan)}, "power and temperatures are never there together"),
         ({"current_A": np.zeros(400)}, "no load: neither current nor power"),
-        ({"current_A": np.where(np.arange(400) % 80 < 60, 160.0, 0.0)}, "iron sensor: loaded for 10.0 min without a break"),
+        ({"current_A": np.where(np.arange(400) % 80 < 60, 160.0, 0.0)},
+            "iron sensor: loaded for 10.0 min without a break"),
     ],
 )  # fmt: skip
 def test_a_check_that_cannot_be_evaluated_says_why(changed: dict[str, object], why: str) -> None:
     t = np.arange(0.0, 4000.0, 10.0)
     copper = 100.0 - 80.0 * np.exp(-t / 900.0)
     sound = CheckTrace(
-        t, np.column_stack([copper, copper]), ("A", "B"), copper[:, None] - 20.0, ("I",), np.full((400, 1), 20.0), ("R",),
+        t, np.column_stack([copper, copper]), ("A", "B"), copper[:, None] - 20.0, ("I",),
+        np.full((400, 1), 20.0), ("R",),
         np.full(400, 500.0), np.full(400, 160.0),
     )  # fmt: skip
     found = evaluate(replace(sound, **changed))  # type: ignore[arg-type]

@@ -95,7 +95,8 @@ def test_less_than_20_min_says_nothing() -> None:
 
 
 def warming(t_s: Floats, resistance: float, head_loss: float = 2.4, film: float = 3.0) -> tuple[Floats, Floats]:
-    """(drop, iron) of a winding of 2,500 J/K on an iron of 8,000 J/K under 500 W, both losing heat, from rest at 20 degC."""
+    """(drop, iron) of a winding of 2,500 J/K on an iron of 8,000 J/K under 500 W, both losing heat, from rest at 20
+    degC."""
     winding = iron = AMBIENT
     drops, irons = [], []
     inner = np.diff(t_s, prepend=t_s[0] - 10.0)

@@ -20,8 +20,8 @@ NOTHING: dict[str, str] = {}
 
 
 def check(offset_K: float, lead_K: float = 0.0, seed: int = 0, step_K: float = 0.1) -> CheckTrace:
-    """Two lumps, four copper sensors and one in the iron that reads less by `offset_K`; it begins `lead_K` over the room
-    with its heads 5 % of that colder than the iron, as they cool faster."""
+    """Two lumps, four copper sensors and one in the iron that reads less by `offset_K`; it begins `lead_K` over the
+    room with its heads 5 % of that colder than the iron, as they cool faster."""
     since = (np.arange(REST + LOAD) - REST).clip(0) * STEP_S
     rise = 1.0 - np.exp(-since / 1500.0)
     on = np.arange(REST + LOAD) >= REST

@@ -110,7 +110,8 @@ def test_motors_of_a_bad_batch_whose_rates_multiply_are_not_listed_beside_it() -
 def _multiplied(
     seed: int, motors: int, batches: int, spread: float, of_batches: float, bad: int = 0
 ) -> FleetAssessment:
-    """Twelve checks of each, 12 h apart, that repeat to 1 %; log-normal rates, the first `bad` motors ten times as fast."""
+    """Twelve checks of each, 12 h apart, that repeat to 1 %; log-normal rates, the first `bad` motors ten times as
+    fast."""
     random = np.random.default_rng([seed, 13])
     dose, batch = np.arange(12) * 12.0, np.arange(motors) % batches
     rate = RATE * np.exp(spread * random.standard_normal(motors) + of_batches * random.standard_normal(batches)[batch])
@@ -228,7 +229,8 @@ def test_a_batch_of_two_that_ages_faster_than_four_others_by_seven_tenths_is_lis
 
 
 def test_few_healthy_stators_are_not_listed_more_often_than_is_said() -> None:
-    """Rates that differ by a fifth, in three batches of two: 1 of 20 is what is said, 5 of 40 has a chance of 1 in 20 then."""
+    """Rates that differ by a fifth, in three batches of two: 1 of 20 is what is said, 5 of 40 has a chance of 1 in 20
+    then."""
     random = np.random.default_rng(33)
     batches = ["B1", "B1", "B2", "B2", "B3", "B3"]
     found = [_listed(_stators(8e-4 * (1.0 + 0.2 * random.standard_normal(6)), batches)) for _ in range(40)]

@@ -1,6 +1,7 @@
 """The published HUST network as our motor file gives the published errors on the published recordings.
 
-Reference: DOI 10.1109/TPEL.2024.3409388 and the authors' public notebook; recordings and motor file in examples/hust_motor.
+Reference: DOI 10.1109/TPEL.2024.3409388 and the authors' public notebook; recordings and motor file in
+examples/hust_motor.
 """
 
 from __future__ import annotations

@@ -85,22 +85,32 @@ def test_circuits_laws_and_configurations_are_read() -> None:
 
 
 REFUSED = {
-    "inlet": ('inlet = "coolant"', 'inlet = "channel_1"', r'^motor\.toml:28: \[\[circuit\]\] 1 \(name "jacket"\): inlet: there is no boundary "channel_1"'),
+    "inlet": ('inlet = "coolant"', 'inlet = "channel_1"',
+        r'^motor\.toml:28: \[\[circuit\]\] 1 \(name "jacket"\): inlet: there is no boundary "channel_1"'),
     "no inlet": ('inlet = "coolant"\n', "", r'^motor\.toml:28: .*inlet is missing: it must be a text'),
-    "node": ('nodes = ["channel_1",', 'nodes = ["chanel_1",', r'^motor\.toml:28: .*there is no node "chanel_1": did you mean "channel_1"'),
-    "twice": ('nodes = ["channel_1",', 'nodes = ["channel_2",', r'the fluid flows through "channel_2" twice: split it into two nodes'),
-    "no node": ('nodes = ["channel_1", "channel_2"]', "nodes = []", r"it has no nodes: name those that the fluid flows through"),
+    "node": ('nodes = ["channel_1",', 'nodes = ["chanel_1",',
+        r'^motor\.toml:28: .*there is no node "chanel_1": did you mean "channel_1"'),
+    "twice": ('nodes = ["channel_1",', 'nodes = ["channel_2",',
+        r'the fluid flows through "channel_2" twice: split it into two nodes'),
+    "no node": ('nodes = ["channel_1", "channel_2"]', "nodes = []",
+        r"it has no nodes: name those that the fluid flows through"),
     "no fluid": ("fluid = {", "fluit = {", r'^motor\.toml:32: .*unknown key "fluit"\. Nearest: fluid'),
-    "density": ("density = 1050.0", "density = -1.0", r"^motor\.toml:32: .*fluid: density must be a number above 0, or a table"),
+    "density": ("density = 1050.0", "density = -1.0",
+        r"^motor\.toml:32: .*fluid: density must be a number above 0, or a table"),
     "table": ("[20, 90]", "[90, 20]", r"^motor\.toml:28: .*fluid: heat_capacity: its temperatures do not rise"),
     "short table": ("[20, 90]", "[20]", r"heat_capacity has 1 temperatures and 2 values: give as many of each"),
     "key of a table": ("degC = [20, 90]", "degree = [20, 90]", r'^motor\.toml:32: .*unknown key "degree"'),
-    "flow": ('inlet = "coolant"', 'inlet = "coolant"\nflow = "speed"', r'flow "speed" is no volume flow: write flow, or flow_<name>'),
+    "flow": ('inlet = "coolant"', 'inlet = "coolant"\nflow = "speed"',
+        r'flow "speed" is no volume flow: write flow, or flow_<name>'),
     "scale": ("flow_lpm = 8.0\n", "", r'feature "flow" has no scale: say in \[scale\] what 1 means for flow'),
-    "law": ('law = "radiation"', 'law = "radiaton"', r'^motor\.toml:38: \[\[configuration\]\] 1 .*law "radiaton" is none of radiation, free_con'),
-    "removed": ('remove = ["channel_1"', 'remove = ["chanel_1"', r'^motor\.toml:33: \[\[configuration\]\] 1 \(name "dry"\): remove: there is no node or boundary'),
-    "cut off": ('between = ["winding", "air"]', 'between = ["winding", "coolant"]\nx = 1', r'^motor\.toml:38: .*unknown key "x"'),
-    "of what is gone": ('between = ["winding", "air"]', 'between = ["channel_1", "air"]', r'^motor\.toml:33: .*link "channel_1-air": there is no node or boundary "channel_1"'),
+    "law": ('law = "radiation"', 'law = "radiaton"',
+        r'^motor\.toml:38: \[\[configuration\]\] 1 .*law "radiaton" is none of radiation, free_con'),
+    "removed": ('remove = ["channel_1"', 'remove = ["chanel_1"',
+        r'^motor\.toml:33: \[\[configuration\]\] 1 \(name "dry"\): remove: there is no node or boundary'),
+    "cut off": ('between = ["winding", "air"]', 'between = ["winding", "coolant"]\nx = 1',
+        r'^motor\.toml:38: .*unknown key "x"'),
+    "of what is gone": ('between = ["winding", "air"]', 'between = ["channel_1", "air"]',
+        r'^motor\.toml:33: .*link "channel_1-air": there is no node or boundary "channel_1"'),
 }  # fmt: skip
 
 
@@ -128,7 +138,7 @@ def test_circuits_and_configurations_are_added_to_a_file() -> None:
     assert _read(written(bare.encode(), "motor.toml", wanted, "added").decode()) == wanted
 
 
-# --- Sessions on another rig ----------------------------------------------------------------------------------------------------
+# --- Sessions on another rig -----------------------------------------------------------------------------------------
 
 HOUSED = (
     can_bench.MOTOR

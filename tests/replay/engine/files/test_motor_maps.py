@@ -82,13 +82,17 @@ def test_numbers_change_around_a_map(tmp_path: Path) -> None:
 
 
 REFUSED = {
-    "no file": (None, MOTOR, r'^motor\.toml:17: \[\[source\]\] 1 \(node "iron"\), terms 1: map "iron\.csv" is not there'),
+    "no file": (None, MOTOR,
+        r'^motor\.toml:17: \[\[source\]\] 1 \(node "iron"\), terms 1: map "iron\.csv" is not there'),
     "no number": (CSV.replace("45", "4x"), MOTOR, r'^iron\.csv:4: "4x" is not a number: decimals take a point\.$'),
-    "a hole": (CSV.replace("4000,10,12,15", "4000,10,12"), MOTOR, r"^iron\.csv:3: has 3 cells, the first row 4: fill the table"),
+    "a hole": (CSV.replace("4000,10,12,15", "4000,10,12"), MOTOR,
+        r"^iron\.csv:3: has 3 cells, the first row 4: fill the table"),
     "nothing": ("\n", MOTOR, r"^iron\.csv: holds no table: the first row"),
     "falling": (CSV.replace("4000,", "9000,"), MOTOR, r"^motor\.toml:14: .*term 1: map: its speeds do not rise"),
-    "shape beside": (CSV, MOTOR.replace("sd = 0.2", "shape = {speed_rpm = [0, 1], factor = [0, 0]}"), "leave the shape out"),
-    "no torque": (CSV, MOTOR.replace("torque_Nm = 50.0\n", ""), r"a map needs what 1 means for torque: say torque_Nm in \[scale\]"),
+    "shape beside": (CSV, MOTOR.replace("sd = 0.2", "shape = {speed_rpm = [0, 1], factor = [0, 0]}"),
+        "leave the shape out"),
+    "no torque": (CSV, MOTOR.replace("torque_Nm = 50.0\n", ""),
+        r"a map needs what 1 means for torque: say torque_Nm in \[scale\]"),
 }  # fmt: skip
 
 

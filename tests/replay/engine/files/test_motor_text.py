@@ -50,7 +50,7 @@ def _same(found: Any, wanted: Any) -> bool:
     return bool(found == wanted)
 
 
-# --- One change at a time ---------------------------------------------------------------------------------------------------
+# --- One change at a time --------------------------------------------------------------------------------------------
 
 
 def _servo() -> Network:
@@ -100,7 +100,8 @@ def test_a_term_keeps_its_line_and_takes_exponent_factor_and_shape() -> None:
     text = _written(_with_terms(network, 1, term))
     (line,) = [line for line in text.splitlines() if "1.25" in line]
     assert line == (
-        'terms = [{coefficient = 70, speed = 1.25, temperature = {node = "yoke", slope_per_K = -0.001, reference_degC = 40}, '
+        "terms = "
+        '[{coefficient = 70, speed = 1.25, temperature = {node = "yoke", slope_per_K = -0.001, reference_degC = 40}, '
         "shape = {speed_rpm = [0, 1500, 6000], factor = [0.1, -0.2, 0.05], current_slope = [0, 0.1, 0]}}]"
     )
 
@@ -200,7 +201,7 @@ def test_what_a_version_cannot_say_is_refused_in_one_line(change: Any, says: str
     assert "\n" not in str(refused.value)
 
 
-# --- Files as they are ------------------------------------------------------------------------------------------------------
+# --- Files as they are -----------------------------------------------------------------------------------------------
 
 FILES = {path.parent.name: path.read_text(encoding="utf-8") for path in sorted(EXAMPLES.glob("*/motor.toml"))}
 
@@ -241,7 +242,7 @@ def _subsequence(part: list[str], whole: list[str]) -> bool:
     return all(any(one == other for other in left) for one in part)
 
 
-# --- Random files, random changes -------------------------------------------------------------------------------------------
+# --- Random files, random changes ------------------------------------------------------------------------------------
 
 
 @settings(max_examples=60, deadline=None)

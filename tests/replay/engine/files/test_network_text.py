@@ -73,7 +73,8 @@ MEASURED = ("teeth", "yoke", "winding_a", "magnet")
 
 
 def _curve(full: Network, steps: int) -> tuple[Reduced, ...]:
-    """Every size down to two nodes that nothing but their names keeps apart, by a run at half speed and current in steps of 5 s."""
+    """Every size down to two nodes that nothing but their names keeps apart, by a run at half speed and current in
+    steps of 5 s."""
     u = {"speed": np.full(steps, 0.5), "current": np.full(steps, 0.5), "flow": np.ones(steps)}
     frame = Frame(5.0, evaluate(monomials(full), u, steps), np.tile([65.0, 25.0], (steps, 1)))
     course = Course(frame, simulate(compile_indexed(full, load=load), frame, np.full(len(full.nodes), 65.0)))

@@ -1,4 +1,5 @@
-"""Power, heat, resistance and flux beside a replay: each against the model in its own unit, and learnt from in a calibration."""
+"""Power, heat, resistance and flux beside a replay: each against the model in its own unit, and learnt from in a
+calibration."""
 
 from __future__ import annotations
 

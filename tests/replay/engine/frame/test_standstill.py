@@ -1,4 +1,5 @@
-"""What a motor that stands is fed with: no flux of its magnets in the iron, and in a DC check neither torque nor q current."""
+"""What a motor that stands is fed with: no flux of its magnets in the iron, and in a DC check neither torque nor q
+current."""
 
 from __future__ import annotations
 
@@ -62,7 +63,7 @@ def frame_of(store: Sequence[str]) -> InputFrame:
         return session_frame(session, load(opened, known, session), network)
 
 
-# --- Flux -------------------------------------------------------------------------------------------------------------------
+# --- Flux ------------------------------------------------------------------------------------------------------------
 
 IRON = """\
 schema = "whyhot.motor/1"
@@ -84,8 +85,8 @@ terms = [{coefficient = 60.0, flux = 2.0}]
 
 
 def turned(start_s: float = 300.0) -> dict[str, Floats]:
-    """A rotor that begins to turn, with the magnets' flux linkage as an observer gives it all along; a reading of its speed
-    that trembles at standstill."""
+    """A rotor that begins to turn, with the magnets' flux linkage as an observer gives it all along; a reading of its
+    speed that trembles at standstill."""
     t = np.arange(SECONDS, dtype=np.float64)
     speed = np.where(t >= start_s, 3000.0, np.where(np.arange(SECONDS) % 2, 2.0, -2.0))
     return {"t": t, "n": speed, "psi": np.full(SECONDS, 0.2), "T_yoke": np.full(SECONDS, 20.0), "T_air": 20.0 + 0 * t}
@@ -128,12 +129,13 @@ def test_without_a_speed_nothing_says_where_the_flux_is_zero(
     capsys.readouterr()
     assert main(["replay", *store]) == 2
     assert capsys.readouterr().err.strip() == (
-        'session 1_run: the motor file uses "flux", which is 0 at standstill, and no channel of this session gives speed: '
+        'session 1_run: the motor file uses "flux", which is 0 at standstill, and no channel of this session gives '
+        "speed: "
         'add a [[channel]] or [[derived]] with quantity = "speed" to the bench file.'
     )
 
 
-# --- A DC check of a bare stator --------------------------------------------------------------------------------------------
+# --- A DC check of a bare stator -------------------------------------------------------------------------------------
 
 STATOR = """\
 schema = "whyhot.motor/1"

@@ -1,4 +1,5 @@
-"""The filter beside a replay: on motors of another form with and without a hidden magnet loss, sealed, read back and drawn."""
+"""The filter beside a replay: on motors of another form with and without a hidden magnet loss, sealed, read back and
+drawn."""
 
 from __future__ import annotations
 
@@ -100,8 +101,8 @@ def filtered(run: Run) -> Filtered:
 
 
 def test_the_estimated_heat_follows_a_hidden_one(healthy: Replayed, hidden: Replayed) -> None:
-    """The same specimen with and without: what its motor file has wrong besides is in both. Its path from the magnets outwards
-    is a third weaker than the real one, so less heat there explains the same temperatures."""
+    """The same specimen with and without: what its motor file has wrong besides is in both. Its path from the magnets
+    outwards is a third weaker than the real one, so less heat there explains the same temperatures."""
     steps = min(filtered(healthy.run).heat_W.size, filtered(hidden.run).heat_W.size)
     more = filtered(hidden.run).heat_W[:steps] - filtered(healthy.run).heat_W[:steps]
     slow, fast = (HIDDEN_W * (rpm / 16_000) ** 2 for rpm in (SLOW_RPM, FAST_RPM))
@@ -200,7 +201,8 @@ def test_a_run_that_was_sealed_without_a_filter_still_loads(hidden: Replayed) ->
 
 
 def as_resistance(frame: InputFrame, channel: str, gain: float, referenced: bool) -> InputFrame:
-    """The frame with a channel in the place of a winding resistance of 15 mOhm at 20 degC, which its meter reads too high by `gain`."""
+    """The frame with a channel in the place of a winding resistance of 15 mOhm at 20 degC, which its meter reads too
+    high by `gain`."""
     (o,) = (o for o in frame.observations if o.channel == channel)
     law = Thermometric(o.weights, 0.015, copper_slope(Copper(), 20.0), 20.0)
     seen = replace(

@@ -1,4 +1,5 @@
-"""How sure a replay is of its hottest winding and magnet: before and after a calibration, on a bench whose truth is known."""
+"""How sure a replay is of its hottest winding and magnet: before and after a calibration, on a bench whose truth is
+known."""
 
 from __future__ import annotations
 

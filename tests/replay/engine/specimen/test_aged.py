@@ -115,8 +115,8 @@ def taken_in(folder: Path, log: str, bench_file: str, specimen: str | None) -> N
 
 @pytest.fixture(scope="module")
 def campaign(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Specimen S1: an hour of load, an oven cycle, the same load again, another cycle. S2: an oven cycle without a temperature, load.
-    A load without a specimen, and a DC check."""
+    """Specimen S1: an hour of load, an oven cycle, the same load again, another cycle. S2: an oven cycle without a
+    temperature, load. A load without a specimen, and a DC check."""
     folder = tmp_path_factory.mktemp("aged")
     (folder / "motor.toml").write_text(PLAIN, encoding="utf-8")
     for name, text in (("aged", AGED), ("counted", COUNTED), ("turning", TURNING)):
@@ -212,7 +212,7 @@ def dose(h: float) -> Any:
     return pytest.approx(h, abs=0.01)
 
 
-# --- The law --------------------------------------------------------------------------------------------------------------------
+# --- The law ---------------------------------------------------------------------------------------------------------
 
 
 def test_the_second_load_is_replayed_with_the_conductance_that_the_oven_left(opened: Opened) -> None:
@@ -265,7 +265,9 @@ def test_a_session_without_specimen_is_refused(opened: Opened, motor: str) -> No
 
 @pytest.mark.parametrize("motor", ["aged", "counted"])
 def test_a_session_behind_an_oven_without_temperatures_is_refused(opened: Opened, motor: str) -> None:
-    says = r"^session S2_load: the hours of S2 above 180 degC are not known, as its session S2_oven of kind ageing has no temp"
+    says = (
+        "^session S2_load: the hours of S2 above 180 degC are not known, as its session S2_oven of kind ageing has no "
+    )
     with pytest.raises(ReplayDataError, match=says):
         opened.of("S2_load", motor)
 
@@ -283,7 +285,7 @@ def test_verbs_that_take_a_specimen_as_new_say_so(opened: Opened) -> None:
     assert ageing_left_out(opened.store, known, [facts.session("unnamed")], opened.model("motor")) == []
 
 
-# --- The state that checks leave ------------------------------------------------------------------------------------------------
+# --- The state that checks leave -------------------------------------------------------------------------------------
 
 LEFT = State(10.0, -0.08, 0.01, -0.4, 0.03, 0.2)
 
@@ -365,7 +367,7 @@ def test_the_law_beforehand_is_that_of_the_model(opened: Opened) -> None:
     assert law_of(opened.store, known, None, 180.0).rate == 0.0
 
 
-# --- DC checks ------------------------------------------------------------------------------------------------------------------
+# --- DC checks -------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("motor", ["motor", "turning"])

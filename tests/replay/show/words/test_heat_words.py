@@ -36,7 +36,8 @@ def test_what_warms_the_motor_stands_with_the_sources() -> None:
 def test_the_heat_of_a_run_in_a_sentence() -> None:
     summary = {"losses": LOSSES, "duration_s": 60.0, "efficiency": {"modelled": 0.943, "measured": None}}
     assert heat_words.heat(summary) == (
-        "100 W of heat on average (copper DC 120 %, iron −20 %): 130 W into coolant, −10 W into ambient and −20 W stored; "
+        "100 W of heat on average (copper DC 120 %, iron −20 %): 130 W into coolant, "
+        "−10 W into ambient and −20 W stored; "
         "efficiency 94.3 % by the model"
     )
     assert heat_words.heat({"duration_s": 60.0}) is None
@@ -53,7 +54,8 @@ def test_the_hottest_winding_and_what_holds_the_magnets_with_place_time_and_marg
     }
     assert (found["magnet"]["node"], found["magnet"]["margin_K"]) == ("shaft", None)
     assert heat_words.hottest({"hot_spots": found}) == (
-        "hottest by the model: winding 130 °C at 0:00:01 (30.0 K ABOVE its limit) and magnet 50 °C at 0:00:02 (shaft, no limit given)"
+        "hottest by the model: winding 130 °C at 0:00:01 (30.0 K ABOVE its limit) "
+        "and magnet 50 °C at 0:00:02 (shaft, no limit given)"
     )
 
 
@@ -112,7 +114,8 @@ def test_a_band_is_said_with_what_it_holds() -> None:
         for spot, one in hot_spots(MOTOR, T, 0.5).items()
     }
     assert heat_words.hottest({"hot_spots": spots}) == (
-        "hottest by the model: winding 130 °C (120 to 140) at 0:00:01 (30.0 K ABOVE its limit) and magnet 50 °C (40 to 60) at 0:00:02 "
+        "hottest by the model: winding 130 °C (120 to 140) at 0:00:01 (30.0 K ABOVE its limit) "
+        "and magnet 50 °C (40 to 60) at 0:00:02 "
         "(shaft, no limit given); 95 %, by the sd of the motor file: calibrate it for a narrower one"
     )
     none = {spot: {**one, "sd_K": None, "ci95_degC": None, "band_from": None} for spot, one in spots.items()}

@@ -1,4 +1,5 @@
-"""Hours of discharge: counted from the logs of voltage tests and electrical checks, and weighed beside heat and thermal cycles."""
+"""Hours of discharge: counted from the logs of voltage tests and electrical checks, and weighed beside heat and
+thermal cycles."""
 
 from __future__ import annotations
 
@@ -114,13 +115,14 @@ def test_the_view_has_what_each_check_had_behind_it(worn: Asked, capsys: pytest.
     assert row["cycles"] == 6
 
 
-# --- on sessions made by hand ---------------------------------------------------------------------------------------------------
+# --- on sessions made by hand ----------------------------------------------------------------------------------------
 
 
 def session(name: str, kind: str, start_h: float, hours: float = 10.0) -> SessionRecorded:
     return SessionRecorded(
-        session=f"{name}-id", name=name, kind=kind, kind_why="", specimen="S01", batch=None, bench=None, configuration=None,
-        attributes={}, absolute=True, start_ns=round(start_h * HOUR_NS), end_ns=round((start_h + hours) * HOUR_NS), files=[],
+        session=f"{name}-id", name=name, kind=kind, kind_why="", specimen="S01", batch=None, bench=None,
+        configuration=None, attributes={}, absolute=True, start_ns=round(start_h * HOUR_NS),
+        end_ns=round((start_h + hours) * HOUR_NS), files=[],
     )  # fmt: skip
 
 

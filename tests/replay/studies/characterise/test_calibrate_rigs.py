@@ -1,4 +1,5 @@
-"""`whyhot calibrate` on sessions of a whole motor and of the same motor on another rig: one motor file learns from both."""
+"""`whyhot calibrate` on sessions of a whole motor and of the same motor on another rig: one motor file learns from
+both."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""One motor of the calibration benchmark: a truth of another form, kept sessions, the whole way through files and store."""
+"""One motor of the calibration benchmark: a truth of another form, kept sessions, the whole way through files and
+store."""
 
 from __future__ import annotations
 

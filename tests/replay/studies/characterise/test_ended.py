@@ -121,8 +121,8 @@ def test_without_current_in_every_session_the_load_is_compared() -> None:
 
 
 def _pulsed(time_constant_s: float = 0.0) -> InputFrame:
-    """Three pulses of 20 s, a minute apart: 400 A that stay cool, 300 A that end at 176 degC as a sensor shows it that lags by 2 s behind a
-    rise of 2 K/s, and 200 A."""
+    """Three pulses of 20 s, a minute apart: 400 A that stay cool, 300 A that end at 176 degC as a sensor shows it
+    that lags by 2 s behind a rise of 2 K/s, and 200 A."""
     steps = 40
     rest = np.zeros(120)
     current = np.concatenate([np.r_[rest, np.full(steps, amps)] for amps in (400.0, 300.0, 200.0)] + [rest])
@@ -172,5 +172,6 @@ def test_pulses_alike_are_told_together_with_the_hottest() -> None:
     groups = together(_of_pulses(twice))
     assert [[one.pulse for one in some] for some in groups] == [[1, 4], [2], [3, 6], [5]]
     assert ending(groups[0], "torque_Nm") == (
-        "2_s2 (s2) pulses 1 and 4 of 20 s at the largest current of all sessions: winding 122 °C, 160 Nm and 400 A at 7,000 rpm"
+        "2_s2 (s2) pulses 1 and 4 of 20 s at the largest current of all sessions: winding 122 °C, "
+        "160 Nm and 400 A at 7,000 rpm"
     )

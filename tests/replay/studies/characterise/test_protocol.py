@@ -1,4 +1,5 @@
-"""`whyhot protocol` on logs of a bench whose truth is integrated by scipy: its magnets lose three times what the file says."""
+"""`whyhot protocol` on logs of a bench whose truth is integrated by scipy: its magnets lose three times what the file
+says."""
 
 from __future__ import annotations
 

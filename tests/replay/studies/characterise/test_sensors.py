@@ -153,8 +153,9 @@ def test_a_band_is_never_narrower_than_the_filter_s_own() -> None:
 
 
 def test_the_share_is_counted_within_the_band_that_is_shown() -> None:
-    """Three sessions that are 1, 2 and 12 K off, the filter sure to 1 K: each one's band is Student's with 2 sessions, 4.303, times the root
-    mean square of the two others; the third is not within 4.303 times that of 1 and 2 K. The last has twice the readings."""
+    """Three sessions that are 1, 2 and 12 K off, the filter sure to 1 K: each one's band is Student's with 2
+    sessions, 4.303, times the root mean square of the two others; the third is not within 4.303 times that of 1 and 2
+    K. The last has twice the readings."""
     offsets, counts = (1.0, 2.0, 12.0), (10, 10, 20)
     sessions = [SessionErrors(np.full(n, off), np.ones(n)) for off, n in zip(offsets, counts, strict=True)]
     halves = [4.3027 * math.sqrt((a**2 + b**2) / 2) for a, b in ((2.0, 12.0), (1.0, 12.0), (1.0, 2.0))]

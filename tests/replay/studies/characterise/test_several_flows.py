@@ -1,4 +1,5 @@
-"""A motor with a water jacket and an oil spray, two flows: which channel is which, and every verb that learns from them.
+"""A motor with a water jacket and an oil spray, two flows: which channel is which, and every verb that learns from
+them.
 
 The truth is integrated here, its equations written out by hand; the file knows the spray's film as half of what it is.
 """
@@ -164,7 +165,7 @@ def ingested(folder: Path, bench: str, motor: str = MOTOR, kinds: tuple[str, ...
     return folder / "store"
 
 
-# --- The verbs that learn ---------------------------------------------------------------------------------------------------
+# --- The verbs that learn --------------------------------------------------------------------------------------------
 
 
 @pytest.fixture(scope="module")
@@ -214,7 +215,7 @@ def test_a_test_holds_each_flow_that_the_motor_tells_apart(store: Path) -> None:
         np.testing.assert_allclose(test.inputs[name], truth[signal][: test.inputs[name].size] / 5.0, rtol=1e-4)
 
 
-# --- Which channel is which -------------------------------------------------------------------------------------------------
+# --- Which channel is which ------------------------------------------------------------------------------------------
 
 ONE_FLOW = MOTOR.replace("flow_jacket", "flow_oil")  # the same oil in both circuits
 PLAIN = MOTOR.replace("flow_jacket = 0.8", "flow = 0.8").replace('flow = "flow_jacket"', 'flow = "flow"')
@@ -228,7 +229,8 @@ def refused(folder: Path, bench: str, motor: str, capsys: pytest.CaptureFixture[
 
 
 NOT_CALLED_SO = (
-    'session 1_s1: the motor file uses "{feature}", and no channel of this session is called so (of flow there are: {there}): '
+    'session 1_s1: the motor file uses "{feature}", and no channel of this session is called so (of flow there are: '
+    "{there}): "
     'add a [[derived]] of that name, or a [[channel]] where a signal has it, with quantity = "flow" to the bench file.'
 )
 

@@ -25,7 +25,8 @@ ASKED = ("diagnose", "--on", *LEARN, "--hold-out", *KEEP)
 
 NUMBERS, TEXTS = [float], [str]
 OR_NONE = type(None)
-# Of every key of the answer: a type, a list with the type of its members or the keys of them, or the types that it may have.
+# Of every key of the answer: a type, a list with the type of its members or the keys of them, or the types that it
+# may have.
 CAUSE: dict[str, Any] = {
     **dict.fromkeys(("id", "says", "unit"), str),
     **dict.fromkeys(("estimate", "largest_effect_K", "log_bayes_factor", "probability", "member_probability"), float),
@@ -96,7 +97,7 @@ class Campaign(Protocol):
     answer: Mapping[str, Any]
 
 
-# --- The shipped campaign, diagnosed once -----------------------------------------------------------------------------------
+# --- The shipped campaign, diagnosed once ----------------------------------------------------------------------------
 
 
 @pytest.fixture(scope="module")
@@ -237,7 +238,7 @@ def test_the_store_is_intact_after_a_diagnosis(diagnosed: Path) -> None:
     assert main(["verify", "--read", "--store", str(diagnosed)]) == 0
 
 
-# --- Refusals, before anything is computed ----------------------------------------------------------------------------------
+# --- Refusals, before anything is computed ---------------------------------------------------------------------------
 
 LONG_S = round(LEAST_S) + 100
 SHORT_S = 60
@@ -280,7 +281,10 @@ def small(tmp_path_factory: pytest.TempPathFactory) -> Path:
         ),
         (
             ["--on", "2_short"],
-            f"too little to tell: 1 min to learn from, at least {LEAST_S / 60:.0f} are needed. Add an S1 or S2 point or a drive cycle with --on.",
+            (
+                f"too little to tell: 1 min to learn from, at least {LEAST_S / 60:.0f} are needed. "
+                "Add an S1 or S2 point or a drive cycle with --on."
+            ),
         ),
         (
             ["--on", "1_long", "--hold-out", "3_other"],
@@ -289,8 +293,8 @@ def small(tmp_path_factory: pytest.TempPathFactory) -> Path:
         ),
         (
             ["--on", "4_blind"],
-            "session 4_blind: no usable channel of level testing observes a node of servo-5kW: there is nothing to learn from. "
-            + "Say node = ... in the bench file, or leave the session out.",
+            "session 4_blind: no usable channel of level testing observes a node of servo-5kW: "
+            "there is nothing to learn from. " + "Say node = ... in the bench file, or leave the session out.",
         ),
     ],
 )

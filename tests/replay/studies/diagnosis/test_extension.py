@@ -175,7 +175,7 @@ def test_after_acceptance_each_model_still_replays_with_its_own_bench_file(
     assert benches[campaign.answer["model"]] not in (None, campaign.answer["extended_bench"])
 
 
-# --- Exchanged channels and named sensors, on a small bench -------------------------------------------------------------------
+# --- Exchanged channels and named sensors, on a small bench ----------------------------------------------------------
 
 
 @pytest.fixture(scope="module")

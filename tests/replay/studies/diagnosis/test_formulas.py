@@ -40,7 +40,10 @@ NETWORK = Network(
         (
             Term(7.0, {"current_q": 2.0}, resistance=-1, temperature=TemperatureFactor("magnet", -0.001, 20.0)),
             "yoke",
-            "loss of yoke [W] += 7 (I_q/450 A)^2 / (1 + 0.0039/K (T_yoke - 25 degC)) (1 - 0.001/K (T_magnet - 20 degC))",
+            (
+                "loss of yoke [W] += 7 (I_q/450 A)^2 / (1 + 0.0039/K (T_yoke - 25 degC)) "
+                "(1 - 0.001/K (T_magnet - 20 degC))"
+            ),
         ),
         (
             Term(9.1, {"speed": 1.6}, shape=Shape((0.0, 0.5), (-0.1, 0.25), (0.0, 0.0))),

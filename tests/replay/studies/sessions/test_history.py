@@ -1,4 +1,5 @@
-"""What changes from session to session: a motor of the plant whose slot insulation ages in ovens between three sessions of one kind."""
+"""What changes from session to session: a motor of the plant whose slot insulation ages in ovens between three
+sessions of one kind."""
 
 from __future__ import annotations
 
