@@ -301,10 +301,12 @@ def _sensors(network: Network, channels: Sequence[ObservedChannel]) -> Iterator[
 
 
 def _clocks(channels: Sequence[ObservedChannel], inputs: Sequence[InputChannel]) -> Iterator[Candidate]:
+    if not inputs:
+        return
     buses = list(dict.fromkeys([*(i.bus for i in inputs), *(c.bus for c in channels)]))
     driving = [sum(i.bus == bus for i in inputs) for bus in buses]
     if (
-        0 < len(buses) < 3
+        len(buses) < 3
     ):  # only their difference shows: the one with fewer inputs stands for it, and one alone shows nothing
         buses = buses[1:] if driving[0] >= driving[-1] else buses[:1]
     for bus in buses:

@@ -51,8 +51,9 @@ def _by_id(candidates: Sequence[Candidate]) -> dict[str, Candidate]:
     return {str(c.cause): c for c in candidates}
 
 
-def test_a_bench_without_inputs_and_channels_has_no_candidate_of_a_clock() -> None:
-    kinds = {candidate.cause.kind for candidate in generate(motor("reference_motor"), [], [])}
+@pytest.mark.parametrize("channels", [(), CHANNELS])
+def test_a_bench_without_inputs_has_no_candidate_of_a_clock(channels: Sequence[ObservedChannel]) -> None:
+    kinds = {candidate.cause.kind for candidate in generate(motor("reference_motor"), channels, [])}
     assert "capacity" in kinds and "clock" not in kinds
 
 
