@@ -132,7 +132,7 @@ def attack(script: str, folder: Path, count: int) -> dict[str, Any]:
 
 def test_what_was_acknowledged_survives_a_kill_at_any_time(tmp_path: Path) -> None:
     result = attack(KILLS, tmp_path / "store", 40)
-    assert result["acknowledged"] > 26
+    assert result["acknowledged"] >= 26  # one of each of the 26 children that are killed while they append
     assert result["lost"] == []
     assert result["found"] == []
     assert result["doubled"] == 0
