@@ -16,7 +16,7 @@ second thermometer, half stator and half rotor, lags. So S = 7, and x is
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -151,6 +151,15 @@ class Plan(NamedTuple):
     follow: Sweep  # what lagging readings take of the temperatures after the step
 
 
+class Laws(Protocol):
+    """Of a `Plan` or another form: where the tables of its groups' laws begin."""
+
+    @property
+    def law(self) -> int: ...
+    @property
+    def psi(self) -> int: ...
+
+
 @within
 def x_at(plan: Plan, rows: int, i: int) -> np.uint64:
     """The place of x_i in the matrix [P | x] that begins at `rows`."""
@@ -177,7 +186,7 @@ def term_of(plan: Plan, at: Index, t: int) -> tuple[int, int]:
 
 
 @within
-def ends_of(plan: Plan, at: Index, g: int) -> tuple[int, int, int]:
+def ends_of(plan: Laws, at: Index, g: int) -> tuple[int, int, int]:
     """Whose temperatures are T_a, T_b and T_m in group g: a node, or n + boundary; below 0 where its law has none of
     them."""
     row = plan.law + 7 * g
@@ -185,7 +194,7 @@ def ends_of(plan: Plan, at: Index, g: int) -> tuple[int, int, int]:
 
 
 @within
-def psi_of(plan: Plan, m: Floats, g: int) -> tuple[float, float, float, float]:
+def psi_of(plan: Laws, m: Floats, g: int) -> tuple[float, float, float, float]:
     """What group g's amount is multiplied by to be a heat, and its slopes with T_a, T_b and T_m."""
     row = plan.psi + 4 * g
     return m[u(row)], m[u(row + 1)], m[u(row + 2)], m[u(row + 3)]

@@ -36,6 +36,7 @@ from twin.motor.network import Network
 from twin.paper.ekf_step import (
     Rates,
     amounts_of,
+    cell_of,
     change,
     laws_of,
     linearised,
@@ -381,9 +382,9 @@ def _linear(rates: Rates, capacities: Floats, m: Floats, at: Index, h: Floats, x
         m[u(shares + i)] = -h[n + i]
         total += h[n + i] * x[n + i, 0]
     if late:  # what it takes of rates is what the capacitor equation makes of them
-        for c in range(rates.cell, rates.cell + 3 * rates.cells, 3):
-            i = at[u(c + 1)]
-            m[u(shares + at[u(c + 2)])] += h[n + i] * m[u(rates.slopes + at[u(c)])] / capacities[i]
+        for c in range(rates.cells):
+            entry, i, j = cell_of(rates, at, c)
+            m[u(shares + j)] += h[n + i] * m[u(rates.slopes + entry)] / capacities[i]
     return total
 
 
@@ -394,9 +395,9 @@ def _follow(rates: Rates, capacities: Floats, m: Floats, at: Index, x: Floats) -
     for i in range(size):
         after, own = m[u(rates.state + i * length + size)], i if i < n else n + i
         m[u(moved + i)], x[own, 0] = after - x[own, 0], after
-    for c in range(rates.cell, rates.cell + 3 * rates.cells, 3):
-        i = at[u(c + 1)]
-        x[n + i, 0] -= m[u(rates.slopes + at[u(c)])] * m[u(moved + at[u(c + 2)])] / capacities[i]
+    for c in range(rates.cells):
+        entry, i, j = cell_of(rates, at, c)
+        x[n + i, 0] -= m[u(rates.slopes + entry)] * m[u(moved + j)] / capacities[i]
 
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from twin.arithmetic.lanes import NOWHERE, Store, Sweep, less, paired, scaled, sweep, transposed, width, within
 from twin.filters.matrix import eliminate, laws_at
-from twin.filters.plan import Parts
+from twin.filters.plan import Parts, ends_of, psi_of
 
 Floats = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -93,6 +93,29 @@ class Rates(NamedTuple):
     forward: Sweep
     backward: Sweep
     follow: Sweep  # lagging readings with the temperatures after a step
+
+
+@within
+def term_of(rates: Rates, at: Index, t: int) -> tuple[int, int, int, int]:
+    """Of a piece that an unknown factor multiplies: its law, the factor, and where in `slopes` its heat goes into a
+    and comes out of b."""
+    row = rates.term + 4 * t
+    return at[u(row)], at[u(row + 1)], at[u(row + 2)], at[u(row + 3)]
+
+
+@within
+def into_of(rates: Rates, at: Index, g: int) -> tuple[int, int, int, int, int, int, int, int]:
+    """Of law g: the nodes a and b, and the places of aa, ab, am, ba, bb, bm in `slopes`."""
+    row = rates.into + 8 * g
+    a, b, aa, ab = at[u(row)], at[u(row + 1)], at[u(row + 2)], at[u(row + 3)]
+    return a, b, aa, ab, at[u(row + 4)], at[u(row + 5)], at[u(row + 6)], at[u(row + 7)]
+
+
+@within
+def cell_of(rates: Rates, at: Index, c: int) -> tuple[int, int, int]:
+    """An entry of Q_z, or behind these of Q_rho: its place in `slopes`, the node, and the number of y."""
+    row = rates.cell + 3 * c
+    return at[u(row)], at[u(row + 1)], at[u(row + 2)]
 
 
 def shares_of(parts: Parts, monomials: int) -> tuple[Floats, list[tuple[int, int]]]:
@@ -254,7 +277,7 @@ def amounts_of(rates: Rates, m: Floats, at: Index, amounts: Floats, x: Floats) -
     for g in range(rates.laws):
         m[u(rates.amounts + g)] = amounts[g]
     for t in range(rates.multiplied):
-        g, p = at[u(rates.term + 4 * t)], at[u(rates.term + 4 * t + 1)]
+        g, p, _, _ = term_of(rates, at, t)
         m[u(rates.terms + t)] = amounts[rates.laws + t] * np.exp(x[first + p, 0])
         m[u(rates.amounts + g)] += m[u(rates.terms + t)]
 
@@ -268,10 +291,10 @@ def linearised(rates: Rates, m: Floats, at: Index, x: Floats) -> None:
     for e in range(first, first + rates.driven):
         m[u(e)] = 0.0
     for t in range(rates.multiplied):
-        own = rates.term + 4 * t
-        heat = m[u(rates.terms + t)] * m[u(rates.psi + 4 * at[u(own)])]
-        m[u(slopes + at[u(own + 2)])] -= heat
-        m[u(slopes + at[u(own + 3)])] += heat
+        g, _, goes, comes = term_of(rates, at, t)
+        heat = m[u(rates.terms + t)] * psi_of(rates, m, g)[0]
+        m[u(slopes + goes)] -= heat
+        m[u(slopes + comes)] += heat
 
 
 @within
@@ -285,21 +308,17 @@ def _balance(rates: Rates, m: Floats, at: Index, x: Floats, slopes: int) -> None
     for e in range(n + 2 * rates.edges):
         m[u(slopes + e)] = 0.0
     for g in range(rates.laws):
-        to, psi, amount = rates.into + 8 * g, rates.psi + 4 * g, m[u(rates.amounts + g)]
-        value, by_a, by_b, by_m = (
-            amount * m[u(psi)],
-            amount * m[u(psi + 1)],
-            amount * m[u(psi + 2)],
-            amount * m[u(psi + 3)],
-        )
-        m[u(heat + at[u(to)])] += value
-        m[u(heat + at[u(to + 1)])] -= value
-        m[u(slopes + at[u(to + 2)])] -= by_a
-        m[u(slopes + at[u(to + 3)])] -= by_b
-        m[u(slopes + at[u(to + 4)])] -= by_m
-        m[u(slopes + at[u(to + 5)])] += by_a
-        m[u(slopes + at[u(to + 6)])] += by_b
-        m[u(slopes + at[u(to + 7)])] += by_m
+        a, b, aa, ab, am, ba, bb, bm = into_of(rates, at, g)
+        amount, (psi, by_a, by_b, by_m) = m[u(rates.amounts + g)], psi_of(rates, m, g)
+        value, by_a, by_b, by_m = amount * psi, amount * by_a, amount * by_b, amount * by_m
+        m[u(heat + a)] += value
+        m[u(heat + b)] -= value
+        m[u(slopes + aa)] -= by_a
+        m[u(slopes + ab)] -= by_b
+        m[u(slopes + am)] -= by_m
+        m[u(slopes + ba)] += by_a
+        m[u(slopes + bb)] += by_b
+        m[u(slopes + bm)] += by_m
 
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
@@ -308,8 +327,9 @@ def change(rates: Rates, m: Floats, at: Index, step_s: float, x: Floats) -> None
     and `amounts` are of that z and of what is around it then."""
     n, heat, right, values = rates.n, rates.heat, rates.right, rates.values
     _balance(rates, m, at, x, values)
-    for c in range(rates.cell, rates.cell + 3 * rates.entries, 3):
-        m[u(heat + at[u(c + 1)])] -= step_s * m[u(values + at[u(c)])] * x[n + at[u(c + 2)], 0]
+    for c in range(rates.entries):
+        entry, i, j = cell_of(rates, at, c)
+        m[u(heat + i)] -= step_s * m[u(values + entry)] * x[n + j, 0]
     _eliminated(rates, m, at, values)
     for i in range(n):
         m[u(right + i)] = 2.0 / step_s * m[u(heat + i)] - m[u(rates.own + i)] * x[n + i, 0]
@@ -382,20 +402,22 @@ def metered(rates: Rates, m: Floats, at: Index, j: int, x: Floats, q: int) -> fl
     for i in range(rates.size):
         m[u(shares + i)] = 0.0
     for g in range(rates.laws):
-        law, psi, amount = rates.law + 7 * g, rates.psi + 4 * g, m[u(signs + g)] * m[u(rates.amounts + g)]
-        a, b, other = at[u(law)], at[u(law + 1)], at[u(law + 3)]
-        total += amount * m[u(psi)]
-        m[u(shares + a)] -= amount * m[u(psi + 1)]
+        amount = m[u(signs + g)] * m[u(rates.amounts + g)]
+        a, b, other = ends_of(rates, at, g)
+        value, by_a, by_b, by_m = psi_of(rates, m, g)
+        total += amount * value
+        m[u(shares + a)] -= amount * by_a
         if 0 <= b < n:
-            m[u(shares + b)] -= amount * m[u(psi + 2)]
+            m[u(shares + b)] -= amount * by_b
         if other >= 0:
-            m[u(shares + other)] -= amount * m[u(psi + 3)]
+            m[u(shares + other)] -= amount * by_m
     for k in range(heats):
         m[u(shares + n + k)] = -m[u(rates.of_losses + j)]
         total += m[u(rates.of_losses + j)] * x[2 * n + k, 0]
     for t in range(rates.multiplied):
-        g, p = at[u(rates.term + 4 * t)], at[u(rates.term + 4 * t + 1)]
-        m[u(shares + n + heats + p)] -= m[u(signs + g)] * m[u(rates.terms + t)] * m[u(rates.psi + 4 * g)]
+        g, p, _, _ = term_of(rates, at, t)
+        value = psi_of(rates, m, g)[0]
+        m[u(shares + n + heats + p)] -= m[u(signs + g)] * m[u(rates.terms + t)] * value
     return total
 
 
