@@ -1,6 +1,6 @@
 """Stators through oven cycles: how often the hidden form is named, and a bad batch found, from logs of DC checks.
 
-    python benchmarks/ageing.py [--seeds N] [--first SEED] [--heads-only] [--json FILE]
+    python benchmarks/ageing.py [--seeds N] [--first SEED] [--heads-only] [--quick] [--json FILE]
 
 Truth: `tests/plant`, bare stators of 24 lumps in free air whose surfaces darken and whose room swings; six a campaign, 16 cycles, two
 batches. Each seed is run as it is and with a bad batch. `--heads-only`: without iron sensors. Prints what was hidden against what was named, the
@@ -9,8 +9,6 @@ error of R over a campaign, and how often a batch or a specimen was listed with 
 
 from __future__ import annotations
 
-import argparse
-import json
 import sys
 from collections import Counter
 from pathlib import Path
@@ -24,6 +22,7 @@ from scipy.stats import beta
 
 from analytics.insulation import campaign
 from analytics.insulation.checks.resistance import CheckResistance, CheckTrace, evaluate_together
+from benchmarks import asked
 from plant import insulation_campaign
 from plant.insulation_campaign import Campaign, Check, Stator
 from plant.timeline import Plan
@@ -32,19 +31,24 @@ FORMS = ("none", "monotone", "dip_then_rise", "changepoint")
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", maxsplit=1)[0])
-    parser.add_argument("--seeds", type=int, default=10)
-    parser.add_argument("--first", type=int, default=1000)
+    parser = asked.parser(__doc__, seeds=(10, 1), first=(1000, 1000))
     parser.add_argument("--heads-only", action="store_true")
-    parser.add_argument("--json", type=Path)
     args = parser.parse_args()
+    stators, cycles = (2, 3) if args.quick else (6, 16)
     named: Counter[tuple[str, str]] = Counter()
     alarms: Counter[tuple[bool, str]] = Counter()
     errors: list[float] = []
     without = 0
     for seed in range(args.first, args.first + args.seeds):
         for bad in (False, True):
-            plan = Plan(bad_batch=bad, iron=not args.heads_only, electrical=False, cycles_a_log=16)
+            plan = Plan(
+                stators=stators,
+                cycles=cycles,
+                bad_batch=bad,
+                iron=not args.heads_only,
+                electrical=False,
+                cycles_a_log=cycles,
+            )
             truth = insulation_campaign.run(seed, plan)
             checks = {stator.name: evaluate_together([trace(c) for c in stator.checks]) for stator in truth.stators}
             found = _assessed(truth, checks)
@@ -62,10 +66,9 @@ def main() -> None:
             alarms[bad, "campaigns"] += 1
         print(f"seed {seed}", file=sys.stderr)
     _print(named, alarms, errors, without)
-    if args.json:
-        rows = {f"{hidden} named {said}": count for (hidden, said), count in named.items()}
-        rows |= {f"{'bad batch' if bad else 'no bad batch'}: {what}": count for (bad, what), count in alarms.items()}
-        args.json.write_text(json.dumps(rows, indent=2) + "\n", encoding="utf-8")
+    rows = {f"{hidden} named {said}": count for (hidden, said), count in named.items()}
+    rows |= {f"{'bad batch' if bad else 'no bad batch'}: {what}": count for (bad, what), count in alarms.items()}
+    asked.keep(rows, args.json)
 
 
 def _assessed(truth: Campaign, checks: dict[str, tuple[CheckResistance, ...]]) -> campaign.Assessed:

@@ -1,7 +1,7 @@
 """How often a form of deterioration is told, and how often one is seen where nothing is: campaigns of `tests/plant`,
 fresh seeds.
 
-    python benchmarks/ageing_forms.py [--seeds N] [--healthy N] [--first SEED] [--json FILE]
+    python benchmarks/ageing_forms.py [--seeds N] [--first SEED] [--quick] [--json FILE]
 
 A trial is one stator: 16 cycles of 12 h at 230 degC in an oven that is never equally hot, a check before the first and
 after each. The hidden form is one of damage (Arrhenius, 0.9 to 1.1 eV), what is given is hours above 180 degC; six
@@ -14,8 +14,6 @@ it is also said to have stayed level. Rates with Clopper-Pearson bounds of 95 %;
 
 from __future__ import annotations
 
-import argparse
-import json
 import sys
 import time
 from collections import Counter
@@ -33,6 +31,7 @@ from threadpoolctl import threadpool_limits
 
 from analytics.insulation.checks import repeatability
 from analytics.insulation.courses import forms
+from benchmarks import asked
 from plant import timeline
 from plant.deterioration import OVEN_degC
 from plant.timeline import PAPER, Plan
@@ -44,6 +43,7 @@ NAMES = ("monotone", "dip_then_rise", "changepoint", "paper")
 WANTED = {ODD: "none", "paper": "dip_then_rise"}
 SDS = (0.008, 0.03)
 INSULATION_SHARE = 0.6
+HEALTHY = 4  # times as many seeds with nothing hidden: false names are rare
 
 
 @dataclass(frozen=True)
@@ -148,13 +148,8 @@ def held(one: Trial, found: forms.Form) -> bool:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--seeds", type=int, default=100)
-    parser.add_argument("--healthy", type=int, default=400)
-    parser.add_argument("--first", type=int, default=0)
-    parser.add_argument("--json", type=Path)
-    words = parser.parse_args()
-    seeds, healthy = range(words.first, words.first + words.seeds), range(words.first, words.first + words.healthy)
+    words = asked.parser(__doc__, seeds=(100, 1), first=(0, 0)).parse_args()
+    seeds, healthy = (range(words.first, words.first + count) for count in (words.seeds, HEALTHY * words.seeds))
     rates = []
     print(f"{'hidden':14} {'repeatability':18} {'told':>9} {'95 %':>13}  change  slope  level     ms  answers")
     with threadpool_limits(1):
@@ -168,10 +163,7 @@ def main() -> None:
                     flush=True,
                 )
                 rates.append(found)
-    if words.json:
-        words.json.write_text(
-            json.dumps([{**asdict(r), "bounds": r.bounds} for r in rates], indent=1), encoding="utf-8"
-        )
+    asked.keep([{**asdict(r), "bounds": r.bounds} for r in rates], words.json)
 
 
 if __name__ == "__main__":

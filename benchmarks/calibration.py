@@ -1,6 +1,6 @@
 """Does calibration help on sessions that it did not learn from? Healthy motors of `tests/plant`, a truth of another form.
 
-    python benchmarks/calibration.py [--seeds N] [--first SEED] [--json]
+    python benchmarks/calibration.py [--seeds N] [--first SEED] [--quick] [--json FILE]
 
 For each seed: two S1, one S2 and two WLTC sessions are written as BLF with motor, bench and DBC files, ingested, replayed with the
 file's model, calibrated on S1, S2 and WLTC, and replayed again on the kept S1 and WLTC. Mean absolute errors [K] on the kept
@@ -9,8 +9,7 @@ sessions by node, before and after: median over seeds, largest, and the share of
 
 from __future__ import annotations
 
-import argparse
-import json
+import math
 import sys
 import tempfile
 from collections import defaultdict
@@ -23,6 +22,7 @@ sys.path.append(str(HERE.parent / "tests"))
 
 import numpy as np
 
+from benchmarks import asked
 from ingest.facts import facts
 from ingest.facts.sessions import Override
 from ingest.facts.store import Store
@@ -34,15 +34,18 @@ from replay.engine.runs.campaign import replay_sessions
 from replay.studies.characterise.calibrate import calibrate_sessions
 
 LEARNT, KEPT = ("1_s1", "2_s2", "3_wltp"), ("4_s1", "5_wltp")
+QUICK_S = 300.0  # of each session
 Errors = dict[tuple[str, str], float]  # (session, node) -> mean absolute error [K]
 
 
-def one_motor(seed: int, folder: Path) -> tuple[Errors, Errors]:
-    """Errors on the kept sessions before and after calibration of the healthy motor of a seed."""
+def one_motor(seed: int, folder: Path, longest_s: float) -> tuple[Errors, Errors]:
+    """Errors on the kept sessions before and after calibration of the healthy motor of a seed, of drives that end after `longest_s`."""
     plant = Plant(seed)
     tests = [points.s1(plant, 6000.0, 30.0, 0), points.s2(plant, 8000.0, 20.0, 1), drives.wltp(1)]
     tests += [points.s1(plant, 9000.0, 30.0, 3), drives.wltp(1)]
-    logs = write_campaign(folder, plant, sessions(plant, tests, layout="six"), layout="six")
+    logs = write_campaign(
+        folder, plant, sessions(plant, [t.first(longest_s) for t in tests], layout="six"), layout="six"
+    )
     setup = prepare(logs, folder / "bench.toml", [folder / "bench.dbc"], for_intake)
     with Store.open(folder / "store", create=True) as store:
         take_in(store, logs, setup, Override())
@@ -87,19 +90,13 @@ def summary(pairs: list[tuple[Errors, Errors]]) -> dict[str, Any]:
 
 def main() -> None:
     """Run and print."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--seeds", type=int, default=5)
-    parser.add_argument("--first", type=int, default=100)
-    parser.add_argument("--json", action="store_true")
-    args = parser.parse_args()
+    args = asked.parser(__doc__, seeds=(5, 1), first=(100, 100)).parse_args()
     pairs = []
     for seed in range(args.first, args.first + args.seeds):
         with tempfile.TemporaryDirectory() as folder:
-            pairs.append(one_motor(seed, Path(folder)))
+            pairs.append(one_motor(seed, Path(folder), QUICK_S if args.quick else math.inf))
     found = {"seeds": [args.first, args.first + args.seeds - 1], **summary(pairs)}
-    if args.json:
-        print(json.dumps(found, indent=2))
-        return
+    asked.keep(found, args.json)
     print(
         f"{found['motors']} healthy motors, kept S1 and WLTC: {found['better']:.0%} of errors smaller after calibration"
     )

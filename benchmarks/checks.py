@@ -1,6 +1,6 @@
 """What each DC check says of the slots' insulation: through the rig's network in the motor file, beside routes that know no motor.
 
-    python benchmarks/checks.py [--seeds N] [--first SEED] [--json FILE]
+    python benchmarks/checks.py [--seeds N] [--first SEED] [--quick] [--json FILE]
 
 Truth: `tests/plant`, bare stators of 24 lumps in free air, two of three phases energised, whose surfaces darken from 0.80 to 0.90 and whose
 room swings; nine checks each without an error of their own. The motor file (`plant.bare_stator_motor`) has five nodes; no stator is as
@@ -11,8 +11,6 @@ nothing changes, and the stated sd against the error.
 
 from __future__ import annotations
 
-import argparse
-import json
 import sys
 from collections import defaultdict
 from dataclasses import replace
@@ -26,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analytics.insulation.checks.resistance import CheckResistance, CheckTrace, evaluate_together
+from benchmarks import asked
 from plant import bare_stator_motor, dc_check, insulation_campaign
 from plant.insulation_campaign import Check
 from plant.timeline import Plan
@@ -50,17 +49,14 @@ NODES = {t.signal: t.node for t in dc_check.THERMOCOUPLES} | {
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", maxsplit=1)[0])
-    parser.add_argument("--seeds", type=int, default=6)
-    parser.add_argument("--first", type=int, default=3000)
-    parser.add_argument("--json", type=Path)
-    args = parser.parse_args()
+    args = asked.parser(__doc__, seeds=(6, 1), first=(3000, 3000)).parse_args()
+    plan = replace(PLAN, cycles=2) if args.quick else PLAN
     rows: dict[str, list[list[float]]] = defaultdict(list)
     still: dict[str, list[list[float]]] = defaultdict(list)
     for seed in range(args.first, args.first + args.seeds):
         network = _network(seed)
         for form in FORMS:
-            (stator,) = insulation_campaign.run(seed, replace(PLAN, forms=(form,))).stators
+            (stator,) = insulation_campaign.run(seed, replace(plan, forms=(form,))).stators
             truth = np.log([check.insulation for check in stator.checks])
             for name, answers in _by_route(stator.checks, network).items():
                 known = np.array([one.resistance_K_per_W or np.nan for one in answers])
@@ -69,16 +65,15 @@ def main() -> None:
                     (still if form == "none" else rows)[name].append(_measured(np.log(known), sd, truth))
         print(f"seed {seed}", file=sys.stderr)
     _print(rows, still)
-    if args.json:
-        said = ("slope", "left_over", "trend", "error_over_sd", "sd")
-        found = {
-            name: {
-                "changing": dict(zip(said, np.mean(some, axis=0).tolist(), strict=True)),
-                "surfaces_alone": dict(zip(said[1:], np.mean(still[name], axis=0).tolist()[1:], strict=True)),
-            }
-            for name, some in rows.items()
+    said = ("slope", "left_over", "trend", "error_over_sd", "sd")
+    found = {
+        name: {
+            "changing": dict(zip(said, np.mean(some, axis=0).tolist(), strict=True)),
+            "surfaces_alone": dict(zip(said[1:], np.mean(still[name], axis=0).tolist()[1:], strict=True)),
         }
-        args.json.write_text(json.dumps(found, indent=2) + "\n", encoding="utf-8")
+        for name, some in rows.items()
+    }
+    asked.keep(found, args.json)
 
 
 def _network(seed: int) -> Network:

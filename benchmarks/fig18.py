@@ -1,17 +1,16 @@
 """The paper's Fig. 18 from a stator whose truth is known: what one stator through 21 oven cycles can tell, and what it cannot.
 
-    python benchmarks/fig18.py [--seed N] [--seeds N] [--out DIR]
+    python benchmarks/fig18.py [--seeds N] [--first SEED] [--out DIR] [--quick] [--json FILE]
 
 Truth: `tests/plant`, one bare stator of 24 lumps, 20 cycles of 12 h and one of 60 h at 230 degC, a check with 160 A before the first (four times) and
 after each, thermocouples in the winding heads only. Its slots' resistance falls over eight cycles, rises to the fifteenth past its start, then does
-neither; surfaces darken, the room swings, checks repeat within 2 %. The seed's logs go through `whyhot ingest` and `whyhot ageing`, and the
+neither; surfaces darken, the room swings, checks repeat within 2 %. The first seed's logs go through `whyhot ingest` and `whyhot ageing`, and the
 figure is drawn (fig18.svg, fig18.png in DIR). Then as many stators with that course, and the same ones with nothing hidden, are assessed in
 memory: what is named from R, and what the same test would have named from the hottest sensor. Takes about 20 s a seed.
 """
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 import io
 import json
@@ -36,6 +35,7 @@ from analytics.insulation.checks import repeatability
 from analytics.insulation.checks.resistance import evaluate_together
 from analytics.insulation.courses import forms
 from analytics.insulation.courses.forms import Form
+from benchmarks import asked
 from benchmarks.ageing import rate
 from benchmarks.ageing import trace as check_trace
 from plant import insulation_campaign
@@ -76,21 +76,21 @@ class Course:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", maxsplit=1)[0])
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--seeds", type=int, default=10, help="stators to assess, from SEED on")
-    parser.add_argument("--out", type=Path, default=Path())
+    parser = asked.parser(__doc__, seeds=(10, 1), first=(1, 1))
+    parser.add_argument("--out", metavar="DIR", type=Path, default=Path(), help="for the picture; here")
     args = parser.parse_args()
-    document, text = through_the_store(args.seed)
+    document, text = through_the_store(args.first)
     print(text, end="\n\n")
     aged, healthy = [], []
-    for seed in range(args.seed, args.seed + args.seeds):
+    for seed in range(args.first, args.first + args.seeds):
         aged.append(course(insulation_campaign.run(seed, PAPER).stators[0]))
         healthy.append(course(insulation_campaign.run(seed, HEALTHY).stators[0]))
         print(f"seed {seed}", file=sys.stderr)
     args.out.mkdir(parents=True, exist_ok=True)
     draw(document, aged[0], healthy[0], args.out / "fig18.svg")
-    print("\n".join(findings(aged, healthy)))
+    found = findings(aged, healthy)
+    print("\n".join(found))
+    asked.keep(found, args.json)
 
 
 def through_the_store(seed: int) -> tuple[dict[str, Any], str]:

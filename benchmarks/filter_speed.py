@@ -1,6 +1,6 @@
 """How many times faster the filters are than filterpy, in one run, with the largest difference between the two.
 
-    python benchmarks/filter_speed.py [--rounds N] [--json FILE]
+    python benchmarks/filter_speed.py [--quick] [--json FILE]
 
 The reference motor: 21 nodes, eight thermometers, a drive like the WLTP at 2 Hz. Both forms find the magnets' loss and three
 conductances: 25 numbers in the small form, 46 in the paper's. filterpy is used as its documentation has it, its model of the motor
@@ -11,8 +11,6 @@ of all rounds, the ways taken in turn; differences are of every temperature at e
 
 from __future__ import annotations
 
-import argparse
-import json
 import sys
 import time
 from collections.abc import Callable, Mapping
@@ -29,6 +27,7 @@ from filterpy.kalman import ExtendedKalmanFilter
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
+from benchmarks import asked
 from benchmarks.integrator import Physics, frame, initial_of, motor, wltp_like
 from made.filter_steps import Steps
 from replay.engine.results.kernel_cache import load
@@ -45,7 +44,7 @@ from twin.run.simulate import Frame, simulate
 Floats = NDArray[np.float64]
 Case = tuple[Network, Frame, Start, list[Any], list[Reading]]
 
-STEPS, PEERS_STEPS = 10_800, 600  # of ours, three WLTC, and of filterpy's: its time a step does not change
+STEPS = 10_800  # of ours, three WLTC; filterpy's are fewer, as its time a step does not change
 STEP_S, NOISE_K = 0.5, 0.1
 SENSORS = (
     "endwinding_a_inner",
@@ -266,10 +265,10 @@ def paper_form(network: Network, inputs: Inputs, given: bool) -> Floats:
 # --- The measurement ---------------------------------------------------------------------------------------------------------
 
 
-def ratios(rounds: int) -> dict[str, float]:
+def ratios(rounds: int, peers_steps: int) -> dict[str, float]:
     """`ekf_vs_filterpy`, `ekf46_vs_filterpy`: filterpy's time a step over ours, its model in numpy; `..._given_our_step` the same of a
     filterpy that is given our step; `..._difference_K` between estimates; `..._us` ours a step."""
-    case, of = case_of((HEAT, *FACTORS)), inputs_of(*case_of((HEAT, *FACTORS), PEERS_STEPS))
+    case, of = case_of((HEAT, *FACTORS)), inputs_of(*case_of((HEAT, *FACTORS), peers_steps))
     network = case[0]
     ours: Mapping[str, Callable[[], Floats]] = {
         "ekf": lambda: filter_unknowns(*case).temperatures,
@@ -284,11 +283,11 @@ def ratios(rounds: int) -> dict[str, float]:
     }
     found = {}
     for name, run in ours.items():
-        own = run()[1 : PEERS_STEPS + 1]
+        own = run()[1:peers_steps]  # less the last edge: at the end of a run features are other ones
         best = dict.fromkeys(("ours", *peers[name]), np.inf)
-        apart = [np.abs(own - peer()[:, : own.shape[1]]).max() for peer in peers[name].values()]
+        apart = [np.abs(own - peer()[:-1, : own.shape[1]]).max() for peer in peers[name].values()]
         for _ in range(rounds):
-            for way, call, steps in (("ours", run, STEPS), *((w, c, PEERS_STEPS) for w, c in peers[name].items())):
+            for way, call, steps in (("ours", run, STEPS), *((w, c, peers_steps) for w, c in peers[name].items())):
                 began = time.process_time()
                 call()
                 best[way] = min(best[way], (time.process_time() - began) / steps)
@@ -300,15 +299,11 @@ def ratios(rounds: int) -> dict[str, float]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
-    parser.add_argument("--rounds", type=int, default=5, help="of each way (5)")
-    parser.add_argument("--json", type=Path, help="write all numbers here")
-    said = parser.parse_args()
+    said = asked.parser(__doc__).parse_args()
     with threadpool_limits(1):
-        found = ratios(said.rounds)
+        found = ratios(1, 60) if said.quick else ratios(5, 600)
     print("\n".join(f"{name:<36} {value:.3g}" for name, value in found.items()))
-    if said.json:
-        said.json.write_text(json.dumps(found, indent=1), encoding="utf-8")
+    asked.keep(found, said.json)
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 """Filters against the truth and against filterpy: delay, errors at kept magnets, time.
 
-    python benchmarks/filters.py [--seeds N] [--first SEED] [--cycles N] [--steps N] [--json FILE]
+    python benchmarks/filters.py [--seeds N] [--first SEED] [--quick] [--json FILE]
 
 Truth: motors of `tests/plant`, each with a magnet loss that its file does not know, driven through WLTC, written as BLF, ingested
 and replayed. Every filter reads endwindings A and B and the rotor's surface and estimates the magnet loss; the magnet sensor is kept.
@@ -9,14 +9,12 @@ loss with it: the magnet temperature and the kept sensor; the loss found, less w
 hidden one, and that. The loss error is rms, there.
 
 Time: the reference motor, the same steps for both in turn, best of 3. filterpy is given the compiled step and its derivative for
-nothing and spends its time on its own algebra alone, so the ratio is a lower bound. `--steps`: how many for the smallest eigenvalue
-of the covariance after a long run with almost perfect readings.
+nothing and spends its time on its own algebra alone, so the ratio is a lower bound. Last, the smallest eigenvalue of the covariance
+after a million steps with almost perfect readings.
 """
 
 from __future__ import annotations
 
-import argparse
-import json
 import sys
 import tempfile
 import time
@@ -34,6 +32,7 @@ from filterpy.kalman import ExtendedKalmanFilter, MerweScaledSigmaPoints, Unscen
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
+from benchmarks import asked
 from benchmarks.integrator import frame, initial_of, motor, wltp_like
 from ingest.catalogue.channels import load as load_channels
 from ingest.facts import facts
@@ -326,7 +325,7 @@ def seconds(ours: Callable[[], object], theirs: Callable[[], object], rounds: in
     return best[0], best[1]
 
 
-def times(steps: int = 600) -> dict[str, dict[str, float]]:
+def times(steps: int) -> dict[str, dict[str, float]]:
     """Each filter beside filterpy's on the same steps: us a step, ratio, largest difference of the last temperatures [K]."""
     case = timed_case(steps)
     network = case[0]
@@ -386,26 +385,20 @@ def table(rows: list[Row]) -> str:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
-    parser.add_argument("--seeds", type=int, default=3, help="motors (3)")
-    parser.add_argument("--first", type=int, default=1, help="first seed (1)")
-    parser.add_argument("--cycles", type=int, default=3, help="WLTC in a row (3)")
-    parser.add_argument("--steps", type=int, default=1_000_000, help="of the long run (1,000,000)")
-    parser.add_argument("--json", type=Path, help="write all numbers here")
-    said = parser.parse_args()
+    said = asked.parser(__doc__, seeds=(3, 1), first=(1, 1)).parse_args()
+    cycles, timed, steps = (1, 100, 10_000) if said.quick else (3, 600, 1_000_000)
     with threadpool_limits(1):
-        rows = [one for seed in range(said.first, said.first + said.seeds) for one in rows_of(seed, said.cycles)]
-        print(f"{said.seeds} motors with a hidden magnet loss, {said.cycles} WLTC, after the first {SETTLE_S:.0f} s:")
+        rows = [one for seed in range(said.first, said.first + said.seeds) for one in rows_of(seed, cycles)]
+        print(f"{said.seeds} motors with a hidden magnet loss, {cycles} WLTC, after the first {SETTLE_S:.0f} s:")
         print(table(rows))
-        took = times()
+        took = times(timed)
         print(
             "\n"
             + "\n".join(f"{name:<14} {', '.join(f'{k} {v:.3g}' for k, v in of.items())}" for name, of in took.items())
         )
-        long = long_run(said.steps)
+        long = long_run(steps)
         print("\nlong run       " + ", ".join(f"{k} {v:.4g}" for k, v in long.items()))
-    if said.json:
-        said.json.write_text(json.dumps({"rows": [asdict(r) for r in rows], "times": took, "long_run": long}, indent=1))
+    asked.keep({"rows": [asdict(r) for r in rows], "times": took, "long_run": long}, said.json)
 
 
 if __name__ == "__main__":

@@ -1,7 +1,7 @@
 """Fleets of `tests/plant`, fresh seeds: what is listed where something is hidden and where nothing is, and whether
 remaining dose lies in its interval.
 
-    python benchmarks/fleet.py [--seeds N] [--first SEED] [--json FILE]
+    python benchmarks/fleet.py [--seeds N] [--first SEED] [--quick] [--json FILE]
 
 A trial is a fleet of 400 motors in eight batches with 3 to 21 checks each (errors of 3 % with the tails of Student's
 with five degrees of freedom, 3 % of the checks missing), once as it is, once with a bad batch, once with five bad
@@ -16,8 +16,6 @@ Large: 2,000 motors of 500 checks, one fit and one assessment. Rates with Cloppe
 
 from __future__ import annotations
 
-import argparse
-import json
 import sys
 import time
 from collections.abc import Callable
@@ -36,6 +34,7 @@ from threadpoolctl import threadpool_limits
 from analytics.insulation.fleet import mixed
 from analytics.insulation.fleet.outlying import FleetAssessment, assess
 from analytics.insulation.fleet.remaining import remaining
+from benchmarks import asked
 from plant.deterioration import FORMS, Faster, draw
 from plant.fleet import Fleet, Population, fleet
 
@@ -79,10 +78,10 @@ def share(found: int, of: int) -> str:
     return f"{found:4}/{of:<4} ({100 * low:.0f}-{100 * high:.0f} %)" if of else "-"
 
 
-def made(kind: Kind, seed: int) -> tuple[Fleet, Floats]:
+def made(kind: Kind, seed: int, motors: int) -> tuple[Fleet, Floats]:
     """The fleet, and ln R of its checks."""
     one = fleet(
-        seed, 400, kind.checks, batches=8, hours_a_cycle=12.0, missing=0.03, exchanged=kind.exchanged,
+        seed, motors, kind.checks, batches=8, hours_a_cycle=12.0, missing=0.03, exchanged=kind.exchanged,
         bad_batches=kind.bad_batches, bad_motors=kind.bad_motors, population=kind.population,
     )  # fmt: skip
     y = np.log(one.checks.resistance_K_per_W)
@@ -111,11 +110,11 @@ def ceiling(one: Fleet) -> int:
     return int(sum(z[one.serial.index(name)] > limit for name in one.bad_motors))
 
 
-def fleets(kind: Kind, seeds: range) -> dict[str, object]:
+def fleets(kind: Kind, seeds: range, motors_each: int) -> dict[str, object]:
     false_motors = false_batches = motors = batches = could = listed = 0
     shares, spent = [], 0.0
     for seed in seeds:
-        one, y = made(kind, seed)
+        one, y = made(kind, seed, motors_each)
         began = time.process_time()
         found = judged(one, y)
         spent += time.process_time() - began
@@ -204,8 +203,8 @@ def lives(name: str, seeds: range, make: Callable[[int], Fleet]) -> dict[str, ob
     return row
 
 
-def large() -> dict[str, object]:
-    one = fleet(0, 2000, 500, bad_batches=1, bad_motors=5)
+def large(motors: int, checks: int) -> dict[str, object]:
+    one = fleet(0, motors, checks, bad_batches=1, bad_motors=5)
     rows = one.checks
     y = np.log(one.checks.resistance_K_per_W)
     batch = np.unique(one.batch, return_inverse=True)[1]
@@ -222,34 +221,34 @@ def large() -> dict[str, object]:
         "batches": [b.batch for b in found.outlying_batches] == list(one.bad_batches),
         "motors": sorted(s.specimen for s in found.outlying_specimens) == list(one.bad_motors),
     }
-    print("2,000 motors of 500 checks:", "; ".join(f"{key}: {value}" for key, value in row.items()), flush=True)
+    print(
+        f"{motors:,} motors of {checks} checks:", "; ".join(f"{key}: {value}" for key, value in row.items()), flush=True
+    )
     return row
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--seeds", type=int, default=100)
-    parser.add_argument("--first", type=int, default=0)
-    parser.add_argument("--json", type=Path)
-    words = parser.parse_args()
+    words = asked.parser(__doc__, seeds=(100, 1), first=(0, 0)).parse_args()
+    motors, checks = (48, 20) if words.quick else (400, 500)
     seeds, few = range(words.first, words.first + words.seeds), range(words.first, words.first + -(-words.seeds // 5))
     with threadpool_limits(1):
         answer = {
-            "fleets": [fleets(kind, seeds) for kind in KINDS],
+            "fleets": [fleets(kind, seeds, motors) for kind in KINDS],
             "six stators": campaigns(seeds),
             "remaining": [
-                lives("400 motors", few, lambda seed: made(Kind("", bad_batches=0), seed)[0]),
-                lives("400 motors, a bad batch", few, lambda seed: made(Kind("", bad_batches=1), seed)[0]),
+                lives(f"{motors} motors", few, lambda seed: made(Kind(""), seed, motors)[0]),
+                lives(
+                    f"{motors} motors, a bad batch", few, lambda seed: made(Kind("", bad_batches=1), seed, motors)[0]
+                ),
                 lives(
                     "12 motors",
                     seeds,
                     lambda seed: fleet(seed, 12, (3, 21), batches=2, hours_a_cycle=12.0, exchanged=0.0),
                 ),
             ],
-            "large": large(),
+            "large": large(5 * motors, checks),
         }
-    if words.json:
-        words.json.write_text(json.dumps(answer, indent=1), encoding="utf-8")
+    asked.keep(answer, words.json)
 
 
 if __name__ == "__main__":

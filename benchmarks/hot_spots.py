@@ -1,6 +1,6 @@
 """A replay's hot spots, by open loop and by the smoother, against motors whose truth is known.
 
-    python benchmarks/hot_spots.py [--seeds N] [--first SEED]
+    python benchmarks/hot_spots.py [--seeds N] [--first SEED] [--quick] [--json FILE]
 
 Each motor of `tests/plant` has ten thermocouples and a motor file that is not calibrated to it, and goes through an S1 point and a WLTC,
 with and without a hidden magnet loss. Printed is how far the hottest winding and the hottest magnet are off the truth (the hottest
@@ -9,11 +9,11 @@ node, the mean of its cells), and how often the 95 % band holds it.
 
 from __future__ import annotations
 
-import argparse
+import math
 import sys
 import tempfile
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +23,7 @@ sys.path[:0] = [str(HERE.parent / "tests"), str(HERE.parent)]
 
 import numpy as np
 
+from benchmarks import asked
 from ingest.facts import facts
 from ingest.facts.sessions import Override
 from ingest.facts.store import Store
@@ -33,6 +34,7 @@ from replay.engine.files.models import for_intake
 from replay.engine.runs.campaign import replay_sessions
 
 HIDDEN_W = 400.0  # of the magnets at 16,000 rpm
+QUICK_S = 600.0  # of each session
 WHO = ("open loop", "smoother")
 
 
@@ -47,11 +49,11 @@ class Case:
     held: bool
 
 
-def cases(seed: int, effects: tuple[Effect, ...]) -> Iterator[Case]:
-    """The hot spots of one motor."""
+def cases(seed: int, effects: tuple[Effect, ...], longest_s: float) -> Iterator[Case]:
+    """The hot spots of one motor, in drives that end after `longest_s`."""
     plant = Plant(seed, effects)
     s1 = drives.join("s1", "s1", [drives.hold(2000.0, 60.0, 5), drives.hold(9000.0, 60.0, 15)])
-    recordings = sessions(plant, [s1, drives.wltp(1)], layout="ten")
+    recordings = sessions(plant, [drive.first(longest_s) for drive in (s1, drives.wltp(1))], layout="ten")
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         logs = write_campaign(folder, plant, recordings, layout="ten")
@@ -81,16 +83,13 @@ def _hottest(plant: Plant, recording: Recording, node: str) -> float:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--seeds", type=int, default=6)
-    parser.add_argument("--first", type=int, default=300)
-    args = parser.parse_args()
+    args = asked.parser(__doc__, seeds=(6, 1), first=(300, 300)).parse_args()
     hidden = Effect("loss.magnet.speed2", HIDDEN_W)
     found = [
         case
         for seed in range(args.first, args.first + args.seeds)
         for effects in ((), (hidden,))
-        for case in cases(seed, effects)
+        for case in cases(seed, effects, QUICK_S if args.quick else math.inf)
     ]
     print(f"{'':<20} {'off':>16} {'band, +-':>16} {'held':>10}")
     for spot, who in [(spot, who) for spot in ("winding", "magnet") for who in WHO]:
@@ -98,6 +97,7 @@ def main() -> None:
         off, half = [case.off_K for case in mine], [case.half_K for case in mine if case.half_K is not None]
         held = f"{sum(case.held for case in mine)} of {len(half)}"
         print(f"{f'{spot}, {who}':<20} {_range(off):>16} {_range(half) if half else 'none':>16} {held:>10}")
+    asked.keep([asdict(case) for case in found], args.json)
 
 
 def _range(values: list[float]) -> str:

@@ -1,6 +1,6 @@
 """Reads a BLF file into Parquet three ways in one run, checks that all three give the same values, and prints ratios.
 
-    python benchmarks/ingest.py [--frames N] [--files N] [--sessions N] [--rounds N] [--json]
+    python benchmarks/ingest.py [--quick] [--json FILE]
 
 - whyhot: child process, recording (MCAP), decoding and Parquet, everything counted.
 - python-can + cantools: `BLFReader`, `decode_message` a frame, Parquet with the same encodings.
@@ -17,8 +17,6 @@ ledger and the grouping of each are then started anew.
 
 from __future__ import annotations
 
-import argparse
-import json
 import os
 import sys
 import tempfile
@@ -35,8 +33,11 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
-sys.path[:] = [place for place in sys.path if Path(place) != Path(__file__).parent]  # else this file hides the package
+HERE = Path(__file__).parent
+sys.path[:] = [place for place in sys.path if Path(place) != HERE]  # else this file hides the package
+sys.path[:0] = [str(HERE.parent)]
 
+from benchmarks import asked
 from ingest.facts import facts
 from ingest.facts.sessions import Override
 from ingest.facts.store import Store
@@ -305,18 +306,11 @@ def run(count: int, rounds: int) -> dict[str, Any]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description="BLF to Parquet: whyhot against python-can + cantools and asammdf")
-    parser.add_argument("--frames", type=int, default=300_000)
-    parser.add_argument("--files", type=int, default=20)
-    parser.add_argument("--sessions", type=int, default=4800)
-    parser.add_argument("--rounds", type=int, default=3)
-    parser.add_argument("--json", action="store_true")
-    arguments = parser.parse_args()
-    result = run(arguments.frames, arguments.rounds)
-    result["many"] = run_many(arguments.files, arguments.sessions, arguments.rounds)
-    if arguments.json:
-        print(json.dumps(result, indent=2))
-        return
+    words = asked.parser(__doc__).parse_args()
+    frames, files, sessions, rounds = (500, 2, 50, 1) if words.quick else (300_000, 20, 4800, 3)
+    result = run(frames, rounds)
+    result["many"] = run_many(files, sessions, rounds)
+    asked.keep(result, words.json)
     print(
         f"BLF to Parquet, {result['frames']:,} frames, median of {result['rounds']} rounds, values equal to the last bit"
     )

@@ -1,7 +1,7 @@
 """Which integrator, at which step: error against a tight solution and time, for kinds of drive; of the default, for every shipped
 motor, template and configuration.
 
-    python benchmarks/integrator.py [--json FILE]
+    python benchmarks/integrator.py [--quick] [--json FILE]
 
 Inputs are held over each step, as in a replay, so the error is the integrator's alone. Reference: scipy's DOP853 from step to
 step, rtol 1e-10, with every temperature dependence, law and circuit as the motor file says it. docs/integrator.md holds the answer.
@@ -9,13 +9,11 @@ step, rtol 1e-10, with every temperature dependence, law and circuit as the moto
 
 from __future__ import annotations
 
-import argparse
-import json
 import math
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
@@ -24,10 +22,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-sys.path[:] = [
-    place for place in sys.path if Path(place) != Path(__file__).parent
-]  # else ingest.py here hides the package
+HERE = Path(__file__).parent
+sys.path[:] = [place for place in sys.path if Path(place) != HERE]  # else ingest.py beside this file hides the package
+sys.path[:0] = [str(HERE.parent)]
 
+from benchmarks import asked
 from replay.engine.files.motor_file import read_motor
 from replay.engine.results.kernel_cache import load
 from twin.compiled.integrators import DEFAULT, SDIRK2, Tableau
@@ -41,7 +40,10 @@ Floats = NDArray[np.float64]
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 TEMPLATES = EXAMPLES.parent / "replay" / "templates"
-MOTORS = ("reference_motor", "hust_motor")  # on which every method and step is measured
+MOTORS = (
+    "reference_motor",
+    "hust_motor",
+)  # on which every method and step is measured; with --quick the small one alone
 STEPS_S = (0.5, 1.0, 2.0)
 RATE_HZ = 10  # of the drives, before they are averaged over steps
 COOLANT_DEGC, AMBIENT_DEGC = 65.0, 25.0
@@ -252,16 +254,16 @@ class Error:
     node: str
 
 
-def errors(motors: tuple[str, ...] = MOTORS, steps_s: tuple[float, ...] = STEPS_S) -> list[Error]:
-    """Every method, step, drive and motor against the tight solution on the same held inputs."""
+def errors(motors: Sequence[str], of: Callable[[Frame], Frame]) -> list[Error]:
+    """Every method, step, drive and motor against the tight solution on the same held inputs; `of`: which part of them."""
     found = []
     for name in motors:
         network = motor(name)
         methods: dict[str, Callable[[Frame], Floats]] = {t.name: _method(network, t) for t in METHODS}
         methods["bdf2"] = partial(bdf2, network)
         for drive, make in DRIVES.items():
-            for step_s in steps_s:
-                inputs = frame(network, make(), step_s)
+            for step_s in STEPS_S:
+                inputs = of(frame(network, make(), step_s))
                 truth = tight(network, inputs)
                 for method, run in methods.items():
                     off = np.abs(run(inputs) - truth)
@@ -270,24 +272,27 @@ def errors(motors: tuple[str, ...] = MOTORS, steps_s: tuple[float, ...] = STEPS_
     return found
 
 
-def default_errors() -> list[Error]:
-    """The default integrator at its own step on every shipped motor; of those without a kernel of their own, the window alone."""
+def default_errors(motors: Mapping[str, Network], of: Callable[[Frame], Frame]) -> list[Error]:
+    """The default integrator at its own step; of motors without a kernel of their own, the window alone."""
     found = []
-    for name, network in shipped().items():
+    for name, network in motors.items():
         large = statements(generate(network)) > STATEMENTS
         run = compile_indexed(network, load=load) if large else compile_network(network, load=load)
         for drive, make in DRIVES.items():
-            inputs = frame(network, make(), DEFAULT.step_s)
-            inputs = window(inputs) if large else inputs
+            inputs = (window if large else of)(frame(network, make(), DEFAULT.step_s))
             off = np.abs(simulate(run, inputs, initial_of(network)) - tight(network, inputs))
             node = network.nodes[int(off.max(axis=0).argmax())].name
             found.append(Error(name, drive, DEFAULT.name, DEFAULT.step_s, float(off.max()), node))
     return found
 
 
-def window(inputs: Frame) -> Frame:
-    """From 450 to 570 s: in s2 the pulse of 60 s."""
-    part = slice(round(450 / inputs.step_s), round(570 / inputs.step_s))
+def whole(inputs: Frame) -> Frame:
+    return inputs
+
+
+def window(inputs: Frame, until_s: float = 570.0) -> Frame:
+    """From 450 s on: in s2 the pulse of 60 s."""
+    part = slice(round(450 / inputs.step_s), round(until_s / inputs.step_s))
     return Frame(inputs.step_s, inputs.features[part], inputs.boundaries[part])
 
 
@@ -296,7 +301,7 @@ def _method(network: Network, tableau: Tableau) -> Callable[[Frame], Floats]:
     return lambda inputs: simulate(compiled, inputs, initial_of(network))
 
 
-def held(motor_name: str = MOTORS[0]) -> list[dict[str, object]]:
+def held(motor_name: str) -> list[dict[str, object]]:
     """What holding the mean input over a step costs [K] at the ends of steps, against the same method at 0.1 s."""
     network, rows = motor(motor_name), []
     run = _method(network, DEFAULT)
@@ -322,38 +327,40 @@ def best_of(
     return best
 
 
-def times() -> dict[str, float]:
-    """Time a simulated second of each method and step, WLTP-like drive of the reference motor, times that of sdirk2 at 0.5 s."""
-    network = motor("reference_motor")
+def times(motor_name: str, rounds: int) -> dict[str, float]:
+    """Time a simulated second of each method and step, WLTP-like drive, times that of sdirk2 at 0.5 s."""
+    network = motor(motor_name)
     runs: dict[str, Callable[[], object]] = {}
     for tableau in METHODS:
         run = _method(network, tableau)
         for step_s in STEPS_S:
             inputs = frame(network, wltp_like(), step_s)
             runs[f"{tableau.name} {step_s:g} s"] = partial(run, inputs)
-    best = best_of(15, runs)
+    best = best_of(rounds, runs)
     return {name: value / best["sdirk2 0.5 s"] for name, value in best.items()}
 
 
-def speed() -> dict[str, float]:
-    """The default run: time a step, against the index program and scipy's LSODA, and the processor time of a first and a later start."""
-    network = motor("reference_motor")
+def speed(motor_name: str, rounds: int) -> dict[str, float]:
+    """The default run: time a step, against the index program and scipy's LSODA, and the processor time of a first and a
+    later start."""
+    network = motor(motor_name)
     inputs = frame(network, wltp_like(), DEFAULT.step_s)
     start = initial_of(network)
     source = generate(network)
     straight, indexed = compile_network(network, load=load), compile_indexed(network, load=load)
     best = best_of(
-        15, {"straight": lambda: simulate(straight, inputs, start), "indexed": lambda: simulate(indexed, inputs, start)}
+        rounds,
+        {"straight": lambda: simulate(straight, inputs, start), "indexed": lambda: simulate(indexed, inputs, start)},
     )
-    lsoda = best_of(1, {"lsoda": lambda: lsoda(network, inputs, start)})["lsoda"]
+    slow = best_of(1, {"lsoda": lambda: lsoda(network, inputs, start)})["lsoda"]
     steps = len(inputs.features)
     return {
         "statements": statements(source),
         "us_per_step": best["straight"] / steps * 1e6,
         "indexed_over_straight": best["indexed"] / best["straight"],
-        "lsoda_over_straight": lsoda / best["straight"],
+        "lsoda_over_straight": slow / best["straight"],
         "compile_s": _processor_time(lambda: load_in_memory(source)),
-        **_later_start(),
+        **_later_start(motor_name),
     }
 
 
@@ -370,14 +377,14 @@ def _processor_time(work: Callable[[], object]) -> float:
     return time.process_time() - start
 
 
-def _later_start() -> dict[str, float]:
+def _later_start(motor_name: str) -> dict[str, float]:
     """A new process with a warm cache: processor seconds to import numba, and from there to a kernel ready."""
     code = (
         "import time; start = time.process_time()\n"
         "import numba; imported = time.process_time()\n"
         "from benchmarks.integrator import motor\n"
         "from replay.engine.results.kernel_cache import load_kernel\n"
-        "network = motor('reference_motor'); began = time.process_time()\n"
+        f"network = motor({motor_name!r}); began = time.process_time()\n"
         "load_kernel(network)\n"
         "print(imported - start, time.process_time() - began)"
     )
@@ -386,18 +393,18 @@ def _later_start() -> dict[str, float]:
     return {"import_numba_s": imported, "later_start_s": loaded}
 
 
-def _table(found: list[Error], ratio: Mapping[str, float]) -> str:
+def _table(motors: Sequence[str], found: list[Error], ratio: Mapping[str, float]) -> str:
     rows = [
         "| method | step | time | "
-        + " | ".join(f"{m.removesuffix('_motor')} {d}" for m in MOTORS for d in DRIVES)
+        + " | ".join(f"{m.removesuffix('_motor')} {d}" for m in motors for d in DRIVES)
         + " |"
     ]
-    rows.append("|---" * (3 + len(MOTORS) * len(DRIVES)) + "|")
+    rows.append("|---" * (3 + len(motors) * len(DRIVES)) + "|")
     for method in (*(t.name for t in METHODS), "bdf2"):
         for step_s in STEPS_S:
             cells = [
                 e.error_K
-                for m in MOTORS
+                for m in motors
                 for d in DRIVES
                 for e in found
                 if (e.motor, e.drive, e.method, e.step_s) == (m, d, method, step_s)
@@ -409,26 +416,22 @@ def _table(found: list[Error], ratio: Mapping[str, float]) -> str:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--json", metavar="FILE", type=Path)
-    arguments = parser.parse_args()
-    found, others, holding, ratio, default = errors(), default_errors(), held(), times(), speed()
-    print(
-        f"Largest error [K] over all nodes, and time a simulated second (sdirk2 at 0.5 s = 1)\n\n{_table(found, ratio)}\n"
-    )
+    arguments = asked.parser(__doc__).parse_args()
+    quick = arguments.quick
+    motors, rounds = (MOTORS[1:], 1) if quick else (MOTORS, 15)
+    every = {name: motor(name) for name in motors} if quick else shipped()
+    part = partial(window, until_s=480.0) if quick else whole
+    found, others, holding = errors(motors, part), default_errors(every, part), held(motors[0])
+    ratio, default = times(motors[0], rounds), speed(motors[0], rounds)
+    print("Largest error [K] over all nodes, and time a simulated second (sdirk2 at 0.5 s = 1)\n")
+    print(_table(motors, found, ratio), end="\n\n")
     for e in others:
         print(f"{e.method} at {e.step_s:g} s, {e.motor}, {e.drive}: {e.error_K:.4f} K ({e.node})")
     for row in holding:
         print(f"held means, {row['drive']}, {row['step_s']} s: {row['error_K']:.3f} K at the ends of steps")
     print("\n".join(f"{name} {value:.3g}" for name, value in default.items()))
-    if arguments.json:
-        answer = {
-            "errors": [asdict(e) for e in (*found, *others)],
-            "held": holding,
-            "time_ratio": ratio,
-            "default": default,
-        }
-        arguments.json.write_text(json.dumps(answer, indent=1), encoding="utf-8")
+    errors_K = [asdict(e) for e in (*found, *others)]
+    asked.keep({"errors": errors_K, "held": holding, "time_ratio": ratio, "default": default}, arguments.json)
     worst = max(e.error_K for e in (*found, *others) if (e.method, e.step_s) == (DEFAULT.name, DEFAULT.step_s))
     print(f"{DEFAULT.name} at {DEFAULT.step_s:g} s: largest error {worst:.4f} K")
     if worst > 0.01:

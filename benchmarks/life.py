@@ -1,9 +1,8 @@
 """Insulation life: our fits beside published ones, digit by digit, and beside SurPyval's; how often the bounds hold.
 
-    python benchmarks/life.py --data DIR [--seeds N] [--json FILE]
+    python benchmarks/life.py [--seeds N] [--quick] [--json FILE]
 
-DIR holds `motorettes_class_b_mass.csv`, `motorettes_class_h.csv`, `insulation_breakdown_kv_vs_ageing.csv` and
-`mylar_polyurethane_life_minutes.csv`. Every published figure stands with the source that it was read in. It agrees where
+The tables are those of `tests/made/published_lives.py`. Every published figure stands with the source that it was read in. It agrees where
 ours, rounded as it was printed, is the same. For the class-H motorettes no printed fit could be read: their closed form
 is beside ours, and is not counted. SurPyval is left out where it is not installed (`make bench` installs it).
 
@@ -14,13 +13,9 @@ truth, and how often a check calls what is not there.
 
 from __future__ import annotations
 
-import argparse
-import csv
-import json
 import math
 import sys
 import warnings
-from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from importlib import import_module
 from importlib.util import find_spec
@@ -55,7 +50,8 @@ from analytics.insulation.life.checks import common_spread, linearity
 from analytics.insulation.life.destructive import Fall, by_doubling, by_energy
 from analytics.insulation.life.life import LifeFit, NoFit, fit
 from analytics.insulation.life.temperature_index import endurance
-from made.published_lives import circuits
+from benchmarks import asked
+from made.published_lives import breakdown, circuits, class_b, class_h, mylar
 from plant.life import lives
 
 Floats = NDArray[np.float64]
@@ -97,24 +93,16 @@ class Peer:
     difference: float
 
 
-def main(argv: Sequence[str] | None = None) -> None:
-    arguments = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    arguments.add_argument("--data", type=Path, required=True, help="the folder with the four tables")
-    arguments.add_argument("--seeds", type=int, default=400, help="laws drawn for coverage; 0: none")
-    arguments.add_argument("--json", type=Path, help="write the numbers here")
-    chosen = arguments.parse_args(argv)
-    b, h, v, m = (_table(chosen.data / name) for name in FILES)
-    h["time_h"] = np.where(
-        h["time_h"] == 1898.0, 1896.0, h["time_h"]
-    )  # as in Nelson's Table 2.1; a slip in some copies
-    figures = [*_class_b(b), *_breakdown(v), *_circuits(), *_mylar(m)]
-    closed = _class_h(h)
+def main() -> None:
+    chosen = asked.parser(__doc__, seeds=(400, 1)).parse_args()
+    figures = [*_class_b(), *_breakdown(), *_circuits(), *_mylar()]
+    closed = _class_h()
     width = max(len(f.what) for f in [*figures, *closed])
     for figure in [*figures, *closed]:
         said = "agrees" if figure.agrees else "DIFFERS"
         print(f"{figure.what:{width}}  {figure.published:>18}  {figure.ours:>18.11g}  {said}  {figure.source}")
     print(f"\n{sum(f.agrees for f in figures)} of {len(figures)} agree to the digits published\n")
-    laws = _laws(b, h)
+    laws = dict(list(_laws().items())[: 2 if chosen.quick else None])
     peers = _peers(laws)
     for peer in peers:
         print(f"SurPyval, {peer.data}, {peer.distribution}: largest relative difference {peer.difference:.1e}")
@@ -122,37 +110,21 @@ def main(argv: Sequence[str] | None = None) -> None:
         print("SurPyval is not installed: left out")
     for name, law in laws.items():
         _say(name, law)
-    rates = _coverage(chosen.seeds) if chosen.seeds else {}
+    rates = _coverage(chosen.seeds)
     for what, rate in rates.items():
         print(f"{what:60} {rate:.3f}")
-    if chosen.json:
-        whole = {
-            "figures": [asdict(f) | {"agrees": f.agrees} for f in figures],
-            "closed_forms": [asdict(f) | {"agrees": f.agrees} for f in closed],
-            "surpyval": [asdict(p) for p in peers],
-            "rates": rates,
-        }
-        chosen.json.write_text(json.dumps(whole, indent=1))
+    whole = {
+        "figures": [asdict(f) | {"agrees": f.agrees} for f in figures],
+        "closed_forms": [asdict(f) | {"agrees": f.agrees} for f in closed],
+        "surpyval": [asdict(p) for p in peers],
+        "rates": rates,
+    }
+    asked.keep(whole, chosen.json)
 
 
-FILES = (
-    "motorettes_class_b_mass.csv",
-    "motorettes_class_h.csv",
-    "insulation_breakdown_kv_vs_ageing.csv",
-    "mylar_polyurethane_life_minutes.csv",
-)
-
-
-def _table(path: Path) -> dict[str, Floats]:
-    if not path.exists():
-        sys.exit(f"{path} is not there: --data is the folder with {', '.join(FILES)}")
-    with path.open() as file:
-        rows = list(csv.DictReader(file))
-    return {name: np.array([float(row[name]) for row in rows]) for name in rows[0]}
-
-
-def _class_b(table: dict[str, Floats]) -> list[Figure]:
-    degC, life, ended = table["temp_c"], table["time_h"], table["failed"] == 1
+def _class_b() -> list[Figure]:
+    degC, life, until = class_b()
+    ended = np.isfinite(until)
     figures = []
 
     def fitted(x: Floats, distribution: Distribution, rows: NDArray[np.bool_]) -> tuple[Floats, float, Floats, float]:
@@ -212,9 +184,9 @@ def _class_b(table: dict[str, Floats]) -> list[Figure]:
     return figures
 
 
-def _class_h(table: dict[str, Floats]) -> list[Figure]:
+def _class_h() -> list[Figure]:
     """The closed form, to eight digits: no source with printed digits could be read."""
-    degC, life = table["temp_c"], table["time_h"]
+    degC, life = class_h()
     law = fit(degC, life, life, "lognormal", criterion="turn failure")
     assert isinstance(law, LifeFit)
     x = np.stack([np.ones(degC.size), 1 / (BOLTZMANN_EV_PER_K * (degC + ZERO_DEGC_IN_K))], axis=1)
@@ -227,13 +199,11 @@ def _class_h(table: dict[str, Floats]) -> list[Figure]:
     ]
 
 
-def _breakdown(table: dict[str, Floats]) -> list[Figure]:
-    degC, weeks, kV = table["temp_c"], table["weeks"], table["breakdown_kv"]
-    nist = np.where(
-        (kV == 7.3) & (degC == 250.0) & (weeks == 64.0), 7.27, kV
-    )  # the one value that the two tables differ in
-    law = by_doubling(degC, weeks, nist, criterion=2.0, at_degC=0.0)
-    other = by_energy(degC, weeks, kV, criterion=2.0, at_degC=200.0)
+def _breakdown() -> list[Figure]:
+    degC, weeks, kV = breakdown()
+    law = by_doubling(degC, weeks, kV, criterion=2.0, at_degC=0.0)
+    as_in_the_book = np.where(kV == 7.27, 7.3, kV)  # the one value that the two tables differ in
+    other = by_energy(degC, weeks, as_in_the_book, criterion=2.0, at_degC=200.0)
     assert isinstance(law, Fall)
     assert isinstance(law.rule, Doubling)
     assert isinstance(other, Fall)
@@ -271,10 +241,9 @@ def _circuits() -> list[Figure]:
     ]
 
 
-def _mylar(table: dict[str, Floats]) -> list[Figure]:
+def _mylar() -> list[Figure]:
     """ln minutes over ln (kV/mm): the same likelihood with another regressor; 95 % bounds by standard errors."""
-    kept = table["stress_kv_per_mm"] < 300.0
-    log_life, field = np.log(table["minutes"][kept]), np.log(table["stress_kv_per_mm"][kept])
+    field, log_life = (np.log(column) for column in mylar())
     tested = Lives(np.stack([np.ones(field.size), field], axis=1), log_life, log_life, np.ones(field.size))
     line = maximise(tested, "lognormal")
     reach = 1.959964 * np.sqrt(np.diag(covariance(tested, "lognormal", line.beta, float(line.sigma))))
@@ -292,16 +261,14 @@ def _mylar(table: dict[str, Floats]) -> list[Figure]:
     return figures
 
 
-def _laws(b: dict[str, Floats], h: dict[str, Floats]) -> dict[str, LifeFit]:
-    degC, life, ended = b["temp_c"], b["time_h"], b["failed"] == 1
-    look = 336.0
+def _laws() -> dict[str, LifeFit]:
+    (degC, life), look = class_h(), 336.0
+    looks = np.floor(life / look)
     tables = {
-        "class B": (degC, life, np.where(ended, life, np.inf)),
-        "class H": (h["temp_c"], h["time_h"], h["time_h"]),
-        "class H, looked at every 336 h": (
-            h["temp_c"], look * np.floor(h["time_h"] / look), look * (np.floor(h["time_h"] / look) + 1)
-        ),
-    }  # fmt: skip
+        "class B": class_b(),
+        "class H": (degC, life, life),
+        "class H, looked at every 336 h": (degC, look * looks, look * (looks + 1)),
+    }
     laws = {}
     for name, (temperature, lower, upper) in tables.items():
         for distribution in DISTRIBUTIONS:

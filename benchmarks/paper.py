@@ -1,6 +1,6 @@
 """What the paper found on its bench, found again on motors of the independent truth.
 
-    python benchmarks/paper.py [--seeds N] [--first SEED] [--cycles N] [--workers N] [--json FILE]
+    python benchmarks/paper.py [--seeds N] [--first SEED] [--quick] [--json FILE]
 
 "Identification and Update of Thermal Models in Digital Twins of ePowertrain Motors", sections 3.1 and 4.2. What the paper's numbers
 were off by is set for every motor of `tests/plant`, before anything is calibrated or filtered, by the same rule:
@@ -21,9 +21,7 @@ meets it, else by how many it is met is printed.
 
 from __future__ import annotations
 
-import argparse
-import itertools
-import json
+import math
 import multiprocessing
 import sys
 import tempfile
@@ -43,6 +41,7 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 from threadpoolctl import threadpool_limits
 
+from benchmarks import asked
 from benchmarks.filters import (
     CUT,
     PLACED,
@@ -140,14 +139,15 @@ def statements(of_motor: Sequence[dict[str, float]]) -> list[Statement]:
     ]
 
 
-def measured(seed: int, cycles: int) -> dict[str, float]:
-    """Of one motor: what calibration gains, errors of the open loop and of every filter, delays of the loss that they find."""
+def measured(seed: int, cycles: int, longest_s: float) -> dict[str, float]:
+    """Of one motor: what calibration gains, errors of the open loop and of every filter, delays of the loss that they find; of
+    drives that end after `longest_s`."""
     with threadpool_limits(1, user_api="blas"):
-        guess, lacked_W = first_guess(seed)
-        found, motor = calibrated(seed, guess, lacked_W).gains, calibrated(seed, guess, 0.0)
+        guess, lacked_W = first_guess(seed, longest_s)
+        found, motor = calibrated(seed, guess, lacked_W, longest_s).gains, calibrated(seed, guess, 0.0, longest_s)
         cycle = wrong_by_the_paper_s(motor, cycles)
         found |= errors_by_way(cycle, {**estimates(cycle, paced(cycle)), **as_factor(cycle, paced_factor(cycle))})
-        cut = calibrated(seed, sliced(guess, ROTOR, SLICES, Geometry().stack), 0.0, CUT)
+        cut = calibrated(seed, sliced(guess, ROTOR, SLICES, Geometry().stack), 0.0, longest_s, CUT)
         profiled = wrong_by_the_paper_s(cut, cycles)
         by_factor = as_factor(profiled, paced_factor(profiled)).items()
         found |= errors_by_way(profiled, {f"{way}, rotor in slices": given for way, given in by_factor})
@@ -246,9 +246,10 @@ def wrong_by_the_paper_s(motor: Calibrated, cycles: int) -> Case:
     return cycle(too_cold_by(OPEN_LOOP_K, cycle, (100.0, 300.0)))
 
 
-def first_guess(seed: int) -> tuple[Network, float]:
+def first_guess(seed: int, longest_s: float) -> tuple[Network, float]:
     """The motor file's numbers before anything was measured, and the magnet loss that they lack for the paper's error."""
-    cycle = case_of(seed, drives.wltp(1), 0.0, form=PLACED)
+    drive = drives.wltp(1).first(longest_s)
+    cycle = case_of(seed, drive, 0.0, form=PLACED)
     hottest, guess = hot_spot(cycle), drawn(cycle.network, np.random.default_rng(seed))
 
     def too_cold(log_factor: float) -> float:
@@ -258,7 +259,7 @@ def first_guess(seed: int) -> tuple[Network, float]:
     network = conducting(guess, float(np.exp(brentq(too_cold, -FACTOR_BOUND, FACTOR_BOUND, xtol=0.001))))
 
     def lacking(hidden_W: float) -> Case:
-        return case_of(seed, drives.wltp(1), hidden_W, network, form=PLACED)
+        return case_of(seed, drive, hidden_W, network, form=PLACED)
 
     return network, too_cold_by(GUESS_MAGNET_K, lacking, (0.0, 600.0))
 
@@ -300,6 +301,7 @@ class Calibrated:
     read too much. `guessed`, `checked`: a WLTC by the guess and by the fitted network."""
 
     seed: int
+    longest_s: float
     form: Form
     fitted: Network
     corrections: dict[str, float]
@@ -308,7 +310,7 @@ class Calibrated:
 
     def case(self, drive: Drive, hidden_W: float) -> Case:
         """A drive by the fitted network."""
-        return case_of(self.seed, drive, hidden_W, self.fitted, self.form, self.corrections)
+        return case_of(self.seed, drive.first(self.longest_s), hidden_W, self.fitted, self.form, self.corrections)
 
     @property
     def gains(self) -> dict[str, float]:
@@ -321,13 +323,13 @@ class Calibrated:
         return {"endwinding gain": was[hottest] - now[hottest], "magnet gain": was[MAGNET] - now[MAGNET]}
 
 
-def calibrated(seed: int, guess: Network, lacked_W: float, form: Form = PLACED) -> Calibrated:
+def calibrated(seed: int, guess: Network, lacked_W: float, longest_s: float, form: Form = PLACED) -> Calibrated:
     """The guess fitted to two S1 points and an S2, of a motor with more magnet loss than it has; checked on a WLTC."""
     plant = Plant(seed, (Effect("loss.magnet.speed2", lacked_W),) if lacked_W else ())
     plan = [points.s1(plant, 6000.0, 30.0, 0), points.s1(plant, 10_000.0, 30.0, 1), points.s2(plant, 8000.0, 20.0, 2)]
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        logs = form.write(folder, plant, sessions(plant, plan), "six")
+        logs = form.write(folder, plant, sessions(plant, [drive.first(longest_s) for drive in plan]), "six")
         file = folder / "motor.toml"
         file.write_bytes(written(file.read_bytes(), file.name, guess, "A first guess."))
         setup = prepare(logs, folder / "bench.toml", [folder / "bench.dbc"], for_intake)
@@ -335,10 +337,14 @@ def calibrated(seed: int, guess: Network, lacked_W: float, form: Form = PLACED) 
             take_in(store, logs, setup, Override())
             known = facts.at(store.ledger)
             result = calibrate_sessions(store, known, known.sessions, None, "testing")
-    cycle, fitted, corrections = drives.wltp(1), result.calibration.network, found_too_much(result.event.errors, form)
+    cycle, fitted, corrections = (
+        drives.wltp(1).first(longest_s),
+        result.calibration.network,
+        found_too_much(result.event.errors, form),
+    )
     before = case_of(seed, cycle, lacked_W, guess, form)
     after = case_of(seed, cycle, lacked_W, fitted, form, corrections)
-    return Calibrated(seed, form, fitted, corrections, before, after)
+    return Calibrated(seed, longest_s, form, fitted, corrections, before, after)
 
 
 def found_too_much(errors: Sequence[Mapping[str, Any]], form: Form) -> dict[str, float]:
@@ -355,25 +361,19 @@ def found_too_much(errors: Sequence[Mapping[str, Any]], form: Form) -> dict[str,
 
 def main() -> None:
     """Run and print."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--seeds", type=int, default=5)
-    parser.add_argument("--first", type=int, default=200)
-    parser.add_argument("--cycles", type=int, default=3)
-    parser.add_argument("--workers", type=int, default=2)
-    parser.add_argument("--json", type=Path)
-    args = parser.parse_args()
-    of_motor = []
-    with ProcessPoolExecutor(args.workers, multiprocessing.get_context("spawn")) as pool:
+    args = asked.parser(__doc__, seeds=(5, 1), first=(200, 200)).parse_args()
+    cycles, longest_s = (1, 720.0) if args.quick else (3, math.inf)
+    of_motor, every = partial(measured, cycles=cycles, longest_s=longest_s), []
+    with ProcessPoolExecutor(mp_context=multiprocessing.get_context("spawn")) as pool:
         seeds = range(args.first, args.first + args.seeds)
-        for seed, one in zip(seeds, pool.map(measured, seeds, itertools.repeat(args.cycles)), strict=True):
+        for seed, one in zip(seeds, pool.map(of_motor, seeds), strict=True):
             print(f"motor {seed}: measured", file=sys.stderr, flush=True)
-            of_motor.append(one)
-    found = statements(of_motor)
+            every.append(one)
+    found = statements(every)
     print(f"{'':<67}{'paper':>10}{'median':>9}{'worst':>9}   {args.seeds} motors")
     print("\n".join(one.line() for one in found))
-    if args.json:
-        rows = [{"says": s.says, "bound": s.bound, "unit": s.unit, "values": s.values, "met": s.met} for s in found]
-        args.json.write_text(json.dumps(rows, indent=2) + "\n", encoding="utf-8")
+    rows = [{"says": s.says, "bound": s.bound, "unit": s.unit, "values": s.values, "met": s.met} for s in found]
+    asked.keep(rows, args.json)
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 """Bands and margins of `whyhot sensors` against motors whose truth is known.
 
-    python benchmarks/sensors.py [--seeds N] [--first SEED] [--workers N] [--json FILE]
+    python benchmarks/sensors.py [--seeds N] [--first SEED] [--quick] [--json FILE]
 
 Each motor of `tests/plant` has ten thermocouples, is calibrated on two S1 points and an S2, and `whyhot sensors` is asked over these, a WLTC
 and another S2. Printed is the share of readings that the filter's own 95 % bands hold, and that the widened ones hold in the sessions
@@ -11,14 +11,14 @@ the hottest cell of all.
 
 from __future__ import annotations
 
-import argparse
-import json
+import math
 import multiprocessing
 import sys
 import tempfile
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 
 HERE = Path(__file__).parent
@@ -29,6 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
+from benchmarks import asked
 from ingest.facts import facts
 from ingest.facts.sessions import Override
 from ingest.facts.store import Store
@@ -42,6 +43,7 @@ from replay.studies.characterise.sensors import SETTLE_S, sensors_worth
 Floats = NDArray[np.float64]
 
 VEHICLE, RISK = "EW_A_outer", 0.05
+QUICK_S = 420.0  # of each session
 WINDINGS = ("winding_a", "winding_b", *(f"endwinding_{side}_{part}" for side in "ab" for part in ("inner", "outer")))
 
 
@@ -59,8 +61,8 @@ class Row:
     cell_passes: float
 
 
-def row_of(seed: int) -> Row:
-    """One motor."""
+def row_of(seed: int, longest_s: float) -> Row:
+    """One motor, in drives that end after `longest_s`."""
     plant = Plant(seed)
     plan = [
         points.s1(plant, 6000.0, 20.0, 0),
@@ -70,7 +72,7 @@ def row_of(seed: int) -> Row:
         points.s2(plant, 12_000.0, 15.0, 4),
         drives.wltp(1, trailer=1.3, name="trailer"),
     ]
-    recordings = sessions(plant, plan, layout="ten")
+    recordings = sessions(plant, [drive.first(longest_s) for drive in plan], layout="ten")
     with threadpool_limits(1, user_api="blas"), tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         logs = write_campaign(folder, plant, recordings[:-1], layout="ten")
@@ -131,20 +133,14 @@ def table(rows: Sequence[Row]) -> str:
 
 def main() -> None:
     """Run and print."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--seeds", type=int, default=5)
-    parser.add_argument("--first", type=int, default=200)
-    parser.add_argument("--workers", type=int, default=2)
-    parser.add_argument("--json", type=Path)
-    args = parser.parse_args()
-    rows = []
-    with ProcessPoolExecutor(args.workers, multiprocessing.get_context("spawn")) as pool:
-        for row in pool.map(row_of, range(args.first, args.first + args.seeds)):
+    args = asked.parser(__doc__, seeds=(5, 1), first=(200, 200)).parse_args()
+    of_motor, rows = partial(row_of, longest_s=QUICK_S if args.quick else math.inf), []
+    with ProcessPoolExecutor(mp_context=multiprocessing.get_context("spawn")) as pool:
+        for row in pool.map(of_motor, range(args.first, args.first + args.seeds)):
             print(f"motor {row.seed}: measured", file=sys.stderr, flush=True)
             rows.append(row)
     print(table(rows))
-    if args.json:
-        args.json.write_text(json.dumps([asdict(row) for row in rows], indent=2) + "\n", encoding="utf-8")
+    asked.keep([asdict(row) for row in rows], args.json)
 
 
 if __name__ == "__main__":

@@ -1,11 +1,11 @@
 """How surely discharge is told from heat and thermal cycles, on stators of the plant that go through voltage tests in the oven.
 
-    python benchmarks/stress.py [--seeds N] [--rate R] [--json FILE]
+    python benchmarks/stress.py [--seeds N] [--quick] [--json FILE]
 
 A campaign: six stators, 16 cycles of 12 h, a check before the first and after each that repeats within 0.8 %; each stator has a
 form of its own, half of which change without any discharge. In some cycles a test voltage is on for 8 h: 1,300 V, above the
 inception voltage of a new stator (980 V; it falls as the insulation wears, and an electrical check before each cycle measures it to 2 %),
-or 700 V, below it. Discharge adds R (0.3) per 100 h to ln of the resistance, or nothing. Two plans of tests: `alike`, every stator in its
+or 700 V, below it. Discharge adds 0.3 per 100 h to ln of the resistance, or nothing. Two plans of tests: `alike`, every stator in its
 first eight cycles; `crossed`, half of the stators in their first eight, the others in their last eight.
 
 Given are, over the campaigns: how often discharge is told from heat and cycles at all, and of these how often an effect is seen
@@ -14,10 +14,7 @@ Given are, over the campaigns: how often discharge is told from heat and cycles 
 
 from __future__ import annotations
 
-import argparse
-import json
 import sys
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -30,6 +27,7 @@ import numpy as np
 from analytics.insulation.checks import repeatability
 from analytics.insulation.courses import stress
 from analytics.insulation.courses.stress import Stress
+from benchmarks import asked
 from plant import discharge, insulation_check, timeline
 from plant.deterioration import OVEN_degC
 from plant.timeline import Plan
@@ -38,6 +36,7 @@ PLAN = Plan(stators=6, cycles=16)
 TEST_h, ABOVE_V, BELOW_V = 8.0, 1300.0, 700.0
 SCATTER = 0.02  # of a measured inception voltage
 ACTIVATION_eV = 1.0
+HIDDEN_RATE = 0.3  # what 100 h of discharge add to ln R, where they do
 PLANS = ("alike", "crossed")
 SEEN_SD, INSIDE_SD = 2.576, 1.960
 
@@ -54,27 +53,21 @@ class Rate:
     sd_percent: float | None
 
 
-def main(argv: Sequence[str] | None = None) -> None:
-    arguments = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    arguments.add_argument("--seeds", type=int, default=100)
-    arguments.add_argument("--rate", type=float, default=0.3, help="what 100 h of discharge add to ln R, where they do")
-    arguments.add_argument("--json", type=Path, help="write the numbers here")
-    chosen = arguments.parse_args(argv)
+def main() -> None:
+    chosen = asked.parser(__doc__, seeds=(100, 2)).parse_args()
     answer = {
         f"{plan}, {'hidden' if rate else 'nothing'}": _rate(plan, rate, chosen.seeds)
         for plan in PLANS
-        for rate in (chosen.rate, 0.0)
+        for rate in (HIDDEN_RATE, 0.0)
     }
-    print(
-        f"discharge beside heat and cycles, {chosen.seeds} campaigns each, {100 * chosen.rate:g} % per 100 h where hidden"
-    )
+    hidden = f"{100 * HIDDEN_RATE:g} % per 100 h where hidden"
+    print(f"discharge beside heat and cycles, {chosen.seeds} campaigns each, {hidden}")
     for name, of in answer.items():
         sd = "-" if of.sd_percent is None else f"{of.sd_percent:.1f} % per 100 h"
         print(
             f"  {name:18} told apart in {of.told:4}, seen in {of.seen:4}, interval holds it in {of.inside:4}, sd {sd}"
         )
-    if chosen.json:
-        chosen.json.write_text(json.dumps({name: vars(of) for name, of in answer.items()}, indent=1))
+    asked.keep({name: vars(of) for name, of in answer.items()}, chosen.json)
 
 
 def _rate(plan: str, rate: float, seeds: int) -> Rate:

@@ -1,6 +1,6 @@
 """How often a hidden effect is named, and how often nothing is where nothing is hidden: motors of `tests/plant`, fresh seeds.
 
-    python benchmarks/trials.py [--healthy N] [--effects N] [--first SEED] [--layout six|ten] [--cache FOLDER] [--out FILE]
+    python benchmarks/trials.py [--healthy N] [--effects N] [--first SEED] [--layout six|ten] [--cache FOLDER] [--quick] [--json FILE]
 
 A trial is one specimen with two S1, one S2 and two WLTC sessions, written as BLF with motor, bench and DBC files, ingested,
 and diagnosed from the first S1, the S2 and the first WLTC; the other two are kept. Every third effect is off the library.
@@ -19,12 +19,14 @@ an ageing dose or a second session of a kind.
 
 from __future__ import annotations
 
-import argparse
+import functools
 import json
+import math
 import pickle
 import sys
 import tempfile
 import time
+from argparse import Namespace
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
@@ -39,6 +41,7 @@ from numpy.typing import NDArray
 from scipy.stats import beta
 from threadpoolctl import threadpool_limits
 
+from benchmarks import asked
 from ingest.facts import facts
 from ingest.facts.sessions import Override
 from ingest.facts.store import Store
@@ -71,6 +74,7 @@ Floats = NDArray[np.float64]
 LEARNT = 3  # sessions, the rest is kept
 EFFECT_SEEDS = 500  # after the first seed, those of the effects begin
 OFF_LIBRARY_EVERY = 3
+QUICK_S = 180.0  # of each session
 WANTED = (2.0, 4.0, 7.0, 12.0, 20.0)  # d_true
 LEAST_SCALE, MOST_SCALE = 0.2, 6.0
 LEAST_FACTOR, MOST_FACTOR = 0.2, 5.0
@@ -87,12 +91,14 @@ BOUND = 0.95  # of each Clopper-Pearson bound by itself
 
 @dataclass(frozen=True)
 class Case:
-    """A specimen and what it hides: a cause at a size that would give the reference `wanted`, or nothing."""
+    """A specimen and what it hides: a cause at a size that would give the reference `wanted`, or nothing. Its drives end after
+    `longest_s` at the latest."""
 
     seed: int
     layout: str
     cause: str = ""
     wanted: float = 0.0
+    longest_s: float = math.inf
 
     @property
     def name(self) -> str:
@@ -147,10 +153,10 @@ class Campaign:
     moved: tuple[dict[str, Floats], ...]
 
 
-def made(seed: int, layout: str, effect: Effect | None) -> Campaign:
-    """Run, record, write and ingest a specimen."""
-    plant = Plant(seed, effect) if effect else Plant(seed)
-    plan = planned(plant)
+def made(case: Case, effect: Effect | None) -> Campaign:
+    """Run, record, write and ingest a specimen with this effect."""
+    plant, layout = Plant(case.seed, effect) if effect else Plant(case.seed), case.layout
+    plan = planned(plant, case.longest_s)
     truths = [plant.run(drive, number) for number, drive in enumerate(plan)]
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
@@ -160,16 +166,17 @@ def made(seed: int, layout: str, effect: Effect | None) -> Campaign:
             take_in(store, logs, setup, Override())
             known = facts.at(store.ledger)
             sessions = [known.session(log.stem) for log in logs]
-            asked = question.Question(store, known, sessions, [], common_model(known, sessions), "testing")
-            read = question.campaign_of(asked)
+            model = common_model(known, sessions)
+            read = question.campaign_of(question.Question(store, known, sessions, [], model, "testing"))
     moved = moved_by(plant, plan, layout, read.tests) if effect and effect.kind not in READ_WRONG else ()
     return Campaign(read.network, read.tests, read.candidates, effect.size if effect else 0.0, moved)
 
 
-def planned(plant: Plant) -> list[Drive]:
+def planned(plant: Plant, longest_s: float) -> list[Drive]:
     """The drives of a campaign; points are found on the plant itself."""
     learnt = [points.s1(plant, 6000.0, 30.0, 0), points.s2(plant, 8000.0, 20.0, 1), drives.wltp(1)]
-    return [*learnt, points.s1(plant, 9000.0, 20.0, 3), drives.wltp(1)]
+    every = [*learnt, points.s1(plant, 9000.0, 20.0, 3), drives.wltp(1)]
+    return [drive.first(longest_s) for drive in every]
 
 
 def moved_by(plant: Plant, plan: Sequence[Drive], layout: str, tests: Sequence[Test]) -> tuple[dict[str, Floats], ...]:
@@ -236,22 +243,25 @@ def true_strength(campaign: Campaign, cause: str, base: Fit) -> float | None:
 
 def scale_for(case: Case, cache: Path, first: int) -> float:
     """By how much the catalogue's size is multiplied for the wanted d_true, by the reference specimen."""
-    reference = first - 1
-    healthy: Campaign = kept_as(cache / f"{reference}_{case.layout}.pickle", lambda: made(reference, case.layout, None))
-    plan: list[Drive] = kept_as(cache / f"{reference}_plan.pickle", lambda: planned(Plant(reference)))
-    base: Fit = kept_as(
-        cache / f"{reference}_{case.layout}_fit.pickle",
-        lambda: search(_model(healthy), healthy.candidates).rounds[0].base,
-    )
+    reference = Case(first - 1, case.layout, longest_s=case.longest_s)
 
     def strength() -> float | None:
+        healthy, plan, base = fitted(reference, cache)
         effect = _in_catalogue(case.cause)
-        plant = Plant(reference, effect)
+        plant = Plant(reference.seed, effect)
         moved = () if effect.kind in READ_WRONG else moved_by(plant, plan, case.layout, healthy.tests)
         return true_strength(replace(healthy, size=effect.size, moved=moved), case.cause, base)
 
-    found = kept_as(cache / f"{reference}_{case.layout}_{case.cause}_d.pickle", strength)
+    found = kept_as(cache / f"{reference.name}_{case.cause}_d.pickle", strength)
     return float(np.clip(case.wanted / found, LEAST_SCALE, MOST_SCALE)) if found else 1.0
+
+
+@functools.cache
+def fitted(healthy: Case, cache: Path) -> tuple[Campaign, list[Drive], Fit]:
+    """A healthy specimen's campaign, its drives, and the fit before any cause enters."""
+    campaign: Campaign = kept_as(cache / f"{healthy.name}.pickle", lambda: made(healthy, None))
+    plan = planned(Plant(healthy.seed), healthy.longest_s)
+    return campaign, plan, search(_model(campaign), campaign.candidates).rounds[0].base
 
 
 def _in_catalogue(cause: str) -> Effect:
@@ -429,31 +439,35 @@ def written(path: Path, result: Result) -> None:
 
 def main() -> None:
     """Run what is missing, print and write the rates."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--healthy", type=int, default=40)
-    parser.add_argument("--effects", type=int, default=60)
-    parser.add_argument("--first", type=int, default=1000)
+    parser = asked.parser(__doc__, healthy=(40, 0), effects=(60, 1), first=(1000, 1000))
     parser.add_argument("--layout", choices=("six", "ten"), default="six")
-    parser.add_argument("--cache", type=Path, default=Path(tempfile.gettempdir()) / "whyhot-trials")
-    parser.add_argument("--out", type=Path)
+    parser.add_argument("--cache", metavar="FOLDER", type=Path, default=Path(tempfile.gettempdir()) / "whyhot-trials")
     args = parser.parse_args()
+    if args.quick:
+        with tempfile.TemporaryDirectory() as fresh:
+            run(args, Path(fresh), QUICK_S)
+    else:
+        run(args, args.cache, math.inf)
+
+
+def run(args: Namespace, cache: Path, longest_s: float) -> None:
+    """What is asked, of drives that end after `longest_s`."""
     code = code_of("replay.studies.diagnosis.diagnose")[:12]
-    path = args.cache / f"results-{code}.jsonl"
+    path = cache / f"results-{code}.jsonl"
     done = {r.case: r for r in read_results(path)}
-    wanted = cases(args.first, args.healthy, args.effects, args.layout)
+    drawn = cases(args.first, args.healthy, args.effects, args.layout)
+    wanted = [replace(case, longest_s=longest_s) for case in drawn]
     for case in wanted:
         if case not in done:
             with threadpool_limits(1, user_api="blas"):  # the matrices are small: more threads only wait for each other
-                done[case] = one(case, args.cache, args.first)
+                done[case] = one(case, cache, args.first)
             written(path, done[case])
             shown = done[case]
             d = "" if shown.d_true is None else f"d {shown.d_true:.1f} "
             print(f"{case.name:<70}{d}{shown.verdict:<8}{shown.answer} ({shown.seconds:.0f} s)", flush=True)
     found = summary([done[case] for case in wanted])
     print(table(found))
-    if args.out:
-        document = {"twin": code, "first": args.first, "layout": args.layout, **found}
-        args.out.write_text(json.dumps(document, indent=2) + "\n", encoding="utf-8")
+    asked.keep({"twin": code, "first": args.first, "layout": args.layout, **found}, args.json)
 
 
 def one(case: Case, cache: Path, first: int) -> Result:
@@ -468,11 +482,11 @@ def one(case: Case, cache: Path, first: int) -> Result:
 def _made_within_limits(case: Case, cache: Path, first: int) -> Campaign:
     """The campaign of a case; where the motor with the effect runs away, at half the size, and half again."""
     if not case.cause:
-        return made(case.seed, case.layout, None)
+        return made(case, None)
     by = scale_for(case, cache, first)
     for _ in range(HALVINGS):
         try:
-            return made(case.seed, case.layout, scaled(_in_catalogue(case.cause), by))
+            return made(case, scaled(_in_catalogue(case.cause), by))
         except (ArithmeticError, ValueError):
             by /= 2
     raise ValueError(f"{case.name}: the motor runs away at {by:g} times the catalogue's size too: leave this cause out")

@@ -1,6 +1,6 @@
 """How fast the twin is, as ratios of what is timed in one run, each beside what it shall be and whether it is.
 
-    python benchmarks/twin.py [--json FILE] [--rounds N]
+    python benchmarks/twin.py [--rounds N] [--quick] [--json FILE]
 
 The reference motor (21 nodes) over a drive like the WLTP, steps of 0.5 s, unless said:
 
@@ -26,9 +26,7 @@ best of all rounds, the ways taken in turn.
 
 from __future__ import annotations
 
-import argparse
 import ctypes
-import json
 import os
 import re
 import shutil
@@ -48,6 +46,7 @@ sys.path[:0] = [str(HERE.parent)]
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks import asked
 from benchmarks.integrator import best_of, frame, initial_of, lsoda, motor, wltp_like
 from replay.engine.results.kernel_cache import load, load_kernel
 from twin.arithmetic.vectors import LANES
@@ -77,7 +76,6 @@ TARGETS = {  # name -> (what it shall be, whether at least)
     "cached_start_s": (0.4, False),
     "index_vs_c": (1.3, False),
 }
-SESSIONS, STEPS = 64, 10_800
 SLICED = ("jacket", "yoke", "teeth", "winding_a", "winding_b", "rotor_core", "rotor_surface", "magnet")
 BLOCK = 20  # steps: 10 s, as in a calibration
 
@@ -182,24 +180,24 @@ def sessions_of(network: Network, count: int, steps: int) -> tuple[list[Frame], 
     return frames, [initial_of(network) + share for share in drawn]
 
 
-def many_sessions(rounds: int) -> dict[str, float]:
+def many_sessions(rounds: int, sessions: int, steps: int) -> dict[str, float]:
     """Of the reference motor."""
     network = motor("reference_motor")
-    compiled, (frames, starts) = load_kernel(network), sessions_of(network, SESSIONS, STEPS)
+    compiled, (frames, starts) = load_kernel(network), sessions_of(network, sessions, steps)
 
     def loop() -> list[Floats]:
         return [simulate(compiled, *given) for given in zip(frames, starts, strict=True)]
 
-    def together(first: int = 0, stop: int = SESSIONS) -> list[Floats]:
+    def together(first: int = 0, stop: int = sessions) -> list[Floats]:
         return simulate_all(compiled, frames[first:stop], starts[first:stop])
 
     if not all(map(np.array_equal, loop(), together())):
         sys.exit("sessions side by side have other bits than alone")
-    half = SESSIONS // 2
+    half = sessions // 2
     with ThreadPoolExecutor(2) as pool:
 
         def halves() -> object:
-            return list(pool.map(together, (0, half), (half, SESSIONS)))
+            return list(pool.map(together, (0, half), (half, sessions)))
 
         both = best_of(rounds, {"loop": loop, "halves": halves})
     alone = best_of(rounds, {"loop": loop, "together": together}, time.thread_time)
@@ -209,9 +207,9 @@ def many_sessions(rounds: int) -> dict[str, float]:
     }
 
 
-def many_nodes(rounds: int, folder: Path) -> dict[str, float | None]:
+def many_nodes(rounds: int, folder: Path, slices: int) -> dict[str, float | None]:
     """Of a network that is too large to be compiled for itself."""
-    network = replace(sliced(motor("reference_motor"), SLICED, 12, 0.13), name="slices")
+    network = replace(sliced(motor("reference_motor"), SLICED, slices, 0.13), name="slices")
     compiled, (frames, starts) = compile_indexed(network, load=load), sessions_of(network, LANES, 200)
     c = in_c(network, folder, "-O1")
     if c is None:
@@ -257,27 +255,28 @@ def starts(folder: Path) -> dict[str, float]:
     return {"compile_s": first, "cached_start_s": min(seconds(), seconds())}
 
 
-def measured(rounds: int) -> dict[str, float | None]:
+def measured(rounds: int, quick: bool) -> dict[str, float | None]:
     """Every ratio by its name."""
     from benchmarks.filter_speed import ratios  # it takes tests/ in, for a model that they share
 
+    sessions, steps, slices, peers_steps = (8, 600, 3, 60) if quick else (64, 10_800, 12, 600)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        found: dict[str, float | None] = {**one_session(rounds, folder), **many_sessions(rounds), **starts(folder)}
-        found |= {**many_nodes(rounds, folder), **ratios(rounds)}
+        found: dict[str, float | None] = {
+            **one_session(rounds, folder),
+            **many_sessions(rounds, sessions, steps),
+            **starts(folder),
+        }
+        found |= {**many_nodes(rounds, folder, slices), **ratios(rounds, peers_steps)}
     return found
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--json", metavar="FILE", type=Path)
-    parser.add_argument("--rounds", metavar="N", type=int, default=25, help="the best of so many counts (default 25)")
-    said = parser.parse_args()
-    found = measured(said.rounds)
+    said = asked.parser(__doc__, rounds=(25, 1)).parse_args()
+    found = measured(said.rounds, said.quick)
     for line in table(found):
         print(line)
-    if said.json:
-        said.json.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
+    asked.keep(found, said.json)
 
 
 def table(found: Mapping[str, float | None]) -> list[str]:

@@ -1,6 +1,6 @@
 """Equivalent hours over 100 million temperatures, and slopes over a million checks: SQL beside polars and pandas.
 
-    python benchmarks/warehouse.py [--rows N] [--checks N] [--rounds N] [--json FILE]
+    python benchmarks/warehouse.py [--quick] [--json FILE]
 
 The Parquet is made in a temporary folder by the store's own writer, a file a session of 100,000 rows (28 h at 1 s, an
 oven cycle to about 230 degC, 0.1 K steps), and asked through the views and macros that the product ships, with the
@@ -21,8 +21,6 @@ pandas and numpy.
 
 from __future__ import annotations
 
-import argparse
-import json
 import math
 import os
 import sys
@@ -53,6 +51,7 @@ from numpy.typing import NDArray
 from analytics import warehouse
 from analytics.insulation.dose.arrhenius import BOLTZMANN_EV_PER_K, ZERO_DEGC_IN_K, Activation, equivalent_hours
 from analytics.scans import AGEING
+from benchmarks import asked
 from ingest.log.samples import Column, Samples, Writer
 
 Floats = NDArray[np.float64]
@@ -93,27 +92,21 @@ class Taken:
         }
 
 
-def main(argv: Sequence[str] | None = None) -> None:
-    arguments = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    arguments.add_argument("--rows", type=int, default=100_000_000, help="temperatures; whole sessions of 100,000")
-    arguments.add_argument("--checks", type=int, default=1_000_000, help="checks of the fleet; 2,000 motors")
-    arguments.add_argument("--rounds", type=int, default=3)
-    arguments.add_argument("--json", type=Path, help="write the numbers here")
-    chosen = arguments.parse_args(argv)
-    sessions = max(1, chosen.rows // SESSION_ROWS)
+def main() -> None:
+    chosen = asked.parser(__doc__).parse_args()
+    sessions, checks, rounds = (2, 20_000, 1) if chosen.quick else (1_000, 1_000_000, 3)
     with tempfile.TemporaryDirectory() as folder:
         began = time.perf_counter()
-        made = _make(Path(folder), sessions, chosen.checks)
+        made = _make(Path(folder), sessions, checks)
         size = sum(file.stat().st_size for file in made.files)
         print(
             f"{sessions:,} sessions, {sessions * SESSION_ROWS:,} rows, {size / 1e6:,.0f} MB:"
             f" written in {time.perf_counter() - began:.0f} s"
         )
-        answer = {"rows": sessions * SESSION_ROWS, "threads": THREADS, "hours": _hours(made, chosen.rounds)}
-        answer["checks"] = chosen.checks
-        answer["slopes"] = _slopes(made, chosen.rounds)
-    if chosen.json:
-        chosen.json.write_text(json.dumps(answer, indent=1))
+        answer = {"rows": sessions * SESSION_ROWS, "threads": THREADS, "hours": _hours(made, rounds)}
+        answer["checks"] = checks
+        answer["slopes"] = _slopes(made, rounds)
+    asked.keep(answer, chosen.json)
 
 
 def _hours(made: Made, rounds: int) -> dict[str, dict[str, float]]:

@@ -53,8 +53,8 @@ class Drive:
         return replace(self, **changed)
 
     def first(self, seconds: float) -> Drive:
-        """The first so many seconds."""
-        m = round(seconds * self.rate_hz)
+        """The first so many seconds, or all where it is shorter."""
+        m = self.samples if seconds >= self.seconds else round(seconds * self.rate_hz)
         return self.with_courses({name: getattr(self, name)[:m] for name in COURSES})
 
 

@@ -3,6 +3,7 @@ store."""
 
 from __future__ import annotations
 
+import math
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 
@@ -19,7 +20,7 @@ def test_a_calibrated_model_is_better_on_sessions_that_it_did_not_learn_from(tmp
     assert spec.loader
     benchmark = module_from_spec(spec)
     spec.loader.exec_module(benchmark)
-    before, after = benchmark.one_motor(100, tmp_path)
+    before, after = benchmark.one_motor(100, tmp_path, math.inf)
     assert set(before) == set(after)
     assert len(before) == 12
     assert np.mean(list(after.values())) < 0.5 * np.mean(list(before.values())), (before, after)
