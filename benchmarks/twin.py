@@ -259,7 +259,7 @@ def measured(rounds: int, quick: bool) -> dict[str, float | None]:
     """Every ratio by its name."""
     from benchmarks.filter_speed import ratios  # it takes tests/ in, for a model that they share
 
-    sessions, steps, slices, peers_steps = (8, 600, 3, 60) if quick else (64, 10_800, 12, 600)
+    sessions, steps, slices, peers_steps = (8, 600, 4, 60) if quick else (64, 10_800, 12, 600)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         found: dict[str, float | None] = {
