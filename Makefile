@@ -2,35 +2,39 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: demo test check bench trials notebook lock clean
+.PHONY: demo test quick check bench trials notebook lock clean
 
 demo: .venv/ready
 	$(BIN)/whyhot demo
 
 test: .venv/ready check
-	$(BIN)/python -m pytest -n 2 --dist loadfile
+	$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
 
 check: .venv/ready
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 
+# For the edit loop: checks, and most tests in under a minute. Left out are those that run the whole program or draw many seeds.
+quick: .venv/ready check
+	$(BIN)/python -m pytest -n 2 --dist loadfile $(addprefix tests/,$(QUICK)) $(addprefix --ignore=tests/,$(SLOW))
+
+QUICK := test_house.py test_make.py ingest twin analytics replay/show replay/engine
+SLOW := ingest/intake ingest/facts/test_store_faults.py ingest/log/test_reading.py \
+	twin/diagnosis twin/insulation twin/fitting/test_noise.py twin/compiled/test_integrators.py twin/calibration/test_united.py \
+	twin/run/test_envelope.py \
+	analytics/insulation/fleet analytics/insulation/life analytics/test_ageing_views.py analytics/test_insulation.py \
+	analytics/test_rebuild.py analytics/test_warehouse.py \
+	replay/show/reports replay/engine/frame replay/engine/results replay/engine/runs replay/engine/specimen \
+	replay/engine/files/test_motor_versions.py replay/engine/files/test_network_text.py
+
+# Every file of benchmarks/; one that fails does not stop the others.
 bench: .venv/ready
 	$(PIP) -r requirements-bench.lock
-	$(BIN)/python benchmarks/ingest.py
-	$(BIN)/python benchmarks/integrator.py
-	$(BIN)/python benchmarks/calibration.py
-	$(BIN)/python benchmarks/filters.py
-	$(BIN)/python benchmarks/paper.py
-	$(BIN)/python benchmarks/hot_spots.py
-	$(BIN)/python benchmarks/sensors.py
-	$(BIN)/python benchmarks/twin.py
-	$(BIN)/python benchmarks/warehouse.py
-	$(BIN)/python benchmarks/ageing.py
-	$(BIN)/python benchmarks/ageing_forms.py
-	$(BIN)/python benchmarks/fleet.py
-	$(BIN)/python benchmarks/stress.py
-	$(BIN)/python benchmarks/checks.py
+	@failed=; for file in $(BENCHMARKS); do echo "== $$file"; $(BIN)/python $$file || failed="$$failed $$file"; done; \
+	test -z "$$failed" || { echo "failed:$$failed" >&2; exit 1; }
+
+BENCHMARKS := $(filter-out benchmarks/asked.py benchmarks/trials.py,$(wildcard benchmarks/*.py))
 
 # How often a hidden effect is named, and nothing where nothing is hidden: hours, and it goes on where it was interrupted.
 trials: .venv/ready

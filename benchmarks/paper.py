@@ -246,7 +246,7 @@ def wrong_by_the_paper_s(motor: Calibrated, cycles: int) -> Case:
     return cycle(too_cold_by(OPEN_LOOP_K, cycle, (100.0, 300.0)))
 
 
-def first_guess(seed: int, longest_s: float) -> tuple[Network, float]:
+def first_guess(seed: int, longest_s: float = math.inf) -> tuple[Network, float]:
     """The motor file's numbers before anything was measured, and the magnet loss that they lack for the paper's error."""
     drive = drives.wltp(1).first(longest_s)
     cycle = case_of(seed, drive, 0.0, form=PLACED)
@@ -323,7 +323,9 @@ class Calibrated:
         return {"endwinding gain": was[hottest] - now[hottest], "magnet gain": was[MAGNET] - now[MAGNET]}
 
 
-def calibrated(seed: int, guess: Network, lacked_W: float, longest_s: float, form: Form = PLACED) -> Calibrated:
+def calibrated(
+    seed: int, guess: Network, lacked_W: float, longest_s: float = math.inf, form: Form = PLACED
+) -> Calibrated:
     """The guess fitted to two S1 points and an S2, of a motor with more magnet loss than it has; checked on a WLTC."""
     plant = Plant(seed, (Effect("loss.magnet.speed2", lacked_W),) if lacked_W else ())
     plan = [points.s1(plant, 6000.0, 30.0, 0), points.s1(plant, 10_000.0, 30.0, 1), points.s2(plant, 8000.0, 20.0, 2)]
@@ -362,7 +364,7 @@ def found_too_much(errors: Sequence[Mapping[str, Any]], form: Form) -> dict[str,
 def main() -> None:
     """Run and print."""
     args = asked.parser(__doc__, seeds=(5, 1), first=(200, 200)).parse_args()
-    cycles, longest_s = (1, 720.0) if args.quick else (3, math.inf)
+    cycles, longest_s = (1, 600.0) if args.quick else (3, math.inf)
     of_motor, every = partial(measured, cycles=cycles, longest_s=longest_s), []
     with ProcessPoolExecutor(mp_context=multiprocessing.get_context("spawn")) as pool:
         seeds = range(args.first, args.first + args.seeds)

@@ -38,7 +38,9 @@ def installed(wheel: Path) -> Path:
     python = environment / ("Scripts" if os.name == "nt" else "bin") / "python"
     uv = shutil.which("uv")
     install: list[str | Path] = (
-        [uv, "pip", "install", "-q", "--python", python] if uv else [python, "-m", "pip", "install", "-q"]
+        [uv, "pip", "install", "-q", "--python", python]
+        if uv
+        else [python, "-m", "pip", "install", "-q", "--no-compile"]
     )
     _run(*install, wheel, "-c", ROOT / "requirements.lock", cwd=wheel.parent)
     return python.parent
