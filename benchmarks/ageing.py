@@ -2,9 +2,10 @@
 
     python benchmarks/ageing.py [--seeds N] [--first SEED] [--heads-only] [--quick] [--json FILE]
 
-Truth: `tests/plant`, bare stators of 24 lumps in free air whose surfaces darken and whose room swings; six a campaign, 16 cycles, two
-batches. Each seed is run as it is and with a bad batch. `--heads-only`: without iron sensors. Prints what was hidden against what was named, the
-error of R over a campaign, and how often a batch or a specimen was listed with and without a bad batch, with Clopper-Pearson bounds (95 %).
+Truth: `tests/plant`, bare stators of 24 lumps in free air whose surfaces darken and whose room swings; six a campaign,
+16 cycles, two batches. Each seed is run as it is and with a bad batch. `--heads-only`: without iron sensors. Prints
+what was hidden against what was named, the error of R over a campaign, and how often a batch or a specimen was listed
+with and without a bad batch, with Clopper-Pearson bounds (95 %).
 """
 
 from __future__ import annotations
@@ -124,9 +125,8 @@ def _print(
         right, total = named[hidden, hidden], sum(counts)
         if total:
             print(f"{hidden:<16}" + "".join(f"{count:>15}" for count in counts) + f"    {rate(right, total)}")
-    print(
-        f"\nerror of ln R over a campaign, one standard deviation: {100 * np.std(errors):.2f} %; checks without R: {without}"
-    )
+    print(f"\nerror of ln R over a campaign, one standard deviation: {100 * np.std(errors):.2f} %")
+    print(f"checks without R: {without}")
     for bad in (False, True):
         total = alarms[bad, "campaigns"]
         print(f"\n{'with a bad batch' if bad else 'without a bad batch'}, {total} campaigns")

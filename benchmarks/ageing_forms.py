@@ -158,7 +158,8 @@ def main() -> None:
                 found = rate(name, healthy if name == "none" and known else seeds, sd, known)
                 low, high = found.bounds
                 print(
-                    f"{found.hidden:14} {found.repeatability:18} {found.told:4}/{found.of:<4} {100 * low:5.1f}-{100 * high:5.1f} %"
+                    f"{found.hidden:14} {found.repeatability:18} {found.told:4}/{found.of:<4}"
+                    f" {100 * low:5.1f}-{100 * high:5.1f} %"
                     f" {found.change_held:>8} {found.slope_held:>7} {found.level:4} {found.ms:7.1f}  {found.answers}",
                     flush=True,
                 )

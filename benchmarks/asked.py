@@ -1,7 +1,7 @@
 """How a benchmark is asked: the same words for all of them.
 
-Every file here but this one is a benchmark, and runs by itself: `python benchmarks/NAME.py`. With `--quick` the same code runs at small
-sizes in seconds, so that the test suite can run all of them; its figures say nothing.
+Every file here but this one is a benchmark, and runs by itself: `python benchmarks/NAME.py`. With `--quick` the same
+code runs at small sizes in seconds, so that the test suite can run all of them; its figures say nothing.
 """
 
 from __future__ import annotations
@@ -13,8 +13,8 @@ from pathlib import Path
 
 
 def parser(doc: str | None, **sizes: tuple[int, int]) -> argparse.ArgumentParser:
-    """The command line of a benchmark with this docstring: `--quick`, `--json FILE`, and an option for each of `sizes`, which says how
-    large it is and how large with `--quick`. A benchmark adds what it alone has."""
+    """The command line of a benchmark with this docstring: `--quick`, `--json FILE`, and an option for each of `sizes`,
+    which says how large it is and how large with `--quick`. A benchmark adds what it alone has."""
     line = argparse.ArgumentParser(
         description=doc, formatter_class=argparse.RawDescriptionHelpFormatter, allow_abbrev=False
     )

@@ -1,10 +1,12 @@
-"""Does calibration help on sessions that it did not learn from? Healthy motors of `tests/plant`, a truth of another form.
+"""Does calibration help on sessions that it did not learn from? Healthy motors of `tests/plant`, a truth of another
+form.
 
     python benchmarks/calibration.py [--seeds N] [--first SEED] [--quick] [--json FILE]
 
-For each seed: two S1, one S2 and two WLTC sessions are written as BLF with motor, bench and DBC files, ingested, replayed with the
-file's model, calibrated on S1, S2 and WLTC, and replayed again on the kept S1 and WLTC. Mean absolute errors [K] on the kept
-sessions by node, before and after: median over seeds, largest, and the share of (seed, session, node) that got better.
+For each seed: two S1, one S2 and two WLTC sessions are written as BLF with motor, bench and DBC files, ingested,
+replayed with the file's model, calibrated on S1, S2 and WLTC, and replayed again on the kept S1 and WLTC. Mean absolute
+errors [K] on the kept sessions by node, before and after: median over seeds, largest, and the share of (seed, session,
+node) that got better.
 """
 
 from __future__ import annotations
@@ -39,7 +41,8 @@ Errors = dict[tuple[str, str], float]  # (session, node) -> mean absolute error 
 
 
 def one_motor(seed: int, folder: Path, longest_s: float) -> tuple[Errors, Errors]:
-    """Errors on the kept sessions before and after calibration of the healthy motor of a seed, of drives that end after `longest_s`."""
+    """Errors on the kept sessions before and after calibration of the healthy motor of a seed, of drives that end after
+    `longest_s`."""
     plant = Plant(seed)
     tests = [points.s1(plant, 6000.0, 30.0, 0), points.s2(plant, 8000.0, 20.0, 1), drives.wltp(1)]
     tests += [points.s1(plant, 9000.0, 30.0, 3), drives.wltp(1)]

@@ -1,12 +1,14 @@
-"""What each DC check says of the slots' insulation: through the rig's network in the motor file, beside routes that know no motor.
+"""What each DC check says of the slots' insulation: through the rig's network in the motor file, beside routes that
+know no motor.
 
     python benchmarks/checks.py [--seeds N] [--first SEED] [--quick] [--json FILE]
 
-Truth: `tests/plant`, bare stators of 24 lumps in free air, two of three phases energised, whose surfaces darken from 0.80 to 0.90 and whose
-room swings; nine checks each without an error of their own. The motor file (`plant.bare_stator_motor`) has five nodes; no stator is as
-drawn (conductances 10 %, capacities 4 %), and in every other seed the file's conductances are off by 30 % besides. Printed by route: how
-steep the course of ln R is against that of the slots' resistance, what is left of it, what the surfaces alone make of R where
-nothing changes, and the stated sd against the error.
+Truth: `tests/plant`, bare stators of 24 lumps in free air, two of three phases energised, whose surfaces darken from
+0.80 to 0.90 and whose room swings; nine checks each without an error of their own. The motor file
+(`plant.bare_stator_motor`) has five nodes; no stator is as drawn (conductances 10 %, capacities 4 %), and in every
+other seed the file's conductances are off by 30 % besides. Printed by route: how steep the course of ln R is against
+that of the slots' resistance, what is left of it, what the surfaces alone make of R where nothing changes, and the
+stated sd against the error.
 """
 
 from __future__ import annotations
@@ -115,7 +117,8 @@ def _by_route(checks: tuple[Check, ...], network: Network) -> dict[str, tuple[Ch
 
 
 def _measured(ln_r: Floats, sd: Floats, truth: Floats) -> list[float]:
-    """Slope over the truth (NaN where that is level), rms of what a slope of 1 leaves, last check less first of that, error in sds."""
+    """Slope over the truth (NaN where that is level), rms of what a slope of 1 leaves, last check less first of that,
+    error in sds."""
     got, true = ln_r - ln_r.mean(), truth - truth.mean()
     left = got - true
     slope = float(got @ true / (true @ true)) if np.ptp(truth) > 0.0 else np.nan
@@ -124,14 +127,13 @@ def _measured(ln_r: Floats, sd: Floats, truth: Floats) -> list[float]:
 
 
 def _print(rows: dict[str, list[list[float]]], still: dict[str, list[list[float]]]) -> None:
-    print(
-        "\nroute                                         slope (least to most)   left over    sd  | surfaces alone: trend, scatter"
-    )
+    print(f"\n{'route':45} slope (least to most)   left over    sd  | surfaces alone: trend, scatter")
     for name, some in rows.items():
         found, alone = np.array(some), np.array(still[name])
         low, mean, high = found[:, 0].min(), found[:, 0].mean(), found[:, 0].max()
         print(
-            f"{name:45s} {mean:5.2f} ({low:.2f} to {high:.2f})     {100 * found[:, 1].mean():7.1f} % {100 * found[:, 4].mean():5.1f} % | "
+            f"{name:45s} {mean:5.2f} ({low:.2f} to {high:.2f})     {100 * found[:, 1].mean():7.1f} %"
+            f" {100 * found[:, 4].mean():5.1f} % | "
             f"{100 * alone[:, 2].mean():+6.2f} %, {100 * alone[:, 1].mean():.2f} % ({alone[:, 3].mean():.1f} of the sd)"
         )
 

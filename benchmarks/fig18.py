@@ -1,12 +1,14 @@
-"""The paper's Fig. 18 from a stator whose truth is known: what one stator through 21 oven cycles can tell, and what it cannot.
+"""The paper's Fig. 18 from a stator whose truth is known: what one stator through 21 oven cycles can tell, and what it
+cannot.
 
     python benchmarks/fig18.py [--seeds N] [--first SEED] [--out DIR] [--quick] [--json FILE]
 
-Truth: `tests/plant`, one bare stator of 24 lumps, 20 cycles of 12 h and one of 60 h at 230 degC, a check with 160 A before the first (four times) and
-after each, thermocouples in the winding heads only. Its slots' resistance falls over eight cycles, rises to the fifteenth past its start, then does
-neither; surfaces darken, the room swings, checks repeat within 2 %. The first seed's logs go through `whyhot ingest` and `whyhot ageing`, and the
-figure is drawn (fig18.svg, fig18.png in DIR). Then as many stators with that course, and the same ones with nothing hidden, are assessed in
-memory: what is named from R, and what the same test would have named from the hottest sensor. Takes about 20 s a seed.
+Truth: `tests/plant`, one bare stator of 24 lumps, 20 cycles of 12 h and one of 60 h at 230 degC, a check with 160 A
+before the first (four times) and after each, thermocouples in the winding heads only. Its slots' resistance falls over
+eight cycles, rises to the fifteenth past its start, then does neither; surfaces darken, the room swings, checks repeat
+within 2 %. The first seed's logs go through `whyhot ingest` and `whyhot ageing`, and the figure is drawn (fig18.svg,
+fig18.png in DIR). Then as many stators with that course, and the same ones with nothing hidden, are assessed in memory:
+what is named from R, and what the same test would have named from the hottest sensor. Takes about 20 s a seed.
 """
 
 from __future__ import annotations
@@ -50,12 +52,18 @@ Floats = NDArray[np.float64]
 
 HEALTHY = replace(PAPER, forms=("none",))
 ROOM_DEGC = 20.0  # the hottest sensor is judged by its rise above this, as whoever looks at a temperature alone would
+UNTOLD = (
+    "What no number of cycles of one stator can tell: whether others do the same (the spread between stators),",
+    "what 230 °C means at 180 °C (one temperature holds no activation energy), and whether the enamel, the resin",
+    "or the liner changed: R is their sum.",
+)
 TURN, END, LATE = 8, 15, 18  # cycles: where it turns, where the rise ends, and well after
 
 
 @dataclass(frozen=True)
 class Course:
-    """One stator's checks: `ln_r`, `hottest_degC` (n,) over `cycle` and `dose_h` (n,), and the form that each is given."""
+    """One stator's checks: `ln_r`, `hottest_degC` (n,) over `cycle` and `dose_h` (n,), and the form that each is
+    given."""
 
     cycle: NDArray[np.int64]
     dose_h: Floats
@@ -77,7 +85,7 @@ class Course:
 
 def main() -> None:
     parser = asked.parser(__doc__, seeds=(10, 1), first=(1, 1))
-    parser.add_argument("--out", metavar="DIR", type=Path, default=Path(), help="for the picture; here")
+    parser.add_argument("--out", metavar="DIR", type=Path, default=Path("build"), help="for the picture (build)")
     args = parser.parse_args()
     document, text = through_the_store(args.first)
     print(text, end="\n\n")
@@ -119,7 +127,8 @@ def course(stator: Stator) -> Course:
     """A stator's checks evaluated, and both of its courses judged by the same test."""
     found = evaluate_together([check_trace(check) for check in stator.checks])
     rows = [
-        (check.cycle, check.dose_h, one.resistance_K_per_W, one.sd_K_per_W or 0.0, one.hottest_degC, check.resistance_K_per_W)
+        (check.cycle, check.dose_h, one.resistance_K_per_W, one.sd_K_per_W or 0.0, one.hottest_degC,
+         check.resistance_K_per_W)
         for check, one in zip(stator.checks, found, strict=True)
         if one.resistance_K_per_W is not None and one.hottest_degC is not None
     ]  # fmt: skip
@@ -145,31 +154,38 @@ def findings(aged: Sequence[Course], healthy: Sequence[Course]) -> list[str]:
     bands = [one.by_resistance.change_ci95_dose_h or (0.0, 0.0) for one in dips]
     turns = [float(np.interp(TURN, one.cycle, one.dose_h)) for one in dips]
     inside = sum(low <= turn <= high for (low, high), turn in zip(bands, turns, strict=True))
+    turned = rate(inside, len(dips))
+    width_h = np.median([high - low for low, high in bands])
     slopes = [one.by_resistance.ci95 or (1.0, 1.0) for one in dips]
     past = [100 * float(np.expm1(one.change(one.ln_r, LATE))) for one in aged]
     past_true = [100 * float(np.expm1(one.change(one.true_ln_r, LATE))) for one in aged]
+    ended = sum(one.by_resistance.level_probability > 0.95 for one in dips)
+    steepness = np.median([b / a for a, b in slopes])
+    false_of_r = sum(one.by_resistance.significant for one in healthy)
+    dips_of_hottest = sum(one.by_hottest.name == "dip_then_rise" for one in aged)
+    false_of_hottest = sum(one.by_hottest.significant for one in healthy)
+    as_large_a_fall = f"  half that fall or more, to cycle {TURN}, where nothing is hidden: "
     return [
-        f"{count} stators with the paper's course, {count} with nothing hidden; surfaces darken and the room swings in all of them",
+        f"{count} stators with the paper's course, {count} with nothing hidden; all darken, and the room swings",
         "",
         "From R over the dose, one stator at a time",
         f"  dip, then rise named where it is hidden: {rate(len(dips), count)}, at a probability {_at_least(least)}"
         + "".join(f"; {name} {times} times" for name, times in others.items()),
-        f"  the turn is within its interval of 95 %: {rate(inside, len(dips))}; the interval is {np.median([b - a for a, b in bands]):.0f} h wide (median)",
-        f"  that the rise has ended is seen (probability above 95 %): {rate(sum(one.by_resistance.level_probability > 0.95 for one in dips), count)}",
+        f"  the turn is within its interval of 95 %: {turned}; the interval is {width_h:.0f} h wide (median)",
+        f"  that the rise has ended is seen (probability above 95 %): {rate(ended, count)}",
         f"  R at cycles {LATE - 1} to {LATE + 1} against the start: {_range(past)} %, truly {_range(past_true)} %",
-        f"  slope of the rise: the upper end of its interval is {np.median([b / a for a, b in slopes]):.1f} times the lower (median)",
-        f"  something named where nothing is hidden: {rate(sum(one.by_resistance.significant for one in healthy), count)}",
-        f"  half that fall or more, to cycle {TURN}, where nothing is hidden: {rate(_as_large('ln_r', aged, healthy), count)}",
+        f"  slope of the rise: the upper end of its interval is {steepness:.1f} times the lower (median)",
+        f"  something named where nothing is hidden: {rate(false_of_r, count)}",
+        as_large_a_fall + rate(_as_large("ln_r", aged, healthy), count),
         "",
         "From the hottest sensor over the cycles, by the same test",
         f"  to cycle {TURN}: {_moves(aged, healthy, TURN, 0)}",
         f"  from there to cycle {END}: {_moves(aged, healthy, END, TURN)}",
-        f"  dip, then rise named where it is hidden: {rate(sum(one.by_hottest.name == 'dip_then_rise' for one in aged), count)}",
-        f"  something named where nothing is hidden: {rate(sum(one.by_hottest.significant for one in healthy), count)}",
-        f"  half that fall or more, to cycle {TURN}, where nothing is hidden: {rate(_as_large('hottest_degC', aged, healthy), count)}",
+        f"  dip, then rise named where it is hidden: {rate(dips_of_hottest, count)}",
+        f"  something named where nothing is hidden: {rate(false_of_hottest, count)}",
+        as_large_a_fall + rate(_as_large("hottest_degC", aged, healthy), count),
         "",
-        "What no number of cycles of one stator can tell: whether others do the same (the spread between stators), what 230 °C means at",
-        "180 °C (one temperature holds no activation energy), and whether the enamel, the resin or the liner changed: R is their sum.",
+        *UNTOLD,
     ]  # fmt: skip
 
 
@@ -222,24 +238,56 @@ def draw(document: dict[str, Any], aged: Course, healthy: Course, target: Path) 
         left.set_ylabel("hottest sensor at the end of the check [°C]")
         left.set_title("As the paper draws it: 3v over the cycles", loc="left", fontsize=9)
         right.axhspan(100 * np.exp(-spread.mean()), 100 * np.exp(spread.mean()), color=SOFT[0], alpha=0.15, linewidth=0)
-        right.plot(healthy.dose_h, 100 * np.exp(healthy.ln_r - healthy.ln_r[healthy.cycle == 0].mean()), color=SOFT[0],
-                   marker="o", markersize=2.5, linewidth=0.8, linestyle="--", label="the same stator with nothing hidden")  # fmt: skip
-        right.errorbar(dose, 100 * resistance / start, yerr=100 * spread * resistance / start, color=COLOURS[0], marker="o",
-                       markersize=3, linewidth=1.2, elinewidth=0.7, capsize=2, label="a stator with the paper's course")  # fmt: skip
-        right.plot(aged.dose_h, 100 * np.exp(aged.true_ln_r - aged.true_ln_r[aged.cycle == 0].mean()), color=INK[0],
-                   linewidth=0.9, linestyle=":", label="its true R")  # fmt: skip
+        right.plot(
+            healthy.dose_h,
+            100 * np.exp(healthy.ln_r - healthy.ln_r[healthy.cycle == 0].mean()),
+            color=SOFT[0],
+            marker="o",
+            markersize=2.5,
+            linewidth=0.8,
+            linestyle="--",
+            label="the same stator with nothing hidden",
+        )
+        right.errorbar(
+            dose,
+            100 * resistance / start,
+            yerr=100 * spread * resistance / start,
+            color=COLOURS[0],
+            marker="o",
+            markersize=3,
+            linewidth=1.2,
+            elinewidth=0.7,
+            capsize=2,
+            label="a stator with the paper's course",
+        )
+        right.plot(
+            aged.dose_h,
+            100 * np.exp(aged.true_ln_r - aged.true_ln_r[aged.cycle == 0].mean()),
+            color=INK[0],
+            linewidth=0.9,
+            linestyle=":",
+            label="its true R",
+        )
         if stator["change_at_dose_h"] is not None:
             low, high = aged.by_resistance.change_ci95_dose_h or (stator["change_at_dose_h"],) * 2
             right.axvspan(low, high, color=COLOURS[0], alpha=0.10, linewidth=0)
             right.axvline(stator["change_at_dose_h"], color=COLOURS[0], linewidth=0.7, linestyle="--")
         right.set_xlabel(f"hours above {document['threshold_degC']:g} °C")
         right.set_ylabel("R, % of the start")
-        right.set_title(f"R over the dose: {stator['form'].replace('_', ' ')}, probability {_percent(stator['form_probability'])}", loc="left", fontsize=9)  # fmt: skip
+        right.set_title(
+            f"R over the dose: {stator['form'].replace('_', ' ')}, probability {_percent(stator['form_probability'])}",
+            loc="left",
+            fontsize=9,
+        )
         figure.legend(loc="upper left", bbox_to_anchor=(0.055, 0.925), ncols=3, frameon=False, borderpad=0, fontsize=8)
         fall = healthy.change(healthy.hottest_degC, LATE)
-        headline = f"With nothing hidden the hottest sensor still moves by {fall:+.1f} K, as surfaces darken and the room changes; R does not".replace("-", "−")  # fmt: skip
+        moves = f"With nothing hidden the hottest sensor still moves by {fall:+.1f} K".replace("-", "−")
+        headline = f"{moves}, as surfaces darken and the room changes; R does not"
         figure.text(0.06, 0.96, headline, fontsize=10, fontweight="bold", va="center")
-        note = "bars: two standard deviations, repeatability included; grey band: where 95 % of the checks of an unchanged stator lie; blue band: where R turns, 95 %"
+        note = (
+            "bars: two standard deviations, repeatability included; grey band: where 95 % of the checks of an unchanged"
+            " stator lie; blue band: where R turns, 95 %"
+        )
         figure.text(0.06, 0.015, note, fontsize=6.5, color=SOFT[0])
         save(figure, target)
 

@@ -2,11 +2,12 @@
 
     python benchmarks/filter_speed.py [--quick] [--json FILE]
 
-The reference motor: 21 nodes, eight thermometers, a drive like the WLTP at 2 Hz. Both forms find the magnets' loss and three
-conductances: 25 numbers in the small form, 46 in the paper's. filterpy is used as its documentation has it, its model of the motor
-written in vectorised numpy: the network's step and its derivative in each step of the filter. Beside it, the same filterpy that is
-given our compiled step, derivative included, and has its own algebra alone to do. Times are processor times of the whole call, the best
-of all rounds, the ways taken in turn; differences are of every temperature at every edge of filterpy's run.
+The reference motor: 21 nodes, eight thermometers, a drive like the WLTP at 2 Hz. Both forms find the magnets' loss and
+three conductances: 25 numbers in the small form, 46 in the paper's. filterpy is used as its documentation has it, its
+model of the motor written in vectorised numpy: the network's step and its derivative in each step of the filter. Beside
+it, the same filterpy that is given our compiled step, derivative included, and has its own algebra alone to do. Times
+are processor times of the whole call, the best of all rounds, the ways taken in turn; differences are of every
+temperature at every edge of filterpy's run.
 """
 
 from __future__ import annotations
@@ -78,11 +79,12 @@ def case_of(unknowns: tuple[Unknown, ...], cut: int = STEPS) -> Case:
     return network, inputs, start, list(unknowns), channels
 
 
-# --- filterpy, with a model in numpy -----------------------------------------------------------------------------------------
+# --- filterpy, with a model in numpy ----------------------------------------------------------------------------------
 
 
 class Model:
-    """The motor in numpy: heat of every term and its slopes with temperatures, into the matrix of a step by their places."""
+    """The motor in numpy: heat of every term and its slopes with temperatures, into the matrix of a step by their
+    places."""
 
     def __init__(self, network: Network, inputs: Inputs) -> None:
         self.physics = physics = Physics(network)
@@ -206,7 +208,8 @@ def small_form_given(inputs: Inputs) -> Floats:
 
 
 def paper_form(network: Network, inputs: Inputs, given: bool) -> Floats:
-    """filterpy on [z, zdot, rho], perfect measurements and sensors of a step at once; the model in numpy, or, if `given`, our own."""
+    """filterpy on [z, zdot, rho], perfect measurements and sensors of a step at once; the model in numpy, or, if
+    `given`, our own."""
     laws, model, n, h = law_heats(network), Model(network, inputs), len(network.nodes), STEP_S
     m, first, last = len(inputs.parts.weights), 2 * n + len(model.heats), 2 * n + len(inputs.order)
     phi, around, capacity = at_edges(inputs.features), at_edges(inputs.boundaries), model.physics.capacity
@@ -262,12 +265,13 @@ def paper_form(network: Network, inputs: Inputs, given: bool) -> Floats:
     return found
 
 
-# --- The measurement ---------------------------------------------------------------------------------------------------------
+# --- The measurement --------------------------------------------------------------------------------------------------
 
 
 def ratios(rounds: int, peers_steps: int) -> dict[str, float]:
-    """`ekf_vs_filterpy`, `ekf46_vs_filterpy`: filterpy's time a step over ours, its model in numpy; `..._given_our_step` the same of a
-    filterpy that is given our step; `..._difference_K` between estimates; `..._us` ours a step."""
+    """`ekf_vs_filterpy`, `ekf46_vs_filterpy`: filterpy's time a step over ours, its model in numpy;
+    `..._given_our_step` the same of a filterpy that is given our step; `..._difference_K` between estimates; `..._us`
+    ours a step."""
     case, of = case_of((HEAT, *FACTORS)), inputs_of(*case_of((HEAT, *FACTORS), peers_steps))
     network = case[0]
     ours: Mapping[str, Callable[[], Floats]] = {

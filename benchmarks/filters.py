@@ -2,15 +2,15 @@
 
     python benchmarks/filters.py [--seeds N] [--first SEED] [--quick] [--json FILE]
 
-Truth: motors of `tests/plant`, each with a magnet loss that its file does not know, driven through WLTC, written as BLF, ingested
-and replayed. Every filter reads endwindings A and B and the rotor's surface and estimates the magnet loss; the magnet sensor is kept.
-Delays are shifts at which two courses go together best (correlation), in a drive whose speed steps every five minutes and the hidden
-loss with it: the magnet temperature and the kept sensor; the loss found, less what the same filter finds in the same motor without the
-hidden one, and that. The loss error is rms, there.
+Truth: motors of `tests/plant`, each with a magnet loss that its file does not know, driven through WLTC, written as
+BLF, ingested and replayed. Every filter reads endwindings A and B and the rotor's surface and estimates the magnet
+loss; the magnet sensor is kept. Delays are shifts at which two courses go together best (correlation), in a drive whose
+speed steps every five minutes and the hidden loss with it: the magnet temperature and the kept sensor; the loss found,
+less what the same filter finds in the same motor without the hidden one, and that. The loss error is rms, there.
 
-Time: the reference motor, the same steps for both in turn, best of 3. filterpy is given the compiled step and its derivative for
-nothing and spends its time on its own algebra alone, so the ratio is a lower bound. Last, the smallest eigenvalue of the covariance
-after a million steps with almost perfect readings.
+Time: the reference motor, the same steps for both in turn, best of 3. filterpy is given the compiled step and its
+derivative for nothing and spends its time on its own algebra alone, so the ratio is a lower bound. Last, the smallest
+eigenvalue of the covariance after a million steps with almost perfect readings.
 """
 
 from __future__ import annotations
@@ -67,7 +67,8 @@ from twin.run.simulate import Frame, simulate
 
 Floats = NDArray[np.float64]
 
-# At 16,000 rpm, with speed squared: with what the file has wrong besides, the open loop is about 6 K off, as in the paper.
+# At 16,000 rpm, with speed squared: with what the file has wrong besides, the open loop is about 6 K off, as in the
+# paper.
 HIDDEN_W = 60.0
 STEPS_W, STEPS_RPM, STEPS_MIN = 600.0, (3000.0, 9000.0) * 3, 5.0  # of the drive for delays
 SEEN, KEPT = ("EW_A_inner", "EW_B_inner", "RS"), "MAG"
@@ -108,8 +109,8 @@ class Case:
 
 @dataclass(frozen=True)
 class Form:
-    """How the files of a bench see the rotor: `weights`, where its thermocouples stand (signal -> node -> share), and whether the motor is
-    cut into `SLICES` there."""
+    """How the files of a bench see the rotor: `weights`, where its thermocouples stand (signal -> node -> share), and
+    whether the motor is cut into `SLICES` there."""
 
     weights: Mapping[str, Mapping[str, float]]
     cut: bool = False
@@ -137,7 +138,8 @@ def case_of(
     form: Form = DELIVERED,
     corrections: Mapping[str, float] = MappingProxyType({}),
 ) -> Case:
-    """The specimen with or without the hidden loss, its draws the same, and its own motor file's network or the one given.
+    """The specimen with or without the hidden loss, its draws the same, and its own motor file's network or the one
+    given.
 
     `corrections`: cause -> amount, what its bench file knows to be wrong.
     """
@@ -223,7 +225,8 @@ def errors_K(case: Case, edges: Floats) -> tuple[float, float]:
 
 
 def delays(case: Case, edges: Floats, watts: Floats, without_W: Floats) -> tuple[float, float | None, float | None]:
-    """Of the magnet temperature and of the loss [s], and the error of the loss [W]; None for the loss of the open loop."""
+    """Of the magnet temperature and of the loss [s], and the error of the loss [W]; None for the loss of the open
+    loop."""
     kept, nodes, step_s = case.kept, tuple(node.name for node in case.network.nodes), case.inputs.step_s
     steps = min(len(watts), len(without_W))
     after = slice(round(SETTLE_S / step_s), steps)
@@ -237,7 +240,7 @@ def delays(case: Case, edges: Floats, watts: Floats, without_W: Floats) -> tuple
     return late, delay_s(extra, hidden, step_s), float(np.sqrt(np.mean((extra - hidden) ** 2)))
 
 
-# --- Time -------------------------------------------------------------------------------------------------------------------
+# --- Time -------------------------------------------------------------------------------------------------------------
 
 
 def timed_case(steps: int) -> tuple[Network, Frame, Start, list[UnknownHeat], list[Reading]]:
@@ -326,7 +329,8 @@ def seconds(ours: Callable[[], object], theirs: Callable[[], object], rounds: in
 
 
 def times(steps: int) -> dict[str, dict[str, float]]:
-    """Each filter beside filterpy's on the same steps: us a step, ratio, largest difference of the last temperatures [K]."""
+    """Each filter beside filterpy's on the same steps: us a step, ratio, largest difference of the last temperatures
+    [K]."""
     case = timed_case(steps)
     network = case[0]
     inputs = inputs_of(*case)
@@ -367,7 +371,7 @@ def long_run(steps: int) -> dict[str, float]:
     }
 
 
-# --- Words ------------------------------------------------------------------------------------------------------------------
+# --- Words ------------------------------------------------------------------------------------------------------------
 
 
 def table(rows: list[Row]) -> str:

@@ -2,9 +2,9 @@
 
     python benchmarks/hot_spots.py [--seeds N] [--first SEED] [--quick] [--json FILE]
 
-Each motor of `tests/plant` has ten thermocouples and a motor file that is not calibrated to it, and goes through an S1 point and a WLTC,
-with and without a hidden magnet loss. Printed is how far the hottest winding and the hottest magnet are off the truth (the hottest
-node, the mean of its cells), and how often the 95 % band holds it.
+Each motor of `tests/plant` has ten thermocouples and a motor file that is not calibrated to it, and goes through an S1
+point and a WLTC, with and without a hidden magnet loss. Printed is how far the hottest winding and the hottest magnet
+are off the truth (the hottest node, the mean of its cells), and how often the 95 % band holds it.
 """
 
 from __future__ import annotations
@@ -40,7 +40,8 @@ WHO = ("open loop", "smoother")
 
 @dataclass(frozen=True)
 class Case:
-    """A hot spot of one session: how far off it is [K], its band's half width [K], None without one, and whether that holds the truth."""
+    """A hot spot of one session: how far off it is [K], its band's half width [K], None without one, and whether that
+    holds the truth."""
 
     spot: str
     who: str

@@ -4,15 +4,15 @@
 
 - whyhot: child process, recording (MCAP), decoding and Parquet, everything counted.
 - python-can + cantools: `BLFReader`, `decode_message` a frame, Parquet with the same encodings.
-- asammdf: `extract_bus_logging`, Parquet with the same encodings. It cannot read BLF: it gets the same frames as an MF4 file, and
-  making that file is not counted. Without asammdf (`make bench` installs it) this way is left out and said.
+- asammdf: `extract_bus_logging`, Parquet with the same encodings. It cannot read BLF: it gets the same frames as an MF4
+  file, and making that file is not counted. Without asammdf (`make bench` installs it) this way is left out and said.
 
-The ways take turns, round by round, so that a busy machine slows all of them alike; each is given as the median, of wall time
-and of processor time (its child processes included).
+The ways take turns, round by round, so that a busy machine slows all of them alike; each is given as the median, of
+wall time and of processor time (its child processes included).
 
-In the same run, what one `ingest` of many small things takes, from an empty store to a sealed one: logs of 1,400 rows, and
-a table of checks of which each row is a session. With them, in turns, the same logs one by one: the child process, the
-ledger and the grouping of each are then started anew.
+In the same run, what one `ingest` of many small things takes, from an empty store to a sealed one: logs of 1,400 rows,
+and a table of checks of which each row is a session. With them, in turns, the same logs one by one: the child process,
+the ledger and the grouping of each are then started anew.
 """
 
 from __future__ import annotations
@@ -193,7 +193,8 @@ def _no_motor(path: Path) -> MotorFile:
 
 
 def run_many(files: int, sessions: int, rounds: int) -> dict[str, dict[str, float]]:
-    """Wall and processor time of the three, medians. Raises SystemExit where a store holds other sessions than were given."""
+    """Wall and processor time of the three, medians. Raises SystemExit where a store holds other sessions than were
+    given."""
     taken: defaultdict[str, list[NDArray[np.float64]]] = defaultdict(list)
     with tempfile.TemporaryDirectory() as place:
         logs, table = small_logs(Path(place), files), checks(Path(place), sessions)
@@ -311,9 +312,8 @@ def main() -> None:
     result = run(frames, rounds)
     result["many"] = run_many(files, sessions, rounds)
     asked.keep(result, words.json)
-    print(
-        f"BLF to Parquet, {result['frames']:,} frames, median of {result['rounds']} rounds, values equal to the last bit"
-    )
+    of = f"{result['frames']:,} frames, median of {result['rounds']} rounds"
+    print(f"BLF to Parquet, {of}, values equal to the last bit")
     print(f"{'':24}{'wall s':>9}{'x whyhot':>10}{'processor s':>13}{'x whyhot':>10}{'frames/s':>13}")
     for name, wall in result["seconds"].items():
         processor, rate = result["processor_seconds"][name], result["frames_per_second"][name]

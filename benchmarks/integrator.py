@@ -1,10 +1,11 @@
-"""Which integrator, at which step: error against a tight solution and time, for kinds of drive; of the default, for every shipped
-motor, template and configuration.
+"""Which integrator, at which step: error against a tight solution and time, for kinds of drive; of the default, for
+every shipped motor, template and configuration.
 
     python benchmarks/integrator.py [--quick] [--json FILE]
 
-Inputs are held over each step, as in a replay, so the error is the integrator's alone. Reference: scipy's DOP853 from step to
-step, rtol 1e-10, with every temperature dependence, law and circuit as the motor file says it. docs/integrator.md holds the answer.
+Inputs are held over each step, as in a replay, so the error is the integrator's alone. Reference: scipy's DOP853 from
+step to step, rtol 1e-10, with every temperature dependence, law and circuit as the motor file says it.
+docs/integrator.md holds the answer.
 """
 
 from __future__ import annotations
@@ -60,7 +61,7 @@ SDIRK3 = Tableau(
 METHODS = (EULER, MIDPOINT, SDIRK2, SDIRK3)
 
 
-# --- Drives: speed and current as fractions of the motor's scale, at 10 Hz ---------------------------------------------------
+# --- Drives: speed and current as fractions of the motor's scale, at 10 Hz --------------------------------------------
 
 
 def s1() -> dict[str, Floats]:
@@ -82,7 +83,8 @@ def s2() -> dict[str, Floats]:
 
 
 def wltp_like() -> dict[str, Floats]:
-    """30 min of trips with the lengths, top speeds and accelerations of the WLTC's four parts (UN GTR 15), from a fixed seed."""
+    """30 min of trips with the lengths, top speeds and accelerations of the WLTC's four parts (UN GTR 15), from a fixed
+    seed."""
     rng = np.random.default_rng(15)
     corners_t, corners_v = [0.0, 11.0], [0.0, 0.0]
     for end, top_kmh in ((589.0, 56.5), (1022.0, 76.6), (1477.0, 97.4), (1800.0, 131.3)):
@@ -117,8 +119,8 @@ def shipped() -> dict[str, Network]:
 
 
 def frame(network: Network, drive: Mapping[str, Floats], step_s: float) -> Frame:
-    """The drive as a replay sees it: features at 10 Hz, averaged over each step. Torque goes with current, voltage with speed, and every
-    fluid flows as it does at most."""
+    """The drive as a replay sees it: features at 10 Hz, averaged over each step. Torque goes with current, voltage with
+    speed, and every fluid flows as it does at most."""
     samples = round(step_s * RATE_HZ)
     length = len(drive["speed"]) // samples * samples
     flows = {feature for m in monomials(network) for feature in m.features if is_flow(feature)}
@@ -135,11 +137,12 @@ def initial_of(network: Network) -> Floats:
     return np.full(len(network.nodes), COOLANT_DEGC)
 
 
-# --- The tight solution ------------------------------------------------------------------------------------------------------
+# --- The tight solution -----------------------------------------------------------------------------------------------
 
 
 class Physics:
-    """dT/dt of a network by the definitions of `twin.motor.network`, term by term, and of `twin.motor.drops`: nothing is shared with the kernels."""
+    """dT/dt of a network by the definitions of `twin.motor.network`, term by term, and of `twin.motor.drops`: nothing
+    is shared with the kernels."""
 
     def __init__(self, network: Network) -> None:
         self.index = {name: i for i, name in enumerate(network.names)}
@@ -220,7 +223,8 @@ def tight(network: Network, inputs: Frame) -> Floats:
 
 
 def bdf2(network: Network, inputs: Frame) -> Floats:
-    """The paper's integrator (its section 4), by Newton's method with a difference Jacobian; first step implicit Euler."""
+    """The paper's integrator (its section 4), by Newton's method with a difference Jacobian; first step implicit
+    Euler."""
     initial = initial_of(network)
     physics, n, h = Physics(network), initial.size, inputs.step_s
     out, before = [initial], initial
@@ -239,12 +243,13 @@ def bdf2(network: Network, inputs: Frame) -> Floats:
     return np.array(out)
 
 
-# --- The measurement ---------------------------------------------------------------------------------------------------------
+# --- The measurement --------------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
 class Error:
-    """Largest error over all nodes and steps [K], `node` where it is, of one method and step on one drive of one motor."""
+    """Largest error over all nodes and steps [K], `node` where it is, of one method and step on one drive of one
+    motor."""
 
     motor: str
     drive: str
@@ -255,7 +260,8 @@ class Error:
 
 
 def errors(motors: Sequence[str], of: Callable[[Frame], Frame]) -> list[Error]:
-    """Every method, step, drive and motor against the tight solution on the same held inputs; `of`: which part of them."""
+    """Every method, step, drive and motor against the tight solution on the same held inputs; `of`: which part of
+    them."""
     found = []
     for name in motors:
         network = motor(name)
@@ -341,8 +347,8 @@ def times(motor_name: str, rounds: int) -> dict[str, float]:
 
 
 def speed(motor_name: str, rounds: int) -> dict[str, float]:
-    """The default run: time a step, against the index program and scipy's LSODA, and the processor time of a first and a
-    later start."""
+    """The default run: time a step, against the index program and scipy's LSODA, and the processor time of a first and
+    a later start."""
     network = motor(motor_name)
     inputs = frame(network, wltp_like(), DEFAULT.step_s)
     start = initial_of(network)

@@ -2,9 +2,10 @@
 
     python benchmarks/life.py [--seeds N] [--quick] [--json FILE]
 
-The tables are those of `tests/made/published_lives.py`. Every published figure stands with the source that it was read in. It agrees where
-ours, rounded as it was printed, is the same. For the class-H motorettes no printed fit could be read: their closed form
-is beside ours, and is not counted. SurPyval is left out where it is not installed (`make bench` installs it).
+The tables are those of `tests/made/published_lives.py`. Every published figure stands with the source that it was read
+in. It agrees where ours, rounded as it was printed, is the same. For the class-H motorettes no printed fit could be
+read: their closed form is beside ours, and is not counted. SurPyval is left out where it is not installed (`make bench`
+installs it).
 
 Coverage: lives from `tests/plant` (1.0 eV, spread 0.35, ten specimens at each of 190, 220, 240 and 260 degC, looked at
 eight times until the median, watched until 70 % would have ended), fitted anew; how often 95 % profile bounds hold the

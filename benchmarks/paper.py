@@ -2,21 +2,24 @@
 
     python benchmarks/paper.py [--seeds N] [--first SEED] [--quick] [--json FILE]
 
-"Identification and Update of Thermal Models in Digital Twins of ePowertrain Motors", sections 3.1 and 4.2. What the paper's numbers
-were off by is set for every motor of `tests/plant`, before anything is calibrated or filtered, by the same rule:
+"Identification and Update of Thermal Models in Digital Twins of ePowertrain Motors", sections 3.1 and 4.2. What the
+paper's numbers were off by is set for every motor of `tests/plant`, before anything is calibrated or filtered, by the
+same rule:
 
-- The first guess is too cold on a WLTC by as much as the paper's was off: the hottest endwinding by 5 K (calibration made it 3 K better,
-  and under 2 K stayed), the magnets by 16 K (10 K better, about 6 K stayed). Each of its conductances is off by 35 % and each of its losses
-  by 10 % (one standard deviation), all conductances besides by one factor, which sets the endwinding, as where a motor was scaled from another
-  one; and it lacks a magnet loss, which sets the magnets.
-- The filter's open loop is too cold by 6 K at the magnets: the motor, calibrated from a guess that lacks no magnet loss, has by as much more.
+- The first guess is too cold on a WLTC by as much as the paper's was off: the hottest endwinding by 5 K (calibration
+  made it 3 K better, and under 2 K stayed), the magnets by 16 K (10 K better, about 6 K stayed). Each of its
+  conductances is off by 35 % and each of its losses by 10 % (one standard deviation), all conductances besides by one
+  factor, which sets the endwinding, as where a motor was scaled from another one; and it lacks a magnet loss, which
+  sets the magnets.
+- The filter's open loop is too cold by 6 K at the magnets: the motor, calibrated from a guess that lacks no magnet
+  loss, has by as much more.
 
-The motor is calibrated on two S1 points and an S2; no WLTC is learnt from. What each thermocouple was then found to read too much, the
-mean of these sessions, goes into the bench file as a correction; the bench file also says where between two nodes the rotor
-surface's is glued, as the design has it. A lump cannot say that magnets are hotter in the middle of the stack than at its ends: the
-same is done with the rotor cut into three slices. Filters read endwindings A and B and the rotor's surface and estimate the magnets'
-loss, as a heat or as a factor of what the model says; the magnet sensor is kept. A statement is met where the worst of the motors
-meets it, else by how many it is met is printed.
+The motor is calibrated on two S1 points and an S2; no WLTC is learnt from. What each thermocouple was then found to
+read too much, the mean of these sessions, goes into the bench file as a correction; the bench file also says where
+between two nodes the rotor surface's is glued, as the design has it. A lump cannot say that magnets are hotter in the
+middle of the stack than at its ends: the same is done with the rotor cut into three slices. Filters read endwindings A
+and B and the rotor's surface and estimate the magnets' loss, as a heat or as a factor of what the model says; the
+magnet sensor is kept. A statement is met where the worst of the motors meets it, else by how many it is met is printed.
 """
 
 from __future__ import annotations
@@ -97,7 +100,8 @@ WAYS = ("EKF", "UKF", "paper's form", "smoother", *AS_FACTOR, *IN_SLICES)
 
 @dataclass(frozen=True)
 class Statement:
-    """A sentence of the paper with its bound: what is measured of every motor, and whether it must be under or over the bound."""
+    """A sentence of the paper with its bound: what is measured of every motor, and whether it must be under or over the
+    bound."""
 
     says: str
     bound: float
@@ -140,8 +144,8 @@ def statements(of_motor: Sequence[dict[str, float]]) -> list[Statement]:
 
 
 def measured(seed: int, cycles: int, longest_s: float) -> dict[str, float]:
-    """Of one motor: what calibration gains, errors of the open loop and of every filter, delays of the loss that they find; of
-    drives that end after `longest_s`."""
+    """Of one motor: what calibration gains, errors of the open loop and of every filter, delays of the loss that they
+    find; of drives that end after `longest_s`."""
     with threadpool_limits(1, user_api="blas"):
         guess, lacked_W = first_guess(seed, longest_s)
         found, motor = calibrated(seed, guess, lacked_W, longest_s).gains, calibrated(seed, guess, 0.0, longest_s)
@@ -185,7 +189,8 @@ def as_heat(case: Case, heat: Sequence[UnknownHeat]) -> dict[str, tuple[Floats, 
 
 
 def as_factor(case: Case, factor: Sequence[UnknownFactor]) -> dict[str, tuple[Floats, Floats]]:
-    """The same where what multiplies the model's magnet loss, in all slices alike, is unknown; the loss [W] is what that adds."""
+    """The same where what multiplies the model's magnet loss, in all slices alike, is unknown; the loss [W] is what
+    that adds."""
     both = smoothed(case.network, case.inputs, case.start, factor, case.channels)
     at = [i for i, source in enumerate(case.network.sources) if source.node in MAGNETS]
 
@@ -223,11 +228,12 @@ def off_K(case: Case, edges: Floats, channel: str) -> Floats:
     return off
 
 
-# --- How far off ------------------------------------------------------------------------------------------------------------
+# --- How far off ------------------------------------------------------------------------------------------------------
 
 
 def too_cold_by(wanted_K: float, case_with: Callable[[float], Case], between_W: tuple[float, float]) -> float:
-    """The hidden magnet loss [W at 16,000 rpm] with which the open loop's magnets are too cold by so much on average: by secants."""
+    """The hidden magnet loss [W at 16,000 rpm] with which the open loop's magnets are too cold by so much on average:
+    by secants."""
 
     def off(hidden_W: float) -> float:
         case = case_with(hidden_W)
@@ -247,7 +253,8 @@ def wrong_by_the_paper_s(motor: Calibrated, cycles: int) -> Case:
 
 
 def first_guess(seed: int, longest_s: float = math.inf) -> tuple[Network, float]:
-    """The motor file's numbers before anything was measured, and the magnet loss that they lack for the paper's error."""
+    """The motor file's numbers before anything was measured, and the magnet loss that they lack for the paper's
+    error."""
     drive = drives.wltp(1).first(longest_s)
     cycle = case_of(seed, drive, 0.0, form=PLACED)
     hottest, guess = hot_spot(cycle), drawn(cycle.network, np.random.default_rng(seed))
@@ -292,7 +299,7 @@ def hot_spot(case: Case) -> str:
     return max(ENDWINDINGS, key=lambda channel: highest[channel])
 
 
-# --- Calibration ------------------------------------------------------------------------------------------------------------
+# --- Calibration ------------------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)

@@ -2,11 +2,11 @@
 
     python benchmarks/sensors.py [--seeds N] [--first SEED] [--quick] [--json FILE]
 
-Each motor of `tests/plant` has ten thermocouples, is calibrated on two S1 points and an S2, and `whyhot sensors` is asked over these, a WLTC
-and another S2. Printed is the share of readings that the filter's own 95 % bands hold, and that the widened ones hold in the sessions
-that they were not made from; then, of a WLTC with a trailer that neither calibration nor margins have seen, the share of time that the
-hottest winding passes the margin above one thermocouple: the hottest node (the mean of its cells, as the motor file has it), and
-the hottest cell of all.
+Each motor of `tests/plant` has ten thermocouples, is calibrated on two S1 points and an S2, and `whyhot sensors` is
+asked over these, a WLTC and another S2. Printed is the share of readings that the filter's own 95 % bands hold, and
+that the widened ones hold in the sessions that they were not made from; then, of a WLTC with a trailer that neither
+calibration nor margins have seen, the share of time that the hottest winding passes the margin above one thermocouple:
+the hottest node (the mean of its cells, as the motor file has it), and the hottest cell of all.
 """
 
 from __future__ import annotations
@@ -100,7 +100,8 @@ def row_of(seed: int, longest_s: float) -> Row:
 
 
 def above_sensor(plant: Plant, recording: Recording) -> tuple[Floats, Floats, Floats]:
-    """What the vehicle's thermocouple shows, the hottest winding node and the hottest cell, at its samples after the start [degC]."""
+    """What the vehicle's thermocouple shows, the hottest winding node and the hottest cell, at its samples after the
+    start [degC]."""
     (block,) = (b for b in recording.blocks if VEHICLE in [signal for signal, _, _ in b.message.signals])
     place = [signal for signal, _, _ in block.message.signals].index(VEHICLE)
     at_s = (block.t_ns - block.t_ns[0]) / 1e9

@@ -1,15 +1,18 @@
-"""How surely discharge is told from heat and thermal cycles, on stators of the plant that go through voltage tests in the oven.
+"""How surely discharge is told from heat and thermal cycles, on stators of the plant that go through voltage tests in
+the oven.
 
     python benchmarks/stress.py [--seeds N] [--quick] [--json FILE]
 
-A campaign: six stators, 16 cycles of 12 h, a check before the first and after each that repeats within 0.8 %; each stator has a
-form of its own, half of which change without any discharge. In some cycles a test voltage is on for 8 h: 1,300 V, above the
-inception voltage of a new stator (980 V; it falls as the insulation wears, and an electrical check before each cycle measures it to 2 %),
-or 700 V, below it. Discharge adds 0.3 per 100 h to ln of the resistance, or nothing. Two plans of tests: `alike`, every stator in its
-first eight cycles; `crossed`, half of the stators in their first eight, the others in their last eight.
+A campaign: six stators, 16 cycles of 12 h, a check before the first and after each that repeats within 0.8 %; each
+stator has a form of its own, half of which change without any discharge. In some cycles a test voltage is on for 8 h:
+1,300 V, above the inception voltage of a new stator (980 V; it falls as the insulation wears, and an electrical check
+before each cycle measures it to 2 %), or 700 V, below it. Discharge adds 0.3 per 100 h to ln of the resistance, or
+nothing. Two plans of tests: `alike`, every stator in its first eight cycles; `crossed`, half of the stators in their
+first eight, the others in their last eight.
 
-Given are, over the campaigns: how often discharge is told from heat and cycles at all, and of these how often an effect is seen
-(99 %), how often its interval of 95 % holds the hidden one, and its median sd in percent per 100 h. Hidden nothing, `seen` is how often discharge is blamed for what it did not do.
+Given are, over the campaigns: how often discharge is told from heat and cycles at all, and of these how often an effect
+is seen (99 %), how often its interval of 95 % holds the hidden one, and its median sd in percent per 100 h. Hidden
+nothing, `seen` is how often discharge is blamed for what it did not do.
 """
 
 from __future__ import annotations
@@ -43,8 +46,8 @@ SEEN_SD, INSIDE_SD = 2.576, 1.960
 
 @dataclass(frozen=True)
 class Rate:
-    """Over campaigns: how many there were, in how many discharge was told from heat and cycles, of these in how many an effect was seen,
-    and its interval held the hidden one; median sd [%/100 h]."""
+    """Over campaigns: how many there were, in how many discharge was told from heat and cycles, of these in how many an
+    effect was seen, and its interval held the hidden one; median sd [%/100 h]."""
 
     campaigns: int
     told: int

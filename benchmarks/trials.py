@@ -1,20 +1,24 @@
-"""How often a hidden effect is named, and how often nothing is where nothing is hidden: motors of `tests/plant`, fresh seeds.
+"""How often a hidden effect is named, and how often nothing is where nothing is hidden: motors of `tests/plant`, fresh
+seeds.
 
-    python benchmarks/trials.py [--healthy N] [--effects N] [--first SEED] [--layout six|ten] [--cache FOLDER] [--quick] [--json FILE]
+    python benchmarks/trials.py [--healthy N] [--effects N] [--first SEED] [--layout six|ten] [--cache FOLDER] [--quick]
+                                [--json FILE]
 
-A trial is one specimen with two S1, one S2 and two WLTC sessions, written as BLF with motor, bench and DBC files, ingested,
-and diagnosed from the first S1, the S2 and the first WLTC; the other two are kept. Every third effect is off the library.
+A trial is one specimen with two S1, one S2 and two WLTC sessions, written as BLF with motor, bench and DBC files,
+ingested, and diagnosed from the first S1, the S2 and the first WLTC; the other two are kept. Every third effect is off
+the library.
 
-Sizes are scaled so that d_true spreads from 2 to 20: with the catalogue's size a reference specimen (the seed before the first)
-has d_ref, and the size is multiplied by wanted / d_ref, at least 0.2 and at most 6 times (factors: their logarithms, the factor
-within 0.2 to 5). The bins are by the d_true of the trial itself: |v'P x| / sqrt(v'P v), v the whitened column of the true cause
-at the calibrated fit and x what the effect does to the readings without noise, on the same drives; sqrt(x'P x) off the library;
-the size times sqrt(v'P v) where it acts on a reading, a clock or an input. Swaps have no size and no d_true.
+Sizes are scaled so that d_true spreads from 2 to 20: with the catalogue's size a reference specimen (the seed before
+the first) has d_ref, and the size is multiplied by wanted / d_ref, at least 0.2 and at most 6 times (factors: their
+logarithms, the factor within 0.2 to 5). The bins are by the d_true of the trial itself: |v'P x| / sqrt(v'P v), v the
+whitened column of the true cause at the calibrated fit and x what the effect does to the readings without noise, on the
+same drives; sqrt(x'P x) off the library; the size times sqrt(v'P v) where it acts on a reading, a clock or an input.
+Swaps have no size and no d_true.
 
-Campaigns are kept in the cache folder, one file each, and results beside them, one line each: a run that was interrupted goes on
-where it stopped. Results of other code have another file: its name holds the hash of the twin's sources, thresholds included.
-Held, stuck, saturated and lost readings are masked before anything is named and are no part of this; nor are causes that need
-an ageing dose or a second session of a kind.
+Campaigns are kept in the cache folder, one file each, and results beside them, one line each: a run that was
+interrupted goes on where it stopped. Results of other code have another file: its name holds the hash of the twin's
+sources, thresholds included. Held, stuck, saturated and lost readings are masked before anything is named and are no
+part of this; nor are causes that need an ageing dose or a second session of a kind.
 """
 
 from __future__ import annotations
@@ -86,13 +90,13 @@ BINS = ((0.0, 3.0), (3.0, 5.0), (5.0, 10.0), (10.0, float("inf")))
 BOUND = 0.95  # of each Clopper-Pearson bound by itself
 
 
-# --- Trials -----------------------------------------------------------------------------------------------------------------
+# --- Trials -----------------------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
 class Case:
-    """A specimen and what it hides: a cause at a size that would give the reference `wanted`, or nothing. Its drives end after
-    `longest_s` at the latest."""
+    """A specimen and what it hides: a cause at a size that would give the reference `wanted`, or nothing. Its drives
+    end after `longest_s` at the latest."""
 
     seed: int
     layout: str
@@ -138,13 +142,13 @@ def scaled(effect: Effect, by: float) -> Effect:
     return Effect(effect.cause, effect.size * by)
 
 
-# --- Campaigns --------------------------------------------------------------------------------------------------------------
+# --- Campaigns --------------------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
 class Campaign:
-    """What a diagnosis is given, the hidden `size`, and what the effect does to the readings without noise: for each session,
-    signal -> (N,) K at the steps of its test."""
+    """What a diagnosis is given, the hidden `size`, and what the effect does to the readings without noise: for each
+    session, signal -> (N,) K at the steps of its test."""
 
     network: Network
     tests: tuple[Test, ...]
@@ -217,7 +221,7 @@ def kept_as(path: Path, make: Callable[[], Any]) -> Any:
     return pickle.loads(path.read_bytes())
 
 
-# --- How well an effect can be seen -----------------------------------------------------------------------------------------
+# --- How well an effect can be seen -----------------------------------------------------------------------------------
 
 
 def true_strength(campaign: Campaign, cause: str, base: Fit) -> float | None:
@@ -273,14 +277,14 @@ def _model(campaign: Campaign) -> Model:
     return Model(campaign.network, train, everyday(campaign.network, train))
 
 
-# --- Answers ----------------------------------------------------------------------------------------------------------------
+# --- Answers ----------------------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
 class Result:
-    """What a diagnosis said of a case. `named`: cause -> ln BF, the strongest first; `refused`: what the kept sessions spoke
-    against; `same`: what the data cannot tell from the first; `is_unknown`: a heat of any course won; `unknown`: ln BF of the
-    best free heat; `linear`: of the best candidate before any refit; `leading`: after the first refits."""
+    """What a diagnosis said of a case. `named`: cause -> ln BF, the strongest first; `refused`: what the kept sessions
+    spoke against; `same`: what the data cannot tell from the first; `is_unknown`: a heat of any course won; `unknown`:
+    ln BF of the best free heat; `linear`: of the best candidate before any refit; `leading`: after the first refits."""
 
     case: Case
     size: float
@@ -303,8 +307,8 @@ class Result:
 
     @property
     def verdict(self) -> str:
-        """`first`, `class` (not told apart from the first name), `place` (another law there), `wrong` or `silent`; off the
-        library `right` is `unknown`."""
+        """`first`, `class` (not told apart from the first name), `place` (another law there), `wrong` or `silent`; off
+        the library `right` is `unknown`."""
         if self.answer == "silent":
             return "silent"
         answer = _either_way(self.answer)
@@ -352,11 +356,12 @@ def _same(naming: Naming, log_bf_unknown: float) -> tuple[str, ...]:
     return tuple(str(m.candidate.cause) for m in told_apart(entered, leader, log_bf_unknown).others)
 
 
-# --- Rates ------------------------------------------------------------------------------------------------------------------
+# --- Rates ------------------------------------------------------------------------------------------------------------
 
 
 def bounds(k: int, n: int) -> tuple[float, float]:
-    """Clopper and Pearson (Biometrika 26 (1934) 404, DOI 10.1093/biomet/26.4.404): each bound holds with 95 % by itself.
+    """Clopper and Pearson (Biometrika 26 (1934) 404, DOI 10.1093/biomet/26.4.404): each bound holds with 95 % by
+    itself.
 
     >>> round(bounds(0, 16)[1], 2)
     0.17
@@ -417,7 +422,7 @@ def _said(one: dict[str, Any]) -> str:
     return f"{one['count']}/{one['of']} [{one['at_least']:.0%}, {one['at_most']:.0%}]" if one["of"] else "-"
 
 
-# --- Run --------------------------------------------------------------------------------------------------------------------
+# --- Run --------------------------------------------------------------------------------------------------------------
 
 
 def read_results(path: Path) -> list[Result]:

@@ -5,20 +5,16 @@
 The reference motor (21 nodes) over a drive like the WLTP, steps of 0.5 s, unless said:
 
 vs_c                          our default run over the same generated statements in C (gcc -O3, products and sums not
-                              fused), whose temperatures are the same to the bit
-vs_lsoda                      scipy's LSODA over our run
+fused), whose temperatures are the same to the bit vs_lsoda                      scipy's LSODA over our run
 ekf_vs_filterpy, ekf46_...    filterpy over our filters, of 25 and of 43 numbers (`benchmarks/filter_speed.py`);
-                              ..._difference_K: the largest between the two
-sensitivities_in_simulations  the run and the derivatives of every node by every coefficient, over the run
-adjoint_in_simulations        the run and the derivatives of one number by everything, over the run
-batch_vs_loop                 64 sessions of 10,800 steps one after the other over the same side by side, temperatures
-                              the same to the bit, checks and the memory for them included
-batch_vs_loop_2_cores         the same with half of them in each of two threads; where others use the cores it says little
-compile_s, cached_start_s     a fresh process, imports done, to the end of its first run: without and with what an
-                              earlier one kept
-index_vs_c                    a network of 97 nodes (the reference motor in slices), for which nothing is compiled: the
-                              index program, sessions side by side, over C of its statements (gcc -O1, which takes half
-                              a minute), one after the other
+..._difference_K: the largest between the two sensitivities_in_simulations  the run and the derivatives of every node by
+every coefficient, over the run adjoint_in_simulations        the run and the derivatives of one number by everything,
+over the run batch_vs_loop                 64 sessions of 10,800 steps one after the other over the same side by side,
+temperatures the same to the bit, checks and the memory for them included batch_vs_loop_2_cores         the same with
+half of them in each of two threads; where others use the cores it says little compile_s, cached_start_s     a fresh
+process, imports done, to the end of its first run: without and with what an earlier one kept index_vs_c
+a network of 97 nodes (the reference motor in slices), for which nothing is compiled: the index program, sessions side
+by side, over C of its statements (gcc -O1, which takes half a minute), one after the other
 
 Without gcc the ratios to C are null. Times are processor times of one thread, for two cores those on the clock: the
 best of all rounds, the ways taken in turn.
@@ -80,11 +76,12 @@ SLICED = ("jacket", "yoke", "teeth", "winding_a", "winding_b", "rotor_core", "ro
 BLOCK = 20  # steps: 10 s, as in a calibration
 
 
-# --- The same statements in C -----------------------------------------------------------------------------------------------
+# --- The same statements in C -----------------------------------------------------------------------------------------
 
 
 def c_source(network: Network) -> str:
-    """`run` of the network's kernel as C: its lines are assignments, and those of the shipped motors know no function."""
+    """`run` of the network's kernel as C: its lines are assignments, and those of the shipped motors know no
+    function."""
     hoisted, steps = generate(network).split("factors, out):\n")[1].split("    for k in range(features.shape[0]):\n")
     wide = {
         "features": len(monomials(network)),
@@ -135,7 +132,7 @@ def in_c(network: Network, folder: Path, optimise: str) -> Callable[[Compiled, F
     return filled
 
 
-# --- The ratios -------------------------------------------------------------------------------------------------------------
+# --- The ratios -------------------------------------------------------------------------------------------------------
 
 
 def one_session(rounds: int, folder: Path) -> dict[str, float | None]:
