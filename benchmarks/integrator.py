@@ -141,8 +141,8 @@ def initial_of(network: Network) -> Floats:
 
 
 class Physics:
-    """dT/dt of a network by the definitions of `twin.motor.network`, term by term, and of `twin.motor.drops`: nothing
-    is shared with the kernels."""
+    """dT/dt of a network by the definitions of `twin.motor.network` and `docs/motor_file.md`, term by term: nothing is
+    shared with the kernels."""
 
     def __init__(self, network: Network) -> None:
         self.index = {name: i for i, name in enumerate(network.names)}

@@ -28,7 +28,7 @@ FEED = (  # what a run's features and coefficients go through, in the order of a
         "replay/engine/frame/frame_of.py",
         "replay/engine/specimen/aged.py",
     ),
-    *("twin/arithmetic/powers.py", "twin/motor/features.py", "twin/motor/drops.py", "twin/motor/outputs.py"),
+    *("twin/arithmetic/powers.py", "twin/motor/features.py", "twin/motor/heat_laws.py", "twin/motor/outputs.py"),
     *(
         "twin/run/initial.py",
         "twin/insulation/ageing_state.py",

@@ -6,14 +6,14 @@ compiles nothing.
 
 from __future__ import annotations
 
-import itertools
-import math
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
 
+from twin.compiled.differentiate import negated
 from twin.compiled.integrators import Tableau
+from twin.compiled.law_text import LawText
 from twin.compiled.structure import CONSTANT, Group, Structure
-from twin.motor.drops import FREE_CONVECTION, RADIATION
+from twin.motor.heat_laws import LAWS
 from twin.motor.network import NOBODY
 
 HEAD = '''"""One thermal network as straight-line code. Generated: change the generator, not this file."""
@@ -95,119 +95,76 @@ def add_step(w: Writer, tableau: Tableau) -> None:
 def read_inputs(w: Writer, tableau: Tableau) -> None:
     gamma, before = ("gamma", w.lines) if tableau.back else (repr(tableau.gamma), w.hoisted)
     before += [f"C{i} = capacities[{i}] / ({gamma} * step_s)" for i in range(w.structure.n)]
-    if any(group.own for group in w.structure.groups):
+    if any("alpha" in line for group in w.structure.groups for line in LAWS[group.law].lines):
         w.hoisted += ["alpha = copper[0]", "reference = copper[1]"]
     w.lines += [f"f{j} = features[k, {j}]" for j in range(w.structure.monomials)]
     w.lines += [f"B{j} = boundaries[k, {j}]" for j in w.boundaries]
 
 
 def add_group(w: Writer, index: int, group: Group) -> None:
-    g = f"g{index}"
+    """The heat of a group, linear about the start of the step: its slopes into the matrix, what is left to the right-hand side."""
     w.hoisted += [f"c{i} = coefficients[{i}]" for i, _ in group.terms]
-    w.lines.append(f"{g} = " + " + ".join(f"c{i}" if j == CONSTANT else f"c{i} * f{j}" for i, j in group.terms))
+    w.lines.append(f"g{index} = " + " + ".join(f"c{i}" if j == CONSTANT else f"c{i} * f{j}" for i, j in group.terms))
     if group.other != NOBODY:
         w.hoisted += [f"s{index} = factors[{index}, 0]", f"r{index} = factors[{index}, 1]"]
-        w.lines.append(f"y{index} = 1.0 + s{index} * (T{group.other} - r{index})")
-    if group.b == NOBODY:
-        _source(w, index, group)
-    else:
-        _link(w, index, group)
+    law = LawText(w.structure.n, index, group)
+    (_source if group.b == NOBODY else _link)(w, index, group, law)
 
 
-def _source(w: Writer, index: int, group: Group) -> None:
-    """Heat g x y into node a, linear about the start: x the copper factor or its inverse, y the temperature factor."""
-    g, a = f"g{index}", group.a
-    if group.own:
-        warm, slope = f"1.0 + alpha * (T{a} - reference)", f"{g} * alpha"
-        if group.own < 0:
-            warm, slope = f"1.0 / ({warm})", f"-{g} * alpha * x{index} * x{index}"
-        w.lines.append(f"x{index} = {warm}")
-        slope += f" * y{index}" if group.other != NOBODY else ""
-        w.lines.append(f"p{index} = {slope}")
-        w.add(a, a, f"- p{index}")
-        w.right[a].append(f"- p{index} * T{a}")
-        g = f"{g} * x{index}"
-    if group.other != NOBODY:
-        w.lines.append(f"q{index} = {g} * s{index}")
-        w.add(a, group.other, f"- q{index}")
-        w.right[a].append(f"- q{index} * T{group.other}")
-        g = f"{g} * y{index}"
-    w.right[a].append(f"+ {g}")
+def _source(w: Writer, index: int, group: Group, law: LawText) -> None:
+    """Heat into node a: `p` its slope with the node's own temperature, `q` with that of the temperature factor."""
+    w.lines += law.lines
+    for name, by, node in ((f"p{index}", "own", group.a), (f"q{index}", "other", group.other)):
+        slope = law.slope(by)
+        if slope is not None:
+            w.lines.append(f"{name} = {slope}")
+            w.add(group.a, node, f"- {name}")
+            w.right[group.a].append(f"- {name} * T{node}")
+    w.right[group.a].append(f"+ {law.heat}")
 
 
-def _link(w: Writer, index: int, group: Group) -> None:
-    """Heat g y (T_b - T_a) into node a and, unless it goes one way, out of node b, linear about the start in the factor's
-    temperature."""
-    g, a, b, m = f"g{index}", group.a, group.b, group.other
+def _link(w: Writer, index: int, group: Group, law: LawText) -> None:
+    """Heat h drop into node a and, unless it goes one way, out of node b: `h` the amount times the temperature factor, `q` the slope with
+    the temperature of that factor, `da` what the drop falls by per kelvin of a, `db` what it grows by per kelvin of b."""
+    a, b, m, far = group.a, group.b, group.other, law.far
     boundary = b >= w.structure.n
-    far = f"B{b - w.structure.n}" if boundary else f"T{b}"
     gives = not (boundary or group.one_way)
-    if not group.plain:
-        _drop(w, index, group, far)
-    if m != NOBODY:
-        drop = f"({far} - T{a})" if group.plain else f"dv{index}"
-        w.lines.append(f"q{index} = {g} * s{index} * {drop}")
-        w.lines.append(f"h{index} = {g} * y{index}")
-        g = f"h{index}"
+    crossed, bent = m != NOBODY, not group.plain
+    g = f"h{index}" if crossed else f"g{index}"
+    w.lines += law.lines
+    if bent:
+        _add_drop(w, index, law)
+    if crossed:
+        w.lines += [f"q{index} = {law.slope('other')}", f"h{index} = g{index} * y{index}"]
         w.add(a, m, f"- q{index}")
         w.right[a].append(f"- q{index} * T{m}")
         if gives:
             w.add(b, m, f"+ q{index}")
             w.right[b].append(f"+ q{index} * T{m}")
-    to_a, to_b = (g, g) if group.plain else (f"{g} * da{index}", f"{g} * db{index}")
+    to_a, to_b = (f"{g} * da{index}", f"{g} * db{index}") if bent else (g, g)
     w.add(a, a, f"+ {to_a}")
     if boundary:
-        w.right[a].append(f"+ {g} * {far}" if group.plain else f"+ {g} * (dv{index} + da{index} * T{a})")
+        w.right[a].append(f"+ {g} * (drop_{index} + da{index} * T{a})" if bent else f"+ {g} * {far}")
         return
     w.add(a, b, f"- {to_b}")
-    if not group.plain:
-        w.lines.append(f"dr{index} = {g} * (dv{index} + da{index} * T{a} - db{index} * {far})")
+    if bent:
+        w.lines.append(f"dr{index} = {g} * (drop_{index} + da{index} * T{a} - db{index} * {far})")
         w.right[a].append(f"+ dr{index}")
     if gives:
         w.add(b, b, f"+ {to_b}")
         w.add(b, a, f"- {to_a}")
-        if not group.plain:
+        if bent:
             w.right[b].append(f"- dr{index}")
 
 
-def _drop(w: Writer, index: int, group: Group, far: str) -> None:
-    """What drives the heat, as `twin.motor.drops`: `dv` at the start, `da` what it falls by per kelvin of a, `db` what it grows by
-    per kelvin of b."""
-    own, i = f"T{group.a}", index
-    if group.law == RADIATION:
-        unit = repr(4 * 293.15**3)
-        w.lines += [
-            f"dc{i} = {own} + 273.15",
-            f"dw{i} = {far} + 273.15",
-            f"dv{i} = (dw{i} * dw{i} + dc{i} * dc{i}) * (dw{i} + dc{i}) * ({far} - {own}) / {unit}",
-            f"da{i} = 4.0 * dc{i} * dc{i} * dc{i} / {unit}",
-            f"db{i} = 4.0 * dw{i} * dw{i} * dw{i} / {unit}",
-        ]
-    elif group.law == FREE_CONVECTION:
-        w.lines += [
-            f"dw{i} = {far} - {own}",
-            f"dc{i} = dw{i} * dw{i} + 0.01",
-            f"dh{i} = math.sqrt(math.sqrt(math.sqrt(dc{i}))) / {math.sqrt(math.sqrt(math.sqrt(100.01)))!r}",
-            f"dv{i} = dh{i} * dw{i}",
-            f"da{i} = dh{i} * (1.0 + 0.25 * dw{i} * dw{i} / dc{i})",
-            f"db{i} = da{i}",
-        ]
-    else:
-        _fluid(w, index, group, far)
-
-
-def _fluid(w: Writer, i: int, group: Group, far: str) -> None:
-    """The heat capacity of the fluid that comes, relative: a table as a sum of ramps."""
-    ramps, slopes = [repr(group.fluid[0][1])], ["0.0"]
-    for (low, before), (high, after) in itertools.pairwise(group.fluid):
-        slope = repr((after - before) / (high - low))
-        ramps.append(f"{slope} * min(max({far} - {low!r}, 0.0), {high - low!r})")
-        slopes.append(f"({slope} if {low!r} < {far} <= {high!r} else 0.0)")
+def _add_drop(w: Writer, index: int, law: LawText) -> None:
+    by_own, by_far = law.slope("own", of="drop"), law.slope("far", of="drop")
+    assert by_own is not None and by_far is not None, "what drives a link goes by both its temperatures"
     w.lines += [
-        f"da{i} = {' + '.join(ramps)}",
-        f"dw{i} = {far} - T{group.a}",
-        f"dv{i} = da{i} * dw{i}",
-        f"db{i} = da{i} + ({' + '.join(slopes)}) * dw{i}",
+        *law.slope_lines("own"),
+        *law.slope_lines("far"),
+        f"da{index} = {negated(by_own)}",
+        f"db{index} = {by_far}",
     ]
 
 

@@ -22,6 +22,7 @@ from twin.compiled.codegen import Writer
 from twin.compiled.differentiate import Derivative
 from twin.compiled.integrators import Tableau
 from twin.compiled.structure import Group, Structure
+from twin.motor.heat_laws import AFFINE
 from twin.motor.network import NOBODY
 
 # A product and a sum may be one operation here: derivatives steer searches and bands, and are in no digest.
@@ -84,7 +85,7 @@ def linearised(w: Writer, tableau: Tableau) -> list[list[Heat]]:
 def _heats(w: Writer, index: int, group: Group, last: int) -> Iterator[Heat]:
     alone = Writer(w.structure)
     codegen.add_group(alone, index, group)
-    straight = group.plain and group.other == NOBODY and group.own >= 0
+    straight = group.law in AFFINE and group.other == NOBODY
     ends = () if straight else sorted({i for i in (group.a, group.b, group.other) if 0 <= i < w.structure.n})
     by_sum, by_start = Derivative(alone.lines, f"g{index}"), {i: Derivative(alone.lines, f"T{i}") for i in ends}
     w.lines += [line for one in (by_sum, *by_start.values()) for line in one.lines]

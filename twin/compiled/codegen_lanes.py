@@ -5,10 +5,9 @@ Every run has the bits that it has alone.
 
 from __future__ import annotations
 
-import re
-
 from twin.arithmetic.vectors import LANES, MARK
 from twin.compiled import codegen
+from twin.compiled.heat import for_vectors
 from twin.compiled.integrators import Tableau
 from twin.compiled.structure import Structure
 
@@ -33,19 +32,9 @@ def run(features, boundaries, step_s, coefficients, capacities, copper, factors,
     features, boundaries, out = vectors(features, lanes), vectors(boundaries, lanes), vectors(out, lanes)
 '''
 
-# What branches by a number, as sums and products that vectors have too.
-WITHOUT_BRANCHES = (
-    (re.compile(r"\bmath\.sqrt\("), "np.sqrt("),
-    (re.compile(r"\bmin\("), "np.minimum("),
-    (re.compile(r"\bmax\("), "np.maximum("),
-    (re.compile(r"\((\S+) if (\S+) < (\S+) <= (\S+) else 0\.0\)"), r"\1 * (\2 < \3) * (\3 <= \4)"),
-)
-
 
 def generate_side_by_side(structure: Structure, tableau: Tableau) -> str:
     """The source of `run` as `twin.compiled.codegen.generate` says it, for a method that does not look back; `features`,
     `boundaries` and `out` have a last axis of `LANES`."""
     body = codegen.generate(structure, tableau).removeprefix(codegen.HEAD)
-    for branch, without in WITHOUT_BRANCHES:
-        body = branch.sub(without, body)
-    return MARK + HEAD + body
+    return MARK + HEAD + for_vectors(body)

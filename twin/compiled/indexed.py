@@ -15,9 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.arithmetic.vectors import vectors
+from twin.compiled.heat import LINEAR, SOURCE, STREAM
+from twin.compiled.heat import heat_capacity_of_vectors as heat_capacity
+from twin.compiled.heat import heat_of_vectors as heat
 from twin.compiled.integrators import Tableau
 from twin.compiled.structure import Group, Structure
-from twin.motor.drops import drop
+from twin.motor.heat_laws import NUMBER
 from twin.motor.network import NOBODY
 
 Floats = NDArray[np.float64]
@@ -27,8 +30,8 @@ Index = NDArray[np.int64]
 class Program(NamedTuple):
     """Arrays of indices, and the tableau divided by its gamma.
 
-    `term_*` (K,) are grouped, group g holds `term_start[g]:term_start[g + 1]`. `group` (G, 6): a, b, own, other, law (-1: a
-    fluid's table), 1 where one way. `knots` and `relative` of `knot_start[g]:knot_start[g + 1]`: the table of its fluid.
+    `term_*` (K,) are grouped, group g holds `term_start[g]:term_start[g + 1]`. `group` (G, 5): a, b, number of the law (`NUMBER`),
+    other, 1 where one way. `knots` and `rises` of `knot_start[g]:knot_start[g + 1]`: the table of its fluid (`Ramps`).
     `place` (G, 6): positions of (a,a) (b,b) (a,b) (b,a) (a,other) (b,other) in `values`, -1 where there is none.
     `order` (n,); pivot p of `order[p]` has the entries `edge_start[p]:edge_start[p + 1]` with rows `edge_to` (E,);
     `update` (U,): position of the entry that each product of elimination is taken from, in the order of the loops.
@@ -44,7 +47,7 @@ class Program(NamedTuple):
     group: Index
     knot_start: Index
     knots: Floats
-    relative: Floats
+    rises: Floats
     place: Index
     order: Index
     edge_start: Index
@@ -74,10 +77,10 @@ def program(structure: Structure, tableau: Tableau) -> Program:
         term_start=_index(np.cumsum([0, *(len(group.terms) for group in structure.groups)])),
         term_coefficient=_index([i for i, _ in terms]),
         term_monomial=_index([j for _, j in terms]),
-        group=_index([_group(g) for g in structure.groups]).reshape(-1, 6),
+        group=_index([(g.a, g.b, NUMBER[g.law], g.other, g.one_way) for g in structure.groups]).reshape(-1, 5),
         knot_start=_index(np.cumsum([0, *(len(g.fluid) for g in structure.groups)])),
         knots=np.array([degC for g in structure.groups for degC, _ in g.fluid], dtype=np.float64),
-        relative=np.array([factor for g in structure.groups for _, factor in g.fluid], dtype=np.float64),
+        rises=np.array([rise for g in structure.groups for _, rise in g.fluid], dtype=np.float64),
         place=_index([_places(g, n, where) for g in structure.groups]).reshape(-1, 6),
         order=_index(pattern.order),
         edge_start=_index(np.cumsum([0, *lengths])),
@@ -92,11 +95,6 @@ def _index(values: Any) -> Index:
     return np.array(values, dtype=np.int64)
 
 
-def _group(group: Group) -> tuple[int, int, int, int, int, bool]:
-    law = -1 if group.fluid else group.law
-    return group.a, group.b, group.own, group.other, law, group.one_way
-
-
 def _places(group: Group, n: int, where: dict[tuple[int, int], int]) -> list[int]:
     a, b, m = group.a, group.b, group.other
     between = 0 <= b < n
@@ -109,18 +107,6 @@ def _places(group: Group, n: int, where: dict[tuple[int, int], int]) -> list[int
         where[a, m] if crossed else -1,
         where[b, m] if crossed and between else -1,
     ]
-
-
-@numba.njit(error_model="numpy", nogil=True, cache=True)
-def table(at: Any, knots: Floats, values: Floats) -> Any:
-    """A table (K,) over rising knots (K,), linear between them and constant beyond, and its slope: a sum of ramps."""
-    value, slope = values[0], 0.0
-    for i in range(1, len(knots)):
-        low, high = knots[i - 1], knots[i]
-        rise = (values[i] - values[i - 1]) / (high - low)
-        value += rise * np.minimum(np.maximum(at - low, 0.0), high - low)
-        slope += rise * (low < at) * (at <= high)
-    return value, slope
 
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
@@ -155,59 +141,53 @@ def assemble(
                 amount += coefficient
             else:
                 amount += coefficient * phi[j]
-        a, b, own, other, law, one_way = program.group[g]
+        a, b, law, other, one_way = program.group[g]
         aa, bb, ab, ba, am, bm = program.place[g]
-        if b < 0:
-            own_slope = 0.0
-            if own != 0:
-                factor = 1.0 + copper[0] * (start[a] - copper[1])
-                own_slope = amount * copper[0]
-                if own < 0:
-                    factor = 1.0 / factor
-                    own_slope = -own_slope * factor * factor
-                amount *= factor
-            if other >= 0:
-                factor = 1.0 + factors[g, 0] * (start[other] - factors[g, 1])
-                slope = amount * factors[g, 0]
-                own_slope *= factor
-                amount *= factor
-                values[am] -= slope
-                right[a] -= slope * start[other]
-            values[aa] -= own_slope
-            right[a] += amount - own_slope * start[a]
+        between, gives = 0 <= b < n, 0 <= b < n and one_way == 0
+        if law == LINEAR and other < 0:  # as most are
+            values[aa] += amount
+            if between:
+                values[ab] -= amount
+            else:
+                right[a] += amount * outside[b - n]
+            if gives:
+                values[ba] -= amount
+                values[bb] += amount
             continue
-        far = outside[b - n] if b >= n else start[b]
-        value = far - start[a]
-        if law != 0:
-            value, by_a, by_b = drop(law, start[a], far)
+        if law == SOURCE and other < 0:
+            right[a] += amount
+            continue
+        own = start[a]
+        far = start[b] if between else outside[b - n] if b >= n else own
+        relative, growth = 1.0, 0.0
+        if law == STREAM:
             first, end = program.knot_start[g], program.knot_start[g + 1]
-            if first < end:
-                relative, growth = table(far, program.knots[first:end], program.relative[first:end])
-                value, by_a, by_b = relative * value, relative * by_a, relative * by_b + growth * value
+            relative, growth = heat_capacity(far, program.knots[first:end], program.rises[first:end], end - first)
+        crossed = start[other] if other >= 0 else own
+        value, by_own, by_far, by_other = heat(
+            law, amount, own, far, crossed, copper[0], copper[1], factors[g, 0], factors[g, 1], relative, growth
+        )
         if other >= 0:
-            slope = amount * factors[g, 0] * value
-            amount *= 1.0 + factors[g, 0] * (start[other] - factors[g, 1])
-            values[am] -= slope
-            right[a] -= slope * start[other]
-            if b < n and one_way == 0:
-                values[bm] += slope
-                right[b] += slope * start[other]
-        to_a = to_b = amount
-        if law != 0:
-            to_a, to_b = -amount * by_a, amount * by_b
-        values[aa] += to_a
-        if b >= n:
-            right[a] += amount * far if law == 0 else amount * value + to_a * start[a]
-            continue
-        values[ab] -= to_b
-        if one_way == 0:
-            values[ba] -= to_a
-            values[bb] += to_b
-        if law != 0:
-            rest = amount * value + to_a * start[a] - to_b * far
+            values[am] -= by_other
+            right[a] -= by_other * crossed
+            if gives:
+                values[bm] += by_other
+                right[b] += by_other * crossed
+        values[aa] -= by_own
+        if between:
+            values[ab] -= by_far
+        if gives:
+            values[ba] += by_own
+            values[bb] += by_far
+        if law != LINEAR:
+            rest = value - by_own * own
+            if between:
+                rest -= by_far * far
             right[a] += rest
-            if one_way == 0:
+            if gives:
                 right[b] -= rest
+        elif not between:  # what drives it is linear in both temperatures: the slopes say it all
+            right[a] += by_far * far
     u = 0
     for p in range(n):
         first, end = edge_start[p], edge_start[p + 1]

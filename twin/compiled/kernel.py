@@ -12,10 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.arithmetic.vectors import MARK
-from twin.compiled import codegen, codegen_columns, codegen_gradient, codegen_lanes, indexed
+from twin.compiled import codegen, codegen_columns, codegen_gradient, codegen_lanes, heat, indexed
 from twin.compiled.integrators import DEFAULT, Tableau
 from twin.compiled.structure import Parameters, described, structure
-from twin.motor import drops
 from twin.motor.check import check
 from twin.motor.network import Network
 
@@ -144,6 +143,6 @@ def compile_indexed(network: Network, tableau: Tableau = DEFAULT, load: Load = l
 @cache
 def index_program(load: Load = load_in_memory) -> Kernel:
     """The compiled `indexed.run`, with all that it calls in one text: a cache then never holds parts of different versions."""
-    functions = (drops.drop, indexed.table, indexed.assemble, indexed.run)
-    parts = (inspect.getsource(function.py_func) for function in functions)
+    functions = (indexed.assemble, indexed.run)
+    parts = (heat.TEXT_OF_VECTORS, *(inspect.getsource(function.py_func) for function in functions))
     return load(INDEX_HEAD + "\n\n".join(parts).replace("cache=True", "cache=CACHE"))

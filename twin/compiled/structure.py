@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from twin.compiled.sparse import Pattern, factorise
 from twin.motor import features
-from twin.motor.drops import LAWS, LINEAR
+from twin.motor.heat_laws import source_law
 from twin.motor.network import NOBODY, Fluid, Network, Term
 
 CONSTANT = -1  # a term without features
 
-Knots = tuple[tuple[float, float], ...]
+# A table over temperature: the first knot [degC] and the value there, then every other knot and the rise [1/K] up to it.
+# (20.0, 1.0), (60.0, 0.002), (90.0, 0.0) is 1 up to 20 degC, 1.08 from 60 degC on, a line in between.
+Ramps = tuple[tuple[float, float], ...]
 
 
 @dataclass(frozen=True)
@@ -23,25 +26,23 @@ class Group:
     """Terms that share a place and its factors, so their sum is multiplied once.
 
     `a`: the node that takes the heat. `b`: the link's other end, a node or `n + boundary`, NOBODY in a source.
-    `terms`: (coefficient, monomial or CONSTANT). `own`: +1 copper, -1 resistance, 0 none, of the node's own temperature.
-    `other`: node of the temperature factor, or NOBODY; its values are row `index` of `Parameters.factors`. `law`: how the
-    link's heat follows its two temperatures (`twin.motor.drops`). `one_way`: the heat is not taken out of b, which flows on.
-    `fluid`: (T_b [degC], factor) of the fluid's heat capacity where it goes with temperature, else empty.
+    `terms`: (coefficient, monomial or CONSTANT). `law`: of `twin.motor.heat_laws.LAWS`. `other`: node of the temperature factor,
+    or NOBODY; its values are row `index` of `Parameters.factors`. `one_way`: the heat is not taken out of b, which flows on.
+    `fluid`: its heat capacity over that at 20 degC where it goes with the temperature T_b, else empty.
     """
 
     a: int
     b: int
     terms: tuple[tuple[int, int], ...]
-    own: int
-    other: int
-    law: int = LINEAR
+    law: str
+    other: int = NOBODY
     one_way: bool = False
-    fluid: Knots = ()
+    fluid: Ramps = ()
 
     @property
     def plain(self) -> bool:
         """Whether the heat of a link follows the difference of its two temperatures itself."""
-        return self.law == LINEAR and not self.fluid
+        return self.law == "linear"
 
 
 @dataclass(frozen=True)
@@ -81,27 +82,30 @@ def _places(network: Network) -> Iterator[tuple[_Key, Term]]:
     for source in network.sources:
         for term in source.terms:
             yield _key(index[source.node], NOBODY, term, index), term
-    knots = [_knots(circuit.fluid) for circuit in network.circuits for _ in circuit.nodes]
-    streams = zip(features.stream_places(network), features.streams(network), knots, strict=True)
+    fluids = [_ramps(circuit.fluid) for circuit in network.circuits for _ in circuit.nodes]
+    streams = zip(features.stream_places(network), features.streams(network), fluids, strict=True)
     for (before, node), term, fluid in streams:
-        group = Group(index[node], index[before], (), 0, NOBODY, one_way=True, fluid=fluid)
+        group = Group(index[node], index[before], (), "stream" if fluid else "linear", one_way=True, fluid=fluid)
         yield (group, 0.0, 0.0), term
 
 
 def _key(a: int, b: int, term: Term, index: dict[str, int]) -> _Key:
-    law, own = LINEAR if term.law is None else LAWS[term.law], 1 if term.copper else term.resistance
+    law = source_law(1 if term.copper else term.resistance) if b == NOBODY else term.law or "linear"
     factor = term.temperature
     if factor is None:
-        return Group(a, b, (), own, NOBODY, law), 0.0, 0.0
-    return Group(a, b, (), own, index[factor.node], law), factor.slope_per_K, factor.reference_degC
+        return Group(a, b, (), law), 0.0, 0.0
+    return Group(a, b, (), law, index[factor.node]), factor.slope_per_K, factor.reference_degC
 
 
-def _knots(fluid: Fluid) -> Knots:
-    """The fluid's heat capacity over that at `features.STREAM_DEGC`, at the knots of both its tables; empty if constant."""
+def _ramps(fluid: Fluid) -> Ramps:
+    """The fluid's heat capacity over that at `features.STREAM_DEGC`, over the knots of both its tables; empty if constant."""
     knots = sorted({*fluid.density.degC, *fluid.heat_capacity.degC})
     unit = fluid.at(features.STREAM_DEGC)
-    values = tuple((float(degC), fluid.at(degC) / unit) for degC in knots)
-    return values if len({value for _, value in values}) > 1 else ()
+    table = [(float(degC), fluid.at(degC) / unit) for degC in knots]
+    if len({value for _, value in table}) == 1:
+        return ()
+    rises = [(after - before) / (high - low) for (low, before), (high, after) in itertools.pairwise(table)]
+    return (table[0], *((degC, rise) for (degC, _), rise in zip(table[1:], rises, strict=True)))
 
 
 @dataclass(frozen=True)
@@ -138,10 +142,7 @@ def described(network: Network) -> tuple[Structure, Parameters]:
 
 def _structure(network: Network, grouped: _Grouped) -> Structure:
     n = len(network.nodes)
-    groups = tuple(
-        Group(key.a, key.b, terms, key.own, key.other, key.law, key.one_way, key.fluid)
-        for (key, _, _), terms in grouped.groups.items()
-    )
+    groups = tuple(replace(key, terms=terms) for (key, _, _), terms in grouped.groups.items())
     edges = [(g.a, g.b) for g in groups if 0 <= g.b < n]
     crossed = [(end, g.other) for g in groups if g.other != NOBODY for end in (g.a, g.b) if 0 <= end < n]
     pattern = factorise(n, edges + crossed)

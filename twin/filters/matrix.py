@@ -9,15 +9,14 @@ from typing import Protocol
 
 import numba
 import numpy as np
-from numba.np.numpy_support import carray
 from numpy.typing import NDArray
 
 from twin.arithmetic.lane_code import pointer
 from twin.arithmetic.lanes import both, scaled, within
 from twin.arithmetic.powers import exp_of_number
+from twin.compiled.heat import heat, heat_capacity
 from twin.filters.pivots import eliminate_few
-from twin.filters.plan import Plan
-from twin.motor.drops import between, drop
+from twin.filters.plan import Plan, ends_of, psi_of
 
 Floats = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -61,42 +60,21 @@ class Matrix(Protocol):
 
 @within
 def laws_at(plan: Laws, m: Floats, at: Index, listed: int, count: int) -> None:
-    """`psi`: what multiplies the amounts of `count` groups at `temperatures`, and its slopes with T_a, T_b and T_m, as
-    `twin.compiled.laws`."""
-    T = plan.temperatures
+    """`psi` of `count` groups at `temperatures`."""
+    T, alpha, reference = plan.temperatures, m[u(plan.copper)], m[u(plan.copper + 1)]
     for e in range(listed, listed + count):
         g = at[u(e)]
-        law, numbers, psi = plan.law + 7 * g, plan.law_numbers + g * (3 + 2 * plan.knots), plan.psi + 4 * g
-        a, b, own, other, kind, knots = (
-            at[u(law)],
-            at[u(law + 1)],
-            at[u(law + 2)],
-            at[u(law + 3)],
-            at[u(law + 5)],
-            at[u(law + 6)],
+        a, b, other = ends_of(plan, at, g)
+        law, knots = at[u(plan.law + 6 * g + 2)], at[u(plan.law + 6 * g + 5)]
+        numbers, psi = plan.law_numbers + g * (3 + 2 * plan.knots), plan.psi + 4 * g
+        own = m[u(T + a)]
+        far, crossed = m[u(T + b)] if b >= 0 else own, m[u(T + other)] if other >= 0 else own
+        relative, growth = 1.0, 0.0
+        if knots > 0:
+            relative, growth = heat_capacity(far, pointer(m, numbers + 3), pointer(m, numbers + 3 + knots), knots)
+        m[u(psi)], m[u(psi + 1)], m[u(psi + 2)], m[u(psi + 3)] = heat(
+            law, 1.0, own, far, crossed, alpha, reference, m[u(numbers)], m[u(numbers + 1)], relative, growth
         )
-        value, by_a, by_b, by_m = 1.0, 0.0, 0.0, 0.0
-        if b >= 0:
-            value, by_a, by_b = m[u(T + b)] - m[u(T + a)], -1.0, 1.0
-            if kind != 0:
-                value, by_a, by_b = drop(kind, m[u(T + a)], m[u(T + b)])
-            if knots > 0:
-                at_degC = carray(pointer(m, numbers + 3), knots)
-                relative = carray(pointer(m, numbers + 3 + knots), knots)
-                factor, growth = between(m[u(T + b)], at_degC, relative)
-                value, by_a, by_b = factor * value, factor * by_a, factor * by_b + growth * value
-        if own != 0:
-            alpha = m[u(plan.copper)]
-            factor = 1.0 + alpha * (m[u(T + a)] - m[u(plan.copper + 1)])
-            if own < 0:
-                factor = 1.0 / factor
-                alpha *= -factor * factor
-            value, by_a, by_b = factor * value, factor * by_a + alpha * value, factor * by_b
-        if other >= 0:
-            slope = m[u(numbers)]
-            factor = 1.0 + slope * (m[u(T + other)] - m[u(numbers + 1)])
-            value, by_a, by_b, by_m = factor * value, factor * by_a, factor * by_b, slope * value
-        m[u(psi)], m[u(psi + 1)], m[u(psi + 2)], m[u(psi + 3)] = value, by_a, by_b, by_m
 
 
 @within
@@ -157,9 +135,8 @@ def assemble(plan: Plan, m: Floats, at: Index, phi: Floats, outside: Floats, sta
         m[u(values + at[u(r + 1)])] += m[u(amounts + at[u(r)])]
     for r in range(plan.other, plan.other + 8 * plan.others, 8):
         g = at[u(r)]
-        a, b, other = at[u(plan.law + 7 * g)], at[u(plan.law + 7 * g + 1)], at[u(plan.law + 7 * g + 3)]
-        psi = plan.psi + 4 * g
-        value, by_a, by_b, by_m = m[u(psi)], m[u(psi + 1)], m[u(psi + 2)], m[u(psi + 3)]
+        a, b, other = ends_of(plan, at, g)
+        value, by_a, by_b, by_m = psi_of(plan, m, g)
         amount = m[u(amounts + g)]
         rest = value - by_a * m[u(T + a)]
         if other >= 0:

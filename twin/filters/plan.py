@@ -126,7 +126,7 @@ class Plan(NamedTuple):
     # Indices, by where they begin.
     each: int  # 0, 1, 2 ...: all groups
     row: int  # 0, 16, 32 ...: where each row of the state begins
-    law: int  # (G, 7) as `twin.compiled.laws.Table`. Of the copper loss: 0, -1, 1, -1, 0, 0, 0
+    law: int  # (G, 6) as `twin.compiled.laws.Table`. Of the copper loss: 0, -1, its number, -1, 0, 0
     term: int  # (terms, 3) group, factor, monomial or -1: 0, 0, 0
     vary: int  # (varied,) pairs of a group and a monomial that adds to its amount: (2, 1) (3, 2) (4, 3)
     plain: int  # (plains, 5) links that change: group, places of aa, bb, ab, ba in `values`: 0, 0, 1, 3, 5
@@ -189,7 +189,7 @@ def term_of(plan: Plan, at: Index, t: int) -> tuple[int, int]:
 def ends_of(plan: Laws, at: Index, g: int) -> tuple[int, int, int]:
     """Whose temperatures are T_a, T_b and T_m in group g: a node, or n + boundary; below 0 where its law has none of
     them."""
-    row = plan.law + 7 * g
+    row = plan.law + 6 * g
     return at[u(row)], at[u(row + 1)], at[u(row + 3)]
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from twin.arithmetic.lanes import Store, width
 from twin.arithmetic.vectors import LANES
 from twin.filters.plan import Parts, Plan
-from twin.motor.drops import LINEAR
+from twin.motor.heat_laws import NUMBER
 from twin.motor.network import NOBODY
 
 Floats = NDArray[np.float64]
@@ -174,9 +174,9 @@ def _assembly(parts: Parts) -> tuple[list[list[int]], list[list[int]], list[list
     n, edges = parts.program.n, len(parts.program.edge_to)
     right = n + 2 * edges + 1
     plain, rims, constants, others = [], [], [], []
-    for g, (a, b, own, other, one_way, law, knots) in enumerate(parts.places.tolist()):
+    for g, (a, b, law, other, one_way, _) in enumerate(parts.places.tolist()):
         aa, bb, ab, ba, am, bm = parts.program.place[g].tolist()
-        bent = own != 0 or other != NOBODY or law != LINEAR or knots
+        bent = other != NOBODY or law not in (NUMBER["linear"], NUMBER["source"])
         if b == NOBODY and not bent:
             constants.append([g, right + a])
         elif b >= n and not bent:
@@ -213,7 +213,7 @@ def _drives(
     where: dict[tuple[int, int], int] = {}
     driven = []
     for t, (g, p, _) in enumerate(terms):
-        a, b, _, _, one_way, _, _ = parts.places[g].tolist()
+        a, b, _, _, one_way, _ = parts.places[g].tolist()
         into = where.setdefault((a, p), len(where))
         out = where.setdefault((b, p), len(where)) if 0 <= b < parts.program.n and not one_way else -1
         driven.append((t, g, into, out))

@@ -16,6 +16,7 @@ from twin.fitting.drive import Drive
 from twin.fitting.march import System, run
 from twin.fitting.recorded import Test
 from twin.fitting.rows import Entry, Products
+from twin.motor.heat_laws import source_law
 from twin.motor.network import NOBODY, Network
 
 Floats = NDArray[np.float64]
@@ -77,7 +78,8 @@ class Circuit:
         return replace(law, b=law.b + len(self.followers)) if law.b >= self.n else law
 
     def place(self, place: actions.Place, own: int = 0, tilt: float | None = None) -> Law:
-        return self.placed(Law(place.a, place.b, own, tilt=tilt))
+        law = source_law(own) if place.b == NOBODY else "linear"
+        return self.placed(Law(place.a, place.b, law, tilt=tilt))
 
     def start(self, beta: Floats) -> Floats:
         """Temperatures at the start (states,)."""

@@ -18,9 +18,9 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.compiled.heat import LINEAR
 from twin.compiled.laws import Integers, Table, every_place, psi_of
 from twin.errors import DivergedError
-from twin.motor.drops import LINEAR
 from twin.motor.network import NOBODY
 
 Floats = NDArray[np.float64]
@@ -103,8 +103,8 @@ def _assemble(
         for w in range(len(places)):
             a, b = places[w, 0], places[w, 1]
             both = 0 <= b < n and not places[w, 4]
-            straight = places[w, 2] == 0 and places[w, 5] == LINEAR and places[w, 6] == 0
-            if straight and places[w, 3] == NOBODY and np.isnan(numbers[w, 2]) and (both or b >= n):
+            straight = places[w, 2] == LINEAR and places[w, 3] == NOBODY and np.isnan(numbers[w, 2])
+            if straight and (both or b >= n):
                 for k in range(lanes):  # nothing but a conductance, as most laws are
                     matrix[a, a, k] += carried[w, first + k]
                 if both:

@@ -22,7 +22,7 @@ from twin.errors import (
 )
 from twin.motor import features
 from twin.motor.configured import configured
-from twin.motor.drops import LAWS
+from twin.motor.heat_laws import NAMED
 from twin.motor.network import Link, Map, Network, Property, Shape, Source, Term
 
 NAME = re.compile(r"[a-z][a-z0-9_]*")
@@ -201,8 +201,8 @@ def _check_factors(entry: Entry, number: int, term: Term, in_link: bool, nodes: 
         raise FactorError(entry, f"term {number}: copper times resistance -1 is 1: leave both out, or one of them")
     if term.law is not None and not in_link:
         raise FactorError(entry, f'term {number}: law "{term.law}" belongs to conductances: use it in a link only')
-    if term.law is not None and term.law not in LAWS:
-        raise FactorError(entry, f'term {number}: law "{term.law}" is not known: {meant(term.law, tuple(LAWS))}')
+    if term.law is not None and term.law not in NAMED:
+        raise FactorError(entry, f'term {number}: law "{term.law}" is not known: {meant(term.law, NAMED)}')
     factor = term.temperature
     if factor is None:
         return

@@ -58,7 +58,7 @@ class Term:
     resistance: int = 0  # -1: divided by the same factor
     temperature: TemperatureFactor | None = None
     shape: Shape | Map | None = None
-    law: str | None = None  # of a link: "radiation" or "free_convection" (`twin.motor.drops`), None: the difference
+    law: str | None = None  # of a link: one of `twin.motor.heat_laws.NAMED`; None: the difference itself
 
 
 @dataclass(frozen=True)

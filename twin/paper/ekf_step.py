@@ -163,7 +163,7 @@ def rates_of(
     drive = {(node, k): nobody + 1 + k for k, node in enumerate(parts.heats.tolist())}
     terms = []
     into = []
-    for (a, b, _, _, one_way, _, _), places in zip(parts.places.tolist(), program.place.tolist(), strict=True):
+    for (a, b, _, _, one_way, _), places in zip(parts.places.tolist(), program.place.tolist(), strict=True):
         aa, bb, ab, ba, am, bm = (e if 0 <= e < nobody else nobody for e in places)
         both = 0 <= b < n and not one_way
         into.append([a, b, aa, ab, am, ba, bb, bm] if both else [a, n, aa, ab, am, nobody, nobody, nobody])

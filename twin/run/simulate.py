@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from twin.compiled.kernel import Compiled
+from twin.compiled.laws import Law, Table, psi
+from twin.compiled.structure import CONSTANT, described
 from twin.errors import DivergedError, FrameError
 from twin.motor import features
-from twin.motor.network import Network, Term
+from twin.motor.network import Network
 
 
 @dataclass(frozen=True)
@@ -95,30 +96,18 @@ def source_heat(network: Network, frame: Frame, temperatures: NDArray[np.float64
 
     `temperatures` (N + 1, n) as `simulate` gives them.
     """
-    column = {monomial: j for j, monomial in enumerate(features.monomials(network))}
-    mean = {node.name: (temperatures[:-1, i] + temperatures[1:, i]) / 2 for i, node in enumerate(network.nodes)}
+    shape, values = described(network)
+    place = {i: (g, j) for g, group in enumerate(shape.groups) for i, j in group.terms}
+    laws = [Law.of(group, values, g) for g, group in enumerate(shape.groups)]
+    own, _ = psi(Table.of(laws, network.copper), (temperatures[:-1] + temperatures[1:]) / 2, frame.boundaries)
     heat = np.zeros((len(frame.features), len(network.sources)))
+    i = sum(len(link.terms) for link in network.links)
     for s, source in enumerate(network.sources):
         for term in source.terms:
-            j = column.get(features.monomial(term))
-            phi = 1.0 if j is None else frame.features[:, j]
-            heat[:, s] += term.coefficient * phi * _factor(network, term, source.node, mean)
+            g, j = place[i]
+            heat[:, s] += term.coefficient * (1.0 if j == CONSTANT else frame.features[:, j]) * own[g]
+            i += 1
     return heat
-
-
-def _factor(
-    network: Network, term: Term, node: str, temperatures: Mapping[str, NDArray[np.float64]]
-) -> NDArray[np.float64] | float:
-    """The temperature-dependent factors of a source's term, as `twin.motor.network.Term` defines them."""
-    result: NDArray[np.float64] | float = 1.0
-    if term.copper or term.resistance:
-        rise = temperatures[node] - network.copper.reference_degC
-        warm = 1 + network.copper.alpha_per_K * rise
-        result = warm if term.copper or term.resistance > 0 else 1 / warm
-    if term.temperature is not None:
-        factor = term.temperature
-        result = result * (1 + factor.slope_per_K * (temperatures[factor.node] - factor.reference_degC))
-    return result
 
 
 def network_heat(network: Network, frame: Frame, temperatures: NDArray[np.float64]) -> NDArray[np.float64]:

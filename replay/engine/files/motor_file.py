@@ -12,8 +12,8 @@ from replay.errors import MotorFileError
 from twin.errors import NetworkError
 from twin.motor.ageing_law import Ageing, ageing_term
 from twin.motor.check import check
-from twin.motor.drops import LAWS
 from twin.motor.features import QUANTITY, STREAM_DEGC, is_known
+from twin.motor.heat_laws import NAMED
 from twin.motor.network import (
     Boundary,
     Configuration,
@@ -294,7 +294,7 @@ def _term(table: Table, default_sd: float, scale: Mapping[str, float]) -> Term:
         resistance=-1 if "resistance" in table else 0,
         temperature=_temperature(temperature) if temperature else None,
         shape=_bent(table, scale),
-        law=table.one_of("law", tuple(LAWS)),
+        law=table.one_of("law", NAMED),
     )
     return term if ageing is None else ageing_term(term, _ageing(ageing))
 

@@ -10,6 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from made.laws import GLYCOL, OIL, law_frame, tight_laws, with_laws
+from twin.compiled.heat import heat, heat_capacity
 from twin.compiled.integrators import BDF2
 from twin.compiled.kernel import compile_indexed, compile_network
 from twin.compiled.laws import Law, Table
@@ -19,7 +20,7 @@ from twin.filters.ekf import filter_unknowns
 from twin.filters.unknowns import UnknownHeat
 from twin.fitting.march import System, run
 from twin.motor import features
-from twin.motor.drops import FREE_CONVECTION, LINEAR, RADIATION, between, drop
+from twin.motor.heat_laws import LINKS, NUMBER
 from twin.motor.network import Boundary, FluidCircuit, Link, Network, Node, Source, Term
 from twin.paper.form import simulate_with_flows
 from twin.run.initial import conductances, steady_interpolation, time_constants
@@ -103,31 +104,42 @@ def test_halving_the_step_divides_the_error_of_every_run_by_four(seed: int, make
         assert np.log2(error(way, 32) / error(way, 64)) == pytest.approx(2, abs=0.3)
 
 
-@pytest.mark.parametrize("law", [LINEAR, RADIATION, FREE_CONVECTION])
+def _drop(law: str, a: float, b: float) -> tuple[float, float, float]:
+    """What drives the heat of a link of 1 W/K, and its slopes with both temperatures."""
+    value, by_a, by_b, _ = heat(NUMBER[law], 1.0, a, b, a, 0.0, 20.0, 0.0, 20.0, 1.0, 0.0)
+    return value, by_a, by_b
+
+
+@pytest.mark.parametrize("law", LINKS)
 @pytest.mark.parametrize(("a", "b"), [(20.0, 150.0), (90.0, 30.0), (40.0, 40.0), (50.0, 50.05)])
-def test_the_slopes_of_a_drop_are_those_of_its_value(law: int, a: float, b: float) -> None:
-    _, by_a, by_b = drop(law, a, b)
+def test_the_slopes_of_a_drop_are_those_of_its_value(law: str, a: float, b: float) -> None:
+    _, by_a, by_b = _drop(law, a, b)
     h = 1e-4
-    assert by_a == pytest.approx((drop(law, a + h, b)[0] - drop(law, a - h, b)[0]) / (2 * h), rel=1e-5, abs=1e-7)
-    assert by_b == pytest.approx((drop(law, a, b + h)[0] - drop(law, a, b - h)[0]) / (2 * h), rel=1e-5, abs=1e-7)
+    assert by_a == pytest.approx((_drop(law, a + h, b)[0] - _drop(law, a - h, b)[0]) / (2 * h), rel=1e-5, abs=1e-7)
+    assert by_b == pytest.approx((_drop(law, a, b + h)[0] - _drop(law, a, b - h)[0]) / (2 * h), rel=1e-5, abs=1e-7)
 
 
 def test_a_bent_law_is_the_plain_one_where_its_coefficient_is_said_to_hold() -> None:
-    assert drop(RADIATION, 19.99, 20.01)[0] == pytest.approx(0.02, rel=1e-6)
-    assert drop(FREE_CONVECTION, 30.0, 40.0)[0] == pytest.approx(10.0, rel=1e-12)
-    assert drop(FREE_CONVECTION, 30.0, 110.0)[0] == pytest.approx(80 * 8**0.25, rel=1e-4)
+    assert _drop("radiation", 19.99, 20.01)[0] == pytest.approx(0.02, rel=1e-6)
+    assert _drop("free_convection", 30.0, 40.0)[0] == pytest.approx(10.0, rel=1e-12)
+    assert _drop("free_convection", 30.0, 110.0)[0] == pytest.approx(80 * 8**0.25, rel=1e-4)
     sigma, eps_area = 5.670374e-8, 0.3
     watts = sigma * eps_area * ((150 + 273.15) ** 4 - (25 + 273.15) ** 4)
-    assert 4 * sigma * eps_area * 293.15**3 * drop(RADIATION, 25.0, 150.0)[0] == pytest.approx(watts, rel=1e-12)
+    assert 4 * sigma * eps_area * 293.15**3 * _drop("radiation", 25.0, 150.0)[0] == pytest.approx(watts, rel=1e-12)
+
+
+def test_a_number_that_no_law_has_gives_no_heat_that_could_be_believed() -> None:
+    assert np.isnan(heat(len(NUMBER), 1.0, 20.0, 30.0, 20.0, 0.0, 20.0, 0.0, 20.0, 1.0, 0.0)).all()
 
 
 @pytest.mark.parametrize("at", [-10.0, 0.0, 15.0, 30.0, 45.0, 60.0, 99.0])
-def test_a_table_is_linear_between_its_knots_and_constant_beyond(at: float) -> None:
+def test_the_heat_capacity_of_a_fluid_is_linear_between_its_knots_and_constant_beyond(at: float) -> None:
     knots, values = np.array([0.0, 30.0, 60.0]), np.array([1.0, 0.7, 0.9])
-    assert between(at, knots, values)[0] == pytest.approx(np.interp(at, knots, values), abs=1e-15)
-    if at not in knots:
-        slope = (np.interp(at + 1e-6, knots, values) - np.interp(at - 1e-6, knots, values)) / 2e-6
-        assert between(at, knots, values)[1] == pytest.approx(slope, abs=1e-9)
+    rises = np.append(values[0], np.diff(values) / np.diff(knots))
+    relative, growth = heat_capacity(at, knots, rises, 3)
+    assert relative == pytest.approx(np.interp(at, knots, values), abs=1e-15)
+    before = (np.interp(at, knots, values) - np.interp(at - 1e-6, knots, values)) / 1e-6
+    assert growth == pytest.approx(before, abs=1e-9)  # at a knot that of the line that ends there
 
 
 # --- A channel: 300 W into fluid that runs through two nodes ---------------------------------------------------------

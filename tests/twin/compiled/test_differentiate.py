@@ -9,9 +9,9 @@ from twin.compiled.differentiate import Derivative
 LINES = [
     "x = 1.0 / (1.0 + a * (t - r))",
     "p = -g * a * x * x",
-    "y = g * math.sqrt(x) - 3.0 * min(max(t - 2.0, 0.0), 5.0)",
+    "y = g * math.sqrt(x) - 3.0 * (min(max(t, 2.0), 7.0) - 2.0) + math.sqrt(math.sqrt(math.sqrt(t * t + a)))",
 ]
-LAST = "(y if t < 9.0 else p * t) / (x - t) - r + g * x * p"
+LAST = "(y * (t < 9.0) + p * t * (9.0 <= t)) / (x - t) - r + -g * x * p / 3.0"
 VALUES = {"a": 0.4, "g": 2.3, "r": -1.7}
 
 
@@ -45,4 +45,25 @@ def test_what_does_not_depend_on_a_name_has_no_derivative() -> None:
 
 
 def test_a_line_that_assigns_the_name_itself_is_not_looked_into() -> None:
-    assert Derivative(["g = c * f", "h = g * y"], "g").lines == ["h_by_g = (y)"]
+    found = Derivative(["g = c * f", "h = g * y * y"], "g")
+    assert (found.lines, found.of("h - g * c")) == ([], "(y * y - c)")
+
+
+def test_names_that_are_seen_through_one_line_alone_share_its_derivatives() -> None:
+    lines = ["gap = far - own", "square = gap * gap"]
+    by_far, by_own = (Derivative(lines, by) for by in ("far", "own"))
+    assert by_far.lines == by_own.lines == ["square_by_gap = (gap + gap)"]
+    assert (by_far.of("square"), by_own.of("square")) == ("square_by_gap", "-square_by_gap")
+    assert by_own.of("square + 2.0 * own") == "-(square_by_gap - 2.0)"
+
+
+def test_a_product_keeps_its_factors_in_their_order() -> None:
+    """The straight-line kernel has had this order since its first digest."""
+    found = Derivative(["x = 1.0 / (1.0 + a * (t - r))", "y = 1.0 + s * (u - l)"], "t")
+    assert (found.lines, found.of("g * x * y")) == ([], "-g * a * x * x * y")
+
+
+@pytest.mark.parametrize("text", ["t ** 3", "math.exp(t)", "t if t < 1.0 else 2.0", "q[t]"])
+def test_what_there_is_no_rule_for_is_said(text: str) -> None:
+    with pytest.raises(ValueError, match="there is no rule for the derivative of"):
+        Derivative([], "t").of(text)

@@ -18,7 +18,7 @@ from twin.compiled import indexed
 from twin.compiled.integrators import BDF2, DEFAULT, INTEGRATORS, Tableau
 from twin.compiled.kernel import compile_indexed, compile_network, index_program
 from twin.compiled.structure import parameters, structure
-from twin.motor.drops import LAWS
+from twin.motor.heat_laws import NAMED
 from twin.motor.network import Map, Network
 from twin.run.simulate import Frame, simulate
 
@@ -82,7 +82,7 @@ def test_every_motor_file_that_comes_along_is_among_the_shipped() -> None:
     assert SHIPPED.keys() >= TOPOLOGIES.keys() | {"ipm_water_jacket stator_in_air"}
     links = [term for network in SHIPPED.values() for link in network.links for term in link.terms]
     losses = [term for network in SHIPPED.values() for source in network.sources for term in source.terms]
-    assert {term.law for term in links} == {None, *LAWS}
+    assert {term.law for term in links} == {None, *NAMED}
     assert any(isinstance(term.shape, Map) for term in losses) and any(term.temperature for term in losses)
     assert any(network.circuits for network in SHIPPED.values())
 

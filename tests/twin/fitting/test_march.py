@@ -15,7 +15,7 @@ from twin.errors import DivergedError
 from twin.fitting.march import System, run
 from twin.fitting.model import Model
 from twin.motor.features import evaluate, monomials
-from twin.motor.network import Network
+from twin.motor.network import NOBODY, Network
 
 Floats = NDArray[np.float64]
 
@@ -91,7 +91,7 @@ def test_the_slopes_of_a_law_are_those_of_its_value(law: int) -> None:
     network = every_law()
     one = [
         *_laws(network),
-        Law(0, tilt=50.0),
+        Law(0, NOBODY, "source", tilt=50.0),
         Law(1, 2, tilt=45.0),
         Law(3, 5, tilt=30.0),
         Law(0, 1, one_way=True),
@@ -125,7 +125,7 @@ def test_a_step_solves_its_system() -> None:
 
 def test_temperatures_that_run_away_are_said() -> None:
     network = every_law()
-    runaway = Law(0, own=1)
+    runaway = Law(0, NOBODY, "copper")
     table = Table.of([*_laws(network), runaway], network.copper)
     drive = pulses(600.0, step_s=2.0)
     around = np.tile([COOLANT_DEGC, AMBIENT_DEGC], (300, 1))

@@ -22,7 +22,7 @@ LAWS = (
     Law(2, 3),
     Law(1, 4),
     Law(3, 5, tilt=30.0),
-    Law(0, own=1),
+    Law(0, NOBODY, "copper"),
 )
 STEPS = 300  # more blocks than are laid side by side, and no whole number of steps side by side
 

@@ -10,11 +10,12 @@ import pytest
 
 from ingest.bench.bench_file import read_bench
 from ingest.bench.resolving import check_nodes
-from made.places import EXAMPLES
+from made.places import EXAMPLES, ROOT
 from replay.engine.files import motor_file
 from replay.engine.files.motor_file import read_motor
 from replay.errors import MotorFileError
 from twin.motor.features import QUANTITY, monomials, quantity
+from twin.motor.heat_laws import NAMED
 from twin.motor.network import Copper, Network, Shape, TemperatureFactor
 
 SCHEMA: dict[str, Any] = json.loads((files("replay") / "schema" / "motor.schema.json").read_text(encoding="utf-8"))
@@ -203,6 +204,13 @@ def test_the_schema_allows_the_keys_that_the_reader_allows() -> None:
     keys = motor_file.KEYS | {"scale": tuple(motor_file.SCALES), "term": (*motor_file.KEYS["term"], *QUANTITY)}
     assert {name: set(part["properties"]) for name, part in parts.items()} == {n: set(k) for n, k in keys.items()}
     assert all(part["additionalProperties"] is False for part in parts.values())
+
+
+def test_the_schema_and_the_page_say_every_law_of_a_link() -> None:
+    assert SCHEMA["$defs"]["term"]["properties"]["law"]["enum"] == list(NAMED)
+    page = (ROOT / "docs" / "motor_file.md").read_text(encoding="utf-8")
+    rows = page.split("### Laws of a link")[1].split("###")[0]
+    assert re.findall(r"^\| `(\w+)` \|", rows, re.MULTILINE) == ["law", *NAMED]
 
 
 def test_the_schema_knows_regions_defaults_and_names_as_the_reader_does() -> None:
