@@ -13,6 +13,7 @@ from twin.filters.inputs import Inputs
 from twin.filters.plan import Plan, driven_of, drives_at, ends_of, right_hand_side, term_of, x_at
 from twin.filters.readings import Readings, earlier_entry, earlier_of, later_entry, later_of, observe
 from twin.filters.step import carry
+from twin.motor.heat_laws import NUMBER
 
 Floats = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -50,7 +51,7 @@ def _taken(r: Readings, m: Floats, at: Index, q: int) -> tuple[list[tuple[float,
 def test_tables_have_the_rows_that_their_comments_show(run: Run) -> None:
     plan, at = run.plan, run.at
     shown = {
-        "law": (5, 7, [0, -1, 1, -1, 0, 0, 0], 3),
+        "law": (5, 6, [0, -1, NUMBER["copper"], -1, 0, 0], 3),
         "term": (1, 3, [0, 0, 0], 0),
         "plain": (1, 5, [0, 0, 1, 3, 5], 0),
         "rim": (1, 4, [2, 1, 9, 3], 0),
