@@ -46,6 +46,7 @@ def run(args: argparse.Namespace) -> Answer:
     from ingest.facts.store import Store
     from replay.cli.progress import tell
     from replay.engine.files.models import model_named
+    from replay.engine.results.summary import read
     from replay.engine.runs.campaign import replay_sessions
     from replay.show.words.filter_words import left_out
     from replay.show.words.terminal import replay_text
@@ -58,12 +59,13 @@ def run(args: argparse.Namespace) -> Answer:
             store, sessions, model, args.level, args.workers, tell, args.integrator, args.unknown
         )
         runs = [outcome.run for outcome in outcomes if outcome.run]
+        summaries = [read(event.summary) for event in runs]
         refusals = [outcome.refusal for outcome in outcomes if outcome.refusal]
         data = {
             "schema": "whyhot.replay/1",
             "runs": [{**event.summary, "run": event.run} for event in runs],
             "refused": refusals,
-            "notes": [f"{e.summary['session_name']}: {why}" for e in runs for why in left_out(e.summary)],
+            "notes": [f"{one.session_name}: {why}" for one in summaries for why in left_out(one)],
             "provenance": provenance(
                 store, level=args.level, model=args.model, **({"unknown": args.unknown} if args.unknown else {})
             ),
@@ -72,5 +74,5 @@ def run(args: argparse.Namespace) -> Answer:
         return Answer(
             {**data, "error": refusals[0] if refusals else "no sessions"}, "", 2, refusals or ["no sessions to replay"]
         )
-    text = replay_text([event.summary for event in runs], f"whyhot report {runs[0].summary['session_name']}")
+    text = replay_text(summaries, f"whyhot report {summaries[0].session_name}")
     return Answer(data, text, 1 if refusals else 0, refusals)

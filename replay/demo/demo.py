@@ -98,7 +98,7 @@ def _real_motor(folder: Path, store_folder: Path) -> Demo:
         layers, note = _layers(store, known, names, folder / "layers")
         diagnosis = _why(store, known, folder)
     summaries = [run.summary for run in runs]
-    worst = max(summaries, key=lambda summary: max(summary["mae_K"].values()))["session_name"]
+    worst = max(summaries, key=lambda summary: max(summary.mae_K.values())).session_name
     lines = [
         INTRO,
         "",
@@ -119,7 +119,7 @@ def _real_motor(folder: Path, store_folder: Path) -> Demo:
     data = {
         "schema": "whyhot.demo/1",
         "ingest": intake_json(intake),
-        "runs": [{**run.summary, "run": run.run} for run in runs],
+        "runs": [{**known.runs[run.run].summary, "run": run.run} for run in runs],
         "report": str(report),
         "layers": [str(path) for path in layers],
         "diagnoses": [document(diagnosis, {})],

@@ -6,12 +6,38 @@ from typing import Any
 
 import numpy as np
 
-from replay.engine.results.residuals import by_node, channel_summary
+from replay.engine.results.residuals import channel_errors, largest_by_node, mean_by_node
 from replay.engine.results.run import Observed, Run
+from replay.engine.results.summary import Summary, read
 
 STEP_NS = 1_000_000_000
 UTC_NS = 1_760_000_000_000_000_000  # 2025-10-09 08:53:20
 NODES = {"winding": "copper", "stator": "iron", "rotor_surface": "rotor"}
+
+
+def made_summary(**stored: Any) -> Summary:
+    """A summary of these entries of its JSON, and of nothing else that a run need not have."""
+    return read(
+        {
+            "session": "5e55",
+            "session_name": "1_s1",
+            "kind": "s1",
+            "model": "9ac1f00d",
+            "motor": "m",
+            "level": "testing",
+            "digest": "4f0c",
+            "duration_s": 60.0,
+            "step_s": 0.5,
+            "note": None,
+            "mae_K": {},
+            "max_K": {},
+            "bias_K": {},
+            "channels": [],
+            "network_heat_W": 1.0,
+            "electrical_minus_mechanical_W": None,
+            **stored,
+        }
+    )
 
 
 def made_run(
@@ -63,7 +89,7 @@ def _run(
     more: Any,
 ) -> Run:
     places = {"speed_rpm": inputs["speed_rpm"], "current_A": inputs["current_A"]}
-    channels = [c for o in observed if (c := channel_summary(o, places, start))]
+    channels = [c for o in observed if (c := channel_errors(o, places, start))]
     identity = {
         "session": f"5e55{name}",
         "session_name": name,
@@ -74,15 +100,18 @@ def _run(
         "digest": "4f0cbeef" * 8,
         **more,
     }
-    summary = {
+    summary = Summary(
         **identity,
-        "duration_s": float((t_ns[-1] - start) / 1e9),
-        "note": None,
-        **{key: by_node(channels, key) for key in ("mae_K", "max_K", "bias_K")},
-        "channels": channels,
-        "network_heat_W": 400.0,
-        "electrical_minus_mechanical_W": 1000.0,
-    }
+        duration_s=float((t_ns[-1] - start) / 1e9),
+        step_s=1.0,
+        note=None,
+        mae_K=mean_by_node(channels, lambda one: one.mae_K),
+        max_K=largest_by_node(channels),
+        bias_K=mean_by_node(channels, lambda one: one.bias_K),
+        channels=channels,
+        network_heat_W=400.0,
+        electrical_minus_mechanical_W=1000.0,
+    )
     return Run(
         run="a5b6c7d8e9f00112",
         **identity,

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from ingest.texts.quantities import column_suffix
 from replay.engine.frame.frame import InputFrame
 from replay.engine.results.run import Filtered, HeatCourse, Metered, Observed, Smoothed
+from replay.engine.results.summary import FilterSummary
 
 Floats = NDArray[np.float64]
 
@@ -80,8 +81,8 @@ def filtered_table(frame: InputFrame, filtered: Filtered, nodes: Sequence[str]) 
     return pa.table({"t_ns": frame.t_ns, **columns, **steps})
 
 
-def filtered_of(table: pa.Table, entry: Mapping[str, Any], nodes: Sequence[str]) -> Filtered:
-    """The estimate of a table that `filtered_table` made, and the entry `filtered` of its run's summary."""
+def filtered_of(table: pa.Table, summary: FilterSummary, nodes: Sequence[str]) -> Filtered:
+    """The estimate of a table that `filtered_table` made, and what its run's summary says of it."""
 
     def steps(*names: str) -> list[Floats]:
         return [table[name].to_numpy()[:-1] for name in names]
@@ -94,14 +95,14 @@ def filtered_of(table: pa.Table, entry: Mapping[str, Any], nodes: Sequence[str])
     if "smoothed_heat_W" in table.column_names:
         smoothed = Smoothed(edges("_smoothed_degC"), *steps("smoothed_heat_W", "smoothed_heat_sd_W"))
     return Filtered(
-        node=str(entry["node"]),
-        measured=tuple(entry["measured"]),
+        node=summary.node,
+        measured=tuple(summary.measured),
         temperatures=edges("_degC"),
         heat_W=heat,
         heat_sd_W=sd,
         nominal_W=nominal,
-        heat_walk_W=float(entry["heat_walk_W_per_sqrt_s"]),
-        nis=float("nan") if entry["nis"] is None else float(entry["nis"]),
+        heat_walk_W=summary.heat_walk_W_per_sqrt_s,
+        nis=float("nan") if summary.nis is None else summary.nis,
         smoothed=smoothed,
     )
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +14,7 @@ from replay.engine.results.hot_spot_bands import smoothed_spots
 from replay.engine.results.kernel_cache import load_kernel
 from replay.engine.results.open_loop import initial_temperatures, modelled, referenced
 from replay.engine.results.run import Filtered, Smoothed
+from replay.engine.results.summary import EstimatedHeat, FilterSummary, FoundUnknown, HeatAtNode, SmoothedSpot
 from twin.filters.ekf import at_their_pace
 from twin.filters.inputs import AnyReading, HeatReading, Reading, Start
 from twin.filters.smoother import smoothed
@@ -37,11 +37,10 @@ NOTHING_ASKED: Mapping[str, Unknown] = {}
 
 @dataclass(frozen=True)
 class Estimated(Filtered):
-    """What a filter has just found: beside what is sealed of it, what its summary says of the smoother's hot spots
-    (`replay.engine.results.hot_spot_bands.smoothed_spots`) and of each cause that was asked for."""
+    """What a filter has just found: beside what is sealed of it, the smoother's hot spots and each cause that was asked for."""
 
-    spots: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
-    asked: Sequence[Mapping[str, Any]] = ()
+    spots: dict[str, SmoothedSpot] = field(default_factory=dict)
+    asked: list[FoundUnknown] = field(default_factory=list)
 
 
 def filter_session(
@@ -127,11 +126,8 @@ def mean_losses(network: Network, inputs: Frame, temperatures: Floats) -> dict[s
     return losses
 
 
-def filtered_summary(filtered: Estimated, frame: InputFrame, nodes: tuple[str, ...]) -> dict[str, Any]:
-    """The entry `filtered` of a run's summary. `mae_K`, `smoothed_mae_K`: of each channel that the filter did not see, `read_mae_K`,
-    `smoothed_read_mae_K` of each that it did; `heat_bias_W`: mean of estimated minus modelled heat; `heat_walk_W_per_sqrt_s`: the
-    random walk that made the readings most likely; `heat`: the loss at the node; `hot_spots`: by the smoother; `unknowns`: of
-    the causes that were asked for, where there are any."""
+def filter_summary(filtered: Estimated, frame: InputFrame, nodes: tuple[str, ...]) -> FilterSummary:
+    """An estimate in numbers, beside what was measured. `nodes`: those of its temperatures, in order."""
     smooth = filtered.smoothed
 
     def errors(temperatures: Floats, seen: bool) -> dict[str, float]:
@@ -143,53 +139,51 @@ def filtered_summary(filtered: Estimated, frame: InputFrame, nodes: tuple[str, .
                 found[o.channel] = float(np.abs(residual[use]).mean())
         return found
 
-    return {
-        "node": filtered.node,
-        "measured": list(filtered.measured),
-        "mae_K": errors(filtered.temperatures, seen=False),
-        "smoothed_mae_K": None if smooth is None else errors(smooth.temperatures, seen=False),
-        "read_mae_K": errors(filtered.temperatures, seen=True),
-        "smoothed_read_mae_K": None if smooth is None else errors(smooth.temperatures, seen=True),
-        "heat_bias_W": float((filtered.heat_W - filtered.nominal_W).mean()),
-        "heat_walk_W_per_sqrt_s": filtered.heat_walk_W,
-        "heat": {
-            "modelled_mean_W": float(filtered.nominal_W.mean()),
-            "filter": _course(filtered.heat_W, filtered.heat_sd_W, frame.step_s, 1),
-            "smoother": None if smooth is None else _course(smooth.heat_W, smooth.heat_sd_W, frame.step_s, 0),
-        },
-        "hot_spots": {spot: dict(one) for spot, one in filtered.spots.items()},
-        "nis": filtered.nis if np.isfinite(filtered.nis) else None,
-        **({"unknowns": [dict(one) for one in filtered.asked]} if filtered.asked else {}),
-    }
+    return FilterSummary(
+        node=filtered.node,
+        measured=list(filtered.measured),
+        mae_K=errors(filtered.temperatures, seen=False),
+        smoothed_mae_K=None if smooth is None else errors(smooth.temperatures, seen=False),
+        read_mae_K=errors(filtered.temperatures, seen=True),
+        smoothed_read_mae_K=None if smooth is None else errors(smooth.temperatures, seen=True),
+        heat_bias_W=float((filtered.heat_W - filtered.nominal_W).mean()),
+        heat_walk_W_per_sqrt_s=filtered.heat_walk_W,
+        heat=HeatAtNode(
+            modelled_mean_W=float(filtered.nominal_W.mean()),
+            filter=_heat(filtered.heat_W, filtered.heat_sd_W, frame.step_s, 1),
+            smoother=None if smooth is None else _heat(smooth.heat_W, smooth.heat_sd_W, frame.step_s, 0),
+        ),
+        hot_spots=filtered.spots,
+        nis=filtered.nis if np.isfinite(filtered.nis) else None,
+        unknowns=filtered.asked,
+    )
 
 
-def _course(heat_W: Floats, sd_W: Floats, step_s: float, late: int) -> dict[str, float]:
-    """A heat (N,) in a few numbers; `sd_W` is that at any time (root mean square). `late`: 1 where it is known at the end of a step."""
+def _heat(heat_W: Floats, sd_W: Floats, step_s: float, late: int) -> EstimatedHeat:
+    """A heat (N,) in a few numbers. `late`: 1 where it is known at the end of a step."""
     k = int(np.argmax(heat_W))
-    return {
-        "mean_W": float(heat_W.mean()),
-        "sd_W": float(np.sqrt((sd_W**2).mean())),
-        "max_W": float(heat_W[k]),
-        "max_sd_W": float(sd_W[k]),
-        "max_at_s": (k + late) * step_s,
-    }
+    return EstimatedHeat(
+        mean_W=float(heat_W.mean()),
+        sd_W=float(np.sqrt((sd_W**2).mean())),
+        max_W=float(heat_W[k]),
+        max_sd_W=float(sd_W[k]),
+        max_at_s=(k + late) * step_s,
+    )
 
 
-def _found(cause: str, unknown: Unknown, found: Floats, sd: Floats) -> dict[str, Any]:
-    """A cause that was asked for, by the smoother (N,): heat beside the modelled one [W], what a coefficient is multiplied by, or what a
-    channel reads too much [K]. `sd` is that at any time."""
+def _found(cause: str, unknown: Unknown, found: Floats, sd: Floats) -> FoundUnknown:
+    """A cause that was asked for, by the smoother (N,)."""
     unit = {UnknownHeat: "W", UnknownFactor: "1", UnknownBias: "K"}[type(unknown)]
     if isinstance(unknown, UnknownFactor):
         found, sd = np.exp(found), np.exp(found) * sd
-    spread = float(np.sqrt((sd**2).mean()))
-    return {
-        "id": cause,
-        "unit": unit,
-        "mean": float(found.mean()),
-        "sd": spread,
-        "min": float(found.min()),
-        "max": float(found.max()),
-    }
+    return FoundUnknown(
+        id=cause,
+        unit=unit,
+        mean=float(found.mean()),
+        sd=float(np.sqrt((sd**2).mean())),
+        min=float(found.min()),
+        max=float(found.max()),
+    )
 
 
 def place_of_loss(unknown: Unknown) -> str | None:

@@ -1,37 +1,37 @@
-"""Where the heat of a run comes from, where it goes to, and the efficiency: entries of a run's summary."""
+"""Where the heat of a run comes from, where it goes to, and the efficiency: parts of a run's summary."""
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
 
 from replay.engine.frame.frame import InputFrame
 from replay.engine.results.run import HeatCourse
+from replay.engine.results.summary import Efficiency, HeatBalance, HeatPart, StoredHeat
 from twin.motor.network import Network
 from twin.run.losses import HeatAccount, HeatFlows, by_kind
 
 Floats = NDArray[np.float64]
 
 
-def losses_summary(found: HeatAccount) -> dict[str, Any]:
-    """The entry `losses`: energies [J] and means [W] of losses by kind, region and node, what boundaries took and nodes stored; and
-    what the balance does not close by."""
+def heat_balance(found: HeatAccount) -> HeatBalance:
+    """Energies and means of the losses, of what boundaries took and nodes stored."""
 
-    def parts(energies: dict[str, float]) -> dict[str, dict[str, float]]:
-        return {name: {"mean_W": energy / found.duration_s, "energy_J": energy} for name, energy in energies.items()}
+    def parts(energies: Mapping[str, float]) -> dict[str, HeatPart]:
+        return {name: HeatPart(mean_W=J / found.duration_s, energy_J=J) for name, J in energies.items()}
 
-    return {
-        "mean_W": found.made / found.duration_s,
-        "energy_J": found.made,
-        "kinds": parts(dict(found.kinds)),
-        "regions": parts(dict(found.regions)),
-        "nodes": parts(dict(found.nodes)),
-        "boundaries": parts(dict(found.boundaries)),
-        "stored": {region: {"energy_J": energy} for region, energy in found.stored.items()},
-        "left_J": found.left,
-    }
+    return HeatBalance(
+        mean_W=found.made / found.duration_s,
+        energy_J=found.made,
+        kinds=parts(found.kinds),
+        regions=parts(found.regions),
+        nodes=parts(found.nodes),
+        boundaries=parts(found.boundaries),
+        stored={region: StoredHeat(energy_J=energy) for region, energy in found.stored.items()},
+        left_J=found.left,
+    )
 
 
 def heat_course(network: Network, flows: HeatFlows) -> HeatCourse:
@@ -42,20 +42,19 @@ def heat_course(network: Network, flows: HeatFlows) -> HeatCourse:
     )
 
 
-def efficiency_summary(frame: InputFrame, flows: HeatFlows) -> dict[str, float | None] | None:
-    """The entry `efficiency`: energy out over energy in, motor and generator alike; None where torque or speed is not known or nothing
-    was given out. `modelled`: electrical power is mechanical power and losses; `measured`: as recorded, None without it."""
+def efficiency_of(frame: InputFrame, flows: HeatFlows) -> Efficiency | None:
+    """The efficiency of a run; None where torque or speed is not known or nothing was given out."""
     if frame.mechanical_W is None:
         return None
     modelled = efficiency(frame.mechanical_W + flows.made, frame.mechanical_W)
     if modelled is None:
         return None
     electrical = electrical_W(frame)
-    return {
-        "modelled": modelled,
-        "measured": None if electrical is None else efficiency(electrical, frame.mechanical_W),
-        "mechanical_J": float(frame.mechanical_W.sum()) * frame.step_s,
-    }
+    return Efficiency(
+        modelled=modelled,
+        measured=None if electrical is None else efficiency(electrical, frame.mechanical_W),
+        mechanical_J=float(frame.mechanical_W.sum()) * frame.step_s,
+    )
 
 
 def electrical_W(frame: InputFrame) -> Floats | None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -17,6 +16,8 @@ from replay.engine.frame.frame import InputFrame
 from replay.engine.results.artefacts import read_parquet
 from replay.engine.results.hot_spots import hot_spots
 from replay.engine.results.open_loop import modelled
+from replay.engine.results.summary import HotSpot, ModelledSpot, SmoothedSpot
+from replay.engine.specimen.aged import Aged
 from twin.calibration.calibrate import freedom
 from twin.calibration.uncertainty import coarse, sd_K
 from twin.calibration.united import United
@@ -43,18 +44,18 @@ def with_bands(
     network: Network,
     frame: InputFrame,
     start: tuple[Floats, Floats],
-    ageing: Sequence[Mapping[str, Any]],
-    spots: Mapping[str, Mapping[str, Any]],
-) -> dict[str, dict[str, Any]]:
-    """The entry `hot_spots` with `sd_K` and `ci95_degC` of each node's highest temperature, by what is not known of coefficients,
-    capacities, the `start` (temperatures and sd, (n,)) and what `ageing` (`replay.engine.specimen.aged`) has left. `band_from`: "calibration", else "motor file",
-    whose `sd` are wide as nothing was learnt. All None for networks of more than `MOST_NODES`, with the reason as `why_no_band`.
+    ageing: Sequence[Aged],
+    spots: Mapping[str, HotSpot],
+) -> dict[str, ModelledSpot]:
+    """The `spots` with bands, by what is not known of coefficients, capacities, the `start` (temperatures and sd, (n,)) and what `ageing`
+    has left: from the model's calibration, else from the motor file, whose `sd` are wide as nothing was learnt. No band for networks
+    of more than `MOST_NODES`.
 
     `network`: that of the session, as its specimen has it.
     """
     if not spots or len(network.nodes) > MOST_NODES:
         return _without(spots, f"the network has {len(network.nodes)} nodes, {TOO_LARGE}")
-    whole, latest = Frame(frame.step_s, frame.features, frame.boundaries), max(one["at_s"] for one in spots.values())
+    whole, latest = Frame(frame.step_s, frame.features, frame.boundaries), max(one.at_s for one in spots.values())
     test = Test(
         name=session.name,
         kind=session.kind,
@@ -68,44 +69,45 @@ def with_bands(
     motor = read_motor(store.archive.read(model), facts.models[model].file)
     covariance, band_from = known_covariance(store, facts, model, motor, session.configuration)
     covariance = covariance + _aged(configured(motor, session.configuration), ageing)
-    at = [(str(one["node"]), float(one["at_s"])) for one in spots.values()]
+    at = [(one.node, one.at_s) for one in spots.values()]
     try:
         found = sd_K(network, test, at, covariance)
     except DivergedError:  # the run itself is whole
         return _without(spots, "the model runs away in the longer steps that a band is worked out in")
     return {
-        spot: {
-            **one,
-            "sd_K": sd,
-            "ci95_degC": [one["max_degC"] - Z95 * sd, one["max_degC"] + Z95 * sd],
-            "band_from": band_from,
-        }
+        spot: ModelledSpot(**vars(one), sd_K=sd, ci95_degC=_band(one, sd), band_from=band_from)
         for (spot, one), sd in zip(spots.items(), found, strict=True)
     }
 
 
-def _without(spots: Mapping[str, Mapping[str, Any]], why: str) -> dict[str, dict[str, Any]]:
-    none = {"sd_K": None, "ci95_degC": None, "band_from": None, "why_no_band": why}
-    return {spot: {**one, **none} for spot, one in spots.items()}
+def _without(spots: Mapping[str, HotSpot], why: str) -> dict[str, ModelledSpot]:
+    return {spot: ModelledSpot(**vars(one), why_no_band=why) for spot, one in spots.items()}
 
 
-def smoothed_spots(network: Network, frame: InputFrame, temperatures: Floats, sd: Floats) -> dict[str, dict[str, Any]]:
-    """The hot spots by a smoother's `temperatures` with their own `sd` (N + 1, n): `replay.engine.results.hot_spots.hot_spots` with `sd_K` and
-    `ci95_degC`, and `checked_by`, the channels that follow the node. `sd_K` is the root of the sum of squares of the smoother's own,
-    how far it is off these channels, and what they may read too much (`bias_sd`). Both None where there are none: a smoother's own
-    holds noise and random walks alone, and was 4 to 8 times too small at magnets."""
+def _band(spot: HotSpot, sd_K: float) -> list[float]:
+    return [spot.max_degC - Z95 * sd_K, spot.max_degC + Z95 * sd_K]
+
+
+def smoothed_spots(network: Network, frame: InputFrame, temperatures: Floats, sd: Floats) -> dict[str, SmoothedSpot]:
+    """The hot spots by a smoother's `temperatures` with their own `sd` (N + 1, n). The `sd_K` of a spot is the root of the sum of squares
+    of the smoother's own, how far it is off the channels that follow the node, and what these may read too much (`bias_sd`). None
+    without such a channel: a smoother's own holds noise and random walks alone, and was 4 to 8 times too small at magnets."""
     nodes = tuple(node.name for node in network.nodes)
-    found: dict[str, dict[str, Any]] = {}
+    found: dict[str, SmoothedSpot] = {}
     for spot, one in hot_spots(network, temperatures, frame.step_s).items():
-        there = [o for o in frame.observations if o.label == one["node"] and (o.good & frame.live).any()]
-        found[spot] = {**one, "sd_K": None, "ci95_degC": None, "checked_by": [o.channel for o in there]}
+        there = [o for o in frame.observations if o.label == one.node and (o.good & frame.live).any()]
+        whole = None
         if there:
             off = [(o.measured - modelled(o, frame, temperatures, nodes))[o.good & frame.live] for o in there]
-            own = sd[round(one["at_s"] / frame.step_s), nodes.index(one["node"])]
+            own = sd[round(one.at_s / frame.step_s), nodes.index(one.node)]
             wrong = np.mean([o.bias_sd**2 + np.mean(k**2) for o, k in zip(there, off, strict=True)])
             whole = float(np.sqrt(own**2 + wrong))
-            band = [one["max_degC"] - Z95 * whole, one["max_degC"] + Z95 * whole]
-            found[spot] |= {"sd_K": whole, "ci95_degC": band}
+        found[spot] = SmoothedSpot(
+            **vars(one),
+            sd_K=whole,
+            ci95_degC=None if whole is None else _band(one, whole),
+            checked_by=[o.channel for o in there],
+        )
     return found
 
 
@@ -125,13 +127,13 @@ def known_covariance(store: Store, facts: Facts, model: str, motor: Network, rig
     return covariance, "calibration"
 
 
-def _aged(network: Network, ageing: Sequence[Mapping[str, Any]]) -> Floats:
+def _aged(network: Network, ageing: Sequence[Aged]) -> Floats:
     """What is not known of the factors of a specimen's ageing, on top: terms that are equally old are off together."""
     places = list(placed_terms(network))
     found = np.zeros((len(places) + len(network.nodes),) * 2)
-    for entry in ageing:
-        old = np.array([isinstance(term, AgeingTerm) and place in entry["places"] for place, term in places])
-        found[: len(places), : len(places)] += float(entry["sd"]) ** 2 * np.outer(old, old)
+    for one in ageing:
+        old = np.array([isinstance(term, AgeingTerm) and place in one.places for place, term in places])
+        found[: len(places), : len(places)] += one.sd**2 * np.outer(old, old)
     return found
 
 

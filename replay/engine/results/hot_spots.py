@@ -1,4 +1,4 @@
-"""The hottest winding and magnet of a run, limits, and what derating made of them: entries of a run's summary.
+"""The hottest winding and magnet of a run, limits, and what derating made of them: parts of a run's summary.
 
 A node is the mean of its lump, and where lumps of different sizes lie is not in a motor file: there a hot spot is no more than its
 node. Equal slices in a row are cells of one bar, and the bar's profile is hotter between their middles than any of them.
@@ -8,8 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +15,7 @@ from numpy.typing import NDArray
 from ingest.bench.derating import DeratingRule
 from ingest.catalogue.channels import ChannelData
 from replay.engine.frame.inputs import Signal, held
+from replay.engine.results.summary import DeratingCourse, HotSpot, LimitPassed, SpotProfile
 from twin.motor.network import Network, Node
 from twin.run.derating import Derating, derated
 
@@ -29,11 +28,9 @@ REGIONS = {
 }  # hot spot -> where it is sought, the first that is there
 
 
-def hot_spots(network: Network, temperatures: Floats, step_s: float) -> dict[str, dict[str, Any]]:
-    """The entry `hot_spots`: `winding` and `magnet` (the rotor that holds it, where it is no node of its own), each where the motor
-    has such nodes: which was hottest, when and how hot; its limit and what was left of it, None where the motor file says none.
-    `temperatures` (N + 1, n). Where that node is a slice between two equal ones, `profile` says where along them it was hottest
-    then, and how hot: {max_degC, towards, slices}, so many slices from the node's middle towards another node."""
+def hot_spots(network: Network, temperatures: Floats, step_s: float) -> dict[str, HotSpot]:
+    """The hottest "winding" and "magnet" (the rotor that holds it, where it is no node of its own), each where the motor has such nodes.
+    `temperatures` (N + 1, n)."""
     return {spot: _hottest(network, temperatures, step_s, at) for spot in REGIONS if (at := nodes_of(spot, network))}
 
 
@@ -43,19 +40,18 @@ def nodes_of(spot: str, network: Network) -> list[int]:
     return next((found for found in by_region if found), [])
 
 
-def _hottest(network: Network, temperatures: Floats, step_s: float, at: Sequence[int]) -> dict[str, Any]:
+def _hottest(network: Network, temperatures: Floats, step_s: float, at: Sequence[int]) -> HotSpot:
     edge, own = (int(i) for i in np.unravel_index(int(np.argmax(temperatures[:, at])), (len(temperatures), len(at))))
     node, degC = network.nodes[at[own]], float(temperatures[edge, at[own]])
-    limit = node.limit_degC
-    found = {
-        "node": node.name,
-        "max_degC": degC,
-        "at_s": edge * step_s,
-        "limit_degC": limit,
-        "margin_K": None if limit is None else limit - degC,
-    }
-    beside = _beside(network, at[own])
-    return {**found, "profile": _profile(network, temperatures[edge], at[own], beside)} if len(beside) == 2 else found
+    limit, beside = node.limit_degC, _beside(network, at[own])
+    return HotSpot(
+        node=node.name,
+        max_degC=degC,
+        at_s=edge * step_s,
+        limit_degC=limit,
+        margin_K=None if limit is None else limit - degC,
+        profile=_profile(network, temperatures[edge], at[own], beside) if len(beside) == 2 else None,
+    )
 
 
 def _beside(network: Network, of: int) -> list[int]:
@@ -72,27 +68,27 @@ def _same_size(one: Node, other: Node) -> bool:
     return one.region == other.region and math.isclose(one.capacity, other.capacity)
 
 
-def _profile(network: Network, degC: Floats, at: int, beside: Sequence[int]) -> dict[str, Any]:
+def _profile(network: Network, degC: Floats, at: int, beside: Sequence[int]) -> SpotProfile:
     """The highest point of the parabola whose means over three slices are their temperatures, the middle one the hottest: the
     profile along a bar that is heated alike all over."""
     warmer, colder = sorted(beside, key=lambda i: -degC[i])
     tilt, bend = float(degC[warmer] - degC[colder]), float(2 * degC[at] - degC[warmer] - degC[colder])
-    return {
-        "max_degC": float(degC[at]) + bend / 24 + (tilt * tilt / (8 * bend) if bend > 0 else 0.0),
-        "towards": network.nodes[warmer].name,
-        "slices": tilt / (2 * bend) if bend > 0 else 0.0,
-    }
+    return SpotProfile(
+        max_degC=float(degC[at]) + bend / 24 + (tilt * tilt / (8 * bend) if bend > 0 else 0.0),
+        towards=network.nodes[warmer].name,
+        slices=tilt / (2 * bend) if bend > 0 else 0.0,
+    )
 
 
-def limits(network: Network, temperatures: Floats, step_s: float) -> dict[str, dict[str, float]]:
-    """The entry `limits`: of every node with a limit, how long the means of the steps were above it, and the highest."""
+def limits(network: Network, temperatures: Floats, step_s: float) -> dict[str, LimitPassed]:
+    """Of every node with a limit, how long the means of the steps were above it, and the highest. `temperatures` (N + 1, n)."""
     means = (temperatures[:-1] + temperatures[1:]) / 2
     return {
-        node.name: {
-            "limit_degC": node.limit_degC,
-            "above_s": step_s * float((means[:, i] > node.limit_degC).sum()),
-            "max_degC": float(temperatures[:, i].max()),
-        }
+        node.name: LimitPassed(
+            limit_degC=node.limit_degC,
+            above_s=step_s * float((means[:, i] > node.limit_degC).sum()),
+            max_degC=float(temperatures[:, i].max()),
+        )
         for i, node in enumerate(network.nodes)
         if node.limit_degC is not None
     }
@@ -115,14 +111,14 @@ def watched(
     return found
 
 
-def derating_summary(
+def deratings(
     rules: Sequence[DeratingRule],
     shown: Mapping[str, tuple[str, Floats]],
     network: Network,
     temperatures: Floats,
     step_s: float,
-) -> list[dict[str, Any]]:
-    """The entry `derating`: every rule beside the run. `shown`: channel -> the place that it follows and what it showed in each step
+) -> list[DeratingCourse]:
+    """Every rule beside the run. `shown`: channel -> the place that it follows and what it showed in each step
     (N,), NaN without a sample. A rule protects the hottest magnet where its sensor is on the rotor, else the hottest winding;
     one whose sensor this session lacks is left out."""
     means = (temperatures[:-1] + temperatures[1:]) / 2
@@ -142,5 +138,5 @@ def derating_summary(
             lowest = min((limit for limit in allowed if limit is not None), default=None)
             free = result.hottest_free_degC
             margin = None if lowest is None or free is None else lowest - free
-            found.append({**asdict(rule), "protects": spot, **asdict(result), "margin_K": margin})
+            found.append(DeratingCourse(**vars(rule), protects=spot, **vars(result), margin_K=margin))
     return found

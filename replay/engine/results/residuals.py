@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
+from replay.engine.frame.frame import InputFrame
+from replay.engine.results.artefacts import AROUND, steps_of
 from replay.engine.results.run import Metered, Observed
+from replay.engine.results.summary import ChannelErrors, MeterErrors
 
 Floats = NDArray[np.float64]
 
@@ -16,57 +18,88 @@ CELLS = 8
 CONCENTRATED = 1.25  # a cell belongs to "where" if its mean error is this much above the whole's
 
 
-def channel_summary(observed: Observed, places: Mapping[str, Floats], start_ns: int) -> dict[str, Any] | None:
-    """One entry of `channels` of a run's summary; None where nothing of the channel could be used.
+def errors_of_channels(frame: InputFrame, observed: Sequence[Observed]) -> list[ChannelErrors]:
+    """Of the thermometers of a run, the errors of those that have a usable step."""
+    start = int(frame.t_ns[0])
+    places = ({**_around(frame, o), "temperature_degC": o.measured, "t_s": _seconds(o, start)} for o in observed)
+    found = (channel_errors(o, around, start) for o, around in zip(observed, places, strict=True))
+    return [one for one in found if one is not None]
+
+
+def errors_of_meters(frame: InputFrame, meters: Sequence[Metered]) -> list[MeterErrors]:
+    """Of the other meters of a run, the errors of those that have a usable step."""
+    start = int(frame.t_ns[0])
+    found = (meter_errors(m, {**_around(frame, m), "t_s": _seconds(m, start)}, start) for m in meters)
+    return [one for one in found if one is not None]
+
+
+def channel_errors(observed: Observed, places: Mapping[str, Floats], start_ns: int) -> ChannelErrors | None:
+    """The errors of a thermometer; None where nothing of it could be used.
 
     `places`: name with unit -> (M,) values at the observed steps, in which the error is located.
     """
     use = observed.used & np.isfinite(observed.residual)
     if not use.any():
         return None
-    residual, size = observed.residual[use], np.abs(observed.residual[use])
+    size = np.abs(observed.residual[use])
     worst = int(np.argmax(size))
-    return {
-        "channel": observed.channel,
-        "node": observed.node,
-        "mae_K": float(size.mean()),
-        "max_K": float(size[worst]),
-        "bias_K": float(residual.mean()),
-        "white_K": observed.sd_K,
-        "bias_sd_K": observed.bias_sd_K,
-        "floor_K": float(np.hypot(observed.sd_K, observed.bias_sd_K)),
-        "samples": int(use.sum()),
-        "masked": int((~observed.used).sum()),
-        "max_at_s": float((observed.t_ns[use][worst] - start_ns) / 1e9),
-        "where": {name: span for name, at in places.items() if (span := where(at[use], size)) is not None},
-    }
+    return ChannelErrors(
+        channel=observed.channel,
+        node=observed.node,
+        mae_K=float(size.mean()),
+        max_K=float(size[worst]),
+        bias_K=float(observed.residual[use].mean()),
+        white_K=observed.sd_K,
+        bias_sd_K=observed.bias_sd_K,
+        floor_K=float(np.hypot(observed.sd_K, observed.bias_sd_K)),
+        samples=int(use.sum()),
+        masked=int((~observed.used).sum()),
+        max_at_s=float(_seconds(observed, start_ns)[use][worst]),
+        where=_where(places, use, size),
+    )
 
 
-def meter_summary(metered: Metered, places: Mapping[str, Floats], start_ns: int) -> dict[str, Any] | None:
-    """One entry of `meters` of a run's summary, numbers in `unit`; None where nothing of the channel could be used."""
+def meter_errors(metered: Metered, places: Mapping[str, Floats], start_ns: int) -> MeterErrors | None:
+    """The errors of a meter that is no thermometer, as `channel_errors`."""
     use = metered.used & np.isfinite(metered.residual)
     if not use.any():
         return None
-    residual, size = metered.residual[use], np.abs(metered.residual[use])
+    size = np.abs(metered.residual[use])
     worst = int(np.argmax(size))
-    return {
-        "channel": metered.channel,
-        "quantity": metered.quantity,
-        "place": metered.place,
-        "unit": metered.unit,
-        "mae": float(size.mean()),
-        "max": float(size[worst]),
-        "bias": float(residual.mean()),
-        "mean": float(metered.measured[use].mean()),
-        "white": metered.sd,
-        "bias_sd": metered.bias_sd,
-        "gain_sd": metered.gain_sd,
-        "floor": metered.floor,
-        "samples": int(use.sum()),
-        "masked": int((~metered.used).sum()),
-        "max_at_s": float((metered.t_ns[use][worst] - start_ns) / 1e9),
-        "where": {name: span for name, at in places.items() if (span := where(at[use], size)) is not None},
-    }
+    return MeterErrors(
+        channel=metered.channel,
+        quantity=metered.quantity,
+        place=metered.place,
+        unit=metered.unit,
+        mae=float(size.mean()),
+        max=float(size[worst]),
+        bias=float(metered.residual[use].mean()),
+        mean=float(metered.measured[use].mean()),
+        white=metered.sd,
+        bias_sd=metered.bias_sd,
+        gain_sd=metered.gain_sd,
+        floor=metered.floor,
+        samples=int(use.sum()),
+        masked=int((~metered.used).sum()),
+        max_at_s=float(_seconds(metered, start_ns)[use][worst]),
+        where=_where(places, use, size),
+    )
+
+
+def _around(frame: InputFrame, o: Observed | Metered) -> dict[str, Floats]:
+    """The inputs that an error may go with, at the steps of a channel (M,)."""
+    return {name: frame.inputs[name][steps_of(frame, o)] for name in AROUND if name in frame.inputs}
+
+
+def _seconds(o: Observed | Metered, start_ns: int) -> Floats:
+    """Times since the start, (M,)."""
+    found: Floats = (o.t_ns - start_ns) / 1e9
+    return found
+
+
+def _where(places: Mapping[str, Floats], use: NDArray[np.bool_], size: Floats) -> dict[str, list[float]]:
+    """Of each place in which the error concentrates, the range in which it does; `size` of the errors that may be used."""
+    return {name: span for name, at in places.items() if (span := where(at[use], size)) is not None}
 
 
 def where(place: Floats, size: Floats) -> list[float] | None:
@@ -101,11 +134,21 @@ def _runs(flag: NDArray[np.bool_]) -> list[tuple[int, int]]:
     return list(zip(np.flatnonzero(change == 1).tolist(), np.flatnonzero(change == -1).tolist(), strict=True))
 
 
-def by_node(channels: list[dict[str, Any]], key: str) -> dict[str, float]:
-    """Channels of one node together: mean by samples of `mae_K` and `bias_K`, largest of `max_K`."""
-    nodes: dict[str, float] = {}
-    for node in dict.fromkeys(c["node"] for c in channels):
-        mine = [c for c in channels if c["node"] == node]
-        values, weights = [c[key] for c in mine], [c["samples"] for c in mine]
-        nodes[node] = max(values) if key == "max_K" else float(np.average(values, weights=weights))
-    return nodes
+def mean_by_node(channels: Sequence[ChannelErrors], of: Callable[[ChannelErrors], float]) -> dict[str, float]:
+    """Node -> the mean of something of its channels, weighted by their samples."""
+    return {
+        node: float(np.average([of(one) for one in some], weights=[one.samples for one in some]))
+        for node, some in _by_node(channels).items()
+    }
+
+
+def largest_by_node(channels: Sequence[ChannelErrors]) -> dict[str, float]:
+    """Node -> the largest error of its channels [K]."""
+    return {node: max(one.max_K for one in some) for node, some in _by_node(channels).items()}
+
+
+def _by_node(channels: Sequence[ChannelErrors]) -> dict[str, list[ChannelErrors]]:
+    found: dict[str, list[ChannelErrors]] = {}
+    for one in channels:
+        found.setdefault(one.node, []).append(one)
+    return found

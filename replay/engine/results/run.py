@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from replay.engine.results.summary import Summary
 
 
 @dataclass(frozen=True)
@@ -116,7 +117,7 @@ class Run:
 
     `t_ns` int64 (N + 1,) step boundaries; `temperatures` float64 (N + 1, n) [degC] in the order of `nodes`; `inputs`:
     column name with unit -> (N,) step means (`speed_rpm`, `current_A`, `coolant_degC`, ...); `losses_W` (N,) the
-    network's whole heat; `summary`: this run's entry of `replay --json`; `filtered`: None where no filter was run; `heat`:
+    network's whole heat; `summary`: the same in numbers; `filtered`: None where no filter was run; `heat`:
     None of runs that were sealed before there was one.
     """
 
@@ -138,7 +139,7 @@ class Run:
     losses_W: NDArray[np.float64]
     observed: tuple[Observed, ...]
     raw_files: tuple[str, ...]
-    summary: Mapping[str, Any]
+    summary: Summary
     filtered: Filtered | None = None
     meters: tuple[Metered, ...] = ()
     heat: HeatCourse | None = None

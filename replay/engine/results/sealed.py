@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -15,6 +14,7 @@ from ingest.facts.store import Store
 from replay.engine.files.configurations import network_of
 from replay.engine.results.artefacts import filtered_of, heat_of, read_parquet
 from replay.engine.results.run import Filtered, Metered, Observed, Run
+from replay.engine.results.summary import ChannelErrors, MeterErrors, Summary, read
 
 
 def load_run(store: Store, facts: Facts, event: ReplayCompleted) -> Run:
@@ -24,7 +24,7 @@ def load_run(store: Store, facts: Facts, event: ReplayCompleted) -> Run:
     frame, temperatures, residuals = (
         read_parquet(store.archive.read(event.artefacts[name])) for name in ("frame", "temperatures", "residuals")
     )
-    nodes = tuple(node.name for node in network.nodes)
+    nodes, summary = tuple(node.name for node in network.nodes), read(event.summary)
     raw_files = tuple(json.loads(frame.schema.metadata[b"files"]))
     return Run(
         run=event.run,
@@ -43,40 +43,40 @@ def load_run(store: Store, facts: Facts, event: ReplayCompleted) -> Run:
         temperatures=np.stack([temperatures[f"{node}_degC"].to_numpy() for node in nodes], axis=1),
         inputs={c.removeprefix("input:"): frame[c].to_numpy() for c in frame.column_names if c.startswith("input:")},
         losses_W=temperatures["network_heat_W"].to_numpy()[:-1],
-        observed=tuple(_observed(residuals, entry, raw_files) for entry in event.summary["channels"]),
+        observed=tuple(_observed(residuals, one, raw_files) for one in summary.channels),
         raw_files=raw_files,
-        summary=event.summary,
-        filtered=_filtered(store, event, nodes),
-        meters=_meters(store, event, raw_files),
+        summary=summary,
+        filtered=_filtered(store, event, summary, nodes),
+        meters=_meters(store, event, summary, raw_files),
         heat=heat_of(read_parquet(store.archive.read(event.artefacts["heat"]))) if "heat" in event.artefacts else None,
     )
 
 
-def _filtered(store: Store, event: ReplayCompleted, nodes: tuple[str, ...]) -> Filtered | None:
+def _filtered(store: Store, event: ReplayCompleted, summary: Summary, nodes: tuple[str, ...]) -> Filtered | None:
     """None for a run that was sealed without a filter."""
-    if "filtered" not in event.artefacts:
+    if summary.filtered is None:
         return None
-    return filtered_of(read_parquet(store.archive.read(event.artefacts["filtered"])), event.summary["filtered"], nodes)
+    return filtered_of(read_parquet(store.archive.read(event.artefacts["filtered"])), summary.filtered, nodes)
 
 
-def _meters(store: Store, event: ReplayCompleted, raw_files: tuple[str, ...]) -> tuple[Metered, ...]:
+def _meters(store: Store, event: ReplayCompleted, summary: Summary, raw_files: tuple[str, ...]) -> tuple[Metered, ...]:
     if "meters" not in event.artefacts:
         return ()
     table = read_parquet(store.archive.read(event.artefacts["meters"]))
-    return tuple(_metered(table, entry, raw_files) for entry in event.summary["meters"])
+    return tuple(_metered(table, one, raw_files) for one in summary.meters)
 
 
-def _metered(table: pa.Table, entry: dict[str, Any], raw_files: tuple[str, ...]) -> Metered:
-    rows = table.filter(pc.equal(table["channel"], entry["channel"]))
+def _metered(table: pa.Table, one: MeterErrors, raw_files: tuple[str, ...]) -> Metered:
+    rows = table.filter(pc.equal(table["channel"], one.channel))
     raw = pc.fill_null(pc.index_in(rows["file_id"], pa.array(raw_files)), -1)
     return Metered(
-        channel=str(entry["channel"]),
-        quantity=str(entry["quantity"]),
-        unit=str(entry["unit"]),
-        place=str(entry["place"]),
-        sd=float(entry["white"]),
-        bias_sd=float(entry["bias_sd"]),
-        gain_sd=float(entry["gain_sd"]),
+        channel=one.channel,
+        quantity=one.quantity,
+        unit=one.unit,
+        place=one.place,
+        sd=one.white,
+        bias_sd=one.bias_sd,
+        gain_sd=one.gain_sd,
         raw=raw.to_numpy(),
         t_ns=rows["t_ns"].to_numpy(),
         measured=rows["measured"].to_numpy(),
@@ -87,17 +87,17 @@ def _metered(table: pa.Table, entry: dict[str, Any], raw_files: tuple[str, ...])
     )
 
 
-def _observed(residuals: pa.Table, entry: dict[str, Any], raw_files: tuple[str, ...]) -> Observed:
-    rows = residuals.filter(pc.equal(residuals["channel"], entry["channel"]))
+def _observed(residuals: pa.Table, one: ChannelErrors, raw_files: tuple[str, ...]) -> Observed:
+    rows = residuals.filter(pc.equal(residuals["channel"], one.channel))
     raw = pc.fill_null(pc.index_in(rows["file_id"], pa.array(raw_files)), -1)
     return Observed(
-        channel=str(entry["channel"]),
-        node=str(entry["node"]),
+        channel=one.channel,
+        node=one.node,
         t_ns=rows["t_ns"].to_numpy(),
         measured=rows["measured_degC"].to_numpy(),
         modelled=rows["modelled_degC"].to_numpy(),
-        sd_K=float(entry["white_K"]),
-        bias_sd_K=float(entry["bias_sd_K"]),
+        sd_K=one.white_K,
+        bias_sd_K=one.bias_sd_K,
         used=rows["used"].to_numpy(),
         first_record=rows["first_record"].to_numpy(),
         last_record=rows["last_record"].to_numpy(),

@@ -6,7 +6,6 @@ import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -14,7 +13,7 @@ from numpy.typing import NDArray
 
 from ingest.bench.bench_file import read_bench
 from ingest.bench.derating import DeratingRule
-from ingest.catalogue.channels import ChannelData, load
+from ingest.catalogue.channels import load
 from ingest.catalogue.power import balance
 from ingest.facts.events import ReplayCompleted, ReplayDiverged, SessionRecorded
 from ingest.facts.facts import Facts
@@ -25,29 +24,29 @@ from replay.engine.frame import frame as frames
 from replay.engine.frame.frame import InputFrame, Meter
 from replay.engine.frame.frame_of import session_frame
 from replay.engine.results.artefacts import (
-    AROUND,
     filtered_table,
     frame_table,
     heat_table,
     meter_table,
     read_parquet,
     residual_table,
-    steps_of,
     temperature_table,
     to_parquet,
 )
+from replay.engine.results.as_json import to_json
 from replay.engine.results.asked_unknowns import asked_unknowns
-from replay.engine.results.filtered import filter_session, filtered_summary, mean_losses
-from replay.engine.results.heat_account import efficiency_summary, heat_course, losses_summary
+from replay.engine.results.filtered import filter_session, filter_summary, mean_losses
+from replay.engine.results.heat_account import efficiency_of, heat_balance, heat_course
 from replay.engine.results.hot_spot_bands import with_bands
-from replay.engine.results.hot_spots import derating_summary, hot_spots, limits, watched
+from replay.engine.results.hot_spots import deratings, hot_spots, limits, watched
 from replay.engine.results.kernel_cache import load_kernel
 from replay.engine.results.open_loop import initial_temperatures, metered, modelled, referenced
-from replay.engine.results.residuals import by_node, channel_summary, meter_summary
+from replay.engine.results.residuals import errors_of_channels, errors_of_meters, largest_by_node, mean_by_node
 from replay.engine.results.run import Metered, Observed
+from replay.engine.results.summary import IntegratorDistance, Summary, document
 from replay.engine.runs.identity import digest_of, environment, replay_key, run_id
 from replay.engine.runs.sources import code_of
-from replay.engine.specimen.aged import OfSpecimen, of_specimen
+from replay.engine.specimen.aged import of_specimen
 from replay.errors import ReplayDataError
 from twin.compiled.integrators import DEFAULT, INTEGRATORS, Tableau
 from twin.errors import TwinError
@@ -88,8 +87,8 @@ def replay(
     specimen = of_specimen(store, facts, session, network_of(store, facts, session, model))
     network = specimen.network
     facts = with_bench_of(facts, model)
-    channels = load(store, facts, session)
-    frame = session_frame(session, channels, network, specimen.hours)
+    recorded = load(store, facts, session)
+    frame = session_frame(session, recorded, network, specimen.hours)
     initial, initial_sd = initial_temperatures(network, frame, level)
     inputs = Frame(step_s=frame.step_s, features=frame.features, boundaries=frame.boundaries)
     reference = _simulated(network, inputs, initial, session, DEFAULT)
@@ -126,33 +125,42 @@ def replay(
         initial,
         artefacts["frame"],
         integrator,
-        specimen.ageing,
+        to_json(list(specimen.ageing)),
         unknown,
         code=code_of(__name__),
     )
-    summary = {
-        "session": session.session,
-        "session_name": session.name,
-        "kind": session.kind,
-        "model": model,
-        "motor": network.name,
-        "level": level,
-        "digest": digest,
-        **(
-            {} if method is DEFAULT else {"integrator": _off(integrator, temperatures - reference, nodes, frame.step_s)}
-        ),
-        **_history(specimen),
-        **_errors(frame, observed),
-        "meters": _meter_errors(frame, meters),
-        **_heat(network, inputs, frame, temperatures, flows, channels),
-        "hot_spots": with_bands(
+    channels = errors_of_channels(frame, observed)
+    power = balance(recorded)
+    summary = Summary(
+        session=session.session,
+        session_name=session.name,
+        kind=session.kind,
+        model=model,
+        motor=network.name,
+        level=level,
+        digest=digest,
+        integrator=None if method is DEFAULT else _distance(integrator, temperatures - reference, nodes, frame.step_s),
+        ageing=list(specimen.ageing),
+        hours=dict(specimen.hours),
+        duration_s=float((frame.t_ns[-1] - frame.t_ns[0]) / 1e9),
+        step_s=frame.step_s,
+        note=frame.note,
+        mae_K=mean_by_node(channels, lambda one: one.mae_K),
+        max_K=largest_by_node(channels),
+        bias_K=mean_by_node(channels, lambda one: one.bias_K),
+        channels=channels,
+        meters=errors_of_meters(frame, meters),
+        network_heat_W=float(flows.made.mean()),
+        electrical_minus_mechanical_W=power.mean_loss_W if power else None,
+        losses=heat_balance(account(network, inputs, temperatures, flows)),
+        efficiency=efficiency_of(frame, flows),
+        limits=limits(network, temperatures, frame.step_s),
+        hot_spots=with_bands(
             *(store, facts, session, model, network, frame, (initial, initial_sd)), specimen.ageing, spots
         ),
-        "derating": derating_summary(
-            rules, watched(rules, channels, frame.t_ns[:-1]), network, temperatures, frame.step_s
-        ),
-        "filtered": None if filtered is None else filtered_summary(filtered, frame, nodes),
-    }
+        derating=deratings(rules, watched(rules, recorded, frame.t_ns[:-1]), network, temperatures, frame.step_s),
+        filtered=None if filtered is None else filter_summary(filtered, frame, nodes),
+    )
     event = ReplayCompleted(
         run=run_id(key),
         session=session.session,
@@ -164,22 +172,21 @@ def replay(
         digest=digest,
         environment=environment(),
         artefacts=artefacts,
-        summary=summary,
+        summary=document(summary),
     )
     return _against_the_ledger(store, facts, event, tables["temperatures"])
 
 
-def _history(specimen: OfSpecimen) -> dict[str, Any]:
-    """The entries `ageing` and `hours`, of a motor that asks for them."""
-    said = {"ageing": list(specimen.ageing), "hours": dict(specimen.hours)}
-    return {name: entry for name, entry in said.items() if entry}
-
-
-def _off(integrator: str, difference: Floats, nodes: Sequence[str], step_s: float) -> dict[str, Any]:
-    """The entry `integrator`: where a run is furthest from the default's."""
+def _distance(integrator: str, difference: Floats, nodes: Sequence[str], step_s: float) -> IntegratorDistance:
+    """Where a run is furthest from the default's."""
     edge, node = (int(i) for i in np.unravel_index(int(np.abs(difference).argmax()), difference.shape))
-    worst = float(abs(difference[edge, node]))
-    return {"name": integrator, "error_K": worst, "node": nodes[node], "at_s": edge * step_s, "against": DEFAULT.name}
+    return IntegratorDistance(
+        name=integrator,
+        error_K=float(abs(difference[edge, node])),
+        node=nodes[node],
+        at_s=edge * step_s,
+        against=DEFAULT.name,
+    )
 
 
 def _simulated(network: Network, inputs: Frame, initial: Floats, session: SessionRecorded, method: Tableau) -> Floats:
@@ -249,56 +256,6 @@ def _deratings(store: Store, facts: Facts, session: SessionRecorded) -> Sequence
         return ()
     sha256 = facts.current(session.bench)
     return read_bench(store.archive.read(sha256), sha256[:12]).deratings
-
-
-def _meter_errors(frame: InputFrame, meters: Sequence[Metered]) -> list[dict[str, Any]]:
-    start = int(frame.t_ns[0])
-    found = []
-    for m in meters:
-        around = {name: frame.inputs[name][steps_of(frame, m)] for name in AROUND if name in frame.inputs}
-        entry = meter_summary(m, {**around, "t_s": (m.t_ns - start) / 1e9}, start)
-        if entry is not None:
-            found.append(entry)
-    return found
-
-
-def _errors(frame: InputFrame, observed: Sequence[Observed]) -> dict[str, Any]:
-    start = int(frame.t_ns[0])
-    entries = []
-    for o in observed:
-        around = {name: frame.inputs[name][steps_of(frame, o)] for name in AROUND if name in frame.inputs}
-        places = {**around, "temperature_degC": o.measured, "t_s": (o.t_ns - start) / 1e9}
-        entry = channel_summary(o, places, start)
-        if entry is not None:
-            entries.append(entry)
-    return {
-        "duration_s": float((frame.t_ns[-1] - start) / 1e9),
-        "step_s": frame.step_s,
-        "note": frame.note,
-        "mae_K": by_node(entries, "mae_K"),
-        "max_K": by_node(entries, "max_K"),
-        "bias_K": by_node(entries, "bias_K"),
-        "channels": entries,
-    }
-
-
-def _heat(
-    network: Network,
-    inputs: Frame,
-    frame: InputFrame,
-    temperatures: Floats,
-    flows: HeatFlows,
-    channels: Sequence[ChannelData],
-) -> dict[str, Any]:
-    """Where heat came from and went to, what it took above its limit, and the power balance beside the network's own heat [W]."""
-    power = balance(channels)
-    return {
-        "network_heat_W": float(flows.made.mean()),
-        "electrical_minus_mechanical_W": power.mean_loss_W if power else None,
-        "losses": losses_summary(account(network, inputs, temperatures, flows)),
-        "efficiency": efficiency_summary(frame, flows),
-        "limits": limits(network, temperatures, frame.step_s),
-    }
 
 
 def _against_the_ledger(store: Store, facts: Facts, event: ReplayCompleted, temperatures: pa.Table) -> Completed:

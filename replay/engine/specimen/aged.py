@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -29,17 +29,28 @@ DIGITS = 9  # behind the point, of what a run's key holds; the network has the s
 _HOURS = re.compile(r"hours_above_(.+)degC")
 
 
+@dataclass(frozen=True, kw_only=True)
+class Aged:
+    """Places of a motor that are equally old: `dose_h` hours above `above_degC` have left `factor` of them, `sd` of its logarithm. `from_`:
+    the assessment whose checks say so, or "law"."""
+
+    places: list[str]
+    above_degC: float
+    dose_h: float
+    factor: float
+    sd: float
+    from_: str
+
+
 @dataclass(frozen=True)
 class OfSpecimen:
-    """A session's motor as its specimen has it. `network`: without ageing terms, these multiplied by `factors`;
-    `hours`: its features `hours_above_<T>degC` -> h; `ageing`: one entry {places, above_degC, dose_h, factor, sd,
-    from} for places that are equally old, `sd` that of the factor's logarithm, `from` the assessment whose checks say
-    so, or "law"."""
+    """`network`: without ageing terms, these multiplied by `factors`; `hours`: its features `hours_above_<T>degC` -> h; `ageing`: how old
+    it is by place."""
 
     network: Network
     factors: Mapping[AgeingPlace, float]
     hours: Mapping[str, float]
-    ageing: Sequence[Mapping[str, Any]]
+    ageing: Sequence[Aged]
 
 
 @dataclass(frozen=True)
@@ -65,13 +76,13 @@ def of_specimen(store: Store, facts: Facts, session: SessionRecorded, network: N
     before, by_time = _before(facts, session, limits[0])
     hours = _hours(store, facts, session, before, by_time, limits)
     left = _left(store, facts, session, before) if any(place.insulation for place in places) else None
-    now = {place: _entry(place, hours[place.ageing.above_degC], left) for place in places}
-    factors = {place: float(entry["factor"]) for place, entry in now.items()}
+    now = {place: _aged(place, hours[place.ageing.above_degC], left) for place in places}
+    factors = {place: one.factor for place, one in now.items()}
     return OfSpecimen(
         network=aged(network, factors),
         factors=factors,
         hours={feature: hours[degC] for feature, degC in features.items()},
-        ageing=_together(now),
+        ageing=_together(now.values()),
     )
 
 
@@ -96,12 +107,11 @@ def ageing_left_out(store: Store, facts: Facts, sessions: Sequence[SessionRecord
     for session in sessions:
         network = network_of(store, facts, session, model)
         known = session.specimen is not None and bool(ageing_places(network))
-        for entry in of_specimen(store, facts, session, network).ageing if known else ():
-            if entry["factor"] != 1.0:
+        for one in of_specimen(store, facts, session, network).ageing if known else ():
+            if one.factor != 1.0:
                 found.append(
-                    f"session {session.name}: {', '.join(entry['places'])} taken as new; {entry['dose_h']:.3g} h above "
-                    f"{entry['above_degC']:g} degC have left {entry['factor']:.3g} of it, "
-                    "which replay takes into account."
+                    f"session {session.name}: {', '.join(one.places)} taken as new; {one.dose_h:.3g} h above "
+                    f"{one.above_degC:g} degC have left {one.factor:.3g} of it, which replay takes into account."
                 )
     return found
 
@@ -186,28 +196,29 @@ def _left(store: Store, facts: Facts, session: SessionRecorded, before: Iterable
     return None
 
 
-def _entry(place: AgeingPlace, dose_h: float, left: _Left | None) -> dict[str, Any]:
+def _aged(place: AgeingPlace, dose_h: float, left: _Left | None) -> Aged:
     law = place.ageing
     if left is not None and place.insulation and left.above_degC == law.above_degC:
         state, source = onwards(left.state, dose_h, law), left.assessment
     else:
         state, source = by_law(dose_h, law), LAW
-    return {
-        "above_degC": law.above_degC,
-        "dose_h": round(state.dose_h, DIGITS),
-        "factor": round(state.factor, DIGITS),
-        "sd": round(state.ln_factor_sd, DIGITS),
-        "from": source,
-    }
+    return Aged(
+        places=[place.place],
+        above_degC=law.above_degC,
+        dose_h=round(state.dose_h, DIGITS),
+        factor=round(state.factor, DIGITS),
+        sd=round(state.ln_factor_sd, DIGITS),
+        from_=source,
+    )
 
 
-def _together(now: Mapping[AgeingPlace, Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """One entry for all places that are equally old."""
-    found: list[dict[str, Any]] = []
-    for place, entry in now.items():
-        like = next((one for one in found if {**entry, "places": one["places"]} == one), None)
+def _together(each: Iterable[Aged]) -> list[Aged]:
+    """Those of one place each that are equally old as one of several places."""
+    found: list[Aged] = []
+    for one in each:
+        like = next((other for other in found if replace(one, places=other.places) == other), None)
         if like is None:
-            found.append({"places": [place.place], **entry})
-        elif place.place not in like["places"]:
-            like["places"].append(place.place)
+            found.append(one)
+        elif one.places[0] not in like.places:
+            like.places.extend(one.places)
     return found

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from replay.engine.results.run import Run
+from replay.engine.results.summary import DeratingCourse
 from replay.show.plots.plots import ROWS, WIDTH, time_axis
 from replay.show.words import words
 from replay.show.words.figure import Plot, Table, inline_svg, name_lines, panels, style
@@ -21,18 +21,18 @@ Floats = NDArray[np.float64]
 OF = {"winding": ("copper",), "magnet": ("magnet", "rotor")}  # what a rule protects -> regions, the first that is there
 
 
-def derating_over_time(run: Run, entry: Mapping[str, Any], columns: int) -> Plot | None:
+def derating_over_time(run: Run, course: DeratingCourse, columns: int) -> Plot | None:
     """A rule of the bench file beside a run; None where its sensor was not recorded as an observation."""
-    watched = next((one for one in run.observed if one.channel == entry["channel"]), None)
-    hot = hottest_of(run, entry["protects"])
+    watched = next((one for one in run.observed if one.channel == course.channel), None)
+    hot = hottest_of(run, course.protects)
     if watched is None or hot is None or not watched.used.any():
         return None
-    rule, time = Derating(entry["begin_degC"], entry["end_degC"]), time_axis(run)
+    rule, time = Derating(course.begin_degC, course.end_degC), time_axis(run)
     t = {"sensor": time.of(watched.t_ns[watched.used]), "hot spot": time.of(run.t_ns)}
     degC = {"sensor": watched.measured[watched.used], "hot spot": hot}
-    names = {"sensor": words.name(entry["channel"]), "hot spot": "hot spot"}
-    title = _title(entry)
-    with style(f"{run.session} derating {entry['channel']}"):
+    names = {"sensor": words.name(course.channel), "hot spot": "hot spot"}
+    title = _title(course)
+    with style(f"{run.session} derating {course.channel}"):
         figure, (upper, lower) = panels(WIDTH, (1.2, 0.9), top=0.08)
         for ax, values in ((upper, degC), (lower, {k: 100 * rule.factor(v) for k, v in degC.items()})):
             ends = []
@@ -40,7 +40,7 @@ def derating_over_time(run: Run, entry: Mapping[str, Any], columns: int) -> Plot
                 ax.plot(*thin(t[key], y, columns), color=colour, linestyle=dashes, linewidth=1.2)
                 ends.append((float(y[-1]), names[key], colour))
             if ax is upper:
-                for degrees in (entry["begin_degC"], entry["end_degC"]):
+                for degrees in (course.begin_degC, course.end_degC):
                     ax.axhline(degrees, color=SOFT[0], linewidth=0.8, linestyle=(0, (1.4, 1.2)))
                 name_lines(ax, ends)
         upper.set_ylabel("temperature [°C]")
@@ -49,7 +49,7 @@ def derating_over_time(run: Run, entry: Mapping[str, Any], columns: int) -> Plot
         lower.set_xlim(0, time.of(run.t_ns[-1:])[0])
         lower.set_xlabel(time.label)
         svg = with_variables(inline_svg(figure, title))
-    note = f"Dotted: where {words.name(entry['channel'])} begins to take current back, and where none is left. Dashed: the model."
+    note = f"Dotted: where {words.name(course.channel)} begins to take current back, and where none is left. Dashed: the model."
     return Plot(title, svg, note, _table(run, rule, t, degC))
 
 
@@ -63,15 +63,15 @@ def hottest_of(run: Run, spot: str) -> Floats | None:
     return None
 
 
-def _title(entry: Mapping[str, Any]) -> str:
-    if entry["late_s"] > 0:
+def _title(course: DeratingCourse) -> str:
+    if course.late_s > 0:
         return (
-            f"{words.name(entry['channel'])} sees the hottest {entry['protects']} too late: for "
-            f"{words.duration(entry['late_s'])} it allows all the current that the hot spot does not"
+            f"{words.name(course.channel)} sees the hottest {course.protects} too late: for "
+            f"{words.duration(course.late_s)} it allows all the current that the hot spot does not"
         )
-    if entry["seconds"] > 0:
-        return f"{words.name(entry['channel'])} takes current back for {words.duration(entry['seconds'])}"
-    return f"{words.name(entry['channel'])} allows full current throughout"
+    if course.seconds > 0:
+        return f"{words.name(course.channel)} takes current back for {words.duration(course.seconds)}"
+    return f"{words.name(course.channel)} allows full current throughout"
 
 
 def _table(run: Run, rule: Derating, t: Mapping[str, Floats], degC: Mapping[str, Floats]) -> Table:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -12,6 +11,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from replay.engine.results.run import Run
+from replay.engine.results.summary import HeatBalance, HeatPart, StoredHeat
 from replay.show.plots.plots import WIDTH, time_axis
 from replay.show.words import heat_words, words
 from replay.show.words.figure import Plot, Table, inline_svg, name_lines, style
@@ -29,10 +29,10 @@ NAMED = 0.03  # of the whole: a smaller part has no name
 
 def heat_balance(run: Run, columns: int) -> Plot | None:
     """The account of a run; None where no heat was made or the run was sealed without one."""
-    losses = run.summary.get("losses")
-    if losses is None or run.heat is None or losses["energy_J"] <= 0:
+    losses = run.summary.losses
+    if losses is None or run.heat is None or losses.energy_J <= 0:
         return None
-    made, gone = parts_of(losses, float(run.summary["duration_s"]))
+    made, gone = parts_of(losses, run.summary.duration_s)
     title = _title(made, gone)
     with style(f"{run.session} heat"):
         figure = Figure(figsize=(WIDTH, HEIGHT))
@@ -47,11 +47,11 @@ def heat_balance(run: Run, columns: int) -> Plot | None:
     return Plot(title, svg, note, _table(losses))
 
 
-def parts_of(losses: Mapping[str, Any], duration_s: float) -> tuple[Parts, Parts]:
+def parts_of(losses: HeatBalance, duration_s: float) -> tuple[Parts, Parts]:
     """What brought heat and what took it, means [W], both with one sum: a boundary that warms the motor, or nodes that cool down, bring."""
-    made = [(heat_words.KINDS[kind], part["mean_W"]) for kind, part in losses["kinds"].items()]
-    gone = [(words.name(name), part["mean_W"]) for name, part in losses["boundaries"].items()]
-    gone.append(("stored", sum(part["energy_J"] for part in losses["stored"].values()) / duration_s))
+    made = [(heat_words.KINDS[kind], part.mean_W) for kind, part in losses.kinds.items()]
+    gone = [(words.name(name), part.mean_W) for name, part in losses.boundaries.items()]
+    gone.append(("stored", losses.stored_J / duration_s))
     brought = [(f"from {'store' if name == 'stored' else name}", -watts) for name, watts in gone if watts < 0]
     taken = [(f"less {name}", -watts) for name, watts in made if watts < 0]
     return (
@@ -70,10 +70,10 @@ def _title(made: Parts, gone: Parts) -> str:
     )
 
 
-def _colours(losses: Mapping[str, Any]) -> dict[str, str]:
+def _colours(losses: HeatBalance) -> dict[str, str]:
     """Name of a part -> its colour, the same in every session: kinds from the front of the palette, boundaries from its end."""
     kinds = dict(zip(heat_words.KINDS.values(), COLOURS, strict=False))
-    return kinds | dict(zip(map(words.name, losses["boundaries"]), COLOURS[::-1], strict=False))
+    return kinds | dict(zip(map(words.name, losses.boundaries), COLOURS[::-1], strict=False))
 
 
 def _draw_bars(axes: Axes, made: Parts, gone: Parts, colours: Mapping[str, str]) -> None:
@@ -128,18 +128,18 @@ def _smoothed(values: Floats, width: int) -> Floats:
     return found
 
 
-def _table(losses: Mapping[str, Any]) -> Table:
-    rows = [("made", "all", losses["energy_J"]), *_rows("made, by kind", losses["kinds"], heat_words.KINDS)]
-    rows += _rows("made, by node", losses["nodes"])
-    rows += _rows("taken by", losses["boundaries"])
-    rows += _rows("stored in", losses["stored"])
-    rows.append(("left over: rounding", "", losses["left_J"]))
-    whole = losses["energy_J"]
+def _table(losses: HeatBalance) -> Table:
+    rows = [("made", "all", losses.energy_J), *_rows("made, by kind", losses.kinds, heat_words.KINDS)]
+    rows += _rows("made, by node", losses.nodes)
+    rows += _rows("taken by", losses.boundaries)
+    rows += _rows("stored in", losses.stored)
+    rows.append(("left over: rounding", "", losses.left_J))
+    whole = losses.energy_J
     shown = tuple((kind, what, f"{energy / 1e3:,.3g}", f"{100 * energy / whole:.1f}") for kind, what, energy in rows)
     return Table(("heat", "where", "energy [kJ]", "share [%]"), shown)
 
 
 def _rows(
-    kind: str, parts: Mapping[str, Mapping[str, float]], named: Mapping[str, str] | None = None
+    kind: str, parts: Mapping[str, HeatPart] | Mapping[str, StoredHeat], named: Mapping[str, str] | None = None
 ) -> Sequence[tuple[str, str, float]]:
-    return [(kind, (named or {}).get(name) or words.name(name), part["energy_J"]) for name, part in parts.items()]
+    return [(kind, (named or {}).get(name) or words.name(name), part.energy_J) for name, part in parts.items()]

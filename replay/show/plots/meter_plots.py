@@ -35,14 +35,15 @@ def meter_over_time(run: Run, metered: Metered, columns: int) -> Plot:
 
 
 def _title(run: Run, metered: Metered) -> str:
-    entry = next(one for one in run.summary["meters"] if one["channel"] == metered.channel)
+    errors = next(one for one in run.summary.meters if one.channel == metered.channel)
     unit = metered.unit
     of = "into" if metered.quantity == "heat" else "of"
     subject = f"{metered.channel}, {NAMES[metered.quantity]} {of} the {words.name(metered.place)}"
-    error = heat_words.quantity(entry["mae"], unit)
-    if entry["mae"] <= entry["floor"]:
-        return f"{subject}: model within the meter's own uncertainty ({error} of {heat_words.quantity(entry['floor'], unit)})"
-    way = "below" if entry["bias"] > 0 else "above"
+    error = heat_words.quantity(errors.mae, unit)
+    if errors.within_floor:
+        floor = heat_words.quantity(errors.floor, unit)
+        return f"{subject}: model within the meter's own uncertainty ({error} of {floor})"
+    way = "below" if errors.bias > 0 else "above"
     return f"{subject}: model off by {error} on average, mostly {way} the meter"
 
 

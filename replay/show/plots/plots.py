@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from replay.engine.results.run import Observed, Run
 from replay.show.words import words
 from replay.show.words.figure import LEFT, Plot, Table, inline_svg, name_lines, panels, save, style
-from replay.show.words.findings import channel_errors, finding
+from replay.show.words.findings import finding, worst_first
 from replay.show.words.palette import COLOURS, DASHES, INK, PAPER, SOFT, with_variables
 from replay.show.words.thin import thin, with_gaps
 
@@ -68,7 +68,7 @@ def groups(run: Run) -> list[list[Observed]]:
 def over_time(run: Run, group: Sequence[Observed], columns: int) -> Plot:
     """Measured and model of a group of channels over time, residual with the sensors' band below; `columns` to thin to."""
     mine = {observed.channel for observed in group}
-    worst = next(error for error in channel_errors(run.summary) if error.channel in mine)
+    worst = next(error for error in worst_first(run.summary) if error.channel in mine)
     title = finding(worst)
     with style(f"{run.session} {group[0].channel}"):
         figure, (upper, lower) = panels(WIDTH, (1.6, 0.95))
@@ -208,9 +208,8 @@ def picture(runs: Sequence[Run], target: Path) -> None:
 
     Raises ValueError where no run has a usable channel.
     """
-    worst = max((e for run in runs for e in channel_errors(run.summary)), key=lambda e: e.mae_K)
-    run = next(run for run in runs if run.session == worst.session)
-    ranked = [error.channel for error in channel_errors(run.summary)][:TOGETHER]
+    run, worst = max(((run, e) for run in runs for e in worst_first(run.summary)), key=lambda one: one[1].mae_K)
+    ranked = [error.channel for error in worst_first(run.summary)][:TOGETHER]
     group = [observed for observed in run.observed if observed.channel in ranked]
     with style("picture"):
         figure, (upper, lower) = panels(9.0, (3.0, 1.7), top=0.62)

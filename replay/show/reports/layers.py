@@ -28,7 +28,7 @@ from replay.engine.results.run import Run
 from replay.errors import ViewerError
 from replay.show.reports.blueprint import APPLICATION, colour, of_channels, of_run, path, view_of
 from replay.show.words import words
-from replay.show.words.findings import answer, channel_errors, finding
+from replay.show.words.findings import answer, finding, worst_first
 
 if TYPE_CHECKING:
     import rerun
@@ -205,7 +205,7 @@ def _about(session: SessionRecorded, channels: Sequence[ChannelData]) -> str:
 
 
 def _findings(run: Run) -> str:
-    rows = "\n".join(f"- {finding(error)}" for error in channel_errors(run.summary))
+    rows = "\n".join(f"- {finding(error)}" for error in worst_first(run.summary))
     source = f"Model {run.motor} {words.short(run.model)}, open loop; digest {words.short(run.digest)}. Residual: measured minus model."
     return f"# {run.session_name}\n{answer([run.summary])}\n\n{rows}\n\n{source}\n"
 

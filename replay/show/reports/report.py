@@ -17,7 +17,7 @@ from replay.show.plots.plots import groups, inputs_over_time, over_time
 from replay.show.words import heat_words, words
 from replay.show.words.figure import Plot
 from replay.show.words.filter_words import filter_says
-from replay.show.words.findings import answer, channel_errors, power_balance
+from replay.show.words.findings import answer, power_balance, worst_first
 from replay.show.words.page import template
 
 COLUMNS = 600  # pixel columns that a line is thinned to ...
@@ -49,13 +49,13 @@ def write_report(runs: Sequence[Run], target: Path, context: ReportContext) -> N
     page = template("report.html.j2").render(
         answer=answer(summaries),
         runs=runs,
-        errors={run.session: channel_errors(run.summary) for run in runs},
+        errors={run.session: worst_first(run.summary) for run in runs},
         sessions=_sessions(runs),
         maps=[plot for plot in (error_map(runs), error_along(runs)) if plot is not None],
         balances=power_balance(summaries),
         heats=[(run.session_name, said) for run in runs if (said := _heat(run))],
-        meters=[(run.session_name, entry) for run in runs for entry in run.summary.get("meters") or ()],
-        notes=[(run.session_name, run.summary["note"]) for run in runs if run.summary.get("note")],
+        meters=[(run.session_name, one) for run in runs for one in run.summary.meters],
+        notes=[(run.session_name, run.summary.note) for run in runs if run.summary.note],
         context=context,
     )
     target.write_text(page, encoding="utf-8")
@@ -83,7 +83,7 @@ def _sessions(runs: Sequence[Run]) -> list[SessionPlots]:
 
 def _plots(run: Run, of_run: Sequence[Sequence[Observed]], columns: int) -> list[Plot]:
     inputs = inputs_over_time(run, columns)
-    deratings = (derating_over_time(run, entry, columns) for entry in run.summary.get("derating") or ())
+    deratings = (derating_over_time(run, course, columns) for course in run.summary.derating)
     filtered = filter_over_time(run, columns)
     return [
         *(over_time(run, group, columns) for group in of_run),

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
 
+from replay.engine.results.as_json import to_json
+from replay.engine.results.summary import Summary
 from replay.show.words import words
 from replay.show.words.terminal import labelled
 from replay.studies.characterise.protocol import MOVES_K, Protocol, of_interest
@@ -60,11 +62,11 @@ def document(found: Protocol) -> dict[str, Any]:
         ],
         "checked": [
             {
-                "session": after["session"],
-                "session_name": after["session_name"],
-                "before_mae_K": before["mae_K"],
-                "after_mae_K": after["mae_K"],
-                "filtered": after["filtered"],
+                "session": after.session,
+                "session_name": after.session_name,
+                "before_mae_K": before.mae_K,
+                "after_mae_K": after.mae_K,
+                "filtered": to_json(after.filtered),
             }
             for before, after in zip(found.before, found.after, strict=True)
         ],
@@ -105,13 +107,13 @@ def answer(found: Protocol) -> str:
 
 def checked(found: Protocol) -> dict[str, tuple[float, float]]:
     """Node -> mean absolute error over the drives [K], before and after."""
-    nodes = dict.fromkeys(node for summary in found.before for node in summary["mae_K"])
+    nodes = dict.fromkeys(node for summary in found.before for node in summary.mae_K)
     both = {node: [_mean(some, node) for some in (found.before, found.after)] for node in nodes}
     return {node: (values[0], values[1]) for node, values in both.items()}
 
 
-def _mean(summaries: Sequence[Mapping[str, Any]], node: str) -> float:
-    values = [(s["mae_K"][node], s["duration_s"]) for s in summaries if node in s["mae_K"]]
+def _mean(summaries: Sequence[Summary], node: str) -> float:
+    values = [(one.mae_K[node], one.duration_s) for one in summaries if node in one.mae_K]
     return float(sum(v * t for v, t in values) / sum(t for _, t in values))
 
 
@@ -176,19 +178,19 @@ def filter_notes(found: Protocol) -> Iterator[str]:
     """A line a drive: what the filter makes of the channels that it was not given; and why, where the open loop does better."""
     worse = False
     for summary in found.after:
-        filtered = summary["filtered"]
-        if filtered and filtered["mae_K"]:
-            seen = {c["channel"]: c for c in summary["channels"]}
-            worse |= any(mae > seen[name]["mae_K"] + WORSE_K for name, mae in filtered["mae_K"].items() if name in seen)
+        filtered = summary.filtered
+        if filtered and filtered.mae_K:
+            open_loop = {one.channel: one.mae_K for one in summary.channels}
+            both = {name: (mae, open_loop[name]) for name, mae in filtered.mae_K.items() if name in open_loop}
+            worse |= any(mae > without + WORSE_K for mae, without in both.values())
             parts = [
-                f"{channel} {words.kelvin(mae)} (open loop {words.kelvin(seen[channel]['mae_K'])})"
-                for channel, mae in filtered["mae_K"].items()
-                if channel in seen
+                f"{name} {words.kelvin(mae)} (open loop {words.kelvin(without)})"
+                for name, (mae, without) in both.items()
             ]
             if parts:
                 yield (
-                    f"{summary['session_name']}: from {words.counted(len(filtered['measured']), 'channel')} and an unknown "
-                    f"heat at the {words.name(filtered['node'])}, the kept {words.joined(parts)}"
+                    f"{summary.session_name}: from {words.counted(len(filtered.measured), 'channel')} and an unknown "
+                    f"heat at the {words.name(filtered.node)}, the kept {words.joined(parts)}"
                 )
     if worse:
         yield (
@@ -199,7 +201,7 @@ def filter_notes(found: Protocol) -> Iterator[str]:
 
 def _too_much(found: Protocol) -> str:
     """Of the channels that a filter read, the one with the largest constant error by the calibration, of one sign on every point."""
-    read = {channel for summary in found.after if summary["filtered"] for channel in summary["filtered"]["measured"]}
+    read = {channel for summary in found.after if summary.filtered for channel in summary.filtered.measured}
     errors = defaultdict(list)
     for one in found.calibration.event.errors:
         if "bias_K" in one and one["channel"] in read:

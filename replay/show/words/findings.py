@@ -3,76 +3,41 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
 
+from replay.engine.results.summary import ChannelErrors, Summary
 from replay.show.words import words
 
 ONE_SIDED = 0.7  # share of the mean error that the bias must reach to be called one-sided
 AGREE = 0.15  # lost power and the network's heat agree within this share
 
 
-@dataclass(frozen=True)
-class ChannelError:
-    """One channel of one run: all in K, residual = measured - modelled; `where` as in `replay --json`."""
-
-    session: str
-    session_name: str
-    duration_s: float
-    channel: str
-    node: str
-    mae_K: float
-    max_K: float
-    bias_K: float
-    floor_K: float
-    masked: int
-    max_at_s: float
-    where: Mapping[str, Sequence[float]]
-
-    @property
-    def within_floor(self) -> bool:
-        """The mean error is not larger than the channel's own uncertainty."""
-        return self.mae_K <= self.floor_K
-
-    @property
-    def direction(self) -> str:
-        """Which way the model is off."""
-        if abs(self.bias_K) < ONE_SIDED * self.mae_K:
-            return "off both ways"
-        return "too cold" if self.bias_K > 0 else "too hot"
+def worst_first(summary: Summary) -> list[ChannelErrors]:
+    """The channels of a run, largest mean error first."""
+    return sorted(summary.channels, key=lambda one: -one.mae_K)
 
 
-def channel_errors(summary: Mapping[str, Any]) -> list[ChannelError]:
-    """The channels of a run's summary, largest mean error first."""
-    errors = [
-        ChannelError(
-            session=summary["session"],
-            session_name=summary["session_name"],
-            duration_s=summary["duration_s"],
-            **{
-                key: entry[key]
-                for key in ("channel", "node", "mae_K", "max_K", "bias_K", "floor_K", "masked", "max_at_s")
-            },
-            where=entry["where"],
-        )
-        for entry in summary["channels"]
-    ]
-    return sorted(errors, key=lambda e: -e.mae_K)
+def direction(error: ChannelErrors) -> str:
+    """Which way the model is off."""
+    if abs(error.bias_K) < ONE_SIDED * error.mae_K:
+        return "off both ways"
+    return "too cold" if error.bias_K > 0 else "too hot"
 
 
-def finding(error: ChannelError) -> str:
+def finding(error: ChannelErrors) -> str:
     """ "Rotor: model 4.4 K too cold on average, worst at 3,000 to 4,000 rpm"."""
     subject = words.capital(words.name(error.node))
     if error.within_floor:
-        return f"{subject}: model within the sensor's own uncertainty ({words.kelvin(error.mae_K)} of {words.kelvin(error.floor_K)})"
+        own = f"{words.kelvin(error.mae_K)} of {words.kelvin(error.floor_K)}"
+        return f"{subject}: model within the sensor's own uncertainty ({own})"
     place = words.where(error.where, told=1)
     worst = f"worst {place}" if place else f"{words.kelvin(error.max_K)} at worst"
-    return f"{subject}: model {words.kelvin(error.mae_K)} {error.direction} on average, {worst}"
+    return f"{subject}: model {words.kelvin(error.mae_K)} {direction(error)} on average, {worst}"
 
 
-def answer(summaries: Sequence[Mapping[str, Any]]) -> str:
+def answer(summaries: Sequence[Summary]) -> str:
     """One sentence: what the model gets wrong on these recordings, and where."""
-    errors = [error for summary in summaries for error in channel_errors(summary)]
+    found = [(summary, error) for summary in summaries for error in worst_first(summary)]
+    errors = [error for _, error in found]
     if not errors:
         return "Nothing can be said: no channel of these recordings observes a node of the model with usable samples."
     wrong = [error for error in errors if not error.within_floor]
@@ -80,26 +45,26 @@ def answer(summaries: Sequence[Mapping[str, Any]]) -> str:
     if not wrong:
         floor = words.kelvin(max(error.floor_K for error in errors))
         return f"The model agrees with {these} within the sensors' own uncertainty ({floor})."
-    ranking = mean_by_node(errors)
+    ranking = _ranking(found)
     node = max((error.node for error in wrong), key=lambda n: ranking[n])
-    worst = max((error for error in wrong if error.node == node), key=lambda e: e.mae_K)
-    return f"{_worst(worst, ranking[node], len(summaries))}{_others(node, ranking, wrong)}"
+    at_node = [(summary, error) for summary, error in found if error.node == node and not error.within_floor]
+    session, worst = max(at_node, key=lambda one: one[1].mae_K)
+    return f"{_worst(session, worst, ranking[node], len(summaries))}{_others(node, ranking, wrong)}"
 
 
-def mean_by_node(errors: Sequence[ChannelError]) -> dict[str, float]:
+def _ranking(found: Sequence[tuple[Summary, ChannelErrors]]) -> dict[str, float]:
     """Node -> mean absolute error [K] over channels and sessions, weighted by the sessions' length; largest first."""
     means = {}
-    for node in dict.fromkeys(error.node for error in errors):
-        mine = [error for error in errors if error.node == node]
-        weight = sum(error.duration_s for error in mine)
-        means[node] = sum(error.mae_K * error.duration_s for error in mine) / weight
+    for node in dict.fromkeys(error.node for _, error in found):
+        mine = [(summary.duration_s, error.mae_K) for summary, error in found if error.node == node]
+        means[node] = sum(mae_K * seconds for seconds, mae_K in mine) / sum(seconds for seconds, _ in mine)
     return dict(sorted(means.items(), key=lambda item: -item[1]))
 
 
-def _worst(worst: ChannelError, mean_K: float, sessions: int) -> str:
+def _worst(session: Summary, worst: ChannelErrors, mean_K: float, sessions: int) -> str:
     place = words.where(worst.where)
     most = f", most {place}" if place else ""
-    verdict = "off both ways" if worst.direction == "off both ways" else f"mostly {worst.direction}"
+    verdict = "off both ways" if direction(worst) == "off both ways" else f"mostly {direction(worst)}"
     lead = f"The model is furthest off at the {words.name(worst.node)}: "
     if sessions == 1:
         return (
@@ -107,11 +72,11 @@ def _worst(worst: ChannelError, mean_K: float, sessions: int) -> str:
         )
     return (
         f"{lead}{words.kelvin(mean_K)} on average over {sessions} recordings, and {words.kelvin(worst.mae_K)} in "
-        f"{worst.session_name}, its worst ({verdict}{most})."
+        f"{session.session_name}, its worst ({verdict}{most})."
     )
 
 
-def _others(node: str, ranking: Mapping[str, float], wrong: Sequence[ChannelError]) -> str:
+def _others(node: str, ranking: Mapping[str, float], wrong: Sequence[ChannelErrors]) -> str:
     off = {error.node for error in wrong}
     next_ones = [f"{words.name(n)} {words.kelvin(mean)}" for n, mean in ranking.items() if n in off and n != node]
     fine = [words.name(n) for n in ranking if n not in off]
@@ -120,15 +85,15 @@ def _others(node: str, ranking: Mapping[str, float], wrong: Sequence[ChannelErro
     return others + (f" Within the sensors' own uncertainty: {words.joined(fine)}." if fine else "")
 
 
-def power_balance(summaries: Sequence[Mapping[str, Any]]) -> list[str]:
+def power_balance(summaries: Sequence[Summary]) -> list[str]:
     """Electrical minus mechanical power against the network's heat, where power was recorded: a paragraph a verdict."""
     paragraphs: dict[str, list[str]] = {}
     for summary in summaries:
-        loss, heat = summary["electrical_minus_mechanical_W"], summary["network_heat_W"]
+        loss, heat = summary.electrical_minus_mechanical_W, summary.network_heat_W
         if loss is not None:
             ratio = f" ({loss / heat:.1f} times)" if loss > 0 and heat > 0 else ""
             paragraphs.setdefault(_verdict(loss, heat), []).append(
-                f"{summary['session_name']} {loss:,.0f} W against {heat:,.0f} W{ratio}"
+                f"{summary.session_name} {loss:,.0f} W against {heat:,.0f} W{ratio}"
             )
     return [
         f"Electrical minus mechanical power against the network's heat, on average: {', '.join(parts)}. {verdict}"

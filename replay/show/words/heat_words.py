@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import Any
 
+from replay.engine.results.summary import DeratingCourse, MeterErrors, ModelledSpot, SmoothedSpot, Summary
+from replay.engine.specimen.aged import LAW
 from replay.show.words import words
 
 KINDS: Mapping[str, str] = {
@@ -21,114 +22,107 @@ BANDS = {  # where a hot spot's band is from -> what it holds
     "motor file": "; 95 %, by the sd of the motor file: calibrate it for a narrower one",
 }
 SMALL = 0.005  # of the whole: parts below are not told
+AnySpot = ModelledSpot | SmoothedSpot
 
 
-def heat(summary: Mapping[str, Any]) -> str | None:
+def heat(summary: Summary) -> str | None:
     """Where heat came from and where it went, and the efficiency; None of runs without such an account, or without any heat."""
-    losses = summary.get("losses")
-    if losses is None or losses["energy_J"] <= 0:
+    losses = summary.losses
+    if losses is None or losses.energy_J <= 0:
         return None
-    whole, seconds = losses["energy_J"], summary["duration_s"]
+    whole = losses.energy_J
     made = [
-        f"{KINDS[kind]} {100 * part['energy_J'] / whole:.0f} %".replace("-", "−")
-        for kind, part in sorted(losses["kinds"].items(), key=lambda item: -item[1]["energy_J"])
-        if abs(part["energy_J"]) > SMALL * whole
+        f"{KINDS[kind]} {100 * part.energy_J / whole:.0f} %".replace("-", "−")
+        for kind, part in sorted(losses.kinds.items(), key=lambda item: -item[1].energy_J)
+        if abs(part.energy_J) > SMALL * whole
     ]
-    gone = [f"{_watts(part['mean_W'])} into {words.name(name)}" for name, part in losses["boundaries"].items()]
-    gone.append(f"{_watts(sum(part['energy_J'] for part in losses['stored'].values()) / seconds)} stored")
-    return (
-        f"{_watts(losses['mean_W'])} of heat on average ({', '.join(made)}): {words.joined(gone)}{_efficiency(summary)}"
-    )
+    gone = [f"{_watts(part.mean_W)} into {words.name(name)}" for name, part in losses.boundaries.items()]
+    gone.append(f"{_watts(losses.stored_J / summary.duration_s)} stored")
+    return f"{_watts(losses.mean_W)} of heat on average ({', '.join(made)}): {words.joined(gone)}{_efficiency(summary)}"
 
 
 def _watts(value: float) -> str:
     return f"{words.number(round(value) if abs(value) >= 10 else value)} W".replace("-", "−")
 
 
-def _efficiency(summary: Mapping[str, Any]) -> str:
-    found = summary.get("efficiency")
+def _efficiency(summary: Summary) -> str:
+    found = summary.efficiency
     if found is None:
         return ""
-    measured = f", {100 * found['measured']:.1f} % as recorded" if found["measured"] is not None else ""
-    return f"; efficiency {100 * found['modelled']:.1f} % by the model{measured}"
+    measured = f", {100 * found.measured:.1f} % as recorded" if found.measured is not None else ""
+    return f"; efficiency {100 * found.modelled:.1f} % by the model{measured}"
 
 
-def hottest(summary: Mapping[str, Any]) -> str | None:
+def hottest(summary: Summary) -> str | None:
     """The hottest winding and magnet, how sure, where and when; None where the run has neither."""
-    found = summary.get("hot_spots") or {}
-    held = next((BANDS[one["band_from"]] for one in found.values() if one.get("band_from")), "")
+    found = summary.hot_spots
+    held = next((BANDS[one.band_from] for one in found.values() if one.band_from), "")
     return f"hottest by the model: {spots(found)}{held}" if found else None
 
 
-def spots(found: Mapping[str, Mapping[str, Any]]) -> str:
+def spots(found: Mapping[str, AnySpot]) -> str:
     """Hot spots with their bands, the winding first: "winding 130 °C (120 to 140) at 0:00:01 (30.0 K ABOVE its limit)"."""
     parts = [
-        f"{spot} {one['max_degC']:.0f} °C{_band(one)} at {words.clock(one['at_s'])} ({_place(spot, one)}{_margin(one)})"
+        f"{spot} {one.max_degC:.0f} °C{_band(one)} at {words.clock(one.at_s)} ({_place(spot, one)}{_margin(one.margin_K)})"
         for spot, one in sorted(found.items(), reverse=True)
     ]
     return words.joined(parts)
 
 
-def _band(one: Mapping[str, Any]) -> str:
+def _band(one: AnySpot) -> str:
     """Of runs that have one."""
-    return " ({:.0f} to {:.0f})".format(*one["ci95_degC"]) if one.get("ci95_degC") else ""
+    return " ({:.0f} to {:.0f})".format(*one.ci95_degC) if one.ci95_degC else ""
 
 
-def _place(spot: str, one: Mapping[str, Any]) -> str:
-    place = "" if one["node"] == spot else f"{words.name(one['node'])}, "
-    if top := one.get("profile"):
-        towards = words.name(top["towards"])
-        place += f"up to {top['max_degC']:.0f} °C {top['slices']:.1f} slices towards {towards}, "
+def _place(spot: str, one: AnySpot) -> str:
+    place = "" if one.node == spot else f"{words.name(one.node)}, "
+    if top := one.profile:
+        place += f"up to {top.max_degC:.0f} °C {top.slices:.1f} slices towards {words.name(top.towards)}, "
     return place
 
 
-def _margin(one: Mapping[str, Any]) -> str:
-    if one["margin_K"] is None:
+def _margin(margin_K: float | None) -> str:
+    if margin_K is None:
         return "no limit given"
-    way = "under" if one["margin_K"] >= 0 else "ABOVE"
-    return f"{words.kelvin(abs(one['margin_K']))} {way} its limit"
+    return f"{words.kelvin(abs(margin_K))} {'under' if margin_K >= 0 else 'ABOVE'} its limit"
 
 
-def aged(summary: Mapping[str, Any]) -> Iterator[str]:
+def aged(summary: Summary) -> Iterator[str]:
     """What the heat of the specimen's earlier sessions has left of what ages."""
-    for entry in summary.get("ageing") or ():
-        places = words.joined([place.replace("_", " ") for place in entry["places"]])
-        by = (
-            "the law of the motor file"
-            if entry["from"] == "law"
-            else f"the checks of assessment {words.short(entry['from'])}"
-        )
+    for one in summary.ageing:
+        places = words.joined([place.replace("_", " ") for place in one.places])
+        by = "the law of the motor file" if one.from_ == LAW else f"the checks of assessment {words.short(one.from_)}"
         yield (
-            f"aged: {entry['dose_h']:.0f} h above {entry['above_degC']:g} °C before leave {100 * entry['factor']:.0f} % of {places}, by {by}"
+            f"aged: {one.dose_h:.0f} h above {one.above_degC:g} °C before leave {100 * one.factor:.0f} % of {places}, "
+            f"by {by}"
         )
 
 
-def above_limits(summary: Mapping[str, Any]) -> list[str]:
+def above_limits(summary: Summary) -> list[str]:
     """A sentence for each node of the model that was above its limit."""
     return [
-        f"{words.name(node)}, by the model, is above its limit of {one['limit_degC']:g} °C for {words.duration(one['above_s'])}, up to "
-        f"{one['max_degC']:.0f} °C"
-        for node, one in (summary.get("limits") or {}).items()
-        if one["above_s"] > 0
+        f"{words.name(node)}, by the model, is above its limit of {one.limit_degC:g} °C for "
+        f"{words.duration(one.above_s)}, up to {one.max_degC:.0f} °C"
+        for node, one in summary.limits.items()
+        if one.above_s > 0
     ]
 
 
-def derating(summary: Mapping[str, Any]) -> list[str]:
+def derating(summary: Summary) -> list[str]:
     """A sentence or two for each strategy of the bench file."""
-    return [_strategy(one) for one in summary.get("derating") or ()]
+    return [_strategy(one) for one in summary.derating]
 
 
-def _strategy(one: Mapping[str, Any]) -> str:
-    head = f"Derating by {one['channel']} ({one['begin_degC']:g} to {one['end_degC']:g} °C)"
-    own = _course(one["seconds"], one["mean"], one["lowest"])
-    best = _course(one["seconds_hot"], one["mean_hot"], one["lowest_hot"])
-    text = f"{head}: {own}; by the hottest {one['protects']} of the model {best}."
-    if one["late_s"] > 0:
-        text += f" For {words.duration(one['late_s'])} the hot spot asks for less current and the sensor does not."
-    if one["hottest_free_degC"] is not None:
-        margin = "" if one["margin_K"] is None else f", {words.kelvin(abs(one['margin_K']))} "
-        margin += "" if one["margin_K"] is None else ("under its limit" if one["margin_K"] >= 0 else "ABOVE its limit")
-        text += f" With full current allowed the hot spot reaches {one['hottest_free_degC']:.0f} °C{margin}."
+def _strategy(one: DeratingCourse) -> str:
+    head = f"Derating by {one.channel} ({one.begin_degC:g} to {one.end_degC:g} °C)"
+    own = _course(one.seconds, one.mean, one.lowest)
+    best = _course(one.seconds_hot, one.mean_hot, one.lowest_hot)
+    text = f"{head}: {own}; by the hottest {one.protects} of the model {best}."
+    if one.late_s > 0:
+        text += f" For {words.duration(one.late_s)} the hot spot asks for less current and the sensor does not."
+    if one.hottest_free_degC is not None:
+        margin = "" if one.margin_K is None else f", {_margin(one.margin_K)}"
+        text += f" With full current allowed the hot spot reaches {one.hottest_free_degC:.0f} °C{margin}."
     return text
 
 
@@ -138,14 +132,14 @@ def _course(seconds: float, mean: float, lowest: float) -> str:
     return f"less for {words.duration(seconds)}, {100 * mean:.0f} % of the current on average and {100 * lowest:.0f} % at least"
 
 
-def meter(entry: Mapping[str, Any]) -> str:
-    """ "1,240 W, bias −35 W": the size of a meter's error in its own unit, and whether the meter itself can tell."""
-    unit = entry["unit"]
-    within = f"within its floor ({quantity(entry['floor'], unit)})" if entry["mae"] <= entry["floor"] else ""
-    way = "model too low" if entry["bias"] > 0 else "model too high"
+def meter(one: MeterErrors) -> str:
+    """ "35 W mean error of 1,240 W, worst 80 W at 0:01:00, model too low": in its own unit, and whether the meter itself can tell."""
+    unit = one.unit
+    within = f"within its floor ({quantity(one.floor, unit)})" if one.within_floor else ""
+    way = "model too low" if one.bias > 0 else "model too high"
     return (
-        f"{quantity(entry['mae'], unit)} mean error of {quantity(entry['mean'], unit)}, worst "
-        f"{quantity(entry['max'], unit)} at {words.clock(entry['max_at_s'])}, {within or way}"
+        f"{quantity(one.mae, unit)} mean error of {quantity(one.mean, unit)}, worst {quantity(one.max, unit)} at "
+        f"{words.clock(one.max_at_s)}, {within or way}"
     )
 
 

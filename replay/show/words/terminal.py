@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import re
 import textwrap
-from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
+from collections.abc import Iterator, Sequence
 
+from replay.engine.results.summary import ChannelErrors, Summary
 from replay.show.words import heat_words, words
 from replay.show.words.filter_words import filter_says
-from replay.show.words.findings import ChannelError, answer, channel_errors, power_balance
+from replay.show.words.findings import answer, direction, power_balance, worst_first
 
 WIDTH = 100
 INDENT = 18
@@ -18,7 +18,7 @@ NUMBER_AND_UNIT = re.compile(
 )
 
 
-def replay_text(summaries: Sequence[Mapping[str, Any]], next_command: str) -> str:
+def replay_text(summaries: Sequence[Summary], next_command: str) -> str:
     """What `whyhot replay` prints: answer, a few lines a session, the next command. No colours, no trailing newline."""
     lines = labelled("What is wrong", answer(summaries))
     for summary in summaries:
@@ -36,17 +36,16 @@ def labelled(label: str, text: str) -> list[str]:
     return [line.replace("\N{NO-BREAK SPACE}", " ") for line in lines]
 
 
-def _session(summary: Mapping[str, Any]) -> Iterator[str]:
-    head = f"{summary['kind']}, {words.duration(summary['duration_s'])}, model {summary['motor']} {words.short(summary['model'])}"
-    yield from textwrap.wrap(
-        f"{summary['session_name']}   {head}, digest {words.short(summary['digest'])}", WIDTH, subsequent_indent="  "
-    )
-    if (other := summary.get("integrator")) is not None:
+def _session(summary: Summary) -> Iterator[str]:
+    model = f"model {summary.motor} {words.short(summary.model)}"
+    head = f"{summary.kind}, {words.duration(summary.duration_s)}, {model}, digest {words.short(summary.digest)}"
+    yield from textwrap.wrap(f"{summary.session_name}   {head}", WIDTH, subsequent_indent="  ")
+    if (other := summary.integrator) is not None:
         yield (
-            f"  {other['name']}: up to {other['error_K']:.2f} K from {other['against']}, at the {words.name(other['node'])} at "
-            f"{words.clock(other['at_s'])}"
+            f"  {other.name}: up to {other.error_K:.2f} K from {other.against}, at the {words.name(other.node)} at "
+            f"{words.clock(other.at_s)}"
         )
-    errors = channel_errors(summary)
+    errors = worst_first(summary)
     if not errors:
         yield "  no channel of this session observes a node of the model with usable samples"
         yield from _beside(summary)
@@ -62,10 +61,10 @@ def _session(summary: Mapping[str, Any]) -> Iterator[str]:
     yield from _beside(summary)
 
 
-def _beside(summary: Mapping[str, Any]) -> Iterator[str]:
+def _beside(summary: Summary) -> Iterator[str]:
     """What other meters say, heat, hot spots, what the filter makes of them, limits and derating."""
-    for entry in summary.get("meters") or ():
-        yield from _row(f"  {entry['channel']} ({entry['quantity']})   ", heat_words.meter(entry))
+    for one in summary.meters:
+        yield from _row(f"  {one.channel} ({one.quantity})   ", heat_words.meter(one))
     told = [
         *heat_words.aged(summary),
         heat_words.heat(summary),
@@ -78,17 +77,17 @@ def _beside(summary: Mapping[str, Any]) -> Iterator[str]:
             yield from _row("  ", text)
 
 
-def _label(error: ChannelError, errors: Sequence[ChannelError]) -> str:
+def _label(error: ChannelErrors, errors: Sequence[ChannelErrors]) -> str:
     shared = sum(other.node == error.node for other in errors) > 1
     return f"{words.name(error.node)} ({error.channel})" if shared else words.name(error.node)
 
 
-def _verdict(error: ChannelError) -> str:
+def _verdict(error: ChannelErrors) -> str:
     if error.within_floor:
         verdict = f"within its floor ({words.kelvin(error.floor_K)})"
     else:
         place = words.where(error.where)
-        verdict = f"model {error.direction}" + (
+        verdict = f"model {direction(error)}" + (
             f", most {place}" if place else f", worst at {words.clock(error.max_at_s)}"
         )
     return verdict + (f"; {error.masked:,} steps masked" if error.masked else "")

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +20,7 @@ from ingest.facts.facts import Facts
 from ingest.facts.store import Store
 from replay.engine.files.configurations import refuse_other_rigs
 from replay.engine.files.motor_file import describe, read_motor
+from replay.engine.results.summary import Summary, read
 from replay.engine.runs.campaign import replay_sessions
 from replay.errors import ReplayDataError
 from replay.studies.characterise.calibrate import CalibrationResult, calibrate_sessions, common_model
@@ -72,8 +72,8 @@ class Protocol:
     choices: tuple[Choice, ...]
     unknown_K: tuple[float, ...]
     proposals: tuple[Proposal, ...]
-    before: tuple[Mapping[str, Any], ...]
-    after: tuple[Mapping[str, Any], ...]
+    before: tuple[Summary, ...]
+    after: tuple[Summary, ...]
 
 
 def run_protocol(
@@ -188,11 +188,11 @@ def _proposals(
 
 def _replayed(
     store: Store, drives: Sequence[SessionRecorded], model: str, level: str, tell: Tell
-) -> tuple[Mapping[str, Any], ...]:
+) -> tuple[Summary, ...]:
     outcomes = replay_sessions(store, drives, model, level, 1, tell)
     if refusals := [outcome.refusal for outcome in outcomes if outcome.refusal]:
         raise ReplayDataError(refusals[0])
-    return tuple(outcome.run.summary for outcome in outcomes if outcome.run)
+    return tuple(read(outcome.run.summary) for outcome in outcomes if outcome.run)
 
 
 def _named(sessions: Sequence[SessionRecorded]) -> str:

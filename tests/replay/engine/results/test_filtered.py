@@ -28,7 +28,7 @@ from replay.engine.frame.frame_of import session_frame
 from replay.engine.frame.meters import Measurand
 from replay.engine.results.artefacts import filtered_of, filtered_table
 from replay.engine.results.asked_unknowns import asked_unknowns
-from replay.engine.results.filtered import filter_session, filtered_summary, mean_losses
+from replay.engine.results.filtered import filter_session, filter_summary, mean_losses
 from replay.engine.results.heat_readings import WANDERS_S, heat_readings
 from replay.engine.results.kernel_cache import load_kernel
 from replay.engine.results.open_loop import initial_temperatures, modelled
@@ -171,8 +171,8 @@ def test_an_estimate_that_was_sealed_without_a_smoother_still_loads(hidden: Repl
     run = filtered(hidden.run)
     table = filtered_table(hidden.frame, replace(run, smoothed=None), hidden.run.nodes)
     assert not any("smoothed" in column for column in table.column_names)
-    entry = hidden.event.summary["filtered"]
-    assert filtered_of(table, entry, hidden.run.nodes).smoothed is None
+    assert hidden.run.summary.filtered is not None
+    assert filtered_of(table, hidden.run.summary.filtered, hidden.run.nodes).smoothed is None
     plot: Any = estimated_loss(replace(hidden.run, filtered=replace(run, smoothed=None)), 600)
     assert "smoothed" not in plot.svg
     assert "lag" not in plot.note
@@ -226,8 +226,8 @@ def test_a_winding_resistance_is_read_as_the_temperature_that_it_stands_for(
     winding, magnet = (hidden.run.nodes.index(name) for name in ("endwinding_a_inner", "magnet"))
     assert apart[:, magnet].mean() < 0.5
     assert apart[:, winding].mean() < 4.0, "1 % of a resistance is 3 K"
-    summary = filtered_summary(found, frame, hidden.run.nodes)
-    assert set(summary["mae_K"]) == {"MAG"}
+    summary = filter_summary(found, frame, hidden.run.nodes)
+    assert set(summary.mae_K) == {"MAG"}
 
 
 def test_slices_of_a_magnet_share_one_unknown(hidden: Replayed) -> None:
@@ -380,9 +380,10 @@ def test_without_a_channel_there_a_smoothers_hot_spot_has_no_band(hidden: Replay
     )
     found = filter_session(hidden.network, blind, losses(hidden), "testing")
     assert found is not None
-    as_read = hidden.event.summary["filtered"]["hot_spots"]["magnet"]
-    assert found.spots["magnet"] == {**as_read, "sd_K": None, "ci95_degC": None, "checked_by": []}
-    assert found.spots["winding"]["sd_K"] is not None
+    assert hidden.run.summary.filtered is not None
+    as_read = hidden.run.summary.filtered.hot_spots["magnet"]
+    assert found.spots["magnet"] == replace(as_read, sd_K=None, ci95_degC=None, checked_by=[])
+    assert found.spots["winding"].sd_K is not None
 
 
 def asked(hidden: Replayed, *causes: str) -> Mapping[str, Unknown]:
@@ -394,22 +395,22 @@ def test_what_is_found_and_from_what_can_be_said(hidden: Replayed) -> None:
     found = filter_session(hidden.network, hidden.frame, losses(hidden), "testing", wanted, ["RS", "MAG"])
     assert found is not None
     assert (found.node, found.measured) == ("rotor_surface", ("RS", "MAG"))
-    (one,) = filtered_summary(found, hidden.frame, hidden.run.nodes)["unknowns"]
-    assert (one["id"], one["unit"]) == ("loss.rotor_surface.constant", "W")
+    (one,) = filter_summary(found, hidden.frame, hidden.run.nodes).unknowns
+    assert (one.id, one.unit) == ("loss.rotor_surface.constant", "W")
     assert found.smoothed is not None
     extra = found.smoothed.heat_W.mean() - found.nominal_W.mean()
-    assert one["mean"] == pytest.approx(extra, abs=1.0), "temperatures differ, and with them what the model has"
-    assert one["min"] < one["mean"] < one["max"]
+    assert one.mean == pytest.approx(extra, abs=1.0), "temperatures differ, and with them what the model has"
+    assert one.min < one.mean < one.max
 
 
 def test_a_loss_as_a_factor_is_one_of_what_the_model_has(hidden: Replayed) -> None:
     found = filter_session(hidden.network, hidden.frame, losses(hidden), "testing", asked(hidden, "loss.magnet.scale"))
     assert found is not None
     assert found.node == "magnet"
-    (one,) = filtered_summary(found, hidden.frame, hidden.run.nodes)["unknowns"]
-    assert one["unit"] == "1"
-    assert one["max"] == pytest.approx((found.smoothed.heat_W / found.nominal_W)[2:].max(), rel=0.05)  # type: ignore[union-attr]
-    assert one["max"] > 1.5, "a loss is hidden there"
+    (one,) = filter_summary(found, hidden.frame, hidden.run.nodes).unknowns
+    assert one.unit == "1"
+    assert one.max == pytest.approx((found.smoothed.heat_W / found.nominal_W)[2:].max(), rel=0.05)  # type: ignore[union-attr]
+    assert one.max > 1.5, "a loss is hidden there"
 
 
 def test_a_conductance_is_found_beside_the_loss_of_the_magnets(hidden: Replayed) -> None:
@@ -417,9 +418,9 @@ def test_a_conductance_is_found_beside_the_loss_of_the_magnets(hidden: Replayed)
     found = filter_session(hidden.network, hidden.frame, losses(hidden), "testing", asked(hidden, cause))
     assert found is not None
     assert found.node == "magnet"
-    (one,) = filtered_summary(found, hidden.frame, hidden.run.nodes)["unknowns"]
-    assert (one["id"], one["unit"]) == (cause, "1")
-    assert 0 < one["min"] <= one["mean"] <= one["max"]
+    (one,) = filter_summary(found, hidden.frame, hidden.run.nodes).unknowns
+    assert (one.id, one.unit) == (cause, "1")
+    assert 0 < one.min <= one.mean <= one.max
     assert "unknowns" not in hidden.event.summary["filtered"], "nothing was asked for"
 
 
@@ -439,9 +440,9 @@ def test_an_error_of_a_thermometer_that_reads_too_much_is_found(hidden: Replayed
     means = {}
     for shift, one in found.items():
         assert one is not None
-        (entry,) = filtered_summary(one, frame, hidden.run.nodes)["unknowns"]
-        assert entry["unit"] == "K"
-        means[shift] = entry["mean"]
+        (entry,) = filter_summary(one, frame, hidden.run.nodes).unknowns
+        assert entry.unit == "K"
+        means[shift] = entry.mean
     assert means[3.0] - means[0.0] == pytest.approx(3.0, abs=1.0)
 
 
@@ -547,5 +548,6 @@ def test_what_a_filter_leaves_of_a_channel_is_what_its_summary_says(hidden: Repl
 
 def test_a_run_without_a_filter_or_a_channel_to_compare_has_no_such_drawing(hidden: Replayed) -> None:
     assert filter_over_time(made_run(), 600) is None
-    bare = {**hidden.run.summary, "filtered": {**hidden.run.summary["filtered"], "mae_K": {}, "read_mae_K": {}}}
-    assert filter_over_time(replace(hidden.run, summary=bare), 600) is None
+    assert hidden.run.summary.filtered is not None
+    bare = replace(hidden.run.summary.filtered, mae_K={}, read_mae_K={})
+    assert filter_over_time(replace(hidden.run, summary=replace(hidden.run.summary, filtered=bare)), 600) is None

@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from replay.engine.results.as_json import to_json
 from replay.engine.results.hot_spots import hot_spots
+from replay.engine.results.summary import HotSpot, SpotProfile
 from twin.motor.network import Boundary, Link, Network, Node, Source, Term
 from twin.motor.slicing import sliced
 
@@ -39,20 +41,25 @@ def a_bar(peak_at: float, peak_degC: float, falls: float) -> Floats:
     return np.array([np.full(len(later), 20.0), later])
 
 
+def profile(spot: HotSpot) -> SpotProfile:
+    assert spot.profile is not None
+    return spot.profile
+
+
 @pytest.mark.parametrize(("peak_at", "towards"), [(0.31, "magnet_3"), (-0.2, "magnet_1"), (0.0, None)])
 def test_the_hottest_place_of_a_bar_in_slices_is_that_of_the_bar(peak_at: float, towards: str | None) -> None:
     found = hot_spots(BAR, a_bar(peak_at, 140.0, 8.0), 0.5)["magnet"]
-    assert (found["node"], found["at_s"]) == ("magnet", 0.5)
-    assert found["max_degC"] < 139.4
-    assert found["profile"]["max_degC"] == pytest.approx(140.0, abs=1e-9)
-    assert found["profile"]["slices"] == pytest.approx(abs(peak_at), abs=1e-9)
-    assert towards in (None, found["profile"]["towards"])
+    assert (found.node, found.at_s) == ("magnet", 0.5)
+    assert found.max_degC < 139.4
+    assert profile(found).max_degC == pytest.approx(140.0, abs=1e-9)
+    assert profile(found).slices == pytest.approx(abs(peak_at), abs=1e-9)
+    assert towards in (None, profile(found).towards)
 
 
 def test_a_bar_of_one_temperature_is_nowhere_hotter() -> None:
     middle_first = replace(BAR, nodes=tuple(sorted(BAR.nodes, key=lambda node: node.name != "magnet")))
-    profile = hot_spots(middle_first, np.full((2, len(BAR.nodes)), 140.0), 0.5)["magnet"]["profile"]
-    assert (profile["max_degC"], profile["slices"]) == (140.0, 0.0)
+    top = profile(hot_spots(middle_first, np.full((2, len(BAR.nodes)), 140.0), 0.5)["magnet"])
+    assert (top.max_degC, top.slices) == (140.0, 0.0)
 
 
 def test_three_slices_say_what_many_do() -> None:
@@ -64,11 +71,10 @@ def test_three_slices_say_what_many_do() -> None:
     thirds = dict(zip(ROW, degC[row].reshape(3, -1).mean(axis=1).tolist(), strict=True))
     coarse = np.array([[thirds.get(node.name, 20.0) for node in BAR.nodes]] * 2)
     few, many = hot_spots(BAR, coarse, 0.5)["magnet"], hot_spots(fine, np.stack([degC, degC]), 0.5)["magnet"]
-    assert many["profile"]["max_degC"] - few["max_degC"] > 5 * abs(
-        many["profile"]["max_degC"] - few["profile"]["max_degC"]
-    )
-    hottest = (1 + row.tolist().index(place_of(fine, many["node"])) - 0.5) / 15  # of a third
-    assert few["profile"]["slices"] == pytest.approx(abs(hottest - 1.5), abs=0.1)
+    highest = profile(many).max_degC
+    assert highest - few.max_degC > 5 * abs(highest - profile(few).max_degC)
+    hottest = (1 + row.tolist().index(place_of(fine, many.node)) - 0.5) / 15  # of a third
+    assert profile(few).slices == pytest.approx(abs(hottest - 1.5), abs=0.1)
 
 
 def place_of(network: Network, name: str) -> int:
@@ -95,14 +101,15 @@ def at_rest(network: Network) -> Floats:
 
 def test_lumps_of_other_sizes_and_the_end_of_a_row_have_no_profile() -> None:
     lumped = hot_spots(LUMPED, np.array([[20.0, 20.0, 20.0], [90.0, 50.0, 40.0]]), 0.5)["magnet"]
-    assert set(lumped) == {"node", "max_degC", "at_s", "limit_degC", "margin_K"}
+    assert lumped.profile is None
+    assert set(to_json(lumped)) == {"node", "max_degC", "at_s", "limit_degC", "margin_K"}
     uneven = replace(
         BAR,
         nodes=tuple(
             replace(node, capacity=1.1 * node.capacity) if node.name == "magnet_3" else node for node in BAR.nodes
         ),
     )
-    assert "profile" not in hot_spots(uneven, a_bar(0.3, 140.0, 8.0), 0.5)["magnet"]
+    assert hot_spots(uneven, a_bar(0.3, 140.0, 8.0), 0.5)["magnet"].profile is None
     at_the_end = hot_spots(BAR, a_bar(0.9, 140.0, 8.0), 0.5)["magnet"]
-    assert at_the_end["node"] == "magnet_3"
-    assert "profile" not in at_the_end
+    assert at_the_end.node == "magnet_3"
+    assert at_the_end.profile is None

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from replay.engine.results.residuals import by_node, channel_summary, where
+from replay.engine.results.residuals import channel_errors, largest_by_node, mean_by_node, where
 from replay.engine.results.run import Observed
 
 
@@ -29,18 +29,18 @@ def _observed(residual: NDArray[np.float64], used: NDArray[np.bool_] | None = No
 
 def test_a_channel_is_summed_up_over_what_may_be_used() -> None:
     residual = np.array([1.0, -2.0, 3.0, 100.0])
-    summary = channel_summary(_observed(residual, np.array([True, True, True, False])), {}, 0)
-    assert summary is not None
-    assert summary["mae_K"] == pytest.approx(2.0)
-    assert summary["max_K"] == 3.0
-    assert summary["bias_K"] == pytest.approx(2.0 / 3.0)
-    assert summary["max_at_s"] == 2.0
-    assert summary["masked"] == 1
-    assert summary["floor_K"] == pytest.approx(0.5)
+    errors = channel_errors(_observed(residual, np.array([True, True, True, False])), {}, 0)
+    assert errors is not None
+    assert errors.mae_K == pytest.approx(2.0)
+    assert errors.max_K == 3.0
+    assert errors.bias_K == pytest.approx(2.0 / 3.0)
+    assert errors.max_at_s == 2.0
+    assert errors.masked == 1
+    assert errors.floor_K == pytest.approx(0.5)
 
 
 def test_a_channel_without_usable_samples_has_no_summary() -> None:
-    assert channel_summary(_observed(np.ones(3), np.zeros(3, dtype=np.bool_)), {}, 0) is None
+    assert channel_errors(_observed(np.ones(3), np.zeros(3, dtype=np.bool_)), {}, 0) is None
 
 
 def test_error_at_high_speed_is_found_there() -> None:
@@ -57,9 +57,10 @@ def test_error_that_is_everywhere_has_no_place() -> None:
 
 
 def test_channels_of_one_node_are_joined_by_their_samples() -> None:
-    entries = [
-        {"node": "magnet", "mae_K": 1.0, "max_K": 5.0, "samples": 30},
-        {"node": "magnet", "mae_K": 3.0, "max_K": 4.0, "samples": 10},
-    ]
-    assert by_node(entries, "mae_K") == {"magnet": 1.5}
-    assert by_node(entries, "max_K") == {"magnet": 5.0}
+    errors = (
+        channel_errors(_observed(np.ones(30)), {}, 0),
+        channel_errors(_observed(np.array([3.0] * 9 + [4.0])), {}, 0),
+    )
+    both = [one for one in errors if one is not None]
+    assert mean_by_node(both, lambda one: one.mae_K) == {"magnet": pytest.approx((30 * 1.0 + 10 * 3.1) / 40)}
+    assert largest_by_node(both) == {"magnet": 4.0}

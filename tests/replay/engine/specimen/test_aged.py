@@ -29,6 +29,7 @@ from replay.engine.files.configurations import network_of
 from replay.engine.files.models import publish_model
 from replay.engine.frame.frame_of import as_fed, session_frame
 from replay.engine.results.artefacts import read_parquet
+from replay.engine.results.as_json import to_json
 from replay.engine.runs.runs import replay
 from replay.engine.specimen.aged import OfSpecimen, ageing_left_out, hours_of, law_of, of_specimen, states_left
 from replay.errors import ReplayDataError
@@ -294,31 +295,31 @@ def test_a_session_goes_on_from_the_state_that_the_last_check_before_it_left(ope
     earlier = replace(LEFT, dose_h=0.0, ln_factor=0.0)
     known = opened.with_states(("a", 2.0, earlier), ("b", 28.0, LEFT), ("c", 60.0, replace(LEFT, ln_factor=-1.0)))
     (entry,) = known.of("old", "aged").ageing
-    state = onwards(LEFT, entry["dose_h"], LAW)
-    assert entry["dose_h"] == dose(DOSE_h)
-    assert entry["factor"] == pytest.approx(np.exp(-0.08 - 0.4 * (DOSE_h - 10.0) / 100.0), abs=1e-4)
-    assert (entry["factor"], entry["sd"]) == pytest.approx((state.factor, state.ln_factor_sd), abs=1e-9)
-    assert entry["from"] == list(known.facts.assessments)[-1]
+    state = onwards(LEFT, entry.dose_h, LAW)
+    assert entry.dose_h == dose(DOSE_h)
+    assert entry.factor == pytest.approx(np.exp(-0.08 - 0.4 * (DOSE_h - 10.0) / 100.0), abs=1e-4)
+    assert (entry.factor, entry.sd) == pytest.approx((state.factor, state.ln_factor_sd), abs=1e-9)
+    assert entry.from_ == list(known.facts.assessments)[-1]
     run, by_its_law = known.run("old", "aged"), opened.run("old", "aged")
-    assert difference_K(known, run) == pytest.approx(HEAT_W / (SLOT_W_per_K * entry["factor"]), rel=1e-4)
+    assert difference_K(known, run) == pytest.approx(HEAT_W / (SLOT_W_per_K * entry.factor), rel=1e-4)
     assert run.run != by_its_law.run
-    assert run.key["ageing"] == [entry]
+    assert run.key["ageing"] == [to_json(entry)]
 
 
 def test_before_the_first_check_there_is_only_the_law(opened: Opened) -> None:
     known = opened.with_states(("b", 28.0, LEFT))
-    assert known.of("new", "aged").ageing[0]["from"] == "law"
+    assert known.of("new", "aged").ageing[0].from_ == "law"
 
 
 def test_the_latest_assessment_of_the_specimen_counts(opened: Opened) -> None:
     known = opened.with_states(("b", 28.0, LEFT)).with_states(("b", 28.0, replace(LEFT, ln_factor=-0.2)))
-    assert known.of("old", "aged").ageing[0]["from"] == list(known.facts.assessments)[-1]
+    assert known.of("old", "aged").ageing[0].from_ == list(known.facts.assessments)[-1]
     without = known.with_states(("b", 28.0, None))
-    assert without.of("old", "aged").ageing[0]["from"] == "law"
+    assert without.of("old", "aged").ageing[0].from_ == "law"
 
 
 def test_a_state_of_hours_above_another_temperature_is_not_taken(opened: Opened) -> None:
-    assert opened.with_states(("b", 28.0, LEFT), degC=200.0).of("old", "aged").ageing[0]["from"] == "law"
+    assert opened.with_states(("b", 28.0, LEFT), degC=200.0).of("old", "aged").ageing[0].from_ == "law"
 
 
 def test_a_state_is_that_of_insulation_and_no_other_place_takes_it(opened: Opened) -> None:
@@ -326,11 +327,11 @@ def test_a_state_is_that_of_insulation_and_no_other_place_takes_it(opened: Opene
     housed = motor.replace("coefficient = 5.0", f"coefficient = 5.0, {AGEING}")
     (opened.folder / "both.toml").write_text(housed, encoding="utf-8")
     known = opened.with_states(("b", 28.0, LEFT))
-    assert [(one["places"], one["from"] == "law") for one in known.of("old", "both").ageing] == [
+    assert [(one.places, one.from_ == "law") for one in known.of("old", "both").ageing] == [
         (["winding-teeth"], False),
         (["teeth-air"], True),
     ]
-    assert [one["places"] for one in opened.of("old", "both").ageing] == [["winding-teeth", "teeth-air"]]
+    assert [one.places for one in opened.of("old", "both").ageing] == [["winding-teeth", "teeth-air"]]
 
 
 def test_as_of_an_earlier_time_later_assessments_and_sessions_are_not_known(campaign: Path, tmp_path: Path) -> None:
@@ -342,12 +343,12 @@ def test_as_of_an_earlier_time_later_assessments_and_sessions_are_not_known(camp
         store.ledger.append(f"ageing-{event.assessment}", event)
         later = replace(here, facts=ledger_facts.at(store.ledger))
         earlier = replace(here, facts=ledger_facts.at(store.ledger, str(before)))
-        assert later.of("old", "aged").ageing[0]["from"] == event.assessment
-        assert earlier.of("old", "aged").ageing[0]["from"] == "law"
+        assert later.of("old", "aged").ageing[0].from_ == event.assessment
+        assert earlier.of("old", "aged").ageing[0].from_ == "law"
         taken_in = [one.position for one in store.ledger.events() if getattr(one.event, "name", "") == "oven_1"]
         only_new = replace(here, facts=ledger_facts.at(store.ledger, str(min(taken_in) - 1)))
         assert [one.name for one in only_new.facts.sessions] == ["new"]
-        assert only_new.of("new", "aged").ageing[0]["dose_h"] == 0.0
+        assert only_new.of("new", "aged").ageing[0].dose_h == 0.0
 
 
 def test_checks_leave_states_where_they_have_dose_and_resistance(opened: Opened) -> None:
@@ -357,7 +358,7 @@ def test_checks_leave_states_where_they_have_dose_and_resistance(opened: Opened)
     expected = filtered(known, LAW)
     assert [State(**(one or {})) for one in (first, last)] == list(expected)
     (entry,) = opened.with_states(("b", 28.0, expected[0])).of("old", "aged").ageing
-    assert entry["factor"] == pytest.approx(by_law(DOSE_h, LAW).factor, abs=1e-4)
+    assert entry.factor == pytest.approx(by_law(DOSE_h, LAW).factor, abs=1e-4)
 
 
 def test_the_law_beforehand_is_that_of_the_model(opened: Opened) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -13,7 +14,7 @@ from made.runs import made_run
 from replay.engine.results.run import Run
 from replay.show.reports.report import LINES, ReportContext, write_report
 from replay.show.words import words
-from replay.show.words.findings import answer, channel_errors, finding, power_balance
+from replay.show.words.findings import answer, finding, power_balance, worst_first
 from replay.show.words.terminal import WIDTH, labelled, replay_text
 
 CONTEXT = ReportContext(command="whyhot replay 1_s1", store_head="4f0c91", versions={"whyhot": "0.1.0"})
@@ -72,11 +73,11 @@ def test_a_model_within_the_floor_is_said_to_agree() -> None:
 
 def test_recordings_without_a_usable_channel_get_an_honest_answer() -> None:
     run = made_run()
-    assert answer([{**run.summary, "channels": []}]).startswith("Nothing can be said")
+    assert answer([replace(run.summary, channels=[])]).startswith("Nothing can be said")
 
 
 def test_a_finding_within_the_floor_compares_with_the_floor() -> None:
-    winding = channel_errors(made_run().summary)[1]
+    winding = worst_first(made_run().summary)[1]
     assert finding(winding) == "Winding: model within the sensor's own uncertainty (0.2 K of 0.5 K)"
 
 
@@ -90,12 +91,12 @@ def test_a_finding_within_the_floor_compares_with_the_floor() -> None:
     ],
 )
 def test_the_power_balance_says_what_the_difference_may_be(loss: float, heat: float, says: str) -> None:
-    summary = {**made_run().summary, "electrical_minus_mechanical_W": loss, "network_heat_W": heat}
+    summary = replace(made_run().summary, electrical_minus_mechanical_W=loss, network_heat_W=heat)
     assert says in power_balance([summary])[0]
 
 
 def test_without_recorded_power_there_is_no_balance() -> None:
-    assert power_balance([{**made_run().summary, "electrical_minus_mechanical_W": None}]) == []
+    assert power_balance([replace(made_run().summary, electrical_minus_mechanical_W=None)]) == []
 
 
 @pytest.mark.parametrize(
@@ -145,8 +146,8 @@ def test_the_terminal_lists_each_node_with_error_bias_and_floor() -> None:
 
 def test_two_channels_on_one_node_are_told_apart() -> None:
     run = made_run()
-    twice = [*run.summary["channels"], {**run.summary["channels"][0], "channel": "T_9"}]
-    text = replay_text([{**run.summary, "channels": twice}], "next")
+    twice = [*run.summary.channels, replace(run.summary.channels[0], channel="T_9")]
+    text = replay_text([replace(run.summary, channels=twice)], "next")
     assert "winding (T_1)" in text and "winding (T_9)" in text
 
 
@@ -207,8 +208,8 @@ def test_hostile_channel_names_stay_text_in_the_drawings(tmp_path: Path) -> None
     run = made_run()
     node = {o.node: f"{o.node}{HOSTILE}" for o in run.observed}
     observed = tuple(o.__class__(**{**vars(o), "node": node[o.node], "channel": HOSTILE}) for o in run.observed[:1])
-    channels = [{**c, "node": node[c["node"]], "channel": HOSTILE} for c in run.summary["channels"][:1]]
-    hostile = run.__class__(**{**vars(run), "observed": observed, "summary": {**run.summary, "channels": channels}})
+    channels = [replace(one, node=node[one.node], channel=HOSTILE) for one in run.summary.channels[:1]]
+    hostile = replace(run, observed=observed, summary=replace(run.summary, channels=channels))
     parsed = Tags(page(tmp_path, hostile))
     assert not {tag for tag, _ in parsed.tags} & {"script", "img"}
 
@@ -220,7 +221,7 @@ def test_a_session_without_absolute_time_counts_from_its_start(tmp_path: Path) -
 
 def test_a_session_without_a_usable_channel_is_still_listed(tmp_path: Path) -> None:
     run = made_run()
-    empty = run.__class__(**{**vars(run), "observed": (), "summary": {**run.summary, "channels": []}})
+    empty = replace(run, observed=(), summary=replace(run.summary, channels=[]))
     assert "no channel of this session observes a node" in page(tmp_path, empty)
 
 
@@ -236,6 +237,6 @@ def test_a_line_takes_no_more_than_its_share_of_5_megabytes(tmp_path: Path) -> N
         for i in range(4)
         for o in run.observed
     )
-    channels = [{**c, "channel": f"{c['channel']}_{i}"} for i in range(4) for c in run.summary["channels"]]
-    long = run.__class__(**{**vars(run), "observed": observed, "summary": {**run.summary, "channels": channels}})
+    channels = [replace(one, channel=f"{one.channel}_{i}") for i in range(4) for one in run.summary.channels]
+    long = replace(run, observed=observed, summary=replace(run.summary, channels=channels))
     assert len(page(tmp_path, long).encode()) < 5_000_000 * 3 * len(observed) / LINES

@@ -6,6 +6,8 @@ from typing import Any
 
 import pytest
 
+from made.runs import made_summary
+from replay.engine.results.summary import Summary
 from replay.show.words.filter_words import compared, filter_says, left_out, loss, worst_compared
 from replay.show.words.terminal import WIDTH, replay_text
 
@@ -15,13 +17,19 @@ BAND = {"sd_K": 1.0, "ci95_degC": [118.0, 122.0], "checked_by": ["MAG"]}
 NONE: dict[str, Any] = {"sd_K": None, "ci95_degC": None, "checked_by": []}
 CHANNELS: list[dict[str, Any]] = [
     {"channel": channel, "node": node, "mae_K": mae, "max_K": mae, "bias_K": mae, "floor_K": 0.5, "masked": 0}
-    | {"max_at_s": 60.0, "where": {}}
+    | {"max_at_s": 60.0, "where": {}, "white_K": 0.3, "bias_sd_K": 0.4, "samples": 2400}
     for channel, node, mae in (("MAG", "magnet", 11.4), ("RS", "rotor_surface", 11.1), ("teeth", "teeth", 12.0))
 ]
-FILTERED: dict[str, Any] = {
+OLD_FILTERED: dict[str, Any] = {  # what the first runs with a filter have of it
     "node": "magnet",
     "measured": ["RS", "teeth"],
     "mae_K": {"MAG": 1.21},
+    "heat_bias_W": 139.2,
+    "heat_walk_W_per_sqrt_s": 2.0,
+    "nis": 1.0,
+}
+FILTERED: dict[str, Any] = {
+    **OLD_FILTERED,
     "smoothed_mae_K": {"MAG": 1.07},
     "read_mae_K": {"RS": 0.2, "teeth": 0.1},
     "smoothed_read_mae_K": {"RS": 0.1, "teeth": 0.1},
@@ -30,8 +38,8 @@ FILTERED: dict[str, Any] = {
 }
 
 
-def summary(**more: Any) -> dict[str, Any]:
-    return {"channels": CHANNELS, "level": "testing", "filtered": FILTERED, **more}
+def summary(**more: Any) -> Summary:
+    return made_summary(**{"channels": CHANNELS, "filtered": FILTERED, **more})
 
 
 def test_the_loss_is_said_with_where_mean_peak_and_sd() -> None:
@@ -103,29 +111,18 @@ LARGE = {"why_no_band": "the network has 139 nodes, more than 100"}
     ],
 )
 def test_why_there_is_no_filter_or_no_band(spots: dict[str, Any], says: list[str]) -> None:
-    assert left_out({"hot_spots": spots, "filtered": None, "level": "production"}) == says
+    whole = {spot: {**SPOT, "node": spot, **one} for spot, one in spots.items()}
+    assert left_out(summary(hot_spots=whole, filtered=None, level="production")) == says
 
 
 def test_nothing_is_said_of_runs_that_were_sealed_before_there_was_a_filter() -> None:
-    assert list(filter_says({"channels": CHANNELS})) == []
-    bare = {key: FILTERED[key] for key in ("node", "measured", "mae_K")}
-    (said,) = filter_says(summary(filtered=bare))
+    assert list(filter_says(made_summary(channels=CHANNELS))) == []
+    (said,) = filter_says(summary(filtered=OLD_FILTERED))
     assert said == "magnet (MAG, not read): open loop 11.4 K off on average, filter 1.2 K"
 
 
 def test_the_terminal_says_it_within_its_width() -> None:
-    whole = {
-        **summary(),
-        "session": "5e55",
-        "session_name": "1_s1",
-        "kind": "s1",
-        "duration_s": 1200.0,
-        "model": "9ac1f00d",
-        "motor": "m",
-        "digest": "4f0c",
-        "electrical_minus_mechanical_W": None,
-        "network_heat_W": 1.0,
-    }
+    whole = summary()
     lines = replay_text([whole], "whyhot report 1_s1").splitlines()
     text = " ".join(" ".join(lines).split())
     for said in filter_says(whole):

@@ -2,25 +2,44 @@
 
 from __future__ import annotations
 
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from ingest.bench.derating import DeratingRule
-from replay.engine.results.hot_spots import derating_summary, hot_spots, limits
+from made.runs import made_summary
+from replay.engine.results.hot_spots import deratings, hot_spots, limits
+from replay.engine.results.summary import (
+    Efficiency,
+    HeatBalance,
+    HeatPart,
+    HotSpot,
+    LimitPassed,
+    ModelledSpot,
+    StoredHeat,
+)
+from replay.engine.specimen.aged import Aged
 from replay.show.plots.heat_plots import parts_of
 from replay.show.words import heat_words
 from twin.motor.network import Network, Node
 
-LOSSES: dict[str, Any] = {
-    "mean_W": 100.0,
-    "energy_J": 6000.0,
-    "kinds": {"copper_dc": {"mean_W": 120.0, "energy_J": 7200.0}, "iron": {"mean_W": -20.0, "energy_J": -1200.0}},
-    "boundaries": {"coolant": {"mean_W": 130.0, "energy_J": 7800.0}, "ambient": {"mean_W": -10.0, "energy_J": -600.0}},
-    "stored": {"copper": {"energy_J": -1500.0}, "iron": {"energy_J": 300.0}},
-    "left_J": 0.0,
-}
+
+def part(mean_W: float) -> HeatPart:
+    """Of a run of a minute."""
+    return HeatPart(mean_W=mean_W, energy_J=60.0 * mean_W)
+
+
+LOSSES = HeatBalance(
+    mean_W=100.0,
+    energy_J=6000.0,
+    kinds={"copper_dc": part(120.0), "iron": part(-20.0)},
+    regions={},
+    nodes={},
+    boundaries={"coolant": part(130.0), "ambient": part(-10.0)},
+    stored={"copper": StoredHeat(energy_J=-1500.0), "iron": StoredHeat(energy_J=300.0)},
+    left_J=0.0,
+)
 NODES = (Node("winding", 1.0, "copper", limit_degC=100.0), Node("teeth", 1.0, "iron"), Node("shaft", 1.0, "rotor"))
 MOTOR = Network("m", NODES, (), (), ())
 T = np.array([[20.0, 20.0, 20.0], [90.0, 50.0, 30.0], [130.0, 60.0, 40.0], [110.0, 70.0, 50.0]])
@@ -34,54 +53,47 @@ def test_what_warms_the_motor_stands_with_the_sources() -> None:
 
 
 def test_the_heat_of_a_run_in_a_sentence() -> None:
-    summary = {"losses": LOSSES, "duration_s": 60.0, "efficiency": {"modelled": 0.943, "measured": None}}
-    assert heat_words.heat(summary) == (
-        "100 W of heat on average (copper DC 120 %, iron −20 %): 130 W into coolant, "
-        "−10 W into ambient and −20 W stored; "
+    efficiency = Efficiency(modelled=0.943, measured=None, mechanical_J=1.0)
+    assert heat_words.heat(replace(made_summary(), losses=LOSSES, efficiency=efficiency)) == (
+        "100 W of heat on average (copper DC 120 %, iron −20 %): 130 W into coolant, −10 W into ambient and −20 W stored; "
         "efficiency 94.3 % by the model"
     )
-    assert heat_words.heat({"duration_s": 60.0}) is None
+    assert heat_words.heat(made_summary()) is None
 
 
 def test_the_hottest_winding_and_what_holds_the_magnets_with_place_time_and_margin() -> None:
     found = hot_spots(MOTOR, T, 0.5)
-    assert found["winding"] == {
-        "node": "winding",
-        "max_degC": 130.0,
-        "at_s": 1.0,
-        "limit_degC": 100.0,
-        "margin_K": -30.0,
-    }
-    assert (found["magnet"]["node"], found["magnet"]["margin_K"]) == ("shaft", None)
-    assert heat_words.hottest({"hot_spots": found}) == (
-        "hottest by the model: winding 130 °C at 0:00:01 (30.0 K ABOVE its limit) "
-        "and magnet 50 °C at 0:00:02 (shaft, no limit given)"
+    assert found["winding"] == HotSpot(node="winding", max_degC=130.0, at_s=1.0, limit_degC=100.0, margin_K=-30.0)
+    assert (found["magnet"].node, found["magnet"].margin_K) == ("shaft", None)
+    bare = {spot: ModelledSpot(**vars(one)) for spot, one in found.items()}
+    assert heat_words.hottest(replace(made_summary(), hot_spots=bare)) == (
+        "hottest by the model: winding 130 °C at 0:00:01 (30.0 K ABOVE its limit) and magnet 50 °C at 0:00:02 (shaft, no limit given)"
     )
 
 
 def test_time_above_a_limit_is_that_of_the_steps_means() -> None:
     found = limits(MOTOR, T, 0.5)
-    assert found == {"winding": {"limit_degC": 100.0, "above_s": 1.0, "max_degC": 130.0}}
-    (said,) = heat_words.above_limits({"limits": found})
+    assert found == {"winding": LimitPassed(limit_degC=100.0, above_s=1.0, max_degC=130.0)}
+    (said,) = heat_words.above_limits(replace(made_summary(), limits=found))
     assert said == "winding, by the model, is above its limit of 100 °C for 1 s, up to 130 °C"
 
 
 @pytest.mark.parametrize(("node", "spot"), [("winding", "winding"), ("teeth", "winding"), ("shaft", "magnet")])
 def test_a_rule_protects_what_its_sensor_stands_for(node: str, spot: str) -> None:
     shown = np.array([20.0, 60.0, 100.0])
-    (found,) = derating_summary([DeratingRule("NTC", 50.0, 150.0)], {"NTC": (node, shown)}, MOTOR, T, 0.5)
-    assert found["protects"] == spot
-    assert found["margin_K"] == (45.0 if spot == "winding" else None)  # 100 less the 55 of the first step
+    (found,) = deratings([DeratingRule("NTC", 50.0, 150.0)], {"NTC": (node, shown)}, MOTOR, T, 0.5)
+    assert found.protects == spot
+    assert found.margin_K == (45.0 if spot == "winding" else None)  # 100 less the 55 of the first step
 
 
 def test_a_rule_whose_sensor_is_not_there_is_left_out() -> None:
-    assert derating_summary([DeratingRule("NTC", 50.0, 150.0)], {}, MOTOR, T, 0.5) == []
+    assert deratings([DeratingRule("NTC", 50.0, 150.0)], {}, MOTOR, T, 0.5) == []
 
 
 def test_a_derating_that_comes_too_late_is_said() -> None:
     shown = np.array([20.0, 30.0, 40.0])
-    entries = derating_summary([DeratingRule("NTC", 50.0, 150.0)], {"NTC": ("winding", shown)}, MOTOR, T, 0.5)
-    (said,) = heat_words.derating({"derating": entries})
+    found = deratings([DeratingRule("NTC", 50.0, 150.0)], {"NTC": ("winding", shown)}, MOTOR, T, 0.5)
+    (said,) = heat_words.derating(replace(made_summary(), derating=found))
     assert said.startswith(
         "Derating by NTC (50 to 150 °C): full current throughout; by the hottest winding of the model less"
     )
@@ -104,35 +116,21 @@ def test_a_number_has_the_unit_of_its_size(value: float, unit: str, text: str) -
 
 
 def test_a_band_is_said_with_what_it_holds() -> None:
+    bare = {spot: ModelledSpot(**vars(one)) for spot, one in hot_spots(MOTOR, T, 0.5).items()}
     spots = {
-        spot: {
-            **one,
-            "sd_K": 5.0,
-            "ci95_degC": [one["max_degC"] - 9.8, one["max_degC"] + 9.8],
-            "band_from": "motor file",
-        }
-        for spot, one in hot_spots(MOTOR, T, 0.5).items()
+        spot: replace(one, sd_K=5.0, ci95_degC=[one.max_degC - 9.8, one.max_degC + 9.8], band_from="motor file")
+        for spot, one in bare.items()
     }
-    assert heat_words.hottest({"hot_spots": spots}) == (
-        "hottest by the model: winding 130 °C (120 to 140) at 0:00:01 (30.0 K ABOVE its limit) "
-        "and magnet 50 °C (40 to 60) at 0:00:02 "
-        "(shaft, no limit given); 95 %, by the sd of the motor file: calibrate it for a narrower one"
+    assert heat_words.hottest(replace(made_summary(), hot_spots=spots)) == (
+        "hottest by the model: winding 130 °C (120 to 140) at 0:00:01 (30.0 K ABOVE its limit) and magnet 50 °C (40 to 60) "
+        "at 0:00:02 (shaft, no limit given); 95 %, by the sd of the motor file: calibrate it for a narrower one"
     )
-    none = {spot: {**one, "sd_K": None, "ci95_degC": None, "band_from": None} for spot, one in spots.items()}
-    assert heat_words.hottest({"hot_spots": none}) == heat_words.hottest({"hot_spots": hot_spots(MOTOR, T, 0.5)})
 
 
 def test_what_heat_has_left_is_said_with_where_that_is_known_from() -> None:
-    entry = {
-        "places": ["winding_a-teeth"],
-        "above_degC": 180.0,
-        "dose_h": 132.4,
-        "factor": 0.81,
-        "sd": 0.01,
-        "from": "law",
-    }
-    (line,) = heat_words.aged({"ageing": [entry]})
+    old = Aged(places=["winding_a-teeth"], above_degC=180.0, dose_h=132.4, factor=0.81, sd=0.01, from_="law")
+    (line,) = heat_words.aged(replace(made_summary(), ageing=[old]))
     assert line == "aged: 132 h above 180 °C before leave 81 % of winding a-teeth, by the law of the motor file"
-    (line,) = heat_words.aged({"ageing": [entry | {"from": "abcdef1234567890"}]})
+    (line,) = heat_words.aged(replace(made_summary(), ageing=[replace(old, from_="abcdef1234567890")]))
     assert line.endswith("by the checks of assessment abcdef12")
-    assert list(heat_words.aged({})) == []
+    assert list(heat_words.aged(made_summary())) == []

@@ -132,17 +132,19 @@ def test_how_many_points_are_worth_running_is_said(found: Protocol) -> None:
 
 def test_why_a_filter_is_worse_than_the_open_loop_is_said(found: Protocol) -> None:
     (after,) = found.after
-    winding = next(name for name in after["filtered"]["measured"] if "winding" in name)
+    assert after.filtered is not None
+    winding = next(name for name in after.filtered.measured if "winding" in name)
     event = found.calibration.event
 
     def notes(mae_K: float, biases: tuple[float, float]) -> list[str]:
-        kept = dict.fromkeys(after["filtered"]["mae_K"], mae_K)
-        summary = {**after, "filtered": {**after["filtered"], "mae_K": kept}}
+        assert after.filtered is not None
+        kept = replace(after.filtered, mae_K=dict.fromkeys(after.filtered.mae_K, mae_K))
+        summary = replace(after, filtered=kept)
         errors = [{"channel": winding, "bias_K": bias} for bias in biases]
         calibration = replace(found.calibration, event=replace(event, errors=errors))
         return list(filter_notes(replace(found, after=(summary,), calibration=calibration)))
 
-    open_loop = max(c["mae_K"] for c in after["channels"])
+    open_loop = max(one.mae_K for one in after.channels)
     (_, why) = notes(open_loop + 0.5, (0.6, 0.4))
     assert f"what a thermometer reads too much (by the calibration {winding} +0.5 K): a [[correction]]" in why
     (_, why) = notes(open_loop + 0.5, (0.6, -0.4))

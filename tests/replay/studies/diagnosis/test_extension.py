@@ -125,7 +125,7 @@ def test_no_channel_is_worse_than_as_published(runs: Mapping[str, Mapping[str, R
 
 
 def test_errors_stand_under_the_same_node_in_all_of_them(runs: Mapping[str, Mapping[str, Run]]) -> None:
-    nodes = {label: set(run.summary["mae_K"]) for label, each in runs.items() for run in each.values()}
+    nodes = {label: set(run.summary.mae_K) for label, each in runs.items() for run in each.values()}
     assert nodes["model"] == nodes["recalibrated_model"] == nodes["extended_model"]
     assert "rotor_surface" in nodes["model"]
 
