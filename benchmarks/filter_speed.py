@@ -38,6 +38,7 @@ from twin.filters.ekf import filter_unknowns
 from twin.filters.inputs import Inputs, Reading, Start, inputs_of
 from twin.filters.unknowns import Unknown, UnknownFactor, UnknownHeat
 from twin.motor.network import Network
+from twin.motor.sensor import Sensor
 from twin.paper.ekf import at_edges, at_the_start, filter_with_rates, heats_of, predict, sensor_row, transition
 from twin.paper.law_heats import law_heats, shares
 from twin.run.simulate import Frame, simulate
@@ -73,7 +74,9 @@ def case_of(unknowns: tuple[Unknown, ...], cut: int = STEPS) -> Case:
     rng, names = np.random.default_rng(1), [node.name for node in network.nodes]
     read = [truth[1:, names.index(name)] + rng.normal(0, NOISE_K, steps) for name in SENSORS]
     noise = np.full(steps, NOISE_K**2)
-    channels = [Reading(n, {n: 1.0}, 0.0, value, np.ones(steps), noise) for n, value in zip(SENSORS, read, strict=True)]
+    channels = [
+        Reading(Sensor(n, {n: 1.0}), value, np.ones(steps), noise) for n, value in zip(SENSORS, read, strict=True)
+    ]
     inputs = Frame(STEP_S, inputs.features[:cut], inputs.boundaries[:cut])
     channels = [replace(r, value=r.value[:cut], place=r.place[:cut], variance=r.variance[:cut]) for r in channels]
     return network, inputs, start, list(unknowns), channels

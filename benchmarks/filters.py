@@ -47,8 +47,9 @@ from plant.geometry import Geometry
 from plant.placement import weights
 from replay.engine.files.models import for_intake
 from replay.engine.files.motor_file import read_motor
-from replay.engine.frame.frame import InputFrame, Observation
+from replay.engine.frame.frame import InputFrame
 from replay.engine.frame.frame_of import session_frame
+from replay.engine.frame.observations import Observation
 from replay.engine.results.filtered import mean_losses, reading_of, unknown_heat
 from replay.engine.results.kernel_cache import load, load_kernel
 from replay.engine.results.open_loop import initial_temperatures, modelled
@@ -61,6 +62,7 @@ from twin.filters.smoother import smoothed
 from twin.filters.ukf import filter_unscented
 from twin.filters.unknowns import UnknownHeat
 from twin.motor.network import Network
+from twin.motor.sensor import Sensor
 from twin.paper.ekf import at_edges, at_the_start, filter_with_rates, predict, sensor_row, transition
 from twin.paper.law_heats import law_heats
 from twin.run.simulate import Frame, simulate
@@ -103,7 +105,7 @@ class Case:
 
     @property
     def kept(self) -> Observation:
-        (kept,) = (o for o in self.recorded.observations if o.channel == KEPT)
+        (kept,) = (o for o in self.recorded.observations if o.sensor.name == KEPT)
         return kept
 
 
@@ -162,7 +164,7 @@ def case_of(
 def with_network(recorded: InputFrame, network: Network) -> Case:
     """The same drive by a network that differs in its numbers."""
     inputs = Frame(recorded.step_s, recorded.features, recorded.boundaries)
-    seen = tuple(o for o in recorded.observations if o.channel in SEEN)
+    seen = tuple(o for o in recorded.observations if o.sensor.name in SEEN)
     temperatures, sd = initial_temperatures(network, replace(recorded, observations=seen), "testing")
     channels = [reading_of(o, recorded) for o in seen]
     open_loop = simulate(load_kernel(network), inputs, temperatures)
@@ -253,9 +255,7 @@ def timed_case(steps: int) -> tuple[Network, Frame, Start, list[UnknownHeat], li
     rng, names = np.random.default_rng(1), [node.name for node in network.nodes]
     channels = [
         Reading(
-            name,
-            {name: 1.0},
-            0.0,
+            Sensor(name, {name: 1.0}),
             truth[1:, names.index(name)] + rng.normal(0, 0.1, steps),
             np.ones(steps),
             np.full(steps, 0.01),

@@ -221,7 +221,7 @@ def errors_K(case: Case, edges: Floats, channels: Sequence[str]) -> tuple[float,
 def off_K(case: Case, edges: Floats, channel: str) -> Floats:
     """Measured less estimated of a channel's good samples after the start."""
     nodes = tuple(node.name for node in case.network.nodes)
-    (o,) = (o for o in case.recorded.observations if o.channel == channel)
+    (o,) = (o for o in case.recorded.observations if o.sensor.name == channel)
     use = o.good & case.recorded.live
     use[: round(SETTLE_S / case.inputs.step_s)] = False
     off: Floats = (o.measured - modelled(o, case.recorded, edges, nodes))[use]
@@ -295,7 +295,7 @@ def drawn(network: Network, rng: np.random.Generator) -> Network:
 
 def hot_spot(case: Case) -> str:
     """The hottest of the measured endwindings."""
-    highest = {o.channel: float(o.measured[o.good].max()) for o in case.recorded.observations}
+    highest = {o.sensor.name: float(o.measured[o.good].max()) for o in case.recorded.observations}
     return max(ENDWINDINGS, key=lambda channel: highest[channel])
 
 

@@ -10,7 +10,7 @@ sensor that is no unknown is taken for temperature, and so for heat.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -25,6 +25,7 @@ from twin.filters.unknowns import Unknown, node_place, places, variances
 from twin.motor.check import check
 from twin.motor.network import NOBODY, Network
 from twin.motor.outputs import lag_factors
+from twin.motor.sensor import Sensor
 from twin.run.losses import takers
 from twin.run.simulate import Frame, check_frame
 
@@ -39,17 +40,18 @@ READING_SD_K = 0.1  # of a lagging sensor's reading at the start, about equilibr
 
 @dataclass(frozen=True)
 class Reading:
-    """A thermometer over N steps. `weights`: node -> share of its temperature in what is measured, sum 1;
-    `time_constant_s`: of a known first-order lag, 0 for none; `value` (N,) [degC] mean of each step's samples, NaN
-    where there is none; `place` (N,) in [0, 1]: their mean time within the step; `variance` (N,) [K^2] of that mean,
-    above 0 where there is a value."""
+    """A sensor over N steps. `value` (N,) [degC] mean of each step's samples, NaN where there is none; `place` (N,) in [0, 1]: their
+    mean time within the step; `variance` (N,) [K^2] of that mean, above 0 where there is a value."""
 
-    channel: str
-    weights: Mapping[str, float]
-    time_constant_s: float
+    sensor: Sensor
     value: Floats
     place: Floats
     variance: Floats
+
+    @property
+    def channel(self) -> str:
+        """The name of the channel."""
+        return self.sensor.name
 
 
 @dataclass(frozen=True)
@@ -160,7 +162,7 @@ def _check(network: Network, frame: Frame, start: Start, readings: Sequence[AnyR
     around = [boundary.name for boundary in network.boundaries]
     for r in readings:
         if isinstance(r, Reading):
-            for name in r.weights:
+            for name in r.sensor.weights:
                 node_place(network, name)
         elif r.boundary is not None and r.boundary not in around:
             raise FrameError(f'channel "{r.channel}": no boundary "{r.boundary}": name one of {", ".join(around)}')
@@ -196,9 +198,10 @@ def _parts(
     weights, lag, state = np.zeros((m, n)), np.zeros((m, 3)), np.full(m, -1, dtype=np.int64)
     size = sought + m
     for j, reading in enumerate(readings):
-        weights[j, [names.index(name) for name in reading.weights]] = list(reading.weights.values())
-        if reading.time_constant_s > 0:
-            lag[j] = lag_factors(reading.time_constant_s, step_s)
+        sensor = reading.sensor
+        weights[j, [names.index(name) for name in sensor.weights]] = list(sensor.weights.values())
+        if sensor.time_constant_s > 0:
+            lag[j] = lag_factors(sensor.time_constant_s, step_s)
             state[j], size = size, size + 1
     process = np.zeros(size)
     process[:n] = start.walk_K**2 * step_s

@@ -84,7 +84,7 @@ def filter_with_rates(
     likelihood = _run(
         capacities,
         inputs.parts.weights,
-        np.array([r.time_constant_s for r in readings if isinstance(r, Reading)], dtype=np.float64),
+        np.array([r.sensor.time_constant_s for r in readings if isinstance(r, Reading)], dtype=np.float64),
         inputs.parts.bias,
         state,
         shift,

@@ -19,11 +19,11 @@ from ingest.catalogue.power import RPM
 from ingest.texts.nearest import hint
 from ingest.texts.quantities import STORED_UNIT, column_suffix
 from replay.engine.frame.inputs import Signal, bridge, longest_stretch, pieces
-from replay.engine.frame.meters import SHAFT, Measurand, measurands
+from replay.engine.frame.meters import SHAFT, measurands
+from replay.engine.frame.observations import Meter, Observation, observe
 from replay.errors import ReplayDataError
 from twin.motor.features import Monomial, evaluate, is_flow, scale
 from twin.motor.network import Network
-from twin.motor.outputs import followed
 from twin.run.initial import time_constants
 
 if TYPE_CHECKING:
@@ -34,37 +34,6 @@ Bools = NDArray[np.bool_]
 Times = NDArray[np.int64]
 
 CHUNK_STEPS = 4096  # the finest pieces of this many steps are in memory at once
-
-
-@dataclass(frozen=True)
-class Observation:
-    """An observed channel over the N steps. `label`: the node that it follows by more than half, else "0.5 a + 0.5 b";
-    `measured` [degC] NaN where it has no sample; `place` in [0, 1): mean time within the step; `samples` good samples in the
-    step; `first_record`, `last_record` -1 where none; `raw` index of file."""
-
-    channel: str
-    label: str
-    weights: Mapping[str, float]  # node -> weight, sum 1
-    level: str
-    noise: float
-    bias_sd: float
-    resolution: float
-    time_constant_s: float
-    measured: Floats
-    place: Floats
-    samples: NDArray[np.int64]
-    good: Bools
-    first_record: Times
-    last_record: Times
-    raw: Times
-
-
-@dataclass(frozen=True)
-class Meter:
-    """An observed channel that is no thermometer: what it measures, and its samples, there in the unit of its quantity."""
-
-    what: Measurand
-    seen: Observation
 
 
 @dataclass(frozen=True)
@@ -143,12 +112,12 @@ def build(
         inputs={columns[name]: means[name] for name in means if name in columns},
         live=_live(signals.values(), edges, recovery_s(network, features.mean(axis=0), channels)),
         observations=tuple(
-            _observe(c, g, edges, raw_files) for c, g in zip(channels, good, strict=True) if c.spec.name in observed
+            observe(c, g, edges, raw_files) for c, g in zip(channels, good, strict=True) if c.spec.name in observed
         ),
         raw_files=raw_files,
         note=note,
         meters=tuple(
-            Meter(metered[c.spec.name], _observe(c, g, edges, raw_files))
+            Meter(metered[c.spec.name], observe(c, g, edges, raw_files))
             for c, g in zip(channels, good, strict=True)
             if c.spec.name in metered
         ),
@@ -348,43 +317,3 @@ def recovery_s(network: Network, mean_features: Floats, channels: Sequence[Chann
     }
     constants = time_constants(network, mean_features)
     return 3.0 * min((constants[n.name] for n in network.nodes if n.name in seen), default=0.0)
-
-
-def _observe(channel: ChannelData, good: Bools, edges: Times, raw_files: tuple[str, ...]) -> Observation:
-    """Bin a channel's samples into steps [edge, next edge); bad samples are shown where there are no good ones."""
-    spec, n = channel.spec, edges.size - 1
-    step_ns = int(edges[1] - edges[0])
-    inside = (channel.t_ns >= edges[0]) & (channel.t_ns < edges[-1])
-    step = (channel.t_ns[inside] - edges[0]) // step_ns
-    count_good = np.bincount(step[good[inside]], minlength=n)
-    keep = good[inside] | (count_good[step] == 0)
-    step, t, value = step[keep], channel.t_ns[inside][keep], channel.value[inside][keep]
-    count = np.bincount(step, minlength=n)
-    there = count > 0
-    with np.errstate(invalid="ignore"):
-        measured = np.bincount(step, value, minlength=n) / count
-        place = np.bincount(step, (t - edges[step]) / step_ns, minlength=n) / count
-    first, last, raw = (np.full(n, -1, dtype=np.int64) for _ in range(3))
-    position = np.array([raw_files.index(file) for file in channel.raws], dtype=np.int64)
-    starts = np.searchsorted(step, np.flatnonzero(there))
-    ends = np.append(starts[1:], step.size) - 1
-    records, files = channel.record[inside][keep], channel.raw[inside][keep]
-    first[there], last[there], raw[there] = records[starts], records[ends], position[files[starts]]
-    weights = dict(spec.weights) or {spec.node or spec.name: 1.0}
-    return Observation(
-        channel=spec.name,
-        label=followed(weights) or " + ".join(f"{w:g} {node}" for node, w in weights.items()),
-        weights=weights,
-        level=spec.level,
-        noise=spec.noise,
-        bias_sd=spec.bias_sd,
-        resolution=spec.resolution or 0.0,
-        time_constant_s=spec.time_constant_s,
-        measured=measured,
-        place=np.nan_to_num(place),
-        samples=count_good.astype(np.int64),
-        good=count_good > 0,
-        first_record=first,
-        last_record=last,
-        raw=raw,
-    )

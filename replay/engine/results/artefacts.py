@@ -43,14 +43,14 @@ def frame_table(frame: InputFrame) -> pa.Table:
     columns |= {f"boundary:{name}": frame.boundaries[:, i] for i, name in enumerate(frame.boundary_names)}
     columns |= {f"input:{name}": values for name, values in frame.inputs.items()}
     for o in frame.observations:
-        columns |= {f"{o.channel}:measured_degC": o.measured, f"{o.channel}:samples": o.samples}
-        columns |= {f"{o.channel}:first_record": o.first_record, f"{o.channel}:last_record": o.last_record}
-        columns |= {f"{o.channel}:file": o.raw}
+        columns |= {f"{o.sensor.name}:measured_degC": o.measured, f"{o.sensor.name}:samples": o.samples}
+        columns |= {f"{o.sensor.name}:first_record": o.first_record, f"{o.sensor.name}:last_record": o.last_record}
+        columns |= {f"{o.sensor.name}:file": o.raw}
     for meter in frame.meters:
         o, unit = meter.seen, column_suffix(meter.what.quantity)
-        columns |= {f"{o.channel}:measured{unit}": o.measured, f"{o.channel}:samples": o.samples}
-        columns |= {f"{o.channel}:first_record": o.first_record, f"{o.channel}:last_record": o.last_record}
-        columns |= {f"{o.channel}:file": o.raw}
+        columns |= {f"{o.sensor.name}:measured{unit}": o.measured, f"{o.sensor.name}:samples": o.samples}
+        columns |= {f"{o.sensor.name}:first_record": o.first_record, f"{o.sensor.name}:last_record": o.last_record}
+        columns |= {f"{o.sensor.name}:file": o.raw}
     if frame.mechanical_W is not None:
         columns["mechanical_W"] = frame.mechanical_W
     return pa.table(columns).replace_schema_metadata(

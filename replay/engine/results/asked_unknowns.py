@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 
-from replay.engine.frame.frame import Observation
+from replay.engine.frame.observations import Observation
 from replay.engine.results.filtered import (
     HEAT_SHARE,
     HEAT_WALK_SHARE,
@@ -77,9 +77,9 @@ def _members(network: Network, cause: Cause) -> Sequence[str]:
 
 
 def _bias(cause: Cause, observations: Sequence[Observation]) -> UnknownBias:
-    sensors = [ObservedChannel(o.channel, o.weights, "") for o in observations]
-    places = {sensor_place(one, sensors): o for one, o in zip(sensors, observations, strict=True)}
+    sensors = [ObservedChannel(o.sensor.name, o.sensor.weights, "") for o in observations]
+    places = {sensor_place(one, sensors): o.sensor for one, o in zip(sensors, observations, strict=True)}
     if cause.place not in places:
         raise ReplayDataError(f"--unknown {cause}: no thermometer is there: there are {', '.join(places)}.")
     sensor = places[cause.place]
-    return UnknownBias(sensor.channel, max(sensor.bias_sd, LEAST_NOISE_K))
+    return UnknownBias(sensor.name, max(sensor.bias_sd, LEAST_NOISE_K))

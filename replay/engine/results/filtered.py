@@ -8,7 +8,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from replay.engine.frame.frame import InputFrame, Meter, Observation
+from replay.engine.frame.frame import InputFrame
+from replay.engine.frame.observations import Meter, Observation
 from replay.engine.results.heat_readings import heat_readings
 from replay.engine.results.hot_spot_bands import smoothed_spots
 from replay.engine.results.kernel_cache import load_kernel
@@ -66,8 +67,8 @@ def filter_session(
     said = place_of_loss(own[0]) if own else None
     node = said or uncertain_node(network, losses)
     channels = _production_like(network, frame, level) if measured is None else measured
-    seen = tuple(o for o in frame.observations if o.channel in channels)
-    chosen = [m for m in frame.meters if m.seen.channel in channels]
+    seen = tuple(o for o in frame.observations if o.sensor.name in channels)
+    chosen = [m for m in frame.meters if m.seen.sensor.name in channels]
     meters = [m for m in chosen if m.what.law is not None]
     if node is None or not (seen or meters) or len(network.nodes) > MOST_NODES:
         return None
@@ -78,7 +79,7 @@ def filter_session(
     begins = {n.name: (float(t), float(s)) for n, t, s in zip(network.nodes, temperatures, sd, strict=True)}
     converted = [_as_thermometer(m, begins) for m in meters]
     readings = [reading_of(o, frame) for o in (*seen, *(o for o, _ in converted))]
-    errors = (UnknownBias(o.channel, sd_K) for o, sd_K in converted)
+    errors = (UnknownBias(o.sensor.name, sd_K) for o, sd_K in converted)
     unknowns = at_their_pace(network, inputs, start, [*own, *errors], readings)
     paced = unknowns[0]
     assert not isinstance(paced, UnknownBias)  # a loss is first
@@ -134,9 +135,9 @@ def filter_summary(filtered: Estimated, frame: InputFrame, nodes: tuple[str, ...
         found: dict[str, float] = {}
         for o in frame.observations:
             use = o.good & frame.live
-            if (o.channel in filtered.measured) == seen and use.any():
+            if (o.sensor.name in filtered.measured) == seen and use.any():
                 residual = o.measured - modelled(o, frame, temperatures, nodes)
-                found[o.channel] = float(np.abs(residual[use]).mean())
+                found[o.sensor.name] = float(np.abs(residual[use]).mean())
         return found
 
     return FilterSummary(
@@ -225,7 +226,9 @@ def uncertain_node(network: Network, losses: Mapping[str, float]) -> str | None:
 def _production_like(network: Network, frame: InputFrame, level: str) -> list[str]:
     magnets = {node.name for node in network.nodes if node.region == "magnet"}
     all_of_them = (*frame.observations, *(meter.seen for meter in frame.meters))
-    return [o.channel for o in all_of_them if level in ("testing", o.level) and o.label not in magnets]
+    return [
+        o.sensor.name for o in all_of_them if level in ("testing", o.sensor.level) and o.sensor.label not in magnets
+    ]
 
 
 def _heats(
@@ -246,21 +249,20 @@ def _as_thermometer(meter: Meter, begins: Mapping[str, tuple[float, float]]) -> 
     degC, per_K = law.temperature(o.measured), abs(law.per_K)
     if meter.what.referenced:
         rise = 1 / abs(law.slope_per_K) + abs(float(np.nanmean(degC)) - law.reference_degC)
-        sd_K = float(np.hypot(o.bias_sd / per_K, meter.what.gain_sd * rise))
+        sd_K = float(np.hypot(o.sensor.bias_sd / per_K, meter.what.gain_sd * rise))
     else:
         sd_K = sum(share * begins[node][1] for node, share in law.weights.items())
-    as_degC = replace(o, weights=law.weights, measured=degC, noise=o.noise / per_K, resolution=o.resolution / per_K)
-    return as_degC, max(sd_K, LEAST_NOISE_K)
+    noise, resolution = o.sensor.noise / per_K, o.sensor.resolution / per_K
+    sensor = replace(o.sensor, weights=law.weights, noise=noise, resolution=resolution)
+    return replace(o, sensor=sensor, measured=degC), max(sd_K, LEAST_NOISE_K)
 
 
 def reading_of(o: Observation, frame: InputFrame) -> Reading:
     """A recorded channel as a filter reads it: means of its good samples where no input was bridged."""
     samples = np.maximum(o.samples, 1)
     return Reading(
-        channel=o.channel,
-        weights=o.weights,
-        time_constant_s=o.time_constant_s,
+        sensor=o.sensor,
         value=np.where(o.good & frame.live, o.measured, np.nan),
         place=o.place,
-        variance=np.maximum(o.noise**2 + o.resolution**2 / 12, LEAST_NOISE_K**2) / samples,
+        variance=np.maximum(o.sensor.noise**2 + o.sensor.resolution**2 / 12, LEAST_NOISE_K**2) / samples,
     )

@@ -12,7 +12,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from replay.engine.frame.frame import InputFrame, Meter
+from replay.engine.frame.frame import InputFrame
+from replay.engine.frame.observations import Meter
 from twin.filters.inputs import HeatReading
 from twin.filters.unknowns import UnknownBias
 from twin.motor.network import Network
@@ -44,18 +45,18 @@ def _reading(
         value, modelled = o.measured, flows.boundaries[[b.name for b in network.boundaries].index(what.boundary)]
         model_sd = _of_links(network, what.boundary) * np.abs(modelled)
     there = o.good & frame.live
-    sd = np.sqrt(o.bias_sd**2 + (what.gain_sd * o.measured) ** 2 + model_sd**2)
+    sd = np.sqrt(o.sensor.bias_sd**2 + (what.gain_sd * o.measured) ** 2 + model_sd**2)
     # fast power, read at other moments than torque and speed, scatters more than the meter's own noise
-    beyond = (value - lagged_means(modelled, o.time_constant_s, frame.step_s))[there]
-    scatter = max(float(np.mean(np.diff(beyond) ** 2)) / 2 if beyond.size > 1 else 0.0, o.noise**2, LEAST_W**2)
+    beyond = (value - lagged_means(modelled, o.sensor.time_constant_s, frame.step_s))[there]
+    scatter = max(float(np.mean(np.diff(beyond) ** 2)) / 2 if beyond.size > 1 else 0.0, o.sensor.noise**2, LEAST_W**2)
     size = max(float(np.sqrt(np.mean(sd[there] ** 2))) if there.any() else 0.0, LEAST_W)
     reading = HeatReading(
-        channel=o.channel,
+        channel=o.sensor.name,
         value=np.where(there, value, np.nan),
         variance=scatter + sd**2,
         boundary=what.boundary,
     )
-    return reading, UnknownBias(o.channel, size, size / np.sqrt(WANDERS_S))
+    return reading, UnknownBias(o.sensor.name, size, size / np.sqrt(WANDERS_S))
 
 
 def _of_losses(network: Network, flows: HeatFlows, node: str) -> Floats:

@@ -95,18 +95,18 @@ def smoothed_spots(network: Network, frame: InputFrame, temperatures: Floats, sd
     nodes = tuple(node.name for node in network.nodes)
     found: dict[str, SmoothedSpot] = {}
     for spot, one in hot_spots(network, temperatures, frame.step_s).items():
-        there = [o for o in frame.observations if o.label == one.node and (o.good & frame.live).any()]
+        there = [o for o in frame.observations if o.sensor.label == one.node and (o.good & frame.live).any()]
         whole = None
         if there:
             off = [(o.measured - modelled(o, frame, temperatures, nodes))[o.good & frame.live] for o in there]
             own = sd[round(one.at_s / frame.step_s), nodes.index(one.node)]
-            wrong = np.mean([o.bias_sd**2 + np.mean(k**2) for o, k in zip(there, off, strict=True)])
+            wrong = np.mean([o.sensor.bias_sd**2 + np.mean(k**2) for o, k in zip(there, off, strict=True)])
             whole = float(np.sqrt(own**2 + wrong))
         found[spot] = SmoothedSpot(
             **vars(one),
             sd_K=whole,
             ci95_degC=None if whole is None else _band(one, whole),
-            checked_by=[o.channel for o in there],
+            checked_by=[o.sensor.name for o in there],
         )
     return found
 

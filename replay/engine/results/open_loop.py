@@ -8,8 +8,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from replay.engine.frame.frame import InputFrame, Meter, Observation
+from replay.engine.frame.frame import InputFrame
 from replay.engine.frame.meters import Measurand
+from replay.engine.frame.observations import Meter, Observation
 from twin.motor.network import Network
 from twin.motor.observables import lagged_means
 from twin.motor.outputs import followed, lagged
@@ -36,9 +37,9 @@ def _first_measured(
     steps = max(1, round(FIRST_S / frame.step_s))
     seen: dict[str, list[tuple[float, float, Mapping[str, float]]]] = {}
     for o in frame.observations:
-        node, good = followed(o.weights), np.flatnonzero(o.good[:steps])
-        if node and good.size and level in ("testing", o.level):
-            reading = (float(o.measured[good[0]]), float(np.hypot(o.noise, o.bias_sd)), o.weights)
+        node, good = followed(o.sensor.weights), np.flatnonzero(o.good[:steps])
+        if node and good.size and level in ("testing", o.sensor.level):
+            reading = (float(o.measured[good[0]]), float(np.hypot(o.sensor.noise, o.sensor.bias_sd)), o.sensor.weights)
             seen.setdefault(node, []).append(reading)
     measured = {
         node: (float(np.mean([v for v, _, _ in own])), float(np.mean([sd for _, sd, _ in own])) / len(own) ** 0.5)
@@ -57,9 +58,12 @@ def modelled(observation: Observation, frame: InputFrame, temperatures: Floats, 
     `temperatures` (N + 1, n). The lag is first order, exact for a temperature that is linear within a step.
     """
     truth = np.zeros(len(temperatures))
-    for node, share in observation.weights.items():  # no product of matrices: BLAS adds in an order of the processor's
+    for (
+        node,
+        share,
+    ) in observation.sensor.weights.items():  # no product of matrices: BLAS adds in an order of the processor's
         truth += share * temperatures[:, nodes.index(node)]
-    reading = lagged(truth, observation.time_constant_s, frame.step_s)
+    reading = lagged(truth, observation.sensor.time_constant_s, frame.step_s)
     return reading[:-1] + observation.place * np.diff(reading)
 
 
@@ -87,4 +91,4 @@ def metered(
     else:
         assert frame.mechanical_W is not None  # `replay.engine.frame.meters` refuses a power without
         heat = frame.mechanical_W + flows.made
-    return lagged_means(heat, meter.seen.time_constant_s, frame.step_s)
+    return lagged_means(heat, meter.seen.sensor.time_constant_s, frame.step_s)

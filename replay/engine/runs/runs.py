@@ -20,9 +20,9 @@ from ingest.facts.facts import Facts
 from ingest.facts.store import Store
 from replay.engine.files.bench_versions import with_bench_of
 from replay.engine.files.configurations import network_of
-from replay.engine.frame import frame as frames
-from replay.engine.frame.frame import InputFrame, Meter
+from replay.engine.frame.frame import InputFrame
 from replay.engine.frame.frame_of import session_frame
+from replay.engine.frame.observations import Meter, Observation
 from replay.engine.results.artefacts import (
     filtered_table,
     frame_table,
@@ -204,17 +204,17 @@ def _simulated(network: Network, inputs: Frame, initial: Floats, session: Sessio
     return temperatures
 
 
-def _observed(o: frames.Observation, frame: InputFrame, temperatures: Floats, nodes: tuple[str, ...]) -> Observed:
+def _observed(o: Observation, frame: InputFrame, temperatures: Floats, nodes: tuple[str, ...]) -> Observed:
     there = np.isfinite(o.measured)
     per_step = float(np.median(o.samples[o.good])) if o.good.any() else 1.0
     return Observed(
-        channel=o.channel,
-        node=o.label,
+        channel=o.sensor.name,
+        node=o.sensor.label,
         t_ns=(frame.t_ns[:-1] + np.round(o.place * np.diff(frame.t_ns)).astype(np.int64))[there],
         measured=o.measured[there],
         modelled=modelled(o, frame, temperatures, nodes)[there],
-        sd_K=float(np.hypot(o.noise, o.resolution / 12**0.5) / per_step**0.5),
-        bias_sd_K=o.bias_sd,
+        sd_K=float(np.hypot(o.sensor.noise, o.sensor.resolution / 12**0.5) / per_step**0.5),
+        bias_sd_K=o.sensor.bias_sd,
         used=(o.good & frame.live)[there],
         first_record=o.first_record[there],
         last_record=o.last_record[there],
@@ -234,15 +234,15 @@ def _metered(
     there = np.isfinite(seen.measured)
     per_step = float(np.median(seen.samples[seen.good])) if seen.good.any() else 1.0
     return Metered(
-        channel=seen.channel,
+        channel=seen.sensor.name,
         quantity=what.quantity,
         unit=what.unit,
-        place="motor" if what.quantity == "power" else what.boundary or seen.label,
+        place="motor" if what.quantity == "power" else what.boundary or seen.sensor.label,
         t_ns=(frame.t_ns[:-1] + np.round(seen.place * np.diff(frame.t_ns)).astype(np.int64))[there],
         measured=seen.measured[there],
         modelled=metered(meter, what, frame, network, temperatures, flows)[there],
-        sd=float(np.hypot(seen.noise, seen.resolution / 12**0.5) / per_step**0.5),
-        bias_sd=seen.bias_sd,
+        sd=float(np.hypot(seen.sensor.noise, seen.sensor.resolution / 12**0.5) / per_step**0.5),
+        bias_sd=seen.sensor.bias_sd,
         gain_sd=what.gain_sd,
         used=(seen.good & frame.live)[there],
         first_record=seen.first_record[there],

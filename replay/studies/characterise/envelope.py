@@ -17,8 +17,9 @@ from ingest.facts.facts import Facts
 from ingest.facts.store import Store
 from replay.engine.files.configurations import refuse_other_rigs
 from replay.engine.files.motor_file import read_motor
-from replay.engine.frame.frame import InputFrame, Observation, column_name
+from replay.engine.frame.frame import InputFrame, column_name
 from replay.engine.frame.frame_of import session_frame
+from replay.engine.frame.observations import Observation
 from replay.engine.results.kernel_cache import load_kernel
 from replay.errors import ReplayDataError
 from replay.studies.characterise.calibrate import common_model
@@ -206,7 +207,9 @@ def ended(
     for session, frame, current, push in zip(sessions, frames, currents, pushed, strict=True):
         if session.kind not in ("s1", "s2"):
             continue
-        limited = [(o.label, without_lag(o, frame.step_s)) for o in frame.observations if o.label in limits]
+        limited = [
+            (o.sensor.label, without_lag(o, frame.step_s)) for o in frame.observations if o.sensor.label in limits
+        ]
         of_pulses = pulses(push, frame.step_s) if session.kind == "s2" else []
         for number, (first, after) in enumerate(of_pulses or [(0, len(push))], start=1):
             hottest = [
@@ -241,7 +244,7 @@ def without_lag(o: Observation, step_s: float) -> Floats:
     back = max(1, round(SLOPE_s / step_s))
     rise = np.zeros_like(shown)
     rise[back:] = (shown[back:] - shown[:-back]) / (back * step_s)
-    found: Floats = shown + o.time_constant_s * np.nan_to_num(rise)
+    found: Floats = shown + o.sensor.time_constant_s * np.nan_to_num(rise)
     return found
 
 

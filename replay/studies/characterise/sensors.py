@@ -24,8 +24,9 @@ from ingest.facts.events import SessionRecorded
 from ingest.facts.facts import Facts
 from ingest.facts.store import Store
 from replay.engine.files.configurations import network_of
-from replay.engine.frame.frame import InputFrame, Observation
+from replay.engine.frame.frame import InputFrame
 from replay.engine.frame.frame_of import session_frame
+from replay.engine.frame.observations import Observation
 from replay.engine.results.filtered import mean_losses, reading_of, uncertain_node, unknown_loss
 from replay.engine.results.hot_spots import nodes_of
 from replay.engine.results.kernel_cache import load_kernel
@@ -133,7 +134,7 @@ class _Recorded:
         return tuple(node.name for node in self.network.nodes)
 
     def observation(self, channel: str) -> Observation | None:
-        return next((o for o in self.frame.observations if o.channel == channel), None)
+        return next((o for o in self.frame.observations if o.sensor.name == channel), None)
 
     def start(self, seen: Sequence[Observation]) -> Start:
         return Start(*initial_temperatures(self.network, replace(self.frame, observations=tuple(seen)), "testing"))
@@ -159,13 +160,15 @@ def sensors_worth(
         for session in sessions:
             tell(f"reading {session.name}")
             recorded.append(_recorded(store, facts, session, model))
-        channels = sorted({o.channel for one in recorded for o in one.frame.observations})
+        channels = sorted({o.sensor.name for one in recorded for o in one.frame.observations})
         if len(channels) < 2:
             raise ReplayDataError(
                 "fewer than two channels observe nodes of the motor: there is nothing to estimate one from."
             )
         own = tuple(vehicle) or tuple(
-            sorted({o.channel for one in recorded for o in one.frame.observations if o.level == "production"})
+            sorted(
+                {o.sensor.name for one in recorded for o in one.frame.observations if o.sensor.level == "production"}
+            )
         )
         if unknown := [name for name in own if name not in channels]:
             raise ReplayDataError(
@@ -200,7 +203,7 @@ def _recorded(store: Store, facts: Facts, session: SessionRecorded, model: str) 
 
 def _filtered(one: _Recorded, seen: Sequence[str]) -> tuple[Floats, Floats]:
     """Temperatures and their sd (N + 1, n) from some channels' readings so far."""
-    observations = [o for o in one.frame.observations if o.channel in seen]
+    observations = [o for o in one.frame.observations if o.sensor.name in seen]
     readings = [reading_of(o, one.frame) for o in observations]
     found = filter_unknowns(one.network, one.inputs, one.start(observations), [one.unknown], readings)
     return found.temperatures, found.temperatures_sd
@@ -226,14 +229,14 @@ def _withheld(
         o = one.observation(channel)
         if o is None:
             continue
-        label = o.label
+        label = o.sensor.label
         temperatures, sd = _filtered(one, others)
         error, use = _errors(one, channel, temperatures)
         if not use.any():
             continue
-        weights = np.array([o.weights.get(node, 0.0) for node in one.nodes])
+        weights = np.array([o.sensor.weights.get(node, 0.0) for node in one.nodes])
         own = sd[1:] @ weights  # as if all nodes of a mixture were off together
-        sessions.append(SessionErrors(error[use], np.sqrt(own[use] ** 2 + o.noise**2 + o.bias_sd**2)))
+        sessions.append(SessionErrors(error[use], np.sqrt(own[use] ** 2 + o.sensor.noise**2 + o.sensor.bias_sd**2)))
         alone.append(_errors(one, channel, one.open_loop)[0][use])
     if not sessions:
         raise ReplayDataError(f'channel "{channel}" has no usable sample after the first {SETTLE_S / 60:.0f} min.')
@@ -312,7 +315,7 @@ def _winding_K(recorded: Sequence[_Recorded], errors: Mapping[str, Sequence[Sess
     """Root mean square [K] of what windings are off by when their own channels are withheld; of all channels where
     none is at a winding."""
     windings = {one.network.nodes[i].name for one in recorded for i in nodes_of("winding", one.network)}
-    labels = {o.channel: o.label for one in recorded for o in one.frame.observations}
+    labels = {o.sensor.name: o.sensor.label for one in recorded for o in one.frame.observations}
     of = [channel for channel in errors if labels[channel] in windings] or list(errors)
     return float(np.sqrt(np.mean([np.mean(one.K**2) for channel in of for one in errors[channel]])))
 
@@ -323,7 +326,7 @@ def _margin(recorded: Sequence[_Recorded], vehicle: Sequence[str], risk: float, 
     above_sensor, above_filter, spread, hottest = [], [], [], dict[str, int]()
     for one in recorded:
         winding = nodes_of("winding", one.network)
-        seen = [o for o in one.frame.observations if o.channel in vehicle]
+        seen = [o for o in one.frame.observations if o.sensor.name in vehicle]
         if not winding or not seen:
             continue
         readings = [reading_of(o, one.frame) for o in one.frame.observations]

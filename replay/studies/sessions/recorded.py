@@ -15,9 +15,10 @@ from ingest.facts.events import SessionRecorded
 from ingest.facts.facts import Facts
 from ingest.facts.store import Store
 from replay.engine.frame import frame as frames
-from replay.engine.frame.frame import InputFrame, Observation
+from replay.engine.frame.frame import InputFrame
 from replay.engine.frame.frame_of import as_fed
 from replay.engine.frame.meters import Measurand
+from replay.engine.frame.observations import Observation
 from replay.engine.results.open_loop import initial_temperatures, referenced
 from replay.engine.specimen.aged import hours_of
 from replay.errors import ReplayDataError
@@ -61,8 +62,8 @@ def test_of(
     except ReplayDataError as error:
         raise ReplayDataError(f"session {session.name}: {error}") from None
     course = course_of(store, facts, session, laws)
-    test = replace(_test(session, frame, network, every, len(own), level, channels), course=course)
-    return with_meters(test, frame, network, level, channels) if meters else test
+    test = replace(_test(session, frame, network, every, len(own), level), course=course)
+    return with_meters(test, frame, network, level) if meters else test
 
 
 def _single(network: Network, channels: Sequence[ChannelData]) -> list[str]:
@@ -82,11 +83,10 @@ def _test(
     every: Sequence[Monomial],
     own: int,
     level: str,
-    channels: Sequence[ChannelData],
 ) -> Test:
     length = round(BLOCK_S / STEP_S)
     steps = len(frame.features) // length * length
-    seen = [o for o in frame.observations if level in ("testing", o.level) and o.good[:steps].any()]
+    seen = [o for o in frame.observations if level in ("testing", o.sensor.level) and o.good[:steps].any()]
     if not seen:
         raise ReplayDataError(
             f"session {session.name}: no usable channel of level {level} observes a node of {network.name}: there is "
@@ -106,21 +106,21 @@ def _test(
         features=named,
         initial=initial,
         initial_sd=sd,
-        channels=tuple(_channel(o, frame, steps, channels) for o in seen),
+        channels=tuple(_channel(o, frame, steps) for o in seen),
         start_ns=int(frame.t_ns[0]),
     )
 
 
-def with_meters(test: Test, frame: InputFrame, network: Network, level: str, channels: Sequence[ChannelData]) -> Test:
+def with_meters(test: Test, frame: InputFrame, network: Network, level: str) -> Test:
     """A test with the frame's meters of this level."""
     begins = dict(zip((node.name for node in network.nodes), test.initial.tolist(), strict=True))
     begins_sd = dict(zip(begins, test.initial_sd.tolist(), strict=True))
     steps = len(test.frame.features)
     found = []
     for meter in frame.meters:
-        if level in ("testing", meter.seen.level) and meter.seen.good[:steps].any():
+        if level in ("testing", meter.seen.sensor.level) and meter.seen.good[:steps].any():
             what = referenced(meter, begins)
-            own = _meter(_channel(meter.seen, frame, steps, channels), what, frame, network)
+            own = _meter(_channel(meter.seen, frame, steps), what, frame, network)
             if what.law is not None and not meter.what.referenced:
                 start_K = np.hypot.reduce([share * begins_sd[node] for node, share in what.law.weights.items()])
                 own = replace(own, bias_sd=float(np.hypot(own.bias_sd, start_K * own.row)))
@@ -147,20 +147,16 @@ def _meter(whole: Channel, what: Measurand, frame: InputFrame, network: Network)
     )
 
 
-def _channel(o: Observation, frame: InputFrame, steps: int, channels: Sequence[ChannelData]) -> Channel:
+def _channel(o: Observation, frame: InputFrame, steps: int) -> Channel:
     samples = np.where(o.good & frame.live, o.samples, 0).astype(np.float64)[:steps]
-    bus = next(_bus(c) for c in channels if c.spec.name == o.channel)
     return Channel(
-        name=o.channel,
-        bus=bus,
-        output=Output(weights=o.weights, time_constant_s=o.time_constant_s, samples=samples, place=o.place[:steps]),
+        name=o.sensor.name,
+        bus=o.sensor.bus,
+        output=Output(
+            weights=o.sensor.weights, time_constant_s=o.sensor.time_constant_s, samples=samples, place=o.place[:steps]
+        ),
         measured=o.measured[:steps],
-        white_sd=o.noise,
-        resolution=o.resolution,
-        bias_sd=o.bias_sd,
+        white_sd=o.sensor.noise,
+        resolution=o.sensor.resolution,
+        bias_sd=o.sensor.bias_sd,
     )
-
-
-def _bus(channel: ChannelData) -> str:
-    """The bus that stamps a channel; for a table the file itself."""
-    return channel.buses[0]

@@ -13,6 +13,7 @@ from twin.filters.ekf import filter_unknowns
 from twin.filters.inputs import AnyReading, Reading, Start
 from twin.filters.unknowns import Unknown, UnknownFactor, UnknownHeat
 from twin.motor.network import Network
+from twin.motor.sensor import Sensor
 
 
 def test_a_network_is_asked_once_and_an_equal_one_again(make_network: Any) -> None:
@@ -50,7 +51,10 @@ def test_a_filter_does_not_know_what_was_asked_of_the_same_network_before(make_n
 
     def reading(name: str, lag: float, place: float) -> Reading:
         return Reading(
-            name, {name: 1.0}, lag, rng.normal(40.0, 0.1, steps), np.full(steps, place), np.full(steps, 0.01)
+            Sensor(name, {name: 1.0}, time_constant_s=lag),
+            rng.normal(40.0, 0.1, steps),
+            np.full(steps, place),
+            np.full(steps, 0.01),
         )
 
     link = network.links[0]

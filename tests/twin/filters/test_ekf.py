@@ -24,6 +24,7 @@ from twin.filters.ukf import filter_unscented
 from twin.filters.unknowns import Unknown, UnknownBias, UnknownFactor, UnknownHeat
 from twin.motor.network import Network, Term
 from twin.motor.outputs import lagged
+from twin.motor.sensor import Sensor
 from twin.paper.ekf import filter_with_rates
 from twin.paper.form import constraints
 from twin.run.simulate import Frame, network_heat, simulate
@@ -80,7 +81,7 @@ def readings(network: Network, inputs: Frame, temperatures: Floats, missing: flo
         edges = lagged(temperatures[:, nodes.index(name)], tau, inputs.step_s)
         value = edges[:-1] + place * np.diff(edges) + rng.normal(0, NOISE_K, steps)
         value[rng.random(steps) < missing] = np.nan
-        found.append(Reading(name, {name: 1.0}, tau, value, place, np.full(steps, NOISE_K**2)))
+        found.append(Reading(Sensor(name, {name: 1.0}, time_constant_s=tau), value, place, np.full(steps, NOISE_K**2)))
     return found
 
 
@@ -188,7 +189,12 @@ def test_it_agrees_with_filterpys_linear_filter_where_nothing_changes(make_netwo
     begin, steps = Start(np.full(5, 40.0), np.linspace(0.5, 3.0, 5)), 80
     rng = np.random.default_rng(2)
     channels = [
-        Reading(name, {name: 1.0}, tau, rng.normal(30, 1, steps), rng.uniform(0, 1, steps), np.full(steps, 0.01))
+        Reading(
+            Sensor(name, {name: 1.0}, time_constant_s=tau),
+            rng.normal(30, 1, steps),
+            rng.uniform(0, 1, steps),
+            np.full(steps, 0.01),
+        )
         for name, tau in (("n0", 0.0), ("n1", 3.0))
     ]
     ours = filter_unknowns(network, inputs, begin, [heat(5.0, "n2")], channels)
@@ -361,7 +367,7 @@ def test_the_error_of_a_sensor_is_told_from_heat_by_the_others(network: Network,
     without it."""
     hot = simulate(indexed(with_heat(network, HEAT_W)), inputs, start(network).temperatures)
     good = readings(network, inputs, hot)
-    wrong = replace(good[3], channel="second", value=good[3].value + 2.0)
+    wrong = replace(good[3], sensor=replace(good[3].sensor, name="second"), value=good[3].value + 2.0)
     unknowns: list[Unknown] = [UnknownBias("second", 3.0), heat(0.3)]
     found = filter_unknowns(network, inputs, start(network, 0.1, 1e-3), unknowns, [*good, wrong])
     assert found.found[-1, 0] == pytest.approx(2.0, abs=4 * found.found_sd[-1, 0])
@@ -405,7 +411,7 @@ def test_an_almost_perfect_reading_of_what_nothing_was_known_of_is_believed(make
     """A start known to 1000 K, readings good to 0.0001 K."""
     network: Network = make_network(7, n=5)
     inputs: Frame = make_frame(network, 7, steps=3)
-    sharp = [Reading(f"n{i}", {f"n{i}": 1.0}, 0.0, np.full(3, 30.0), np.ones(3), np.full(3, 1e-8)) for i in (0, 2)]
+    sharp = [Reading(Sensor(f"n{i}", {f"n{i}": 1.0}), np.full(3, 30.0), np.ones(3), np.full(3, 1e-8)) for i in (0, 2)]
     begin = Start(np.full(5, 30.0), np.full(5, 1e3), 1e-6)
     found = filter_unknowns(network, inputs, begin, [heat(0.0, "n2", 1e3)], sharp)
     assert found.temperatures_sd[1:, [0, 2]] == pytest.approx(1e-4, rel=0.05)
@@ -422,7 +428,7 @@ def test_the_covariance_stays_positive_definite_over_a_million_steps(make_networ
     at_rest = Start(np.full(n, 30.0), np.full(n, 4.0), 1e-3)
     truth = simulate(indexed(network), inputs, at_rest.temperatures)
     exact = [
-        Reading(name, {name: 1.0}, tau, truth[:-1, i], np.zeros(steps), np.full(steps, 1e-8))
+        Reading(Sensor(name, {name: 1.0}, time_constant_s=tau), truth[:-1, i], np.zeros(steps), np.full(steps, 1e-8))
         for i, (name, tau) in enumerate([("n0", 0.0), ("n1", 3.0)])
     ]
     of = inputs_of(network, inputs, at_rest, [heat(5.0, "n2")], exact)
@@ -492,7 +498,7 @@ def test_other_walks_are_taken_without_asking_the_network_again(network: Network
 
 def test_what_cannot_be_filtered_is_refused(network: Network, inputs: Frame) -> None:
     steps = len(inputs.features)
-    good = Reading("T", {"teeth": 1.0}, 0.0, np.full(steps, 60.0), np.zeros(steps), np.full(steps, 0.01))
+    good = Reading(Sensor("T", {"teeth": 1.0}), np.full(steps, 60.0), np.zeros(steps), np.full(steps, 0.01))
     one, many = UnknownFactor("loss.magnet.scale", 0.1, 0.0), UnknownFactor("loss.magnet.tesla", 0.1, 0.0)
     cases: list[tuple[list[Unknown], Reading, Start, type[Exception], str]] = [
         ([heat(1.0, "rotor")], good, start(network), FrameError, 'has no node "rotor": name one of'),
@@ -505,7 +511,13 @@ def test_what_cannot_be_filtered_is_refused(network: Network, inputs: Frame) -> 
         ([many], good, start(network), CauseError, '"tesla" is no law of a loss'),
         ([replace(one, of="loss.magnet.flow3")], good, start(network), FrameError, "its laws are"),
         ([replace(one, of="conductance.magnet-ambient.scale")], good, start(network), FrameError, "did you mean"),
-        ([heat(1.0)], replace(good, weights={"tooth": 1.0}), start(network), FrameError, 'has no node "tooth"'),
+        (
+            [heat(1.0)],
+            replace(good, sensor=Sensor("T", {"tooth": 1.0})),
+            start(network),
+            FrameError,
+            'has no node "tooth"',
+        ),
         ([heat(1.0)], replace(good, value=np.zeros(3)), start(network), FrameError, "give value, place and variance"),
         ([heat(1.0)], replace(good, variance=np.zeros(steps)), start(network), FrameError, "give it a noise"),
         ([heat(1.0)], good, start(network, 0.0), FrameError, "needs a standard deviation above 0"),

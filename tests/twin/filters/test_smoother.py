@@ -20,6 +20,7 @@ from twin.filters.smoother import Smoothed, smoothed
 from twin.filters.unknowns import Unknown, UnknownFactor, UnknownHeat
 from twin.motor.network import Network, Term
 from twin.motor.outputs import lagged
+from twin.motor.sensor import Sensor
 from twin.run.simulate import Frame, simulate
 
 Floats = np.ndarray[Any, Any]
@@ -36,7 +37,7 @@ def read(truth: Floats, names: list[str], taus: dict[str, float], step_s: float,
         edges = lagged(truth[:, names.index(name)], tau, step_s)
         value = edges[:-1] + place * np.diff(edges) + rng.normal(0, SD_K, steps)
         value[rng.random(steps) < missing] = np.nan
-        found.append(Reading(name, {name: 1.0}, tau, value, place, np.full(steps, SD_K**2)))
+        found.append(Reading(Sensor(name, {name: 1.0}, time_constant_s=tau), value, place, np.full(steps, SD_K**2)))
     return found
 
 
@@ -110,7 +111,7 @@ def test_it_agrees_with_filterpy_where_nothing_changes(make_network: Any, make_f
     network, inputs, start, channels = small(make_network, make_frame, steps=60)
     inputs = Frame(inputs.step_s, np.zeros_like(inputs.features), np.zeros_like(inputs.boundaries))
     unknowns = [UnknownHeat("n2", 40.0, 5.0)]
-    channels = [replace(r, time_constant_s=0.0, place=np.full(60, 1.0)) for r in channels]
+    channels = [replace(r, sensor=replace(r.sensor, time_constant_s=0.0), place=np.full(60, 1.0)) for r in channels]
     ours = smoothed(network, inputs, start, unknowns, channels)
     of = inputs_of(network, inputs, start, unknowns, channels)
     steps = Steps(of)

@@ -20,6 +20,7 @@ from twin.filters.ukf import filter_unscented
 from twin.filters.unknowns import Unknown, UnknownFactor, UnknownHeat
 from twin.motor.network import Network
 from twin.motor.outputs import lagged
+from twin.motor.sensor import Sensor
 from twin.run.simulate import Frame, simulate
 
 Floats = np.ndarray[Any, Any]
@@ -38,7 +39,11 @@ def case(make_network: Any, make_frame: Any, linear: bool) -> tuple[Network, Fra
     for i, tau in ((0, 0.0), (1, 2.0), (3, 1.0)):
         value = lagged(truth[:, i], tau, 0.5)[1:] + rng.normal(0, SD_K, STEPS)
         value[rng.random(STEPS) < 0.2] = np.nan
-        channels.append(Reading(f"n{i}", {f"n{i}": 1.0}, tau, value, np.ones(STEPS), np.full(STEPS, SD_K**2)))
+        channels.append(
+            Reading(
+                Sensor(f"n{i}", {f"n{i}": 1.0}, time_constant_s=tau), value, np.ones(STEPS), np.full(STEPS, SD_K**2)
+            )
+        )
     return network, inputs, start, channels
 
 

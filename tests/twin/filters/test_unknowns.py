@@ -15,6 +15,7 @@ from twin.filters.ekf import filter_unknowns
 from twin.filters.inputs import Reading, Start
 from twin.filters.unknowns import UnknownFactor, terms_of
 from twin.motor.network import Network
+from twin.motor.sensor import Sensor
 from twin.motor.slicing import sliced
 from twin.run.simulate import Frame, simulate
 
@@ -47,7 +48,7 @@ def test_a_loss_that_is_larger_in_all_slices_is_found_by_a_sensor_at_one_of_them
     truth = _run(replace(network, sources=sources), inputs, start)
     names = [node.name for node in network.nodes]
     seen = truth[1:, names.index("rotor_surface_1")]
-    reading = Reading("RS", {"rotor_surface_1": 1.0}, 0.0, seen, np.ones(steps), np.full(steps, 1e-4))
+    reading = Reading(Sensor("RS", {"rotor_surface_1": 1.0}), seen, np.ones(steps), np.full(steps, 1e-4))
     factor = UnknownFactor(SLICES[0], 0.7, 0.0, SLICES[1:])
     found = filter_unknowns(network, inputs, start, [factor], [reading])
     assert found.found[-1, 0] == pytest.approx(np.log(larger), abs=0.1)

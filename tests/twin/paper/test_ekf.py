@@ -17,6 +17,7 @@ from twin.filters.inputs import AnyReading, HeatReading, Inputs, Reading, Start,
 from twin.filters.unknowns import Unknown, UnknownBias, UnknownFactor, UnknownHeat
 from twin.motor.network import Network
 from twin.motor.outputs import lagged
+from twin.motor.sensor import Sensor
 from twin.paper.ekf import at_edges, at_the_start, filter_with_rates, heats_of, predict, sensor_row, transition
 from twin.paper.law_heats import law_heats, psi_at, shares
 from twin.run.simulate import Frame, simulate
@@ -50,7 +51,7 @@ def read(network: Network, truth: Floats, taus: dict[str, float], step_s: float)
         edges = lagged(truth[:, names.index(name)], tau, step_s)
         value = edges[:-1] + place * np.diff(edges) + rng.normal(0, SD_K, steps)
         value[rng.random(steps) < 0.05] = np.nan
-        found.append(Reading(name, {name: 1.0}, tau, value, place, np.full(steps, SD_K**2)))
+        found.append(Reading(Sensor(name, {name: 1.0}, time_constant_s=tau), value, place, np.full(steps, SD_K**2)))
     return found
 
 
@@ -171,7 +172,7 @@ def test_the_forms_come_together_as_the_step_gets_small(
         rng = np.random.default_rng(1)
         value = np.full(steps, np.nan)
         value[parts - 1 :: parts] = 45.0 + rng.normal(0, SD_K, 60)
-        channels = [Reading("n0", {"n0": 1.0}, 0.0, value, np.ones(steps), np.full(steps, SD_K**2))]
+        channels = [Reading(Sensor("n0", {"n0": 1.0}), value, np.ones(steps), np.full(steps, SD_K**2))]
         unknowns = [UnknownHeat("n2", 40.0, 5.0), *others]
         small, paper = (f(network, inputs, start, unknowns, channels) for f in (filter_unknowns, filter_with_rates))
         off.append(np.abs(small.temperatures - paper.temperatures)[parts * 5 :: parts].max())
@@ -198,7 +199,7 @@ def test_the_capacitor_equation_holds_without_error(make_network: Any, make_fram
     """Gamma = 0 leaves as many free numbers as there are temperatures and unknowns; the rest of the covariance is
     rounding."""
     network, inputs, start = still(make_network, make_frame, 0.5, 60.0)
-    channels = [Reading("n0", {"n0": 1.0}, 0.0, np.full(120, 45.0), np.ones(120), np.full(120, SD_K**2))]
+    channels = [Reading(Sensor("n0", {"n0": 1.0}), np.full(120, 45.0), np.ones(120), np.full(120, SD_K**2))]
     found = filter_with_rates(network, inputs, start, [UnknownHeat("n2", 40.0, 5.0)], channels)
     spread = np.linalg.eigvalsh(found.covariance)
     assert len(spread) == 2 * 5 + 1
@@ -236,7 +237,7 @@ def test_it_agrees_with_filterpy_to_rounding(make_network: Any, make_frame: Any,
         seen = np.flatnonzero(np.isfinite(of.values[k]))
         sensors = np.empty((len(seen), size))
         for i, j in enumerate(seen):
-            tau, place = channels[j].time_constant_s, places[k, j]
+            tau, place = channels[j].sensor.time_constant_s, places[k, j]
             sensor_row(of.parts.weights[j], tau, int(state[j]), (1 - place) * 0.5, 5, sensors[i])
             sensors[i, 10:last] = model.errors(channels[j].channel)
         H = np.concatenate([perfect, sensors])
@@ -258,8 +259,8 @@ def test_with_meters_of_heat_it_agrees_with_filterpy_on_its_rank(make_network: A
     unknowns = [*MIXED, UnknownBias("losses", 9.0)]
     other = stronger(network, 1.5)
     truth = simulate(compile_indexed(other, load=load), inputs, start.temperatures + 1.0)
-    channels: list[AnyReading] = [Reading("n0", {"n0": 1.0}, 0.0, truth[1:, 0], np.ones(60), np.full(60, SD_K**2))]
-    channels += [Reading("n1", {"n1": 1.0}, 0.0, truth[1:, 1], np.ones(60), np.full(60, SD_K**2))]
+    channels: list[AnyReading] = [Reading(Sensor("n0", {"n0": 1.0}), truth[1:, 0], np.ones(60), np.full(60, SD_K**2))]
+    channels += [Reading(Sensor("n1", {"n1": 1.0}), truth[1:, 1], np.ones(60), np.full(60, SD_K**2))]
     missing = np.where(np.arange(60) % 3 == 0, np.nan, 0.0)
     for name, boundary in (("losses", None), ("cooling", "coolant")):
         meter = HeatReading(name, missing, np.full(60, 81.0), boundary)
@@ -325,7 +326,9 @@ def test_what_is_not_singular_stays_positive_definite_over_many_steps(
     value, place = 45.0 + np.random.default_rng(2).normal(0, 1e-4, steps), np.full(steps, 0.4)
     for cut in (1, 100, steps):
         some = Frame(0.5, inputs.features[:cut], inputs.boundaries[:cut])
-        channels = [Reading("n0", {"n0": 1.0}, tau, value[:cut], place[:cut], np.full(cut, 1e-8))]
+        channels = [
+            Reading(Sensor("n0", {"n0": 1.0}, time_constant_s=tau), value[:cut], place[:cut], np.full(cut, 1e-8))
+        ]
         found = filter_with_rates(network, some, unsure, [UnknownHeat("n2", 40.0, 0.0), *others], channels)
         free = [*range(5), *range(10, len(found.covariance))]
         spread = np.linalg.eigvalsh(found.covariance[np.ix_(free, free)])

@@ -13,6 +13,7 @@ from replay.errors import ReplayDataError
 from twin.errors import CauseError, FrameError
 from twin.filters.unknowns import Unknown, UnknownBias, UnknownFactor, UnknownHeat
 from twin.motor.network import Boundary, Link, Network, Node, Source, Term
+from twin.motor.sensor import Sensor
 
 MOTOR = Network(
     "m",
@@ -26,8 +27,8 @@ MOTOR = Network(
     (Source("winding_a", (Term(100.0, {"current": 2.0}, sd=0.1),)), Source("teeth", (Term(10.0, {}, sd=0.2),))),
 )
 SENSORS: Any = [
-    SimpleNamespace(channel="NTC_1", weights={"teeth": 1.0}, bias_sd=0.5),
-    SimpleNamespace(channel="W", weights={"winding_a": 1.0}, bias_sd=0.0),
+    SimpleNamespace(sensor=Sensor("NTC_1", {"teeth": 1.0}, bias_sd=0.5)),
+    SimpleNamespace(sensor=Sensor("W", {"winding_a": 1.0})),
 ]
 
 

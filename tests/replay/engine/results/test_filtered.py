@@ -23,9 +23,10 @@ from made.runs import made_run
 from plant import Effect, Plant, drives, sessions, write_campaign
 from replay.engine.files.models import for_intake, model_of
 from replay.engine.files.motor_file import read_motor
-from replay.engine.frame.frame import InputFrame, Meter
+from replay.engine.frame.frame import InputFrame
 from replay.engine.frame.frame_of import session_frame
 from replay.engine.frame.meters import Measurand
+from replay.engine.frame.observations import Meter
 from replay.engine.results.artefacts import filtered_of, filtered_table
 from replay.engine.results.asked_unknowns import asked_unknowns
 from replay.engine.results.filtered import filter_session, filter_summary, mean_losses
@@ -43,6 +44,7 @@ from replay.show.reports.report import ReportContext, write_report
 from twin.filters.unknowns import Unknown
 from twin.motor.network import Copper, Network
 from twin.motor.observables import Thermometric, copper_slope
+from twin.motor.sensor import Sensor
 from twin.motor.slicing import sliced
 from twin.run.losses import HeatFlows, heat_flows
 from twin.run.simulate import Frame, simulate
@@ -201,15 +203,13 @@ def test_a_run_that_was_sealed_without_a_filter_still_loads(hidden: Replayed) ->
 
 
 def as_resistance(frame: InputFrame, channel: str, gain: float, referenced: bool) -> InputFrame:
-    """The frame with a channel in the place of a winding resistance of 15 mOhm at 20 degC, which its meter reads too
-    high by `gain`."""
-    (o,) = (o for o in frame.observations if o.channel == channel)
-    law = Thermometric(o.weights, 0.015, copper_slope(Copper(), 20.0), 20.0)
-    seen = replace(
-        o, measured=(1 + gain) * law.reading(o.measured), noise=o.noise * law.per_K, resolution=0.0, bias_sd=0.0
-    )
+    """The frame with a channel in the place of a winding resistance of 15 mOhm at 20 degC, which its meter reads too high by `gain`."""
+    (o,) = (o for o in frame.observations if o.sensor.name == channel)
+    law = Thermometric(o.sensor.weights, 0.015, copper_slope(Copper(), 20.0), 20.0)
+    sensor = replace(o.sensor, noise=o.sensor.noise * law.per_K, resolution=0.0, bias_sd=0.0)
+    seen = replace(o, sensor=sensor, measured=(1 + gain) * law.reading(o.measured))
     meter = Meter(Measurand("resistance", 0.01, law=law, referenced=referenced), seen)
-    rest = tuple(o for o in frame.observations if o.channel != channel)
+    rest = tuple(o for o in frame.observations if o.sensor.name != channel)
     return replace(frame, observations=rest, meters=(meter,))
 
 
@@ -236,7 +236,7 @@ def test_slices_of_a_magnet_share_one_unknown(hidden: Replayed) -> None:
     frame = replace(
         hidden.frame,
         observations=tuple(
-            replace(o, weights={"rotor_surface_1": 1.0}, label="rotor_surface_1") if o.channel == "RS" else o
+            replace(o, sensor=replace(o.sensor, weights={"rotor_surface_1": 1.0})) if o.sensor.name == "RS" else o
             for o in hidden.frame.observations
         ),
     )
@@ -246,7 +246,7 @@ def test_slices_of_a_magnet_share_one_unknown(hidden: Replayed) -> None:
     found = filter_session(cut, frame, mean_losses(cut, inputs, open_loop), "testing")
     assert found is not None
     assert found.node.startswith("magnet")
-    (kept,) = (o for o in frame.observations if o.channel == "MAG")
+    (kept,) = (o for o in frame.observations if o.sensor.name == "MAG")
     nodes = tuple(node.name for node in cut.nodes)
     off = [np.abs(kept.measured - modelled(kept, frame, t, nodes))[-600:] for t in (open_loop, found.temperatures)]
     assert np.nanmean(off[1]) < 0.5 * np.nanmean(off[0])
@@ -264,16 +264,10 @@ def flows_of(replayed: Replayed) -> HeatFlows:
 
 def metered(replayed: Replayed, what: Measurand, watts: Floats, bias_sd: float = 0.0) -> InputFrame:
     """The frame with a meter of power or heat beside its thermometers, which shows these watts."""
-    (o,) = (o for o in replayed.frame.observations if o.channel == "RS")
+    (o,) = (o for o in replayed.frame.observations if o.sensor.name == "RS")
     seen = replace(
         o,
-        channel="METER",
-        label="",
-        weights={},
-        noise=1.0,
-        bias_sd=bias_sd,
-        resolution=0.0,
-        time_constant_s=0.0,
+        sensor=Sensor("METER", {"METER": 1.0}, noise=1.0, bias_sd=bias_sd),
         measured=watts,
         samples=np.ones(watts.size, dtype=np.int64),
         good=np.isfinite(watts),
@@ -376,7 +370,7 @@ def test_the_smoothers_band_holds_the_hottest_magnet_that_the_open_loops_leaves_
 def test_without_a_channel_there_a_smoothers_hot_spot_has_no_band(hidden: Replayed) -> None:
     """Its own is that of noise and random walks, and several times too narrow."""
     blind = replace(
-        hidden.frame, observations=tuple(o for o in hidden.frame.observations if not o.channel.startswith("MAG"))
+        hidden.frame, observations=tuple(o for o in hidden.frame.observations if not o.sensor.name.startswith("MAG"))
     )
     found = filter_session(hidden.network, blind, losses(hidden), "testing")
     assert found is not None
@@ -428,7 +422,9 @@ def test_an_error_of_a_thermometer_that_reads_too_much_is_found(hidden: Replayed
     frame = replace(
         hidden.frame,
         observations=tuple(
-            replace(o, measured=o.measured + 3.0, bias_sd=3.0) if o.channel == "EW_A_inner" else o
+            replace(o, measured=o.measured + 3.0, sensor=replace(o.sensor, bias_sd=3.0))
+            if o.sensor.name == "EW_A_inner"
+            else o
             for o in hidden.frame.observations
         ),
     )

@@ -9,10 +9,12 @@ import pytest
 from numpy.typing import NDArray
 
 from ingest.facts.events import SessionRecorded
-from replay.engine.frame.frame import InputFrame, Observation
+from replay.engine.frame.frame import InputFrame
+from replay.engine.frame.observations import Observation
 from replay.show.verbs.envelope import ending, together
 from replay.studies.characterise.envelope import Ended, ended, pulses
 from twin.motor.network import Boundary, Link, Network, Node, Term
+from twin.motor.sensor import Sensor
 
 Floats = NDArray[np.float64]
 
@@ -49,14 +51,7 @@ def _frame(inputs: Mapping[str, Floats], degC: Floats, time_constant_s: float = 
     steps = len(degC)
     whole, yes = np.zeros(steps, dtype=np.int64), np.ones(steps, dtype=np.bool_)
     shown = Observation(
-        channel="TC",
-        label="winding",
-        weights={"winding": 1.0},
-        level="testing",
-        noise=0.1,
-        bias_sd=0.5,
-        resolution=0.1,
-        time_constant_s=time_constant_s,
+        sensor=Sensor("TC", {"winding": 1.0}, noise=0.1, resolution=0.1, bias_sd=0.5, time_constant_s=time_constant_s),
         measured=degC,
         place=np.full(steps, 0.5),
         samples=whole + 1,

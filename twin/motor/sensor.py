@@ -1,0 +1,37 @@
+"""A sensor: what it follows of a motor, and how far it can be trusted."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from twin.motor.outputs import followed
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """A channel that is compared with the model. `name`: as in the log; `weights`: node -> share of what it follows, sum 1; `bus`: what
+    stamps its samples; `level`: "production" where every motor has one, "testing" where only a test bench does.
+
+    In K, of a meter in its own unit: `noise` (one standard deviation, white) and `resolution` of one sample, `bias_sd` of its error
+    that is constant in a session. `time_constant_s`: of its known first-order lag.
+    """
+
+    name: str
+    weights: Mapping[str, float]
+    bus: str = ""
+    level: str = "testing"
+    noise: float = 0.0
+    resolution: float = 0.0
+    bias_sd: float = 0.0
+    time_constant_s: float = 0.0
+
+    @property
+    def node(self) -> str:
+        """The node that it follows most."""
+        return max(self.weights, key=lambda node: self.weights[node])
+
+    @property
+    def label(self) -> str:
+        """The node that it follows by more than half, else "0.5 a + 0.5 b"."""
+        return followed(self.weights) or " + ".join(f"{share:g} {node}" for node, share in self.weights.items())
