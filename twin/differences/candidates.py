@@ -25,7 +25,6 @@ from twin.differences.columns import (
     EntryFactor,
     InputChannel,
     InputError,
-    ObservedChannel,
     Reading,
 )
 from twin.differences.sizes import Sigma
@@ -33,6 +32,7 @@ from twin.motor.causes import Cause, groups, spelt
 from twin.motor.features import Monomial, is_flow, is_known, monomial, monomials, product, quantity
 from twin.motor.network import Network, Term
 from twin.motor.paths import Place, links_with_groups, missing
+from twin.motor.sensor import Sensor
 
 
 @dataclass(frozen=True)
@@ -100,9 +100,7 @@ _LIKE_AN_EXPONENT = re.compile(r"[a-z]\d+$")  # `flow_loop1`: an id would read a
 _TURNING = ("rotor", "magnet", "bearing")
 
 
-def generate(
-    network: Network, channels: Sequence[ObservedChannel], inputs: Sequence[InputChannel]
-) -> tuple[Candidate, ...]:
+def generate(network: Network, channels: Sequence[Sensor], inputs: Sequence[InputChannel]) -> tuple[Candidate, ...]:
     """Every candidate of a checked network with these observed channels and inputs, in a fixed order, ids unique.
 
     Laws use only features that the inputs give; an input `flow` stands for every flow that the network's laws tell apart. No two
@@ -278,7 +276,7 @@ def _boundaries(network: Network) -> Iterator[Candidate]:
         yield Candidate(cause, "K", Sigma(BOUNDARY_BIAS_K), 0, InputError(boundary.name, "bias"))
 
 
-def sensor_place(channel: ObservedChannel, channels: Sequence[ObservedChannel]) -> str:
+def sensor_place(channel: Sensor, channels: Sequence[Sensor]) -> str:
     """A sensor's place in ids: its node where it is the only channel that follows it alone, or, where none does, the only one that
     follows it by more than half; else `node@signal`."""
     own = [c for c in channels if c.node == channel.node and c.weights[c.node] > 0.5]
@@ -286,7 +284,7 @@ def sensor_place(channel: ObservedChannel, channels: Sequence[ObservedChannel]) 
     return channel.node if (alone or own) == [channel] else f"{channel.node}@{spelt(channel.name)}"
 
 
-def _sensors(network: Network, channels: Sequence[ObservedChannel]) -> Iterator[Candidate]:
+def _sensors(network: Network, channels: Sequence[Sensor]) -> Iterator[Candidate]:
     ambient = any(boundary.name == "ambient" for boundary in network.boundaries)
     places = {c.name: sensor_place(c, channels) for c in channels}
     for channel in channels:
@@ -300,9 +298,7 @@ def _sensors(network: Network, channels: Sequence[ObservedChannel]) -> Iterator[
             yield Candidate(cause, "1", Sigma(1.0), 1, Reading(a.name, "swap", b.name), discrete=True)
 
 
-def _clocks(channels: Sequence[ObservedChannel], inputs: Sequence[InputChannel]) -> Iterator[Candidate]:
-    if not inputs:
-        return
+def _clocks(channels: Sequence[Sensor], inputs: Sequence[InputChannel]) -> Iterator[Candidate]:
     buses = list(dict.fromkeys([*(i.bus for i in inputs), *(c.bus for c in channels)]))
     driving = [sum(i.bus == bus for i in inputs) for bus in buses]
     if (

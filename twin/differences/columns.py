@@ -2,25 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 from twin.motor.network import Term
 from twin.motor.paths import Place
-
-
-@dataclass(frozen=True)
-class ObservedChannel:
-    """A temperature that is compared with the model: its bare signal name, node -> weight, and the bus that stamps it."""
-
-    name: str
-    weights: Mapping[str, float]
-    bus: str
-
-    @property
-    def node(self) -> str:
-        """The node that it reads; of a mean of several, the one with the largest weight."""
-        return max(self.weights, key=lambda node: self.weights[node])
 
 
 @dataclass(frozen=True)

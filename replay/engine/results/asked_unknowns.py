@@ -16,7 +16,6 @@ from replay.engine.results.filtered import (
 )
 from replay.errors import ReplayDataError
 from twin.differences.candidates import sensor_place
-from twin.differences.columns import ObservedChannel
 from twin.filters.unknowns import Unknown, UnknownBias, UnknownFactor, terms_of
 from twin.motor import features
 from twin.motor.causes import Cause, groups, parse
@@ -77,8 +76,8 @@ def _members(network: Network, cause: Cause) -> Sequence[str]:
 
 
 def _bias(cause: Cause, observations: Sequence[Observation]) -> UnknownBias:
-    sensors = [ObservedChannel(o.sensor.name, o.sensor.weights, "") for o in observations]
-    places = {sensor_place(one, sensors): o.sensor for one, o in zip(sensors, observations, strict=True)}
+    sensors = [o.sensor for o in observations]
+    places = {sensor_place(one, sensors): one for one in sensors}
     if cause.place not in places:
         raise ReplayDataError(f"--unknown {cause}: no thermometer is there: there are {', '.join(places)}.")
     sensor = places[cause.place]

@@ -12,9 +12,9 @@ from ingest.catalogue import quality
 from ingest.catalogue.channels import ChannelData
 from twin.diagnosis.faults import Stretch, cause_of, dropout_evidence, fault_evidence
 from twin.differences.candidates import sensor_place
-from twin.differences.columns import ObservedChannel
 from twin.fitting.fit import Fit
 from twin.motor.causes import Cause
+from twin.motor.sensor import Sensor
 
 LOST = 1.5  # median intervals from which on a gap is a lost sample
 
@@ -35,7 +35,7 @@ def data_faults(
     current: Fit,
     loaded: Sequence[Sequence[ChannelData]],
     starts_ns: Sequence[int],
-    observed: Sequence[ObservedChannel],
+    observed: Sequence[Sensor],
     threshold: float,
 ) -> list[DataFault]:
     """The faults with more evidence than the threshold, clearest first. `starts_ns`: first edge of each session's frame."""

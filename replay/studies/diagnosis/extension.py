@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from ingest.bench.corrections import MASKED, SWAP, spelt
 from replay.engine.files.bench_text import corrected
@@ -15,10 +15,11 @@ from twin.diagnosis.expressible import expressible, readings
 from twin.diagnosis.naming import Refit
 from twin.diagnosis.swaps import Swap
 from twin.differences.candidates import sensor_place
-from twin.differences.columns import ObservedChannel, Reading
+from twin.differences.columns import Reading
 from twin.fitting import actions
 from twin.fitting.fit import Fit
 from twin.motor.network import Network
+from twin.motor.sensor import Sensor
 
 MOTOR_KINDS = ("loss", "conductance", "capacity", "ageing")
 DIGITS = 3  # of a healthy difference in a bench file
@@ -65,7 +66,7 @@ def version(
     return Version(motor, store.archive.seal(text) if text != before else None)
 
 
-def _sensors(observed: Sequence[ObservedChannel], swaps: Sequence[Swap]) -> dict[str, str]:
+def _sensors(observed: Sequence[Sensor], swaps: Sequence[Swap]) -> dict[str, str]:
     """Channel -> place in the ids of corrections, below those of the exchanges: what was learnt of a sensor's place is then read by
     the other channel."""
     other = {c.name: c.name for c in observed}
@@ -73,7 +74,7 @@ def _sensors(observed: Sequence[ObservedChannel], swaps: Sequence[Swap]) -> dict
         pair = swap.candidate.column
         assert isinstance(pair, Reading)
         other |= {pair.channel: pair.other, pair.other: pair.channel}
-    crossed = {c.name: ObservedChannel(other[c.name], c.weights, c.bus) for c in observed}
+    crossed = {c.name: replace(c, name=other[c.name]) for c in observed}
     return {name: sensor_place(c, list(crossed.values())) for name, c in crossed.items()}
 
 

@@ -12,14 +12,16 @@ from ingest.facts.facts import Facts
 from ingest.facts.store import Store
 from replay.engine.files.configurations import refuse_other_rigs
 from replay.engine.files.motor_file import read_motor
+from replay.engine.frame.observations import sensor_of
 from replay.errors import ReplayDataError
 from replay.studies.sessions.recorded import STEP_S, test_of
 from twin.differences.candidates import Candidate, added_monomials, generate
-from twin.differences.columns import EntryFactor, InputChannel, ObservedChannel
+from twin.differences.columns import EntryFactor, InputChannel
 from twin.fitting.model import Test
 from twin.motor.configured import configured
 from twin.motor.features import Monomial
 from twin.motor.network import Network
+from twin.motor.sensor import Sensor
 
 LEAST_S = 900.0  # of training: below, hardly anything of a motor's slow modes is in the data
 RIPPLE = Monomial((("current", 2.0),))  # the law of the rotor's everyday heat at standstill
@@ -82,7 +84,7 @@ class Campaign:
     tests: tuple[Test, ...]
     candidates: tuple[Candidate, ...]
     monomials: tuple[Monomial, ...]
-    observed: tuple[ObservedChannel, ...]
+    observed: tuple[Sensor, ...]
     inputs: tuple[InputChannel, ...]
     loaded: Sequence[Sequence[ChannelData]]
     starts_ns: tuple[int, ...]
@@ -116,17 +118,17 @@ def campaign_of(question: Question) -> Campaign:
 
 def _channels(
     loaded: Sequence[Sequence[ChannelData]], network: Network, level: str
-) -> tuple[tuple[ObservedChannel, ...], tuple[InputChannel, ...]]:
+) -> tuple[tuple[Sensor, ...], tuple[InputChannel, ...]]:
     """What is observed and what drives, over all sessions."""
     nodes = {node.name for node in network.nodes}
-    observed: dict[str, ObservedChannel] = {}
+    observed: dict[str, Sensor] = {}
     inputs: dict[str, InputChannel] = {}
     for channel in (c for channels in loaded for c in channels):
         spec = channel.spec
-        weights = dict(spec.weights) or {spec.node or "": 1.0}
-        if spec.role == "observed" and spec.quantity == "temperature" and set(weights) <= nodes:
+        sensor = sensor_of(channel)
+        if spec.role == "observed" and spec.quantity == "temperature" and set(sensor.weights) <= nodes:
             if level in ("testing", spec.level):
-                observed.setdefault(spec.name, ObservedChannel(spec.name, weights, channel.buses[0]))
+                observed.setdefault(spec.name, sensor)
         elif spec.role == "input" or (spec.role == "observed" and spec.quantity == "temperature"):
             name = spec.node or spec.quantity if spec.quantity == "temperature" else spec.quantity
             inputs.setdefault(name, InputChannel(name, channel.buses[0]))

@@ -15,7 +15,7 @@ from twin.diagnosis import naming
 from twin.diagnosis.mode import rises, slowest_mode_s
 from twin.diagnosis.naming import Naming, scored, search, with_refits
 from twin.differences.candidates import Candidate, added_monomials, generate
-from twin.differences.columns import InputChannel, ObservedChannel
+from twin.differences.columns import InputChannel
 from twin.differences.everyday import everyday
 from twin.differences.proposals import Proposals
 from twin.errors import DivergedError
@@ -24,6 +24,7 @@ from twin.fitting.actions import Parameter
 from twin.fitting.fit import Fit, fit
 from twin.fitting.model import Model, Test
 from twin.motor.network import Network, Term
+from twin.motor.sensor import Sensor
 
 Floats = NDArray[np.float64]
 
@@ -35,7 +36,7 @@ CANDIDATES = tuple(
     c
     for c in generate(
         every_law(),
-        [ObservedChannel(name, weights, "can1") for name, (weights, _) in CHANNELS.items()],
+        [Sensor(name, weights, "can1") for name, (weights, _) in CHANNELS.items()],
         [InputChannel(name, "can1") for name in (*SINGLE, "coolant", "ambient")],
     )
     if c.cause.kind in ("loss", "sensor")

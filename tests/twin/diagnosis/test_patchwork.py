@@ -7,13 +7,14 @@ import pytest
 from made.motor import CHANNELS, SINGLE, every_law
 from twin.diagnosis.patchwork import is_patchwork, nodes_of
 from twin.differences.candidates import generate
-from twin.differences.columns import InputChannel, ObservedChannel
+from twin.differences.columns import InputChannel
+from twin.motor.sensor import Sensor
 
 CANDIDATES = {
     str(c.cause): c
     for c in generate(
         every_law(),
-        [ObservedChannel(name, weights, "can1") for name, (weights, _) in CHANNELS.items()],
+        [Sensor(name, weights, "can1") for name, (weights, _) in CHANNELS.items()],
         [InputChannel(name, "can1") for name in (*SINGLE, "coolant", "ambient")],
     )
 }

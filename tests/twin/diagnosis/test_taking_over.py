@@ -11,16 +11,17 @@ from numpy.typing import NDArray
 from made.motor import every_law, pulses, recorded
 from twin.diagnosis.taking_over import taken_over
 from twin.differences.candidates import Candidate, added_monomials, generate
-from twin.differences.columns import InputChannel, ObservedChannel
+from twin.differences.columns import InputChannel
 from twin.differences.everyday import everyday
 from twin.differences.proposals import Proposals
 from twin.fitting import actions
 from twin.fitting.fit import Fit, fit
 from twin.fitting.model import Model
+from twin.motor.sensor import Sensor
 
 Floats = NDArray[np.float64]
 
-OBSERVED = [ObservedChannel("W_1", {"winding": 1.0}, "can1"), ObservedChannel("R_1", {"magnet": 1.0}, "can2")]
+OBSERVED = [Sensor("W_1", {"winding": 1.0}, "can1"), Sensor("R_1", {"magnet": 1.0}, "can2")]
 INPUTS = [InputChannel(name, "can1") for name in ("speed", "current", "flow")]
 CANDIDATES = {str(c.cause): c for c in generate(every_law(), OBSERVED, INPUTS)}
 

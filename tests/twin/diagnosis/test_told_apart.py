@@ -18,7 +18,7 @@ from twin.diagnosis.naming import Refit, Round
 from twin.diagnosis.next_tests import as_test, menu
 from twin.diagnosis.told_apart import STANDS_OUT, _Recorded, separating_test, telling_test, told_apart
 from twin.differences.candidates import Candidate, added_monomials, generate
-from twin.differences.columns import ClockError, InputChannel, ObservedChannel
+from twin.differences.columns import ClockError, InputChannel
 from twin.differences.everyday import everyday, of_test
 from twin.differences.proposals import Proposals
 from twin.differences.sizes import Sigma
@@ -27,6 +27,7 @@ from twin.fitting.fit import Fit, fit
 from twin.fitting.model import Model, Test
 from twin.fitting.noise import ChannelNoise
 from twin.motor.causes import Cause
+from twin.motor.sensor import Sensor
 
 Floats = NDArray[np.float64]
 
@@ -104,7 +105,7 @@ def _drive(duration_s: float) -> made.Drive:
 @cache
 def _searched() -> Round:
     network = made.every_law()
-    observed = [ObservedChannel(name, weights, "can1") for name, (weights, _) in made.CHANNELS.items()]
+    observed = [Sensor(name, weights, "can1") for name, (weights, _) in made.CHANNELS.items()]
     candidates = generate(network, observed, [InputChannel(name, "can1") for name in made.SINGLE])
     kept = [c for c in candidates if str(c.cause) in ("loss.magnet.speed", "loss.magnet.speed3", "loss.yoke.constant")]
     more = added_monomials(candidates)

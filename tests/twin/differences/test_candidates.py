@@ -17,13 +17,13 @@ from twin.differences.columns import (
     EntryFactor,
     InputChannel,
     InputError,
-    ObservedChannel,
     Reading,
 )
 from twin.differences.sizes import Scales, Sigma
 from twin.motor.causes import groups, parse, says
 from twin.motor.features import monomials
 from twin.motor.network import Boundary, Link, Network, Node, Source, Term
+from twin.motor.sensor import Sensor
 
 NODES = (
     "endwinding_a_inner",
@@ -35,9 +35,9 @@ NODES = (
     "magnet",
 )
 CHANNELS = (
-    *(ObservedChannel(f"TC_{node}", {node: 1.0}, "can0") for node in NODES),
-    ObservedChannel("MAG-2", {"magnet": 1.0}, "can1"),
-    ObservedChannel("NTC_1", {"endwinding_a_inner": 0.4, "endwinding_a_outer": 0.6}, "can0"),
+    *(Sensor(f"TC_{node}", {node: 1.0}, "can0") for node in NODES),
+    Sensor("MAG-2", {"magnet": 1.0}, "can1"),
+    Sensor("NTC_1", {"endwinding_a_inner": 0.4, "endwinding_a_outer": 0.6}, "can0"),
 )
 INPUTS = tuple(InputChannel(name, "can0") for name in ("speed", "torque", "current", "flow", "coolant", "ambient"))
 
@@ -164,7 +164,7 @@ def test_sensors_are_exchanged_only_on_one_bus_and_between_places(candidates: tu
     swapped = [c.column for c in candidates if c.discrete]
     assert len(swapped) == 8 * 7 // 2  # MAG-2 is on another bus
     assert all(isinstance(c, Reading) and "MAG-2" not in (c.channel, c.other) for c in swapped)
-    two = (ObservedChannel("A", {"magnet": 1.0}, "can0"), ObservedChannel("B", {"magnet": 1.0}, "can0"))
+    two = (Sensor("A", {"magnet": 1.0}, "can0"), Sensor("B", {"magnet": 1.0}, "can0"))
     assert not any(c.discrete for c in generate(motor("reference_motor"), two, INPUTS))
 
 
@@ -252,14 +252,14 @@ def test_prior_mass_covers_all_of_them(candidates: tuple[Candidate, ...]) -> Non
 
 def test_on_one_bus_no_clock_can_be_wrong_and_on_two_only_their_difference_shows() -> None:
     network = motor("reference_motor")
-    one = [ObservedChannel(c.name, c.weights, "can0") for c in CHANNELS]
+    one = [Sensor(c.name, c.weights, "can0") for c in CHANNELS]
     assert not [c for c in generate(network, one, INPUTS) if c.cause.kind == "clock"]
-    two = [ObservedChannel(c.name, c.weights, "logger-3.a") for c in CHANNELS]
+    two = [Sensor(c.name, c.weights, "logger-3.a") for c in CHANNELS]
     assert [str(c.cause) for c in generate(network, two, INPUTS) if c.cause.kind == "clock"] == [
         "clock.logger_3_a.offset",
         "clock.logger_3_a.drift",
     ]
-    three = [*one, ObservedChannel("X", {"shaft": 1.0}, "can1"), ObservedChannel("Y", {"yoke": 1.0}, "can2")]
+    three = [*one, Sensor("X", {"shaft": 1.0}, "can1"), Sensor("Y", {"yoke": 1.0}, "can2")]
     places = {c.cause.place for c in generate(network, three, INPUTS) if c.cause.kind == "clock"}
     assert places == {"can0", "can1", "can2"}
 
@@ -283,7 +283,7 @@ def test_where_no_current_is_known_the_torque_stands_for_it() -> None:
         scale={"speed": 3000.0, "torque": 5.0},
     )
     inputs = [InputChannel(name, "log") for name in ("speed", "torque", "plate")]
-    ids = _by_id(generate(network, [ObservedChannel("T", {"winding": 1.0}, "log")], inputs))
+    ids = _by_id(generate(network, [Sensor("T", {"winding": 1.0}, "log")], inputs))
     assert "loss.rotor.speed2_torque2" in ids and "loss.winding.scale" in ids
     assert "conductance.rotor-plate.constant" in ids
     assert "loss.winding.torque2" not in ids
@@ -292,7 +292,7 @@ def test_where_no_current_is_known_the_torque_stands_for_it() -> None:
 
 def test_the_shipped_public_motor_has_candidates_too() -> None:
     network = motor("hust_motor")
-    channels = [ObservedChannel(node, {node: 1.0}, "log") for node in ("winding", "stator", "rotor")]
+    channels = [Sensor(node, {node: 1.0}, "log") for node in ("winding", "stator", "rotor")]
     inputs = [InputChannel(n, "log") for n in ("speed", "torque", "current", "coolant", "ambient")]
     ids = _by_id(generate(network, channels, inputs))
     assert {"sensor.rotor.swap_rotor", "sensor.winding.swap_stator"} & set(ids) == {"sensor.winding.swap_stator"}

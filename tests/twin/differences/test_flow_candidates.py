@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from twin.differences.candidates import added_monomials, generate
-from twin.differences.columns import InputChannel, InputError, ObservedChannel
+from twin.differences.columns import InputChannel, InputError
 from twin.motor.network import Boundary, Link, Network, Node, Source, Term
+from twin.motor.sensor import Sensor
 
-CHANNELS = [ObservedChannel("T", {"winding": 1.0}, "can0"), ObservedChannel("Y", {"yoke": 1.0}, "can1")]
+CHANNELS = [Sensor("T", {"winding": 1.0}, "can0"), Sensor("Y", {"yoke": 1.0}, "can1")]
 INPUTS = [InputChannel(name, "can0") for name in ("current", "flow", "coolant", "oil")]
 
 

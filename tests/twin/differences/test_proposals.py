@@ -10,11 +10,12 @@ from numpy.typing import NDArray
 
 from made.motor import CHANNELS, SINGLE, every_law, pulses, recorded
 from twin.differences.candidates import Candidate, added_monomials, generate
-from twin.differences.columns import ClockError, InputChannel, ObservedChannel
+from twin.differences.columns import ClockError, InputChannel
 from twin.differences.everyday import mean_conductances, mean_loss_W
 from twin.differences.proposals import Proposals, scales
 from twin.fitting import actions
 from twin.fitting.model import Model, Test
+from twin.motor.sensor import Sensor
 
 Floats = NDArray[np.float64]
 
@@ -25,7 +26,7 @@ CANDIDATES = {
     str(c.cause): c
     for c in generate(
         every_law(),
-        [ObservedChannel(name, weights, BUSES[name]) for name, (weights, _) in CHANNELS.items()],
+        [Sensor(name, weights, BUSES[name]) for name, (weights, _) in CHANNELS.items()],
         [InputChannel(name, "can3") for name in (*SINGLE, "coolant", "ambient")],
     )
     if not c.discrete
