@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ingest.texts.quantities import column_suffix
 from replay.engine.frame.frame import InputFrame
-from replay.engine.results.run import Filtered, HeatCourse, Metered, Observed, Smoothed
+from replay.engine.results.run import Compared, Filtered, HeatCourse, Metered, Observed, Smoothed
 from replay.engine.results.summary import FilterSummary
 
 Floats = NDArray[np.float64]
@@ -175,7 +175,7 @@ def _residuals(frame: InputFrame, o: Observed) -> pa.Table:
     return pa.table({**whole, **{name: frame.inputs[name][at] if name in frame.inputs else missing for name in AROUND}})
 
 
-def steps_of(frame: InputFrame, o: Observed | Metered) -> NDArray[np.int64]:
+def steps_of(frame: InputFrame, o: Compared) -> NDArray[np.int64]:
     """The step that each observed mean belongs to, (M,)."""
     step: NDArray[np.int64] = (o.t_ns - frame.t_ns[0]) // np.int64(frame.t_ns[1] - frame.t_ns[0])
     return step

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from replay.engine.frame.frame import InputFrame
 from replay.engine.results.artefacts import AROUND, steps_of
-from replay.engine.results.run import Metered, Observed
+from replay.engine.results.run import Compared, Metered, Observed
 from replay.engine.results.summary import ChannelErrors, MeterErrors
 
 Floats = NDArray[np.float64]
@@ -86,12 +86,12 @@ def meter_errors(metered: Metered, places: Mapping[str, Floats], start_ns: int) 
     )
 
 
-def _around(frame: InputFrame, o: Observed | Metered) -> dict[str, Floats]:
+def _around(frame: InputFrame, o: Compared) -> dict[str, Floats]:
     """The inputs that an error may go with, at the steps of a channel (M,)."""
     return {name: frame.inputs[name][steps_of(frame, o)] for name in AROUND if name in frame.inputs}
 
 
-def _seconds(o: Observed | Metered, start_ns: int) -> Floats:
+def _seconds(o: Compared, start_ns: int) -> Floats:
     """Times since the start, (M,)."""
     found: Floats = (o.t_ns - start_ns) / 1e9
     return found

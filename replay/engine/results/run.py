@@ -11,48 +11,19 @@ from numpy.typing import NDArray
 from replay.engine.results.summary import Summary
 
 
-@dataclass(frozen=True)
-class Observed:
-    """One observed channel against the model, at M steps. All arrays (M,).
+@dataclass(frozen=True, kw_only=True)
+class Compared:
+    """A channel beside the model, at the M steps in which it has a sample. All arrays (M,).
 
-    `measured`, `modelled` [degC]: mean of the samples in the step, and the model at the same mean time; `sd_K` [K] the
-    channel's own uncertainty of a mean (noise, resolution and session bias); `used` False where samples are held, stuck,
-    saturated or follow a bridged gap of an input; `first_record`, `last_record` int64: lineage into `raw`.
+    `measured`: mean of the samples in the step; `modelled`: what the model would read at their mean time `t_ns`; `used`: False
+    where samples are held, stuck, saturated or follow a bridged gap of an input; `first_record`, `last_record`: of the
+    samples, in the file at index `raw` of `Run.raw_files`.
     """
 
     channel: str
-    node: str  # the one that it follows by more than half, else "0.5 a + 0.5 b"
     t_ns: NDArray[np.int64]
     measured: NDArray[np.float64]
     modelled: NDArray[np.float64]
-    sd_K: float
-    bias_sd_K: float
-    used: NDArray[np.bool_]
-    first_record: NDArray[np.int64]
-    last_record: NDArray[np.int64]
-    raw: NDArray[np.int64]  # index into Run.raw_files
-
-    @property
-    def residual(self) -> NDArray[np.float64]:
-        """measured - modelled [K], (M,)."""
-        return self.measured - self.modelled
-
-
-@dataclass(frozen=True)
-class Metered:
-    """An observed channel that is no thermometer, against the model: as `Observed`, all in the `unit` of its quantity. `place`: the
-    nodes or the boundary that it is about, "motor" for a power; `gain_sd`: of the share by which it reads too much."""
-
-    channel: str
-    quantity: str
-    unit: str
-    place: str
-    t_ns: NDArray[np.int64]
-    measured: NDArray[np.float64]
-    modelled: NDArray[np.float64]
-    sd: float
-    bias_sd: float
-    gain_sd: float
     used: NDArray[np.bool_]
     first_record: NDArray[np.int64]
     last_record: NDArray[np.int64]
@@ -62,6 +33,29 @@ class Metered:
     def residual(self) -> NDArray[np.float64]:
         """measured - modelled, (M,)."""
         return self.measured - self.modelled
+
+
+@dataclass(frozen=True, kw_only=True)
+class Observed(Compared):
+    """A thermometer beside the model [degC]. `node`: the one that it follows by more than half, else "0.5 a + 0.5 b"; `sd_K`: of a
+    mean, by noise and resolution; `bias_sd_K`: of its error that is constant in a session."""
+
+    node: str
+    sd_K: float
+    bias_sd_K: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Metered(Compared):
+    """Another meter beside the model, in the `unit` of its `quantity`. `place`: the nodes or the boundary that it is about, "motor" of
+    a power; `sd`, `bias_sd` as of a thermometer; `gain_sd`: of the share by which it reads too much."""
+
+    quantity: str
+    unit: str
+    place: str
+    sd: float
+    bias_sd: float
+    gain_sd: float
 
     @property
     def floor(self) -> float:

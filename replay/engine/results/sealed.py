@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -67,39 +68,26 @@ def _meters(store: Store, event: ReplayCompleted, summary: Summary, raw_files: t
 
 
 def _metered(table: pa.Table, one: MeterErrors, raw_files: tuple[str, ...]) -> Metered:
-    rows = table.filter(pc.equal(table["channel"], one.channel))
-    raw = pc.fill_null(pc.index_in(rows["file_id"], pa.array(raw_files)), -1)
     return Metered(
-        channel=one.channel,
+        **_steps(table, one.channel, raw_files),
         quantity=one.quantity,
         unit=one.unit,
         place=one.place,
         sd=one.white,
         bias_sd=one.bias_sd,
         gain_sd=one.gain_sd,
-        raw=raw.to_numpy(),
-        t_ns=rows["t_ns"].to_numpy(),
-        measured=rows["measured"].to_numpy(),
-        modelled=rows["modelled"].to_numpy(),
-        used=rows["used"].to_numpy(),
-        first_record=rows["first_record"].to_numpy(),
-        last_record=rows["last_record"].to_numpy(),
     )
 
 
-def _observed(residuals: pa.Table, one: ChannelErrors, raw_files: tuple[str, ...]) -> Observed:
-    rows = residuals.filter(pc.equal(residuals["channel"], one.channel))
+def _observed(table: pa.Table, one: ChannelErrors, raw_files: tuple[str, ...]) -> Observed:
+    steps = _steps(table, one.channel, raw_files, "_degC")
+    return Observed(**steps, node=one.node, sd_K=one.white_K, bias_sd_K=one.bias_sd_K)
+
+
+def _steps(table: pa.Table, channel: str, raw_files: tuple[str, ...], unit: str = "") -> dict[str, Any]:
+    """What all observed channels have, of a table of residuals or meters. `unit`: at the end of two of its columns."""
+    rows = table.filter(pc.equal(table["channel"], channel))
     raw = pc.fill_null(pc.index_in(rows["file_id"], pa.array(raw_files)), -1)
-    return Observed(
-        channel=one.channel,
-        node=one.node,
-        t_ns=rows["t_ns"].to_numpy(),
-        measured=rows["measured_degC"].to_numpy(),
-        modelled=rows["modelled_degC"].to_numpy(),
-        sd_K=one.white_K,
-        bias_sd_K=one.bias_sd_K,
-        used=rows["used"].to_numpy(),
-        first_record=rows["first_record"].to_numpy(),
-        last_record=rows["last_record"].to_numpy(),
-        raw=raw.to_numpy(),
-    )
+    found = {name: rows[name].to_numpy() for name in ("t_ns", "used", "first_record", "last_record")}
+    shown = {name: rows[name + unit].to_numpy() for name in ("measured", "modelled")}
+    return {"channel": channel, "raw": raw.to_numpy(), **found, **shown}

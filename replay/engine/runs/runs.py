@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -20,9 +20,7 @@ from ingest.facts.facts import Facts
 from ingest.facts.store import Store
 from replay.engine.files.bench_versions import with_bench_of
 from replay.engine.files.configurations import network_of
-from replay.engine.frame.frame import InputFrame
 from replay.engine.frame.frame_of import session_frame
-from replay.engine.frame.observations import Meter, Observation
 from replay.engine.results.artefacts import (
     filtered_table,
     frame_table,
@@ -35,14 +33,15 @@ from replay.engine.results.artefacts import (
 )
 from replay.engine.results.as_json import to_json
 from replay.engine.results.asked_unknowns import asked_unknowns
+from replay.engine.results.compared import metered_of, observed_of
 from replay.engine.results.filtered import filter_session, filter_summary, mean_losses
 from replay.engine.results.heat_account import efficiency_of, heat_balance, heat_course
 from replay.engine.results.hot_spot_bands import with_bands
 from replay.engine.results.hot_spots import deratings, hot_spots, limits, watched
 from replay.engine.results.kernel_cache import load_kernel
-from replay.engine.results.open_loop import initial_temperatures, metered, modelled, referenced
+from replay.engine.results.open_loop import initial_temperatures
 from replay.engine.results.residuals import errors_of_channels, errors_of_meters, largest_by_node, mean_by_node
-from replay.engine.results.run import Metered, Observed
+from replay.engine.results.run import Compared
 from replay.engine.results.summary import IntegratorDistance, Summary, document
 from replay.engine.runs.identity import digest_of, environment, replay_key, run_id
 from replay.engine.runs.sources import code_of
@@ -51,7 +50,7 @@ from replay.errors import ReplayDataError
 from twin.compiled.integrators import DEFAULT, INTEGRATORS, Tableau
 from twin.errors import TwinError
 from twin.motor.network import Network
-from twin.run.losses import HeatFlows, account, heat_flows
+from twin.run.losses import account, heat_flows
 from twin.run.simulate import Frame, simulate
 
 Floats = NDArray[np.float64]
@@ -96,10 +95,10 @@ def replay(
     temperatures = reference if method is DEFAULT else _simulated(network, inputs, initial, session, method)
     flows = heat_flows(network, inputs, reference)
     nodes = tuple(node.name for node in network.nodes)
-    observed = tuple(_observed(o, frame, temperatures, nodes) for o in frame.observations)
+    observed = tuple(observed_of(o, frame, temperatures, nodes) for o in frame.observations)
     begins = dict(zip(nodes, initial.tolist(), strict=True))
-    meters = tuple(_metered(m, frame, network, temperatures, flows, begins) for m in frame.meters)
-    compared: tuple[Observed | Metered, ...] = (*observed, *meters)
+    meters = tuple(metered_of(m, frame, network, temperatures, flows, begins) for m in frame.meters)
+    compared: tuple[Compared, ...] = (*observed, *meters)
     digest = digest_of([*temperatures.T, *(o.modelled for o in compared), *(o.residual for o in compared)])
     tables = {
         "frame": frame_table(frame),
@@ -202,53 +201,6 @@ def _simulated(network: Network, inputs: Frame, initial: Floats, session: Sessio
             f"{step * inputs.step_s:,.0f} s: check its losses and links in the motor file, and the units of the inputs."
         )
     return temperatures
-
-
-def _observed(o: Observation, frame: InputFrame, temperatures: Floats, nodes: tuple[str, ...]) -> Observed:
-    there = np.isfinite(o.measured)
-    per_step = float(np.median(o.samples[o.good])) if o.good.any() else 1.0
-    return Observed(
-        channel=o.sensor.name,
-        node=o.sensor.label,
-        t_ns=(frame.t_ns[:-1] + np.round(o.place * np.diff(frame.t_ns)).astype(np.int64))[there],
-        measured=o.measured[there],
-        modelled=modelled(o, frame, temperatures, nodes)[there],
-        sd_K=float(np.hypot(o.sensor.noise, o.sensor.resolution / 12**0.5) / per_step**0.5),
-        bias_sd_K=o.sensor.bias_sd,
-        used=(o.good & frame.live)[there],
-        first_record=o.first_record[there],
-        last_record=o.last_record[there],
-        raw=o.raw[there],
-    )
-
-
-def _metered(
-    meter: Meter,
-    frame: InputFrame,
-    network: Network,
-    temperatures: Floats,
-    flows: HeatFlows,
-    begins: Mapping[str, float],
-) -> Metered:
-    what, seen = referenced(meter, begins), meter.seen
-    there = np.isfinite(seen.measured)
-    per_step = float(np.median(seen.samples[seen.good])) if seen.good.any() else 1.0
-    return Metered(
-        channel=seen.sensor.name,
-        quantity=what.quantity,
-        unit=what.unit,
-        place="motor" if what.quantity == "power" else what.boundary or seen.sensor.label,
-        t_ns=(frame.t_ns[:-1] + np.round(seen.place * np.diff(frame.t_ns)).astype(np.int64))[there],
-        measured=seen.measured[there],
-        modelled=metered(meter, what, frame, network, temperatures, flows)[there],
-        sd=float(np.hypot(seen.sensor.noise, seen.sensor.resolution / 12**0.5) / per_step**0.5),
-        bias_sd=seen.sensor.bias_sd,
-        gain_sd=what.gain_sd,
-        used=(seen.good & frame.live)[there],
-        first_record=seen.first_record[there],
-        last_record=seen.last_record[there],
-        raw=seen.raw[there],
-    )
 
 
 def _deratings(store: Store, facts: Facts, session: SessionRecorded) -> Sequence[DeratingRule]:
