@@ -85,8 +85,8 @@ def resolve(
     """The channels of `bench` for a log that holds `signals`, in the order of the file.
 
     `boundaries`: those of the motor file; None without one, then the names tell. `regions`: of its nodes, None without
-    one. Ignored channels that are not in the log are left out. Raises BenchFileError for a signal that is not there or not
-    the only one, and a unit that the log's own unit row contradicts.
+    one. Ignored channels that are not in the log are left out. Raises BenchFileError for a signal that is not there or
+    not the only one, and a unit that the log's own unit row contradicts.
     """
     directory = Directory(signals)
     found = [(channel, _signals_of(channel, bench, directory)) for channel in bench.channels if channel.quantity]
@@ -166,8 +166,8 @@ def _refuse_twice(bench: Bench, present: Sequence[tuple[Channel, tuple[Signal, .
         first = channel if channel.expression else seen.setdefault(of_log[0], channel)
         if first is not channel:
             raise BenchFileError(
-                f'{bench.name}:{channel.at("signal")}: signal "{channel.signal}" is the one of line {first.at("signal")} '
-                f'("{first.signal}"). Keep one of the two.'
+                f'{bench.name}:{channel.at("signal")}: signal "{channel.signal}" is the one of line '
+                f'{first.at("signal")} ("{first.signal}"). Keep one of the two.'
             )
 
 
@@ -186,8 +186,8 @@ def _refuse_unit_row(bench: Bench, channel: Channel, directory: Directory) -> No
         row = signal.unit if signal.message is None else None
         if row and other_unit(row, channel.unit, channel.quantity, channel.convention):
             raise BenchFileError(
-                f'{bench.name}:{channel.at("unit")}: unit "{channel.unit}" of signal "{channel.signal}" disagrees with the '
-                f'unit row of the log, which says "{row}". Correct the bench file.'
+                f'{bench.name}:{channel.at("unit")}: unit "{channel.unit}" of signal "{channel.signal}" disagrees '
+                f'with the unit row of the log, which says "{row}". Correct the bench file.'
             )
 
 

@@ -38,9 +38,10 @@ class ChannelData:
     """All samples of one channel of a session, over all its files, in the order of time. Arrays (N,).
 
     `t_ns` int64 [ns]; `value` float64, finite, in the stored unit of the quantity; `record` int64, position among the
-    records of its file; `raw` int64, index into `raws`, the SHA-256 of the session's files that hold this channel; `buses`,
-    one for each of these: what stamped its samples there, `can<n>` or the stem of a table's name. Stamps and values are
-    without what the bench file's corrections say is wrong with them; `read`: the values before, where they were corrected.
+    records of its file; `raw` int64, index into `raws`, the SHA-256 of the session's files that hold this channel;
+    `buses`, one for each of these: what stamped its samples there, `can<n>` or the stem of a table's name. Stamps and
+    values are without what the bench file's corrections say is wrong with them; `read`: the values before, where they
+    were corrected.
     """
 
     spec: ResolvedChannel
@@ -87,10 +88,10 @@ def load(store: Store, facts: Facts, session: SessionRecorded) -> list[ChannelDa
     """Every channel of a session that has samples, in the order of its files; empty cells are left out.
 
     These are the channels of the bench file, the ignored ones too, and its corrections are taken off here: those of the
-    version that was accepted in place of the one that a file was decoded under. Heat along a sensor's leads stays in where
-    the session does not know the ambient. Without a bench file they are all signals: of the quantity that was guessed, in
-    its stored unit, or else of quantity "" in the file's unit. Raises DamageError for Parquet or a bench file that is
-    damaged or not there.
+    version that was accepted in place of the one that a file was decoded under. Heat along a sensor's leads stays in
+    where the session does not know the ambient. Without a bench file they are all signals: of the quantity that was
+    guessed, in its stored unit, or else of quantity "" in the file's unit. Raises DamageError for Parquet or a bench
+    file that is damaged or not there.
     """
     return next(load_each(store, facts, [session]))
 
@@ -130,7 +131,8 @@ def find(channels: Sequence[ChannelData], quantity: str) -> ChannelData | None:
 
 
 def current(channels: Sequence[ChannelData]) -> ChannelData | None:
-    """The phase current [A rms]: the channel `current`, else hypot of `current_d` and `current_q` on the stamps of d."""
+    """The phase current [A rms]: the channel `current`, else hypot of `current_d` and `current_q` on the stamps of
+    d."""
     whole, d, q = (find(channels, name) for name in ("current", "current_d", "current_q"))
     if whole or not d or not q:
         return whole
@@ -333,7 +335,8 @@ def _read(path: Path, columns: Sequence[str]) -> dict[str, NDArray[Any]]:
 
 
 def _joined(some: Sequence[_Piece], start_ns: int, around: _Around | None) -> ChannelData:
-    """One channel from its pieces in several files, sorted by time; its resolution from the data where none was known."""
+    """One channel from its pieces in several files, sorted by time; its resolution from the data where none was
+    known."""
     pieces = {piece.raw: piece for piece in some}
     raws = tuple(pieces)
     t_ns, record, read = (

@@ -1,4 +1,5 @@
-"""The demo's third part: what heat has done to insulation. Two stators through oven cycles, and a fleet's table of checks."""
+"""The demo's third part: what heat has done to insulation. Two stators through oven cycles, and a fleet's table of
+checks."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""The whole way on shipped recordings: ingest, balance, replay, report, layers, and why: the cause, or what cannot be told."""
+"""The whole way on shipped recordings: ingest, balance, replay, report, layers, and why: the cause, or what cannot be
+told."""
 
 from __future__ import annotations
 
@@ -33,17 +34,22 @@ from replay.studies.ageing import assessment
 from replay.studies.diagnosis.answer import Diagnosis, document, read
 from replay.studies.diagnosis.diagnose import diagnose
 
-INTRO = """Five bench recordings of a water-cooled interior-magnet motor, and the thermal network that its authors published for it
+INTRO = """\
+Five bench recordings of a water-cooled interior-magnet motor, and the thermal network that its authors published for it
 (IEEE Trans. Power Electronics 2024, DOI 10.1109/TPEL.2024.3409388; data under MIT licence, examples/hust_motor)."""
 
 
 WHY = "Why? Learnt from id_3 and id_9, kept id_1, id_10 and id_12:"
 LEARN, KEEP = ("id_3", "id_9"), ("id_1", "id_10", "id_12")
 
-HIDDEN = """And a campaign with a hidden effect: CAN logs of a simulated 150 kW motor that differs from its motor file in one thing, and in
+HIDDEN = """\
+And a campaign with a hidden effect: CAN logs of a simulated 150 kW motor that differs from its motor file in \
+one thing, and in
 all that a healthy motor differs in (examples/hidden_effect)."""
 
-AGEING = """And insulation: two simulated stators through oven cycles at 230 °C with a DC check after each, and checks of a fleet of 30 motors
+AGEING = """\
+And insulation: two simulated stators through oven cycles at 230 °C with a DC check after each, \
+and checks of a fleet of 30 motors
 (examples/insulation)."""
 
 
@@ -143,8 +149,8 @@ def _ingested(intake: Intake) -> list[str]:
     size = sum(one.size for one in intake.files) / 1e3
     lines = labelled(
         "Ingested",
-        f"{len(balances)} recordings, {size:.0f} kB, sealed under their SHA-256. {total['found']:,} rows in the files = {parts}: "
-        "the balance holds.",
+        f"{len(balances)} recordings, {size:.0f} kB, sealed under their SHA-256. {total['found']:,} rows in the files "
+        f"= {parts}: the balance holds.",
     )
     return lines + [line for name, flag in intake.flags for line in labelled("", f"{name}: {flag.says}")]
 

@@ -43,8 +43,8 @@ def made_summary(**stored: Any) -> Summary:
 def made_run(
     name: str = "1_s1", steps: int = 2400, absolute: bool = True, masked: tuple[int, int] = (0, 0), **more: Any
 ) -> Run:
-    """A run whose measurement is the model + 6 K at the rotor surface above 3,000 rpm, - 0.2 K elsewhere; `masked`:
-    steps of the rotor that are not used."""
+    """Measured = model + 6 K at the rotor surface above 3,000 rpm, - 0.2 K elsewhere; `masked`: steps of the rotor not
+    used."""
     start = UTC_NS if absolute else 0
     t_ns = start + np.arange(steps + 1) * STEP_NS
     speed = np.where(np.arange(steps) < steps // 2, 1500.0, 3500.0)

@@ -1,7 +1,7 @@
 """The input frame: the one narrow door into the twin, made from a session's channels and recorded whole.
 
-Per step: mean of every feature, mean of every boundary temperature, and per observed channel the mean of its samples with
-the first and last record used (its lineage).
+Per step: mean of every feature, mean of every boundary temperature, and per observed channel the mean of its samples
+with the first and last record used (its lineage).
 """
 
 from __future__ import annotations
@@ -68,10 +68,10 @@ def build(
     """The frame of a session for a network.
 
     `good`: per channel, which samples of an observation may be believed (ingest.catalogue.quality). Inputs are taken as
-    they stand: a held set point and a constant one look the same, and the bench really ran at one of them. `given`: features
-    that no channel gives and that are one number in a session, in their scale. Flux is 0 at standstill, whatever its channel says.
-    Raises ReplayDataError where an input or a boundary that the network needs has no channel, two channels, or no samples, and where
-    nothing says which channel is which of several flows.
+    they stand: a held set point and a constant one look the same, and the bench really ran at one of them. `given`:
+    features that no channel gives and that are one number in a session, in their scale. Flux is 0 at standstill,
+    whatever its channel says. Raises ReplayDataError where an input or a boundary that the network needs has no
+    channel, two channels, or no samples, and where nothing says which channel is which of several flows.
     """
     clean = {c.spec.name: (c.t_ns, c.value) for c in channels}
     given = given or {}
@@ -162,8 +162,8 @@ def _input_of(feature: str, flows: Sequence[str], channels: Sequence[ChannelData
     quantity = "flow" if is_flow(feature) else feature
     if quantity not in STORED_UNIT:
         raise ReplayDataError(
-            f'feature "{feature}" of the motor file is counted over the sessions of a specimen, which is not done here: `whyhot '
-            "replay` does. Take the term out, or use a motor file without it."
+            f'feature "{feature}" of the motor file is counted over the sessions of a specimen, which is not done '
+            "here: `whyhot replay` does. Take the term out, or use a motor file without it."
         )
     found = _inputs(quantity, channels)
     return _only(quantity, f'"{feature}"', _flow_of(feature, flows, found) if is_flow(feature) else found)
@@ -187,8 +187,9 @@ def _only(quantity: str, why: str, found: Sequence[ChannelData]) -> ChannelData:
 
 
 def _flow_of(feature: str, flows: Sequence[str], found: Sequence[ChannelData]) -> list[ChannelData]:
-    """The channels of flow that may be `feature`: the one of its name; of a motor's only flow the only one; of plain `flow` beside
-    others those that are not called as one of them. Raises ReplayDataError where a name has to say it, and none does."""
+    """The channels of flow that may be `feature`: the one of its name; of a motor's only flow the only one; of plain
+    `flow` beside others those that are not called as one of them. Raises ReplayDataError where a name has to say it,
+    and none does."""
     own = [c for c in found if c.spec.name == feature]
     if flows == ["flow"] or (len(flows) == 1 and len(found) < 2):
         return list(found)
@@ -311,7 +312,8 @@ def _live(signals: Iterable[Signal], edges: Times, recover_s: float) -> Bools:
 
 
 def recovery_s(network: Network, mean_features: Floats, channels: Sequence[ChannelData]) -> float:
-    """3 times the fastest observed mode: C / sum G of the quickest node with an observed channel, at mean features [s]."""
+    """3 times the fastest observed mode: C / sum G of the quickest node with an observed channel, at mean features
+    [s]."""
     seen = {
         node for c in channels if c.spec.role == "observed" for node in (c.spec.weights or {c.spec.node or "": 1.0})
     }

@@ -1,7 +1,8 @@
 """Held signals over steps: the mean of a function of the inputs over each step, at the inputs' own rates.
 
-A bench samples torque at 100 Hz and the model steps once a second. What heats the motor in a step is the mean of I^2, not
-the square of the mean of I, so every feature is evaluated wherever an input changes and averaged over the step after that.
+A bench samples torque at 100 Hz and the model steps once a second. What heats the motor in a step is the mean of I^2,
+not the square of the mean of I, so every feature is evaluated wherever an input changes and averaged over the step
+after that.
 """
 
 from __future__ import annotations
@@ -75,7 +76,8 @@ def held(signal: Signal, at_ns: Times) -> Floats:
 
 @dataclass(frozen=True)
 class Pieces:
-    """The finest intervals on which no input changes. `values`: input -> (K,); `weight` (K,) [ns]; `first` (N,) piece of each step."""
+    """The finest intervals on which no input changes. `values`: input -> (K,); `weight` (K,) [ns]; `first` (N,) piece
+    of each step."""
 
     values: Mapping[str, Floats]
     weight: Floats

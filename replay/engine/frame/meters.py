@@ -21,8 +21,9 @@ SHAFT = ("torque", "speed")
 
 @dataclass(frozen=True)
 class Measurand:
-    """What a meter measures. `quantity`: power (mechanical power and all losses), heat (that `boundary` takes), resistance or flux
-    (`law`, its reference None where the session's first samples say it). `gain_sd`: of the share by which it reads too much."""
+    """What a meter measures. `quantity`: power (mechanical power and all losses), heat (that `boundary` takes),
+    resistance or flux (`law`, its reference None where the session's first samples say it). `gain_sd`: of the share by
+    which it reads too much."""
 
     quantity: str
     gain_sd: float
@@ -36,8 +37,8 @@ class Measurand:
 
 
 def measurands(channels: Sequence[ChannelData], network: Network) -> dict[str, Measurand]:
-    """Of every observed channel that is no thermometer, what it measures. Raises ReplayDataError where the motor lacks its place,
-    or the session what it has to be compared with."""
+    """Of every observed channel that is no thermometer, what it measures. Raises ReplayDataError where the motor lacks
+    its place, or the session what it has to be compared with."""
     return {
         c.spec.name: _measurand(c.spec, channels, network)
         for c in channels
@@ -55,8 +56,8 @@ def _measurand(spec: ResolvedChannel, channels: Sequence[ChannelData], network: 
             around = [b.name for b in network.boundaries]
             if spec.node not in around:
                 raise ReplayDataError(
-                    f'channel "{spec.name}" observes the heat that "{spec.node}" takes, and that is no boundary of motor '
-                    f'"{network.name}".{hint(spec.node or "", around)} Correct node in the bench file.'
+                    f'channel "{spec.name}" observes the heat that "{spec.node}" takes, and that is no boundary of '
+                    f'motor "{network.name}".{hint(spec.node or "", around)} Correct node in the bench file.'
                 )
             return Measurand("heat", spec.gain_sd, boundary=spec.node)
         case _:
@@ -71,8 +72,8 @@ def _law(spec: ResolvedChannel, network: Network) -> Thermometric:
     for place in weights:
         if place not in nodes:
             raise ReplayDataError(
-                f'channel "{spec.name}" goes with the temperature of "{place}", and motor "{network.name}" has no such node.'
-                f"{hint(place, nodes)} Correct node or weights in the bench file."
+                f'channel "{spec.name}" goes with the temperature of "{place}", and motor "{network.name}" has no '
+                f"such node.{hint(place, nodes)} Correct node or weights in the bench file."
             )
     slope = copper_slope(network.copper, spec.reference_degC) if spec.slope_per_K is None else spec.slope_per_K
     return Thermometric(weights, 1.0 if spec.reference is None else spec.reference, slope, spec.reference_degC)

@@ -1,4 +1,5 @@
-"""What observed channels show in the steps of a frame: the sensor or meter, and the means of its samples with their lineage."""
+"""What observed channels show in the steps of a frame: the sensor or meter, and the means of its samples with their
+lineage."""
 
 from __future__ import annotations
 
@@ -21,9 +22,9 @@ Times = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Observation:
-    """A sensor over the N steps. `measured` [degC]: mean of the samples in a step, NaN where there is none; `place` in [0, 1): their
-    mean time within the step; `samples`: good ones in the step, `good` where there is any; `first_record`, `last_record`: of the
-    samples, -1 where there is none; `raw`: index of their file."""
+    """A sensor over the N steps. `measured` [degC]: mean of the samples in a step, NaN where there is none; `place` in
+    [0, 1): their mean time within the step; `samples`: good ones in the step, `good` where there is any;
+    `first_record`, `last_record`: of the samples, -1 where there is none; `raw`: index of their file."""
 
     sensor: Sensor
     measured: Floats
@@ -37,7 +38,8 @@ class Observation:
 
 @dataclass(frozen=True)
 class Meter:
-    """An observed channel that is no thermometer: what it measures, and its samples, there in the unit of its quantity."""
+    """An observed channel that is no thermometer: what it measures, and its samples, there in the unit of its
+    quantity."""
 
     what: Measurand
     seen: Observation

@@ -65,8 +65,8 @@ def temperature_table(frame: InputFrame, temperatures: Floats, nodes: Sequence[s
 
 
 def filtered_table(frame: InputFrame, filtered: Filtered, nodes: Sequence[str]) -> pa.Table:
-    """One row an edge of a step, N + 1; a column a node, and heat in the step that begins there [W]: estimated, with its
-    standard deviation, and modelled; temperatures and heat once more as smoothed."""
+    """One row an edge of a step, N + 1; a column a node, and heat in the step that begins there [W]: estimated, with
+    its standard deviation, and modelled; temperatures and heat once more as smoothed."""
     columns = {f"{node}_degC": filtered.temperatures[:, i] for i, node in enumerate(nodes)}
     heat = {
         "estimated_heat_W": filtered.heat_W,
@@ -108,7 +108,8 @@ def filtered_of(table: pa.Table, summary: FilterSummary, nodes: Sequence[str]) -
 
 
 def heat_table(frame: InputFrame, heat: HeatCourse) -> pa.Table:
-    """One row a step: losses by kind (`loss:copper_dc_W`) and what each boundary takes (`into:coolant_W`), means over it."""
+    """One row a step: losses by kind (`loss:copper_dc_W`) and what each boundary takes (`into:coolant_W`), means over
+    it."""
     losses = {f"loss:{kind}_W": values for kind, values in heat.kinds.items()}
     taken = {f"into:{name}_W": values for name, values in heat.boundaries.items()}
     return pa.table({"t_ns": frame.t_ns[:-1], **losses, **taken})

@@ -25,8 +25,8 @@ def to_json(value: Any) -> Any:
 
 
 def from_json(kind: Any, stored: Any) -> Any:
-    """What `to_json` wrote of a `kind`, a dataclass or the type of a field. A key that is not there has its field's default, one that is
-    no field is left out."""
+    """What `to_json` wrote of a `kind`, a dataclass or the type of a field. A key that is not there has its field's
+    default, one that is no field is left out."""
     inner = get_args(kind)
     if stored is None:
         return None

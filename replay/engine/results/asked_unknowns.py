@@ -28,13 +28,13 @@ def asked_unknowns(
 ) -> dict[str, Unknown]:
     """Id -> what a filter is to find for it, losses first. `losses`: node -> mean modelled loss [W].
 
-    `loss.magnet.constant` is a heat beside the modelled one, of any course; `loss.magnet.scale`, `conductance.rotor_surface-teeth.scale`,
-    or another law that the link has, multiplies the motor file's coefficients and begins within their `sd`; `sensor.teeth.bias` is
-    what a thermometer reads too much, constant and within its `bias_sd`. Two places that mirror each other share one factor under
-    their common stem.
+    `loss.magnet.constant` is a heat beside the modelled one, of any course; `loss.magnet.scale`,
+    `conductance.rotor_surface-teeth.scale`, or another law that the link has, multiplies the motor file's coefficients
+    and begins within their `sd`; `sensor.teeth.bias` is what a thermometer reads too much, constant and within its
+    `bias_sd`. Two places that mirror each other share one factor under their common stem.
 
-    Raises `CauseError` for what is no id, `ReplayDataError` for what no filter finds and for two losses of one node, `FrameError` for what
-    the network has not.
+    Raises `CauseError` for what is no id, `ReplayDataError` for what no filter finds and for two losses of one node,
+    `FrameError` for what the network has not.
     """
     found = {text: _unknown(network, parse(text), losses, observations) for text in causes}
     at = Counter(place for one in found.values() if (place := place_of_loss(one)) is not None)
@@ -55,8 +55,8 @@ def _unknown(
         case "sensor", "bias":
             return _bias(cause, observations)
     raise ReplayDataError(
-        f"--unknown {cause}: no filter finds that: give loss.NODE.constant (a heat), loss.NODE.scale, conductance.A-B.scale or "
-        "sensor.NODE.bias."
+        f"--unknown {cause}: no filter finds that: give loss.NODE.constant (a heat), loss.NODE.scale, "
+        "conductance.A-B.scale or sensor.NODE.bias."
     )
 
 

@@ -1,4 +1,5 @@
-"""Filter and smoother over a session: temperatures corrected by the measured channels, and the heat that they ask for at one node."""
+"""Filter and smoother over a session: temperatures corrected by the measured channels, and the heat that they ask for
+at one node."""
 
 from __future__ import annotations
 
@@ -38,7 +39,8 @@ NOTHING_ASKED: Mapping[str, Unknown] = {}
 
 @dataclass(frozen=True)
 class Estimated(Filtered):
-    """What a filter has just found: beside what is sealed of it, the smoother's hot spots and each cause that was asked for."""
+    """What a filter has just found: beside what is sealed of it, the smoother's hot spots and each cause that was asked
+    for."""
 
     spots: dict[str, SmoothedSpot] = field(default_factory=dict)
     asked: list[FoundUnknown] = field(default_factory=list)
@@ -52,16 +54,17 @@ def filter_session(
     asked: Mapping[str, Unknown] = NOTHING_ASKED,
     measured: Sequence[str] | None = None,
 ) -> Estimated | None:
-    """Temperatures and the loss at a node from the channels named in `measured`; None where there is no such node or channel, or the
-    network is too large.
+    """Temperatures and the loss at a node from the channels named in `measured`; None where there is no such node or
+    channel, or the network is too large.
 
     `losses`: node -> mean modelled loss [W]; `asked`: id of a cause -> what to find for it, losses first
-    (`replay.engine.results.asked_unknowns`). The node is that of the first loss in it. Without one it is the magnet with the largest, else the
-    rotor node with the largest, and several magnets have one unknown, what multiplies the losses of all of them; all else in
-    `asked` is found beside. Left out, `measured` is every channel of this level but those of magnets, which are kept to check the
-    filter. Kept channels set no initial temperature either. A resistance is read as the temperature that it stands for, with an
-    error of its own to be found; so are powers and heats beside thermometers, whose error is also that of the model's other losses
-    (`replay.engine.results.heat_readings`). Raises `FrameError`, `DivergedError` as `twin.filters.ekf.filter_unknowns`.
+    (`replay.engine.results.asked_unknowns`). The node is that of the first loss in it. Without one it is the magnet
+    with the largest, else the rotor node with the largest, and several magnets have one unknown, what multiplies the
+    losses of all of them; all else in `asked` is found beside. Left out, `measured` is every channel of this level but
+    those of magnets, which are kept to check the filter. Kept channels set no initial temperature either. A resistance
+    is read as the temperature that it stands for, with an error of its own to be found; so are powers and heats beside
+    thermometers, whose error is also that of the model's other losses (`replay.engine.results.heat_readings`). Raises
+    `FrameError`, `DivergedError` as `twin.filters.ekf.filter_unknowns`.
     """
     own = list(asked.values())
     said = place_of_loss(own[0]) if own else None
@@ -203,8 +206,8 @@ def unknown_heat(node: str, losses: Mapping[str, float]) -> UnknownHeat:
 
 
 def unknown_loss(network: Network, node: str, losses: Mapping[str, float]) -> UnknownHeat | UnknownFactor:
-    """The unknown heat at a node; where that is one of several magnets, as in slices of a stack, what multiplies the losses of all of them:
-    a heat in one slice would leave the others, which no sensor may see, as they are."""
+    """The unknown heat at a node; where that is one of several magnets, as in slices of a stack, what multiplies the
+    losses of all of them: a heat in one slice would leave the others, which no sensor may see, as they are."""
     heat = unknown_heat(node, losses)
     magnets = [n.name for n in network.nodes if n.region == "magnet" and losses.get(n.name, 0.0) > 0]
     if node not in magnets or len(magnets) == 1:
@@ -242,8 +245,8 @@ def _heats(
 
 
 def _as_thermometer(meter: Meter, begins: Mapping[str, tuple[float, float]]) -> tuple[Observation, float]:
-    """A resistance or flux linkage as the temperature that it stands for, and the sd of its constant error [K]. `begins`: node ->
-    temperature and sd at the start, which are those of a reference that the bench file leaves out."""
+    """A resistance or flux linkage as the temperature that it stands for, and the sd of its constant error [K].
+    `begins`: node -> temperature and sd at the start, which are those of a reference that the bench file leaves out."""
     law, o = referenced(meter, {node: degC for node, (degC, _) in begins.items()}).law, meter.seen
     assert law is not None  # meters without one are left out
     degC, per_K = law.temperature(o.measured), abs(law.per_K)

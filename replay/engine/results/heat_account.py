@@ -58,14 +58,16 @@ def efficiency_of(frame: InputFrame, flows: HeatFlows) -> Efficiency | None:
 
 
 def electrical_W(frame: InputFrame) -> Floats | None:
-    """The recorded electrical power of each step (N,), NaN where there is none; None where no single channel gives it."""
+    """The recorded electrical power of each step (N,), NaN where there is none; None where no single channel gives
+    it."""
     observed = [meter.seen.measured for meter in frame.meters if meter.what.quantity == "power"]
     given = [values for name, values in frame.inputs.items() if name == "power_W"]
     return (observed + given)[0] if len(observed + given) == 1 else None
 
 
 def efficiency(electrical_W: Floats, mechanical_W: Floats) -> float | None:
-    """Energy out over energy in of powers (N,), each signed: into the terminals, out of the shaft. None where nothing goes out."""
+    """Energy out over energy in of powers (N,), each signed: into the terminals, out of the shaft. None where nothing
+    goes out."""
     known = np.isfinite(electrical_W)
     into = np.maximum(electrical_W, 0.0)[known] + np.maximum(-mechanical_W, 0.0)[known]
     out = np.maximum(mechanical_W, 0.0)[known] + np.maximum(-electrical_W, 0.0)[known]

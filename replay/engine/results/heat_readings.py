@@ -1,8 +1,10 @@
-"""What a filter reads of meters of power and heat: all losses, or what a boundary takes, each with an error of its own to be found.
+"""What a filter reads of meters of power and heat: all losses, or what a boundary takes, each with an error of its own
+to be found.
 
-A filter takes what a meter shows beyond the model for the one heat that it seeks. So that this holds only of what is neither the meter's
-error nor that of the other losses, each reading has both: as much as the bench file says of the meter and the motor file of its losses
-and links, once from step to step, as it goes with the operating point, and once as an unknown that wanders.
+A filter takes what a meter shows beyond the model for the one heat that it seeks. So that this holds only of what is
+neither the meter's error nor that of the other losses, each reading has both: as much as the bench file says of the
+meter and the motor file of its losses and links, once from step to step, as it goes with the operating point, and once
+as an unknown that wanders.
 """
 
 from __future__ import annotations
@@ -29,8 +31,8 @@ LEAST_W = 1.0
 def heat_readings(
     meters: Sequence[Meter], network: Network, frame: InputFrame, flows: HeatFlows, node: str
 ) -> list[tuple[HeatReading, UnknownBias]]:
-    """Of each meter of power or heat that has a sample, its reading and the unknown error. `flows`: those of the open loop; `node`: where
-    the unknown heat is, whose own loss is no error."""
+    """Of each meter of power or heat that has a sample, its reading and the unknown error. `flows`: those of the open
+    loop; `node`: where the unknown heat is, whose own loss is no error."""
     return [_reading(m, network, frame, flows, node) for m in meters if m.what.law is None and m.seen.good.any()]
 
 
@@ -67,6 +69,7 @@ def _of_losses(network: Network, flows: HeatFlows, node: str) -> Floats:
 
 
 def _of_links(network: Network, boundary: str) -> float:
-    """The share that the motor file leaves open of what a boundary takes: the largest `sd` of its links, none of a circuit's inlet."""
+    """The share that the motor file leaves open of what a boundary takes: the largest `sd` of its links, none of a
+    circuit's inlet."""
     links = (link for link in network.links if boundary in (link.a, link.b))
     return max((term.sd for link in links for term in link.terms), default=0.0)

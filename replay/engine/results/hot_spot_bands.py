@@ -1,4 +1,5 @@
-"""How sure a run's hot spots are: by what its calibration left unknown, or by what the motor file says of its own numbers."""
+"""How sure a run's hot spots are: by what its calibration left unknown, or by what the motor file says of its own
+numbers."""
 
 from __future__ import annotations
 
@@ -47,9 +48,9 @@ def with_bands(
     ageing: Sequence[Aged],
     spots: Mapping[str, HotSpot],
 ) -> dict[str, ModelledSpot]:
-    """The `spots` with bands, by what is not known of coefficients, capacities, the `start` (temperatures and sd, (n,)) and what `ageing`
-    has left: from the model's calibration, else from the motor file, whose `sd` are wide as nothing was learnt. No band for networks
-    of more than `MOST_NODES`.
+    """The `spots` with bands, by what is not known of coefficients, capacities, the `start` (temperatures and sd, (n,))
+    and what `ageing` has left: from the model's calibration, else from the motor file, whose `sd` are wide as nothing
+    was learnt. No band for networks of more than `MOST_NODES`.
 
     `network`: that of the session, as its specimen has it.
     """
@@ -89,9 +90,10 @@ def _band(spot: HotSpot, sd_K: float) -> list[float]:
 
 
 def smoothed_spots(network: Network, frame: InputFrame, temperatures: Floats, sd: Floats) -> dict[str, SmoothedSpot]:
-    """The hot spots by a smoother's `temperatures` with their own `sd` (N + 1, n). The `sd_K` of a spot is the root of the sum of squares
-    of the smoother's own, how far it is off the channels that follow the node, and what these may read too much (`bias_sd`). None
-    without such a channel: a smoother's own holds noise and random walks alone, and was 4 to 8 times too small at magnets."""
+    """The hot spots by a smoother's `temperatures` with their own `sd` (N + 1, n). The `sd_K` of a spot is the root of
+    the sum of squares of the smoother's own, how far it is off the channels that follow the node, and what these may
+    read too much (`bias_sd`). None without such a channel: a smoother's own holds noise and random walks alone, and was
+    4 to 8 times too small at magnets."""
     nodes = tuple(node.name for node in network.nodes)
     found: dict[str, SmoothedSpot] = {}
     for spot, one in hot_spots(network, temperatures, frame.step_s).items():
@@ -112,8 +114,8 @@ def smoothed_spots(network: Network, frame: InputFrame, temperatures: Floats, sd
 
 
 def known_covariance(store: Store, facts: Facts, model: str, motor: Network, rig: str | None) -> tuple[Floats, str]:
-    """Covariance (P, P) of ln coefficients and ln capacities of a rig's own network, and where it is from: priors, and what a calibration
-    left in the place of those that it learnt."""
+    """Covariance (P, P) of ln coefficients and ln capacities of a rig's own network, and where it is from: priors, and
+    what a calibration left in the place of those that it learnt."""
     covariance = np.diag([p.sd**2 for p in freedom(configured(motor, rig), ())])
     event = facts.calibrations.get(model)
     if event is None or event.covariance is None:

@@ -1,7 +1,8 @@
 """The hottest winding and magnet of a run, limits, and what derating made of them: parts of a run's summary.
 
-A node is the mean of its lump, and where lumps of different sizes lie is not in a motor file: there a hot spot is no more than its
-node. Equal slices in a row are cells of one bar, and the bar's profile is hotter between their middles than any of them.
+A node is the mean of its lump, and where lumps of different sizes lie is not in a motor file: there a hot spot is no
+more than its node. Equal slices in a row are cells of one bar, and the bar's profile is hotter between their middles
+than any of them.
 """
 
 from __future__ import annotations
@@ -29,8 +30,8 @@ REGIONS = {
 
 
 def hot_spots(network: Network, temperatures: Floats, step_s: float) -> dict[str, HotSpot]:
-    """The hottest "winding" and "magnet" (the rotor that holds it, where it is no node of its own), each where the motor has such nodes.
-    `temperatures` (N + 1, n)."""
+    """The hottest "winding" and "magnet" (the rotor that holds it, where it is no node of its own), each where the
+    motor has such nodes. `temperatures` (N + 1, n)."""
     return {spot: _hottest(network, temperatures, step_s, at) for spot in REGIONS if (at := nodes_of(spot, network))}
 
 
@@ -69,8 +70,8 @@ def _same_size(one: Node, other: Node) -> bool:
 
 
 def _profile(network: Network, degC: Floats, at: int, beside: Sequence[int]) -> SpotProfile:
-    """The highest point of the parabola whose means over three slices are their temperatures, the middle one the hottest: the
-    profile along a bar that is heated alike all over."""
+    """The highest point of the parabola whose means over three slices are their temperatures, the middle one the
+    hottest: the profile along a bar that is heated alike all over."""
     warmer, colder = sorted(beside, key=lambda i: -degC[i])
     tilt, bend = float(degC[warmer] - degC[colder]), float(2 * degC[at] - degC[warmer] - degC[colder])
     return SpotProfile(
@@ -81,7 +82,8 @@ def _profile(network: Network, degC: Floats, at: int, beside: Sequence[int]) -> 
 
 
 def limits(network: Network, temperatures: Floats, step_s: float) -> dict[str, LimitPassed]:
-    """Of every node with a limit, how long the means of the steps were above it, and the highest. `temperatures` (N + 1, n)."""
+    """Of every node with a limit, how long the means of the steps were above it, and the highest. `temperatures` (N +
+    1, n)."""
     means = (temperatures[:-1] + temperatures[1:]) / 2
     return {
         node.name: LimitPassed(
@@ -97,8 +99,8 @@ def limits(network: Network, temperatures: Floats, step_s: float) -> dict[str, L
 def watched(
     rules: Sequence[DeratingRule], channels: Sequence[ChannelData], t_ns: Times
 ) -> dict[str, tuple[str, Floats]]:
-    """Of every channel that a rule watches, the place that it follows most and what a controller knew from it at the times `t_ns` (N,):
-    its last sample as it was sent, stuck or not; NaN before the first."""
+    """Of every channel that a rule watches, the place that it follows most and what a controller knew from it at the
+    times `t_ns` (N,): its last sample as it was sent, stuck or not; NaN before the first."""
     names = {rule.channel for rule in rules}
     found = {}
     for one in channels:
@@ -118,8 +120,8 @@ def deratings(
     temperatures: Floats,
     step_s: float,
 ) -> list[DeratingCourse]:
-    """Every rule beside the run. `shown`: channel -> the place that it follows and what it showed in each step
-    (N,), NaN without a sample. A rule protects the hottest magnet where its sensor is on the rotor, else the hottest winding;
+    """Every rule beside the run. `shown`: channel -> the place that it follows and what it showed in each step (N,),
+    NaN without a sample. A rule protects the hottest magnet where its sensor is on the rotor, else the hottest winding;
     one whose sensor this session lacks is left out."""
     means = (temperatures[:-1] + temperatures[1:]) / 2
     regions = {node.name: node.region for node in network.nodes}

@@ -23,8 +23,8 @@ FIRST_S = 10.0  # a channel that says nothing in this time sets no initial tempe
 
 
 def initial_temperatures(network: Network, frame: InputFrame, level: str) -> tuple[Floats, Floats]:
-    """Temperatures (n,) [degC] at the first edge and their prior sd (n,) [K]: measured where a channel of this level is,
-    elsewhere the network's steady interpolation (twin.run.initial)."""
+    """Temperatures (n,) [degC] at the first edge and their prior sd (n,) [K]: measured where a channel of this level
+    is, elsewhere the network's steady interpolation (twin.run.initial)."""
     measured, weights = _first_measured(frame, level)
     return steady_interpolation(network, frame.features[0], frame.boundaries[0], measured, weights)
 
@@ -32,8 +32,8 @@ def initial_temperatures(network: Network, frame: InputFrame, level: str) -> tup
 def _first_measured(
     frame: InputFrame, level: str
 ) -> tuple[dict[str, tuple[float, float]], dict[str, dict[str, float]]]:
-    """node -> (temperature, sd) of the channels that follow it by more than half, and for those that follow others too, node -> what
-    they follow; means where there are several."""
+    """node -> (temperature, sd) of the channels that follow it by more than half, and for those that follow others too,
+    node -> what they follow; means where there are several."""
     steps = max(1, round(FIRST_S / frame.step_s))
     seen: dict[str, list[tuple[float, float, Mapping[str, float]]]] = {}
     for o in frame.observations:
@@ -53,7 +53,8 @@ def _first_measured(
 
 
 def modelled(observation: Observation, frame: InputFrame, temperatures: Floats, nodes: tuple[str, ...]) -> Floats:
-    """What the channel would read, (N,) [degC]: weighted nodes, through the sensor's known lag, at the samples' mean time.
+    """What the channel would read, (N,) [degC]: weighted nodes, through the sensor's known lag, at the samples' mean
+    time.
 
     `temperatures` (N + 1, n). The lag is first order, exact for a temperature that is linear within a step.
     """
@@ -68,8 +69,8 @@ def modelled(observation: Observation, frame: InputFrame, temperatures: Floats, 
 
 
 def referenced(meter: Meter, initial: Mapping[str, float]) -> Measurand:
-    """What the meter measures, a reference that the bench file leaves out taken from its first good sample: there its nodes have
-    their `initial` temperatures (node -> degC)."""
+    """What the meter measures, a reference that the bench file leaves out taken from its first good sample: there its
+    nodes have their `initial` temperatures (node -> degC)."""
     law, good = meter.what.law, np.flatnonzero(meter.seen.good)
     if law is None or meter.what.referenced or not good.size:
         return meter.what

@@ -98,15 +98,16 @@ def _seconds(o: Compared, start_ns: int) -> Floats:
 
 
 def _where(places: Mapping[str, Floats], use: NDArray[np.bool_], size: Floats) -> dict[str, list[float]]:
-    """Of each place in which the error concentrates, the range in which it does; `size` of the errors that may be used."""
+    """Of each place in which the error concentrates, the range in which it does; `size` of the errors that may be
+    used."""
     return {name: span for name, at in places.items() if (span := where(at[use], size)) is not None}
 
 
 def where(place: Floats, size: Floats) -> list[float] | None:
     """The range of `place` in which the error concentrates, or None where it is spread evenly.
 
-    The range of `place` is cut into 8 equal cells; the answer is the contiguous run of cells with a
-    mean error 25 % above the whole's that holds most of it, if it holds at least half of the error in at most 60 % of the time.
+    The range of `place` is cut into 8 equal cells; the answer is the contiguous run of cells with a mean error 25 %
+    above the whole's that holds most of it, if it holds at least half of the error in at most 60 % of the time.
     """
     finite = np.isfinite(place)
     place, size = place[finite], size[finite]

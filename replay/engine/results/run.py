@@ -15,9 +15,9 @@ from replay.engine.results.summary import Summary
 class Compared:
     """A channel beside the model, at the M steps in which it has a sample. All arrays (M,).
 
-    `measured`: mean of the samples in the step; `modelled`: what the model would read at their mean time `t_ns`; `used`: False
-    where samples are held, stuck, saturated or follow a bridged gap of an input; `first_record`, `last_record`: of the
-    samples, in the file at index `raw` of `Run.raw_files`.
+    `measured`: mean of the samples in the step; `modelled`: what the model would read at their mean time `t_ns`;
+    `used`: False where samples are held, stuck, saturated or follow a bridged gap of an input; `first_record`,
+    `last_record`: of the samples, in the file at index `raw` of `Run.raw_files`.
     """
 
     channel: str
@@ -37,8 +37,8 @@ class Compared:
 
 @dataclass(frozen=True, kw_only=True)
 class Observed(Compared):
-    """A thermometer beside the model [degC]. `node`: the one that it follows by more than half, else "0.5 a + 0.5 b"; `sd_K`: of a
-    mean, by noise and resolution; `bias_sd_K`: of its error that is constant in a session."""
+    """A thermometer beside the model [degC]. `node`: the one that it follows by more than half, else "0.5 a + 0.5 b";
+    `sd_K`: of a mean, by noise and resolution; `bias_sd_K`: of its error that is constant in a session."""
 
     node: str
     sd_K: float
@@ -47,8 +47,9 @@ class Observed(Compared):
 
 @dataclass(frozen=True, kw_only=True)
 class Metered(Compared):
-    """Another meter beside the model, in the `unit` of its `quantity`. `place`: the nodes or the boundary that it is about, "motor" of
-    a power; `sd`, `bias_sd` as of a thermometer; `gain_sd`: of the share by which it reads too much."""
+    """Another meter beside the model, in the `unit` of its `quantity`. `place`: the nodes or the boundary that it is
+    about, "motor" of a power; `sd`, `bias_sd` as of a thermometer; `gain_sd`: of the share by which it reads too
+    much."""
 
     quantity: str
     unit: str
@@ -59,7 +60,8 @@ class Metered(Compared):
 
     @property
     def floor(self) -> float:
-        """What the meter itself leaves open, one standard deviation of a mean: noise, offset, and gain of the mean size."""
+        """What the meter itself leaves open, one standard deviation of a mean: noise, offset, and gain of the mean
+        size."""
         used = np.abs(self.modelled[self.used])
         size = float(used.mean()) if used.size else 0.0
         return float(np.hypot(np.hypot(self.sd, self.bias_sd), self.gain_sd * size))
@@ -67,8 +69,8 @@ class Metered(Compared):
 
 @dataclass(frozen=True)
 class HeatCourse:
-    """Where heat comes from and goes to in every step, (N,) [W]: `kinds` (of `twin.run.losses.KINDS`) the losses, `boundaries` what
-    each takes."""
+    """Where heat comes from and goes to in every step, (N,) [W]: `kinds` (of `twin.run.losses.KINDS`) the losses,
+    `boundaries` what each takes."""
 
     kinds: Mapping[str, NDArray[np.float64]]
     boundaries: Mapping[str, NDArray[np.float64]]
@@ -76,8 +78,9 @@ class HeatCourse:
 
 @dataclass(frozen=True)
 class Smoothed:
-    """What the filter would have said had it known all readings of the session, those after each moment included: `temperatures`
-    float64 (N + 1, n) [degC]; per step (N,) [W] `heat_W` the estimated heat and `heat_sd_W` its standard deviation."""
+    """What the filter would have said had it known all readings of the session, those after each moment included:
+    `temperatures` float64 (N + 1, n) [degC]; per step (N,) [W] `heat_W` the estimated heat and `heat_sd_W` its standard
+    deviation."""
 
     temperatures: NDArray[np.float64]
     heat_W: NDArray[np.float64]
@@ -88,10 +91,10 @@ class Smoothed:
 class Filtered:
     """The same session through the filter, which sees the channels `measured` and estimates the heat at `node`.
 
-    `temperatures` float64 (N + 1, n) [degC], from all readings up to each edge; per step (N,) [W]: `heat_W` the estimated
-    heat, `heat_sd_W` its standard deviation, `nominal_W` what the model has there. `heat_walk_W` [W / sqrt(s)]: how fast
-    the estimate may wander; `nis`: mean squared innovation over its variance, 1 where all is as assumed; `smoothed`: None in
-    runs that were sealed without.
+    `temperatures` float64 (N + 1, n) [degC], from all readings up to each edge; per step (N,) [W]: `heat_W` the
+    estimated heat, `heat_sd_W` its standard deviation, `nominal_W` what the model has there. `heat_walk_W` [W /
+    sqrt(s)]: how fast the estimate may wander; `nis`: mean squared innovation over its variance, 1 where all is as
+    assumed; `smoothed`: None in runs that were sealed without.
     """
 
     node: str

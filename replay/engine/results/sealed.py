@@ -1,4 +1,5 @@
-"""A sealed run read back from the archive: what reports and viewers show is what was sealed, never a second computation."""
+"""A sealed run read back from the archive: what reports and viewers show is what was sealed, never a second
+computation."""
 
 from __future__ import annotations
 
@@ -19,7 +20,8 @@ from replay.engine.results.summary import ChannelErrors, MeterErrors, Summary, r
 
 
 def load_run(store: Store, facts: Facts, event: ReplayCompleted) -> Run:
-    """The run of an event, arrays from its artefacts (re-hashed on reading; DamageError where they are not what was sealed)."""
+    """The run of an event, arrays from its artefacts (re-hashed on reading; DamageError where they are not what was
+    sealed)."""
     session = facts.session(event.session)
     network = network_of(store, facts, session, event.model)
     frame, temperatures, residuals = (

@@ -15,8 +15,8 @@ from replay.engine.specimen.aged import Aged
 
 @dataclass(frozen=True, kw_only=True)
 class IntegratorDistance:
-    """How far a run by another integrator, `name`, is from the same run by the default, `against`: at most `error_K`, at `node` after
-    `at_s`."""
+    """How far a run by another integrator, `name`, is from the same run by the default, `against`: at most `error_K`,
+    at `node` after `at_s`."""
 
     name: str
     error_K: float
@@ -27,10 +27,10 @@ class IntegratorDistance:
 
 @dataclass(frozen=True, kw_only=True)
 class ChannelErrors:
-    """A thermometer beside the model over its usable steps, residual = measured - modelled [K]. `node`: what it follows; `max_K`: the
-    largest size of the residual, at `max_at_s` from start; `white_K`, `bias_sd_K`: noise of a mean and constant error that the
-    sensor may have, `floor_K` both together; `samples`, `masked`: usable steps and others; `where`: range of each quantity, by
-    name with unit, in which the error is largest."""
+    """A thermometer beside the model over its usable steps, residual = measured - modelled [K]. `node`: what it
+    follows; `max_K`: the largest size of the residual, at `max_at_s` from start; `white_K`, `bias_sd_K`: noise of a
+    mean and constant error that the sensor may have, `floor_K` both together; `samples`, `masked`: usable steps and
+    others; `where`: range of each quantity, by name with unit, in which the error is largest."""
 
     channel: str
     node: str
@@ -53,8 +53,8 @@ class ChannelErrors:
 
 @dataclass(frozen=True, kw_only=True)
 class MeterErrors:
-    """A meter that is no thermometer beside the model, as `ChannelErrors`, numbers in `unit`. `place`: what it is about; `mean` of what
-    it measured; `gain_sd`: of the share by which it may read too much."""
+    """A meter that is no thermometer beside the model, as `ChannelErrors`, numbers in `unit`. `place`: what it is
+    about; `mean` of what it measured; `gain_sd`: of the share by which it may read too much."""
 
     channel: str
     quantity: str
@@ -96,8 +96,8 @@ class StoredHeat:
 
 @dataclass(frozen=True, kw_only=True)
 class HeatBalance:
-    """All losses of a run, then the same by kind, region and node; what each boundary took and each region stored; `left_J`: what the
-    balance does not close by."""
+    """All losses of a run, then the same by kind, region and node; what each boundary took and each region stored;
+    `left_J`: what the balance does not close by."""
 
     mean_W: float
     energy_J: float
@@ -116,8 +116,8 @@ class HeatBalance:
 
 @dataclass(frozen=True, kw_only=True)
 class Efficiency:
-    """Energy out over energy in, motor and generator alike. `modelled`: electrical power is mechanical power and losses; `measured`: as
-    recorded, None without it; `mechanical_J`: energy out of the shaft."""
+    """Energy out over energy in, motor and generator alike. `modelled`: electrical power is mechanical power and
+    losses; `measured`: as recorded, None without it; `mechanical_J`: energy out of the shaft."""
 
     modelled: float
     measured: float | None
@@ -135,8 +135,8 @@ class LimitPassed:
 
 @dataclass(frozen=True, kw_only=True)
 class SpotProfile:
-    """Where along equal slices in a row it was hottest, and how hot: so many `slices` from the middle of the hottest one `towards` the
-    node beside it."""
+    """Where along equal slices in a row it was hottest, and how hot: so many `slices` from the middle of the hottest
+    one `towards` the node beside it."""
 
     max_degC: float
     towards: str
@@ -145,8 +145,8 @@ class SpotProfile:
 
 @dataclass(frozen=True, kw_only=True)
 class HotSpot:
-    """The hottest node of a winding or magnet: which, how hot and when, its limit and what was left of it (None where the motor file
-    says none); `profile` where that node is a slice between two equal ones."""
+    """The hottest node of a winding or magnet: which, how hot and when, its limit and what was left of it (None where
+    the motor file says none); `profile` where that node is a slice between two equal ones."""
 
     node: str
     max_degC: float
@@ -158,8 +158,8 @@ class HotSpot:
 
 @dataclass(frozen=True, kw_only=True)
 class ModelledSpot(HotSpot):
-    """A hot spot of the open loop, and how sure that is. `band_from`: "calibration" or "motor file"; None where there is no band, and
-    `why_no_band` says why."""
+    """A hot spot of the open loop, and how sure that is. `band_from`: "calibration" or "motor file"; None where there
+    is no band, and `why_no_band` says why."""
 
     sd_K: float | None = None
     ci95_degC: list[float] | None = None
@@ -178,8 +178,9 @@ class SmoothedSpot(HotSpot):
 
 @dataclass(frozen=True, kw_only=True)
 class DeratingCourse:
-    """A derating rule of the bench file beside a run. It watches `channel` to protect the hottest of `protects`: "winding" or "magnet".
-    All else is as in `twin.run.derating.Derated`; `margin_K`: what `hottest_free_degC` left of the lowest limit there."""
+    """A derating rule of the bench file beside a run. It watches `channel` to protect the hottest of `protects`:
+    "winding" or "magnet". All else is as in `twin.run.derating.Derated`; `margin_K`: what `hottest_free_degC` left of
+    the lowest limit there."""
 
     channel: str
     begin_degC: float
@@ -198,7 +199,8 @@ class DeratingCourse:
 
 @dataclass(frozen=True, kw_only=True)
 class EstimatedHeat:
-    """An estimated heat over a run. `sd_W`: standard deviation at any time (root mean square), `max_sd_W` at the maximum."""
+    """An estimated heat over a run. `sd_W`: standard deviation at any time (root mean square), `max_sd_W` at the
+    maximum."""
 
     mean_W: float
     sd_W: float
@@ -218,8 +220,8 @@ class HeatAtNode:
 
 @dataclass(frozen=True, kw_only=True)
 class FoundUnknown:
-    """A cause that the filter was asked to find, by the smoother: heat beside the modelled one [W], what a coefficient is multiplied by
-    [1], or what a channel reads too much [K]. `sd` is that at any time."""
+    """A cause that the filter was asked to find, by the smoother: heat beside the modelled one [W], what a coefficient
+    is multiplied by [1], or what a channel reads too much [K]. `sd` is that at any time."""
 
     id: str
     unit: str
@@ -231,10 +233,11 @@ class FoundUnknown:
 
 @dataclass(frozen=True, kw_only=True)
 class FilterSummary:
-    """What the filter, which sees the channels `measured`, made of the run and of the loss at `node`. `mae_K`, `smoothed_mae_K`: of each
-    channel that it did not see, `read_mae_K`, `smoothed_read_mae_K` of each that it did; `heat_bias_W`: mean of estimated minus
-    modelled heat; `heat_walk_W_per_sqrt_s`: the random walk that made the readings most likely; `nis`: mean squared innovation
-    over its variance, None where none is known; `hot_spots`: by the smoother."""
+    """What the filter, which sees the channels `measured`, made of the run and of the loss at `node`. `mae_K`,
+    `smoothed_mae_K`: of each channel that it did not see, `read_mae_K`, `smoothed_read_mae_K` of each that it did;
+    `heat_bias_W`: mean of estimated minus modelled heat; `heat_walk_W_per_sqrt_s`: the random walk that made the
+    readings most likely; `nis`: mean squared innovation over its variance, None where none is known; `hot_spots`: by
+    the smoother."""
 
     node: str
     measured: list[str]
@@ -252,10 +255,11 @@ class FilterSummary:
 
 @dataclass(frozen=True, kw_only=True)
 class Summary:
-    """A run. `integrator`: of another one than the default; `ageing`, `hours`: of a motor that asks how old its specimen is (hours above
-    temperatures by feature); `note`: what the input frame had to assume; `mae_K`, `max_K`, `bias_K`: by node; `network_heat_W`: mean of
-    all losses, beside it the mean of recorded electrical minus mechanical power, None where they were not recorded; `limits` by node;
-    `hot_spots`: of "winding" and "magnet"; `filtered`: None where no filter was run."""
+    """A run. `integrator`: of another one than the default; `ageing`, `hours`: of a motor that asks how old its
+    specimen is (hours above temperatures by feature); `note`: what the input frame had to assume; `mae_K`, `max_K`,
+    `bias_K`: by node; `network_heat_W`: mean of all losses, beside it the mean of recorded electrical minus mechanical
+    power, None where they were not recorded; `limits` by node; `hot_spots`: of "winding" and "magnet"; `filtered`: None
+    where no filter was run."""
 
     session: str
     session_name: str

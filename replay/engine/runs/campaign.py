@@ -51,8 +51,8 @@ def replay_sessions(
     integrator: str = DEFAULT.name,
     unknown: Sequence[str] = (),
 ) -> list[Outcome]:
-    """Replay each session with `model` (None: the one its bench file names) and append the runs that are new. `unknown`: ids of the
-    causes that the filter is to find, none for its own choice.
+    """Replay each session with `model` (None: the one its bench file names) and append the runs that are new.
+    `unknown`: ids of the causes that the filter is to find, none for its own choice.
 
     A session that cannot be replayed does not stop the others. Raises ReplayDataError where no model can be found.
     """

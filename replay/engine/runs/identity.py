@@ -32,9 +32,9 @@ def replay_key(
     *,
     code: str,
 ) -> dict[str, Any]:
-    """Everything that a run's digest may depend on, but for the environment. `initial` (n,) [degC]; `frame` SHA-256; `ageing`: what is
-    left of the model's coefficients (`replay.engine.specimen.aged`); `unknown`: causes that the filter was asked to find; `code` hash of
-    the sources that run it (`replay.engine.runs.sources`)."""
+    """Everything that a run's digest may depend on, but for the environment. `initial` (n,) [degC]; `frame` SHA-256;
+    `ageing`: what is left of the model's coefficients (`replay.engine.specimen.aged`); `unknown`: causes that the
+    filter was asked to find; `code` hash of the sources that run it (`replay.engine.runs.sources`)."""
     decodes = [facts.decodes[file["decode"]] for file in session.files]
     return {
         "raw": sorted({d.raw for d in decodes}),

@@ -1,4 +1,5 @@
-"""Runs: a session replayed, sealed and cited; the same key gives the same digest, or `ReplayDiverged` says where not."""
+"""Runs: a session replayed, sealed and cited; the same key gives the same digest, or `ReplayDiverged` says where
+not."""
 
 from __future__ import annotations
 
@@ -78,10 +79,12 @@ def replay(
 ) -> Completed:
     """Open-loop replay of one session with a model (SHA-256 of a motor file in the archive), and the filter beside it.
 
-    Leaves frame, temperatures, heat, residuals, meters and the filter's estimate as files in `work`, named by their SHA-256, for
-    the one writer to seal. The digest is that of the open loop: the filter follows from the same frame, and changes nothing in it.
-    `integrator`: one of `twin.compiled.integrators.INTEGRATORS`; of another than the default the summary says how far off it is, and the heat
-    account is the default's. `unknown`: ids of causes that the filter is to find (`replay.engine.results.asked_unknowns`). Raises ReplayDataError where the session lacks an input or the model runs away.
+    Leaves frame, temperatures, heat, residuals, meters and the filter's estimate as files in `work`, named by their
+    SHA-256, for the one writer to seal. The digest is that of the open loop: the filter follows from the same frame,
+    and changes nothing in it. `integrator`: one of `twin.compiled.integrators.INTEGRATORS`; of another than the default
+    the summary says how far off it is, and the heat account is the default's. `unknown`: ids of causes that the filter
+    is to find (`replay.engine.results.asked_unknowns`). Raises ReplayDataError where the session lacks an input or the
+    model runs away.
     """
     specimen = of_specimen(store, facts, session, network_of(store, facts, session, model))
     network = specimen.network
@@ -197,8 +200,9 @@ def _simulated(network: Network, inputs: Frame, initial: Floats, session: Sessio
     if hot.size:
         step, node = (int(i) for i in hot[0])
         raise ReplayDataError(
-            f'session {session.name}: node "{network.nodes[node].name}" of the model is beyond {MELTED_DEGC:,.0f} degC at '
-            f"{step * inputs.step_s:,.0f} s: check its losses and links in the motor file, and the units of the inputs."
+            f'session {session.name}: node "{network.nodes[node].name}" of the model is beyond {MELTED_DEGC:,.0f} '
+            f"degC at {step * inputs.step_s:,.0f} s: check its losses and links in the motor file, and the units of "
+            "the inputs."
         )
     return temperatures
 

@@ -31,8 +31,8 @@ _HOURS = re.compile(r"hours_above_(.+)degC")
 
 @dataclass(frozen=True, kw_only=True)
 class Aged:
-    """Places of a motor that are equally old: `dose_h` hours above `above_degC` have left `factor` of them, `sd` of its logarithm. `from_`:
-    the assessment whose checks say so, or "law"."""
+    """Places of a motor that are equally old: `dose_h` hours above `above_degC` have left `factor` of them, `sd` of its
+    logarithm. `from_`: the assessment whose checks say so, or "law"."""
 
     places: list[str]
     above_degC: float
@@ -44,8 +44,8 @@ class Aged:
 
 @dataclass(frozen=True)
 class OfSpecimen:
-    """`network`: without ageing terms, these multiplied by `factors`; `hours`: its features `hours_above_<T>degC` -> h; `ageing`: how old
-    it is by place."""
+    """`network`: without ageing terms, these multiplied by `factors`; `hours`: its features `hours_above_<T>degC` -> h;
+    `ageing`: how old it is by place."""
 
     network: Network
     factors: Mapping[AgeingPlace, float]
@@ -66,8 +66,8 @@ def of_specimen(store: Store, facts: Facts, session: SessionRecorded, network: N
     """A session's network (`replay.engine.files.configurations.network_of`) as its specimen has it.
 
     Insulation goes on from the state that the last check before the session left, where the latest assessment of this
-    specimen counts hours above the temperature of the law; all else follows the law from 0 h on. Raises
-    ReplayDataError where the motor asks for hours, and the session names no specimen or they are not known.
+    specimen counts hours above the temperature of the law; all else follows the law from 0 h on. Raises ReplayDataError
+    where the motor asks for hours, and the session names no specimen or they are not known.
     """
     places, features = ageing_places(network), _hour_features(network)
     limits = sorted({*(place.ageing.above_degC for place in places), *features.values()})
@@ -139,9 +139,8 @@ def _before(facts: Facts, session: SessionRecorded, degC: float) -> tuple[list[S
     """The specimen's sessions before this one, in order, and whether stamps say so."""
     if session.specimen is None:
         raise ReplayDataError(
-            f"session {session.name}: names no specimen, "
-            f"and the motor file asks how long that was above {degC:g} degC before: "
-            "ingest it again with --specimen S, or replay with a model without ageing (--model)."
+            f"session {session.name}: names no specimen, and the motor file asks how long that was above {degC:g} "
+            "degC before: ingest it again with --specimen S, or replay with a model without ageing (--model)."
         )
     ordered, by_time = in_order([one for one in facts.sessions if one.specimen == session.specimen])
     return ordered[: [one.session for one in ordered].index(session.session)], by_time
@@ -163,10 +162,9 @@ def _hours(
             traces[one.session] = trace
         elif one.kind == HEATED:
             raise ReplayDataError(
-                f"session {session.name}: the hours of {session.specimen} above {limits[0]:g} degC "
-                "are not known, as its session "
-                f"{one.name} of kind {HEATED} has no temperature of it: "
-                "give its channel a node in the bench file and ingest it again."
+                f"session {session.name}: the hours of {session.specimen} above {limits[0]:g} degC are not known, as "
+                f"its session {one.name} of kind {HEATED} has no temperature of it: give its channel a node in the "
+                "bench file and ingest it again."
             )
 
     def above(trace: Trace) -> NDArray[np.float64]:

@@ -1,4 +1,5 @@
-"""Where the error lies: residuals of all sessions pooled by node, then averaged in cells of operating point, temperature, time."""
+"""Where the error lies: residuals of all sessions pooled by node, then averaged in cells of operating point,
+temperature, time."""
 
 from __future__ import annotations
 
@@ -29,7 +30,8 @@ class Pool:
 
 @dataclass(frozen=True)
 class Cells:
-    """Mean residual [K] (X, Y) by cell of `x_edges` (X + 1,) and `y_edges` (Y + 1,); NaN where under ENOUGH_S; `seconds` alike."""
+    """Mean residual [K] (X, Y) by cell of `x_edges` (X + 1,) and `y_edges` (Y + 1,); NaN where under ENOUGH_S;
+    `seconds` alike."""
 
     x_edges: Floats
     y_edges: Floats
@@ -92,7 +94,8 @@ def round_edges(smallest: float, largest: float, cells: int) -> Floats:
 
 
 def round_centres(largest: float, cells: int) -> Floats:
-    """Edges from 0 of about `cells` cells around round numbers: a test bench holds these, and must not straddle an edge."""
+    """Edges from 0 of about `cells` cells around round numbers: a test bench holds these, and must not straddle an
+    edge."""
     step = round_step(largest, cells)
     return np.asarray(np.r_[0.0, (np.arange(np.floor(largest / step + 0.5) + 1) + 0.5) * step], dtype=np.float64)
 

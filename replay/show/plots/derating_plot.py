@@ -1,4 +1,5 @@
-"""The share of its current that a controller allowed a motor, by its sensor and by the hot spot that the sensor stands for."""
+"""The share of its current that a controller allowed a motor, by its sensor and by the hot spot that the sensor stands
+for."""
 
 from __future__ import annotations
 
@@ -49,7 +50,10 @@ def derating_over_time(run: Run, course: DeratingCourse, columns: int) -> Plot |
         lower.set_xlim(0, time.of(run.t_ns[-1:])[0])
         lower.set_xlabel(time.label)
         svg = with_variables(inline_svg(figure, title))
-    note = f"Dotted: where {words.name(course.channel)} begins to take current back, and where none is left. Dashed: the model."
+    note = (
+        f"Dotted: where {words.name(course.channel)} begins to take current back, and where none is left. Dashed: the "
+        "model."
+    )
     return Plot(title, svg, note, _table(run, rule, t, degC))
 
 

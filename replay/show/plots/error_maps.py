@@ -55,7 +55,10 @@ def error_map(runs: Sequence[Run]) -> Plot | None:
     title = _map_title(maps, load)
     with style("error map"):
         svg = with_variables(inline_svg(_draw_maps(maps, load), title))
-    note = f"{READING}Hatched: less than {ENOUGH_S:.0f} s of data, nothing can be said. All sessions together, weighted by time."
+    note = (
+        f"{READING}Hatched: less than {ENOUGH_S:.0f} s of data, nothing can be said. All sessions together, weighted "
+        "by time."
+    )
     return Plot(title, svg, note, _map_table(maps, load))
 
 
@@ -71,7 +74,10 @@ def _maps(pools: Mapping[str, Pool], load: str) -> dict[str, Cells]:
 def _cell_name(cells: Cells, i: int, j: int, load: str) -> str:
     name, unit = LOAD_NAMES[load]
     x, y = cells.x_edges, cells.y_edges
-    return f"{words.number(x[i])} to {words.number(x[i + 1])} rpm and {words.number(y[j])} to {words.number(y[j + 1])} {unit} {name}"
+    return (
+        f"{words.number(x[i])} to {words.number(x[i + 1])} rpm and {words.number(y[j])} to {words.number(y[j + 1])} "
+        f"{unit} {name}"
+    )
 
 
 def _map_title(maps: Mapping[str, Cells], load: str) -> str:
@@ -80,7 +86,10 @@ def _map_title(maps: Mapping[str, Cells], load: str) -> str:
     i, j = np.unravel_index(int(np.nanargmax(np.abs(cells.mean))), cells.mean.shape)
     value = cells.mean[i, j]
     way = "too cold" if value > 0 else "too hot"
-    return f"{words.capital(words.name(node))}: model {words.kelvin(abs(value))} {way} at {_cell_name(cells, int(i), int(j), load)}"
+    return (
+        f"{words.capital(words.name(node))}: model {words.kelvin(abs(value))} {way} at "
+        f"{_cell_name(cells, int(i), int(j), load)}"
+    )
 
 
 def _draw_maps(maps: Mapping[str, Cells], load: str) -> Figure:
@@ -149,8 +158,8 @@ def _centres(edges: Floats) -> Floats:
 
 
 def error_along(runs: Sequence[Run]) -> Plot | None:
-    """Mean residual of each node along its temperature and along the time in a session; None where no cell of either holds
-    enough data, and a panel less where none of its cells does."""
+    """Mean residual of each node along its temperature and along the time in a session; None where no cell of either
+    holds enough data, and a panel less where none of its cells does."""
     pools = dict(list(pool_by_node(runs).items())[: len(COLOURS)])
     if not pools:
         return None

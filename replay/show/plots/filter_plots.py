@@ -1,5 +1,5 @@
-"""What filter and smoother make of a session: the temperatures that they estimate beside measured and open loop, and the heat at one
-node, with its band, beside what the model has there."""
+"""What filter and smoother make of a session: the temperatures that they estimate beside measured and open loop, and
+the heat at one node, with its band, beside what the model has there."""
 
 from __future__ import annotations
 
@@ -22,17 +22,21 @@ Floats = NDArray[np.float64]
 BAND_SD = 2.0  # the band holds 95 % where the errors are normal
 PLAIN = 2.0  # a mean difference of this many standard deviations is said as one
 NOTE = (
-    "The filter is told where the unknown heat is. Told the wrong node it still finds a history that fits: what it estimates is "
-    "no evidence that the cause is there."
+    "The filter is told where the unknown heat is. Told the wrong node it still finds a history that fits: what it "
+    "estimates is no evidence that the cause is there."
 )
-AFTERWARDS = " Smoothed: from all readings of the session, those after each moment included, so it does not lag; the band is its own."
+AFTERWARDS = (
+    " Smoothed: from all readings of the session, those after each moment included, so it does not lag; the band is "
+    "its own."
+)
 
 
 def estimated_loss(run: Run, columns: int, cause: str | None = None) -> Plot | None:
-    """Estimated heat with its band over time, the modelled heat beside it, and the temperatures there below; None without a filter.
+    """Estimated heat with its band over time, the modelled heat beside it, and the temperatures there below; None
+    without a filter.
 
-    `columns` to thin to. `cause`: what the evidence names, in words, where that is not a loss of this node; the title then says
-    that the filter blames the wrong place.
+    `columns` to thin to. `cause`: what the evidence names, in words, where that is not a loss of this node; the title
+    then says that the filter blames the wrong place.
     """
     filtered = run.filtered
     if filtered is None:
@@ -64,8 +68,8 @@ def _finding(filtered: Filtered, cause: str | None) -> str:
 
 
 def filter_over_time(run: Run, columns: int) -> Plot | None:
-    """Measured, open loop, filter and smoother at the channel that `compared` says first, what each leaves of it, and the estimated heat
-    with its band; None without a filter or such a channel. `columns` to thin to."""
+    """Measured, open loop, filter and smoother at the channel that `compared` says first, what each leaves of it, and
+    the estimated heat with its band; None without a filter or such a channel. `columns` to thin to."""
     filtered, worst = run.filtered, worst_compared(run.summary)
     channel = next((o for o in run.observed if o.channel == worst and o.node in run.nodes), None)
     if filtered is None or channel is None:
@@ -80,8 +84,8 @@ def filter_over_time(run: Run, columns: int) -> Plot | None:
         lower.set_xlabel(time.label)
         svg = with_variables(inline_svg(figure, title))
     note = (
-        f"{words.capital(loss(run.summary) or _finding(filtered, None))}. Grey: the sensor's own uncertainty, and two standard deviations of the heat. "
-        f"{NOTE}{AFTERWARDS if filtered.smoothed else ''}"
+        f"{words.capital(loss(run.summary) or _finding(filtered, None))}. Grey: the sensor's own uncertainty, and two "
+        f"standard deviations of the heat. {NOTE}{AFTERWARDS if filtered.smoothed else ''}"
     )
     return Plot(title, svg, note, _channel_table(run, channel, filtered, time))
 
@@ -144,7 +148,8 @@ def _channel_table(run: Run, channel: Observed, filtered: Filtered, time: TimeAx
 
 
 def _draw_heat(axes: Axes, filtered: Filtered, time: TimeAxis, t_ns: NDArray[np.int64], columns: int) -> None:
-    """Smoothed solid, estimated dash-dotted, modelled dashed; grey: two standard deviations of the smoothed heat, else of the estimated."""
+    """Smoothed solid, estimated dash-dotted, modelled dashed; grey: two standard deviations of the smoothed heat, else
+    of the estimated."""
     t = time.of(t_ns)
     best = filtered.smoothed or filtered
     band = BAND_SD * best.heat_sd_W
@@ -166,7 +171,8 @@ def _draw_heat(axes: Axes, filtered: Filtered, time: TimeAxis, t_ns: NDArray[np.
 
 
 def _draw_temperatures(axes: Axes, run: Run, filtered: Filtered, time: TimeAxis, columns: int) -> None:
-    """What is measured there, and what open loop and filter make of it; a channel that the filter did not see is its check."""
+    """What is measured there, and what open loop and filter make of it; a channel that the filter did not see is its
+    check."""
     i, ends = run.nodes.index(filtered.node), []
     for observed in (o for o in run.observed if o.node == filtered.node):
         measured = with_gaps(time.of(observed.t_ns), observed.measured, observed.used)

@@ -48,7 +48,8 @@ def heat_balance(run: Run, columns: int) -> Plot | None:
 
 
 def parts_of(losses: HeatBalance, duration_s: float) -> tuple[Parts, Parts]:
-    """What brought heat and what took it, means [W], both with one sum: a boundary that warms the motor, or nodes that cool down, bring."""
+    """What brought heat and what took it, means [W], both with one sum: a boundary that warms the motor, or nodes that
+    cool down, bring."""
     made = [(heat_words.KINDS[kind], part.mean_W) for kind, part in losses.kinds.items()]
     gone = [(words.name(name), part.mean_W) for name, part in losses.boundaries.items()]
     gone.append(("stored", losses.stored_J / duration_s))
@@ -71,7 +72,8 @@ def _title(made: Parts, gone: Parts) -> str:
 
 
 def _colours(losses: HeatBalance) -> dict[str, str]:
-    """Name of a part -> its colour, the same in every session: kinds from the front of the palette, boundaries from its end."""
+    """Name of a part -> its colour, the same in every session: kinds from the front of the palette, boundaries from its
+    end."""
     kinds = dict(zip(heat_words.KINDS.values(), COLOURS, strict=False))
     return kinds | dict(zip(map(words.name, losses.boundaries), COLOURS[::-1], strict=False))
 

@@ -22,7 +22,8 @@ NUMBER_FROM_K = 0.5  # smaller values are shown by their colour alone
 
 
 def influence_map(found: Protocol) -> Plot:
-    """Parameter x node [K]: what one prior standard deviation moves on the drive cycles, the most influential parameters first."""
+    """Parameter x node [K]: what one prior standard deviation moves on the drive cycles, the most influential
+    parameters first."""
     weighed = found.influence
     nodes_of_interest = of_interest(found.network)
     rows = weighed.order(nodes_of_interest)[:SHOWN]
@@ -36,8 +37,8 @@ def influence_map(found: Protocol) -> Plot:
     with style(f"{found.calibration.event.calibration} influence"):
         svg = with_variables(inline_svg(_draw_map(values, names, nodes), title))
     note = (
-        "Root mean square over the drive cycles of the change of each node's temperature when a parameter is one prior standard "
-        "deviation (`sd` in the motor file) off. Rows without colour cannot be seen there."
+        "Root mean square over the drive cycles of the change of each node's temperature when a parameter is one "
+        "prior standard deviation (`sd` in the motor file) off. Rows without colour cannot be seen there."
     )
     table = Table(
         ("parameter", *nodes),
@@ -68,8 +69,8 @@ def _draw_map(values: np.ndarray, names: list[str], nodes: list[str]) -> Figure:
 
 
 def points_curve(found: Protocol) -> Plot:
-    """What the parameters leave unknown of the least known nodes on the drive cycles [K], point by point: those recorded, then those
-    proposed."""
+    """What the parameters leave unknown of the least known nodes on the drive cycles [K], point by point: those
+    recorded, then those proposed."""
     recorded = [found.points[choice.test].name for choice in found.choices]
     labels = [
         "none",
@@ -92,8 +93,9 @@ def points_curve(found: Protocol) -> Plot:
         _draw_course(axes, course[:, least], nodes, labels, len(recorded))
         svg = with_variables(inline_svg(figure, title))
     note = (
-        "Standard deviation of each node on the drive cycles that comes from the coefficients and capacities alone, each point added "
-        "in the order in which they teach most; behind the vertical line points that were not run, those that teach most an hour first."
+        "Standard deviation of each node on the drive cycles that comes from the coefficients and capacities alone, "
+        "each point added in the order in which they teach most; behind the vertical line points that were not run, "
+        "those that teach most an hour first."
     )
     head = ("points", "nats", *nodes)
     gains = [one.gain for one in found.choices] + [one.gain for one in found.proposals]

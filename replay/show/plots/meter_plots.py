@@ -1,4 +1,5 @@
-"""A meter over time: what it measured against what the model says it would, each in its own unit, with the difference below."""
+"""A meter over time: what it measured against what the model says it would, each in its own unit, with the difference
+below."""
 
 from __future__ import annotations
 

@@ -33,7 +33,8 @@ HUB = 2.0  # links that make a node of a large network a length of 1 further fro
 
 
 def places_of_boxes(network: Network, conductances: Floats, boxes: Floats) -> Floats:
-    """Centres (n + b, 2) of `boxes` (n + b, 2), none over another: near where `conductances` (links,) [W/K] are large."""
+    """Centres (n + b, 2) of `boxes` (n + b, 2), none over another: near where `conductances` (links,) [W/K] are
+    large."""
     return without_overlap(_on_page(_lengths(network, conductances), _start(network)), boxes + np.array(GAP))
 
 
@@ -68,7 +69,8 @@ def _lengths(network: Network, conductances: Floats) -> Floats:
 
 
 def _hubs_far(network: Network) -> Floats:
-    """1 between slices, more to a node that touches many: what a housing or coolant joins is not near one another for that."""
+    """1 between slices, more to a node that touches many: what a housing or coolant joins is not near one another for
+    that."""
     index = {name: i for i, name in enumerate(network.names)}
     ends = [(index[a], index[b]) for a, b in [*((link.a, link.b) for link in network.links), *stream_places(network)]]
     lengths = np.zeros((len(index), len(index)))
@@ -79,7 +81,8 @@ def _hubs_far(network: Network) -> Floats:
 
 
 def _start(network: Network) -> Floats:
-    """By region from top to bottom, by end and slice from left to right; a little off the rows, so that none lies on another."""
+    """By region from top to bottom, by end and slice from left to right; a little off the rows, so that none lies on
+    another."""
     regions = {node.name: node.region for node in network.nodes}
     most: dict[str, int] = {}
     for part, number in map(slice_of, network.names):

@@ -1,4 +1,5 @@
-"""A motor's network as a picture for a report: nodes by region and coupling, links as wide as they conduct, losses in W."""
+"""A motor's network as a picture for a report: nodes by region and coupling, links as wide as they conduct, losses in
+W."""
 
 from __future__ import annotations
 

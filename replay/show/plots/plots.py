@@ -66,7 +66,8 @@ def groups(run: Run) -> list[list[Observed]]:
 
 
 def over_time(run: Run, group: Sequence[Observed], columns: int) -> Plot:
-    """Measured and model of a group of channels over time, residual with the sensors' band below; `columns` to thin to."""
+    """Measured and model of a group of channels over time, residual with the sensors' band below; `columns` to thin
+    to."""
     mine = {observed.channel for observed in group}
     worst = next(error for error in worst_first(run.summary) if error.channel in mine)
     title = finding(worst)
@@ -140,7 +141,8 @@ def _names(group: Sequence[Observed]) -> list[str]:
 
 
 def inputs_over_time(run: Run, columns: int) -> Plot | None:
-    """What drove the motor, one panel a unit, torque only where no current is known; None where the run knows no input of such a unit."""
+    """What drove the motor, one panel a unit, torque only where no current is known; None where the run knows no input
+    of such a unit."""
     by_unit: dict[str, list[str]] = {}
     for column in (name for name, values in run.inputs.items() if np.isfinite(values).any()):
         by_unit.setdefault(column.rpartition("_")[2], []).append(column)

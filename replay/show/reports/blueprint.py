@@ -1,4 +1,5 @@
-"""How the rerun viewer opens a session: temperatures by region over residuals over inputs, the answer beside, all of it in view."""
+"""How the rerun viewer opens a session: temperatures by region over residuals over inputs, the answer beside, all of it
+in view."""
 
 from __future__ import annotations
 
@@ -27,7 +28,8 @@ def path(*parts: str) -> str:
 
 
 def colour(index: int, dark: bool = True) -> int:
-    """0xRRGGBBAA of the node or channel at `index`; `dark`: the lighter shade, for measured lines on the viewer's dark ground."""
+    """0xRRGGBBAA of the node or channel at `index`; `dark`: the lighter shade, for measured lines on the viewer's dark
+    ground."""
     return int(list(SERIES.values())[index % len(SERIES)][dark][1:] + "ff", 16)
 
 
@@ -57,7 +59,8 @@ def of_channels(channels: Sequence[ChannelData]) -> Any:
 
 
 def of_run(run: Run, extended: Run | None = None) -> Any:
-    """The layout of a session with its replay; it shows the measured and the filtered layer too, where those files are open.
+    """The layout of a session with its replay; it shows the measured and the filtered layer too, where those files are
+    open.
 
     `extended`: a replay of the same session with an extended model, in the same views.
     """

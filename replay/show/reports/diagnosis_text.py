@@ -146,7 +146,9 @@ def _gain(diagnosis: Diagnosis) -> Iterator[str]:
         yield f"by recalibration alone: {' · '.join(recalibrated)}"
     outside = max(gain.outside_trained_share for gain in diagnosis.gain)
     interval = f"95 % intervals {diagnosis.gain[0].interval}; " if diagnosis.causes else ""
-    yield f"{words.joined(diagnosis.held_out_names)}; {interval}{100 * outside:.0f} % of the time outside trained points"
+    yield (
+        f"{words.joined(diagnosis.held_out_names)}; {interval}{100 * outside:.0f} % of the time outside trained points"
+    )
     yield from gain_notes(diagnosis)
 
 

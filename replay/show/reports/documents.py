@@ -32,7 +32,8 @@ def write_replay_report(
 ) -> list[Run]:
     """The report of the latest run of each session (all replayed ones where none is named); returns these runs.
 
-    `model`: id of the model that they are to be of, None for any. Raises ReplayDataError where a session has no such run.
+    `model`: id of the model that they are to be of, None for any. Raises ReplayDataError where a session has no such
+    run.
     """
     chosen = [facts.session(text) for text in sessions] or [s for s in facts.sessions if latest_run(facts, s, model)]
     if not chosen:
@@ -44,9 +45,9 @@ def write_replay_report(
 
 
 def write_layers(store: Store, facts: Facts, sessions: Sequence[str], folder: Path) -> list[Path]:
-    """One .rrd a layer and session: `<session>.measured.rrd` and, where it was replayed, `<session>.open_loop.rrd`
-    and, where a filter ran, `<session>.filtered.rrd`; `<session>.extended.rrd` where a diagnosis extended the model and its report was
-    made.
+    """One .rrd a layer and session: `<session>.measured.rrd` and, where it was replayed, `<session>.open_loop.rrd` and,
+    where a filter ran, `<session>.filtered.rrd`; `<session>.extended.rrd` where a diagnosis extended the model and its
+    report was made.
 
     Raises ViewerError where rerun is not installed.
     """
@@ -95,8 +96,9 @@ def _extension(store: Store, facts: Facts, session: SessionRecorded) -> _Extensi
 def write_diagnosis(
     store: Store, diagnosis: Diagnosis, target: Path, command: str, tell: Callable[[str], None] = lambda _: None
 ) -> dict[str, dict[str, Run]]:
-    """The report of a diagnosis; returns its runs, session -> model as the report calls it -> run. Its sessions are replayed first under the model as published, recalibrated and extended, where
-    the ledger does not have these runs."""
+    """The report of a diagnosis; returns its runs, session -> model as the report calls it -> run. Its sessions are
+    replayed first under the model as published, recalibrated and extended, where the ledger does not have these
+    runs."""
     names = [*diagnosis.train, *diagnosis.held_out]
     models = {
         "published": diagnosis.model,

@@ -18,11 +18,15 @@ from replay.show.words.palette import INK, with_variables
 from replay.studies.diagnosis.answer import Diagnosis, Gain
 
 ROW, MARGIN = 0.55, 0.75  # inches: height of a node's bars, of what is above and below
-READING = "Whisker: 95 % interval of what the cause takes away, {}. Bars that do not differ by more than it are not told apart."
+READING = (
+    "Whisker: 95 % interval of what the cause takes away, {}. Bars that do not differ by more than it are not told "
+    "apart."
+)
 
 
 def gain_bars(diagnosis: Diagnosis) -> Plot | None:
-    """Bars by node: as published, recalibrated and, where a cause was named, with it; furthest off first. None without kept data."""
+    """Bars by node: as published, recalibrated and, where a cause was named, with it; furthest off first. None without
+    kept data."""
     gains = sorted(diagnosis.gain, key=lambda g: -g.published_mae_K)
     if not gains:
         return None

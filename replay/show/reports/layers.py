@@ -1,10 +1,11 @@
-"""Layers for the rerun viewer: one .rrd a layer, all of one session in one recording, so that they lie over one another.
+"""Layers for the rerun viewer: one .rrd a layer, all of one session in one recording, so that they lie over one
+another.
 
-Files with the same application and recording id and different entity paths overlay; so the recording id is the session's.
-Paths: `measured/<node>/<channel>`, `inputs/<quantity>/<channel>`, `ignored/<quantity>/<channel>`, `phase/<channel>`;
-`open_loop/<model>/<node>`, `residual/<model>/<node>/<channel>`, `masked/<model>/<channel>`, `heat/<model>`;
-`filtered/<model>/<node>`, `loss/<model>/<node>/estimated`, `from`, `to` and `modelled`; `extended/<model>/<node>`; `answer/...`
-for text. Every function raises ViewerError where rerun is not installed.
+Files with the same application and recording id and different entity paths overlay; so the recording id is the
+session's. Paths: `measured/<node>/<channel>`, `inputs/<quantity>/<channel>`, `ignored/<quantity>/<channel>`,
+`phase/<channel>`; `open_loop/<model>/<node>`, `residual/<model>/<node>/<channel>`, `masked/<model>/<channel>`,
+`heat/<model>`; `filtered/<model>/<node>`, `loss/<model>/<node>/estimated`, `from`, `to` and `modelled`;
+`extended/<model>/<node>`; `answer/...` for text. Every function raises ViewerError where rerun is not installed.
 """
 
 from __future__ import annotations
@@ -106,7 +107,8 @@ def write_open_loop(run: Run, target: Path, layer: str = "open_loop", over: Run 
 
 
 def write_filtered(run: Run, target: Path) -> None:
-    """What filter and smoother say: every node's temperature, and the heat that they estimate with a band, beside the modelled one.
+    """What filter and smoother say: every node's temperature, and the heat that they estimate with a band, beside the
+    modelled one.
 
     Raises ValueError for a run without a filter.
     """
@@ -166,7 +168,8 @@ def _recording(recording_id: str, name: str, target: Path, blueprint: Any) -> It
 
 
 def _times(t_ns: NDArray[np.int64], absolute: bool) -> Any:
-    """The timeline `time` in UTC, or `since_start` without absolute time: one application holds one type under one name."""
+    """The timeline `time` in UTC, or `since_start` without absolute time: one application holds one type under one
+    name."""
     rr = _rerun()
     if absolute:
         return rr.TimeColumn("time", timestamp=t_ns.astype("datetime64[ns]"))
@@ -206,7 +209,10 @@ def _about(session: SessionRecorded, channels: Sequence[ChannelData]) -> str:
 
 def _findings(run: Run) -> str:
     rows = "\n".join(f"- {finding(error)}" for error in worst_first(run.summary))
-    source = f"Model {run.motor} {words.short(run.model)}, open loop; digest {words.short(run.digest)}. Residual: measured minus model."
+    source = (
+        f"Model {run.motor} {words.short(run.model)}, open loop; digest {words.short(run.digest)}. Residual: measured "
+        "minus model."
+    )
     return f"# {run.session_name}\n{answer([run.summary])}\n\n{rows}\n\n{source}\n"
 
 
@@ -229,7 +235,8 @@ def view(paths: Sequence[Path]) -> None:
         why = (said.read().decode(errors="replace").strip().splitlines() or ["no reason given"])[-1]
     if code:
         raise ViewerError(
-            f"the rerun viewer stopped at once: {why}. Is there a display? To try again: rerun {' '.join(map(str, paths))}"
+            f"the rerun viewer stopped at once: {why}. Is there a display? To try again: rerun "
+            f"{' '.join(map(str, paths))}"
         )
 
 

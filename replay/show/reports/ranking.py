@@ -1,4 +1,5 @@
-"""The ranking of causes: evidence as bars, with the line that chance alone reaches and the one that a term must exceed."""
+"""The ranking of causes: evidence as bars, with the line that chance alone reaches and the one that a term must
+exceed."""
 
 from __future__ import annotations
 
@@ -22,8 +23,8 @@ NAMED, UNKNOWN = "named", "unknown"
 ROW, MARGIN = 0.38, 0.8  # inches: height of a bar with its name, of what is above and below
 ABOVE = 0.25  # rows: room for the name of the first bar
 READING = (
-    "ln BF: natural logarithm of how many times better the recordings fit with this cause than without, all coefficients free. "
-    "Null: what the best candidate reaches by chance in 1 of 20 cases where nothing is wrong."
+    "ln BF: natural logarithm of how many times better the recordings fit with this cause than without, all "
+    "coefficients free. Null: what the best candidate reaches by chance in 1 of 20 cases where nothing is wrong."
 )
 
 
@@ -70,7 +71,10 @@ def _title(diagnosis: Diagnosis, bars: Sequence[Bar]) -> str:
     against = f"null {figures(diagnosis.null_log_bayes_factor)}, threshold {figures(diagnosis.threshold)}"
     lead = next((bar for bar in bars if bar.ended in (NAMED, UNKNOWN)), None)
     if lead is None:
-        return f"No candidate was named: the best is {bars[0].name} at ln BF {figures(bars[0].log_bayes_factor)} ({against})"
+        return (
+            f"No candidate was named: the best is {bars[0].name} at ln BF {figures(bars[0].log_bayes_factor)} "
+            f"({against})"
+        )
     rivals = [bar.log_bayes_factor for bar in bars if bar.ended not in (NAMED, UNKNOWN)]
     ahead = lead.log_bayes_factor - max(rivals, default=0.0)
     margin = f", {figures(ahead)} ahead of the best rival" if rivals and ahead > 0 else ""

@@ -27,7 +27,8 @@ LINES = 120  # ... up to this many lines; above, each gets fewer, so that the fi
 
 @dataclass(frozen=True)
 class ReportContext:
-    """Where the report comes from: the command typed, the store's head, versions of what computed it (name -> version)."""
+    """Where the report comes from: the command typed, the store's head, versions of what computed it (name ->
+    version)."""
 
     command: str
     store_head: str
@@ -44,7 +45,8 @@ class SessionPlots:
 
 
 def write_report(runs: Sequence[Run], target: Path, context: ReportContext) -> None:
-    """Write the report of one replay (a run a session, in the order wanted) to `target`. The same runs give the same bytes."""
+    """Write the report of one replay (a run a session, in the order wanted) to `target`. The same runs give the same
+    bytes."""
     summaries = [run.summary for run in runs]
     page = template("report.html.j2").render(
         answer=answer(summaries),

@@ -33,8 +33,8 @@ class Ending(Enum):
 
 @dataclass(frozen=True)
 class NodeError:
-    """What the model as published gets wrong at one node over the sessions shown [K]: `mean_K` over its channels and sessions, the
-    worst channel's `max_K` and `where` it is worst."""
+    """What the model as published gets wrong at one node over the sessions shown [K]: `mean_K` over its channels and
+    sessions, the worst channel's `max_K` and `where` it is worst."""
 
     node: str
     mean_K: float
@@ -71,8 +71,8 @@ def node_errors(shown: Sequence[Shown]) -> list[NodeError]:
 
 
 def left_over(diagnosis: Diagnosis) -> list[str]:
-    """Nodes that stay off by more than their floor, as "rotor 2.1 K": recalibrated on kept sessions, or as published where
-    there are none and a further test is asked for."""
+    """Nodes that stay off by more than their floor, as "rotor 2.1 K": recalibrated on kept sessions, or as published
+    where there are none and a further test is asked for."""
     errors = {error.node: error for error in node_errors(diagnosis.shown)}
     if diagnosis.gain:
         floors = {node: error.floor_K for node, error in errors.items()}
@@ -88,7 +88,8 @@ def left_over(diagnosis: Diagnosis) -> list[str]:
 
 
 def what_is_wrong(diagnosis: Diagnosis) -> str:
-    """ "magnet 6.1 K mean, 17.0 K worst, most at 8,000 to 16,000 rpm · rotor surface 5.2 K · all else within its floor (0.4 K)"."""
+    """ "magnet 6.1 K mean, 17.0 K worst, most at 8,000 to 16,000 rpm · rotor surface 5.2 K · all else within its floor
+    (0.4 K)"."""
     errors = node_errors(diagnosis.shown)
     wrong = [error for error in errors if not error.within_floor]
     fine = [error for error in errors if error.within_floor]
@@ -226,7 +227,8 @@ def change(gain: Gain) -> str:
 
 
 def gained(diagnosis: Diagnosis) -> str:
-    """ "from 6.1 K to 0.9 K at the magnet and from 5.2 K to 0.8 K at the rotor": nodes that are better, most first; "" if none."""
+    """ "from 6.1 K to 0.9 K at the magnet and from 5.2 K to 0.8 K at the rotor": nodes that are better, most first; ""
+    if none."""
     better = [gain for gain in diagnosis.gain if change(gain) == "better"]
     told = sorted(better, key=lambda gain: gain.mae_after_K - gain.mae_before_K)[:3]
     return words.joined(
@@ -241,7 +243,8 @@ def gained(diagnosis: Diagnosis) -> str:
 
 
 def answer(diagnosis: Diagnosis) -> str:
-    """One to three sentences that answer why the motor is hotter than the model says; the test that would, where none can."""
+    """One to three sentences that answer why the motor is hotter than the model says; the test that would, where none
+    can."""
     open_ended = ending(diagnosis) in (Ending.UNKNOWN, Ending.CANNOT_TELL)
     if not open_ended or diagnosis.next_test is None:
         return finding(diagnosis)
@@ -268,7 +271,10 @@ def _named(diagnosis: Diagnosis) -> str:
         cause = diagnosis.causes[0]
         told = [says_so for _, says_so in rivals_left(cause)]
         if told:
-            return f"One of {len(told) + 1} causes that these sessions cannot tell apart: {'; '.join([cause.says, *told])}."
+            return (
+                f"One of {len(told) + 1} causes that these sessions cannot tell apart: "
+                f"{'; '.join([cause.says, *told])}."
+            )
         return f"{words.capital(_with_size(cause))}, probability {probability(cause.probability)}."
     many = len(diagnosis.causes)
     count = NUMBERS[many] if many < len(NUMBERS) else f"{many} causes"
@@ -300,8 +306,8 @@ def _agrees(diagnosis: Diagnosis) -> str:
         return f"No cause beyond the model's own coefficients has evidence; {tried}."
     return (
         f"No new cause is needed: the model as published is {words.kelvin(wrong[0].mean_K)} off at the "
-        f"{words.name(wrong[0].node)}, and its own coefficients, moved within what the motor file allows, take that away; "
-        f"{tried}."
+        f"{words.name(wrong[0].node)}, and its own coefficients, moved within what the motor file allows, take that "
+        f"away; {tried}."
     )
 
 
@@ -324,9 +330,9 @@ def _cannot_tell(diagnosis: Diagnosis) -> str:
     fits = [rival for rival in diagnosis.rivals if rival.log_bayes_factor > diagnosis.threshold]
     if fits:
         return (
-            f"These sessions cannot tell why: {words.joined(left_over(diagnosis))} stay above the sensors' floor, and what "
-            f"would explain the sessions learnt from ({words.joined([rival.id for rival in fits[:2]])}) is no cause: see the "
-            "rivals."
+            f"These sessions cannot tell why: {words.joined(left_over(diagnosis))} stay above the sensors' floor, and "
+            f"what would explain the sessions learnt from ({words.joined([rival.id for rival in fits[:2]])}) is no "
+            "cause: see the rivals."
         )
     return (
         f"These sessions cannot tell why: {words.joined(left_over(diagnosis))} stay above the sensors' floor, and of "

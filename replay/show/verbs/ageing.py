@@ -108,13 +108,16 @@ def _table(found: Assessment) -> Iterator[str]:
         bad = {one.batch for one in found.batches if one.outlying}
         shown = sorted(shown, key=lambda one: (not one.outlying, one.batch not in bad, score(one)))[:ROWS]
     wide = max([8, *(len(one.specimen) for one in shown)])
-    yield f"{'Specimen':<{wide}}  {'batch':<6}  checks    dose  {'course':<14}{'sure':>5}  {'R per 100 h':>12}  {'conducts':>8}  life used"
+    yield (
+        f"{'Specimen':<{wide}}  {'batch':<6}  checks    dose  {'course':<14}{'sure':>5}  {'R per 100 h':>12}  "
+        f"{'conducts':>8}  life used"
+    )
     for one in shown:
         last = next((check for check in reversed(one.checks) if check.conductivity_percent is not None), None)
         yield (
-            f"{one.specimen:<{wide}}  {one.batch or '-':<6}  {len(one.checks):>6}  {_hours(one.dose_h):>6}  {one.form.replace('_', ' '):<14}"
-            f"{100 * one.form_probability:>3.0f} %  {_slope(one):>12}  {_percent(last.conductivity_percent if last else None):>8}  {_life(one)}"
-            f"{_apart(one)}"
+            f"{one.specimen:<{wide}}  {one.batch or '-':<6}  {len(one.checks):>6}  {_hours(one.dose_h):>6}  "
+            f"{one.form.replace('_', ' '):<14}{100 * one.form_probability:>3.0f} %  {_slope(one):>12}  "
+            f"{_percent(last.conductivity_percent if last else None):>8}  {_life(one)}{_apart(one)}"
         )
     if len(found.specimens) > len(shown):
         yield f"and {len(found.specimens) - len(shown)} more"
@@ -136,9 +139,8 @@ def _batches(found: Assessment) -> Iterator[str]:
 
 def _law(law: Law) -> str:
     begins = f" from {law.from_h:.0f} h on" if law.from_h else ""
-    text = f"insulation conducts {law.percent_per_100h:+.1f} % per 100 h{begins} (± {law.sd:.1f}), from {law.source}".replace(
-        "-", "−"
-    )
+    size = f"{law.percent_per_100h:+.1f} % per 100 h{begins} (± {law.sd:.1f})"
+    text = f"insulation conducts {size}, from {law.source}".replace("-", "−")
     return f"{text}; written into model {words.short(law.model)}: replay takes it into account" if law.model else text
 
 
@@ -147,7 +149,10 @@ def _lives(law: LivesLaw, criterion: str) -> str:
         ends = ["?" if end is None else f"{end:,.{digits}f}" for end in given["ci95"]]
         return f"{given['value']:,.{digits}f} ({ends[0]} to {ends[1]})"
 
-    text = f"until {criterion}: {with_band(law.median_h_at_180degC, 0)} h at 180 °C by {with_band(law.activation_energy_eV, 2)} eV"
+    text = (
+        f"until {criterion}: {with_band(law.median_h_at_180degC, 0)} h at 180 °C by "
+        f"{with_band(law.activation_energy_eV, 2)} eV"
+    )
     if law.temperature_index_degC is None or law.halving_interval_K is None:
         return f"{text}; {law.why_no_index}"
     index, halving = with_band(law.temperature_index_degC, 0), with_band(law.halving_interval_K, 1)

@@ -39,8 +39,8 @@ def _headline(data: Mapping[str, Any]) -> str:
     names = words.joined([str(session["name"]) for session in data["on"]])
     ended = "converged" if data["converged"] else "NOT converged: take the estimates as a start only"
     return (
-        f"{data['motor']} on {names}: {ended} after {data['iterations']} iterations; model {words.short(data['model'])} "
-        f"from {words.short(data['parent'])}"
+        f"{data['motor']} on {names}: {ended} after {data['iterations']} iterations; model "
+        f"{words.short(data['model'])} from {words.short(data['parent'])}"
     )
 
 

@@ -29,10 +29,18 @@ WHY = {
 }
 ALIKE = 0.03  # pulses whose load and speed differ by less are told together
 BANDS = {
-    True: "95 %, from what these sessions leave unknown of the coefficients; errors of the network's form are not in them",
-    False: "95 %, from the sd of the motor file, as this model was fitted to nothing: calibrate first, then give that --model",
+    True: (
+        "95 %, from what these sessions leave unknown of the coefficients; errors of the network's form are not in them"
+    ),
+    False: (
+        "95 %, from the sd of the motor file, as this model was fitted to nothing: calibrate first, then give that "
+        "--model"
+    ),
 }
-MARKED = "triangle: no limit reached at the most recorded load; o, square, x: S1 sessions and S2 pulses that ended by temperature, current, time"
+MARKED = (
+    "triangle: no limit reached at the most recorded load; o, square, x: S1 sessions and S2 pulses that ended by "
+    "temperature, current, time"
+)
 
 
 def document(found: Envelope) -> dict[str, Any]:

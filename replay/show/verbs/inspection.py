@@ -113,4 +113,5 @@ def _file_lines(one: InspectedFile) -> list[str]:
 
 def _signal_line(seen: Seen, width: int) -> str:
     span = f"{seen.low:g} to {seen.high:g}" if seen.low is not None and seen.high is not None else ""
-    return f"{seen.signal.qualified:<{width}}  {seen.signal.unit or '-':<8} {seen.quantity or 'not guessed':<20} {span}".rstrip()
+    what = f"{seen.signal.unit or '-':<8} {seen.quantity or 'not guessed':<20}"
+    return f"{seen.signal.qualified:<{width}}  {what} {span}".rstrip()

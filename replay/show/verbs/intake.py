@@ -63,8 +63,9 @@ def _lines(intake: Intake, taken: Taken, decode: DecodeCompleted) -> list[str]:
         f"{taken.name}   {_size(taken.size)}   {balance['found']:,} {taken.holds}   {state}",
         *([f" {where}{more}"] if mine else []),
         (
-            f"  decoded {balance['decoded']:,} · unknown id {balance['unknown_id']:,} · wrong length {balance['wrong_length']:,}"
-            f" · rejected {balance['rejected']:,} = {balance['found']:,} {of}: the balance holds"
+            f"  decoded {balance['decoded']:,} · unknown id {balance['unknown_id']:,} · wrong length "
+            f"{balance['wrong_length']:,} · rejected {balance['rejected']:,} = {balance['found']:,} {of}: the balance "
+            "holds"
         ),
     ]
 

@@ -100,8 +100,8 @@ def answer(found: Protocol) -> str:
     ended = "" if found.calibration.event.converged else " The fit did not converge: take it as a start only."
     return (
         f"Fitted to {words.joined([s.name for s in found.points])}, {found.network.name} is {after:.1f} K off at the "
-        f"{words.name(node)} on {words.joined([s.name for s in found.drives])} (before {before:.1f} K), from which nothing "
-        f"was learnt; {len(found.fitted)} of {len(found.influence.parameters)} parameters were fitted.{ended}"
+        f"{words.name(node)} on {words.joined([s.name for s in found.drives])} (before {before:.1f} K), from which "
+        f"nothing was learnt; {len(found.fitted)} of {len(found.influence.parameters)} parameters were fitted.{ended}"
     )
 
 
@@ -162,7 +162,10 @@ def next_points(found: Protocol) -> str:
     gains = np.cumsum([one.gain for one in found.proposals])
     count = int(np.argmax(gains >= ENOUGH * gains[-1])) + 1
     first = found.proposals[:count]
-    after = f"teach{'es' if count == 1 else ''} {100 * gains[count - 1] / gains[-1]:.0f} % of what all {len(found.proposals)} would"
+    after = (
+        f"teach{'es' if count == 1 else ''} {100 * gains[count - 1] / gains[-1]:.0f} % of what all "
+        f"{len(found.proposals)} would"
+    )
     return f"{words.joined([one.words for one in first])} {after}, in {sum(one.hours for one in first):.1f} h"
 
 
@@ -175,7 +178,8 @@ def _checked(found: Protocol) -> Iterator[str]:
 
 
 def filter_notes(found: Protocol) -> Iterator[str]:
-    """A line a drive: what the filter makes of the channels that it was not given; and why, where the open loop does better."""
+    """A line a drive: what the filter makes of the channels that it was not given; and why, where the open loop does
+    better."""
     worse = False
     for summary in found.after:
         filtered = summary.filtered
@@ -194,13 +198,15 @@ def filter_notes(found: Protocol) -> Iterator[str]:
                 )
     if worse:
         yield (
-            "the open loop does better where it begins with the kept channel's own first reading, and where the filter takes for "
-            f"temperature what a thermometer reads too much{_too_much(found)}: a [[correction]] in the bench file takes that off"
+            "the open loop does better where it begins with the kept channel's own first reading, and where the "
+            f"filter takes for temperature what a thermometer reads too much{_too_much(found)}: a [[correction]] in "
+            "the bench file takes that off"
         )
 
 
 def _too_much(found: Protocol) -> str:
-    """Of the channels that a filter read, the one with the largest constant error by the calibration, of one sign on every point."""
+    """Of the channels that a filter read, the one with the largest constant error by the calibration, of one sign on
+    every point."""
     read = {channel for summary in found.after if summary.filtered for channel in summary.filtered.measured}
     errors = defaultdict(list)
     for one in found.calibration.event.errors:

@@ -24,7 +24,10 @@ def reduction_text(data: Mapping[str, Any]) -> str:
     kept = curve[0]["kept"] is not None
     chosen = f", mergers chosen on {words.joined(data['hold_out'])}" * kept
     lines = [
-        f"{data['motor']}: {curve[0]['nodes']} nodes merged to {data['nodes']}, by its own run on {words.joined(data['on'])}{chosen}"
+        (
+            f"{data['motor']}: {curve[0]['nodes']} nodes merged to {data['nodes']}, by its own run on "
+            f"{words.joined(data['on'])}{chosen}"
+        )
     ]
     lines.append(f"errors at     {_interest(data['interest'])}")
     head = "nodes   mean K   at most K" + "   kept: mean K   at most K" * kept

@@ -56,8 +56,9 @@ def answer(found: Worth) -> str:
     most = max(found.withheld, key=lambda one: one.mae_K)
     could = f"{words.joined(gone)} could be done without" if gone else "no sensor can be done without"
     return (
-        f"Of {words.counted(len(found.withheld), 'channel')} {could}: what is gone is estimated to a mean of {TOLERATED_K:.0f} K or "
-        f"better. Missed most, alone: {most.channel} at the {words.name(most.node)}, {words.kelvin(most.mae_K)}."
+        f"Of {words.counted(len(found.withheld), 'channel')} {could}: what is gone is estimated to a mean of "
+        f"{TOLERATED_K:.0f} K or better. Missed most, alone: {most.channel} at the {words.name(most.node)}, "
+        f"{words.kelvin(most.mae_K)}."
     )
 
 
@@ -74,16 +75,20 @@ def _table(found: Worth) -> Iterator[str]:
 
 
 def band_notes(found: Worth) -> Iterator[str]:
-    """Where bands come from: how few sessions make them wide, and which channels have too few for any but the filter's own."""
+    """Where bands come from: how few sessions make them wide, and which channels have too few for any but the filter's
+    own."""
     if others := sorted({one.sessions - 1 for one in found.withheld if one.widened}):
         factors = words.joined([f"{student(count):.1f} with {count}" for count in others])
-        yield f"each session's from the errors in the others, times Student's factor ({factors}): few sessions make wide bands"
+        yield (
+            f"each session's from the errors in the others, times Student's factor ({factors}): few sessions make "
+            "wide bands"
+        )
     alone = [one.channel for one in found.withheld if not one.widened]
     if alone:
         whose = "" if len(alone) == len(found.withheld) else f" for {words.joined(alone)}"
         yield (
-            f"the filter's own{whose}, which know noise and random walks alone: those that hold what the model is off by are made from "
-            f"the errors in other sessions, and need {LEAST_OTHERS + 1} sessions with the channel"
+            f"the filter's own{whose}, which know noise and random walks alone: those that hold what the model is off "
+            f"by are made from the errors in other sessions, and need {LEAST_OTHERS + 1} sessions with the channel"
         )
 
 
@@ -103,12 +108,12 @@ def margin_notes(found: Worth) -> Iterator[str]:
     margin = found.margin
     if margin is None:
         yield (
-            'no channel is of level production: say which a vehicle has with --vehicle CHANNEL, or level = "production" in the '
-            "bench file"
+            "no channel is of level production: say which a vehicle has with --vehicle CHANNEL, or level = "
+            '"production" in the bench file'
         )
         return
     yield (
-        f"from {words.joined(list(margin.channels))} to the hottest winding (mostly {words.name(margin.hottest)}), passed in "
-        f"{100 * margin.risk:g} % of the time: {words.kelvin(margin.from_sensor_K)} above the hottest reading, "
-        f"{words.kelvin(margin.from_filter_K)} above what a filter makes of the readings"
+        f"from {words.joined(list(margin.channels))} to the hottest winding (mostly {words.name(margin.hottest)}), "
+        f"passed in {100 * margin.risk:g} % of the time: {words.kelvin(margin.from_sensor_K)} above the hottest "
+        f"reading, {words.kelvin(margin.from_filter_K)} above what a filter makes of the readings"
     )

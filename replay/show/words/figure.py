@@ -1,4 +1,5 @@
-"""One plot of the report: a matplotlib figure drawn without global state, as inline SVG that follows the page's colours."""
+"""One plot of the report: a matplotlib figure drawn without global state, as inline SVG that follows the page's
+colours."""
 
 from __future__ import annotations
 
@@ -81,7 +82,8 @@ def style(key: str) -> Iterator[None]:
 
 
 def panels(width: float, heights: Sequence[float], top: float = 0.28) -> tuple[Figure, list[Axes]]:
-    """Panels over one another with one time axis [inches; `top` for key and title]; room at the right for the names of lines."""
+    """Panels over one another with one time axis [inches; `top` for key and title]; room at the right for the names of
+    lines."""
     figure = Figure()
     FigureCanvasAgg(figure)
     grid: dict[str, Any] = {"height_ratios": list(heights), "left": LEFT, "right": 0.86, "hspace": 0.14}
@@ -101,7 +103,8 @@ def save(figure: Figure, target: Path) -> None:
 
 
 def inline_svg(figure: Figure, label: str) -> str:
-    """The figure as an `<svg>` element for a page: no ids but those it refers to, no prolog, two decimals, the page's font."""
+    """The figure as an `<svg>` element for a page: no ids but those it refers to, no prolog, two decimals, the page's
+    font."""
     buffer = io.StringIO()
     figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None, "Type": None, "Format": None})
     text = buffer.getvalue()

@@ -12,8 +12,8 @@ CHANNELS = 3  # withheld ones, told at most
 
 
 def filter_says(summary: Summary) -> Iterator[str]:
-    """The loss that was found, how far off that leaves the channels, what else was asked for, and the smoother's hot spots; why there is
-    no filter or no band. Nothing of runs that were sealed without these entries."""
+    """The loss that was found, how far off that leaves the channels, what else was asked for, and the smoother's hot
+    spots; why there is no filter or no band. Nothing of runs that were sealed without these entries."""
     filtered, found = summary.filtered, loss(summary)
     if found:
         yield found
@@ -45,8 +45,8 @@ def left_out(summary: Summary) -> list[str]:
 
 
 def compared(summary: Summary) -> list[str]:
-    """A sentence a channel that filter and smoother do not read, furthest off in open loop first; where they read all, of the one that
-    is furthest off."""
+    """A sentence a channel that filter and smoother do not read, furthest off in open loop first; where they read all,
+    of the one that is furthest off."""
     filtered = summary.filtered
     if not filtered:
         return []
@@ -92,8 +92,9 @@ def loss(summary: Summary) -> str | None:
     who, best = ("smoother", heat.smoother) if heat.smoother else ("filter", heat.filter)
     return (
         f"{who}, from {words.counted(len(filtered.measured), 'channel')}: {_watts(best.mean_W)} of loss at the "
-        f"{words.name(filtered.node)} on average (sd {_watts(best.sd_W)} at any time) and {_watts(best.max_W)} at most "
-        f"(sd {_watts(best.max_sd_W)}, at {words.clock(best.max_at_s)}), where the model has {_watts(heat.modelled_mean_W)}"
+        f"{words.name(filtered.node)} on average (sd {_watts(best.sd_W)} at any time) and {_watts(best.max_W)} at "
+        f"most (sd {_watts(best.max_sd_W)}, at {words.clock(best.max_at_s)}), where the model has "
+        f"{_watts(heat.modelled_mean_W)}"
     )
 
 

@@ -106,9 +106,12 @@ def _verdict(loss_W: float, heat_W: float) -> str:
         return "One of them is not positive: check the signs of power, torque and speed in the bench file."
     if loss_W > heat_W * (1 + AGREE):
         return (
-            "What the network lacks may be the inverter's loss (where power is measured before it), friction and windage, "
-            "an error of the power or torque reading, or heat that the model misses."
+            "What the network lacks may be the inverter's loss (where power is measured before it), friction and "
+            "windage, an error of the power or torque reading, or heat that the model misses."
         )
     if loss_W < heat_W * (1 - AGREE):
-        return "The model makes more heat than was lost: its loss laws are too large here, or the power or torque reading is off."
+        return (
+            "The model makes more heat than was lost: its loss laws are too large here, or the power or torque "
+            "reading is off."
+        )
     return f"They agree within {100 * AGREE:.0f} %."

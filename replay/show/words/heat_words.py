@@ -26,7 +26,8 @@ AnySpot = ModelledSpot | SmoothedSpot
 
 
 def heat(summary: Summary) -> str | None:
-    """Where heat came from and where it went, and the efficiency; None of runs without such an account, or without any heat."""
+    """Where heat came from and where it went, and the efficiency; None of runs without such an account, or without any
+    heat."""
     losses = summary.losses
     if losses is None or losses.energy_J <= 0:
         return None
@@ -61,9 +62,11 @@ def hottest(summary: Summary) -> str | None:
 
 
 def spots(found: Mapping[str, AnySpot]) -> str:
-    """Hot spots with their bands, the winding first: "winding 130 °C (120 to 140) at 0:00:01 (30.0 K ABOVE its limit)"."""
+    """Hot spots with their bands, the winding first: "winding 130 °C (120 to 140) at 0:00:01 (30.0 K ABOVE its
+    limit)"."""
     parts = [
-        f"{spot} {one.max_degC:.0f} °C{_band(one)} at {words.clock(one.at_s)} ({_place(spot, one)}{_margin(one.margin_K)})"
+        f"{spot} {one.max_degC:.0f} °C{_band(one)} at {words.clock(one.at_s)} "
+        f"({_place(spot, one)}{_margin(one.margin_K)})"
         for spot, one in sorted(found.items(), reverse=True)
     ]
     return words.joined(parts)
@@ -129,11 +132,15 @@ def _strategy(one: DeratingCourse) -> str:
 def _course(seconds: float, mean: float, lowest: float) -> str:
     if seconds == 0:
         return "full current throughout"
-    return f"less for {words.duration(seconds)}, {100 * mean:.0f} % of the current on average and {100 * lowest:.0f} % at least"
+    return (
+        f"less for {words.duration(seconds)}, {100 * mean:.0f} % of the current on average and {100 * lowest:.0f} % "
+        "at least"
+    )
 
 
 def meter(one: MeterErrors) -> str:
-    """ "35 W mean error of 1,240 W, worst 80 W at 0:01:00, model too low": in its own unit, and whether the meter itself can tell."""
+    """ "35 W mean error of 1,240 W, worst 80 W at 0:01:00, model too low": in its own unit, and whether the meter
+    itself can tell."""
     unit = one.unit
     within = f"within its floor ({quantity(one.floor, unit)})" if one.within_floor else ""
     way = "model too low" if one.bias > 0 else "model too high"

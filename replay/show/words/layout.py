@@ -1,7 +1,7 @@
 """Where the nodes of a network stand in a picture: near what they are coupled to, apart from everything else.
 
-Stress majorisation: positions X minimise `sum_ij d_ij^-2 (|X_i - X_j| - d_ij)^2` for graph distances d_ij, by repeated solution of
-one linear system (E. R. Gansner, Y. Koren, S. North, Graph Drawing 2004, doi:10.1007/978-3-540-31843-9_25).
+Stress majorisation: positions X minimise `sum_ij d_ij^-2 (|X_i - X_j| - d_ij)^2` for graph distances d_ij, by repeated
+solution of one linear system (E. R. Gansner, Y. Koren, S. North, Graph Drawing 2004, doi:10.1007/978-3-540-31843-9_25).
 """
 
 from __future__ import annotations
@@ -18,7 +18,8 @@ PUSHES = 600
 
 
 def stress_layout(lengths: Floats, start: Floats) -> Floats:
-    """Positions (n, 2) from a `start` (n, 2), which decides orientation; `lengths` (n, n) symmetric, 0 where there is no link.
+    """Positions (n, 2) from a `start` (n, 2), which decides orientation; `lengths` (n, n) symmetric, 0 where there is
+    no link.
 
     Parts that no link joins are kept as far apart as the longest distance. The same input gives the same bits.
     """
@@ -48,7 +49,8 @@ def _apart(place: Floats) -> Floats:
 
 
 def without_overlap(place: Floats, size: Floats) -> Floats:
-    """Centres (n, 2) of boxes of `size` (n, 2), moved until no two overlap, each pair along the axis where less is to be moved."""
+    """Centres (n, 2) of boxes of `size` (n, 2), moved until no two overlap, each pair along the axis where less is to
+    be moved."""
     place = place.copy()
     room = (size[:, None, :] + size[None, :, :]) / 2
     order = np.arange(len(place))

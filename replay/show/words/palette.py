@@ -1,4 +1,5 @@
-"""Colours: seven of Okabe and Ito (2008), the yellow darkened, each with a line style of its own, and a diverging scale.
+"""Colours: seven of Okabe and Ito (2008), the yellow darkened, each with a line style of its own, and a diverging
+scale.
 
 In SVG for the report each colour becomes a CSS variable, so that one drawing serves light and dark pages.
 """

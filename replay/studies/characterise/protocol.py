@@ -3,8 +3,8 @@ cycles.
 
 The template is checked, every coefficient and capacity is weighed by what it moves on the drive cycles, the most
 influential ones are fitted to the S1 and S2 points, and the drive cycles, from which nothing was learnt, are replayed
-with the model before and after, the filter beside it (sections 3.1 and 4.2 of the paper). Which points taught most,
-and which to run next, is asked of the fitted model.
+with the model before and after, the filter beside it (sections 3.1 and 4.2 of the paper). Which points taught most, and
+which to run next, is asked of the fitted model.
 """
 
 from __future__ import annotations
@@ -44,9 +44,8 @@ Tell = Callable[[str], None]
 
 @dataclass(frozen=True)
 class Proposal:
-    """A test that was not run: in words; what it adds to all that were and to the proposals before it [nats]; its
-    length [h]; and `known_K` (n,) [K], how uncertain each node still is on the drives after it, by the parameters
-    alone."""
+    """A test that was not run: in words, what it adds to all that were and to the proposals before it [nats], its
+    length [h], and `known_K` (n,) what the parameters leave unknown of each node on the drives after it."""
 
     words: str
     gain: float
@@ -56,11 +55,10 @@ class Proposal:
 
 @dataclass(frozen=True)
 class Protocol:
-    """What the protocol found. `warnings`: what `motor check` says of the motor file; `fitted`: names of the
-    parameters that moved; `choices`: of `points`, in the order in which they teach; `unknown_K` (n,) [K]: how
-    uncertain each node is on the drives before anything is learnt, by the parameters alone; `proposals`: tests that
-    were not run, in the order in which they would teach most an hour; `before`, `after`: summaries of the drives'
-    replays with the parent and with the fitted model."""
+    """`warnings`: what `motor check` says of the motor file; `fitted`: names of the parameters that moved; `choices`:
+    of `points`, in the order in which they teach; `unknown_K` (n,): what the parameters leave unknown of each node on
+    the drives before anything is learnt; `proposals`: tests that were not run, in the order in which they would teach
+    most an hour; `before`, `after`: summaries of the drives' replays with the parent and with the fitted model."""
 
     network: Network
     warnings: tuple[str, ...]
@@ -134,11 +132,9 @@ def run_protocol(
 def template_needed(why: str) -> ReplayDataError:
     """The refusal where there is no motor file to begin with; it says how to get one."""
     return ReplayDataError(
-        f"{why}: the protocol begins with a template. "
-        f"Write one with `whyhot motor new --topology {DEFAULT} -o motor.toml` "
-        f"(or of {', '.join(t for t in TOPOLOGIES if t != DEFAULT)}), put your motor's numbers in, "
-        "`whyhot motor check motor.toml`, "
-        "and say --model motor.toml."
+        f"{why}: the protocol begins with a template. Write one with `whyhot motor new --topology {DEFAULT} -o "
+        f"motor.toml` (or of {', '.join(t for t in TOPOLOGIES if t != DEFAULT)}), put your motor's numbers in, "
+        "`whyhot motor check motor.toml`, and say --model motor.toml."
     )
 
 
@@ -152,8 +148,8 @@ def _named_model(facts: Facts, sessions: Sequence[SessionRecorded]) -> str:
 
 
 def by_kind(sessions: Sequence[SessionRecorded]) -> tuple[tuple[SessionRecorded, ...], tuple[SessionRecorded, ...]]:
-    """The sessions to learn from (S1, S2), and those to check on (drive cycles). Raises ReplayDataError where either
-    is missing, or a session is neither."""
+    """Those to learn from and those to check on. Raises ReplayDataError where either is missing, or a session is
+    neither."""
     points, drives = (tuple(s for s in sessions if s.kind in kinds) for kinds in (POINTS, DRIVES))
     if other := [s for s in sessions if s not in points and s not in drives]:
         raise ReplayDataError(

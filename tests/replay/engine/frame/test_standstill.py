@@ -63,7 +63,8 @@ def frame_of(store: Sequence[str]) -> InputFrame:
         return session_frame(session, load(opened, known, session), network)
 
 
-# --- Flux ------------------------------------------------------------------------------------------------------------
+# --- Flux
+# -------------------------------------------------------------------------------------------------------------------
 
 IRON = """\
 schema = "whyhot.motor/1"
@@ -130,12 +131,12 @@ def test_without_a_speed_nothing_says_where_the_flux_is_zero(
     assert main(["replay", *store]) == 2
     assert capsys.readouterr().err.strip() == (
         'session 1_run: the motor file uses "flux", which is 0 at standstill, and no channel of this session gives '
-        "speed: "
-        'add a [[channel]] or [[derived]] with quantity = "speed" to the bench file.'
+        'speed: add a [[channel]] or [[derived]] with quantity = "speed" to the bench file.'
     )
 
 
-# --- A DC check of a bare stator -------------------------------------------------------------------------------------
+# --- A DC check of a bare stator
+# --------------------------------------------------------------------------------------------
 
 STATOR = """\
 schema = "whyhot.motor/1"

@@ -203,7 +203,8 @@ def test_a_run_that_was_sealed_without_a_filter_still_loads(hidden: Replayed) ->
 
 
 def as_resistance(frame: InputFrame, channel: str, gain: float, referenced: bool) -> InputFrame:
-    """The frame with a channel in the place of a winding resistance of 15 mOhm at 20 degC, which its meter reads too high by `gain`."""
+    """The frame with a channel in the place of a winding resistance of 15 mOhm at 20 degC, which its meter reads too
+    high by `gain`."""
     (o,) = (o for o in frame.observations if o.sensor.name == channel)
     law = Thermometric(o.sensor.weights, 0.015, copper_slope(Copper(), 20.0), 20.0)
     sensor = replace(o.sensor, noise=o.sensor.noise * law.per_K, resolution=0.0, bias_sd=0.0)

@@ -33,8 +33,8 @@ ROW = ["magnet_1", "magnet", "magnet_3"]
 
 
 def a_bar(peak_at: float, peak_degC: float, falls: float) -> Floats:
-    """(2, n): cold, then a bar whose temperature falls with the square of the distance [slices] from its hottest
-    point; the middle slice is from -1/2 to 1/2."""
+    """(2, n): cold, then a bar whose temperature falls with the square of the distance [slices] from its hottest point;
+    the middle slice is from -1/2 to 1/2."""
     edges = np.array([-1.5, -0.5, 0.5, 1.5]) - peak_at
     means = peak_degC - falls * np.diff(edges**3) / 3
     later = [means[ROW.index(node.name)] if node.name in ROW else 20.0 for node in BAR.nodes]

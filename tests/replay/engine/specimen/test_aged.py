@@ -213,7 +213,8 @@ def dose(h: float) -> Any:
     return pytest.approx(h, abs=0.01)
 
 
-# --- The law ---------------------------------------------------------------------------------------------------------
+# --- The law
+# --------------------------------------------------------------------------------------------------------------------
 
 
 def test_the_second_load_is_replayed_with_the_conductance_that_the_oven_left(opened: Opened) -> None:
@@ -267,7 +268,7 @@ def test_a_session_without_specimen_is_refused(opened: Opened, motor: str) -> No
 @pytest.mark.parametrize("motor", ["aged", "counted"])
 def test_a_session_behind_an_oven_without_temperatures_is_refused(opened: Opened, motor: str) -> None:
     says = (
-        "^session S2_load: the hours of S2 above 180 degC are not known, as its session S2_oven of kind ageing has no "
+        "^session S2_load: the hours of S2 above 180 degC are not known, as its session S2_oven of kind ageing has no t"
     )
     with pytest.raises(ReplayDataError, match=says):
         opened.of("S2_load", motor)
@@ -286,7 +287,8 @@ def test_verbs_that_take_a_specimen_as_new_say_so(opened: Opened) -> None:
     assert ageing_left_out(opened.store, known, [facts.session("unnamed")], opened.model("motor")) == []
 
 
-# --- The state that checks leave -------------------------------------------------------------------------------------
+# --- The state that checks leave
+# ------------------------------------------------------------------------------------------------
 
 LEFT = State(10.0, -0.08, 0.01, -0.4, 0.03, 0.2)
 
@@ -368,7 +370,8 @@ def test_the_law_beforehand_is_that_of_the_model(opened: Opened) -> None:
     assert law_of(opened.store, known, None, 180.0).rate == 0.0
 
 
-# --- DC checks -------------------------------------------------------------------------------------------------------
+# --- DC checks
+# ------------------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("motor", ["motor", "turning"])

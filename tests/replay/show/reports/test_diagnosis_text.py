@@ -134,8 +134,8 @@ def test_several_causes_are_each_named_with_what_was_masked_dropped_and_doubtful
 
 def test_a_motor_that_agrees_is_told_so_with_the_best_candidate_and_the_null() -> None:
     assert answer(SILENT) == (
-        "The twin agrees with these sessions within its floor; 213 candidates tried, "
-        "best ln BF 1.2 (null 4.6, threshold 8)."
+        "The twin agrees with these sessions within its floor; 213 candidates tried, best ln BF 1.2 (null 4.6, "
+        "threshold 8)."
     )
     assert "nothing: every node is within its floor (0.4 K)" in flat(diagnosis_text(SILENT))
     assert "none with evidence (null 4.6, threshold 8)" in answer(replace(SILENT, rivals=[]))
@@ -156,9 +156,8 @@ def test_a_candidate_above_the_threshold_that_was_not_named_is_pointed_at() -> N
 def test_an_unknown_heat_says_where_how_many_watts_when_and_what_it_goes_with() -> None:
     text = flat(diagnosis_text(UNKNOWN))
     assert (
-        "Unknown Something adds 20 to 45 W at endwinding b outer when it is 90 to 140 °C and "
-        "speed is 3,000 to 6,000 rpm; "
-        "no candidate explains it. It goes with endwinding b outer and current."
+        "Unknown Something adds 20 to 45 W at endwinding b outer when it is 90 to 140 °C and speed is 3,000 to 6,000 "
+        "rpm; no candidate explains it. It goes with endwinding b outer and current."
     ) in text
     assert "Next test S2 at 6,000 rpm, 60 s pulses, with a sensor in air_b" in text
     assert answer(UNKNOWN).endswith("Most telling next test: S2 at 6,000 rpm, 60 s pulses, with a sensor in air_b.")
@@ -185,8 +184,7 @@ def test_patchwork_says_what_fits_only_together_and_no_watts() -> None:
     text = flat(diagnosis_text(replace(UNKNOWN, unknown=[heat])))
     assert (
         "Something at endwinding b outer has a form that no candidate has: loss.magnet.speed2 and "
-        "loss.rotor_surface.speed fit "
-        "only together, so none of them is named."
+        "loss.rotor_surface.speed fit only together, so none of them is named."
     ) in text
     assert "of the strongest" in text
     assert " W at endwinding b outer" not in text
@@ -200,10 +198,9 @@ def test_an_unknown_heat_beside_a_named_cause_is_told_too() -> None:
 
 def test_too_little_data_says_what_is_left_and_which_test_would_tell() -> None:
     assert answer(TOO_LITTLE) == (
-        "These sessions cannot tell why: magnet 6.1 K and rotor surface 5.2 K stay above "
-        "the sensors' floor, and of 213 "
-        "candidates none stands out: best ln BF 6.1 (null 4.6, threshold 8). "
-        "Most telling next test: S2 at 6,000 rpm, 60 s pulses of 300 A."
+        "These sessions cannot tell why: magnet 6.1 K and rotor surface 5.2 K stay above the sensors' floor, and of "
+        "213 candidates none stands out: best ln BF 6.1 (null 4.6, threshold 8). Most telling next test: S2 at 6,000 "
+        "rpm, 60 s pulses of 300 A."
     )
     assert "1 session (1 to learn from, 0 kept)" in flat(diagnosis_text(TOO_LITTLE))
 

@@ -69,11 +69,9 @@ def test_where_all_channels_are_read_the_one_that_is_furthest_off_in_open_loop_i
 def test_the_smoothers_hot_spots_say_their_band_what_it_holds_and_where_there_is_none() -> None:
     *_, said = filter_says(summary())
     assert said == (
-        "hottest by the smoother: winding 120 °C at 0:19:50 (30.0 K under its limit) "
-        "and magnet 120 °C (118 to 122) at 0:19:50 "
-        "(30.0 K under its limit); 95 %, by how far it is off MAG and what these may read too much; "
-        "no band at winding, where no "
-        "channel could check it"
+        "hottest by the smoother: winding 120 °C at 0:19:50 (30.0 K under its limit) and magnet 120 °C (118 to 122) "
+        "at 0:19:50 (30.0 K under its limit); 95 %, by how far it is off MAG and what these may read too much; no "
+        "band at winding, where no channel could check it"
     )
 
 

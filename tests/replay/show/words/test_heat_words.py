@@ -55,8 +55,8 @@ def test_what_warms_the_motor_stands_with_the_sources() -> None:
 def test_the_heat_of_a_run_in_a_sentence() -> None:
     efficiency = Efficiency(modelled=0.943, measured=None, mechanical_J=1.0)
     assert heat_words.heat(replace(made_summary(), losses=LOSSES, efficiency=efficiency)) == (
-        "100 W of heat on average (copper DC 120 %, iron −20 %): 130 W into coolant, −10 W into ambient and −20 W stored; "
-        "efficiency 94.3 % by the model"
+        "100 W of heat on average (copper DC 120 %, iron −20 %): 130 W into coolant, −10 W into ambient and −20 W "
+        "stored; efficiency 94.3 % by the model"
     )
     assert heat_words.heat(made_summary()) is None
 
@@ -67,7 +67,8 @@ def test_the_hottest_winding_and_what_holds_the_magnets_with_place_time_and_marg
     assert (found["magnet"].node, found["magnet"].margin_K) == ("shaft", None)
     bare = {spot: ModelledSpot(**vars(one)) for spot, one in found.items()}
     assert heat_words.hottest(replace(made_summary(), hot_spots=bare)) == (
-        "hottest by the model: winding 130 °C at 0:00:01 (30.0 K ABOVE its limit) and magnet 50 °C at 0:00:02 (shaft, no limit given)"
+        "hottest by the model: winding 130 °C at 0:00:01 (30.0 K ABOVE its limit) and magnet 50 °C at 0:00:02 "
+        "(shaft, no limit given)"
     )
 
 
@@ -122,8 +123,9 @@ def test_a_band_is_said_with_what_it_holds() -> None:
         for spot, one in bare.items()
     }
     assert heat_words.hottest(replace(made_summary(), hot_spots=spots)) == (
-        "hottest by the model: winding 130 °C (120 to 140) at 0:00:01 (30.0 K ABOVE its limit) and magnet 50 °C (40 to 60) "
-        "at 0:00:02 (shaft, no limit given); 95 %, by the sd of the motor file: calibrate it for a narrower one"
+        "hottest by the model: winding 130 °C (120 to 140) at 0:00:01 (30.0 K ABOVE its limit) and magnet 50 °C (40 "
+        "to 60) at 0:00:02 (shaft, no limit given); 95 %, by the sd of the motor file: calibrate it for a narrower "
+        "one"
     )
 
 
