@@ -1,4 +1,5 @@
-"""A bench file meets the signals of a log: every channel gets its signals, its conversion and every default."""
+"""The channels of a bench file for one log: each with its signals, its conversion to the stored unit, and every default
+filled in."""
 
 from __future__ import annotations
 
@@ -237,14 +238,15 @@ def _filled(
 
 
 def _role(channel: Channel, boundaries: Collection[str] | None) -> str:
-    """Temperatures of nodes are observed, all else is input."""
+    """Whether a channel is observed or an input: temperatures of nodes are observed, all else is input."""
     places = _places(channel) if channel.quantity == "temperature" else []
     outside = [_outside(place, channel.region, boundaries) for place in places]
     return "observed" if places and not all(outside) else "input"
 
 
 def _region(channel: Channel, boundaries: Collection[str] | None, regions: Mapping[str, str] | None) -> str | None:
-    """As the motor file says of the node (of several the heaviest), else the channel, else the node's name."""
+    """The region of what a channel measures: as the motor file says of its node (of several the heaviest), else as the
+    channel says, else by the node's name."""
     heaviest = max(channel.weights, key=lambda node: channel.weights[node]) if channel.weights else channel.node
     if heaviest is None or regions is None:
         return channel.region or (region_by_name(heaviest) if heaviest else None)

@@ -185,7 +185,8 @@ def block_means(t_ns: NDArray[np.int64], value: Array, span: tuple[int, int], bl
 
 @dataclass(frozen=True)
 class _Source:
-    """A channel in one decode: its entry there, what it is, and what is to be taken off its values."""
+    """A channel as one decode holds it: its entry there, its description, and the corrections that are to be taken off
+    its values."""
 
     entry: _Entry
     spec: ResolvedChannel
@@ -263,7 +264,8 @@ def _guessed(decode: DecodeCompleted) -> list[_Source]:
 
 
 def _guess(entry: _Entry) -> ResolvedChannel:
-    """With the guessed quantity where the file's unit fits it, else as it stands."""
+    """What a signal may be where no bench file says it: of the guessed quantity where the file's unit fits that, else
+    of none."""
     quantity, unit = entry["quantity"] or "", entry["unit"] or ""
     conversion = Conversion()
     try:
@@ -301,13 +303,15 @@ def _of_file(one: _Decoded, file: Mapping[str, Any]) -> Iterator[_Piece]:
 
 
 def _on_time(piece: _Piece, bench: Bench | None, stem: str, start_ns: int) -> _Piece:
-    """With the bus that its clock goes by, a table's own where it is of none, and the stamps that are true of it."""
+    """A piece with its true stamps, and with the bus whose clock these go by: for a table that names none, the table
+    itself."""
     bus = piece.bus or stem
     return replace(piece, bus=bus, t_ns=true_times(piece.t_ns, bench.corrections if bench else (), bus, start_ns))
 
 
 def _ambient(pieces: Mapping[str, Sequence[_Piece]], start_ns: int) -> _Around | None:
-    """The ambient temperature, mean over its channels, where a reading must be freed of it and the session knows it."""
+    """The ambient temperature, as the mean over its channels. None where no reading has to be freed of it, or the
+    session does not record it."""
     if not any(step.law == "stem" for some in pieces.values() for piece in some for step in piece.steps):
         return None
     found = [
@@ -368,7 +372,8 @@ def _true_values(piece: _Piece, start_ns: int, around: _Around | None) -> Array:
 
 
 def _once(t_ns: NDArray[np.int64], value: NDArray[Any], raw: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """False for a sample that the one before it, of another file, is already: a copy of a log adds nothing."""
+    """Which samples to keep (N,): False for one that repeats the one before it from another file, as a copied log
+    does."""
     first = np.ones(len(t_ns), dtype=np.bool_)
     first[1:] = (np.diff(t_ns) != 0) | (value[1:] != value[:-1]) | (raw[1:] == raw[:-1])
     return first

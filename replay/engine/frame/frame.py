@@ -38,9 +38,10 @@ CHUNK_STEPS = 4096  # the finest pieces of this many steps are in memory at once
 
 @dataclass(frozen=True)
 class InputFrame:
-    """`t_ns` (N + 1,) int64 edges of equal steps; `features` (N, m); `boundaries` (N, b) [degC]; `inputs`: column with
-    unit -> (N,) means; `live` (N,): no input was bridged here; `note`: what of the session was left out, or None.
-    `mechanical_W` (N,): means of torque times speed, None where one of them is not recorded, or twice."""
+    """A session in N equal steps, as the twin takes it. `t_ns` (N + 1,) int64: edges of the steps; means over the
+    steps: `features` (N, m) of the `monomials`, `boundaries` (N, b) [degC] and `inputs`, column with unit -> (N,).
+    `live` (N,): False where an input was bridged; `note`: what of the session was left out, or None. `mechanical_W`
+    (N,): means of torque times speed, None where one of them is not recorded, or twice."""
 
     t_ns: Times
     step_s: float
@@ -135,8 +136,9 @@ def _shaft(channels: Sequence[ChannelData]) -> tuple[str, ...]:
 
 
 def _columns(channels: Sequence[ChannelData], flows: Mapping[str, str]) -> dict[str, str]:
-    """Channel -> column with unit: by quantity where it is the only input of it (`speed_rpm`), by boundary or node for
-    temperatures (`coolant_degC`), by feature for the `flows` of the motor, channel -> feature, else by its own name."""
+    """Channel -> its column with unit. The column is called after the quantity where that has one input only
+    (`speed_rpm`), after the boundary or node of a temperature (`coolant_degC`), after the feature of one of the motor's
+    `flows` (channel -> feature), else after the channel."""
     inputs = [c.spec for c in channels if c.spec.role == "input"]
     alone = {q for q, count in Counter(spec.quantity for spec in inputs).items() if count == 1 and q != "temperature"}
     stems = {s.name: s.quantity if s.quantity in alone else s.node or s.name for s in inputs} | dict(flows)
@@ -187,9 +189,9 @@ def _only(quantity: str, why: str, found: Sequence[ChannelData]) -> ChannelData:
 
 
 def _flow_of(feature: str, flows: Sequence[str], found: Sequence[ChannelData]) -> list[ChannelData]:
-    """The channels of flow that may be `feature`: the one of its name; of a motor's only flow the only one; of plain
-    `flow` beside others those that are not called as one of them. Raises ReplayDataError where a name has to say it,
-    and none does."""
+    """The channels that may be the flow `feature`. That is the channel of its name. The only flow of a motor is the
+    only channel of flow, whatever its name; plain `flow` beside others is any channel that has the name of none of
+    them. Raises ReplayDataError where a name has to say it, and none does."""
     own = [c for c in found if c.spec.name == feature]
     if flows == ["flow"] or (len(flows) == 1 and len(found) < 2):
         return list(found)
@@ -223,7 +225,8 @@ def _boundary_of(name: str, channels: Sequence[ChannelData]) -> list[ChannelData
 
 
 def _observed_temperatures(channels: Sequence[ChannelData], network: Network) -> set[str]:
-    """Names of the channels that observe nodes of this network; a boundary that is called observed stays a boundary."""
+    """Names of the thermometers that observe nodes of this network. One at a boundary is none of them, even where the
+    bench file calls it observed."""
     nodes, around = {n.name for n in network.nodes}, {b.name for b in network.boundaries}
     found = set()
     for spec in (c.spec for c in channels if c.spec.role == "observed" and c.spec.quantity == "temperature"):
@@ -302,7 +305,8 @@ def _averages(
 
 
 def _live(signals: Iterable[Signal], edges: Times, recover_s: float) -> Bools:
-    """False where an input was bridged, and until the observed nodes have forgotten it."""
+    """Which steps (N,) can be trusted: not those in which an input was bridged, nor those after, until the observed
+    nodes have forgotten it."""
     live = np.ones(edges.size - 1, dtype=np.bool_)
     for signal in signals:
         for start, end in signal.gaps:
@@ -312,8 +316,8 @@ def _live(signals: Iterable[Signal], edges: Times, recover_s: float) -> Bools:
 
 
 def recovery_s(network: Network, mean_features: Floats, channels: Sequence[ChannelData]) -> float:
-    """3 times the fastest observed mode: C / sum G of the quickest node with an observed channel, at mean features
-    [s]."""
+    """How long observed nodes remember a bridged input [s]: 3 times the time constant C / sum G of the quickest of
+    them, at mean features."""
     seen = {
         node for c in channels if c.spec.role == "observed" for node in (c.spec.weights or {c.spec.node or "": 1.0})
     }

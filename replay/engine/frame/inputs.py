@@ -76,8 +76,8 @@ def held(signal: Signal, at_ns: Times) -> Floats:
 
 @dataclass(frozen=True)
 class Pieces:
-    """The finest intervals on which no input changes. `values`: input -> (K,); `weight` (K,) [ns]; `first` (N,) piece
-    of each step."""
+    """The finest intervals on which no input changes, K of them. `values`: input -> (K,); `weight` (K,) [ns]: their
+    lengths; `first` (N,): the first piece of each step."""
 
     values: Mapping[str, Floats]
     weight: Floats

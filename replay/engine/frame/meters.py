@@ -37,8 +37,8 @@ class Measurand:
 
 
 def measurands(channels: Sequence[ChannelData], network: Network) -> dict[str, Measurand]:
-    """Of every observed channel that is no thermometer, what it measures. Raises ReplayDataError where the motor lacks
-    its place, or the session what it has to be compared with."""
+    """Name of each observed channel that is no thermometer -> what it measures. Raises ReplayDataError where the motor
+    lacks the place of one, or the session what it has to be compared with."""
     return {
         c.spec.name: _measurand(c.spec, channels, network)
         for c in channels

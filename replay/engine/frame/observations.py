@@ -61,7 +61,8 @@ def sensor_of(channel: ChannelData) -> Sensor:
 
 
 def observe(channel: ChannelData, good: Bools, edges: Times, raw_files: tuple[str, ...]) -> Observation:
-    """Bin a channel's samples into steps [edge, next edge); bad samples are shown where there are no good ones."""
+    """An observed channel in steps [edge, next edge), from its `good` samples; where a step has none, from the
+    others."""
     n = edges.size - 1
     step_ns = int(edges[1] - edges[0])
     inside = (channel.t_ns >= edges[0]) & (channel.t_ns < edges[-1])

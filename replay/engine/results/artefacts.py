@@ -65,8 +65,8 @@ def temperature_table(frame: InputFrame, temperatures: Floats, nodes: Sequence[s
 
 
 def filtered_table(frame: InputFrame, filtered: Filtered, nodes: Sequence[str]) -> pa.Table:
-    """One row an edge of a step, N + 1; a column a node, and heat in the step that begins there [W]: estimated, with
-    its standard deviation, and modelled; temperatures and heat once more as smoothed."""
+    """One row an edge of a step, N + 1: a column a node, and the heat [W] in the step that begins there as estimated,
+    with its standard deviation, and as modelled; then temperatures and heat once more, as smoothed."""
     columns = {f"{node}_degC": filtered.temperatures[:, i] for i, node in enumerate(nodes)}
     heat = {
         "estimated_heat_W": filtered.heat_W,
@@ -82,7 +82,7 @@ def filtered_table(frame: InputFrame, filtered: Filtered, nodes: Sequence[str]) 
 
 
 def filtered_of(table: pa.Table, summary: FilterSummary, nodes: Sequence[str]) -> Filtered:
-    """The estimate of a table that `filtered_table` made, and what its run's summary says of it."""
+    """The estimate that `filtered_table` wrote into a table; `summary`: what the run says of it."""
 
     def steps(*names: str) -> list[Floats]:
         return [table[name].to_numpy()[:-1] for name in names]
@@ -116,7 +116,7 @@ def heat_table(frame: InputFrame, heat: HeatCourse) -> pa.Table:
 
 
 def heat_of(table: pa.Table) -> HeatCourse:
-    """What `heat_table` made a table of."""
+    """The courses of heat that `heat_table` wrote into a table."""
 
     def of(kind: str) -> dict[str, Floats]:
         names = [name for name in table.column_names if name.startswith(kind)]

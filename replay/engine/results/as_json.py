@@ -1,6 +1,8 @@
-"""A dataclass as JSON and back: keys are its fields in their order, and so for those that it holds.
+"""A dataclass as JSON and back: its fields are the keys, in their order, and a dataclass that it holds is written
+alike.
 
-A field marked with `IF_SAID` is in the JSON only where it is neither None nor empty; `from_` is the key `from`.
+A field marked with `IF_SAID` is in the JSON only where it is neither None nor empty. The field `from_` is the key
+`from`, which is no name in Python.
 """
 
 from __future__ import annotations

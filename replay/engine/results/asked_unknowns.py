@@ -26,12 +26,13 @@ from twin.motor.paths import links_with_groups
 def asked_unknowns(
     network: Network, causes: Sequence[str], losses: Mapping[str, float], observations: Sequence[Observation]
 ) -> dict[str, Unknown]:
-    """Id -> what a filter is to find for it, losses first. `losses`: node -> mean modelled loss [W].
+    """For each id of a cause that was asked for, the unknown that a filter is to find, losses first. `losses`: node ->
+    mean modelled loss [W].
 
-    `loss.magnet.constant` is a heat beside the modelled one, of any course; `loss.magnet.scale`,
-    `conductance.rotor_surface-teeth.scale`, or another law that the link has, multiplies the motor file's coefficients
-    and begins within their `sd`; `sensor.teeth.bias` is what a thermometer reads too much, constant and within its
-    `bias_sd`. Two places that mirror each other share one factor under their common stem.
+    `loss.magnet.constant` is a heat beside the modelled one, of any course. `loss.magnet.scale`,
+    `conductance.rotor_surface-teeth.scale` or another law of that link is a factor on the coefficients of the motor
+    file, at the start within their `sd`. `sensor.teeth.bias` is what a thermometer reads too much, constant and within
+    its `bias_sd`. Two places that mirror each other share one factor under their common stem.
 
     Raises `CauseError` for what is no id, `ReplayDataError` for what no filter finds and for two losses of one node,
     `FrameError` for what the network has not.
@@ -68,7 +69,7 @@ def _factor(network: Network, cause: Cause) -> UnknownFactor:
 
 
 def _members(network: Network, cause: Cause) -> Sequence[str]:
-    """The places of an id: its own, or the two that mirror each other under this stem."""
+    """The places that an id names: one, or the two that mirror each other where it names their common stem."""
     if cause.kind == "loss":
         return groups(node.name for node in network.nodes).get(cause.place, (cause.place,))
     links = dict(links_with_groups(network, [(link.a, link.b) for link in network.links]))

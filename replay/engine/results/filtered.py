@@ -54,17 +54,19 @@ def filter_session(
     asked: Mapping[str, Unknown] = NOTHING_ASKED,
     measured: Sequence[str] | None = None,
 ) -> Estimated | None:
-    """Temperatures and the loss at a node from the channels named in `measured`; None where there is no such node or
-    channel, or the network is too large.
+    """What filter and smoother make of a session: temperatures, and the loss at one node. None where there is no such
+    node, no channel to read, or more than `MOST_NODES` nodes.
 
-    `losses`: node -> mean modelled loss [W]; `asked`: id of a cause -> what to find for it, losses first
-    (`replay.engine.results.asked_unknowns`). The node is that of the first loss in it. Without one it is the magnet
-    with the largest, else the rotor node with the largest, and several magnets have one unknown, what multiplies the
-    losses of all of them; all else in `asked` is found beside. Left out, `measured` is every channel of this level but
-    those of magnets, which are kept to check the filter. Kept channels set no initial temperature either. A resistance
-    is read as the temperature that it stands for, with an error of its own to be found; so are powers and heats beside
-    thermometers, whose error is also that of the model's other losses (`replay.engine.results.heat_readings`). Raises
-    `FrameError`, `DivergedError` as `twin.filters.ekf.filter_unknowns`.
+    `losses`: node -> mean modelled loss [W]. `asked`: id of a cause -> the unknown to be found for it, losses first
+    (`replay.engine.results.asked_unknowns`). The node is that of the first loss in `asked`; without one it is the
+    magnet with the largest loss, else the rotor node with the largest. Several magnets have one unknown together: a
+    factor on the losses of all of them. All else in `asked` is found beside.
+
+    `measured`: names of the channels to read; left out, all of this level but those of magnets, which are kept to check
+    the filter and set no initial temperature either. A resistance is read as the temperature that it stands for, with
+    an error of its own to be found; powers and heats are read beside thermometers, and their error is also that of the
+    model's other losses (`replay.engine.results.heat_readings`). Raises `FrameError`, `DivergedError` as
+    `twin.filters.ekf.filter_unknowns`.
     """
     own = list(asked.values())
     said = place_of_loss(own[0]) if own else None
@@ -93,7 +95,7 @@ def filter_session(
     at_node = [i for i, source in enumerate(network.sources) if source.node == node]
 
     def loss(temperatures: Floats, found: Floats, found_sd: Floats) -> tuple[Floats, Floats, Floats]:
-        """As the model has it, as estimated, and the standard deviation of that (N,) [W]."""
+        """The loss at the node (N,) [W]: as modelled, as estimated, and the standard deviation of the estimate."""
         nominal: Floats = source_heat(network, inputs, temperatures)[:, at_node].sum(axis=1)
         if isinstance(paced, UnknownHeat):
             return nominal, nominal + found, found_sd
@@ -122,7 +124,7 @@ def filter_session(
 
 
 def mean_losses(network: Network, inputs: Frame, temperatures: Floats) -> dict[str, float]:
-    """Node -> mean modelled loss [W] at temperatures (N + 1, n), of nodes that have a source."""
+    """Node -> its mean modelled loss [W] at temperatures (N + 1, n); nodes without a source are left out."""
     heat = source_heat(network, inputs, temperatures).mean(axis=0)
     losses = dict.fromkeys((source.node for source in network.sources), 0.0)
     for source, watts in zip(network.sources, heat, strict=True):
@@ -164,7 +166,7 @@ def filter_summary(filtered: Estimated, frame: InputFrame, nodes: tuple[str, ...
 
 
 def _heat(heat_W: Floats, sd_W: Floats, step_s: float, late: int) -> EstimatedHeat:
-    """A heat (N,) in a few numbers. `late`: 1 where it is known at the end of a step."""
+    """A course of heat (N,) in a few numbers. `late`: 1 where the heat of a step is known at its end only, else 0."""
     k = int(np.argmax(heat_W))
     return EstimatedHeat(
         mean_W=float(heat_W.mean()),
@@ -176,7 +178,7 @@ def _heat(heat_W: Floats, sd_W: Floats, step_s: float, late: int) -> EstimatedHe
 
 
 def _found(cause: str, unknown: Unknown, found: Floats, sd: Floats) -> FoundUnknown:
-    """A cause that was asked for, by the smoother (N,)."""
+    """A cause that was asked for, in a few numbers, from what the smoother found of it (N,)."""
     unit = {UnknownHeat: "W", UnknownFactor: "1", UnknownBias: "K"}[type(unknown)]
     if isinstance(unknown, UnknownFactor):
         found, sd = np.exp(found), np.exp(found) * sd
@@ -206,8 +208,9 @@ def unknown_heat(node: str, losses: Mapping[str, float]) -> UnknownHeat:
 
 
 def unknown_loss(network: Network, node: str, losses: Mapping[str, float]) -> UnknownHeat | UnknownFactor:
-    """The unknown heat at a node; where that is one of several magnets, as in slices of a stack, what multiplies the
-    losses of all of them: a heat in one slice would leave the others, which no sensor may see, as they are."""
+    """The unknown at a node whose loss is sought: a heat. Where the node is one of several magnets, as in slices of a
+    stack, it is a factor on the losses of all of them instead: a heat in one slice would leave the others as they are,
+    which no sensor may see."""
     heat = unknown_heat(node, losses)
     magnets = [n.name for n in network.nodes if n.region == "magnet" and losses.get(n.name, 0.0) > 0]
     if node not in magnets or len(magnets) == 1:
@@ -218,7 +221,8 @@ def unknown_loss(network: Network, node: str, losses: Mapping[str, float]) -> Un
 
 
 def uncertain_node(network: Network, losses: Mapping[str, float]) -> str | None:
-    """Of the paper's losses the magnets' is known least; a network without magnets has them in its rotor."""
+    """The node whose loss is known least: the magnet with the largest loss, or the rotor node where a network has no
+    magnets."""
     for region in ("magnet", "rotor"):
         here = [node.name for node in network.nodes if node.region == region]
         if here:
@@ -237,7 +241,7 @@ def _production_like(network: Network, frame: InputFrame, level: str) -> list[st
 def _heats(
     meters: Sequence[Meter], network: Network, frame: InputFrame, inputs: Frame, temperatures: Floats, node: str
 ) -> list[tuple[HeatReading, UnknownBias]]:
-    """What meters of power and heat add, about the open loop from these temperatures (n,)."""
+    """What meters of power and heat let a filter read, linearised about the open loop from these temperatures (n,)."""
     if all(meter.what.law is not None for meter in meters):
         return []
     open_loop = simulate(load_kernel(network), inputs, temperatures)
@@ -245,8 +249,9 @@ def _heats(
 
 
 def _as_thermometer(meter: Meter, begins: Mapping[str, tuple[float, float]]) -> tuple[Observation, float]:
-    """A resistance or flux linkage as the temperature that it stands for, and the sd of its constant error [K].
-    `begins`: node -> temperature and sd at the start, which are those of a reference that the bench file leaves out."""
+    """A meter of resistance or flux linkage as a thermometer: its observation in degC, and the sd of its constant error
+    [K]. `begins`: node -> temperature and sd at the start; they stand for a reference that the bench file leaves
+    out."""
     law, o = referenced(meter, {node: degC for node, (degC, _) in begins.items()}).law, meter.seen
     assert law is not None  # meters without one are left out
     degC, per_K = law.temperature(o.measured), abs(law.per_K)

@@ -66,8 +66,8 @@ def electrical_W(frame: InputFrame) -> Floats | None:
 
 
 def efficiency(electrical_W: Floats, mechanical_W: Floats) -> float | None:
-    """Energy out over energy in of powers (N,), each signed: into the terminals, out of the shaft. None where nothing
-    goes out."""
+    """Energy out over energy in of two powers (N,), each signed: electrical into the terminals, mechanical out of the
+    shaft. None where nothing goes out."""
     known = np.isfinite(electrical_W)
     into = np.maximum(electrical_W, 0.0)[known] + np.maximum(-mechanical_W, 0.0)[known]
     out = np.maximum(mechanical_W, 0.0)[known] + np.maximum(-electrical_W, 0.0)[known]

@@ -1,10 +1,10 @@
-"""What a filter reads of meters of power and heat: all losses, or what a boundary takes, each with an error of its own
-to be found.
+"""Meters of power and heat as a filter reads them: a heat (of all losses, or what a boundary takes) with an error of
+its own.
 
-A filter takes what a meter shows beyond the model for the one heat that it seeks. So that this holds only of what is
-neither the meter's error nor that of the other losses, each reading has both: as much as the bench file says of the
-meter and the motor file of its losses and links, once from step to step, as it goes with the operating point, and once
-as an unknown that wanders.
+Whatever such a meter shows beyond the model, a filter would take for the one heat that it seeks. But the meter may be
+wrong, and so may the model's other losses. As much as the bench file says of the meter and the motor file of its losses
+and links is therefore added twice: to the variance of each step, where it changes with the operating point, and as an
+unknown that wanders.
 """
 
 from __future__ import annotations
@@ -31,8 +31,8 @@ LEAST_W = 1.0
 def heat_readings(
     meters: Sequence[Meter], network: Network, frame: InputFrame, flows: HeatFlows, node: str
 ) -> list[tuple[HeatReading, UnknownBias]]:
-    """Of each meter of power or heat that has a sample, its reading and the unknown error. `flows`: those of the open
-    loop; `node`: where the unknown heat is, whose own loss is no error."""
+    """Of each meter of power or heat that has a sample: its reading, and the unknown that is its error. `flows`: heats
+    of the open loop. The loss of `node`, where the filter seeks the unknown heat, counts as no error."""
     return [_reading(m, network, frame, flows, node) for m in meters if m.what.law is None and m.seen.good.any()]
 
 
@@ -62,14 +62,14 @@ def _reading(
 
 
 def _of_losses(network: Network, flows: HeatFlows, node: str) -> Floats:
-    """(N,) [W] what the motor file leaves open of all losses but those of `node`, each term's `sd` by itself."""
+    """Standard deviation (N,) [W] of all losses but those of `node`, by the `sd` of each term in the motor file."""
     open_ = [0.0 if source.node == node else term.sd for source in network.sources for term in source.terms]
     found: Floats = np.sqrt(((np.array(open_)[:, None] * flows.terms) ** 2).sum(axis=0))
     return found
 
 
 def _of_links(network: Network, boundary: str) -> float:
-    """The share that the motor file leaves open of what a boundary takes: the largest `sd` of its links, none of a
-    circuit's inlet."""
+    """Relative standard deviation of the heat that a boundary takes: the largest `sd` of its links in the motor file; 0
+    for the inlet of a circuit, which has none."""
     links = (link for link in network.links if boundary in (link.a, link.b))
     return max((term.sd for link in links for term in link.terms), default=0.0)

@@ -1,5 +1,5 @@
-"""How sure a run's hot spots are: by what its calibration left unknown, or by what the motor file says of its own
-numbers."""
+"""How sure the hot spots of a run are: by what the model's calibration left unknown, else by the `sd` of the motor
+file."""
 
 from __future__ import annotations
 
@@ -114,8 +114,8 @@ def smoothed_spots(network: Network, frame: InputFrame, temperatures: Floats, sd
 
 
 def known_covariance(store: Store, facts: Facts, model: str, motor: Network, rig: str | None) -> tuple[Floats, str]:
-    """Covariance (P, P) of ln coefficients and ln capacities of a rig's own network, and where it is from: priors, and
-    what a calibration left in the place of those that it learnt."""
+    """Covariance (P, P) of ln coefficients and ln capacities of a rig's own network, and where it is from. It is that
+    of the priors in the motor file; parameters that a calibration learnt have the covariance that this left."""
     covariance = np.diag([p.sd**2 for p in freedom(configured(motor, rig), ())])
     event = facts.calibrations.get(model)
     if event is None or event.covariance is None:
@@ -130,7 +130,7 @@ def known_covariance(store: Store, facts: Facts, model: str, motor: Network, rig
 
 
 def _aged(network: Network, ageing: Sequence[Aged]) -> Floats:
-    """What is not known of the factors of a specimen's ageing, on top: terms that are equally old are off together."""
+    """Covariance (P, P) that the ageing of a specimen adds: terms that are equally old are off together."""
     places = list(placed_terms(network))
     found = np.zeros((len(places) + len(network.nodes),) * 2)
     for one in ageing:

@@ -56,7 +56,7 @@ def _hottest(network: Network, temperatures: Floats, step_s: float, at: Sequence
 
 
 def _beside(network: Network, of: int) -> list[int]:
-    """The slices beside a slice: of the same region and size, by the same conductance."""
+    """Indices of the slices beside a slice: nodes of the same region and size, linked to it by the same conductance."""
     nodes, places = network.nodes, {node.name: i for i, node in enumerate(network.nodes)}
     own = nodes[of]
     ends = ((link.b if link.a == own.name else link.a, link) for link in network.links if own.name in (link.a, link.b))
@@ -70,8 +70,8 @@ def _same_size(one: Node, other: Node) -> bool:
 
 
 def _profile(network: Network, degC: Floats, at: int, beside: Sequence[int]) -> SpotProfile:
-    """The highest point of the parabola whose means over three slices are their temperatures, the middle one the
-    hottest: the profile along a bar that is heated alike all over."""
+    """Where a bar is hottest that is heated alike all over. Its profile is the parabola whose means over three slices
+    are their temperatures; `at` is the hottest of them, `beside` the other two."""
     warmer, colder = sorted(beside, key=lambda i: -degC[i])
     tilt, bend = float(degC[warmer] - degC[colder]), float(2 * degC[at] - degC[warmer] - degC[colder])
     return SpotProfile(
@@ -82,8 +82,8 @@ def _profile(network: Network, degC: Floats, at: int, beside: Sequence[int]) -> 
 
 
 def limits(network: Network, temperatures: Floats, step_s: float) -> dict[str, LimitPassed]:
-    """Of every node with a limit, how long the means of the steps were above it, and the highest. `temperatures` (N +
-    1, n)."""
+    """Every node that has a limit: how long the means of its steps were above it, and how hot it became. `temperatures`
+    (N + 1, n)."""
     means = (temperatures[:-1] + temperatures[1:]) / 2
     return {
         node.name: LimitPassed(
@@ -99,8 +99,8 @@ def limits(network: Network, temperatures: Floats, step_s: float) -> dict[str, L
 def watched(
     rules: Sequence[DeratingRule], channels: Sequence[ChannelData], t_ns: Times
 ) -> dict[str, tuple[str, Floats]]:
-    """Of every channel that a rule watches, the place that it follows most and what a controller knew from it at the
-    times `t_ns` (N,): its last sample as it was sent, stuck or not; NaN before the first."""
+    """Channel of a rule -> the node that it follows most, and what a controller knew from it at the times `t_ns` (N,):
+    its last sample as it was sent, stuck or not; NaN before the first."""
     names = {rule.channel for rule in rules}
     found = {}
     for one in channels:

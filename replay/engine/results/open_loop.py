@@ -32,8 +32,9 @@ def initial_temperatures(network: Network, frame: InputFrame, level: str) -> tup
 def _first_measured(
     frame: InputFrame, level: str
 ) -> tuple[dict[str, tuple[float, float]], dict[str, dict[str, float]]]:
-    """node -> (temperature, sd) of the channels that follow it by more than half, and for those that follow others too,
-    node -> what they follow; means where there are several."""
+    """What the channels of a level say of the start. First, node -> (temperature, sd), of channels that follow it by
+    more than half, means where there are several. Second, of those among them that follow other nodes too, node ->
+    their weights."""
     steps = max(1, round(FIRST_S / frame.step_s))
     seen: dict[str, list[tuple[float, float, Mapping[str, float]]]] = {}
     for o in frame.observations:
@@ -69,8 +70,8 @@ def modelled(observation: Observation, frame: InputFrame, temperatures: Floats, 
 
 
 def referenced(meter: Meter, initial: Mapping[str, float]) -> Measurand:
-    """What the meter measures, a reference that the bench file leaves out taken from its first good sample: there its
-    nodes have their `initial` temperatures (node -> degC)."""
+    """What a meter measures, with a reference: where the bench file gives none, its first good sample is what it reads
+    at the `initial` temperatures (node -> degC)."""
     law, good = meter.what.law, np.flatnonzero(meter.seen.good)
     if law is None or meter.what.referenced or not good.size:
         return meter.what

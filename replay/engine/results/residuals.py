@@ -19,7 +19,7 @@ CONCENTRATED = 1.25  # a cell belongs to "where" if its mean error is this much 
 
 
 def errors_of_channels(frame: InputFrame, observed: Sequence[Observed]) -> list[ChannelErrors]:
-    """Of the thermometers of a run, the errors of those that have a usable step."""
+    """The errors of a run's thermometers; one without a usable step is left out."""
     start = int(frame.t_ns[0])
     places = ({**_around(frame, o), "temperature_degC": o.measured, "t_s": _seconds(o, start)} for o in observed)
     found = (channel_errors(o, around, start) for o, around in zip(observed, places, strict=True))
@@ -27,16 +27,16 @@ def errors_of_channels(frame: InputFrame, observed: Sequence[Observed]) -> list[
 
 
 def errors_of_meters(frame: InputFrame, meters: Sequence[Metered]) -> list[MeterErrors]:
-    """Of the other meters of a run, the errors of those that have a usable step."""
+    """The errors of a run's other meters; one without a usable step is left out."""
     start = int(frame.t_ns[0])
     found = (meter_errors(m, {**_around(frame, m), "t_s": _seconds(m, start)}, start) for m in meters)
     return [one for one in found if one is not None]
 
 
 def channel_errors(observed: Observed, places: Mapping[str, Floats], start_ns: int) -> ChannelErrors | None:
-    """The errors of a thermometer; None where nothing of it could be used.
+    """The errors of a thermometer over its usable steps; None where it has none.
 
-    `places`: name with unit -> (M,) values at the observed steps, in which the error is located.
+    `places`: name with unit -> values (M,) at the observed steps, in which the error is located.
     """
     use = observed.used & np.isfinite(observed.residual)
     if not use.any():
@@ -60,7 +60,7 @@ def channel_errors(observed: Observed, places: Mapping[str, Floats], start_ns: i
 
 
 def meter_errors(metered: Metered, places: Mapping[str, Floats], start_ns: int) -> MeterErrors | None:
-    """The errors of a meter that is no thermometer, as `channel_errors`."""
+    """The errors of a meter that is no thermometer, in its own unit; all else as `channel_errors`."""
     use = metered.used & np.isfinite(metered.residual)
     if not use.any():
         return None

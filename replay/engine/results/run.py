@@ -69,8 +69,8 @@ class Metered(Compared):
 
 @dataclass(frozen=True)
 class HeatCourse:
-    """Where heat comes from and goes to in every step, (N,) [W]: `kinds` (of `twin.run.losses.KINDS`) the losses,
-    `boundaries` what each takes."""
+    """Where the heat of a run comes from and goes to, step by step. Means over the steps (N,) [W]: `kinds` the losses
+    by kind (`twin.run.losses.KINDS`), `boundaries` what each takes."""
 
     kinds: Mapping[str, NDArray[np.float64]]
     boundaries: Mapping[str, NDArray[np.float64]]
@@ -78,9 +78,8 @@ class HeatCourse:
 
 @dataclass(frozen=True)
 class Smoothed:
-    """What the filter would have said had it known all readings of the session, those after each moment included:
-    `temperatures` float64 (N + 1, n) [degC]; per step (N,) [W] `heat_W` the estimated heat and `heat_sd_W` its standard
-    deviation."""
+    """What smoothing makes of a session: each moment judged by all readings, those after it included. `temperatures`
+    float64 (N + 1, n) [degC]; per step (N,) [W] `heat_W` the estimated heat and `heat_sd_W` its standard deviation."""
 
     temperatures: NDArray[np.float64]
     heat_W: NDArray[np.float64]

@@ -226,7 +226,8 @@ def _against_the_ledger(store: Store, facts: Facts, event: ReplayCompleted, temp
 
 
 def _first_difference(before: pa.Table, now: pa.Table) -> tuple[float | None, str | None]:
-    """The earliest time [s from start] at which a temperature differs, and its column."""
+    """Where two tables of temperatures first differ: the time [s] from the start, and the column. None, None where they
+    do not."""
     t_ns = now["t_ns"].to_numpy()
     pairs = {name: (before[name].to_numpy(), now[name].to_numpy()) for name in now.column_names}
     differing = {

@@ -94,7 +94,8 @@ Courses = list[tuple[str, Floats, str, Any]]  # name, what the channel would hav
 
 
 def courses(run: Run, filtered: Filtered, channel: Observed) -> Courses:
-    """What the channel would have shown by open loop, filter and smoother, (M,) [degC]: its lag is the open loop's."""
+    """What a channel would have shown (M,) [degC] by open loop, filter and smoother. All three have the open loop's
+    lag."""
     i, t = run.nodes.index(channel.node), run.t_ns
 
     def as_seen(temperatures: Floats) -> Floats:
@@ -120,7 +121,7 @@ def _draw_channel(axes: Axes, run: Run, channel: Observed, lines: Courses, time:
 
 
 def _draw_left(axes: Axes, channel: Observed, lines: Courses, time: TimeAxis, columns: int) -> None:
-    """Measured minus each [K]; grey: one standard deviation of what the sensor itself leaves open."""
+    """What each estimate leaves of the measured temperature [K]; grey: one standard deviation of the sensor's own."""
     floor = float(np.hypot(channel.sd_K, channel.bias_sd_K))
     axes.axhspan(-floor, floor, color=SOFT[0], alpha=0.22, linewidth=0)
     axes.axhline(0, color=SOFT[0], linewidth=0.8)
@@ -171,8 +172,8 @@ def _draw_heat(axes: Axes, filtered: Filtered, time: TimeAxis, t_ns: NDArray[np.
 
 
 def _draw_temperatures(axes: Axes, run: Run, filtered: Filtered, time: TimeAxis, columns: int) -> None:
-    """What is measured there, and what open loop and filter make of it; a channel that the filter did not see is its
-    check."""
+    """Measured, open loop and filter at the node of the heat; a channel there that the filter did not read checks
+    it."""
     i, ends = run.nodes.index(filtered.node), []
     for observed in (o for o in run.observed if o.node == filtered.node):
         measured = with_gaps(time.of(observed.t_ns), observed.measured, observed.used)

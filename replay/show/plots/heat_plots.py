@@ -48,8 +48,8 @@ def heat_balance(run: Run, columns: int) -> Plot | None:
 
 
 def parts_of(losses: HeatBalance, duration_s: float) -> tuple[Parts, Parts]:
-    """What brought heat and what took it, means [W], both with one sum: a boundary that warms the motor, or nodes that
-    cool down, bring."""
+    """What brought heat and what took it, means [W], the same in sum. A boundary that warms the motor and nodes that
+    cool down are among what brought it."""
     made = [(heat_words.KINDS[kind], part.mean_W) for kind, part in losses.kinds.items()]
     gone = [(words.name(name), part.mean_W) for name, part in losses.boundaries.items()]
     gone.append(("stored", losses.stored_J / duration_s))
@@ -124,7 +124,7 @@ def _draw_course(axes: Axes, run: Run, columns: int) -> None:
 
 
 def _smoothed(values: Floats, width: int) -> Floats:
-    """Means over `width` steps about each, over those that are there at the ends."""
+    """Means over the `width` steps about each step; at the ends over those that are there."""
     ones = np.ones(max(1, min(width, values.size)))
     found: Floats = np.convolve(values, ones, "same") / np.convolve(np.ones(values.size), ones, "same")
     return found

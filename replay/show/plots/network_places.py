@@ -33,13 +33,14 @@ HUB = 2.0  # links that make a node of a large network a length of 1 further fro
 
 
 def places_of_boxes(network: Network, conductances: Floats, boxes: Floats) -> Floats:
-    """Centres (n + b, 2) of `boxes` (n + b, 2), none over another: near where `conductances` (links,) [W/K] are
-    large."""
+    """Centres (n + b, 2) of the `boxes` (n + b, 2) of nodes and boundaries: those with large `conductances` (links,)
+    [W/K] between them near each other, none over another."""
     return without_overlap(_on_page(_lengths(network, conductances), _start(network)), boxes + np.array(GAP))
 
 
 def places_of_dots(network: Network) -> Floats:
-    """Places (n + b, 2) in a network of many nodes: slices in rows, what joins all of them aside."""
+    """Places (n + b, 2) of the nodes and boundaries of a large network: slices in rows, and aside what is linked to all
+    slices."""
     return _on_page(_hubs_far(network), _start(network))
 
 
@@ -69,8 +70,8 @@ def _lengths(network: Network, conductances: Floats) -> Floats:
 
 
 def _hubs_far(network: Network) -> Floats:
-    """1 between slices, more to a node that touches many: what a housing or coolant joins is not near one another for
-    that."""
+    """Length of each link for the layout (n + b, n + b), 0 where there is none: 1 between slices, more from a node that
+    touches many, as a housing or a coolant does, so that it brings no two of them near each other."""
     index = {name: i for i, name in enumerate(network.names)}
     ends = [(index[a], index[b]) for a, b in [*((link.a, link.b) for link in network.links), *stream_places(network)]]
     lengths = np.zeros((len(index), len(index)))
@@ -81,8 +82,8 @@ def _hubs_far(network: Network) -> Floats:
 
 
 def _start(network: Network) -> Floats:
-    """By region from top to bottom, by end and slice from left to right; a little off the rows, so that none lies on
-    another."""
+    """Where the layout begins: regions from top to bottom, ends and slices from left to right, each a little off its
+    row so that none lies on another."""
     regions = {node.name: node.region for node in network.nodes}
     most: dict[str, int] = {}
     for part, number in map(slice_of, network.names):

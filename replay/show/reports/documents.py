@@ -83,7 +83,8 @@ class _Extension:
 
 
 def _extension(store: Store, facts: Facts, session: SessionRecorded) -> _Extension | None:
-    """None where no diagnosis extended a model here, or its report was not made yet (which replays the session)."""
+    """The last diagnosis that extended a model over a session; None where there is none, or where its report, which
+    replays the session, was not made yet."""
     runs = {event.model: event for event in facts.runs.values() if event.session == session.session}
     for completed in reversed(list(facts.diagnoses.values())):
         if session.session in (*completed.key["train"], *completed.key["kept"]):

@@ -182,7 +182,8 @@ def _hours(value: float | None) -> str:
 
 
 def _slope(one: Specimen) -> str:
-    """Its own where its course is beyond repeatability, else what it and the fleet together say."""
+    """The slope of a specimen: its own where its course is beyond repeatability, else what it and its fleet together
+    say."""
     own, fleet = one.slope_percent_per_100h, one.fleet_slope_percent_per_100h
     slope = own if one.significant or fleet is None else fleet
     return "-" if slope is None else f"{slope:+.1f} %".replace("-", "−")

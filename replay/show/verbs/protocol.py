@@ -205,8 +205,8 @@ def filter_notes(found: Protocol) -> Iterator[str]:
 
 
 def _too_much(found: Protocol) -> str:
-    """Of the channels that a filter read, the one with the largest constant error by the calibration, of one sign on
-    every point."""
+    """The worst constant error among the channels that a filter read, in words: of those whose error has one sign on
+    every point, by the calibration."""
     read = {channel for summary in found.after if summary.filtered for channel in summary.filtered.measured}
     errors = defaultdict(list)
     for one in found.calibration.event.errors:

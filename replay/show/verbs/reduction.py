@@ -65,7 +65,7 @@ def _thinned(curve: Sequence[Mapping[str, Any]], chosen: int) -> list[Mapping[st
 
 
 def _enough(curve: Sequence[Mapping[str, Any]], side: str) -> list[str]:
-    """The fewest nodes for a mean error, from the largest network down to where it is first passed."""
+    """In words, the fewest nodes that stay within each mean error of `ENOUGH_K`; nothing where none does."""
     found = []
     for limit in ENOUGH_K:
         good = [level["nodes"] for level in curve if level[side]["mean_K"] <= limit]

@@ -91,7 +91,8 @@ def _margin(margin_K: float | None) -> str:
 
 
 def aged(summary: Summary) -> Iterator[str]:
-    """What the heat of the specimen's earlier sessions has left of what ages."""
+    """A sentence for each group of places that the specimen's earlier heat has aged: how hot, how long, what is
+    left."""
     for one in summary.ageing:
         places = words.joined([place.replace("_", " ") for place in one.places])
         by = "the law of the motor file" if one.from_ == LAW else f"the checks of assessment {words.short(one.from_)}"
