@@ -73,7 +73,7 @@ def _(calibrated, estimates, first_guess, mo, paced, wrong_by_the_paper_s):
 def _(COLOURS, DASHES, Figure, modelled, np):
     def shown(case, edges, channel):
         """Hours, measured and modelled [degC] of a channel."""
-        o = next(one for one in case.recorded.observations if one.channel == channel)
+        o = next(one for one in case.recorded.observations if one.sensor.name == channel)
         hours = np.arange(len(o.measured)) * case.inputs.step_s / 3600
         nodes = tuple(node.name for node in case.network.nodes)
         return hours, np.where(o.good, o.measured, np.nan), modelled(o, case.recorded, edges, nodes)
