@@ -9,6 +9,7 @@ import numpy as np
 from twin.filters.inputs import HeatReading, Inputs, Reading, Start, inputs_of
 from twin.filters.unknowns import Unknown, UnknownBias, UnknownFactor, UnknownHeat
 from twin.motor.network import Boundary, Link, Network, Node, Source, Term
+from twin.motor.sensor import Sensor
 from twin.run.simulate import Frame
 
 STEPS = 2
@@ -32,10 +33,8 @@ def example() -> Inputs:
         scale={"speed": 1.0, "current": 1.0, "flow": 1.0},
     )
     every = np.ones(STEPS)
-    w = Reading("W", {"winding": 1.0}, 0.0, 50.0 * every, every, 0.01 * every)
-    second = replace(
-        w, channel="second", weights={"stator": 0.5, "rotor": 0.5}, time_constant_s=5.0, place=0.25 * every
-    )
+    w = Reading(Sensor("W", {"winding": 1.0}), 50.0 * every, every, 0.01 * every)
+    second = replace(w, sensor=Sensor("second", {"stator": 0.5, "rotor": 0.5}, time_constant_s=5.0), place=0.25 * every)
     losses = HeatReading("losses", 300.0 * every, 100.0 * every)
     factor = UnknownFactor("conductance.winding-stator.scale", 0.1, 1e-4)
     unknowns: list[Unknown] = [UnknownHeat("rotor", 50.0, 3.0), factor, UnknownBias("W", 1.0)]

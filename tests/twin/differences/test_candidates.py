@@ -52,7 +52,7 @@ def _by_id(candidates: Sequence[Candidate]) -> dict[str, Candidate]:
 
 
 @pytest.mark.parametrize("channels", [(), CHANNELS])
-def test_a_bench_without_inputs_has_no_candidate_of_a_clock(channels: Sequence[ObservedChannel]) -> None:
+def test_a_bench_without_inputs_has_no_candidate_of_a_clock(channels: Sequence[Sensor]) -> None:
     kinds = {candidate.cause.kind for candidate in generate(motor("reference_motor"), channels, [])}
     assert "capacity" in kinds and "clock" not in kinds
 
