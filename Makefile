@@ -19,13 +19,10 @@ check: .venv/ready
 quick: .venv/ready check
 	$(BIN)/python -m pytest -n 2 --dist loadfile $(addprefix tests/,$(QUICK)) $(addprefix --ignore=tests/,$(SLOW))
 
-QUICK := test_house.py test_make.py ingest twin analytics replay/show replay/engine
+QUICK := test_house.py test_make.py ingest twin analytics/insulation replay/engine/files replay/show/plots replay/show/words
 SLOW := ingest/intake ingest/facts/test_store_faults.py ingest/log/test_reading.py \
 	twin/diagnosis twin/insulation twin/fitting/test_noise.py twin/compiled/test_integrators.py twin/calibration/test_united.py \
-	twin/run/test_envelope.py \
-	analytics/insulation/fleet analytics/insulation/life analytics/test_ageing_views.py analytics/test_insulation.py \
-	analytics/test_rebuild.py analytics/test_warehouse.py \
-	replay/show/reports replay/engine/frame replay/engine/results replay/engine/runs replay/engine/specimen \
+	twin/run/test_envelope.py twin/run/test_energy_balance.py analytics/insulation/fleet analytics/insulation/life \
 	replay/engine/files/test_motor_versions.py replay/engine/files/test_network_text.py
 
 # Every file of benchmarks/; one that fails does not stop the others.
