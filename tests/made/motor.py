@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cache
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -170,6 +171,7 @@ def recorded(
     off_K: Mapping[str, float] | None = None,
     white_sd: float = WHITE_SD,
     name: str = "test",
+    course: Mapping[str, float] = MappingProxyType({"session": 1.0}),
 ) -> Test:
     """A test of `true` (else of `network`) as `network`'s model takes it: means over steps of 2 s of what 0.5 s steps
     gave, white noise where there is a seed; `samples` (N,) of a channel's steps, `off_K` its bias."""
@@ -201,7 +203,7 @@ def recorded(
         initial=initial.copy(),
         initial_sd=np.full(len(initial), 0.3),
         channels=tuple(channels),
-        course={"session": 1.0},
+        course=course,
     )
 
 

@@ -177,8 +177,9 @@ class FreeHeat:
 
 
 OnTerms = Scale | Power | Tent | Course | InputGain | InputBias
+OnTemperatures = Added | Tilt | Capacity | Attached | Start | BoundaryBias | FreeHeat
 OnReading = Bias | Gain | Lag | Drift | Stem | Beside | Late
-Action = OnTerms | Added | Tilt | Capacity | Attached | Start | BoundaryBias | FreeHeat | OnReading
+Action = OnTerms | OnTemperatures | OnReading
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Sequence
+from collections.abc import Callable, Hashable, Sequence
+from typing import assert_never
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,12 +28,11 @@ class Rows:
         self._places: dict[Hashable, int] = {}
         self.values = np.ones((1, length))
 
-    def place(self, name: Hashable) -> int | None:
-        return self._places.get(name)
-
-    def added(self, name: Hashable, row: Floats) -> int:
-        self._places[name] = len(self.values)
-        self.values = np.vstack([self.values, row])
+    def added(self, name: Hashable, row: Callable[[], Floats]) -> int:
+        """The place of a row, made where it is not there yet."""
+        if name not in self._places:
+            self._places[name] = len(self.values)
+            self.values = np.vstack([self.values, row()])
         return self._places[name]
 
 
@@ -77,38 +77,39 @@ class Drive:
                 return [(i, self._shape(action), 1.0) for i in terms]
             case actions.InputBias(name, _):
                 return [(i, self._shape(action), -e[name]) for i, e in enumerate(self.exponents) if name in e]
+            case _:
+                assert_never(action)
 
     def _shape(self, action: actions.Power | actions.Tent | actions.InputBias) -> int:
-        """The row of `shapes` that an action multiplies with."""
-        inputs = self.test.inputs
+        """The row of `shapes` that an action multiplies with; the same for all terms."""
         match action:
             case actions.Power(_, feature):
-                name: tuple[object, ...] = ("ln", feature)
+                return self.shapes.added(("ln", feature), lambda: self._logarithm(feature))
             case actions.Tent(_, speeds, knot, current):
-                name = ("tent", speeds, knot, current)
+                return self.shapes.added(("tent", speeds, knot, current), lambda: self._tent(speeds, knot, current))
             case actions.InputBias(feature, scale):
-                name = ("bias", feature, scale)
-        place = self.shapes.place(name)
-        if place is not None:
-            return place
-        match action:
-            case actions.Power(_, feature):
-                row = np.log(np.maximum(inputs[feature], LEAST_INPUT))
-            case actions.Tent(_, speeds, knot, current):
-                hat = np.interp(inputs["speed"], speeds, np.eye(len(speeds))[knot])
-                row = hat * inputs["current"] if current else hat
-            case actions.InputBias(feature, scale):
-                u = inputs[feature]
-                row = np.where(u > LEAST_INPUT, 1 / (scale * np.maximum(u, LEAST_INPUT)), 0.0)
-        return self.shapes.added(name, row)
+                return self.shapes.added(("bias", feature, scale), lambda: self._share_of_bias(feature, scale))
+            case _:
+                assert_never(action)
+
+    def _logarithm(self, feature: str) -> Floats:
+        return np.log(np.maximum(self.test.inputs[feature], LEAST_INPUT))
+
+    def _tent(self, speeds: tuple[float, ...], knot: int, current: bool) -> Floats:
+        hat = np.interp(self.test.inputs["speed"], speeds, np.eye(len(speeds))[knot])
+        return np.asarray(hat * self.test.inputs["current"] if current else hat)
+
+    def _share_of_bias(self, feature: str, scale: float) -> Floats:
+        """Of the input that a bias of 1 stored unit is; none where the input is too small to be told from 0."""
+        u = self.test.inputs[feature]
+        return np.where(u > LEAST_INPUT, 1 / (scale * np.maximum(u, LEAST_INPUT)), 0.0)
 
     def feature(self, name: str, rms: float) -> tuple[int, float]:
         """The row of `features` with a product of features, and 1 / rms; 0 for what is nowhere in the tests that gave its rms."""
         factor = 1 / rms if rms else 0.0
         if name == "constant":
             return 0, factor
-        place = self.features.place(name)
-        return (self.features.added(name, self.test.features[name]) if place is None else place), factor
+        return self.features.added(name, lambda: self.test.features[name]), factor
 
     def terms(self, beta: Floats) -> tuple[Floats, Floats]:
         """Every term (T, N) [W or W/K], and the factor of its tents (T, N), before any delay."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import Literal
+from typing import Literal, assert_never
 
 import numpy as np
 from numpy.typing import NDArray
@@ -74,6 +74,24 @@ class Heats:
         self._entries.setdefault(kind, []).append((to, weight, first, second, parameter))
 
     def _enter(self, column: int, action: Action, at: int) -> None:
+        if isinstance(action, actions.OnTerms):
+            self._enter_terms(column, action)
+        elif isinstance(action, actions.OnTemperatures):
+            self._enter_temperatures(column, action, at)
+        elif isinstance(action, actions.OnReading):
+            if isinstance(action, actions.Late) and self.circuit.test.is_common(action):
+                self._enter_late(column, action.sign)
+        else:
+            assert_never(action)
+
+    def _enter_terms(self, column: int, action: actions.OnTerms) -> None:
+        circuit = self.circuit
+        kind: Kind = "tents" if isinstance(action, actions.Tent) else "terms"
+        for i, shape, factor in circuit.drive.effect(action):
+            law = circuit.laws[circuit.law_of[i]]
+            self._add(kind, self._through(law, column), factor, shape, i)
+
+    def _enter_temperatures(self, column: int, action: actions.OnTemperatures, at: int) -> None:
         circuit = self.circuit
         match action:
             case actions.Added(places, feature, rms, copper):
@@ -107,13 +125,8 @@ class Heats:
                 middle = circuit.edges_s[:-1] + circuit.step_s / 2
                 self._add("given", self._row(node, NOBODY, column), 1.0, len(self._given))
                 self._given.append(np.maximum(0.0, 1 - np.abs(middle - time_s) / spacing_s))
-            case actions.Late(_, _, sign) if circuit.test.is_common(action):
-                self._enter_late(column, sign)
-            case _ if isinstance(action, actions.OnTerms):
-                kind: Kind = "tents" if isinstance(action, actions.Tent) else "terms"
-                for i, shape, factor in circuit.drive.effect(action):
-                    law = circuit.laws[circuit.law_of[i]]
-                    self._add(kind, self._through(law, column), factor, shape, i)
+            case _:
+                assert_never(action)
 
     def _enter_late(self, column: int, sign: float) -> None:
         """The drive a second later: of every law that a feature of the test drives, and of the boundaries."""
@@ -184,6 +197,8 @@ class Heats:
                     for i, _ in self._ending_at(boundary):
                         moved[i] = by_b[i] * slope
                 yield run.carried, moved
+            case _:
+                assert_never(kind)
 
     def _following(self, run: Run, node: int, lag_s: float) -> Floats:
         """Heat into a node of 1 J/K that follows it (N,) [W]."""
