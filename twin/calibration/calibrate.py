@@ -24,6 +24,7 @@ from twin.fitting.actions import Parameter
 from twin.fitting.fit import NEAR_ENOUGH, Fit, fit
 from twin.fitting.model import Model, Test
 from twin.fitting.noise import ChannelNoise
+from twin.motor import sensor_laws
 from twin.motor.features import product, terms
 from twin.motor.network import Network
 from twin.motor.outputs import BLOCK_S
@@ -97,7 +98,7 @@ def calibrate(network: Network, tests: Sequence[Test], only: Container[str] | No
         gain={
             p.action.channel: float(value)
             for p, value in zip(found.model.parameters, found.beta, strict=True)
-            if isinstance(p.action, actions.Gain)
+            if isinstance(p.action, sensor_laws.Gain)
         },
     )
 
@@ -120,7 +121,7 @@ def freedom(network: Network, tests: Sequence[Test], only: Container[str] | None
         of_motor(f"capacity.{node.name}.scale", actions.Capacity((i,)), node.sd) for i, node in enumerate(network.nodes)
     )
     gains = {meter.name: meter.gain_sd for test in tests for meter in test.meters if meter.gain_sd}
-    meters = (Parameter(f"meter.{name}.gain", actions.Gain(name), sd) for name, sd in gains.items())
+    meters = (Parameter(f"meter.{name}.gain", sensor_laws.Gain(name), sd) for name, sd in gains.items())
     brought = (p for number, test in enumerate(tests) for p in _of_test(network, test, number))
     return (*coefficients, *capacities, *meters, *brought)
 
@@ -130,10 +131,10 @@ def _of_test(network: Network, test: Test, number: int) -> Iterator[Parameter]:
         yield Parameter(f"start.{node.name}", actions.Start(i), float(test.initial_sd[i]), number)
     for channel in test.channels:
         if channel.bias_sd:
-            yield Parameter(f"sensor.{channel.name}.bias", actions.Bias(channel.name), channel.bias_sd, number)
+            yield Parameter(f"sensor.{channel.name}.bias", sensor_laws.Bias(channel.name), channel.bias_sd, number)
     for meter in test.meters:
         if meter.bias_sd:
-            yield Parameter(f"meter.{meter.name}.bias", actions.Bias(meter.name), meter.bias_sd, number)
+            yield Parameter(f"meter.{meter.name}.bias", sensor_laws.Bias(meter.name), meter.bias_sd, number)
 
 
 def _laws(network: Network) -> tuple[str, ...]:
@@ -198,5 +199,5 @@ def _biases(found: Fit) -> dict[tuple[int, str], float]:
     return {
         (p.test, p.action.channel): float(value)
         for p, value in zip(found.model.parameters, found.beta, strict=True)
-        if p.test is not None and isinstance(p.action, actions.Bias)
+        if p.test is not None and isinstance(p.action, sensor_laws.Bias)
     }

@@ -250,16 +250,8 @@ def _shares(found: Fit, parameter: Parameter) -> Floats:
                 weights[p] = sum(means[i] for i in own.terms) / sum(means[i] for i in terms)
             case actions.Capacity(nodes) if isinstance(own, actions.Capacity) and set(own.nodes) <= set(nodes):
                 weights[p] = len(own.nodes) / len(nodes)
-            case (
-                actions.Bias()
-                | actions.Gain()
-                | actions.Lag()
-                | actions.Late()
-                | actions.BoundaryBias()
-                | actions.InputGain()
-            ):
-                if own == action:
-                    weights[p] = 1.0 if other.test is None else 1.0 / tests
+            case _ if isinstance(action, actions.OnBench) and own == action:
+                weights[p] = 1.0 if other.test is None else 1.0 / tests
     return weights
 
 

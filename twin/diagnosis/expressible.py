@@ -20,6 +20,7 @@ from twin.fitting import actions
 from twin.fitting.actions import Parameter
 from twin.fitting.fit import NEAR_ENOUGH, Fit, fit
 from twin.motor.network import NOBODY
+from twin.motor.sensor_laws import Bias, Gain, Lag
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -102,12 +103,11 @@ def _is_optional(one: Parameter) -> bool:
 
 @dataclass(frozen=True)
 class Readings:
-    """`weights`: channel -> node -> share of what it follows, sum 1, where that is not one node alone; `lag_s`: channel -> what its
-    time constant is more than stated; `errors`: what every test has in common, in the unit of the action."""
+    """`weights`: channel -> node -> share of what it follows, sum 1, where that is not one node alone; `errors`: what every test
+    has in common, in the unit of the action."""
 
     weights: Mapping[str, Mapping[str, float]]
-    lag_s: Mapping[str, float]
-    errors: Mapping[actions.Action, float]
+    errors: Mapping[actions.OnBench, float]
 
 
 def readings(found: Fit, named: Collection[int]) -> Readings:
@@ -121,21 +121,20 @@ def readings(found: Fit, named: Collection[int]) -> Readings:
         for p, one in parameters
         if p not in named and one.action not in taken and getattr(one.action, "channel", None) not in meters
     ]
-    errors: dict[actions.Action, float] = {}
+    errors: dict[actions.OnBench, float] = {}
     for one, value in ours:
-        if one.test is None and isinstance(one.action, actions.Gain | actions.Late) and value:
+        if one.test is None and isinstance(one.action, Gain | Lag | actions.Late) and value:
             errors[one.action] = value
     for action, mean in _common(ours):
         errors[action] = mean
-    lags = {one.action.channel: value for one, value in ours if isinstance(one.action, actions.Lag) and value}
-    return Readings(_weights(found), lags, errors)
+    return Readings(_weights(found), errors)
 
 
-def _common(ours: Sequence[tuple[Parameter, float]]) -> list[tuple[actions.Action, float]]:
+def _common(ours: Sequence[tuple[Parameter, float]]) -> list[tuple[actions.OnBench, float]]:
     """Errors of the tests that agree well enough to be one error of the bench: their means."""
-    by_action: dict[actions.Action, list[tuple[float, float]]] = {}
+    by_action: dict[actions.OnBench, list[tuple[float, float]]] = {}
     for one, value in ours:
-        if one.test is not None and isinstance(one.action, actions.Bias | actions.BoundaryBias | actions.InputGain):
+        if one.test is not None and isinstance(one.action, Bias | actions.BoundaryBias | actions.InputGain):
             by_action.setdefault(one.action, []).append((value, one.sd))
     found = []
     for action, values in by_action.items():

@@ -33,6 +33,7 @@ from twin.motor.features import Monomial, is_flow, is_known, monomial, monomials
 from twin.motor.network import Network, Term
 from twin.motor.paths import Place, links_with_groups, missing
 from twin.motor.sensor import Sensor
+from twin.motor.sensor_laws import AMBIENT, SENSOR_LAWS, Misreading
 
 
 @dataclass(frozen=True)
@@ -55,13 +56,6 @@ class Candidate:
 
 HEAT, LOG_SCALE, OWN_LINK, MISSING_LINK, CAPACITY, SESSION = 0.05, float(np.log(2)), 1.0, 0.2, 0.3, 0.15
 INPUT_GAIN, FLOW_GAIN, INPUT_BIAS, BOUNDARY_BIAS_K = 0.05, 0.3, 0.02, 3.0
-SENSOR = {  # law -> (sigma, unit, sign): a lag only delays, heat along the leads only pulls towards ambient
-    "bias": (3.0, "K", 0),
-    "gain": (0.05, "1", 0),
-    "lag": (20.0, "s", 1),
-    "drift": (2.0, "K/h", 0),
-    "stem": (0.05, "1", 1),
-}
 CLOCK = {"offset": (5.0, "s"), "drift": (100.0, "ppm")}
 INPUT_UNITS = {"speed": "rpm", "torque": "Nm", "voltage": "V", "flux": "Wb", "flow": "lpm", "current": "A"}
 ATTACHED_LAG_S = 300.0
@@ -285,13 +279,13 @@ def sensor_place(channel: Sensor, channels: Sequence[Sensor]) -> str:
 
 
 def _sensors(network: Network, channels: Sequence[Sensor]) -> Iterator[Candidate]:
-    ambient = any(boundary.name == "ambient" for boundary in network.boundaries)
+    ambient = any(boundary.name == AMBIENT for boundary in network.boundaries)
     places = {c.name: sensor_place(c, channels) for c in channels}
     for channel in channels:
-        for law, (size, unit, sign) in SENSOR.items():
-            if law != "stem" or ambient:
-                cause = Cause("sensor", places[channel.name], law)
-                yield Candidate(cause, unit, Sigma(size), sign, Reading(channel.name, law))
+        for one in SENSOR_LAWS:
+            if ambient or not (issubclass(one, Misreading) and one.of_ambient):
+                cause = Cause("sensor", places[channel.name], one.law)
+                yield Candidate(cause, one.unit, Sigma(one.sd), one.sign, Reading(channel.name, one.law))
     for a, b in combinations(channels, 2):
         if a.bus == b.bus and a.weights != b.weights:
             cause = Cause("sensor", places[a.name], f"swap_{places[b.name]}")

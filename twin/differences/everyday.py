@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from twin.fitting import actions
 from twin.fitting.actions import Parameter, Place
 from twin.fitting.model import Test
-from twin.motor import features
+from twin.motor import features, sensor_laws
 from twin.motor.causes import groups
 from twin.motor.network import Network, Term
 from twin.motor.paths import links_with_groups, missing
@@ -60,10 +60,10 @@ def of_test(network: Network, test: Test, number: int) -> Iterator[Parameter]:
     for i, node in enumerate(network.nodes):
         yield Parameter(f"start.{node.name}", actions.Start(i), max(START_K, float(test.initial_sd[i])), number)
     for channel in test.channels:
-        yield Parameter(f"sensor.{channel.name}.bias", actions.Bias(channel.name), channel.bias_sd, number)
+        yield Parameter(f"sensor.{channel.name}.bias", sensor_laws.Bias(channel.name), channel.bias_sd, number)
     for meter in test.meters:
         if meter.bias_sd:
-            yield Parameter(f"meter.{meter.name}.bias", actions.Bias(meter.name), meter.bias_sd, number)
+            yield Parameter(f"meter.{meter.name}.bias", sensor_laws.Bias(meter.name), meter.bias_sd, number)
     for bus, own in _buses([test]).items():
         yield Parameter(f"clock.{bus}.test", actions.Late(own, False), CLOCK_TEST_S, number)
     cooled = _cooled_by_flow(network)
@@ -246,10 +246,10 @@ def _paths(network: Network, tests: Sequence[Test]) -> Iterator[Parameter]:
 def _sensors(tests: Sequence[Test]) -> Iterator[Parameter]:
     channels = {c.name: c for test in tests for c in test.channels}
     for name, channel in channels.items():
-        yield Parameter(f"sensor.{name}.gain", actions.Gain(name), CHANNEL_GAIN)
-        yield Parameter(f"sensor.{name}.lag", actions.Lag(name), CHANNEL_LAG_S, low=-channel.output.time_constant_s)
+        yield Parameter(f"sensor.{name}.gain", sensor_laws.Gain(name), CHANNEL_GAIN)
+        yield Parameter(f"sensor.{name}.lag", sensor_laws.Lag(name), CHANNEL_LAG_S, low=-channel.output.time_constant_s)
     for name, sd in {m.name: m.gain_sd for test in tests for m in test.meters if m.gain_sd}.items():
-        yield Parameter(f"meter.{name}.gain", actions.Gain(name), sd)
+        yield Parameter(f"meter.{name}.gain", sensor_laws.Gain(name), sd)
     for bus, own in _buses(tests).items():
         yield Parameter(f"clock.{bus}.offset", actions.Late(own, False), CLOCK_S)
         yield Parameter(f"clock.{bus}.drift", actions.Late(own, True), CLOCK_PPM)

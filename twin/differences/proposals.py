@@ -22,7 +22,7 @@ from twin.differences.sizes import Scales
 from twin.fitting import actions
 from twin.fitting.actions import Parameter
 from twin.fitting.model import Model, Test
-from twin.motor import features
+from twin.motor import features, sensor_laws
 from twin.motor.network import NOBODY, Network
 from twin.motor.paths import Place as Names
 
@@ -50,7 +50,7 @@ class Proposals:
         low = 0.0 if candidate.sign > 0 else -np.inf
         high = 0.0 if candidate.sign < 0 else np.inf
         match action, candidate.column:
-            case actions.Lag(), _:
+            case sensor_laws.Lag(), _:
                 low = 0.0
             case actions.Added(_, feature, rms), AddedTerms(terms) if low < 0.0:
                 low = -min(self._mean_of(place) for place, _ in terms) * rms / self.mean(feature)
@@ -128,14 +128,7 @@ class Proposals:
         return self._means[:, i] if i < n else self._boundaries[:, i - n]
 
     def _reading(self, channel: str, law: str) -> actions.Action:
-        if law == "stem":
-            ambient = [b.name for b in self.network.boundaries].index("ambient")
-            return actions.Stem(channel, ambient)
-        if law == "bias":
-            return actions.Bias(channel)
-        if law == "gain":
-            return actions.Gain(channel)
-        return actions.Lag(channel) if law == "lag" else actions.Drift(channel)
+        return next(one for one in sensor_laws.SENSOR_LAWS if one.law == law)(channel)
 
     def _clock(self, bus: str, law: str) -> actions.Action:
         channels = {c.name: c.bus for t in self.tests for c in t.channels}

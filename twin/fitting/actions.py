@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from twin.motor.network import NOBODY
+from twin.motor.sensor_laws import Lag, Misreading
 
 Terms = tuple[int, ...]  # places in `features.terms`
 
@@ -114,42 +115,6 @@ class BoundaryBias:
 
 
 @dataclass(frozen=True)
-class Bias:
-    """A channel reads p [K] too much."""
-
-    channel: str
-
-
-@dataclass(frozen=True)
-class Gain:
-    """A channel reads (1 + p) times the truth in degC."""
-
-    channel: str
-
-
-@dataclass(frozen=True)
-class Lag:
-    """A channel follows p [s] more slowly than stated."""
-
-    channel: str
-
-
-@dataclass(frozen=True)
-class Drift:
-    """A channel reads p [K/h] times the hours since the start too much."""
-
-    channel: str
-
-
-@dataclass(frozen=True)
-class Stem:
-    """A channel reads p times (ambient - truth) too much; `ambient`: the boundary's index among the boundaries."""
-
-    channel: str
-    ambient: int
-
-
-@dataclass(frozen=True)
 class Beside:
     """A channel follows p of a node (an index) and 1 - p of its own place: a thermocouple reads a mixture of what it touches."""
 
@@ -178,7 +143,8 @@ class FreeHeat:
 
 OnTerms = Scale | Power | Tent | Course | InputGain | InputBias
 OnTemperatures = Added | Tilt | Capacity | Attached | Start | BoundaryBias | FreeHeat
-OnReading = Bias | Gain | Lag | Drift | Stem | Beside | Late
+OnReading = Misreading | Lag | Beside | Late
+OnBench = Misreading | Lag | Late | BoundaryBias | InputGain | InputBias  # what a bench file corrects
 Action = OnTerms | OnTemperatures | OnReading
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import TypeVar
+from typing import TypeVar, assert_never
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,9 +17,11 @@ from twin.fitting.noise import Series
 from twin.fitting.recorded import Channel
 from twin.fitting.responses import Mean, Sensor, means
 from twin.motor.outputs import blocks, lagged
+from twin.motor.sensor_laws import AMBIENT, SENSOR_LAWS, Bias, Gain, Lag, Misreading, Seen
 
 Floats = NDArray[np.float64]
 A = TypeVar("A", bound=Action)
+MISREADINGS = tuple(law for law in SENSOR_LAWS if issubclass(law, Misreading))
 
 LAG_PROBE_S = 0.05  # for the slope of a reading by its lag, which has no kinks
 
@@ -30,6 +32,8 @@ class Sensing:
     def __init__(self, circuit: Circuit, number: int) -> None:
         self.circuit, self.test, self.number = circuit, circuit.test, number
         channels, sensors, step_s = self.test.channels, self.test.sensors, circuit.step_s
+        around = [boundary.name for boundary in circuit.network.boundaries]
+        self.ambient = around.index(AMBIENT) if AMBIENT in around else None
         self.blocks = [blocks(one.output, step_s) for one in sensors]
         self.times_s = [cut.times_s(step_s) for cut in self.blocks]
         self.weights = [self._weights(channel) for channel in channels]
@@ -41,20 +45,29 @@ class Sensing:
                 self._own[k].setdefault(type(action), []).append((p, action))
 
     def read_by(self, action: Action) -> list[int]:
-        """The channels, then the meters, that an action makes read otherwise than the temperatures say. A stem reads its boundary;
-        a meter reads heats, which anything may change."""
+        """The channels, then the meters, that an action makes read otherwise than the temperatures say. What is pulled towards
+        the ambient reads its boundary; a meter reads heats, which anything may change."""
         count = len(self.test.channels)
         meters = list(range(count, count + len(self.test.meters)))
+        if isinstance(action, actions.BoundaryBias) and action.boundary == self.ambient:
+            return [*(k for k in range(count) if self.pulled(k)), *meters]
+        if isinstance(action, actions.OnTerms | actions.OnTemperatures):
+            return meters
         match action:
-            case actions.BoundaryBias():
-                return [*(k for k in range(count) if self.of(k, actions.Stem)), *meters]
-            case actions.Late(names):
-                about: tuple[str, ...] = () if self.test.is_common(action) else names
-            case _ if isinstance(action, actions.OnReading):
-                about = (action.channel,)
+            case Misreading() | Lag() | actions.Beside():
+                return self._called((action.channel,))
+            case actions.Late():
+                return self._called(() if self.test.is_common(action) else action.channels)
             case _:
-                return meters
-        return [k for k, one in enumerate(self.test.sensors) if one.name in about]
+                assert_never(action)
+
+    def _called(self, names: Sequence[str]) -> list[int]:
+        return [k for k, one in enumerate(self.test.sensors) if one.name in names]
+
+    def pulled(self, k: int) -> list[tuple[int, float]]:
+        """The parameters by which channel k is pulled towards the ambient, and how much for each unit."""
+        laws = [law for law in MISREADINGS if law.of_ambient]
+        return [(p, law.of_ambient) for law in laws for p, _ in self.of(k, law)]
 
     def _weights(self, channel: Channel) -> Floats:
         names = [node.name for node in self.circuit.network.nodes]
@@ -91,13 +104,17 @@ class Readings:
         self.weights = sensing.weights[k]
         for p, action in sensing.of(k, actions.Beside):
             self.weights = self.weights + run.beta[p] * sensing.towards(k, action.node)
-        self.lag_s = max(0.0, self.channel.output.time_constant_s + self._sum(actions.Lag))
-        self.factor = 1.0 + self._sum(actions.Gain) - self._sum(actions.Stem)  # what the truth is multiplied with
+        self.lag_s = max(0.0, self.channel.output.time_constant_s + self._sum(Lag))
+        self.factor = 1.0  # what the truth is multiplied with
+        for law in MISREADINGS:
+            if law.of_truth:
+                self.factor += law.of_truth * self._sum(law)
         self.late_s = np.zeros(sensing.circuit.steps + 1)
         for p, late in sensing.of(k, actions.Late):
             self.late_s = self.late_s + late.sign * float(run.beta[p]) * sensing.late_by(late)
         self.truth: Floats = run.edges @ self.weights
         self.followed = lagged(self.truth, self.lag_s, self.step_s)  # by the sensor itself
+        self.seen = Seen(self.followed, sensing.circuit.edges_s)
 
     def _sum(self, kind: type[Action]) -> float:
         return float(sum(self.run.beta[p] for p, _ in self.sensing.of(self.k, kind)))
@@ -121,15 +138,22 @@ class Readings:
 
     def shown(self) -> Floats:
         """What the channel shows (N + 1,), its stamps aside."""
-        found = self.factor * self.followed + self._sum(actions.Bias)
-        for p, stem in self.sensing.of(self.k, actions.Stem):
-            found = found + self.run.beta[p] * self.ambient(stem)
-        drift = self._sum(actions.Drift)
-        shown: Floats = found + drift * self.sensing.circuit.edges_s / 3600 if drift else found
-        return shown
+        found: Floats = self.factor * self.followed
+        for law in MISREADINGS:
+            amount = self._sum(law)
+            if amount:
+                found = found + self._added(law(self.channel.name), amount)
+        return found
 
-    def ambient(self, action: actions.Stem) -> Floats:
-        around = self.run.boundaries[:, action.ambient]
+    def _added(self, law: Misreading, p: float) -> Floats | float:
+        """What a law adds to the reading besides its share of the truth."""
+        added = law.adds(p, self.seen)
+        return added + p * law.of_ambient * self._ambient() if law.of_ambient else added
+
+    def _ambient(self) -> Floats:
+        """At the edges of the steps (N + 1,)."""
+        assert self.sensing.ambient is not None, "no boundary is called so: no candidate and no file names such a law"
+        around = self.run.boundaries[:, self.sensing.ambient]
         return np.append(around, around[-1])
 
     def series(self) -> Series:
@@ -149,22 +173,20 @@ class Readings:
         rows: list[tuple[int, Floats]] = []
         beside: list[tuple[int, int]] = []
         for column, action in wanted:
+            assert isinstance(action, actions.OnReading | actions.BoundaryBias), action
             match action:
-                case actions.Bias():
-                    yield column, np.ones(len(self.sensing.measured[self.k]))
-                case actions.Gain():
-                    rows.append((column, self.followed))
-                case actions.Drift():
-                    rows.append((column, self.sensing.circuit.edges_s / 3600))
-                case actions.Stem():
-                    rows.append((column, self.ambient(action) - self.followed))
-                case actions.BoundaryBias(boundary):
-                    stems = [p for p, stem in self.sensing.of(self.k, actions.Stem) if stem.ambient == boundary]
-                    if stems:
-                        yield column, np.full(len(self.sensing.measured[self.k]), -float(self.run.beta[stems].sum()))
+                case Misreading():
+                    added = self._added(action, 1.0)
+                    if action.of_truth or not isinstance(added, float):
+                        rows.append((column, action.of_truth * self.followed + added))
+                    else:
+                        yield column, np.full(len(self.sensing.measured[self.k]), added)
+                case actions.BoundaryBias():
+                    share = sum(self.run.beta[p] * of_ambient for p, of_ambient in self.sensing.pulled(self.k))
+                    yield column, np.full(len(self.sensing.measured[self.k]), -float(share))
                 case actions.Beside(_, node):
                     beside.append((column, node))
-                case actions.Lag():
+                case Lag():
                     low, high = max(0.0, self.lag_s - LAG_PROBE_S), self.lag_s + LAG_PROBE_S
                     changed = lagged(self.truth, high, self.step_s) - lagged(self.truth, low, self.step_s)
                     rows.append((column, self.factor * changed / (high - low)))
@@ -172,6 +194,8 @@ class Readings:
                     shown, by = self.shown(), PROBE_S * self.sensing.late_by(action)
                     after, before = (self.stamped(shown, self.late_s + way * by) for way in (1.0, -1.0))
                     yield column, sign * (after - before) / (2 * PROBE_S)
+                case _:
+                    assert_never(action)
         if beside:
             edges, nodes = self.run.edges, [node for _, node in beside]
             moved = lagged(edges[:, nodes].T - edges @ self.sensing.weights[self.k], self.lag_s, self.step_s)
@@ -188,7 +212,7 @@ class _MeterReadings(Readings):
         self.sensing, self.run, self.k, self.cut = sensing, run, k, sensing.blocks[k]
         self.at = k - len(sensing.test.channels)
         self.meter = sensing.test.meters[self.at]
-        self.factor = 1.0 + self._sum(actions.Gain)
+        self.factor = 1.0 + self._sum(Gain)
         self.truth_means = sensing.metering.reading(run, self.at)
 
     @property
@@ -199,7 +223,7 @@ class _MeterReadings(Readings):
         return []
 
     def series(self) -> Series:
-        shown = (self.factor * self.truth_means + self._sum(actions.Bias)) / self.meter.row
+        shown = (self.factor * self.truth_means + self._sum(Bias)) / self.meter.row
         return Series(
             session=self.sensing.number,
             channel=self.meter.name,
@@ -215,12 +239,12 @@ class _MeterReadings(Readings):
 
     def _moved(self, wanted: Sequence[tuple[int, Action]]) -> Iterator[tuple[int, Floats]]:
         """(column, (B,)) in the meter's unit."""
-        heats = [(column, action) for column, action in wanted if not isinstance(action, actions.Bias | actions.Gain)]
+        heats = [(column, action) for column, action in wanted if not isinstance(action, Bias | Gain)]
         if heats:
             moved = self.factor * self.sensing.metering.columns(self.run, heats)[self.at]
             yield from ((column, moved[:, column]) for column, _ in heats)
         for column, action in wanted:
-            if isinstance(action, actions.Bias):
+            if isinstance(action, Bias):
                 yield column, np.ones(len(self.truth_means))
-            elif isinstance(action, actions.Gain):
+            elif isinstance(action, Gain):
                 yield column, self.truth_means

@@ -32,6 +32,7 @@ from twin.fitting.actions import Parameter
 from twin.fitting.fit import NEAR_ENOUGH, Fit, fit
 from twin.fitting.model import Model, Test
 from twin.insulation.check_tests import every_s
+from twin.motor import sensor_laws
 from twin.motor.ageing_law import is_insulation
 from twin.motor.features import monomial, monomials, terms
 from twin.motor.network import Network
@@ -167,7 +168,7 @@ def _of_check(network: Network, test: Test, k: int) -> Iterator[Parameter]:
         yield Parameter(f"start.{node.name}", actions.Start(i), float(test.initial_sd[i]), k)
     for channel in test.channels:
         if channel.bias_sd:
-            yield Parameter(f"sensor.{channel.name}.bias", actions.Bias(channel.name), channel.bias_sd, k)
+            yield Parameter(f"sensor.{channel.name}.bias", sensor_laws.Bias(channel.name), channel.bias_sd, k)
     for b, boundary in enumerate(network.boundaries):
         yield Parameter(f"boundary.{boundary.name}.bias", actions.BoundaryBias(b), BOUNDARY_K, k)
     for name in sorted({name for m in monomials(network) for name in m.features if name.startswith("current")}):

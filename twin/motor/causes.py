@@ -17,6 +17,7 @@ from dataclasses import dataclass
 from twin.errors import CauseError
 from twin.motor.features import QUANTITY
 from twin.motor.network import Network
+from twin.motor.sensor_laws import SENSOR_LAWS
 
 KINDS = ("loss", "conductance", "capacity", "boundary", "sensor", "clock", "input", "ageing")
 FIXED_LAWS = {  # kind -> the laws that are no products of features
@@ -24,7 +25,7 @@ FIXED_LAWS = {  # kind -> the laws that are no products of features
     "conductance": ("scale", "constant"),
     "capacity": ("scale", "attached"),
     "boundary": ("bias",),
-    "sensor": ("bias", "gain", "lag", "drift", "stem", "hold", "dropout", "stuck", "saturation"),
+    "sensor": (*(one.law for one in SENSOR_LAWS), "hold", "dropout", "stuck", "saturation"),
     "clock": ("offset", "drift"),
     "input": ("gain", "bias", "undersampled"),
     "ageing": (),
@@ -211,11 +212,7 @@ _SAYS = {
     ("capacity", "scale"): "{place} stores more or less heat than modelled",
     ("capacity", "attached"): "an attached mass stores heat behind {place}",
     ("boundary", "bias"): "{place} is warmer or colder than measured by a constant",
-    ("sensor", "bias"): "the sensor at {place} reads off by a constant",
-    ("sensor", "gain"): "the sensor at {place} reads off in proportion",
-    ("sensor", "lag"): "the sensor at {place} follows more slowly than stated",
-    ("sensor", "drift"): "the sensor at {place} drifts with time",
-    ("sensor", "stem"): "the sensor at {place} is pulled towards ambient by heat along its leads",
+    **{("sensor", one.law): one.says for one in SENSOR_LAWS},
     ("sensor", "hold"): "the sensor at {place} repeats old values",
     ("sensor", "dropout"): "the sensor at {place} loses samples",
     ("sensor", "stuck"): "the sensor at {place} stays at one value",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import assert_never
 
 from ingest.bench.corrections import MASKED, SWAP, spelt
 from replay.engine.files.bench_text import corrected
@@ -20,6 +21,7 @@ from twin.fitting import actions
 from twin.fitting.fit import Fit
 from twin.motor.network import Network
 from twin.motor.sensor import Sensor
+from twin.motor.sensor_laws import Lag, Misreading
 
 MOTOR_KINDS = ("loss", "conductance", "capacity", "ageing")
 DIGITS = 3  # of a healthy difference in a bench file
@@ -58,8 +60,7 @@ def version(
         if refit.candidate.cause.kind not in MOTOR_KINDS:
             amounts[str(refit.candidate.cause)] = size(fit, place, refit.candidate.unit).value
     sensors = _sensors(campaign.observed, swaps)
-    healthy = {f"sensor.{sensors[channel]}.lag": lag_s for channel, lag_s in own.lag_s.items()}
-    healthy |= {_cause(action, network, campaign, sensors): amount for action, amount in own.errors.items()}
+    healthy = {_cause(action, network, campaign, sensors): amount for action, amount in own.errors.items()}
     amounts |= {cause: float(f"{amount:.{DIGITS}g}") for cause, amount in healthy.items()}
     before = store.archive.read(parent.sha256)
     text = corrected(before, parent.name, _in_order(amounts), note, own.weights)
@@ -78,12 +79,11 @@ def _sensors(observed: Sequence[Sensor], swaps: Sequence[Swap]) -> dict[str, str
     return {name: sensor_place(c, list(crossed.values())) for name, c in crossed.items()}
 
 
-def _cause(action: actions.Action, network: Network, campaign: Campaign, sensors: Mapping[str, str]) -> str:
+def _cause(action: actions.OnBench, network: Network, campaign: Campaign, sensors: Mapping[str, str]) -> str:
+    """The id of the correction that takes off what an action does."""
     match action:
-        case actions.Bias(channel):
-            return f"sensor.{sensors[channel]}.bias"
-        case actions.Gain(channel):
-            return f"sensor.{sensors[channel]}.gain"
+        case Misreading(channel) | Lag(channel):
+            return f"sensor.{sensors[channel]}.{action.law}"
         case actions.Late(channels, drifts):
             bus = next(o.bus for o in campaign.observed if o.name in channels)
             return f"clock.{spelt(bus)}.{'drift' if drifts else 'offset'}"
@@ -91,7 +91,10 @@ def _cause(action: actions.Action, network: Network, campaign: Campaign, sensors
             return f"boundary.{network.boundaries[boundary].name}.bias"
         case actions.InputGain(name):
             return f"input.{name}.gain"
-    raise TypeError(f"{action} is no error of a bench")
+        case actions.InputBias(name):
+            return f"input.{name}.bias"
+        case _:
+            assert_never(action)
 
 
 def _in_order(amounts: Mapping[str, float]) -> dict[str, float]:

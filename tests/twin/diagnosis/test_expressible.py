@@ -16,6 +16,7 @@ from twin.fitting import actions
 from twin.fitting.actions import Parameter, Place
 from twin.fitting.fit import NEAR_ENOUGH, Fit, fit
 from twin.fitting.model import Model, Test
+from twin.motor import sensor_laws
 from twin.motor.features import terms
 
 Floats = NDArray[np.float64]
@@ -64,7 +65,7 @@ def fitted(tests: list[Test]) -> Fit:
         Parameter("conductance.winding-case", actions.Added((at("winding", "case"),), "constant", 1.0), 0.5, low=-0.5),
         *(Parameter(f"sensor.W_1.beside.{n}", actions.Beside("W_1", names.index(n)), 0.1) for n in ("yoke", "case")),
         Parameter("clock.can1.offset", actions.Late(("W_1", "Y_1", "R_1"), False), 0.5),
-        *(Parameter("sensor.W_1.bias", actions.Bias("W_1"), 0.3, number) for number in range(COMMON_FROM)),
+        *(Parameter("sensor.W_1.bias", sensor_laws.Bias("W_1"), 0.3, number) for number in range(COMMON_FROM)),
         Parameter("named", actions.Scale((3,)), 0.7),
     ]
     return fit(Model(NETWORK, moved, parameters), np.zeros(len(parameters)))
@@ -102,7 +103,7 @@ def cost(model: Model, beta: Floats) -> float:
 
 def test_what_is_not_worth_a_line_goes_unless_it_is_named(fitted: Fit) -> None:
     names = [p.name for p in fitted.model.parameters]
-    gains = [Parameter(f"gain{i}", actions.Gain(c), 0.01) for i, c in enumerate(("Y_1", "R_1"))]
+    gains = [Parameter(f"gain{i}", sensor_laws.Gain(c), 0.01) for i, c in enumerate(("Y_1", "R_1"))]
     beta = np.append(fitted.beta, [0.5 * WORTH_A_LINE * 0.01] * 2)
     hessian = np.diag(np.append(np.diag(fitted.hessian), [1e4, 1e4]))
     small = replace(fitted, model=fitted.model.plus(gains), beta=beta, hessian=hessian)
@@ -126,21 +127,21 @@ def test_shares_come_on_top_of_what_the_file_says_and_add_up(tests: list[Test]) 
 def test_an_error_that_all_tests_share_is_one_of_the_bench(tests: list[Test]) -> None:
     def fit(values: tuple[float, ...]) -> Fit:
         return fit_at(
-            tests, [(Parameter("bias", actions.Bias("W_1"), 0.5, number), v) for number, v in enumerate(values)]
+            tests, [(Parameter("bias", sensor_laws.Bias("W_1"), 0.5, number), v) for number, v in enumerate(values)]
         )
 
-    assert readings(fit((0.5, 0.52, 0.54)), ()).errors == {actions.Bias("W_1"): pytest.approx(0.52)}
+    assert readings(fit((0.5, 0.52, 0.54)), ()).errors == {sensor_laws.Bias("W_1"): pytest.approx(0.52)}
     for apart in ((0.5, -0.5, 0.6), (0.01, 0.011, 0.012), (0.2, 0.9, 0.1)):
         assert readings(fit(apart), ()).errors == {}
 
 
 def test_what_a_named_cause_holds_already_is_not_said_twice(tests: list[Test]) -> None:
     numbers = [
-        (Parameter("sensor.W_1.lag", actions.Lag("W_1"), 0.8), 0.5),
-        (Parameter("sensor.winding.lag", actions.Lag("W_1"), 20.0), 9.0),
-        (Parameter("sensor.Y_1.lag", actions.Lag("Y_1"), 0.8), -0.25),
+        (Parameter("sensor.W_1.lag", sensor_laws.Lag("W_1"), 0.8), 0.5),
+        (Parameter("sensor.winding.lag", sensor_laws.Lag("W_1"), 20.0), 9.0),
+        (Parameter("sensor.Y_1.lag", sensor_laws.Lag("Y_1"), 0.8), -0.25),
     ]
-    assert readings(fit_at(tests, numbers), [1]).lag_s == {"Y_1": -0.25}
+    assert readings(fit_at(tests, numbers), [1]).errors == {sensor_laws.Lag("Y_1"): -0.25}
 
 
 @pytest.mark.parametrize("place", [("winding",), ("yoke", "case"), ("case", "ambient"), ("yoke", "magnet")])

@@ -19,10 +19,10 @@ from twin.differences.columns import InputChannel
 from twin.differences.everyday import everyday
 from twin.differences.proposals import Proposals
 from twin.errors import DivergedError
-from twin.fitting import actions
 from twin.fitting.actions import Parameter
 from twin.fitting.fit import Fit, fit
 from twin.fitting.model import Model, Test
+from twin.motor import sensor_laws
 from twin.motor.network import Network, Term
 from twin.motor.sensor import Sensor
 
@@ -192,9 +192,9 @@ def test_the_slowest_mode_and_the_rises_are_those_of_the_motor(calibrated: Fit) 
 
 def test_what_takes_away_more_than_there_is_is_not_possible() -> None:
     """It ends at its bound; a cause that has a sign may end at 0, and none may be larger than four prior sd."""
-    cooling = Parameter("p", actions.Bias("W_1"), 1.0, low=-2.0)
+    cooling = Parameter("p", sensor_laws.Bias("W_1"), 1.0, low=-2.0)
     assert naming.is_possible(cooling, -1.9)
     assert not naming.is_possible(cooling, -2.0)
     assert naming.is_possible(cooling, 4.0)
     assert not naming.is_possible(cooling, 4.1)
-    assert naming.is_possible(Parameter("p", actions.Bias("W_1"), 1.0, low=0.0), 0.0)
+    assert naming.is_possible(Parameter("p", sensor_laws.Bias("W_1"), 1.0, low=0.0), 0.0)

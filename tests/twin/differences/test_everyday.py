@@ -24,6 +24,7 @@ from twin.differences.everyday import (
 from twin.fitting import actions
 from twin.fitting.actions import Parameter
 from twin.fitting.model import Model, Test
+from twin.motor import sensor_laws
 from twin.motor.features import Monomial, monomial, terms
 from twin.motor.network import Boundary, Link, Network, Node, Source, Term
 from twin.motor.paths import missing
@@ -91,7 +92,7 @@ def test_a_test_brings_its_own_starts_biases_and_boundaries(tests: list[Test]) -
     assert {p.test for p in own} == {1}
     counted = Counter(type(p.action) for p in own)
     assert counted[actions.Start] == 4
-    assert counted[actions.Bias] == len(CHANNELS)
+    assert counted[sensor_laws.Bias] == len(CHANNELS)
     assert counted[actions.BoundaryBias] == 2
     starts = [p for p in own if isinstance(p.action, actions.Start)]
     assert [p.action for p in starts] == [actions.Start(i) for i in range(4)]

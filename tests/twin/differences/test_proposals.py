@@ -15,6 +15,7 @@ from twin.differences.everyday import mean_conductances, mean_loss_W
 from twin.differences.proposals import Proposals, scales
 from twin.fitting import actions
 from twin.fitting.model import Model, Test
+from twin.motor import sensor_laws
 from twin.motor.sensor import Sensor
 
 Floats = NDArray[np.float64]
@@ -122,12 +123,12 @@ def test_inputs_and_boundaries_read_too_much(proposals: Proposals) -> None:
 
 def test_a_lag_is_never_negative(proposals: Proposals) -> None:
     found = proposals.parameter(CANDIDATES["sensor.winding.lag"])
-    assert found.action == actions.Lag("W_1")
+    assert found.action == sensor_laws.Lag("W_1")
     assert found.low == 0.0
 
 
 def test_a_stem_pulls_towards_ambient(proposals: Proposals) -> None:
-    assert proposals.parameter(CANDIDATES["sensor.yoke.stem"]).action == actions.Stem("Y_1", 1)
+    assert proposals.parameter(CANDIDATES["sensor.yoke.stem"]).action == sensor_laws.Stem("Y_1")
 
 
 def test_the_scales_are_those_of_the_file_on_these_tests(tests: list[Test]) -> None:

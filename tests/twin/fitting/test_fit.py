@@ -17,6 +17,7 @@ from twin.fitting.actions import Parameter, Place
 from twin.fitting.fit import Fit, fit
 from twin.fitting.model import Model, Test
 from twin.fitting.noise import ChannelNoise, Series
+from twin.motor import sensor_laws
 from twin.motor.features import terms
 from twin.motor.network import Network, Term
 
@@ -55,7 +56,7 @@ def _own(network: Network) -> list[Parameter]:
     return [
         *(Parameter(f"term{i}", actions.Scale((i,)), 0.1) for i in range(count)),
         *(Parameter(f"capacity{i}", actions.Capacity((i,)), 0.1) for i in range(len(network.nodes))),
-        *(Parameter(f"bias.{c}", actions.Bias(c), 0.3, 0) for c in CHANNELS),
+        *(Parameter(f"bias.{c}", sensor_laws.Bias(c), 0.3, 0) for c in CHANNELS),
     ]
 
 
@@ -109,9 +110,9 @@ def _linear(seed: int) -> Model:
         "R_1": ChannelNoise(0.05, 180.0, 0.2, 300.0),
     }
     own = [
-        *(Parameter(f"bias.{c}", actions.Bias(c), 0.3, 0) for c in CHANNELS),
-        Parameter("drift", actions.Drift("Y_1"), 2.0),
-        Parameter("gain", actions.Gain("R_1"), 0.02),
+        *(Parameter(f"bias.{c}", sensor_laws.Bias(c), 0.3, 0) for c in CHANNELS),
+        Parameter("drift", sensor_laws.Drift("Y_1"), 2.0),
+        Parameter("gain", sensor_laws.Gain("R_1"), 0.02),
     ]
     return Model(every_law(), [test], own, noise)
 

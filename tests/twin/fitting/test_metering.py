@@ -14,6 +14,7 @@ from twin.fitting import actions
 from twin.fitting.actions import Parameter
 from twin.fitting.model import Model, Test
 from twin.fitting.recorded import Meter
+from twin.motor import sensor_laws
 from twin.motor.features import evaluate, monomials
 from twin.motor.network import Fluid, FluidCircuit, Link, Network, Node, Property, Term
 from twin.motor.observables import Thermometric, lag_parts, lagged_means
@@ -30,11 +31,11 @@ R = Thermometric({"winding": 0.8, "yoke": 0.2}, 0.05, 0.00393, 20.0)
 PSI = Thermometric({"magnet": 1.0}, 0.08, -0.0011, 20.0)
 EVERY: dict[str, tuple[actions.Action, float]] = {  # action and a size of its number
     **ON_MOTOR,
-    "bias of a meter": (actions.Bias("P_el"), 20.0),
-    "gain of a meter": (actions.Gain("P_el"), 0.01),
-    "gain of a lagging meter": (actions.Gain("Q_cool"), 0.03),
-    "gain of a resistance": (actions.Gain("R"), 0.01),
-    "bias of a flux": (actions.Bias("psi"), 0.01),
+    "bias of a meter": (sensor_laws.Bias("P_el"), 20.0),
+    "gain of a meter": (sensor_laws.Gain("P_el"), 0.01),
+    "gain of a lagging meter": (sensor_laws.Gain("Q_cool"), 0.03),
+    "gain of a resistance": (sensor_laws.Gain("R"), 0.01),
+    "bias of a flux": (sensor_laws.Bias("psi"), 0.01),
 }
 
 
@@ -78,7 +79,7 @@ def _others() -> list[Parameter]:
     chosen = ["scale of copper and AC loss", "exponent of a film", "tent", "heat in copper", "path to a boundary"]
     chosen += ["loss with temperature", "film with temperature", "capacity", "coolant bias", "mass that follows"]
     own = [Parameter(name, EVERY[name][0], abs(EVERY[name][1])) for name in chosen]
-    return [*own, Parameter("meter", actions.Gain("P_el"), 0.01)]
+    return [*own, Parameter("meter", sensor_laws.Gain("P_el"), 0.01)]
 
 
 def _shown(model: Model, beta: Floats) -> dict[tuple[int, str], Floats]:

@@ -16,6 +16,7 @@ from twin.differences.everyday import everyday
 from twin.fitting import actions
 from twin.fitting.actions import Parameter, Place
 from twin.fitting.model import Channel, Model, Test
+from twin.motor import sensor_laws
 from twin.motor.features import Monomial, evaluate, monomials
 from twin.motor.outputs import Output
 from twin.run.simulate import Frame
@@ -27,13 +28,13 @@ DURATION_S = 600.0
 
 EVERY: dict[str, tuple[actions.Action, float]] = {  # action and a size of its number
     **ON_MOTOR,
-    "bias": (actions.Bias("W_1"), 1.0),
-    "gain": (actions.Gain("Y_1"), 0.02),
-    "gain of a prompt sensor": (actions.Gain("W_1"), 0.02),
-    "lag of a lagging sensor": (actions.Lag("R_1"), 2.0),
-    "lag of a prompt sensor": (actions.Lag("W_1"), 3.0),
-    "drift": (actions.Drift("Y_1"), 2.0),
-    "stem": (actions.Stem("Y_1", 1), 0.03),
+    "bias": (sensor_laws.Bias("W_1"), 1.0),
+    "gain": (sensor_laws.Gain("Y_1"), 0.02),
+    "gain of a prompt sensor": (sensor_laws.Gain("W_1"), 0.02),
+    "lag of a lagging sensor": (sensor_laws.Lag("R_1"), 2.0),
+    "lag of a prompt sensor": (sensor_laws.Lag("W_1"), 3.0),
+    "drift": (sensor_laws.Drift("Y_1"), 2.0),
+    "stem": (sensor_laws.Stem("Y_1"), 0.03),
     "clock of all channels": (actions.Late(tuple(CHANNELS), False), 0.8),
     "clock of the inputs": (actions.Late(tuple(CHANNELS), False, -1.0), 0.8),
     "clock of one channel": (actions.Late(("Y_1",), False), 0.9),
@@ -140,7 +141,7 @@ def test_the_column_of_a_candidate_is_the_slope_where_it_enters(name: str, tests
     else:
         more = model.plus([candidate])
         h = 1e-3 * abs(size)
-        one_sided = isinstance(action, actions.Lag) and name == "lag of a prompt sensor"
+        one_sided = isinstance(action, sensor_laws.Lag) and name == "lag of a prompt sensor"
         at = [_modelled(more, np.append(beta, x)) for x in ((h, 0.0) if one_sided else (h, -h))]
         expected = (at[0] - at[1]) / (h if one_sided else 2 * h)
     _assert_near(column, expected, name)

@@ -32,6 +32,7 @@ from twin.fitting.actions import Parameter
 from twin.fitting.fit import Fit
 from twin.fitting.model import Model, Test
 from twin.fitting.noise import Series
+from twin.motor import sensor_laws
 
 Floats = NDArray[np.float64]
 
@@ -197,11 +198,11 @@ def test_what_was_learnt_with_channels_exchanged_is_said_of_the_channel_that_rea
     tests = exchanged(campaign.tests, "TC_yoke", "TC_magnet")
     names = [node.name for node in campaign.network.nodes]
     numbers = [
-        (Parameter("sensor.TC_yoke.gain", actions.Gain("TC_yoke"), 0.01), 0.02),
+        (Parameter("sensor.TC_yoke.gain", sensor_laws.Gain("TC_yoke"), 0.01), 0.02),
         (Parameter("sensor.TC_yoke.beside", actions.Beside("TC_yoke", names.index("winding")), 0.1), 0.1),
-        (Parameter("sensor.TC_magnet.lag", actions.Lag("TC_magnet"), 0.8), 0.5),
-        (Parameter("sensor.TC_winding.lag", actions.Lag("TC_winding"), 0.8), 0.25),
-        (Parameter(str(lag.cause), actions.Lag("TC_winding"), 20.0), 9.0),
+        (Parameter("sensor.TC_magnet.lag", sensor_laws.Lag("TC_magnet"), 0.8), 0.5),
+        (Parameter("sensor.TC_winding.lag", sensor_laws.Lag("TC_winding"), 0.8), 0.25),
+        (Parameter(str(lag.cause), sensor_laws.Lag("TC_winding"), 20.0), 9.0),
     ]
     model = Model(campaign.network, tests, [parameter for parameter, _ in numbers])
     fit = Fit(model, np.array([value for _, value in numbers]), 0.0, np.diag(model.sd**-2), (), 0.0, True, 1)

@@ -15,6 +15,7 @@ from twin.fitting.actions import Parameter
 from twin.fitting.fit import Fit, fit
 from twin.fitting.model import Model, Test
 from twin.fitting.noise import ChannelNoise
+from twin.motor import sensor_laws
 from twin.motor.features import terms
 
 INITIAL = np.array([45.0, 42.0, 41.0, 35.0])
@@ -35,7 +36,7 @@ def _test(current: float, late: float) -> Test:
 
 
 def _fitted(train: Test, *parameters: Parameter) -> Fit:
-    own = [*(Parameter(f"bias.{c}", actions.Bias(c), 0.3, 0) for c in CHANNELS), *parameters]
+    own = [*(Parameter(f"bias.{c}", sensor_laws.Bias(c), 0.3, 0) for c in CHANNELS), *parameters]
     return fit(Model(every_law(), [train], own, QUIET), np.zeros(len(own)))
 
 
