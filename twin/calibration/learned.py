@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import assert_never
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,7 @@ from twin.fitting.actions import Parameter
 from twin.fitting.fit import Fit
 from twin.motor import features
 from twin.motor.network import NOBODY, Link, Network, Node, Shape, Source, TemperatureFactor, Term
+from twin.motor.sensor_laws import Lag, Misreading
 
 Floats = NDArray[np.float64]
 
@@ -34,19 +36,31 @@ def network_of(found: Fit, monomials: Sequence[features.Monomial]) -> Network:
     links = [replace(link, terms=tuple(terms.pop(0) for _ in link.terms)) for link in network.links]
     sources = [replace(source, terms=tuple(terms.pop(0) for _ in source.terms)) for source in network.sources]
     nodes = [_node(node, i, found) for i, node in enumerate(network.nodes)]
-    for p, parameter in enumerate(found.model.parameters):
+    for amount, parameter in zip(beta.tolist(), found.model.parameters, strict=True):
         match parameter.action:
-            case actions.Added(places, feature, rms, own) if beta[p]:
-                exponents = dict(by_name[feature].powers) if feature != "constant" else {}
-                term = Term(float(beta[p]) / rms, exponents, copper=own > 0, resistance=min(own, 0))
-                for place in places:
-                    _add(network.names, place, term, links, sources)
-            case actions.Attached(at, lag_s) if beta[p] > 0:
-                for i in at:
+            case actions.Added(places, feature, rms) as added:
+                exponents = by_name[feature].exponents if feature != "constant" and amount else {}
+                for place in places if amount else ():
+                    _add(network.names, place, term_of(added, amount / rms, exponents), links, sources)
+            case actions.Attached(at, lag_s):
+                for i in at if amount > 0 else ():
                     name = f"{network.nodes[i].name}_attached"
-                    nodes.append(Node(name, float(beta[p]), network.nodes[i].region))
-                    links.append(Link(network.nodes[i].name, name, (Term(float(beta[p]) / lag_s),)))
+                    nodes.append(Node(name, amount, network.nodes[i].region))
+                    links.append(Link(network.nodes[i].name, name, (Term(amount / lag_s),)))
+            case actions.Scale() | actions.Power() | actions.Tent() | actions.Tilt() | actions.Capacity():
+                pass  # said by the terms and nodes that are there
+            case actions.Course() | actions.InputGain() | actions.InputBias() | actions.BoundaryBias():
+                pass  # no part of a motor, like what follows
+            case actions.Start() | actions.FreeHeat() | Misreading() | Lag() | actions.Beside() | actions.Late():
+                pass
+            case _:
+                assert_never(parameter.action)
     return replace(network, nodes=tuple(nodes), links=tuple(links), sources=tuple(sources))
+
+
+def term_of(added: actions.Added, coefficient: float, exponents: Mapping[str, float]) -> Term:
+    """An added heat or path as a term of a motor file."""
+    return Term(coefficient, exponents, copper=added.own > 0, resistance=min(added.own, 0))
 
 
 def _add(names: Sequence[str], place: actions.Place, term: Term, links: list[Link], sources: list[Source]) -> None:

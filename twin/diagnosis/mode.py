@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from twin.diagnosis.evidence import Projector
 from twin.differences.candidates import Candidate
-from twin.differences.columns import EntryFactor
 from twin.differences.proposals import Proposals
 from twin.fitting.actions import Parameter
 from twin.fitting.fit import Fit
@@ -37,9 +36,7 @@ def linearised(
 
 def _is_repeated(candidate: Candidate, tests: Sequence[Test]) -> bool:
     """Whether two tests of one kind differ in what the candidate goes with: between kinds, the file's form differs too."""
-    column = candidate.column
-    assert isinstance(column, EntryFactor)
-    seen = {(test.kind, test.course.get(column.by, 0.0)) for test in tests}
+    seen = {(test.kind, test.course.get(candidate.cause.law, 0.0)) for test in tests}
     return len(seen) > len({kind for kind, _ in seen})
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from twin.differences.candidates import Candidate
-from twin.differences.columns import AddedTerms, AttachedMass, CapacityFactor, EntryFactor
+from twin.motor.causes import OF_THE_MOTOR
 from twin.motor.network import Network
 
 NEEDS = 0.5  # of the first term's ln BF, that of all others near it together: a form that is right needs less beside it
@@ -25,17 +25,10 @@ def is_patchwork(terms: Sequence[tuple[Candidate, float]], network: Network) -> 
 
 
 def nodes_of(candidate: Candidate, network: Network) -> frozenset[str]:
-    """The nodes where a candidate acts, boundaries left out; of a sensor none, it changes no temperature."""
-    match candidate.column:
-        case AddedTerms(terms):
-            found = {name for place, _ in terms for name in place}
-        case EntryFactor(places, _):
-            found = {name for place in places for name in place}
-        case AttachedMass(nodes, _) | CapacityFactor(nodes):
-            found = set(nodes)
-        case _:
-            found = set()
-    return frozenset(found & {node.name for node in network.nodes})
+    """The nodes where a candidate acts, boundaries left out; of an error of the bench none, it changes no temperature."""
+    if candidate.cause.kind not in OF_THE_MOTOR:
+        return frozenset()
+    return frozenset({name for place in candidate.places for name in place} & {node.name for node in network.nodes})
 
 
 def neighbourhood(nodes: frozenset[str], network: Network) -> frozenset[str]:

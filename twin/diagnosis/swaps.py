@@ -21,12 +21,12 @@ from scipy.linalg import cholesky, solve_triangular
 
 from twin.diagnosis.naming import scored
 from twin.differences.candidates import Candidate
-from twin.differences.columns import Reading
 from twin.errors import DivergedError
 from twin.fitting.fit import NEAR_ENOUGH, Fit, fit
 from twin.fitting.model import Channel, Index, Model, Test
 from twin.fitting.noise import ChannelNoise, Series, log_det, whiten
 from twin.motor.outputs import blocks
+from twin.motor.sensor_laws import Exchange
 
 Floats = NDArray[np.float64]
 
@@ -40,6 +40,11 @@ class Swap:
 
     candidate: Candidate
     log_bayes_factor: float
+
+    @property
+    def pair(self) -> Exchange:
+        assert isinstance(self.candidate.action, Exchange)
+        return self.candidate.action
 
 
 @dataclass(frozen=True)
@@ -66,7 +71,7 @@ def scan(model: Model, candidates: Sequence[Candidate]) -> list[Swap]:
     pair is sought with those before it exchanged. Raises `DivergedError` where the model runs away."""
     uncalibrated = _Uncalibrated(model)
     recorded = {name: name for name in uncalibrated.sheet}
-    pairs = [(c, c.column) for c in candidates if isinstance(c.column, Reading) and c.column.law == "swap"]
+    pairs = [(c, c.action) for c in candidates if isinstance(c.action, Exchange)]
     found: list[Swap] = []
     while pairs:
         base = uncalibrated.log_evidence(recorded)
@@ -86,7 +91,7 @@ def scan(model: Model, candidates: Sequence[Candidate]) -> list[Swap]:
     return found
 
 
-def _stands_out_calibrated(model: Model, pair: Reading, candidates: Sequence[Candidate]) -> bool:
+def _stands_out_calibrated(model: Model, pair: Exchange, candidates: Sequence[Candidate]) -> bool:
     """Whether the motor calibrated to the exchanged tests is ahead of that calibrated to the tests as they are, by more than any other
     cause would be. What cannot be calibrated at all is behind."""
     as_recorded, crossed = _calibrated(model), _calibrated(_exchanged_in(model, pair))
@@ -106,11 +111,11 @@ def _calibrated(model: Model) -> Fit | None:
         return None
 
 
-def _exchanged_in(model: Model, pair: Reading) -> Model:
+def _exchanged_in(model: Model, pair: Exchange) -> Model:
     return Model(model.network, exchanged(model.tests, pair.channel, pair.other), model.parameters, model.noise)
 
 
-def _crossed(recorded: Mapping[str, str], pair: Reading) -> dict[str, str]:
+def _crossed(recorded: Mapping[str, str], pair: Exchange) -> dict[str, str]:
     return {**recorded, pair.channel: recorded[pair.other], pair.other: recorded[pair.channel]}
 
 

@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.differences.candidates import Candidate
-from twin.differences.columns import AddedTerms
 from twin.differences.proposals import Proposals
 from twin.fitting import actions
 from twin.fitting.actions import Parameter
 from twin.fitting.fit import Fit
 from twin.fitting.model import Model
+from twin.motor.paths import terms_at
 
 Floats = NDArray[np.float64]
 
@@ -25,14 +25,14 @@ WORTH_TAKING = 0.1  # of the candidate's prior sd: below, a refit starts where a
 
 def taken_over(current: Fit, candidate: Candidate, parameter: Parameter) -> tuple[Floats, float]:
     """A vector (p,) and an amplitude: a heat or conductance keeps its mean over the tests, anything else the prediction."""
-    match parameter.action, candidate.column:
-        case actions.Added(_, feature, rms), AddedTerms(added):
+    match parameter.action:
+        case actions.Added(places, feature, rms):
             proposals = Proposals(current.model, current.beta)
-            own = {i for place, _ in added for i in proposals.terms(place)}
+            own = {i for place in candidate.places for i in terms_at(current.model.network, place)}
             beta = _straightened(current, own, form=True)
             change = _mean(current.model, current.beta, own) - _mean(current.model, beta, own)
-            amplitude = change / len(added) * rms / proposals.mean(feature)
-        case actions.Scale(terms), _:
+            amplitude = change / len(places) * rms / proposals.mean(feature)
+        case actions.Scale(terms):
             beta = _straightened(current, set(terms), form=False)
             bent, straight = (_mean(current.model, vector, set(terms)) for vector in (current.beta, beta))
             amplitude = float(np.log(bent / straight)) if bent > 0 and straight > 0 else 0.0

@@ -1,10 +1,10 @@
-"""The candidate causes of a motor on a bench, as data: what each is called, how large it may be, how its column is made.
+"""The candidate causes of a motor on a bench, as data: what each is called, what it does, and how large it may be.
 
 candidates = generate(network, channels, inputs)
 
-A column is the derivative of the blocks' residual by the candidate's amplitude, which is 0 in the nominal model; this module
-only says of what (`twin.differences.columns`). `twin.differences.sizes` holds the prior size of an amplitude, fixed before looking at data as a fraction of
-a scale of this motor and campaign, so that one rule serves a 5 kW servo and a 250 kW drive. `twin.diagnosis.evidence` scores.
+What a cause does is an action (`twin.fitting.actions`), as of a healthy difference, with an amplitude that is 0 in the nominal
+model. The prior size of an amplitude (`twin.differences.sizes`) is fixed before looking at data, as a fraction of a scale of this
+motor and campaign, so that one rule serves a 5 kW servo and a 250 kW drive. `twin.diagnosis.evidence` scores candidates.
 """
 
 from __future__ import annotations
@@ -16,47 +16,54 @@ from itertools import combinations
 
 import numpy as np
 
-from twin.differences.columns import (
-    AddedTerms,
-    AttachedMass,
-    CapacityFactor,
-    ClockError,
-    Column,
-    EntryFactor,
-    InputChannel,
-    InputError,
-    Reading,
-)
+from twin.differences.bench import InputChannel
 from twin.differences.sizes import Sigma
+from twin.fitting import actions
+from twin.fitting.actions import Action
 from twin.motor.causes import Cause, groups, spelt
-from twin.motor.features import Monomial, is_flow, is_known, monomial, monomials, product, quantity
+from twin.motor.features import Monomial, is_flow, is_known, monomials, product, quantity
 from twin.motor.network import Network, Term
-from twin.motor.paths import Place, links_with_groups, missing
+from twin.motor.paths import Place, links_with_groups, missing, terms_at
 from twin.motor.sensor import Sensor
-from twin.motor.sensor_laws import AMBIENT, SENSOR_LAWS, Misreading
+from twin.motor.sensor_laws import AMBIENT, SENSOR_LAWS, Exchange, Misreading
 
 
 @dataclass(frozen=True)
 class Candidate:
     """One candidate. `unit` of its amplitude; `sign` +1 or -1 where the amplitude can have only that one, else 0; `members`
-    the places that share its amplitude, where it is a group; `discrete`: a swap, 0 or 1, to be scanned before calibration;
-    `repeated`: only where sessions of its kind are there at least twice."""
+    the places that share its amplitude, where it is a group; `added`: the product of features of a heat or path that is added.
+
+    Its `action` is on no tests yet: what depends on them `twin.differences.proposals` fills in."""
 
     cause: Cause
     unit: str
     sigma: Sigma
     sign: int
-    column: Column
+    action: Action | Exchange
     members: tuple[str, ...] = ()
-    discrete: bool = False
-    repeated: bool = False
+    added: Monomial | None = None
+
+    @property
+    def discrete(self) -> bool:
+        """Whether it is there or not, and so to be scanned before calibration."""
+        return isinstance(self.action, Exchange)
+
+    @property
+    def repeated(self) -> bool:
+        """Whether it shows only where sessions of its kind are there at least twice."""
+        return isinstance(self.action, actions.Course)
+
+    @property
+    def places(self) -> tuple[Place, ...]:
+        """Where a cause of the motor acts: nodes, or both ends of links."""
+        return tuple(tuple(name.split("-")) for name in self.members or (self.cause.place,))
 
 
 # --- The tables: laws that have a mechanism ---------------------------------------------------------------------------------
 
 HEAT, LOG_SCALE, OWN_LINK, MISSING_LINK, CAPACITY, SESSION = 0.05, float(np.log(2)), 1.0, 0.2, 0.3, 0.15
 INPUT_GAIN, FLOW_GAIN, INPUT_BIAS, BOUNDARY_BIAS_K = 0.05, 0.3, 0.02, 3.0
-CLOCK = {"offset": (5.0, "s"), "drift": (100.0, "ppm")}
+CLOCK_S, CLOCK_PPM = 5.0, 100.0
 INPUT_UNITS = {"speed": "rpm", "torque": "Nm", "voltage": "V", "flux": "Wb", "flow": "lpm", "current": "A"}
 ATTACHED_LAG_S = 300.0
 
@@ -117,8 +124,7 @@ def generate(network: Network, channels: Sequence[Sensor], inputs: Sequence[Inpu
 
 def added_monomials(candidates: Sequence[Candidate]) -> tuple[Monomial, ...]:
     """The products of features that the candidates' added terms need, in order of first use, the constant left out."""
-    terms = [term for c in candidates if isinstance(c.column, AddedTerms) for _, term in c.column.terms]
-    return tuple(m for m in dict.fromkeys(monomial(term) for term in terms) if m.powers)
+    return tuple(m for m in dict.fromkeys(c.added for c in candidates) if m is not None and m.powers)
 
 
 def _as_named(network: Network, inputs: Sequence[InputChannel]) -> list[InputChannel]:
@@ -146,29 +152,60 @@ def _exponents(cause: Cause, features: frozenset[str]) -> dict[str, float] | Non
 def _losses(network: Network, features: frozenset[str]) -> Iterator[Candidate]:
     terms = {source.node: source.terms for source in network.sources}
     regions = {node.name: node.region for node in network.nodes}
+    size = Sigma(HEAT, "total_loss")
     for name, members in _places_with_groups(list(regions)):
         own = [terms.get(node, ()) for node in members]
         places = tuple((node,) for node in members)
         shown = members if len(members) > 1 else ()
         if all(own):
             for by in ("scale", "temperature"):
-                yield _entry_factor(Cause("loss", name, by), places, shown, Sigma(HEAT, "total_loss"))
+                yield _of_whole_law(network, Cause("loss", name, by), places, shown, size)
             if regions[members[0]] in ("magnet", "bearing"):
-                yield _entry_factor(Cause("loss", name, "session"), places, shown, Sigma(SESSION))
+                yield _of_whole_law(network, Cause("loss", name, "session"), places, shown, size)
         for law in _laws(own, LOSS_LAWS[regions[members[0]]], features):
-            column = AddedTerms(tuple((p, _unit_term(t, law)) for p, t in zip(places, own, strict=True)))
             sign = 0 if any(own) else 1  # where the model has no heat, a heat can only be missing
-            yield Candidate(Cause("loss", name, law.name), "W", Sigma(HEAT, "total_loss"), sign, column, shown)
+            yield _added(network, Cause("loss", name, law.name), places, shown, size, sign, law, own[0])
 
 
-def _entry_factor(cause: Cause, places: tuple[Place, ...], shown: tuple[str, ...], own_law: Sigma) -> Candidate:
-    """`scale`, `temperature` or `session` of the whole law at the places; `own_law`: the size of one more law there."""
+def _of_whole_law(
+    network: Network, cause: Cause, places: tuple[Place, ...], shown: tuple[str, ...], size: Sigma
+) -> Candidate:
+    """`scale`, `temperature`, or what changes from session to session, of the whole law at the places; `size` of one more law
+    there."""
+    terms = tuple(terms_at(network, place) for place in places)
+    every = tuple(i for own in terms for i in own)
     if cause.law == "scale":
-        return Candidate(cause, "1", Sigma(LOG_SCALE), 0, EntryFactor(places, "one"), shown)
-    if cause.law == "session":
-        return Candidate(cause, "1/session", Sigma(SESSION), 0, EntryFactor(places, "session"), shown, repeated=True)
-    unit = "W" if cause.kind == "loss" else "W/K"
-    return Candidate(cause, unit, own_law, 0, EntryFactor(places, cause.law), shown)
+        return Candidate(cause, "1", Sigma(LOG_SCALE), 0, actions.Scale(every), shown)
+    if cause.law == "temperature":
+        tilt = actions.Tilt(tuple(_place(network, place) for place in places), terms, references=())
+        return Candidate(cause, _UNITS[cause.kind], size, 0, tilt, shown)
+    unit = "1/session" if cause.law == "session" else "1/100 h"
+    return Candidate(cause, unit, Sigma(SESSION), 0, actions.Course(every, cause.law), shown)
+
+
+def _added(
+    network: Network,
+    cause: Cause,
+    places: tuple[Place, ...],
+    shown: tuple[str, ...],
+    size: Sigma,
+    sign: int,
+    law: Monomial,
+    own: Sequence[Term] = (),
+) -> Candidate:
+    """One more law at the places. It goes with copper as the place's own term of that law does."""
+    like = next((term for term in own if product(term) == law), Term(1.0))
+    copper = 1 if like.copper else like.resistance
+    action = actions.Added(tuple(_place(network, place) for place in places), law.name, rms=1.0, own=copper)
+    return Candidate(cause, _UNITS[cause.kind], size, sign, action, shown, law)
+
+
+_UNITS = {"loss": "W", "conductance": "W/K"}  # of what is added
+
+
+def _place(network: Network, names: Place) -> actions.Place:
+    """Indices of a node or of a link's ends, boundaries last."""
+    return actions.Place(*sorted(network.names.index(name) for name in names))
 
 
 def _laws(own: Sequence[tuple[Term, ...]], table: Sequence[str], features: frozenset[str]) -> Iterator[Monomial]:
@@ -181,12 +218,6 @@ def _laws(own: Sequence[tuple[Term, ...]], table: Sequence[str], features: froze
         if exponents is not None:
             ordered.append(product(Term(1.0, exponents)))
     yield from (m for m in dict.fromkeys(ordered) if m not in only)
-
-
-def _unit_term(own: Sequence[Term], law: Monomial) -> Term:
-    """Coefficient 1 with the law; it falls and rises with temperature as the place's own term of that law does."""
-    like = next((term for term in own if product(term) == law), Term(1.0))
-    return Term(1.0, law.exponents, copper=like.copper, resistance=like.resistance, temperature=like.temperature)
 
 
 def _places_with_groups(names: Sequence[str]) -> list[tuple[str, tuple[str, ...]]]:
@@ -202,22 +233,20 @@ def _conductances(network: Network, features: frozenset[str]) -> Iterator[Candid
         shown = tuple("-".join(place) for place in places) if len(places) > 1 else ()
         own = [present[place] for place in places]
         size = Sigma(OWN_LINK, "own_conductance", places)
-        yield _entry_factor(Cause("conductance", name, "scale"), places, shown, size)
+        yield _of_whole_law(network, Cause("conductance", name, "scale"), places, shown, size)
         table = _link_laws(network, places[0], own[0])
         if table or _at_boundary(network, places[0]):
-            yield _entry_factor(Cause("conductance", name, "temperature"), places, shown, size)
+            yield _of_whole_law(network, Cause("conductance", name, "temperature"), places, shown, size)
         if _wears(network, places[0]):
-            yield _entry_factor(Cause("conductance", name, "session"), places, shown, size)
+            yield _of_whole_law(network, Cause("conductance", name, "session"), places, shown, size)
         for law in _laws(own, table, features):
-            column = AddedTerms(tuple((p, _unit_term(t, law)) for p, t in zip(places, own, strict=True)))
-            yield Candidate(Cause("conductance", name, law.name), "W/K", size, 0, column, shown)
+            yield _added(network, Cause("conductance", name, law.name), places, shown, size, 0, law, own[0])
     taken = {name for name, _ in links_with_groups(network, list(present))}
     for name, places in links_with_groups(network, missing(network)):
         if name not in taken:
             shown = tuple("-".join(place) for place in places) if len(places) > 1 else ()
-            column = AddedTerms(tuple((place, Term(1.0)) for place in places))
             size = Sigma(MISSING_LINK, "smaller_neighbour", places)
-            yield Candidate(Cause("conductance", name, "constant"), "W/K", size, 1, column, shown)
+            yield _added(network, Cause("conductance", name, "constant"), places, shown, size, 1, Monomial(()))
 
 
 def _regions(network: Network, place: Place) -> tuple[str, ...]:
@@ -256,18 +285,18 @@ def _insulated(network: Network, place: Place) -> bool:
 def _capacities(network: Network) -> Iterator[Candidate]:
     capacity = {node.name: node.capacity for node in network.nodes}
     for name, members in _places_with_groups(list(capacity)):
+        nodes = tuple(map(network.names.index, members))
         shown = members if len(members) > 1 else ()
-        yield Candidate(Cause("capacity", name, "scale"), "1", Sigma(CAPACITY), 0, CapacityFactor(members), shown)
+        yield Candidate(Cause("capacity", name, "scale"), "1", Sigma(CAPACITY), 0, actions.Capacity(nodes), shown)
         size = Sigma(CAPACITY * float(np.mean([capacity[node] for node in members])))
-        yield Candidate(
-            Cause("capacity", name, "attached"), "J/K", size, 1, AttachedMass(members, ATTACHED_LAG_S), shown
-        )
+        mass = actions.Attached(nodes, ATTACHED_LAG_S)
+        yield Candidate(Cause("capacity", name, "attached"), "J/K", size, 1, mass, shown)
 
 
 def _boundaries(network: Network) -> Iterator[Candidate]:
-    for boundary in network.boundaries:
+    for b, boundary in enumerate(network.boundaries):
         cause = Cause("boundary", boundary.name, "bias")
-        yield Candidate(cause, "K", Sigma(BOUNDARY_BIAS_K), 0, InputError(boundary.name, "bias"))
+        yield Candidate(cause, "K", Sigma(BOUNDARY_BIAS_K), 0, actions.BoundaryBias(b))
 
 
 def sensor_place(channel: Sensor, channels: Sequence[Sensor]) -> str:
@@ -285,14 +314,16 @@ def _sensors(network: Network, channels: Sequence[Sensor]) -> Iterator[Candidate
         for one in SENSOR_LAWS:
             if ambient or not (issubclass(one, Misreading) and one.of_ambient):
                 cause = Cause("sensor", places[channel.name], one.law)
-                yield Candidate(cause, one.unit, Sigma(one.sd), one.sign, Reading(channel.name, one.law))
+                yield Candidate(cause, one.unit, Sigma(one.sd), one.sign, one(channel.name))
     for a, b in combinations(channels, 2):
         if a.bus == b.bus and a.weights != b.weights:
             cause = Cause("sensor", places[a.name], f"swap_{places[b.name]}")
-            yield Candidate(cause, "1", Sigma(1.0), 1, Reading(a.name, "swap", b.name), discrete=True)
+            yield Candidate(cause, "1", Sigma(1.0), 1, Exchange(a.name, b.name))
 
 
 def _clocks(channels: Sequence[Sensor], inputs: Sequence[InputChannel]) -> Iterator[Candidate]:
+    if not inputs:
+        return
     buses = list(dict.fromkeys([*(i.bus for i in inputs), *(c.bus for c in channels)]))
     driving = [sum(i.bus == bus for i in inputs) for bus in buses]
     if (
@@ -300,8 +331,10 @@ def _clocks(channels: Sequence[Sensor], inputs: Sequence[InputChannel]) -> Itera
     ):  # only their difference shows: the one with fewer inputs stands for it, and one alone shows nothing
         buses = buses[1:] if driving[0] >= driving[-1] else buses[:1]
     for bus in buses:
-        for law, (size, unit) in CLOCK.items():
-            yield Candidate(Cause("clock", spelt(bus), law), unit, Sigma(size), 0, ClockError(bus, law))
+        own = tuple(c.name for c in channels if c.bus == bus)
+        for drifts, size in ((False, CLOCK_S), (True, CLOCK_PPM)):
+            late = actions.Late(own, drifts) if own else actions.Late(tuple(c.name for c in channels), drifts, -1.0)
+            yield Candidate(Cause("clock", spelt(bus), late.law), late.unit, Sigma(size), 0, late)
 
 
 def _inputs(network: Network, inputs: Sequence[InputChannel]) -> Iterator[Candidate]:
@@ -309,9 +342,9 @@ def _inputs(network: Network, inputs: Sequence[InputChannel]) -> Iterator[Candid
     for name in dict.fromkeys(i.name for i in inputs if i.name in used):
         own = str(quantity(name))
         gain = FLOW_GAIN if own == "flow" else INPUT_GAIN
-        yield Candidate(Cause("input", name, "gain"), "1", Sigma(gain), 0, InputError(name, "gain"))
-        size = Sigma(INPUT_BIAS * network.scale[own])
-        yield Candidate(Cause("input", name, "bias"), INPUT_UNITS[own], size, 0, InputError(name, "bias"))
+        yield Candidate(Cause("input", name, "gain"), "1", Sigma(gain), 0, actions.InputGain(name))
+        size, bias = Sigma(INPUT_BIAS * network.scale[own]), actions.InputBias(name, network.scale[own])
+        yield Candidate(Cause("input", name, "bias"), INPUT_UNITS[own], size, 0, bias)
 
 
 def _ageing(network: Network) -> Iterator[Candidate]:
@@ -322,5 +355,4 @@ def _ageing(network: Network) -> Iterator[Candidate]:
         limit = next(limits[end] for end in places[0] if end in limits)
         law = f"hours_above_{limit:.15g}degC"
         shown = tuple("-".join(place) for place in places) if len(places) > 1 else ()
-        cause, column = Cause("ageing", name, law), EntryFactor(places, law)
-        yield Candidate(cause, "1/100 h", Sigma(SESSION), 0, column, shown, repeated=True)
+        yield _of_whole_law(network, Cause("ageing", name, law), places, shown, Sigma(SESSION))

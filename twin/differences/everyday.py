@@ -18,7 +18,7 @@ from twin.fitting.model import Test
 from twin.motor import features, sensor_laws
 from twin.motor.causes import groups
 from twin.motor.network import Network, Term
-from twin.motor.paths import links_with_groups, missing
+from twin.motor.paths import links_with_groups, missing, terms_of
 
 Floats = NDArray[np.float64]
 
@@ -132,18 +132,6 @@ def _alike(named: Sequence[tuple[str, tuple[K, ...]]], laws: Mapping[K, object])
 
 def _form(term: Term) -> tuple[object, ...]:
     return (*sorted(term.exponents.items()), term.copper, term.resistance, term.law)
-
-
-def terms_of(network: Network) -> tuple[dict[tuple[str, str], tuple[int, ...]], dict[str, tuple[int, ...]]]:
-    """Places in `features.terms` of every link and of every source."""
-    at, links, sources = 0, {}, {}
-    for link in network.links:
-        links[link.a, link.b] = tuple(range(at, at + len(link.terms)))
-        at += len(link.terms)
-    for source in network.sources:
-        sources[source.node] = tuple(range(at, at + len(source.terms)))
-        at += len(source.terms)
-    return links, sources
 
 
 def _exponents(network: Network) -> Iterator[Parameter]:

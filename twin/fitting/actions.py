@@ -131,6 +131,15 @@ class Late:
     drifts: bool
     sign: float = 1.0
 
+    @property
+    def law(self) -> str:
+        """The law of a clock, as cause ids write it."""
+        return "drift" if self.drifts else "offset"
+
+    @property
+    def unit(self) -> str:
+        return "ppm" if self.drifts else "s"
+
 
 @dataclass(frozen=True)
 class FreeHeat:

@@ -10,11 +10,11 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.differences.everyday import terms_of
 from twin.fitting.recorded import Channel, Test
 from twin.motor.features import monomial, monomials, terms
 from twin.motor.network import Network
 from twin.motor.outputs import BLOCK_S, Output
+from twin.motor.paths import terms_of
 from twin.run.simulate import Frame
 
 Floats = NDArray[np.float64]

@@ -26,7 +26,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.differences.everyday import BOUND, terms_of
+from twin.differences.everyday import BOUND
 from twin.fitting import actions
 from twin.fitting.actions import Parameter
 from twin.fitting.fit import NEAR_ENOUGH, Fit, fit
@@ -36,6 +36,7 @@ from twin.motor import sensor_laws
 from twin.motor.ageing_law import is_insulation
 from twin.motor.features import monomial, monomials, terms
 from twin.motor.network import Network
+from twin.motor.paths import terms_of
 
 Floats = NDArray[np.float64]
 

@@ -20,6 +20,7 @@ from twin.motor.network import Network
 from twin.motor.sensor_laws import SENSOR_LAWS
 
 KINDS = ("loss", "conductance", "capacity", "boundary", "sensor", "clock", "input", "ageing")
+OF_THE_MOTOR = ("loss", "conductance", "capacity", "ageing")  # what a motor file says; a bench file corrects the others
 FIXED_LAWS = {  # kind -> the laws that are no products of features
     "loss": ("scale", "constant"),
     "conductance": ("scale", "constant"),

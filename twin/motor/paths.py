@@ -1,4 +1,4 @@
-"""The heat paths of a motor by name, and those that its file does not have."""
+"""The heat paths of a motor by name: which terms are whose, and which paths its file does not have."""
 
 from __future__ import annotations
 
@@ -9,6 +9,26 @@ from twin.motor.causes import link_place, mirrored
 from twin.motor.network import Network
 
 Place = tuple[str, ...]  # (node,), or the two ends of a link as its cause id writes them
+
+
+def terms_of(network: Network) -> tuple[dict[tuple[str, str], tuple[int, ...]], dict[str, tuple[int, ...]]]:
+    """Places in `twin.motor.features.terms` of every link, by its ends as the file writes them, and of every source."""
+    at, links, sources = 0, {}, {}
+    for link in network.links:
+        links[link.a, link.b] = tuple(range(at, at + len(link.terms)))
+        at += len(link.terms)
+    for source in network.sources:
+        sources[source.node] = tuple(range(at, at + len(source.terms)))
+        at += len(source.terms)
+    return links, sources
+
+
+def terms_at(network: Network, place: Place) -> tuple[int, ...]:
+    """The terms of one source or link, whichever way round it is written; none where the file has none there."""
+    links, sources = terms_of(network)
+    if len(place) == 1:
+        return sources.get(place[0], ())
+    return links.get((place[0], place[1])) or links.get((place[1], place[0]), ())
 
 
 def missing(network: Network) -> list[tuple[str, str]]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,12 +14,12 @@ from replay.engine.results.residuals import where
 from replay.studies.diagnosis.answer import Named, Rival, Shown, UnknownHeat
 from replay.studies.diagnosis.formulas import formula
 from replay.studies.diagnosis.kept_sessions import Measured
-from twin.calibration.learned import size
+from twin.calibration.learned import size, term_of
 from twin.diagnosis.free_heats import Unknown
 from twin.diagnosis.naming import MOST_SIGMAS, MOST_TERMS, Naming, Refit, Round
 from twin.diagnosis.told_apart import separating_test, telling_test, told_apart
 from twin.differences.candidates import Candidate
-from twin.differences.columns import AddedTerms
+from twin.fitting.actions import Added
 from twin.fitting.fit import Fit
 from twin.fitting.model import Model
 from twin.fitting.noise import floor_variance
@@ -153,9 +153,9 @@ def _largest_effect(final: Fit, place: int) -> tuple[float, str, int, float]:
 
 
 def _formula(refit: Refit, value: float, network: Network) -> str:
-    cause, column = refit.candidate.cause, refit.candidate.column
-    if isinstance(column, AddedTerms):
-        return formula(replace(column.terms[0][1], coefficient=value), cause.place, network)
+    cause, action, added = refit.candidate.cause, refit.candidate.action, refit.candidate.added
+    if isinstance(action, Added) and added is not None:
+        return formula(term_of(action, value, added.exponents), cause.place, network)
     if cause.law == "scale":
         return f"{cause.kind} of {cause.place} times {value:.3g}"
     unit = "" if refit.candidate.unit == "1" else f" {refit.candidate.unit}"

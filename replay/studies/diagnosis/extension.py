@@ -16,14 +16,13 @@ from twin.diagnosis.expressible import expressible, readings
 from twin.diagnosis.naming import Refit
 from twin.diagnosis.swaps import Swap
 from twin.differences.candidates import sensor_place
-from twin.differences.columns import Reading
 from twin.fitting import actions
 from twin.fitting.fit import Fit
+from twin.motor.causes import OF_THE_MOTOR
 from twin.motor.network import Network
 from twin.motor.sensor import Sensor
 from twin.motor.sensor_laws import Lag, Misreading
 
-MOTOR_KINDS = ("loss", "conductance", "capacity", "ageing")
 DIGITS = 3  # of a healthy difference in a bench file
 FIRST, LAST = (
     ("bias", "drift"),
@@ -57,7 +56,7 @@ def version(
     own = readings(fit, places)
     amounts = {str(swap.candidate.cause): 1.0 for swap in swaps}
     for place, refit in places.items():
-        if refit.candidate.cause.kind not in MOTOR_KINDS:
+        if refit.candidate.cause.kind not in OF_THE_MOTOR:
             amounts[str(refit.candidate.cause)] = size(fit, place, refit.candidate.unit).value
     sensors = _sensors(campaign.observed, swaps)
     healthy = {_cause(action, network, campaign, sensors): amount for action, amount in own.errors.items()}
@@ -72,9 +71,7 @@ def _sensors(observed: Sequence[Sensor], swaps: Sequence[Swap]) -> dict[str, str
     the other channel."""
     other = {c.name: c.name for c in observed}
     for swap in swaps:
-        pair = swap.candidate.column
-        assert isinstance(pair, Reading)
-        other |= {pair.channel: pair.other, pair.other: pair.channel}
+        other |= {swap.pair.channel: swap.pair.other, swap.pair.other: swap.pair.channel}
     crossed = {c.name: replace(c, name=other[c.name]) for c in observed}
     return {name: sensor_place(c, list(crossed.values())) for name, c in crossed.items()}
 
@@ -84,9 +81,9 @@ def _cause(action: actions.OnBench, network: Network, campaign: Campaign, sensor
     match action:
         case Misreading(channel) | Lag(channel):
             return f"sensor.{sensors[channel]}.{action.law}"
-        case actions.Late(channels, drifts):
+        case actions.Late(channels):
             bus = next(o.bus for o in campaign.observed if o.name in channels)
-            return f"clock.{spelt(bus)}.{'drift' if drifts else 'offset'}"
+            return f"clock.{spelt(bus)}.{action.law}"
         case actions.BoundaryBias(boundary):
             return f"boundary.{network.boundaries[boundary].name}.bias"
         case actions.InputGain(name):

@@ -15,7 +15,6 @@ from twin.diagnosis.naming import Naming, Refit, search, without_term
 from twin.diagnosis.patchwork import nodes_of
 from twin.diagnosis.swaps import Swap, exchanged
 from twin.diagnosis.unknown import FreeHeat
-from twin.differences.columns import Reading
 from twin.differences.everyday import everyday
 from twin.errors import DivergedError
 from twin.fitting.fit import NEAR_ENOUGH, Fit, fit
@@ -41,10 +40,8 @@ def find(campaign: Campaign, model: Model, swaps: list[Swap], kept: list[Test], 
     """Search, ask whether an unknown heat explains more, and let the kept sessions speak against what makes them worse."""
     straight, straight_kept = campaign.tests, kept
     for swap in swaps:
-        column = swap.candidate.column
-        assert isinstance(column, Reading)
-        straight = exchanged(straight, column.channel, column.other)
-        straight_kept = list(exchanged(straight_kept, column.channel, column.other))
+        straight = exchanged(straight, swap.pair.channel, swap.pair.other)
+        straight_kept = list(exchanged(straight_kept, swap.pair.channel, swap.pair.other))
     if swaps:
         model = Model(campaign.network, straight, everyday(campaign.network, straight))
     naming = search(model, campaign.candidates, tell)

@@ -15,8 +15,8 @@ from replay.engine.files.motor_file import read_motor
 from replay.engine.frame.observations import sensor_of
 from replay.errors import ReplayDataError
 from replay.studies.sessions.recorded import STEP_S, test_of
+from twin.differences.bench import InputChannel
 from twin.differences.candidates import Candidate, added_monomials, generate
-from twin.differences.columns import EntryFactor, InputChannel
 from twin.fitting.model import Test
 from twin.motor.configured import configured
 from twin.motor.features import Monomial
@@ -149,5 +149,4 @@ def kept_of(question: Question, campaign: Campaign) -> list[Test]:
 
 def across(candidates: Sequence[Candidate]) -> tuple[str, ...]:
     """The laws of candidates that change from session to session."""
-    columns = (c.column for c in candidates if c.repeated)
-    return tuple(dict.fromkeys(column.by for column in columns if isinstance(column, EntryFactor)))
+    return tuple(dict.fromkeys(c.cause.law for c in candidates if c.repeated))

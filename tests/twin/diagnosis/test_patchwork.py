@@ -6,8 +6,8 @@ import pytest
 
 from made.motor import CHANNELS, SINGLE, every_law
 from twin.diagnosis.patchwork import is_patchwork, nodes_of
+from twin.differences.bench import InputChannel
 from twin.differences.candidates import generate
-from twin.differences.columns import InputChannel
 from twin.motor.sensor import Sensor
 
 CANDIDATES = {

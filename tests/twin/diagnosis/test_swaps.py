@@ -14,14 +14,15 @@ from scipy.stats import multivariate_normal
 from made import motor as made
 from twin.diagnosis import swaps
 from twin.differences.candidates import Candidate
-from twin.differences.columns import CapacityFactor, Reading
 from twin.differences.everyday import everyday
 from twin.differences.sizes import Sigma
+from twin.fitting.actions import Capacity
 from twin.fitting.model import Model, Test
 from twin.fitting.noise import ChannelNoise
 from twin.motor.causes import Cause
 from twin.motor.network import Link, Network, Source, Term
 from twin.motor.outputs import blocks
+from twin.motor.sensor_laws import Exchange
 
 Floats = NDArray[np.float64]
 
@@ -30,9 +31,7 @@ INITIAL = np.array([60.0, 50.0, 55.0, 45.0])
 
 def _swap(a: str, b: str) -> Candidate:
     place = {"W_1": "winding", "Y_1": "yoke", "R_1": "magnet"}
-    return Candidate(
-        Cause("sensor", place[a], f"swap_{place[b]}"), "1", Sigma(1.0), 1, Reading(a, "swap", b), discrete=True
-    )
+    return Candidate(Cause("sensor", place[a], f"swap_{place[b]}"), "1", Sigma(1.0), 1, Exchange(a, b))
 
 
 PAIRS = (_swap("W_1", "Y_1"), _swap("W_1", "R_1"), _swap("Y_1", "R_1"))
@@ -95,8 +94,8 @@ def test_the_evidence_of_an_exchange_is_the_gaussian_one() -> None:
 @pytest.mark.parametrize("pair", PAIRS, ids=lambda c: str(c.cause))
 def test_an_exchanged_pair_is_found_and_no_other(pair: Candidate) -> None:
     network = made.every_law()
-    assert isinstance(pair.column, Reading)
-    tests = swaps.exchanged(_tests(network), pair.column.channel, pair.column.other)
+    assert isinstance(pair.action, Exchange)
+    tests = swaps.exchanged(_tests(network), pair.action.channel, pair.action.other)
     (found,) = swaps.scan(_model(network, tests), PAIRS)
     assert found.candidate == pair
     assert found.log_bayes_factor > swaps.MARGIN
@@ -173,7 +172,7 @@ def test_what_another_cause_explains_better_is_no_exchange(monkeypatch: pytest.M
     """The pair stands out before calibration and after it, and not beside a candidate that explains as much."""
     network = made.every_law()
     tests = swaps.exchanged(_tests(network), "W_1", "Y_1")
-    other = Candidate(Cause("capacity", "yoke", "scale"), "1", Sigma(0.3), 0, CapacityFactor(("yoke",)))
+    other = Candidate(Cause("capacity", "yoke", "scale"), "1", Sigma(0.3), 0, Capacity((made.YOKE,)))
     assert [swap.candidate for swap in swaps.scan(_model(network, tests), (*PAIRS, other))] == [PAIRS[0]]
 
     def explains_all(*_: object) -> SimpleNamespace:

@@ -17,12 +17,12 @@ from twin.diagnosis.mode import stacked
 from twin.diagnosis.naming import Refit, Round
 from twin.diagnosis.next_tests import as_test, menu
 from twin.diagnosis.told_apart import STANDS_OUT, _Recorded, separating_test, telling_test, told_apart
+from twin.differences.bench import InputChannel
 from twin.differences.candidates import Candidate, added_monomials, generate
-from twin.differences.columns import ClockError, InputChannel
 from twin.differences.everyday import everyday, of_test
 from twin.differences.proposals import Proposals
 from twin.differences.sizes import Sigma
-from twin.fitting.actions import InputGain, Parameter
+from twin.fitting.actions import InputGain, Late, Parameter
 from twin.fitting.fit import Fit, fit
 from twin.fitting.model import Model, Test
 from twin.fitting.noise import ChannelNoise
@@ -39,7 +39,7 @@ NOISE = ChannelNoise(ar_sd=0.03, ar_tau_s=60.0, ou_sd=0.05, ou_tau_s=600.0)
 
 
 def _candidate(text: str) -> Candidate:
-    return Candidate(Cause(*text.split(".", 2)), "W", Sigma(1.0), 0, ClockError("can1", "offset"))
+    return Candidate(Cause(*text.split(".", 2)), "W", Sigma(1.0), 0, Late((), False))
 
 
 CAUSES = ("loss.magnet.speed2", "loss.magnet.speed3", "loss.yoke.speed2", "loss.case.constant")

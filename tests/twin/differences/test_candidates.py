@@ -9,21 +9,16 @@ import pytest
 
 from benchmarks.integrator import motor
 from twin.diagnosis.evidence import prior_masses
+from twin.differences.bench import InputChannel
 from twin.differences.candidates import Candidate, added_monomials, generate, sensor_place
-from twin.differences.columns import (
-    AddedTerms,
-    AttachedMass,
-    ClockError,
-    EntryFactor,
-    InputChannel,
-    InputError,
-    Reading,
-)
 from twin.differences.sizes import Scales, Sigma
+from twin.fitting import actions
 from twin.motor.causes import groups, parse, says
 from twin.motor.features import monomials
 from twin.motor.network import Boundary, Link, Network, Node, Source, Term
+from twin.motor.paths import terms_at
 from twin.motor.sensor import Sensor
+from twin.motor.sensor_laws import Exchange, Lag
 
 NODES = (
     "endwinding_a_inner",
@@ -100,8 +95,8 @@ def test_the_causes_that_engineers_look_for_are_among_them(text: str, candidates
 
 
 def test_no_two_are_made_the_same_way(candidates: tuple[Candidate, ...]) -> None:
-    columns = [repr(c.column) for c in candidates]
-    assert len(set(columns)) == len(columns)
+    made = [repr(c.action) for c in candidates]
+    assert len(set(made)) == len(made)
 
 
 def test_where_a_loss_or_path_is_one_term_its_scale_stands_for_that_term(candidates: tuple[Candidate, ...]) -> None:
@@ -118,38 +113,45 @@ def test_no_path_is_both_there_and_missing(candidates: tuple[Candidate, ...]) ->
     missing = [c for c in candidates if c.cause.kind == "conductance" and c.sign == 1]
     assert len(missing) > 50
     for candidate in missing:
-        assert isinstance(candidate.column, AddedTerms)
-        assert all(frozenset(place) not in present for place, _ in candidate.column.terms)
+        assert isinstance(candidate.action, actions.Added)
+        assert all(frozenset(place) not in present for place in candidate.places)
 
 
 def test_a_group_shares_one_amplitude_between_its_members(candidates: tuple[Candidate, ...]) -> None:
     loss = _by_id(candidates)["loss.winding.speed2_current2"]
     assert loss.members == ("winding_a", "winding_b")
-    assert isinstance(loss.column, AddedTerms) and [p for p, _ in loss.column.terms] == [("winding_a",), ("winding_b",)]
+    names = motor("reference_motor").names
+    assert isinstance(loss.action, actions.Added)
+    assert [names[place.a] for place in loss.action.places] == ["winding_a", "winding_b"]
     path = _by_id(candidates)["conductance.winding-endwinding_inner.scale"]
     assert path.members == ("winding_a-endwinding_a_inner", "winding_b-endwinding_b_inner")
-    names = groups(node.name for node in motor("reference_motor").nodes)
+    stems = groups(node.name for node in motor("reference_motor").nodes)
     for candidate in candidates:
-        grouped = any(end in names for end in candidate.cause.ends)
+        grouped = any(end in stems for end in candidate.cause.ends)
         assert len(candidate.members) == (2 if grouped else 0)
 
 
-def test_an_added_term_falls_with_temperature_as_the_place_s_own_term_does(candidates: tuple[Candidate, ...]) -> None:
-    column = _by_id(candidates)["loss.winding_a.speed2_current2"].column
-    assert isinstance(column, AddedTerms)
-    assert column.terms[0][1] == Term(1.0, {"speed": 2.0, "current": 2.0}, resistance=-1)
+def test_an_added_term_goes_with_copper_as_the_place_s_own_term_does(candidates: tuple[Candidate, ...]) -> None:
+    added = _by_id(candidates)["loss.winding_a.speed2_current2"]
+    assert isinstance(added.action, actions.Added)
+    assert added.action.own == -1
+    assert added.added is not None
+    assert added.added.exponents == {"speed": 2.0, "current": 2.0}
 
 
-def test_columns_say_what_is_wrong(candidates: tuple[Candidate, ...]) -> None:
-    ids = _by_id(candidates)
-    assert ids["loss.teeth.scale"].column == EntryFactor((("teeth",),), "one")
-    assert ids["capacity.air.attached"].column == AttachedMass(("air_a", "air_b"), 300.0)
-    assert ids["sensor.teeth.swap_yoke"].column == Reading("TC_teeth", "swap", "TC_yoke")
-    assert ids["sensor.magnet@MAG_2.lag"].column == Reading("MAG-2", "lag")
-    assert ids["clock.can1.drift"].column == ClockError("can1", "drift")
-    assert ids["boundary.ambient.bias"].column == InputError("ambient", "bias")
-    ageing = ids["ageing.winding-yoke.hours_above_180degC"].column
-    assert ageing == EntryFactor((("winding_a", "yoke"), ("winding_b", "yoke")), "hours_above_180degC")
+def test_actions_say_what_is_wrong(candidates: tuple[Candidate, ...]) -> None:
+    ids, network = _by_id(candidates), motor("reference_motor")
+    air = tuple(network.names.index(name) for name in ("air_a", "air_b"))
+    around = [boundary.name for boundary in network.boundaries]
+    assert ids["loss.teeth.scale"].action == actions.Scale(terms_at(network, ("teeth",)))
+    assert ids["capacity.air.attached"].action == actions.Attached(air, 300.0)
+    assert ids["sensor.teeth.swap_yoke"].action == Exchange("TC_teeth", "TC_yoke")
+    assert ids["sensor.magnet@MAG_2.lag"].action == Lag("MAG-2")
+    assert ids["clock.can1.drift"].action == actions.Late(("MAG-2",), True)
+    assert ids["boundary.ambient.bias"].action == actions.BoundaryBias(around.index("ambient"))
+    slots = [terms_at(network, place) for place in (("winding_a", "yoke"), ("yoke", "winding_b"))]
+    ageing = ids["ageing.winding-yoke.hours_above_180degC"].action
+    assert ageing == actions.Course(slots[0] + slots[1], "hours_above_180degC")
 
 
 def test_only_swaps_are_discrete_and_only_laws_across_sessions_need_a_repeated_kind(
@@ -161,9 +163,9 @@ def test_only_swaps_are_discrete_and_only_laws_across_sessions_need_a_repeated_k
 
 
 def test_sensors_are_exchanged_only_on_one_bus_and_between_places(candidates: tuple[Candidate, ...]) -> None:
-    swapped = [c.column for c in candidates if c.discrete]
+    swapped = [c.action for c in candidates if c.discrete]
     assert len(swapped) == 8 * 7 // 2  # MAG-2 is on another bus
-    assert all(isinstance(c, Reading) and "MAG-2" not in (c.channel, c.other) for c in swapped)
+    assert all(isinstance(c, Exchange) and "MAG-2" not in (c.channel, c.other) for c in swapped)
     two = (Sensor("A", {"magnet": 1.0}, "can0"), Sensor("B", {"magnet": 1.0}, "can0"))
     assert not any(c.discrete for c in generate(motor("reference_motor"), two, INPUTS))
 
@@ -268,9 +270,14 @@ def test_laws_use_only_what_the_bench_measures() -> None:
     without = [i for i in INPUTS if i.name not in ("current", "flow")]
     network = motor("reference_motor")
     for candidate in generate(network, CHANNELS, without):
-        if candidate.cause.kind == "loss" and isinstance(candidate.column, AddedTerms):
+        if candidate.cause.kind == "loss" and isinstance(candidate.action, actions.Added):
             known = {m for source in network.sources for t in source.terms for m in t.exponents}
             assert set(candidate.cause.exponents) <= {"speed", "torque"} | known
+
+
+def test_a_bench_that_drives_nothing_has_no_clock_to_be_off() -> None:
+    assert not [c for c in generate(motor("reference_motor"), CHANNELS, []) if c.cause.kind == "clock"]
+    assert generate(motor("reference_motor"), [], [])
 
 
 def test_where_no_current_is_known_the_torque_stands_for_it() -> None:

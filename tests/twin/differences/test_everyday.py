@@ -19,7 +19,6 @@ from twin.differences.everyday import (
     mean_conductances,
     mean_loss_W,
     of_test,
-    terms_of,
 )
 from twin.fitting import actions
 from twin.fitting.actions import Parameter
@@ -27,7 +26,7 @@ from twin.fitting.model import Model, Test
 from twin.motor import sensor_laws
 from twin.motor.features import Monomial, monomial, terms
 from twin.motor.network import Boundary, Link, Network, Node, Source, Term
-from twin.motor.paths import missing
+from twin.motor.paths import missing, terms_of
 
 Floats = NDArray[np.float64]
 

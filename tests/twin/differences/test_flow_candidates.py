@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from twin.differences.bench import InputChannel
 from twin.differences.candidates import added_monomials, generate
-from twin.differences.columns import InputChannel, InputError
+from twin.fitting.actions import InputBias, InputGain
 from twin.motor.network import Boundary, Link, Network, Node, Source, Term
 from twin.motor.sensor import Sensor
 
@@ -59,5 +60,5 @@ def test_what_candidates_of_flows_need_is_made_of_the_motors_own_flows() -> None
     found = generate(cooled("flow_jacket", "flow_oil"), CHANNELS, INPUTS)
     used = {feature for m in added_monomials(found) for feature in m.features}
     assert {f for f in used if f.startswith("flow")} == {"flow_jacket", "flow_oil"}
-    wrong = {c.column.name for c in found if isinstance(c.column, InputError)}
-    assert wrong == {"current", "flow_jacket", "flow_oil", "coolant", "oil"}
+    wrong = {c.action.name for c in found if isinstance(c.action, InputGain | InputBias)}
+    assert wrong == {"current", "flow_jacket", "flow_oil"}

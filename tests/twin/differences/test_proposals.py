@@ -9,13 +9,14 @@ import pytest
 from numpy.typing import NDArray
 
 from made.motor import CHANNELS, SINGLE, every_law, pulses, recorded
+from twin.differences.bench import InputChannel
 from twin.differences.candidates import Candidate, added_monomials, generate
-from twin.differences.columns import ClockError, InputChannel
 from twin.differences.everyday import mean_conductances, mean_loss_W
 from twin.differences.proposals import Proposals, scales
 from twin.fitting import actions
 from twin.fitting.model import Model, Test
 from twin.motor import sensor_laws
+from twin.motor.paths import terms_at
 from twin.motor.sensor import Sensor
 
 Floats = NDArray[np.float64]
@@ -91,9 +92,9 @@ def test_a_missing_path_may_only_carry_heat_downhill(proposals: Proposals) -> No
 
 def test_a_scale_multiplies_the_terms_of_its_place_whichever_way_it_is_written(proposals: Proposals) -> None:
     assert proposals.parameter(CANDIDATES["loss.winding.scale"]).action == actions.Scale((8, 9))
-    assert proposals.terms(("case", "ambient")) == proposals.terms(("ambient", "case")) == (6, 7)
-    assert proposals.terms(("magnet",)) == (12,)
-    assert proposals.terms(("winding", "magnet")) == ()
+    assert terms_at(every_law(), ("case", "ambient")) == terms_at(every_law(), ("ambient", "case")) == (6, 7)
+    assert terms_at(every_law(), ("magnet",)) == (12,)
+    assert terms_at(every_law(), ("winding", "magnet")) == ()
 
 
 def test_a_slope_with_temperature_has_a_prior_of_heat_not_of_slope(proposals: Proposals, tests: list[Test]) -> None:
@@ -111,8 +112,13 @@ def test_a_slope_with_temperature_has_a_prior_of_heat_not_of_slope(proposals: Pr
 
 def test_a_clock_is_of_all_channels_of_its_bus_or_of_all_against_the_inputs(proposals: Proposals) -> None:
     assert proposals.parameter(CANDIDATES["clock.can2.offset"]).action == actions.Late(("Y_1", "R_1"), False)
-    of_inputs = replace(CANDIDATES["clock.can2.drift"], column=ClockError("can3", "drift"))
-    assert proposals.parameter(of_inputs).action == actions.Late(("W_1", "Y_1", "R_1"), True, -1.0)
+    of_inputs = actions.Late(("W_1", "Y_1", "R_1"), True, -1.0)
+    assert proposals.parameter(CANDIDATES["clock.can3.drift"]).action == of_inputs
+
+
+def test_a_channel_that_no_test_has_is_no_part_of_a_clock(proposals: Proposals) -> None:
+    clock = replace(CANDIDATES["clock.can2.offset"], action=actions.Late(("R_1", "X_1", "Y_1"), False))
+    assert proposals.parameter(clock).action == actions.Late(("Y_1", "R_1"), False)
 
 
 def test_inputs_and_boundaries_read_too_much(proposals: Proposals) -> None:

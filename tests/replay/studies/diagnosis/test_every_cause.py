@@ -29,12 +29,13 @@ from replay.engine.files.motor_file import read_motor
 from replay.engine.files.motor_text import written
 from replay.engine.files.network_text import network_text
 from twin.calibration.learned import network_of
+from twin.differences.bench import InputChannel
 from twin.differences.candidates import Candidate, added_monomials, generate
-from twin.differences.columns import InputChannel, ObservedChannel
 from twin.differences.proposals import Proposals
 from twin.fitting.fit import Fit
 from twin.fitting.model import Model
 from twin.motor.causes import KINDS
+from twin.motor.sensor import Sensor
 
 Floats = NDArray[np.float64]
 
@@ -51,7 +52,7 @@ CANDIDATES = {
     str(c.cause): c
     for c in generate(
         every_law(),
-        [ObservedChannel(name, weights, BUSES[name]) for name, (weights, _) in CHANNELS.items()],
+        [Sensor(name, weights, BUSES[name]) for name, (weights, _) in CHANNELS.items()],
         [InputChannel(name, INPUT_BUS) for name in (*SINGLE, *AROUND_DEGC)],
     )
 }
