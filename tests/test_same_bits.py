@@ -19,6 +19,7 @@ FEED = (  # what a run's features and coefficients go through, in the order of a
         "ingest/log/held.py",
         "ingest/texts/units.py",
         "ingest/bench/corrections.py",
+        "ingest/bench/laws.py",
         "ingest/log/decode.py",
     ),
     *("ingest/texts/powers.py", "ingest/texts/expressions.py", "ingest/log/samples.py"),

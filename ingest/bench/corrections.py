@@ -2,19 +2,8 @@
 
 A correction is named by the id of its cause, `kind.place.law`: the kind ends at the first dot, the place at the second. Its
 amount is reading minus truth. Corrections are taken off in the order of the file, each from what those above it left; so a
-place is called what it is called after the exchanges above.
-
-| law | reading, of the truth T | unit of the amount a |
-|---|---|---|
-| `sensor` `input` `boundary` `bias` | T + a | stored unit (K for temperatures) |
-| `sensor` `input` `gain` | T (1 + a), temperatures in degC | share |
-| `sensor` `drift` | T + a t, t since the start of the session | K/h |
-| `sensor` `stem` | T + a (T_ambient - T) | share |
-| `sensor` `lag` | follows T more slowly, by a first-order lag | s, added to `time_constant_s` |
-| `sensor` `swap_<other>` | the truth of the other sensor's node | 1 |
-| `sensor` `hold dropout stuck saturation` | not T; such samples are masked where they are found | 1 |
-| `clock` `offset` | stamps late by a | s |
-| `clock` `drift` | stamps late by a t | ppm |
+place is called what it is called after the exchanges above. `ingest.bench.laws` says what each law takes off; besides, a lag is
+added to the `time_constant_s` of its channel, and exchanged sensors take over each other's node.
 """
 
 from __future__ import annotations
@@ -23,28 +12,15 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
-import numpy as np
-from numpy.typing import NDArray
-
 from ingest.bench.channel import Channel
+from ingest.bench.laws import LAWS, SWAP, THERE_OR_NOT, Array, Beside, Law, Times
 from ingest.errors import BenchFileError
 from ingest.texts.nearest import hint
 from ingest.texts.toml_file import NUMBER, TEXT, Table
 
 KEYS = ("cause", "amount")
-MASKED = ("hold", "dropout", "stuck", "saturation")
-SWAP = "swap_"
 AMBIENT = "ambient"  # node whose temperature pulls at a sensor's stem
-LAWS: Mapping[str, tuple[str, ...]] = {
-    "sensor": ("bias", "gain", "lag", "drift", "stem", *MASKED),
-    "clock": ("offset", "drift"),
-    "input": ("gain", "bias"),
-    "boundary": ("bias",),
-}
 OF_THE_MOTOR = ("loss", "conductance", "capacity", "ageing")
-
-Array = NDArray[np.float64]
-Times = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -66,6 +42,11 @@ class Correction:
     @property
     def law(self) -> str:
         return self.cause.split(".", 2)[2]
+
+    @property
+    def rule(self) -> Law:
+        """What its law does, of one that a bench can have."""
+        return THERE_OR_NOT if self.law.startswith(SWAP) else LAWS[self.kind][self.law]
 
 
 @dataclass(frozen=True)
@@ -121,7 +102,7 @@ def correct(file: str, channels: Sequence[Channel], corrections: Iterable[Correc
         elif one.law.startswith(SWAP):
             a, b = (now[i] for i in at)
             now[at[0]], now[at[1]] = _measuring(a, b), _measuring(b, a)
-        elif one.law not in MASKED:
+        elif one.rule.off is not None:
             for i in at:
                 steps[i] = (*steps[i], one)
         law = SWAP if one.law.startswith(SWAP) else f"{one.place}.{one.law}" if one.kind == "clock" else one.law
@@ -129,45 +110,31 @@ def correct(file: str, channels: Sequence[Channel], corrections: Iterable[Correc
     return Corrected(tuple(now), tuple(steps), tuple(targets))
 
 
-def composed(law: str, first: float, then: float) -> float:
-    """The one amount that is as good as `first`, and `then` of what it left: of a gain (1 + a) (1 + b) - 1, of a stem
-    1 - (1 - a) (1 - b), of everything else the sum."""
-    match law:
-        case "gain":
-            return (1.0 + first) * (1.0 + then) - 1.0
-        case "stem":
-            return 1.0 - (1.0 - first) * (1.0 - then)
-    return first + then
+def in_order(amounts: Mapping[str, float]) -> dict[str, float]:
+    """Cause -> amount in the order in which the causes are best taken off: exchanges first, as places below are called what they
+    are called then; then what is added to readings, then factors."""
+    return dict(sorted(amounts.items(), key=lambda one: Correction(*one).rule.turn))
 
 
 def true_times(t_ns: Times, corrections: Iterable[Correction], bus: str, start_ns: int) -> Times:
     """Stamps (N,) [ns] of a bus without what its clock is late by; a clock drifts from `start_ns` on."""
     for one in corrections:
-        if (one.kind, one.place) == ("clock", spelt(bus)):
-            if one.law == "offset":
-                t_ns = t_ns - round(one.amount * 1e9)
-            else:
-                share = one.amount * 1e-6
-                t_ns = t_ns - np.rint((t_ns - start_ns) * (share / (1.0 + share))).astype(np.int64)
+        if (one.kind, one.place) == ("clock", spelt(bus)) and one.rule.true_stamps is not None:
+            t_ns = one.rule.true_stamps(t_ns, one.amount, start_ns)
     return t_ns
 
 
 def true_values(value: Array, steps: Iterable[Correction], hours: Array, ambient: Array | None) -> Array:
     """Values (N,) in the stored unit without what `steps` say is wrong with them.
 
-    `hours` (N,) since the start of the session; `ambient` (N,) [degC], None where the session does not know it: then a
-    `stem` stays in.
+    `hours` (N,) since the start of the session; `ambient` (N,) [degC], None where the session does not know it: then what needs
+    it stays in.
     """
+    beside = Beside(hours, ambient)
     for one in steps:
-        match one.law:
-            case "bias":
-                value = value - one.amount
-            case "gain":
-                value = value / (1.0 + one.amount)
-            case "drift":
-                value = value - one.amount * hours
-            case "stem" if ambient is not None:
-                value = (value - one.amount * ambient) / (1.0 - one.amount)
+        rule = one.rule
+        if rule.off is not None and not (rule.needs_ambient and ambient is None):
+            value = rule.off(value, one.amount, beside)
     return value
 
 
@@ -192,12 +159,8 @@ def _check(file: str, one: Correction) -> None:
     laws, swap = LAWS[one.kind], one.kind == "sensor" and one.law.startswith(SWAP)
     if one.law not in laws and not swap:
         raise _refusal(file, one, f"has a law that no {one.kind} has: {', '.join(laws)}.{hint(one.law, laws)}")
-    if (swap or one.law in MASKED) and one.amount != 1.0:
-        raise _refusal(file, one, f"is there or not: its amount must be 1, found {one.amount:g}.")
-    if one.law == "gain" and one.amount <= -1.0:
-        raise _refusal(file, one, f"leaves nothing to read: its amount must be above -1, found {one.amount:g}.")
-    if one.law == "stem" and one.amount >= 1.0:
-        raise _refusal(file, one, f"leaves only the ambient: its amount must be below 1, found {one.amount:g}.")
+    if not one.rule.fits(one.amount):
+        raise _refusal(file, one, f"{one.rule.refusal}, found {one.amount:g}.")
 
 
 def _places(file: str, one: Correction, channels: Sequence[Channel]) -> tuple[int, ...]:
@@ -214,9 +177,9 @@ def _places(file: str, one: Correction, channels: Sequence[Channel]) -> tuple[in
             return tuple(_known(file, one, one.place, around, "no channel measures"))
     sensors = _sensors(channels)
     here = _one_sensor(file, one, one.place, sensors)
-    if one.law == "stem" and not any(c.node == AMBIENT for c in channels if _is_temperature(c)):
+    if one.rule.needs_ambient and not any(c.node == AMBIENT for c in channels if _is_temperature(c)):
         raise _refusal(file, one, f'needs the ambient: add the channel that measures it, with node = "{AMBIENT}".')
-    if one.law == "stem" and channels[here].node == AMBIENT:
+    if one.rule.needs_ambient and channels[here].node == AMBIENT:
         raise _refusal(file, one, "is of the ambient itself: take it out.")
     if not one.law.startswith(SWAP):
         return (here,)

@@ -312,7 +312,7 @@ def _on_time(piece: _Piece, bench: Bench | None, stem: str, start_ns: int) -> _P
 def _ambient(pieces: Mapping[str, Sequence[_Piece]], start_ns: int) -> _Around | None:
     """The ambient temperature, as the mean over its channels. None where no reading has to be freed of it, or the
     session does not record it."""
-    if not any(step.law == "stem" for some in pieces.values() for piece in some for step in piece.steps):
+    if not any(step.rule.needs_ambient for some in pieces.values() for piece in some for step in piece.steps):
         return None
     found = [
         _joined(some, start_ns, None)
@@ -366,8 +366,8 @@ def _joined(some: Sequence[_Piece], start_ns: int, around: _Around | None) -> Ch
 def _true_values(piece: _Piece, start_ns: int, around: _Around | None) -> Array:
     if not piece.steps:
         return piece.value
-    stem = around is not None and any(step.law == "stem" for step in piece.steps)
-    ambient = around(piece.t_ns) if around is not None and stem else None
+    needed = any(step.rule.needs_ambient for step in piece.steps)
+    ambient = around(piece.t_ns) if around is not None and needed else None
     return true_values(piece.value, piece.steps, (piece.t_ns - start_ns) / 3.6e12, ambient)
 
 

@@ -10,7 +10,8 @@ from typing import Any
 
 from ingest.bench.bench_file import Bench, read_bench
 from ingest.bench.channel import Channel
-from ingest.bench.corrections import MASKED, SWAP, Correction, composed, correct
+from ingest.bench.corrections import Correction, correct
+from ingest.bench.laws import SWAP
 from ingest.errors import BenchFileError, TomlError
 from ingest.texts.toml_lines import lines
 from replay.engine.files.toml_edit import edited
@@ -27,7 +28,7 @@ def corrected(
     what channels follow: `weights`, shares that add up to 1, in the place of their node.
 
     A correction that the file has already takes the amount that is as good as both, one after the other
-    (`ingest.bench.corrections.composed`: the sum; of gains (1 + a) (1 + b) - 1); one that is new is appended under the comment
+    (`ingest.bench.laws`: the sum; of gains (1 + a) (1 + b) - 1); one that is new is appended under the comment
     `says`. Amounts and shares have 7 digits; all else stays as written. Raises BenchFileError for a cause that this bench cannot
     have, an exchange of sensors that are exchanged already, and a file whose tables cannot be added to.
     """
@@ -78,9 +79,9 @@ def _together(bench: Bench, corrections: Mapping[str, float]) -> list[Correction
                 f'{bench.name}: correction "{cause}": these two sensors are exchanged already, in line '
                 f"{wanted[before.index(target)].line}: take that [[correction]] out instead."
             )
-        elif new.law not in MASKED:
+        else:
             at = before.index(target)
-            wanted[at] = replace(wanted[at], amount=composed(new.law, wanted[at].amount, amount))
+            wanted[at] = replace(wanted[at], amount=new.rule.both(wanted[at].amount, amount))
     return wanted
 
 

@@ -13,7 +13,6 @@ from twin.motor.causes import parse, says
 
 UNITS: Mapping[str, str] = {"degC": "°C", "lpm": "l/min"}  # as stored -> as people write it
 ON_THE_BENCH = ("sensor", "clock", "input", "boundary")  # kinds of cause that the bench file corrects
-SHARES = ("gain", "stem")  # laws whose size is a share
 FACTORS = ("scale",)  # laws whose size multiplies what was there
 NO_SIZE = ("hold", "stuck", "saturation", "dropout", "undersampled")  # faults that are there or not
 NUMBERS = ("No cause", "One cause", "Two causes", "Three causes", "Four causes", "Five causes")
@@ -133,7 +132,7 @@ def size(cause: Named) -> str:
         return ""
     if law in FACTORS:
         return f"factor {figures(cause.estimate)} ({figures(cause.ci95[0])} to {figures(cause.ci95[1])})"
-    scale, written = (100.0, "%") if law in SHARES else (1.0, unit(cause.unit))
+    scale, written = (100.0, "%") if cause.unit == "1" else (1.0, unit(cause.unit))
     low, high = (figures(scale * end) for end in cause.ci95)
     return f"{signed(scale * cause.estimate)} {written} ({low} to {high})"
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import assert_never
 
-from ingest.bench.corrections import MASKED, SWAP, spelt
+from ingest.bench.corrections import in_order, spelt
 from replay.engine.files.bench_text import corrected
 from replay.engine.files.motor_text import written
 from replay.studies.diagnosis.answer_parts import place_of
@@ -24,10 +24,6 @@ from twin.motor.sensor import Sensor
 from twin.motor.sensor_laws import Lag, Misreading
 
 DIGITS = 3  # of a healthy difference in a bench file
-FIRST, LAST = (
-    ("bias", "drift"),
-    ("gain", "stem"),
-)  # a reading is gain times truth plus bias: the bias is taken off first
 
 
 @dataclass(frozen=True)
@@ -62,7 +58,7 @@ def version(
     healthy = {_cause(action, network, campaign, sensors): amount for action, amount in own.errors.items()}
     amounts |= {cause: float(f"{amount:.{DIGITS}g}") for cause, amount in healthy.items()}
     before = store.archive.read(parent.sha256)
-    text = corrected(before, parent.name, _in_order(amounts), note, own.weights)
+    text = corrected(before, parent.name, in_order(amounts), note, own.weights)
     return Version(motor, store.archive.seal(text) if text != before else None)
 
 
@@ -92,13 +88,3 @@ def _cause(action: actions.OnBench, network: Network, campaign: Campaign, sensor
             return f"input.{name}.bias"
         case _:
             assert_never(action)
-
-
-def _in_order(amounts: Mapping[str, float]) -> dict[str, float]:
-    """Exchanges first, as places below are called what they are called then; then what is added to readings, then factors."""
-
-    def rank(cause: str) -> int:
-        law = cause.split(".", 2)[2]
-        return 0 if law.startswith(SWAP) or law in MASKED else 1 if law in FIRST else 3 if law in LAST else 2
-
-    return dict(sorted(amounts.items(), key=lambda one: rank(one[0])))

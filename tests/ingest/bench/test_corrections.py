@@ -12,7 +12,8 @@ import pytest
 import ingest
 from ingest.bench import corrections as corrections_module
 from ingest.bench.bench_file import Bench, read_bench
-from ingest.bench.corrections import Correction, composed, correct, true_times, true_values
+from ingest.bench.corrections import Correction, correct, true_times, true_values
+from ingest.bench.laws import LAWS, MASKED
 from ingest.errors import BenchFileError, TomlError
 
 BENCH = """\
@@ -243,7 +244,7 @@ def test_a_lag_is_added_to_the_time_constant() -> None:
     assert correct(read.name, read.channels, read.corrections).channels[MAG_1].time_constant_s == 7.5
 
 
-@pytest.mark.parametrize("law", corrections_module.MASKED)
+@pytest.mark.parametrize("law", MASKED)
 def test_a_masked_fault_changes_nothing(law: str) -> None:
     read = bench((f"sensor.teeth.{law}", 1))
     now = correct(read.name, read.channels, read.corrections)
@@ -292,7 +293,7 @@ def test_stamps_lose_what_the_clock_of_their_bus_is_late_by() -> None:
 def test_two_amounts_composed_are_one_after_the_other(law: str) -> None:
     reading, hours, ambient = np.array([40.0, 120.0]), np.array([0.5, 3.0]), np.array([22.0, 24.0])
     one, two = Correction(f"sensor.teeth.{law}", 0.04), Correction(f"sensor.teeth.{law}", 0.07)
-    both = Correction(f"sensor.teeth.{law}", composed(law, 0.04, 0.07))
+    both = Correction(f"sensor.teeth.{law}", LAWS["sensor"][law].both(0.04, 0.07))
     expected = true_values(reading, [one, two], hours, ambient)
     assert true_values(reading, [both], hours, ambient) == pytest.approx(expected, rel=1e-14)
 
@@ -302,5 +303,5 @@ def test_the_schema_takes_what_is_read() -> None:
     items = json.loads(path.read_text(encoding="utf-8"))["properties"]["correction"]["items"]
     assert set(items["properties"]) == set(items["required"]) == set(corrections_module.KEYS)
     pattern = items["properties"]["cause"]["pattern"]
-    assert all(re.search(pattern, f"{kind}.magnet@MAG_1.bias") for kind in corrections_module.LAWS)
+    assert all(re.search(pattern, f"{kind}.magnet@MAG_1.bias") for kind in LAWS)
     assert not re.search(pattern, "loss.magnet.speed2")

@@ -9,7 +9,8 @@ import pytest
 from numpy.typing import NDArray
 
 from ingest.bench.bench_file import read_bench
-from ingest.bench.corrections import LAWS, correct
+from ingest.bench.corrections import correct
+from ingest.bench.laws import LAWS, MASKED
 from made.caused import (
     AROUND_DEGC,
     BUSES,
@@ -34,8 +35,9 @@ from twin.differences.candidates import Candidate, added_monomials, generate
 from twin.differences.proposals import Proposals
 from twin.fitting.fit import Fit
 from twin.fitting.model import Model
-from twin.motor.causes import KINDS
+from twin.motor.causes import FIXED_LAWS, KINDS
 from twin.motor.sensor import Sensor
+from twin.motor.sensor_laws import SENSOR_LAWS
 
 Floats = NDArray[np.float64]
 
@@ -82,6 +84,13 @@ def columns(proposals: Proposals) -> dict[str, Readings]:
 
 def test_every_kind_of_cause_is_among_them() -> None:
     assert {c.cause.kind for c in CANDIDATES.values()} == set(KINDS)
+
+
+def test_ids_and_bench_files_know_the_same_errors_of_a_bench() -> None:
+    assert {one.law for one in SENSOR_LAWS} == set(LAWS["sensor"]) - set(MASKED)
+    for kind, laws in LAWS.items():
+        assert set(laws) <= set(FIXED_LAWS[kind])
+        assert {c.cause.law for c in LINEAR.values() if c.cause.kind == kind} == set(laws) - set(MASKED)
 
 
 def _places(candidate: Candidate) -> list[list[str]]:

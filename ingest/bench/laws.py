@@ -1,0 +1,100 @@
+"""The laws by which what a bench records differs from the truth: what each takes off, and which amounts it can have.
+
+Amounts are reading minus truth. A new law of a sensor is one entry of `SENSOR` and its formula; `twin.motor.sensor_laws` says what
+it puts on, and a test holds the two against each other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from operator import add
+
+import numpy as np
+from numpy.typing import NDArray
+
+MASKED = ("hold", "dropout", "stuck", "saturation")
+SWAP = "swap_"
+EXCHANGES, ADDED, OTHERS, FACTORS = range(
+    4
+)  # turns: a reading is gain times truth plus bias, so the bias is taken off first
+
+Array = NDArray[np.float64]
+Times = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Beside:
+    """What is known of every sample of a channel (N,): hours since the start of the session, and the ambient temperature [degC],
+    None where the session does not know it."""
+
+    hours: Array
+    ambient: Array | None
+
+
+@dataclass(frozen=True)
+class Law:
+    """One law. `off`: (readings in the stored unit, amount, what is beside them) -> truth, `true_stamps`: (stamps [ns], amount, start
+    of the session [ns]) -> truth, each None where there is nothing to take off. `both`: the one amount that is as good as a first
+    and then a second of what that left. `turn`: when it is taken off, of several. `fits`: whether an amount can be; else `refusal`."""
+
+    off: Callable[[Array, float, Beside], Array] | None = None
+    true_stamps: Callable[[Times, float, int], Times] | None = None
+    both: Callable[[float, float], float] = add
+    turn: int = OTHERS
+    needs_ambient: bool = False
+    fits: Callable[[float], bool] = lambda amount: True
+    refusal: str = ""
+
+
+def _without_drift(t_ns: Times, ppm: float, start_ns: int) -> Times:
+    share = ppm * 1e-6
+    late: Times = np.rint((t_ns - start_ns) * (share / (1.0 + share))).astype(np.int64)
+    return t_ns - late
+
+
+def _without_stem(reading: Array, share: float, beside: Beside) -> Array:
+    assert beside.ambient is not None
+    return (reading - share * beside.ambient) / (1.0 - share)
+
+
+BIAS = Law(off=lambda reading, a, _: reading - a, turn=ADDED)  # T + a [stored unit]
+GAIN = Law(  # T (1 + a), temperatures in degC
+    off=lambda reading, a, _: reading / (1.0 + a),
+    both=lambda first, then: (1.0 + first) * (1.0 + then) - 1.0,
+    turn=FACTORS,
+    fits=lambda a: a > -1.0,
+    refusal="leaves nothing to read: its amount must be above -1",
+)
+THERE_OR_NOT = Law(
+    both=lambda first, then: 1.0,
+    turn=EXCHANGES,
+    fits=lambda a: a == 1.0,
+    refusal="is there or not: its amount must be 1",
+)
+SENSOR: Mapping[str, Law] = {
+    "bias": BIAS,
+    "gain": GAIN,
+    "lag": Law(),  # follows T more slowly, by a first-order lag [s]: added to `time_constant_s`
+    "drift": Law(off=lambda reading, a, beside: reading - a * beside.hours, turn=ADDED),  # T + a t [K/h]
+    "stem": Law(  # T + a (T_ambient - T)
+        off=_without_stem,
+        both=lambda first, then: 1.0 - (1.0 - first) * (1.0 - then),
+        turn=FACTORS,
+        needs_ambient=True,
+        fits=lambda a: a < 1.0,
+        refusal="leaves only the ambient: its amount must be below 1",
+    ),
+    **dict.fromkeys(MASKED, THERE_OR_NOT),  # not T: such samples are masked where they are found
+}
+LAWS: Mapping[str, Mapping[str, Law]] = {
+    "sensor": SENSOR,
+    "clock": {
+        "offset": Law(true_stamps=lambda t_ns, a, _: t_ns - round(a * 1e9)),  # stamps late by a [s]
+        "drift": Law(
+            true_stamps=_without_drift, turn=ADDED
+        ),  # stamps late by a t [ppm], t since the start of the session
+    },
+    "input": {"gain": GAIN, "bias": BIAS},
+    "boundary": {"bias": BIAS},
+}
