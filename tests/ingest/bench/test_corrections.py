@@ -298,6 +298,14 @@ def test_two_amounts_composed_are_one_after_the_other(law: str) -> None:
     assert true_values(reading, [both], hours, ambient) == pytest.approx(expected, rel=1e-14)
 
 
+def test_the_page_of_the_bench_file_has_a_row_for_every_law() -> None:
+    page = (Path(ingest.__file__).parents[1] / "docs" / "bench_file.md").read_text(encoding="utf-8")
+    rows = [line for line in page.splitlines() if re.match(r"\| `(sensor|clock|input|boundary)\.", line)]
+    for kind, laws in LAWS.items():
+        for law in laws:
+            assert any(row.startswith(f"| `{kind}.") and f".{law}`" in row.split("|")[1] for row in rows), (kind, law)
+
+
 def test_the_schema_takes_what_is_read() -> None:
     path = Path(ingest.__file__).parent / "schema" / "bench.schema.json"
     items = json.loads(path.read_text(encoding="utf-8"))["properties"]["correction"]["items"]
