@@ -1,9 +1,9 @@
 """What a bench is known to get wrong, and how it is taken off: the `[[correction]]` tables of a bench file.
 
-A correction is named by the id of its cause, `kind.place.law`: the kind ends at the first dot, the place at the second. Its
-amount is reading minus truth. Corrections are taken off in the order of the file, each from what those above it left; so a
-place is called what it is called after the exchanges above. `ingest.bench.laws` says what each law takes off; besides, a lag is
-added to the `time_constant_s` of its channel, and exchanged sensors take over each other's node.
+A correction is named by the id of its cause, `kind.place.law`: the kind ends at the first dot, the place at the second.
+Its amount is reading minus truth. Corrections are taken off in the order of the file, each from what those above it
+left; so a place is called what it is called after the exchanges above. `ingest.bench.laws` says what each law takes
+off; besides, a lag is added to the `time_constant_s` of its channel, and exchanged sensors take over each other's node.
 """
 
 from __future__ import annotations
@@ -51,7 +51,8 @@ class Correction:
 
 @dataclass(frozen=True)
 class Target:
-    """What a correction concerns: two with equal targets say the same thing. `channels`: positions in the bench file."""
+    """What a correction concerns: two with equal targets say the same thing. `channels`:
+    positions in the bench file."""
 
     law: str  # of a clock with its bus
     channels: frozenset[int]
@@ -59,8 +60,8 @@ class Target:
 
 @dataclass(frozen=True)
 class Corrected:
-    """A bench file's channels under corrections. `channels`: each with the node that it truly measures and its whole lag;
-    `steps`: for each, what is to be taken off its values, in order; `targets`: one a correction."""
+    """A bench file's channels under corrections. `channels`: each with the node that it truly measures and its whole
+    lag; `steps`: for each, what is to be taken off its values, in order; `targets`: one a correction."""
 
     channels: tuple[Channel, ...]
     steps: tuple[tuple[Correction, ...], ...]
@@ -75,8 +76,8 @@ def spelt(name: str) -> str:
 def read_corrections(tables: Sequence[Table], channels: Sequence[Channel]) -> tuple[Correction, ...]:
     """The corrections of a bench file with these channels.
 
-    Raises TomlError for a table of another shape, BenchFileError for a cause that is none of a bench, a place that this one
-    does not have, an amount that cannot be, and what stands here twice; each with the line.
+    Raises TomlError for a table of another shape, BenchFileError for a cause that is none of a bench, a place that this
+    one does not have, an amount that cannot be, and what stands here twice; each with the line.
     """
     corrections = tuple(_read(table) for table in tables)
     if not corrections:
@@ -111,8 +112,8 @@ def correct(file: str, channels: Sequence[Channel], corrections: Iterable[Correc
 
 
 def in_order(amounts: Mapping[str, float]) -> dict[str, float]:
-    """Cause -> amount in the order in which the causes are best taken off: exchanges first, as places below are called what they
-    are called then; then what is added to readings, then factors."""
+    """Cause -> amount in the order in which the causes are best taken off: exchanges first, as places below are called
+    what they are called then; then what is added to readings, then factors."""
     return dict(sorted(amounts.items(), key=lambda one: Correction(*one).rule.turn))
 
 
@@ -127,8 +128,8 @@ def true_times(t_ns: Times, corrections: Iterable[Correction], bus: str, start_n
 def true_values(value: Array, steps: Iterable[Correction], hours: Array, ambient: Array | None) -> Array:
     """Values (N,) in the stored unit without what `steps` say is wrong with them.
 
-    `hours` (N,) since the start of the session; `ambient` (N,) [degC], None where the session does not know it: then what needs
-    it stays in.
+    `hours` (N,) since the start of the session; `ambient` (N,) [degC], None where the session does not know it:
+    then what needs it stays in.
     """
     beside = Beside(hours, ambient)
     for one in steps:
@@ -201,8 +202,8 @@ def _by_name(pairs: Iterable[tuple[str | None, int]]) -> dict[str, list[int]]:
 
 
 def _sensors(channels: Sequence[Channel]) -> dict[str, list[int]]:
-    """Every name that a sensor may go by -> those that go by it: `node@signal`, and the bare node of those that follow it most, by
-    more than half."""
+    """Every name that a sensor may go by -> those that go by it: `node@signal`,
+    and the bare node of those that follow it most, by more than half."""
     names: list[tuple[str | None, int]] = []
     nearest: dict[str, list[tuple[float, int]]] = {}
     for i, channel in enumerate(channels):

@@ -1,7 +1,7 @@
 """The laws by which what a bench records differs from the truth: what each takes off, and which amounts it can have.
 
-Amounts are reading minus truth. A new law of a sensor is one entry of `SENSOR` and its formula; `twin.motor.sensor_laws` says what
-it puts on, and a test holds the two against each other.
+Amounts are reading minus truth. A new law of a sensor is one entry of `SENSOR` and its formula;
+`twin.motor.sensor_laws` says what it puts on, and a test holds the two against each other.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ Times = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Beside:
-    """What is known of every sample of a channel (N,): hours since the start of the session, and the ambient temperature [degC],
-    None where the session does not know it."""
+    """What is known of every sample of a channel (N,): hours since the start of the session, and the ambient
+    temperature [degC], None where the session does not know it."""
 
     hours: Array
     ambient: Array | None
@@ -34,9 +34,10 @@ class Beside:
 
 @dataclass(frozen=True)
 class Law:
-    """One law. `off`: (readings in the stored unit, amount, what is beside them) -> truth, `true_stamps`: (stamps [ns], amount, start
-    of the session [ns]) -> truth, each None where there is nothing to take off. `both`: the one amount that is as good as a first
-    and then a second of what that left. `turn`: when it is taken off, of several. `fits`: whether an amount can be; else `refusal`."""
+    """One law. `off`: (readings in the stored unit, amount, what is beside them) -> truth, `true_stamps`: (stamps [ns],
+    amount, start of the session [ns]) -> truth, each None where there is nothing to take off. `both`: the one amount
+    that is as good as a first and then a second of what that left. `turn`: when it is taken off, of several. `fits`:
+    whether an amount can be; else `refusal`."""
 
     off: Callable[[Array, float, Beside], Array] | None = None
     true_stamps: Callable[[Times, float, int], Times] | None = None

@@ -1,5 +1,5 @@
-"""What a bench shows of a motor that has a cause: the motor's balance written out by hand, the bench's errors put on as the
-`[[correction]]` that takes them off says. Nothing of the twin's compiled laws, columns or actions is used here.
+"""What a bench shows of a motor that has a cause: the motor's balance written out by hand, the bench's errors put on as
+the `[[correction]]` that takes them off says. Nothing of the twin's compiled laws, columns or actions is used here.
 """
 
 from __future__ import annotations
@@ -33,13 +33,14 @@ PUT_ON = 20  # rounds, until what is taken off a reading leaves the truth
 SESSION, HUNDRED_HOURS = 1.0, 0.7  # what went before the test: sessions of its kind, and hours above any limit [100 h]
 
 
-# --- A motor that has a cause -----------------------------------------------------------------------------------------------
+# --- A motor that has a cause -----------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
 class Heat:
-    """Heat into one node and, in a link, out of another: `strength` (N,) [W, or W/K times the difference of both], times copper's
-    factor to the power `copper`, times 1 + slope (T - reference) of node `factor`, times the mean temperature less `tilt`."""
+    """Heat into one node and, in a link, out of another: `strength` (N,) [W, or W/K times the difference of both],
+    times copper's factor to the power `copper`, times 1 + slope (T - reference) of node `factor`, times the mean
+    temperature less `tilt`."""
 
     place: tuple[str, ...]
     strength: Floats
@@ -68,7 +69,8 @@ class Motor:
         return [heat for heat in self.heats if set(heat.place) == set(place)]
 
     def run(self, around: Mapping[str, Floats], initial: Floats) -> dict[str, Floats]:
-        """Temperature of every node at the edges of the steps (N + 1,) [degC], by the explicit midpoint rule in steps of 0.5 s."""
+        """Temperature of every node at the edges of the steps (N + 1,) [degC],
+        by the explicit midpoint rule in steps of 0.5 s."""
         nodes, boundaries = list(self.capacity), list(around)
         index = {name: i for i, name in enumerate([*nodes, *boundaries])}
         slope = self._slope(index, len(nodes))
@@ -169,7 +171,8 @@ def _like(motor: Motor, place: Sequence[str], cause: Cause) -> int:
 
 
 def _tilted(motor: Motor, place: Sequence[str], amount: float) -> list[Heat]:
-    """Heats at a place that grow with its temperature over its mean: together `amount` [W or W/K] in root mean square."""
+    """Heats at a place that grow with its temperature over its mean:
+    together `amount` [W or W/K] in root mean square."""
     around = {name: np.full(len(motor.heats[0].strength), AROUND_DEGC[name]) for name in AROUND_DEGC}
     ran = motor.run(around, INITIAL)
     middle = {name: (t[:-1] + t[1:]) / 2 for name, t in ran.items()} | around
@@ -180,7 +183,7 @@ def _tilted(motor: Motor, place: Sequence[str], amount: float) -> list[Heat]:
     return [Heat(h.place, h.strength * amount / size, h.exponents, tilt=tilt) for h in motor.at(place)]
 
 
-# --- A bench that has one ---------------------------------------------------------------------------------------------------
+# --- A bench that has one ---------------------------------------------------------------------------------------------
 
 
 def bench_text() -> str:
@@ -206,7 +209,8 @@ def bench_with(cause: str, amount: float) -> Bench:
 
 
 def shown(bench: Bench, network: Network, drive: Drive, has: Callable[[Motor, Drive], Motor] | None = None) -> Readings:
-    """What the channels show where the inputs are recorded as `drive`, all errors being those that the bench file takes off.
+    """What the channels show where the inputs are recorded as `drive`,
+    all errors being those that the bench file takes off.
 
     `has`: the motor as it truly is, made from the one of the file and its true drive."""
     under = correct(bench.name, bench.channels, bench.corrections)

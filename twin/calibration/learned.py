@@ -1,4 +1,5 @@
-"""What a fit learnt, as a motor: the network that a motor file can say, and the size of each named term with its band."""
+"""What a fit learnt, as a motor: the network that a motor file can say,
+and the size of each named term with its band."""
 
 from __future__ import annotations
 
@@ -26,9 +27,9 @@ REFERENCE_DIGITS = 1  # of a temperature that a slope is written about
 def network_of(found: Fit, monomials: Sequence[features.Monomial]) -> Network:
     """The network of a fit. `monomials`: the products that added terms may use, by their names.
 
-    A path below 0, and what belongs to a test or a sensor, is no part of a motor (`twin.diagnosis.expressible`). A slope with temperature
-    is written for one node, as the straight line that follows it best over the tests: of a link with the end that says more of
-    the mean of both, of copper beside copper's own.
+    A path below 0, and what belongs to a test or a sensor, is no part of a motor (`twin.diagnosis.expressible`). A
+    slope with temperature is written for one node, as the straight line that follows it best over the tests: of a link
+    with the end that says more of the mean of both, of copper beside copper's own.
     """
     network, beta = found.model.network, found.beta
     terms = _terms(found)
@@ -129,7 +130,8 @@ def _terms(found: Fit) -> list[Term]:
 
 @dataclass(frozen=True)
 class _Slope:
-    """A term grows by `per_K` of itself for each kelvin of the node, or of the mean of the link's ends, over a reference."""
+    """A term grows by `per_K` of itself for each kelvin of the node, or of the mean of the link's ends,
+    over a reference."""
 
     place: actions.Place
     per_K: float
@@ -145,7 +147,8 @@ class _Line:
 
 
 def _straight(found: Fit, slopes: Mapping[int, Sequence[_Slope]]) -> dict[int, _Line]:
-    """All slopes of each term as a line of one node's temperature over the tests, steps weighed by what the term carries."""
+    """All slopes of each term as a line of one node's temperature over the tests,
+    steps weighed by what the term carries."""
     if not slopes:
         return {}
     model, network = found.model, found.model.network
@@ -198,7 +201,8 @@ def _shape(tents: Sequence[tuple[actions.Tent, float]]) -> Shape:
 
 @dataclass(frozen=True)
 class Size:
-    """A named term as people count it: `value` with its 95 % band in `unit`; `typical_W` its mean heat over training."""
+    """A named term as people count it: `value` with its 95 % band in `unit`;
+    `typical_W` its mean heat over training."""
 
     value: float
     low: float
@@ -252,8 +256,8 @@ def _scaled_W(found: Fit, action: actions.Action, factor: float) -> float | None
 
 
 def _shares(found: Fit, parameter: Parameter) -> Floats:
-    """How much of each healthy difference counts as the named one: a coefficient's own logarithm for `scale`, a channel's own
-    gain or lag, the mean over tests of what each brings along."""
+    """How much of each healthy difference counts as the named one: a coefficient's own logarithm for `scale`, a
+    channel's own gain or lag, the mean over tests of what each brings along."""
     weights = np.zeros(len(found.beta))
     action, tests = parameter.action, len(found.model.tests)
     for p, other in enumerate(found.model.parameters):

@@ -1,15 +1,16 @@
 """How strongly the data speak for one more term, with everything a healthy motor may do integrated out.
 
-All arrays are whitened (`twin.fitting.noise.whiten`): A (N, p) the parameters' columns with precision Lambda (p,) = 1 / sd^2, V (N, m)
-the candidates' columns per unit of amplitude, and e0 (N,) the residual *referred back to the prior mean*, e + A beta_hat where
-e is the residual at the calibrated mode. With P = I - A (A'A + Lambda)^-1 A' and a normal prior of sd sigma on the amplitude,
+All arrays are whitened (`twin.fitting.noise.whiten`): A (N, p) the parameters' columns with precision Lambda (p,) = 1 /
+sd^2, V (N, m) the candidates' columns per unit of amplitude, and e0 (N,) the residual *referred back to the prior
+mean*, e + A beta_hat where e is the residual at the calibrated mode. With P = I - A (A'A + Lambda)^-1 A' and a normal
+prior of sd sigma on the amplitude,
 
     J = v'P v,   s = v'P e0,   ln BF = s^2 sigma^2 / (2 (1 + J sigma^2)) - ln(1 + J sigma^2) / 2,
 
-plus ln(2 Phi(+-s sigma / sqrt(1 + J sigma^2))) where the sign is known (half-normal prior). P is a marginal precision and not
-idempotent: applied to the residual at the mode it would count the calibration twice; there s = v'e. Bayes factors and how to
-read them: Kass and Raftery, J. Am. Stat. Assoc. 90 (1995) 773, DOI 10.1080/01621459.1995.10476572; marginal likelihood of a
-linear model: Rasmussen and Williams, Gaussian Processes for Machine Learning (2006), 2.7.
+plus ln(2 Phi(+-s sigma / sqrt(1 + J sigma^2))) where the sign is known (half-normal prior). P is a marginal precision
+and not idempotent: applied to the residual at the mode it would count the calibration twice; there s = v'e. Bayes
+factors and how to read them: Kass and Raftery, J. Am. Stat. Assoc. 90 (1995) 773, DOI 10.1080/01621459.1995.10476572;
+marginal likelihood of a linear model: Rasmussen and Williams, Gaussian Processes for Machine Learning (2006), 2.7.
 """
 
 from __future__ import annotations
@@ -33,7 +34,8 @@ PRIOR_NONE, PRIOR_UNKNOWN = 0.5, 0.1  # mass; the rest is the candidates'
 
 @dataclass(frozen=True)
 class Projector:
-    """P of one set of whitened columns A (N, p) and precision (p,); `lower` (p, p) the Cholesky factor of A'A + Lambda."""
+    """P of one set of whitened columns A (N, p) and precision (p,); `lower` (p,
+    p) the Cholesky factor of A'A + Lambda."""
 
     columns: Array
     precision: Array
@@ -54,7 +56,8 @@ class Projector:
         return cls(columns, precision, cholesky(gram, lower=True))
 
     def seen(self, x: Array, rows: slice = slice(None)) -> Array:
-        """L^-1 A'x (p, k): what calibration can take of the columns x (n, k) or (n,), which stand in `rows` and are 0 elsewhere."""
+        """L^-1 A'x (p, k): what calibration can take of the columns x (n, k) or (n,),
+        which stand in `rows` and are 0 elsewhere."""
         result: Array = solve_triangular(self.lower, self.columns[rows].T @ x, lower=True)
         return result
 
@@ -147,7 +150,7 @@ def score(columns: Array, e0: Array, projector: Projector, sigma: Array, sign: A
     return Scores(s, j, sigma, sign, log_bayes_factor(s, j, sigma, sign))
 
 
-# --- Told apart -------------------------------------------------------------------------------------------------------------
+# --- Told apart -------------------------------------------------------------------------------------------------------
 
 
 def separation(amplitude: Array, gram: Array) -> Array:
@@ -167,9 +170,9 @@ def told_apart_class(
 ) -> tuple[int, ...]:
     """The candidates that the data cannot tell from the leader, best first, the leader itself among them.
 
-    Another is a member where its ln BF (m,) is within ln 20 of the leader's and, unless both were refitted, the separation
-    `expected` (m,) from the leader is below ln 20 too; and where its refitted amplitude is `possible` (m,). There is no
-    closure: a member's own neighbours need not be members.
+    Another is a member where its ln BF (m,) is within ln 20 of the leader's and, unless both were refitted, the
+    separation `expected` (m,) from the leader is below ln 20 too; and where its refitted amplitude is `possible` (m,).
+    There is no closure: a member's own neighbours need not be members.
     """
     near = log_bf[leader] - log_bf < TOLD_APART
     close = (refitted & refitted[leader]) | (expected < TOLD_APART)
@@ -179,7 +182,7 @@ def told_apart_class(
     return tuple(int(i) for i in order if members[i])
 
 
-# --- Probabilities ----------------------------------------------------------------------------------------------------------
+# --- Probabilities ----------------------------------------------------------------------------------------------------
 
 
 def prior_masses(causes: Sequence[Cause]) -> Array:

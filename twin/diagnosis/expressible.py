@@ -1,11 +1,14 @@
-"""What motor and bench files can say of a fit: its mode given that what they cannot say, or what is not worth a line, is not there.
+"""What motor and bench files can say of a fit: its mode given that what they cannot say,
+or what is not worth a line, is not there.
 
-So a hundred small differences that are left out do not add up to kelvins: those that are written take their part. Which are left out
-is decided with the fit's own curvature H (Laplace's approximation): with d the entries set to 0 and f the others,
+So a hundred small differences that are left out do not add up to kelvins: those that are written take their part. Which
+are left out is decided with the fit's own curvature H (Laplace's approximation): with d the entries set to 0 and f the
+others,
 
     beta_f = mode_f + H_ff^-1 H_fd mode_d,
 
-the mean of a Gaussian given some of its entries (Rasmussen and Williams 2006, A.6). From there the rest is fitted again.
+the mean of a Gaussian given some of its entries (Rasmussen and Williams 2006, A.6).
+From there the rest is fitted again.
 """
 
 from __future__ import annotations
@@ -33,11 +36,11 @@ WORTH_A_CORRECTION = 0.3  # of its prior sd: likewise
 
 
 def expressible(found: Fit, named: Collection[int], driving: Collection[str]) -> Fit:
-    """The fit of what files can say, its vector in the places of `found`. `named`: places in the vector that are written as they are;
-    `driving`: channels on a bus that stamps inputs too, where a common lateness cannot be said.
+    """The fit of what files can say, its vector in the places of `found`. `named`: places in the vector that are
+    written as they are; `driving`: channels on a bus that stamps inputs too, where a common lateness cannot be said.
 
-    Without: a path or a share of a sensor below 0, the clock of a bus that drives the model, and healthy differences below
-    `WORTH_A_LINE`. What belongs to one test is no part of a file and stays free.
+    Without: a path or a share of a sensor below 0, the clock of a bus that drives the model, and healthy differences
+    below `WORTH_A_LINE`. What belongs to one test is no part of a file and stays free.
     """
     parameters, mode = found.model.parameters, found.beta
     open_ = np.array([p not in named and one.test is None for p, one in enumerate(parameters)])
@@ -98,21 +101,21 @@ def _is_optional(one: Parameter) -> bool:
     return isinstance(one.action, actions.Added | actions.Tilt | actions.OnReading)
 
 
-# --- What a bench file says of it --------------------------------------------------------------------------------------------
+# --- What a bench file says of it -------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
 class Readings:
-    """`weights`: channel -> node -> share of what it follows, sum 1, where that is not one node alone; `errors`: what every test
-    has in common, in the unit of the action."""
+    """`weights`: channel -> node -> share of what it follows, sum 1, where that is not one node alone; `errors`: what
+    every test has in common, in the unit of the action."""
 
     weights: Mapping[str, Mapping[str, float]]
     errors: Mapping[actions.OnBench, float]
 
 
 def readings(found: Fit, named: Collection[int]) -> Readings:
-    """The sensors, clocks, inputs and boundaries of a fit. `named`: places in the vector that somebody else writes, each with what
-    the healthy differences of the same kind took of it."""
+    """The sensors, clocks, inputs and boundaries of a fit. `named`: places in the vector that somebody else writes,
+    each with what the healthy differences of the same kind took of it."""
     parameters = list(enumerate(found.model.parameters))
     taken = {one.action for p, one in parameters if p in named}
     meters = {meter.name for test in found.model.tests for meter in test.meters}

@@ -1,13 +1,14 @@
 """Masked data faults as causes: the evidence of masked rows under "the channel was held" minus "it was live".
 
-Live, the block means y (B,) of a masked stretch follow the fitted model: normal about its prediction, with the covariance
-of the channel's residuals R (`twin.fitting.noise`) and what the fit leaves open, A H^-1 A', A the columns there and H the fit's
-Hessian. Held, they are the stretch's value, to within the white noise w (B,) of a block. With e, A whitened and u = A'e,
+Live, the block means y (B,) of a masked stretch follow the fitted model: normal about its prediction, with the
+covariance of the channel's residuals R (`twin.fitting.noise`) and what the fit leaves open, A H^-1 A', A the columns
+there and H the fit's Hessian. Held, they are the stretch's value, to within the white noise w (B,) of a block. With e,
+A whitened and u = A'e,
 
     ln BF = (e'e - u'(H + A'A)^-1 u + ln|H + A'A| - ln|H| + ln|R|) / 2 - sum ((y - value)^2 / w + ln w) / 2.
 
-Blocks count, and by their innovations: samples that a bus repeats, or that follow one another faster than the noise forgets,
-bring no evidence of their own. The scatter within a block is left out for the same reason.
+Blocks count, and by their innovations: samples that a bus repeats, or that follow one another faster than the noise
+forgets, bring no evidence of their own. The scatter within a block is left out for the same reason.
 """
 
 from __future__ import annotations
@@ -36,8 +37,8 @@ EVERYDAY_HELD_S = 30.0  # for which a healthy radio repeats its last value when 
 
 @dataclass(frozen=True)
 class Stretch:
-    """A masked part of a channel: `kind` held, stuck or saturated, both ends [s] since the test's start and included, and the
-    `value` [degC] that it shows."""
+    """A masked part of a channel: `kind` held, stuck or saturated, both ends [s] since the test's start and included,
+    and the `value` [degC] that it shows."""
 
     kind: str
     start_s: float
@@ -53,11 +54,11 @@ def cause_of(place: str, kind: str) -> Cause:
 def fault_evidence(
     current: Fit, test: int, channel: str, stretches: Sequence[Stretch], t_s: Floats, values: Floats
 ) -> float:
-    """ln evidence of "held" minus "live" for the stretches of one kind of a channel in one test; stretches under 30 s are a
-    healthy radio's. 0 where there is no longer one, or none fills a block.
+    """ln evidence of "held" minus "live" for the stretches of one kind of a channel in one test; stretches under 30 s
+    are a healthy radio's. 0 where there is no longer one, or none fills a block.
 
-    `t_s` (R,) [s] since the test's start and `values` (R,) [degC] are the channel's raw samples, masked ones included. Raises
-    `EvidenceError` where no test of the fit has the channel, or times and values differ in number.
+    `t_s` (R,) [s] since the test's start and `values` (R,) [degC] are the channel's raw samples, masked ones included.
+    Raises `EvidenceError` where no test of the fit has the channel, or times and values differ in number.
     """
     if len(t_s) != len(values):
         raise EvidenceError(f'channel "{channel}": {len(t_s)} times for {len(values)} values: give one each')
@@ -131,8 +132,9 @@ def dropout_evidence(received: int, gaps: int) -> float:
     """ln evidence of a channel that loses frames at any share, against one that loses at most 2 %.
 
     `received` frames of a test with `gaps` among them: after each frame the next is lost or not, and a run of lost ones
-    counts once. Under the first the share is uniform, B(gaps + 1, received - gaps + 1); under the second it is the likeliest
-    one, so that the everyday gets the benefit of the doubt. Raises `EvidenceError` where there are more gaps than frames.
+    counts once. Under the first the share is uniform, B(gaps + 1, received - gaps + 1); under the second it is the
+    likeliest one, so that the everyday gets the benefit of the doubt. Raises `EvidenceError` where there are more gaps
+    than frames.
     """
     if not 0 <= gaps <= received:
         raise EvidenceError(

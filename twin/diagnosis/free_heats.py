@@ -35,9 +35,9 @@ LEAST_RUNS = 5  # of tents that the bootstrap draws: with fewer its bands are to
 
 @dataclass(frozen=True)
 class Unknown:
-    """A heat that no candidate explains. While it is active: `watts` (10 to 90 % range [W], cooling negative), and the 5 to
-    95 % ranges of `inputs` (dimensionless features) and of the node's own `temperature_degC`. `goes_with`: features, and the
-    node whose temperature it follows, with a clear association, strongest first."""
+    """A heat that no candidate explains. While it is active: `watts` (10 to 90 % range [W], cooling negative), and the
+    5 to 95 % ranges of `inputs` (dimensionless features) and of the node's own `temperature_degC`. `goes_with`:
+    features, and the node whose temperature it follows, with a clear association, strongest first."""
 
     node: str
     log_bayes_factor: float
@@ -85,7 +85,8 @@ def _times(model: Model, number: int) -> Floats:
 
 
 def describe(current: Fit, heat: FreeHeat) -> Unknown:
-    """How large a free heat is, when it is there and what it goes with, bands by block bootstrap (`twin.diagnosis.unknown`)."""
+    """How large a free heat is, when it is there and what it goes with,
+    bands by block bootstrap (`twin.diagnosis.unknown`)."""
     inputs = _over_tents(current.model, [test.inputs for test in current.model.tests])
     if "current" in inputs:  # its components only repeat it
         inputs = {name: values for name, values in inputs.items() if name not in ("current_d", "current_q")}
@@ -116,8 +117,8 @@ def _over_tents(model: Model, series: Sequence[Mapping[str, Floats]]) -> dict[st
 
 
 def _followed(heat: FreeHeat, inputs: Mapping[str, Floats], temperatures: Mapping[str, Floats], block: int) -> str:
-    """The node whose temperature, beside the inputs, tells most of the heat; its own unless another does so clearly: by ln 20
-    in ln likelihood, a run of tents counting as one observation."""
+    """The node whose temperature, beside the inputs, tells most of the heat; its own unless another does so clearly: by
+    ln 20 in ln likelihood, a run of tents counting as one observation."""
     unexplained = {
         node: _unexplained(heat.watts, [*inputs.values(), temperature]) for node, temperature in temperatures.items()
     }

@@ -1,8 +1,8 @@
 """What a term is worth on sessions that nothing was learnt from.
 
-Two questions, both asked of the final set of terms: does the log score of the last 90 % of each kept session rise, and does
-at least half of the error above the sensors' floor go away? On a kept session only its own nuisances (initial temperatures,
-biases) are estimated, under their priors, from its first 10 %, for every model alike.
+Two questions, both asked of the final set of terms: does the log score of the last 90 % of each kept session rise, and
+does at least half of the error above the sensors' floor go away? On a kept session only its own nuisances (initial
+temperatures, biases) are estimated, under their priors, from its first 10 %, for every model alike.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ REMOVED = 0.5  # least share of the excess error
 class Kept:
     """One kept session under one model, whitened with the same noise for every model.
 
-    `t_s` (N,) [s] of each row (of all channels); `e` (N,) the residual with the session's nuisances at their prior mean;
-    `columns` (N, q) of these nuisances, `precision` (q,) of their priors.
+    `t_s` (N,) [s] of each row (of all channels); `e` (N,) the residual with the session's nuisances at their prior
+    mean; `columns` (N, q) of these nuisances, `precision` (q,) of their priors.
     """
 
     t_s: Array
@@ -40,8 +40,8 @@ class Kept:
 
 @dataclass(frozen=True)
 class Gain:
-    """ln score gained in each block; `lower`: 5 % bootstrap quantile of the sum, or the least leave-one-block-out sum where
-    the blocks are `few` (under 8)."""
+    """ln score gained in each block; `lower`: 5 % bootstrap quantile of the sum, or the least leave-one-block-out sum
+    where the blocks are `few` (under 8)."""
 
     blocks: Array
     lower: float
@@ -86,8 +86,8 @@ def _blocks(t_s: Array, block_s: float) -> list[NDArray[np.bool_]]:
 
 
 def held_out_gain(before: Sequence[Kept], after: Sequence[Kept], block_s: float, seed: int = 0) -> Gain:
-    """Gain in log score of `after` over `before`, session by session on the same rows, in blocks of `block_s` [s] (at least
-    twice the slowest mode, so that blocks are nearly independent).
+    """Gain in log score of `after` over `before`, session by session on the same rows, in blocks of `block_s` [s] (at
+    least twice the slowest mode, so that blocks are nearly independent).
 
     Raises `EvidenceError` where the two do not hold the same sessions and rows.
     """
@@ -114,8 +114,8 @@ def removes_excess(
 ) -> bool:
     """Whether the terms halve the excess error of the channels whose prediction they move by more than 0.1 K.
 
-    `before`, `after`: channel -> its kept residuals (B,) [K] without and with the terms; `floor_variance` [K^2]. Without a
-    touched channel or an excess there is nothing to remove, and the answer is no.
+    `before`, `after`: channel -> its kept residuals (B,) [K] without and with the terms; `floor_variance` [K^2].
+    Without a touched channel or an excess there is nothing to remove, and the answer is no.
     """
     touched = [c for c in before if np.sqrt(np.mean((before[c] - after[c]) ** 2)) > TOUCHED_K]
     was = sum(excess(before[c], floor_variance[c]) for c in touched)

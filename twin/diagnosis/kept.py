@@ -1,4 +1,5 @@
-"""Kept tests under a fitted motor: only what a test brings along is estimated, from its first 10 %, and the rest is predicted."""
+"""Kept tests under a fitted motor: only what a test brings along is estimated, from its first 10 %,
+and the rest is predicted."""
 
 from __future__ import annotations
 
@@ -36,8 +37,8 @@ class KeptTests:
 
 
 def kept_tests(found: Fit | None, model: Model, tests: Sequence[Test]) -> KeptTests:
-    """Score and predict tests that nothing was learnt from, with a fit's motor and sensors (None: the file's own), under the
-    noise of `model`."""
+    """Score and predict tests that nothing was learnt from, with a fit's motor and sensors (None:
+    the file's own), under the noise of `model`."""
     shared = (
         []
         if found is None

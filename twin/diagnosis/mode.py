@@ -21,7 +21,8 @@ Floats = NDArray[np.float64]
 def linearised(
     current: Fit, candidates: Sequence[Candidate]
 ) -> tuple[list[Candidate], list[Parameter], Sequence[Columns], list[str]]:
-    """Candidates that move a reading, their parameters and columns at a fit, and the ids of those whose columns are not finite."""
+    """Candidates that move a reading, their parameters and columns at a fit,
+    and the ids of those whose columns are not finite."""
     proposals = Proposals(current.model, current.beta)
     chosen = [c for c in candidates if not c.discrete and (not c.repeated or _is_repeated(c, current.model.tests))]
     parameters = [proposals.parameter(c) for c in chosen]
@@ -35,13 +36,15 @@ def linearised(
 
 
 def _is_repeated(candidate: Candidate, tests: Sequence[Test]) -> bool:
-    """Whether two tests of one kind differ in what the candidate goes with: between kinds, the file's form differs too."""
+    """Whether two tests of one kind differ in what the candidate goes with: between kinds,
+    the file's form differs too."""
     seen = {(test.kind, test.course.get(candidate.cause.law, 0.0)) for test in tests}
     return len(seen) > len({kind for kind, _ in seen})
 
 
 def stacked(current: Fit, parts: Sequence[Columns]) -> tuple[Projector, Floats, Floats]:
-    """The projector of the free parameters, whitened candidates (N, c) and the residual referred back to the prior mean."""
+    """The projector of the free parameters, whitened candidates (N,
+    c) and the residual referred back to the prior mean."""
     model, beta = current.model, current.beta
     free = current.free
     a_rows, v_rows, e_rows = [], [], []

@@ -1,8 +1,8 @@
 """Naming: which term the data ask for beyond everything a healthy motor may do, one after the other, and which survive.
 
-Broad noise, then fitted noise with the leading candidates in the design; every candidate scored with all else integrated
-out; where a free heat at one node explains more than any of them, nothing is named. Else the leading ones are refitted in
-full, the best enters where it beats the threshold, and at the end every one is left out once.
+Broad noise, then fitted noise with the leading candidates in the design; every candidate scored with all else
+integrated out; where a free heat at one node explains more than any of them, nothing is named. Else the leading ones
+are refitted in full, the best enters where it beats the threshold, and at the end every one is left out once.
 """
 
 from __future__ import annotations
@@ -42,7 +42,8 @@ Tell = Callable[[str], None]
 
 
 def is_possible(parameter: Parameter, amplitude: float) -> bool:
-    """Whether a cause can have this amplitude: within four prior sd, and no less than what is there to be taken away."""
+    """Whether a cause can have this amplitude: within four prior sd,
+    and no less than what is there to be taken away."""
     taken = parameter.low < 0.0 and amplitude <= parameter.low
     return abs(amplitude) <= MOST_SIGMAS * parameter.sd and not taken
 
@@ -76,7 +77,8 @@ class Refit:
 
 @dataclass(frozen=True)
 class Round:
-    """One search for one more term: scores of all candidates at the fit without it, and the refits of the leading ones."""
+    """One search for one more term: scores of all candidates at the fit without it,
+    and the refits of the leading ones."""
 
     base: Fit
     candidates: tuple[Candidate, ...]
@@ -94,9 +96,10 @@ class Round:
 
 @dataclass(frozen=True)
 class Naming:
-    """`rounds` in the order of the search, the last one found nothing more (or the most terms were reached); `accepted`: the
-    terms that survived, with ln BF of leaving each out; `left_out`: those that did not survive; `final`: the fit with them;
-    `heats`: free heats about the first fit, highest ln BF first; `patchwork`: terms that survived only together, none of them named."""
+    """`rounds` in the order of the search, the last one found nothing more (or the most terms were reached);
+    `accepted`: the terms that survived, with ln BF of leaving each out; `left_out`: those that did not survive;
+    `final`: the fit with them; `heats`: free heats about the first fit, highest ln BF first; `patchwork`: terms that
+    survived only together, none of them named."""
 
     rounds: tuple[Round, ...]
     accepted: tuple[Refit, ...]
@@ -108,7 +111,8 @@ class Naming:
 
     @property
     def is_unknown(self) -> bool:
-        """Whether a heat of any course explains more than every candidate did, before refits, or only patchwork fits."""
+        """Whether a heat of any course explains more than every candidate did, before refits,
+        or only patchwork fits."""
         linear = float(self.rounds[0].scores.log_bayes_factor.max(initial=0.0))
         return bool(self.patchwork) or self.heats[0].log_bayes_factor > max(self.threshold, linear)
 
@@ -157,7 +161,8 @@ def scored(current: Fit, candidates: Sequence[Candidate]) -> Round:
 
 
 def with_refits(found: Round, tell: Tell) -> Round:
-    """The round with its leading candidates refitted, two at a time: all begin, and those that may still come near the best go on."""
+    """The round with its leading candidates refitted, two at a time: all begin,
+    and those that may still come near the best go on."""
     linear = found.scores.log_bayes_factor
     least = max(WORTH_REFITTING, float(linear.max(initial=0.0)) - FAR_BEHIND)
     leading = [i for i in found.order()[:REFITTED] if linear[i] >= least]
@@ -180,7 +185,8 @@ def with_refits(found: Round, tell: Tell) -> Round:
 
 
 def refitted(current: Fit, candidate: Candidate, parameter: Parameter) -> Refit | None:
-    """The begun fit with one more term, from where it does what healthy differences did in its place. None where it runs away."""
+    """The begun fit with one more term, from where it does what healthy differences did in its place.
+    None where it runs away."""
     beta, amplitude = taken_over(current, candidate, parameter)
     start = 1e-3 * parameter.sd if parameter.low == 0.0 else 0.0
     try:
@@ -213,7 +219,8 @@ def _compared(found: Fit, without: Fit, candidate: Candidate, parameter: Paramet
 
 
 def without_term(current: Fit, place: int, calm: Floats) -> Fit:
-    """The fit without one term, from where the others are; from the first fit `calm` with no term where that runs away."""
+    """The fit without one term, from where the others are;
+    from the first fit `calm` with no term where that runs away."""
     model = current.model.without(place)
     try:
         return fit(model, np.delete(current.beta, place), enough=NEAR_ENOUGH)

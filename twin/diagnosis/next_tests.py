@@ -27,7 +27,8 @@ LEAST_FLOW_SHARE = 0.5  # of the usual flow, in the flow step
 
 @dataclass(frozen=True)
 class Proposed:
-    """A test in words, and its inputs (N,) in steps: dimensionless `speed`, `load`, and `flow` as a share of the usual one."""
+    """A test in words, and its inputs (N,) in steps: dimensionless `speed`, `load`,
+    and `flow` as a share of the usual one."""
 
     words: str
     speed: Floats
@@ -36,8 +37,8 @@ class Proposed:
 
 
 def menu(network: Network, tests: Sequence[Test]) -> tuple[Proposed, ...]:
-    """S1 and S2 at low and high speed, a spin-down, direct current at standstill, a flow step; nothing where the tests know no
-    speed or load."""
+    """S1 and S2 at low and high speed, a spin-down, direct current at standstill, a flow step;
+    nothing where the tests know no speed or load."""
     load = load_of(tests)
     if load is None or not all("speed" in t.inputs for t in tests):
         return ()
@@ -83,8 +84,8 @@ def load_of(tests: Sequence[Test]) -> str | None:
 
 
 def as_test(network: Network, tests: Sequence[Test], proposed: Proposed) -> Test:
-    """What the model needs to run it: from the coldest recorded start, between the mean boundaries, with every channel of the
-    tests. Inputs that the proposal does not set are those of the recorded step nearest in speed and load."""
+    """What the model needs to run it: from the coldest recorded start, between the mean boundaries, with every channel
+    of the tests. Inputs that the proposal does not set are those of the recorded step nearest in speed and load."""
     inputs = _inputs(tests, proposed)
     length = len(proposed.speed)
     coldest = min(tests, key=lambda t: float(t.initial.mean()))

@@ -25,7 +25,8 @@ ON_THE_WAY = 4  # linearisations of a fit that another follows under other noise
 
 
 def refined(current: Fit, candidates: Sequence[Candidate], tell: Tell) -> Fit:
-    """The fit under noise fitted with the leading candidates in the design, the priors of families fitted, and noise again."""
+    """The fit under noise fitted with the leading candidates in the design, the priors of families fitted,
+    and noise again."""
     tell("fitting the noise")
     current = under_its_noise(current, candidates, ON_THE_WAY)
     tell("fitting the priors of families")
@@ -42,8 +43,8 @@ def under_its_noise(current: Fit, candidates: Sequence[Candidate], linearisation
 
 @dataclass(frozen=True)
 class _Design:
-    """A fit with its `leading` candidates beside it: `free` parameters (not at a bound), columns `a` (N, f) and `v` (N, l)
-    whitened, `sigma` (l,) of the candidates, `e0` (N,), and the series with their columns as they stand."""
+    """A fit with its `leading` candidates beside it: `free` parameters (not at a bound), columns `a` (N, f) and `v` (N,
+    l) whitened, `sigma` (l,) of the candidates, `e0` (N,), and the series with their columns as they stand."""
 
     current: Fit
     free: NDArray[np.bool_]

@@ -1,12 +1,13 @@
 """The variances of the channels' noise by restricted maximum likelihood, calibration integrated out.
 
-Maximised is `-(ln|R| + ln|A'A + Lambda| - ln|Lambda| + e0' P e0) / 2`, the evidence of the residual with every parameter of
-the calibration (and the leading candidates, which belong into the columns) integrated out under its prior, plus a half-normal
-prior on the slow discrepancy. Patterson and Thompson, Biometrika 58 (1971) 545, DOI 10.1093/biomet/58.3.545.
+Maximised is `-(ln|R| + ln|A'A + Lambda| - ln|Lambda| + e0' P e0) / 2`, the evidence of the residual with every
+parameter of the calibration (and the leading candidates, which belong into the columns) integrated out under its prior,
+plus a half-normal prior on the slow discrepancy. Patterson and Thompson, Biometrika 58 (1971) 545, DOI
+10.1093/biomet/58.3.545.
 
-It is climbed by expectation maximisation over the parameters (Dempster, Laird and Rubin 1977): given their posterior each
-channel's two variances have a likelihood of their own, of the residual at the mode and of what the parameters' spread does to
-it (a few orthogonal draws), which costs O(B).
+It is climbed by expectation maximisation over the parameters (Dempster, Laird and Rubin 1977): given their posterior
+each channel's two variances have a likelihood of their own, of the residual at the mode and of what the parameters'
+spread does to it (a few orthogonal draws), which costs O(B).
 """
 
 from __future__ import annotations
@@ -36,7 +37,8 @@ CONVERGED = 0.01  # largest change of ln sd
 
 @dataclass(frozen=True)
 class Observed:
-    """One series with its residual `e0` (B,) [K], referred back to the prior mean, and its parameters' columns (B, p)."""
+    """One series with its residual `e0` (B,) [K], referred back to the prior mean,
+    and its parameters' columns (B, p)."""
 
     series: Series
     e0: Array
@@ -56,8 +58,8 @@ def reml(
 ) -> Reml:
     """Noise of every channel of `observed`, a channel's variances shared by its sessions.
 
-    `precision` (p,): 1 / sd^2 of each parameter's prior. `rise_K`: channel -> its rise over the coolant [K], of which 0.3 %
-    is the least slow discrepancy. The two times are the same for all channels: the best pair of three and two.
+    `precision` (p,): 1 / sd^2 of each parameter's prior. `rise_K`: channel -> its rise over the coolant [K], of which
+    0.3 % is the least slow discrepancy. The two times are the same for all channels: the best pair of three and two.
     Raises `EvidenceError` where columns and precision do not fit, are not finite, or a channel has no rise.
     """
     _check(observed, precision, rise_K)

@@ -1,13 +1,14 @@
 """Exchanged channels, wrong units and signs: found before anything is calibrated.
 
-They are no small linear terms: once coefficients have bent to fit exchanged channels, a linear score looks at the wrong point.
-So the uncalibrated simulation is compared with each reading of the data, its parameters integrated out in one linear step,
+They are no small linear terms: once coefficients have bent to fit exchanged channels, a linear score looks at the wrong
+point. So the uncalibrated simulation is compared with each reading of the data, its parameters integrated out in one
+linear step,
 
     ln p(data) = -(ln|R| + ln|A'A + Lambda| - ln|Lambda| + e'e - e'A (A'A + Lambda)^-1 A'e) / 2,
 
 A, e whitened under noise as wide as what a file's own error leaves (Rasmussen and Williams 2006, 2.7). An exchange that
-stands out so must also be ahead once the motor is calibrated to the one and to the other reading, and explain more than any other
-cause: a mass or a loss that the file lacks at one of two like places looks like an exchange before.
+stands out so must also be ahead once the motor is calibrated to the one and to the other reading, and explain more than
+any other cause: a mass or a loss that the file lacks at one of two like places looks like an exchange before.
 """
 
 from __future__ import annotations
@@ -36,7 +37,8 @@ MARGIN = 8.0  # ln BF that a fault must exceed, before calibration and after
 
 @dataclass(frozen=True)
 class Swap:
-    """An accepted exchange of two channels: ln evidence with their measurements exchanged, less as recorded, nothing calibrated."""
+    """An accepted exchange of two channels: ln evidence with their measurements exchanged, less as recorded,
+    nothing calibrated."""
 
     candidate: Candidate
     log_bayes_factor: float
@@ -67,8 +69,8 @@ MISREADINGS = (
 
 
 def scan(model: Model, candidates: Sequence[Candidate]) -> list[Swap]:
-    """The exchanged pairs among the swaps of `candidates`, the clearest first. A channel is in one pair at most; each further
-    pair is sought with those before it exchanged. Raises `DivergedError` where the model runs away."""
+    """The exchanged pairs among the swaps of `candidates`, the clearest first. A channel is in one pair at most; each
+    further pair is sought with those before it exchanged. Raises `DivergedError` where the model runs away."""
     uncalibrated = _Uncalibrated(model)
     recorded = {name: name for name in uncalibrated.sheet}
     pairs = [(c, c.action) for c in candidates if isinstance(c.action, Exchange)]
@@ -92,8 +94,8 @@ def scan(model: Model, candidates: Sequence[Candidate]) -> list[Swap]:
 
 
 def _stands_out_calibrated(model: Model, pair: Exchange, candidates: Sequence[Candidate]) -> bool:
-    """Whether the motor calibrated to the exchanged tests is ahead of that calibrated to the tests as they are, by more than any other
-    cause would be. What cannot be calibrated at all is behind."""
+    """Whether the motor calibrated to the exchanged tests is ahead of that calibrated to the tests as they are, by more
+    than any other cause would be. What cannot be calibrated at all is behind."""
     as_recorded, crossed = _calibrated(model), _calibrated(_exchanged_in(model, pair))
     if as_recorded is None or crossed is None:
         return crossed is not None
@@ -120,9 +122,9 @@ def _crossed(recorded: Mapping[str, str], pair: Exchange) -> dict[str, str]:
 
 
 def exchanged(tests: Sequence[Test], channel: str, other: str) -> tuple[Test, ...]:
-    """The tests with what two channels recorded exchanged: values, usable samples, their times, the step that they are rounded
-    to. Place, lag, noise and bias stay with the name, as these are the sensor's own. Where a test has one of the two, its
-    record becomes the other's."""
+    """The tests with what two channels recorded exchanged: values, usable samples, their times, the step that they are
+    rounded to. Place, lag, noise and bias stay with the name, as these are the sensor's own. Where a test has one of
+    the two, its record becomes the other's."""
     sheet = _sheet(tests)
     to = {channel: other, other: channel}
     return tuple(replace(test, channels=tuple(_exchanged(test, to, sheet))) for test in tests)
@@ -146,9 +148,9 @@ def _recorded(channel: Channel, record: Channel) -> Channel:
 
 
 def misread(model: Model) -> list[str]:
-    """A line for every channel whose values follow the motor in another unit or with the other sign, the clearest first: what,
-    where, why and what to do. Each further one is sought with those before it put right. Raises `DivergedError` where the model
-    runs away."""
+    """A line for every channel whose values follow the motor in another unit or with the other sign, the clearest
+    first: what, where, why and what to do. Each further one is sought with those before it put right. Raises
+    `DivergedError` where the model runs away."""
     uncalibrated = _Uncalibrated(model)
     recorded = {name: name for name in uncalibrated.sheet}
     wrong: dict[str, _Misreading] = {}
@@ -166,7 +168,7 @@ def misread(model: Model) -> list[str]:
         lines.append(f"{line}{gains[best]:.0f}): {each.remedy}")
 
 
-# --- Evidence ---------------------------------------------------------------------------------------------------------------
+# --- Evidence ---------------------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)

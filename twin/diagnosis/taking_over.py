@@ -1,8 +1,9 @@
-"""Where a candidate's refit starts: at the amplitude with which it does what healthy differences had to do in its place.
+"""Where a candidate's refit starts: at the amplitude with which it does what healthy
+differences had to do in its place.
 
-Calibration bends every law at a place to stand in for a cause: a coefficient's logarithm, exponents, the map of a loss, a
-sensor's lag. From there the way back is long and curved, and a search that is cut short takes a form of law that is only near for
-the better one.
+Calibration bends every law at a place to stand in for a cause: a coefficient's logarithm, exponents, the map of a loss,
+a sensor's lag. From there the way back is long and curved, and a search that is cut short takes a form of law that is
+only near for the better one.
 """
 
 from __future__ import annotations
@@ -24,7 +25,8 @@ WORTH_TAKING = 0.1  # of the candidate's prior sd: below, a refit starts where a
 
 
 def taken_over(current: Fit, candidate: Candidate, parameter: Parameter) -> tuple[Floats, float]:
-    """A vector (p,) and an amplitude: a heat or conductance keeps its mean over the tests, anything else the prediction."""
+    """A vector (p,) and an amplitude: a heat or conductance keeps its mean over the tests,
+    anything else the prediction."""
     match parameter.action:
         case actions.Added(places, feature, rms):
             proposals = Proposals(current.model, current.beta)
@@ -44,8 +46,8 @@ def taken_over(current: Fit, candidate: Candidate, parameter: Parameter) -> tupl
 
 
 def _straightened(current: Fit, terms: set[int], form: bool) -> Floats:
-    """The vector with the factors of the terms (and with their `form`: exponents and maps) as in the file. What acts on other terms
-    too stays."""
+    """The vector with the factors of the terms (and with their `form`: exponents and maps) as in the file.
+    What acts on other terms too stays."""
     beta = current.beta.copy()
     for p, other in enumerate(current.model.parameters):
         match other.action:
@@ -65,7 +67,8 @@ def _mean(model: Model, beta: Floats, terms: set[int]) -> float:
 
 
 def _same_done(current: Fit, action: actions.Action) -> tuple[Floats, float]:
-    """The vector without the healthy differences that do the same, of those of single tests without their mean, and what that was."""
+    """The vector without the healthy differences that do the same, of those of single tests without their mean,
+    and what that was."""
     beta, parameters = current.beta.copy(), current.model.parameters
     same = [p for p, other in enumerate(parameters) if other.action == action]
     amplitude = 0.0

@@ -32,8 +32,8 @@ class Member:
 
 @dataclass(frozen=True)
 class ToldApart:
-    """The class of a leader: `probability` of the whole class; `leader` and the `others` that the data cannot tell from it,
-    best first."""
+    """The class of a leader: `probability` of the whole class;
+    `leader` and the `others` that the data cannot tell from it, best first."""
 
     probability: float
     leader: Member
@@ -41,7 +41,8 @@ class ToldApart:
 
 
 def told_apart(found: Round, leader: Candidate, log_bf_unknown: float) -> ToldApart:
-    """The class of a candidate of a round, the leading one; `log_bf_unknown` that of the best free heat at the same fit."""
+    """The class of a candidate of a round, the leading one;
+    `log_bf_unknown` that of the best free heat at the same fit."""
     log_bf, amplitude, refitted = _refitted(found)
     at = found.candidates.index(leader)
     expected = separation(amplitude, found.gram)[at]
@@ -69,22 +70,23 @@ def _possible(found: Round, amplitude: Floats) -> NDArray[np.bool_]:
     return np.array(within) & (found.scores.sign * amplitude >= 0)
 
 
-# --- The next test ----------------------------------------------------------------------------------------------------------
+# --- The next test ----------------------------------------------------------------------------------------------------
 
 
 def separating_test(found: Round, leader: Candidate, other: Candidate) -> str | None:
-    """The next test, in words, that tells two candidates of a round apart at the least bench time; None where none of the menu
-    does (`twin.diagnosis.next_tests`).
+    """The next test, in words, that tells two candidates of a round apart at the least bench time; None where none of
+    the menu does (`twin.diagnosis.next_tests`).
 
-    With the recorded tests and the new one stacked, the leader's amplitude a and everything else free, the other's ln BF is
-    expected to fall behind by (a^2 / 2) (v_c - beta v_d)'P(v_c - beta v_d), beta = v_d'P v_c / v_d'P v_d. A test separates
-    where that reaches ln 20; of these the one with the largest gain an hour is proposed.
+    With the recorded tests and the new one stacked, the leader's amplitude a and everything else free, the other's ln
+    BF is expected to fall behind by (a^2 / 2) (v_c - beta v_d)'P(v_c - beta v_d), beta = v_d'P v_c / v_d'P v_d. A test
+    separates where that reaches ln 20; of these the one with the largest gain an hour is proposed.
     """
     return _best_test(found, [found.candidates.index(c) for c in (leader, other)], TOLD_APART)
 
 
 def telling_test(found: Round, candidate: Candidate) -> str | None:
-    """The next test, in words, after which a candidate of its present size would stand out: a^2 v'P v / 2 = d^2 / 2 with d = 5."""
+    """The next test, in words, after which a candidate of its present size would stand out:
+    a^2 v'P v / 2 = d^2 / 2 with d = 5."""
     return _best_test(found, [found.candidates.index(candidate)], STANDS_OUT**2 / 2)
 
 
@@ -108,8 +110,8 @@ def _best_test(found: Round, at: Sequence[int], enough: float) -> str | None:
 
 @dataclass(frozen=True)
 class _Recorded:
-    """`gram` (k + p, k + p) of the one or two candidates `at` and the parameters over the recorded tests, priors of the latter
-    included; `free` (k + p,): those that are not at a bound."""
+    """`gram` (k + p, k + p) of the one or two candidates `at` and the parameters over the recorded tests, priors of the
+    latter included; `free` (k + p,): those that are not at a bound."""
 
     found: Round
     at: Sequence[int]
@@ -147,7 +149,8 @@ class _Recorded:
 
 
 def _gram(model: Model, parts: Sequence[Columns], place: NDArray[np.intp], into: Floats, k: int) -> Floats:
-    """Inner products of whitened columns added to `into`: k candidates first, then parameters at `place` of the vector."""
+    """Inner products of whitened columns added to `into`: k candidates first,
+    then parameters at `place` of the vector."""
     for part in parts:
         white = model.whitened(part.series, np.column_stack([part.extra, part.columns]))
         at = np.append(np.arange(k), k + place[part.at])

@@ -1,8 +1,8 @@
 """Unknown is a hypothesis: a free heat at one node, of any course in time, against every named cause.
 
 The heat is a sum of tents every 300 s whose heights follow an Ornstein-Uhlenbeck prior, sessions independent. Given the
-calibration's parameters it is linear: with X the tents' whitened responses, K the Cholesky factor of the heights' correlation,
-s = K'X'P e0 and M = K'X'P X K, a heat of size g has
+calibration's parameters it is linear: with X the tents' whitened responses, K the Cholesky factor of the heights'
+correlation, s = K'X'P e0 and M = K'X'P X K, a heat of size g has
 
     ln BF_g = g^2 s'(I + g^2 M)^-1 s / 2 - ln|I + g^2 M| / 2,
 
@@ -48,8 +48,8 @@ def tents(t_s: Array, times: Array) -> Array:
 
 @dataclass(frozen=True)
 class Response:
-    """One session's rows (a slice of the whitened rows), its tents `times` (q,) [s], and the whitened responses `columns`
-    (n, q) of these rows to 1 W at each tent."""
+    """One session's rows (a slice of the whitened rows), its tents `times` (q,) [s], and the whitened responses
+    `columns` (n, q) of these rows to 1 W at each tent."""
 
     rows: slice
     times: Array
@@ -58,7 +58,8 @@ class Response:
 
 @dataclass(frozen=True)
 class FreeHeat:
-    """A node's free heat: ln BF against none; smoothed heat `watts` and its `sd` (tents of all sessions, in order) [W]."""
+    """A node's free heat: ln BF against none; smoothed heat `watts` and its `sd` (tents of all sessions,
+    in order) [W]."""
 
     node: str
     log_bayes_factor: float
@@ -69,10 +70,11 @@ class FreeHeat:
 def free_heat(
     node: str, responses: Sequence[Response], e0: Array, projector: Projector, total_loss_W: float
 ) -> FreeHeat:
-    """Evidence and course of a free heat at one node; `e0` (N,) referred back to the prior mean (`twin.diagnosis.evidence`).
+    """Evidence and course of a free heat at one node;
+    `e0` (N,) referred back to the prior mean (`twin.diagnosis.evidence`).
 
-    `total_loss_W`: the mean modelled total loss over training, what sizes are shares of. Raises `EvidenceError` where it is
-    not above 0.
+    `total_loss_W`: the mean modelled total loss over training, what sizes are shares of.
+    Raises `EvidenceError` where it is not above 0.
     """
     if not total_loss_W > 0:
         raise EvidenceError(f"mean total loss {total_loss_W:g} W: a free heat is sized by a loss above 0")
@@ -118,7 +120,7 @@ def _smoothed(sizes: Array, weight: Array, values: Array, turned: Array, basis: 
     return mean, variance
 
 
-# --- What the heat goes with ------------------------------------------------------------------------------------------------
+# --- What the heat goes with ------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
@@ -162,7 +164,8 @@ def _slopes(design: Array, watts: Array) -> Array:
 
 
 def _resampled(q: int, block: int, rng: np.random.Generator) -> Sequence[Array]:
-    """Index sets of length q made of runs, wrapped around the end (circular block bootstrap, Politis and Romano 1992)."""
+    """Index sets of length q made of runs, wrapped around the end (circular block bootstrap,
+    Politis and Romano 1992)."""
     starts = rng.integers(q, size=(BOOTSTRAP_DRAWS, -(-q // block)))
     runs = (starts[:, :, None] + np.arange(block)) % q
     return list(runs.reshape(BOOTSTRAP_DRAWS, -1)[:, :q])
@@ -171,8 +174,8 @@ def _resampled(q: int, block: int, rng: np.random.Generator) -> Sequence[Array]:
 def active_ranges(
     watts: Array, features: Mapping[str, Array]
 ) -> tuple[tuple[float, float], dict[str, tuple[float, float]]]:
-    """Where the heat is: 10 to 90 % range of it [W] over the tents with at least half of its largest size, and the 5 to 95 %
-    range of each feature there."""
+    """Where the heat is: 10 to 90 % range of it [W] over the tents with at least half of its largest size, and the 5 to
+    95 % range of each feature there."""
     chosen = np.abs(watts) >= ACTIVE * np.abs(watts).max()
     return _range(watts[chosen], 0.1), {name: _range(values[chosen], 0.05) for name, values in features.items()}
 

@@ -2,9 +2,10 @@
 
 candidates = generate(network, channels, inputs)
 
-What a cause does is an action (`twin.fitting.actions`), as of a healthy difference, with an amplitude that is 0 in the nominal
-model. The prior size of an amplitude (`twin.differences.sizes`) is fixed before looking at data, as a fraction of a scale of this
-motor and campaign, so that one rule serves a 5 kW servo and a 250 kW drive. `twin.diagnosis.evidence` scores candidates.
+What a cause does is an action (`twin.fitting.actions`), as of a healthy difference, with an amplitude that is 0 in the
+nominal model. The prior size of an amplitude (`twin.differences.sizes`) is fixed before looking at data, as a fraction
+of a scale of this motor and campaign, so that one rule serves a 5 kW servo and a 250 kW drive.
+`twin.diagnosis.evidence` scores candidates.
 """
 
 from __future__ import annotations
@@ -30,8 +31,9 @@ from twin.motor.sensor_laws import AMBIENT, SENSOR_LAWS, Exchange, Misreading
 
 @dataclass(frozen=True)
 class Candidate:
-    """One candidate. `unit` of its amplitude; `sign` +1 or -1 where the amplitude can have only that one, else 0; `members`
-    the places that share its amplitude, where it is a group; `added`: the product of features of a heat or path that is added.
+    """One candidate. `unit` of its amplitude; `sign` +1 or -1 where the amplitude can have only that one, else 0;
+    `members` the places that share its amplitude, where it is a group; `added`: the product of features of a heat or
+    path that is added.
 
     Its `action` is on no tests yet: what depends on them `twin.differences.proposals` fills in."""
 
@@ -59,7 +61,7 @@ class Candidate:
         return tuple(tuple(name.split("-")) for name in self.members or (self.cause.place,))
 
 
-# --- The tables: laws that have a mechanism ---------------------------------------------------------------------------------
+# --- The tables: laws that have a mechanism ---------------------------------------------------------------------------
 
 HEAT, LOG_SCALE, OWN_LINK, MISSING_LINK, CAPACITY, SESSION = 0.05, float(np.log(2)), 1.0, 0.2, 0.3, 0.15
 INPUT_GAIN, FLOW_GAIN, INPUT_BIAS, BOUNDARY_BIAS_K = 0.05, 0.3, 0.02, 3.0
@@ -104,9 +106,9 @@ _TURNING = ("rotor", "magnet", "bearing")
 def generate(network: Network, channels: Sequence[Sensor], inputs: Sequence[InputChannel]) -> tuple[Candidate, ...]:
     """Every candidate of a checked network with these observed channels and inputs, in a fixed order, ids unique.
 
-    Laws use only features that the inputs give; an input `flow` stands for every flow that the network's laws tell apart. No two
-    say the same: at a node or link with one term `scale` stands for that term's own law, and of two buses only the one with fewer
-    inputs has a clock, as only their difference shows.
+    Laws use only features that the inputs give; an input `flow` stands for every flow that the network's laws tell
+    apart. No two say the same: at a node or link with one term `scale` stands for that term's own law, and of two buses
+    only the one with fewer inputs has a clock, as only their difference shows.
     """
     inputs = _as_named(network, inputs)
     features = _available(network, inputs)
@@ -128,7 +130,8 @@ def added_monomials(candidates: Sequence[Candidate]) -> tuple[Monomial, ...]:
 
 
 def _as_named(network: Network, inputs: Sequence[InputChannel]) -> list[InputChannel]:
-    """The inputs as laws call them: a bench knows quantities, a motor with two circuits `flow_jacket` and `flow_oil`."""
+    """The inputs as laws call them: a bench knows quantities,
+    a motor with two circuits `flow_jacket` and `flow_oil`."""
     used = {feature for m in monomials(network) for feature in m.features}
     flows = [f for f in sorted(used) if is_flow(f)] or ["flow"]
     return [replace(i, name=name) for i in inputs for name in (flows if i.name == "flow" else [i.name])]
@@ -146,7 +149,7 @@ def _exponents(cause: Cause, features: frozenset[str]) -> dict[str, float] | Non
     return exponents if exponents.keys() <= features else None
 
 
-# --- Losses -----------------------------------------------------------------------------------------------------------------
+# --- Losses -----------------------------------------------------------------------------------------------------------
 
 
 def _losses(network: Network, features: frozenset[str]) -> Iterator[Candidate]:
@@ -170,8 +173,8 @@ def _losses(network: Network, features: frozenset[str]) -> Iterator[Candidate]:
 def _of_whole_law(
     network: Network, cause: Cause, places: tuple[Place, ...], shown: tuple[str, ...], size: Sigma
 ) -> Candidate:
-    """`scale`, `temperature`, or what changes from session to session, of the whole law at the places; `size` of one more law
-    there."""
+    """`scale`, `temperature`, or what changes from session to session, of the whole law at the places;
+    `size` of one more law there."""
     terms = tuple(terms_at(network, place) for place in places)
     every = tuple(i for own in terms for i in own)
     if cause.law == "scale":
@@ -224,7 +227,7 @@ def _places_with_groups(names: Sequence[str]) -> list[tuple[str, tuple[str, ...]
     return [*((name, (name,)) for name in names), *groups(names).items()]
 
 
-# --- Conductances -----------------------------------------------------------------------------------------------------------
+# --- Conductances -----------------------------------------------------------------------------------------------------
 
 
 def _conductances(network: Network, features: frozenset[str]) -> Iterator[Candidate]:
@@ -259,7 +262,8 @@ def _at_boundary(network: Network, place: Place) -> bool:
 
 
 def _link_laws(network: Network, place: Place, own: Sequence[Term]) -> tuple[str, ...]:
-    """Laws with a mechanism: convection where air is, a gap turns or the file says so; cooling where it follows a flow."""
+    """Laws with a mechanism: convection where air is, a gap turns or the file says so;
+    cooling where it follows a flow."""
     regions = _regions(network, place)
     used = {feature for term in own for feature in term.exponents}
     gap = any(r in _TURNING for r in regions) and any(r in ("copper", "iron") for r in regions)
@@ -279,7 +283,7 @@ def _insulated(network: Network, place: Place) -> bool:
     return "copper" in regions and "iron" in regions
 
 
-# --- The rest ---------------------------------------------------------------------------------------------------------------
+# --- The rest ---------------------------------------------------------------------------------------------------------
 
 
 def _capacities(network: Network) -> Iterator[Candidate]:
@@ -300,8 +304,8 @@ def _boundaries(network: Network) -> Iterator[Candidate]:
 
 
 def sensor_place(channel: Sensor, channels: Sequence[Sensor]) -> str:
-    """A sensor's place in ids: its node where it is the only channel that follows it alone, or, where none does, the only one that
-    follows it by more than half; else `node@signal`."""
+    """A sensor's place in ids: its node where it is the only channel that follows it alone, or, where none does, the
+    only one that follows it by more than half; else `node@signal`."""
     own = [c for c in channels if c.node == channel.node and c.weights[c.node] > 0.5]
     alone = [c for c in own if len(c.weights) == 1]
     return channel.node if (alone or own) == [channel] else f"{channel.node}@{spelt(channel.name)}"

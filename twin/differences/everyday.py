@@ -250,7 +250,8 @@ def _buses(tests: Sequence[Test]) -> dict[str, tuple[str, ...]]:
 
 
 def _beside(network: Network, tests: Sequence[Test]) -> Iterator[Parameter]:
-    """A sensor follows a little of what its node is joined to, and of the air around it; of nothing across a rotating gap."""
+    """A sensor follows a little of what its node is joined to, and of the air around it;
+    of nothing across a rotating gap."""
     names = [node.name for node in network.nodes]
     air = {node.name for node in network.nodes if node.region == "fluid"}
     turning = {node.name for node in network.nodes if node.region in ROTATING}

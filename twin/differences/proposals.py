@@ -33,8 +33,8 @@ class Proposals:
         self._boundaries = np.concatenate([t.frame.boundaries for t in self.tests])
 
     def parameter(self, candidate: Candidate) -> Parameter:
-        """The candidate at amplitude 0, with the sd of its prior; held to its sign where it has one, and where it adds to a law,
-        to what leaves that law above 0 in the mean."""
+        """The candidate at amplitude 0, with the sd of its prior; held to its sign where it has one, and where it adds
+        to a law, to what leaves that law above 0 in the mean."""
         assert not isinstance(candidate.action, Exchange), "channels are exchanged or not: no number says it"
         action, per = self._on_tests(candidate.action)
         sd = candidate.sigma.value(self.scales) * per

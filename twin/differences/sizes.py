@@ -19,16 +19,16 @@ class Scales:
     conductance_W_per_K: Mapping[str, float]
 
     def at(self, node: str) -> float:
-        """The largest mean conductance at a node or boundary; infinite where nothing is joined to it, so that the other end
-        of a missing link sizes it."""
+        """The largest mean conductance at a node or boundary; infinite where nothing is joined to it, so that the other
+        end of a missing link sizes it."""
         own = (g for place, g in self.conductance_W_per_K.items() if node in place.split("-"))
         return max(own, default=float("inf"))
 
 
 @dataclass(frozen=True)
 class Sigma:
-    """Prior sd of an amplitude: `share` times `of`: `unit` (1), `total_loss`, `own_conductance` (mean of the places), or
-    `smaller_neighbour` (of a link's two ends, the smaller of their largest conductances; mean of the places)."""
+    """Prior sd of an amplitude: `share` times `of`: `unit` (1), `total_loss`, `own_conductance` (mean of the places),
+    or `smaller_neighbour` (of a link's two ends, the smaller of their largest conductances; mean of the places)."""
 
     share: float
     of: str = "unit"

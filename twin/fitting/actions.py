@@ -116,7 +116,8 @@ class BoundaryBias:
 
 @dataclass(frozen=True)
 class Beside:
-    """A channel follows p of a node (an index) and 1 - p of its own place: a thermocouple reads a mixture of what it touches."""
+    """A channel follows p of a node (an index) and 1 - p of its own place:
+    a thermocouple reads a mixture of what it touches."""
 
     channel: str
     node: int
@@ -124,8 +125,8 @@ class Beside:
 
 @dataclass(frozen=True)
 class Late:
-    """The stamps of the channels are late by p [s], or by p [ppm] of the time run where `drifts`; `sign` -1: it is all else
-    that is late."""
+    """The stamps of the channels are late by p [s], or by p [ppm] of the time run where `drifts`; `sign` -1:
+    it is all else that is late."""
 
     channels: tuple[str, ...]
     drifts: bool
@@ -159,8 +160,8 @@ Action = OnTerms | OnTemperatures | OnReading
 
 @dataclass(frozen=True)
 class Parameter:
-    """One number with its prior, mean 0 unless `mean` says else. `test`: the one it belongs to, None for all. `low`, `high`:
-    where it is held."""
+    """One number with its prior, mean 0 unless `mean` says else. `test`: the one it belongs to, None for all.
+    `low`, `high`: where it is held."""
 
     name: str
     action: Action

@@ -23,8 +23,8 @@ Floats = NDArray[np.float64]
 
 
 class Circuit:
-    """Everything about a test that does not depend on the vector. States: the network's nodes, then masses that follow them; boundaries
-    are behind all states. `active`: (place in the vector, action) of what acts in this test."""
+    """Everything about a test that does not depend on the vector. States: the network's nodes, then masses that follow
+    them; boundaries are behind all states. `active`: (place in the vector, action) of what acts in this test."""
 
     def __init__(self, network: Network, test: Test, numbers: Sequence[Parameter], number: int) -> None:
         self.network, self.test, self.step_s = network, test, test.frame.step_s
@@ -117,9 +117,9 @@ class Circuit:
 
 @dataclass(frozen=True)
 class Run:
-    """One run of one test at a vector. `prompt` (T, N): terms before they are delayed by `late_s`, `tents` the factors of their
-    tents; `values` (T, N) as they act; `carried` (L, N): what each law carries; `affine`: whether every
-    heat is linear in temperature, so that the course it was linearised about does not matter."""
+    """One run of one test at a vector. `prompt` (T, N): terms before they are delayed by `late_s`, `tents` the factors
+    of their tents; `values` (T, N) as they act; `carried` (L, N): what each law carries; `affine`: whether every heat
+    is linear in temperature, so that the course it was linearised about does not matter."""
 
     beta: Floats
     prompt: Floats

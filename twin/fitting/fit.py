@@ -1,9 +1,10 @@
 """The mode of a model's posterior: Levenberg-Marquardt on whitened block means, bounds held and the rest solved again.
 
-K. Levenberg, Quart. Appl. Math. 2 (1944); D. W. Marquardt, J. SIAM 11 (1963), doi:10.1137/0111030; damping in the metric of
-J. J. More, LNM 630 (1978), doi:10.1007/BFb0067700; the curvature along a step is followed (geodesic
-acceleration: M. K. Transtrum, J. P. Sethna, arXiv:1201.5885). Columns are dear and runs are cheap, so a linearisation serves several steps
-(Shamanskii's method: C. T. Kelley, Iterative Methods for Linear and Nonlinear Equations, SIAM 1995, 5.4.3).
+K. Levenberg, Quart. Appl. Math. 2 (1944); D. W. Marquardt, J. SIAM 11 (1963), doi:10.1137/0111030; damping in the
+metric of J. J. More, LNM 630 (1978), doi:10.1007/BFb0067700; the curvature along a step is followed (geodesic
+acceleration: M. K. Transtrum, J. P. Sethna, arXiv:1201.5885). Columns are dear and runs are cheap, so a linearisation
+serves several steps (Shamanskii's method: C. T. Kelley, Iterative Methods for Linear and Nonlinear Equations, SIAM
+1995, 5.4.3).
 """
 
 from __future__ import annotations
@@ -36,9 +37,9 @@ WORTH = 0.5  # of the last step's gain: below, a new linearisation is due
 
 @dataclass(frozen=True)
 class Fit:
-    """`beta` the mode (or where the search ended), `hessian` of - ln posterior there (Gauss-Newton), `cost` = - ln posterior up
-    to a constant of the noise; `parts`: residuals and columns there, not whitened; `left`: what the quadratic model still promises in
-    ln posterior, under what was enough where the search converged."""
+    """`beta` the mode (or where the search ended), `hessian` of - ln posterior there (Gauss-Newton), `cost` = - ln
+    posterior up to a constant of the noise; `parts`: residuals and columns there, not whitened; `left`: what the
+    quadratic model still promises in ln posterior, under what was enough where the search converged."""
 
     model: Model
     beta: Floats
@@ -144,8 +145,8 @@ def _try(model: Model, beta: Floats) -> Tried | None:
 
 
 def _along(model: Model, beta: Floats, cost: float, slope: Floats, trial: Floats, found: Tried) -> tuple[Floats, Tried]:
-    """The step, or a shorter one to the lowest point of the parabola through its ends where that is lower: a model that misfits
-    bends more than its Gauss-Newton Hessian says, and full steps only swing from side to side of a valley."""
+    """The step, or a shorter one to the lowest point of the parabola through its ends where that is lower: a model that
+    misfits bends more than its Gauss-Newton Hessian says, and full steps only swing from side to side of a valley."""
     downhill = float(slope @ (trial - beta))
     bent = found[0] - cost + downhill
     share = downhill / (2 * bent) if bent > 0 else 1.0

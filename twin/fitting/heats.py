@@ -164,8 +164,8 @@ class Heats:
     def _factors(
         self, kind: Kind, run: Run, value: Floats, by_b: Floats, of_terms: Floats
     ) -> Iterator[tuple[Floats, Floats]]:
-        """What the entries of a kind multiply. `value`, `by_b` (L, N): psi and its slope with T_b; `of_terms` (T, N): psi of the
-        terms' laws, their tilts included."""
+        """What the entries of a kind multiply. `value`, `by_b` (L, N): psi and its slope with T_b; `of_terms` (T, N):
+        psi of the terms' laws, their tilts included."""
         circuit, drive = self.circuit, self.circuit.drive
         match kind:
             case "terms" | "tents":

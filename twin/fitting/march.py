@@ -1,13 +1,13 @@
 """A run of any network, with dense matrices and nothing compiled a motor.
 
-Over a step of h the temperatures follow the implicit midpoint rule (A-stable, order 2: Hairer and Wanner, Solving Ordinary
-Differential Equations II, IV.3), with the heats linearised about a given course:
+Over a step of h the temperatures follow the implicit midpoint rule (A-stable, order 2: Hairer and Wanner, Solving
+Ordinary Differential Equations II, IV.3), with the heats linearised about a given course:
 
     (2 C / h + L) z = (2 C / h) T + b,    T' = 2 z - T,
 
-z the mean temperature of the step. The matrices do not depend on T: they are eliminated many steps side by side, without a
-search for pivots (2 C / h outweighs what losses take from the diagonal), and only two triangles a step are left to solve in
-turn.
+z the mean temperature of the step. The matrices do not depend on T: they are eliminated many steps side by side,
+without a search for pivots (2 C / h outweighs what losses take from the diagonal), and only two triangles a step are
+left to solve in turn.
 """
 
 from __future__ import annotations
@@ -30,8 +30,9 @@ SIDE_BY_SIDE = 32  # steps: their matrices fit the second level cache
 
 @dataclass(frozen=True)
 class System:
-    """The linear system of every step. `storage` (n,) 2 C / h [W/K]; `heat` (N, n) b [W]; `factors` (N, n, n) of 2 C / h + L = (1 + A) (D + B):
-    row i holds column i of -A (below the diagonal, so right of i), 1 / D, and column i of -B."""
+    """The linear system of every step. `storage` (n,) 2 C / h [W/K]; `heat` (N, n) b [W]; `factors` (N, n, n) of 2 C /
+    h + L = (1 + A) (D + B): row i holds column i of -A (below the diagonal, so right of i), 1 / D, and column i of
+    -B."""
 
     factors: Floats
     storage: Floats

@@ -1,9 +1,9 @@
 """Meters of one test: what they read of a run, and what each parameter changes in it.
 
-A meter goes with the temperature of nodes, or reads a sum of the motor's heats: of all sources, or of all that a boundary
-takes. A parameter changes such a sum in two ways: through the heats themselves at given temperatures (`_Counted`, as
-`twin.fitting.heats` finds them), and through the temperatures that they go with (slopes of the laws, times what `twin.fitting.responses` knows
-of the temperatures).
+A meter goes with the temperature of nodes, or reads a sum of the motor's heats: of all sources, or of all that a
+boundary takes. A parameter changes such a sum in two ways: through the heats themselves at given temperatures
+(`_Counted`, as `twin.fitting.heats` finds them), and through the temperatures that they go with (slopes of the laws,
+times what `twin.fitting.responses` knows of the temperatures).
 """
 
 from __future__ import annotations
@@ -67,7 +67,8 @@ class Metering:
         return weights
 
     def columns(self, run: Run, wanted: Sequence[tuple[int, Action]]) -> list[Floats]:
-        """Of every meter (B, P): d(block mean of its reading) / d(parameter), `wanted`: (column, action), P of the last column."""
+        """Of every meter (B, P): d(block mean of its reading) / d(parameter), `wanted`: (column, action),
+        P of the last column."""
         if wanted != self._wanted:
             self._wanted, self._known = list(wanted), None
             places = {action: p for p, action in self.circuit.active}

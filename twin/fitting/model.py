@@ -36,8 +36,8 @@ FIRST_COURSES = 4  # runs until the course about which heats are linearised has 
 
 @dataclass(frozen=True)
 class Columns:
-    """One channel of one test about a vector: the residual's series (not whitened), `at` the places in the vector that its
-    columns (B, at) d(modelled)/d(vector) belong to, and `extra` (B, c) of parameters at zero."""
+    """One channel of one test about a vector: the residual's series (not whitened), `at` the places in the vector that
+    its columns (B, at) d(modelled)/d(vector) belong to, and `extra` (B, c) of parameters at zero."""
 
     series: Series
     at: Index
@@ -156,7 +156,8 @@ class Model:
         return self._marches[test].columns(self._run(test, beta, settle=True), at, extra)
 
     def course(self, test: int, beta: Floats) -> tuple[Floats, Floats, Floats]:
-        """Temperatures at the edges (N + 1, n), step means (N, n) [degC] and heat of every term (N, terms) at 1 K per K."""
+        """Temperatures at the edges (N + 1, n), step means (N, n) [degC] and heat of every term (N,
+        terms) at 1 K per K."""
         ran = self._run(test, beta)
         n = len(self.network.nodes)
         return ran.edges[:, :n], ran.means[:, :n], ran.values.T

@@ -2,13 +2,14 @@
 
 The covariance of the block means of one channel in one session is
 
-    R[i, j] = (noise^2 + resolution^2 / 12) / m_i [i = j] + ar_sd^2 exp(-|t_i - t_j| / ar_tau) + ou_sd^2 exp(-|t_i - t_j| / ou_tau),
+    R[i, j] = (noise^2 + resolution^2 / 12) / m_i [i = j]
+              + ar_sd^2 exp(-|t_i - t_j| / ar_tau) + ou_sd^2 exp(-|t_i - t_j| / ou_tau),
 
-m samples a block: white noise, an autoregression of about a minute, and a slow Ornstein-Uhlenbeck discrepancy. Sessions and
-channels are independent. Its Kalman filter (white as measurement noise, the other two as states) turns a column into
-innovations divided by their standard deviations, `W x` with `W' W = R^-1`; a gap is a longer step. It costs O(B) a column.
-Rasmussen and Williams, Gaussian Processes for Machine Learning (2006), B.2; Harvey, Forecasting, Structural Time Series
-Models and the Kalman Filter (1989), 3.4.
+m samples a block: white noise, an autoregression of about a minute, and a slow Ornstein-Uhlenbeck discrepancy. Sessions
+and channels are independent. Its Kalman filter (white as measurement noise, the other two as states) turns a column
+into innovations divided by their standard deviations, `W x` with `W' W = R^-1`; a gap is a longer step. It costs O(B) a
+column. Rasmussen and Williams, Gaussian Processes for Machine Learning (2006), B.2; Harvey, Forecasting, Structural
+Time Series Models and the Kalman Filter (1989), 3.4.
 """
 
 from __future__ import annotations
@@ -70,8 +71,8 @@ def whiten(series: Series, noise: ChannelNoise, columns: Array) -> Array:
 
 
 class Whitening:
-    """`W X` of columns X (B, k) of a series, whose rows are given in turn, as many at a time as there are. Raises `EvidenceError` as
-    `whiten`."""
+    """`W X` of columns X (B, k) of a series, whose rows are given in turn, as many at a time as there are.
+    Raises `EvidenceError` as `whiten`."""
 
     def __init__(self, series: Series, noise: ChannelNoise, columns: int) -> None:
         self._gains = _checked_gains(series, noise)
@@ -157,7 +158,8 @@ def _whiten(gains: Array, states: Array, x: Array) -> None:
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
 def deviance(t: Array, white: Array, x: Array, v_a: float, tau_a: float, v_o: float, tau_o: float) -> float:
-    """`ln|R| + sum of (W X)^2`: minus twice the log likelihood of columns x (B, k) that share one R, up to a constant."""
+    """`ln|R| + sum of (W X)^2`: minus twice the log likelihood of columns x (B, k) that share one R,
+    up to a constant."""
     gains = filter_gains(t, white, v_a, tau_a, v_o, tau_o)
     whitened = x.copy()
     _whiten(gains, np.zeros((2, x.shape[1])), whitened)

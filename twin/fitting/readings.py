@@ -45,8 +45,8 @@ class Sensing:
                 self._own[k].setdefault(type(action), []).append((p, action))
 
     def read_by(self, action: Action) -> list[int]:
-        """The channels, then the meters, that an action makes read otherwise than the temperatures say. What is pulled towards
-        the ambient reads its boundary; a meter reads heats, which anything may change."""
+        """The channels, then the meters, that an action makes read otherwise than the temperatures say. What is pulled
+        towards the ambient reads its boundary; a meter reads heats, which anything may change."""
         count = len(self.test.channels)
         meters = list(range(count, count + len(self.test.meters)))
         if isinstance(action, actions.BoundaryBias) and action.boundary == self.ambient:

@@ -22,8 +22,8 @@ LEAST_HEAT_W = 1.0
 
 @dataclass(frozen=True)
 class Channel:
-    """An observed channel of one test. `measured` (N,) [degC]: means over the steps, any value where `output.samples` is 0;
-    `white_sd`, `resolution` [K] of one sample; `bias_sd` [K] constant within the test."""
+    """An observed channel of one test. `measured` (N,) [degC]: means over the steps, any value where `output.samples`
+    is 0; `white_sd`, `resolution` [K] of one sample; `bias_sd` [K] constant within the test."""
 
     name: str
     bus: str
@@ -36,12 +36,14 @@ class Channel:
 
 @dataclass(frozen=True)
 class Meter:
-    """An observed channel of one test that is no thermometer, in its own `unit`: what goes with the temperature of nodes (`law`), or
-    else a heat [W], of all sources (`boundary` None) or what a boundary (an index) takes out of the motor. `given` (N,): what the
-    meter of a heat reads besides, known from inputs, as the mechanical power is in the electrical. The stamps are those of the
-    inputs, the weights of `output` mean nothing; `gain_sd`: of the share by which it reads too much; all else as in `Channel`.
+    """An observed channel of one test that is no thermometer, in its own `unit`: what goes with the temperature of
+    nodes (`law`), or else a heat [W], of all sources (`boundary` None) or what a boundary (an index) takes out of the
+    motor. `given` (N,): what the meter of a heat reads besides, known from inputs, as the mechanical power is in the
+    electrical. The stamps are those of the inputs, the weights of `output` mean nothing; `gain_sd`: of the share by
+    which it reads too much; all else as in `Channel`.
 
-    A model's rows of a meter are so many `row`, so that 1 is as much as 1 K of a thermometer and one rule serves the noise of both."""
+    A model's rows of a meter are so many `row`, so that 1 is as much as 1 K of a thermometer
+    and one rule serves the noise of both."""
 
     name: str
     bus: str
@@ -67,9 +69,9 @@ class Meter:
 
 @dataclass(frozen=True)
 class Test:
-    """One recorded test in steps of `frame.step_s`, whole blocks only. `inputs`: feature -> (N,) dimensionless, step means;
-    `features`: name of a product -> (N,) step means of it; `initial`, `initial_sd` (n,); `course`: what `Course` multiplies with;
-    `start_ns` of the first step."""
+    """One recorded test in steps of `frame.step_s`, whole blocks only. `inputs`: feature -> (N,) dimensionless, step
+    means; `features`: name of a product -> (N,) step means of it; `initial`, `initial_sd` (n,); `course`: what `Course`
+    multiplies with; `start_ns` of the first step."""
 
     __test__ = False
 
@@ -91,8 +93,8 @@ class Test:
         return (*self.channels, *self.meters)
 
     def is_common(self, action: actions.Action) -> bool:
-        """Whether the stamps of every channel are late alike: then the drive is delayed instead, which is exact for columns. Not
-        where there are meters, whose stamps are those of the drive."""
+        """Whether the stamps of every channel are late alike: then the drive is delayed instead, which is exact for
+        columns. Not where there are meters, whose stamps are those of the drive."""
         if not isinstance(action, actions.Late) or action.drifts or self.meters:
             return False
         return {channel.name for channel in self.channels} <= set(action.channels)

@@ -1,8 +1,9 @@
 """Sensitivities of a run, block by block.
 
-A parameter's heat q in a step moves z, the mean temperature of the step, by (2 C / h + L)^-1 q: exactly, as the implicit
-midpoint rule has one stage. What a block of steps does to its end and to its mean readings is a matrix, found backwards
-through the block (the adjoint); so a column costs a few products a step, and one small matrix product a block.
+A parameter's heat q in a step moves z, the mean temperature of the step, by (2 C / h + L)^-1 q: exactly, as the
+implicit midpoint rule has one stage. What a block of steps does to its end and to its mean readings is a matrix, found
+backwards through the block (the adjoint); so a column costs a few products a step, and one small matrix product a
+block.
 """
 
 from __future__ import annotations
@@ -35,8 +36,8 @@ class Sensor:
 
 @dataclass(frozen=True)
 class Mean:
-    """A mean over a block, of the sensor's reading at each step's start times `old` (N,) and at its end times `new` (N,).
-    `ahead`: what a block's steps give belongs to the mean of the block so many later."""
+    """A mean over a block, of the sensor's reading at each step's start times `old` (N,) and at its end times `new`
+    (N,). `ahead`: what a block's steps give belongs to the mean of the block so many later."""
 
     sensor: int
     old: Floats
@@ -72,8 +73,8 @@ def means(sensor: int, blocks: Blocks, late: Floats) -> list[Mean]:
 
 @dataclass(frozen=True)
 class Loads:
-    """What parameters bring: `heat` (L, N) [W per unit], each into node `a` and, where there is one, out of node `b` (L,), of parameter
-    `column` (L,). Those of one place stand together."""
+    """What parameters bring: `heat` (L, N) [W per unit], each into node `a` and, where there is one, out of node `b`
+    (L,), of parameter `column` (L,). Those of one place stand together."""
 
     heat: Floats
     a: Integers
@@ -146,8 +147,9 @@ def _columns(
     state: Floats,
     out: Floats,
 ) -> None:
-    """Block by block: what it does to the states (temperatures, then readings) and gives to the means, then every parameter's
-    state through it. What is acted on stands side by side, in whole vectors (what fills them up stays 0)."""
+    """Block by block: what it does to the states (temperatures, then readings) and gives to the means, then every
+    parameter's state through it. What is acted on stands side by side, in whole vectors (what fills them up stays
+    0)."""
     (m, blocks, total), n = out.shape, storage.size
     states, width = n + m, -(-(n + m + len(sensor)) // 8) * 8
     through, heat = np.empty((states, width)), np.empty((n, length, width))
@@ -196,8 +198,8 @@ def _backwards(
     through: Floats,
     heat: Floats,
 ) -> None:
-    """The adjoint of the block that begins with step `first`: `through` (n + m, width) of the state at its start, `heat` (n, length,
-    width) of the heat at a node in a step [K/W]. `moved` (n, width) is room to work in."""
+    """The adjoint of the block that begins with step `first`: `through` (n + m, width) of the state at its start,
+    `heat` (n, length, width) of the heat at a node in a step [K/W]. `moved` (n, width) is room to work in."""
     n, length, width = heat.shape
     states = len(through)
     for i in range(states):
@@ -236,7 +238,8 @@ def _backwards(
 
 @numba.njit(error_model="numpy", nogil=True, cache=True, fastmath={"contract"})
 def _add(by: Floats, row: int, first: int, stop: int, rows: Floats, out: Floats, to: int) -> None:
-    """Add to row `to` of `out` the rows from `first` to `stop`, times `by[row]` there. Five at once: few steps to store."""
+    """Add to row `to` of `out` the rows from `first` to `stop`, times `by[row]` there. Five at once:
+    few steps to store."""
     k = first
     while k + 5 <= stop:
         x0, x1, x2, x3, x4 = by[row, k], by[row, k + 1], by[row, k + 2], by[row, k + 3], by[row, k + 4]

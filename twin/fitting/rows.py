@@ -18,8 +18,8 @@ Entry = tuple[int, float, int, int, int]  # row to add to, weight, row of the fi
 
 @dataclass(frozen=True)
 class Products:
-    """To row `to` of an array comes `weight` times row `first` of another times row `second` of a third, times a parameter
-    where one is named (else NOBODY)."""
+    """To row `to` of an array comes `weight` times row `first` of another times row `second` of a third, times a
+    parameter where one is named (else NOBODY)."""
 
     to: Integers
     weight: Floats

@@ -58,7 +58,8 @@ _TERM = re.compile(
 
 @dataclass(frozen=True, order=True)
 class Cause:
-    """A cause: what kind, where, and the law it follows. `str(cause)` is its id; raises `CauseError` for what cannot be."""
+    """A cause: what kind, where, and the law it follows. `str(cause)` is its id;
+    raises `CauseError` for what cannot be."""
 
     kind: str
     place: str
@@ -161,7 +162,7 @@ def _nearest(word: str, known: Iterable[str]) -> str:
     return f"; the nearest is {near[0]}" if near else f"; there are {', '.join(names)}"
 
 
-# --- Places -----------------------------------------------------------------------------------------------------------------
+# --- Places -----------------------------------------------------------------------------------------------------------
 
 
 def spelt(name: str) -> str:
@@ -193,7 +194,8 @@ def mirrored(name: str) -> dict[str, str]:
 
 
 def groups(names: Iterable[str]) -> dict[str, tuple[str, ...]]:
-    """Stem -> the names that differ only in `_a`/`_b` or `_1`/`_2`, in their order; stems that are names are left out."""
+    """Stem -> the names that differ only in `_a`/`_b` or `_1`/`_2`, in their order;
+    stems that are names are left out."""
     given = tuple(names)
     found: dict[str, list[str]] = {}
     for name in given:
@@ -203,7 +205,7 @@ def groups(names: Iterable[str]) -> dict[str, tuple[str, ...]]:
     return {stem: tuple(members) for stem, members in found.items() if len(members) == 2}
 
 
-# --- Words ------------------------------------------------------------------------------------------------------------------
+# --- Words ------------------------------------------------------------------------------------------------------------
 
 _SAYS = {
     ("loss", "scale"): "{place} loss is off by one factor at every operating point",

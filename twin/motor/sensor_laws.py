@@ -1,8 +1,9 @@
-"""What a sensor may get wrong, each law once: its name and unit, how large it may be, its words, and what it adds to a reading.
+"""What a sensor may get wrong, each law once: its name and unit, how large it may be, its words,
+and what it adds to a reading.
 
-A new law is one class here and its name in `SENSOR_LAWS`. From there its candidates are made, its ids are known and worded, and
-its column is computed. A bench file takes it off by `ingest.bench.laws`, which cannot import this module: a test holds the two
-against each other for every law.
+A new law is one class here and its name in `SENSOR_LAWS`. From there its candidates are made, its ids are known and
+worded, and its column is computed. A bench file takes it off by `ingest.bench.laws`, which cannot import this module: a
+test holds the two against each other for every law.
 """
 
 from __future__ import annotations
@@ -20,8 +21,8 @@ AMBIENT = "ambient"  # the boundary that pulls at a sensor through its leads
 
 @dataclass(frozen=True)
 class Seen:
-    """What a reading may go with, at the edges of the steps of a test (N + 1,): the temperature that the sensor `followed`, its
-    lag included [degC], and the time since the start [s]."""
+    """What a reading may go with, at the edges of the steps of a test (N + 1,): the temperature that the sensor
+    `followed`, its lag included [degC], and the time since the start [s]."""
 
     followed: Floats
     time_s: Floats
@@ -29,8 +30,9 @@ class Seen:
 
 @dataclass(frozen=True)
 class SensorLaw:
-    """A channel reads otherwise than the temperature that it follows, by an amount p in `unit`. `sd`: the prior size of p where
-    it is a cause; `sign`: +1 where p cannot be below 0; `says`: its words, `{place}` the place of the sensor."""
+    """A channel reads otherwise than the temperature that it follows, by an amount p in `unit`. `sd`: the prior size of
+    p where it is a cause; `sign`: +1 where p cannot be below 0; `says`: its words, `{place}` the place of the
+    sensor."""
 
     channel: str
 
@@ -49,7 +51,8 @@ class Lag(SensorLaw):
 
 
 class Misreading(SensorLaw):
-    """A channel reads p (`of_truth` x what it follows + `of_ambient` x ambient) and `adds` too much, all linear in p."""
+    """A channel reads p (`of_truth` x what it follows + `of_ambient` x ambient) and `adds` too much,
+    all linear in p."""
 
     of_truth: ClassVar[float] = 0.0
     of_ambient: ClassVar[float] = 0.0

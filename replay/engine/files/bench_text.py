@@ -1,4 +1,5 @@
-"""A bench file with corrections and what its sensors follow: both are written where they stand, what is new is added."""
+"""A bench file with corrections and what its sensors follow: both are written where they stand,
+what is new is added."""
 
 from __future__ import annotations
 
@@ -24,13 +25,13 @@ Weights = Mapping[str, Mapping[str, float]]  # name of a channel -> node -> shar
 def corrected(
     data: bytes, name: str, corrections: Mapping[str, float], says: str, weights: Weights | None = None
 ) -> bytes:
-    """The bench file `data` (`name` as in messages) with what is wrong beyond its own corrections: cause id -> amount; and with
-    what channels follow: `weights`, shares that add up to 1, in the place of their node.
+    """The bench file `data` (`name` as in messages) with what is wrong beyond its own corrections: cause id -> amount;
+    and with what channels follow: `weights`, shares that add up to 1, in the place of their node.
 
     A correction that the file has already takes the amount that is as good as both, one after the other
-    (`ingest.bench.laws`: the sum; of gains (1 + a) (1 + b) - 1); one that is new is appended under the comment
-    `says`. Amounts and shares have 7 digits; all else stays as written. Raises BenchFileError for a cause that this bench cannot
-    have, an exchange of sensors that are exchanged already, and a file whose tables cannot be added to.
+    (`ingest.bench.laws`: the sum; of gains (1 + a) (1 + b) - 1); one that is new is appended under the comment `says`.
+    Amounts and shares have 7 digits; all else stays as written. Raises BenchFileError for a cause that this bench
+    cannot have, an exchange of sensors that are exchanged already, and a file whose tables cannot be added to.
     """
     before = read_bench(data, name)
     whole = _with_weights(data.decode("utf-8-sig"), before, weights or {}, says)
@@ -104,8 +105,8 @@ def _compare(result: bytes, before: Bench, wanted: Sequence[Correction], weights
     channels = [_plain(one, weights) for one in before.channels] == [_plain(one, {}) for one in found.channels]
     if not amounts or not channels or new[: len(old)] != old:
         raise BenchFileError(
-            f"{before.name}: its corrections cannot be added to: write each as a [[correction]] table, cause and amount on "
-            "a line of their own, and call a sensor that shares its node node@signal."
+            f"{before.name}: its corrections cannot be added to: write each as a [[correction]] table, cause and "
+            "amount on a line of their own, and call a sensor that shares its node node@signal."
         )
 
 

@@ -28,11 +28,11 @@ _BOM = "\ufeff"
 def written(data: bytes, name: str, network: Network, says: str) -> bytes:
     """The motor file `data` (`name` as in messages) with what `network` says otherwise, numbers to 7 digits.
 
-    Coefficients, exponents, capacities, factors and shapes may differ, and nodes, boundaries, links, sources, terms, circuits and
-    configurations may be added behind those that are there; of a network without configurations the file's own stay. All other
-    text stays as it is. The lines of `says` become comments under the schema, the first one also the comment `# added: ...` of
-    what is added. A network that the file says already gives `data`. Raises MotorFileError where something was taken away or put
-    before others, or the result would not read back as `network`.
+    Coefficients, exponents, capacities, factors and shapes may differ, and nodes, boundaries, links, sources, terms,
+    circuits and configurations may be added behind those that are there; of a network without configurations the file's
+    own stay. All other text stays as it is. The lines of `says` become comments under the schema, the first one also
+    the comment `# added: ...` of what is added. A network that the file says already gives `data`. Raises
+    MotorFileError where something was taken away or put before others, or the result would not read back as `network`.
     """
     before = read_motor(data, name)
     network = network if network.configurations else restored(before, network)
@@ -54,19 +54,20 @@ def written(data: bytes, name: str, network: Network, says: str) -> bytes:
 def with_law(
     text: str, network: Network, percent_per_100h: float, sd: float, above_degC: float, from_h: float = 0.0
 ) -> str:
-    """The motor file `text`, which says `network`, with this law of deterioration (`twin.motor.ageing_law.Ageing`) at every term of every link
-    of copper and iron, those of its configurations too, in the place of a law that one has already.
+    """The motor file `text`, which says `network`, with this law of deterioration (`twin.motor.ageing_law.Ageing`) at
+    every term of every link of copper and iron, those of its configurations too, in the place of a law that one has
+    already.
 
-    `percent_per_100h` and `sd` are those of the conductance, `from_h` the dose at which it begins. Raises MotorFileError where no
-    link leads from copper to iron.
+    `percent_per_100h` and `sd` are those of the conductance, `from_h` the dose at which it begins. Raises
+    MotorFileError where no link leads from copper to iron.
     """
     law = Ageing(above_degC, percent_per_100h, sd, from_h)
     name = f"motor {network.name}"
     links = [*network.links, *(link for one in network.configurations for link in one.links)]
     if not any(is_insulation(network, link) for link in links):
         raise MotorFileError(
-            f'{name}: no link leads from a node of region "copper" to one of region "iron", so there is no insulation that could '
-            "age: say the regions of its nodes, or write ageing = {...} into the terms by hand."
+            f'{name}: no link leads from a node of region "copper" to one of region "iron", so there is no insulation '
+            "that could age: say the regions of its nodes, or write ageing = {...} into the terms by hand."
         )
     begins = f" from {from_h:g} h on" if from_h else ""
     says = f"insulation: {percent_per_100h:+.3g} % per 100 h above {above_degC:g} degC{begins}, learnt from checks"
@@ -195,8 +196,8 @@ def _check_same(name: str, found: Network, wanted: Network) -> None:
     wrong = next(_differences(values, other), None)
     if wrong is not None:
         raise MotorFileError(
-            f"{name}: the new version would not say {wrong} as it should be: a version of a motor file changes numbers and "
-            "adds entries, all else has to be edited by hand."
+            f"{name}: the new version would not say {wrong} as it should be: a version of a motor file changes numbers "
+            "and adds entries, all else has to be edited by hand."
         )
 
 

@@ -1,4 +1,5 @@
-"""A diagnosis accepted: its extended model and bench file become the current ones. A fact of its own, and a person's word."""
+"""A diagnosis accepted: its extended model and bench file become the current ones. A fact of its own,
+and a person's word."""
 
 from __future__ import annotations
 
@@ -19,8 +20,8 @@ SHORT = 12  # characters of an id, enough to name it by
 
 @dataclass(frozen=True)
 class Acceptance:
-    """The fact, and whether it held already (then nothing was written). `elsewhere`: name of a session of the diagnosis -> the
-    model that it goes on with, where its bench file names none that the accepted one replaces."""
+    """The fact, and whether it held already (then nothing was written). `elsewhere`: name of a session of the diagnosis
+    -> the model that it goes on with, where its bench file names none that the accepted one replaces."""
 
     event: CauseAccepted
     known: bool

@@ -10,9 +10,9 @@ SCHEMA = "whyhot.diagnosis/1"
 
 @dataclass(frozen=True, kw_only=True)
 class Shown:
-    """What the model as published gets wrong at one channel of one session, before anything is fitted [K]. `floor_K`: what
-    no model could go below; `white`: the residual is as the sensor's noise; `where`: range of each input in which the error
-    is largest, quantity with unit -> [from, to]."""
+    """What the model as published gets wrong at one channel of one session, before anything is fitted [K]. `floor_K`:
+    what no model could go below; `white`: the residual is as the sensor's noise; `where`: range of each input in which
+    the error is largest, quantity with unit -> [from, to]."""
 
     session: str
     session_name: str
@@ -28,9 +28,10 @@ class Shown:
 
 @dataclass(frozen=True, kw_only=True)
 class Named:
-    """A cause that entered by evidence and survived being left out. `estimate`, `ci95` in `unit`; `typical_W` at the mean of the
-    training sessions (None where the cause is no heat); `largest_effect_K` on the modelled `largest_effect_node`, in session
-    `largest_effect_session` at `largest_effect_t_s`; `formula` of the term as the extended file has it."""
+    """A cause that entered by evidence and survived being left out. `estimate`, `ci95` in `unit`; `typical_W` at the
+    mean of the training sessions (None where the cause is no heat); `largest_effect_K` on the modelled
+    `largest_effect_node`, in session `largest_effect_session` at `largest_effect_t_s`; `formula` of the term as the
+    extended file has it."""
 
     id: str
     says: str
@@ -67,9 +68,10 @@ class Rival:
 
 @dataclass(frozen=True, kw_only=True)
 class UnknownHeat:
-    """A heat at a node that no candidate explains: its range [W] (cooling negative) while it is active, the range of each input
-    and temperature then (name with unit -> [from, to]), and what it goes with, strongest first. `patchwork`: candidates that fit
-    only together, each no name of what is there; the range [W] is then that of a heat which changes slowly."""
+    """A heat at a node that no candidate explains: its range [W] (cooling negative) while it is active, the range of
+    each input and temperature then (name with unit -> [from, to]), and what it goes with, strongest first. `patchwork`:
+    candidates that fit only together, each no name of what is there; the range [W] is then that of a heat which changes
+    slowly."""
 
     node: str
     watts: list[float]
@@ -81,10 +83,10 @@ class UnknownHeat:
 
 @dataclass(frozen=True, kw_only=True)
 class Gain:
-    """Mean absolute error at a node over the kept sessions [K]: recalibrated without the causes, with them, as published.
-    `ci95_K`: of the difference; `outside_trained_share`: of kept time in speed-current cells that training never visited.
-    `rms_inside_K`, `rms_outside_K`: root mean square error without and with the causes, in cells that training visited and in
-    the others; empty where no kept time was there."""
+    """Mean absolute error at a node over the kept sessions [K]: recalibrated without the causes, with them, as
+    published. `ci95_K`: of the difference; `outside_trained_share`: of kept time in speed-current cells that training
+    never visited. `rms_inside_K`, `rms_outside_K`: root mean square error without and with the causes, in cells that
+    training visited and in the others; empty where no kept time was there."""
 
     node: str
     mae_before_K: float
@@ -109,12 +111,13 @@ class Masked:
 
 @dataclass(frozen=True, kw_only=True)
 class Diagnosis:
-    """The whole answer. Models are ids: `model` as published, `recalibrated_model` without a new term, `extended_model` with
-    the improved causes (None where nothing is to be added); `recalibrated_bench` and `extended_bench` are the versions of the bench
-    file that go with them (None where it stays as it is).
+    """The whole answer. Models are ids: `model` as published, `recalibrated_model` without a new term, `extended_model`
+    with the improved causes (None where nothing is to be added); `recalibrated_bench` and `extended_bench` are the
+    versions of the bench file that go with them (None where it stays as it is).
 
-    `candidates` tried, `steps` simulated once over training, `null_log_bayes_factor` the 95 % quantile of the best of them
-    on data that hold none, `threshold` what a term must exceed; `log_score_gain` of kept sessions with its lower bound.
+    `candidates` tried, `steps` simulated once over training, `null_log_bayes_factor` the 95 % quantile of the best of
+    them on data that hold none, `threshold` what a term must exceed; `log_score_gain` of kept sessions with its lower
+    bound.
     """
 
     diagnosis: str

@@ -163,7 +163,8 @@ def _formula(refit: Refit, value: float, network: Network) -> str:
 
 
 def rivals(naming: Naming, refused: Sequence[tuple[Refit, str]]) -> list[Rival]:
-    """The best candidates that were not named, and why. `refused`: terms that the kept sessions spoke against, with the reason."""
+    """The best candidates that were not named, and why. `refused`: terms that the kept sessions spoke against,
+    with the reason."""
     chosen = {str(refit.candidate.cause) for refit in naming.accepted}
     found: dict[str, Rival] = {}
 
@@ -208,7 +209,8 @@ def _impossible(refit: Refit) -> str:
 
 
 def suspected_test(naming: Naming) -> str | None:
-    """The test after which the best candidate that nothing was named for would stand out, if it is there; None without one."""
+    """The test after which the best candidate that nothing was named for would stand out, if it is there;
+    None without one."""
     first = naming.rounds[0]
     best = max((r for r in first.refits if r.possible), key=lambda r: r.log_bayes_factor, default=None)
     test = telling_test(first, best.candidate) if best and not naming.accepted else None

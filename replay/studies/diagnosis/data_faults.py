@@ -21,8 +21,8 @@ LOST = 1.5  # median intervals from which on a gap is a lost sample
 
 @dataclass(frozen=True)
 class DataFault:
-    """A fault of a channel over all training sessions. `masked_share`: of its samples; `says`, one line a session that shows it:
-    index of the session -> words."""
+    """A fault of a channel over all training sessions. `masked_share`: of its samples; `says`, one line a session that
+    shows it: index of the session -> words."""
 
     cause: Cause
     channel: str
@@ -38,7 +38,8 @@ def data_faults(
     observed: Sequence[Sensor],
     threshold: float,
 ) -> list[DataFault]:
-    """The faults with more evidence than the threshold, clearest first. `starts_ns`: first edge of each session's frame."""
+    """The faults with more evidence than the threshold, clearest first. `starts_ns`:
+    first edge of each session's frame."""
     names = {c.name: c for c in observed}
     evidence: defaultdict[tuple[str, str], float] = defaultdict(float)
     lines: defaultdict[tuple[str, str], dict[int, str]] = defaultdict(dict)

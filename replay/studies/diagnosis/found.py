@@ -37,7 +37,8 @@ class Found:
 
 
 def find(campaign: Campaign, model: Model, swaps: list[Swap], kept: list[Test], tell: Tell) -> Found:
-    """Search, ask whether an unknown heat explains more, and let the kept sessions speak against what makes them worse."""
+    """Search, ask whether an unknown heat explains more,
+    and let the kept sessions speak against what makes them worse."""
     straight, straight_kept = campaign.tests, kept
     for swap in swaps:
         straight = exchanged(straight, swap.pair.channel, swap.pair.other)
@@ -74,7 +75,8 @@ def _baseline(naming: Naming) -> Fit:
 
 
 def _unknown(naming: Naming) -> list[Unknown]:
-    """The heat that wins over every candidate, or stands where only patchwork fits; else what is left beside the named terms."""
+    """The heat that wins over every candidate, or stands where only patchwork fits;
+    else what is left beside the named terms."""
     if naming.patchwork:
         return [describe(naming.final, _at_the_patchwork(naming))]
     if naming.is_unknown:
@@ -90,7 +92,8 @@ def _unknown(naming: Naming) -> list[Unknown]:
 
 
 def _at_the_patchwork(naming: Naming) -> FreeHeat:
-    """The free heat with most evidence where the patchwork acts, with what the patchwork's strongest term has for it."""
+    """The free heat with most evidence where the patchwork acts,
+    with what the patchwork's strongest term has for it."""
     network = naming.final.model.network
     nodes = frozenset[str]().union(*(nodes_of(refit.candidate, network) for refit in naming.patchwork))
     strongest = max(refit.log_bayes_factor for refit in naming.patchwork)

@@ -1,4 +1,5 @@
-"""What the named terms are worth on kept sessions: log score, excess error, mean error by node against two baselines."""
+"""What the named terms are worth on kept sessions: log score, excess error,
+mean error by node against two baselines."""
 
 from __future__ import annotations
 
@@ -31,9 +32,9 @@ OVER_SESSIONS = 5  # kept sessions from which on they are resampled themselves
 
 @dataclass(frozen=True)
 class Measured:
-    """`improved`: the log score is better and half of the excess error went; `why` not, where it is not. `worse`: the terms make
-    the mean square error twice as large, lose 10 of log score, or let the temperatures run away. `masked_better`: channel -> its error is smaller without masked samples,
-    where it has some."""
+    """`improved`: the log score is better and half of the excess error went; `why` not, where it is not. `worse`: the
+    terms make the mean square error twice as large, lose 10 of log score, or let the temperatures run away.
+    `masked_better`: channel -> its error is smaller without masked samples, where it has some."""
 
     gain: tuple[Gain, ...]
     log_score_gain: float | None
@@ -53,8 +54,8 @@ def measured(
     named: bool,
     kept_after: Sequence[Test] | None = None,
 ) -> Measured:
-    """Kept sessions under the recalibrated motor, with the named terms, and under the file as published. `kept_after`: the
-    sessions with exchanged channels put right, for the motor with the terms."""
+    """Kept sessions under the recalibrated motor, with the named terms, and under the file as published. `kept_after`:
+    the sessions with exchanged channels put right, for the motor with the terms."""
     before = kept_tests(base, final.model, kept)
     try:
         after = kept_tests(final, final.model, kept_after or kept)
@@ -167,7 +168,8 @@ def _rms_where(
     kept: Sequence[Test],
     wanted: Sequence[NDArray[np.bool_]],
 ) -> list[float]:
-    """Root mean square error before and after [K] of the blocks whose mean time is in a `wanted` step; [] without any."""
+    """Root mean square error before and after [K] of the blocks whose mean time is in a `wanted` step;
+    [] without any."""
     step = [np.minimum(t[0].t_s // kept[t[0].test].frame.step_s, wanted[t[0].test].size - 1) for t in trios]
     there = [wanted[t[0].test][s.astype(np.int64)] for t, s in zip(trios, step, strict=True)]
     if not any(rows.any() for rows in there):

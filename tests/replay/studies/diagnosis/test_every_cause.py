@@ -1,4 +1,5 @@
-"""Every kind of candidate, as the generator makes them: its column is what a motor or bench that has it shows, and a file says it."""
+"""Every kind of candidate, as the generator makes them: its column is what a motor or bench that has it shows,
+and a file says it."""
 
 from __future__ import annotations
 
@@ -138,7 +139,7 @@ def _assert_near(found: Readings, expected: Readings, near: float) -> None:
         assert np.abs(found[channel] - column)[INNER].max() < near * largest, channel
 
 
-# --- What a file says of it -------------------------------------------------------------------------------------------------
+# --- What a file says of it -------------------------------------------------------------------------------------------
 
 
 def _twin(proposals: Proposals, candidate: Candidate, amount: float) -> tuple[Fit, Readings]:
