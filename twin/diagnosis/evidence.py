@@ -34,8 +34,8 @@ PRIOR_NONE, PRIOR_UNKNOWN = 0.5, 0.1  # mass; the rest is the candidates'
 
 @dataclass(frozen=True)
 class Projector:
-    """P of one set of whitened columns A (N, p) and precision (p,); `lower` (p,
-    p) the Cholesky factor of A'A + Lambda."""
+    """P of one set of whitened columns A (N, p) and precision (p,);
+    `lower` (p, p) the Cholesky factor of A'A + Lambda."""
 
     columns: Array
     precision: Array

@@ -1,14 +1,12 @@
-"""What motor and bench files can say of a fit: its mode given that what they cannot say,
-or what is not worth a line, is not there.
+"""A fit as motor and bench files can say it: some of its numbers are set to 0, and the others take over what those did.
 
-So a hundred small differences that are left out do not add up to kelvins: those that are written take their part. Which
-are left out is decided with the fit's own curvature H (Laplace's approximation): with d the entries set to 0 and f the
-others,
+Set to 0 is what no file can say (a path that takes heat uphill), and what is too small to be worth a line of a file. A
+hundred small differences that were just left out would add up to kelvins. The others take their part by the fit's own
+curvature H (Laplace's approximation): with d the entries set to 0 and f the others,
 
     beta_f = mode_f + H_ff^-1 H_fd mode_d,
 
-the mean of a Gaussian given some of its entries (Rasmussen and Williams 2006, A.6).
-From there the rest is fitted again.
+the mean of a Gaussian given some of its entries (Rasmussen and Williams 2006, A.6). From there f is fitted again.
 """
 
 from __future__ import annotations

@@ -37,8 +37,8 @@ class KeptTests:
 
 
 def kept_tests(found: Fit | None, model: Model, tests: Sequence[Test]) -> KeptTests:
-    """Score and predict tests that nothing was learnt from, with a fit's motor and sensors (None:
-    the file's own), under the noise of `model`."""
+    """Score and predict tests that nothing was learnt from, with a fit's motor and sensors (None: the file's own),
+    under the noise of `model`."""
     shared = (
         []
         if found is None

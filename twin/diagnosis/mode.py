@@ -43,8 +43,8 @@ def _is_repeated(candidate: Candidate, tests: Sequence[Test]) -> bool:
 
 
 def stacked(current: Fit, parts: Sequence[Columns]) -> tuple[Projector, Floats, Floats]:
-    """The projector of the free parameters, whitened candidates (N,
-    c) and the residual referred back to the prior mean."""
+    """The projector of the free parameters, the whitened columns of candidates (N, c), and the whitened residual (N,)
+    referred back to the prior mean."""
     model, beta = current.model, current.beta
     free = current.free
     a_rows, v_rows, e_rows = [], [], []

@@ -43,8 +43,8 @@ def under_its_noise(current: Fit, candidates: Sequence[Candidate], linearisation
 
 @dataclass(frozen=True)
 class _Design:
-    """A fit with its `leading` candidates beside it: `free` parameters (not at a bound), columns `a` (N, f) and `v` (N,
-    l) whitened, `sigma` (l,) of the candidates, `e0` (N,), and the series with their columns as they stand."""
+    """A fit with its `leading` candidates beside it: `free` parameters (not at a bound), columns `a` (N, f) and
+    `v` (N, l) whitened, `sigma` (l,) of the candidates, `e0` (N,), and the series with their columns as they stand."""
 
     current: Fit
     free: NDArray[np.bool_]

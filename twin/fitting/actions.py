@@ -45,7 +45,7 @@ class Course:
 
 @dataclass(frozen=True)
 class InputGain:
-    """An input reads (1 + p) times the truth."""
+    """An input reads exp(p) times the truth: (1 + p) times, as a bench file says it, to first order."""
 
     name: str
 
@@ -78,7 +78,8 @@ class Added:
 
 @dataclass(frozen=True)
 class Tilt:
-    """The terms, all at one of `places`, times 1 + p (T - reference), T of the node or mean of the link's ends."""
+    """To the terms, all at one of `places`, comes p (T - reference) times what they carry without copper's and their
+    own temperature factor; T of the node, or the mean of the link's ends."""
 
     places: tuple[Place, ...]
     terms: tuple[Terms, ...]
@@ -125,8 +126,8 @@ class Beside:
 
 @dataclass(frozen=True)
 class Late:
-    """The stamps of the channels are late by p [s], or by p [ppm] of the time run where `drifts`; `sign` -1:
-    it is all else that is late."""
+    """The stamps of the channels are late by p [s], or by p [ppm] of the time run where `drifts`. `sign` -1: it is the
+    inputs' stamps that are late, as if all channels were early. Of a drift that neglects p of the motor's own time."""
 
     channels: tuple[str, ...]
     drifts: bool

@@ -15,7 +15,7 @@ from twin.fitting.actions import Parameter
 from twin.fitting.drive import Drive
 from twin.fitting.march import System, run
 from twin.fitting.recorded import Test
-from twin.fitting.rows import Entry, Products
+from twin.fitting.rows import Product, Products
 from twin.motor.heat_laws import source_law
 from twin.motor.network import NOBODY, Network
 
@@ -51,30 +51,32 @@ class Circuit:
         self.table = Table.of(self.laws, network.copper)
 
     def _carry(self) -> None:
-        """Which terms and features the laws carry, and with tilts."""
-        terms: list[Entry] = [(law, 1.0, i, 0, NOBODY) for i, law in enumerate(self.law_of)]
-        tilts: list[Entry] = []
-        rows: list[Entry] = []
+        """Find which terms and products of features each law carries, and which terms a slope with temperature."""
+        terms: list[Product] = [Product(law, 1.0, i) for i, law in enumerate(self.law_of)]
+        tilts: list[Product] = []
+        rows: list[Product] = []
         for i, (p, node, lag_s) in enumerate(self.followers):
-            rows.append((self._law(Law(node, self.n + i, one_way=True)), 1 / lag_s, 0, 0, p))
-            rows.append((self._law(Law(self.n + i, node, one_way=True)), 1 / lag_s, 0, 0, NOBODY))
+            rows.append(Product(self._law(Law(node, self.n + i, one_way=True)), 1 / lag_s, 0, parameter=p))
+            rows.append(Product(self._law(Law(self.n + i, node, one_way=True)), 1 / lag_s, 0))
         for p, action in self.active:
             match action:
                 case actions.Added(places, feature, rms, own):
                     row, factor = self.drive.feature(feature, rms)
-                    rows += [(self._law(self.place(place, own)), factor, row, 0, p) for place in places]
+                    laws = [self._law(self.place(place, own)) for place in places]
+                    rows += [Product(law, factor, row, parameter=p) for law in laws]
                 case actions.Tilt(places, members, references):
                     for place, own_terms, reference in zip(places, members, references, strict=True):
                         law = self._law(self.place(place, tilt=reference))
-                        tilts += [(law, 1.0, i, 0, p) for i in own_terms]
+                        tilts += [Product(law, 1.0, i, parameter=p) for i in own_terms]
         self.of_terms, self.of_features = Products.of(terms + tilts), Products.of(rows)
-        self.tilts = Products.of([(i, weight, law, 0, p) for law, weight, i, _, p in tilts])
+        turned = [Product(one.first, one.weight, one.to, parameter=one.parameter) for one in tilts]
+        self.tilts = Products.of(turned)  # what each term's own law carries more
 
     def _law(self, law: Law) -> int:
         return self._laws.setdefault(law, len(self._laws))
 
     def placed(self, law: Law) -> Law:
-        """With boundaries behind all states."""
+        """The law with its boundary's index behind all states: masses stand between nodes and boundaries."""
         return replace(law, b=law.b + len(self.followers)) if law.b >= self.n else law
 
     def place(self, place: actions.Place, own: int = 0, tilt: float | None = None) -> Law:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from twin.fitting import actions
 from twin.fitting.recorded import Test
-from twin.fitting.rows import Entry, Products, delayed
+from twin.fitting.rows import Product, Products, delayed
 from twin.motor import features
 from twin.motor.network import Network
 
@@ -49,12 +49,12 @@ class Drive:
         self.shapes, self.features, self.one = Rows(ones.size), Rows(ones.size), ones[None]
         self._effects: dict[actions.OnTerms, list[tuple[int, int, float]]] = {}
         self._late = [(p, one.sign) for p, one in active if isinstance(one, actions.Late) and test.is_common(one)]
-        logs: list[Entry] = []
-        tents: list[Entry] = []
+        logs: list[Product] = []
+        tents: list[Product] = []
         for p, action in active:
             if isinstance(action, actions.OnTerms):
                 into = tents if isinstance(action, actions.Tent) else logs
-                into += [(term, factor, shape, 0, p) for term, shape, factor in self.effect(action)]
+                into += [Product(term, factor, shape, parameter=p) for term, shape, factor in self.effect(action)]
         self._logs, self._tents = Products.of(logs), Products.of(tents)
 
     def effect(self, action: actions.OnTerms) -> list[tuple[int, int, float]]:
@@ -124,7 +124,7 @@ class Drive:
         return log, tents
 
     def late_s(self, beta: Floats) -> float:
-        """How late all channels are together."""
+        """How late the stamps of all channels are together at a vector [s]."""
         return sum(sign * float(beta[p]) for p, sign in self._late)
 
     def delayed(self, x: Floats, late_s: float) -> Floats:

@@ -13,7 +13,7 @@ from twin.fitting import actions
 from twin.fitting.actions import Action
 from twin.fitting.circuit import Circuit, Run
 from twin.fitting.responses import Loads
-from twin.fitting.rows import Entry, Products, parts_of_delay, shifted
+from twin.fitting.rows import Product, Products, parts_of_delay, shifted
 from twin.motor.network import NOBODY
 from twin.motor.outputs import lagged
 
@@ -41,7 +41,7 @@ class Heats:
         self.starts: dict[int, list[int]] = {}
         self._laws = {law: i for i, law in enumerate(circuit.laws)}
         self._rows: dict[tuple[int, int, int], int] = {}  # into, out of, column -> row of the loads
-        self._entries: dict[Kind, list[Entry]] = {}
+        self._entries: dict[Kind, list[Product]] = {}
         self._given: list[Floats] = []
         self._followers: list[tuple[int, float]] = []
         for column, action, place in wanted:
@@ -52,7 +52,7 @@ class Heats:
         """What enters at one place stands together."""
         order = {row: i for i, (_, row) in enumerate(sorted((key, row) for key, row in self._rows.items()))}
         self._products = {
-            kind: Products.of([(order[to], weight, i, j, p) for to, weight, i, j, p in entries])
+            kind: Products.of([one._replace(to=order[one.to]) for one in entries])
             for kind, entries in self._entries.items()
         }
         places = np.array(sorted(self._rows), dtype=np.int64).reshape(-1, 3)
@@ -71,7 +71,7 @@ class Heats:
         return self._laws.setdefault(law, len(self._laws))
 
     def _add(self, kind: Kind, to: int, weight: float, first: int, second: int = 0, parameter: int = NOBODY) -> None:
-        self._entries.setdefault(kind, []).append((to, weight, first, second, parameter))
+        self._entries.setdefault(kind, []).append(Product(to, weight, first, second, parameter))
 
     def _enter(self, column: int, action: Action, at: int) -> None:
         if isinstance(action, actions.OnTerms):

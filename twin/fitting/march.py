@@ -30,9 +30,15 @@ SIDE_BY_SIDE = 32  # steps: their matrices fit the second level cache
 
 @dataclass(frozen=True)
 class System:
-    """The linear system of every step. `storage` (n,) 2 C / h [W/K]; `heat` (N, n) b [W]; `factors` (N, n, n) of 2 C /
-    h + L = (1 + A) (D + B): row i holds column i of -A (below the diagonal, so right of i), 1 / D, and column i of
-    -B."""
+    """The linear system of every step, eliminated already. `storage` (n,) 2 C / h [W/K]; `heat` (N, n) b [W].
+
+    `factors` (N, n, n) of 2 C / h + L = (1 + A) (D + B), A below the diagonal, D on it, B above it. They lie
+    transposed, so that a loop over a column runs along memory; of three nodes
+
+        1/D_00  -A_10   -A_20
+        -B_01   1/D_11  -A_21
+        -B_02   -B_12   1/D_22
+    """
 
     factors: Floats
     storage: Floats

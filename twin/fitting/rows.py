@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numba
 import numpy as np
@@ -13,13 +14,24 @@ from twin.motor.network import NOBODY
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
-Entry = tuple[int, float, int, int, int]  # row to add to, weight, row of the first factor, of the second, parameter
+
+
+class Product(NamedTuple):
+    """One product of two rows, added to a third: to row `to` comes `weight` times row `first` of one array times row
+    `second` of another, times the vector's entry `parameter` where one is named.
+
+    Product(to=3, weight=-0.5, first=7, parameter=12) adds -0.5 first[7] second[0] beta[12] to row 3."""
+
+    to: int
+    weight: float
+    first: int
+    second: int = 0
+    parameter: int = NOBODY
 
 
 @dataclass(frozen=True)
 class Products:
-    """To row `to` of an array comes `weight` times row `first` of another times row `second` of a third, times a
-    parameter where one is named (else NOBODY)."""
+    """Many products, field by field (E,), as a compiled loop reads them."""
 
     to: Integers
     weight: Floats
@@ -28,18 +40,18 @@ class Products:
     parameter: Integers
 
     @classmethod
-    def of(cls, entries: Sequence[Entry]) -> Products:
+    def of(cls, entries: Sequence[Product]) -> Products:
         table = np.array(entries, dtype=np.float64).reshape(-1, 5)
         to, first, second, parameter = (np.ascontiguousarray(table[:, i], dtype=np.int64) for i in (0, 2, 3, 4))
         return cls(to, table[:, 1].copy(), first, second, parameter)
 
     def weights(self, beta: Floats) -> Floats:
-        """The weights at a vector."""
+        """Weights times parameters at a vector (E,)."""
         found: Floats = self.weight * np.append(beta, 1.0)[self.parameter]
         return found
 
     def add(self, out: Floats, first: Floats, second: Floats, beta: Floats) -> None:
-        """Add all to `out` (R, N)."""
+        """Add every product of a row of `first` (F, N) and a row of `second` (S, N) to its row of `out` (R, N)."""
         if self.to.size:
             _add_products(self.to, self.weights(beta), self.first, first, self.second, second, out)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from twin.fitting.rows import Products, delayed
+from twin.fitting.rows import Product, Products, delayed
 from twin.motor.network import NOBODY
 
 
@@ -22,6 +22,6 @@ def test_products_are_weighed_by_the_parameters_that_they_name() -> None:
     first, second, beta = rng.normal(size=(2, 9)), rng.normal(size=(3, 9)), np.array([0.0, -0.7])
     out = np.ones((2, 9))
     entries = [(0, 2.0, 1, 2, NOBODY), (0, 0.5, 0, 0, 1), (1, 3.0, 0, 1, 0)]
-    Products.of(entries).add(out, first, second, beta)
+    Products.of([Product(*one) for one in entries]).add(out, first, second, beta)
     np.testing.assert_allclose(out[0], 1 + 2 * first[1] * second[2] - 0.35 * first[0] * second[0], rtol=1e-12)
     np.testing.assert_array_equal(out[1], 1)
