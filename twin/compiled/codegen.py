@@ -160,12 +160,10 @@ def _link(w: Writer, index: int, group: Group, law: LawText) -> None:
 def _add_drop(w: Writer, index: int, law: LawText) -> None:
     by_own, by_far = law.slope("own", of="drop"), law.slope("far", of="drop")
     assert by_own is not None and by_far is not None, "what drives a link goes by both its temperatures"
-    w.lines += [
-        *law.slope_lines("own"),
-        *law.slope_lines("far"),
-        f"da{index} = {negated(by_own)}",
-        f"db{index} = {by_far}",
-    ]
+    w.lines += dict.fromkeys(
+        [*law.slope_lines("own"), *law.slope_lines("far")]
+    )  # the same where only the difference matters
+    w.lines += [f"da{index} = {negated(by_own)}", f"db{index} = {by_far}"]
 
 
 def factorise(w: Writer) -> None:

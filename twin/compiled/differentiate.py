@@ -27,7 +27,7 @@ class Derivative:
     def __init__(self, lines: Sequence[str], by: str, known: Mapping[str, str] | None = None) -> None:
         self._slopes = {by: "1.0", **(known or {})}
         self._names: dict[str, str] = {}  # expression -> the name that a line gives it
-        through, self._sign = self._seen_through(lines, by)
+        through, self._sign = (by, "1.0") if known else self._seen_through(lines, by)
         if through != by:
             self._slopes |= {by: self._sign, through: "1.0"}
         self.lines: list[str] = []

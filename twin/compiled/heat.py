@@ -44,8 +44,8 @@ def for_vectors(text: str) -> str:
 
 def _statements(law: HeatLaw) -> tuple[list[str], str]:
     """What is worked out of a law, and the four results that it is worked out for."""
-    lines = (FACTOR, *law.lines)
-    slopes = [Derivative(lines, by, {"relative": "growth"} if by == "far" else None) for by in TEMPERATURES]
+    lines, known = (FACTOR, *law.lines), {"relative": "growth"} if law is LAWS["stream"] else None
+    slopes = [Derivative(lines, by, known if by == "far" else None) for by in TEMPERATURES]
     found = (law.heat, *(slope.of(law.heat) or "0.0" for slope in slopes))
     return [*lines, *dict.fromkeys(line for slope in slopes for line in slope.lines)], ", ".join(found)
 
