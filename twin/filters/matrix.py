@@ -1,6 +1,8 @@
 """The matrix of a filter's step and its right-hand side: the network's laws, linear about the estimate, eliminated.
 
-The same step as `twin.compiled.indexed`, with amounts that unknown factors multiply; every loop goes through the lists of a `Plan`.
+The same step as `twin.compiled.indexed`, with amounts that unknown factors multiply. Its loops go through the tables
+of a `Plan`, whose rows are read here by name: that of a link of the difference itself between nodes 0 and 1 of a
+network 0 - 1 - 2 is `g aa bb ab ba` = 0 0 1 3 5, its group and the places in `values` that its amount goes to.
 """
 
 from __future__ import annotations
@@ -88,13 +90,21 @@ def amounts_at(plan: Plan, m: Floats, at: Index, state: int) -> None:
     for p in range(plan.factors):
         m[u(plan.scale + p)] = exp_of_number(m[u(state + (first + p) * plan.length + plan.size)])
     for t in range(plan.terms):
-        m[u(plan.amounts + at[u(plan.term + 3 * t)])] += term_at(plan, m, at, t)
+        g, _, _ = term_of(plan, at, t)
+        m[u(plan.amounts + g)] += term_at(plan, m, at, t)
+
+
+@within
+def term_of(plan: Plan, at: Index, t: int) -> tuple[int, int, int]:
+    """Of a term that has a factor: its group, the factor, and the monomial or -1."""
+    row = plan.term + 3 * t
+    return at[u(row)], at[u(row + 1)], at[u(row + 2)]
 
 
 @within
 def term_at(plan: Plan, m: Floats, at: Index, t: int) -> float:
     """What a term that has a factor adds to the amount of its group."""
-    p, j = at[u(plan.term + 3 * t + 1)], at[u(plan.term + 3 * t + 2)]
+    _, p, j = term_of(plan, at, t)
     amount: float = m[u(plan.nominal + t)] * m[u(plan.scale + p)]
     if j >= 0:
         amount *= m[u(plan.features + j)]
@@ -112,7 +122,8 @@ def surround(plan: Plan, m: Floats, state: int, outside: Floats) -> None:
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
 def assemble(plan: Plan, m: Floats, at: Index, phi: Floats, outside: Floats, state: int) -> None:
-    """`values`: the step matrix, eliminated, and its right-hand side, linear about [P | x] at `state`; `phi` (F,) features."""
+    """The step's matrix, eliminated, and its right-hand side, into `values`: linear about [P | x] at `state`, with
+    features `phi` (F,) and boundaries `outside` (b,)."""
     n, values, amounts, T = plan.n, plan.values, plan.amounts, plan.temperatures
     right = values + n + 2 * plan.edges + 1
     for j in range(plan.monomials):
@@ -122,36 +133,40 @@ def assemble(plan: Plan, m: Floats, at: Index, phi: Floats, outside: Floats, sta
     laws_at(plan, m, at, plan.bent, plan.bents)
     scaled(m, values, 1.0, plan.fixed, plan.filled)
     for r in range(plan.plain, plan.plain + 5 * plan.plains, 5):
-        amount = m[u(amounts + at[u(r)])]
-        m[u(values + at[u(r + 1)])] += amount
-        m[u(values + at[u(r + 2)])] += amount
-        m[u(values + at[u(r + 3)])] -= amount
-        m[u(values + at[u(r + 4)])] -= amount
+        g, aa, bb, ab, ba = at[u(r)], at[u(r + 1)], at[u(r + 2)], at[u(r + 3)], at[u(r + 4)]
+        amount = m[u(amounts + g)]
+        m[u(values + aa)] += amount
+        m[u(values + bb)] += amount
+        m[u(values + ab)] -= amount
+        m[u(values + ba)] -= amount
     for r in range(plan.rim, plan.rim + 4 * plan.rims, 4):
-        amount = m[u(amounts + at[u(r)])]
-        m[u(values + at[u(r + 1)])] += amount
-        m[u(values + at[u(r + 2)])] += amount * m[u(T + at[u(r + 3)])]
+        g, aa, right_a, boundary = at[u(r)], at[u(r + 1)], at[u(r + 2)], at[u(r + 3)]
+        amount = m[u(amounts + g)]
+        m[u(values + aa)] += amount
+        m[u(values + right_a)] += amount * m[u(T + boundary)]
     for r in range(plan.constant_heat, plan.constant_heat + 2 * plan.constants, 2):
-        m[u(values + at[u(r + 1)])] += m[u(amounts + at[u(r)])]
+        g, right_a = at[u(r)], at[u(r + 1)]
+        m[u(values + right_a)] += m[u(amounts + g)]
     for r in range(plan.other, plan.other + 8 * plan.others, 8):
-        g = at[u(r)]
+        g, aa, ab, am = at[u(r)], at[u(r + 1)], at[u(r + 2)], at[u(r + 3)]
+        ba, bb, bm, right_b = at[u(r + 4)], at[u(r + 5)], at[u(r + 6)], at[u(r + 7)]
         a, b, other = ends_of(plan, at, g)
         value, by_a, by_b, by_m = psi_of(plan, m, g)
         amount = m[u(amounts + g)]
         rest = value - by_a * m[u(T + a)]
         if other >= 0:
             rest -= by_m * m[u(T + other)]
-            m[u(values + at[u(r + 3)])] -= amount * by_m
+            m[u(values + am)] -= amount * by_m
         if 0 <= b < n:
             rest -= by_b * m[u(T + b)]
-            m[u(values + at[u(r + 2)])] -= amount * by_b
-            if at[u(r + 5)] >= 0:
-                m[u(values + at[u(r + 4)])] += amount * by_a
-                m[u(values + at[u(r + 5)])] += amount * by_b
-                m[u(values + at[u(r + 7)])] -= amount * rest
+            m[u(values + ab)] -= amount * by_b
+            if bb >= 0:  # the heat is taken out of b
+                m[u(values + ba)] += amount * by_a
+                m[u(values + bb)] += amount * by_b
+                m[u(values + right_b)] -= amount * rest
                 if other >= 0:
-                    m[u(values + at[u(r + 6)])] += amount * by_m
-        m[u(values + at[u(r + 1)])] -= amount * by_a
+                    m[u(values + bm)] += amount * by_m
+        m[u(values + aa)] -= amount * by_a
         m[u(right + a)] += amount * rest
     for i in range(n):  # heat that does not depend on the state is a rise of x that its own storage would give
         m[u(right + i)] *= m[u(plan.inverse + i)]
@@ -161,7 +176,8 @@ def assemble(plan: Plan, m: Floats, at: Index, phi: Floats, outside: Floats, sta
 
 @within
 def eliminate(plan: Matrix, m: Floats, at: Index) -> None:
-    """Pivots become their inverses, lower entries what takes a pivot's row from theirs, upper ones are divided by the pivot."""
+    """The matrix in `values` becomes its factors, in place: 1 / pivot on the diagonal, below it the shares by which a
+    pivot's row is taken from later rows, right of it the entries of a row divided by its pivot."""
     values, update, edges = plan.values, plan.update, plan.edges
     for p in range(plan.n):
         first, own = at[u(plan.edge_start + p)], values + at[u(plan.order + p)]
