@@ -66,8 +66,8 @@ def law_frame(network: Network, seed: int, steps: int, step_s: float) -> Frame:
 
 @dataclass(frozen=True)
 class Heats:
-    """Heat [W] by where it comes from: `losses`, `given` by boundaries through links, `carried` in by fluids less
-    what they take out; `into` (n,) all of it, and what flows between nodes, by node."""
+    """Heat [W] by where it comes from: `losses`; `given` by boundaries through links; `carried` in by fluids, less
+    what they take out. `into` (n,): all of it, and what flows between nodes, by the node that it flows into."""
 
     losses: float
     given: float

@@ -1,13 +1,14 @@
 """What a run answers to a change of each parameter, as source text: gradients (backwards) and columns (forwards).
 
-A stage s of a step solves `C base_s + R - M z_s = 0` (`twin.compiled.integrators`), C of the capacities, R - M z_s the heats of all laws
-linear about the start T. Differentiated by a parameter p with `E_s = z_s - base_s`,
+A stage s of a step solves `C base_s + R - M z_s = 0` (`twin.compiled.integrators`), C of the capacities, R - M z_s
+the heats of all laws linear about the start T. Differentiated by a parameter p with `E_s = z_s - base_s`,
 
     M dz_s = C dbase_s + q_s + H_s dT,    q_s = d(heat)/dp - dC/dp E_s,    H_s = d(heat)/dT at fixed z_s,
 
-so that the matrix, factorised once a step, serves all parameters, and the derivative is that of the discrete scheme itself. A gradient is the
-transpose, from the last step to the first (A. Griewank, A. Walther, Evaluating Derivatives, 2nd ed. (2008), section 3.2,
-doi:10.1137/1.9780898717761). The temperatures of the run are given; what else a step has is made again.
+so that the matrix, factorised once a step, serves all parameters, and the derivative is that of the discrete scheme
+itself. A gradient is the transpose, from the last step to the first (A. Griewank, A. Walther, Evaluating Derivatives,
+2nd ed. (2008), section 3.2, doi:10.1137/1.9780898717761). The temperatures of the run are given; all else of a step
+is worked out again.
 
 Only stiffly accurate methods that do not look back.
 """
@@ -48,8 +49,9 @@ def run(features, boundaries, step_s, coefficients, capacities, copper, factors,
 
 @dataclass(frozen=True)
 class Heat:
-    """The heat that a group brings into node `a`, and out of node `b` (NOBODY: out of none), in one stage: names of its derivatives by the
-    sum of its terms, and by temperatures at the start (node, name)."""
+    """The heat that a group brings into node `a`, and takes out of node `b` (NOBODY: out of none), in one stage.
+    `by_sum`: the name of its derivative by the sum of its `terms`; `by_start`: a node and the name of the derivative
+    by its temperature at the start."""
 
     a: int
     b: int

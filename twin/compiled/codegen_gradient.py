@@ -1,8 +1,9 @@
 """The gradient kernel: from the last step of a run to the first, as source text (`twin.compiled.codegen_derivatives`).
 
 The transpose of the columns (A. Griewank, A. Walther, Evaluating Derivatives, 2nd ed. (2008), section 3.2,
-doi:10.1137/1.9780898717761). In text: `A` what hangs on the temperatures at a step's end, `N` at its start; of a stage `e` on
-its temperatures, `a` on its heats, `b` on its bases; `K` by coefficients, `H` by capacities.
+doi:10.1137/1.9780898717761). Every name in the text is the derivative of the weighted sum by something: `A` by the
+temperatures at a step's end, `N` by those at its start, `K` by coefficients, `H` by capacities; in a stage `e` by its
+temperatures, `a` by its heats, `b` by its bases.
 """
 
 from __future__ import annotations
@@ -15,11 +16,11 @@ from twin.motor.network import NOBODY
 
 
 def generate_gradient(structure: Structure, tableau: Tableau) -> str:
-    """The source of `run(features, boundaries, step_s, coefficients, capacities, copper, factors, temperatures, weights,
-    by_coefficient, by_capacity, by_start)`.
+    """The source of `run(features, boundaries, step_s, coefficients, capacities, copper, factors, temperatures,
+    weights, by_coefficient, by_capacity, by_start)`.
 
-    It fills `by_coefficient` (K,), `by_capacity` (n,) and `by_start` (n,): the derivatives of the sum of `weights` (N + 1, n) times
-    `temperatures` (N + 1, n), which a run left.
+    It fills `by_coefficient` (K,), `by_capacity` (n,) and `by_start` (n,): the derivatives of the sum of `weights` (N
+    + 1, n) times the `temperatures` (N + 1, n) that a run left.
     """
     w, last = Writer(structure), len(tableau.b) - 1
     heats = linearised(w, tableau)
@@ -57,7 +58,7 @@ def generate_gradient(structure: Structure, tableau: Tableau) -> str:
 
 
 def _weighted(tableau: Tableau, stage: int, last: int, node: int) -> str:
-    """What hangs on a stage's temperature: the end of the step, or the bases of later stages."""
+    """The derivative by a stage's temperature: by way of the end of the step, or of the bases of later stages."""
     if stage == last:
         return f"A{node}"
     later = range(stage + 1, last + 1)

@@ -1,4 +1,5 @@
-"""The kernel of runs side by side: the text of `twin.compiled.codegen`, compiled for vectors in place of numbers (`twin.arithmetic.vectors`).
+"""The kernel of runs side by side: the text of `twin.compiled.codegen`, compiled for vectors in place of numbers
+(`twin.arithmetic.vectors`).
 
 Every run has the bits that it has alone.
 """
@@ -34,7 +35,7 @@ def run(features, boundaries, step_s, coefficients, capacities, copper, factors,
 
 
 def generate_side_by_side(structure: Structure, tableau: Tableau) -> str:
-    """The source of `run` as `twin.compiled.codegen.generate` says it, for a method that does not look back; `features`,
-    `boundaries` and `out` have a last axis of `LANES`."""
+    """The source of `run` as `twin.compiled.codegen.generate` says it, for a method that does not look back;
+    `features`, `boundaries` and `out` have a last axis of `LANES`."""
     body = codegen.generate(structure, tableau).removeprefix(codegen.HEAD)
     return MARK + HEAD + for_vectors(body)

@@ -1,7 +1,8 @@
-"""Derivatives of straight-line text, by the rules of calculus: the laws of heat are written once, in `twin.motor.heat_laws`.
+"""Derivatives of straight-line text, by the rules of calculus: the laws of heat are written once
+(`twin.motor.heat_laws`), and nobody writes their slopes.
 
-A line is `name = expression` of sums, products, quotients, square roots, `min`, `max` and comparisons, which count as 1 where they
-hold; every name is assigned once.
+A line is `name = expression`. An expression has sums, products, quotients, square roots, `min`, `max` and
+comparisons, which count as 1 where they hold and else as 0. Every name is assigned once.
 """
 
 from __future__ import annotations
@@ -14,14 +15,14 @@ _PRODUCT_OF_NAMES = re.compile(r"-?[\w.]+( \* [\w.]+)*")
 
 
 class Derivative:
-    """By one name. `known`: slopes of other names that no line assigns. `lines`: the derivatives of the given lines that are
-    neither zero nor a mere product of names, to stand behind them.
+    """The derivatives of lines by one name. `lines` of it stand behind the given ones: a line for each of these whose
+    derivative is neither zero nor a mere product of names. `known`: derivatives of names that no line assigns.
 
     >>> Derivative(["x = 1.0 / (1.0 + a * t)", "y = x * t + b"], "t").lines
     ['y_by_t = (-a * x * x * t + x)']
 
-    Where the name is seen through one line alone, such as `gap = far - own`, the lines are the derivatives by that, so that those by
-    `far` and by `own` are the same.
+    Where all lines see the name through one of them, such as `gap = far - own`, they are derivatives by that: those
+    by `far` and by `own` are then the same, up to a sign.
     """
 
     def __init__(self, lines: Sequence[str], by: str, known: Mapping[str, str] | None = None) -> None:
@@ -42,7 +43,8 @@ class Derivative:
                 self._slopes[name] = f"{name}_by_{through}"
 
     def _seen_through(self, lines: Sequence[str], by: str) -> tuple[str, str]:
-        """The name of the one line that has `by` in it, where that grows or falls as `by` grows, else `by`; with which sign."""
+        """The name of the one line that has `by` in it and grows, or falls, just as `by` does, and 1.0 or -1.0; else
+        `by` itself."""
         seen = [line.split(" = ", 1) for line in lines if re.search(rf"\b{by}\b", line)]
         slope = self._of(ast.parse(seen[0][1], mode="eval").body) if len(seen) == 1 else None
         return (seen[0][0], slope) if slope in ("1.0", "-1.0") else (by, "1.0")

@@ -1,21 +1,23 @@
-"""The laws of heat as compiled functions, made from their text (`twin.motor.heat_laws`): what every program but the straight-line
-kernel calls.
+"""The laws of heat as functions that compiled programs call, made from their text (`twin.motor.heat_laws`).
 
-    heat(law, amount, own, far, other, alpha, reference, slope, level, relative, growth) -> value, by_own, by_far, by_other
+    heat(law, amount, own, far, other, alpha, reference, slope, level, relative, growth)
+    -> value, by_own, by_far, by_other
 
-The value [W] of the law of number `law` (`NUMBER`) and its slopes [W/K] with the three temperatures. `relative` and `growth` matter to a
-stream alone; where there is no temperature factor `slope` is 0. A number that no law has gives NaN, so that a program shows that numba
-kept from before its law was written. `heat_of_vectors` takes vectors (`twin.arithmetic.vectors`) in place of temperatures and amounts
-too.
+The value [W] of the law of number `law` (`NUMBER`) and its slopes [W/K] with the three temperatures. `relative` and
+`growth` matter to a stream alone; where there is no temperature factor, `slope` is 0. The number of no law gives NaN:
+so shows a program that numba compiled before the law was written. `heat_of_vectors` is the same for amounts and
+temperatures that may be vectors (`twin.arithmetic.vectors`).
 
     heat_capacity(far, knots, rises, count) -> relative, growth
 
-That of a fluid at `far` over that at 20 degC, and its slope [1/K], by a table of `count` entries (`twin.compiled.structure.Ramps`).
+The heat capacity of a fluid at `far` over that at 20 degC, and its slope [1/K], by a table of `count` entries
+(`twin.compiled.structure.Ramps`).
 
     heats(law, at, a, b, m, first, alpha, reference, slope, level, fluid, knots, found)
 
-`heat` at an amount of 1 in many states at once: `found` (4, K), in K states from `first` on, of temperatures `at` (places, N), rows a, b and
-m of which are own, far and other. `fluid`: that many `knots`, then their rises.
+`heat` at an amount of 1 in K steps from `first` on: its value and slopes become the rows of `found` (4, K). `at`
+(places, N) are the temperatures in all steps; its rows a, b and m are own, far and other. `fluid` holds so many
+`knots`, then as many rises.
 """
 
 from __future__ import annotations

@@ -1,9 +1,14 @@
-"""The index program: the arithmetic of the straight-line kernel with the topology as data, compiled once for all.
+"""The index program: the arithmetic of the straight-line kernel with the network as data, compiled once for all
+networks.
 
-One text for one run and for `twin.arithmetic.vectors.LANES` side by side, where what an index costs is shared by all of them.
+One text serves one run and `twin.arithmetic.vectors.LANES` side by side, which then share what its indices cost.
 
-Row and column of the step matrix are kept as `values` (n diagonals, then the upper and the lower off-diagonals, both in the
-order of elimination), so every access is one precomputed index.
+The entries of a step's matrix are kept in one row, `values`: n diagonals, then the upper and the lower off-diagonals,
+both in the order of elimination. A network of the nodes 0 - 1 - 2, eliminated in this order, has
+
+    values   (0,0) (1,1) (2,2)   (0,1) (1,2)   (1,0) (2,1)
+
+so that every access is one index that is known before the run.
 """
 
 from __future__ import annotations
@@ -28,13 +33,19 @@ Index = NDArray[np.int64]
 
 
 class Program(NamedTuple):
-    """Arrays of indices, and the tableau divided by its gamma.
+    """A network and a method as arrays of indices.
 
-    `term_*` (K,) are grouped, group g holds `term_start[g]:term_start[g + 1]`. `group` (G, 5): a, b, number of the law (`NUMBER`),
-    other, 1 where one way. `knots` and `rises` of `knot_start[g]:knot_start[g + 1]`: the table of its fluid (`Ramps`).
-    `place` (G, 6): positions of (a,a) (b,b) (a,b) (b,a) (a,other) (b,other) in `values`, -1 where there is none.
-    `order` (n,); pivot p of `order[p]` has the entries `edge_start[p]:edge_start[p + 1]` with rows `edge_to` (E,);
-    `update` (U,): position of the entry that each product of elimination is taken from, in the order of the loops.
+    Group g has the terms `term_start[g]:term_start[g + 1]` of `term_coefficient` and `term_monomial` (K,), and the
+    table `knot_start[g]:knot_start[g + 1]` of `knots` and `rises` where it is a fluid
+    (`twin.compiled.structure.Ramps`).
+
+    `group` (G, 5): a, b, number of the law (`twin.motor.heat_laws.NUMBER`), other, 1 where one way. `place` (G, 6):
+    where (a,a) (b,b) (a,b) (b,a) (a,other) (b,other) are in `values`, -1 where there is none. A plain link of the
+    nodes 0 and 1 of the three above: group 0 1 0 -1 0, place 0 1 3 5 -1 -1.
+
+    `order` (n,): nodes as they are eliminated; the p-th of them has the off-diagonals `edge_start[p]:edge_start[p +
+    1]`, whose other nodes are `edge_to` (E,). `update` (U,): where each product of the elimination is taken off, in
+    the order of its loops. `stages` and `weights` are the tableau's, divided by its gamma.
     """
 
     n: int
@@ -124,8 +135,8 @@ def assemble(
 ) -> None:
     """One step: its matrix, eliminated, into `values` (n + 2E,) and its right-hand side into `right` (n,) [W].
 
-    `constant` (n,) C / (gamma h) [W/K]; `phi` (m,) features; `outside` (b,) [degC]. What is not linear in temperature is
-    linearised about `start` (n,).
+    `constant` (n,) C / (gamma h) [W/K]; `phi` (m,) features; `outside` (b,) [degC]. What is not linear in temperature
+    is linearised about `start` (n,).
     """
     n, order, edge_start = program.n, program.order, program.edge_start
     edges = len(program.edge_to)
@@ -217,8 +228,8 @@ def run(
 ) -> None:
     """Fill `out` (N + 1, n) from its first row; `stage` (s, n) is left holding the last step's stage temperatures.
 
-    With a last axis of `twin.arithmetic.vectors.LANES` in `features`, `boundaries`, `out` and `stage`: so many runs, each with the bits
-    that it has alone.
+    With a last axis of `twin.arithmetic.vectors.LANES` in `features`, `boundaries`, `out` and `stage`: so many runs,
+    each with the bits that it has alone.
     """
     n, order, edge_start, edge_to = program.n, program.order, program.edge_start, program.edge_to
     edges, lanes = len(edge_to), features.shape[2:]

@@ -1,14 +1,16 @@
 """Time integrators as tables: singly diagonally implicit Runge-Kutta methods and BDF2, one factorisation a step.
 
-Within a step the inputs are held, so the network is `C dT/dt = c - L T`, linear (terms that are not are linearised about the
-temperature at the start of the step, which keeps second order: a Rosenbrock method). Stage i of a method with Butcher
-tableau `a`, diagonal gamma, then is one solve with the same matrix:
+Within a step the inputs are held, so the network is `C dT/dt = c - L T`, linear (terms that are not are linearised
+about the temperature at the start of the step, which keeps second order: a Rosenbrock method). Stage i of a method
+with Butcher tableau `a`, diagonal gamma, then is one solve with the same matrix:
 
-    base_i = T0 + sum_{j<i} (a_ij / gamma) delta_j,  (C / (gamma h) + L) Y_i = (C / (gamma h)) base_i + c,  delta_i = Y_i - base_i
+    base_i = T0 + sum_{j<i} (a_ij / gamma) delta_j
+    (C / (gamma h) + L) Y_i = (C / (gamma h)) base_i + c
+    delta_i = Y_i - base_i
 
-and the step ends at `T1 = T0 + sum_i (b_i / gamma) delta_i`, which is Y_s where the last row of `a` is `b` (stiffly accurate).
-A method that looks back has T0 + back (T0 - T_before) in place of T0; its first step, which has nothing behind it, is one of
-implicit Euler (gamma 1, back 0).
+and the step ends at `T1 = T0 + sum_i (b_i / gamma) delta_i`, which is Y_s where the last row of `a` is `b` (stiffly
+accurate). A method that looks back has T0 + back (T0 - T_before) in place of T0; its first step, which has nothing
+behind it, is one of implicit Euler (gamma 1, back 0).
 """
 
 from __future__ import annotations
@@ -21,8 +23,8 @@ from dataclasses import dataclass
 class Tableau:
     """A singly diagonally implicit method: `a` strictly below the diagonal (row i has i entries), weights `b`.
 
-    `step_s`: the step [s] at which its error was measured to be small enough. `back`: share of the last step's change that is
-    gone on by.
+    `step_s`: the step [s] at which its error was measured to be small enough. `back`: the share of
+    the last step's change that the next step begins with.
     """
 
     name: str

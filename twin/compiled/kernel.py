@@ -42,9 +42,9 @@ STATEMENTS = 1000
 class Compiled:
     """A network ready to run. `run(parameters, features, boundaries, step_s, out)` fills `out[1:]` from `out[0]`.
 
-    What more it can do is compiled at its first call, and None where it cannot: `together` for `twin.run.side_by_side` (not where the
-    method looks back), `gradient` for `twin.run.gradients` and `columns` for `twin.run.sensitivities` (the straight-line form of
-    the default method).
+    What more it can do is compiled at its first call, and None where it cannot: `together` for
+    `twin.run.side_by_side` (not where the method looks back), `gradient` for `twin.run.gradients` and `columns` for
+    `twin.run.sensitivities` (the straight-line form of the default method).
     """
 
     network: Network
@@ -142,7 +142,8 @@ def compile_indexed(network: Network, tableau: Tableau = DEFAULT, load: Load = l
 
 @cache
 def index_program(load: Load = load_in_memory) -> Kernel:
-    """The compiled `indexed.run`, with all that it calls in one text: a cache then never holds parts of different versions."""
+    """The compiled `indexed.run`, with all that it calls in one text: a cache then never holds parts of different
+    versions."""
     functions = (indexed.assemble, indexed.run)
     parts = (heat.TEXT_OF_VECTORS, *(inspect.getsource(function.py_func) for function in functions))
     return load(INDEX_HEAD + "\n\n".join(parts).replace("cache=True", "cache=CACHE"))

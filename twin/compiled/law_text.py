@@ -1,7 +1,8 @@
 """The text of one group's law (`twin.motor.heat_laws`) and of its slopes, in the names of the straight-line kernel.
 
-For group 3, which takes heat into node 0: `g3` its amount, `T0` the temperature, `s3` and `r3` slope and level of its temperature factor,
-`y3` that factor, `x3` that of copper; what else a law works out has its own name and the number, such as `drop_3`.
+Group 3, which takes heat into node 0, has there the amount `g3`, the temperature `T0`, slope `s3` and level `r3` of
+its temperature factor, that factor `y3` and the factor of copper `x3`. What else its law works out keeps its name,
+with the number: `drop_3`.
 """
 
 from __future__ import annotations
@@ -19,7 +20,8 @@ _TEMPERATURES = ("own", "far", "other")
 
 
 class LawText:
-    """`lines` of the law, `heat` made of them, and `far`, the temperature of the link's other end."""
+    """`heat`: the expression of the law; `lines`: what stands before it; `far`: the name of the temperature at the
+    link's other end, a node's (`T5`) or a boundary's (`B0`)."""
 
     def __init__(self, n: int, index: int, group: Group) -> None:
         law, factor = LAWS[group.law], (FACTOR,) if group.other != NOBODY else ()

@@ -1,4 +1,5 @@
-"""What follows from a motor alone, worked out once: it is filtered, session after session, as the one object that it was read into."""
+"""What follows from a motor alone is worked out once: session after session is filtered with the one object that the
+motor was read into."""
 
 from __future__ import annotations
 
@@ -13,7 +14,8 @@ Found = TypeVar("Found")
 
 
 def once_a_network(function: Callable[[Network], Found]) -> Callable[[Network], Found]:
-    """The same function, called once for each network as long as that is there. What it returns is shared: nobody changes it."""
+    """The same function, called once for each network and remembered as long as that lives. What it returns is
+    shared: nobody changes it."""
     known: dict[int, Found] = {}
 
     @wraps(function)

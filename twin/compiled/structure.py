@@ -1,4 +1,5 @@
-"""A network as indices: what both kernels are made from. It holds the topology and no value that calibration changes."""
+"""A network as indices: what both kernels are made from. It holds what is linked to what, and no value that a
+calibration changes."""
 
 from __future__ import annotations
 
@@ -16,8 +17,8 @@ from twin.motor.network import NOBODY, Fluid, Network, Term
 
 CONSTANT = -1  # a term without features
 
-# A table over temperature: the first knot [degC] and the value there, then every other knot and the rise [1/K] up to it.
-# (20.0, 1.0), (60.0, 0.002), (90.0, 0.0) is 1 up to 20 degC, 1.08 from 60 degC on, a line in between.
+# A table over temperature: the first knot [degC] and the value there, then every other knot and the rise [1/K] up to
+# it. (20.0, 1.0), (60.0, 0.002) is 1 up to 20 degC and 1.08 from 60 degC on, a line in between.
 Ramps = tuple[tuple[float, float], ...]
 
 
@@ -26,9 +27,10 @@ class Group:
     """Terms that share a place and its factors, so their sum is multiplied once.
 
     `a`: the node that takes the heat. `b`: the link's other end, a node or `n + boundary`, NOBODY in a source.
-    `terms`: (coefficient, monomial or CONSTANT). `law`: of `twin.motor.heat_laws.LAWS`. `other`: node of the temperature factor,
-    or NOBODY; its values are row `index` of `Parameters.factors`. `one_way`: the heat is not taken out of b, which flows on.
-    `fluid`: its heat capacity over that at 20 degC where it goes with the temperature T_b, else empty.
+    `terms`: (coefficient, monomial or CONSTANT). `law`: of `twin.motor.heat_laws.LAWS`. `other`: node of the
+    temperature factor, or NOBODY; its values are row `index` of `Parameters.factors`. `one_way`: the heat is not
+    taken out of b, which flows on. `fluid`: its heat capacity over that at 20 degC where it goes with the temperature
+    T_b, else empty.
     """
 
     a: int
@@ -47,7 +49,8 @@ class Group:
 
 @dataclass(frozen=True)
 class Structure:
-    """`monomials`: columns of the features; `symmetric`: the step matrix is so, half of the elimination can be saved."""
+    """A network of `n` nodes. `monomials`: how many columns the features have; `pattern`: the order of elimination;
+    `symmetric`: whether the step's matrix is, so that half of its elimination can be saved."""
 
     n: int
     monomials: int
@@ -58,9 +61,9 @@ class Structure:
 
 @dataclass(frozen=True)
 class Parameters:
-    """The values of a network. `coefficients` (K,) [W or W/K] in the order of `features.terms`, then of `features.streams`;
-    `capacities` (n,) [J/K]; `copper` (2,) alpha [1/K], reference [degC]; `factors` (groups, 2) slope [1/K], reference [degC],
-    0 where there is none.
+    """The values of a network. `coefficients` (K,) [W or W/K] in the order of `features.terms`, then of
+    `features.streams`; `capacities` (n,) [J/K]; `copper` (2,) alpha [1/K], reference [degC]; `factors` (groups, 2)
+    slope [1/K], reference [degC], 0 where there is none.
     """
 
     coefficients: NDArray[np.float64]
@@ -98,7 +101,8 @@ def _key(a: int, b: int, term: Term, index: dict[str, int]) -> _Key:
 
 
 def _ramps(fluid: Fluid) -> Ramps:
-    """The fluid's heat capacity over that at `features.STREAM_DEGC`, over the knots of both its tables; empty if constant."""
+    """The fluid's heat capacity over that at `features.STREAM_DEGC`, over the knots of both its tables; empty if
+    constant."""
     knots = sorted({*fluid.density.degC, *fluid.heat_capacity.degC})
     unit = fluid.at(features.STREAM_DEGC)
     table = [(float(degC), fluid.at(degC) / unit) for degC in knots]

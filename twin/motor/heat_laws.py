@@ -10,10 +10,12 @@ A text is straight-line arithmetic over these names:
     slope, level       of the temperature factor [1/K, degC]; slope 0 where there is none
     relative           heat capacity of the fluid that comes, over that at 20 degC
 
-Nobody writes a slope: `twin.compiled.differentiate` takes them from the text. The straight-line kernel has the text in it
-(`twin.compiled.codegen`), all other programs call a function that is compiled from it (`twin.compiled.heat`). So a new law of a link is one
-row of `LINKS`, its name in `replay/schema/motor.schema.json` and its row in `docs/motor_file.md`. numba does not see that a text here
-changed: delete the `__pycache__` of `twin` then, where it keeps what it compiled.
+Nobody writes a slope: `twin.compiled.differentiate` takes them from the text. The straight-line kernel has the text
+in it (`twin.compiled.law_text`), all other programs call a function that is compiled from it (`twin.compiled.heat`).
+So a new law of a link is one row of `LINKS`, its name in `replay/schema/motor.schema.json` and its row in
+`docs/motor_file.md`.
+
+numba keeps what it compiled in `__pycache__` and does not see that a text here changed: delete these folders then.
 
 Everything is made of sums, products, quotients and square roots, for the reason given in `twin.arithmetic.powers`.
 """
@@ -25,20 +27,21 @@ from dataclasses import dataclass
 
 FACTOR = "factor = 1.0 + slope * (other - level)"  # the temperature factor of any law
 
-# The table of a fluid is a sum of ramps: what each adds is its rise [1/K] times this, `low` and `high` the knots it lies between.
+# The table of a fluid is a sum of ramps: between its knots `low` and `high` each adds its rise [1/K] times this.
 RAMP = "min(max(far, low), high) - low"
 
 
 @dataclass(frozen=True)
 class HeatLaw:
-    """`lines`: what is worked out first, `name = expression`; `heat` [W] is made of these names, `amount` and `factor`."""
+    """`heat` [W], an expression over `amount`, `factor` and the names of `lines`; these, `name = expression` each,
+    are worked out before it."""
 
     lines: tuple[str, ...]
     heat: str
 
 
-# The drop [K] that drives the heat of a link, the last line. A coefficient in W/K holds where the drop is the difference itself:
-# for radiation about 20 degC, for free convection at 10 K.
+# What drives the heat of a link, the last line of each: `drop` [K], to be multiplied by W/K. It is the difference of
+# the two temperatures itself for radiation about 20 degC, for free convection at 10 K.
 LINKS: Mapping[str, tuple[str, ...]] = {
     "linear": ("drop = far - own",),
     # (T_b^4 - T_a^4) / (4 (293.15 K)^3), absolute temperatures
@@ -49,8 +52,9 @@ LINKS: Mapping[str, tuple[str, ...]] = {
         "warm2 = warm * warm",
         "drop = (warm2 * warm2 - cold2 * cold2) / (4.0 * 293.15 * 293.15 * 293.15)",
     ),
-    # |T_b - T_a|^(1/4) (T_b - T_a) / (10 K)^(1/4): laminar films, Nu ~ Ra^(1/4) (S. W. Churchill, H. H. S. Chu, Int. J. Heat Mass
-    # Transfer 18 (1975) 1323, doi:10.1016/0017-9310(75)90243-4); rounded off below 0.1 K, so that it is smooth where heat turns
+    # |T_b - T_a|^(1/4) (T_b - T_a) / (10 K)^(1/4): laminar films, Nu ~ Ra^(1/4) (S. W. Churchill, H. H. S. Chu, Int.
+    # J. Heat Mass Transfer 18 (1975) 1323, doi:10.1016/0017-9310(75)90243-4). Below 0.1 K the power is rounded off,
+    # so that it is smooth where the heat turns round.
     "free_convection": (
         "gap = far - own",
         "square = gap * gap + 0.01",

@@ -1,9 +1,13 @@
-"""What every coefficient, capacity and initial temperature does to what thermometers read in an open-loop run, in one pass, block by block.
+"""What every coefficient, capacity and initial temperature does to what thermometers read in an open-loop run, block
+by block.
 
-The derivatives of the discrete scheme itself, that of `twin.fitting.march`, forwards, all columns side by side (`twin.run.sparse_march`), for a network of any
-size; nothing is compiled a motor. Whoever takes them sums them up: the memory that they need does not grow with the run. A candidate is a
-term whose coefficient is 0: its column is what it would bring. `twin.fitting.responses` goes backwards, for few sensors and many kinds of parameters;
-the derivatives of one number by everything are a task for `twin.run.gradients`.
+All columns go through the run once, side by side (`twin.run.sparse_march`): the derivatives of the discrete scheme of
+`twin.fitting.march` itself, for a network of any size, with nothing compiled a motor. They come a few blocks at a
+time, so that the memory that they need does not grow with the run; whoever takes them sums them up. A candidate is a
+term whose coefficient is 0: its column is what it would bring.
+
+`twin.fitting.responses` goes backwards, for few sensors and many kinds of parameters; the derivatives of one number
+by everything are a task for `twin.run.gradients`.
 """
 
 from __future__ import annotations
@@ -57,8 +61,9 @@ def of_every_node(network: Network, frame: Frame) -> list[Thermometer]:
 
 
 def of_motor(network: Network) -> tuple[list[int], Floats]:
-    """The places (P,) of the coefficients of the network's terms, then of its capacities, and their values: columns times these are
-    derivatives by their logarithms. What a fluid carries is no parameter."""
+    """The places (P,) of the coefficients of the network's terms, then of its capacities, among all columns of
+    `block_columns`; and their values: a column times its value is the derivative by the logarithm. What a fluid
+    carries is no parameter."""
     values = np.array([*(t.coefficient for t in features.terms(network)), *(node.capacity for node in network.nodes)])
     behind = sum(len(circuit.nodes) for circuit in network.circuits)
     size = len(values) - len(network.nodes)
@@ -72,12 +77,14 @@ def block_columns(
     thermometers: Sequence[Thermometer],
     wanted: Sequence[int] | None = None,
 ) -> Iterator[Floats]:
-    """Some blocks at a time, (b, m, P): derivatives of the mean of each of m thermometers over each block of a run from `initial` (n,) by every
-    coefficient (in the order of `features.terms`, then `streams`) [K per W or W/K], capacity [K per J/K] and initial temperature [K/K],
-    or those that are `wanted` of these places.
+    """Derivatives (b, m, P) of the means of m thermometers over b blocks, for some blocks at a time, of a run from
+    `initial` (n,).
 
-    Blocks of all thermometers are as long; steps behind the last whole one do not count, a block that is not there has zeros. Raises `FrameError` where
-    the frame does not fit the network, `DivergedError` where its run leaves the finite numbers or ten thousand degrees.
+    The columns are, in this order: coefficients, those of `features.terms`, then of `features.streams` [K per W or
+    W/K]; capacities [K per J/K]; initial temperatures [K/K]; or the `wanted` ones of these places. The blocks of all
+    thermometers have one length. Steps behind the last whole block do not count; a block without readings has zeros.
+    Raises `FrameError` where the frame does not fit the network, `DivergedError` where its run leaves the finite
+    numbers or ten thousand degrees.
     """
     shape, values, program, laws, table = laid_out(network)
     check_frame(network, frame, initial, shape.monomials)
@@ -119,8 +126,8 @@ def block_columns(
 
 
 def _weights_of_edges(cuts: Sequence[Blocks], some: slice) -> tuple[Floats, Floats]:
-    """What the means of blocks take of a reading: (B, m) at the start of each block, (K, m) at the end of each of some steps; an edge within a
-    block is the end of one step and the start of the next."""
+    """The weights of readings in the means of blocks: (B, m) of those at the start of each block, (K, m) of those at
+    the end of each of some steps. An edge within a block is the end of one step and the start of the next."""
     old, new = (np.array(rows) for rows in zip(*((cut.old[some], cut.new[some]) for cut in cuts), strict=True))
     begins, ends = (rows.reshape(len(cuts), -1, cuts[0].length) for rows in (old, new))
     ends[:, :, :-1] += begins[:, :, 1:]
@@ -128,13 +135,14 @@ def _weights_of_edges(cuts: Sequence[Blocks], some: slice) -> tuple[Floats, Floa
 
 
 def _in_lanes(rows: Floats) -> Floats:
-    """(N, m) as (N / LANES, m, LANES), the last row again where they do not fill it."""
+    """Rows (N, m) as (N / LANES, m, LANES); the last row again where there are too few of them."""
     full = np.concatenate([rows, np.repeat(rows[-1:], -len(rows) % LANES, axis=0)])
     return np.ascontiguousarray(full.reshape(len(full) // LANES, LANES, rows.shape[1]).transpose(0, 2, 1))
 
 
 def _at_start(n: int, nodes: Sequence[int]) -> Floats:
-    """(n, S, W): 1 where a column is an initial temperature; `nodes` of the columns, below 0 where they are others."""
+    """The columns at the start of the run, (n, S, W) in S strips of W: 1 at the node whose initial temperature a
+    column is. `nodes`: that node of each column, below 0 where it is something else."""
     strips = -(-len(nodes) // STRIP)
     found = np.zeros((n, strips, width(-(-len(nodes) // strips))))
     for column, node in enumerate(nodes):
@@ -154,7 +162,8 @@ def _sensors(thermometers: Sequence[Thermometer], step_s: float) -> sparse_march
 
 
 def _loads(shape: Structure, places: Sequence[int], wide: int) -> sparse_march.Loads:
-    """Heats are psi of every group, then what 1 J/K of each node takes up; features are all products, then 1."""
+    """What each of the columns at `places` brings into nodes. Its heat is one of a list: psi of every group, then
+    what 1 J/K of each node takes up; its feature is a monomial, or behind these the constant 1."""
     size, column = sum(len(group.terms) for group in shape.groups), {place: c for c, place in enumerate(places)}
     found = []  # strip, place, heat, feature, sign
 

@@ -1,11 +1,12 @@
 """Where the heat of a run comes from and where it goes: means over each step, closed to rounding.
 
-Over a step of h a run by `twin.compiled.integrators.SDIRK2` brings every node `C (T1 - T0) / h = (1 - gamma) q(Y) + gamma q(T1)`, q the
-heats at the inner stage Y and at the end, linear about the start T0. The end is known, so
+Over a step of h a run by `twin.compiled.integrators.SDIRK2` brings every node `C (T1 - T0) / h = (1 - gamma) q(Y) +
+gamma q(T1)`, with the heats q at the inner stage Y and at the end, linear about the start T0. The end is known, so
 
     Y = T0 + gamma / (1 - gamma) (T1 - T0 - gamma h q(T1) / C)
 
-and the same weights give the step's mean of every single heat: what sources make is what boundaries take and nodes store.
+and the same weights give the step's mean of every single heat: what sources make is then what boundaries take and
+nodes store.
 """
 
 from __future__ import annotations
@@ -45,8 +46,8 @@ def kind_of(region: str, term: Term) -> str:
 
 @dataclass(frozen=True)
 class HeatFlows:
-    """Means over N steps [W]. `terms` (S, N): heat that each term of the sources makes, in the order of the network's sources
-    and their terms; `boundaries` (b, N): heat that each boundary takes."""
+    """Means over N steps [W]. `terms` (S, N): heat that each term of the sources makes, in the order of the network's
+    sources and their terms; `boundaries` (b, N): heat that each boundary takes."""
 
     terms: Floats
     boundaries: Floats
@@ -59,7 +60,8 @@ class HeatFlows:
 
 
 def heat_flows(network: Network, frame: Frame, temperatures: Floats) -> HeatFlows:
-    """The heats of a run of `twin.run.simulate.simulate` with its default integrator; `temperatures` (N + 1, n) as it gave them."""
+    """The heats of a run of `twin.run.simulate.simulate` with its default integrator; `temperatures` (N + 1, n)
+    [degC] as it gave them."""
     parts = [
         _heat_flows(
             network,
@@ -102,8 +104,9 @@ def _heat_flows(network: Network, frame: Frame, temperatures: Floats) -> HeatFlo
 
 
 def takers(network: Network, states: int | None = None) -> Callable[[Law], int | None]:
-    """Of a law, the boundary (an index) that takes its heat, None where none does: the one where a link ends, the inlet of a circuit
-    whose fluid flows into a node. `states`: how many places stand before the boundaries, the nodes where left out."""
+    """A function that names the boundary (an index) that takes the heat of a law, None where none does: the one where
+    a link ends, or the inlet of a circuit whose fluid flows into a node. `states`: how many places stand before the
+    boundaries; left out, the nodes."""
     n, index = len(network.nodes), {name: i for i, name in enumerate(network.names)}
     places = [
         (index[node], index[before], index[circuit.inlet] - n)
@@ -141,7 +144,8 @@ def _incidence(laws: Sequence[Law], n: int) -> Floats:
 
 
 def _linear(table: Table, about: Floats, at: Floats) -> Floats:
-    """psi (L, N) of laws at the temperatures of every place (P, N), linear about others (P, N)."""
+    """psi (L, N) of laws at temperatures `at` (P, N) of every place, as it is when made linear about temperatures
+    `about` (P, N)."""
     found = np.empty((len(table.places), about.shape[1]))
     _linear_psi(table.places, table.numbers, table.copper, about, at - about, found)
     return found
@@ -170,9 +174,9 @@ def by_kind(network: Network, flows: HeatFlows) -> dict[str, Floats]:
 
 @dataclass(frozen=True)
 class HeatAccount:
-    """Energies of a run [J]. `made`: heat of all sources; `kinds` (of `KINDS`), `regions`, `nodes`: the same, distributed;
-    `boundaries`: heat that each has taken; `stored`: region -> what its nodes hold more at the end than at the start;
-    `left`: what the balance does not close by, rounding."""
+    """Energies of a run [J]. `made`: heat of all sources; `kinds` (of `KINDS`), `regions`, `nodes`: the same,
+    distributed; `boundaries`: heat that each has taken; `stored`: region -> what its nodes hold more at the end than
+    at the start; `left`: what the balance does not close by, rounding."""
 
     duration_s: float
     made: float

@@ -17,8 +17,9 @@ from twin.motor.network import Network
 
 @dataclass(frozen=True)
 class Frame:
-    """Inputs of N steps, held within each. `features` (N, m): the step's mean of each monomial, in the order of
-    `features.monomials(network)`; `boundaries` (N, b) [degC]: the step's mean of each boundary, in the network's order.
+    """Inputs of N steps of `step_s` [s], constant within each. `features` (N, m): the step's mean of each monomial,
+    in the order of `features.monomials(network)`. `boundaries` (N, b) [degC]: the step's mean of each boundary, in
+    the network's order.
     """
 
     step_s: float
@@ -43,7 +44,8 @@ def simulate(compiled: Compiled, frame: Frame, initial: NDArray[np.float64]) -> 
 
 
 def writable(array: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The array, or where it is not one a copy, as compiled functions ask for it: row by row, and free to be written."""
+    """The array as compiled functions ask for it, row by row in memory and free to be written: itself where it is
+    such, else a copy."""
     return np.require(array, np.float64, ("C", "A", "W"))
 
 
@@ -75,7 +77,7 @@ def check_shapes(network: Network, frame: Frame, initial: NDArray[np.float64], m
 
 
 def _surely_finite(array: NDArray[np.float64]) -> bool:
-    """By the sum, which is had in a fraction of the time; it may overflow where every number is finite."""
+    """Whether the sum is finite, which takes a fraction of the time; it may overflow where every number is finite."""
     with np.errstate(over="ignore", invalid="ignore"):
         return bool(np.isfinite(array.sum()))
 
@@ -86,8 +88,8 @@ def check_finite(network: Network, frame: Frame, temperatures: NDArray[np.float6
         return
     step, node = (int(i) for i in np.argwhere(~np.isfinite(temperatures))[0])
     raise DivergedError(
-        f'node "{network.nodes[node].name}" leaves the finite numbers at {step * frame.step_s:g} s: its loss grows faster'
-        " with temperature than its links can carry away; check its coefficients and temperature slopes"
+        f'node "{network.nodes[node].name}" leaves the finite numbers at {step * frame.step_s:g} s: its loss grows'
+        " faster with temperature than its links can carry away; check its coefficients and temperature slopes"
     )
 
 

@@ -1,8 +1,10 @@
-"""A run by the implicit midpoint rule over the sparse elimination of a network of any size, and what parameters do to it: compiled once for all networks.
+"""A run by the implicit midpoint rule and what parameters do to it, for networks of any size, compiled once for all
+of them.
 
-The scheme is that of `twin.fitting.march`; the steps are assembled and eliminated by the index program (`twin.compiled.indexed`), `LANES` of them side by
-side. Of each step M z = S T + b, T' = 2 z - T with S = 2 C / h, a parameter that brings the heat q moves z by M dz = S dT + q: all
-parameters side by side, in strips of columns (`twin.arithmetic.lanes`) that stay in the nearest caches.
+The scheme is that of `twin.fitting.march`. The index program (`twin.compiled.indexed`) assembles and eliminates the
+steps, `LANES` of them side by side. A step is M z = S T + b, T' = 2 z - T with S = 2 C / h; a parameter that brings
+the heat q moves its mean temperatures z by M dz = S dT + q. All parameters go through it side by side, in strips of
+columns (`twin.arithmetic.lanes`) that stay in the nearest caches.
 """
 
 from __future__ import annotations
@@ -42,11 +44,13 @@ def run(
     means: Floats,
     rises: Floats,
 ) -> None:
-    """K steps from `start` (n,), which is left at their end: `means` (K, n) their mean temperatures, `rises` (K, n) half of what each
-    rises by, and `shares` (K, n + 2 E) of its elimination: 1 / pivot of each node, then what each row takes of later ones on the way up, of
-    earlier ones on the way down, both in the order of the program's edges.
+    """K steps from `start` (n,), which is left at their end.
 
-    `phi` (K', m, LANES) and `around` (K', b, LANES) of at least so many steps; `storage` (n,) S [W/K]; `affine`: one round is exact.
+    Out come `means` (K, n), the mean temperatures of each step; `rises` (K, n), half of what each temperature rises
+    by; and `shares` (K, n + 2 E), the elimination: 1 / pivot of each node, then the shares of later nodes that a row
+    takes on the way up, then those of earlier ones on the way down, both in the order of the program's edges. In go
+    `phi` (K', m, LANES) and `around` (K', b, LANES) of at least so many steps, `storage` (n,) S [W/K], and `affine`:
+    whether one round of linearising is exact.
     """
     n, order, edge_start, edge_to = program.n, program.order, program.edge_start, program.edge_to
     edges, lanes = len(edge_to), (LANES,)
@@ -96,10 +100,22 @@ def run(
 
 
 class Plan(NamedTuple):
-    """Where things are. A strip has rows of `wide` numbers from `strips` on: n `right`-hand sides that become mean temperatures of the
-    step, n temperatures at its end, m readings, m means of blocks; `numbers` in each. `units`: 0, 1, -1, -2; `storage` S (n,); `lags`: what a step leaves
-    of each reading; `follows`: what readings take; `shares` (K, n + 2 E) of each step, `weights` (K, W) of its end in the means of blocks, `begins`
-    (B, W) of the start of each block."""
+    """Where `carry` finds its numbers and lists (`twin.arithmetic.lanes`).
+
+    A strip is a table with a column a parameter, `wide` numbers a row. For 2 nodes and 1 sensor its rows are, one
+    after the other,
+
+        right 0, right 1    right-hand sides, which become the mean temperatures of the step
+        end 0, end 1        temperatures at its end
+        reading 0           what the sensor shows
+        mean 0              the mean of its readings over the block
+
+    They have `numbers` numbers and stand one after the other from `strips` on. Beside them are `units` 0, 1, -1, -2;
+    `storage` S (n,); `lags`: the share of its last reading that each sensor keeps; `follows`: the shares of
+    temperatures that readings take; `shares` (K, n + 2 E) of each step's elimination; `weights` (K, W) of each step's
+    end in the means of blocks and `begins` (B, W) of each block's start. `right` to `mean` are the lists that one
+    step goes through (`Sweep`), in this order.
+    """
 
     n: int
     sensors: int
@@ -124,7 +140,8 @@ class Plan(NamedTuple):
 
 
 class Sensors(NamedTuple):
-    """Each reads `nodes` of it by `weights`, through a lag of `factors`: of its last reading, of the last truth and of the truth now; (0, 0, 1) is none."""
+    """Each sensor reads its `nodes` by `weights`. Its lag has three `factors`: of its last reading, of the true value
+    then, and of the true value now; (0, 0, 1) is none."""
 
     nodes: Sequence[Sequence[int]]
     weights: Sequence[Sequence[float]]
@@ -132,8 +149,9 @@ class Sensors(NamedTuple):
 
 
 class Loads(NamedTuple):
-    """What parameters bring: those of strip s are `start[s]:start[s + 1]`, each `sign` times a heat of number `heat` times the product of features of
-    number `feature`, which goes to a `place` within the strip: row and column."""
+    """The heats that parameters bring. Strip s takes the entries `start[s]:start[s + 1]`: each is `sign` times the
+    heat of number `heat` times the feature of number `feature`, and goes to `place` within the strip, that of a row
+    and a column."""
 
     start: Index
     place: Index
@@ -145,7 +163,8 @@ class Loads(NamedTuple):
 def planned(
     program: Program, storage: Floats, sensors: Sensors, steps: int, blocks: int, initial: Floats
 ) -> tuple[Plan, Floats, Index, Index]:
-    """The plan of `steps` in `blocks` at a time, its numbers and indices, and of which sensor each weight is. `initial` (n, S, W): columns at the start."""
+    """The plan of `steps` in `blocks` at a time, its numbers, its indices, and (W, 2) the sensor and the share in it
+    of each weight. `initial` (n, S, W): the columns at the start, in S strips."""
     wide = initial.shape[2]
     n, m, edges = program.n, len(sensors.nodes), len(program.edge_to)
     store, order = Store(), program.order.tolist()
@@ -212,8 +231,9 @@ def planned(
 def carry(
     plan: Plan, m: Floats, at: Index, loads: Loads, heats: Floats, phi: Floats, length: int, means: Floats
 ) -> None:
-    """What the steps whose shares and weights are in place do to the columns of all strips, from the start to the end, where `means`
-    (B, m, S, W) of each sensor over each block of `length` steps are known. `heats` (L, K) [W per unit of the feature], `phi` (F, K)."""
+    """Carry the columns of all strips through the steps whose shares and weights are in place; the means of each
+    sensor over each block of `length` steps go to `means` (B, m, S, W). `heats` (L, K) [W per unit of the feature],
+    features `phi` (F, K)."""
     wide = plan.wide
     for s in range(len(loads.start) - 1):
         right = plan.strips + s * plan.numbers

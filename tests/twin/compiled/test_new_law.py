@@ -1,5 +1,5 @@
-"""A new law of a link is one row of `twin.motor.heat_laws.LINKS`: a copy of that module with one row more, put in its place before anything
-else is imported, is all that every program needs."""
+"""A new law of a link is one row of `twin.motor.heat_laws.LINKS`: a copy of that module with one row more, put in its
+place before anything else is imported, is all that every program needs."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ from pathlib import Path
 
 from made.places import ROOT
 
-ROW = """    "thermosiphon": ("gap = far - own", "drop = gap * math.sqrt(1.0 + 0.02 * gap * gap) * (1.0 + 0.004 * far)"),
+LINES = ("gap = far - own", "drop = gap * math.sqrt(1.0 + 0.02 * gap * gap) * (1.0 + 0.004 * far)")
+ROW = f"""    "thermosiphon": {LINES},
 """
 
 CODE = """
