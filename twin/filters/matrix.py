@@ -18,29 +18,12 @@ from twin.arithmetic.lanes import both, scaled, within
 from twin.arithmetic.powers import exp_of_number
 from twin.compiled.heat import heat, heat_capacity
 from twin.filters.pivots import eliminate_few
-from twin.filters.plan import Plan, ends_of, psi_of
+from twin.filters.plan import Laws, Plan, ends_of, law_of, psi_of, term_of
 
 Floats = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 u = np.uint64  # numba then asks of no index whether it counts from the end
-
-
-class Laws(Protocol):
-    """Of a `Plan` or another form: what `laws_at` takes."""
-
-    @property
-    def temperatures(self) -> int: ...
-    @property
-    def law(self) -> int: ...
-    @property
-    def law_numbers(self) -> int: ...
-    @property
-    def psi(self) -> int: ...
-    @property
-    def knots(self) -> int: ...
-    @property
-    def copper(self) -> int: ...
 
 
 class Matrix(Protocol):
@@ -67,7 +50,7 @@ def laws_at(plan: Laws, m: Floats, at: Index, listed: int, count: int) -> None:
     for e in range(listed, listed + count):
         g = at[u(e)]
         a, b, other = ends_of(plan, at, g)
-        law, knots = at[u(plan.law + 6 * g + 2)], at[u(plan.law + 6 * g + 5)]
+        law, knots = law_of(plan, at, g)
         numbers, psi = plan.law_numbers + g * (3 + 2 * plan.knots), plan.psi + 4 * g
         own = m[u(T + a)]
         far, crossed = m[u(T + b)] if b >= 0 else own, m[u(T + other)] if other >= 0 else own
@@ -92,13 +75,6 @@ def amounts_at(plan: Plan, m: Floats, at: Index, state: int) -> None:
     for t in range(plan.terms):
         g, _, _ = term_of(plan, at, t)
         m[u(plan.amounts + g)] += term_at(plan, m, at, t)
-
-
-@within
-def term_of(plan: Plan, at: Index, t: int) -> tuple[int, int, int]:
-    """Of a term that has a factor: its group, the factor, and the monomial or -1."""
-    row = plan.term + 3 * t
-    return at[u(row)], at[u(row + 1)], at[u(row + 2)]
 
 
 @within

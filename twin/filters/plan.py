@@ -152,12 +152,20 @@ class Plan(NamedTuple):
 
 
 class Laws(Protocol):
-    """Of a `Plan` or another form: where the tables of its groups' laws begin."""
+    """Of a `Plan` or another form: where the tables of its groups' laws begin, and what the laws are of."""
 
+    @property
+    def temperatures(self) -> int: ...
     @property
     def law(self) -> int: ...
     @property
+    def law_numbers(self) -> int: ...
+    @property
     def psi(self) -> int: ...
+    @property
+    def knots(self) -> int: ...
+    @property
+    def copper(self) -> int: ...
 
 
 @within
@@ -179,10 +187,17 @@ def drives_at(plan: Plan) -> int:
 
 
 @within
-def term_of(plan: Plan, at: Index, t: int) -> tuple[int, int]:
-    """Group and unknown factor of a term that one multiplies."""
+def term_of(plan: Plan, at: Index, t: int) -> tuple[int, int, int]:
+    """Of a term that an unknown factor multiplies: its group, the factor, and its product of features, -1 for none."""
     row = plan.term + 3 * t
-    return at[u(row)], at[u(row + 1)]
+    return at[u(row)], at[u(row + 1)], at[u(row + 2)]
+
+
+@within
+def law_of(plan: Laws, at: Index, g: int) -> tuple[int, int]:
+    """The number of group g's law, and how many knots its fluid's table has."""
+    row = plan.law + 6 * g
+    return at[u(row + 2)], at[u(row + 5)]
 
 
 @within

@@ -206,7 +206,7 @@ def meter(plan: Plan, r: Readings, m: Floats, at: Index, j: int, outside: Floats
     laws_at(plan, m, at, plan.each, plan.laws)
     signs = plan.signs + j * plan.laws
     for t in range(plan.terms):
-        g, p = term_of(plan, at, t)
+        g, p, _ = term_of(plan, at, t)
         heat = psi_of(plan, m, g)[0]
         m[u(slope + first + p)] -= m[u(signs + g)] * term_at(plan, m, at, t) * heat
     for g in range(plan.laws):

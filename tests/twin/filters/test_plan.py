@@ -74,7 +74,7 @@ def test_tables_have_the_rows_that_their_comments_show(run: Run) -> None:
 
 
 def test_names_of_rows_give_what_stands_in_them(run: Run) -> None:
-    assert _rows(run.plan, run.at) == ((0, 0), (1, 3, -1), (0, -1, -1), (0, 0, 0, 1))
+    assert _rows(run.plan, run.at) == ((0, 0, 0), (1, 3, -1), (0, -1, -1), (0, 0, 0, 1))
     assert _places(run.plan) == (8, 11, 2 * 16 + 7)
 
 
