@@ -1,4 +1,4 @@
-"""What a run answers to a change of each parameter, as source text: gradients (backwards) and columns (forwards).
+"""What a step of a run answers to a change of each parameter, as source text: what the gradient kernel is made from.
 
 A stage s of a step solves `C base_s + R - M z_s = 0` (`twin.compiled.integrators`), C of the capacities, R - M z_s
 the heats of all laws linear about the start T. Differentiated by a parameter p with `E_s = z_s - base_s`,

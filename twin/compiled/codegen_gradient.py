@@ -1,9 +1,9 @@
 """The gradient kernel: from the last step of a run to the first, as source text (`twin.compiled.codegen_derivatives`).
 
-The transpose of the columns (A. Griewank, A. Walther, Evaluating Derivatives, 2nd ed. (2008), section 3.2,
-doi:10.1137/1.9780898717761). Every name in the text is the derivative of the weighted sum by something: `A` by the
-temperatures at a step's end, `N` by those at its start, `K` by coefficients, `H` by capacities; in a stage `e` by its
-temperatures, `a` by its heats, `b` by its bases.
+The transpose of the derivatives by each parameter (A. Griewank, A. Walther, Evaluating Derivatives, 2nd ed. (2008),
+section 3.2, doi:10.1137/1.9780898717761). Every name in the text is the derivative of the weighted sum by something:
+`A` by the temperatures at a step's end, `N` by those at its start, `K` by coefficients, `H` by capacities; in a stage
+`e` by its temperatures, `a` by its heats, `b` by its bases.
 """
 
 from __future__ import annotations

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.arithmetic.vectors import MARK
-from twin.compiled import codegen, codegen_columns, codegen_gradient, codegen_lanes, heat, indexed
+from twin.compiled import codegen, codegen_gradient, codegen_lanes, heat, indexed
 from twin.compiled.integrators import DEFAULT, Tableau
 from twin.compiled.structure import Parameters, described, structure
 from twin.motor.check import check
@@ -43,8 +43,8 @@ class Compiled:
     """A network ready to run. `run(parameters, features, boundaries, step_s, out)` fills `out[1:]` from `out[0]`.
 
     What more it can do is compiled at its first call, and None where it cannot: `together` for
-    `twin.run.side_by_side` (not where the method looks back), `gradient` for `twin.run.gradients` and `columns` for
-    `twin.run.sensitivities` (the straight-line form of the default method).
+    `twin.run.side_by_side` (not where the method looks back) and `gradient` for `twin.run.gradients` (the
+    straight-line form of the default method).
     """
 
     network: Network
@@ -54,7 +54,6 @@ class Compiled:
     monomials: int
     together: Callable[[], Run] | None
     gradient: Callable[[], Kernel] | None
-    columns: Callable[[tuple[int, ...]], Kernel] | None
 
 
 def generate(network: Network, tableau: Tableau = DEFAULT) -> str:
@@ -94,14 +93,10 @@ def compile_network(network: Network, tableau: Tableau = DEFAULT, load: Load = l
     def gradient() -> Kernel:
         return load(codegen_gradient.generate_gradient(shape, DEFAULT))
 
-    @cache
-    def columns(wanted: tuple[int, ...]) -> Kernel:
-        return load(codegen_columns.generate_columns(shape, DEFAULT, wanted))
-
     several = None if tableau.back else together
-    derived = (gradient, columns) if tableau is DEFAULT else (None, None)
+    derived = gradient if tableau is DEFAULT else None
     run = _given(load(source))
-    return Compiled(network, values, run, "straight-line", shape.monomials, several, *derived)
+    return Compiled(network, values, run, "straight-line", shape.monomials, several, derived)
 
 
 def _given(kernel: Kernel) -> Run:
@@ -137,7 +132,7 @@ def compile_indexed(network: Network, tableau: Tableau = DEFAULT, load: Load = l
         kernel(program, phi, boundaries, step_s, p.coefficients, p.capacities, p.copper, p.factors, out, stage)
 
     several = None if tableau.back else lambda: run
-    return Compiled(network, values, run, "indexed", shape.monomials, several, None, None)
+    return Compiled(network, values, run, "indexed", shape.monomials, several, None)
 
 
 @cache

@@ -3,7 +3,7 @@ in two runs' time.
 
 Exact for the discrete scheme, backwards from the last step to the first (`twin.compiled.codegen_derivatives`): the
 hottest magnet of a run and how sure it is, the load that a node bears, a squared error. Of many numbers,
-`twin.run.sensitivities` is faster.
+`twin.run.block_columns` is faster.
 """
 
 from __future__ import annotations
