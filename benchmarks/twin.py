@@ -6,9 +6,9 @@ The reference motor (21 nodes) over a drive like the WLTP, steps of 0.5 s, unles
 
 | figure | what |
 |---|---|
-| vs_c | our default run over the same generated statements in C (gcc -O3, products and sums not fused), to the same bits |
+| vs_c | our default run over the same generated statements in C (gcc -O3, nothing fused): the same bits |
 | vs_lsoda | scipy's LSODA over our run |
-| ekf_vs_filterpy, ekf46_... | filterpy over our filters, of 25 and of 43 numbers (`benchmarks/filter_speed.py`) |
+| ekf_vs_filterpy, ekf46_... | filterpy over our filters, of 25 and of 43 numbers (`filter_speed.py` too) |
 | ..._difference_K | the largest difference between the two |
 | columns_in_simulations | a run with the derivatives of every node by every coefficient and capacity in blocks of 10 s, |
 | | as characterising takes them (`twin.run.block_columns`), over the run |
