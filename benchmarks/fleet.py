@@ -118,8 +118,8 @@ def fleets(kind: Kind, seeds: range, motors_each: int) -> dict[str, object]:
         began = time.process_time()
         found = judged(one, y)
         spent += time.process_time() - began
-        specimens = {s.specimen for s in found.outlying_specimens}
-        of_batches = {b.batch for b in found.outlying_batches}
+        specimens = {s.specimen for s in found.specimens if s.outlying}
+        of_batches = {b.batch for b in found.batches if b.outlying}
         wrong = specimens - set(one.bad_motors)
         false_motors += bool(wrong)
         false_batches += bool(of_batches - set(one.bad_batches))
@@ -162,10 +162,10 @@ def campaigns(seeds: range) -> dict[str, object]:
     healthy, bad = [campaign(seed, False) for seed in seeds], [campaign(seed, True) for seed in seeds]
     n = len(seeds)
     row: dict[str, object] = {
-        "healthy: with a false batch": share(sum(bool(a.outlying_batches) for a in healthy), n),
-        "with a false stator": share(sum(bool(a.outlying_specimens) for a in healthy), n),
-        "bad batch: found": share(sum([b.batch for b in a.outlying_batches] == ["B2"] for a in bad), n),
-        "with a stator beside it": share(sum(bool(a.outlying_specimens) for a in bad), n),
+        "healthy: with a false batch": share(sum(any(b.outlying for b in a.batches) for a in healthy), n),
+        "with a false stator": share(sum(any(s.outlying for s in a.specimens) for a in healthy), n),
+        "bad batch: found": share(sum([b.batch for b in a.batches if b.outlying] == ["B2"] for a in bad), n),
+        "with a stator beside it": share(sum(any(s.outlying for s in a.specimens) for a in bad), n),
     }
     print("six stators:", "; ".join(f"{key}: {value}" for key, value in row.items()), flush=True)
     return row
@@ -218,8 +218,8 @@ def large(motors: int, checks: int) -> dict[str, object]:
         "fit s": f"{fitted:.1f}",
         "slope": f"{1e4 * fit.fixed[1]:.2f}",
         "assessment s": f"{time.process_time() - began:.1f}",
-        "batches": [b.batch for b in found.outlying_batches] == list(one.bad_batches),
-        "motors": sorted(s.specimen for s in found.outlying_specimens) == list(one.bad_motors),
+        "batches": sorted(b.batch for b in found.batches if b.outlying) == sorted(one.bad_batches),
+        "motors": sorted(s.specimen for s in found.specimens if s.outlying) == list(one.bad_motors),
     }
     print(
         f"{motors:,} motors of {checks} checks:", "; ".join(f"{key}: {value}" for key, value in row.items()), flush=True

@@ -31,11 +31,6 @@ class OperatingPoints:
     y_edges: tuple[float, ...]
     minutes: tuple[tuple[float, ...], ...]
 
-    @property
-    def total_minutes(self) -> float:
-        """Minutes in all cells together."""
-        return sum(map(sum, self.minutes))
-
 
 def cells(channels: Sequence[ChannelData]) -> OperatingPoints | None:
     """Minutes in each cell of a session; None where speed, or both torque and current, are not recorded."""

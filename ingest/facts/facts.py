@@ -58,11 +58,6 @@ class Facts:
     ]  # by inspection id; each with the session that its own is, or became part of
     assessments: Mapping[str, AgeingAssessed]  # by assessment id, the latest last
 
-    def decode_of(self, raw: str, bench: str | None) -> DecodeCompleted | None:
-        """The latest decode of a raw file (SHA-256) under a bench file (SHA-256; None: without one)."""
-        found = [decode for decode in self.decodes.values() if (decode.raw, decode.bench) == (raw, bench)]
-        return found[-1] if found else None
-
     def bench_of(self, session: SessionRecorded) -> BenchRegistered | None:
         """The bench file that a session points to now, or the version that was accepted in its place.
 

@@ -272,17 +272,6 @@ _REJECTED_SCHEMA = {
 _DAMAGE = (McapError, ValueError, KeyError, struct.error, zstandard.ZstdError, pa.ArrowException, MemoryError)
 
 
-def read_contents(path: Path) -> Contents:
-    """The metadata record `reading` of a recording. Raises DamageError."""
-    try:
-        with path.open("rb") as file:
-            record = next(entry for entry in make_reader(file, validate_crcs=True).iter_metadata())
-        values = {name: json.loads(text) for name, text in record.metadata.items()}
-        return Contents(**values | {"buses": tuple(values["buses"]), "columns": tuple(values["columns"])})
-    except (*_DAMAGE, StopIteration, TypeError) as error:
-        raise _damage(path, error) from error
-
-
 def read(path: Path) -> Iterator[tuple[str, Frames | Rows]]:
     """(topic, records) of a recording, in the order of the file within a topic, about 100,000 records at once.
 

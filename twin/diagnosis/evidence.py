@@ -66,11 +66,6 @@ class Projector:
         result: Array = x.T @ y - self.seen(x).T @ self.seen(y)
         return result
 
-    def apply(self, x: Array) -> Array:
-        """P x, of the shape of x."""
-        result: Array = x - self.columns @ cho_solve((self.lower, True), self.columns.T @ x)
-        return result
-
     def mean(self, e0: Array) -> Array:
         """The parameters' posterior mean (p,), given e0 (N,)."""
         result: Array = cho_solve((self.lower, True), self.columns.T @ e0)

@@ -97,11 +97,6 @@ def floor_variance(series: Series, noise: ChannelNoise) -> float:
     return float(series.white_variance.mean()) + noise.ar_sd**2
 
 
-def repeat_floor_variance(first: Array, second: Array) -> float:
-    """The same from a test that was run twice: half the mean squared difference [K^2] of its block means (B,)."""
-    return float(np.mean((first - second) ** 2) / 2)
-
-
 def _called(series: Series) -> str:
     return f'channel "{series.channel}" of session {series.session}'
 

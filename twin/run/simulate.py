@@ -110,9 +110,3 @@ def source_heat(network: Network, frame: Frame, temperatures: NDArray[np.float64
             heat[:, s] += term.coefficient * (1.0 if j == CONSTANT else frame.features[:, j]) * own[g]
             i += 1
     return heat
-
-
-def network_heat(network: Network, frame: Frame, temperatures: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Loss (N,) [W] of the whole network in each step: the sum of `source_heat`."""
-    heat: NDArray[np.float64] = source_heat(network, frame, temperatures).sum(axis=1)
-    return heat

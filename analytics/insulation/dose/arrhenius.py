@@ -3,12 +3,11 @@
 Two rules are in use, and they are not the same: the activation energy of one chemical reaction (Arrhenius; IEEE Std
 98, IEC 60216), and the rule of thumb that life halves every 10 K (of the kind of V. M. Montsinger, Trans. AIEE 49
 (1930) 776, who found 8 K for class A). At 180 degC the latter equals 1.2 eV, at 230 degC 1.5 eV. A number here is
-always by one rule; `Band` says what several rules make of the same hours, each end by the one rule that it names.
+always by one rule.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -25,7 +24,7 @@ LIFE_H = 20_000.0  # of class H at its limit
 
 
 class Rule(Protocol):
-    """A law of temperature: its name, what an hour is worth, and the temperature at which an hour is worth so much."""
+    """A law of temperature: its name, and what an hour is worth."""
 
     @property
     def name(self) -> str:
@@ -33,9 +32,6 @@ class Rule(Protocol):
 
     def acceleration(self, temperature_degC: ArrayLike, at_degC: float) -> Floats:
         """Hours at `at_degC` [degC] that an hour at `temperature_degC` [degC] is worth."""
-
-    def temperature(self, acceleration: ArrayLike, at_degC: float) -> Floats:
-        """Temperature [degC] at which an hour is worth `acceleration` hours at `at_degC` [degC]."""
 
 
 @dataclass(frozen=True)
@@ -52,10 +48,6 @@ class Doubling:
     def acceleration(self, temperature_degC: ArrayLike, at_degC: float) -> Floats:
         """Hours at `at_degC` [degC] that an hour at `temperature_degC` [degC] is worth: 2^((T - at) / kelvin)."""
         return np.asarray(np.exp2((np.asarray(temperature_degC, np.float64) - at_degC) / self.kelvin))
-
-    def temperature(self, acceleration: ArrayLike, at_degC: float) -> Floats:
-        """Temperature [degC] at which an hour is worth `acceleration` hours at `at_degC` [degC]."""
-        return np.asarray(at_degC + self.kelvin * np.log2(np.asarray(acceleration, np.float64)))
 
 
 @dataclass(frozen=True)
@@ -75,29 +67,10 @@ class Activation:
         inverse = 1.0 / (np.asarray(temperature_degC, np.float64) + ZERO_DEGC_IN_K)
         return np.asarray(np.exp(self.eV / BOLTZMANN_EV_PER_K * (1.0 / (at_degC + ZERO_DEGC_IN_K) - inverse)))
 
-    def temperature(self, acceleration: ArrayLike, at_degC: float) -> Floats:
-        """Temperature [degC] at which an hour is worth `acceleration` hours at `at_degC` [degC]; NaN where no
-        temperature is hot enough, as this law has an upper limit, exp(E / (k T_at))."""
-        inverse = 1.0 / (at_degC + ZERO_DEGC_IN_K) - BOLTZMANN_EV_PER_K / self.eV * np.log(
-            np.asarray(acceleration, np.float64)
-        )
-        reached = inverse > 0.0
-        return np.where(reached, 1.0 / np.where(reached, inverse, 1.0) - ZERO_DEGC_IN_K, np.nan)
-
 
 ASSUMED = Activation(1.0)  # where no lives were measured
 ASSUMED_BAND = (Activation(0.9), Activation(1.1))
 RULES: tuple[Rule, ...] = (*ASSUMED_BAND, Doubling())  # whose least and most an answer gives
-
-
-@dataclass(frozen=True)
-class Band:
-    """What several rules make of the same thing: the least and the most, and the name of the rule that each is by."""
-
-    least: float
-    most: float
-    least_by: str
-    most_by: str
 
 
 def equivalent_hours(
@@ -116,37 +89,3 @@ def equivalent_hours(
     temperature, duration = np.broadcast_arrays(np.asarray(temperature_degC, np.float64), np.asarray(hours, np.float64))
     counts = temperature > above_degC
     return float(np.sum(rule.acceleration(temperature[counts], at_degC) * duration[counts]))
-
-
-def equivalent_band(
-    temperature_degC: ArrayLike,
-    hours: ArrayLike,
-    at_degC: float = THRESHOLD_DEGC,
-    above_degC: float = THRESHOLD_DEGC,
-    rules: Sequence[Rule] = RULES,
-) -> Band:
-    """`equivalent_hours` [h] under each of `rules`: the least and the most."""
-    return _band([equivalent_hours(temperature_degC, hours, at_degC, rule, above_degC) for rule in rules], rules)
-
-
-def life_used(equivalent: Band, life_h: float = LIFE_H) -> tuple[float, float]:
-    """Shares of a life of `life_h` [h], least and most, that `equivalent` hours [h] at the same temperature use up."""
-    return equivalent.least / life_h, equivalent.most / life_h
-
-
-def temperature_worth(hours: float, worth_h: float, at_degC: float, rule: Rule) -> float:
-    """Constant temperature [degC] at which `hours` are worth `worth_h` hours at `at_degC` [degC]; NaN where none is hot
-    enough. So 20,000 h at 180 degC are lived in 300 h at 241 degC under the 10 K rule."""
-    return float(rule.temperature(worth_h / hours, at_degC))
-
-
-def temperature_band(
-    hours: float, worth_h: float, at_degC: float = THRESHOLD_DEGC, rules: Sequence[Rule] = ASSUMED_BAND
-) -> Band:
-    """`temperature_worth` [degC] under each of `rules`: the least and the most."""
-    return _band([temperature_worth(hours, worth_h, at_degC, rule) for rule in rules], rules)
-
-
-def _band(values: Sequence[float], rules: Sequence[Rule]) -> Band:
-    least, most = int(np.argmin(values)), int(np.argmax(values))
-    return Band(values[least], values[most], rules[least].name, rules[most].name)

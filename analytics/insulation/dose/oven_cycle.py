@@ -52,11 +52,6 @@ class Cycle:
     heating_K_per_min: float | None
     cooling_K_per_min: float | None
 
-    @property
-    def soak_h(self) -> float:
-        """How long it soaked [h], gaps included."""
-        return (self.soak_to_s - self.soak_from_s) / HOUR_S
-
 
 @dataclass(frozen=True)
 class Histogram:

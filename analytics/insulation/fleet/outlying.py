@@ -101,16 +101,6 @@ class FleetAssessment:
     noise_scale: float
     false_discovery_rate: float
 
-    @property
-    def outlying_specimens(self) -> tuple[SpecimenHealth, ...]:
-        """Specimens that stand out, the worst first."""
-        return tuple(sorted((s for s in self.specimens if s.outlying), key=lambda s: -(s.score or 0.0)))
-
-    @property
-    def outlying_batches(self) -> tuple[BatchHealth, ...]:
-        """Batches that stand out, the worst first."""
-        return tuple(sorted((b for b in self.batches if b.outlying), key=lambda b: -(b.score or 0.0)))
-
 
 def assess(
     specimen: Sequence[str],

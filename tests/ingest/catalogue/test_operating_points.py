@@ -23,7 +23,7 @@ def test_minutes_lie_in_the_cell_of_their_speed_and_signed_torque() -> None:
         if minutes
     }
     assert at == {(1000.0, 125.0): 20.0, (8000.0, 125.0): 20.0, (8000.0, -50.0): 20.0}
-    assert (found.x, found.y, found.total_minutes) == ("speed_rpm", "torque_Nm", 60.0)
+    assert (found.x, found.y) == ("speed_rpm", "torque_Nm")
 
 
 def test_current_stands_in_for_torque() -> None:

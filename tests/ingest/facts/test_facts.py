@@ -24,7 +24,7 @@ from ingest.facts.events import (
 )
 from ingest.facts.facts import Facts
 from ingest.facts.ledger import Ledger
-from made.events import decode, raw, session
+from made.events import raw, session
 
 SECOND = 1_000_000_000
 
@@ -96,15 +96,6 @@ def test_a_session_without_bench_file_and_a_bench_without_motor_name_nothing() -
     assert facts.bench_of(facts.session("1")) is None
     assert facts.model_of(None) is None
     assert facts.model_of(BenchRegistered(sha256="b", name="bench.toml", motor=None, model=None)) is None
-
-
-def test_the_latest_decode_of_a_file_under_a_bench_counts() -> None:
-    first, second = decode("d1", "r", bench="b"), decode("d2", "r", bench="b", decoder="2")
-    facts = fold(first, decode("d3", "r", bench=None), second, decode("d4", "other", bench="b"))
-    assert facts.decode_of("r", "b") == second
-    assert facts.decode_of("r", None) == facts.decodes["d3"]
-    assert facts.decode_of("r", "c") is None
-    assert fold(first, second, first).decode_of("r", "b") == first
 
 
 def test_flags_are_kept_by_stream_in_order() -> None:

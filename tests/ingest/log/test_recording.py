@@ -68,6 +68,15 @@ def written(path: Path, given: Sequence[Frames] | Sequence[Rows], **fields: obje
     return recording.write(path, Given(given, **fields))
 
 
+def described(path: Path) -> Contents:
+    """The metadata record that a recording carries."""
+    with path.open("rb") as file:
+        (record,) = make_reader(file, validate_crcs=True).iter_metadata()
+    assert record.name == "reading"
+    values = {name: json.loads(text) for name, text in record.metadata.items()}
+    return Contents(**values | {"buses": tuple(values["buses"]), "columns": tuple(values["columns"])})
+
+
 def by_record(path: Path) -> dict[int, tuple[int, int, int, int, bytes]]:
     found = {}
     for topic, batch in recording.read(path):
@@ -148,7 +157,7 @@ def test_the_metadata_says_what_the_recording_holds(tmp_path: Path) -> None:
     refused = [Rejected(1000, "byte 7", "is cut", b"\x01\x02")]
     path = tmp_path / "a.mcap"
     contents = written(path, [frames], found=1001, rejected=refused, cut="ends 7 bytes early", settings={"version": 1})
-    assert recording.read_contents(path) == contents
+    assert described(path) == contents
     assert (contents.found, contents.written, contents.rejected, contents.cut) == (1001, 1000, 1, "ends 7 bytes early")
     assert contents.buses == (1, 2)
     assert set(contents.ids) == {f"can{bus}:{name}" for bus in (1, 2) for name in ("0x123", "0x7FF", "0x18FEF100")}
@@ -176,7 +185,7 @@ def test_a_log_without_a_record_makes_an_empty_recording(tmp_path: Path) -> None
     contents = written(tmp_path / "a.mcap", [some_frames(0)])
     assert (contents.written, contents.start_ns, contents.end_ns) == (0, None, None)
     assert list(recording.read(tmp_path / "a.mcap")) == []
-    assert recording.read_contents(tmp_path / "a.mcap") == contents
+    assert described(tmp_path / "a.mcap") == contents
 
 
 def test_a_changed_byte_is_damage_or_changes_nothing_that_is_read(tmp_path: Path) -> None:
@@ -202,5 +211,3 @@ def test_a_cut_recording_is_damage_with_its_name(tmp_path: Path, keep: float) ->
     path.write_bytes(whole[: int(keep if keep > 1 or not keep else keep * len(whole))])
     with pytest.raises(DamageError, match=r"a\.mcap: the recording is damaged \(.*whyhot rebuild"):
         list(recording.read(path))
-    with pytest.raises(DamageError, match=r"a\.mcap: the recording is damaged"):
-        recording.read_contents(path)

@@ -27,7 +27,7 @@ from twin.motor.outputs import lagged
 from twin.motor.sensor import Sensor
 from twin.paper.ekf import filter_with_rates
 from twin.paper.form import constraints
-from twin.run.simulate import Frame, network_heat, simulate
+from twin.run.simulate import Frame, simulate, source_heat
 
 Floats = np.ndarray[Any, Any]
 
@@ -263,7 +263,7 @@ def test_measured_losses_show_a_hidden_one_that_no_thermometer_is_near(network: 
     given = readings(network, inputs, hot)[:2]
     steps = len(inputs.features)
     noise = np.random.default_rng(4).normal(0, 60.0, steps)
-    meter = HeatReading("losses", network_heat(truth, inputs, hot) + noise + 3.0, np.full(steps, 3600.0))
+    meter = HeatReading("losses", source_heat(truth, inputs, hot).sum(axis=1) + noise + 3.0, np.full(steps, 3600.0))
     unknowns: list[Unknown] = [heat(0.3), UnknownBias("losses", 5.0)]
     alone = filter_unknowns(network, inputs, start(network, 0.1, 1e-3), unknowns[:1], given)
     found = filter_unknowns(network, inputs, start(network, 0.1, 1e-3), unknowns, [meter, *given])
@@ -460,7 +460,7 @@ def test_the_likelihood_chooses_a_slow_walk_for_a_steady_heat_and_a_fast_one_for
 ) -> None:
     at_start, quarter = start(network, 0.1), len(inputs.features) // 4
     plain = simulate(indexed(network), inputs, at_start.temperatures)
-    loss = float(network_heat(network, inputs, plain).mean())
+    loss = float(source_heat(network, inputs, plain).sum(axis=1).mean())
     jumping = [at_start.temperatures[None, :]]
     for i in range(4):
         part = slice(i * quarter, (i + 1) * quarter)

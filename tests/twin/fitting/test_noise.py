@@ -7,7 +7,7 @@ import pytest
 
 from twin.diagnosis.reml import Observed, reml
 from twin.errors import EvidenceError
-from twin.fitting.noise import Array, ChannelNoise, Series, floor_variance, log_det, repeat_floor_variance, whiten
+from twin.fitting.noise import Array, ChannelNoise, Series, floor_variance, log_det, whiten
 
 NOISE = ChannelNoise(ar_sd=0.12, ar_tau_s=60.0, ou_sd=0.2, ou_tau_s=600.0)
 
@@ -77,11 +77,9 @@ def test_what_cannot_be_whitened_is_refused_with_channel_and_session() -> None:
         log_det(silent, ChannelNoise(0.0, 60.0, 0.0, 600.0))
 
 
-def test_the_floor_is_white_and_autoregressive_noise_or_half_of_what_two_repeats_differ() -> None:
+def test_the_floor_is_white_and_autoregressive_noise() -> None:
     series = Series(0, "teeth", np.array([0.0, 10.0]), np.zeros(2), np.array([1.0, 1.0]), 0.3, 0.0)
     assert floor_variance(series, NOISE) == pytest.approx(0.09 + 0.0144)
-    first, second = np.random.default_rng(4).normal(0, 0.2, (2, 20000))
-    assert repeat_floor_variance(first, second) == pytest.approx(0.04, rel=0.05)
 
 
 # --- Restricted maximum likelihood -----------------------------------------------------------------------------------
