@@ -100,7 +100,6 @@ def trace(check: Check) -> CheckTrace:
         iron_degC=np.column_stack([columns[name] for name in iron]) if iron else np.empty((check.log.t_s.size, 0)),
         iron_names=tuple(iron),
         ambient_degC=columns["T_room"][:, None],
-        ambient_names=("T_room",),
         power_W=columns["I_DC"] * columns["V_DC"],
         current_A=columns["I_DC"],
     )

@@ -152,7 +152,6 @@ def _trace(check: Check, iron: bool) -> CheckTrace:
         iron_degC=np.column_stack([log[name] for name in irons]) if irons else np.empty((log.t_s.size, 0)),
         iron_names=tuple(irons),
         ambient_degC=log["T_room"][:, None],
-        ambient_names=("T_room",),
         power_W=log["I_DC"] * log["V_DC"],
         current_A=log["I_DC"],
     )

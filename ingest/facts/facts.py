@@ -68,10 +68,6 @@ class Facts:
         named = self.models.get(session.model) if session.model else None
         return replace(bench, motor=named.motor, model=named.model) if bench and named else bench
 
-    def model_of(self, bench: BenchRegistered | None) -> ModelPublished | None:
-        """The model that a bench file named when it was sealed."""
-        return self.models.get(bench.model) if bench and bench.model else None
-
     def current(self, sha256: str) -> str:
         """The version of a model or bench file that was accepted in its place, and in place of that one; else
         itself."""

@@ -51,10 +51,6 @@ class Database:
     data: bytes = field(default=b"", repr=False)
     notes: tuple[str, ...] = ()
 
-    def signals(self) -> list[Signal]:
-        """Every signal of every message, on no bus in particular; `resolution` is the factor, in the DBC's unit."""
-        return [signal for message in self.messages.values() for signal in signals_of(message)]
-
 
 def signals_of(message: Message, bus: str | None = None) -> list[Signal]:
     """The signals of `message` as the bench file may name them, on `bus` ("can1")."""

@@ -103,23 +103,17 @@ class Conversion:
         """Values (N,) in the file's unit -> float64 (N,) in the stored unit, always a new array."""
         return np.asarray(values, dtype=np.float64) * self.scale + self.offset
 
-    @property
-    def difference(self) -> Conversion:
-        """The same for differences: noise, resolution, bias."""
-        return Conversion(self.scale)
 
-
-def converter(unit: str, quantity: str, convention: str = "rms", *, difference: bool = False) -> Conversion:
+def converter(unit: str, quantity: str, convention: str = "rms") -> Conversion:
     """The conversion of `unit` (any text of a file) to `STORED_UNIT[quantity]`.
 
     `convention = "peak"`: amplitudes of phase currents and voltages, divided by sqrt 2 (sine: rms = peak / sqrt 2).
-    `difference`: of temperature differences, whose stored unit is K. Raises UnitError (without file and line).
+    Raises UnitError (without file and line).
     """
     bare, marked = without_mark(tidy(unit)) if quantity in PEAK else (tidy(unit), None)
     _check_convention(unit, quantity, convention, marked)
     scale, offset = _linear(bare, quantity)
-    whole = Conversion(scale / math.sqrt(2) if convention == "peak" else scale, offset)
-    return whole.difference if difference else whole
+    return Conversion(scale / math.sqrt(2) if convention == "peak" else scale, offset)
 
 
 def known_quantity(quantity: str) -> None:

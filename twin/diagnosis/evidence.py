@@ -20,7 +20,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cho_solve, cholesky, solve_triangular
+from scipy.linalg import cholesky, solve_triangular
 from scipy.special import log_ndtr
 
 from twin.errors import EvidenceError
@@ -66,26 +66,6 @@ class Projector:
         result: Array = x.T @ y - self.seen(x).T @ self.seen(y)
         return result
 
-    def mean(self, e0: Array) -> Array:
-        """The parameters' posterior mean (p,), given e0 (N,)."""
-        result: Array = cho_solve((self.lower, True), self.columns.T @ e0)
-        return result
-
-    def covariance(self) -> Array:
-        """The parameters' posterior covariance (p, p)."""
-        result: Array = cho_solve((self.lower, True), np.eye(len(self.lower)))
-        return result
-
-    @property
-    def log_volume(self) -> float:
-        """ln|A'A + Lambda| - ln|Lambda|: how far the data narrow the prior."""
-        return float(2 * np.log(np.diag(self.lower)).sum() - np.log(self.precision).sum())
-
-    def log_evidence(self, e0: Array, log_det_noise: float) -> float:
-        """ln p(data) of e0 (N,) with all parameters integrated out; `log_det_noise` the sum of ln|R|."""
-        square = float(self.inner(e0, e0))
-        return -(len(e0) * float(np.log(2 * np.pi)) + log_det_noise + self.log_volume + square) / 2
-
 
 @dataclass(frozen=True)
 class Scores:
@@ -102,16 +82,6 @@ class Scores:
         """Posterior mean, in the amplitude's unit (of the two-sided prior, also where the sign is known)."""
         return self.s * self.sigma**2 / (1 + self.J * self.sigma**2)
 
-    @property
-    def sd(self) -> Array:
-        """Posterior standard deviation of the amplitude."""
-        return self.sigma / np.sqrt(1 + self.J * self.sigma**2)
-
-    @property
-    def strength(self) -> Array:
-        """d = |amplitude| sqrt(J): the estimated effect over what is left of the noise after calibration."""
-        return strength(self.amplitude, self.J)
-
 
 def log_bayes_factor(s: Array, j: Array, sigma: Array, sign: Array) -> Array:
     """ln BF of amplitudes with prior sd `sigma`; `sign` 0 normal, +1 or -1 half-normal. All (..., m)."""
@@ -119,12 +89,6 @@ def log_bayes_factor(s: Array, j: Array, sigma: Array, sign: Array) -> Array:
     two_sided = s**2 * sigma**2 / (2 * widening) - np.log(widening) / 2
     one_sided = np.log(2) + log_ndtr(sign * s * sigma / np.sqrt(widening))
     result: Array = two_sided + np.where(sign == 0, 0.0, one_sided)
-    return result
-
-
-def strength(amplitude: Array, j: Array) -> Array:
-    """|a| sqrt(J): of a true amplitude it is d_true, the signal to noise after calibration freedom."""
-    result: Array = np.abs(amplitude) * np.sqrt(j)
     return result
 
 

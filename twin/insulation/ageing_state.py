@@ -57,24 +57,32 @@ class State:
 
 
 def filtered(checks: Sequence[Check], law: Ageing) -> tuple[State, ...]:
-    """The state behind each check, from this and the earlier ones. `checks` in the order of their doses; `law`: what
-    is known of the rate beforehand. Raises ValueError where a dose falls, or an sd is not above 0."""
-    return tuple(_state(check.dose_h, *found) for check, found in zip(checks, _filtered(checks, law)[1], strict=True))
-
-
-def smoothed(checks: Sequence[Check], law: Ageing) -> tuple[State, ...]:
-    """The state at each check, from all of them; arguments as in `filtered`."""
-    predicted, known = _filtered(checks, law)
-    found = known[-1:]
-    for i in range(len(checks) - 2, -1, -1):
-        (mean, covariance), (ahead, ahead_covariance) = known[i], predicted[i + 1]
-        step = _transition(checks[i].dose_h, checks[i + 1].dose_h, law)
-        # what no heat and no check have moved yet has no variance
-        gain = covariance @ step.T @ np.linalg.pinv(ahead_covariance, hermitian=True)
-        later, later_covariance = found[0]
-        smooth = mean + gain @ (later - ahead), covariance + gain @ (later_covariance - ahead_covariance) @ gain.T
-        found = [smooth, *found]
-    return tuple(_state(check.dose_h, *one) for check, one in zip(checks, found, strict=True))
+    """The state behind each check, from this and the earlier ones. `checks` in the order of their doses; `law`: what is known of the
+    rate beforehand. ValueError where a dose falls, or an sd is not above 0."""
+    found = list[State]()
+    mean, covariance = np.array([0.0, 0.0, law.rate]), np.diag([0.0, 0.0, law.rate_sd**2])
+    dose_h = 0.0
+    for number, check in enumerate(checks):
+        if check.dose_h < dose_h or not check.sd > 0.0:
+            raise ValueError(
+                f"check {number + 1}: dose {check.dose_h:g} h after {dose_h:g} h, sd {check.sd:g}: doses rise, sd > 0"
+            )
+        mean, covariance = _predicted(mean, covariance, dose_h, check.dose_h, law)
+        if number == 0:
+            # nothing was known of m: the limit of a wide prior, without its rounding
+            into = np.array([[0.0, 1.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
+            mean, covariance = into @ mean, into @ covariance @ into.T
+            mean[M] += check.ln_resistance
+            covariance[M, M] += check.sd**2
+        else:
+            spread = covariance @ READS
+            gain = spread / (READS @ spread + check.sd**2)
+            keep = np.eye(3) - np.outer(gain, READS)
+            mean = mean + gain * (check.ln_resistance - READS @ mean)
+            covariance = keep @ covariance @ keep.T + check.sd**2 * np.outer(gain, gain)
+        found.append(_state(check.dose_h, mean, covariance))
+        dose_h = check.dose_h
+    return tuple(found)
 
 
 def onwards(state: State, dose_h: float, law: Ageing) -> State:
@@ -93,43 +101,9 @@ def by_law(dose_h: float, law: Ageing) -> State:
     return onwards(State(0.0, 0.0, 0.0, law.rate, law.rate_sd, 0.0), dose_h, law)
 
 
-def _filtered(checks: Sequence[Check], law: Ageing) -> tuple[list[tuple[Floats, Floats]], list[tuple[Floats, Floats]]]:
-    """Means and covariances before and behind each check."""
-    before, behind = list[tuple[Floats, Floats]](), list[tuple[Floats, Floats]]()
-    mean, covariance = np.array([0.0, 0.0, law.rate]), np.diag([0.0, 0.0, law.rate_sd**2])
-    dose_h = 0.0
-    for number, check in enumerate(checks):
-        if check.dose_h < dose_h or not check.sd > 0.0:
-            raise ValueError(
-                f"check {number + 1}: dose {check.dose_h:g} h after {dose_h:g} h, sd {check.sd:g}: doses rise, sd > 0"
-            )
-        mean, covariance = _predicted(mean, covariance, dose_h, check.dose_h, law)
-        before.append((mean, covariance))
-        if number == 0:
-            # nothing was known of m: the limit of a wide prior, without its rounding
-            into = np.array([[0.0, 1.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
-            mean, covariance = into @ mean, into @ covariance @ into.T
-            mean[M] += check.ln_resistance
-            covariance[M, M] += check.sd**2
-        else:
-            spread = covariance @ READS
-            gain = spread / (READS @ spread + check.sd**2)
-            keep = np.eye(3) - np.outer(gain, READS)
-            mean = mean + gain * (check.ln_resistance - READS @ mean)
-            covariance = keep @ covariance @ keep.T + check.sd**2 * np.outer(gain, gain)
-        behind.append((mean, covariance))
-        dose_h = check.dose_h
-    return before, behind
-
-
-def _transition(from_h: float, to_h: float, law: Ageing) -> Floats:
+def _predicted(mean: Floats, covariance: Floats, from_h: float, to_h: float, law: Ageing) -> tuple[Floats, Floats]:
     step = np.eye(3)
     step[G, R] = law.counting_100h(from_h, to_h)
-    return step
-
-
-def _predicted(mean: Floats, covariance: Floats, from_h: float, to_h: float, law: Ageing) -> tuple[Floats, Floats]:
-    step = _transition(from_h, to_h, law)
     grown = step @ covariance @ step.T
     grown[G, G] += WALK**2 * (to_h - from_h) / HUNDRED_H
     return step @ mean, grown

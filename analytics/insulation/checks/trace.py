@@ -17,7 +17,7 @@ ON_QUANTILE, ON_SHARE = 0.995, 0.5  # the load is on above this share of this qu
 
 @dataclass(frozen=True)
 class CheckTrace:
-    """One check: `t_s` (N,) [s] rising; temperatures [degC] (N, k) with their names; `power_W` (N,) V I; `current_A`
+    """One check: `t_s` (N,) [s] rising; temperatures [degC] (N, k), of copper and iron with their names; `power_W` (N,) V I; `current_A`
     (N,) or None. NaN where a sample is missing."""
 
     t_s: Floats
@@ -26,7 +26,6 @@ class CheckTrace:
     iron_degC: Floats
     iron_names: tuple[str, ...]
     ambient_degC: Floats
-    ambient_names: tuple[str, ...]
     power_W: Floats
     current_A: Floats | None = None
 

@@ -81,8 +81,7 @@ class MixedFit:
     log-likelihood.
 
     `effect` (m, 2): b_i and s_i + u_batch(i), the best linear unbiased predictions; `joint` (m, p + 2, p + 2):
-    covariance of (beta, effect) with the variances held at their estimates. `batch_slope` (k,), `session` (j,): u and
-    w."""
+    covariance of (beta, effect) with the variances held at their estimates. `session` (j,): w."""
 
     fixed: Floats
     fixed_covariance: Floats
@@ -95,8 +94,6 @@ class MixedFit:
     deviance: float
     effect: Floats
     joint: Floats
-    batch_slope: Floats
-    batch_slope_error: Floats
     session: Floats
 
 
@@ -308,7 +305,5 @@ def _fit_of(sums: _Sums, theta: Floats) -> MixedFit:
         deviance=solved.deviance,
         effect=pair * units[p:],
         joint=joint * units[:, None] * units,
-        batch_slope=solved.shared[: sums.batches] / sums.dose_scale,
-        batch_slope_error=np.sqrt(np.diag(covariance)[: sums.batches]) / sums.dose_scale,
         session=solved.shared[sums.batches : random],
     )

@@ -146,7 +146,6 @@ def trace_of(channels: Sequence[ChannelData]) -> CheckTrace:
         iron_degC=side_by_side(iron),
         iron_names=tuple(channel.spec.name for channel in iron),
         ambient_degC=side_by_side(ambient),
-        ambient_names=tuple(channel.spec.name for channel in ambient),
         power_W=watts,
         current_A=amperes if current else None,
     )

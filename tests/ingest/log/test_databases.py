@@ -10,7 +10,7 @@ from ingest.bench.signals import Signal
 from ingest.errors import DatabaseError
 from ingest.formats import EXTENDED
 from ingest.log.bits import Layout
-from ingest.log.databases import Database, MessageSignal, load, merged
+from ingest.log.databases import Database, MessageSignal, load, merged, signals_of
 
 HEAD = 'VERSION ""\n\nNS_ :\n\nBS_:\n\nBU_: BENCH\n\n'
 MOTOR = (
@@ -53,7 +53,7 @@ def test_a_message_keeps_identifier_length_and_layouts() -> None:
 
 
 def test_signals_carry_unit_and_resolution_of_the_file() -> None:
-    assert dbc(MOTOR).signals() == [
+    assert [signal for message in dbc(MOTOR).messages.values() for signal in signals_of(message)] == [
         Signal("Speed", "Motor", None, "rpm", 0.5, "motor.dbc"),
         Signal("T_wdg", "Motor", None, "°C", 0.1, "motor.dbc"),
         Signal("Count", "Motor", None, None, 1.0, "motor.dbc"),

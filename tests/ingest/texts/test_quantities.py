@@ -115,11 +115,6 @@ def test_peak_is_refused_where_it_means_nothing_or_contradicts_the_unit() -> Non
         converter("Arms", "current", "peak")
 
 
-def test_a_temperature_difference_is_never_shifted() -> None:
-    assert converter("K", "temperature", difference=True) == Conversion(1.0, 0.0)
-    assert converter("degF", "temperature", difference=True) == Conversion(5 / 9, 0.0)
-
-
 def test_conversion_gives_new_float64_values_and_keeps_gaps() -> None:
     counts = np.array([0, 100], dtype=np.int16)
     assert converter("K", "temperature")(counts) == pytest.approx([-273.15, -173.15])

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from twin.insulation.ageing_state import WALK, Check, State, by_law, filtered, onwards, smoothed
+from twin.insulation.ageing_state import WALK, Check, State, by_law, filtered, onwards
 from twin.motor.ageing_law import Ageing
 
 Floats = NDArray[np.float64]
@@ -65,14 +65,6 @@ def test_each_state_is_the_gaussian_of_the_checks_so_far(doses: tuple[float, ...
     for k, state in enumerate(filtered(checks, LAW)):
         expected = as_state(*conditioned(checks, LAW, k + 1), k, doses[k])
         assert told(state) == pytest.approx(expected, rel=1e-9, abs=1e-12)
-
-
-@pytest.mark.parametrize("doses", [DOSES, (30.0, 42.0, 90.0)])
-def test_each_smoothed_state_is_the_gaussian_of_all_checks(doses: tuple[float, ...]) -> None:
-    checks = course(doses)
-    mean, covariance = conditioned(checks, LAW, len(checks))
-    for k, state in enumerate(smoothed(checks, LAW)):
-        assert told(state) == pytest.approx(as_state(mean, covariance, k, doses[k]), rel=1e-8, abs=1e-12)
 
 
 def test_a_first_check_when_new_says_nothing_of_a_factor() -> None:

@@ -44,7 +44,6 @@ def trace(check: Check, iron: bool = True) -> CheckTrace:
         iron_degC=np.array([values[name] for name in irons]).T.reshape(check.log.t_s.size, len(irons)),
         iron_names=irons,
         ambient_degC=values["T_room"][:, None],
-        ambient_names=("T_room",),
         power_W=values["V_DC"] * values["I_DC"],
         current_A=values["I_DC"],
     )
@@ -169,7 +168,7 @@ def test_rows_of_three_minutes_leave_the_ambient_route() -> None:
 
 def test_no_route_says_what_to_add() -> None:
     coarse = rows(trace(stator("none").checks[0], iron=False), slice(0, None, 18))
-    alone = replace(coarse, ambient_degC=coarse.ambient_degC[:, :0], ambient_names=())
+    alone = replace(coarse, ambient_degC=coarse.ambient_degC[:, :0])
     found = evaluate(alone)
     assert found.resistance_K_per_W is None and found.source is None
     assert found.why == (
@@ -269,8 +268,7 @@ def test_a_check_that_cannot_be_evaluated_says_why(changed: dict[str, object], w
     t = np.arange(0.0, 4000.0, 10.0)
     copper = 100.0 - 80.0 * np.exp(-t / 900.0)
     sound = CheckTrace(
-        t, np.column_stack([copper, copper]), ("A", "B"), copper[:, None] - 20.0, ("I",),
-        np.full((400, 1), 20.0), ("R",),
+        t, np.column_stack([copper, copper]), ("A", "B"), copper[:, None] - 20.0, ("I",), np.full((400, 1), 20.0),
         np.full(400, 500.0), np.full(400, 160.0),
     )  # fmt: skip
     found = evaluate(replace(sound, **changed))  # type: ignore[arg-type]
@@ -281,6 +279,6 @@ def test_a_check_that_cannot_be_evaluated_says_why(changed: dict[str, object], w
 def test_copper_that_is_colder_than_iron_has_no_resistance() -> None:
     t = np.arange(0.0, 4000.0, 10.0)
     flat = np.full((400, 1), 60.0)
-    found = evaluate(CheckTrace(t, flat, ("A",), flat + 5.0, ("I",), flat, ("R",), np.full(400, 500.0)))
+    found = evaluate(CheckTrace(t, flat, ("A",), flat + 5.0, ("I",), flat, np.full(400, 500.0)))
     assert found.resistance_K_per_W is None
     assert found.why is not None and found.why.startswith("iron sensor: copper is not warmer than iron")

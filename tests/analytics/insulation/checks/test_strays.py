@@ -35,7 +35,6 @@ def checks(stray: Floats, ages: float = 0.0, seed: int = 0) -> list[CheckTrace]:
                 iron_degC=np.empty((SAMPLES, 0)),
                 iron_names=(),
                 ambient_degC=np.empty((SAMPLES, 0)),
-                ambient_names=(),
                 power_W=np.where(t < 200.0, 0.0, 400.0),
             )
         )

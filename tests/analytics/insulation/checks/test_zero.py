@@ -36,7 +36,6 @@ def check(offset_K: float, lead_K: float = 0.0, seed: int = 0, step_K: float = 0
         iron_degC=read[4:].T,
         iron_names=("yoke",),
         ambient_degC=np.full((REST + LOAD, 1), ROOM_degC),
-        ambient_names=("room",),
         power_W=np.where(on, POWER_W, 0.0),
     )
 
