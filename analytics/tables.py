@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 from ingest.bench.resolving import region_by_name
 from ingest.errors import UnknownSessionError
-from ingest.facts.envelope import Recorded
 from ingest.facts.events import InspectionRecorded, RawFileSealed, ReplayCompleted, SessionRecorded
 from ingest.facts.facts import Facts
+from ingest.facts.ledger_row import Recorded
 
 if TYPE_CHECKING:
     from ingest.facts.store import Store

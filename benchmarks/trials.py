@@ -59,9 +59,9 @@ from replay.engine.files.models import for_intake
 from replay.engine.runs.sources import code_of
 from replay.studies.characterise.calibrate import common_model
 from replay.studies.diagnosis import question
-from replay.studies.diagnosis.found import find
-from twin.diagnosis.mode import stacked
+from replay.studies.diagnosis.search import find
 from twin.diagnosis.naming import Naming, search
+from twin.diagnosis.posterior_mode import stacked
 from twin.diagnosis.swaps import scan
 from twin.diagnosis.told_apart import told_apart
 from twin.differences.candidates import Candidate

@@ -1,6 +1,6 @@
 """Events in a hash-chained ledger, sealed bytes under their SHA-256, and what both say is true now.
 
-`store` is the folder, `ledger` its facts (`events`, each in an `envelope`, chained by `chain`), `archive` its sealed
+`store` is the folder, `ledger` its facts (`events`, each in a `ledger_row`, chained by `chain`), `archive` its sealed
 bytes. `facts` folds the events into what is true now or was at a time; `sessions` groups files. `ledger_audit` and
 `store_check` look for damage.
 """

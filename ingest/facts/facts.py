@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, TypeVar
 
 from ingest.errors import UnknownSessionError
-from ingest.facts.envelope import Recorded
 from ingest.facts.events import (
     AgeingAssessed,
     BenchRegistered,
@@ -26,6 +25,7 @@ from ingest.facts.events import (
     SessionRegrouped,
     SignalDatabaseRegistered,
 )
+from ingest.facts.ledger_row import Recorded
 from ingest.facts.sessions import order
 from ingest.texts.nearest import nearest
 

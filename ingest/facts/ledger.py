@@ -2,7 +2,7 @@
 
 Rows are kept by the `eventsourcing` library: SQLite in the store's folder, or what PERSISTENCE_MODULE and POSTGRES_* in
 the environment name. It stores and orders them, guards each stream by (stream, version) and never sees an event: topics
-and states are ours (`ingest.facts.envelope`).
+and states are ours (`ingest.facts.ledger_row`).
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ from eventsourcing.persistence import (
 
 from ingest.errors import LedgerError
 from ingest.facts.chain import Head, Tree, entry
-from ingest.facts.envelope import Recorded, decode, encode
 from ingest.facts.events import Event, LedgerSealed
 from ingest.facts.ledger_lock import WriterLock, reading_uri
+from ingest.facts.ledger_row import Recorded, decode, encode
 
 __all__ = ["Head", "Ledger", "Recorded"]
 

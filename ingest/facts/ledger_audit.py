@@ -11,10 +11,10 @@ from eventsourcing.persistence import Notification
 
 from ingest.errors import IngestError
 from ingest.facts.chain import Head, Tree, entry
-from ingest.facts.envelope import Recorded, decode
 from ingest.facts.events import LedgerSealed
 from ingest.facts.ledger import DATABASE_ERRORS, PAGE, Ledger
 from ingest.facts.ledger_lock import reading_uri
+from ingest.facts.ledger_row import Recorded, decode
 
 
 @dataclass

@@ -9,7 +9,6 @@ from pathlib import Path
 
 from ingest.facts.archive import Archive
 from ingest.facts.chain import Head
-from ingest.facts.envelope import Recorded
 from ingest.facts.events import (
     AgeingAssessed,
     BenchRegistered,
@@ -26,6 +25,7 @@ from ingest.facts.events import (
 )
 from ingest.facts.ledger_audit import audit
 from ingest.facts.ledger_lock import has_wal_reset_bug
+from ingest.facts.ledger_row import Recorded
 from ingest.facts.store import Store
 
 AGAIN = "`whyhot rebuild` makes it again"

@@ -13,7 +13,7 @@ import pytest
 from made.places import EXAMPLES
 from plant.hidden_effect import KEEP, LEARN
 from replay.cli import main
-from replay.studies.diagnosis import found, kept_sessions
+from replay.studies.diagnosis import kept_sessions, search
 from replay.studies.diagnosis.kept_sessions import Measured
 from twin.fitting.fit import Fit
 from twin.fitting.model import Test
@@ -53,7 +53,7 @@ def campaign(tmp_path_factory: pytest.TempPathFactory) -> DiagnosedCampaign:
         return measured(base, final, train, kept, named)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(found, "measured", watched)
+        patch.setattr(search, "measured", watched)
         assert main([*ASKED, "--store", str(store), "--json", str(folder / "answer.json")]) == 0
     text = (folder / "answer.json").read_text(encoding="utf-8")
     return DiagnosedCampaign(store, json.loads(text, parse_constant=_no_such_number), *last[-1])

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.diagnosis.evidence import TOLD_APART
-from twin.diagnosis.mode import slowest_mode_s, stacked
+from twin.diagnosis.posterior_mode import slowest_mode_s, stacked
 from twin.diagnosis.unknown import (
     SPACING_S,
     FreeHeat,

@@ -17,8 +17,8 @@ from scipy.special import log_ndtr
 
 from twin.diagnosis.evidence import Scores, null_quantile, score
 from twin.diagnosis.free_heats import free_heats
-from twin.diagnosis.mode import linearised, stacked
 from twin.diagnosis.patchwork import is_patchwork
+from twin.diagnosis.posterior_mode import linearised, stacked
 from twin.diagnosis.refined import refined, under_its_noise
 from twin.diagnosis.taking_over import taken_over
 from twin.diagnosis.unknown import FreeHeat

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.diagnosis.evidence import score
-from twin.diagnosis.mode import linearised, rises, slowest_mode_s, stacked
 from twin.diagnosis.pooling import kinds, pooled_scales
+from twin.diagnosis.posterior_mode import linearised, rises, slowest_mode_s, stacked
 from twin.diagnosis.reml import Observed, reml
 from twin.differences.candidates import Candidate
 from twin.fitting.fit import LINEARISATIONS, NEAR_ENOUGH, Fit, fit

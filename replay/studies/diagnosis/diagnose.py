@@ -29,9 +29,9 @@ from replay.studies.diagnosis.answer import Diagnosis, document, read
 from replay.studies.diagnosis.answer_parts import Context, named, rivals, shown, suspected_test, unknown_heat
 from replay.studies.diagnosis.data_faults import data_faults
 from replay.studies.diagnosis.extension import Version, version
-from replay.studies.diagnosis.found import Found, find
 from replay.studies.diagnosis.named_faults import left_out, masked, named_fault, named_swap
 from replay.studies.diagnosis.question import Campaign, Question, campaign_of, check, kept_of, key_of
+from replay.studies.diagnosis.search import Found, find
 from replay.studies.sessions.fitting import fitting
 from twin.diagnosis.swaps import misread, scan
 from twin.differences.everyday import everyday

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from replay.studies.diagnosis.answer import Gain
 from twin.diagnosis.gain import held_out_gain, removes_excess
-from twin.diagnosis.kept import KeptTests, Prediction, kept_tests
-from twin.diagnosis.mode import slowest_mode_s
+from twin.diagnosis.kept_tests import KeptTests, Prediction, kept_tests
+from twin.diagnosis.posterior_mode import slowest_mode_s
 from twin.errors import DivergedError
 from twin.fitting.fit import Fit
 from twin.fitting.model import Channel, Test

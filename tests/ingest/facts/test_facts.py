@@ -8,7 +8,6 @@ import pytest
 
 from ingest.errors import UnknownSessionError
 from ingest.facts import facts as facts_module
-from ingest.facts.envelope import Recorded
 from ingest.facts.events import (
     AgeingAssessed,
     BenchRegistered,
@@ -24,6 +23,7 @@ from ingest.facts.events import (
 )
 from ingest.facts.facts import Facts
 from ingest.facts.ledger import Ledger
+from ingest.facts.ledger_row import Recorded
 from made.events import raw, session
 
 SECOND = 1_000_000_000

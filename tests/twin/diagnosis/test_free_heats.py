@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from made import motor as made
 from twin.diagnosis.free_heats import _responses, describe, free_heats
-from twin.diagnosis.mode import stacked
+from twin.diagnosis.posterior_mode import stacked
 from twin.diagnosis.unknown import SPACING_S, tent_times
 from twin.differences.everyday import everyday
 from twin.fitting.actions import FreeHeat, Parameter

@@ -12,8 +12,8 @@ from threadpoolctl import threadpool_limits
 
 from made.motor import AMBIENT_DEGC, CHANNELS, COOLANT_DEGC, SINGLE, every_law, pulses, recorded
 from twin.diagnosis import naming
-from twin.diagnosis.mode import rises, slowest_mode_s
 from twin.diagnosis.naming import Naming, scored, search, with_refits
+from twin.diagnosis.posterior_mode import rises, slowest_mode_s
 from twin.differences.bench import InputChannel
 from twin.differences.candidates import Candidate, added_monomials, generate
 from twin.differences.everyday import everyday

@@ -69,7 +69,7 @@ def test_what_no_answer_is_made_of_is_in_no_key(touch: Touch, name: str) -> None
 
 def test_each_study_is_in_its_own_key_alone(touch: Touch) -> None:
     for study, asked in (
-        ("replay/studies/diagnosis/found.py", "replay.studies.diagnosis.diagnose"),
+        ("replay/studies/diagnosis/search.py", "replay.studies.diagnosis.diagnose"),
         ("replay/studies/ageing/lives.py", "replay.studies.ageing.assess"),
         ("analytics/insulation/fleet/outlying.py", "replay.studies.ageing.assess"),
     ):
@@ -95,7 +95,7 @@ def test_a_replay_is_known_until_code_changes_that_computes_it(
 
     first = run()
     touch("twin/paper/form.py")
-    touch("replay/studies/diagnosis/found.py")
+    touch("replay/studies/diagnosis/search.py")
     assert run() == first
     touch("twin/compiled/codegen.py")
     other = run()
