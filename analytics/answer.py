@@ -10,7 +10,7 @@ import json
 import math
 from typing import Any
 
-from analytics.query import Result
+from analytics.query import QueryResult
 
 NUMBERS = ("BIGINT", "DECIMAL", "DOUBLE", "FLOAT", "HUGEINT", "INTEGER", "SMALLINT", "TINYINT", "UBIGINT")
 PLAN = ("explain_key", "explain_value")  # the columns of EXPLAIN: a drawing of many lines
@@ -18,7 +18,7 @@ NARROWEST = 12  # characters that a text is cut to at most
 GAP = "  "
 
 
-def to_text(result: Result, width: int = 100) -> str:
+def to_text(result: QueryResult, width: int = 100) -> str:
     """The answer as a table; long texts are cut so that a line stays within `width` characters, as far as that goes."""
     if result.columns == PLAN:
         return "\n".join(str(value) for _, value in result.rows).rstrip()
@@ -36,7 +36,7 @@ def to_text(result: Result, width: int = 100) -> str:
     return "\n".join([*lines, f"({count})"])
 
 
-def to_json(result: Result) -> dict[str, Any]:
+def to_json(result: QueryResult) -> dict[str, Any]:
     """The answer as plain JSON values, times as ISO 8601 text.
 
     `{"columns": [{"name", "type"}], "rows": [{name: value}], "more": whether there were more rows}`
@@ -49,7 +49,7 @@ def to_json(result: Result) -> dict[str, Any]:
     return {"columns": names, "rows": rows, "more": result.more}
 
 
-def to_csv(result: Result) -> str:
+def to_csv(result: QueryResult) -> str:
     """Comma-separated values with a line of names; null is empty, every digit of a number is kept."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")

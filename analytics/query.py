@@ -36,7 +36,7 @@ ADVICE = "whyhot sql only reads: SELECT, FROM, WITH, VALUES, DESCRIBE, SHOW TABL
 
 
 @dataclass(frozen=True)
-class Result:
+class QueryResult:
     """An answer. `columns`: names, made unique; `types`: of DuckDB; `more`: there were more rows than asked for."""
 
     columns: tuple[str, ...]
@@ -45,7 +45,7 @@ class Result:
     more: bool = False
 
 
-def run(connection: duckdb.DuckDBPyConnection, sql: str, limit: int | None = None) -> Result:
+def run(connection: duckdb.DuckDBPyConnection, sql: str, limit: int | None = None) -> QueryResult:
     """The answer to one statement, at most `limit` rows of it.
 
     Raises RefusedQueryError for anything that does more than read, QueryError for what DuckDB cannot answer.
@@ -57,7 +57,7 @@ def run(connection: duckdb.DuckDBPyConnection, sql: str, limit: int | None = Non
         rows = connection.fetchall() if limit is None else connection.fetchmany(limit + 1)
     except duckdb.Error as error:
         raise _explained(connection, error) from None
-    return Result(
+    return QueryResult(
         columns=_unique([name for name, _ in columns]),
         types=tuple(kind for _, kind in columns),
         rows=rows[:limit],

@@ -32,7 +32,7 @@ from plant.insulation_campaign import Check
 from plant.timeline import Plan
 from replay.engine.files.motor_file import read_motor
 from replay.studies.ageing.configured_checks import LoggedCheck, Rig
-from twin.fitting.recorded import Channel, Test
+from twin.fitting.recorded import RecordedChannel, Test
 from twin.motor.configured import configured
 from twin.motor.features import monomials
 from twin.motor.network import Network
@@ -186,7 +186,7 @@ def _test(check: Check, network: Network, iron: bool) -> Test:
         initial=np.full(len(network.nodes), float(log["T_room"][0])),
         initial_sd=np.ones(len(network.nodes)),
         channels=tuple(
-            Channel(
+            RecordedChannel(
                 name=name,
                 bus="log",
                 output=Output({NODES[name]: 1.0}, 0.0, np.isfinite(log[name]).astype(np.float64), steps),

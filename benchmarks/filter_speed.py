@@ -35,7 +35,7 @@ from replay.engine.results.kernel_cache import load
 from twin.compiled.integrators import SDIRK2
 from twin.compiled.kernel import compile_indexed
 from twin.filters.ekf import filter_unknowns
-from twin.filters.inputs import Inputs, Reading, Start, inputs_of
+from twin.filters.inputs import FilterStart, Inputs, Reading, inputs_of
 from twin.filters.unknowns import Unknown, UnknownFactor, UnknownHeat
 from twin.motor.network import Network
 from twin.motor.sensor import Sensor
@@ -44,7 +44,7 @@ from twin.paper.law_heats import law_heats, shares
 from twin.run.simulate import Frame, simulate
 
 Floats = NDArray[np.float64]
-Case = tuple[Network, Frame, Start, list[Any], list[Reading]]
+Case = tuple[Network, Frame, FilterStart, list[Any], list[Reading]]
 
 STEPS = 10_800  # of ours, three WLTC; filterpy's are fewer, as its time a step does not change
 STEP_S, NOISE_K = 0.5, 0.1
@@ -69,7 +69,10 @@ def case_of(unknowns: tuple[Unknown, ...], cut: int = STEPS) -> Case:
     network, steps = motor("reference_motor"), STEPS
     cycle = frame(network, wltp_like(), STEP_S)
     part = np.resize(np.arange(len(cycle.features)), steps)
-    inputs, start = Frame(STEP_S, cycle.features[part], cycle.boundaries[part]), Start(initial_of(network), np.ones(21))
+    inputs, start = (
+        Frame(STEP_S, cycle.features[part], cycle.boundaries[part]),
+        FilterStart(initial_of(network), np.ones(21)),
+    )
     truth = simulate(compile_indexed(network, load=load), inputs, start.temperatures + 1.0)
     rng, names = np.random.default_rng(1), [node.name for node in network.nodes]
     read = [truth[1:, names.index(name)] + rng.normal(0, NOISE_K, steps) for name in SENSORS]

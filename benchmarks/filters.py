@@ -57,7 +57,7 @@ from replay.studies.motors.scale import sliced_file
 from twin.compiled.kernel import compile_indexed
 from twin.filters import ukf
 from twin.filters.ekf import at_their_pace, filter_unknowns
-from twin.filters.inputs import Inputs, Reading, Start, inputs_of
+from twin.filters.inputs import FilterStart, Inputs, Reading, inputs_of
 from twin.filters.smoother import smoothed
 from twin.filters.ukf import filter_unscented
 from twin.filters.unknowns import UnknownHeat
@@ -99,7 +99,7 @@ class Case:
     network: Network
     recorded: InputFrame
     inputs: Frame
-    start: Start
+    start: FilterStart
     channels: list[Reading]
     open_loop: Floats
 
@@ -168,7 +168,7 @@ def with_network(recorded: InputFrame, network: Network) -> Case:
     temperatures, sd = initial_temperatures(network, replace(recorded, observations=seen), "testing")
     channels = [reading_of(o, recorded) for o in seen]
     open_loop = simulate(load_kernel(network), inputs, temperatures)
-    return Case(network, recorded, inputs, Start(temperatures, sd), channels, open_loop)
+    return Case(network, recorded, inputs, FilterStart(temperatures, sd), channels, open_loop)
 
 
 def estimates(case: Case, heat: Sequence[UnknownHeat]) -> dict[str, tuple[Floats, Floats]]:
@@ -245,12 +245,12 @@ def delays(case: Case, edges: Floats, watts: Floats, without_W: Floats) -> tuple
 # --- Time -------------------------------------------------------------------------------------------------------------
 
 
-def timed_case(steps: int) -> tuple[Network, Frame, Start, list[UnknownHeat], list[Reading]]:
+def timed_case(steps: int) -> tuple[Network, Frame, FilterStart, list[UnknownHeat], list[Reading]]:
     """The reference motor with the paper's sensors."""
     network = motor("reference_motor")
     whole = frame(network, wltp_like(), 0.5)
     inputs = Frame(0.5, whole.features[:steps], whole.boundaries[:steps])
-    start = Start(initial_of(network), np.full(len(network.nodes), 1.0))
+    start = FilterStart(initial_of(network), np.full(len(network.nodes), 1.0))
     truth = simulate(compile_indexed(network, load=load), inputs, start.temperatures + 1.0)
     rng, names = np.random.default_rng(1), [node.name for node in network.nodes]
     channels = [

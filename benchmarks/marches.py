@@ -34,7 +34,8 @@ from numpy.typing import NDArray
 from benchmarks import asked
 from benchmarks.integrator import best_of, frame, initial_of, shipped, wltp_like
 from twin.calibration.calibrate import freedom
-from twin.fitting.model import Channel, Model, Test
+from twin.fitting.model import Model, Test
+from twin.fitting.recorded import RecordedChannel
 from twin.motor.network import Network, Source, Term
 from twin.motor.outputs import Output
 from twin.run.block_columns import block_columns, of_motor, thermometer
@@ -83,7 +84,7 @@ def by_dense(work: Work) -> Callable[[], Floats]:
     network, n = work.network, len(work.network.nodes)
     steps = len(work.frame.features)
     channels = tuple(
-        Channel(name, "", output, np.zeros(steps), 0.1, 0.0, 0.0)
+        RecordedChannel(name, "", output, np.zeros(steps), 0.1, 0.0, 0.0)
         for name, output in zip(work.nodes, _outputs(work), strict=True)
     )
     test = Test("", "", work.frame, {}, {}, initial_of(network), np.ones(n), channels)

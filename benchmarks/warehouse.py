@@ -52,7 +52,7 @@ from analytics import warehouse
 from analytics.insulation.dose.arrhenius import BOLTZMANN_EV_PER_K, ZERO_DEGC_IN_K, Activation, equivalent_hours
 from analytics.scans import AGEING
 from benchmarks import asked
-from ingest.log.samples import Column, Samples, Writer
+from ingest.log.samples import Column, GroupWriter, Samples
 
 Floats = NDArray[np.float64]
 Way = Callable[[], Floats]
@@ -340,7 +340,7 @@ def _oven(seed: int) -> Floats:
 
 def _write(file: Path, degC: Floats) -> None:
     t_ns = 1_760_000_000_000_000_000 + np.arange(degC.size) * 1_000_000_000
-    writer = Writer(file, file.stem, [Column("T_degC", "T", "degC", "temperature")])
+    writer = GroupWriter(file, file.stem, [Column("T_degC", "T", "degC", "temperature")])
     writer.add(Samples(t_ns, t_ns, np.arange(degC.size), [degC]))
     writer.close()
 

@@ -32,7 +32,7 @@ from ingest.texts.toml_file import (
     POSITIVE,
     RANGE,
     TEXT,
-    Table,
+    TomlTable,
     read,
 )
 
@@ -119,11 +119,11 @@ def read_bench(data: bytes, name: str) -> Bench:
     )
 
 
-def _refusal(table: Table, key: str, says: str) -> BenchFileError:
+def _refusal(table: TomlTable, key: str, says: str) -> BenchFileError:
     return BenchFileError(f"{table.where(key)} {says}")
 
 
-def _exclusive(table: Table, *keys: str) -> None:
+def _exclusive(table: TomlTable, *keys: str) -> None:
     given = [key for key in keys if key in table]
     if len(given) > 1:
         raise _refusal(table, given[1], f"{' and '.join(given)} exclude each other: keep one.")
@@ -140,14 +140,14 @@ def _refuse_twice(name: str, channels: list[Channel]) -> None:
             )
 
 
-def _channel(table: Table) -> Channel:
+def _channel(table: TomlTable) -> Channel:
     table.only(CHANNEL_KEYS, {"name": "in [[derived]]", "expression": "in [[derived]]", **_ABOVE})
     signal = table.need("signal", TEXT)
     qualified = re.fullmatch(r"(?:can\d+:)?\w+\.(\w+)", signal)
     return _common(table, name=qualified[1] if qualified else signal, signal=signal, expression=None)
 
 
-def _derived(table: Table) -> Channel:
+def _derived(table: TomlTable) -> Channel:
     table.only(DERIVED_KEYS, {"signal": "in [[channel]]; a derived channel has name and expression", **_ABOVE})
     name, expression = table.need("name", TEXT), table.need("expression", TEXT)
     try:
@@ -157,7 +157,7 @@ def _derived(table: Table) -> Channel:
     return _common(table, name=name, signal=None, expression=expression)
 
 
-def _common(table: Table, *, name: str, signal: str | None, expression: str | None) -> Channel:
+def _common(table: TomlTable, *, name: str, signal: str | None, expression: str | None) -> Channel:
     role = table.one_of("role", ROLES)
     quantity, unit, convention = _measure(table, role)
     scale = converter(unit, quantity, convention).scale if quantity else 1.0
@@ -197,7 +197,7 @@ def _scaled(value: float | None, scale: float) -> float | None:
     return None if value is None else value * scale
 
 
-def _measure(table: Table, role: str | None) -> tuple[str, str, str]:
+def _measure(table: TomlTable, role: str | None) -> tuple[str, str, str]:
     """Quantity, unit and convention; an ignored channel may say none of them."""
     convention = table.one_of("convention", CONVENTIONS) or "rms"
     if role == "ignored" and "quantity" not in table:
@@ -214,14 +214,14 @@ def _measure(table: Table, role: str | None) -> tuple[str, str, str]:
     return quantity, unit, convention
 
 
-def _unit(table: Table, quantity: str) -> str:
+def _unit(table: TomlTable, quantity: str) -> str:
     """Pure numbers need no unit."""
     if STORED_UNIT[quantity] == "1" and not table.values.get("unit"):
         return "1"
     return table.need("unit", TEXT)
 
 
-def _place(table: Table) -> tuple[str | None, Mapping[str, float]]:
+def _place(table: TomlTable) -> tuple[str | None, Mapping[str, float]]:
     """The node, or the weights of several (`node = {a = 0.7, b = 0.3}` is the same as `weights`)."""
     _exclusive(table, "node", "weights")
     key = "node" if isinstance(table.values.get("node"), dict) else "weights"
@@ -236,11 +236,11 @@ def _place(table: Table) -> tuple[str | None, Mapping[str, float]]:
             table, key, f"{key} add up to {total:.6g}, but are shares of one channel: make them add up to 1."
         )
     for place in weights:
-        Table(table.file, {"node": place}, (*table.path, key), table.lines, table.label).need("node", NAME)
+        TomlTable(table.file, {"node": place}, (*table.path, key), table.lines, table.label).need("node", NAME)
     return None, weights
 
 
-def _observable(table: Table, quantity: str, node: str | None, weights: Mapping[str, float]) -> None:
+def _observable(table: TomlTable, quantity: str, node: str | None, weights: Mapping[str, float]) -> None:
     if quantity not in OBSERVABLE:
         raise _refusal(
             table, "role", f'{quantity} cannot be observed, only {", ".join(OBSERVABLE)}: write role = "input".'
@@ -265,7 +265,7 @@ def _observable(table: Table, quantity: str, node: str | None, weights: Mapping[
         )
 
 
-def _refuse_keys_of_others(table: Table, quantity: str, role: str | None) -> None:
+def _refuse_keys_of_others(table: TomlTable, quantity: str, role: str | None) -> None:
     """Keys of some quantities where they would mean nothing."""
     if "bin_degC" in table and quantity != "dose":
         raise _refusal(
@@ -287,19 +287,19 @@ def _refuse_keys_of_others(table: Table, quantity: str, role: str | None) -> Non
             )
 
 
-def _reference_degC(table: Table) -> float:
+def _reference_degC(table: TomlTable) -> float:
     degC = table.get("reference_degC", NUMBER)
     return Channel.reference_degC if degC is None else degC
 
 
-def _slope(table: Table) -> float | None:
+def _slope(table: TomlTable) -> float | None:
     slope = table.get("slope_per_K", NUMBER)
     if slope == 0.0:
         raise _refusal(table, "slope_per_K", "slope_per_K is 0: then the reading says nothing of a temperature.")
     return slope
 
 
-def _time(table: Table | None) -> tuple[TimeSpec, float]:
+def _time(table: TomlTable | None) -> tuple[TimeSpec, float]:
     """What `[time]` says, and `join_gap_s`."""
     if table is None:
         return TimeSpec(), Bench.join_gap_s
@@ -319,7 +319,7 @@ def _time(table: Table | None) -> tuple[TimeSpec, float]:
     return spec, Bench.join_gap_s if gap is None else gap
 
 
-def _zone(table: Table) -> str:
+def _zone(table: TomlTable) -> str:
     zone = table.get("zone", TEXT) or TimeSpec.zone
     try:
         ZoneInfo(zone)
@@ -329,7 +329,7 @@ def _zone(table: Table) -> str:
     return zone
 
 
-def _format(table: Table) -> str | None:
+def _format(table: TomlTable) -> str | None:
     text = table.get("format", TEXT)
     if text is None:
         return None
@@ -344,7 +344,7 @@ def _format(table: Table) -> str | None:
     return text
 
 
-def _start(table: Table, zone: ZoneInfo) -> str | None:
+def _start(table: TomlTable, zone: ZoneInfo) -> str | None:
     """`start` as an ISO 8601 UTC stamp; without an offset it is local time of `zone`."""
     start = table.get("start", MOMENT)
     if start is None:

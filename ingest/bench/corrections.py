@@ -13,10 +13,10 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from ingest.bench.channel import Channel
-from ingest.bench.laws import LAWS, SWAP, THERE_OR_NOT, Array, Beside, Law, Times
+from ingest.bench.laws import LAWS, SWAP, THERE_OR_NOT, Array, CorrectionLaw, Surroundings, Times
 from ingest.errors import BenchFileError
 from ingest.texts.nearest import hint
-from ingest.texts.toml_file import NUMBER, TEXT, Table
+from ingest.texts.toml_file import NUMBER, TEXT, TomlTable
 
 KEYS = ("cause", "amount")
 AMBIENT = "ambient"  # node whose temperature pulls at a sensor's stem
@@ -44,7 +44,7 @@ class Correction:
         return self.cause.split(".", 2)[2]
 
     @property
-    def rule(self) -> Law:
+    def rule(self) -> CorrectionLaw:
         """What its law does, of one that a bench can have."""
         return THERE_OR_NOT if self.law.startswith(SWAP) else LAWS[self.kind][self.law]
 
@@ -73,7 +73,7 @@ def spelt(name: str) -> str:
     return re.sub(r"\W", "_", name)
 
 
-def read_corrections(tables: Sequence[Table], channels: Sequence[Channel]) -> tuple[Correction, ...]:
+def read_corrections(tables: Sequence[TomlTable], channels: Sequence[Channel]) -> tuple[Correction, ...]:
     """The corrections of a bench file with these channels.
 
     Raises TomlError for a table of another shape, BenchFileError for a cause that is none of a bench, a place that this
@@ -131,7 +131,7 @@ def true_values(value: Array, steps: Iterable[Correction], hours: Array, ambient
     `hours` (N,) since the start of the session; `ambient` (N,) [degC], None where the session does not know it:
     then what needs it stays in.
     """
-    beside = Beside(hours, ambient)
+    beside = Surroundings(hours, ambient)
     for one in steps:
         rule = one.rule
         if rule.off is not None and not (rule.needs_ambient and ambient is None):
@@ -144,7 +144,7 @@ def _refusal(file: str, one: Correction, says: str) -> BenchFileError:
     return BenchFileError(f'{file}{line}: correction "{one.cause}" {says}')
 
 
-def _read(table: Table) -> Correction:
+def _read(table: TomlTable) -> Correction:
     table.only(KEYS)
     return Correction(table.need("cause", TEXT), table.need("amount", NUMBER), table.line("cause"))
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from ingest.bench.channel import Channel
 from ingest.errors import BenchFileError
 from ingest.texts.nearest import hint
-from ingest.texts.toml_file import NUMBER, TEXT, Table
+from ingest.texts.toml_file import NUMBER, TEXT, TomlTable
 
 DERATING_KEYS = ("channel", "begin_degC", "end_degC")
 
@@ -22,13 +22,13 @@ class DeratingRule:
     end_degC: float
 
 
-def read_deratings(tables: Sequence[Table], channels: Sequence[Channel]) -> tuple[DeratingRule, ...]:
+def read_deratings(tables: Sequence[TomlTable], channels: Sequence[Channel]) -> tuple[DeratingRule, ...]:
     """The rules of a bench file with these channels. Raises TomlError, or BenchFileError where a channel is none of its
     thermometers or the temperatures do not rise."""
     return tuple(_rule(table, channels) for table in tables)
 
 
-def _rule(table: Table, channels: Sequence[Channel]) -> DeratingRule:
+def _rule(table: TomlTable, channels: Sequence[Channel]) -> DeratingRule:
     table.only(DERATING_KEYS)
     wanted = table.need("channel", TEXT)
     known = {

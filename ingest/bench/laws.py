@@ -24,7 +24,7 @@ Times = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
-class Beside:
+class Surroundings:
     """What is known of every sample of a channel (N,): hours since the start of the session, and the ambient
     temperature [degC], None where the session does not know it."""
 
@@ -33,13 +33,13 @@ class Beside:
 
 
 @dataclass(frozen=True)
-class Law:
+class CorrectionLaw:
     """One law. `off`: (readings in the stored unit, amount, what is beside them) -> truth, `true_stamps`: (stamps [ns],
     amount, start of the session [ns]) -> truth, each None where there is nothing to take off. `both`: the one amount
     that is as good as a first and then a second of what that left. `turn`: when it is taken off, of several. `fits`:
     whether an amount can be; else `refusal`."""
 
-    off: Callable[[Array, float, Beside], Array] | None = None
+    off: Callable[[Array, float, Surroundings], Array] | None = None
     true_stamps: Callable[[Times, float, int], Times] | None = None
     both: Callable[[float, float], float] = add
     turn: int = OTHERS
@@ -54,31 +54,31 @@ def _without_drift(t_ns: Times, ppm: float, start_ns: int) -> Times:
     return t_ns - late
 
 
-def _without_stem(reading: Array, share: float, beside: Beside) -> Array:
+def _without_stem(reading: Array, share: float, beside: Surroundings) -> Array:
     assert beside.ambient is not None
     return (reading - share * beside.ambient) / (1.0 - share)
 
 
-BIAS = Law(off=lambda reading, a, _: reading - a, turn=ADDED)  # T + a [stored unit]
-GAIN = Law(  # T (1 + a), temperatures in degC
+BIAS = CorrectionLaw(off=lambda reading, a, _: reading - a, turn=ADDED)  # T + a [stored unit]
+GAIN = CorrectionLaw(  # T (1 + a), temperatures in degC
     off=lambda reading, a, _: reading / (1.0 + a),
     both=lambda first, then: (1.0 + first) * (1.0 + then) - 1.0,
     turn=FACTORS,
     fits=lambda a: a > -1.0,
     refusal="leaves nothing to read: its amount must be above -1",
 )
-THERE_OR_NOT = Law(
+THERE_OR_NOT = CorrectionLaw(
     both=lambda first, then: 1.0,
     turn=EXCHANGES,
     fits=lambda a: a == 1.0,
     refusal="is there or not: its amount must be 1",
 )
-SENSOR: Mapping[str, Law] = {
+SENSOR: Mapping[str, CorrectionLaw] = {
     "bias": BIAS,
     "gain": GAIN,
-    "lag": Law(),  # follows T more slowly, by a first-order lag [s]: added to `time_constant_s`
-    "drift": Law(off=lambda reading, a, beside: reading - a * beside.hours, turn=ADDED),  # T + a t [K/h]
-    "stem": Law(  # T + a (T_ambient - T)
+    "lag": CorrectionLaw(),  # follows T more slowly, by a first-order lag [s]: added to `time_constant_s`
+    "drift": CorrectionLaw(off=lambda reading, a, beside: reading - a * beside.hours, turn=ADDED),  # T + a t [K/h]
+    "stem": CorrectionLaw(  # T + a (T_ambient - T)
         off=_without_stem,
         both=lambda first, then: 1.0 - (1.0 - first) * (1.0 - then),
         turn=FACTORS,
@@ -88,11 +88,11 @@ SENSOR: Mapping[str, Law] = {
     ),
     **dict.fromkeys(MASKED, THERE_OR_NOT),  # not T: such samples are masked where they are found
 }
-LAWS: Mapping[str, Mapping[str, Law]] = {
+LAWS: Mapping[str, Mapping[str, CorrectionLaw]] = {
     "sensor": SENSOR,
     "clock": {
-        "offset": Law(true_stamps=lambda t_ns, a, _: t_ns - round(a * 1e9)),  # stamps late by a [s]
-        "drift": Law(
+        "offset": CorrectionLaw(true_stamps=lambda t_ns, a, _: t_ns - round(a * 1e9)),  # stamps late by a [s]
+        "drift": CorrectionLaw(
             true_stamps=_without_drift, turn=ADDED
         ),  # stamps late by a t [ppm], t since the start of the session
     },

@@ -46,7 +46,7 @@ GAP_NS = 1_000_000_000  # a shorter one is jitter of the bus: no motor warms wit
 
 
 @dataclass(frozen=True)
-class Stretch:
+class RepeatedSamples:
     """Samples `first` to `last` (both included) of a channel that told nothing new. `kind`: held, stuck, saturated."""
 
     kind: str
@@ -93,7 +93,7 @@ class ChannelQuality:
     noise: float | None
     resolution: float | None
     gaps: tuple[Gap, ...]
-    stretches: tuple[Stretch, ...]
+    stretches: tuple[RepeatedSamples, ...]
     good: NDArray[np.bool_]
 
 
@@ -173,7 +173,9 @@ def _least_movement(channel: ChannelData) -> float | None:
     return RESOLUTIONS * max(step, noise_of(channel.value) or 0.0) if step else None
 
 
-def _held(channel: ChannelData, channels: Sequence[ChannelData], least: Sequence[float | None]) -> list[Stretch]:
+def _held(
+    channel: ChannelData, channels: Sequence[ChannelData], least: Sequence[float | None]
+) -> list[RepeatedSamples]:
     if channel.spec.quantity in SET_BY_HAND:
         return []
     found = []
@@ -187,7 +189,7 @@ def _held(channel: ChannelData, channels: Sequence[ChannelData], least: Sequence
                 clipped = channel.spec.role != "input" and _clipped(value, first, last)
                 kind = "saturated" if clipped else _lasting(t_ns, first, last)
                 a, b = int(index[first]), int(index[last])
-                found.append(Stretch(kind, a, b, int(span.start), int(span.stop), float(value[first])))
+                found.append(RepeatedSamples(kind, a, b, int(span.start), int(span.stop), float(value[first])))
     if channel.spec.role == "input":
         return found
     often = {value for value, times in Counter(one.value for one in found).items() if times >= STICKS}
@@ -280,12 +282,12 @@ def _constant(quality: ChannelQuality) -> Iterator[QualityFlagged]:
         yield _flag(quality.name, kind, f"is constant{at} for {_times(some)} (used as it stands)", some)
 
 
-def _times(some: Sequence[Stretch | Gap]) -> str:
+def _times(some: Sequence[RepeatedSamples | Gap]) -> str:
     """How long, and how often: "3.0 s", "up to 3.0 s, 2 times"."""
     longest = seconds(max(one.duration_s for one in some))
     return f"up to {longest}, {len(some)} times" if len(some) > 1 else longest
 
 
-def _flag(name: str, kind: str, says: str, some: Sequence[Stretch | Gap]) -> QualityFlagged:
+def _flag(name: str, kind: str, says: str, some: Sequence[RepeatedSamples | Gap]) -> QualityFlagged:
     spans = [{"start_ns": one.start_ns, "end_ns": one.end_ns} for one in some]
     return QualityFlagged(flag=kind, says=f"{name} {says}", detail={"channel": name, "spans": spans})

@@ -37,14 +37,14 @@ class Finding:
 
 
 @dataclass(frozen=True)
-class Attached:
+class AttachedFile:
     """The fact of one file, and whether the ledger held it before (then nothing was written)."""
 
     event: InspectionRecorded
     known: bool
 
 
-def attach(store: Store, paths: Sequence[Path], finding: Finding) -> list[Attached]:
+def attach(store: Store, paths: Sequence[Path], finding: Finding) -> list[AttachedFile]:
     """Seal files with a finding; the same bytes with the same finding once only. Needs a store that may be written.
 
     Raises IngestError for a file that is missing or empty, a specimen or finding without text, and a time that is none;
@@ -59,7 +59,7 @@ def attach(store: Store, paths: Sequence[Path], finding: Finding) -> list[Attach
     session = _session(facts, finding.session, specimen) if finding.session else None
     happened = _utc(finding.happened) if finding.happened else None
     before = {_key(one): one for one in facts.inspections.values()}
-    found: dict[Key, Attached] = {}
+    found: dict[Key, AttachedFile] = {}
     for path in paths:
         sha256 = store.archive.seal(path)
         event = InspectionRecorded(
@@ -74,7 +74,7 @@ def attach(store: Store, paths: Sequence[Path], finding: Finding) -> list[Attach
             finding=says,
         )
         key = _key(event)
-        found.setdefault(key, Attached(before.get(key, event), key in before))
+        found.setdefault(key, AttachedFile(before.get(key, event), key in before))
     new = [(f"inspection-{one.event.inspection}", one.event) for one in found.values() if not one.known]
     if new:
         store.ledger.append_all(new, happened=happened)

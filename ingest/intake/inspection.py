@@ -17,7 +17,7 @@ from ingest.errors import UnreadableLogError
 from ingest.formats import Rows, TimeSpec
 from ingest.intake.setup import refuse_missing, signals_in
 from ingest.log.databases import Database, load, merged
-from ingest.log.reading import Reading, preview
+from ingest.log.reading import LogReading, preview
 from ingest.log.recording import id_text, read
 from ingest.texts.guessing import guess
 
@@ -25,7 +25,7 @@ NAMED = 3  # logs in the first comment of a draft; more are counted
 
 
 @dataclass(frozen=True)
-class Seen:
+class FoundSignal:
     """One signal: `quantity` is guessed from name and unit; `low`, `high` for columns of tables, None otherwise."""
 
     signal: Signal
@@ -39,7 +39,7 @@ class InspectedFile:
     """One file. `reading` None where nothing can be read, `why` then says it; `ranges`: column -> (least, greatest)."""
 
     path: Path
-    reading: Reading | None
+    reading: LogReading | None
     why: str | None
     note: str | None
     ranges: dict[str, tuple[float, float]]
@@ -50,7 +50,7 @@ class Inspection:
     """Everything seen. `unknown_ids`: "can1:0x123" -> frames that no database explains."""
 
     files: tuple[InspectedFile, ...]
-    signals: tuple[Seen, ...]
+    signals: tuple[FoundSignal, ...]
     unknown_ids: dict[str, int]
 
     @property
@@ -71,7 +71,7 @@ def inspect(files: Sequence[Path], databases: Sequence[Path], bench: Path | None
     for one in looked:
         _widen(ranges, one.ranges)
     seen = tuple(
-        Seen(
+        FoundSignal(
             signal,
             guess(signal.name, signal.unit),
             *(ranges.get(signal.name, (None, None)) if not signal.message else (None, None)),
@@ -121,7 +121,7 @@ def _widen(spans: dict[str, tuple[float, float]], more: Mapping[str, tuple[float
         spans[name] = (min(low, before[0]), max(high, before[1]))
 
 
-def _unknown(databases: Sequence[Database], readings: Sequence[Reading]) -> dict[str, int]:
+def _unknown(databases: Sequence[Database], readings: Sequence[LogReading]) -> dict[str, int]:
     messages, _ = merged(databases)
     known = {id_text(bus, can_id) for one in readings for bus in one.buses for can_id in messages}
     counts: Counter[str] = Counter()

@@ -29,7 +29,7 @@ from ingest.formats import Format, recognise
 from ingest.intake.grouping import group_files
 from ingest.intake.setup import Setup, keep_setup, mend_setup, resolved, sealed_setup
 from ingest.log.decode import DECODER, RECORDING, decode_file, decode_id
-from ingest.log.reading import Reader, Reading
+from ingest.log.reading import LogReading, Reader
 from ingest.log.specimens import Specimens
 
 
@@ -85,7 +85,7 @@ class _Read:
     raw: str
     form: Format
     recording: Path
-    reading: Reading | None
+    reading: LogReading | None
     why: str | None
 
 
@@ -218,7 +218,7 @@ def _keep(store: Store, known: Facts, one: _Read, setup: Setup, channels: Sequen
 
 
 def _decode(
-    store: Store, one: _Read, reading: Reading, setup: Setup, channels: Sequence[ResolvedChannel]
+    store: Store, one: _Read, reading: LogReading, setup: Setup, channels: Sequence[ResolvedChannel]
 ) -> DecodeCompleted:
     made = one.recording.parent / _decode_id(one.raw, one.form, setup)
     made.mkdir()

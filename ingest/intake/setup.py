@@ -24,7 +24,7 @@ from ingest.facts.store import Store
 from ingest.formats import Format, TimeSpec
 from ingest.log.databases import Database, merged, signals_of
 from ingest.log.databases import load as load_database
-from ingest.log.reading import Reading
+from ingest.log.reading import LogReading
 from ingest.log.recording import Attachment, bus_name, id_text
 from ingest.texts.expressions import parse
 from ingest.texts.nearest import hint
@@ -129,7 +129,7 @@ def _configured(bench: Bench, motor: MotorFile) -> MotorFile:
     )
 
 
-def resolved(setup: Setup, readings: Sequence[Reading], known: Facts) -> Sequence[ResolvedChannel]:
+def resolved(setup: Setup, readings: Sequence[LogReading], known: Facts) -> Sequence[ResolvedChannel]:
     """The bench file's channels against the signals of all these logs together. Raises BenchFileError."""
     if setup.bench is None or not readings:
         return ()
@@ -154,7 +154,7 @@ def _elsewhere(bench: Bench, here: Sequence[Signal], known: Facts) -> list[Signa
     return [before.find(name)[0] for name in sorted(names) if not now.find(name) and before.find(name)]
 
 
-def signals_in(databases: Sequence[Database], readings: Sequence[Reading]) -> list[Signal]:
+def signals_in(databases: Sequence[Database], readings: Sequence[LogReading]) -> list[Signal]:
     """Every signal that these logs hold or that their databases know: of a seen message on its bus, else on none."""
     found = [Signal(name, unit=one.units.get(name)) for one in readings for name in one.columns]
     if any(one.holds == "frames" for one in readings):

@@ -10,7 +10,7 @@ from typing import Any
 from ingest.errors import IngestError
 from ingest.formats import ERROR, Rejected
 from ingest.log.frames import FrameBatch
-from ingest.log.reading import Reading
+from ingest.log.reading import LogReading
 from ingest.log.recording import id_text
 
 SHOWN = 20  # of the first rejected records, and of the most frequent reasons
@@ -60,7 +60,7 @@ class Account:
         """Reason -> rejected records, the most frequent first."""
         return dict((+self.rejected).most_common(SHOWN))
 
-    def balance(self, reading: Reading, decoded: int) -> dict[str, int]:
+    def balance(self, reading: LogReading, decoded: int) -> dict[str, int]:
         """The balance of the log. `decoded` are the rows written. Raises IngestError where it does not hold."""
         counted = {
             "decoded": decoded,
@@ -77,7 +77,7 @@ class Account:
         return {"found": reading.found, **counted}
 
 
-def outcome(reading: Reading, account: Account, balance: dict[str, int]) -> tuple[str, str | None]:
+def outcome(reading: LogReading, account: Account, balance: dict[str, int]) -> tuple[str, str | None]:
     """("decoded" or "salvaged", the line that says why the log was not decoded whole, without the file's name)."""
     if reading.cut:
         return "salvaged", reading.cut

@@ -23,8 +23,8 @@ from ingest.log import held, recording, samples
 from ingest.log.balance import Account, outcome
 from ingest.log.databases import Database, merged
 from ingest.log.frames import FrameBatch
-from ingest.log.plan import Group, groups_of, plan
-from ingest.log.reading import Reading
+from ingest.log.plan import SignalGroup, groups_of, plan
+from ingest.log.reading import LogReading
 from ingest.log.recording import id_text
 from ingest.log.samples import Samples
 from ingest.log.specimens import Specimens
@@ -47,7 +47,7 @@ def decode_id(raw: str, databases: Sequence[str], bench: str | None, model: str 
 
 
 def decode_file(
-    reading: Reading,
+    reading: LogReading,
     raw: str,
     databases: Sequence[Database],
     bench: Bench | None,
@@ -91,7 +91,7 @@ def _identity(raw: str, databases: Sequence[Database], bench: Bench | None, mode
 
 
 def _outcome(
-    reading: Reading, path: Path, account: Account, decoded: int, said: Mapping[str, list[str]]
+    reading: LogReading, path: Path, account: Account, decoded: int, said: Mapping[str, list[str]]
 ) -> dict[str, Any]:
     """What the event says of the records. Raises IngestError where the balance does not hold."""
     account.refuse(recording.read_rejected(path) if reading.rejected else ())
@@ -125,7 +125,7 @@ def _texts(batches: Iterable[Batch]) -> tuple[Iterator[Batch], set[str]]:
     return chain([first], whole), {name for name, values in columns.items() if values.dtype == object}
 
 
-def _group_entry(group: Group, rows: int) -> dict[str, Any]:
+def _group_entry(group: SignalGroup, rows: int) -> dict[str, Any]:
     columns = [output.column.name for output in group.outputs]
     return {"name": group.name, "file": group.file, "rows": rows, "columns": columns}
 
@@ -138,11 +138,11 @@ def _sha256(path: Path) -> str:
 class _Work:
     """Decodes batch after batch into the files of the groups, and keeps account of what could not be decoded."""
 
-    def __init__(self, groups: Sequence[Group], others: held.Held, raw: str, folder: Path) -> None:
+    def __init__(self, groups: Sequence[SignalGroup], others: held.Held, raw: str, folder: Path) -> None:
         self.account = Account()
         self._groups = {(group.bus, group.message.can_id if group.message else None): group for group in groups}
         self._others, self._raw, self._folder = others, raw, folder
-        self._writers: dict[str, samples.Writer] = {}
+        self._writers: dict[str, samples.GroupWriter] = {}
 
     def add(self, batch: Frames | Rows) -> None:
         """Decode a batch of frames or rows."""
@@ -173,7 +173,11 @@ class _Work:
                 self._write(group, batch.frames.t_ns[whole], batch.frames.record[whole], signals)
 
     def _write(
-        self, group: Group, t_ns: NDArray[np.int64], record: NDArray[np.int64], signals: Mapping[str, NDArray[Any]]
+        self,
+        group: SignalGroup,
+        t_ns: NDArray[np.int64],
+        record: NDArray[np.int64],
+        signals: Mapping[str, NDArray[Any]],
     ) -> None:
         values = [
             output.values(
@@ -186,5 +190,5 @@ class _Work:
         ]
         if group.name not in self._writers:
             columns = [output.column for output in group.outputs]
-            self._writers[group.name] = samples.Writer(self._folder / group.file, self._raw, columns)
+            self._writers[group.name] = samples.GroupWriter(self._folder / group.file, self._raw, columns)
         self._writers[group.name].add(Samples(t_ns, t_ns, record, values))

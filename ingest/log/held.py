@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ingest.formats import Frames
 from ingest.log import recording
 from ingest.log.frames import FrameBatch
-from ingest.log.plan import Group, Source
+from ingest.log.plan import SignalGroup, Source
 
 Series = tuple[NDArray[np.int64], NDArray[np.float64]]
 
@@ -35,7 +35,7 @@ class Held:
         return np.concatenate([[np.nan], values])[at]
 
 
-def collect(path: Path, groups: Sequence[Group]) -> Held:
+def collect(path: Path, groups: Sequence[SignalGroup]) -> Held:
     """What derived channels need of other groups, from a pass of its own over the recording at `path`.
 
     It takes 16 bytes of memory for each sample; where no group needs anything there is no pass. Raises DamageError.
@@ -52,7 +52,7 @@ def collect(path: Path, groups: Sequence[Group]) -> Held:
 
 def _collect(
     batch: FrameBatch,
-    sought: dict[tuple[int | None, int], Group],
+    sought: dict[tuple[int | None, int], SignalGroup],
     foreign: set[Source],
     series: defaultdict[Source, list[Series]],
 ) -> None:

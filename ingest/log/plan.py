@@ -15,7 +15,7 @@ from ingest.bench.resolving import ResolvedChannel
 from ingest.bench.signals import Signal
 from ingest.errors import BenchFileError
 from ingest.log.databases import Message, signals_of
-from ingest.log.reading import Reading
+from ingest.log.reading import LogReading
 from ingest.log.recording import bus_name, id_text
 from ingest.log.samples import FIXED, Column
 from ingest.texts.quantities import column_suffix, guess, normal_unit
@@ -25,7 +25,7 @@ Source = tuple[str, str]  # group name, name of a signal in it
 
 
 @dataclass(frozen=True)
-class Output:
+class OutputColumn:
     """A column of a group and how its values come from signals; `channel` is its entry in the event (None for text)."""
 
     column: Column
@@ -44,14 +44,14 @@ class Output:
 
 
 @dataclass
-class Group:
+class SignalGroup:
     """Signals that share their stamps: a message on a bus, or a table (`message` and `bus` None)."""
 
     name: str
     message: Message | None = None
     bus: int | None = None
     signals: tuple[Signal, ...] = ()
-    outputs: list[Output] = field(default_factory=list)
+    outputs: list[OutputColumn] = field(default_factory=list)
 
     @property
     def file(self) -> str:
@@ -69,10 +69,12 @@ class Group:
         return [output.column for output in self.outputs]
 
 
-def groups_of(reading: Reading, messages: Mapping[int, Message]) -> list[Group]:
+def groups_of(reading: LogReading, messages: Mapping[int, Message]) -> list[SignalGroup]:
     """The groups of a log, without outputs: every message that was seen on a bus, or the table."""
     if reading.holds == "rows":
-        return [Group(TABLE, signals=tuple(Signal(name, unit=reading.units.get(name)) for name in reading.columns))]
+        return [
+            SignalGroup(TABLE, signals=tuple(Signal(name, unit=reading.units.get(name)) for name in reading.columns))
+        ]
     seen = [
         (bus, message)
         for bus in reading.buses
@@ -80,13 +82,13 @@ def groups_of(reading: Reading, messages: Mapping[int, Message]) -> list[Group]:
         if id_text(bus, can_id) in reading.ids
     ]
     return [
-        Group(name, message, bus, tuple(signals_of(message, bus_name(bus))))
+        SignalGroup(name, message, bus, tuple(signals_of(message, bus_name(bus))))
         for (bus, message), name in zip(seen, _names(seen), strict=True)
     ]
 
 
 def plan(
-    groups: Sequence[Group], channels: Sequence[ResolvedChannel], bench: Bench | None, texts: Collection[str] = ()
+    groups: Sequence[SignalGroup], channels: Sequence[ResolvedChannel], bench: Bench | None, texts: Collection[str] = ()
 ) -> list[str]:
     """Give each group its outputs; returns the channels for which this log holds no signal.
 
@@ -130,7 +132,7 @@ def _names(seen: Sequence[tuple[int, Message]]) -> list[str]:
     ]
 
 
-def _channel_names(groups: Sequence[Group]) -> dict[Source, str]:
+def _channel_names(groups: Sequence[SignalGroup]) -> dict[Source, str]:
     """Signal names; as a bench file would write them where another signal has that name too ("can2:Inverter.T"), and
     with the group where two messages on one bus share even that."""
     signals = [(group.name, signal) for group in groups for signal in group.signals]
@@ -160,11 +162,11 @@ def _refuse_text(bench: Bench | None, channels: Sequence[ResolvedChannel], texts
             )
 
 
-def _text_output(group: Group, signal: Signal, taken: Counter[str]) -> Output:
-    return Output(Column(_unique(signal.name, taken), signal.name, text=True), ((group.name, signal.name),))
+def _text_output(group: SignalGroup, signal: Signal, taken: Counter[str]) -> OutputColumn:
+    return OutputColumn(Column(_unique(signal.name, taken), signal.name, text=True), ((group.name, signal.name),))
 
 
-def _file_output(group: Group, signal: Signal, name: str, guessing: bool, taken: Counter[str]) -> Output:
+def _file_output(group: SignalGroup, signal: Signal, name: str, guessing: bool, taken: Counter[str]) -> OutputColumn:
     """A signal that no bench file speaks of, as the channel `name`: in its own unit, unconverted."""
     unit = normal_unit(signal.unit or "")
     column = Column(
@@ -174,21 +176,21 @@ def _file_output(group: Group, signal: Signal, name: str, guessing: bool, taken:
         guess(signal.name, signal.unit) if guessing else None,
     )
     entry = _entry(group, signal, column, "input" if guessing else "ignored") | {"name": name}
-    return Output(column, ((group.name, signal.name),), None, entry)
+    return OutputColumn(column, ((group.name, signal.name),), None, entry)
 
 
 def _bench_output(
-    group: Group, spec: ResolvedChannel, sources: Sequence[Source], taken: Counter[str], signal: Signal | None
-) -> Output:
+    group: SignalGroup, spec: ResolvedChannel, sources: Sequence[Source], taken: Counter[str], signal: Signal | None
+) -> OutputColumn:
     """A channel of the bench file, in the stored unit; `signal` None for a derived one."""
     bare = signal.name if signal else spec.name
     column = Column(_unique(bare + column_suffix(spec.quantity), taken), bare, spec.stored_unit, spec.quantity)
     said = {"name": spec.name, "node": spec.node, "region": spec.region, "derived": spec.derived}
     entry = _entry(group, signal, column, spec.role) | said
-    return Output(column, tuple(sources), spec, entry)
+    return OutputColumn(column, tuple(sources), spec, entry)
 
 
-def _entry(group: Group, signal: Signal | None, column: Column, role: str) -> dict[str, Any]:
+def _entry(group: SignalGroup, signal: Signal | None, column: Column, role: str) -> dict[str, Any]:
     """A channel as `DecodeCompleted` lists it; `signal` is what file and database say of it."""
     return {
         "name": column.signal,

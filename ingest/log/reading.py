@@ -61,7 +61,7 @@ class Limits:
 
 
 @dataclass(frozen=True)
-class Reading:
+class LogReading:
     """What a log gave. found = written + rejected; `ids`: "can1:0x123" -> frames; times [ns], None without a record."""
 
     format: str
@@ -102,7 +102,7 @@ class Reader:
         time: TimeSpec | None = None,
         attachments: Sequence[Attachment] = (),
         limits: Limits | None = None,
-    ) -> Reading:
+    ) -> LogReading:
         """Read the log `path` in a child process and write its recording to `target`.
 
         Raises UnreadableLogError where nothing can be read, or where reading would cost more than `limits` (default:
@@ -163,13 +163,13 @@ def record(
     time: TimeSpec | None = None,
     attachments: Sequence[Attachment] = (),
     limits: Limits | None = None,
-) -> Reading:
+) -> LogReading:
     """`Reader.record` for one log alone."""
     with Reader() as reader:
         return reader.record(path, target, time, attachments, limits)
 
 
-def preview(path: Path, folder: Path, time: TimeSpec | None = None) -> Reading:
+def preview(path: Path, folder: Path, time: TimeSpec | None = None) -> LogReading:
     """What is in `path`, before anything is stored; its recording becomes `folder / "preview.mcap"`. Raises as
     `record`."""
     return record(path, folder / "preview.mcap", time)
@@ -236,14 +236,14 @@ def _environment() -> dict[str, str]:
     return {**os.environ, **lean, "PYTHONPATH": path}
 
 
-def _reading(answer: dict[str, Any], path: Path) -> Reading:
+def _reading(answer: dict[str, Any], path: Path) -> LogReading:
     if "unreadable" in answer:
         raise UnreadableLogError(answer["unreadable"])
     if "os_error" in answer:
         raise OSError(*answer["os_error"])
     entries = [Rejected(**entry | {"raw": bytes.fromhex(entry["raw"])}) for entry in answer.pop("rejections")]
     columns, buses = tuple(answer.pop("columns")), tuple(answer.pop("buses"))
-    return Reading(**answer, rejections=tuple(entries), columns=columns, buses=buses)
+    return LogReading(**answer, rejections=tuple(entries), columns=columns, buses=buses)
 
 
 def _too_slow(name: str, limits: Limits) -> str:

@@ -55,7 +55,7 @@ class Samples:
         return len(self.t_ns)
 
 
-class Writer:
+class GroupWriter:
     """Writes one group to `path`. `file_id` is the SHA-256 of the raw log. Rows wait until they fill a row group."""
 
     def __init__(self, path: Path, file_id: str, columns: Sequence[Column]) -> None:

@@ -113,7 +113,7 @@ NAME = Kind(  # of a node or boundary
 
 
 @dataclass(frozen=True)
-class Table:
+class TomlTable:
     """One table of the file: a mapping that knows where it stands. `path` as in `toml_lines`; the root has `()`."""
 
     file: str
@@ -175,7 +175,7 @@ class Table:
             raise self.error(f'{key} "{value}" is none of {", ".join(choices)}.{hint(value, choices)}', key)
         return value
 
-    def table(self, key: str) -> Table | None:
+    def table(self, key: str) -> TomlTable | None:
         """The table `[key]` or `key = {...}`, None where it is left out."""
         if key not in self.values:
             return None
@@ -183,7 +183,7 @@ class Table:
             raise self.error(f"{key} must be a table, found {_found(self.values[key])}.", key)
         return self._child(key, None, self.values[key])
 
-    def tables(self, key: str) -> list[Table]:
+    def tables(self, key: str) -> list[TomlTable]:
         """The tables `[[key]]` or `key = [{...}, {...}]`; none where it is left out."""
         value = self.values.get(key, [])
         if not isinstance(value, list) or not all(isinstance(entry, dict) for entry in value):
@@ -191,15 +191,15 @@ class Table:
             raise self.error(f"{key} must be {wanted}, found {_found(value)}.", key)
         return [self._child(key, index, entry) for index, entry in enumerate(value)]
 
-    def _child(self, key: str, index: int | None, values: Mapping[str, Any]) -> Table:
+    def _child(self, key: str, index: int | None, values: Mapping[str, Any]) -> TomlTable:
         path = (*self.path, key) if index is None else (*self.path, key, index)
         own = f"[{key}]" if index is None else f"[[{key}]] {index + 1}"
         if self.path:
             own = f"{self.label}, {key}" if index is None else f"{self.label}, {key} {index + 1}"
-        return Table(self.file, values, path, self.lines, own + _called(values))
+        return TomlTable(self.file, values, path, self.lines, own + _called(values))
 
 
-def read(source: Path | bytes, name: str, schema: str) -> Table:
+def read(source: Path | bytes, name: str, schema: str) -> TomlTable:
     """The root table of a TOML file; `name` as in messages, `schema` such as "whyhot.bench/1".
 
     Raises TomlError where it cannot be read, is no TOML, is over `LARGEST` bytes or nested too deeply, or is of
@@ -209,7 +209,7 @@ def read(source: Path | bytes, name: str, schema: str) -> Table:
     deep = toml_lines.too_deep(text)
     if deep is not None:
         raise TomlError(f"{name}:{deep}: is nested deeper than {toml_lines.DEEPEST} levels. Write it flatter.")
-    root = Table(name, _parse(text, name), (), toml_lines.lines(text))
+    root = TomlTable(name, _parse(text, name), (), toml_lines.lines(text))
     _check_schema(root, schema)
     return root
 
@@ -254,7 +254,7 @@ def _parse(text: str, name: str) -> dict[str, Any]:
     raise TomlError(f"{name}:{line}: is not TOML: {says}{place}{': ' + advice if advice else ''}.")
 
 
-def _check_schema(root: Table, schema: str) -> None:
+def _check_schema(root: TomlTable, schema: str) -> None:
     found = root.get("schema", TEXT)
     if found is None or found == schema:
         return

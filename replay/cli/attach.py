@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from replay.cli.answer import Answer, provenance, store_folder
 
 if TYPE_CHECKING:
-    from ingest.intake.attachments import Attached
+    from ingest.intake.attachments import AttachedFile
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -40,7 +40,7 @@ def run(args: argparse.Namespace) -> Answer:
     return Answer(data, _text(done), notes=[note] if note else [])
 
 
-def _text(done: Sequence[Attached]) -> str:
+def _text(done: Sequence[AttachedFile]) -> str:
     from replay.show.words.terminal import labelled
     from replay.show.words.words import short
 

@@ -7,9 +7,9 @@ import decimal
 import json
 
 from analytics.answer import to_csv, to_json, to_text
-from analytics.query import Result
+from analytics.query import QueryResult
 
-MIXED = Result(
+MIXED = QueryResult(
     columns=("node", "error_K", "at", "seen"),
     types=("VARCHAR", "DOUBLE", "TIMESTAMP", "BOOLEAN"),
     rows=[
@@ -31,13 +31,13 @@ def test_text_sets_numbers_to_the_right() -> None:
 
 def test_text_shows_every_double_with_its_decimals() -> None:
     values = (0.0, 3.5, -664.0, 1e20, float("inf"), 0.1 + 0.2)
-    column = to_text(Result(("a",), ("DOUBLE",), [(value,) for value in values])).splitlines()[2:-1]
+    column = to_text(QueryResult(("a",), ("DOUBLE",), [(value,) for value in values])).splitlines()[2:-1]
     assert [cell.strip() for cell in column] == ["0.0", "3.5", "-664.0", "1e+20", "inf", "0.3"]
-    assert to_text(Result(("a",), ("BIGINT",), [(0,)])).splitlines()[2].strip() == "0"
+    assert to_text(QueryResult(("a",), ("BIGINT",), [(0,)])).splitlines()[2].strip() == "0"
 
 
 def test_text_keeps_to_the_width_and_cuts_no_number() -> None:
-    wide = Result(
+    wide = QueryResult(
         columns=("hash", "t_ns", "says", "more_1", "more_2"),
         types=("VARCHAR", "BIGINT", "VARCHAR", "VARCHAR", "VARCHAR"),
         rows=[("f" * 64, 1_760_000_000_000_000_000, "word " * 30, "x" * 30, "y" * 30)],
@@ -52,7 +52,7 @@ def test_text_keeps_to_the_width_and_cuts_no_number() -> None:
 def test_text_never_drops_a_column_that_was_asked_for() -> None:
     names = ("session", "channel", "file", *(f"record_{i}" for i in range(6)))
     kinds = (*("VARCHAR",) * 3, *("BIGINT",) * 6)
-    result = Result(names, kinds, [("s" * 40, "c" * 40, "f" * 40, *(10**12 + i for i in range(6)))])
+    result = QueryResult(names, kinds, [("s" * 40, "c" * 40, "f" * 40, *(10**12 + i for i in range(6)))])
     head, _, row, count = to_text(result, width=100).splitlines()
     assert head.split() == list(names) and count == "(1 row)"
     assert row.split()[3:] == [str(10**12 + i) for i in range(6)]
@@ -60,21 +60,21 @@ def test_text_never_drops_a_column_that_was_asked_for() -> None:
 
 
 def test_text_says_that_there_is_more() -> None:
-    assert to_text(Result(("a",), ("INTEGER",), [(1,)], more=True)).endswith("(the first 1 rows)")
+    assert to_text(QueryResult(("a",), ("INTEGER",), [(1,)], more=True)).endswith("(the first 1 rows)")
 
 
 def test_text_draws_a_plan_as_it_is() -> None:
-    plan = Result(("explain_key", "explain_value"), ("VARCHAR", "VARCHAR"), [("physical_plan", "top\n bottom\n")])
+    plan = QueryResult(("explain_key", "explain_value"), ("VARCHAR", "VARCHAR"), [("physical_plan", "top\n bottom\n")])
     assert to_text(plan) == "top\n bottom"
 
 
 def test_text_shows_what_a_terminal_would_obey() -> None:
-    text = to_text(Result(("a\x1b[2J",), ("VARCHAR",), [("\x1b[31mred\nnext\x07\u202e",)]))
+    text = to_text(QueryResult(("a\x1b[2J",), ("VARCHAR",), [("\x1b[31mred\nnext\x07\u202e",)]))
     assert text == "a\\x1b[2J\n---------------------------\n\\x1b[31mred\\nnext\\x07\\u202e\n(1 row)"
 
 
 def test_json_holds_plain_values_only() -> None:
-    odd = Result(
+    odd = QueryResult(
         columns=("payload", "amount", "raw", "list", "took"),
         types=("JSON", "DECIMAL(4,2)", "BLOB", "DOUBLE[]", "INTERVAL"),
         rows=[('{"a": 1}', decimal.Decimal("1.5"), b"\x01\xff", [1.0, float("inf")], datetime.timedelta(seconds=90))],
@@ -94,7 +94,7 @@ def test_json_names_columns_types_and_times() -> None:
 
 
 def test_csv_quotes_and_keeps_every_digit() -> None:
-    answer = Result(
+    answer = QueryResult(
         ("a", "b", "c"), ("VARCHAR", "DOUBLE", "JSON"), [('say "hi", you', 0.1 + 0.2, {"x": [1]}), (None, None, None)]
     )
     assert to_csv(answer) == 'a,b,c\n"say ""hi"", you",0.30000000000000004,"{""x"": [1]}"\n,,\n'

@@ -10,7 +10,7 @@ import numpy as np
 
 from made.runs import made_run
 from replay.engine.results.run import Observed, Run
-from replay.studies.diagnosis.answer import Diagnosis, Gain, Masked, Named, Rival, Shown, UnknownHeat
+from replay.studies.diagnosis.answer import Diagnosis, KeptGain, Masked, Named, Rival, Shown, UnnamedHeat
 
 TRAIN, KEPT = ("1_s1", "2_s2", "3_wltp"), ("4_s1", "5_wltp")
 LEFT: Mapping[str, float] = {
@@ -130,9 +130,9 @@ SHOWN = [
 
 def gain(
     node: str, before: float, after: float, ci: tuple[float, float], published: float, share: float = 0.08
-) -> Gain:
+) -> KeptGain:
     """An entry of `gain` over few sessions."""
-    return Gain(
+    return KeptGain(
         node=node,
         mae_before_K=before,
         mae_after_K=after,
@@ -242,7 +242,7 @@ UNKNOWN = replace(
     causes=[],
     rivals=[replace(rival, why_not="free heat at endwinding_b_outer is ahead by more than ln 20") for rival in RIVALS],
     unknown=[
-        UnknownHeat(
+        UnnamedHeat(
             node="endwinding_b_outer",
             watts=[20.0, 45.0],
             when={"endwinding_b_outer_degC": [90.0, 140.0], "speed_rpm": [3012.0, 5990.0]},

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from twin.filters.inputs import HeatReading, Inputs, Reading, Start, inputs_of
+from twin.filters.inputs import FilterStart, HeatReading, Inputs, Reading, inputs_of
 from twin.filters.unknowns import Unknown, UnknownBias, UnknownFactor, UnknownHeat
 from twin.motor.network import Boundary, Link, Network, Node, Source, Term
 from twin.motor.sensor import Sensor
@@ -39,4 +39,4 @@ def example() -> Inputs:
     factor = UnknownFactor("conductance.winding-stator.scale", 0.1, 1e-4)
     unknowns: list[Unknown] = [UnknownHeat("rotor", 50.0, 3.0), factor, UnknownBias("W", 1.0)]
     frame = Frame(1.0, np.ones((STEPS, 4)), np.full((STEPS, 1), 40.0))
-    return inputs_of(network, frame, Start(np.full(3, 45.0), np.ones(3)), unknowns, [w, second, losses])
+    return inputs_of(network, frame, FilterStart(np.full(3, 45.0), np.ones(3)), unknowns, [w, second, losses])

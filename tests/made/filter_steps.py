@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from twin.filters.ekf import Run, run_of
+from twin.filters.ekf import FilterRun, run_of
 from twin.filters.inputs import Inputs
 from twin.filters.readings import meter
 from twin.filters.step import derive, move
@@ -78,6 +78,6 @@ class Steps:
         return float(reads), -np.array(m[readings.later_share :][: self.size])
 
 
-def _rows(run: Run, place: int) -> Floats:
+def _rows(run: FilterRun, place: int) -> Floats:
     length = run.plan.length
     return run.m[place : place + length**2].reshape(length, length)

@@ -14,7 +14,8 @@ from twin.compiled.kernel import Compiled, compile_network
 from twin.compiled.structure import parameters
 from twin.fitting import actions
 from twin.fitting.actions import Place
-from twin.fitting.model import Channel, Test
+from twin.fitting.model import Test
+from twin.fitting.recorded import RecordedChannel
 from twin.motor.features import Monomial, evaluate, monomials, product
 from twin.motor.network import Boundary, Link, Network, Node, Source, TemperatureFactor, Term
 from twin.motor.outputs import Output, lagged
@@ -191,7 +192,7 @@ def recorded(
         if rng is not None:
             measured = measured + rng.normal(0, white_sd / 2, steps)
         bus = (buses or {}).get(channel, "can1")
-        channels.append(Channel(channel, bus, output, measured, white_sd, RESOLUTION, BIAS_SD))
+        channels.append(RecordedChannel(channel, bus, output, measured, white_sd, RESOLUTION, BIAS_SD))
     return Test(
         name=name,
         kind="drive",

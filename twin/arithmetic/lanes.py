@@ -2,7 +2,7 @@
 
 All matrices of a run are in one flat array of numbers `m`, all indices in another, `at`; a place is where something
 begins in one of them, and every function takes both, or pointers to them (`twin.arithmetic.lane_code.pointer`), and
-places. `Store` lays them out: a row has a multiple of `LANES` numbers and begins at a border of the machine's
+places. `LaneStore` lays them out: a row has a multiple of `LANES` numbers and begins at a border of the machine's
 vectors.
 
 A row is worked on up to four vectors at a time, in registers while indices say which other rows take part: a sparse
@@ -71,7 +71,7 @@ def both(pair: int) -> tuple[int, int]:
     return pair >> 32, pair & 0xFFFFFFFF
 
 
-class Store:
+class LaneStore:
     """Collects numbers and indices of a run; each method that adds some returns the place where they will be in
     `numbers()` or `indices()`. The index 0 stands first (`NOWHERE`)."""
 

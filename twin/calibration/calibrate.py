@@ -37,7 +37,7 @@ LEFT_FREE = 0.9  # a parameter whose sd is still this share of its prior sd was 
 
 
 @dataclass(frozen=True)
-class Estimate:
+class FittedParameter:
     """A parameter of the motor: `value` and `before` in its unit (W, W/K, J/K); `log_change`, `sd` and `prior_sd` of
     its logarithm; `held` where it is at its bound."""
 
@@ -63,7 +63,7 @@ class Calibration:
     """
 
     network: Network
-    estimates: tuple[Estimate, ...]
+    estimates: tuple[FittedParameter, ...]
     fit: Fit
     iterations: int
     mae_before: Mapping[tuple[int, str], float]
@@ -165,14 +165,14 @@ def widened_noise(found: Fit) -> dict[str, ChannelNoise]:
     return noise
 
 
-def _estimates(before: Network, after: Network, found: Fit) -> tuple[Estimate, ...]:
+def _estimates(before: Network, after: Network, found: Fit) -> tuple[FittedParameter, ...]:
     old, new = (
         np.array([*(term.coefficient for term in terms(n)), *(node.capacity for node in n.nodes)])
         for n in (before, after)
     )
     sd = np.sqrt(found.covariance_diagonal)
     return tuple(
-        Estimate(
+        FittedParameter(
             name=parameter.name,
             before=float(old[i]),
             value=float(new[i]),

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
 from twin.fitting.fit import Fit
-from twin.fitting.recorded import Channel, Test
+from twin.fitting.recorded import RecordedChannel, Test
 from twin.motor.outputs import blocks
 
 Floats = NDArray[np.float64]
@@ -60,7 +60,7 @@ def without(tests: Sequence[Test], marked: Mapping[tuple[int, str], Bools]) -> t
     )
 
 
-def _masked(test: Test, channel: Channel, jumps: Bools | None) -> Channel:
+def _masked(test: Test, channel: RecordedChannel, jumps: Bools | None) -> RecordedChannel:
     """The channel without the samples of blocks that jump (B,)."""
     if jumps is None:
         return channel

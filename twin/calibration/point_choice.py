@@ -19,7 +19,7 @@ from twin.calibration.influence import Influence
 from twin.fitting.actions import Parameter
 from twin.fitting.model import BROAD, Test
 from twin.fitting.noise import ChannelNoise, Series, Whitening
-from twin.fitting.recorded import Channel
+from twin.fitting.recorded import RecordedChannel
 from twin.motor.network import Network
 from twin.run.block_columns import Thermometer, block_columns, of_motor, thermometer
 
@@ -68,7 +68,7 @@ def information(network: Network, test: Test, noise: Mapping[str, ChannelNoise])
 
 
 def _whitening(
-    channel: Channel, read: Thermometer, step_s: float, noise: Mapping[str, ChannelNoise], columns: int
+    channel: RecordedChannel, read: Thermometer, step_s: float, noise: Mapping[str, ChannelNoise], columns: int
 ) -> Whitening:
     times, samples = read.blocks.times_s(step_s), read.blocks.samples
     series = Series(0, channel.name, times, np.zeros_like(times), samples, channel.white_sd, channel.resolution)

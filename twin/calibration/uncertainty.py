@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.calibration.calibrate import freedom
-from twin.fitting.model import Channel, Model, Test
+from twin.fitting.model import Model, Test
+from twin.fitting.recorded import RecordedChannel
 from twin.motor.network import Network
 from twin.motor.outputs import BLOCK_S, Output
 from twin.run.simulate import Frame
@@ -34,7 +35,7 @@ def sd_K(network: Network, test: Test, at: Sequence[tuple[str, float]], covarian
     steps = len(test.frame.features)
     always, middle = np.ones(steps), np.full(steps, 0.5)
     channels = tuple(
-        Channel(str(i), "", Output({node: 1.0}, 0.0, always, middle), np.zeros(steps), 0.1, 0.0, 0.0)
+        RecordedChannel(str(i), "", Output({node: 1.0}, 0.0, always, middle), np.zeros(steps), 0.1, 0.0, 0.0)
         for i, (node, _) in enumerate(at)
     )
     watched = replace(test, channels=channels, meters=())

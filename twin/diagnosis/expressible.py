@@ -103,7 +103,7 @@ def _is_optional(one: Parameter) -> bool:
 
 
 @dataclass(frozen=True)
-class Readings:
+class SensorChanges:
     """`weights`: channel -> node -> share of what it follows, sum 1, where that is not one node alone; `errors`: what
     every test has in common, in the unit of the action."""
 
@@ -111,7 +111,7 @@ class Readings:
     errors: Mapping[actions.OnBench, float]
 
 
-def readings(found: Fit, named: Collection[int]) -> Readings:
+def readings(found: Fit, named: Collection[int]) -> SensorChanges:
     """The sensors, clocks, inputs and boundaries of a fit. `named`: places in the vector that somebody else writes,
     each with what the healthy differences of the same kind took of it."""
     parameters = list(enumerate(found.model.parameters))
@@ -128,7 +128,7 @@ def readings(found: Fit, named: Collection[int]) -> Readings:
             errors[one.action] = value
     for action, mean in _common(ours):
         errors[action] = mean
-    return Readings(_weights(found), errors)
+    return SensorChanges(_weights(found), errors)
 
 
 def _common(ours: Sequence[tuple[Parameter, float]]) -> list[tuple[actions.OnBench, float]]:

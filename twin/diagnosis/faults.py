@@ -22,9 +22,10 @@ from scipy.special import betaln, xlog1py, xlogy
 
 from twin.errors import EvidenceError
 from twin.fitting.fit import Fit
-from twin.fitting.model import Channel, Columns, Model, Test
+from twin.fitting.model import Columns, Model, Test
 from twin.fitting.noise import log_det
 from twin.fitting.one_test import alone
+from twin.fitting.recorded import RecordedChannel
 from twin.motor.causes import Cause
 from twin.motor.outputs import blocks
 
@@ -79,7 +80,7 @@ def fault_evidence(
     return _live_and_held(current, test, _with(own, recorded), channel, cut.measured(recorded.measured) - held)
 
 
-def _stated(model: Model, test: int, channel: str) -> Channel:
+def _stated(model: Model, test: int, channel: str) -> RecordedChannel:
     """What the channel is: in this test, else (where nothing of it was usable) in another."""
     for one in (model.tests[test], *model.tests):
         for c in one.channels:
@@ -89,7 +90,7 @@ def _stated(model: Model, test: int, channel: str) -> Channel:
     raise EvidenceError(f'channel "{channel}": no test of the fit has it: give one of {known}')
 
 
-def _recorded(stated: Channel, t_s: Floats, values: Floats, steps: int, step_s: float) -> Channel:
+def _recorded(stated: RecordedChannel, t_s: Floats, values: Floats, steps: int, step_s: float) -> RecordedChannel:
     """The channel with these samples alone."""
     at = np.floor(t_s / step_s).astype(np.intp)
     kept = (at >= 0) & (at < steps)
@@ -101,7 +102,7 @@ def _recorded(stated: Channel, t_s: Floats, values: Floats, steps: int, step_s: 
     return replace(stated, output=replace(stated.output, samples=samples, place=place), measured=measured)
 
 
-def _with(test: Test, channel: Channel) -> Test:
+def _with(test: Test, channel: RecordedChannel) -> Test:
     others = tuple(c for c in test.channels if c.name != channel.name)
     return replace(test, channels=(*others, channel))
 

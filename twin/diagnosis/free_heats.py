@@ -65,7 +65,7 @@ def _responses(current: Fit) -> list[list[Response]]:
         model, at = alone(current.model, number, test)
         times = _times(current.model, number)
         heats = [
-            Parameter(f"heat.{node}.{time_s:g}", actions.FreeHeat(node, time_s, SPACING_S), 1.0)
+            Parameter(f"heat.{node}.{time_s:g}", actions.HeatTent(node, time_s, SPACING_S), 1.0)
             for node in range(len(found))
             for time_s in times
         ]

@@ -39,7 +39,7 @@ class Kept:
 
 
 @dataclass(frozen=True)
-class Gain:
+class LnScoreGain:
     """ln score gained in each block; `lower`: 5 % bootstrap quantile of the sum, or the least leave-one-block-out sum
     where the blocks are `few` (under 8)."""
 
@@ -85,7 +85,7 @@ def _blocks(t_s: Array, block_s: float) -> list[NDArray[np.bool_]]:
     return [(t_s > low) & (t_s <= high) for low, high in pairwise(edges)]
 
 
-def held_out_gain(before: Sequence[Kept], after: Sequence[Kept], block_s: float, seed: int = 0) -> Gain:
+def held_out_gain(before: Sequence[Kept], after: Sequence[Kept], block_s: float, seed: int = 0) -> LnScoreGain:
     """Gain in log score of `after` over `before`, session by session on the same rows, in blocks of `block_s` [s] (at
     least twice the slowest mode, so that blocks are nearly independent).
 
@@ -96,7 +96,7 @@ def held_out_gain(before: Sequence[Kept], after: Sequence[Kept], block_s: float,
     pairs = zip(before, after, strict=True)
     blocks = np.concatenate([log_scores(a, block_s) - log_scores(b, block_s) for b, a in pairs])
     few = len(blocks) < FEW_BLOCKS
-    return Gain(blocks, float((blocks.sum() - blocks).min()) if few else _lower(blocks, seed), few)
+    return LnScoreGain(blocks, float((blocks.sum() - blocks).min()) if few else _lower(blocks, seed), few)
 
 
 def _lower(blocks: Array, seed: int) -> float:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from twin.diagnosis.evidence import score
 from twin.diagnosis.pooling import kinds, pooled_scales
 from twin.diagnosis.posterior_mode import linearised, rises, slowest_mode_s, stacked
-from twin.diagnosis.reml import Observed, reml
+from twin.diagnosis.reml import ObservedSeries, reml
 from twin.differences.candidates import Candidate
 from twin.fitting.fit import LINEARISATIONS, NEAR_ENOUGH, Fit, fit
 from twin.fitting.model import Columns, Model
@@ -73,7 +73,7 @@ def _fitted_noise(design: _Design) -> Mapping[str, ChannelNoise]:
         columns = np.zeros((part.series.y.size, current.beta.size))
         columns[:, part.at] = part.columns
         own = np.column_stack([columns[:, free], part.extra])
-        observed.append(Observed(part.series, part.series.y + columns[:, free] @ current.beta[free], own))
+        observed.append(ObservedSeries(part.series, part.series.y + columns[:, free] @ current.beta[free], own))
     precision = 1 / np.concatenate([current.model.sd[free], design.sigma]) ** 2
     return reml(observed, precision, slowest_mode_s(current), rises(current.model)).noise
 

@@ -36,7 +36,7 @@ CONVERGED = 0.01  # largest change of ln sd
 
 
 @dataclass(frozen=True)
-class Observed:
+class ObservedSeries:
     """One series with its residual `e0` (B,) [K], referred back to the prior mean,
     and its parameters' columns (B, p)."""
 
@@ -54,7 +54,11 @@ class Reml:
 
 
 def reml(
-    observed: Sequence[Observed], precision: Array, slowest_mode_s: float, rise_K: Mapping[str, float], seed: int = 0
+    observed: Sequence[ObservedSeries],
+    precision: Array,
+    slowest_mode_s: float,
+    rise_K: Mapping[str, float],
+    seed: int = 0,
 ) -> Reml:
     """Noise of every channel of `observed`, a channel's variances shared by its sessions.
 
@@ -85,7 +89,7 @@ def reml(
     return Reml(best, _log_evidence(observed, precision, best))
 
 
-def _check(observed: Sequence[Observed], precision: Array, rise_K: Mapping[str, float]) -> None:
+def _check(observed: Sequence[ObservedSeries], precision: Array, rise_K: Mapping[str, float]) -> None:
     for o in observed:
         if o.columns.shape != (len(o.e0), len(precision)):
             raise EvidenceError(
@@ -113,7 +117,7 @@ def _orthogonal_draws(p: int, seed: int) -> Array:
 
 
 def _climb(
-    observed: Sequence[Observed],
+    observed: Sequence[ObservedSeries],
     precision: Array,
     noise: Mapping[str, ChannelNoise],
     floors: Mapping[str, tuple[float, float]],
@@ -136,7 +140,7 @@ def _change(a: ChannelNoise, b: ChannelNoise) -> float:
 
 
 def _normal_equations(
-    observed: Sequence[Observed], precision: Array, noise: Mapping[str, ChannelNoise]
+    observed: Sequence[ObservedSeries], precision: Array, noise: Mapping[str, ChannelNoise]
 ) -> tuple[Array, Array, float, float]:
     """Lower Cholesky factor of A'A + Lambda, A'e, e'e, ln|R|."""
     gram, right, square, log_r = np.diag(precision), np.zeros(len(precision)), 0.0, 0.0
@@ -154,7 +158,7 @@ def _normal_equations(
     return cholesky(gram, lower=True), right, square, log_r
 
 
-def _log_evidence(observed: Sequence[Observed], precision: Array, noise: Mapping[str, ChannelNoise]) -> float:
+def _log_evidence(observed: Sequence[ObservedSeries], precision: Array, noise: Mapping[str, ChannelNoise]) -> float:
     lower, right, square, log_r = _normal_equations(observed, precision, noise)
     fitted = solve_triangular(lower, right, lower=True)
     log_parameters = 2 * np.log(np.diag(lower)).sum() - np.log(precision).sum()
@@ -163,7 +167,7 @@ def _log_evidence(observed: Sequence[Observed], precision: Array, noise: Mapping
 
 
 def _posterior_columns(
-    observed: Sequence[Observed], precision: Array, noise: Mapping[str, ChannelNoise], z: Array
+    observed: Sequence[ObservedSeries], precision: Array, noise: Mapping[str, ChannelNoise], z: Array
 ) -> list[Array]:
     """For each series (B, 1 + q): the residual at the posterior mean and q columns of the posterior's spread."""
     lower, right, _, _ = _normal_equations(observed, precision, noise)
@@ -173,7 +177,7 @@ def _posterior_columns(
 
 
 def _channel_noise(
-    observed: Sequence[Observed],
+    observed: Sequence[ObservedSeries],
     columns: Sequence[Array],
     channel: str,
     start: ChannelNoise,

@@ -24,8 +24,9 @@ from twin.diagnosis.naming import scored
 from twin.differences.candidates import Candidate
 from twin.errors import DivergedError
 from twin.fitting.fit import NEAR_ENOUGH, Fit, fit
-from twin.fitting.model import Channel, Index, Model, Test
+from twin.fitting.model import Index, Model, Test
 from twin.fitting.noise import ChannelNoise, Series, log_det, whiten
+from twin.fitting.recorded import RecordedChannel
 from twin.motor.outputs import blocks
 from twin.motor.sensor_laws import Exchange
 
@@ -130,19 +131,19 @@ def exchanged(tests: Sequence[Test], channel: str, other: str) -> tuple[Test, ..
     return tuple(replace(test, channels=tuple(_exchanged(test, to, sheet))) for test in tests)
 
 
-def _exchanged(test: Test, to: Mapping[str, str], sheet: Mapping[str, Channel]) -> Iterator[Channel]:
+def _exchanged(test: Test, to: Mapping[str, str], sheet: Mapping[str, RecordedChannel]) -> Iterator[RecordedChannel]:
     own = {c.name: c for c in test.channels}
     for c in test.channels:
         name = to.get(c.name, c.name)
         yield _recorded(c, own[name]) if name in own else _recorded(sheet[name], c)
 
 
-def _sheet(tests: Sequence[Test]) -> dict[str, Channel]:
+def _sheet(tests: Sequence[Test]) -> dict[str, RecordedChannel]:
     """Every channel by its name, as the first test that has it knows it."""
     return {c.name: c for test in reversed(tests) for c in test.channels}
 
 
-def _recorded(channel: Channel, record: Channel) -> Channel:
+def _recorded(channel: RecordedChannel, record: RecordedChannel) -> RecordedChannel:
     output = replace(channel.output, samples=record.output.samples, place=record.output.place)
     return replace(channel, output=output, measured=record.measured, resolution=record.resolution)
 
@@ -256,7 +257,7 @@ class _Uncalibrated:
         return _Piece(simulated.at, white, gram, white.T @ e, float(e @ e), log_det(series, COARSE))
 
 
-def _whole(test: Test, sheet: Mapping[str, Channel]) -> Test:
+def _whole(test: Test, sheet: Mapping[str, RecordedChannel]) -> Test:
     """The test with every channel of all tests, usable in every step."""
     length = len(test.frame.features)
     every, middle, zero = np.ones(length), np.full(length, 0.5), np.zeros(length)

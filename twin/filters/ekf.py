@@ -24,12 +24,12 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
 from twin.arithmetic.lane_code import pointer
-from twin.arithmetic.lanes import Store, aligned, record
+from twin.arithmetic.lanes import LaneStore, aligned, record
 from twin.compiled.once import once_a_network
-from twin.filters.inputs import AnyReading, Inputs, Start, inputs_of, with_walks
+from twin.filters.inputs import AnyReading, FilterStart, Inputs, inputs_of, with_walks
 from twin.filters.plan import Plan
 from twin.filters.planning import plan
-from twin.filters.readings import Readings, correct, observe, readings_of, row_of
+from twin.filters.readings import ReadingsPlan, correct, observe, readings_of, row_of
 from twin.filters.step import carry
 from twin.filters.unknowns import Unknown, UnknownFactor, UnknownHeat
 from twin.motor.network import Network
@@ -72,7 +72,7 @@ class Estimate:
 
 
 def filter_unknowns(
-    network: Network, frame: Frame, start: Start, unknowns: Sequence[Unknown], readings: Sequence[AnyReading]
+    network: Network, frame: Frame, start: FilterStart, unknowns: Sequence[Unknown], readings: Sequence[AnyReading]
 ) -> Estimate:
     """Temperatures and unknowns from the readings. Without a reading the temperatures are those of `simulate` to
     rounding.
@@ -104,12 +104,12 @@ def _filtered(inputs: Inputs) -> Estimate:
 
 
 @dataclass(frozen=True)
-class Run:
+class FilterRun:
     """A filter ready to go: numbers `m` and indices `at` (`twin.arithmetic.lanes`), the records of where in them the
     step and its readings are, and the `size` S of the state."""
 
     plan: Plan
-    readings: Readings
+    readings: ReadingsPlan
     size: int
     m: Floats
     at: Index
@@ -132,7 +132,7 @@ class Run:
         return self.state()[: self.size, : self.size].copy()
 
 
-def run_of(inputs: Inputs) -> Run:
+def run_of(inputs: Inputs) -> FilterRun:
     """A filter for these inputs, not begun. Where the last one for this network read and sought the same, only its
     arrays are copied."""
     parts, known = inputs.parts, _last_run(inputs.network)
@@ -148,17 +148,17 @@ def run_of(inputs: Inputs) -> Run:
     )
     key = (inputs.boundaries.shape[1], *(array.tobytes() for array in (*arrays, parts.of_losses)))
     if key not in known:
-        store = Store()
+        store = LaneStore()
         steps = plan(parts, inputs.boundaries.shape[1], store)
         readings = readings_of(steps, store)
         known.clear()
-        known[key] = Run(record(steps), record(readings), steps.size, store.numbers(), store.indices())
+        known[key] = FilterRun(record(steps), record(readings), steps.size, store.numbers(), store.indices())
     kept = known[key]
     return replace(kept, m=aligned(kept.m), at=kept.at.copy())
 
 
 @once_a_network
-def _last_run(network: Network) -> dict[tuple[object, ...], Run]:
+def _last_run(network: Network) -> dict[tuple[object, ...], FilterRun]:
     """The run made last for a network, never begun, by all that it is made of."""
     return {}
 
@@ -173,7 +173,7 @@ def courses(inputs: Inputs) -> tuple[Floats, Floats]:
 @numba.njit(error_model="numpy", nogil=True, cache=True)
 def through(
     plan: Plan,
-    taken: Readings,
+    taken: ReadingsPlan,
     numbers: Floats,
     indices: Index,
     features: Floats,
@@ -235,7 +235,7 @@ def columns_of(array: Floats, which: Sequence[int]) -> Floats:
 
 
 def at_their_pace(
-    network: Network, frame: Frame, start: Start, unknowns: Sequence[U], readings: Sequence[AnyReading]
+    network: Network, frame: Frame, start: FilterStart, unknowns: Sequence[U], readings: Sequence[AnyReading]
 ) -> tuple[U, ...]:
     """The unknowns with the random walks of heats and factors times one number, within `PACES`: the one that makes
     the readings most likely (marginal likelihood, by Brent's bounded search over its logarithm). Raises as

@@ -70,7 +70,7 @@ AnyReading = Reading | HeatReading
 
 
 @dataclass(frozen=True)
-class Start:
+class FilterStart:
     """What is known at the first edge: temperatures (n,) [degC] of the nodes with their standard deviations (n,) [K].
     `walk_K` [K / sqrt(s)]: the random walk of every node between steps that the network's form leaves open."""
 
@@ -109,7 +109,7 @@ _checked = once_a_network(check)
 
 
 def inputs_of(
-    network: Network, frame: Frame, start: Start, unknowns: Sequence[Unknown], readings: Sequence[AnyReading]
+    network: Network, frame: Frame, start: FilterStart, unknowns: Sequence[Unknown], readings: Sequence[AnyReading]
 ) -> Inputs:
     """The arrays of a frame, a start, unknowns and readings.
 
@@ -155,7 +155,7 @@ def with_walks(inputs: Inputs, unknowns: Sequence[Unknown]) -> Inputs:
     return replace(inputs, unknowns=tuple(unknowns), parts=inputs.parts._replace(process=process))
 
 
-def _check(network: Network, frame: Frame, start: Start, readings: Sequence[AnyReading]) -> None:
+def _check(network: Network, frame: Frame, start: FilterStart, readings: Sequence[AnyReading]) -> None:
     steps = len(frame.features)
     if start.sd.shape != start.temperatures.shape or not (start.sd > 0).all() or not start.walk_K >= 0:
         raise FrameError(f"the start needs a standard deviation above 0 for each of {len(network.nodes)} nodes")
@@ -183,7 +183,7 @@ def _parts(
     network: Network,
     motor: LaidOut,
     step_s: float,
-    start: Start,
+    start: FilterStart,
     unknowns: Sequence[Unknown],
     readings: Sequence[Reading],
     meters: Sequence[HeatReading],
@@ -238,7 +238,7 @@ def _signs(network: Network, laws: Sequence[Law], meters: Sequence[HeatReading])
     return np.array(rows, dtype=np.float64).reshape(-1, len(laws))
 
 
-def _at_the_start(parts: Parts, start: Start, unknown: Sequence[float]) -> tuple[Floats, Floats]:
+def _at_the_start(parts: Parts, start: FilterStart, unknown: Sequence[float]) -> tuple[Floats, Floats]:
     """State (S, 1) and covariance (S, S) at the first edge: unknowns 0, and sensors in equilibrium but for
     `READING_SD_K`."""
     n, sought, size = parts.program.n, parts.sought, len(parts.process)

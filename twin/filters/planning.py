@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.arithmetic.lanes import Store, width
+from twin.arithmetic.lanes import LaneStore, width
 from twin.arithmetic.vectors import LANES
 from twin.filters.plan import Parts, Plan
 from twin.motor.heat_laws import NUMBER
@@ -17,7 +17,7 @@ from twin.motor.network import NOBODY
 Floats = NDArray[np.float64]
 
 
-def plan(parts: Parts, boundaries: int, store: Store) -> Plan:
+def plan(parts: Parts, boundaries: int, store: LaneStore) -> Plan:
     """The plan of a run's step among so many boundaries. `store` is given room for all that the step works on, and
     the numbers and indices that no step changes. The network's integrator has to have two stages and to end at the
     second, as the default does."""

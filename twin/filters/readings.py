@@ -22,7 +22,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.arithmetic.lane_code import pointer
-from twin.arithmetic.lanes import NOWHERE, Store, Sweep, less, mirrored, paired, row_less, scaled, sweep, width, within
+from twin.arithmetic.lanes import (
+    NOWHERE,
+    LaneStore,
+    Sweep,
+    less,
+    mirrored,
+    paired,
+    row_less,
+    scaled,
+    sweep,
+    width,
+    within,
+)
 from twin.filters.matrix import amounts_at, laws_at, surround, term_at
 from twin.filters.plan import Plan, ends_of, psi_of, term_of, x_at
 
@@ -33,7 +45,7 @@ LOG_2_PI = float(np.log(2 * np.pi))
 u = np.uint64  # numba then asks of no index whether it counts from the end
 
 
-class Readings(NamedTuple):
+class ReadingsPlan(NamedTuple):
     """Where the readings of a step are, r of them at most: a row of `stride` numbers for each, and lists of what each
     takes of the state. Of the example of `twin.filters.plan`, of which W is read at the end of the step, 4.67 K above
     what was predicted, the second thermometer at a quarter of it, and a meter of all losses, the row of W at
@@ -76,7 +88,7 @@ class Readings(NamedTuple):
     by_earlier: Sweep
 
 
-class Layout(Protocol):
+class RowLayout(Protocol):
     """What a `Plan`, and what the paper's form has instead, say of their rows to `readings_of` and `correct`."""
 
     @property
@@ -97,7 +109,7 @@ class Layout(Protocol):
     def row(self) -> int: ...
 
 
-def readings_of(plan: Layout, store: Store) -> Readings:
+def readings_of(plan: RowLayout, store: LaneStore) -> ReadingsPlan:
     """Where the readings of a step will be, for rows as `plan` says; `store` is given room for them."""
     most = plan.channels + plan.meters
     stride = plan.length + width(most)
@@ -106,7 +118,7 @@ def readings_of(plan: Layout, store: Store) -> Readings:
     rows = store.pairs([*((begin, 0) for begin in begins), (-1, 0)])
     crossed, beyond = store.rows(3 * most, stride), most * stride
     later_row, earlier_row = store.index(none), store.index(none)
-    return Readings(
+    return ReadingsPlan(
         stride=stride,
         crossed=crossed,
         gain=crossed + most * stride,
@@ -135,31 +147,31 @@ def readings_of(plan: Layout, store: Store) -> Readings:
 
 
 @within
-def later_of(r: Readings, at: Index, q: int) -> tuple[int, int]:
+def later_of(r: ReadingsPlan, at: Index, q: int) -> tuple[int, int]:
     """The first entry of reading q in the list of what is taken after the step, and the end of its entries."""
     return at[u(r.later_start + q)], at[u(r.later_start + q + 1)] - 1
 
 
 @within
-def earlier_of(r: Readings, at: Index, q: int) -> tuple[int, int]:
+def earlier_of(r: ReadingsPlan, at: Index, q: int) -> tuple[int, int]:
     """The same in the list of what is taken before the step."""
     return at[u(r.earlier_start + q)], at[u(r.earlier_start + q + 1)] - 1
 
 
 @within
-def later_entry(r: Readings, m: Floats, at: Index, e: int) -> tuple[float, int]:
+def later_entry(r: ReadingsPlan, m: Floats, at: Index, e: int) -> tuple[float, int]:
     """The share of an entry, sign changed, and the number of the state after the step that it is of."""
     return m[u(r.later_share + e)], at[u(r.later + e)]
 
 
 @within
-def earlier_entry(r: Readings, m: Floats, at: Index, e: int) -> tuple[float, int]:
+def earlier_entry(r: ReadingsPlan, m: Floats, at: Index, e: int) -> tuple[float, int]:
     """The share of an entry, sign changed, and the number of the state before the step that it is of."""
     return m[u(r.earlier_share + e)], at[u(r.earlier + e)]
 
 
 @within
-def _enter(plan: Plan, r: Readings, m: Floats, at: Index, q: int, i: int, share: float, place: float) -> None:
+def _enter(plan: Plan, r: ReadingsPlan, m: Floats, at: Index, q: int, i: int, share: float, place: float) -> None:
     """Enter that reading q takes `share` of number i of the state: `place` of it after the step, the rest before it."""
     if place != 0.0:
         e = at[u(r.later_start + q + 1)]
@@ -172,7 +184,7 @@ def _enter(plan: Plan, r: Readings, m: Floats, at: Index, q: int, i: int, share:
 
 
 @within
-def _end_entries(r: Readings, at: Index, q: int) -> None:
+def _end_entries(r: ReadingsPlan, at: Index, q: int) -> None:
     """End the entries of reading q in both lists."""
     for row, start in ((r.later_row, r.later_start), (r.earlier_row, r.earlier_start)):
         end = at[u(start + q + 1)]
@@ -180,7 +192,7 @@ def _end_entries(r: Readings, at: Index, q: int) -> None:
 
 
 @within
-def _enter_sensor(plan: Plan, r: Readings, m: Floats, at: Index, j: int, place: float, q: int) -> None:
+def _enter_sensor(plan: Plan, r: ReadingsPlan, m: Floats, at: Index, j: int, place: float, q: int) -> None:
     """Enter what reading q of channel j takes, at `place` within the step: shares of nodes or of a lagging reading,
     and an error of its own."""
     if at[u(plan.channel_state + j)] >= 0:
@@ -193,7 +205,7 @@ def _enter_sensor(plan: Plan, r: Readings, m: Floats, at: Index, j: int, place: 
 
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
-def meter(plan: Plan, r: Readings, m: Floats, at: Index, j: int, outside: Floats, state: int, q: int) -> float:
+def meter(plan: Plan, r: ReadingsPlan, m: Floats, at: Index, j: int, outside: Floats, state: int, q: int) -> float:
     """What meter j of heat reads [W] in the state [P | x] at `state`, with the monomials of the step and boundaries
     `outside` [degC]; its slopes there become the entries of reading q."""
     n, size, first = plan.n, plan.size, plan.n + plan.heats
@@ -232,7 +244,7 @@ def meter(plan: Plan, r: Readings, m: Floats, at: Index, j: int, outside: Floats
 
 
 @within
-def _still_hold(plan: Plan, r: Readings, m: Floats, values: Floats, places: Floats) -> bool:
+def _still_hold(plan: Plan, r: ReadingsPlan, m: Floats, values: Floats, places: Floats) -> bool:
     """Whether the lists are of the channels that are read now, at their places; `place` is set to these. A meter's
     slopes are those of one step."""
     hold = True
@@ -244,7 +256,9 @@ def _still_hold(plan: Plan, r: Readings, m: Floats, values: Floats, places: Floa
 
 
 @within
-def _make_lists(plan: Plan, r: Readings, m: Floats, at: Index, outside: Floats, values: Floats, places: Floats) -> None:
+def _make_lists(
+    plan: Plan, r: ReadingsPlan, m: Floats, at: Index, outside: Floats, values: Floats, places: Floats
+) -> None:
     """Make the lists of the channels that are read, and fill `metered`."""
     q = at[u(NOWHERE)]  # 0, but no literal: for one, numba would compile all that takes it a second time
     for j in range(plan.channels + plan.meters):
@@ -274,7 +288,7 @@ def row_of(rows: Floats, step: int) -> int:
 @numba.njit(error_model="numpy", nogil=True, cache=True)
 def observe(
     plan: Plan,
-    r: Readings,
+    r: ReadingsPlan,
     m: Floats,
     at: Index,
     outside: Floats,
@@ -302,7 +316,7 @@ def observe(
 
 
 @within
-def _covariances_of(plan: Plan, r: Readings, m: Floats, at: Index, q: int, variance: float) -> None:
+def _covariances_of(plan: Plan, r: ReadingsPlan, m: Floats, at: Index, q: int, variance: float) -> None:
     """Fill cov(y_p, y_q) of every reading p up to q, behind both rows; `variance` of the noise of q."""
     stride, column, own = r.stride, plan.length + q, r.crossed + q * r.stride + plan.length
     for p in range(q):
@@ -323,7 +337,7 @@ def _covariances_of(plan: Plan, r: Readings, m: Floats, at: Index, q: int, varia
 
 
 @within
-def _covariance_before(plan: Plan, r: Readings, m: Floats, at: Index, q: int, i: int) -> float:
+def _covariance_before(plan: Plan, r: ReadingsPlan, m: Floats, at: Index, q: int, i: int) -> float:
     """cov(y_q, x_i), x_i before the step."""
     total, row = 0.0, i * plan.length
     first, end = later_of(r, at, q)
@@ -338,7 +352,7 @@ def _covariance_before(plan: Plan, r: Readings, m: Floats, at: Index, q: int, i:
 
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
-def correct(plan: Layout, r: Readings, m: Floats, at: Index, count: int, innovations: Floats) -> float:
+def correct(plan: RowLayout, r: ReadingsPlan, m: Floats, at: Index, count: int, innovations: Floats) -> float:
     """The state given the first `count` readings: [P | x] at `state` from that at `ahead`, symmetric to the last bit.
     Returns the log likelihood of the readings. Fills `innovations` (m + q, 2): each reading's difference from what
     those before it let expect [K, W], and its variance; NaN where there is no reading."""

@@ -30,12 +30,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.arithmetic.lane_code import pointer
-from twin.arithmetic.lanes import Store, less, mirrored, record, row_less, scaled, sweep
-from twin.filters.ekf import Estimate, Run, columns_of, courses, estimate_of, through
-from twin.filters.inputs import AnyReading, Inputs, Start, inputs_of
+from twin.arithmetic.lanes import LaneStore, less, mirrored, record, row_less, scaled, sweep
+from twin.filters.ekf import Estimate, FilterRun, columns_of, courses, estimate_of, through
+from twin.filters.inputs import AnyReading, FilterStart, Inputs, inputs_of
 from twin.filters.plan import Plan
 from twin.filters.planning import plan
-from twin.filters.readings import Readings, correct, earlier_entry, earlier_of, observe, readings_of, row_of
+from twin.filters.readings import ReadingsPlan, correct, earlier_entry, earlier_of, observe, readings_of, row_of
 from twin.filters.step import carry, derive
 from twin.filters.unknowns import Unknown
 from twin.motor.network import Network
@@ -46,7 +46,7 @@ Index = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
-class Smoothed:
+class SmootherEstimate:
     """What is known at each edge from all readings of the session; `filtered`: from those so far. `temperatures` (N +
     1, n) [degC] and `found` (N + 1, u) of the unknowns (heat [W], logarithm of a factor, error [K]), each with its
     standard deviation. Row k is of edge k; its unknowns hold in step k."""
@@ -59,8 +59,8 @@ class Smoothed:
 
 
 def smoothed(
-    network: Network, frame: Frame, start: Start, unknowns: Sequence[Unknown], readings: Sequence[AnyReading]
-) -> Smoothed:
+    network: Network, frame: Frame, start: FilterStart, unknowns: Sequence[Unknown], readings: Sequence[AnyReading]
+) -> SmootherEstimate:
     """Temperatures and unknowns from all readings of the session. Raises as `twin.filters.ekf.filter_unknowns`."""
     inputs = inputs_of(network, frame, start, unknowns, readings)
     steps, n = len(inputs.values), len(network.nodes)
@@ -91,7 +91,7 @@ def smoothed(
         )
     sd = np.sqrt(states[1], out=states[1])
     found, found_sd = columns_of(states[0, :, n:], of), columns_of(sd[:, n:], of)
-    return Smoothed(filtered, states[0, :, :n], sd[:, :n], found, found_sd)
+    return SmootherEstimate(filtered, states[0, :, :n], sd[:, :n], found, found_sd)
 
 
 def of_block(rows: Floats, block: slice) -> Floats:
@@ -122,9 +122,9 @@ class Back(NamedTuple):
     by_row: int  # (S,) pairs: where each row begins, twice
 
 
-def _run_of(inputs: Inputs, steps: int) -> tuple[Run, Back]:
+def _run_of(inputs: Inputs, steps: int) -> tuple[FilterRun, Back]:
     """A filter, and the places of the way back through blocks of at most so many steps."""
-    store = Store()
+    store = LaneStore()
     own = plan(inputs.parts, inputs.boundaries.shape[1], store)
     readings = readings_of(own, store)
     most, length = own.channels + own.meters, own.length
@@ -140,10 +140,10 @@ def _run_of(inputs: Inputs, steps: int) -> tuple[Run, Back]:
         by_number=store.pairs([(i * length, i) for i in range(own.size)]),
         by_row=store.pairs([(i * length, i * length) for i in range(own.size)]),
     )
-    return Run(record(own), record(readings), own.size, store.numbers(), store.indices()), record(back)
+    return FilterRun(record(own), record(readings), own.size, store.numbers(), store.indices()), record(back)
 
 
-def _forward(inputs: Inputs, run: Run, blocks: Sequence[slice]) -> tuple[list[Floats], Estimate]:
+def _forward(inputs: Inputs, run: FilterRun, blocks: Sequence[slice]) -> tuple[list[Floats], Estimate]:
     """The filter over all blocks: [P | x] at the start of each block, and what the filter says."""
     states, innovations = courses(inputs)
     run.begin(inputs)
@@ -172,7 +172,7 @@ def _forward(inputs: Inputs, run: Run, blocks: Sequence[slice]) -> tuple[list[Fl
 @numba.njit(error_model="numpy", nogil=True, cache=True)
 def _back_through(
     plan: Plan,
-    taken: Readings,
+    taken: ReadingsPlan,
     back: Back,
     numbers: Floats,
     indices: Index,
@@ -218,7 +218,7 @@ def _back_through(
 
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
-def _reading_rows(plan: Plan, taken: Readings, back: Back, m: Floats, at: Index, count: int, out: int) -> None:
+def _reading_rows(plan: Plan, taken: ReadingsPlan, back: Back, m: Floats, at: Index, count: int, out: int) -> None:
     """Fill `out`, a row of the readings' stride each: how each of `count` readings moves with the state before the
     step."""
     sweep(m, at, taken.by_later, out, back.before, back.before, plan.unit, taken.later_share, plan.length)
@@ -231,7 +231,7 @@ def _reading_rows(plan: Plan, taken: Readings, back: Back, m: Floats, at: Index,
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
 def _make_independent(
-    plan: Plan, taken: Readings, m: Floats, at: Index, count: int, innovations: Floats, rows: int
+    plan: Plan, taken: ReadingsPlan, m: Floats, at: Index, count: int, innovations: Floats, rows: int
 ) -> None:
     """Make `rows` those of the independent readings of variance 1 that `correct` just made, each with its innovation
     behind it, sign changed."""
@@ -248,7 +248,7 @@ def _make_independent(
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
 def _before_step(
-    plan: Plan, taken: Readings, back: Back, m: Floats, at: Index, count: int, rows: int, matrix: int
+    plan: Plan, taken: ReadingsPlan, back: Back, m: Floats, at: Index, count: int, rows: int, matrix: int
 ) -> None:
     """[L | l] of before a step and its readings from that of after them, symmetric to the last bit."""
     size, length, product, later = plan.size, plan.length, back.product, back.later

@@ -18,9 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.filters.ekf import Estimate, courses, estimate_of, run_of
-from twin.filters.inputs import AnyReading, Start, inputs_of
+from twin.filters.inputs import AnyReading, FilterStart, inputs_of
 from twin.filters.plan import Plan
-from twin.filters.readings import Readings, correct, observe, row_of
+from twin.filters.readings import ReadingsPlan, correct, observe, row_of
 from twin.filters.step import move
 from twin.filters.unknowns import Unknown
 from twin.motor.network import Network
@@ -33,7 +33,7 @@ ALPHA, BETA, KAPPA = 0.5, 2.0, 0.0  # points at half of sqrt(size) standard devi
 
 
 def filter_unscented(
-    network: Network, frame: Frame, start: Start, unknowns: Sequence[Unknown], readings: Sequence[AnyReading]
+    network: Network, frame: Frame, start: FilterStart, unknowns: Sequence[Unknown], readings: Sequence[AnyReading]
 ) -> Estimate:
     """Temperatures and unknowns from the readings by sigma points. Takes, returns and raises what
     `twin.filters.ekf.filter_unknowns` does."""
@@ -61,7 +61,7 @@ def filter_unscented(
 @numba.njit(error_model="numpy", nogil=True, cache=True)
 def _through(
     plan: Plan,
-    taken: Readings,
+    taken: ReadingsPlan,
     m: Floats,
     at: Index,
     features: Floats,

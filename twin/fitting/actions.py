@@ -144,7 +144,7 @@ class Late:
 
 
 @dataclass(frozen=True)
-class FreeHeat:
+class HeatTent:
     """p [W] * tent into a node: one of those that make up a free heat, at `time_s` of its test."""
 
     node: int
@@ -153,7 +153,7 @@ class FreeHeat:
 
 
 OnTerms = Scale | Power | Tent | Course | InputGain | InputBias
-OnTemperatures = Added | Tilt | Capacity | Attached | Start | BoundaryBias | FreeHeat
+OnTemperatures = Added | Tilt | Capacity | Attached | Start | BoundaryBias | HeatTent
 OnReading = Misreading | Lag | Beside | Late
 OnBench = Misreading | Lag | Late | BoundaryBias | InputGain | InputBias  # what a bench file corrects
 Action = OnTerms | OnTemperatures | OnReading

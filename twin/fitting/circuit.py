@@ -94,7 +94,7 @@ class Circuit:
     def moved_by_start(self, node: int) -> list[int]:
         return [node, *(self.n + i for i, (_, follows, _) in enumerate(self.followers) if follows == node)]
 
-    def run(self, beta: Floats, course: Floats) -> Run:
+    def run(self, beta: Floats, course: Floats) -> CircuitRun:
         """One run, heats linearised about a course (N, states). Raises `DivergedError`."""
         drive = self.drive
         prompt, tents = drive.terms(beta)
@@ -114,11 +114,11 @@ class Circuit:
         edges, means = run(system, self.start(beta))
         acting = {int(i) for own in (self.of_terms, self.of_features) for i in own.to[own.weights(beta) != 0]}
         affine = all(self.laws[i].affine for i in acting)
-        return Run(beta, prompt, tents, late_s, values, carried, affine, system, boundaries, edges, means)
+        return CircuitRun(beta, prompt, tents, late_s, values, carried, affine, system, boundaries, edges, means)
 
 
 @dataclass(frozen=True)
-class Run:
+class CircuitRun:
     """One run of one test at a vector. `prompt` (T, N): terms before they are delayed by `late_s`, `tents` the factors
     of their tents; `values` (T, N) as they act; `carried` (L, N): what each law carries; `affine`: whether every heat
     is linear in temperature, so that the course it was linearised about does not matter."""

@@ -21,7 +21,7 @@ LEAST_TENT = 0.05
 PROBE_S = 0.25  # of time, for the slope of a reading by its stamps: past the kinks at whole steps
 
 
-class Rows:
+class RowsByName:
     """Rows (R, N) that are asked for by a name, each made once; row 0 is 1."""
 
     def __init__(self, length: int) -> None:
@@ -46,7 +46,7 @@ class Drive:
         own = {m.name: test.frame.features[:, j] for j, m in enumerate(features.monomials(network))}
         ones = np.ones(len(test.frame.features))
         self.base = np.array([term.coefficient * own.get(features.monomial(term).name, ones) for term in terms])
-        self.shapes, self.features, self.one = Rows(ones.size), Rows(ones.size), ones[None]
+        self.shapes, self.features, self.one = RowsByName(ones.size), RowsByName(ones.size), ones[None]
         self._effects: dict[actions.OnTerms, list[tuple[int, int, float]]] = {}
         self._late = [(p, one.sign) for p, one in active if isinstance(one, actions.Late) and test.is_common(one)]
         logs: list[Product] = []

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from twin.compiled.laws import Law, Table, psi
 from twin.fitting import actions
 from twin.fitting.actions import Action
-from twin.fitting.circuit import Circuit, Run
-from twin.fitting.responses import Loads
+from twin.fitting.circuit import Circuit, CircuitRun
+from twin.fitting.responses import ParameterHeats
 from twin.fitting.rows import Product, Products, parts_of_delay, shifted
 from twin.motor.network import NOBODY
 from twin.motor.outputs import lagged
@@ -121,7 +121,7 @@ class Heats:
             case actions.BoundaryBias(boundary):
                 for i, law in self._ending_at(boundary):
                     self._add("bounds", self._row(law.a, NOBODY, column), -1.0, i, i)
-            case actions.FreeHeat(node, time_s, spacing_s):
+            case actions.HeatTent(node, time_s, spacing_s):
                 middle = circuit.edges_s[:-1] + circuit.step_s / 2
                 self._add("given", self._row(node, NOBODY, column), 1.0, len(self._given))
                 self._given.append(np.maximum(0.0, 1 - np.abs(middle - time_s) / spacing_s))
@@ -148,7 +148,7 @@ class Heats:
         """The circuit's laws that end at a boundary."""
         return [(i, law) for i, law in enumerate(self.circuit.laws) if law.b == self.circuit.states + boundary]
 
-    def loads(self, run: Run) -> Loads:
+    def loads(self, run: CircuitRun) -> ParameterHeats:
         """All heats about a run [W per unit of each parameter]."""
         circuit = self.circuit
         value, by_b = psi(self._table, run.means, run.boundaries)
@@ -159,10 +159,10 @@ class Heats:
         for kind, products in self._products.items():
             for first, second in self._factors(kind, run, value, by_b, of_terms):
                 products.add(found, first, second, run.beta)
-        return Loads(found, self._a, self._b, self._column)
+        return ParameterHeats(found, self._a, self._b, self._column)
 
     def _factors(
-        self, kind: Kind, run: Run, value: Floats, by_b: Floats, of_terms: Floats
+        self, kind: Kind, run: CircuitRun, value: Floats, by_b: Floats, of_terms: Floats
     ) -> Iterator[tuple[Floats, Floats]]:
         """What the entries of a kind multiply. `value`, `by_b` (L, N): psi and its slope with T_b; `of_terms` (T, N):
         psi of the terms' laws, their tilts included."""
@@ -200,7 +200,7 @@ class Heats:
             case _:
                 assert_never(kind)
 
-    def _following(self, run: Run, node: int, lag_s: float) -> Floats:
+    def _following(self, run: CircuitRun, node: int, lag_s: float) -> Floats:
         """Heat into a node of 1 J/K that follows it (N,) [W]."""
         behind = lagged(run.edges[:, node], lag_s, self.circuit.step_s) - run.edges[:, node]
         heat: Floats = (behind[:-1] + behind[1:]) / (2 * lag_s)

@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 
 from twin.compiled.laws import Integers, Law, every_place, psi, psi_of
 from twin.fitting.actions import Action
-from twin.fitting.circuit import Circuit, Run
+from twin.fitting.circuit import Circuit, CircuitRun
 from twin.fitting.heats import Heats, Kind
-from twin.fitting.responses import Mean, Sensor, columns
+from twin.fitting.responses import Mean, SensorRow, columns
 from twin.motor.network import NOBODY
 from twin.motor.observables import Thermometric, lag_parts, lagged_means
 from twin.motor.outputs import Blocks, lagged
@@ -38,7 +38,7 @@ class Metering:
         self._wanted: list[tuple[int, Action]] = []
         self._heats: Heats | None = None
         self._counted: dict[int | None, _Counted] = {}
-        self._known: tuple[Run, list[Floats]] | None = None
+        self._known: tuple[CircuitRun, list[Floats]] | None = None
 
     def counts(self, law: Law, boundary: int | None) -> bool:
         """Whether a meter of all sources (None), or of what a boundary takes, counts a law's heat."""
@@ -48,7 +48,7 @@ class Metering:
         """The circuit's laws that a meter counts."""
         return [i for i, law in enumerate(self.circuit.laws) if self.counts(law, boundary)]
 
-    def reading(self, run: Run, k: int) -> Floats:
+    def reading(self, run: CircuitRun, k: int) -> Floats:
         """Block means (B,) of meter k, with perfect gain and without bias."""
         meter, cut, step_s = self.meters[k], self.cuts[k], self.circuit.step_s
         if meter.law is not None:
@@ -66,7 +66,7 @@ class Metering:
             weights[names.index(node)] += share
         return weights
 
-    def columns(self, run: Run, wanted: Sequence[tuple[int, Action]]) -> list[Floats]:
+    def columns(self, run: CircuitRun, wanted: Sequence[tuple[int, Action]]) -> list[Floats]:
         """Of every meter (B, P): d(block mean of its reading) / d(parameter), `wanted`: (column, action),
         P of the last column."""
         if wanted != self._wanted:
@@ -88,16 +88,16 @@ class Metering:
                 found[k][:, column] += _sign(meter.boundary) * cut.of_steps(row)
         return found
 
-    def _through_temperatures(self, run: Run) -> list[Floats]:
+    def _through_temperatures(self, run: CircuitRun) -> list[Floats]:
         assert self._heats is not None
         circuit, total = self.circuit, max(column for column, _ in self._wanted) + 1
-        sensors: list[Sensor] = []
+        sensors: list[SensorRow] = []
         means: list[Mean] = []
         of_meter: list[tuple[int, float]] = []  # and what it changes by with the sensor
         for k, meter in enumerate(self.meters):
             if meter.law is not None:
                 means.append(Mean(len(sensors), self.cuts[k].old, self.cuts[k].new))
-                sensors.append(Sensor(self._weights(meter.law), meter.output.time_constant_s))
+                sensors.append(SensorRow(self._weights(meter.law), meter.output.time_constant_s))
                 of_meter.append((k, meter.law.per_K))
                 continue
             slope = self._slopes(run, meter.boundary)
@@ -108,7 +108,7 @@ class Metering:
                 for ahead, weight in parts:  # a step's mean temperature is that of its ends: the midpoint rule
                     half = weight * slope[node] / 2
                     means.append(Mean(len(sensors), half, half, ahead))
-                sensors.append(Sensor(weights, 0.0))
+                sensors.append(SensorRow(weights, 0.0))
                 of_meter.append((k, 1.0))
         result = [np.zeros((int(cut.there.sum()), total)) for cut in self.cuts]
         if sensors:
@@ -119,7 +119,7 @@ class Metering:
                 result[k] += factor * moved[self.cuts[k].there]
         return result
 
-    def _slopes(self, run: Run, boundary: int | None) -> Floats:
+    def _slopes(self, run: CircuitRun, boundary: int | None) -> Floats:
         """(states, N) [W/K]: what a meter's heats change by with the mean temperature of each state in a step."""
         own, table = self.laws(boundary), self.circuit.table
         found = np.zeros((self.circuit.states, self.circuit.steps))

@@ -16,15 +16,15 @@ from numpy.typing import NDArray
 
 from twin.fitting import actions
 from twin.fitting.actions import Action, Parameter
-from twin.fitting.circuit import Circuit, Run
+from twin.fitting.circuit import Circuit, CircuitRun
 from twin.fitting.heats import Heats
 from twin.fitting.noise import ChannelNoise, Series, whiten
 from twin.fitting.readings import Readings, Sensing
-from twin.fitting.recorded import Channel, Test
+from twin.fitting.recorded import Test
 from twin.fitting.responses import columns
 from twin.motor.network import NOBODY, Network
 
-__all__ = ["BROAD", "Channel", "Columns", "Model", "Test"]
+__all__ = ["BROAD", "Columns", "Model", "Test"]
 
 Floats = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -171,7 +171,7 @@ class Model:
         test_s = float(len(system.heat) * self.tests[test].frame.step_s)
         return min(1.0 / slowest, test_s) if slowest > 0 else test_s
 
-    def _run(self, test: int, beta: Floats, settle: bool = False) -> Run:
+    def _run(self, test: int, beta: Floats, settle: bool = False) -> CircuitRun:
         circuit = self._marches[test].circuit
         course = self._courses.get(test)
         first = course is None
@@ -207,13 +207,13 @@ class _March:
     def _own(self) -> Heats:
         return Heats(self.circuit, [(j, action, p) for j, (p, action) in enumerate(self.circuit.active)])
 
-    def readings(self, ran: Run) -> list[Readings]:
+    def readings(self, ran: CircuitRun) -> list[Readings]:
         return [Readings(self.sensing, ran, k) for k in range(len(self.sensing.blocks))]
 
-    def series(self, ran: Run) -> list[Series]:
+    def series(self, ran: CircuitRun) -> list[Series]:
         return [one.series() for one in self.readings(ran)]
 
-    def columns(self, ran: Run, at: Sequence[int], extra: Sequence[Parameter]) -> list[Columns]:
+    def columns(self, ran: CircuitRun, at: Sequence[int], extra: Sequence[Parameter]) -> list[Columns]:
         """Of the parameters at these places of the vector, and of others at zero."""
         circuit, sensing = self.circuit, self.sensing
         action_at = dict(circuit.active)

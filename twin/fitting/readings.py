@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 
 from twin.fitting import actions
 from twin.fitting.actions import Action
-from twin.fitting.circuit import Circuit, Run
+from twin.fitting.circuit import Circuit, CircuitRun
 from twin.fitting.drive import PROBE_S
 from twin.fitting.metering import Metering
 from twin.fitting.noise import Series
-from twin.fitting.recorded import Channel
-from twin.fitting.responses import Mean, Sensor, means
+from twin.fitting.recorded import RecordedChannel
+from twin.fitting.responses import Mean, SensorRow, means
 from twin.motor.outputs import blocks, lagged
 from twin.motor.sensor_laws import AMBIENT, SENSOR_LAWS, Bias, Gain, Lag, Misreading, Seen
 
@@ -69,7 +69,7 @@ class Sensing:
         laws = [law for law in MISREADINGS if law.of_ambient]
         return [(p, law.of_ambient) for law in laws for p, _ in self.of(k, law)]
 
-    def _weights(self, channel: Channel) -> Floats:
+    def _weights(self, channel: RecordedChannel) -> Floats:
         names = [node.name for node in self.circuit.network.nodes]
         weights = np.zeros(self.circuit.states)
         for node, share in channel.output.weights.items():
@@ -94,10 +94,10 @@ class Sensing:
 class Readings:
     """What channel k shows in one run; behind the channels stand the meters."""
 
-    def __new__(cls, sensing: Sensing, run: Run, k: int) -> Readings:  # noqa: PYI034 -- k says which of the two
+    def __new__(cls, sensing: Sensing, run: CircuitRun, k: int) -> Readings:  # noqa: PYI034 -- k says which of the two
         return super().__new__(cls if k < len(sensing.test.channels) else _MeterReadings)
 
-    def __init__(self, sensing: Sensing, run: Run, k: int) -> None:
+    def __init__(self, sensing: Sensing, run: CircuitRun, k: int) -> None:
         self.sensing, self.run, self.k = sensing, run, k
         self.channel, self.cut = sensing.test.channels[k], sensing.blocks[k]
         self.step_s = sensing.circuit.step_s
@@ -120,8 +120,8 @@ class Readings:
         return float(sum(self.run.beta[p] for p, _ in self.sensing.of(self.k, kind)))
 
     @property
-    def sensor(self) -> Sensor:
-        return Sensor(self.weights, self.lag_s)
+    def sensor(self) -> SensorRow:
+        return SensorRow(self.weights, self.lag_s)
 
     def block_means(self) -> list[Mean]:
         """Means of blocks as `twin.fitting.responses.responses` takes them."""
@@ -208,7 +208,7 @@ class Readings:
 class _MeterReadings(Readings):
     """What a meter shows in one run. It follows no temperature alone: all of its columns come from `columns`."""
 
-    def __init__(self, sensing: Sensing, run: Run, k: int) -> None:
+    def __init__(self, sensing: Sensing, run: CircuitRun, k: int) -> None:
         self.sensing, self.run, self.k, self.cut = sensing, run, k, sensing.blocks[k]
         self.at = k - len(sensing.test.channels)
         self.meter = sensing.test.meters[self.at]
@@ -216,8 +216,8 @@ class _MeterReadings(Readings):
         self.truth_means = sensing.metering.reading(run, self.at)
 
     @property
-    def sensor(self) -> Sensor:
-        return Sensor(np.zeros(self.sensing.circuit.states), 0.0)
+    def sensor(self) -> SensorRow:
+        return SensorRow(np.zeros(self.sensing.circuit.states), 0.0)
 
     def block_means(self) -> list[Mean]:
         return []

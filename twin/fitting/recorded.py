@@ -21,7 +21,7 @@ LEAST_HEAT_W = 1.0
 
 
 @dataclass(frozen=True)
-class Channel:
+class RecordedChannel:
     """An observed channel of one test. `measured` (N,) [degC]: means over the steps, any value where `output.samples`
     is 0; `white_sd`, `resolution` [K] of one sample; `bias_sd` [K] constant within the test."""
 
@@ -35,12 +35,12 @@ class Channel:
 
 
 @dataclass(frozen=True)
-class Meter:
+class RecordedMeter:
     """An observed channel of one test that is no thermometer, in its own `unit`: what goes with the temperature of
     nodes (`law`), or else a heat [W], of all sources (`boundary` None) or what a boundary (an index) takes out of the
     motor. `given` (N,): what the meter of a heat reads besides, known from inputs, as the mechanical power is in the
     electrical. The stamps are those of the inputs, the weights of `output` mean nothing; `gain_sd`: of the share by
-    which it reads too much; all else as in `Channel`.
+    which it reads too much; all else as in `RecordedChannel`.
 
     A model's rows of a meter are so many `row`, so that 1 is as much as 1 K of a thermometer
     and one rule serves the noise of both."""
@@ -82,13 +82,13 @@ class Test:
     features: Mapping[str, Floats]
     initial: Floats
     initial_sd: Floats
-    channels: tuple[Channel, ...]
+    channels: tuple[RecordedChannel, ...]
     course: Mapping[str, float] = field(default_factory=dict)
     start_ns: int = 0
-    meters: tuple[Meter, ...] = ()
+    meters: tuple[RecordedMeter, ...] = ()
 
     @property
-    def sensors(self) -> tuple[Channel | Meter, ...]:
+    def sensors(self) -> tuple[RecordedChannel | RecordedMeter, ...]:
         """Channels, then meters: the order of a model's rows."""
         return (*self.channels, *self.meters)
 

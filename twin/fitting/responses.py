@@ -27,7 +27,7 @@ NEAR = 8  # blocks whose heats are laid side by side, as they are used
 
 
 @dataclass(frozen=True)
-class Sensor:
+class SensorRow:
     """A channel as the march reads it: `weights` (n,) of the nodes and first-order lag [s]."""
 
     weights: Floats
@@ -72,7 +72,7 @@ def means(sensor: int, blocks: Blocks, late: Floats) -> list[Mean]:
 
 
 @dataclass(frozen=True)
-class Loads:
+class ParameterHeats:
     """What parameters bring: `heat` (L, N) [W per unit], each into node `a` and, where there is one, out of node `b`
     (L,), of parameter `column` (L,). Those of one place stand together."""
 
@@ -84,9 +84,9 @@ class Loads:
 
 def columns(
     system: System,
-    sensors: Sequence[Sensor],
+    sensors: Sequence[SensorRow],
     wanted: Sequence[Mean],
-    loads: Loads,
+    loads: ParameterHeats,
     starts: Mapping[int, Sequence[int]],
     total: int,
     length: int,

@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.fitting.recorded import Channel, Test
+from twin.fitting.recorded import RecordedChannel, Test
 from twin.motor.features import monomial, monomials, terms
 from twin.motor.network import Network
 from twin.motor.outputs import BLOCK_S, Output
@@ -37,7 +37,7 @@ def coarse(test: Test) -> Test:
     def means(values: Floats) -> Floats:
         return np.asarray(values[: steps * many].reshape(steps, many, *values.shape[1:]).mean(axis=1))
 
-    def thinned(channel: Channel) -> Channel:
+    def thinned(channel: RecordedChannel) -> RecordedChannel:
         samples = channel.output.samples[: steps * many].reshape(steps, many)
         total = np.maximum(samples.sum(axis=1), 1.0)
         values = np.where(samples > 0.0, channel.measured[: steps * many].reshape(steps, many), 0.0)
@@ -65,7 +65,7 @@ def by_place(test: Test, left_out: Collection[str]) -> Test:
     """The test with one channel for all that follow the same nodes with the same lag, but for those of the names
     `left_out`: their mean where each of them has samples, none where they never have. Sensors of one lump are at
     different places of it, and their mean is nearer to what the lump stands for."""
-    groups: dict[tuple[object, ...], list[Channel]] = {}
+    groups: dict[tuple[object, ...], list[RecordedChannel]] = {}
     for channel in test.channels:
         if channel.name not in left_out:
             place = (*sorted(channel.output.weights.items()), channel.output.time_constant_s)
@@ -74,12 +74,12 @@ def by_place(test: Test, left_out: Collection[str]) -> Test:
     return replace(test, channels=tuple(channel for channel in means if channel.output.samples.any()))
 
 
-def _mean(channels: Sequence[Channel]) -> Channel:
+def _mean(channels: Sequence[RecordedChannel]) -> RecordedChannel:
     first, many = channels[0], len(channels)
     samples = np.min([c.output.samples for c in channels], axis=0)
     weights = first.output.weights
     rms = {name: float(np.sqrt(np.mean([getattr(c, name) ** 2 for c in channels]))) for name in NOISES}
-    return Channel(
+    return RecordedChannel(
         name=" + ".join(weights),
         bus=first.bus,
         output=Output(
@@ -127,7 +127,7 @@ def _lead_K(test: Test) -> float:
     return float(np.mean(list(first.values())) - test.frame.boundaries[0].mean()) if first else 0.0
 
 
-def of_iron(network: Network, channel: Channel) -> bool:
+def of_iron(network: Network, channel: RecordedChannel) -> bool:
     """Whether a channel follows iron more than anything else."""
     region = {node.name: node.region for node in network.nodes}
     weights = channel.output.weights
@@ -190,7 +190,7 @@ def minutes_of_switches(network: Network, test: Test, minutes: float) -> Test | 
 def only(test: Test, shown: Bools) -> Test:
     """The test with the samples of the steps `shown` (N,) alone; channels that have none there are left out."""
 
-    def cut(channel: Channel) -> Channel:
+    def cut(channel: RecordedChannel) -> RecordedChannel:
         samples = np.where(shown, channel.output.samples, 0.0)
         return replace(channel, output=replace(channel.output, samples=samples))
 

@@ -27,10 +27,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.arithmetic.lane_code import pointer
-from twin.arithmetic.lanes import Store, record
+from twin.arithmetic.lanes import LaneStore, record
 from twin.filters.ekf import Estimate, estimate_of
-from twin.filters.inputs import READING_SD_K, AnyReading, Inputs, Reading, Start, inputs_of
-from twin.filters.readings import Readings, correct, readings_of, row_of
+from twin.filters.inputs import READING_SD_K, AnyReading, FilterStart, Inputs, Reading, inputs_of
+from twin.filters.readings import ReadingsPlan, correct, readings_of, row_of
 from twin.filters.unknowns import Unknown
 from twin.motor.network import Network
 from twin.paper.ekf_step import (
@@ -60,7 +60,7 @@ RATE_SD = 500.0
 
 
 def filter_with_rates(
-    network: Network, frame: Frame, start: Start, unknowns: Sequence[Unknown], readings: Sequence[AnyReading]
+    network: Network, frame: Frame, start: FilterStart, unknowns: Sequence[Unknown], readings: Sequence[AnyReading]
 ) -> Estimate:
     """Temperatures and unknowns from the readings; takes, returns and raises what `twin.filters.ekf.filter_unknowns`
     does, with the `covariance` of z, zdot, rho and lagging readings. A meter of heat is linear about the state as
@@ -74,7 +74,7 @@ def filter_with_rates(
     x, covariance = at_the_start(inputs, laws, laws.amounts(inputs.features[0]), around[0], capacities, state)
     n, (steps, channels) = len(capacities), inputs.values.shape
     own = np.r_[0:n, 2 * n : len(x)]
-    store = Store()
+    store = LaneStore()
     rates = rates_of(inputs.parts, multiplied, capacities, around.shape[1], frame.step_s, store)
     taken = readings_of(rates, store)
     numbers, indices = store.numbers(), store.indices()
@@ -278,7 +278,7 @@ def _run(
     places: Floats,
     variances: Floats,
     rates: Rates,
-    taken: Readings,
+    taken: ReadingsPlan,
     numbers: Floats,
     indices: Index,
     x: Floats,

@@ -23,7 +23,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.arithmetic.lanes import NOWHERE, Store, Sweep, less, paired, scaled, sweep, transposed, width, within
+from twin.arithmetic.lanes import NOWHERE, LaneStore, Sweep, less, paired, scaled, sweep, transposed, width, within
 from twin.filters.matrix import eliminate, laws_at
 from twin.filters.plan import Parts, ends_of, psi_of
 
@@ -139,7 +139,7 @@ def rates_of(
     capacities: Floats,
     boundaries: int,
     step_s: float,
-    store: Store,
+    store: LaneStore,
 ) -> Rates:
     """The places of a run among so many boundaries; `store` is given room for it. `multiplied` as in `shares_of`."""
     program, m, meters = parts.program, len(parts.weights), len(parts.signs)

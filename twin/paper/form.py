@@ -129,7 +129,7 @@ class Constraints:
 
 
 @dataclass(frozen=True)
-class Course:
+class RunWithFlows:
     """A run in the paper's form: `temperatures` (N + 1, n) [degC], `flows` (N + 1, F) [W] as `of` names them,
     `stored` (N + 1, n) [W] heat into each capacitor. Row 0 is the start, under the inputs of the first step."""
 
@@ -160,7 +160,7 @@ def constraints(network: Network) -> Constraints:
     )
 
 
-def simulate_with_flows(network: Network, frame: Frame, initial: Floats) -> Course:
+def simulate_with_flows(network: Network, frame: Frame, initial: Floats) -> RunWithFlows:
     """Temperatures and every heat flow from `initial` (n,) [degC] on, by BDF2 with Newton-Raphson; inputs held over
     each step.
 
@@ -183,7 +183,7 @@ def simulate_with_flows(network: Network, frame: Frame, initial: Floats) -> Cour
         q[k + 1] = _newton(form, q[k], amounts[k], frame.boundaries[k], per_s, past, k * frame.step_s)
     end = form.temperatures
     check_finite(network, frame, q[:, :n])
-    return Course(form.flows, q[:, :n], q[:, end : end + len(form.flows)], q[:, end + len(form.flows) :])
+    return RunWithFlows(form.flows, q[:, :n], q[:, end : end + len(form.flows)], q[:, end + len(form.flows) :])
 
 
 def _newton(

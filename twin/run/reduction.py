@@ -40,7 +40,7 @@ LEADING = 8  # pairs that are run at each size below
 
 
 @dataclass(frozen=True)
-class Course:
+class FullRun:
     """One session: inputs `frame` of N steps for the full network, and the full network's own temperatures (N + 1, n)
     [degC] in them."""
 
@@ -90,8 +90,8 @@ class _State:
 
 def reductions(
     network: Network,
-    trained: Sequence[Course],
-    kept: Sequence[Course],
+    trained: Sequence[FullRun],
+    kept: Sequence[FullRun],
     interest: Sequence[str],
     apart: Sequence[str],
     least: int,
@@ -170,8 +170,8 @@ class _Work:
     def __init__(
         self,
         network: Network,
-        trained: Sequence[Course],
-        kept: Sequence[Course],
+        trained: Sequence[FullRun],
+        kept: Sequence[FullRun],
         interest: Sequence[str],
         apart: Sequence[str],
         compile_: Compile,
@@ -267,7 +267,7 @@ class _Work:
         trained = self.error(state, self._trained)
         return Reduced(state.network, groups, trained, self.error(state, self._kept) if self._kept else None)
 
-    def error(self, state: _State, courses: Sequence[Course]) -> Error:
+    def error(self, state: _State, courses: Sequence[FullRun]) -> Error:
         """What a run of the reduced network is off by against the full one's, over the courses."""
         compiled = self._compile(state.network)
         columns = [self._columns.index(monomial) for monomial in monomials(state.network)]

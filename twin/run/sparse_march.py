@@ -16,7 +16,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.arithmetic.lanes import Store, Sweep, sweep
+from twin.arithmetic.lanes import LaneStore, Sweep, sweep
 from twin.arithmetic.vectors import LANES, vectors
 from twin.compiled.indexed import Index, Program, assemble
 
@@ -99,7 +99,7 @@ def run(
                     shares[first + k, n + edges + e] = values[n + edges + e, k]
 
 
-class Plan(NamedTuple):
+class MarchPlan(NamedTuple):
     """Where `carry` finds its numbers and lists (`twin.arithmetic.lanes`).
 
     A strip is a table with a column a parameter, `wide` numbers a row. For 2 nodes and 1 sensor its rows are, one
@@ -162,12 +162,12 @@ class Loads(NamedTuple):
 
 def planned(
     program: Program, storage: Floats, sensors: Sensors, steps: int, blocks: int, initial: Floats
-) -> tuple[Plan, Floats, Index, Index]:
+) -> tuple[MarchPlan, Floats, Index, Index]:
     """The plan of `steps` in `blocks` at a time, its numbers, its indices, and (W, 2) the sensor and the share in it
     of each weight. `initial` (n, S, W): the columns at the start, in S strips."""
     wide = initial.shape[2]
     n, m, edges = program.n, len(sensors.nodes), len(program.edge_to)
-    store, order = Store(), program.order.tolist()
+    store, order = LaneStore(), program.order.tolist()
     number = {node: p for p, node in enumerate(order)}
     rows, ends = [wide * i for i in range(n)], [wide * (n + i) for i in range(n)]
     downs: list[list[tuple[int, int]]] = [[] for _ in range(n)]
@@ -196,7 +196,7 @@ def planned(
         means.append([(row, len(of) + j) for j, (row, _) in enumerate(own)])
         of += [(s, weight) for _, weight in own]
     strips, size = initial.shape[1], n + 2 * edges
-    plan = Plan(
+    plan = MarchPlan(
         n=n,
         sensors=m,
         size=size,
@@ -229,7 +229,7 @@ def planned(
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
 def carry(
-    plan: Plan, m: Floats, at: Index, loads: Loads, heats: Floats, phi: Floats, length: int, means: Floats
+    plan: MarchPlan, m: Floats, at: Index, loads: Loads, heats: Floats, phi: Floats, length: int, means: Floats
 ) -> None:
     """Carry the columns of all strips through the steps whose shares and weights are in place; the means of each
     sensor over each block of `length` steps go to `means` (B, m, S, W). `heats` (L, K) [W per unit of the feature],

@@ -52,7 +52,7 @@ REFITS, SEED = 40, 0
 
 
 @dataclass(frozen=True)
-class Stretch:
+class SwitchSamples:
     """Samples around one switch of the load: `t_s` (n,) [s], `copper` (n,) mean [degC], `power` (n,) [W]. The switch
     was after `from_s` and not after `to_s`; `before_W` is the power until then."""
 
@@ -72,8 +72,8 @@ class Apparent:
     sd: float
 
 
-def stretch(t_s: Floats, copper: Floats, power: Floats, switched: int) -> Stretch | None:
-    """The stretch around the switch at sample `switched`, the first of the new load; arrays (N,) as in `Stretch`,
+def stretch(t_s: Floats, copper: Floats, power: Floats, switched: int) -> SwitchSamples | None:
+    """The stretch around the switch at sample `switched`, the first of the new load; arrays (N,) as in `SwitchSamples`,
     without NaN. None where fewer than 20 min are recorded after it or the samples are more than 60 s apart."""
     step = float(np.median(np.diff(t_s))) if t_s.size > 1 else np.inf
     from_s = float(t_s[switched - 1]) if switched else float(t_s[0]) - step
@@ -82,7 +82,7 @@ def stretch(t_s: Floats, copper: Floats, power: Floats, switched: int) -> Stretc
     if t_s[-1] < from_s + LENGTH_S - step or np.max(np.diff(after), initial=0.0) > MOST_STEP_S or step > MOST_STEP_S:
         return None
     before = power[(t_s >= from_s - BEFORE_S / 2.0) & (t_s <= from_s)]
-    return Stretch(
+    return SwitchSamples(
         t_s[wanted],
         copper[wanted],
         power[wanted],
@@ -92,7 +92,7 @@ def stretch(t_s: Floats, copper: Floats, power: Floats, switched: int) -> Stretc
     )
 
 
-def fit(stretches: Sequence[Stretch]) -> Apparent:
+def fit(stretches: Sequence[SwitchSamples]) -> Apparent:
     """The resistance that all `stretches` share. Raises ValueError where there are none."""
     if not stretches:
         raise ValueError("no stretch of heating or cooling: a fit needs one at least")
@@ -134,7 +134,7 @@ class _Solution:
     residual: list[Floats]  # of the likeliest moments
 
 
-def _design(part: Stretch, switch_s: float) -> _Design:
+def _design(part: SwitchSamples, switch_s: float) -> _Design:
     x = part.t_s - switch_s
     after, before = np.maximum(x, 0.0) / LENGTH_S, np.minimum(x, 0.0) / LENGTH_S
     columns = [np.ones_like(x), *(after**power for power in range(1, DEGREE + 1))]

@@ -18,8 +18,8 @@ from analytics.insulation.checks.darkening import cold_resistance, surface_shift
 from analytics.insulation.checks.routes import (
     ROUTES,
     CheckResistance,
-    Estimate,
     Read,
+    ResistanceEstimate,
     Route,
     Together,
     evaluate_by,
@@ -29,7 +29,7 @@ from analytics.insulation.checks.strays import strayed
 from analytics.insulation.checks.trace import CheckTrace, Loaded, unusable_sensors
 from analytics.insulation.checks.zero import of_one_zero
 
-__all__ = ["CheckResistance", "CheckTrace", "Estimate", "Together", "evaluate", "evaluate_together"]
+__all__ = ["CheckResistance", "CheckTrace", "ResistanceEstimate", "Together", "evaluate", "evaluate_together"]
 
 LEAST_SENSORS_SHARE = 0.5  # of the copper sensors that all checks of a specimen have to keep
 ENOUGH_SHARE = 0.75  # of the checks of a specimen that a route has to serve
@@ -95,21 +95,21 @@ def _answers(
     return tuple(evaluate_by(check, (one,)) for check, one in zip(checks, own, strict=True))
 
 
-def _in_their_course(found: Sequence[Estimate | str]) -> list[Estimate | str]:
+def _in_their_course(found: Sequence[ResistanceEstimate | str]) -> list[ResistanceEstimate | str]:
     """The estimates with an sd of what they can be off by from check to check: where each lies nearer to the middle
     of its neighbours than its sd lets it (median, for normal errors), the rest of that sd is common to all and moves
     no course."""
-    known = [one for one in found if isinstance(one, Estimate) and one.value > 0.0]
+    known = [one for one in found if isinstance(one, ResistanceEstimate) and one.value > 0.0]
     if len(known) < LEAST_COURSE:
         return list(found)
     ln_r, sd = np.log([one.value for one in known]), np.array([one.sd / one.value for one in known])
     off = ln_r[1:-1] - (ln_r[:-2] + ln_r[2:]) / 2
     allowed = np.sqrt(sd[1:-1] ** 2 + (sd[:-2] ** 2 + sd[2:] ** 2) / 4)
     share = min(1.0, float(np.median(np.abs(off) / allowed)) / MEDIAN)
-    return [replace(one, sd=share * one.sd) if isinstance(one, Estimate) else one for one in found]
+    return [replace(one, sd=share * one.sd) if isinstance(one, ResistanceEstimate) else one for one in found]
 
 
-def _known(found: Estimate | str, _: Loaded) -> Estimate | str:
+def _known(found: ResistanceEstimate | str, _: Loaded) -> ResistanceEstimate | str:
     return found
 
 

@@ -64,7 +64,7 @@ class CheckResistance:
 
 
 @dataclass(frozen=True)
-class Estimate:
+class ResistanceEstimate:
     """A resistance and its standard deviation [K/W]."""
 
     value: float
@@ -76,7 +76,7 @@ class Route:
     """`estimate` gives the resistance, or why this route does not serve."""
 
     source: str
-    estimate: Callable[[Loaded], Estimate | str]
+    estimate: Callable[[Loaded], ResistanceEstimate | str]
 
 
 @dataclass(frozen=True)
@@ -85,7 +85,7 @@ class Together:
     of each, or why this route does not serve it."""
 
     source: str
-    estimates: Callable[[Sequence[Mapping[str, str]]], Sequence[Estimate | str]]
+    estimates: Callable[[Sequence[Mapping[str, str]]], Sequence[ResistanceEstimate | str]]
 
 
 @dataclass(frozen=True)
@@ -115,14 +115,14 @@ def evaluate_by(one: Read, routes: Sequence[Route]) -> CheckResistance:
     for route in routes:
         found = route.estimate(one.check)
         why = found if isinstance(found, str) else too_wide(found)
-        if why is None and isinstance(found, Estimate):
+        if why is None and isinstance(found, ResistanceEstimate):
             return replace(one.told, resistance_K_per_W=found.value, sd_K_per_W=found.sd, source=route.source)
         reasons[f"{route.source}: {why}"] = None
     advice = "" if one.check.iron is not None else "; put a thermocouple on the iron"
     return replace(one.told, why="; ".join(reasons) + advice)
 
 
-def too_wide(found: Estimate) -> str | None:
+def too_wide(found: ResistanceEstimate) -> str | None:
     """Why an estimate is not taken; None where it is."""
     if found.value <= 0.0:
         return "copper is not warmer than iron"
@@ -167,7 +167,7 @@ def _state(settled: Settled | None, last: Floats) -> tuple[State, Floats, Floats
     return "extrapolated", settled.final, settled.sd
 
 
-def _by_iron(check: Loaded) -> Estimate | str:
+def _by_iron(check: Loaded) -> ResistanceEstimate | str:
     if check.iron is None:
         return "no iron temperature: no channel is of region iron"
     if check.load_s < LEAST_S:
@@ -177,10 +177,10 @@ def _by_iron(check: Loaded) -> Estimate | str:
     found = resistance_at_rest(check.t_s[on], drop, check.iron[on], check.power[on])
     if found is None:
         return f"fewer than {LEAST_S / 60.0:.0f} min of load with every sensor"
-    return Estimate(found.value, found.sd)
+    return ResistanceEstimate(found.value, found.sd)
 
 
-def _by_minutes(check: Loaded, parts: tuple[Part, ...]) -> Estimate | str:
+def _by_minutes(check: Loaded, parts: tuple[Part, ...]) -> ResistanceEstimate | str:
     switched = {"on": check.first, "off": check.last + 1}
     found = []
     for part in parts:
@@ -193,10 +193,10 @@ def _by_minutes(check: Loaded, parts: tuple[Part, ...]) -> Estimate | str:
             )
         found.append(stretch)
     apparent = first_minutes.fit(found)
-    return Estimate(apparent.resistance, apparent.sd)
+    return ResistanceEstimate(apparent.resistance, apparent.sd)
 
 
-def _by_ambient(check: Loaded) -> Estimate | str:
+def _by_ambient(check: Loaded) -> ResistanceEstimate | str:
     if check.air is None:
         return "no ambient temperature"
     if check.load_s < LEAST_S:
@@ -215,7 +215,7 @@ def _by_ambient(check: Loaded) -> Estimate | str:
             check.last + 1 - since,
         )
     )
-    return "too few samples" if found is None else Estimate(found.resistance, found.sd)
+    return "too few samples" if found is None else ResistanceEstimate(found.resistance, found.sd)
 
 
 ROUTES: tuple[Route, ...] = (

@@ -42,7 +42,7 @@ class Lives:
 
 
 @dataclass(frozen=True)
-class Line:
+class LineFit:
     """The fitted line of each data set: `beta` (..., r) and `sigma` (...,) at the maximum, NaN where `found` (...,)
     says that there is none. `log_likelihood` (...,) of ln t (exact lives as densities per unit of ln t): the highest,
     or its limit where `settled` (...,), and without limit where not."""
@@ -67,7 +67,7 @@ def standard_quantile(distribution: Distribution, p: float) -> float:
     return float(ndtri(p)) if distribution == "lognormal" else float(np.log(-np.log1p(-p)))
 
 
-def maximise(lives: Lives, distribution: Distribution, restriction: Restriction | None = None) -> Line:
+def maximise(lives: Lives, distribution: Distribution, restriction: Restriction | None = None) -> LineFit:
     """The maximum for each data set, under `restriction` on (gamma, delta) where one is given."""
     beta, sigma = _start(lives)
     size = lives.x.shape[1]
@@ -79,7 +79,7 @@ def maximise(lives: Lives, distribution: Distribution, restriction: Restriction 
     phi = np.asarray((first - restriction.base) @ np.linalg.pinv(restriction.directions))
     theta, value, settled, found = _climb(lives, distribution, restriction, (low, high), phi)
     delta = np.where(found, theta[..., -1], np.nan)
-    return Line(theta[..., :-1] / delta[..., None], 1.0 / delta, value, settled, found)
+    return LineFit(theta[..., :-1] / delta[..., None], 1.0 / delta, value, settled, found)
 
 
 def covariance(lives: Lives, distribution: Distribution, beta: Floats, sigma: float) -> Floats:

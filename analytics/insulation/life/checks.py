@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analytics.insulation.life.censored import Distribution, Line, Lives, maximise
+from analytics.insulation.life.censored import Distribution, LineFit, Lives, maximise
 from analytics.insulation.life.life import LifeFit, LifeTable, NoFit, fit, log_lives
 from analytics.insulation.life.simulation import drawn
 
@@ -29,7 +29,7 @@ ALIKE = "too few or too equal lives at each temperature: nothing to hold the law
 
 
 @dataclass(frozen=True)
-class Check:
+class LawCheck:
     """Whether the law passed one question: `asks` what was tested, `ratio` 2 (l - l_0), `p_value` the share of
     simulated ratios that are as large, `passed` where that is above 0.05. `says`: what was found, for a person;
     `left_out_degC`: temperatures that say nothing about it. Where it could not be tested `p_value` is NaN, `passed`
@@ -44,7 +44,7 @@ class Check:
     left_out_degC: tuple[float, ...]
 
 
-def linearity(law: LifeFit, draws: int = DRAWS, seed: int = 0) -> Check:
+def linearity(law: LifeFit, draws: int = DRAWS, seed: int = 0) -> LawCheck:
     """Is ln life a straight line over 1 / T? Against a location of its own at each temperature where a life ended."""
     asks = "one activation energy at all temperatures"
     chosen = np.isin(law.tested.temperature_degC, law.temperatures_degC)
@@ -73,10 +73,10 @@ def linearity(law: LifeFit, draws: int = DRAWS, seed: int = 0) -> Check:
         return _untested(asks, ALIKE, left_out)
     passed = p_value >= LEVEL
     says = "straight within its scatter" if passed else _bend(tested, law)
-    return Check(asks, seen, len(law.temperatures_degC) - 2, p_value, passed, says, left_out)
+    return LawCheck(asks, seen, len(law.temperatures_degC) - 2, p_value, passed, says, left_out)
 
 
-def common_spread(law: LifeFit, draws: int = DRAWS, seed: int = 0) -> Check:
+def common_spread(law: LifeFit, draws: int = DRAWS, seed: int = 0) -> LawCheck:
     """Is the spread of ln life the same at all temperatures? A location each, one spread against one each. Temperatures
     that do not determine a spread are left out."""
     asks = "one spread at all temperatures"
@@ -113,7 +113,7 @@ def common_spread(law: LifeFit, draws: int = DRAWS, seed: int = 0) -> Check:
         else f"sigma of ln life is {spreads[most]:.2g} at {most:g} degC and {spreads[least]:.2g} at {least:g} degC:"
         " bounds of early failures hold for neither"
     )
-    return Check(asks, seen, len(spreads) - 1, p_value, passed, says, left_out)
+    return LawCheck(asks, seen, len(spreads) - 1, p_value, passed, says, left_out)
 
 
 def _line_through(tested: LifeTable, law: LifeFit) -> LifeFit | NoFit:
@@ -132,7 +132,7 @@ def _p_value(ratio: Ratio, tested: LifeTable, draws: tuple[Floats, Floats]) -> t
     return seen, float((1 + np.sum(told >= seen)) / (1 + told.size))
 
 
-def _ratio(null: Line, own: Line) -> Floats:
+def _ratio(null: LineFit, own: LineFit) -> Floats:
     return np.where(null.settled & own.settled, 2 * (own.log_likelihood - null.log_likelihood), np.nan)
 
 
@@ -168,5 +168,5 @@ def _temperatures(tested: LifeTable) -> tuple[float, ...]:
     return tuple(float(t) for t in np.unique(tested.temperature_degC))
 
 
-def _untested(asks: str, why: str, left_out: tuple[float, ...]) -> Check:
-    return Check(asks, float("nan"), 0, float("nan"), False, why, left_out)
+def _untested(asks: str, why: str, left_out: tuple[float, ...]) -> LawCheck:
+    return LawCheck(asks, float("nan"), 0, float("nan"), False, why, left_out)

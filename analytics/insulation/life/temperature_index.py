@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 from analytics.insulation.dose.arrhenius import LIFE_H
 from analytics.insulation.life.bounds import Bounds, HalvingInterval, TemperatureIndex, estimate, profile
-from analytics.insulation.life.checks import Check, common_spread, linearity
+from analytics.insulation.life.checks import LawCheck, common_spread, linearity
 from analytics.insulation.life.life import LifeFit, NoFit
 
 TEMPERATURES = 3
@@ -95,7 +95,7 @@ def endurance(law: LifeFit, life_h: float = LIFE_H, seed: int = 0) -> Endurance 
     return Endurance(index, halving, lower, life_h, law.criterion, conditions)
 
 
-def _as_condition(check: Check) -> Condition:
+def _as_condition(check: LawCheck) -> Condition:
     tested = f"{check.says} (p {check.p_value:.2g})" if check.degrees else check.says
     left_out = ", ".join(f"{t:g}" for t in check.left_out_degC)
     return Condition(check.asks, check.passed, tested + (f"; {left_out} degC left out" if left_out else ""))

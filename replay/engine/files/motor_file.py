@@ -7,7 +7,7 @@ import re
 from collections.abc import Mapping
 
 from ingest.errors import TomlError
-from ingest.texts.toml_file import BOOLEAN, NUMBER, POSITIVE, TEXT, TEXTS, Kind, Table, read
+from ingest.texts.toml_file import BOOLEAN, NUMBER, POSITIVE, TEXT, TEXTS, Kind, TomlTable, read
 from replay.errors import MotorFileError
 from twin.errors import NetworkError
 from twin.motor.ageing_law import Ageing, ageing_term
@@ -139,7 +139,7 @@ def read_motor(data: bytes, name: str) -> Network:
     return network
 
 
-def _network(root: Table) -> Network:
+def _network(root: TomlTable) -> Network:
     _only(root, "root")
     copper = root.table("copper")
     heated, flowed = _heated(root), _flowed(root)
@@ -161,22 +161,22 @@ def _network(root: Table) -> Network:
     )
 
 
-def _heated(root: Table) -> set[str]:
+def _heated(root: TomlTable) -> set[str]:
     """Nodes with a loss in copper."""
     sources = root.tables("source")
     return {s.need("node", TEXT) for s in sources if any("copper" in t or "resistance" in t for t in s.tables("terms"))}
 
 
-def _flowed(root: Table) -> set[str]:
+def _flowed(root: TomlTable) -> set[str]:
     """Nodes of a fluid."""
     return {node for circuit in root.tables("circuit") for node in circuit.need("nodes", TEXTS)}
 
 
-def _only(table: Table, kind: str, extra: tuple[str, ...] = ()) -> None:
+def _only(table: TomlTable, kind: str, extra: tuple[str, ...] = ()) -> None:
     table.only({*KEYS[kind], *extra})
 
 
-def _scale(root: Table) -> dict[str, float]:
+def _scale(root: TomlTable) -> dict[str, float]:
     table = root.table("scale")
     if table is None:
         return {}
@@ -184,7 +184,7 @@ def _scale(root: Table) -> dict[str, float]:
     return {quantity: table.need(key, POSITIVE) for key, quantity in SCALES.items() if key in table}
 
 
-def _copper(table: Table) -> Copper:
+def _copper(table: TomlTable) -> Copper:
     _only(table, "copper")
     default = Copper()
     alpha, reference = table.get("alpha_per_K", POSITIVE), table.get("reference_degC", NUMBER)
@@ -194,7 +194,7 @@ def _copper(table: Table) -> Copper:
     )
 
 
-def _node(table: Table, heated: set[str], flowed: set[str]) -> Node:
+def _node(table: TomlTable, heated: set[str], flowed: set[str]) -> Node:
     _only(table, "node")
     name = table.need("name", TEXT)
     sd = table.get("sd", POSITIVE)
@@ -213,12 +213,12 @@ def _region(name: str, heated: set[str], flowed: set[str]) -> str:
     return next((region for pattern, region in _BY_NAME if re.search(rf"(^|_)({pattern})", name)), "other")
 
 
-def _boundary(table: Table) -> Boundary:
+def _boundary(table: TomlTable) -> Boundary:
     _only(table, "boundary")
     return Boundary(table.need("name", TEXT))
 
 
-def _link(table: Table, scale: Mapping[str, float]) -> Link:
+def _link(table: TomlTable, scale: Mapping[str, float]) -> Link:
     _only(table, "link")
     ends = table.need("between", TEXTS)
     if len(ends) != 2:
@@ -226,7 +226,7 @@ def _link(table: Table, scale: Mapping[str, float]) -> Link:
     return Link(ends[0], ends[1], tuple(_term(term, CONDUCTANCE_SD, scale) for term in table.tables("terms")))
 
 
-def _source(table: Table, regions: Mapping[str, str], scale: Mapping[str, float]) -> Source:
+def _source(table: TomlTable, regions: Mapping[str, str], scale: Mapping[str, float]) -> Source:
     _only(table, "source")
     node = table.need("node", TEXT)
     other = MAGNET_LOSS_SD if regions.get(node) == "magnet" else LOSS_SD
@@ -234,7 +234,7 @@ def _source(table: Table, regions: Mapping[str, str], scale: Mapping[str, float]
     return Source(node, tuple(_term(term, sd, scale) for term, sd in sds))
 
 
-def _circuit(table: Table) -> FluidCircuit:
+def _circuit(table: TomlTable) -> FluidCircuit:
     _only(table, "circuit")
     fluid = table.table("fluid")
     if fluid is None:
@@ -251,7 +251,7 @@ def _circuit(table: Table) -> FluidCircuit:
     )
 
 
-def _configuration(table: Table, regions: Mapping[str, str], scale: Mapping[str, float]) -> Configuration:
+def _configuration(table: TomlTable, regions: Mapping[str, str], scale: Mapping[str, float]) -> Configuration:
     _only(table, "configuration")
     removed = table.get("remove", TEXTS)
     return Configuration(
@@ -262,7 +262,7 @@ def _configuration(table: Table, regions: Mapping[str, str], scale: Mapping[str,
     )
 
 
-def _property(fluid: Table, key: str) -> Property:
+def _property(fluid: TomlTable, key: str) -> Property:
     """A number, or a table over temperature."""
     if not isinstance(fluid.values.get(key), dict):
         return Property((STREAM_DEGC,), (fluid.need(key, _PROPERTY),))
@@ -272,13 +272,13 @@ def _property(fluid: Table, key: str) -> Property:
     return Property(table.need("degC", _NUMBERS), table.need("value", _NUMBERS))
 
 
-def _is_dc(term: Table) -> bool:
+def _is_dc(term: TomlTable) -> bool:
     """Copper loss that grows with the current squared alone."""
     used = {key: value for key, value in term.values.items() if is_known(key)}
     return term.get("copper", BOOLEAN) is True and used == {"current": 2}
 
 
-def _term(table: Table, default_sd: float, scale: Mapping[str, float]) -> Term:
+def _term(table: TomlTable, default_sd: float, scale: Mapping[str, float]) -> Term:
     used = tuple(key for key in table.values if is_known(key))
     _only(table, "term", (*QUANTITY, *used))
     if table.get("resistance", NUMBER) not in (None, -1.0):
@@ -299,7 +299,7 @@ def _term(table: Table, default_sd: float, scale: Mapping[str, float]) -> Term:
     return term if ageing is None else ageing_term(term, _ageing(ageing))
 
 
-def _ageing(table: Table) -> Ageing:
+def _ageing(table: TomlTable) -> Ageing:
     _only(table, "ageing")
     sd, from_h = table.get("sd", POSITIVE), table.get("from_h", _HOURS)
     return Ageing(
@@ -310,14 +310,14 @@ def _ageing(table: Table) -> Ageing:
     )
 
 
-def _temperature(table: Table) -> TemperatureFactor:
+def _temperature(table: TomlTable) -> TemperatureFactor:
     _only(table, "temperature")
     return TemperatureFactor(
         table.need("node", TEXT), table.need("slope_per_K", NUMBER), table.need("reference_degC", NUMBER)
     )
 
 
-def _bent(term: Table, scale: Mapping[str, float]) -> Shape | Map | None:
+def _bent(term: TomlTable, scale: Mapping[str, float]) -> Shape | Map | None:
     """The term's shape or map."""
     if "map" not in term:
         shape = term.table("shape")
@@ -341,7 +341,7 @@ def _bent(term: Table, scale: Mapping[str, float]) -> Shape | Map | None:
     )
 
 
-def _shape(table: Table, scale: Mapping[str, float]) -> Shape:
+def _shape(table: TomlTable, scale: Mapping[str, float]) -> Shape:
     _only(table, "shape")
     if "speed" not in scale:
         raise table.error("a shape needs what 1 means for speed: say speed_rpm in [scale].")
@@ -353,7 +353,7 @@ def _shape(table: Table, scale: Mapping[str, float]) -> Shape:
     )
 
 
-def _located(root: Table, error: NetworkError) -> str:
+def _located(root: TomlTable, error: NetworkError) -> str:
     """The refusal of a network at the line of its entry."""
     at = error.entry
     single = at.table in ("scale", "copper")

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from ingest.errors import TomlError
-from ingest.texts.toml_file import Table, read
+from ingest.texts.toml_file import TomlTable, read
 from replay.engine.files.motor_file import SCHEMA, read_motor
 from replay.engine.files.toml_spans import spans
 from replay.errors import MotorFileError
@@ -49,7 +49,7 @@ def whole(path: Path) -> bytes:
         ) from None
 
 
-def _terms(root: Table) -> Iterator[tuple[tuple[str | int, ...], Table]]:
+def _terms(root: TomlTable) -> Iterator[tuple[tuple[str | int, ...], TomlTable]]:
     """Every term with the place of its map."""
     for table in (root, *root.tables("configuration")):
         for entry in (*table.tables("link"), *table.tables("source")):
@@ -57,7 +57,7 @@ def _terms(root: Table) -> Iterator[tuple[tuple[str | int, ...], Table]]:
                 yield (*term.path, "map"), term
 
 
-def _inline(motor: Path, term: Table) -> str:
+def _inline(motor: Path, term: TomlTable) -> str:
     file = motor.parent / term.values["map"]
     if not file.is_file():
         raise term.error(f'map "{term.values["map"]}" is not there ({file}): correct the path.', "map")

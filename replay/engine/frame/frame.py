@@ -18,7 +18,7 @@ from ingest.catalogue.kinds import STANDSTILL_rpm
 from ingest.catalogue.power import RPM
 from ingest.texts.nearest import hint
 from ingest.texts.quantities import STORED_UNIT, column_suffix
-from replay.engine.frame.inputs import Signal, bridge, longest_stretch, pieces
+from replay.engine.frame.inputs import InputSamples, bridge, longest_stretch, pieces
 from replay.engine.frame.meters import SHAFT, measurands
 from replay.engine.frame.observations import Meter, Observation, observe
 from replay.errors import ReplayDataError
@@ -242,7 +242,7 @@ def _observed_temperatures(channels: Sequence[ChannelData], network: Network) ->
     return found
 
 
-def _signal(name: str, t_ns: Times, value: Floats) -> Signal:
+def _signal(name: str, t_ns: Times, value: Floats) -> InputSamples:
     if t_ns.size < 2:
         raise ReplayDataError(
             f'channel "{name}" has {t_ns.size} usable samples: too little to replay. See `whyhot show`.'
@@ -250,7 +250,7 @@ def _signal(name: str, t_ns: Times, value: Floats) -> Signal:
     return bridge(t_ns, value)
 
 
-def _edges(signals: Mapping[str, Signal], step_s: float, whole_ns: int) -> tuple[Times, str | None]:
+def _edges(signals: Mapping[str, InputSamples], step_s: float, whole_ns: int) -> tuple[Times, str | None]:
     start, end = longest_stretch(signals)
     step_ns = round(step_s * 1e9)
     # the last sample holds for one of its own intervals
@@ -269,7 +269,7 @@ def _edges(signals: Mapping[str, Signal], step_s: float, whole_ns: int) -> tuple
 
 
 def _averages(
-    signals: Mapping[str, Signal],
+    signals: Mapping[str, InputSamples],
     needed: Mapping[str, ChannelData],
     given: Mapping[str, float],
     turning: str | None,
@@ -304,7 +304,7 @@ def _averages(
     )
 
 
-def _live(signals: Iterable[Signal], edges: Times, recover_s: float) -> Bools:
+def _live(signals: Iterable[InputSamples], edges: Times, recover_s: float) -> Bools:
     """Which steps (N,) can be trusted: not those in which an input was bridged, nor those after, until the observed
     nodes have forgotten it."""
     live = np.ones(edges.size - 1, dtype=np.bool_)

@@ -21,7 +21,7 @@ CUT_S = 600.0  # longer than this the session is cut
 
 
 @dataclass(frozen=True)
-class Signal:
+class InputSamples:
     """One input as samples. `t_ns` int64 (M,) ascending; `value` float64 (M,), finite; each value holds until the next.
 
     `gaps`: (start_ns, end_ns) of stretches without samples that were bridged.
@@ -32,26 +32,26 @@ class Signal:
     gaps: tuple[tuple[int, int], ...] = ()
 
 
-def bridge(t_ns: Times, value: Floats) -> Signal:
+def bridge(t_ns: Times, value: Floats) -> InputSamples:
     """Fill gaps (over 5 median intervals) by a straight line sampled at the median interval, and list them."""
     if t_ns.size < 3:
-        return Signal(t_ns, value)
+        return InputSamples(t_ns, value)
     step = np.diff(t_ns)
     interval = int(np.median(step))
     at = np.flatnonzero((step > GAP_INTERVALS * interval) & (step <= CUT_S * 1e9))
     if interval <= 0 or at.size == 0:
-        return Signal(t_ns, value)
+        return InputSamples(t_ns, value)
     filled_t = [np.arange(t_ns[i] + interval, t_ns[i + 1], interval) for i in at]
     filled_v = [np.interp(t, t_ns[i : i + 2], value[i : i + 2]) for i, t in zip(at, filled_t, strict=True)]
     places = np.repeat(at + 1, [t.size for t in filled_t])
-    return Signal(
+    return InputSamples(
         np.insert(t_ns, places, np.concatenate(filled_t)),
         np.insert(value, places, np.concatenate(filled_v)),
         tuple((int(t_ns[i]), int(t_ns[i + 1])) for i in at),
     )
 
 
-def longest_stretch(signals: Mapping[str, Signal]) -> tuple[int, int]:
+def longest_stretch(signals: Mapping[str, InputSamples]) -> tuple[int, int]:
     """The longest stretch [ns] in which every signal has samples and none is silent for more than 10 minutes."""
     start = max(int(s.t_ns[0]) for s in signals.values())
     end = min(int(s.t_ns[-1]) for s in signals.values())
@@ -68,7 +68,7 @@ def longest_stretch(signals: Mapping[str, Signal]) -> tuple[int, int]:
     return best
 
 
-def held(signal: Signal, at_ns: Times) -> Floats:
+def held(signal: InputSamples, at_ns: Times) -> Floats:
     """The value in force at each time: that of the last sample at or before it (the first one before any)."""
     index = np.searchsorted(signal.t_ns, at_ns, side="right") - 1
     return signal.value[np.maximum(index, 0)]
@@ -91,7 +91,7 @@ class Pieces:
         return mean
 
 
-def pieces(signals: Mapping[str, Signal], edges_ns: Times) -> Pieces:
+def pieces(signals: Mapping[str, InputSamples], edges_ns: Times) -> Pieces:
     """Cut the time between `edges_ns` (N + 1,) (equal steps) wherever any signal has a sample."""
     inside = [s.t_ns[(s.t_ns > edges_ns[0]) & (s.t_ns < edges_ns[-1])] for s in signals.values()]
     cuts = np.unique(np.concatenate([edges_ns, *inside]))

@@ -18,7 +18,7 @@ from replay.engine.results.open_loop import initial_temperatures, modelled, refe
 from replay.engine.results.run import Filtered, Smoothed
 from replay.engine.results.summary import EstimatedHeat, FilterSummary, FoundUnknown, HeatAtNode, SmoothedSpot
 from twin.filters.ekf import at_their_pace
-from twin.filters.inputs import AnyReading, HeatReading, Reading, Start
+from twin.filters.inputs import AnyReading, FilterStart, HeatReading, Reading
 from twin.filters.smoother import smoothed
 from twin.filters.unknowns import Unknown, UnknownBias, UnknownFactor, UnknownHeat
 from twin.motor.causes import parse
@@ -79,7 +79,7 @@ def filter_session(
         return None
     inputs = Frame(step_s=frame.step_s, features=frame.features, boundaries=frame.boundaries)
     temperatures, sd = initial_temperatures(network, replace(frame, observations=seen), level)
-    start = Start(temperatures, sd)
+    start = FilterStart(temperatures, sd)
     own = own if said else [unknown_loss(network, node, losses), *own]
     begins = {n.name: (float(t), float(s)) for n, t, s in zip(network.nodes, temperatures, sd, strict=True)}
     converted = [_as_thermometer(m, begins) for m in meters]

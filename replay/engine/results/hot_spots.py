@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ingest.bench.derating import DeratingRule
 from ingest.catalogue.channels import ChannelData
-from replay.engine.frame.inputs import Signal, held
+from replay.engine.frame.inputs import InputSamples, held
 from replay.engine.results.summary import DeratingCourse, HotSpot, LimitPassed, SpotProfile
 from twin.motor.network import Network, Node
 from twin.run.derating import Derating, derated
@@ -108,7 +108,7 @@ def watched(
             place = (
                 max(one.spec.weights, key=lambda node: one.spec.weights[node]) if one.spec.weights else one.spec.node
             )
-            shown = held(Signal(one.t_ns, one.recorded), t_ns)
+            shown = held(InputSamples(one.t_ns, one.recorded), t_ns)
             found[one.spec.name] = (place or "", np.where(t_ns >= one.t_ns[0], shown, np.nan))
     return found
 

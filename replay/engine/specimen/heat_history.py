@@ -23,7 +23,7 @@ CHECKED = "dc_check"
 
 
 @dataclass(frozen=True)
-class Heat:
+class HoursByTemperature:
     """Hours of a session by the temperature [degC] of the hottest place of the specimen, arrays (N,)."""
 
     degC: Floats
@@ -50,12 +50,12 @@ class Trace:
         return np.asarray((self.t_ns - self.t_ns[:1]) / 1e9)
 
     @cached_property
-    def heat(self) -> Heat:
+    def heat(self) -> HoursByTemperature:
         """Its hours by temperature, in steps of 0.1 K."""
         from analytics.insulation.dose.oven_cycle import histogram
 
         found = histogram(self.t_s, self.degC)
-        return Heat(found.centres_degC, found.hours)
+        return HoursByTemperature(found.centres_degC, found.hours)
 
     def hours_above(self, degC: float) -> float:
         """Hours above `degC` [h], to the crossing of it between two samples."""

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from replay.engine.results.run import Observed, Run
 from replay.show.plots.plots import ROWS, WIDTH, groups, time_axis
 from replay.show.words import words
-from replay.show.words.figure import LEFT, Plot, Table, inline_svg, name_lines, panels, save, style
+from replay.show.words.figure import LEFT, FigureTable, Plot, inline_svg, name_lines, panels, save, style
 from replay.show.words.palette import DASHES, INK, PAPER, SERIES, SOFT, with_variables
 from replay.show.words.thin import thin, with_gaps
 
@@ -131,7 +131,7 @@ def _draw_residuals(axes: Axes, run: Run, series: Mapping[str, Observed], column
     name_lines(axes, [(0.0, words.name(one.node), INK[0])])
 
 
-def _table(run: Run, series: Mapping[str, Mapping[str, Observed]]) -> Table:
+def _table(run: Run, series: Mapping[str, Mapping[str, Observed]]) -> FigureTable:
     time = time_axis(run)
     reference = next(iter(next(iter(series.values())).values())).t_ns
     at_ns = reference[np.unique(np.linspace(0, reference.size - 1, ROWS).astype(np.intp))]
@@ -145,7 +145,7 @@ def _table(run: Run, series: Mapping[str, Mapping[str, Observed]]) -> Table:
             head.append(f"{words.name(observed.node)} {MODELS[key].label} [K]")
             differences = zip(observed.residual[i], observed.used[i], strict=True)
             cells.append([words.signed(v) if good else "masked" for v, good in differences])
-    return Table(tuple(head), tuple(zip(*cells, strict=True)))
+    return FigureTable(tuple(head), tuple(zip(*cells, strict=True)))
 
 
 def _nearest(observed: Observed, at_ns: NDArray[np.int64]) -> NDArray[np.intp]:

@@ -12,7 +12,7 @@ from replay.engine.results.run import Run
 from replay.engine.results.summary import DeratingCourse
 from replay.show.plots.plots import ROWS, WIDTH, time_axis
 from replay.show.words import words
-from replay.show.words.figure import Plot, Table, inline_svg, name_lines, panels, style
+from replay.show.words.figure import FigureTable, Plot, inline_svg, name_lines, panels, style
 from replay.show.words.palette import COLOURS, DASHES, SOFT, with_variables
 from replay.show.words.thin import thin
 from twin.run.derating import Derating
@@ -78,11 +78,11 @@ def _title(course: DeratingCourse) -> str:
     return f"{words.name(course.channel)} allows full current throughout"
 
 
-def _table(run: Run, rule: Derating, t: Mapping[str, Floats], degC: Mapping[str, Floats]) -> Table:
+def _table(run: Run, rule: Derating, t: Mapping[str, Floats], degC: Mapping[str, Floats]) -> FigureTable:
     at = t["sensor"][np.unique(np.linspace(0, t["sensor"].size - 1, ROWS).astype(np.intp))]
     head = (time_axis(run).label, "sensor [°C]", "current allowed [%]", "hot spot [°C]", "by the hot spot [%]")
     cells = [[f"{value:.2f}" for value in at]]
     for key in ("sensor", "hot spot"):
         values = np.interp(at, t[key], degC[key])
         cells += [[f"{value:.1f}" for value in values], [f"{100 * value:.0f}" for value in rule.factor(values)]]
-    return Table(head, tuple(zip(*cells, strict=True)))
+    return FigureTable(head, tuple(zip(*cells, strict=True)))

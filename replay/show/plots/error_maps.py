@@ -27,7 +27,7 @@ from replay.show.plots.cells import (
 )
 from replay.show.plots.plots import WIDTH
 from replay.show.words import words
-from replay.show.words.figure import Plot, Table, inline_svg, name_lines, style
+from replay.show.words.figure import FigureTable, Plot, inline_svg, name_lines, style
 from replay.show.words.palette import COLOURS, DASHES, DIVERGING, SOFT, with_variables
 
 Floats = NDArray[np.float64]
@@ -139,7 +139,7 @@ def _draw_map(axes: Axes, node: str, cells: Cells, colours: ScalarMappable) -> N
         axes.text(x.mean(), y.mean(), words.signed(value), ha="center", va="center", fontsize=7, color="#000000")
 
 
-def _map_table(maps: Mapping[str, Cells], load: str) -> Table:
+def _map_table(maps: Mapping[str, Cells], load: str) -> FigureTable:
     rows = [
         (
             words.name(node),
@@ -150,7 +150,7 @@ def _map_table(maps: Mapping[str, Cells], load: str) -> Table:
         for node, cells in maps.items()
         for i, j in np.argwhere(np.isfinite(cells.mean))
     ]
-    return Table(("node", "operating cell", "measured − model [K]", "time"), tuple(rows))
+    return FigureTable(("node", "operating cell", "measured − model [K]", "time"), tuple(rows))
 
 
 def _centres(edges: Floats) -> Floats:
@@ -225,7 +225,7 @@ def _along_title(lines: Mapping[str, Floats], edges: Floats) -> str:
     return f"{words.capital(words.name(node))}: model {words.kelvin(abs(mean[at]))} {way} when it is at {span}"
 
 
-def _along_table(lines: Mapping[str, Floats], edges: Floats) -> Table:
+def _along_table(lines: Mapping[str, Floats], edges: Floats) -> FigureTable:
     head = ("measured temperature [°C]", *(f"{words.name(node)} [K]" for node in lines))
     rows = [
         (
@@ -234,4 +234,4 @@ def _along_table(lines: Mapping[str, Floats], edges: Floats) -> Table:
         )
         for i, (a, b) in enumerate(pairwise(edges))
     ]
-    return Table(head, tuple(rows))
+    return FigureTable(head, tuple(rows))

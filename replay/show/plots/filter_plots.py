@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from replay.engine.results.run import Filtered, Observed, Run
 from replay.show.plots.plots import ROWS, WIDTH, TimeAxis, time_axis
 from replay.show.words import words
-from replay.show.words.figure import Plot, Table, inline_svg, name_lines, panels, style
+from replay.show.words.figure import FigureTable, Plot, inline_svg, name_lines, panels, style
 from replay.show.words.filter_words import compared, loss, worst_compared
 from replay.show.words.palette import COLOURS, DASHES, INK, SOFT, with_variables
 from replay.show.words.thin import thin, with_gaps
@@ -131,7 +131,7 @@ def _draw_left(axes: Axes, channel: Observed, lines: Courses, time: TimeAxis, co
     axes.set_ylabel("measured −\neach [K]")
 
 
-def _channel_table(run: Run, channel: Observed, filtered: Filtered, time: TimeAxis) -> Table:
+def _channel_table(run: Run, channel: Observed, filtered: Filtered, time: TimeAxis) -> FigureTable:
     i = np.unique(np.linspace(0, channel.t_ns.size - 1, ROWS).astype(np.intp))
     k = np.clip(np.searchsorted(run.t_ns, channel.t_ns[i]) - 1, 0, filtered.heat_W.size - 1)  # the step of each
     best = filtered.smoothed or filtered
@@ -145,7 +145,7 @@ def _channel_table(run: Run, channel: Observed, filtered: Filtered, time: TimeAx
     head = (time.label, *(f"{name} [°C]" for name in degC), *watts)
     numbers = [*(values[i] for values in degC.values()), *(values[k] for values in watts.values())]
     cells = [[f"{t:.2f}" for t in time.of(channel.t_ns[i])], *([f"{v:.1f}" for v in values] for values in numbers)]
-    return Table(head, tuple(zip(*cells, strict=True)))
+    return FigureTable(head, tuple(zip(*cells, strict=True)))
 
 
 def _draw_heat(axes: Axes, filtered: Filtered, time: TimeAxis, t_ns: NDArray[np.int64], columns: int) -> None:
@@ -193,7 +193,7 @@ def _draw_temperatures(axes: Axes, run: Run, filtered: Filtered, time: TimeAxis,
     name_lines(axes, ends)
 
 
-def _table(run: Run, filtered: Filtered, time: TimeAxis) -> Table:
+def _table(run: Run, filtered: Filtered, time: TimeAxis) -> FigureTable:
     i = np.unique(np.linspace(0, filtered.heat_W.size - 1, ROWS).astype(np.intp))
     node = run.nodes.index(filtered.node)
     head: tuple[str, ...] = (
@@ -212,4 +212,4 @@ def _table(run: Run, filtered: Filtered, time: TimeAxis) -> Table:
         head = (*head, "smoothed [W]", "standard deviation smoothed [W]", "smoothed [°C]")
         numbers += [smooth.heat_W[i], smooth.heat_sd_W[i], smooth.temperatures[i + 1, node]]
     cells = [[f"{t:.2f}" for t in time.of(run.t_ns[i + 1])], *([f"{v:.1f}" for v in values] for values in numbers)]
-    return Table(head, tuple(zip(*cells, strict=True)))
+    return FigureTable(head, tuple(zip(*cells, strict=True)))

@@ -14,7 +14,7 @@ from replay.engine.results.run import Run
 from replay.engine.results.summary import HeatBalance, HeatPart, StoredHeat
 from replay.show.plots.plots import WIDTH, time_axis
 from replay.show.words import heat_words, words
-from replay.show.words.figure import Plot, Table, inline_svg, name_lines, style
+from replay.show.words.figure import FigureTable, Plot, inline_svg, name_lines, style
 from replay.show.words.palette import COLOURS, DASHES, INK, SOFT, with_variables
 from replay.show.words.thin import thin
 
@@ -130,7 +130,7 @@ def _smoothed(values: Floats, width: int) -> Floats:
     return found
 
 
-def _table(losses: HeatBalance) -> Table:
+def _table(losses: HeatBalance) -> FigureTable:
     rows = [("made", "all", losses.energy_J), *_rows("made, by kind", losses.kinds, heat_words.KINDS)]
     rows += _rows("made, by node", losses.nodes)
     rows += _rows("taken by", losses.boundaries)
@@ -138,7 +138,7 @@ def _table(losses: HeatBalance) -> Table:
     rows.append(("left over: rounding", "", losses.left_J))
     whole = losses.energy_J
     shown = tuple((kind, what, f"{energy / 1e3:,.3g}", f"{100 * energy / whole:.1f}") for kind, what, energy in rows)
-    return Table(("heat", "where", "energy [kJ]", "share [%]"), shown)
+    return FigureTable(("heat", "where", "energy [kJ]", "share [%]"), shown)
 
 
 def _rows(

@@ -11,7 +11,7 @@ from matplotlib.ticker import FuncFormatter, MultipleLocator, NullFormatter
 
 from replay.show.plots.plots import WIDTH
 from replay.show.words import words
-from replay.show.words.figure import Plot, Table, inline_svg, name_lines, style
+from replay.show.words.figure import FigureTable, Plot, inline_svg, name_lines, style
 from replay.show.words.palette import COLOURS, DASHES, DIVERGING, INK, with_variables
 from replay.studies.characterise.protocol import Protocol, of_interest
 
@@ -40,7 +40,7 @@ def influence_map(found: Protocol) -> Plot:
         "Root mean square over the drive cycles of the change of each node's temperature when a parameter is one "
         "prior standard deviation (`sd` in the motor file) off. Rows without colour cannot be seen there."
     )
-    table = Table(
+    table = FigureTable(
         ("parameter", *nodes),
         tuple((name, *(f"{v:.2f}" for v in row)) for name, row in zip(names, values, strict=True)),
     )
@@ -101,7 +101,9 @@ def points_curve(found: Protocol) -> Plot:
     gains = [one.gain for one in found.choices] + [one.gain for one in found.proposals]
     taken = ["before any", *recorded, *(one.words for one in found.proposals)]
     steps = list(zip(taken, ["", *(f"{gain:.1f}" for gain in gains)], course, strict=True))
-    return Plot(title, svg, note, Table(head, tuple((n, g, *(f"{k[i]:.2f}" for i in least)) for n, g, k in steps)))
+    return Plot(
+        title, svg, note, FigureTable(head, tuple((n, g, *(f"{k[i]:.2f}" for i in least)) for n, g, k in steps))
+    )
 
 
 def _draw_course(axes: Axes, course: np.ndarray, nodes: list[str], labels: list[str], recorded: int) -> None:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from replay.engine.results.run import Metered, Run
 from replay.show.plots.plots import ROWS, WIDTH, time_axis
 from replay.show.words import heat_words, words
-from replay.show.words.figure import Plot, Table, inline_svg, panels, style
+from replay.show.words.figure import FigureTable, Plot, inline_svg, panels, style
 from replay.show.words.palette import COLOURS, DASHES, INK, SOFT, with_variables
 from replay.show.words.thin import thin, with_gaps
 
@@ -75,10 +75,10 @@ def _draw_residual(axes: Axes, run: Run, metered: Metered, factor: float, column
     axes.plot(*thin(t, residual, columns), color=COLOURS[0], linewidth=0.9)
 
 
-def _table(run: Run, metered: Metered, unit: str, factor: float) -> Table:
+def _table(run: Run, metered: Metered, unit: str, factor: float) -> FigureTable:
     at = np.unique(np.linspace(0, metered.t_ns.size - 1, ROWS).astype(np.intp))
     cells = [[f"{t:.2f}" for t in time_axis(run).of(metered.t_ns[at])]]
     for values in (metered.measured, metered.modelled, metered.residual):
         cells.append([f"{factor * value:,.5g}".replace("-", "−") for value in values[at]])
     head = (time_axis(run).label, *(f"{what} [{unit}]" for what in ("measured", "model", "difference")))
-    return Table(head, tuple(zip(*cells, strict=True)))
+    return FigureTable(head, tuple(zip(*cells, strict=True)))

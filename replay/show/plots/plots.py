@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from replay.engine.results.run import Observed, Run
 from replay.show.words import words
-from replay.show.words.figure import LEFT, Plot, Table, inline_svg, name_lines, panels, save, style
+from replay.show.words.figure import LEFT, FigureTable, Plot, inline_svg, name_lines, panels, save, style
 from replay.show.words.findings import finding, worst_first
 from replay.show.words.palette import COLOURS, DASHES, INK, PAPER, SOFT, with_variables
 from replay.show.words.thin import thin, with_gaps
@@ -179,7 +179,7 @@ def _instants(t_ns: NDArray[np.int64]) -> NDArray[np.intp]:
     return np.unique(np.linspace(0, t_ns.size - 1, ROWS).astype(np.intp))
 
 
-def _table(run: Run, group: Sequence[Observed]) -> Table:
+def _table(run: Run, group: Sequence[Observed]) -> FigureTable:
     time, names = time_axis(run), _names(group)
     at_ns = group[0].t_ns[_instants(group[0].t_ns)]
     head = (
@@ -194,15 +194,15 @@ def _table(run: Run, group: Sequence[Observed]) -> Table:
         cells.append(
             [words.signed(v) if good else "masked" for v, good in zip(observed.residual[i], used, strict=True)]
         )
-    return Table(head, tuple(zip(*cells, strict=True)))
+    return FigureTable(head, tuple(zip(*cells, strict=True)))
 
 
-def _input_table(run: Run, names: Sequence[str]) -> Table:
+def _input_table(run: Run, names: Sequence[str]) -> FigureTable:
     time = time_axis(run)
     i = _instants(run.t_ns[:-1])
     head = (time.label, *(f"{words.name(n.rpartition('_')[0])} [{AXES[n.rpartition('_')[2]][1]}]" for n in names))
     cells = [[f"{t:.2f}" for t in time.of(run.t_ns[i])], *([f"{v:,.1f}" for v in run.inputs[n][i]] for n in names)]
-    return Table(head, tuple(zip(*cells, strict=True)))
+    return FigureTable(head, tuple(zip(*cells, strict=True)))
 
 
 def picture(runs: Sequence[Run], target: Path) -> None:

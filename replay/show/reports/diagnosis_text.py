@@ -8,7 +8,7 @@ from replay.show.reports import verdict
 from replay.show.reports.verdict import Ending
 from replay.show.words import words
 from replay.show.words.terminal import labelled
-from replay.studies.diagnosis.answer import Diagnosis, Gain, Named
+from replay.studies.diagnosis.answer import Diagnosis, KeptGain, Named
 
 RIVALS = 5  # told at most
 
@@ -152,9 +152,9 @@ def _gain(diagnosis: Diagnosis) -> Iterator[str]:
     yield from gain_notes(diagnosis)
 
 
-def _before_and_after(gains: Sequence[Gain]) -> Iterator[str]:
+def _before_and_after(gains: Sequence[KeptGain]) -> Iterator[str]:
     """The better first, then the worse, then those that the interval leaves unchanged on one line."""
-    by_verdict: dict[str, list[Gain]] = {}
+    by_verdict: dict[str, list[KeptGain]] = {}
     for gain in sorted(gains, key=lambda g: g.mae_after_K - g.mae_before_K):
         by_verdict.setdefault(verdict.change(gain), []).append(gain)
     for word in ("better", "worse"):

@@ -13,9 +13,9 @@ from replay.show.plots.compare import MODELS
 from replay.show.plots.plots import WIDTH
 from replay.show.reports.verdict import change
 from replay.show.words import words
-from replay.show.words.figure import Plot, Table, inline_svg, style
+from replay.show.words.figure import FigureTable, Plot, inline_svg, style
 from replay.show.words.palette import INK, with_variables
-from replay.studies.diagnosis.answer import Diagnosis, Gain
+from replay.studies.diagnosis.answer import Diagnosis, KeptGain
 
 ROW, MARGIN = 0.55, 0.75  # inches: height of a node's bars, of what is above and below
 READING = (
@@ -37,7 +37,7 @@ def gain_bars(diagnosis: Diagnosis) -> Plot | None:
     return Plot(title, svg, READING.format(gains[0].interval) if named else "", _table(gains, named))
 
 
-def _title(gains: Sequence[Gain], named: bool) -> str:
+def _title(gains: Sequence[KeptGain], named: bool) -> str:
     better = [gain for gain in gains if change(gain) == "better"]
     best = max(better or gains, key=lambda g: g.mae_before_K - g.mae_after_K)
     if not named:
@@ -52,7 +52,7 @@ def _title(gains: Sequence[Gain], named: bool) -> str:
     return f"{node}: mean error on kept sessions falls from {fall} ({low:.1f} to {high:.1f} K better)"
 
 
-def _draw(gains: Sequence[Gain], named: bool) -> Figure:
+def _draw(gains: Sequence[KeptGain], named: bool) -> Figure:
     height = ROW * len(gains) + MARGIN
     figure = Figure(figsize=(WIDTH, height))
     FigureCanvasAgg(figure)
@@ -80,7 +80,7 @@ def _draw(gains: Sequence[Gain], named: bool) -> Figure:
     return figure
 
 
-def _draw_intervals(axes: Axes, gains: Sequence[Gain], places: np.ndarray) -> None:
+def _draw_intervals(axes: Axes, gains: Sequence[KeptGain], places: np.ndarray) -> None:
     for gain, place in zip(gains, places, strict=True):
         low, high = (max(gain.mae_before_K - end, 0.0) for end in sorted(gain.ci95_K, reverse=True))
         axes.plot(
@@ -88,7 +88,7 @@ def _draw_intervals(axes: Axes, gains: Sequence[Gain], places: np.ndarray) -> No
         )
 
 
-def _table(gains: Sequence[Gain], named: bool) -> Table:
+def _table(gains: Sequence[KeptGain], named: bool) -> FigureTable:
     head = ("node", "as published [K]", "recalibrated [K]", *(("with the cause [K]",) if named else ()))
     head += ("rms at trained points [K]", "rms outside them [K]")
     rows = [
@@ -102,7 +102,7 @@ def _table(gains: Sequence[Gain], named: bool) -> Table:
         )
         for g in gains
     ]
-    return Table(head, tuple(rows))
+    return FigureTable(head, tuple(rows))
 
 
 def _fall(rms_K: Sequence[float], named: bool) -> str:

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from replay.show.plots.plots import WIDTH
 from replay.show.reports.verdict import figures
 from replay.show.words import words
-from replay.show.words.figure import Plot, Table, inline_svg, style
+from replay.show.words.figure import FigureTable, Plot, inline_svg, style
 from replay.show.words.palette import INK, SERIES, SOFT, with_variables
 from replay.studies.diagnosis.answer import Diagnosis, Rival
 
@@ -50,7 +50,7 @@ def ranking(diagnosis: Diagnosis) -> Plot | None:
     with style(f"{diagnosis.diagnosis} ranking"):
         svg = with_variables(inline_svg(_draw(diagnosis, bars), title))
     rows = tuple((bar.name, figures(bar.log_bayes_factor), bar.ended) for bar in bars)
-    return Plot(title, svg, READING, Table(("cause", "ln BF", "what became of it"), rows))
+    return Plot(title, svg, READING, FigureTable(("cause", "ln BF", "what became of it"), rows))
 
 
 def _bars(diagnosis: Diagnosis) -> list[Bar]:

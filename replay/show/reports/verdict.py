@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from enum import Enum, auto
 
 from replay.show.words import words
-from replay.studies.diagnosis.answer import Diagnosis, Gain, Named, Shown, UnknownHeat
+from replay.studies.diagnosis.answer import Diagnosis, KeptGain, Named, Shown, UnnamedHeat
 from twin.motor.causes import parse, says
 
 UNITS: Mapping[str, str] = {"degC": "°C", "lpm": "l/min"}  # as stored -> as people write it
@@ -184,7 +184,7 @@ def whether_improved(cause: Named) -> str:
 # ---- unknown -------------------------------------------------------------------------------------------------------
 
 
-def watts(heat: UnknownHeat) -> str:
+def watts(heat: UnnamedHeat) -> str:
     """ "adds 20 to 45 W at endwinding b", "takes 20 to 45 W away from endwinding b"."""
     low, high = sorted(heat.watts)
     node = words.name(heat.node)
@@ -195,7 +195,7 @@ def watts(heat: UnknownHeat) -> str:
     return f"takes up to {figures(-low)} W from and adds up to {figures(high)} W to {node}"
 
 
-def active(heat: UnknownHeat) -> str:
+def active(heat: UnnamedHeat) -> str:
     """ "when it is 90 to 140 °C and speed is 3,000 to 6,000 rpm"; "" where it goes with no range."""
     parts = []
     for key, (low, high) in heat.when.items():
@@ -206,7 +206,7 @@ def active(heat: UnknownHeat) -> str:
     return f"when {words.joined(parts)}" if parts else ""
 
 
-def unknown_sentence(heat: UnknownHeat) -> str:
+def unknown_sentence(heat: UnnamedHeat) -> str:
     """Where, how many watts, when; no candidate explains it. Of patchwork, what fits only together."""
     if heat.patchwork:
         together = f"{words.joined(heat.patchwork)} fit only together, so none of them is named"
@@ -217,7 +217,7 @@ def unknown_sentence(heat: UnknownHeat) -> str:
 # ---- gain ----------------------------------------------------------------------------------------------------------
 
 
-def change(gain: Gain) -> str:
+def change(gain: KeptGain) -> str:
     """ "better", "worse" or "unchanged": what the whole interval of the difference says."""
     low, high = sorted(gain.ci95_K)
     if low > 0:

@@ -9,7 +9,7 @@ from typing import Any
 
 from replay.show.words import words
 from replay.show.words.terminal import labelled
-from replay.studies.ageing.assessment import Assessment, Batch, Law, LivesLaw, Specimen, Stress
+from replay.studies.ageing.assessment import AgeingLaw, Assessment, Batch, LivesLaw, Specimen, StressEffect
 
 ROWS = 12  # specimens in the table; of more, those that stand out most
 NAMED = 8  # specimens or batches in a sentence
@@ -137,7 +137,7 @@ def _batches(found: Assessment) -> Iterator[str]:
         yield f"{one.batch:<12}{one.specimens:>10}{slope:>14}{above:>19}{'  stands out' if one.outlying else ''}"
 
 
-def _law(law: Law) -> str:
+def _law(law: AgeingLaw) -> str:
     begins = f" from {law.from_h:.0f} h on" if law.from_h else ""
     size = f"{law.percent_per_100h:+.1f} % per 100 h{begins} (± {law.sd:.1f})"
     text = f"insulation conducts {size}, from {law.source}".replace("-", "−")
@@ -173,7 +173,7 @@ def _stress(found: Assessment) -> Iterator[str]:
         yield f"{names} go together in these sessions: {alone}, if one does it all; cycles of another length would tell"
 
 
-def _effect(one: Stress) -> str:
+def _effect(one: StressEffect) -> str:
     return f"R {one.percent:+.1f} % ± {one.sd_percent:.1f} % each {one.unit}".replace("-", "−").replace("degC", "°C")
 
 

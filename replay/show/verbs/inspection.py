@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from ingest.intake.inspection import InspectedFile, Inspection, Seen
+from ingest.intake.inspection import FoundSignal, InspectedFile, Inspection
 from replay.show.words.words import duration
 
 SHOWN = 40  # signals; the JSON has all
@@ -111,7 +111,7 @@ def _file_lines(one: InspectedFile) -> list[str]:
     return lines
 
 
-def _signal_line(seen: Seen, width: int) -> str:
+def _signal_line(seen: FoundSignal, width: int) -> str:
     span = f"{seen.low:g} to {seen.high:g}" if seen.low is not None and seen.high is not None else ""
     what = f"{seen.signal.unit or '-':<8} {seen.quantity or 'not guessed':<20}"
     return f"{seen.signal.qualified:<{width}}  {what} {span}".rstrip()

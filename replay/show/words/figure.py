@@ -56,7 +56,7 @@ LINE = 11 / 72  # inches: height of a name at the end of a line
 
 
 @dataclass(frozen=True)
-class Table:
+class FigureTable:
     """The data behind a plot, as text: `rows` are as long as `head`."""
 
     head: tuple[str, ...]
@@ -70,7 +70,7 @@ class Plot:
     title: str
     svg: str
     note: str
-    table: Table
+    table: FigureTable
 
 
 @contextmanager

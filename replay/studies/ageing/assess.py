@@ -24,7 +24,17 @@ from replay.engine.runs.identity import run_id
 from replay.engine.runs.sources import code_of
 from replay.engine.specimen.aged import law_of, states_left
 from replay.errors import ReplayDataError
-from replay.studies.ageing.assessment import Assessment, Batch, Check, HotHours, Law, Specimen, document, read, tables
+from replay.studies.ageing.assessment import (
+    AgeingLaw,
+    Assessment,
+    Batch,
+    DcCheck,
+    HotHours,
+    Specimen,
+    document,
+    read,
+    tables,
+)
 from replay.studies.ageing.configured_checks import models_of
 from replay.studies.ageing.history import History, Point, histories, is_check, of_ageing
 from replay.studies.ageing.lives import lives_of
@@ -163,7 +173,7 @@ def _assessed(
     )
 
 
-def _law(found: Assessed, specimens: Sequence[Specimen]) -> Law | None:
+def _law(found: Assessed, specimens: Sequence[Specimen]) -> AgeingLaw | None:
     """The fleet's slope, with what specimens differ by, where there are three of them; else that of the one whose
     course is surest. A rise that has become level is no law to go on with."""
     from analytics.insulation.dose.arrhenius import THRESHOLD_DEGC
@@ -176,13 +186,15 @@ def _law(found: Assessed, specimens: Sequence[Specimen]) -> Law | None:
         return None
     if fleet.slope_percent_per_100h is not None and fleet.specimen_spread is not None:
         law = Ageing.of_resistance(THRESHOLD_DEGC, fleet.slope_percent_per_100h, fleet.specimen_spread)
-        return Law(percent_per_100h=law.percent_per_100h, sd=law.sd, from_h=0.0, source="fleet", model=None)
+        return AgeingLaw(percent_per_100h=law.percent_per_100h, sd=law.sd, from_h=0.0, source="fleet", model=None)
     one = max(changed, key=lambda one: one.form_probability)
     low, high = one.ci95 or (0.0, 0.0)
     law = Ageing.of_resistance(
         THRESHOLD_DEGC, one.slope_percent_per_100h or 0.0, (high - low) / 3.92, one.change_at_dose_h or 0.0
     )
-    return Law(percent_per_100h=law.percent_per_100h, sd=law.sd, from_h=law.from_h, source=one.specimen, model=None)
+    return AgeingLaw(
+        percent_per_100h=law.percent_per_100h, sd=law.sd, from_h=law.from_h, source=one.specimen, model=None
+    )
 
 
 def _not_heat_alone(others: Sequence[str]) -> list[str]:
@@ -197,7 +209,7 @@ def _not_heat_alone(others: Sequence[str]) -> list[str]:
     ]
 
 
-def _published(store: Store, facts: Facts, motor: str, law: Law) -> str:
+def _published(store: Store, facts: Facts, motor: str, law: AgeingLaw) -> str:
     """The motor file with the law in its insulation, as a model with its parent. Raises MotorFileError where it has
     no insulation."""
     from analytics.insulation.dose.arrhenius import THRESHOLD_DEGC
@@ -267,9 +279,9 @@ def _as_filtered(point: Point, sd: float | None) -> Seen | None:
     return Seen(point.dose_h, math.log(point.resistance), sd)
 
 
-def _check(point: Point, number: int, first: float | None, sd: float | None, left: dict[str, float] | None) -> Check:
+def _check(point: Point, number: int, first: float | None, sd: float | None, left: dict[str, float] | None) -> DcCheck:
     found, r = point.found, point.resistance
-    return Check(
+    return DcCheck(
         session=point.session.session,
         session_name=point.session.name,
         start_ns=point.start_ns,

@@ -9,13 +9,13 @@ from typing import Any
 
 import pyarrow as pa
 
-from replay.engine.specimen.heat_history import Heat
+from replay.engine.specimen.heat_history import HoursByTemperature
 
 SCHEMA = "whyhot.ageing/1"
 
 
 @dataclass(frozen=True, kw_only=True)
-class Check:
+class DcCheck:
     """One DC check. `dose_h`: hours above the threshold before it; `equivalent_h`: the same dose as hours at the
     threshold, [least, most] over the rules of `Assessment.rules`, None where the temperatures are not known; `sd`
     [K/W] of this check alone, repeatability not in it; `sd_percent` [% of R] with it, as courses are weighed by;
@@ -80,7 +80,7 @@ class HotHours:
     session: str
     session_name: str
     channel: str
-    heat: Heat
+    heat: HoursByTemperature
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -94,7 +94,7 @@ class Specimen:
     specimen: str
     batch: str | None
     cycles: list[OvenCycle]
-    checks: list[Check]
+    checks: list[DcCheck]
     dose_h: float | None
     equivalent_h: list[float] | None
     form: str
@@ -115,7 +115,7 @@ class Specimen:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Stress:
+class StressEffect:
     """What one kind of stress does to R beside the others, all specimens together: `percent` in R for each `unit`
     with its sd; `not_told_from`: the stresses that could be it instead, and `percent` is then what it would be if
     they did nothing. None where nothing varies."""
@@ -139,7 +139,7 @@ class Batch:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Law:
+class AgeingLaw:
     """How the conductance of insulation falls: by `percent_per_100h` above the threshold with its `sd`, from `from_h`
     of dose on. `source`: the fleet, or the one specimen that shows a course. `model`: the motor file that says so,
     where a motor was given."""
@@ -175,7 +175,7 @@ class LivesLaw:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Lives:
+class AssessedLives:
     """Lives by a criterion and their law; where `law` is None, `why` says what is missing."""
 
     criterion: str
@@ -196,11 +196,11 @@ class Assessment:
     activation_energy_eV: Mapping[str, Any]
     rules: list[str]
     repeatability_from: str
-    law: Law | None
-    life: Lives
+    law: AgeingLaw | None
+    life: AssessedLives
     specimens: list[Specimen]
     batches: list[Batch]
-    stress: list[Stress]
+    stress: list[StressEffect]
     false_discovery_rate: float
     notes: list[str]
 
@@ -248,17 +248,17 @@ def read(data: Mapping[str, Any]) -> Assessment:
         | {
             "specimens": [_read_specimen(one) for one in data["specimens"]],
             "batches": [Batch(**one) for one in data["batches"]],
-            "law": Law(**data["law"]) if data["law"] else None,
+            "law": AgeingLaw(**data["law"]) if data["law"] else None,
             "life": _read_life(data["life"]),
-            "stress": [Stress(**one) for one in data["stress"]],
+            "stress": [StressEffect(**one) for one in data["stress"]],
             "false_discovery_rate": fleet["false_discovery_rate"],
         }
     )
 
 
-def _read_life(data: Mapping[str, Any]) -> Lives:
+def _read_life(data: Mapping[str, Any]) -> AssessedLives:
     law = LivesLaw(**data["law"]) if data["law"] else None
-    return Lives(**{**data, "lives": [OneLife(**one) for one in data["lives"]], "law": law})
+    return AssessedLives(**{**data, "lives": [OneLife(**one) for one in data["lives"]], "law": law})
 
 
 def _specimen(one: Specimen) -> dict[str, Any]:
@@ -268,7 +268,7 @@ def _specimen(one: Specimen) -> dict[str, Any]:
 
 def _read_specimen(data: Mapping[str, Any]) -> Specimen:
     checks = [
-        Check(**{"source" if key == "from" else key: value for key, value in one.items()}) for one in data["checks"]
+        DcCheck(**{"source" if key == "from" else key: value for key, value in one.items()}) for one in data["checks"]
     ]
     cycles = [OvenCycle(**one) for one in data["cycles"]]
     return Specimen(**{**data, "checks": checks, "cycles": cycles})

@@ -44,7 +44,7 @@ from twin.insulation.insulation_fit import OverChecks, insulated, over_checks
 from twin.motor.network import Network
 
 if TYPE_CHECKING:
-    from analytics.insulation.checks.resistance import CheckResistance, CheckTrace, Estimate, Together
+    from analytics.insulation.checks.resistance import CheckResistance, CheckTrace, ResistanceEstimate, Together
 
 IRON, MINUTES, AMBIENT = "iron sensor", "first minutes", "ambient"
 LEAST_LOAD_S = 1200.0
@@ -138,23 +138,23 @@ class Rig:
             for route in (IRON, MINUTES, AMBIENT)
         ]
 
-    def _estimates(self, route: str, left_out: Sequence[Mapping[str, str]]) -> list[Estimate | str]:
+    def _estimates(self, route: str, left_out: Sequence[Mapping[str, str]]) -> list[ResistanceEstimate | str]:
         """The resistance of each check by one fit of all that the route serves, or why it does not."""
-        from analytics.insulation.checks.resistance import Estimate
+        from analytics.insulation.checks.resistance import ResistanceEstimate
         from analytics.insulation.checks.routes import too_wide
 
         moved = self._iron_off_by(left_out)
         tests = [self._test(route, *one) for one in zip(self.checks, left_out, moved, strict=True)]
         there = [test for test in tests if isinstance(test, Test)]
         fitted = self._fit(route, there) if there else ""
-        answers: list[Estimate | str] = []
+        answers: list[ResistanceEstimate | str] = []
         for test in tests:
             if isinstance(test, str) or isinstance(fitted, str):
                 answers.append(test if isinstance(test, str) else str(fitted))
             else:
                 k = len([one for one in answers if not isinstance(one, str)])
                 value = float(fitted.resistance[k])
-                answers.append(Estimate(value, value * float(fitted.ln_sd[k])))
+                answers.append(ResistanceEstimate(value, value * float(fitted.ln_sd[k])))
         for answer in answers:
             why = answer if isinstance(answer, str) else too_wide(answer)
             if why is not None:

@@ -16,7 +16,7 @@ from ingest.catalogue.channels import ChannelData
 from ingest.catalogue.quality import assess
 from ingest.facts.facts import Facts
 from ingest.facts.store import Store
-from replay.engine.specimen.heat_history import Heat
+from replay.engine.specimen.heat_history import HoursByTemperature
 
 if TYPE_CHECKING:
     from analytics.insulation.checks.resistance import CheckTrace
@@ -39,7 +39,7 @@ class Evaluated:
     resistance_K_per_W: float | None
     dose_h: float | None
     degC: float | None
-    counted: Heat | None
+    counted: HoursByTemperature | None
     counters: Mapping[str, float] = field(default_factory=dict)
 
 
@@ -88,7 +88,7 @@ def _bins(store: Store, facts: Facts, bench: str) -> Mapping[str, tuple[float, f
     return {channel.name: channel.bin_degC for channel in read.channels if channel.bin_degC}
 
 
-def _heat(bins: Mapping[tuple[float, float], float]) -> Heat | None:
+def _heat(bins: Mapping[tuple[float, float], float]) -> HoursByTemperature | None:
     """Hours spread evenly over each bin, in parts of 1 K at most: an hour at its upper end is worth more than one at
     its lower."""
     if not bins:
@@ -98,7 +98,7 @@ def _heat(bins: Mapping[tuple[float, float], float]) -> Heat | None:
         parts = math.ceil(high - low)
         degC.append(low + (np.arange(parts) + 0.5) * (high - low) / parts)
         hours.append(np.full(parts, total / parts))
-    return Heat(np.concatenate(degC), np.concatenate(hours))
+    return HoursByTemperature(np.concatenate(degC), np.concatenate(hours))
 
 
 def trace_of(channels: Sequence[ChannelData]) -> CheckTrace:

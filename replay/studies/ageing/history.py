@@ -17,7 +17,15 @@ from ingest.errors import DamageError
 from ingest.facts.events import SessionRecorded
 from ingest.facts.facts import Facts
 from ingest.facts.store import Store
-from replay.engine.specimen.heat_history import CHECKED, HEATED, Heat, Trace, doses, in_order, trace_of_heat
+from replay.engine.specimen.heat_history import (
+    CHECKED,
+    HEATED,
+    HoursByTemperature,
+    Trace,
+    doses,
+    in_order,
+    trace_of_heat,
+)
 from replay.studies.ageing.assessment import HotHours, OvenCycle
 from replay.studies.ageing.configured_checks import LoggedCheck, evaluate_checks, logged_check
 from replay.studies.ageing.dc_checks import Evaluated, evaluated
@@ -125,7 +133,7 @@ def histories(
     return found
 
 
-def worth_of(heat: Heat) -> Floats:
+def worth_of(heat: HoursByTemperature) -> Floats:
     """What heat is worth (4,): hours above the threshold, then what all hours are worth at it by each of
     `arrhenius.RULES`."""
     from analytics.insulation.dose.arrhenius import RULES, THRESHOLD_DEGC, equivalent_hours
@@ -225,7 +233,7 @@ def _worth(trace: Trace) -> Floats:
     return found
 
 
-NOTHING = Heat(np.empty(0), np.empty(0))
+NOTHING = HoursByTemperature(np.empty(0), np.empty(0))
 
 
 def _oven_cycles(sessions: Iterable[SessionRecorded], heats: Mapping[str, Trace | None]) -> Iterator[OvenCycle]:
@@ -286,7 +294,7 @@ def _with_tables(history: History, rows: Sequence[tuple[SessionRecorded, Evaluat
 def _row_point(session: SessionRecorded, row: Evaluated, readouts: Sequence[tuple[int, Floats]]) -> Point:
     dose, worth = row.dose_h, None
     if dose is not None and row.degC is not None:
-        worth = worth_of(Heat(np.array([row.degC]), np.array([dose])))
+        worth = worth_of(HoursByTemperature(np.array([row.degC]), np.array([dose])))
         worth[0] = dose
     elif dose is None and row.counted is not None:
         worth = worth_of(row.counted)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from replay.studies.ageing.assessment import Lives, LivesLaw, OneLife
+from replay.studies.ageing.assessment import AssessedLives, LivesLaw, OneLife
 from replay.studies.ageing.history import History
 
 if TYPE_CHECKING:
@@ -20,7 +20,9 @@ Floats = NDArray[np.float64]
 LEAST_SPREAD_K = 5.0  # temperatures closer than this are one: ovens are not equally hot every time
 
 
-def lives_of(histories: Mapping[str, History], sd: Mapping[str, Sequence[float | None]], criterion: str) -> Lives:
+def lives_of(
+    histories: Mapping[str, History], sd: Mapping[str, Sequence[float | None]], criterion: str
+) -> AssessedLives:
     """Between which doses each specimen's conductivity first fell by half, at the median temperature of its dose, and
     the lognormal law of these.
 
@@ -43,7 +45,7 @@ def lives_of(histories: Mapping[str, History], sd: Mapping[str, Sequence[float |
             upper = None if math.isinf(found.upper_h) else found.upper_h
             lives.append(OneLife(specimen=name, degC=degC, lower_h=found.lower_h, upper_h=upper))
     law, why = _law(lives, criterion)
-    return Lives(criterion=criterion, lives=lives, law=law, why=why)
+    return AssessedLives(criterion=criterion, lives=lives, law=law, why=why)
 
 
 def _temperature(history: History) -> float | None:

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from replay.studies.ageing.assessment import Stress
+from replay.studies.ageing.assessment import StressEffect
 from replay.studies.ageing.history import Point
 
 Floats = NDArray[np.float64]
@@ -18,7 +18,7 @@ UNITS = {HEAT: "100 h above 180 degC", CYCLES: "cycle", DISCHARGE: "100 h above 
 SEEN_SD = 2.576  # 1 in 100 by chance
 
 
-def stress_of(rows: Sequence[tuple[str, Point]], sd: Floats) -> list[Stress]:
+def stress_of(rows: Sequence[tuple[str, Point]], sd: Floats) -> list[StressEffect]:
     """What each stress did, from usable points with their specimens and the sd of ln R of each (n,): heat beside all
     else that any of them had, by the points of which everything is known. Empty where there was nothing but heat."""
     from analytics.insulation.courses import stress
@@ -36,7 +36,7 @@ def stress_of(rows: Sequence[tuple[str, Point]], sd: Floats) -> list[Stress]:
         {name: [amounts[k][name] for k in whole] for name in names},
     )
     return [
-        Stress(
+        StressEffect(
             name=one.name,
             unit=UNITS.get(one.name, "count"),
             percent=None if one.effect is None else 100.0 * one.effect,
@@ -58,7 +58,7 @@ def _amounts(point: Point) -> Mapping[str, float]:
     return {name: amount for name, amount in had.items() if amount is not None} | dict(point.counters)
 
 
-def beside_heat(stress: Sequence[Stress]) -> list[str]:
+def beside_heat(stress: Sequence[StressEffect]) -> list[str]:
     """The stresses that did something to R that heat did not, beyond chance."""
     return [
         one.name

@@ -27,11 +27,11 @@ from replay.engine.specimen.aged import of_specimen
 from replay.errors import ReplayDataError
 from replay.studies.sessions.fitting import fitting
 from replay.studies.sessions.recorded import STEP_S, test_of
-from twin.calibration.calibrate import Calibration, Estimate, calibrate
+from twin.calibration.calibrate import Calibration, FittedParameter, calibrate
 from twin.calibration.profile import profile
 from twin.calibration.united import United
 from twin.fitting.model import Test
-from twin.fitting.recorded import Meter
+from twin.fitting.recorded import RecordedMeter
 
 Floats = NDArray[np.float64]
 
@@ -187,7 +187,7 @@ def _keep(store: Store, facts: Facts, event: CalibrationCompleted, file: str) ->
     return known
 
 
-def _parameter(estimate: Estimate) -> dict[str, Any]:
+def _parameter(estimate: FittedParameter) -> dict[str, Any]:
     return {
         "name": estimate.name,
         "unit": UNITS[estimate.name.split(".", 1)[0]],
@@ -207,7 +207,7 @@ def _errors(sessions: Sequence[SessionRecorded], tests: Sequence[Test], result: 
         found = next(one for one in tests[s].sensors if one.name == name)
         entry: dict[str, Any] = {"session": sessions[s].session, "session_name": sessions[s].name, "channel": name}
         after, bias = result.mae_after[s, name], result.bias.get((s, name), 0.0)
-        if isinstance(found, Meter):
+        if isinstance(found, RecordedMeter):
             entry |= {"place": _place(found, result), "unit": found.unit, "before": before, "after": after}
             entry |= {
                 "bias": bias,
@@ -222,7 +222,7 @@ def _errors(sessions: Sequence[SessionRecorded], tests: Sequence[Test], result: 
     return entries
 
 
-def _place(meter: Meter, result: Calibration) -> str:
+def _place(meter: RecordedMeter, result: Calibration) -> str:
     if meter.law is not None:
         return " + ".join(meter.law.weights)
     return "motor" if meter.boundary is None else result.network.boundaries[meter.boundary].name

@@ -36,7 +36,7 @@ from replay.errors import ReplayDataError
 from replay.studies.characterise.calibrate import common_model
 from replay.studies.sessions.fitting import fitting
 from twin.filters.ekf import at_their_pace, filter_unknowns
-from twin.filters.inputs import Start
+from twin.filters.inputs import FilterStart
 from twin.filters.smoother import smoothed
 from twin.filters.unknowns import UnknownFactor, UnknownHeat
 from twin.motor.network import Network
@@ -136,8 +136,10 @@ class _Recorded:
     def observation(self, channel: str) -> Observation | None:
         return next((o for o in self.frame.observations if o.sensor.name == channel), None)
 
-    def start(self, seen: Sequence[Observation]) -> Start:
-        return Start(*initial_temperatures(self.network, replace(self.frame, observations=tuple(seen)), "testing"))
+    def start(self, seen: Sequence[Observation]) -> FilterStart:
+        return FilterStart(
+            *initial_temperatures(self.network, replace(self.frame, observations=tuple(seen)), "testing")
+        )
 
 
 def sensors_worth(
@@ -197,7 +199,7 @@ def _recorded(store: Store, facts: Facts, session: SessionRecorded, model: str) 
     node = uncertain_node(network, losses) or max(losses, key=lambda name: losses[name])
     readings = [reading_of(o, frame) for o in frame.observations]
     asked = [unknown_loss(network, node, losses)]
-    (paced,) = at_their_pace(network, inputs, Start(temperatures, sd), asked, readings)
+    (paced,) = at_their_pace(network, inputs, FilterStart(temperatures, sd), asked, readings)
     return _Recorded(network, frame, inputs, node, paced, open_loop)
 
 

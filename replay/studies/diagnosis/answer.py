@@ -67,7 +67,7 @@ class Rival:
 
 
 @dataclass(frozen=True, kw_only=True)
-class UnknownHeat:
+class UnnamedHeat:
     """A heat at a node that no candidate explains: its range [W] (cooling negative) while it is active, the range of
     each input and temperature then (name with unit -> [from, to]), and what it goes with, strongest first. `patchwork`:
     candidates that fit only together, each no name of what is there; the range [W] is then that of a heat which changes
@@ -82,7 +82,7 @@ class UnknownHeat:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Gain:
+class KeptGain:
     """Mean absolute error at a node over the kept sessions [K]: recalibrated without the causes, with them, as
     published. `ci95_K`: of the difference; `outside_trained_share`: of kept time in speed-current cells that training
     never visited. `rms_inside_K`, `rms_outside_K`: root mean square error without and with the causes, in cells that
@@ -132,12 +132,12 @@ class Diagnosis:
     shown: list[Shown]
     causes: list[Named]
     rivals: list[Rival]
-    unknown: list[UnknownHeat]
+    unknown: list[UnnamedHeat]
     masked: list[Masked]
     recalibrated_model: str | None
     extended_model: str | None
     extended_bench: str | None
-    gain: list[Gain]
+    gain: list[KeptGain]
     log_score_gain: float | None
     log_score_gain_lower: float | None
     few_kept_data: bool
@@ -162,9 +162,9 @@ def read(document: dict[str, Any]) -> Diagnosis:
         "shown": Shown,
         "causes": Named,
         "rivals": Rival,
-        "unknown": UnknownHeat,
+        "unknown": UnnamedHeat,
         "masked": Masked,
-        "gain": Gain,
+        "gain": KeptGain,
     }
     values = {field.name: document[field.name] for field in fields(Diagnosis) if field.name in document}
     for name, cls in parts.items():

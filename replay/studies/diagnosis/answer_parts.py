@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ingest.facts.events import SessionRecorded
 from ingest.texts.quantities import column_suffix
 from replay.engine.results.residuals import where
-from replay.studies.diagnosis.answer import Named, Rival, Shown, UnknownHeat
+from replay.studies.diagnosis.answer import Named, Rival, Shown, UnnamedHeat
 from replay.studies.diagnosis.formulas import formula
 from replay.studies.diagnosis.kept_sessions import Measured
 from twin.calibration.learned import size, term_of
@@ -217,11 +217,11 @@ def suspected_test(naming: Naming) -> str | None:
     return f"{test}: it would show whether {best.candidate.cause} is there" if best and test else None
 
 
-def unknown_heat(heat: Unknown, network: Network, patchwork: Sequence[Refit]) -> UnknownHeat:
+def unknown_heat(heat: Unknown, network: Network, patchwork: Sequence[Refit]) -> UnnamedHeat:
     """A free heat in stored units."""
     when = {with_unit(f): [low * scale(network, f), high * scale(network, f)] for f, (low, high) in heat.inputs.items()}
     when[f"{heat.node}_degC"] = list(heat.temperature_degC)
-    return UnknownHeat(
+    return UnnamedHeat(
         node=heat.node,
         watts=list(heat.watts),
         when=when,

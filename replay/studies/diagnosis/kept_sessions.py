@@ -10,14 +10,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from replay.studies.diagnosis.answer import Gain
+from replay.studies.diagnosis.answer import KeptGain
 from twin.diagnosis.gain import held_out_gain, removes_excess
 from twin.diagnosis.kept_tests import KeptTests, Prediction, kept_tests
 from twin.diagnosis.posterior_mode import slowest_mode_s
 from twin.errors import DivergedError
 from twin.fitting.fit import Fit
-from twin.fitting.model import Channel, Test
+from twin.fitting.model import Test
 from twin.fitting.noise import floor_variance
+from twin.fitting.recorded import RecordedChannel
 from twin.motor.outputs import followed
 
 Floats = NDArray[np.float64]
@@ -36,7 +37,7 @@ class Measured:
     terms make the mean square error twice as large, lose 10 of log score, or let the temperatures run away.
     `masked_better`: channel -> its error is smaller without masked samples, where it has some."""
 
-    gain: tuple[Gain, ...]
+    gain: tuple[KeptGain, ...]
     log_score_gain: float | None
     log_score_gain_lower: float | None
     few: bool
@@ -95,7 +96,7 @@ def _masked_better(final: Fit, kept: Sequence[Test]) -> dict[str, bool]:
     return {c: float(np.concatenate(a).mean()) < float(np.concatenate(b).mean()) for c, (a, b) in found.items()}
 
 
-def _unmasked(channel: Channel) -> Channel:
+def _unmasked(channel: RecordedChannel) -> RecordedChannel:
     """As if every sample that was recorded were live."""
     samples = np.where(np.isfinite(channel.measured), np.maximum(channel.output.samples, 1.0), 0.0)
     return replace(channel, output=replace(channel.output, samples=samples))
@@ -115,7 +116,7 @@ def _gain(
     train: Sequence[Test],
     kept: Sequence[Test],
     block_s: float,
-) -> tuple[Gain, ...]:
+) -> tuple[KeptGain, ...]:
     nodes: defaultdict[str, list[tuple[Prediction, Prediction, Prediction]]] = defaultdict(list)
     for trio in zip(before.predictions, after.predictions, published.predictions, strict=True):
         channel = next((c for c in kept[trio[0].test].channels if c.name == trio[0].channel), None)
@@ -129,7 +130,7 @@ def _gain(
         mae = [float(np.abs(np.concatenate([t[i].residual for t in trios])).mean()) for i in range(3)]
         low, high = _interval(trios, block_s, over)
         found.append(
-            Gain(
+            KeptGain(
                 node=node,
                 mae_before_K=mae[0],
                 mae_after_K=mae[1],

@@ -21,7 +21,7 @@ from twin.fitting.model import Test
 from twin.motor.configured import configured, restored
 from twin.motor.merging import merged_configurations
 from twin.motor.network import Network
-from twin.run.reduction import Course, Reduced, reductions, smallest
+from twin.run.reduction import FullRun, Reduced, reductions, smallest
 from twin.run.side_by_side import simulate_all
 
 LEAST = 2  # the curve goes on below what was asked for, as far as measured nodes stay apart
@@ -118,9 +118,9 @@ def _check(
             raise ReplayDataError(f"session {session.name} is both in --on and in --hold-out: take it out of one.")
 
 
-def _courses(full: Compiled, tests: Sequence[Test]) -> list[Course]:
+def _courses(full: Compiled, tests: Sequence[Test]) -> list[FullRun]:
     runs = simulate_all(full, [test.frame for test in tests], [test.initial for test in tests])
-    return [Course(test.frame, run) for test, run in zip(tests, runs, strict=True)]
+    return [FullRun(test.frame, run) for test, run in zip(tests, runs, strict=True)]
 
 
 def _prepare(network: Network) -> Compiled:
@@ -133,7 +133,7 @@ def _measured(tests: Iterable[Test]) -> dict[str, str]:
     return {node: "measured" for test in tests for channel in test.channels for node in channel.output.weights}
 
 
-def _hottest(network: Network, courses: Sequence[Course]) -> dict[str, str]:
+def _hottest(network: Network, courses: Sequence[FullRun]) -> dict[str, str]:
     """The hottest node of copper and of magnets over the runs."""
     peak = np.max([course.temperatures.max(axis=0) for course in courses], axis=0)
     found = {}

@@ -23,8 +23,8 @@ from replay.engine.results.open_loop import initial_temperatures, referenced
 from replay.engine.specimen.aged import hours_of
 from replay.errors import ReplayDataError
 from replay.studies.sessions.history import course_of
-from twin.fitting.model import Channel, Test
-from twin.fitting.recorded import Meter
+from twin.fitting.model import Test
+from twin.fitting.recorded import RecordedChannel, RecordedMeter
 from twin.motor.features import QUANTITY, Monomial, is_flow, monomials
 from twin.motor.network import Network
 from twin.motor.outputs import BLOCK_S, Output
@@ -128,10 +128,10 @@ def with_meters(test: Test, frame: InputFrame, network: Network, level: str) -> 
     return replace(test, meters=tuple(found))
 
 
-def _meter(whole: Channel, what: Measurand, frame: InputFrame, network: Network) -> Meter:
+def _meter(whole: RecordedChannel, what: Measurand, frame: InputFrame, network: Network) -> RecordedMeter:
     around = [b.name for b in network.boundaries]
     given = frame.mechanical_W if what.quantity == "power" else None
-    return Meter(
+    return RecordedMeter(
         name=whole.name,
         bus=whole.bus,
         unit=what.unit,
@@ -147,9 +147,9 @@ def _meter(whole: Channel, what: Measurand, frame: InputFrame, network: Network)
     )
 
 
-def _channel(o: Observation, frame: InputFrame, steps: int) -> Channel:
+def _channel(o: Observation, frame: InputFrame, steps: int) -> RecordedChannel:
     samples = np.where(o.good & frame.live, o.samples, 0).astype(np.float64)[:steps]
-    return Channel(
+    return RecordedChannel(
         name=o.sensor.name,
         bus=o.sensor.bus,
         output=Output(

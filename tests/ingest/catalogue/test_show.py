@@ -22,7 +22,7 @@ from ingest.facts import sessions
 from ingest.facts.events import BenchRegistered, DecodeCompleted, SessionRecorded
 from ingest.facts.facts import Facts
 from ingest.facts.store import Store
-from ingest.log.samples import Column, Samples, Writer
+from ingest.log.samples import Column, GroupWriter, Samples
 from made.events import decode, raw
 
 S = 1_000_000_000
@@ -98,7 +98,7 @@ def add(store: Store, name: str, start_s: int, bench: bool = True, **more: Any) 
     folder = store.decoded(number)
     folder.mkdir(parents=True)
     columns = [Column(COLUMNS[one][0], one, COLUMNS[one][2], COLUMNS[one][1]) for one in COLUMNS]
-    writer = Writer(folder / "rows.parquet", sealed.sha256, columns)
+    writer = GroupWriter(folder / "rows.parquet", sealed.sha256, columns)
     t_ns = T0 + (start_s + np.arange(N)) * S
     writer.add(Samples(t_ns, t_ns, np.arange(N), list(more.pop("values", values()).values())))
     rows = writer.close()

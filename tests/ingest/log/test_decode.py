@@ -20,7 +20,7 @@ from ingest.log import recording, samples
 from ingest.log.databases import Database, load
 from ingest.log.decode import RECORDING, decode_file, decode_id
 from ingest.log.plan import groups_of
-from ingest.log.reading import Reading
+from ingest.log.reading import LogReading
 
 START_NS = 1_700_000_000_000_000_000
 RAW = "ab" * 32
@@ -106,23 +106,23 @@ def drive(count: int = 3000, seed: int = 2) -> list[Frame]:
     return [(i / 1000, 1, ids[i], 0, payloads[i]) for i in range(count)]
 
 
-def record(folder: Path, batch: Frames | Rows, **fields: Any) -> Reading:
+def record(folder: Path, batch: Frames | Rows, **fields: Any) -> LogReading:
     """What `ingest.log.reading` gives for a log of this one batch."""
     folder.mkdir(exist_ok=True)
     log = Given([batch], **{"found": len(batch.t_ns) + len(fields.get("rejected", ())), **fields})
     contents = recording.write(folder / RECORDING, log)
     holds = "rows" if isinstance(batch, Rows) else "frames"
-    return Reading("given", holds, rejections=tuple(log.rejected), **vars(contents))
+    return LogReading("given", holds, rejections=tuple(log.rejected), **vars(contents))
 
 
 def decoded(
-    folder: Path, reading: Reading, databases: Sequence[Database] = (), bench: str | None = None
+    folder: Path, reading: LogReading, databases: Sequence[Database] = (), bench: str | None = None
 ) -> DecodeCompleted:
     read = read_bench(bench.encode(), "bench.toml") if bench else None
     return decode_file(reading, RAW, databases, read, channels(reading, databases, read), folder)
 
 
-def channels(reading: Reading, databases: Sequence[Database], bench: Bench | None) -> list[Any]:
+def channels(reading: LogReading, databases: Sequence[Database], bench: Bench | None) -> list[Any]:
     messages = {can_id: message for database in databases for can_id, message in database.messages.items()}
     signals = [signal for group in groups_of(reading, messages) for signal in group.signals]
     return resolve(bench, signals) if bench else []

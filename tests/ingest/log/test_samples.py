@@ -11,7 +11,7 @@ import pytest
 
 from ingest.errors import DamageError
 from ingest.log import samples
-from ingest.log.samples import Column, Samples, Writer
+from ingest.log.samples import Column, GroupWriter, Samples
 
 COLUMNS = (Column("T_wdg_degC", "T_wdg", "degC", "temperature"), Column("serial", "serial", text=True))
 
@@ -24,7 +24,7 @@ def some(count: int, start: int = 0) -> Samples:
 
 
 def written(path: Path, *parts: Samples) -> int:
-    writer = Writer(path, "ab" * 32, COLUMNS)
+    writer = GroupWriter(path, "ab" * 32, COLUMNS)
     for part in parts:
         writer.add(part)
     return writer.close()

@@ -25,7 +25,7 @@ from ingest.texts.toml_file import (
     TEXT,
     TEXTS,
     Kind,
-    Table,
+    TomlTable,
 )
 
 SCHEMA = "whyhot.bench/1"
@@ -54,7 +54,7 @@ a.b."c.d" = 1
 """
 
 
-def read(text: str | bytes, name: str = "bench.toml") -> Table:
+def read(text: str | bytes, name: str = "bench.toml") -> TomlTable:
     return toml_file.read(text if isinstance(text, bytes) else text.encode(), name, SCHEMA)
 
 

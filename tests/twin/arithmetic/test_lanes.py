@@ -11,7 +11,7 @@ import pytest
 from twin.arithmetic.lane_code import pointer
 from twin.arithmetic.lanes import (
     NOWHERE,
-    Store,
+    LaneStore,
     Sweep,
     less,
     mirrored,
@@ -75,14 +75,14 @@ def swept_by_name(m: Floats, at: Any, kept: Any, rows: int) -> None:
     sweep(m, at, kept.lists, rows, rows, rows, rows, rows, 8)
 
 
-def drawn(store: Store, *shape: int) -> tuple[int, Floats]:
+def drawn(store: LaneStore, *shape: int) -> tuple[int, Floats]:
     numbers = np.random.default_rng(len(shape) * 100 + shape[0]).normal(size=shape)
     return store.put(numbers), numbers
 
 
 @pytest.mark.parametrize("length", LENGTHS)
 def test_a_sweep_takes_complete_rows_of_what_it_makes(length: int) -> None:
-    store = Store()
+    store = LaneStore()
     base, rows = drawn(store, 4, length)
     factors, scale = drawn(store, 4)
     shares, taken = drawn(store, 5)
@@ -102,7 +102,7 @@ def test_a_sweep_takes_complete_rows_of_what_it_makes(length: int) -> None:
 @pytest.mark.parametrize("length", LENGTHS)
 @pytest.mark.parametrize("count", [1, 3, 4, 9])
 def test_rows_that_take_the_same_others_have_shares_of_their_own(count: int, length: int) -> None:
-    store = Store()
+    store = LaneStore()
     base, rows = drawn(store, count, length)
     others, source = drawn(store, 2, length)
     shares, taken = drawn(store, count, 5)
@@ -120,7 +120,7 @@ def test_rows_that_take_the_same_others_have_shares_of_their_own(count: int, len
 
 @pytest.mark.parametrize("length", LENGTHS)
 def test_a_sweep_may_begin_with_two_rows_and_take_the_place_of_one(length: int) -> None:
-    store = Store()
+    store = LaneStore()
     (base, rows), (beside, others) = drawn(store, 3, length), drawn(store, 4, length)
     (factors, scale), (shares, taken), (less, left) = drawn(store, 3), drawn(store, 2), drawn(store, 4)
     lists = store.sweep([length, 0, 2 * length], [1, 0, 2], [[], [(length, 1)], [(0, 0)]])
@@ -134,7 +134,7 @@ def test_a_sweep_may_begin_with_two_rows_and_take_the_place_of_one(length: int) 
 
 @pytest.mark.parametrize("length", LENGTHS)
 def test_rows_are_scaled(length: int) -> None:
-    store = Store()
+    store = LaneStore()
     base, row = drawn(store, 1, length)
     out = store.rows(1, length)
     m = store.numbers()
@@ -144,7 +144,7 @@ def test_rows_are_scaled(length: int) -> None:
 
 @pytest.mark.parametrize("size", [2, 5, 8, 9, 18, 21, 24])
 def test_matrices_are_transposed_and_mirrored(size: int) -> None:
-    store, length = Store(), width(size + 1)
+    store, length = LaneStore(), width(size + 1)
     source, rows = drawn(store, length, length)
     out = store.rows(length, length)
     m = store.numbers()
@@ -157,7 +157,7 @@ def test_matrices_are_transposed_and_mirrored(size: int) -> None:
 
 
 def test_a_store_begins_at_a_border_of_the_vectors_and_keeps_what_it_was_given() -> None:
-    store = Store()
+    store = LaneStore()
     places = [store.put(np.arange(n, dtype=np.float64)) for n in (3, 8, 9)]
     m, at = store.numbers(), store.indices()
     assert m.ctypes.data % (LANES * m.itemsize) == 0
@@ -167,7 +167,7 @@ def test_a_store_begins_at_a_border_of_the_vectors_and_keeps_what_it_was_given()
 
 
 def test_a_record_has_its_fields_by_name_for_compiled_functions() -> None:
-    store = Store()
+    store = LaneStore()
     base, rows = drawn(store, 2, 8)
     lists = store.sweep([0, 8], [0, 1], [[], [(0, 1)]])
     m, at = store.numbers(), store.indices()
@@ -179,7 +179,7 @@ def test_a_record_has_its_fields_by_name_for_compiled_functions() -> None:
 
 def test_whole_rows_are_multiplied_in_vectors() -> None:
     """A new numba, or a line that it cannot see through, would show here first: by time alone nobody notices."""
-    store = Store()
+    store = LaneStore()
     lists = store.sweep([0], [0], [[]])
     place = store.rows(1, 32)
     m, at = store.numbers(), store.indices()

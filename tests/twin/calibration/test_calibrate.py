@@ -10,14 +10,15 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from twin.calibration.calibrate import LEFT_FREE, Calibration, Estimate, calibrate, freedom, widened_noise
+from twin.calibration.calibrate import LEFT_FREE, Calibration, FittedParameter, calibrate, freedom, widened_noise
 from twin.compiled.kernel import compile_network
 from twin.differences.everyday import BOUND
 from twin.fitting import actions
 from twin.fitting.actions import Parameter
 from twin.fitting.fit import ENOUGH, Fit, fit
-from twin.fitting.model import BROAD, Channel, Model, Test
+from twin.fitting.model import BROAD, Model, Test
 from twin.fitting.noise import ChannelNoise, Series
+from twin.fitting.recorded import RecordedChannel
 from twin.motor.features import evaluate, monomials, terms
 from twin.motor.network import Boundary, Link, Network, Node, Source, Term
 from twin.motor.outputs import Output, lagged
@@ -69,7 +70,7 @@ def _session(truth: Network, seed: int, flow: float = 0.0, bias: float = 0.0, ta
         true = ((read[1:] + read[:-1]) / 2).reshape(STEPS, FINE).mean(axis=1)
         noisy = true + rng.normal(0, 0.1, STEPS) + (bias if node == "yoke" else 0.0)
         output = Output({node: 1.0}, tau_s, np.ones(STEPS), np.full(STEPS, 0.5))
-        channels.append(Channel(node, "can1", output, noisy, 0.1, 0.0, 0.5))
+        channels.append(RecordedChannel(node, "can1", output, noisy, 0.1, 0.0, 0.5))
     return Test(
         name=f"session {seed}",
         kind="s2",
@@ -92,7 +93,7 @@ def found(sessions: tuple[Test, ...]) -> Calibration:
     return calibrate(_motor(), sessions)
 
 
-def _named(found: Calibration) -> dict[str, Estimate]:
+def _named(found: Calibration) -> dict[str, FittedParameter]:
     return {estimate.name: estimate for estimate in found.estimates}
 
 
@@ -253,7 +254,9 @@ def _any_test(network: Network, frame: Frame) -> Test:
         features={},
         initial=np.linspace(25, 60, len(names)),
         initial_sd=np.full(len(names), 2.0),
-        channels=tuple(Channel(f"c{i}", "can1", o, np.zeros(steps), 0.1, 0.0, 0.5) for i, o in enumerate(outputs)),
+        channels=tuple(
+            RecordedChannel(f"c{i}", "can1", o, np.zeros(steps), 0.1, 0.0, 0.5) for i, o in enumerate(outputs)
+        ),
     )
 
 

@@ -15,8 +15,9 @@ from twin.calibration.calibrate import freedom
 from twin.calibration.influence import Influence, columns, influence
 from twin.calibration.point_choice import gain_nats, in_order, information, known_K
 from twin.fitting.fit import fit
-from twin.fitting.model import Channel, Model, Test
+from twin.fitting.model import Model, Test
 from twin.fitting.noise import ChannelNoise
+from twin.fitting.recorded import RecordedChannel
 from twin.motor.network import Network, Term
 from twin.motor.outputs import Output
 from twin.run import block_columns
@@ -45,7 +46,8 @@ def _with_every_node(network: Network, test: Test) -> Test:
     there, middle = np.ones(steps), np.full(steps, 0.5)
     outputs = (Output({node.name: 1.0}, 0.0, there, middle) for node in network.nodes)
     return replace(
-        test, channels=tuple(Channel(f"{i}", "", own, 0 * there, 0.1, 0.0, 0.0) for i, own in enumerate(outputs))
+        test,
+        channels=tuple(RecordedChannel(f"{i}", "", own, 0 * there, 0.1, 0.0, 0.0) for i, own in enumerate(outputs)),
     )
 
 
@@ -142,7 +144,7 @@ def test_information_is_that_of_a_calibration_to_rounding_however_few_blocks_are
     monkeypatch.setattr(block_columns, "HELD", held)
     rng, network, noise = np.random.default_rng(5), every_law(), {"Y_1": ChannelNoise(0.1, 30.0, 0.2, 900.0)}
 
-    def patchy(channel: Channel) -> Channel:
+    def patchy(channel: RecordedChannel) -> RecordedChannel:
         steps = channel.measured.size
         samples = np.float64(4.0) * ((rng.random(steps) < 0.8) & (np.arange(steps) % 75 > 12))
         return replace(channel, output=replace(channel.output, samples=samples, place=rng.random(steps)))

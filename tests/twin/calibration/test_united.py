@@ -15,8 +15,8 @@ from twin.calibration.calibrate import calibrate, freedom
 from twin.calibration.united import United
 from twin.compiled.kernel import compile_indexed
 from twin.errors import ConfigurationError
-from twin.fitting.model import Channel, Model, Test
-from twin.fitting.recorded import Meter
+from twin.fitting.model import Model, Test
+from twin.fitting.recorded import RecordedChannel, RecordedMeter
 from twin.motor.check import check
 from twin.motor.configured import configured
 from twin.motor.features import evaluate, monomials
@@ -73,11 +73,13 @@ def _recorded(motor: Network, rig: str | None, seed: int = 1, steps: int = 1600)
     edges = simulate(compile_indexed(network), Frame(1.0, columns, around), start)
     always, middle = np.ones(steps), np.full(steps, 0.5)
     channels = tuple(
-        Channel(f"{node}_1", "can1", Output({node: 1.0}, 0.0, always, middle),
+        RecordedChannel(f"{node}_1", "can1", Output({node: 1.0}, 0.0, always, middle),
             (edges[:-1, i] + edges[1:, i]) / 2, 0.02, 0.0, 0.0)
         for i, node in enumerate(("winding", "yoke"))
     )  # fmt: skip
-    taken = Meter("heat", "can1", "W", Output({}, 0.0, always, middle), np.full(steps, 90.0), 1.0, 0.0, 0.0, 0.0, 0)
+    taken = RecordedMeter(
+        "heat", "can1", "W", Output({}, 0.0, always, middle), np.full(steps, 90.0), 1.0, 0.0, 0.0, 0.0, 0
+    )
     return Test(
         name=str(rig),
         kind="drive",

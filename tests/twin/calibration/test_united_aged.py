@@ -11,7 +11,8 @@ import pytest
 from twin.calibration.calibrate import calibrate
 from twin.calibration.united import United
 from twin.compiled.kernel import compile_indexed
-from twin.fitting.model import Channel, Model, Test
+from twin.fitting.model import Model, Test
+from twin.fitting.recorded import RecordedChannel
 from twin.motor.ageing_law import Ageing, AgeingPlace, AgeingTerm, aged, ageing_places
 from twin.motor.configured import configured
 from twin.motor.features import evaluate, monomials
@@ -55,7 +56,7 @@ def recorded(motor: Network, name: str, rig: str | None, steps: int = 1600) -> T
         initial=start,
         initial_sd=np.full(2, 0.3),
         channels=tuple(
-            Channel(
+            RecordedChannel(
                 node,
                 "can1",
                 Output({node: 1.0}, 0.0, always, middle),

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from made.motor import AMBIENT_DEGC, COOLANT_DEGC, FINE_S, every_law, recorded, smooth, truth
 from twin.calibration.calibrate import Calibration, calibrate
 from twin.fitting.model import Model, Test
-from twin.fitting.recorded import METER_SHARE, Meter
+from twin.fitting.recorded import METER_SHARE, RecordedMeter
 from twin.motor.features import evaluate, monomials
 from twin.motor.network import Network
 from twin.motor.outputs import Output
@@ -63,7 +63,7 @@ def _test(gain: float = 0.0) -> Test:
     noise = np.random.default_rng(4).normal(0.0, 2.0, steps)
     measured = (1 + gain) * (made.reshape(steps, -1).mean(axis=1) + given) + noise
     output = Output({}, 0.0, np.full(steps, 4.0), np.full(steps, 0.5))
-    meter = Meter("P_el", "can2", "W", output, measured, 4.0, 0.1, bias_sd=5.0, gain_sd=0.01, given=given)
+    meter = RecordedMeter("P_el", "can2", "W", output, measured, 4.0, 0.1, bias_sd=5.0, gain_sd=0.01, given=given)
     return replace(test, meters=(meter,))
 
 

@@ -66,7 +66,7 @@ def test_both_kernels_agree(seed: int, make_network: Make, plain: Load) -> None:
 def test_the_filter_without_readings_is_the_open_loop(seed: int, make_network: Make) -> None:
     network = with_laws(make_network(seed, n=4), seed)
     inputs = law_frame(network, seed, 40, 0.5)
-    start = filter_inputs.Start(_start(network), np.ones(len(network.nodes)))
+    start = filter_inputs.FilterStart(_start(network), np.ones(len(network.nodes)))
     filtered = filter_unknowns(network, inputs, start, [UnknownHeat(network.nodes[0].name, 1.0, 1.0)], [])
     run_alone = simulate(compile_indexed(network), inputs, _start(network))
     np.testing.assert_allclose(filtered.temperatures, run_alone, rtol=0, atol=1e-10)

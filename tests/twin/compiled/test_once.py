@@ -10,7 +10,7 @@ import numpy as np
 
 from twin.compiled.once import once_a_network
 from twin.filters.ekf import filter_unknowns
-from twin.filters.inputs import AnyReading, Reading, Start
+from twin.filters.inputs import AnyReading, FilterStart, Reading
 from twin.filters.unknowns import Unknown, UnknownFactor, UnknownHeat
 from twin.motor.network import Network
 from twin.motor.sensor import Sensor
@@ -59,8 +59,8 @@ def test_a_filter_does_not_know_what_was_asked_of_the_same_network_before(make_n
 
     link = network.links[0]
     factor = UnknownFactor(f"conductance.{link.a}-{link.b}.scale", 0.1, 1e-3)
-    begin = Start(np.full(5, 40.0), np.ones(5))
-    asked: list[tuple[Start, list[Unknown], list[AnyReading]]] = [
+    begin = FilterStart(np.full(5, 40.0), np.ones(5))
+    asked: list[tuple[FilterStart, list[Unknown], list[AnyReading]]] = [
         (begin, [UnknownHeat("n2", 50.0, 3.0)], [reading("n0", 0.0, 1.0)]),
         (begin, [UnknownHeat("n2", 50.0, 0.1)], [reading("n0", 0.0, 1.0)]),
         (replace(begin, walk_K=0.5), [UnknownHeat("n2", 50.0, 0.1)], [reading("n0", 0.0, 1.0)]),

@@ -14,7 +14,7 @@ from twin.diagnosis.free_heats import _responses, describe, free_heats
 from twin.diagnosis.posterior_mode import stacked
 from twin.diagnosis.unknown import SPACING_S, tent_times
 from twin.differences.everyday import everyday
-from twin.fitting.actions import FreeHeat, Parameter
+from twin.fitting.actions import HeatTent, Parameter
 from twin.fitting.fit import Fit, fit
 from twin.fitting.model import Model
 from twin.fitting.noise import ChannelNoise
@@ -110,7 +110,7 @@ def test_rows_of_the_heats_are_those_of_the_fit() -> None:
     """Against one linearisation of the whole model with the tents of one node."""
     fitted = _fitted("winding", HIDDEN_W)
     wanted = [
-        Parameter("heat", FreeHeat(2, time_s, SPACING_S), 1.0, test)
+        Parameter("heat", HeatTent(2, time_s, SPACING_S), 1.0, test)
         for test, length_s in enumerate((7200.0, 3600.0))
         for time_s in tent_times(length_s)
     ]

@@ -18,7 +18,7 @@ from replay.engine.results.kernel_cache import load
 from twin.compiled.kernel import Compiled, compile_indexed
 from twin.errors import CauseError, FrameError
 from twin.filters.ekf import Estimate, at_their_pace, courses, filter_unknowns, run_of, through
-from twin.filters.inputs import HeatReading, Inputs, Reading, Start, inputs_of, with_walks
+from twin.filters.inputs import FilterStart, HeatReading, Inputs, Reading, inputs_of, with_walks
 from twin.filters.smoother import smoothed
 from twin.filters.ukf import filter_unscented
 from twin.filters.unknowns import Unknown, UnknownBias, UnknownFactor, UnknownHeat
@@ -62,9 +62,9 @@ def with_heat(network: Network, watts: float) -> Network:
     return replace(network, sources=tuple(sources))
 
 
-def start(network: Network, sd: float = 1.0, walk_K: float = 0.1) -> Start:
+def start(network: Network, sd: float = 1.0, walk_K: float = 0.1) -> FilterStart:
     n = len(network.nodes)
-    return Start(np.full(n, 65.0), np.full(n, sd), walk_K)
+    return FilterStart(np.full(n, 65.0), np.full(n, sd), walk_K)
 
 
 def heat(walk_W: float, node: str = NODE, sd_W: float = 50.0) -> UnknownHeat:
@@ -186,7 +186,7 @@ def test_it_agrees_with_filterpys_linear_filter_where_nothing_changes(make_netwo
     network: Network = make_network(4, n=5, linear=True)
     inputs: Frame = make_frame(network, 4, steps=80)
     inputs = Frame(inputs.step_s, np.zeros_like(inputs.features), np.zeros_like(inputs.boundaries))
-    begin, steps = Start(np.full(5, 40.0), np.linspace(0.5, 3.0, 5)), 80
+    begin, steps = FilterStart(np.full(5, 40.0), np.linspace(0.5, 3.0, 5)), 80
     rng = np.random.default_rng(2)
     channels = [
         Reading(
@@ -279,7 +279,7 @@ def test_without_readings_it_is_the_open_loop_of_any_law(seed: int, make_network
     """With circuits, radiation and free convection."""
     network = with_laws(make_network(seed), seed)
     inputs, begins = law_frame(network, seed, 60, 0.5), np.full(len(network.nodes), 40.0)
-    found = filter_unknowns(network, inputs, Start(begins, np.ones(len(begins))), [], [])
+    found = filter_unknowns(network, inputs, FilterStart(begins, np.ones(len(begins))), [], [])
     assert np.abs(found.temperatures - simulate(indexed(network), inputs, begins)).max() < 1e-10
     assert found.found.shape == (61, 0)
 
@@ -412,7 +412,7 @@ def test_an_almost_perfect_reading_of_what_nothing_was_known_of_is_believed(make
     network: Network = make_network(7, n=5)
     inputs: Frame = make_frame(network, 7, steps=3)
     sharp = [Reading(Sensor(f"n{i}", {f"n{i}": 1.0}), np.full(3, 30.0), np.ones(3), np.full(3, 1e-8)) for i in (0, 2)]
-    begin = Start(np.full(5, 30.0), np.full(5, 1e3), 1e-6)
+    begin = FilterStart(np.full(5, 30.0), np.full(5, 1e3), 1e-6)
     found = filter_unknowns(network, inputs, begin, [heat(0.0, "n2", 1e3)], sharp)
     assert found.temperatures_sd[1:, [0, 2]] == pytest.approx(1e-4, rel=0.05)
     assert np.abs(found.temperatures[1:, [0, 2]] - 30.0).max() < 1e-3
@@ -425,7 +425,7 @@ def test_the_covariance_stays_positive_definite_over_a_million_steps(make_networ
     inputs: Frame = make_frame(network, 7, steps=100_000)
     inputs = replace(inputs, boundaries=np.full_like(inputs.boundaries, 30.0))
     n, steps = len(network.nodes), len(inputs.features)
-    at_rest = Start(np.full(n, 30.0), np.full(n, 4.0), 1e-3)
+    at_rest = FilterStart(np.full(n, 30.0), np.full(n, 4.0), 1e-3)
     truth = simulate(indexed(network), inputs, at_rest.temperatures)
     exact = [
         Reading(Sensor(name, {name: 1.0}, time_constant_s=tau), truth[:-1, i], np.zeros(steps), np.full(steps, 1e-8))
@@ -500,7 +500,7 @@ def test_what_cannot_be_filtered_is_refused(network: Network, inputs: Frame) -> 
     steps = len(inputs.features)
     good = Reading(Sensor("T", {"teeth": 1.0}), np.full(steps, 60.0), np.zeros(steps), np.full(steps, 0.01))
     one, many = UnknownFactor("loss.magnet.scale", 0.1, 0.0), UnknownFactor("loss.magnet.tesla", 0.1, 0.0)
-    cases: list[tuple[list[Unknown], Reading, Start, type[Exception], str]] = [
+    cases: list[tuple[list[Unknown], Reading, FilterStart, type[Exception], str]] = [
         ([heat(1.0, "rotor")], good, start(network), FrameError, 'has no node "rotor": name one of'),
         ([heat(1.0), heat(2.0)], good, start(network), FrameError, "two unknown heats at magnet"),
         ([heat(-1.0)], good, start(network), FrameError, "a walk of at least 0"),

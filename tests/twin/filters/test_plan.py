@@ -8,10 +8,10 @@ import pytest
 from numpy.typing import NDArray
 
 from made.filter_example import example
-from twin.filters.ekf import Run, run_of
+from twin.filters.ekf import FilterRun, run_of
 from twin.filters.inputs import Inputs
 from twin.filters.plan import Plan, driven_of, drives_at, ends_of, right_hand_side, term_of, x_at
-from twin.filters.readings import Readings, earlier_entry, earlier_of, later_entry, later_of, observe
+from twin.filters.readings import ReadingsPlan, earlier_entry, earlier_of, later_entry, later_of, observe
 from twin.filters.step import carry
 from twin.motor.heat_laws import NUMBER
 
@@ -25,7 +25,7 @@ def inputs() -> Inputs:
 
 
 @pytest.fixture(scope="module")
-def run(inputs: Inputs) -> Run:
+def run(inputs: Inputs) -> FilterRun:
     return run_of(inputs)
 
 
@@ -40,7 +40,7 @@ def _places(plan: Plan) -> tuple[int, int, int]:
 
 
 @numba.njit(error_model="numpy")
-def _taken(r: Readings, m: Floats, at: Index, q: int) -> tuple[list[tuple[float, int]], list[tuple[float, int]]]:
+def _taken(r: ReadingsPlan, m: Floats, at: Index, q: int) -> tuple[list[tuple[float, int]], list[tuple[float, int]]]:
     later, earlier = later_of(r, at, q), earlier_of(r, at, q)
     return (
         [later_entry(r, m, at, e) for e in range(later[0], later[1])],
@@ -48,7 +48,7 @@ def _taken(r: Readings, m: Floats, at: Index, q: int) -> tuple[list[tuple[float,
     )
 
 
-def test_tables_have_the_rows_that_their_comments_show(run: Run) -> None:
+def test_tables_have_the_rows_that_their_comments_show(run: FilterRun) -> None:
     plan, at = run.plan, run.at
     shown = {
         "law": (5, 6, [0, -1, NUMBER["copper"], -1, 0, 0], 3),
@@ -73,12 +73,12 @@ def test_tables_have_the_rows_that_their_comments_show(run: Run) -> None:
     assert run.m[plan.node_share :][:3].tolist() == [-1.0, -0.5, -0.5]
 
 
-def test_names_of_rows_give_what_stands_in_them(run: Run) -> None:
+def test_names_of_rows_give_what_stands_in_them(run: FilterRun) -> None:
     assert _rows(run.plan, run.at) == ((0, 0, 0), (1, 3, -1), (0, -1, -1), (0, 0, 0, 1))
     assert _places(run.plan) == (8, 11, 2 * 16 + 7)
 
 
-def test_a_reading_has_the_row_and_the_entries_that_are_shown(inputs: Inputs, run: Run) -> None:
+def test_a_reading_has_the_row_and_the_entries_that_are_shown(inputs: Inputs, run: FilterRun) -> None:
     run.begin(inputs)
     plan, r, m, at = run.plan, run.readings, run.m, run.at
     carry(plan, m, at, inputs.features[0], inputs.boundaries[0], True)

@@ -15,8 +15,8 @@ from replay.engine.results.kernel_cache import load
 from twin.compiled.kernel import compile_indexed
 from twin.filters import smoother
 from twin.filters.ekf import filter_unknowns
-from twin.filters.inputs import AnyReading, HeatReading, Inputs, Reading, Start, inputs_of
-from twin.filters.smoother import Smoothed, smoothed
+from twin.filters.inputs import AnyReading, FilterStart, HeatReading, Inputs, Reading, inputs_of
+from twin.filters.smoother import SmootherEstimate, smoothed
 from twin.filters.unknowns import Unknown, UnknownFactor, UnknownHeat
 from twin.motor.network import Network, Term
 from twin.motor.outputs import lagged
@@ -41,11 +41,11 @@ def read(truth: Floats, names: list[str], taus: dict[str, float], step_s: float,
     return found
 
 
-def small(make_network: Any, make_frame: Any, steps: int = 30) -> tuple[Network, Frame, Start, list[Reading]]:
+def small(make_network: Any, make_frame: Any, steps: int = 30) -> tuple[Network, Frame, FilterStart, list[Reading]]:
     """A network whose heats are linear in temperature, so that the filter's F is exact and one at every estimate."""
     network: Network = make_network(4, n=5, linear=True)
     inputs: Frame = make_frame(network, 4, steps=steps)
-    start = Start(np.full(5, 40.0), np.linspace(0.5, 3.0, 5), 0.1)
+    start = FilterStart(np.full(5, 40.0), np.linspace(0.5, 3.0, 5), 0.1)
     truth = simulate(compile_indexed(network, load=load), inputs, start.temperatures + 1.0)
     return network, inputs, start, read(truth, ["n0", "n1", "n2", "n3", "n4"], {"n0": 0.0, "n1": 2.0, "n3": 1.0}, 0.5)
 
@@ -151,7 +151,7 @@ def pulses(network: Network, inputs: Frame, watts: float, on_s: float) -> tuple[
 
 
 @pytest.fixture(scope="module")
-def pulsed() -> tuple[Smoothed, Floats, Floats]:
+def pulsed() -> tuple[SmootherEstimate, Floats, Floats]:
     network = motor("reference_motor")
     inputs = frame(network, s2(), 0.5)
     truth, heat = pulses(network, inputs, 150.0, 200.0)
@@ -159,7 +159,7 @@ def pulsed() -> tuple[Smoothed, Floats, Floats]:
     channels = read(
         truth, names, {"endwinding_a_inner": 2.0, "endwinding_b_inner": 2.0, "rotor_surface": 2.0}, 0.5, 0.01
     )
-    start = Start(np.full(len(names), 65.0), np.full(len(names), 0.1), 1e-3)
+    start = FilterStart(np.full(len(names), 65.0), np.full(len(names), 0.1), 1e-3)
     found = smoothed(network, inputs, start, [UnknownHeat("magnet", 50.0, 10.0)], channels)
     return found, truth, heat
 
@@ -171,7 +171,7 @@ def lag_steps(estimate: Floats, truth: Floats) -> int:
     return int(np.argmin(errors)) - 60
 
 
-def test_the_lag_of_the_filter_is_gone(pulsed: tuple[Smoothed, Floats, Floats]) -> None:
+def test_the_lag_of_the_filter_is_gone(pulsed: tuple[SmootherEstimate, Floats, Floats]) -> None:
     found, truth, heat = pulsed
     late = lag_steps(found.filtered.found[1:, 0], heat)
     assert late >= 10, "the filter needs 5 s and more to see a loss that it infers from the rotor's surface"
@@ -185,7 +185,7 @@ def test_the_lag_of_the_filter_is_gone(pulsed: tuple[Smoothed, Floats, Floats]) 
     )
 
 
-def test_its_bands_are_narrower_and_hold(pulsed: tuple[Smoothed, Floats, Floats]) -> None:
+def test_its_bands_are_narrower_and_hold(pulsed: tuple[SmootherEstimate, Floats, Floats]) -> None:
     found, truth, _ = pulsed
     assert (found.temperatures_sd <= found.filtered.temperatures_sd * (1 + 1e-9)).all()
     assert (found.found_sd <= found.filtered.found_sd * (1 + 1e-9)).all()

@@ -15,7 +15,7 @@ from replay.engine.results.kernel_cache import load
 from twin.compiled.kernel import compile_indexed
 from twin.filters import ukf
 from twin.filters.ekf import filter_unknowns
-from twin.filters.inputs import AnyReading, HeatReading, Reading, Start, inputs_of
+from twin.filters.inputs import AnyReading, FilterStart, HeatReading, Reading, inputs_of
 from twin.filters.ukf import filter_unscented
 from twin.filters.unknowns import Unknown, UnknownFactor, UnknownHeat
 from twin.motor.network import Network
@@ -30,10 +30,10 @@ STEPS = 80
 MIXED: tuple[Unknown, ...] = (UnknownFactor("conductance.coolant-n0.scale", 0.3, 0.01), UnknownHeat("n2", 40.0, 5.0))
 
 
-def case(make_network: Any, make_frame: Any, linear: bool) -> tuple[Network, Frame, Start, list[Reading]]:
+def case(make_network: Any, make_frame: Any, linear: bool) -> tuple[Network, Frame, FilterStart, list[Reading]]:
     network: Network = make_network(4, n=5, linear=linear)
     inputs: Frame = make_frame(network, 4, steps=STEPS)
-    start = Start(np.full(5, 40.0), np.linspace(0.5, 3.0, 5), 0.1)
+    start = FilterStart(np.full(5, 40.0), np.linspace(0.5, 3.0, 5), 0.1)
     truth = simulate(compile_indexed(network, load=load), inputs, start.temperatures + 1.0)
     rng, channels = np.random.default_rng(5), []
     for i, tau in ((0, 0.0), (1, 2.0), (3, 1.0)):

@@ -12,7 +12,7 @@ from replay.engine.results.kernel_cache import load
 from twin.compiled.kernel import compile_indexed
 from twin.errors import FrameError
 from twin.filters.ekf import filter_unknowns
-from twin.filters.inputs import Reading, Start
+from twin.filters.inputs import FilterStart, Reading
 from twin.filters.unknowns import UnknownFactor, terms_of
 from twin.motor.network import Network
 from twin.motor.sensor import Sensor
@@ -44,7 +44,7 @@ def test_a_loss_that_is_larger_in_all_slices_is_found_by_a_sensor_at_one_of_them
     )
     inputs = frame(network, s2(), 0.5)
     n, steps = len(network.nodes), len(inputs.features)
-    start = Start(np.full(n, 65.0), np.full(n, 0.1), 0.01)
+    start = FilterStart(np.full(n, 65.0), np.full(n, 0.1), 0.01)
     truth = _run(replace(network, sources=sources), inputs, start)
     names = [node.name for node in network.nodes]
     seen = truth[1:, names.index("rotor_surface_1")]
@@ -57,14 +57,14 @@ def test_a_loss_that_is_larger_in_all_slices_is_found_by_a_sensor_at_one_of_them
     assert np.abs(_run(network, inputs, start)[-200:, middle] - truth[-200:, middle]).min() > 1.0
 
 
-def _run(network: Network, inputs: Frame, start: Start) -> np.ndarray:
+def _run(network: Network, inputs: Frame, start: FilterStart) -> np.ndarray:
     return simulate(compile_indexed(network, load=load), inputs, start.temperatures)
 
 
 def test_a_place_that_two_factors_multiply_is_refused(network: Network) -> None:
     inputs = frame(network, s2(), 0.5)
     n = len(network.nodes)
-    start = Start(np.full(n, 65.0), np.full(n, 1.0))
+    start = FilterStart(np.full(n, 65.0), np.full(n, 1.0))
     twice = [UnknownFactor(SLICES[0], 0.1, 0.0, SLICES[1:]), UnknownFactor(SLICES[1], 0.1, 0.0)]
     with pytest.raises(FrameError, match="another unknown multiplies the same coefficient"):
         filter_unknowns(network, inputs, start, twice, [])

@@ -13,7 +13,7 @@ from made.motor import CASE, CHANNELS, FINE_S, ON_MOTOR, compiled, every_law, la
 from twin.fitting import actions
 from twin.fitting.actions import Parameter
 from twin.fitting.model import Model, Test
-from twin.fitting.recorded import Meter
+from twin.fitting.recorded import RecordedMeter
 from twin.motor import sensor_laws
 from twin.motor.features import evaluate, monomials
 from twin.motor.network import Fluid, FluidCircuit, Link, Network, Node, Property, Term
@@ -39,15 +39,15 @@ EVERY: dict[str, tuple[actions.Action, float]] = {  # action and a size of its n
 }
 
 
-def _meter(name: str, boundary: int | None, tau_s: float, given: Floats, samples: Floats) -> Meter:
+def _meter(name: str, boundary: int | None, tau_s: float, given: Floats, samples: Floats) -> RecordedMeter:
     steps = len(given)
     output = Output({}, tau_s, samples, np.full(steps, 0.5))
-    return Meter(name, "can1", "W", output, np.zeros(steps), 5.0, 1.0, 10.0, 0.01, boundary, given)
+    return RecordedMeter(name, "can1", "W", output, np.zeros(steps), 5.0, 1.0, 10.0, 0.01, boundary, given)
 
 
-def _thermometric(name: str, law: Thermometric, tau_s: float, samples: Floats) -> Meter:
+def _thermometric(name: str, law: Thermometric, tau_s: float, samples: Floats) -> RecordedMeter:
     output = Output({}, tau_s, samples, np.full(len(samples), 0.3))
-    return Meter(name, "can1", "ohm", output, np.zeros(len(samples)), 1e-5, 1e-6, 0.0, 0.002, law=law)
+    return RecordedMeter(name, "can1", "ohm", output, np.zeros(len(samples)), 1e-5, 1e-6, 0.0, 0.002, law=law)
 
 
 def _with_meters(test: Test, seed: int) -> Test:
@@ -176,7 +176,7 @@ def test_the_heat_that_a_circuit_carries_has_columns_too(name: str) -> None:
 
 def test_a_free_heat_is_counted_as_a_loss_and_leaves_through_the_boundaries(tests: Sequence[Test]) -> None:
     model = Model(every_law(), tests[:1], [])
-    tent = Parameter("free heat", actions.FreeHeat(CASE, 300.0, 120.0), 20.0, test=0)
+    tent = Parameter("free heat", actions.HeatTent(CASE, 300.0, 120.0), 20.0, test=0)
     columns = {part.series.channel: part for part in model.linearise(np.zeros(0), [tent])}
     row = {meter.name: meter.row for meter in tests[0].meters}
     electrical = columns["P_el"]

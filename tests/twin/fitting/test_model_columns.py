@@ -15,7 +15,8 @@ from made.motor import CASE, CHANNELS, MAGNET, ON_MOTOR, every_law, law, pulses,
 from twin.differences.everyday import everyday
 from twin.fitting import actions
 from twin.fitting.actions import Parameter, Place
-from twin.fitting.model import Channel, Model, Test
+from twin.fitting.model import Model, Test
+from twin.fitting.recorded import RecordedChannel
 from twin.motor import sensor_laws
 from twin.motor.features import Monomial, evaluate, monomials
 from twin.motor.outputs import Output
@@ -43,7 +44,7 @@ EVERY: dict[str, tuple[actions.Action, float]] = {  # action and a size of its n
     "clock far off": (actions.Late(("R_1",), False), 7.5),
     "clock that runs wrong": (actions.Late(("R_1", "Y_1"), True), 900.0),
 }
-ONLY_AT_ZERO: dict[str, actions.Action] = {"free heat": actions.FreeHeat(CASE, 300.0, 120.0)}
+ONLY_AT_ZERO: dict[str, actions.Action] = {"free heat": actions.HeatTent(CASE, 300.0, 120.0)}
 MORE = (law(speed=2.0, current=2.0), law(current=2.0), law(speed=1.0))
 
 
@@ -180,7 +181,7 @@ def _reference_test(seed: int) -> Test:
     phi = evaluate(every, u, STEPS)
     where = {"rotor_surface": 2.0, "endwinding_a_inner": 0.0, "teeth": 5.0}
     channels = [
-        Channel(
+        RecordedChannel(
             name=node,
             bus="can1" if tau_s else "can2",
             output=Output({node: 1.0}, tau_s, np.full(STEPS, 4.0), np.full(STEPS, 0.5)),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from twin.diagnosis.reml import Observed, reml
+from twin.diagnosis.reml import ObservedSeries, reml
 from twin.errors import EvidenceError
 from twin.fitting.noise import Array, ChannelNoise, Series, floor_variance, log_det, whiten
 
@@ -85,7 +85,7 @@ def test_the_floor_is_white_and_autoregressive_noise() -> None:
 # --- Restricted maximum likelihood -----------------------------------------------------------------------------------
 
 
-def _campaign(seed: int, noises: dict[str, ChannelNoise], parameters: int = 12) -> list[Observed]:
+def _campaign(seed: int, noises: dict[str, ChannelNoise], parameters: int = 12) -> list[ObservedSeries]:
     """Three sessions a channel; smooth parameter columns that hide part of the slow noise."""
     rng = np.random.default_rng(seed)
     beta = rng.standard_normal(parameters)
@@ -96,7 +96,7 @@ def _campaign(seed: int, noises: dict[str, ChannelNoise], parameters: int = 12) 
             phase = np.linspace(0, 1, 300)[:, None] * rng.uniform(0, 12, parameters) + rng.uniform(0, 6, parameters)
             columns = 0.5 * np.sin(phase)
             draw = np.linalg.cholesky(_dense(series, noise)) @ rng.standard_normal(300)
-            observed.append(Observed(series, columns @ beta + draw, columns))
+            observed.append(ObservedSeries(series, columns @ beta + draw, columns))
     return observed
 
 
@@ -123,7 +123,7 @@ def test_parameters_are_not_taken_for_noise_nor_noise_for_parameters() -> None:
         stacked, e0 = np.vstack([o.columns for o in observed]), np.concatenate([o.e0 for o in observed])
         residual = e0 - stacked @ np.linalg.lstsq(stacked, e0, rcond=None)[0]
         left = np.split(residual, 3)
-        bare = [Observed(o.series, r, np.zeros((300, 1))) for o, r in zip(observed, left, strict=True)]
+        bare = [ObservedSeries(o.series, r, np.zeros((300, 1))) for o, r in zip(observed, left, strict=True)]
         many.append(reml(observed, np.ones(40), 600.0, {"teeth": 20.0}).noise["teeth"].ou_sd)
         few.append(reml(bare, np.ones(1), 600.0, {"teeth": 20.0}).noise["teeth"].ou_sd)
     assert np.mean(many) == pytest.approx(0.25, rel=0.4)
@@ -161,7 +161,7 @@ def test_series_that_do_not_fit_their_parameters_are_refused() -> None:
         reml(observed, np.ones(11), 600.0, {"teeth": 50.0})
     with pytest.raises(EvidenceError, match='channel "teeth": no rise is given'):
         reml(observed, np.ones(12), 600.0, {})
-    broken = [Observed(o.series, np.where(np.arange(300) == 7, np.nan, o.e0), o.columns) for o in observed]
+    broken = [ObservedSeries(o.series, np.where(np.arange(300) == 7, np.nan, o.e0), o.columns) for o in observed]
     with pytest.raises(EvidenceError, match="residual or columns are not finite: leave their blocks out"):
         reml(broken, np.ones(12), 600.0, {"teeth": 50.0})
     with pytest.raises(EvidenceError, match="a parameter has no prior"):

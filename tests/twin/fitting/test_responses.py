@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from made.motor import CHANNELS, every_law
 from twin.compiled.laws import Law, Table
 from twin.fitting.march import System, run
-from twin.fitting.responses import Loads, Mean, Sensor, columns, means
+from twin.fitting.responses import Mean, ParameterHeats, SensorRow, columns, means
 from twin.motor.network import NOBODY
 from twin.motor.outputs import Output, blocks, lagged
 
@@ -36,19 +36,19 @@ def _system(step_s: float) -> System:
     return System.of(Table.of(LAWS, every_law().copper), carried, capacity, step_s, course, around)
 
 
-def _sensors(step_s: float) -> tuple[list[Sensor], list[Mean], int]:
+def _sensors(step_s: float) -> tuple[list[SensorRow], list[Mean], int]:
     names = [node.name for node in every_law().nodes]
     sensors, wanted = [], []
     for k, (shares, tau_s) in enumerate(CHANNELS.values()):
         cut = blocks(Output(shares, tau_s, np.ones(STEPS), np.full(STEPS, 0.5)), step_s)
-        sensors.append(Sensor(np.array([shares.get(name, 0.0) for name in names]), tau_s))
+        sensors.append(SensorRow(np.array([shares.get(name, 0.0) for name in names]), tau_s))
         wanted.append(Mean(k, cut.old, cut.new))
     return sensors, wanted, cut.length
 
 
-def _loads(*own: tuple[Floats, int, int, int]) -> Loads:
+def _loads(*own: tuple[Floats, int, int, int]) -> ParameterHeats:
     heat, a, b, column = zip(*own, strict=True)
-    return Loads(np.array(heat), *(np.array(one, dtype=np.int64) for one in (a, b, column)))
+    return ParameterHeats(np.array(heat), *(np.array(one, dtype=np.int64) for one in (a, b, column)))
 
 
 @pytest.mark.parametrize("step_s", [1.0, 2.0, 3.3, 20.0])

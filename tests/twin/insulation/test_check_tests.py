@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from twin.fitting.recorded import Channel, Test
+from twin.fitting.recorded import RecordedChannel, Test
 from twin.insulation.check_tests import (
     begun_alike,
     by_place,
@@ -41,12 +41,14 @@ NETWORK = Network(
 STEPS = 6000
 
 
-def channel(name: str, node: str, measured: Floats, samples: Floats | None = None) -> Channel:
+def channel(name: str, node: str, measured: Floats, samples: Floats | None = None) -> RecordedChannel:
     there = np.ones(measured.size) if samples is None else samples
-    return Channel(name, "log", Output({node: 1.0}, 0.0, there, np.zeros(measured.size)), measured, 0.06, 0.1, 0.2)
+    return RecordedChannel(
+        name, "log", Output({node: 1.0}, 0.0, there, np.zeros(measured.size)), measured, 0.06, 0.1, 0.2
+    )
 
 
-def made(current: Floats, channels: tuple[Channel, ...], step_s: float = 1.0, air: float = 20.0) -> Test:
+def made(current: Floats, channels: tuple[RecordedChannel, ...], step_s: float = 1.0, air: float = 20.0) -> Test:
     square = (current**2)[:, None]
     outside = np.full((current.size, 1), air)
     return Test(

@@ -13,7 +13,7 @@ from benchmarks.integrator import frame, motor, s2, wltp_like
 from replay.engine.results.kernel_cache import load
 from twin.compiled.kernel import compile_indexed
 from twin.filters.ekf import filter_unknowns
-from twin.filters.inputs import AnyReading, HeatReading, Inputs, Reading, Start, inputs_of
+from twin.filters.inputs import AnyReading, FilterStart, HeatReading, Inputs, Reading, inputs_of
 from twin.filters.unknowns import Unknown, UnknownBias, UnknownFactor, UnknownHeat
 from twin.motor.network import Network
 from twin.motor.outputs import lagged
@@ -25,7 +25,7 @@ from twin.run.simulate import Frame, simulate
 Floats = np.ndarray[Any, Any]
 
 SD_K = 0.1
-STARTED = Start(np.full(5, 40.0), np.full(5, 2.0))
+STARTED = FilterStart(np.full(5, 40.0), np.full(5, 2.0))
 HEATS: list[Unknown] = [UnknownHeat("n2", 40.0, 5.0), UnknownHeat("n4", 20.0, 1.0)]
 MIXED: list[Unknown] = [  # a whole link and source, one term of two, a link to a boundary
     UnknownHeat("n2", 40.0, 5.0),
@@ -125,13 +125,13 @@ class Dense:
         return float(own.sum(axis=0) @ found[:, 0] + row[2 * n : self.first] @ x[2 * n : self.first]), row
 
 
-def still(make_network: Any, make_frame: Any, step_s: float, seconds: float) -> tuple[Network, Frame, Start]:
+def still(make_network: Any, make_frame: Any, step_s: float, seconds: float) -> tuple[Network, Frame, FilterStart]:
     """A network of any laws under inputs that do not change."""
     network: Network = make_network(4, n=5)
     one: Frame = make_frame(network, 4, steps=1)
     steps = round(seconds / step_s)
     inputs = Frame(step_s, np.repeat(one.features, steps, 0), np.repeat(one.boundaries, steps, 0))
-    return network, inputs, Start(np.full(5, 40.0), np.full(5, 2.0))
+    return network, inputs, FilterStart(np.full(5, 40.0), np.full(5, 2.0))
 
 
 @pytest.mark.parametrize("others", [[], OTHERS])
@@ -146,7 +146,7 @@ def test_on_the_reference_motor_both_forms_estimate_the_same(
     n = len(network.nodes)
     truth = simulate(compile_indexed(network, load=load), inputs, np.full(n, 66.0))
     taus = {"endwinding_a_inner": 2.0, "endwinding_b_inner": 2.0, "rotor_surface": 2.0}
-    channels, start = read(network, truth, taus, 0.5), Start(np.full(n, 65.0), np.full(n, 1.0))
+    channels, start = read(network, truth, taus, 0.5), FilterStart(np.full(n, 65.0), np.full(n, 1.0))
     small, paper = (f(network, inputs, start, unknowns, channels) for f in (filter_unknowns, filter_with_rates))
     off = np.abs(small.temperatures - paper.temperatures)
     assert off.max() < worst_K
@@ -322,7 +322,7 @@ def test_what_is_not_singular_stays_positive_definite_over_many_steps(
     cancel at once."""
     steps = 100_000
     network, inputs, start = still(make_network, make_frame, 0.5, steps / 2)
-    unsure = Start(start.temperatures, np.full(5, 1000.0))
+    unsure = FilterStart(start.temperatures, np.full(5, 1000.0))
     value, place = 45.0 + np.random.default_rng(2).normal(0, 1e-4, steps), np.full(steps, 0.4)
     for cut in (1, 100, steps):
         some = Frame(0.5, inputs.features[:cut], inputs.boundaries[:cut])

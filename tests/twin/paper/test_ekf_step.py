@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from made.filter_example import example
-from twin.arithmetic.lanes import Store, record
+from twin.arithmetic.lanes import LaneStore, record
 from twin.paper.ekf_step import Rates, cell_of, into_of, rates_of, shares_of, term_of
 
 Index = NDArray[np.int64]
@@ -19,7 +19,7 @@ def _rows(rates: Rates, at: Index) -> tuple[tuple[int, ...], tuple[int, ...], tu
 
 
 def test_tables_have_the_rows_that_their_comments_show() -> None:
-    inputs, store = example(), Store()
+    inputs, store = example(), LaneStore()
     capacities = np.array([node.capacity for node in inputs.network.nodes])
     _, multiplied = shares_of(inputs.parts, inputs.features.shape[1])
     rates = rates_of(inputs.parts, multiplied, capacities, inputs.boundaries.shape[1], inputs.frame.step_s, store)

@@ -13,7 +13,8 @@ from scipy.optimize import fsolve
 from made.laws import law_frame, rate, with_laws
 from twin.calibration.calibrate import freedom
 from twin.errors import DivergedError, FrameError
-from twin.fitting.model import Channel, Model, Test
+from twin.fitting.model import Model, Test
+from twin.fitting.recorded import RecordedChannel
 from twin.motor.features import streams
 from twin.motor.network import Link, Network, Property, Source, Term
 from twin.motor.outputs import Output
@@ -149,7 +150,7 @@ def test_a_network_of_many_nodes_has_the_columns_of_its_calibration(
         for i, tau in enumerate([0.0, 3.0, 40.0])
     ]
     cut = replace(frame, features=frame.features[:35], boundaries=frame.boundaries[:35])
-    channels = tuple(Channel(f"{i}", "", own, np.zeros(35), 0.1, 0.0, 0.0) for i, own in enumerate(outputs))
+    channels = tuple(RecordedChannel(f"{i}", "", own, np.zeros(35), 0.1, 0.0, 0.0) for i, own in enumerate(outputs))
     test = Test("", "", cut, {}, {}, initial, np.ones(120), channels)
     parameters = freedom(network, [test])
     parts = Model(network, [test], parameters).linearise(np.zeros(len(parameters)))

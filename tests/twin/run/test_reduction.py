@@ -31,7 +31,7 @@ from twin.motor.network import (
 )
 from twin.motor.slicing import sliced
 from twin.run.initial import conductances
-from twin.run.reduction import LEADING, RUN_BELOW, Course, Error, Reduced, _State, _Work, reductions, smallest
+from twin.run.reduction import LEADING, RUN_BELOW, Error, FullRun, Reduced, _State, _Work, reductions, smallest
 from twin.run.simulate import Frame, simulate
 
 Floats = NDArray[np.float64]
@@ -41,7 +41,7 @@ CUT = ("jacket", "yoke", "teeth", "winding_a", "winding_b", "rotor_core", "rotor
 STEP_S = 5.0
 
 
-def _course(network: Network, seed: int, minutes: int = 60) -> Course:
+def _course(network: Network, seed: int, minutes: int = 60) -> FullRun:
     """Loads that jump every two minutes, from a motor at coolant temperature."""
     rng = np.random.default_rng(seed)
     steps = round(minutes * 60 / STEP_S)
@@ -50,7 +50,7 @@ def _course(network: Network, seed: int, minutes: int = 60) -> Course:
     u["flow"] = np.ones(steps)
     around = np.tile([65.0, 25.0][: len(network.boundaries)], (steps, 1))
     frame = Frame(STEP_S, evaluate(monomials(network), u, steps), around)
-    return Course(frame, simulate(compile_indexed(network), frame, np.full(len(network.nodes), 65.0)))
+    return FullRun(frame, simulate(compile_indexed(network), frame, np.full(len(network.nodes), 65.0)))
 
 
 def _for(network: Network, full: Network, frame: Frame) -> Frame:
@@ -95,7 +95,7 @@ def test_merging_two_nodes_that_an_infinite_conductance_joins_changes_nothing() 
 
 
 @cache
-def _cut() -> tuple[Network, Network, Course, Course]:
+def _cut() -> tuple[Network, Network, FullRun, FullRun]:
     reference = read_motor(REFERENCE.read_bytes(), "motor.toml")
     full = sliced(reference, CUT, 8, 0.13)
     return reference, full, _course(full, 1), _course(full, 2, 20)
@@ -113,7 +113,7 @@ INTEREST = (
 )
 
 
-def _error_of_the_lumped_motor(reference: Network, full: Network, course: Course, interest: Sequence[str]) -> float:
+def _error_of_the_lumped_motor(reference: Network, full: Network, course: FullRun, interest: Sequence[str]) -> float:
     """Root mean square [K] of the reference's own 21 nodes against the sliced run."""
     run = simulate(compile_indexed(reference), _for(reference, full, course.frame), np.full(21, 65.0))
     names, sliced_names = ([node.name for node in network.nodes] for network in (reference, full))
@@ -159,12 +159,12 @@ def test_the_estimate_ranks_pairs_as_their_runs_do() -> None:
     assert best <= sorted(errors)[2] * 1.001
 
 
-def _steady(network: Network, speed: float, current: float) -> Course:
+def _steady(network: Network, speed: float, current: float) -> FullRun:
     """Half an hour at one load."""
     steps = round(1800 / STEP_S)
     u = {"speed": np.full(steps, speed), "current": np.full(steps, current), "flow": np.ones(steps)}
     frame = Frame(STEP_S, evaluate(monomials(network), u, steps), np.tile([65.0, 25.0], (steps, 1)))
-    return Course(frame, simulate(compile_indexed(network), frame, np.full(len(network.nodes), 65.0)))
+    return FullRun(frame, simulate(compile_indexed(network), frame, np.full(len(network.nodes), 65.0)))
 
 
 def test_kept_courses_decide_which_of_the_leading_pairs_is_merged() -> None:
@@ -201,7 +201,7 @@ def test_the_estimate_is_exact_for_a_linear_network_at_rest() -> None:
     frame = Frame(60.0, evaluate(monomials(full), {"flow": np.ones(steps)}, steps), np.full((steps, 1), 65.0))
     settled = simulate(compile_indexed(full), frame, np.full(3, 65.0))[-1]
     short = replace(frame, features=frame.features[:20], boundaries=frame.boundaries[:20])
-    course = Course(short, np.tile(settled, (21, 1)))
+    course = FullRun(short, np.tile(settled, (21, 1)))
     names = ["winding_a", "winding_b", "iron"]
     work = _Work(full, [course], [], names, [], compile_indexed)
     state = _State(full, ((0,), (1,), (2,)))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from analytics.insulation.checks.first_minutes import LENGTH_S, Stretch, fit, stretch
+from analytics.insulation.checks.first_minutes import LENGTH_S, SwitchSamples, fit, stretch
 
 Floats = NDArray[np.float64]
 C_W, C_I, WATTS = 2500.0, 8000.0, 500.0
@@ -24,7 +24,9 @@ def step_response(x: Floats, resistance: float) -> Floats:
     return np.asarray(WATTS * (after / total + resistance * factor() * (1.0 - np.exp(-after / tau))))
 
 
-def heating(resistance: float, switched_s: float, seed: int = 0, noise: float = 0.0, lead_s: float = 300.0) -> Stretch:
+def heating(
+    resistance: float, switched_s: float, seed: int = 0, noise: float = 0.0, lead_s: float = 300.0
+) -> SwitchSamples:
     t = np.arange(-lead_s, LENGTH_S + 60.0, 10.0)
     y = 20.0 + step_response(t - switched_s, resistance)
     y += np.random.default_rng(seed).normal(0.0, noise, t.size) if noise else 0.0
@@ -34,7 +36,7 @@ def heating(resistance: float, switched_s: float, seed: int = 0, noise: float = 
     return found
 
 
-def cooling(resistance: float, switched_s: float, seed: int = 0, noise: float = 0.0) -> Stretch:
+def cooling(resistance: float, switched_s: float, seed: int = 0, noise: float = 0.0) -> SwitchSamples:
     t = np.arange(-300.0, LENGTH_S + 60.0, 10.0)
     y = 120.0 - step_response(t - switched_s, resistance)
     y += np.random.default_rng(seed).normal(0.0, noise, t.size) if noise else 0.0
@@ -81,7 +83,7 @@ def test_a_log_that_begins_under_load_is_less_certain_and_a_switch_off_makes_up_
 def test_a_slow_film_and_an_ambient_that_drifts_do_not_enter() -> None:
     still = heating(0.03, 5.0)
     x = np.maximum(still.t_s - 5.0, 0.0)
-    drifting = Stretch(
+    drifting = SwitchSamples(
         still.t_s,
         still.copper - 8.0 * (x / LENGTH_S) ** 2 + 1.5 * x / LENGTH_S,
         still.power,

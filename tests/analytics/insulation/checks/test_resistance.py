@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from analytics.insulation.checks.resistance import (
     CheckResistance,
     CheckTrace,
-    Estimate,
+    ResistanceEstimate,
     Together,
     evaluate,
     evaluate_together,
@@ -195,9 +195,9 @@ def test_a_route_over_all_checks_comes_first_and_sees_what_is_left_out() -> None
     copper[:, 0] = np.nan
     seen: list[list[str]] = []
 
-    def estimates(left_out: Sequence[Mapping[str, str]]) -> list[Estimate | str]:
+    def estimates(left_out: Sequence[Mapping[str, str]]) -> list[ResistanceEstimate | str]:
         seen.extend(list(one) for one in left_out)
-        return [Estimate(0.04 + 0.001 * k, 0.0004) for k in range(len(left_out))]
+        return [ResistanceEstimate(0.04 + 0.001 * k, 0.0004) for k in range(len(left_out))]
 
     found = evaluate_together(
         [whole[0], replace(whole[1], copper_degC=copper), *whole[2:]], [Together("by rig", estimates)]
@@ -211,10 +211,14 @@ def test_a_route_over_all_checks_comes_first_and_sees_what_is_left_out() -> None
 
 def test_a_route_over_all_checks_that_serves_too_few_leaves_the_others() -> None:
     whole = [trace(check) for check in stator("none").checks]
-    some: list[Estimate | str] = [*[Estimate(0.04, 0.0004)] * 5, Estimate(0.04, 0.004), "no load"]
+    some: list[ResistanceEstimate | str] = [
+        *[ResistanceEstimate(0.04, 0.0004)] * 5,
+        ResistanceEstimate(0.04, 0.004),
+        "no load",
+    ]
     kept = evaluate_together(whole, [Together("by rig", lambda _: some)])
     assert {one.source for one in kept} == {"iron sensor"}
-    most: list[Estimate | str] = [*[Estimate(0.04, 0.0004)] * 6, Estimate(0.04, 0.004)]
+    most: list[ResistanceEstimate | str] = [*[ResistanceEstimate(0.04, 0.0004)] * 6, ResistanceEstimate(0.04, 0.004)]
     found = evaluate_together(whole, [Together("by rig", lambda _: most)])
     assert [one.source for one in found] == ["by rig"] * 6 + [None]
     assert (found[-1].why or "").startswith("by rig: known to 10 % only, 5 % is allowed")

@@ -26,7 +26,7 @@ from twin.motor.network import (
     Term,
 )
 from twin.motor.slicing import sliced
-from twin.run.reduction import Course, Reduced, reductions
+from twin.run.reduction import FullRun, Reduced, reductions
 from twin.run.simulate import Frame, simulate
 
 
@@ -77,7 +77,7 @@ def _curve(full: Network, steps: int) -> tuple[Reduced, ...]:
     steps of 5 s."""
     u = {"speed": np.full(steps, 0.5), "current": np.full(steps, 0.5), "flow": np.ones(steps)}
     frame = Frame(5.0, evaluate(monomials(full), u, steps), np.tile([65.0, 25.0], (steps, 1)))
-    course = Course(frame, simulate(compile_indexed(full, load=load), frame, np.full(len(full.nodes), 65.0)))
+    course = FullRun(frame, simulate(compile_indexed(full, load=load), frame, np.full(len(full.nodes), 65.0)))
     return reductions(full, [course], [], MEASURED, MEASURED, 2, lambda network: compile_indexed(network, load=load))
 
 

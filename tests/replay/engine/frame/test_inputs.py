@@ -7,13 +7,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from replay.engine.frame.inputs import Signal, bridge, held, longest_stretch, pieces
+from replay.engine.frame.inputs import InputSamples, bridge, held, longest_stretch, pieces
 
 S = 1_000_000_000
 
 
-def _signal(*samples: tuple[float, float]) -> Signal:
-    return Signal(np.array([round(t * S) for t, _ in samples], dtype=np.int64), np.array([v for _, v in samples]))
+def _signal(*samples: tuple[float, float]) -> InputSamples:
+    return InputSamples(np.array([round(t * S) for t, _ in samples], dtype=np.int64), np.array([v for _, v in samples]))
 
 
 def test_the_mean_of_the_square_is_taken_not_the_square_of_the_mean() -> None:
@@ -33,7 +33,7 @@ def test_products_of_signals_of_different_rates_are_exact() -> None:
 @given(st.lists(st.tuples(st.integers(0, 20 * S), st.floats(-100, 100)), min_size=1, max_size=40), st.integers(1, 7))
 def test_step_means_add_up_to_the_integral_whatever_the_step(samples: list[tuple[int, float]], steps: int) -> None:
     times = sorted({t for t, _ in samples})
-    signal = Signal(np.array(times, dtype=np.int64), np.array([v for _, v in samples[: len(times)]]))
+    signal = InputSamples(np.array(times, dtype=np.int64), np.array([v for _, v in samples[: len(times)]]))
     end = 20 * S
     fine = pieces({"x": signal}, np.array([0, end]))
     edges = np.arange(steps + 1, dtype=np.int64) * (end // steps)
@@ -64,7 +64,7 @@ def test_a_silence_of_over_ten_minutes_is_not_bridged() -> None:
 
 
 def test_the_longest_stretch_lies_between_long_silences() -> None:
-    first = Signal(np.concatenate([np.arange(10), 1000 + np.arange(30), 2000 + np.arange(5)]) * S, np.ones(45))
-    second = Signal(np.arange(0, 3000, 5) * S, np.ones(600))
+    first = InputSamples(np.concatenate([np.arange(10), 1000 + np.arange(30), 2000 + np.arange(5)]) * S, np.ones(45))
+    second = InputSamples(np.arange(0, 3000, 5) * S, np.ones(600))
     assert longest_stretch({"a": first, "b": second}) == (1000 * S, 1029 * S)
     assert longest_stretch({"b": second}) == (0, 2995 * S)

@@ -7,22 +7,22 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from replay.engine.specimen.heat_history import Heat
+from replay.engine.specimen.heat_history import HoursByTemperature
 from replay.show.verbs.ageing import ageing_text, answer
 from replay.studies.ageing.assessment import (
+    AssessedLives,
     Assessment,
     Batch,
-    Check,
+    DcCheck,
     HotHours,
-    Lives,
     Specimen,
-    Stress,
+    StressEffect,
     document,
     read,
     tables,
 )
 
-CHECK = Check(
+CHECK = DcCheck(
     session="s",
     session_name="dc_01",
     start_ns=None,
@@ -87,7 +87,9 @@ def assessment(*specimens: Specimen, batches: list[Batch] | None = None) -> Asse
         repeatability_from="0.8 %, from repeats",
         specimens=list(specimens),
         law=None,
-        life=Lives(criterion="conductivity -50 %", lives=[], law=None, why="no specimen has reached the criterion yet"),
+        life=AssessedLives(
+            criterion="conductivity -50 %", lives=[], law=None, why="no specimen has reached the criterion yet"
+        ),
         batches=batches or [],
         stress=[],
         false_discovery_rate=0.05,
@@ -125,12 +127,14 @@ def test_the_text_fits_a_terminal_and_a_fleet_is_cut_short(count: int) -> None:
 
 
 def test_stresses_are_said_apart_where_they_are_told_apart_and_as_one_or_other_where_not() -> None:
-    heat = Stress(name="heat", unit="100 h above 180 degC", percent=24.0, sd_percent=2.0, not_told_from=["cycles"])
-    cycles = Stress(name="cycles", unit="cycle", percent=-2.9, sd_percent=0.3, not_told_from=["heat"])
-    discharge = Stress(name="discharge", unit="100 h", percent=40.0, sd_percent=9.0, not_told_from=[])
-    nothing = Stress(name="vibration", unit="h", percent=None, sd_percent=None, not_told_from=[])
+    heat = StressEffect(
+        name="heat", unit="100 h above 180 degC", percent=24.0, sd_percent=2.0, not_told_from=["cycles"]
+    )
+    cycles = StressEffect(name="cycles", unit="cycle", percent=-2.9, sd_percent=0.3, not_told_from=["heat"])
+    discharge = StressEffect(name="discharge", unit="100 h", percent=40.0, sd_percent=9.0, not_told_from=[])
+    nothing = StressEffect(name="vibration", unit="h", percent=None, sd_percent=None, not_told_from=[])
 
-    def said(*stress: Stress) -> str:
+    def said(*stress: StressEffect) -> str:
         return " ".join(ageing_text(replace(assessment(WORSE), stress=list(stress))).split())
 
     assert "Stress R +40.0 % ± 9.0 % each 100 h (discharge), all specimens together" in said(heat, cycles, discharge)
@@ -153,7 +157,9 @@ def test_an_assessment_survives_its_json_and_its_tables_hold_every_check() -> No
         "outlying_batches": [],
         "false_discovery_rate": 0.05,
     }
-    hours = HotHours("s", "oven_01", "W", Heat(np.array([229.0, 230.0, 231.0]), np.array([1.0, 0.0, 11.0])))
+    hours = HotHours(
+        "s", "oven_01", "W", HoursByTemperature(np.array([229.0, 230.0, 231.0]), np.array([1.0, 0.0, 11.0]))
+    )
     made = tables(found, {"S01": [hours]})
     assert made["hours"].column("hours").to_pylist() == [1.0, 11.0]
     assert made["checks"].num_rows == 4

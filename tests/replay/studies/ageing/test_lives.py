@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from ingest.facts.events import SessionRecorded
-from replay.engine.specimen.heat_history import Heat
-from replay.studies.ageing.assessment import HotHours, Lives
+from replay.engine.specimen.heat_history import HoursByTemperature
+from replay.studies.ageing.assessment import AssessedLives, HotHours
 from replay.studies.ageing.dc_checks import Evaluated
 from replay.studies.ageing.history import History, Point
 from replay.studies.ageing.lives import lives_of
@@ -35,11 +35,11 @@ def history(degC: float, life_h: float, checks: int = 30, span: float = 2.0) -> 
         )
         for dose in doses
     ]
-    hot = HotHours("s", "oven", "W", Heat(np.array([25.0, degC]), np.array([500.0, float(doses[-1])])))
+    hot = HotHours("s", "oven", "W", HoursByTemperature(np.array([25.0, degC]), np.array([500.0, float(doses[-1])])))
     return History(points=points, hours=[hot])
 
 
-def lives(histories: dict[str, History]) -> Lives:
+def lives(histories: dict[str, History]) -> AssessedLives:
     sd = {name: [0.005] * len(history.points) for name, history in histories.items()}
     return lives_of(histories, sd, "conductivity -50 %")
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from made.motor import CHANNELS, Drive, every_law, recorded, smooth
-from replay.studies.diagnosis.answer import Gain
+from replay.studies.diagnosis.answer import KeptGain
 from replay.studies.diagnosis.kept_sessions import measured
 from twin.fitting import actions
 from twin.fitting.actions import Parameter
@@ -40,7 +40,7 @@ def _fitted(train: Test, *parameters: Parameter) -> Fit:
     return fit(Model(every_law(), [train], own, QUIET), np.zeros(len(own)))
 
 
-def _gain(kept: Test) -> Gain:
+def _gain(kept: Test) -> KeptGain:
     train = _test(0.5, 0.5)
     copper = [term.coefficient for term in terms(every_law())].index(500.0)
     before, after = _fitted(train), _fitted(train, Parameter("copper", actions.Scale((copper,)), 0.3))
