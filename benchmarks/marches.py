@@ -1,4 +1,4 @@
-"""Two marches through a run, each at the work of both: what a model does to what thermometers read, for every parameter.
+"""Two marches through a run, each at the work of both: what every parameter does to what thermometers read.
 
     python benchmarks/marches.py [--rounds N] [--quick] [--json FILE]
 
@@ -80,7 +80,8 @@ def _cut(network: Network, steps: int) -> Frame:
 
 
 def by_dense(work: Work) -> Callable[[], Floats]:
-    """A linearisation as a fit makes it: (m, B, P) by the logarithm of each coefficient and capacity, then by starts."""
+    """A linearisation as a fit makes it: (m, B, P) by the logarithm of each coefficient and capacity, then by
+    starts."""
     network, n = work.network, len(work.network.nodes)
     steps = len(work.frame.features)
     channels = tuple(

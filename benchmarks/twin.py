@@ -10,8 +10,8 @@ The reference motor (21 nodes) over a drive like the WLTP, steps of 0.5 s, unles
 | vs_lsoda | scipy's LSODA over our run |
 | ekf_vs_filterpy, ekf46_... | filterpy over our filters, of 25 and of 43 numbers (`filter_speed.py` too) |
 | ..._difference_K | the largest difference between the two |
-| columns_in_simulations | a run with the derivatives of every node by every coefficient and capacity in blocks of 10 s, |
-| | as characterising takes them (`twin.run.block_columns`), over the run |
+| columns_in_simulations | a run with the derivatives of every node by every coefficient and capacity, in blocks of |
+| | 10 s as characterising takes them (`twin.run.block_columns`), over the run |
 | adjoint_in_simulations | the run and the derivatives of one number by everything, over the run |
 | batch_vs_loop | 64 sessions of 10,800 steps one after the other over the same side by side, temperatures the same |
 | | to the bit, checks and the memory for them included |

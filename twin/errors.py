@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Entry:
-    """Where in a network: `table` (node, boundary, link, source, circuit, configuration, copper, scale), its `index` there, its
-    `name`."""
+    """Where in a network: `table` (node, boundary, link, source, circuit, configuration, copper, scale), its `index`
+    there, its `name`."""
 
     table: str
     index: int
@@ -56,7 +56,8 @@ class FeatureError(NetworkError):
 
 
 class LinkError(NetworkError):
-    """A link from a node to itself or between two boundaries, a link or source without terms, a circuit without nodes."""
+    """A link from a node to itself or between two boundaries, a link or source without terms, a circuit without
+    nodes."""
 
 
 class FactorError(NetworkError):

@@ -40,8 +40,8 @@ READING_SD_K = 0.1  # of a lagging sensor's reading at the start, about equilibr
 
 @dataclass(frozen=True)
 class Reading:
-    """A sensor over N steps. `value` (N,) [degC] mean of each step's samples, NaN where there is none; `place` (N,) in [0, 1]: their
-    mean time within the step; `variance` (N,) [K^2] of that mean, above 0 where there is a value."""
+    """A sensor over N steps. `value` (N,) [degC] mean of each step's samples, NaN where there is none; `place` (N,)
+    in [0, 1]: their mean time within the step; `variance` (N,) [K^2] of that mean, above 0 where there is a value."""
 
     sensor: Sensor
     value: Floats

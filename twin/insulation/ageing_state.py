@@ -57,8 +57,8 @@ class State:
 
 
 def filtered(checks: Sequence[Check], law: Ageing) -> tuple[State, ...]:
-    """The state behind each check, from this and the earlier ones. `checks` in the order of their doses; `law`: what is known of the
-    rate beforehand. ValueError where a dose falls, or an sd is not above 0."""
+    """The state behind each check, from this and the earlier ones. `checks` in the order of their doses; `law`: what
+    is known of the rate beforehand. ValueError where a dose falls, or an sd is not above 0."""
     found = list[State]()
     mean, covariance = np.array([0.0, 0.0, law.rate]), np.diag([0.0, 0.0, law.rate_sd**2])
     dose_h = 0.0

@@ -1,10 +1,10 @@
 """A run by the implicit midpoint rule and what parameters do to it, for networks of any size, compiled once for all
 of them.
 
-The scheme is that of `twin.fitting.march`, which fits take. The index program (`twin.compiled.indexed`) assembles and eliminates the
-steps, `LANES` of them side by side. A step is M z = S T + b, T' = 2 z - T with S = 2 C / h; a parameter that brings
-the heat q moves its mean temperatures z by M dz = S dT + q. All parameters go through it side by side, in strips of
-columns (`twin.arithmetic.lanes`) that stay in the nearest caches.
+The scheme is that of `twin.fitting.march`, which fits take. The index program (`twin.compiled.indexed`) assembles and
+eliminates the steps, `LANES` of them side by side. A step is M z = S T + b, T' = 2 z - T with S = 2 C / h; a
+parameter that brings the heat q moves its mean temperatures z by M dz = S dT + q. All parameters go through it side
+by side, in strips of columns (`twin.arithmetic.lanes`) that stay in the nearest caches.
 """
 
 from __future__ import annotations

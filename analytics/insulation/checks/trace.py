@@ -17,8 +17,8 @@ ON_QUANTILE, ON_SHARE = 0.995, 0.5  # the load is on above this share of this qu
 
 @dataclass(frozen=True)
 class CheckTrace:
-    """One check: `t_s` (N,) [s] rising; temperatures [degC] (N, k), of copper and iron with their names; `power_W` (N,) V I; `current_A`
-    (N,) or None. NaN where a sample is missing."""
+    """One check: `t_s` (N,) [s] rising; temperatures [degC] (N, k), of copper and iron with their names; `power_W`
+    (N,) V I; `current_A` (N,) or None. NaN where a sample is missing."""
 
     t_s: Floats
     copper_degC: Floats

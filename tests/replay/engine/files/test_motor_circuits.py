@@ -138,8 +138,7 @@ def test_circuits_and_configurations_are_added_to_a_file() -> None:
     assert _read(written(bare.encode(), "motor.toml", wanted, "added").decode()) == wanted
 
 
-# --- Sessions on another rig
-# ----------------------------------------------------------------------------------------------------
+# --- Sessions on another rig -----------------------------------------------------------------------------------------
 
 HOUSED = (
     can_bench.MOTOR

@@ -50,8 +50,7 @@ def _same(found: Any, wanted: Any) -> bool:
     return bool(found == wanted)
 
 
-# --- One change at a time
-# ---------------------------------------------------------------------------------------------------
+# --- One change at a time --------------------------------------------------------------------------------------------
 
 
 def _servo() -> Network:
@@ -202,8 +201,7 @@ def test_what_a_version_cannot_say_is_refused_in_one_line(change: Any, says: str
     assert "\n" not in str(refused.value)
 
 
-# --- Files as they are
-# ------------------------------------------------------------------------------------------------------
+# --- Files as they are -----------------------------------------------------------------------------------------------
 
 FILES = {path.parent.name: path.read_text(encoding="utf-8") for path in sorted(EXAMPLES.glob("*/motor.toml"))}
 
@@ -244,8 +242,7 @@ def _subsequence(part: list[str], whole: list[str]) -> bool:
     return all(any(one == other for other in left) for one in part)
 
 
-# --- Random files, random changes
-# -------------------------------------------------------------------------------------------
+# --- Random files, random changes ------------------------------------------------------------------------------------
 
 
 @settings(max_examples=60, deadline=None)

@@ -63,8 +63,7 @@ def frame_of(store: Sequence[str]) -> InputFrame:
         return session_frame(session, load(opened, known, session), network)
 
 
-# --- Flux
-# -------------------------------------------------------------------------------------------------------------------
+# --- Flux ------------------------------------------------------------------------------------------------------------
 
 IRON = """\
 schema = "whyhot.motor/1"
@@ -135,8 +134,7 @@ def test_without_a_speed_nothing_says_where_the_flux_is_zero(
     )
 
 
-# --- A DC check of a bare stator
-# --------------------------------------------------------------------------------------------
+# --- A DC check of a bare stator -------------------------------------------------------------------------------------
 
 STATOR = """\
 schema = "whyhot.motor/1"

@@ -213,8 +213,7 @@ def dose(h: float) -> Any:
     return pytest.approx(h, abs=0.01)
 
 
-# --- The law
-# --------------------------------------------------------------------------------------------------------------------
+# --- The law ---------------------------------------------------------------------------------------------------------
 
 
 def test_the_second_load_is_replayed_with_the_conductance_that_the_oven_left(opened: Opened) -> None:
@@ -287,8 +286,7 @@ def test_verbs_that_take_a_specimen_as_new_say_so(opened: Opened) -> None:
     assert ageing_left_out(opened.store, known, [facts.session("unnamed")], opened.model("motor")) == []
 
 
-# --- The state that checks leave
-# ------------------------------------------------------------------------------------------------
+# --- The state that checks leave -------------------------------------------------------------------------------------
 
 LEFT = State(10.0, -0.08, 0.01, -0.4, 0.03, 0.2)
 
@@ -370,8 +368,7 @@ def test_the_law_beforehand_is_that_of_the_model(opened: Opened) -> None:
     assert law_of(opened.store, known, None, 180.0).rate == 0.0
 
 
-# --- DC checks
-# ------------------------------------------------------------------------------------------------------------------
+# --- DC checks -------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("motor", ["motor", "turning"])
