@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import dataclass, field
 from typing import Any
+
+from replay.engine.results.as_json import from_json, to_json
 
 SCHEMA = "whyhot.diagnosis/1"
 
@@ -153,20 +155,10 @@ class Diagnosis:
 
 def document(diagnosis: Diagnosis, provenance: dict[str, Any]) -> dict[str, Any]:
     """The JSON answer."""
-    return {"schema": SCHEMA, **asdict(diagnosis), "provenance": provenance}
+    return {"schema": SCHEMA, **to_json(diagnosis), "provenance": provenance}
 
 
 def read(document: dict[str, Any]) -> Diagnosis:
     """The diagnosis of a document that `document` wrote."""
-    parts = {
-        "shown": Shown,
-        "causes": Named,
-        "rivals": Rival,
-        "unknown": UnnamedHeat,
-        "masked": Masked,
-        "gain": KeptGain,
-    }
-    values = {field.name: document[field.name] for field in fields(Diagnosis) if field.name in document}
-    for name, cls in parts.items():
-        values[name] = [cls(**entry) for entry in values[name]]
-    return Diagnosis(**values)
+    found: Diagnosis = from_json(Diagnosis, document)
+    return found
