@@ -1,9 +1,9 @@
 """Recorded tests and everything that may differ as one vector: what it does to a run and its readings, and its fit.
 
-`recorded` is a test as it was measured, `model` a motor with its tests and all that may differ, `fit` the most probable
-vector. The vector is 0 where motor file and sensors are right; each of its numbers does one of `actions`. To a test it
-may change what drives it (`drive`), its laws, capacities, boundaries and start (`circuit`), and what sensors and meters
-show (`readings`, `metering`).
+`recorded` is a test as it was measured, `model` a motor with its tests and all that may differ, `fit` the most
+probable vector. The vector is 0 where motor file and sensors are right; each of its numbers does one of `actions`. To
+a test it may change what drives it (`drive`, made of `rows`), its laws, capacities, boundaries and start (`circuit`),
+and what sensors and meters show (`readings`, `metering`).
 
 `march` runs the test: implicit midpoint rule, dense matrices, nothing compiled for a motor. What each number changes is
 found as heats (`heats`) that are carried from block to block (`responses`). `noise` whitens a channel's residual.
