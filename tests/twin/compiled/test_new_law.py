@@ -33,7 +33,7 @@ from twin.compiled.kernel import compile_indexed, compile_network
 from twin.compiled.laid_out import laid_out
 from twin.compiled.laws import psi
 from twin.filters.ekf import filter_unknowns
-from twin.filters.inputs import Start
+from twin.filters.inputs import FilterStart
 from twin.filters.unknowns import UnknownHeat
 from twin.fitting.march import System, run
 from twin.motor.network import Boundary, Link, Network, Node, Source, TemperatureFactor, Term
@@ -84,7 +84,7 @@ np.testing.assert_allclose(straight[-1], truth, rtol=0, atol=1e-3)
 assert compiled.form == "straight-line"
 np.testing.assert_allclose(simulate(compile_indexed(network), frame, start), straight, rtol=0, atol=1e-10)
 unknown = [UnknownHeat("a", 1.0, 1.0)]
-filtered = filter_unknowns(network, frame, Start(start, np.ones(nodes)), unknown, [])
+filtered = filter_unknowns(network, frame, FilterStart(start, np.ones(nodes)), unknown, [])
 np.testing.assert_allclose(filtered.temperatures, straight, rtol=0, atol=1e-10)
 
 # the march
