@@ -21,7 +21,8 @@ quick: .venv/ready check
 
 QUICK := test_house.py test_make.py ingest twin analytics/insulation replay/engine/files replay/show/plots replay/show/words
 SLOW := ingest/intake ingest/facts/test_store_faults.py ingest/log/test_reading.py \
-	twin/diagnosis twin/insulation twin/fitting/test_noise.py twin/compiled/test_integrators.py twin/calibration/test_united.py \
+	twin/diagnosis twin/insulation twin/fitting/test_noise.py twin/compiled/test_integrators.py twin/compiled/test_new_law.py \
+	twin/calibration/test_united.py twin/run/test_reduction.py \
 	twin/run/test_envelope.py twin/run/test_energy_balance.py analytics/insulation/fleet analytics/insulation/life \
 	replay/engine/files/test_motor_versions.py replay/engine/files/test_network_text.py
 
