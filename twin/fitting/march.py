@@ -3,8 +3,8 @@
 It stays beside `twin.run.sparse_march` because of what may differ in a test (masses that are attached, heats of any
 course in time, sensors that are late), which `twin.fitting.circuit` and `responses` give to it, and because other
 arithmetic changes the last bits of every sealed diagnosis. Speed is no reason: the sparse march makes the same
-columns of a 21-node diagnosis in half of its time, those of every node in a third, and of 293 nodes in a fortieth
-(`python benchmarks/marches.py`).
+columns of a 21-node diagnosis in half of its time, those of every node in a third, and of 293 nodes in a twentieth or
+less (`python benchmarks/marches.py`).
 
 Over a step of h the temperatures follow the implicit midpoint rule (A-stable, order 2: Hairer and Wanner, Solving
 Ordinary Differential Equations II, IV.3), with the heats linearised about a given course:
