@@ -333,9 +333,8 @@ def test_the_log_of_a_check_holds_the_true_resistance_but_for_its_own_error_and_
             ratios.append(measured / (check.resistance_K_per_W * np.exp(check.factor)))
             assert 0.06 < leads / power < 0.11
         assert ratios == pytest.approx([np.mean(ratios)] * len(ratios), rel=0.01)
-        assert np.mean(ratios) == pytest.approx(
-            1.0, abs=0.04
-        )  # the thermocouples' own offsets, and 3 h are not for ever
+        # The thermocouples' own offsets, and 3 h are not for ever.
+        assert np.mean(ratios) == pytest.approx(1.0, abs=0.04)
 
 
 def test_repeats_scatter_as_the_plan_says() -> None:

@@ -15,9 +15,8 @@ from numpy.typing import NDArray
 
 MASKED = ("hold", "dropout", "stuck", "saturation")
 SWAP = "swap_"
-EXCHANGES, ADDED, OTHERS, FACTORS = range(
-    4
-)  # turns: a reading is gain times truth plus bias, so the bias is taken off first
+# Turns: a reading is gain times truth plus bias, so the bias is taken off first.
+EXCHANGES, ADDED, OTHERS, FACTORS = range(4)
 
 Array = NDArray[np.float64]
 Times = NDArray[np.int64]
@@ -92,9 +91,8 @@ LAWS: Mapping[str, Mapping[str, CorrectionLaw]] = {
     "sensor": SENSOR,
     "clock": {
         "offset": CorrectionLaw(true_stamps=lambda t_ns, a, _: t_ns - round(a * 1e9)),  # stamps late by a [s]
-        "drift": CorrectionLaw(
-            true_stamps=_without_drift, turn=ADDED
-        ),  # stamps late by a t [ppm], t since the start of the session
+        # Stamps late by a t [ppm], t since the start of the session.
+        "drift": CorrectionLaw(true_stamps=_without_drift, turn=ADDED),
     },
     "input": {"gain": GAIN, "bias": BIAS},
     "boundary": {"bias": BIAS},

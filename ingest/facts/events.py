@@ -97,9 +97,8 @@ class DecodeCompleted(Event):
     groups: list[dict[str, Any]] = field(default_factory=list)
     channels: list[dict[str, Any]] = field(default_factory=list)
     products: dict[str, str] = field(default_factory=dict)
-    parts: list[dict[str, Any]] = field(
-        default_factory=list
-    )  # ingest.facts.sessions.parts, where a table holds many specimens
+    # As `ingest.facts.sessions.parts`, where a table holds many specimens.
+    parts: list[dict[str, Any]] = field(default_factory=list)
     model: str | None = None  # SHA-256 of the motor file that the bench file named then
 
 
@@ -160,9 +159,8 @@ class ReplayCompleted(Event):
     digest: str
     environment: dict[str, str]
     artefacts: dict[str, str]
-    summary: dict[
-        str, Any
-    ]  # the run's entry of `replay --json`: mae_K, max_K, bias_K by node, and channels with `where`
+    # The run's entry of `replay --json`: mae_K, max_K, bias_K by node, and channels with `where`.
+    summary: dict[str, Any]
 
 
 @dataclass(frozen=True, kw_only=True)

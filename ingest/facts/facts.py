@@ -53,9 +53,8 @@ class Facts:
     diagnoses: Mapping[str, DiagnosisCompleted]  # by diagnosis id, the latest last
     opened: Mapping[str, Sequence[str]]  # current session -> the diagnoses that opened it as a kept one
     successors: Mapping[str, str]  # model or bench file -> the version that was accepted in its place
-    inspections: Mapping[
-        str, InspectionRecorded
-    ]  # by inspection id; each with the session that its own is, or became part of
+    # By inspection id; each with the session that its own is, or became part of.
+    inspections: Mapping[str, InspectionRecorded]
     assessments: Mapping[str, AgeingAssessed]  # by assessment id, the latest last
 
     def bench_of(self, session: SessionRecorded) -> BenchRegistered | None:

@@ -35,9 +35,8 @@ if TYPE_CHECKING:  # the parent needs neither Arrow nor MCAP
 
 SHOWN_REJECTIONS = 100  # of the first rejected records; the recording keeps all of them
 MIB = 1 << 20
-SMALL_BYTES = (
-    8 * MIB
-)  # a larger log is read by a child of its own: it may need all the memory, and its start is a small part
+# A larger log is read by a child of its own: it may need all the memory, and its start is a small part.
+SMALL_BYTES = 8 * MIB
 LAST_WORDS_BYTES = 1 << 16  # kept of what a child complains of
 NO_MEMORY = (
     b"MemoryError",

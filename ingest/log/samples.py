@@ -82,9 +82,8 @@ class GroupWriter:
             use_dictionary=["file_id", *(column.name for column in columns if column.text)],
             column_encoding=packed | split,
             write_page_checksum=True,
-            write_statistics=list(
-                _INTEGERS
-            ),  # those of a column with NaN leave the NaN out, and readers then filter wrongly
+            # Those of a column with NaN leave the NaN out, and readers then filter wrongly.
+            write_statistics=list(_INTEGERS),
         )
 
     @property

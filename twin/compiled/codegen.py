@@ -165,9 +165,8 @@ def _link(w: Writer, index: int, group: Group, law: LawText) -> None:
 def _add_drop(w: Writer, index: int, law: LawText) -> None:
     by_own, by_far = law.slope("own", of="drop"), law.slope("far", of="drop")
     assert by_own is not None and by_far is not None, "what drives a link goes by both its temperatures"
-    w.lines += dict.fromkeys(
-        [*law.slope_lines("own"), *law.slope_lines("far")]
-    )  # the same where only the difference matters
+    # The same where only the difference matters.
+    w.lines += dict.fromkeys([*law.slope_lines("own"), *law.slope_lines("far")])
     w.lines += [f"da{index} = {negated(by_own)}", f"db{index} = {by_far}"]
 
 

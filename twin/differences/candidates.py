@@ -330,9 +330,8 @@ def _clocks(channels: Sequence[Sensor], inputs: Sequence[InputChannel]) -> Itera
         return
     buses = list(dict.fromkeys([*(i.bus for i in inputs), *(c.bus for c in channels)]))
     driving = [sum(i.bus == bus for i in inputs) for bus in buses]
-    if (
-        len(buses) < 3
-    ):  # only their difference shows: the one with fewer inputs stands for it, and one alone shows nothing
+    # Only their difference shows: the one with fewer inputs stands for it, and one alone shows nothing.
+    if len(buses) < 3:
         buses = buses[1:] if driving[0] >= driving[-1] else buses[:1]
     for bus in buses:
         own = tuple(c.name for c in channels if c.bus == bus)

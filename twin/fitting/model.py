@@ -65,9 +65,8 @@ class Model:
         self.tests = tuple(tests)
         self.parameters = tuple(parameters)
         self.noise = dict(noise or {})
-        self._courses = (
-            {} if courses is None else dict(courses)
-        )  # where heats are linearised: the last run of each test
+        # Where heats are linearised: the last run of each test.
+        self._courses = {} if courses is None else dict(courses)
         self._known = known  # the last linearisation: noise does not matter to it, and more parameters only add to it
         # what the marches hold depends neither on noise nor on priors
         self._marches = marches or [_March(network, test, self.parameters, s) for s, test in enumerate(self.tests)]

@@ -123,9 +123,8 @@ def _dip_then_rise(places: Floats, x: Floats, at: Floats) -> Courses:
     turned = [(_pairs(after**p, before**q), 0.45 / 4, sds) for p in (1, 2) for q in (1, 2)]
     k = np.geomspace(min(x[1] / 2, CURE_SPAN / 2), CURE_SPAN, len(places))[:, None]
     cure = -np.expm1(-at / k)
-    under = (
-        at - k * cure
-    )  # its slope at the start is what the cure starts from: it falls there, whatever the amplitudes
+    # Its slope at the start is what the cure starts from: it falls there, whatever the amplitudes.
+    under = at - k * cure
     cured = (_pairs(under / (1.0 + k * np.expm1(-1.0 / k)), -cure), 0.35, sds)
     early = places[LEVEL_EVERY // 2 :: LEVEL_EVERY]
     shares = 1.0 - np.arange(1 + len(places) // LEVELS_EVERY) / (1 + len(places) // LEVELS_EVERY)

@@ -105,9 +105,8 @@ def run_protocol(
         fitted = calibration.calibration
         noise = fitted.fit.model.noise
         after_fit = influence(fitted.network, of_drives)
-        of_points = [
-            replace(test, meters=()) for test in calibration.tests
-        ]  # gains of meters are no parameter of the motor
+        # Gains of meters are no parameter of the motor.
+        of_points = [replace(test, meters=()) for test in calibration.tests]
         taught = [information(fitted.network, test, noise) for test in of_points]
         choices = in_order(taught, after_fit)
         proposals = _proposals(fitted.network, of_points, noise, np.sum(taught, axis=0), after_fit)

@@ -110,9 +110,8 @@ def test_frames_equal_those_of_python_can(tmp_path: Path, options: dict[str, Any
     theirs = list(can.BLFReader(path))
     wanted = [as_frame(message) for message in theirs if not message.is_error_frame]
     assert [frame[1:] for frame in ours] == [frame[1:] for frame in wanted]
-    np.testing.assert_allclose(
-        [f[0] for f in ours], [f[0] for f in wanted], atol=500, rtol=0
-    )  # theirs are float seconds
+    # Theirs are float seconds.
+    np.testing.assert_allclose([f[0] for f in ours], [f[0] for f in wanted], atol=500, rtol=0)
     assert {entry.why for entry in log.rejected} == {"error frame"}
     assert [entry.record for entry in log.rejected] == [i for i, message in enumerate(theirs) if message.is_error_frame]
     assert log.found == len(theirs) and log.cut is None and log.absolute

@@ -102,9 +102,8 @@ def test_samples_repeated_by_the_bus_bring_no_evidence_of_their_own() -> None:
     often = fault_evidence(fitted, 0, "Y_1", _stretch(values), finer, np.full(len(finer), values[0]))
     blocks = 40
     assert once > 0
-    assert (
-        abs(often - once) < np.log(10) / 2 * blocks + 0.05 * once
-    )  # ten times more alike: a block each, no sample each
+    # Ten times more alike: a block each, no sample each.
+    assert abs(often - once) < np.log(10) / 2 * blocks + 0.05 * once
 
 
 def test_short_silences_of_a_radio_are_everyday() -> None:

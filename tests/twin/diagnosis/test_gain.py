@@ -82,9 +82,8 @@ def test_excess_is_what_is_left_above_the_floor() -> None:
 def test_half_of_the_excess_of_the_touched_channels_must_go() -> None:
     floor = {"magnet": 0.04, "teeth": 0.04}
     before = {"magnet": _residuals(2.0), "teeth": _residuals(3.0)}
-    assert removes_excess(
-        before, {"magnet": _residuals(1.3), "teeth": _residuals(3.05)}, floor
-    )  # teeth are not touched
+    # Teeth are not touched.
+    assert removes_excess(before, {"magnet": _residuals(1.3), "teeth": _residuals(3.05)}, floor)
     assert not removes_excess(before, {"magnet": _residuals(1.6), "teeth": _residuals(3.0)}, floor)
     assert not removes_excess(before, {"magnet": _residuals(0.5), "teeth": _residuals(4.0)}, floor)  # others got worse
 

@@ -188,9 +188,8 @@ def test_a_replay_after_it_is_another_run_of_the_same_session(
     after = replayed()
     assert after["session"] == before["session"]
     assert (before["model"], after["model"]) == (made["parent"], made["model"])
-    assert (
-        after["mae_K"]["magnet"] > before["mae_K"]["magnet"] + 0.05
-    )  # its numbers are the parent's: the bench file did it
+    # Its numbers are the parent's: the bench file did it.
+    assert after["mae_K"]["magnet"] > before["mae_K"]["magnet"] + 0.05
     assert after["mae_K"]["yoke"] == pytest.approx(before["mae_K"]["yoke"], abs=0.05)
 
 
