@@ -31,9 +31,7 @@ import numpy as np
 
 from twin.compiled.codegen import indented
 from twin.compiled.differentiate import Derivative
-from twin.motor.heat_laws import FACTOR, LAWS, NUMBER, RAMP, HeatLaw
-
-TEMPERATURES = ("own", "far", "other")
+from twin.motor.heat_laws import FACTOR, LAWS, NUMBER, RAMP, TEMPERATURES, HeatLaw
 
 _OF_VECTORS = {"math.sqrt": "np.sqrt", "min": "np.minimum", "max": "np.maximum"}
 _CALLS = re.compile(r"(?<![\w.])(math\.sqrt|min|max)(?=\()")

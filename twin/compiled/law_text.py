@@ -12,11 +12,10 @@ import re
 
 from twin.compiled.differentiate import Derivative
 from twin.compiled.structure import Group, Ramps
-from twin.motor.heat_laws import FACTOR, LAWS, RAMP
+from twin.motor.heat_laws import FACTOR, LAWS, RAMP, TEMPERATURES
 from twin.motor.network import NOBODY
 
 _NAME = re.compile(r"(?<![\w.])[a-z]\w*(?![\w.(])")
-_TEMPERATURES = ("own", "far", "other")
 
 
 class LawText:
@@ -33,7 +32,7 @@ class LawText:
         if group.plain:  # no line of its own: the heat has the difference in it
             self._names["drop"] = f"({self.far} - T{group.a})"
         self._index = index
-        self._slopes = {by: Derivative(lines, by) for by in _TEMPERATURES}
+        self._slopes = {by: Derivative(lines, by) for by in TEMPERATURES}
         self._heat = law.heat if factor else law.heat.replace(" * factor", "")
         self.lines = [self._named(line) for line in (factor if group.plain else lines)]
         self.heat = self._named(self._heat)

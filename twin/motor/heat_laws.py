@@ -25,6 +25,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+TEMPERATURES = ("own", "far", "other")  # what a heat has slopes with
+
 FACTOR = "factor = 1.0 + slope * (other - level)"  # the temperature factor of any law
 
 # The table of a fluid is a sum of ramps: between its knots `low` and `high` each adds its rise [1/K] times this.
