@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from made.places import ROOT
-from made.rooms import FOLDERS, ROOMS, docstring, name
+from made.rooms import FOLDERS, ROOMS, docstring, module_name
 from replay.engine.runs.sources import imported
 
 MAY_IMPORT = {
@@ -64,11 +64,7 @@ OUTSIDE = {
 }
 
 
-def _name(path: Path) -> str:
-    return ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
-
-
-MODULES = {_name(path): path for package in MAY_IMPORT for path in _modules(package)}
+MODULES = {module_name(path): path for package in MAY_IMPORT for path in _modules(package)}
 
 
 def _imported(path: Path) -> set[str]:
@@ -120,23 +116,25 @@ def test_no_files_import_each_other_in_a_circle() -> None:
         pytest.fail(" -> ".join(circle.args[1]))
 
 
-@pytest.mark.parametrize("folder", FOLDERS, ids=name)
+@pytest.mark.parametrize("folder", FOLDERS, ids=module_name)
 def test_a_folder_says_in_a_sentence_what_it_holds_and_runs_nothing(folder: Path) -> None:
     assert docstring(folder).splitlines()[0].endswith((".", "?"))
     tree = ast.parse((folder / "__init__.py").read_text(encoding="utf-8"))
-    if name(folder) not in ("ingest.formats", "replay.cli"):  # the list of formats, the verbs
+    if module_name(folder) not in ("ingest.formats", "replay.cli"):  # the list of formats, the verbs
         assert len(tree.body) == 1, "holds more than its sentence"
 
 
-@pytest.mark.parametrize("folder", FOLDERS, ids=name)
+@pytest.mark.parametrize("folder", FOLDERS, ids=module_name)
 def test_a_folder_speaks_of_what_lies_in_it(folder: Path) -> None:
     for word in re.findall(r"`([a-z_]+(?:\.[a-z_]+)*)`", docstring(folder)):
-        assert f"{name(folder)}.{word}" in MODULES or word in MODULES, f"there is no `{word}` in {name(folder)}"
+        assert f"{module_name(folder)}.{word}" in MODULES or word in MODULES, (
+            f"there is no `{word}` in {module_name(folder)}"
+        )
 
 
 def test_every_folder_is_a_room_in_the_order_of_its_package() -> None:
-    folders = {_name(path) for path in MODULES.values() if path.name == "__init__.py"} - {"whyhot"}
-    assert folders == {name(folder) for folder in FOLDERS}
+    folders = {module_name(path) for path in MODULES.values() if path.name == "__init__.py"} - {"whyhot"}
+    assert folders == {module_name(folder) for folder in FOLDERS}
 
 
 def test_keys_see_every_import() -> None:

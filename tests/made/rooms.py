@@ -32,10 +32,10 @@ def below(folder: Path) -> Iterator[Path]:
         yield from below(folder / room)
 
 
-def name(folder: Path) -> str:
-    """As it is imported: `twin.motor`."""
-    return ".".join(folder.relative_to(ROOT).parts)
+def module_name(path: Path) -> str:
+    """As a folder or file is imported: `twin.motor`, `twin.motor.network`."""
+    return ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
 
 
 FOLDERS = [folder for package in PACKAGES for folder in (ROOT / package, *below(ROOT / package))]
-ROOMS = {name(folder): listed(folder) for folder in FOLDERS if listed(folder)}
+ROOMS = {module_name(folder): listed(folder) for folder in FOLDERS if listed(folder)}
