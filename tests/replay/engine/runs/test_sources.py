@@ -6,6 +6,7 @@ import json
 import shutil
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Protocol
 
 import pytest
 
@@ -25,6 +26,13 @@ DOORS = (
     "replay.studies.ageing.assess",
 )
 Touch = Callable[[str], None]
+
+
+class Campaign(Protocol):
+    """The shipped campaign, diagnosed once."""
+
+    @property
+    def store(self) -> Path: ...
 
 
 @pytest.fixture
@@ -104,7 +112,7 @@ def test_a_replay_is_known_until_code_changes_that_computes_it(
 
 
 def test_a_diagnosis_is_read_back_until_code_changes_that_computes_it(
-    campaign: object, touch: Touch, monkeypatch: pytest.MonkeyPatch
+    campaign: Campaign, touch: Touch, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     class SearchedError(Exception):
         pass
@@ -113,8 +121,7 @@ def test_a_diagnosis_is_read_back_until_code_changes_that_computes_it(
         raise SearchedError
 
     monkeypatch.setattr("replay.studies.diagnosis.diagnose._answered", searched)
-    folder = campaign.store  # type: ignore[attr-defined]
-    with Store.open(folder) as store:
+    with Store.open(campaign.store) as store:
         facts = ledger_facts.at(store.ledger)
 
         def asked() -> bool:
