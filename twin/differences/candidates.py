@@ -1,11 +1,8 @@
 """The candidate causes of a motor on a bench, as data: what each is called, what it does, and how large it may be.
 
-candidates = generate(network, channels, inputs)
-
-What a cause does is an action (`twin.fitting.actions`), as of a healthy difference, with an amplitude that is 0 in the
-nominal model. The prior size of an amplitude (`twin.differences.sizes`) is fixed before looking at data, as a fraction
-of a scale of this motor and campaign, so that one rule serves a 5 kW servo and a 250 kW drive.
-`twin.diagnosis.evidence` scores candidates.
+What a cause does is an action (`twin.fitting.actions`), as of a healthy difference, times an amplitude that is 0 in the
+motor file's model. The prior size of the amplitude (`twin.differences.sizes`) is a share of a scale of this motor and
+campaign, fixed before any data are seen: one rule serves a 5 kW servo and a 250 kW drive.
 """
 
 from __future__ import annotations
@@ -31,11 +28,11 @@ from twin.motor.sensor_laws import AMBIENT, SENSOR_LAWS, Exchange, Misreading
 
 @dataclass(frozen=True)
 class Candidate:
-    """One candidate. `unit` of its amplitude; `sign` +1 or -1 where the amplitude can have only that one, else 0;
-    `members` the places that share its amplitude, where it is a group; `added`: the product of features of a heat or
-    path that is added.
+    """One candidate cause. Its amplitude is in `unit`, has the prior size `sigma`, and can only be above 0 (`sign` 1),
+    only below (-1) or either (0). `members`: the places that share the amplitude, where the cause acts on a group of
+    them; `added`: the product of features that a heat or path which the cause adds goes with.
 
-    Its `action` is on no tests yet: what depends on them `twin.differences.proposals` fills in."""
+    What its `action` needs to know of the tests `twin.differences.proposals` fills in."""
 
     cause: Cause
     unit: str
@@ -47,12 +44,12 @@ class Candidate:
 
     @property
     def discrete(self) -> bool:
-        """Whether it is there or not, and so to be scanned before calibration."""
+        """Whether it is there or not, without a size: `twin.diagnosis.swaps` looks for it before calibration."""
         return isinstance(self.action, Exchange)
 
     @property
     def repeated(self) -> bool:
-        """Whether it shows only where sessions of its kind are there at least twice."""
+        """Whether it changes from session to session, and so shows only in several sessions of one kind."""
         return isinstance(self.action, actions.Course)
 
     @property
@@ -69,33 +66,19 @@ CLOCK_S, CLOCK_PPM = 5.0, 100.0
 INPUT_UNITS = {"speed": "rpm", "torque": "Nm", "voltage": "V", "flux": "Wb", "flow": "lpm", "current": "A"}
 ATTACHED_LAG_S = 300.0
 
-_ROTATING = (
-    "speed",
-    "speed2",
-    "speed3",
-    "current2",
-    "speed_current",
-    "speed_current2",
-    "speed2_current",
-    "speed2_current2",
-)
-_IRON = ("constant", "speed", "speed1.5", "speed2", "current2", *_ROTATING[4:])
+_BOTH = ("speed_current", "speed_current2", "speed2_current", "speed2_current2")
+_ROTATING = ("constant", "speed", "speed2", "speed3", "current2", *_BOTH)
 LOSS_LAWS = {  # region -> laws of a heat there that some mechanism follows
-    "copper": (
-        "constant",
-        "current",
-        "current2",
-        "speed2",
-        "speed_current2",
-        "speed2_current2",
-    ),  # contacts, AC, rotor field
-    "iron": _IRON,  # PWM ripple at standstill, hysteresis, eddies, load
-    "magnet": ("constant", *_ROTATING),
-    "rotor": ("constant", *_ROTATING),  # slot harmonics, windage, carrier
+    # contacts, AC, rotor field
+    "copper": ("constant", "current", "current2", "speed2", "speed_current2", "speed2_current2"),
+    # PWM ripple at standstill, hysteresis, eddies, load
+    "iron": ("constant", "speed", "speed1.5", "speed2", "current2", *_BOTH),
+    "magnet": _ROTATING,
+    "rotor": _ROTATING,  # slot harmonics, windage, carrier
     "bearing": ("constant", "speed", "speed1.5", "speed2"),  # seals, rolling, churning
     "fluid": ("constant", "speed2", "speed3"),  # windage
     "housing": ("constant", "speed2", "current2", "speed_current2"),  # shields: leakage field
-    "other": ("constant", *_ROTATING),
+    "other": _ROTATING,
 }
 CONVECTION = ("constant", "speed", "speed1.5")
 COOLING = ("", "0.5")  # exponents of the flow
@@ -111,7 +94,7 @@ def generate(network: Network, channels: Sequence[Sensor], inputs: Sequence[Inpu
     only the one with fewer inputs has a clock, as only their difference shows.
     """
     inputs = _as_named(network, inputs)
-    features = _available(network, inputs)
+    features = frozenset(i.name for i in inputs if is_known(i.name) and quantity(i.name) in network.scale)
     return (
         *_losses(network, features),
         *_conductances(network, features),
@@ -130,23 +113,15 @@ def added_monomials(candidates: Sequence[Candidate]) -> tuple[Monomial, ...]:
 
 
 def _as_named(network: Network, inputs: Sequence[InputChannel]) -> list[InputChannel]:
-    """The inputs as laws call them: a bench knows quantities,
-    a motor with two circuits `flow_jacket` and `flow_oil`."""
-    used = {feature for m in monomials(network) for feature in m.features}
-    flows = [f for f in sorted(used) if is_flow(f)] or ["flow"]
+    """The inputs as laws call them: where a bench says `flow`, a motor with two circuits has `flow_jacket` and
+    `flow_oil`."""
+    flows = [f for f in sorted(_used(network)) if is_flow(f)] or ["flow"]
     return [replace(i, name=name) for i in inputs for name in (flows if i.name == "flow" else [i.name])]
 
 
-def _available(network: Network, inputs: Sequence[InputChannel]) -> frozenset[str]:
-    given = {i.name for i in inputs if is_known(i.name)}
-    return frozenset(f for f in given if quantity(f) in network.scale)
-
-
-def _exponents(cause: Cause, features: frozenset[str]) -> dict[str, float] | None:
-    """Those of a law, the current's taken by the torque where only that is known; None where a feature is not given."""
-    stand_in = "torque" if "current" not in features else "current"
-    exponents = {(stand_in if f == "current" else f): e for f, e in cause.exponents.items()}
-    return exponents if exponents.keys() <= features else None
+def _used(network: Network) -> set[str]:
+    """The features of the network's laws."""
+    return {feature for m in monomials(network) for feature in m.features}
 
 
 # --- Losses -----------------------------------------------------------------------------------------------------------
@@ -159,24 +134,25 @@ def _losses(network: Network, features: frozenset[str]) -> Iterator[Candidate]:
     for name, members in _places_with_groups(list(regions)):
         own = [terms.get(node, ()) for node in members]
         places = tuple((node,) for node in members)
-        shown = members if len(members) > 1 else ()
         if all(own):
-            for by in ("scale", "temperature"):
-                yield _of_whole_law(network, Cause("loss", name, by), places, shown, size)
-            if regions[members[0]] in ("magnet", "bearing"):
-                yield _of_whole_law(network, Cause("loss", name, "session"), places, shown, size)
-        for law in _laws(own, LOSS_LAWS[regions[members[0]]], features):
-            sign = 0 if any(own) else 1  # where the model has no heat, a heat can only be missing
-            yield _added(network, Cause("loss", name, law.name), places, shown, size, sign, law, own[0])
+            changes = ["scale", "temperature", *(["session"] if regions[members[0]] in ("magnet", "bearing") else [])]
+            for law in changes:
+                yield _of_whole_law(network, Cause("loss", name, law), places, size)
+        sign = 0 if any(own) else 1  # where the model has no heat, a heat can only be missing
+        for more in _laws(own, LOSS_LAWS[regions[members[0]]], features):
+            yield _added(network, Cause("loss", name, more.name), places, size, sign, more, own[0])
 
 
-def _of_whole_law(
-    network: Network, cause: Cause, places: tuple[Place, ...], shown: tuple[str, ...], size: Sigma
-) -> Candidate:
-    """`scale`, `temperature`, or what changes from session to session, of the whole law at the places;
-    `size` of one more law there."""
+def _shown(places: tuple[Place, ...]) -> tuple[str, ...]:
+    """The `members` of a candidate that acts at these places: none where it is a single one."""
+    return tuple("-".join(place) for place in places) if len(places) > 1 else ()
+
+
+def _of_whole_law(network: Network, cause: Cause, places: tuple[Place, ...], size: Sigma) -> Candidate:
+    """A change of all terms at the places together: by one factor (law `scale`), with temperature, or from session to
+    session. `size`: prior of what one more law there would add, which is that of the change with temperature."""
     terms = tuple(terms_at(network, place) for place in places)
-    every = tuple(i for own in terms for i in own)
+    every, shown = tuple(i for own in terms for i in own), _shown(places)
     if cause.law == "scale":
         return Candidate(cause, "1", Sigma(LOG_SCALE), 0, actions.Scale(every), shown)
     if cause.law == "temperature":
@@ -190,17 +166,16 @@ def _added(
     network: Network,
     cause: Cause,
     places: tuple[Place, ...],
-    shown: tuple[str, ...],
     size: Sigma,
     sign: int,
     law: Monomial,
     own: Sequence[Term] = (),
 ) -> Candidate:
-    """One more law at the places. It goes with copper as the place's own term of that law does."""
+    """One more law at the places. It follows copper's resistance as the place's `own` term of that law does."""
     like = next((term for term in own if product(term) == law), Term(1.0))
     copper = 1 if like.copper else like.resistance
     action = actions.Added(tuple(_place(network, place) for place in places), law.name, rms=1.0, own=copper)
-    return Candidate(cause, _UNITS[cause.kind], size, sign, action, shown, law)
+    return Candidate(cause, _UNITS[cause.kind], size, sign, action, _shown(places), law)
 
 
 _UNITS = {"loss": "W", "conductance": "W/K"}  # of what is added
@@ -212,18 +187,22 @@ def _place(network: Network, names: Place) -> actions.Place:
 
 
 def _laws(own: Sequence[tuple[Term, ...]], table: Sequence[str], features: frozenset[str]) -> Iterator[Monomial]:
-    """The laws of the table and of the places' own terms, without the one that a place's only term already is."""
+    """The laws that may be added at places: those that their own terms share, then those of the table whose features
+    are given (torque where there is no current). A place's only term is left out, as its `scale` says the same."""
+    stand_in = "current" if "current" in features else "torque"
     only = {product(terms[0]) for terms in own if len(terms) == 1}
     shared = set.intersection(*({product(term) for term in terms} for terms in own))
     ordered = [m for m in dict.fromkeys(product(t) for terms in own for t in terms) if m in shared]
     for law in table:
-        exponents = _exponents(Cause("loss", "any", law), features)
-        if exponents is not None:
+        powers = Cause("loss", "any", law).exponents
+        exponents = {(stand_in if f == "current" else f): e for f, e in powers.items()}
+        if exponents.keys() <= features:
             ordered.append(product(Term(1.0, exponents)))
     yield from (m for m in dict.fromkeys(ordered) if m not in only)
 
 
 def _places_with_groups(names: Sequence[str]) -> list[tuple[str, tuple[str, ...]]]:
+    """(name in cause ids, nodes): every node, then nodes that are twins together."""
     return [*((name, (name,)) for name in names), *groups(names).items()]
 
 
@@ -232,38 +211,36 @@ def _places_with_groups(names: Sequence[str]) -> list[tuple[str, tuple[str, ...]
 
 def _conductances(network: Network, features: frozenset[str]) -> Iterator[Candidate]:
     present: dict[Place, tuple[Term, ...]] = {(link.a, link.b): link.terms for link in network.links}
-    for name, places in links_with_groups(network, list(present)):
-        shown = tuple("-".join(place) for place in places) if len(places) > 1 else ()
+    named = links_with_groups(network, list(present))
+    for name, places in named:
         own = [present[place] for place in places]
         size = Sigma(OWN_LINK, "own_conductance", places)
-        yield _of_whole_law(network, Cause("conductance", name, "scale"), places, shown, size)
         table = _link_laws(network, places[0], own[0])
-        if table or _at_boundary(network, places[0]):
-            yield _of_whole_law(network, Cause("conductance", name, "temperature"), places, shown, size)
+        changes = ["scale"]
+        if table or "boundary" in _regions(network, places[0]):
+            changes.append("temperature")
         if _wears(network, places[0]):
-            yield _of_whole_law(network, Cause("conductance", name, "session"), places, shown, size)
-        for law in _laws(own, table, features):
-            yield _added(network, Cause("conductance", name, law.name), places, shown, size, 0, law, own[0])
-    taken = {name for name, _ in links_with_groups(network, list(present))}
+            changes.append("session")
+        for law in changes:
+            yield _of_whole_law(network, Cause("conductance", name, law), places, size)
+        for more in _laws(own, table, features):
+            yield _added(network, Cause("conductance", name, more.name), places, size, 0, more, own[0])
+    taken = {name for name, _ in named}
     for name, places in links_with_groups(network, missing(network)):
         if name not in taken:
-            shown = tuple("-".join(place) for place in places) if len(places) > 1 else ()
             size = Sigma(MISSING_LINK, "smaller_neighbour", places)
-            yield _added(network, Cause("conductance", name, "constant"), places, shown, size, 1, Monomial(()))
+            yield _added(network, Cause("conductance", name, "constant"), places, size, 1, Monomial(()))
 
 
 def _regions(network: Network, place: Place) -> tuple[str, ...]:
+    """What is at both ends of a link: region of a node, or "boundary"."""
     regions = {node.name: node.region for node in network.nodes}
     return tuple(regions.get(end, "boundary") for end in place)
 
 
-def _at_boundary(network: Network, place: Place) -> bool:
-    return "boundary" in _regions(network, place)
-
-
 def _link_laws(network: Network, place: Place, own: Sequence[Term]) -> tuple[str, ...]:
-    """Laws with a mechanism: convection where air is, a gap turns or the file says so;
-    cooling where it follows a flow."""
+    """The laws that some mechanism lets a link follow: convection where air is, where a gap turns or where the file
+    says so; cooling where the link follows a flow."""
     regions = _regions(network, place)
     used = {feature for term in own for feature in term.exponents}
     gap = any(r in _TURNING for r in regions) and any(r in ("copper", "iron") for r in regions)
@@ -289,8 +266,7 @@ def _insulated(network: Network, place: Place) -> bool:
 def _capacities(network: Network) -> Iterator[Candidate]:
     capacity = {node.name: node.capacity for node in network.nodes}
     for name, members in _places_with_groups(list(capacity)):
-        nodes = tuple(map(network.names.index, members))
-        shown = members if len(members) > 1 else ()
+        nodes, shown = tuple(map(network.names.index, members)), _shown(tuple((node,) for node in members))
         yield Candidate(Cause("capacity", name, "scale"), "1", Sigma(CAPACITY), 0, actions.Capacity(nodes), shown)
         size = Sigma(CAPACITY * float(np.mean([capacity[node] for node in members])))
         mass = actions.Attached(nodes, ATTACHED_LAG_S)
@@ -304,8 +280,8 @@ def _boundaries(network: Network) -> Iterator[Candidate]:
 
 
 def sensor_place(channel: Sensor, channels: Sequence[Sensor]) -> str:
-    """A sensor's place in ids: its node where it is the only channel that follows it alone, or, where none does, the
-    only one that follows it by more than half; else `node@signal`."""
+    """A sensor's place in ids: its node where it is the only channel that follows no other node, or, where every
+    channel there does, the only one that follows this node by more than half; else `node@signal`."""
     own = [c for c in channels if c.node == channel.node and c.weights[c.node] > 0.5]
     alone = [c for c in own if len(c.weights) == 1]
     return channel.node if (alone or own) == [channel] else f"{channel.node}@{spelt(channel.name)}"
@@ -330,7 +306,7 @@ def _clocks(channels: Sequence[Sensor], inputs: Sequence[InputChannel]) -> Itera
         return
     buses = list(dict.fromkeys([*(i.bus for i in inputs), *(c.bus for c in channels)]))
     driving = [sum(i.bus == bus for i in inputs) for bus in buses]
-    # Only their difference shows: the one with fewer inputs stands for it, and one alone shows nothing.
+    # only their difference shows: the one with fewer inputs stands for it, and one alone shows nothing
     if len(buses) < 3:
         buses = buses[1:] if driving[0] >= driving[-1] else buses[:1]
     for bus in buses:
@@ -341,7 +317,7 @@ def _clocks(channels: Sequence[Sensor], inputs: Sequence[InputChannel]) -> Itera
 
 
 def _inputs(network: Network, inputs: Sequence[InputChannel]) -> Iterator[Candidate]:
-    used = {feature for m in monomials(network) for feature in m.features}
+    used = _used(network)
     for name in dict.fromkeys(i.name for i in inputs if i.name in used):
         own = str(quantity(name))
         gain = FLOW_GAIN if own == "flow" else INPUT_GAIN
@@ -351,11 +327,11 @@ def _inputs(network: Network, inputs: Sequence[InputChannel]) -> Iterator[Candid
 
 
 def _ageing(network: Network) -> Iterator[Candidate]:
-    """Slot insulation with the hours above its class: the limit of its copper node, 180 degC where none is given."""
+    """Slot insulation that changes with the hours above its class: the limit of its copper node, 180 degC where the
+    file gives none."""
     limits = {node.name: node.limit_degC or 180.0 for node in network.nodes if node.region == "copper"}
     insulated = [(link.a, link.b) for link in network.links if _insulated(network, (link.a, link.b))]
     for name, places in links_with_groups(network, insulated):
         limit = next(limits[end] for end in places[0] if end in limits)
-        law = f"hours_above_{limit:.15g}degC"
-        shown = tuple("-".join(place) for place in places) if len(places) > 1 else ()
-        yield _of_whole_law(network, Cause("ageing", name, law), places, shown, Sigma(SESSION))
+        cause = Cause("ageing", name, f"hours_above_{limit:.15g}degC")
+        yield _of_whole_law(network, cause, places, Sigma(SESSION))
