@@ -10,26 +10,23 @@ as wide as what the first mode leaves.
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Container, Iterator, Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twin.calibration.learned import network_of
 from twin.calibration.outliers import outliers, without
-from twin.differences.everyday import BOUND
+from twin.differences.everyday import BOUND, starts_and_biases
 from twin.fitting import actions
 from twin.fitting.actions import Parameter
 from twin.fitting.fit import NEAR_ENOUGH, Fit, fit
-from twin.fitting.model import Model, Test
+from twin.fitting.model import Floats, Model, Test
 from twin.fitting.noise import ChannelNoise
 from twin.motor import sensor_laws
 from twin.motor.features import product, terms
 from twin.motor.network import Network
 from twin.motor.outputs import BLOCK_S
-
-Floats = NDArray[np.float64]
 
 LINEARISATIONS = 60  # a valley of conductances and losses that grow together is long
 HELD = 0.01  # of its standard deviation: an estimate that near its bound is at it
@@ -122,19 +119,8 @@ def freedom(network: Network, tests: Sequence[Test], only: Container[str] | None
     )
     gains = {meter.name: meter.gain_sd for test in tests for meter in test.meters if meter.gain_sd}
     meters = (Parameter(f"meter.{name}.gain", sensor_laws.Gain(name), sd) for name, sd in gains.items())
-    brought = (p for number, test in enumerate(tests) for p in _of_test(network, test, number))
+    brought = (p for number, test in enumerate(tests) for p in starts_and_biases(network, test, number))
     return (*coefficients, *capacities, *meters, *brought)
-
-
-def _of_test(network: Network, test: Test, number: int) -> Iterator[Parameter]:
-    for i, node in enumerate(network.nodes):
-        yield Parameter(f"start.{node.name}", actions.Start(i), float(test.initial_sd[i]), number)
-    for channel in test.channels:
-        if channel.bias_sd:
-            yield Parameter(f"sensor.{channel.name}.bias", sensor_laws.Bias(channel.name), channel.bias_sd, number)
-    for meter in test.meters:
-        if meter.bias_sd:
-            yield Parameter(f"meter.{meter.name}.bias", sensor_laws.Bias(meter.name), meter.bias_sd, number)
 
 
 def _laws(network: Network) -> tuple[str, ...]:

@@ -9,16 +9,14 @@ from dataclasses import dataclass, replace
 from typing import assert_never
 
 import numpy as np
-from numpy.typing import NDArray
 
+from twin.differences.proposals import between
 from twin.fitting import actions
 from twin.fitting.actions import Parameter
-from twin.fitting.fit import Fit
+from twin.fitting.fit import Fit, Floats
 from twin.motor import features
 from twin.motor.network import NOBODY, Link, Network, Node, Shape, Source, TemperatureFactor, Term
 from twin.motor.sensor_laws import Lag, Misreading
-
-Floats = NDArray[np.float64]
 
 LEAST_FACTOR, MOST_CURRENT = 0.05, 1.5  # a law stays above 0 up to this current
 REFERENCE_DIGITS = 1  # of a temperature that a slope is written about
@@ -159,7 +157,7 @@ def _straight(found: Fit, slopes: Mapping[int, Sequence[_Slope]]) -> dict[int, _
     result = {}
     for i, own in slopes.items():
         term = list(features.terms(network))[i]
-        wanted = sum((s.per_K * (_mean(t, s.place) - s.reference_degC) for s in own), np.zeros(len(t)))
+        wanted = sum((s.per_K * (between(t, s.place) - s.reference_degC) for s in own), np.zeros(len(t)))
         rise = t[:, own[0].place.a] - network.copper.reference_degC
         wanted = wanted / (1 + network.copper.alpha_per_K * rise) ** (int(term.copper) + term.resistance)
         nodes = [end for end in (own[0].place.a, own[0].place.b) if 0 <= end < len(network.nodes)]
@@ -168,10 +166,6 @@ def _straight(found: Fit, slopes: Mapping[int, Sequence[_Slope]]) -> dict[int, _
             wanted = wanted + term.temperature.slope_per_K * (t[:, nodes[0]] - term.temperature.reference_degC)
         result[i] = _line(network, t, 1.0 + wanted, np.abs(carried[:, i]), nodes)
     return result
-
-
-def _mean(t: Floats, place: actions.Place) -> Floats:
-    return t[:, place.a] if place.b == NOBODY else (t[:, place.a] + t[:, place.b]) / 2
 
 
 def _line(network: Network, t: Floats, wanted: Floats, weight: Floats, nodes: Sequence[int]) -> _Line:

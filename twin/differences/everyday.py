@@ -10,17 +10,14 @@ from collections.abc import Hashable, Iterator, Mapping, Sequence
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twin.fitting import actions
 from twin.fitting.actions import Parameter, Place
-from twin.fitting.model import Test
+from twin.fitting.recorded import RecordedChannel, Test
 from twin.motor import features, sensor_laws
 from twin.motor.causes import groups
 from twin.motor.network import Network, Term
 from twin.motor.paths import links_with_groups, missing, terms_of
-
-Floats = NDArray[np.float64]
 
 BOUND = math.log(4.0)
 EXPONENT_SHARE = 0.2  # sd of an exponent over the exponent: those of a lumped file are fits
@@ -40,14 +37,13 @@ ROTATING = ("rotor", "magnet")
 
 def everyday(network: Network, tests: Sequence[Test]) -> tuple[Parameter, ...]:
     """The parameters of a healthy motor on these tests."""
-    used = {feature for test in tests for feature in test.inputs}
     return (
-        *_laws(network),
+        *laws(network),
         *_common(network),
         *_exponents(network),
         *_film_slopes(network, tests),
         *_maps(network, tests),
-        *_standstill(network, tests, used),
+        *_standstill(network, tests),
         *_paths(network, tests),
         *_sensors(tests),
         *_beside(network, tests),
@@ -56,14 +52,8 @@ def everyday(network: Network, tests: Sequence[Test]) -> tuple[Parameter, ...]:
 
 
 def of_test(network: Network, test: Test, number: int) -> Iterator[Parameter]:
-    """What a test brings along: where it starts, what its inputs and sensors are off by."""
-    for i, node in enumerate(network.nodes):
-        yield Parameter(f"start.{node.name}", actions.Start(i), max(START_K, float(test.initial_sd[i])), number)
-    for channel in test.channels:
-        yield Parameter(f"sensor.{channel.name}.bias", sensor_laws.Bias(channel.name), channel.bias_sd, number)
-    for meter in test.meters:
-        if meter.bias_sd:
-            yield Parameter(f"meter.{meter.name}.bias", sensor_laws.Bias(meter.name), meter.bias_sd, number)
+    """What a test brings along: where it starts, what its sensors, clocks, boundaries and inputs are off by."""
+    yield from starts_and_biases(network, test, number, START_K)
     for bus, own in _buses([test]).items():
         yield Parameter(f"clock.{bus}.test", actions.Late(own, False), CLOCK_TEST_S, number)
     cooled = _cooled_by_flow(network)
@@ -77,13 +67,25 @@ def of_test(network: Network, test: Test, number: int) -> Iterator[Parameter]:
             yield Parameter(f"input.{name}.gain", actions.InputGain(name), INPUT_GAIN[known], number)
 
 
+def starts_and_biases(network: Network, test: Test, number: int, least_K: float = 0.0) -> Iterator[Parameter]:
+    """Where a test starts, every node with an sd of at least `least_K`, and what each of its channels and meters reads
+    too much all along."""
+    for i, node in enumerate(network.nodes):
+        yield Parameter(f"start.{node.name}", actions.Start(i), max(least_K, float(test.initial_sd[i])), number)
+    for kind, sensors in (("sensor", test.channels), ("meter", test.meters)):
+        for sensor in sensors:
+            if sensor.bias_sd:
+                yield Parameter(f"{kind}.{sensor.name}.bias", sensor_laws.Bias(sensor.name), sensor.bias_sd, number)
+
+
 def _cooled_by_flow(network: Network) -> set[str]:
     """The ends of links that follow a flow, and where the fluid of a circuit comes from."""
     flowing = [link for link in network.links if any(f.startswith("flow") for t in link.terms for f in t.exponents)]
     return {end for link in flowing for end in (link.a, link.b)} | {circuit.inlet for circuit in network.circuits}
 
 
-def _laws(network: Network) -> Iterator[Parameter]:
+def laws(network: Network) -> Iterator[Parameter]:
+    """Every coefficient and every capacity about the motor file's, with the file's sd of its logarithm."""
     for i, term in enumerate(features.terms(network)):
         yield Parameter(f"term{i}", actions.Scale((i,)), term.sd, low=-BOUND, high=BOUND)
     for i, node in enumerate(network.nodes):
@@ -91,7 +93,7 @@ def _laws(network: Network) -> Iterator[Parameter]:
 
 
 def _common(network: Network) -> Iterator[Parameter]:
-    """Both sides of a motor are built alike, and a file that is wrong of one is wrong of the other."""
+    """One factor for what stands on both sides of a motor: a file that is wrong of one side is wrong of the other."""
     links, sources = terms_of(network)
     sd = [term.sd for term in features.terms(network)]
     conductances = {name: [links[m] for m in members] for name, members in alike_links(network).items()}
@@ -160,66 +162,55 @@ def _film_slopes(network: Network, tests: Sequence[Test]) -> Iterator[Parameter]
         gap = bool(between & set(ROTATING)) and bool(between & {"copper", "iron"})
         if gap or between & {"fluid", "boundary"}:
             ends = [sorted(network.names.index(end) for end in link) for link in members]
-            yield Parameter(
-                f"conductance.{name}.temperature",
-                actions.Tilt(
-                    tuple(Place(*places) for places in ends),
-                    tuple(links[link] for link in members),
-                    tuple(float(start[places].mean()) for places in ends),
-                ),
-                FILM_TILT_PER_K,
-                low=-MOST_TILT_PER_K,
-                high=MOST_TILT_PER_K,
-            )
+            about = [float(start[places].mean()) for places in ends]
+            own = [links[link] for link in members]
+            yield _tilt(f"conductance.{name}", ends, own, about, FILM_TILT_PER_K)
+
+
+def _tilt(
+    name: str, ends: Sequence[Sequence[int]], terms: Sequence[tuple[int, ...]], about: Sequence[float], sd: float
+) -> Parameter:
+    """A change of `terms` with the temperature of their places, 0 at the temperatures `about` [degC]; sd in 1/K."""
+    tilt = actions.Tilt(tuple(Place(*places) for places in ends), tuple(terms), tuple(about))
+    return Parameter(f"{name}.temperature", tilt, sd, low=-MOST_TILT_PER_K, high=MOST_TILT_PER_K)
 
 
 def _maps(network: Network, tests: Sequence[Test]) -> Iterator[Parameter]:
+    """What losses may do over speed and current beside their laws, and with temperature."""
     _, sources = terms_of(network)
     regions = {node.name: node.region for node in network.nodes}
     names = list(regions)
     terms = list(features.terms(network))
-    speeds = (
-        tuple(np.linspace(0.0, max(float(t.inputs["speed"].max()) for t in tests), KNOTS).tolist())
-        if all("speed" in t.inputs for t in tests)
-        else ()
-    )
+    top = max(float(t.inputs["speed"].max()) for t in tests) if all("speed" in t.inputs for t in tests) else 0.0
+    speeds = tuple(np.linspace(0.0, top, KNOTS).tolist())
+    currents = (False, True) if all("current" in t.inputs for t in tests) else (False,)
     for name, members in alike_sources(network).items():
         copper = regions[members[0]] == "copper"  # what direct current loses there is known
         shaped = tuple(i for node in members for i in sources[node] if terms[i].exponents.get("speed") or not copper)
-        if speeds and speeds[-1] > 0 and any(terms[i].exponents.get("speed") for i in shaped):
+        if top > 0 and any(terms[i].exponents.get("speed") for i in shaped):
             for knot in range(KNOTS):
-                for current in (False, True):
-                    if current and not all("current" in t.inputs for t in tests):
-                        continue
+                for current in currents:
                     action = actions.Tent(shaped, speeds, knot, current)
                     yield Parameter(f"map.{name}.{knot}{'i' if current else ''}", action, MAP_SD, low=-0.9, high=3.0)
         at = [names.index(node) for node in members]
-        yield Parameter(
-            f"loss.{name}.temperature",
-            actions.Tilt(
-                tuple(Place(i) for i in at),
-                tuple(sources[node] for node in members),
-                tuple(float(np.mean([t.initial[i] for t in tests])) for i in at),
-            ),
-            TILT_PER_K,
-            low=-MOST_TILT_PER_K,
-            high=MOST_TILT_PER_K,
-        )
+        about = [float(np.mean([t.initial[i] for t in tests])) for i in at]
+        yield _tilt(f"loss.{name}", [(i,) for i in at], [sources[node] for node in members], about, TILT_PER_K)
 
 
-def _standstill(network: Network, tests: Sequence[Test], used: set[str]) -> Iterator[Parameter]:
-    if "current" not in used or not all("current2" in t.features for t in tests):
+def _standstill(network: Network, tests: Sequence[Test]) -> Iterator[Parameter]:
+    """A little heat in the rotor by the current's ripple, at standstill too."""
+    if not any("current" in t.inputs for t in tests) or not all("current2" in t.features for t in tests):
         return
     total = mean_loss_W(network, tests)
     rms = float(np.sqrt(np.mean(np.concatenate([t.features["current2"] for t in tests]) ** 2)))
     for i, node in enumerate(network.nodes):
         if node.region in ROTATING:
-            yield Parameter(
-                f"loss.{node.name}.standstill", actions.Added((Place(i),), "current2", rms), STANDSTILL_SHARE * total
-            )
+            ripple = actions.Added((Place(i),), "current2", rms)
+            yield Parameter(f"loss.{node.name}.standstill", ripple, STANDSTILL_SHARE * total)
 
 
 def _paths(network: Network, tests: Sequence[Test]) -> Iterator[Parameter]:
+    """A little conduction where the network has no path."""
     largest = largest_conductance(network, tests)
     most = MOST_PATH * float(np.median([largest[node.name] for node in network.nodes]))
     for a, b in missing(network):
@@ -232,8 +223,7 @@ def _paths(network: Network, tests: Sequence[Test]) -> Iterator[Parameter]:
 
 
 def _sensors(tests: Sequence[Test]) -> Iterator[Parameter]:
-    channels = {c.name: c for test in tests for c in test.channels}
-    for name, channel in channels.items():
+    for name, channel in {c.name: c for test in tests for c in test.channels}.items():
         yield Parameter(f"sensor.{name}.gain", sensor_laws.Gain(name), CHANNEL_GAIN)
         yield Parameter(f"sensor.{name}.lag", sensor_laws.Lag(name), CHANNEL_LAG_S, low=-channel.output.time_constant_s)
     for name, sd in {m.name: m.gain_sd for test in tests for m in test.meters if m.gain_sd}.items():
@@ -250,20 +240,30 @@ def _buses(tests: Sequence[Test]) -> dict[str, tuple[str, ...]]:
 
 
 def _beside(network: Network, tests: Sequence[Test]) -> Iterator[Parameter]:
-    """A sensor follows a little of what its node is joined to, and of the air around it;
-    of nothing across a rotating gap."""
-    names = [node.name for node in network.nodes]
+    """A sensor follows a little of what its node is joined to, and of the air around it, but of nothing across a
+    rotating gap."""
     air = {node.name for node in network.nodes if node.region == "fluid"}
     turning = {node.name for node in network.nodes if node.region in ROTATING}
-    for name, channel in {c.name: c for test in tests for c in test.channels}.items():
-        weights = channel.output.weights
-        place = max(weights, key=lambda node: weights[node])
-        joined = {end for link in network.links if place in (link.a, link.b) for end in (link.a, link.b)}
-        beside = joined & set(names) - {place}
-        touched = {node for node in beside if node in air or (node in turning) == (place in turning)}
-        for node in sorted(touched, key=names.index):
-            action = actions.Beside(name, names.index(node))
-            yield Parameter(f"sensor.{name}.beside.{node}", action, BESIDE, low=-0.5, high=0.9)
+    for channel in {c.name: c for test in tests for c in test.channels}.values():
+        turns = mostly_followed(channel) in turning
+        for one, node in every_neighbour(network, channel):
+            if node in air or (node in turning) == turns:
+                yield one
+
+
+def mostly_followed(channel: RecordedChannel) -> str:
+    """The node that a channel follows more than any other."""
+    weights = channel.output.weights
+    return max(weights, key=lambda node: weights[node])
+
+
+def every_neighbour(network: Network, channel: RecordedChannel) -> Iterator[tuple[Parameter, str]]:
+    """The share of each node beside the one that a channel mostly follows, and the node."""
+    names, place = [node.name for node in network.nodes], mostly_followed(channel)
+    joined = {end for link in network.links if place in (link.a, link.b) for end in (link.a, link.b)}
+    for node in sorted(joined & set(names) - {place}, key=names.index):
+        beside = actions.Beside(channel.name, names.index(node))
+        yield Parameter(f"sensor.{channel.name}.beside.{node}", beside, BESIDE, low=-0.5, high=0.9), node
 
 
 def mean_loss_W(network: Network, tests: Sequence[Test]) -> float:

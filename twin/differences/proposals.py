@@ -6,35 +6,32 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twin.differences.candidates import Candidate
 from twin.differences.everyday import mean_conductances, mean_loss_W
 from twin.differences.sizes import Scales
 from twin.fitting import actions
 from twin.fitting.actions import Parameter
-from twin.fitting.model import Model, Test
+from twin.fitting.model import Floats, Model, Test
 from twin.motor.network import NOBODY, Network
 from twin.motor.paths import Place, terms_at
 from twin.motor.sensor_laws import Exchange
 
-Floats = NDArray[np.float64]
-
 
 class Proposals:
-    """Turns candidates into parameters of `model`; scales are those of its tests about a vector."""
+    """Turns candidates into parameters of `model`, sized by what its tests do about the vector `beta`."""
 
     def __init__(self, model: Model, beta: Floats) -> None:
         self.model, self.network, self.tests = model, model.network, model.tests
         self.scales = scales(self.network, self.tests)
         runs = [model.course(s, beta) for s in range(len(self.tests))]
-        self._means = np.concatenate([means for _, means, _ in runs])
         self._values = np.concatenate([values for _, _, values in runs])
-        self._boundaries = np.concatenate([t.frame.boundaries for t in self.tests])
+        outside = np.concatenate([t.frame.boundaries for t in self.tests])
+        self._temperatures = np.hstack([np.concatenate([means for _, means, _ in runs]), outside])
 
     def parameter(self, candidate: Candidate) -> Parameter:
-        """The candidate at amplitude 0, with the sd of its prior; held to its sign where it has one, and where it adds
-        to a law, to what leaves that law above 0 in the mean."""
+        """The candidate as a parameter that is 0, with the sd of its prior. It is held to its sign where it has one; a
+        heat or path of either sign takes away at most the mean of what is there."""
         assert not isinstance(candidate.action, Exchange), "channels are exchanged or not: no number says it"
         action, per = self._on_tests(candidate.action)
         sd = candidate.sigma.value(self.scales) * per
@@ -45,7 +42,7 @@ class Proposals:
         return Parameter(str(candidate.cause), action, sd, low=low, high=high)
 
     def _on_tests(self, action: actions.Action) -> tuple[actions.Action, float]:
-        """The action with what it leaves open, and what a unit of the candidate's amplitude is of its number."""
+        """The action with what it needs to know of the tests, and the parameter for a unit of the amplitude."""
         match action:
             case actions.Added(_, feature):
                 return replace(action, rms=self.rms(feature)), 1.0
@@ -58,35 +55,35 @@ class Proposals:
 
     def rms(self, feature: str) -> float:
         """Root mean square of a product of features over the tests."""
-        if feature == "constant":
-            return 1.0
-        return max(1e-12, float(np.sqrt(np.mean(np.concatenate([t.features[feature] for t in self.tests]) ** 2))))
+        return max(1e-12, float(np.sqrt(np.mean(self._product(feature) ** 2))))
 
     def mean(self, feature: str) -> float:
         """Mean of a product of features over the tests."""
+        return max(1e-12, float(np.mean(self._product(feature))))
+
+    def _product(self, feature: str) -> Floats:
         if feature == "constant":
-            return 1.0
-        return max(1e-12, float(np.mean(np.concatenate([t.features[feature] for t in self.tests]))))
+            return np.ones(1)
+        return np.concatenate([t.features[feature] for t in self.tests])
 
     def _mean_of(self, names: Place) -> float:
         """Mean of a source [W] or link [W/K] over the tests about the vector."""
         return float(self._values[:, list(terms_at(self.network, names))].sum(axis=1).mean())
 
     def _tilt(self, tilt: actions.Tilt) -> tuple[actions.Action, float]:
+        """A change with temperature about the mean temperature of its places; its amplitude is the root mean square of
+        what it adds [W or W/K], its parameter the change per kelvin."""
         references, sizes = [], []
         for place, own in zip(tilt.places, tilt.terms, strict=True):
-            at = (
-                self._temperature(place.a)
-                if place.b == NOBODY
-                else (self._temperature(place.a) + self._temperature(place.b)) / 2
-            )
+            at = between(self._temperatures, place)
             references.append(float(at.mean()))
             sizes.append(float(np.sqrt(np.mean((self._values[:, list(own)].sum(axis=1) * (at - at.mean())) ** 2))))
         return replace(tilt, references=tuple(references)), 1.0 / max(float(np.mean(sizes)), 1e-12)
 
-    def _temperature(self, i: int) -> Floats:
-        n = len(self.network.nodes)
-        return self._means[:, i] if i < n else self._boundaries[:, i - n]
+
+def between(t: Floats, place: actions.Place) -> Floats:
+    """Temperature (N,) of a node, or the mean of a link's ends, from those of all nodes and boundaries (N, n + b)."""
+    return t[:, place.a] if place.b == NOBODY else (t[:, place.a] + t[:, place.b]) / 2
 
 
 def scales(network: Network, tests: Sequence[Test]) -> Scales:

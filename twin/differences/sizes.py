@@ -12,8 +12,8 @@ from twin.motor.paths import Place
 
 @dataclass(frozen=True)
 class Scales:
-    """Sizes of this motor in this campaign, under the calibrated model over training: mean total loss [W], and the mean
-    conductance [W/K] of each link by its place as its cause id writes it."""
+    """Sizes of this motor over the tests of a campaign: mean total loss [W], and the mean conductance [W/K] of each
+    link, by its place as cause ids write it (`winding-yoke`)."""
 
     total_loss_W: float
     conductance_W_per_K: Mapping[str, float]
@@ -27,8 +27,9 @@ class Scales:
 
 @dataclass(frozen=True)
 class Sigma:
-    """Prior sd of an amplitude: `share` times `of`: `unit` (1), `total_loss`, `own_conductance` (mean of the places),
-    or `smaller_neighbour` (of a link's two ends, the smaller of their largest conductances; mean of the places)."""
+    """Prior sd of an amplitude: `share` times the scale `of`. Scales are `unit` (1), `total_loss`, `own_conductance`
+    (of the links at the places, their mean), and `smaller_neighbour`: each end of a missing link has a largest
+    conductance, the smaller of the two counts; mean of the places."""
 
     share: float
     of: str = "unit"

@@ -1,6 +1,4 @@
-"""A DC check's test as a fit over many checks takes it: steps as long as blocks, one mean channel for each place,
-only the minutes that are asked for.
-"""
+"""A DC check's test as a fit over many checks takes it: long steps, one mean channel for each place, chosen minutes."""
 
 from __future__ import annotations
 
@@ -10,14 +8,14 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.fitting.recorded import RecordedChannel, Test
+from twin.differences.everyday import mostly_followed
+from twin.fitting.recorded import Floats, RecordedChannel, Test
 from twin.motor.features import monomial, monomials, terms
 from twin.motor.network import Network
 from twin.motor.outputs import BLOCK_S, Output
 from twin.motor.paths import terms_of
 from twin.run.simulate import Frame
 
-Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
 ON_QUANTILE, ON_SHARE = 0.995, 0.5  # the load is on above this share of this quantile of the heat
@@ -27,9 +25,10 @@ START_K, START_SHARE = 0.1, 0.2  # sd of a node's start about the others; more b
 
 
 def coarse(test: Test) -> Test:
-    """The test in steps of one block (10 s), without meters; what does not fill a step at the end is left out.
+    """The test in steps of one block (10 s), without meters; an end that fills no step is left out.
 
-    What drives it are means over the steps, a channel the mean of its samples there with their mean place.
+    Inputs, boundaries and features are means over a step; a channel is the mean of its samples there, at their mean
+    place in the step.
     """
     many = max(1, round(BLOCK_S / test.frame.step_s))
     steps = len(test.frame.features) // many
@@ -62,9 +61,9 @@ def coarse(test: Test) -> Test:
 
 
 def by_place(test: Test, left_out: Collection[str]) -> Test:
-    """The test with one channel for all that follow the same nodes with the same lag, but for those of the names
-    `left_out`: their mean where each of them has samples, none where they never have. Sensors of one lump are at
-    different places of it, and their mean is nearer to what the lump stands for."""
+    """The test with one channel in place of all that follow the same nodes with the same lag: their mean in the steps
+    where each of them has samples; no channel where there is no such step. Channels named in `left_out` are dropped.
+    Sensors of one lump are at different places of it, and their mean is nearer to what the lump stands for."""
     groups: dict[tuple[object, ...], list[RecordedChannel]] = {}
     for channel in test.channels:
         if channel.name not in left_out:
@@ -78,17 +77,13 @@ def _mean(channels: Sequence[RecordedChannel]) -> RecordedChannel:
     first, many = channels[0], len(channels)
     samples = np.min([c.output.samples for c in channels], axis=0)
     weights = first.output.weights
+    place = np.mean([c.output.place for c in channels], axis=0)
     rms = {name: float(np.sqrt(np.mean([getattr(c, name) ** 2 for c in channels]))) for name in NOISES}
     return RecordedChannel(
         name=" + ".join(weights),
         bus=first.bus,
-        output=Output(
-            weights,
-            first.output.time_constant_s,
-            samples,
-            np.asarray(np.mean([c.output.place for c in channels], axis=0), np.float64),
-        ),
-        measured=np.asarray(np.mean([c.measured for c in channels], axis=0), np.float64),
+        output=Output(weights, first.output.time_constant_s, samples, place),
+        measured=np.mean([c.measured for c in channels], axis=0),
         **{name: value / float(np.sqrt(many)) for name, value in rms.items()},
     )
 
@@ -97,9 +92,9 @@ NOISES = ("white_sd", "resolution", "bias_sd")
 
 
 def begun_alike(network: Network, test: Test) -> Test:
-    """The test with the start of a body that was left to itself: all nodes begin at the mean of what the sensors read
-    first, as surely as that was near what is around it. So what sensors differ by then is mostly theirs. Of a body
-    that was not left to itself, each node starts where its own sensors say."""
+    """The test of a body that was left to itself before: all its nodes start at the mean of what the sensors read
+    first, the surer the nearer that is to the temperature around it, and what sensors differ by is mostly their error.
+    A body that is more than `MOST_LEAD_K` off was not left to itself: each node starts where its own sensors say."""
     own = _first_readings(test)
     if not own:
         return test
@@ -130,8 +125,7 @@ def _lead_K(test: Test) -> float:
 def of_iron(network: Network, channel: RecordedChannel) -> bool:
     """Whether a channel follows iron more than anything else."""
     region = {node.name: node.region for node in network.nodes}
-    weights = channel.output.weights
-    return region[max(weights, key=lambda node: weights[node])] == "iron"
+    return region[mostly_followed(channel)] == "iron"
 
 
 def without_iron(network: Network, test: Test) -> Test:
@@ -146,8 +140,7 @@ def iron_moved(network: Network, test: Test, by_K: float) -> Test:
 
 
 def load(network: Network, test: Test) -> tuple[int, int] | None:
-    """First and last step of the last load without a break, by the heat of the network's sources; None where there is
-    none."""
+    """First and last step of the last unbroken load, by the heat of the network's sources; None where there is none."""
     column = {m.name: test.frame.features[:, j] for j, m in enumerate(monomials(network))}
     ones = np.ones(len(test.frame.features))
     listed = list(terms(network))
@@ -170,7 +163,7 @@ def every_s(test: Test) -> float:
 
 def minutes_of_switches(network: Network, test: Test, minutes: float) -> Test | None:
     """The test with only the samples from 2 min before to `minutes` after its load is switched on and off; None where
-    neither has as much recorded behind it. A record that begins warm and under load does not hold the switching
+    neither switch has so many minutes recorded after it. A record that begins warm and under load holds no switching
     on."""
     found = load(network, test)
     if found is None:

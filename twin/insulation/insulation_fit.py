@@ -1,21 +1,19 @@
 """What each DC check of one specimen says of the insulation of a network, all checks in one fit.
 
 Every check multiplies the conductances of the insulation (`twin.motor.ageing_law.is_insulation`) by a factor of its
-own. Between checks may differ besides, each with a prior: where the nodes start, what radiates and what convects to
-boundaries, what sensors, currents, boundary temperatures and the logger's clock are off by. Everything else is the
-same in all checks: coefficients and capacities about the motor file's, and how much of its neighbours the sensors of
-a place follow. So what the file has wrong bends all checks alike, and the course of the factor over the checks hardly
-at all.
+own. Checks may also differ, each with a prior, in where the nodes start, in what radiates and what convects to
+boundaries, and in what sensors, currents, boundary temperatures and the logger's clock are off by. Everything else is
+the same in all checks: coefficients and capacities about the motor file's, and how much of its neighbours the sensors
+of a place follow. So what the file has wrong bends all checks alike, and hardly the course of the factor over them.
 
-The mode (`twin.fitting.fit`) is under broad noise, as a network of some nodes misfits in its form. That misfit is
-nearly the same in every check and no error of the course; so the sd of a factor is that of its own check, with the
-noise as large as the residuals are:
+The noise of the fit (`twin.fitting.fit`) is broad, as a network of some nodes misfits in its form. That misfit is
+nearly the same in every check and no error of the course; so the variance of a check's parameters is
 
     S = H^-1 (s^2 J' R^-1 J + L) H^-1
 
-over the parameters of the check, H = J' R^-1 J + L, L the priors' precision, s^2 the mean square of the whitened
-residuals (sandwich: P. J. Huber, Proc. 5th Berkeley Symp. 1 (1967) 221). What the checks share, the level of R and
-the scale of its changes, is not in it.
+with H = J' R^-1 J + L, J their columns, R the noise, L the priors' precision, and s^2 the mean square of the whitened
+residuals (sandwich: P. J. Huber, Proc. 5th Berkeley Symp. 1 (1967) 221). How sure the level of all resistances and the
+scale of their changes are, which all checks share, is not in it.
 """
 
 from __future__ import annotations
@@ -24,21 +22,17 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from twin.differences.everyday import BOUND
+from twin.differences.everyday import every_neighbour, laws, starts_and_biases
 from twin.fitting import actions
 from twin.fitting.actions import Parameter
 from twin.fitting.fit import NEAR_ENOUGH, Fit, fit
-from twin.fitting.model import Model, Test
+from twin.fitting.model import Floats, Model, Test
 from twin.insulation.check_tests import every_s
-from twin.motor import sensor_laws
 from twin.motor.ageing_law import is_insulation
 from twin.motor.features import monomial, monomials, terms
 from twin.motor.network import Network
 from twin.motor.paths import terms_of
-
-Floats = NDArray[np.float64]
 
 FACTOR_SD, MOST_FACTOR = 1.0, 3.0  # of the insulation's ln factor
 SURFACE_SD = {"radiation": 0.15, "free_convection": 0.1}  # of the logarithms: emissivity from 0.8 to 0.9 is 0.12
@@ -47,7 +41,6 @@ FREE_SD = 1.0  # of an emissivity that is left free
 MOST_SURFACE = 3.0
 FILM_PER_K = 0.005  # what a film gains with the temperature beyond its law
 LEAST_FILM_PER_K, MOST_FILM_PER_K = -0.008, 0.02
-BESIDE_SD = 0.1  # share of a neighbour in what the sensors of a place follow
 BOUNDARY_K = 0.3
 CURRENT_GAIN = 0.0005  # of one check: what is the same in all of them is in the sources
 LATE_SHARE = 0.3  # of the time between two samples: a load is switched in between
@@ -56,9 +49,9 @@ LINEARISATIONS = 60
 
 @dataclass(frozen=True)
 class OverChecks:
-    """What the fit says of each check (K,): `resistance` of the insulation's links side by side [K/W], and `ln_sd`,
-    the sd of its logarithm in the course of these checks. `misfit_K`: root mean square of measured less modelled
-    block means; `misfit`: the same over the widest span of a channel in a check."""
+    """What the fit says of each check (K,): `resistance` of the insulation's links side by side [K/W], and `ln_sd`, how
+    sure its logarithm is beside those of the other checks. `misfit_K`: root mean square of measured less modelled block
+    means; `misfit`: that over the widest span of a channel in a check."""
 
     resistance: Floats
     ln_sd: Floats
@@ -76,8 +69,8 @@ def over_checks(network: Network, tests: Sequence[Test], emissivity_free: bool) 
     """The insulation of a checked network at each of `tests`, one for each check; channels at different places have
     different names.
 
-    `emissivity_free`: the level of the curves says nothing about the surfaces, as their radiation is left free in
-    each check. Raises ValueError where there is no test or no insulation, `DivergedError` where a run leaves the
+    `emissivity_free`: radiation is left free in each check, so that the level of the curves says nothing about the
+    surfaces. Raises ValueError where there is no test or no insulation, `DivergedError` where a run leaves the
     finite numbers.
     """
     if not tests or not insulated(network):
@@ -97,15 +90,13 @@ def over_checks(network: Network, tests: Sequence[Test], emissivity_free: bool) 
 
 
 def _freedom(network: Network, tests: Sequence[Test], emissivity_free: bool) -> Iterator[Parameter]:
-    """First the factor of each check, then the coefficients; then everything else."""
+    """The parameters: the factor of each check, the coefficients, then everything else."""
     own = tuple(_insulation(network))
     for k in range(len(tests)):
         yield Parameter("insulation", actions.Scale(own), FACTOR_SD, k, -MOST_FACTOR, MOST_FACTOR)
-    for i, term in enumerate(terms(network)):
-        yield Parameter(f"term{i}", actions.Scale((i,)), term.sd, low=-BOUND, high=BOUND)
-    for i, node in enumerate(network.nodes):
-        yield Parameter(f"capacity.{node.name}", actions.Capacity((i,)), node.sd, low=-BOUND, high=BOUND)
-    yield from _sensors(network, tests)
+    yield from laws(network)
+    for channel in {c.name: c for test in tests for c in test.channels}.values():
+        yield from (one for one, _ in every_neighbour(network, channel))
     yield from _films(network, tests)
     surfaces = _surfaces(network)
     free = next(iter(surfaces), None) if emissivity_free else None  # radiation, where there is some
@@ -124,8 +115,8 @@ def _insulation(network: Network) -> Iterator[int]:
 
 
 def _surfaces(network: Network) -> dict[str, tuple[int, ...]]:
-    """Law -> terms of all links to a boundary, radiation first. Terms without a law are paths of solids that stay as
-    they are, but where no link has a law: then they stand for the surfaces ("plain")."""
+    """Law -> terms of all links to a boundary, radiation first. Terms without a law are left out as paths through
+    solids; where no link has a law they stand for the surfaces, under "plain"."""
     outside, links = {boundary.name for boundary in network.boundaries}, terms_of(network)[0]
     found: dict[str, tuple[int, ...]] = dict.fromkeys((*SURFACE_SD, "plain"), ())
     for link in network.links:
@@ -138,8 +129,8 @@ def _surfaces(network: Network) -> dict[str, tuple[int, ...]]:
 
 
 def _films(network: Network, tests: Sequence[Test]) -> Iterator[Parameter]:
-    """How films may differ from the file: their laws are fits, and where a file has none a constant stands for film
-    and radiation, so they may rise more or less with the temperature than the file says."""
+    """Films may rise more or less with the temperature than the file says: their laws are fits, and where the file has
+    none a constant stands for film and radiation."""
     films = {i for law, own in _surfaces(network).items() if law != "radiation" for i in own}
     reference = float(np.mean([test.frame.boundaries.mean() for test in tests]))
     places, members = [], []
@@ -152,24 +143,8 @@ def _films(network: Network, tests: Sequence[Test]) -> Iterator[Parameter]:
         yield Parameter("film", tilt, FILM_PER_K, low=LEAST_FILM_PER_K, high=MOST_FILM_PER_K)
 
 
-def _sensors(network: Network, tests: Sequence[Test]) -> Iterator[Parameter]:
-    """How much of its neighbours the sensors of a place follow."""
-    names = [node.name for node in network.nodes]
-    for channel in {c.name: c for test in tests for c in test.channels}.values():
-        weights = channel.output.weights
-        place = max(weights, key=lambda node: weights[node])
-        joined = {end for link in network.links if place in (link.a, link.b) for end in (link.a, link.b)}
-        for node in sorted(joined & set(names) - {place}, key=names.index):
-            beside = actions.Beside(channel.name, names.index(node))
-            yield Parameter(f"sensor.{channel.name}.beside.{node}", beside, BESIDE_SD, low=-0.5, high=0.9)
-
-
 def _of_check(network: Network, test: Test, k: int) -> Iterator[Parameter]:
-    for i, node in enumerate(network.nodes):
-        yield Parameter(f"start.{node.name}", actions.Start(i), float(test.initial_sd[i]), k)
-    for channel in test.channels:
-        if channel.bias_sd:
-            yield Parameter(f"sensor.{channel.name}.bias", sensor_laws.Bias(channel.name), channel.bias_sd, k)
+    yield from starts_and_biases(network, test, k)
     for b, boundary in enumerate(network.boundaries):
         yield Parameter(f"boundary.{boundary.name}.bias", actions.BoundaryBias(b), BOUNDARY_K, k)
     for name in sorted({name for m in monomials(network) for name in m.features if name.startswith("current")}):
@@ -189,7 +164,7 @@ def _span_K(test: Test) -> float:
 
 
 def _own_sd(found: Fit, k: int, square: float) -> float:
-    """Standard deviation of the factor of check k, which is the first of its parameters."""
+    """Standard deviation of the ln factor of check k, which is the first of its parameters."""
     own = [i for i, parameter in enumerate(found.model.parameters) if parameter.test == k]
     hessian, prior = found.hessian[np.ix_(own, own)], np.diag(found.model.sd[own] ** -2.0)
     inverse = np.linalg.inv(hessian)
@@ -197,8 +172,8 @@ def _own_sd(found: Fit, k: int, square: float) -> float:
 
 
 def _resistances(network: Network, tests: Sequence[Test], found: Fit) -> Floats:
-    """Resistance of the insulation at each check (K,) [K/W]: by the mean conductances of the tests with the
-    coefficients that all checks share, then each check's factor."""
+    """Resistance of the insulation at each check (K,) [K/W]: of the mean conductance over all tests with the fitted
+    coefficients, times the check's factor."""
     column = np.mean(np.concatenate([test.frame.features for test in tests]), axis=0)
     at = {m.name: float(column[j]) for j, m in enumerate(monomials(network))}
     shared = found.beta[len(tests) :]
