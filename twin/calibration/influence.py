@@ -14,16 +14,13 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg.blas import dtrmm
 
 from twin.calibration.calibrate import freedom
 from twin.fitting.actions import Parameter
-from twin.fitting.model import Test
+from twin.fitting.model import Floats, Test
 from twin.motor.network import Network
 from twin.run.block_columns import block_columns, of_every_node, of_motor
-
-Floats = NDArray[np.float64]
 
 ROWS = 256  # that are multiplied with the parameters' covariance at a time
 

@@ -17,10 +17,9 @@ from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
 from twin.fitting.fit import Fit
-from twin.fitting.recorded import RecordedChannel, Test
+from twin.fitting.recorded import Floats, RecordedChannel, Test
 from twin.motor.outputs import blocks
 
-Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
 AROUND = 5  # blocks

@@ -13,17 +13,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twin.calibration.influence import Influence
 from twin.fitting.actions import Parameter
-from twin.fitting.model import BROAD, Test
+from twin.fitting.model import BROAD, Floats, Test
 from twin.fitting.noise import ChannelNoise, Series, Whitening
 from twin.fitting.recorded import RecordedChannel
 from twin.motor.network import Network
 from twin.run.block_columns import Thermometer, block_columns, of_motor, thermometer
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -13,12 +13,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twin.errors import DivergedError
-from twin.fitting.fit import NEAR_ENOUGH, Fit, fit
-
-Floats = NDArray[np.float64]
+from twin.fitting.fit import NEAR_ENOUGH, Fit, Floats, fit
 
 RISE = 3.84  # of twice the misfit at the ends of the interval: 95 % of chi squared with one degree of freedom
 NO_PRIOR = 1e3  # sd of a logarithm that says nothing

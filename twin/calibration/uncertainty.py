@@ -11,16 +11,13 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twin.calibration.calibrate import freedom
-from twin.fitting.model import Model, Test
+from twin.fitting.model import Floats, Model, Test
 from twin.fitting.recorded import RecordedChannel
 from twin.motor.network import Network
 from twin.motor.outputs import BLOCK_S, Output
 from twin.run.simulate import Frame
-
-Floats = NDArray[np.float64]
 
 STEP_S = 2.0  # of a run for its derivatives: they need no more
 

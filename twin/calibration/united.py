@@ -14,16 +14,14 @@ from functools import cached_property
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
-from twin.fitting.recorded import Test
+from twin.fitting.recorded import Floats, Test
 from twin.motor.ageing_law import AgeingPlace, AgeingTerm, place_of
 from twin.motor.configured import configured
 from twin.motor.features import Monomial, monomial, monomials, product, streams
 from twin.motor.network import Configuration, FluidCircuit, Link, Network, Source, Term
 from twin.run.simulate import Frame
 
-Floats = NDArray[np.float64]
 Rigs = tuple[int, ...]  # places in `United.rigs`
 E = TypeVar("E", Link, Source)
 

@@ -19,11 +19,10 @@ from numpy.typing import NDArray
 
 from twin.fitting import actions
 from twin.fitting.actions import Parameter
-from twin.fitting.fit import NEAR_ENOUGH, Fit, fit
+from twin.fitting.fit import NEAR_ENOUGH, Fit, Floats, fit
 from twin.motor.network import NOBODY
 from twin.motor.sensor_laws import Bias, Gain, Lag
 
-Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
 WORTH_A_LINE = 0.1  # of its prior sd: a healthy difference below is not written

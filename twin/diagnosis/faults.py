@@ -22,14 +22,12 @@ from scipy.special import betaln, xlog1py, xlogy
 
 from twin.errors import EvidenceError
 from twin.fitting.fit import Fit
-from twin.fitting.model import Columns, Model, Test
+from twin.fitting.model import Columns, Floats, Model, Test
 from twin.fitting.noise import log_det
 from twin.fitting.one_test import alone
 from twin.fitting.recorded import RecordedChannel
 from twin.motor.causes import Cause
 from twin.motor.outputs import blocks
-
-Floats = NDArray[np.float64]
 
 LAW = {"held": "hold", "stuck": "stuck", "saturated": "saturation"}  # kind of a stretch -> law of its cause
 EVERYDAY_LOST = 0.02  # share of frames that a healthy bus or radio may lose

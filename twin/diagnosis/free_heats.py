@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twin.diagnosis.evidence import TOLD_APART
 from twin.diagnosis.posterior_mode import slowest_mode_s, stacked
@@ -25,10 +24,8 @@ from twin.differences.everyday import mean_loss_W
 from twin.fitting import actions
 from twin.fitting.actions import Parameter
 from twin.fitting.fit import Fit
-from twin.fitting.model import Model
+from twin.fitting.model import Floats, Model
 from twin.fitting.one_test import alone
-
-Floats = NDArray[np.float64]
 
 LEAST_RUNS = 5  # of tents that the bootstrap draws: with fewer its bands are too narrow
 

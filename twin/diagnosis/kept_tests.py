@@ -7,15 +7,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twin.diagnosis.gain import OPENING, Kept
 from twin.differences.everyday import of_test
 from twin.fitting.actions import Parameter
 from twin.fitting.fit import Fit
-from twin.fitting.model import Model, Test
-
-Floats = NDArray[np.float64]
+from twin.fitting.model import Floats, Model, Test
 
 
 @dataclass(frozen=True)

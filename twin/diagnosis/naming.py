@@ -12,7 +12,6 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import log_ndtr
 
 from twin.diagnosis.evidence import Scores, null_quantile, score
@@ -26,9 +25,7 @@ from twin.differences.candidates import Candidate
 from twin.errors import DivergedError
 from twin.fitting.actions import Parameter
 from twin.fitting.fit import NEAR_ENOUGH, Fit, fit
-from twin.fitting.model import Model
-
-Floats = NDArray[np.float64]
+from twin.fitting.model import Floats, Model
 
 THRESHOLD = 6.0  # ln BF that a term must exceed; healthy motors of another form set it (benchmarks/trials.py)
 MOST_TERMS = 3

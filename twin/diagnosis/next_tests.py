@@ -6,17 +6,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from twin.errors import CauseError
-from twin.fitting.model import Test
+from twin.fitting.model import Floats, Test
 from twin.motor import features
 from twin.motor.causes import Cause
 from twin.motor.network import Network
 from twin.run.simulate import Frame
-
-Floats = NDArray[np.float64]
 
 LOADS = {"current": "A", "torque": "Nm"}  # what a test sets besides the speed: the first that is known, and its unit
 HOUR_S, MINUTE_S = 3600.0, 60.0

@@ -18,9 +18,8 @@ from scipy.linalg import cho_factor, cho_solve
 
 from twin.fitting import actions
 from twin.fitting.actions import Parameter
+from twin.fitting.model import Floats
 from twin.motor.network import NOBODY, Network
-
-Floats = NDArray[np.float64]
 
 SMALLEST, LARGEST = 0.1, 1.0  # of the prior's own sd
 WEIGHT = 1.0  # well-determined members that the prior on a family's scale counts for, at the scale that it has

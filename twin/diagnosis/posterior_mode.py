@@ -5,17 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twin.diagnosis.evidence import Projector
 from twin.differences.candidates import Candidate
 from twin.differences.proposals import Proposals
 from twin.fitting.actions import Parameter
 from twin.fitting.fit import Fit
-from twin.fitting.model import Columns, Model, Test
+from twin.fitting.model import Columns, Floats, Model, Test
 from twin.fitting.recorded import METER_SHARE
-
-Floats = NDArray[np.float64]
 
 
 def linearised(

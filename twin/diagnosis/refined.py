@@ -14,10 +14,9 @@ from twin.diagnosis.posterior_mode import linearised, rises, slowest_mode_s, sta
 from twin.diagnosis.reml import ObservedSeries, reml
 from twin.differences.candidates import Candidate
 from twin.fitting.fit import LINEARISATIONS, NEAR_ENOUGH, Fit, fit
-from twin.fitting.model import Columns, Model
+from twin.fitting.model import Columns, Floats, Model
 from twin.fitting.noise import ChannelNoise
 
-Floats = NDArray[np.float64]
 Tell = Callable[[str], None]
 
 IN_DESIGN = 10  # leading candidates beside the parameters when the noise is fitted

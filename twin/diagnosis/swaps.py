@@ -24,13 +24,11 @@ from twin.diagnosis.naming import scored
 from twin.differences.candidates import Candidate
 from twin.errors import DivergedError
 from twin.fitting.fit import NEAR_ENOUGH, Fit, fit
-from twin.fitting.model import Index, Model, Test
+from twin.fitting.model import Floats, Index, Model, Test
 from twin.fitting.noise import ChannelNoise, Series, log_det, whiten
 from twin.fitting.recorded import RecordedChannel
 from twin.motor.outputs import blocks
 from twin.motor.sensor_laws import Exchange
-
-Floats = NDArray[np.float64]
 
 COARSE = ChannelNoise(ar_sd=1.0, ar_tau_s=60.0, ou_sd=2.0, ou_tau_s=600.0)  # [K], what one linear step leaves
 MARGIN = 8.0  # ln BF that a fault must exceed, before calibration and after

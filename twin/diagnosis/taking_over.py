@@ -9,17 +9,14 @@ only near for the better one.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twin.differences.candidates import Candidate
 from twin.differences.proposals import Proposals
 from twin.fitting import actions
 from twin.fitting.actions import Parameter
 from twin.fitting.fit import Fit
-from twin.fitting.model import Model
+from twin.fitting.model import Floats, Model
 from twin.motor.paths import terms_at
-
-Floats = NDArray[np.float64]
 
 WORTH_TAKING = 0.1  # of the candidate's prior sd: below, a refit starts where all else is
 

@@ -14,9 +14,7 @@ from twin.diagnosis.next_tests import Proposed, as_test, menu
 from twin.differences.candidates import Candidate
 from twin.differences.everyday import of_test
 from twin.errors import DivergedError
-from twin.fitting.model import Columns, Model
-
-Floats = NDArray[np.float64]
+from twin.fitting.model import Columns, Floats, Model
 
 STANDS_OUT = 5.0  # d, a cause's size over what noise and calibration leave of it
 

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ingest.facts.events import SessionRecorded
 from ingest.texts.quantities import column_suffix
@@ -21,14 +20,12 @@ from twin.diagnosis.told_apart import separating_test, telling_test, told_apart
 from twin.differences.candidates import Candidate
 from twin.fitting.actions import Added
 from twin.fitting.fit import Fit
-from twin.fitting.model import Model
+from twin.fitting.model import Floats, Model
 from twin.fitting.noise import floor_variance
 from twin.motor.causes import says
 from twin.motor.features import quantity, scale
 from twin.motor.network import Network
 from twin.motor.outputs import followed
-
-Floats = NDArray[np.float64]
 
 RIVALS = 5
 

@@ -16,12 +16,10 @@ from twin.diagnosis.kept_tests import KeptTests, Prediction, kept_tests
 from twin.diagnosis.posterior_mode import slowest_mode_s
 from twin.errors import DivergedError
 from twin.fitting.fit import Fit
-from twin.fitting.model import Test
+from twin.fitting.model import Floats, Test
 from twin.fitting.noise import floor_variance
 from twin.fitting.recorded import RecordedChannel
 from twin.motor.outputs import followed
-
-Floats = NDArray[np.float64]
 
 CELLS = 10  # of speed and of current, each to its largest value in training
 BOOTSTRAP_DRAWS = 1000
