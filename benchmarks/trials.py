@@ -337,9 +337,9 @@ def tried(case: Case, campaign: Campaign) -> Result:
         true_strength(campaign, case.cause, first.base) if case.cause else 0.0,
         dict(sorted(every, key=lambda one: -one[1])),
         tuple(str(refit.candidate.cause) for refit, _ in found.refused),
-        _same(naming, found.log_bf_unknown),
+        _same(naming),
         naming.is_unknown,
-        found.log_bf_unknown,
+        naming.log_bf_unknown,
         float(linear.max()),
         {str(r.candidate.cause): round(r.log_bayes_factor, 1) for r in first.refits},
         found.kept is not None and found.kept.improved,
@@ -347,13 +347,13 @@ def tried(case: Case, campaign: Campaign) -> Result:
     )
 
 
-def _same(naming: Naming, log_bf_unknown: float) -> tuple[str, ...]:
+def _same(naming: Naming) -> tuple[str, ...]:
     """What the data cannot tell from the strongest term."""
     if not naming.accepted:
         return ()
     leader = max(naming.accepted, key=lambda r: r.log_bayes_factor).candidate
     entered = next(found for found in naming.rounds if leader in [r.candidate for r in found.refits])
-    return tuple(str(m.candidate.cause) for m in told_apart(entered, leader, log_bf_unknown).others)
+    return tuple(str(m.candidate.cause) for m in told_apart(entered, leader, naming.log_bf_unknown).others)
 
 
 # --- Rates ------------------------------------------------------------------------------------------------------------

@@ -1,5 +1,4 @@
-"""Calibration: a motor's coefficients from recorded tests, with what is known beforehand and what a test brings
-along.
+"""Calibration: a motor's coefficients from recorded tests, with what is known beforehand and what a test brings along.
 
 What is sought is the mode (`twin.fitting.fit`) under Gaussian noise (`twin.fitting.noise`) and Gaussian priors: ln
 coefficient and ln capacity about the motor file's values with the file's `sd`, a test's initial temperatures about
@@ -24,7 +23,7 @@ from twin.fitting.fit import NEAR_ENOUGH, Fit, fit
 from twin.fitting.model import Floats, Model, Test
 from twin.fitting.noise import ChannelNoise
 from twin.motor import sensor_laws
-from twin.motor.features import product, terms
+from twin.motor.features import placed_terms, product, terms
 from twin.motor.network import Network
 from twin.motor.outputs import BLOCK_S
 
@@ -36,7 +35,7 @@ LEFT_FREE = 0.9  # a parameter whose sd is still this share of its prior sd was 
 @dataclass(frozen=True)
 class FittedParameter:
     """A parameter of the motor: `value` and `before` in its unit (W, W/K, J/K); `log_change`, `sd` and `prior_sd` of
-    its logarithm; `held` where it is at its bound."""
+    its logarithm; whether it is `held` at its bound."""
 
     name: str
     before: float
@@ -52,11 +51,11 @@ class Calibration:
     """A motor with new coefficients and capacities, and how it was found.
 
     `estimates` are the parameters of the motor, the first ones of `fit`, which holds the mode and all that is known
-    about it, covariance included; `iterations` counts the linearisations of both searches. By (test, channel or
-    meter): `mae_before` and `mae_after`, the mean absolute residual [K, of meters in their unit] of block means, of
-    runs of the motor before and after without bias or gain; `bias`, what it reads too much in that test; `outliers_s`
-    [s], how long a channel jumped away and back, which was left out (`twin.calibration.outliers`). By meter: `gain`,
-    the share by which it reads too much.
+    about it, covariance included; `iterations` counts the linearisations of both searches. By (test, channel or meter):
+    `mae_before` and `mae_after`, the mean absolute residual [K, of meters in their unit] of block means, of runs of the
+    motor before and after without bias or gain; `bias`, what it reads too much in that test; `outliers_s` [s], how long
+    a channel jumped away and back, which was left out (`twin.calibration.outliers`). By meter: `gain`, the share by
+    which it reads too much.
     """
 
     network: Network
@@ -71,8 +70,8 @@ class Calibration:
 
 
 def calibrate(network: Network, tests: Sequence[Test], only: Container[str] | None = None) -> Calibration:
-    """Fit a motor's coefficients and capacities to tests. Only parameters of the names in `only` move, all where it
-    is None.
+    """Fit a motor's coefficients and capacities to tests. Only parameters of the names in `only` move, all where it is
+    None.
 
     Raises `DivergedError` where the network's own run leaves the finite numbers.
     """
@@ -101,8 +100,8 @@ def calibrate(network: Network, tests: Sequence[Test], only: Container[str] | No
 
 
 def freedom(network: Network, tests: Sequence[Test], only: Container[str] | None = None) -> tuple[Parameter, ...]:
-    """The parameters of a calibration: every coefficient, every capacity, the gain of every meter, then what each
-    test brings along.
+    """The parameters of a calibration: every coefficient, every capacity, the gain of every meter, then what each test
+    brings along.
 
     Coefficients and capacities that are not among `only` are held where they are, and stay as uncertain as their
     priors.
@@ -124,17 +123,20 @@ def freedom(network: Network, tests: Sequence[Test], only: Container[str] | None
 
 
 def _laws(network: Network) -> tuple[str, ...]:
-    """The terms as `kind.place.law`; a law that stands twice at a place is counted from its second on."""
-    places = [(f"conductance.{link.a}-{link.b}", link.terms) for link in network.links]
-    places += [(f"loss.{source.node}", source.terms) for source in network.sources]
-    found = [f"{place}.{product(term).name}" for place, group in places for term in group]
-    again = [found[:i].count(name) for i, name in enumerate(found)]
-    return tuple(f"{name}#{count + 1}" if count else name for name, count in zip(found, again, strict=True))
+    """The terms as `kind.place.law`, such as `loss.winding.current2`."""
+    placed = ((place, product(term).name) for place, term in placed_terms(network))
+    return counted([f"{'conductance' if '-' in place else 'loss'}.{place}.{law}" for place, law in placed])
+
+
+def counted(names: Sequence[str]) -> tuple[str, ...]:
+    """The names of laws; one that stands twice at a place is counted from its second on, as in `loss.yoke.speed#2`."""
+    again = [names[:i].count(name) for i, name in enumerate(names)]
+    return tuple(f"{name}#{count + 1}" if count else name for name, count in zip(names, again, strict=True))
 
 
 def widened_noise(found: Fit) -> dict[str, ChannelNoise]:
-    """channel -> its noise in a fit, wider by the factor by which its whitened residual is above 1 in root mean
-    square (R. T. Birge, Phys. Rev. 40 (1932) 207), in all its parts but the white one; never narrower.
+    """channel -> its noise in a fit, wider by the factor by which its whitened residual is above 1 in root mean square
+    (R. T. Birge, Phys. Rev. 40 (1932) 207), in all its parts but the white one; never narrower.
 
     A model without everyday freedom misfits in its form, fast and slow. Fitted variances (`twin.diagnosis.reml`) call
     nearly all of that slow, trust the fast part too much, and predict kept sessions of a real motor worse.

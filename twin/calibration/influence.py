@@ -3,8 +3,8 @@ tests.
 
 The paper's sensitivities (its section 3.1): the exact derivative of every node's temperature by every parameter's
 logarithm, here times the parameter's prior standard deviation, so that a well-known loss and a guessed film are
-measured with one scale. All are sums over blocks of 10 s, taken as the blocks come (`twin.run.block_columns`): no
-test is too long.
+measured with one scale. All are sums over blocks of 10 s, taken as the blocks come (`twin.run.block_columns`): no test
+is too long.
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ ROWS = 256  # that are multiplied with the parameters' covariance at a time
 
 @dataclass(frozen=True)
 class Influence:
-    """How far each parameter moves each node of `network` over `tests`: `parameters` (P,) of the motor; `per_sd_K`
-    (P, n), the root mean square over all blocks of the tests of how far one prior standard deviation of the parameter
-    moves the node [K]."""
+    """How far each parameter moves each node of `network` over `tests`: `parameters` (P,) of the motor; `per_sd_K` (P,
+    n), the root mean square over all blocks of the tests of how far one prior standard deviation of the parameter moves
+    the node [K]."""
 
     network: Network
     tests: tuple[Test, ...]
@@ -64,8 +64,8 @@ class Influence:
 
 
 def influence(network: Network, tests: Sequence[Test]) -> Influence:
-    """The influence of every coefficient and capacity on every node. Raises `DivergedError` where the network's own
-    run leaves the finite numbers."""
+    """The influence of every coefficient and capacity on every node. Raises `DivergedError` where the network's own run
+    leaves the finite numbers."""
     parameters = freedom(network, ())
     sd = np.array([p.sd for p in parameters])
     square = _mean(network, tests, lambda rows: np.einsum("bnp,bnp->pn", rows, rows))

@@ -1,5 +1,4 @@
-"""What a fit learnt, as a motor: the network that a motor file can say,
-and the size of each named term with its band."""
+"""What a fit learnt, as a motor: the network that a motor file can say, and the size of each named term."""
 
 from __future__ import annotations
 
@@ -26,8 +25,9 @@ def network_of(found: Fit, monomials: Sequence[features.Monomial]) -> Network:
     """The network of a fit. `monomials`: the products that added terms may use, by their names.
 
     A path below 0, and what belongs to a test or a sensor, is no part of a motor (`twin.diagnosis.expressible`). A
-    slope with temperature is written for one node, as the straight line that follows it best over the tests: of a link
-    with the end that says more of the mean of both, of copper beside copper's own.
+    motor file lets a term change with the temperature of one node. So a slope is written as the straight line over
+    that temperature which follows it best over the tests: for a link over the end that serves better, for copper
+    beside copper's own change.
     """
     network, beta = found.model.network, found.beta
     terms = _terms(found)
@@ -63,6 +63,7 @@ def term_of(added: actions.Added, coefficient: float, exponents: Mapping[str, fl
 
 
 def _add(names: Sequence[str], place: actions.Place, term: Term, links: list[Link], sources: list[Source]) -> None:
+    """Add a term to the link or source at a place, or make one with it; a path below 0 is left out."""
     if place.b == NOBODY:
         node = names[place.a]
         for i, source in enumerate(sources):
@@ -128,8 +129,7 @@ def _terms(found: Fit) -> list[Term]:
 
 @dataclass(frozen=True)
 class _Slope:
-    """A term grows by `per_K` of itself for each kelvin of the node, or of the mean of the link's ends,
-    over a reference."""
+    """A term grows by `per_K` of itself for each kelvin of a node, or of the mean of a link's ends, over a reference."""
 
     place: actions.Place
     per_K: float
@@ -145,8 +145,8 @@ class _Line:
 
 
 def _straight(found: Fit, slopes: Mapping[int, Sequence[_Slope]]) -> dict[int, _Line]:
-    """All slopes of each term as a line of one node's temperature over the tests,
-    steps weighed by what the term carries."""
+    """All slopes of each term as a line of one node's temperature over the tests, steps weighed by what the term
+    carries."""
     if not slopes:
         return {}
     model, network = found.model, found.model.network
@@ -195,8 +195,7 @@ def _shape(tents: Sequence[tuple[actions.Tent, float]]) -> Shape:
 
 @dataclass(frozen=True)
 class Size:
-    """A named term as people count it: `value` with its 95 % band in `unit`;
-    `typical_W` its mean heat over training."""
+    """A named term as people count it: `value` with its 95 % band in `unit`; `typical_W`, its mean heat over tests."""
 
     value: float
     low: float
@@ -206,9 +205,9 @@ class Size:
 
 
 def size(found: Fit, place: int, unit: str) -> Size:
-    """The size of the parameter at `place`: together with what the healthy differences of the same kind took of it.
+    """The size of the parameter at `place`, together with what the healthy differences of the same kind took of it.
 
-    A factor where it multiplies; W or W/K at features of 1 where it adds; else its own unit.
+    It is a factor where it multiplies, W or W/K at features of 1 where it adds, else in its own unit.
     """
     parameter = found.model.parameters[place]
     weights = _shares(found, parameter)
@@ -222,20 +221,12 @@ def size(found: Fit, place: int, unit: str) -> Size:
         case actions.Added(places, feature, rms, _):
             per, typical = 1 / rms, None
             if places[0].b == NOBODY:
-                mean = float(
-                    np.mean(
-                        np.concatenate([_feature(t.features, feature, t.frame.features) for t in found.model.tests])
-                    )
-                )
-                typical = value * per * mean * len(places)
+                products = [t.features[feature] for t in found.model.tests] if feature != "constant" else [np.ones(1)]
+                typical = value * per * float(np.mean(np.concatenate(products))) * len(places)
             return Size(value * per, (value - 1.96 * sd) * per, (value + 1.96 * sd) * per, unit, typical)
         case actions.Tilt():
             return Size(value, value - 1.96 * sd, value + 1.96 * sd, "1/K", None)
     return Size(value, value - 1.96 * sd, value + 1.96 * sd, unit, None)
-
-
-def _feature(given: Mapping[str, Floats], name: str, rows: Floats) -> Floats:
-    return np.ones(len(rows)) if name == "constant" else given[name]
 
 
 def _scaled_W(found: Fit, action: actions.Action, factor: float) -> float | None:
@@ -245,20 +236,19 @@ def _scaled_W(found: Fit, action: actions.Action, factor: float) -> float | None
     first = sum(len(link.terms) for link in found.model.network.links)
     if min(action.terms) < first:
         return None
-    values = np.concatenate([found.model.course(s, found.beta)[2] for s in range(len(found.model.tests))])
-    return float(values[:, list(action.terms)].sum(axis=1).mean() * (1 - 1 / factor))
+    return float(_carried(found)[:, list(action.terms)].sum(axis=1).mean() * (1 - 1 / factor))
 
 
 def _shares(found: Fit, parameter: Parameter) -> Floats:
-    """How much of each healthy difference counts as the named one: a coefficient's own logarithm for `scale`, a
-    channel's own gain or lag, the mean over tests of what each brings along."""
+    """The share of each healthy difference that counts as the named one: that of a coefficient in the `scale` of
+    several, all of a channel's own gain or lag, and the mean over tests of what each brings along."""
     weights = np.zeros(len(found.beta))
     action, tests = parameter.action, len(found.model.tests)
     for p, other in enumerate(found.model.parameters):
         own = other.action
         match action:
             case actions.Scale(terms) if isinstance(own, actions.Scale) and set(own.terms) <= set(terms):
-                means = _mean_values(found)
+                means = np.abs(_carried(found)).mean(axis=0)
                 weights[p] = sum(means[i] for i in own.terms) / sum(means[i] for i in terms)
             case actions.Capacity(nodes) if isinstance(own, actions.Capacity) and set(own.nodes) <= set(nodes):
                 weights[p] = len(own.nodes) / len(nodes)
@@ -267,7 +257,6 @@ def _shares(found: Fit, parameter: Parameter) -> Floats:
     return weights
 
 
-def _mean_values(found: Fit) -> Floats:
-    values = [found.model.course(s, found.beta)[2] for s in range(len(found.model.tests))]
-    means: Floats = np.abs(np.concatenate(values)).mean(axis=0)
-    return means
+def _carried(found: Fit) -> Floats:
+    """What every term carries in every step of the tests (N, terms) [W or W/K]."""
+    return np.concatenate([found.model.course(s, found.beta)[2] for s in range(len(found.model.tests))])

@@ -1,10 +1,9 @@
 """What each test of a campaign teaches of a motor's coefficients and capacities, and in which order to run them.
 
 Under a Gaussian prior the parameters' precision is Lambda + sum_s M_s, M_s the Fisher information of test s with what
-the test brings along (start, sensor offsets) integrated out. D-optimal: the next test is the one with the largest
-gain in ln det / 2, the information in nats (D. V. Lindley, Ann. Math. Statist. 27 (1956) 986,
-doi:10.1214/aoms/1177728069; greedy choice is within 1 - 1/e of the best set: A. Krause et al., J. Mach. Learn. Res. 9
-(2008) 235).
+the test brings along (start, sensor offsets) integrated out. D-optimal: the next test is the one with the largest gain
+in ln det / 2, the information in nats (D. V. Lindley, Ann. Math. Statist. 27 (1956) 986, doi:10.1214/aoms/1177728069;
+greedy choice is within 1 - 1/e of the best set: A. Krause et al., J. Mach. Learn. Res. 9 (2008) 235).
 """
 
 from __future__ import annotations
@@ -60,8 +59,7 @@ def information(network: Network, test: Test, noise: Mapping[str, ChannelNoise])
         gram += rows.T @ rows
         done += len(some)
     own = slice(shared, None)
-    found: Floats = gram[:shared, :shared] - gram[:shared, own] @ np.linalg.solve(gram[own, own], gram[own, :shared])
-    return found
+    return gram[:shared, :shared] - gram[:shared, own] @ np.linalg.solve(gram[own, own], gram[own, :shared])
 
 
 def _whitening(
@@ -107,7 +105,7 @@ def gain_nats(precision: Floats, more: Floats) -> float:
 
 
 def known_K(precision: Floats, drive: Influence) -> Floats:
-    """Standard deviation of each node's temperature (n,) [K] under the parameters' `precision` (P, P), root mean
-    square over the drive's blocks."""
+    """Standard deviation of each node's temperature (n,) [K] under the parameters' `precision` (P, P), root mean square
+    over the drive's blocks."""
     found: Floats = drive.unknown_K([precision])[0]
     return found

@@ -2,9 +2,9 @@
 value.
 
 A standard deviation takes the likelihood for a parabola and adds what was known beforehand. The profile does neither:
-it is the least misfit at each value, without the parameter's own prior, and its 95 % interval is where twice the
-misfit has risen by 3.84 (S. S. Wilks, Ann. Math. Statist. 9 (1938) 60, doi:10.1214/aoms/1177732360). An end that is
-not reached within the parameter's bounds is none: the data do not bound it there.
+it is the least misfit at each value, without the parameter's own prior, and its 95 % interval is where twice the misfit
+has risen by 3.84 (S. S. Wilks, Ann. Math. Statist. 9 (1938) 60, doi:10.1214/aoms/1177732360). An end that is not
+reached within the parameter's bounds is none: the data do not bound it there.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ STEPS = 12  # outwards and back, of the search for an end
 
 @dataclass(frozen=True)
 class Profile:
-    """The profile of one logarithm: its `best` value; `low` and `high`, ends of the 95 % interval, None where the
-    data do not bound it; `values` (K,) all values tried, rising, and `rise` (K,) twice the misfit of each above that
-    of the best."""
+    """The profile of one logarithm: its `best` value; `low` and `high`, ends of the 95 % interval, None where the data
+    do not bound it; `values` (K,) all values tried, rising, and `rise` (K,) twice the misfit of each above that of the
+    best."""
 
     name: str
     best: float

@@ -1,9 +1,8 @@
 """Several rigs of one motor as one network, so that one fit learns from tests of all of them.
 
-Every rig (`twin.motor.configured`) is there at once. A law that not all of them have is multiplied by a gate: a
-feature that is 1 in tests of the rigs that have it, else 0. What a rig lacks is so cut off in its tests, and every
-coefficient and capacity is one number. In the same way a law that ages is multiplied by what is left of it in each
-test.
+Every rig (`twin.motor.configured`) is there at once. A law that not all of them have is multiplied by a gate: a feature
+that is 1 in tests of the rigs that have it, else 0. What a rig lacks is so cut off in its tests, and every coefficient
+and capacity is one number. In the same way a law that ages is multiplied by what is left of it in each test.
 """
 
 from __future__ import annotations
@@ -15,6 +14,7 @@ from typing import TypeVar
 
 import numpy as np
 
+from twin.calibration.calibrate import counted
 from twin.fitting.recorded import Floats, Test
 from twin.motor.ageing_law import AgeingPlace, AgeingTerm, place_of
 from twin.motor.configured import configured
@@ -30,8 +30,8 @@ ABSENT_SD_K = 1.0  # of the start of a node that a rig does not have: no reading
 
 @dataclass(frozen=True)
 class _Place:
-    """Where a link or source is written in the motor file: its `index` in `configuration`, or in the motor's own
-    (None); and the rigs that have it."""
+    """Where a link or source is written in the motor file: at `index` among those of a `configuration`, or of the motor
+    itself (None); and the rigs that have it."""
 
     configuration: str | None
     index: int
@@ -41,8 +41,8 @@ class _Place:
 class United:
     """The named rigs of a checked `motor`, None for the whole motor, as one network.
 
-    `network` has every node, boundary and law that one of the rigs has. `names` are those of its coefficients, then
-    of its capacities; what a configuration says itself ends in `@` and its name.
+    `network` has every node, boundary and law that one of the rigs has. `names` are those of its coefficients, then of
+    its capacities; what a configuration says itself ends in `@` and its name.
 
     Raises `ConfigurationError` where the motor has no such configuration.
     """
@@ -99,10 +99,9 @@ class United:
             for circuit in own.circuits:
                 courses.setdefault(circuit, []).append(r)
         for circuit, found in courses.items():
-            rigs = tuple(found)
-            new = (
-                circuit if len(rigs) == len(self.rigs) else replace(circuit, flow=f"flow_{_gate(rigs)}_{circuit.flow}")
-            )
+            rigs, new = tuple(found), circuit
+            if len(rigs) < len(self.rigs):
+                new = replace(circuit, flow=f"flow_{_gate(rigs)}_{circuit.flow}")
             for term, own_term in zip(_flows(self.motor, new), _flows(self.motor, circuit), strict=True):
                 self._columns[monomial(term)] = monomial(own_term), rigs
             yield new
@@ -117,9 +116,7 @@ class United:
             for kind, place, at, terms in laws
             for term in terms
         ]
-        again = [found[:i].count(name) for i, name in enumerate(found)]
-        of_laws = (f"{name}#{count + 1}" if count else name for name, count in zip(found, again, strict=True))
-        return (*of_laws, *(f"capacity.{node.name}.scale" for node in self.network.nodes))
+        return (*counted(found), *_capacities(self.network))
 
     def names_of(self, rig: str | None) -> tuple[str, ...]:
         """The `names` of the coefficients and capacities of one rig, in the order of the rig's own network."""
@@ -132,7 +129,7 @@ class United:
                 at[_ends(one)] = own
         there: tuple[Link | Source, ...] = (*self._own[r].links, *self._own[r].sources)
         of_laws = (name for one in there for name in at[_ends(one)])
-        return (*of_laws, *(f"capacity.{node.name}.scale" for node in self._own[r].nodes))
+        return (*of_laws, *_capacities(self._own[r]))
 
     def test(self, test: Test, rig: str | None, factors: Mapping[AgeingPlace, float] | None = None) -> Test:
         """The test of a rig, read for its own network (`configured`), as the united network takes it. `factors`: what
@@ -140,33 +137,30 @@ class United:
         r = self.rigs.index(rig)
         own, around = self._own[r], [b.name for b in self._own[r].boundaries]
         anywhere = float(test.initial.mean())
-        starts = dict(
-            zip((node.name for node in own.nodes), zip(test.initial, test.initial_sd, strict=True), strict=True)
-        )
+        named = zip((node.name for node in own.nodes), test.initial, test.initial_sd, strict=True)
+        starts = {name: (start, sd) for name, start, sd in named}
         starting = np.array([starts.get(node.name, (anywhere, ABSENT_SD_K)) for node in self.network.nodes])
         steps = len(test.frame.features)
         outside = {name: test.frame.boundaries[:, i] for i, name in enumerate(around)}
         absent = np.full(steps, anywhere)
         boundaries = [outside.get(b.name, absent) for b in self.network.boundaries]
         names = [b.name for b in self.network.boundaries]
+        edges = np.array(boundaries).reshape(-1, steps).T.copy()
+        meters = tuple(
+            meter if meter.boundary is None else replace(meter, boundary=names.index(around[meter.boundary]))
+            for meter in test.meters
+        )
         return replace(
             test,
-            frame=Frame(
-                test.frame.step_s,
-                self._features(test, r, factors or {}),
-                np.array(boundaries).reshape(-1, steps).T.copy(),
-            ),
+            frame=Frame(test.frame.step_s, self._features(test, r, factors or {}), edges),
             initial=starting[:, 0].copy(),
             initial_sd=starting[:, 1].copy(),
-            meters=tuple(
-                meter if meter.boundary is None else replace(meter, boundary=names.index(around[meter.boundary]))
-                for meter in test.meters
-            ),
+            meters=meters,
         )
 
     def _features(self, test: Test, rig: int, factors: Mapping[AgeingPlace, float]) -> Floats:
-        """Monomials of the test (N, m): each as the rig has it, times what is left where it ages; 0 where the rig
-        does not have it."""
+        """Monomials of the test (N, m): each as the rig has it, times what is left where it ages; 0 where the rig does
+        not have it."""
         columns = monomials(self.network)
         found = np.zeros((len(test.frame.features), len(columns)))
         for j, column in enumerate(columns):
@@ -198,6 +192,10 @@ class United:
                 for one in self.motor.configurations
             ),
         )
+
+
+def _capacities(network: Network) -> Iterator[str]:
+    return (f"capacity.{node.name}.scale" for node in network.nodes)
 
 
 def _keeps(said: Configuration, one: Link | Source) -> bool:

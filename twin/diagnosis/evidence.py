@@ -7,14 +7,15 @@ prior of sd sigma on the amplitude,
 
     J = v'P v,   s = v'P e0,   ln BF = s^2 sigma^2 / (2 (1 + J sigma^2)) - ln(1 + J sigma^2) / 2,
 
-plus ln(2 Phi(+-s sigma / sqrt(1 + J sigma^2))) where the sign is known (half-normal prior). P is a marginal precision
-and not idempotent: applied to the residual at the mode it would count the calibration twice; there s = v'e. Bayes
-factors and how to read them: Kass and Raftery, J. Am. Stat. Assoc. 90 (1995) 773, DOI 10.1080/01621459.1995.10476572;
-marginal likelihood of a linear model: Rasmussen and Williams, Gaussian Processes for Machine Learning (2006), 2.7.
+plus ln(2 Phi(+-s sigma / sqrt(1 + J sigma^2))) where the sign is known (half-normal prior). P is not idempotent: with
+the residual e at the mode s is v'e, and v'P e would count the calibration twice. Bayes factors and how to read them:
+Kass and Raftery, J. Am. Stat. Assoc. 90 (1995) 773, DOI 10.1080/01621459.1995.10476572; marginal likelihood of a linear
+model: Rasmussen and Williams, Gaussian Processes for Machine Learning (2006), 2.7.
 """
 
 from __future__ import annotations
 
+from collections import Counter, defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -34,8 +35,8 @@ PRIOR_NONE, PRIOR_UNKNOWN = 0.5, 0.1  # mass; the rest is the candidates'
 
 @dataclass(frozen=True)
 class Projector:
-    """P of one set of whitened columns A (N, p) and precision (p,);
-    `lower` (p, p) the Cholesky factor of A'A + Lambda."""
+    """P of whitened `columns` A (N, p) with `precision` (p,), by `lower` (p, p), the Cholesky factor of A'A +
+    Lambda."""
 
     columns: Array
     precision: Array
@@ -56,20 +57,20 @@ class Projector:
         return cls(columns, precision, cholesky(gram, lower=True))
 
     def seen(self, x: Array, rows: slice = slice(None)) -> Array:
-        """L^-1 A'x (p, k): what calibration can take of the columns x (n, k) or (n,),
-        which stand in `rows` and are 0 elsewhere."""
+        """L^-1 A'x (p, k), which holds what calibration can take of columns x (n, k) or (n,). They stand in `rows` of
+        the N, and are 0 in all others."""
         result: Array = solve_triangular(self.lower, self.columns[rows].T @ x, lower=True)
         return result
 
     def inner(self, x: Array, y: Array) -> Array:
         """x'P y, for columns x (N, k) or (N,) and y (N, l) or (N,)."""
-        result: Array = x.T @ y - self.seen(x).T @ self.seen(y)
-        return result
+        return x.T @ y - self.seen(x).T @ self.seen(y)
 
 
 @dataclass(frozen=True)
 class Scores:
-    """Of m candidates, each (m,): s, J, sigma, sign (0 unknown, else +1 or -1), ln BF against no such term."""
+    """Of m candidates, each (m,): s and J as above, prior sd `sigma`, `sign` (0 unknown, else +1 or -1), and ln BF
+    against no such term."""
 
     s: Array
     J: Array
@@ -88,8 +89,7 @@ def log_bayes_factor(s: Array, j: Array, sigma: Array, sign: Array) -> Array:
     widening = 1 + j * sigma**2
     two_sided = s**2 * sigma**2 / (2 * widening) - np.log(widening) / 2
     one_sided = np.log(2) + log_ndtr(sign * s * sigma / np.sqrt(widening))
-    result: Array = two_sided + np.where(sign == 0, 0.0, one_sided)
-    return result
+    return two_sided + np.where(sign == 0, 0.0, one_sided)
 
 
 def score(columns: Array, e0: Array, projector: Projector, sigma: Array, sign: Array) -> Scores:
@@ -129,30 +129,26 @@ def told_apart_class(
 ) -> tuple[int, ...]:
     """The candidates that the data cannot tell from the leader, best first, the leader itself among them.
 
-    Another is a member where its ln BF (m,) is within ln 20 of the leader's and, unless both were refitted, the
-    separation `expected` (m,) from the leader is below ln 20 too; and where its refitted amplitude is `possible` (m,).
-    There is no closure: a member's own neighbours need not be members.
+    Another belongs to them where its amplitude is `possible` (m,), its ln BF (m,) is within ln 20 of the leader's, and,
+    unless both were `refitted` (m,), the separation `expected` (m,) from the leader is below ln 20 too. Only the leader
+    is compared with: what cannot be told from another of them need not belong.
     """
     near = log_bf[leader] - log_bf < TOLD_APART
     close = (refitted & refitted[leader]) | (expected < TOLD_APART)
     members = near & close & possible
     members[leader] = True
-    order = np.argsort(-log_bf, kind="stable")
-    return tuple(int(i) for i in order if members[i])
+    return tuple(int(i) for i in np.argsort(-log_bf, kind="stable") if members[i])
 
 
 # --- Probabilities ----------------------------------------------------------------------------------------------------
 
 
 def prior_masses(causes: Sequence[Cause]) -> Array:
-    """(m,) prior probability of each: 0.4 in all, split evenly by kind, then place, then law.
-
-    So that probability does not depend on how many laws were typed for one place.
-    """
-    places: dict[str, dict[str, int]] = {}
+    """(m,) prior probability of each: 0.4 in all, split evenly by kind, then place, then law, so that it does not
+    depend on how many laws the tables have for a place."""
+    places: defaultdict[str, Counter[str]] = defaultdict(Counter)
     for cause in causes:
-        of_kind = places.setdefault(cause.kind, {})
-        of_kind[cause.place] = of_kind.get(cause.place, 0) + 1
+        places[cause.kind][cause.place] += 1
     rest = 1 - PRIOR_NONE - PRIOR_UNKNOWN
     shares = [len(places) * len(places[c.kind]) * places[c.kind][c.place] for c in causes]
     return rest / np.array(shares, dtype=np.float64)
@@ -184,15 +180,13 @@ def posterior(log_bf: Array, prior: Array, log_bf_unknown: float) -> Posterior:
     return Posterior(float(mass[0]), float(mass[1]), mass[2:])
 
 
-def null_quantile(gram: Array, sigma: Array, sign: Array, seed: int = 0) -> float:
-    """95 % quantile of the largest ln BF of all candidates on data that hold none of them.
-
-    Under the null Cov(P e0) = P, so s ~ N(0, V'P V): 2,000 draws from `gram` (m, m).
-    """
+def null_quantile(gram: Array, sigma: Array, sign: Array) -> float:
+    """95 % quantile of the largest ln BF of all candidates on data that hold none of them: there Cov(P e0) = P, so s is
+    drawn 2,000 times from N(0, V'P V), `gram` (m, m)."""
     j = np.maximum(np.diag(gram), 0.0)
     size = np.where(j > 0, np.sqrt(j), 1.0)
     correlation = gram / np.outer(size, size) + 1e-9 * np.eye(len(j))
     values, vectors = np.linalg.eigh((correlation + correlation.T) / 2)
     root = size[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
-    s = np.random.default_rng(seed).standard_normal((NULL_DRAWS, len(j))) @ root.T
+    s = np.random.default_rng(0).standard_normal((NULL_DRAWS, len(j))) @ root.T
     return float(np.quantile(log_bayes_factor(s, j, sigma, sign).max(axis=1), NULL_SHARE))

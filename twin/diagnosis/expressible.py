@@ -1,7 +1,7 @@
 """A fit as motor and bench files can say it: some of its numbers are set to 0, and the others take over what those did.
 
-Set to 0 is what no file can say (a path that takes heat uphill), and what is too small to be worth a line of a file. A
-hundred small differences that were just left out would add up to kelvins. The others take their part by the fit's own
+A number is set to 0 where no file can say it (a path that takes heat uphill), or where it is too small to be worth a
+line. A hundred small differences just left out would add up to kelvins, so the others take their part by the fit's own
 curvature H (Laplace's approximation): with d the entries set to 0 and f the others,
 
     beta_f = mode_f + H_ff^-1 H_fd mode_d,
@@ -29,15 +29,15 @@ WORTH_A_LINE = 0.1  # of its prior sd: a healthy difference below is not written
 MOST_BESIDE = 0.9  # of what a sensor follows may be other nodes than its own
 COMMON_FROM = 3  # tests: from two nobody sees whether they agree
 COMMON = 3.0  # standard errors of the mean over tests that a common error is away from 0
-WORTH_A_CORRECTION = 0.3  # of its prior sd: likewise
+WORTH_A_CORRECTION = 0.3  # of its prior sd: a smaller common error is not written
 
 
 def expressible(found: Fit, named: Collection[int], driving: Collection[str]) -> Fit:
-    """The fit of what files can say, its vector in the places of `found`. `named`: places in the vector that are
-    written as they are; `driving`: channels on a bus that stamps inputs too, where a common lateness cannot be said.
+    """The fit again, its vector in the same places, with what files cannot say at 0: a path or a share of a sensor
+    below 0, the clock of a bus that drives the model, and healthy differences below `WORTH_A_LINE`.
 
-    Without: a path or a share of a sensor below 0, the clock of a bus that drives the model, and healthy differences
-    below `WORTH_A_LINE`. What belongs to one test is no part of a file and stays free.
+    `named`: places in the vector that stay as they are; `driving`: channels on a bus that stamps inputs too. What
+    belongs to one test is no part of a file and stays free.
     """
     parameters, mode = found.model.parameters, found.beta
     open_ = np.array([p not in named and one.test is None for p, one in enumerate(parameters)])
@@ -75,8 +75,7 @@ def _given(found: Fit, left_out: Bools, held: Bools) -> Floats:
     free = ~left_out & ~held
     beta = np.where(left_out, 0.0, mode)
     beta[free] += np.linalg.solve(h[np.ix_(free, free)], h[np.ix_(free, left_out)] @ mode[left_out])
-    clipped: Floats = np.clip(beta, model.low, model.high)
-    return clipped
+    return np.clip(beta, model.low, model.high)
 
 
 def _is_common_drive(one: Parameter, driving: Collection[str]) -> bool:
@@ -84,7 +83,7 @@ def _is_common_drive(one: Parameter, driving: Collection[str]) -> bool:
 
 
 def _is_share(one: Parameter) -> bool:
-    """Of a path, or of a node in what a sensor follows: never below 0."""
+    """Whether it is a path, or a node's share in what a sensor follows: no file has such a number below 0."""
     match one.action:
         case actions.Added(places):
             return places[0].b != NOBODY
@@ -94,7 +93,7 @@ def _is_share(one: Parameter) -> bool:
 
 
 def _is_optional(one: Parameter) -> bool:
-    """What a file may say or not: terms and tables of their own."""
+    """Whether it is a term or table of its own in a file, which may be left out."""
     return isinstance(one.action, actions.Added | actions.Tilt | actions.OnReading)
 
 
@@ -103,16 +102,16 @@ def _is_optional(one: Parameter) -> bool:
 
 @dataclass(frozen=True)
 class SensorChanges:
-    """`weights`: channel -> node -> share of what it follows, sum 1, where that is not one node alone; `errors`: what
-    every test has in common, in the unit of the action."""
+    """What a bench file says of the sensors. `weights`: channel -> node -> share of what it follows, sum 1, of channels
+    that follow other nodes than the file says; `errors`: those that all tests have in common, in the action's unit."""
 
     weights: Mapping[str, Mapping[str, float]]
     errors: Mapping[actions.OnBench, float]
 
 
 def readings(found: Fit, named: Collection[int]) -> SensorChanges:
-    """The sensors, clocks, inputs and boundaries of a fit. `named`: places in the vector that somebody else writes,
-    each with what the healthy differences of the same kind took of it."""
+    """What a fit says of sensors, clocks, inputs and boundaries. `named`: places in the vector of causes; the caller
+    writes them, together with the healthy differences of the same action, so these are left out."""
     parameters = list(enumerate(found.model.parameters))
     taken = {one.action for p, one in parameters if p in named}
     meters = {meter.name for test in found.model.tests for meter in test.meters}
@@ -121,33 +120,32 @@ def readings(found: Fit, named: Collection[int]) -> SensorChanges:
         for p, one in parameters
         if p not in named and one.action not in taken and getattr(one.action, "channel", None) not in meters
     ]
-    errors: dict[actions.OnBench, float] = {}
-    for one, value in ours:
-        if one.test is None and isinstance(one.action, Gain | Lag | actions.Late) and value:
-            errors[one.action] = value
-    for action, mean in _common(ours):
-        errors[action] = mean
-    return SensorChanges(_weights(found), errors)
+    errors: dict[actions.OnBench, float] = {
+        one.action: value
+        for one, value in ours
+        if one.test is None and isinstance(one.action, Gain | Lag | actions.Late) and value
+    }
+    return SensorChanges(_weights(found), errors | _common(ours))
 
 
-def _common(ours: Sequence[tuple[Parameter, float]]) -> list[tuple[actions.OnBench, float]]:
-    """Errors of the tests that agree well enough to be one error of the bench: their means."""
+def _common(ours: Sequence[tuple[Parameter, float]]) -> dict[actions.OnBench, float]:
+    """Errors that the tests agree on well enough to be one error of the bench: the mean over the tests."""
     by_action: dict[actions.OnBench, list[tuple[float, float]]] = {}
     for one, value in ours:
         if one.test is not None and isinstance(one.action, Bias | actions.BoundaryBias | actions.InputGain):
             by_action.setdefault(one.action, []).append((value, one.sd))
-    found = []
+    found = {}
     for action, values in by_action.items():
         each = np.array([value for value, _ in values])
         if each.size >= COMMON_FROM:
             mean, error = float(each.mean()), float(each.std(ddof=1)) / each.size**0.5
             if abs(mean) > max(COMMON * error, WORTH_A_CORRECTION * values[0][1]):
-                found.append((action, mean))
+                found[action] = mean
     return found
 
 
 def _weights(found: Fit) -> dict[str, dict[str, float]]:
-    """Shares with four digits, the largest takes what rounding leaves."""
+    """Channel -> node -> share of what it follows, with four digits; the largest takes what rounding leaves."""
     names = found.model.network.names
     result = {}
     for name, channel in {c.name: c for test in found.model.tests for c in test.channels}.items():

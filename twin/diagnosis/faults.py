@@ -1,14 +1,14 @@
 """Masked data faults as causes: the evidence of masked rows under "the channel was held" minus "it was live".
 
-Live, the block means y (B,) of a masked stretch follow the fitted model: normal about its prediction, with the
-covariance of the channel's residuals R (`twin.fitting.noise`) and what the fit leaves open, A H^-1 A', A the columns
-there and H the fit's Hessian. Held, they are the stretch's value, to within the white noise w (B,) of a block. With e,
-A whitened and u = A'e,
+If the channel was live, the block means y (B,) of a masked stretch are normal about the fitted model's prediction, with
+the covariance R of the channel's residuals (`twin.fitting.noise`) plus A H^-1 A', which the fit leaves open: A the
+columns there, H the fit's Hessian. If it was held, they are the stretch's value, to within the white noise w (B,) of a
+block. With e, A whitened and u = A'e,
 
     ln BF = (e'e - u'(H + A'A)^-1 u + ln|H + A'A| - ln|H| + ln|R|) / 2 - sum ((y - value)^2 / w + ln w) / 2.
 
-Blocks count, and by their innovations: samples that a bus repeats, or that follow one another faster than the noise
-forgets, bring no evidence of their own. The scatter within a block is left out for the same reason.
+Evidence is counted by blocks, not by samples: what a bus repeats, or what follows faster than the noise forgets, brings
+none of its own. For the same reason the scatter within a block is left out.
 """
 
 from __future__ import annotations
@@ -53,8 +53,8 @@ def cause_of(place: str, kind: str) -> Cause:
 def fault_evidence(
     current: Fit, test: int, channel: str, stretches: Sequence[Stretch], t_s: Floats, values: Floats
 ) -> float:
-    """ln evidence of "held" minus "live" for the stretches of one kind of a channel in one test; stretches under 30 s
-    are a healthy radio's. 0 where there is no longer one, or none fills a block.
+    """ln evidence of "held" minus "live" for the stretches of one kind of a channel in one test. Stretches under 30 s
+    are a healthy radio's and do not count; 0 where no other fills a block.
 
     `t_s` (R,) [s] since the test's start and `values` (R,) [degC] are the channel's raw samples, masked ones included.
     Raises `EvidenceError` where no test of the fit has the channel, or times and values differ in number.
@@ -74,12 +74,13 @@ def fault_evidence(
     cut = blocks(recorded.output, step_s)
     if not cut.there.any():
         return 0.0
+    standing = replace(own, channels=(*(c for c in own.channels if c.name != channel), recorded))
     held = cut.measured(_recorded(stated, t_s[masked], shown, steps, step_s).measured)
-    return _live_and_held(current, test, _with(own, recorded), channel, cut.measured(recorded.measured) - held)
+    return _live_and_held(current, test, standing, channel, cut.measured(recorded.measured) - held)
 
 
 def _stated(model: Model, test: int, channel: str) -> RecordedChannel:
-    """What the channel is: in this test, else (where nothing of it was usable) in another."""
+    """The channel as this test has it, or as another does where nothing of it was usable in this one."""
     for one in (model.tests[test], *model.tests):
         for c in one.channels:
             if c.name == channel:
@@ -100,13 +101,8 @@ def _recorded(stated: RecordedChannel, t_s: Floats, values: Floats, steps: int, 
     return replace(stated, output=replace(stated.output, samples=samples, place=place), measured=measured)
 
 
-def _with(test: Test, channel: RecordedChannel) -> Test:
-    others = tuple(c for c in test.channels if c.name != channel.name)
-    return replace(test, channels=(*others, channel))
-
-
 def _live_and_held(current: Fit, number: int, test: Test, channel: str, off: Floats) -> float:
-    """`off` (B,) [K]: the block means less what is held there."""
+    """ln evidence of "held" minus "live"; `off` (B,) [K]: the block means less what is held there."""
     model, at = alone(current.model, number, test)
     part = next(p for p in model.linearise(current.beta[at]) if p.series.channel == channel)
     white = part.series.white_variance
@@ -131,9 +127,9 @@ def dropout_evidence(received: int, gaps: int) -> float:
     """ln evidence of a channel that loses frames at any share, against one that loses at most 2 %.
 
     `received` frames of a test with `gaps` among them: after each frame the next is lost or not, and a run of lost ones
-    counts once. Under the first the share is uniform, B(gaps + 1, received - gaps + 1); under the second it is the
-    likeliest one, so that the everyday gets the benefit of the doubt. Raises `EvidenceError` where there are more gaps
-    than frames.
+    counts once. A faulty channel may lose any share, uniformly: B(gaps + 1, received - gaps + 1). A healthy one is
+    given the likeliest share up to 2 %, which is the benefit of the doubt. Raises `EvidenceError` where there are more
+    gaps than frames.
     """
     if not 0 <= gaps <= received:
         raise EvidenceError(

@@ -32,9 +32,9 @@ LEAST_RUNS = 5  # of tents that the bootstrap draws: with fewer its bands are to
 
 @dataclass(frozen=True)
 class Unknown:
-    """A heat that no candidate explains. While it is active: `watts` (10 to 90 % range [W], cooling negative), and the
-    5 to 95 % ranges of `inputs` (dimensionless features) and of the node's own `temperature_degC`. `goes_with`:
-    features, and the node whose temperature it follows, with a clear association, strongest first."""
+    """A heat that no candidate explains, while it is active: 10 to 90 % range of `watts` [W] (cooling negative), 5 to
+    95 % ranges of `inputs` (dimensionless features) and of the node's own `temperature_degC`. `goes_with`: features, or
+    the node whose temperature it follows, that it clearly goes with, strongest first."""
 
     node: str
     log_bayes_factor: float
@@ -55,7 +55,7 @@ def free_heats(current: Fit) -> tuple[FreeHeat, ...]:
 
 
 def _responses(current: Fit) -> list[list[Response]]:
-    """Of every node those of every test, rows in the order of `Fit.parts`."""
+    """Node by node its responses in every test, rows in the order of `Fit.parts`."""
     found: list[list[Response]] = [[] for _ in current.model.network.nodes]
     start = 0
     for number, test in enumerate(current.model.tests):
@@ -77,13 +77,11 @@ def _responses(current: Fit) -> list[list[Response]]:
 
 def _times(model: Model, number: int) -> Floats:
     frame = model.tests[number].frame
-    times: Floats = tent_times(frame.step_s * len(frame.features))
-    return times
+    return tent_times(frame.step_s * len(frame.features))
 
 
 def describe(current: Fit, heat: FreeHeat) -> Unknown:
-    """How large a free heat is, when it is there and what it goes with,
-    bands by block bootstrap (`twin.diagnosis.unknown`)."""
+    """How large a free heat is, when it is there and what it goes with (`twin.diagnosis.unknown`)."""
     inputs = _over_tents(current.model, [test.inputs for test in current.model.tests])
     if "current" in inputs:  # its components only repeat it
         inputs = {name: values for name, values in inputs.items() if name not in ("current_d", "current_q")}
@@ -100,7 +98,7 @@ def describe(current: Fit, heat: FreeHeat) -> Unknown:
 
 
 def _over_tents(model: Model, series: Sequence[Mapping[str, Floats]]) -> dict[str, Floats]:
-    """What every test has of series over its steps, as means over each tent, tests one after the other."""
+    """Series that every test has, name -> (N,) by steps, as means over each tent, tests one after the other."""
     shared = [name for name in series[0] if all(name in own for own in series)]
     found: dict[str, list[Floats]] = {name: [] for name in shared}
     for number, own in enumerate(series):
@@ -114,8 +112,8 @@ def _over_tents(model: Model, series: Sequence[Mapping[str, Floats]]) -> dict[st
 
 
 def _followed(heat: FreeHeat, inputs: Mapping[str, Floats], temperatures: Mapping[str, Floats], block: int) -> str:
-    """The node whose temperature, beside the inputs, tells most of the heat; its own unless another does so clearly: by
-    ln 20 in ln likelihood, a run of tents counting as one observation."""
+    """The node whose temperature, beside the inputs, explains most of the heat; the heat's own node unless another is
+    ahead by ln 20 in ln likelihood, where a run of tents counts as one observation."""
     unexplained = {
         node: _unexplained(heat.watts, [*inputs.values(), temperature]) for node, temperature in temperatures.items()
     }

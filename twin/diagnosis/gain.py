@@ -1,8 +1,8 @@
 """What a term is worth on sessions that nothing was learnt from.
 
-Two questions, both asked of the final set of terms: does the log score of the last 90 % of each kept session rise, and
-does at least half of the error above the sensors' floor go away? On a kept session only its own nuisances (initial
-temperatures, biases) are estimated, under their priors, from its first 10 %, for every model alike.
+Two questions are asked of the final set of terms: does the log score of the last 90 % of each kept session rise, and
+does at least half of the error above the sensors' floor go away? For every model alike, only what a kept session brings
+along (initial temperatures, biases) is estimated, under its priors, from the session's first 10 %.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from twin.errors import EvidenceError
 from twin.fitting.noise import Array
 
-OPENING = 0.1  # share of a kept session that its own nuisances are estimated from
+OPENING = 0.1  # share of a kept session that what it brings along is estimated from
 BOOTSTRAP_DRAWS, BOOTSTRAP_SHARE = 2000, 0.05
 FEW_BLOCKS = 8
 TOUCHED_K = 0.1  # root mean square change of the prediction from which on a channel counts
@@ -28,8 +28,8 @@ REMOVED = 0.5  # least share of the excess error
 class Kept:
     """One kept session under one model, whitened with the same noise for every model.
 
-    `t_s` (N,) [s] of each row (of all channels); `e` (N,) the residual with the session's nuisances at their prior
-    mean; `columns` (N, q) of these nuisances, `precision` (q,) of their priors.
+    `t_s` (N,) [s] of each row (of all channels); `e` (N,) the residual where what the session brings along is at its
+    prior mean; `columns` (N, q) of what it brings along, `precision` (q,) of their priors.
     """
 
     t_s: Array
@@ -76,16 +76,21 @@ def log_scores(kept: Kept, block_s: float) -> Array:
     return np.array(scores[1:])
 
 
+def opened_s(t_s: Array) -> float:
+    """The end of the opening of a session with rows at `t_s` (N,) [s]."""
+    start, end = float(t_s.min()), float(t_s.max())
+    return start + OPENING * (end - start)
+
+
 def _blocks(t_s: Array, block_s: float) -> list[NDArray[np.bool_]]:
     """The rows of the opening, then those of each block."""
-    start, end = float(t_s.min()), float(t_s.max())
-    opening = start + OPENING * (end - start)
-    count = max(1, round((end - opening) / block_s))
+    opening = opened_s(t_s)
+    count = max(1, round((float(t_s.max()) - opening) / block_s))
     edges = [-np.inf, opening, *(opening + block_s * np.arange(1, count)), np.inf]
     return [(t_s > low) & (t_s <= high) for low, high in pairwise(edges)]
 
 
-def held_out_gain(before: Sequence[Kept], after: Sequence[Kept], block_s: float, seed: int = 0) -> LnScoreGain:
+def held_out_gain(before: Sequence[Kept], after: Sequence[Kept], block_s: float) -> LnScoreGain:
     """Gain in log score of `after` over `before`, session by session on the same rows, in blocks of `block_s` [s] (at
     least twice the slowest mode, so that blocks are nearly independent).
 
@@ -95,13 +100,10 @@ def held_out_gain(before: Sequence[Kept], after: Sequence[Kept], block_s: float,
         raise EvidenceError("before and after do not hold the same kept rows: score both models on the same blocks")
     pairs = zip(before, after, strict=True)
     blocks = np.concatenate([log_scores(a, block_s) - log_scores(b, block_s) for b, a in pairs])
-    few = len(blocks) < FEW_BLOCKS
-    return LnScoreGain(blocks, float((blocks.sum() - blocks).min()) if few else _lower(blocks, seed), few)
-
-
-def _lower(blocks: Array, seed: int) -> float:
-    drawn = np.random.default_rng(seed).integers(len(blocks), size=(BOOTSTRAP_DRAWS, len(blocks)))
-    return float(np.quantile(blocks[drawn].sum(axis=1), BOOTSTRAP_SHARE))
+    if len(blocks) < FEW_BLOCKS:
+        return LnScoreGain(blocks, float((blocks.sum() - blocks).min()), few=True)
+    drawn = np.random.default_rng(0).integers(len(blocks), size=(BOOTSTRAP_DRAWS, len(blocks)))
+    return LnScoreGain(blocks, float(np.quantile(blocks[drawn].sum(axis=1), BOOTSTRAP_SHARE)), few=False)
 
 
 def excess(residual: Array, floor_variance: float) -> float:

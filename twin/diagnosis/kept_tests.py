@@ -1,5 +1,4 @@
-"""Kept tests under a fitted motor: only what a test brings along is estimated, from its first 10 %,
-and the rest is predicted."""
+"""Kept tests under a fitted motor: what a test brings along is estimated from its first 10 %, the rest predicted."""
 
 from __future__ import annotations
 
@@ -8,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from twin.diagnosis.gain import OPENING, Kept
+from twin.diagnosis.gain import Kept, opened_s
 from twin.differences.everyday import of_test
 from twin.fitting.actions import Parameter
 from twin.fitting.fit import Fit
@@ -17,7 +16,7 @@ from twin.fitting.model import Floats, Model, Test
 
 @dataclass(frozen=True)
 class Prediction:
-    """One channel of one kept test after its opening. `t_s`, `residual` (B,) [K] measured minus predicted."""
+    """One channel of one kept test after its opening: `t_s` (B,) [s], `residual` (B,) [K] measured minus predicted."""
 
     test: int
     channel: str
@@ -36,11 +35,8 @@ class KeptTests:
 def kept_tests(found: Fit | None, model: Model, tests: Sequence[Test]) -> KeptTests:
     """Score and predict tests that nothing was learnt from, with a fit's motor and sensors (None: the file's own),
     under the noise of `model`."""
-    shared = (
-        []
-        if found is None
-        else [(p, b) for p, b in zip(found.model.parameters, found.beta, strict=True) if p.test is None]
-    )
+    fitted = zip(found.model.parameters, found.beta, strict=True) if found else ()
+    shared = [(p, b) for p, b in fitted if p.test is None]
     own = [p for number, test in enumerate(tests) for p in of_test(model.network, test, number)]
     parameters: list[Parameter] = [*(p for p, _ in shared), *own]
     kept = Model(model.network, tests, parameters, model.noise)
@@ -52,26 +48,17 @@ def kept_tests(found: Fit | None, model: Model, tests: Sequence[Test]) -> KeptTe
     for number in range(len(tests)):
         mine = [part for part in parts if part.series.session == number]
         at = mine[0].at[mine[0].at >= first]
-        rows, residual, t_s = [], [], []
-        for part in mine:
-            white = kept.whitened(part.series, np.column_stack([part.series.y, part.columns[:, part.at >= first]]))
-            residual.append(white[:, 0])
-            rows.append(white[:, 1:])
-            t_s.append(part.series.t_s)
-        t, e, a = np.concatenate(t_s), np.concatenate(residual), np.concatenate(rows)
+        plain = [np.column_stack([part.series.y, part.columns[:, part.at >= first]]) for part in mine]
+        white = np.concatenate([kept.whitened(part.series, x) for part, x in zip(mine, plain, strict=True)])
+        t, e, a = np.concatenate([part.series.t_s for part in mine]), white[:, 0], white[:, 1:]
         precision = 1 / kept.sd[at] ** 2
         scored.append(Kept(t, e, a, precision))
-        opening = t <= _opened(t)
+        opening = t <= opened_s(t)
         information = np.diag(precision) + a[opening].T @ a[opening]
         step[at] = np.linalg.solve(information, a[opening].T @ e[opening])
     predictions = []
     for part in parts:
-        after = part.series.t_s > _opened(part.series.t_s)
+        after = part.series.t_s > opened_s(part.series.t_s)
         left = part.series.y - part.columns @ step[part.at]
         predictions.append(Prediction(part.series.session, part.series.channel, part.series.t_s[after], left[after]))
     return KeptTests(tuple(scored), tuple(predictions))
-
-
-def _opened(t_s: Floats) -> float:
-    start, end = float(t_s.min()), float(t_s.max())
-    return start + OPENING * (end - start)

@@ -1,13 +1,13 @@
-"""Naming: which term the data ask for beyond everything a healthy motor may do, one after the other, and which survive.
+"""Naming: which terms the data ask for, one after the other, beyond all that a healthy motor may do, and which survive.
 
-Broad noise, then fitted noise with the leading candidates in the design; every candidate scored with all else
-integrated out; where a free heat at one node explains more than any of them, nothing is named. Else the leading ones
-are refitted in full, the best enters where it beats the threshold, and at the end every one is left out once.
+The motor is calibrated under broad noise, then under fitted noise. Every candidate is scored with all else integrated
+out; where a free heat at one node explains more than any of them, nothing is named. Else the leading ones are refitted
+in full, the best enters where it beats the threshold, and at the end every one that entered is left out once.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
@@ -18,7 +18,7 @@ from twin.diagnosis.evidence import Scores, null_quantile, score
 from twin.diagnosis.free_heats import free_heats
 from twin.diagnosis.patchwork import is_patchwork
 from twin.diagnosis.posterior_mode import linearised, stacked
-from twin.diagnosis.refined import refined, under_its_noise
+from twin.diagnosis.refined import Tell, refined, under_its_noise
 from twin.diagnosis.taking_over import taken_over
 from twin.diagnosis.unknown import FreeHeat
 from twin.differences.candidates import Candidate
@@ -31,16 +31,13 @@ THRESHOLD = 6.0  # ln BF that a term must exceed; healthy motors of another form
 MOST_TERMS = 3
 MOST_SIGMAS = 4.0  # prior sd of a candidate: a larger amplitude is not what its name says
 REFITTED, WORTH_REFITTING = 5, 4.0  # how many, and from which linear ln BF on
-FAR_BEHIND = 10.0  # of the leading one in linear ln BF: not refitted
+FAR_BEHIND = 10.0  # behind the leading one in linear ln BF: not refitted
 FIRST_LINEARISATIONS, REFIT_LINEARISATIONS = 4, 15  # of every refit, and of those that may still come near the best
-OUT_OF_REACH = 6.0  # behind the best, twice what tells two apart, with all that a search still promises: it stops there
-
-Tell = Callable[[str], None]
+OUT_OF_REACH = 6.0  # a search stops that promises to stay so far behind the best: twice what tells two apart
 
 
 def is_possible(parameter: Parameter, amplitude: float) -> bool:
-    """Whether a cause can have this amplitude: within four prior sd,
-    and no less than what is there to be taken away."""
+    """Whether a cause can have this amplitude: it is within four prior sd, and takes no more away than is there."""
     taken = parameter.low < 0.0 and amplitude <= parameter.low
     return abs(amplitude) <= MOST_SIGMAS * parameter.sd and not taken
 
@@ -58,24 +55,25 @@ class Refit:
 
     @property
     def possible(self) -> bool:
-        """Whether the amplitude is one that such a cause can have: the data want no more of it than there can be."""
+        """Whether such a cause can have the amplitude that the data want."""
         return is_possible(self.parameter, self.amplitude)
 
     @property
     def ended(self) -> bool:
-        """Whether its search is at its end, at the mode or not."""
+        """Whether its search is over, at the mode or not."""
         return self.fit.converged or self.fit.linearisations >= REFIT_LINEARISATIONS
 
     @property
     def promised(self) -> float:
-        """ln BF with what the quadratic model promises of a search that has not ended."""
+        """ln BF, plus what a search that is not over may still gain by its quadratic model."""
         return self.log_bayes_factor + (0.0 if self.ended else self.fit.left)
 
 
 @dataclass(frozen=True)
 class Round:
-    """One search for one more term: scores of all candidates at the fit without it,
-    and the refits of the leading ones."""
+    """One search for one more term at the fit `base` without it: all `candidates` with their `parameters`, `scores`,
+    and `gram` (m, m) V'P V; `null`, the 95 % quantile of the best ln BF by chance; `refits` of the leading ones; ids of
+    those that are `dropped` as the model runs away with them."""
 
     base: Fit
     candidates: tuple[Candidate, ...]
@@ -93,10 +91,10 @@ class Round:
 
 @dataclass(frozen=True)
 class Naming:
-    """`rounds` in the order of the search, the last one found nothing more (or the most terms were reached);
-    `accepted`: the terms that survived, with ln BF of leaving each out; `left_out`: those that did not survive;
-    `final`: the fit with them; `heats`: free heats about the first fit, highest ln BF first; `patchwork`: terms that
-    survived only together, none of them named."""
+    """`rounds` in the order of the search; the last one found nothing more, or the most terms were reached. `accepted`:
+    the terms that survived, with ln BF of leaving each out; `final`: the fit with them; `left_out`: terms that did not
+    survive, with theirs; `heats`: free heats about the first fit, highest ln BF first; `patchwork`: terms that survived
+    only together, none of them named."""
 
     rounds: tuple[Round, ...]
     accepted: tuple[Refit, ...]
@@ -108,10 +106,14 @@ class Naming:
 
     @property
     def is_unknown(self) -> bool:
-        """Whether a heat of any course explains more than every candidate did, before refits,
-        or only patchwork fits."""
+        """Whether a heat of any course explains more than every candidate before refits, or only patchwork fits."""
         linear = float(self.rounds[0].scores.log_bayes_factor.max(initial=0.0))
-        return bool(self.patchwork) or self.heats[0].log_bayes_factor > max(self.threshold, linear)
+        return bool(self.patchwork) or self.log_bf_unknown > max(self.threshold, linear)
+
+    @property
+    def log_bf_unknown(self) -> float:
+        """ln BF of the best free heat."""
+        return self.heats[0].log_bayes_factor
 
 
 def search(
@@ -158,8 +160,7 @@ def scored(current: Fit, candidates: Sequence[Candidate]) -> Round:
 
 
 def with_refits(found: Round, tell: Tell) -> Round:
-    """The round with its leading candidates refitted, two at a time: all begin,
-    and those that may still come near the best go on."""
+    """The round with its leading candidates refitted: all begin, those that may still come near the best go on."""
     linear = found.scores.log_bayes_factor
     least = max(WORTH_REFITTING, float(linear.max(initial=0.0)) - FAR_BEHIND)
     leading = [i for i in found.order()[:REFITTED] if linear[i] >= least]
@@ -182,14 +183,13 @@ def with_refits(found: Round, tell: Tell) -> Round:
 
 
 def refitted(current: Fit, candidate: Candidate, parameter: Parameter) -> Refit | None:
-    """The begun fit with one more term, from where it does what healthy differences did in its place.
-    None where it runs away."""
+    """The first linearisations of the fit with one more term, from where that does what healthy differences did in its
+    place (`twin.diagnosis.taking_over`). None where it runs away."""
     beta, amplitude = taken_over(current, candidate, parameter)
     start = 1e-3 * parameter.sd if parameter.low == 0.0 else 0.0
+    beta = np.append(beta, amplitude or start)
     try:
-        found = fit(
-            current.model.plus([parameter]), np.append(beta, amplitude or start), NEAR_ENOUGH, FIRST_LINEARISATIONS
-        )
+        found = fit(current.model.plus([parameter]), beta, NEAR_ENOUGH, FIRST_LINEARISATIONS)
     except (DivergedError, np.linalg.LinAlgError):
         return None
     return _compared(found, current, candidate, parameter, len(found.beta) - 1)
@@ -199,14 +199,15 @@ def _went_on(current: Fit, begun: Refit) -> Refit:
     """The refit from where it stopped to its end."""
     so_far = begun.fit.linearisations
     found = fit(begun.fit.model, begun.fit.beta, NEAR_ENOUGH, REFIT_LINEARISATIONS - so_far)
-    whole = replace(
-        found, linearisations=REFIT_LINEARISATIONS if not found.converged else so_far + found.linearisations
+    used = so_far + found.linearisations if found.converged else REFIT_LINEARISATIONS
+    return _compared(
+        replace(found, linearisations=used), current, begun.candidate, begun.parameter, len(found.beta) - 1
     )
-    return _compared(whole, current, begun.candidate, begun.parameter, len(found.beta) - 1)
 
 
 def _compared(found: Fit, without: Fit, candidate: Candidate, parameter: Parameter, place: int) -> Refit:
-    """ln BF of a term by Laplace on both sides; a half-normal prior where it has a sign."""
+    """A term's refit with its ln BF, by Laplace's approximation on both sides; half-normal prior where it has a
+    sign."""
     sd = float(np.sqrt(np.linalg.inv(found.hessian)[place, place]))
     amplitude = float(found.beta[place])
     gain = found.log_evidence - without.log_evidence
@@ -216,8 +217,7 @@ def _compared(found: Fit, without: Fit, candidate: Candidate, parameter: Paramet
 
 
 def without_term(current: Fit, place: int, calm: Floats) -> Fit:
-    """The fit without one term, from where the others are;
-    from the first fit `calm` with no term where that runs away."""
+    """The fit without one term, from where the others are, or, where that runs away, from the first fit `calm`."""
     model = current.model.without(place)
     try:
         return fit(model, np.delete(current.beta, place), enough=NEAR_ENOUGH)

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial import cKDTree
 
 from twin.errors import CauseError
-from twin.fitting.model import Floats, Test
+from twin.fitting.recorded import Floats, RecordedChannel, Test
 from twin.motor import features
 from twin.motor.causes import Cause
 from twin.motor.network import Network
@@ -24,8 +24,7 @@ LEAST_FLOW_SHARE = 0.5  # of the usual flow, in the flow step
 
 @dataclass(frozen=True)
 class Proposed:
-    """A test in words, and its inputs (N,) in steps: dimensionless `speed`, `load`,
-    and `flow` as a share of the usual one."""
+    """A test in `words`, and its inputs (N,) by steps: `speed` and `load` dimensionless, `flow` over the usual one."""
 
     words: str
     speed: Floats
@@ -34,8 +33,8 @@ class Proposed:
 
 
 def menu(network: Network, tests: Sequence[Test]) -> tuple[Proposed, ...]:
-    """S1 and S2 at low and high speed, a spin-down, direct current at standstill, a flow step;
-    nothing where the tests know no speed or load."""
+    """S1 and S2 at low and high speed, a spin-down, direct current at standstill, a flow step. Empty where the recorded
+    tests know no speed or load."""
     load = load_of(tests)
     if load is None or not all("speed" in t.inputs for t in tests):
         return ()
@@ -81,8 +80,8 @@ def load_of(tests: Sequence[Test]) -> str | None:
 
 
 def as_test(network: Network, tests: Sequence[Test], proposed: Proposed) -> Test:
-    """What the model needs to run it: from the coldest recorded start, between the mean boundaries, with every channel
-    of the tests. Inputs that the proposal does not set are those of the recorded step nearest in speed and load."""
+    """A proposed test as a model runs it: from the coldest recorded start, between the mean boundaries, with every
+    channel of the tests. Inputs that it does not set are those of the recorded step nearest in speed and load."""
     inputs = _inputs(tests, proposed)
     length = len(proposed.speed)
     coldest = min(tests, key=lambda t: float(t.initial.mean()))
@@ -93,13 +92,14 @@ def as_test(network: Network, tests: Sequence[Test], proposed: Proposed) -> Test
     for name in tests[0].features:
         if name not in products and (found := _product(name, inputs, length)) is not None:
             products[name] = found
-    every, middle = np.ones(length), np.full(length, 0.5)
-    sheet = {c.name: c for t in tests for c in t.channels}
-    channels = tuple(
-        replace(c, output=replace(c.output, samples=every, place=middle), measured=np.zeros(length))
-        for c in sheet.values()
-    )
+    channels = read_throughout({c.name: c for t in tests for c in t.channels}.values(), length)
     return Test(proposed.words, "other", frame, inputs, products, coldest.initial, coldest.initial_sd, channels)
+
+
+def read_throughout(channels: Iterable[RecordedChannel], length: int) -> tuple[RecordedChannel, ...]:
+    """The channels with a sample in the middle of each of `length` steps, their values 0: for what a model shows."""
+    every, middle, zero = np.ones(length), np.full(length, 0.5), np.zeros(length)
+    return tuple(replace(c, output=replace(c.output, samples=every, place=middle), measured=zero) for c in channels)
 
 
 def _inputs(tests: Sequence[Test], proposed: Proposed) -> dict[str, Floats]:

@@ -1,7 +1,7 @@
-"""Terms that only together stand in for a law that the list does not hold.
+"""Patchwork: terms that only together stand in for a law that no candidate has.
 
-A cause that no candidate has the form of is fitted by the nearest one, and what that leaves by a second one beside it:
-each then seems to be needed. A named form leaves nothing near its place that asks for as much again.
+The candidate whose form is nearest fits such a cause, a second one beside it fits what the first leaves, and each seems
+to be needed. Where a candidate has the right form, nothing near its place asks for as much again.
 """
 
 from __future__ import annotations
@@ -12,12 +12,11 @@ from twin.differences.candidates import Candidate
 from twin.motor.causes import OF_THE_MOTOR
 from twin.motor.network import Network
 
-NEEDS = 0.5  # of the first term's ln BF, that of all others near it together: a form that is right needs less beside it
+NEEDS = 0.5  # ln BF of all other terms near the first, as a share of the first one's: from here on it is patchwork
 
 
 def is_patchwork(terms: Sequence[tuple[Candidate, float]], network: Network) -> bool:
-    """Whether the terms near the strongest one, each with the ln BF of leaving it out,
-    are needed half as much as it is."""
+    """Whether the terms near the strongest one are needed half as much as it is, by the ln BF of leaving each out."""
     if len(terms) < 2:
         return False
     first, *others = sorted(terms, key=lambda term: -term[1])
@@ -26,8 +25,7 @@ def is_patchwork(terms: Sequence[tuple[Candidate, float]], network: Network) -> 
 
 
 def nodes_of(candidate: Candidate, network: Network) -> frozenset[str]:
-    """The nodes where a candidate acts, boundaries left out; of an error of the bench none,
-    it changes no temperature."""
+    """The nodes where a candidate acts, without boundaries; none for an error of the bench, which heats nothing."""
     if candidate.cause.kind not in OF_THE_MOTOR:
         return frozenset()
     return frozenset({name for place in candidate.places for name in place} & {node.name for node in network.nodes})

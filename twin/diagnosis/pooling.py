@@ -1,11 +1,11 @@
-"""How far this motor's kind of file is off: the priors of healthy differences, scaled family by family by the data.
+"""The widths of the priors of healthy differences, learnt from the data family by family.
 
-A file whose films are fits is off by tens of per cent in its exponents; one whose truth has its own form is not. What
-holds for all members of a family (all exponents, all conductances, all missing paths ...) is learnt from all of them
-together, so that one member that stands out is seen: empirical Bayes, the scale of each family's prior at the maximum
-of the evidence (D. J. C. MacKay, Neural Computation 4 (1992) 415, doi:10.1162/neco.1992.4.3.415), one member's worth of
-prior on the scale. The form of the losses is no family: maps keep their prior, as one node's law may be twice as far
-off as all others and be healthy.
+A file whose films are fits is off by tens of per cent in its exponents; one whose truth has its own form is not. How
+far a family of numbers is off (all exponents, all conductances, all missing paths ...) is learnt from all its members
+together, so that one that stands out is seen. This is empirical Bayes: the scale of each family's prior is that of the
+largest evidence (D. J. C. MacKay, Neural Computation 4 (1992) 415, doi:10.1162/neco.1992.4.3.415), with a prior on the
+scale that counts as one member. Maps of losses are no family: one node's law may be twice as far off as all others and
+be healthy.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ POOLED_FROM = 5  # members: fewer say little of their family
 
 
 def kinds(network: Network) -> list[str]:
-    """What every term of the network is: of a film (a link to a fluid or boundary, or driven by speed or flow),
-    of conduction, or a loss."""
+    """Of every term of the network whether it is of `films` (links to a fluid or boundary, or whose law has features),
+    of `conduction`, or of `losses`."""
     solid = {node.name for node in network.nodes if node.region != "fluid"}
     found = []
     for link in network.links:
@@ -60,10 +60,11 @@ def pooled_scales(
     right: Floats,
     more: Floats,
 ) -> list[float]:
-    """What the sd of every parameter is to be multiplied with.
+    """What to multiply the prior sd of every parameter by.
 
-    `free` (p,): those in `gram` = A'A and `right` = A'e0 of the whitened columns, which go on with terms of prior sd
-    `more`; the others take the scale of their family. `kind` of every term of the network.
+    `free` (p,) says which parameters have columns A: `gram` = A'A, `right` = A'e0, whitened. Behind them stand columns
+    of other terms, with the prior sds `more`. Parameters without columns take the scale of their family. `kind`: that
+    of every term of the network.
     """
     names = [family(p, kind) for p in parameters]
     inside = [name for name, own in zip(names, free, strict=True) if own]

@@ -1,4 +1,4 @@
-"""Noise and priors that the data themselves ask for: restricted maximum likelihood and empirical Bayes about a fit."""
+"""Noise and priors learnt from the data themselves: restricted maximum likelihood and empirical Bayes about a fit."""
 
 from __future__ import annotations
 
@@ -24,8 +24,7 @@ ON_THE_WAY = 4  # linearisations of a fit that another follows under other noise
 
 
 def refined(current: Fit, candidates: Sequence[Candidate], tell: Tell) -> Fit:
-    """The fit under noise fitted with the leading candidates in the design, the priors of families fitted,
-    and noise again."""
+    """The fit under learnt noise, then under learnt priors of families, then under noise that is learnt again."""
     tell("fitting the noise")
     current = under_its_noise(current, candidates, ON_THE_WAY)
     tell("fitting the priors of families")
@@ -35,15 +34,16 @@ def refined(current: Fit, candidates: Sequence[Candidate], tell: Tell) -> Fit:
 
 
 def under_its_noise(current: Fit, candidates: Sequence[Candidate], linearisations: int = LINEARISATIONS) -> Fit:
-    """The fit under noise fitted with the leading candidates in the design."""
+    """The fit under noise that is learnt with the parameters and the leading candidates integrated out."""
     noise = _fitted_noise(_design(current, candidates))
     return fit(current.model.with_noise(noise), current.beta, NEAR_ENOUGH, linearisations)
 
 
 @dataclass(frozen=True)
 class _Design:
-    """A fit with its `leading` candidates beside it: `free` parameters (not at a bound), columns `a` (N, f) and
-    `v` (N, l) whitened, `sigma` (l,) of the candidates, `e0` (N,), and the series with their columns as they stand."""
+    """A fit with its l leading candidates beside it: which parameters are `free` (not at a bound); whitened columns `a`
+    (N, f) of these and `v` (N, l) of the candidates, whose prior sd is `sigma` (l,); the whitened residual `e0` (N,)
+    referred back to the prior mean; and `parts`, the series with the columns of both, not whitened."""
 
     current: Fit
     free: NDArray[np.bool_]
@@ -65,7 +65,6 @@ def _design(current: Fit, candidates: Sequence[Candidate]) -> _Design:
 
 
 def _fitted_noise(design: _Design) -> Mapping[str, ChannelNoise]:
-    """The channels' noise by restricted maximum likelihood, parameters and leading candidates integrated out."""
     current, free = design.current, design.free
     observed = []
     for part in design.parts:
@@ -74,11 +73,10 @@ def _fitted_noise(design: _Design) -> Mapping[str, ChannelNoise]:
         own = np.column_stack([columns[:, free], part.extra])
         observed.append(ObservedSeries(part.series, part.series.y + columns[:, free] @ current.beta[free], own))
     precision = 1 / np.concatenate([current.model.sd[free], design.sigma]) ** 2
-    return reml(observed, precision, slowest_mode_s(current), rises(current.model)).noise
+    return reml(observed, precision, slowest_mode_s(current), rises(current.model))
 
 
 def _with_pooled_priors(design: _Design) -> Model:
-    """The model with the priors of its families of healthy differences scaled by the data."""
     model = design.current.model
     columns = np.hstack([design.a, design.v])
     kind, gram, right = kinds(model.network), columns.T @ columns, columns.T @ design.e0

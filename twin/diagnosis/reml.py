@@ -1,13 +1,13 @@
 """The variances of the channels' noise by restricted maximum likelihood, calibration integrated out.
 
-Maximised is `-(ln|R| + ln|A'A + Lambda| - ln|Lambda| + e0' P e0) / 2`, the evidence of the residual with every
-parameter of the calibration (and the leading candidates, which belong into the columns) integrated out under its prior,
-plus a half-normal prior on the slow discrepancy. Patterson and Thompson, Biometrika 58 (1971) 545, DOI
+The variances sought make `-(ln|R| + ln|A'A + Lambda| - ln|Lambda| + e0' P e0) / 2` largest: the evidence of the
+residual with every parameter of the calibration (and the leading candidates, whose columns are among A) integrated out
+under its prior, plus a half-normal prior on the slow discrepancy. Patterson and Thompson, Biometrika 58 (1971) 545, DOI
 10.1093/biomet/58.3.545.
 
-It is climbed by expectation maximisation over the parameters (Dempster, Laird and Rubin 1977): given their posterior
-each channel's two variances have a likelihood of their own, of the residual at the mode and of what the parameters'
-spread does to it (a few orthogonal draws), which costs O(B).
+The search is expectation maximisation over the parameters (Dempster, Laird and Rubin 1977): given their posterior, each
+channel's two variances have a likelihood of their own, of the residual at the mode and of what the parameters' spread
+does to it (a few orthogonal draws), which costs O(B).
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ AR_TAUS_S = (20.0, 60.0, 180.0)
 OU_SHARES = (1 / 3, 1.0)  # of the slowest mode
 OU_PRIOR_K = 0.5  # half-normal, on ou_sd
 OU_FLOOR_SHARE = 0.003  # of the channel's rise over the coolant: a lumped model is no better than that
-AR_FLOOR_SHARE = 0.0005  # the same of the fast one
+AR_FLOOR_SHARE = 0.0005  # of the same rise: the least fast discrepancy
 START = (0.15, 0.15)  # ar_sd, ou_sd [K]
 BOUNDS_K = (1e-3, 5.0)
 DRAWS = 16
@@ -37,29 +37,16 @@ CONVERGED = 0.01  # largest change of ln sd
 
 @dataclass(frozen=True)
 class ObservedSeries:
-    """One series with its residual `e0` (B,) [K], referred back to the prior mean,
-    and its parameters' columns (B, p)."""
+    """One series: its residual `e0` (B,) [K], referred back to the prior mean, and its parameters' `columns` (B, p)."""
 
     series: Series
     e0: Array
     columns: Array
 
 
-@dataclass(frozen=True)
-class Reml:
-    """The channels' noise, and the maximised log evidence (without the constant -N ln(2 pi) / 2, prior included)."""
-
-    noise: Mapping[str, ChannelNoise]
-    log_evidence: float
-
-
 def reml(
-    observed: Sequence[ObservedSeries],
-    precision: Array,
-    slowest_mode_s: float,
-    rise_K: Mapping[str, float],
-    seed: int = 0,
-) -> Reml:
+    observed: Sequence[ObservedSeries], precision: Array, slowest_mode_s: float, rise_K: Mapping[str, float]
+) -> dict[str, ChannelNoise]:
     """Noise of every channel of `observed`, a channel's variances shared by its sessions.
 
     `precision` (p,): 1 / sd^2 of each parameter's prior. `rise_K`: channel -> its rise over the coolant [K], of which
@@ -68,25 +55,18 @@ def reml(
     """
     _check(observed, precision, rise_K)
     channels = dict.fromkeys(o.series.channel for o in observed)
-    floors = {
-        channel: (
-            max(BOUNDS_K[0], AR_FLOOR_SHARE * rise_K[channel]),
-            max(BOUNDS_K[0], OU_FLOOR_SHARE * rise_K[channel]),
-        )
-        for channel in channels
-    }
-    z = _orthogonal_draws(len(precision), seed)
-    tried: list[Reml] = []
+    least_K = BOUNDS_K[0]
+    floors = {c: (max(least_K, AR_FLOOR_SHARE * rise_K[c]), max(least_K, OU_FLOOR_SHARE * rise_K[c])) for c in channels}
+    z = _orthogonal_draws(len(precision))
+    tried: list[dict[str, ChannelNoise]] = []
     for tau_a, share in itertools.product(AR_TAUS_S, OU_SHARES):
         start = {
             c: ChannelNoise(max(START[0], ar), tau_a, max(START[1], ou), share * slowest_mode_s)
             for c, (ar, ou) in floors.items()
         }
-        noise = _climb(observed, precision, start, floors, z, FIRST_PASS)
-        tried.append(Reml(noise, _log_evidence(observed, precision, noise)))
-    best = max(tried, key=lambda result: result.log_evidence).noise
-    best = _climb(observed, precision, best, floors, z, SECOND_PASS)
-    return Reml(best, _log_evidence(observed, precision, best))
+        tried.append(_climb(observed, precision, start, floors, z, FIRST_PASS))
+    best = max(tried, key=lambda noise: log_evidence(observed, precision, noise))
+    return _climb(observed, precision, best, floors, z, SECOND_PASS)
 
 
 def _check(observed: Sequence[ObservedSeries], precision: Array, rise_K: Mapping[str, float]) -> None:
@@ -109,9 +89,9 @@ def _check(observed: Sequence[ObservedSeries], precision: Array, rise_K: Mapping
         raise EvidenceError("a parameter has no prior: give each a standard deviation")
 
 
-def _orthogonal_draws(p: int, seed: int) -> Array:
+def _orthogonal_draws(p: int) -> Array:
     """(p, q) whose mean outer product is the identity on average, and exactly so from q = p on."""
-    q, _ = np.linalg.qr(np.random.default_rng(seed).standard_normal((p, min(p, DRAWS))))
+    q, _ = np.linalg.qr(np.random.default_rng(0).standard_normal((p, min(p, DRAWS))))
     result: Array = q * np.sqrt(p)
     return result
 
@@ -158,7 +138,8 @@ def _normal_equations(
     return cholesky(gram, lower=True), right, square, log_r
 
 
-def _log_evidence(observed: Sequence[ObservedSeries], precision: Array, noise: Mapping[str, ChannelNoise]) -> float:
+def log_evidence(observed: Sequence[ObservedSeries], precision: Array, noise: Mapping[str, ChannelNoise]) -> float:
+    """ln evidence, the prior on the slow discrepancy included, without -N ln(2 pi) / 2."""
     lower, right, square, log_r = _normal_equations(observed, precision, noise)
     fitted = solve_triangular(lower, right, lower=True)
     log_parameters = 2 * np.log(np.diag(lower)).sum() - np.log(precision).sum()

@@ -1,14 +1,14 @@
 """Exchanged channels, wrong units and signs: found before anything is calibrated.
 
-They are no small linear terms: once coefficients have bent to fit exchanged channels, a linear score looks at the wrong
-point. So the uncalibrated simulation is compared with each reading of the data, its parameters integrated out in one
-linear step,
+Such a fault is no small linear term: once coefficients have bent to fit exchanged channels, a linear score looks at the
+wrong point. So the uncalibrated simulation is compared with the data as recorded and as they would be read without the
+fault, its parameters integrated out in one linear step,
 
     ln p(data) = -(ln|R| + ln|A'A + Lambda| - ln|Lambda| + e'e - e'A (A'A + Lambda)^-1 A'e) / 2,
 
-A, e whitened under noise as wide as what a file's own error leaves (Rasmussen and Williams 2006, 2.7). An exchange that
-stands out so must also be ahead once the motor is calibrated to the one and to the other reading, and explain more than
-any other cause: a mass or a loss that the file lacks at one of two like places looks like an exchange before.
+A, e whitened under noise as wide as what a file's own error leaves (Rasmussen and Williams 2006, 2.7). An exchange must
+also be ahead once the motor is calibrated to both readings, by more than any other cause explains: before, a mass or a
+loss that the file lacks at one of two like places looks like an exchange.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from scipy.linalg import cholesky, solve_triangular
 
 from twin.diagnosis.naming import scored
+from twin.diagnosis.next_tests import read_throughout
 from twin.differences.candidates import Candidate
 from twin.errors import DivergedError
 from twin.fitting.fit import NEAR_ENOUGH, Fit, fit
@@ -36,8 +37,7 @@ MARGIN = 8.0  # ln BF that a fault must exceed, before calibration and after
 
 @dataclass(frozen=True)
 class Swap:
-    """An accepted exchange of two channels: ln evidence with their measurements exchanged, less as recorded,
-    nothing calibrated."""
+    """An accepted exchange of two channels: ln evidence of their records exchanged less as they are, uncalibrated."""
 
     candidate: Candidate
     log_bayes_factor: float
@@ -50,7 +50,7 @@ class Swap:
 
 @dataclass(frozen=True)
 class _Misreading:
-    """A channel shows `factor` x degC + `offset`."""
+    """A channel that shows `factor` x degC + `offset`: what that is, and what to do about it."""
 
     factor: float
     offset: float
@@ -93,8 +93,8 @@ def scan(model: Model, candidates: Sequence[Candidate]) -> list[Swap]:
 
 
 def _stands_out_calibrated(model: Model, pair: Exchange, candidates: Sequence[Candidate]) -> bool:
-    """Whether the motor calibrated to the exchanged tests is ahead of that calibrated to the tests as they are, by more
-    than any other cause would be. What cannot be calibrated at all is behind."""
+    """Whether the motor calibrated to the exchanged tests is ahead of the one calibrated to the tests as they are, by
+    more than any other cause would be. A motor that cannot be calibrated is behind."""
     as_recorded, crossed = _calibrated(model), _calibrated(_exchanged_in(model, pair))
     if as_recorded is None or crossed is None:
         return crossed is not None
@@ -122,18 +122,18 @@ def _crossed(recorded: Mapping[str, str], pair: Exchange) -> dict[str, str]:
 
 def exchanged(tests: Sequence[Test], channel: str, other: str) -> tuple[Test, ...]:
     """The tests with what two channels recorded exchanged: values, usable samples, their times, the step that they are
-    rounded to. Place, lag, noise and bias stay with the name, as these are the sensor's own. Where a test has one of
-    the two, its record becomes the other's."""
+    rounded to. Place, lag, noise and bias stay with the name, as these are the sensor's own. Where a test has only one
+    of the two, its record becomes the other's."""
     sheet = _sheet(tests)
     to = {channel: other, other: channel}
-    return tuple(replace(test, channels=tuple(_exchanged(test, to, sheet))) for test in tests)
 
+    def crossed(test: Test) -> Iterator[RecordedChannel]:
+        own = {c.name: c for c in test.channels}
+        for c in test.channels:
+            name = to.get(c.name, c.name)
+            yield _recorded(c, own[name]) if name in own else _recorded(sheet[name], c)
 
-def _exchanged(test: Test, to: Mapping[str, str], sheet: Mapping[str, RecordedChannel]) -> Iterator[RecordedChannel]:
-    own = {c.name: c for c in test.channels}
-    for c in test.channels:
-        name = to.get(c.name, c.name)
-        yield _recorded(c, own[name]) if name in own else _recorded(sheet[name], c)
+    return tuple(replace(test, channels=tuple(crossed(test))) for test in tests)
 
 
 def _sheet(tests: Sequence[Test]) -> dict[str, RecordedChannel]:
@@ -142,6 +142,7 @@ def _sheet(tests: Sequence[Test]) -> dict[str, RecordedChannel]:
 
 
 def _recorded(channel: RecordedChannel, record: RecordedChannel) -> RecordedChannel:
+    """The channel with what another one recorded."""
     output = replace(channel.output, samples=record.output.samples, place=record.output.place)
     return replace(channel, output=output, measured=record.measured, resolution=record.resolution)
 
@@ -190,7 +191,7 @@ class _Simulated:
 
 @dataclass(frozen=True)
 class _Piece:
-    """A record as one channel's: A, A'A, A'e, e'e, ln|R|."""
+    """A record read as one channel's: whitened columns A of the parameters `at`, A'A, A'e, e'e, ln|R|."""
 
     at: Index
     white: Floats
@@ -207,7 +208,9 @@ class _Uncalibrated:
         self.precision = 1 / model.sd**2
         self.sheet = _sheet(model.tests)
         self.numbers = range(len(model.tests))
-        whole = Model(model.network, [_whole(t, self.sheet) for t in model.tests], model.parameters)
+        every = self.sheet.values()
+        tests = [replace(t, channels=read_throughout(every, len(t.frame.features))) for t in model.tests]
+        whole = Model(model.network, tests, model.parameters)
         self.simulated = {
             (part.series.session, part.series.channel): _Simulated(-part.series.y, part.at, part.columns)
             for part in whole.linearise(np.zeros(len(model.parameters)))
@@ -222,12 +225,15 @@ class _Uncalibrated:
             self._own[s, name] = self._piece(s, name, name, RIGHT)
 
     def log_evidence(self, recorded: Mapping[str, str], wrong: Mapping[str, _Misreading] | None = None) -> float:
-        """ln p(data), without -N ln(2 pi) / 2, where channel `name` shows the record `recorded[name]`."""
+        """ln p(data), without -N ln(2 pi) / 2, where channel `name` shows the record of channel `recorded[name]`, and
+        reads `wrong[name]`."""
         gram, right, rest = np.diag(self.precision), np.zeros(len(self.precision)), 0.0
         for s in self.numbers:
             for name, record in recorded.items():
                 if (s, record) in self.records:
-                    piece = self._read(s, name, record, (wrong or {}).get(name, RIGHT))
+                    misread = (wrong or {}).get(name, RIGHT)
+                    same = name == record and misread is RIGHT
+                    piece = self._own[s, name] if same else self._piece(s, name, record, misread)
                     gram[np.ix_(piece.at, piece.at)] += piece.gram
                     right[piece.at] += piece.right
                     rest += piece.square + piece.log_r
@@ -235,10 +241,6 @@ class _Uncalibrated:
         fitted = solve_triangular(lower, right, lower=True)
         volume = 2 * np.log(np.diag(lower)).sum() - np.log(self.precision).sum()
         return -float(rest + volume - fitted @ fitted) / 2
-
-    def _read(self, s: int, name: str, record: str, wrong: _Misreading) -> _Piece:
-        same = name == record and wrong is RIGHT
-        return self._own[s, name] if same else self._piece(s, name, record, wrong)
 
     def _piece(self, s: int, name: str, record: str, wrong: _Misreading) -> _Piece:
         simulated, kept, channel = self.simulated[s, name], self.records[s, record], self.sheet[name]
@@ -253,13 +255,3 @@ class _Uncalibrated:
             white = whiten(series, COARSE, wrong.factor * simulated.columns[kept.there])
             gram = white.T @ white
         return _Piece(simulated.at, white, gram, white.T @ e, float(e @ e), log_det(series, COARSE))
-
-
-def _whole(test: Test, sheet: Mapping[str, RecordedChannel]) -> Test:
-    """The test with every channel of all tests, usable in every step."""
-    length = len(test.frame.features)
-    every, middle, zero = np.ones(length), np.full(length, 0.5), np.zeros(length)
-    channels = (
-        replace(c, output=replace(c.output, samples=every, place=middle), measured=zero) for c in sheet.values()
-    )
-    return replace(test, channels=tuple(channels))

@@ -1,9 +1,8 @@
-"""Where a candidate's refit starts: at the amplitude with which it does what healthy
-differences had to do in its place.
+"""Where a candidate's refit starts: at the amplitude that does what healthy differences had to do in its place.
 
-Calibration bends every law at a place to stand in for a cause: a coefficient's logarithm, exponents, the map of a loss,
-a sensor's lag. From there the way back is long and curved, and a search that is cut short takes a form of law that is
-only near for the better one.
+Before the cause is named, calibration bends every law at its place to stand in for it: coefficients, exponents, the map
+of a loss, a sensor's lag. The way back from there is long and curved, and a search that is cut short would find a
+candidate of a similar form better than the right one.
 """
 
 from __future__ import annotations
@@ -22,8 +21,8 @@ WORTH_TAKING = 0.1  # of the candidate's prior sd: below, a refit starts where a
 
 
 def taken_over(current: Fit, candidate: Candidate, parameter: Parameter) -> tuple[Floats, float]:
-    """A vector (p,) and an amplitude: a heat or conductance keeps its mean over the tests,
-    anything else the prediction."""
+    """The vector (p,) and the amplitude that a refit starts at. With them a heat or conductance has the mean over the
+    tests that it had, and anything else the prediction."""
     match parameter.action:
         case actions.Added(places, feature, rms):
             proposals = Proposals(current.model, current.beta)
@@ -43,8 +42,8 @@ def taken_over(current: Fit, candidate: Candidate, parameter: Parameter) -> tupl
 
 
 def _straightened(current: Fit, terms: set[int], form: bool) -> Floats:
-    """The vector with the factors of the terms (and with their `form`: exponents and maps) as in the file.
-    What acts on other terms too stays."""
+    """The vector with the factors of the terms as in the file, and with `form` their exponents and maps too. What acts
+    on other terms as well stays."""
     beta = current.beta.copy()
     for p, other in enumerate(current.model.parameters):
         match other.action:
@@ -64,8 +63,8 @@ def _mean(model: Model, beta: Floats, terms: set[int]) -> float:
 
 
 def _same_done(current: Fit, action: actions.Action) -> tuple[Floats, float]:
-    """The vector without the healthy differences that do the same, of those of single tests without their mean,
-    and what that was."""
+    """The vector without the healthy differences of the same action (those of single tests: without their mean), and
+    what was taken away."""
     beta, parameters = current.beta.copy(), current.model.parameters
     same = [p for p, other in enumerate(parameters) if other.action == action]
     amplitude = 0.0

@@ -30,8 +30,7 @@ class Member:
 
 @dataclass(frozen=True)
 class ToldApart:
-    """The class of a leader: `probability` of the whole class;
-    `leader` and the `others` that the data cannot tell from it, best first."""
+    """A class: the `leader` and the `others` that the data cannot tell from it, best first; `probability` of all."""
 
     probability: float
     leader: Member
@@ -39,8 +38,7 @@ class ToldApart:
 
 
 def told_apart(found: Round, leader: Candidate, log_bf_unknown: float) -> ToldApart:
-    """The class of a candidate of a round, the leading one;
-    `log_bf_unknown` that of the best free heat at the same fit."""
+    """The class that a round's candidate leads; `log_bf_unknown`: ln BF of the best free heat at the same fit."""
     log_bf, amplitude, refitted = _refitted(found)
     at = found.candidates.index(leader)
     expected = separation(amplitude, found.gram)[at]
@@ -51,7 +49,7 @@ def told_apart(found: Round, leader: Candidate, log_bf_unknown: float) -> ToldAp
 
 
 def _refitted(found: Round) -> tuple[Floats, Floats, NDArray[np.bool_]]:
-    """ln BF and amplitude of every candidate, refitted where there is a refit, and where that is."""
+    """ln BF and amplitude of every candidate, of its refit where it has one, and whether it has."""
     log_bf, amplitude = found.scores.log_bayes_factor.copy(), found.scores.amplitude.copy()
     refitted = np.zeros(len(log_bf), dtype=np.bool_)
     for refit in found.refits:
@@ -63,7 +61,7 @@ def _refitted(found: Round) -> tuple[Floats, Floats, NDArray[np.bool_]]:
 
 
 def _possible(found: Round, amplitude: Floats) -> NDArray[np.bool_]:
-    """Whether an amplitude is within its physical range, and of its sign where it has one."""
+    """Which candidates can have their amplitude: it is within its range, and of its sign where there is one."""
     within = [is_possible(p, float(a)) for p, a in zip(found.parameters, amplitude, strict=True)]
     return np.array(within) & (found.scores.sign * amplitude >= 0)
 
@@ -83,8 +81,8 @@ def separating_test(found: Round, leader: Candidate, other: Candidate) -> str | 
 
 
 def telling_test(found: Round, candidate: Candidate) -> str | None:
-    """The next test, in words, after which a candidate of its present size would stand out:
-    a^2 v'P v / 2 = d^2 / 2 with d = 5."""
+    """The next test, in words, after which a candidate of its present size a stands out: a^2 v'P v / 2 = d^2 / 2, d =
+    5."""
     return _best_test(found, [found.candidates.index(candidate)], STANDS_OUT**2 / 2)
 
 
@@ -108,8 +106,9 @@ def _best_test(found: Round, at: Sequence[int], enough: float) -> str | None:
 
 @dataclass(frozen=True)
 class _Recorded:
-    """`gram` (k + p, k + p) of the one or two candidates `at` and the parameters over the recorded tests, priors of the
-    latter included; `free` (k + p,): those that are not at a bound."""
+    """`gram` (k + p, k + p): over the recorded tests, inner products of the whitened columns of k candidates (one or
+    two, at the places `at` of the round), then of the p parameters with their priors; `free` (k + p,): which of them
+    are not at a bound."""
 
     found: Round
     at: Sequence[int]
@@ -147,8 +146,7 @@ class _Recorded:
 
 
 def _gram(model: Model, parts: Sequence[Columns], place: NDArray[np.intp], into: Floats, k: int) -> Floats:
-    """Inner products of whitened columns added to `into`: k candidates first,
-    then parameters at `place` of the vector."""
+    """`into` with inner products of whitened columns added: k candidates first, then parameters at their `place`."""
     for part in parts:
         white = model.whitened(part.series, np.column_stack([part.extra, part.columns]))
         at = np.append(np.arange(k), k + place[part.at])
@@ -157,7 +155,7 @@ def _gram(model: Model, parts: Sequence[Columns], place: NDArray[np.intp], into:
 
 
 def _residual(gram: Floats, free: NDArray[np.bool_], k: int) -> float:
-    """What of the first column's square neither the free parameters nor the second of k candidates can take."""
+    """Square of the first column, less what the free parameters and the second of k candidates can take of it."""
     kept = gram[np.ix_(free, free)]
     left = kept[:k, :k] - kept[:k, k:] @ np.linalg.solve(kept[k:, k:], kept[k:, :k])
     taken = float(left[0, 1] ** 2 / left[1, 1]) if k > 1 and left[1, 1] > 0 else 0.0

@@ -1,8 +1,8 @@
-"""Unknown is a hypothesis: a free heat at one node, of any course in time, against every named cause.
+"""An unknown cause as a hypothesis: a free heat at one node, of any course in time, to be held against named causes.
 
-The heat is a sum of tents every 300 s whose heights follow an Ornstein-Uhlenbeck prior, sessions independent. Given the
-calibration's parameters it is linear: with X the tents' whitened responses, K the Cholesky factor of the heights'
-correlation, s = K'X'P e0 and M = K'X'P X K, a heat of size g has
+The heat is a sum of tents every 300 s whose heights follow an Ornstein-Uhlenbeck prior, sessions independent. It acts
+linearly: with X the tents' whitened responses, K the Cholesky factor of the heights' correlation, s = K'X'P e0 and M =
+K'X'P X K (`twin.diagnosis.evidence`), a heat of size g has
 
     ln BF_g = g^2 s'(I + g^2 M)^-1 s / 2 - ln|I + g^2 M| / 2,
 
@@ -42,14 +42,13 @@ def tents(t_s: Array, times: Array) -> Array:
     >>> tents(np.array([75.0]), tent_times(300.0))
     array([[0.75, 0.25]])
     """
-    result: Array = np.maximum(0.0, 1 - np.abs(t_s[:, None] - times) / SPACING_S)
-    return result
+    return np.maximum(0.0, 1 - np.abs(t_s[:, None] - times) / SPACING_S)
 
 
 @dataclass(frozen=True)
 class Response:
-    """One session's rows (a slice of the whitened rows), its tents `times` (q,) [s], and the whitened responses
-    `columns` (n, q) of these rows to 1 W at each tent."""
+    """One session: its `rows` among all whitened rows, the `times` (q,) [s] of its tents, and `columns` (n, q), how
+    these rows respond to 1 W at each tent, whitened."""
 
     rows: slice
     times: Array
@@ -58,8 +57,8 @@ class Response:
 
 @dataclass(frozen=True)
 class FreeHeat:
-    """A node's free heat: ln BF against none; smoothed heat `watts` and its `sd` (tents of all sessions,
-    in order) [W]."""
+    """A node's free heat: ln BF against none, and the smoothed heat `watts` with its `sd` [W], both (q,) at the tents
+    of all sessions, one after the other."""
 
     node: str
     log_bayes_factor: float
@@ -70,11 +69,10 @@ class FreeHeat:
 def free_heat(
     node: str, responses: Sequence[Response], e0: Array, projector: Projector, total_loss_W: float
 ) -> FreeHeat:
-    """Evidence and course of a free heat at one node;
-    `e0` (N,) referred back to the prior mean (`twin.diagnosis.evidence`).
+    """Evidence and course of a free heat at one node; `e0` (N,) as in `twin.diagnosis.evidence`.
 
-    `total_loss_W`: the mean modelled total loss over training, what sizes are shares of.
-    Raises `EvidenceError` where it is not above 0.
+    Sizes are shares of `total_loss_W`, the mean modelled total loss over training. Raises `EvidenceError` where that is
+    not above 0.
     """
     if not total_loss_W > 0:
         raise EvidenceError(f"mean total loss {total_loss_W:g} W: a free heat is sized by a loss above 0")
@@ -101,8 +99,7 @@ def _reduced(responses: Sequence[Response], e0: Array, projector: Projector) -> 
 
 
 def _correlation(times: Array) -> Array:
-    result: Array = np.exp(-np.abs(times[:, None] - times) / CORRELATION_S)
-    return result
+    return np.exp(-np.abs(times[:, None] - times) / CORRELATION_S)
 
 
 def _log_bayes_factor(g: float, values: Array, turned: Array) -> float:
@@ -125,7 +122,7 @@ def _smoothed(sizes: Array, weight: Array, values: Array, turned: Array, basis: 
 
 @dataclass(frozen=True)
 class Association:
-    """How the heat goes with one feature: [W] for one standard deviation of it, with its 95 % bootstrap band."""
+    """How the heat goes with one feature: `watts` [W] for one standard deviation of it, with a 95 % bootstrap band."""
 
     feature: str
     watts: float
@@ -138,11 +135,12 @@ class Association:
         return self.low > 0 or self.high < 0
 
 
-def associations(watts: Array, features: Mapping[str, Array], block: int, seed: int = 0) -> tuple[Association, ...]:
-    """The smoothed heat (q,) [W] regressed on all features together, feature -> its mean (q,) over each tent.
+def associations(watts: Array, features: Mapping[str, Array], block: int) -> tuple[Association, ...]:
+    """The smoothed heat (q,) [W] regressed on all features together (feature -> its mean (q,) over each tent), the
+    strongest first.
 
-    Bands from resampling runs of `block` neighbouring tents (at least twice the slowest mode long), strongest first. A
-    feature that does not vary is left out. Raises `EvidenceError` where lengths do not fit or block is not above 0.
+    Bands come from resampling runs of `block` neighbouring tents (at least twice the slowest mode long). A feature that
+    does not vary is left out. Raises `EvidenceError` where lengths do not fit or block is not above 0.
     """
     if block < 1 or any(len(values) != len(watts) for values in features.values()):
         raise EvidenceError(
@@ -150,8 +148,7 @@ def associations(watts: Array, features: Mapping[str, Array], block: int, seed: 
         )
     varying = {name: values for name, values in features.items() if np.std(values) > 0}
     design = np.column_stack([np.ones(len(watts)), *((v - v.mean()) / v.std() for v in varying.values())])
-    rng = np.random.default_rng(seed)
-    drawn = np.array([_slopes(design[i], watts[i]) for i in _resampled(len(watts), block, rng)])
+    drawn = np.array([_slopes(design[i], watts[i]) for i in _resampled(len(watts), block)])
     band = np.quantile(drawn, BAND, axis=0)
     found = zip(varying, _slopes(design, watts), *band, strict=True)
     result = (Association(name, float(w), float(lo), float(hi)) for name, w, lo, hi in found)
@@ -163,10 +160,9 @@ def _slopes(design: Array, watts: Array) -> Array:
     return solution[1:]
 
 
-def _resampled(q: int, block: int, rng: np.random.Generator) -> Sequence[Array]:
-    """Index sets of length q made of runs, wrapped around the end (circular block bootstrap,
-    Politis and Romano 1992)."""
-    starts = rng.integers(q, size=(BOOTSTRAP_DRAWS, -(-q // block)))
+def _resampled(q: int, block: int) -> Sequence[Array]:
+    """Index sets (q,) made of runs, wrapped around the end (circular block bootstrap: Politis and Romano 1992)."""
+    starts = np.random.default_rng(0).integers(q, size=(BOOTSTRAP_DRAWS, -(-q // block)))
     runs = (starts[:, :, None] + np.arange(block)) % q
     return list(runs.reshape(BOOTSTRAP_DRAWS, -1)[:, :q])
 
@@ -174,8 +170,8 @@ def _resampled(q: int, block: int, rng: np.random.Generator) -> Sequence[Array]:
 def active_ranges(
     watts: Array, features: Mapping[str, Array]
 ) -> tuple[tuple[float, float], dict[str, tuple[float, float]]]:
-    """Where the heat is: 10 to 90 % range of it [W] over the tents with at least half of its largest size, and the 5 to
-    95 % range of each feature there."""
+    """When the heat is there: over the tents with at least half of its largest size, its 10 to 90 % range [W], and the
+    5 to 95 % range of each feature."""
     chosen = np.abs(watts) >= ACTIVE * np.abs(watts).max()
     return _range(watts[chosen], 0.1), {name: _range(values[chosen], 0.05) for name, values in features.items()}
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from twin.fitting import actions
 from twin.fitting.actions import Parameter, Place
-from twin.fitting.recorded import RecordedChannel, Test
+from twin.fitting.recorded import Floats, RecordedChannel, Test
 from twin.motor import features, sensor_laws
 from twin.motor.causes import groups
 from twin.motor.network import Network, Term
@@ -268,28 +268,29 @@ def every_neighbour(network: Network, channel: RecordedChannel) -> Iterator[tupl
 
 def mean_loss_W(network: Network, tests: Sequence[Test]) -> float:
     """Mean total loss of the tests by the file, copper at its reference temperature [W]."""
-    _, sources = terms_of(network)
+    of_sources = [i for own in terms_of(network)[1].values() for i in own]
     terms = list(features.terms(network))
     total = steps = 0.0
     for test in tests:
-        column = {m.name: test.frame.features[:, j] for j, m in enumerate(features.monomials(network))}
-        for own in sources.values():
-            for i in own:
-                phi = column.get(features.monomial(terms[i]).name)
-                total += terms[i].coefficient * (len(test.frame.features) if phi is None else float(phi.sum()))
+        products = products_of(network, test.frame.features)
+        for i in of_sources:
+            total += terms[i].coefficient * float(products[i].sum())
         steps += len(test.frame.features)
     return total / steps
 
 
+def products_of(network: Network, columns: Floats) -> list[Floats]:
+    """What each term multiplies its coefficient by (N,), temperatures aside, from the `monomials` (N, m)."""
+    at = {m: columns[:, j] for j, m in enumerate(features.monomials(network))}
+    return [at.get(features.monomial(term), np.ones(len(columns))) for term in features.terms(network)]
+
+
 def mean_conductances(network: Network, tests: Sequence[Test]) -> dict[tuple[str, str], float]:
     """Mean conductance of every link over the tests by the file [W/K]."""
-    column = np.mean(np.concatenate([t.frame.features for t in tests]), axis=0)
-    at = {m.name: j for j, m in enumerate(features.monomials(network))}
-    found = {}
-    for link in network.links:
-        products = [(t.coefficient, at.get(features.monomial(t).name)) for t in link.terms]
-        found[link.a, link.b] = float(sum(c * (1.0 if j is None else column[j]) for c, j in products))
-    return found
+    mean = np.mean(np.concatenate([t.frame.features for t in tests]), axis=0, keepdims=True)
+    terms, products = list(features.terms(network)), products_of(network, mean)
+    links = terms_of(network)[0]
+    return {ends: float(sum(terms[i].coefficient * products[i][0] for i in own)) for ends, own in links.items()}
 
 
 def largest_conductance(network: Network, tests: Sequence[Test]) -> dict[str, float]:

@@ -1,9 +1,9 @@
 """The state of a specimen's insulation: a Kalman filter over its checks, from session to session as its dose grows.
 
 State: the logarithm of the conductance over that of the new specimen, g, and its rate r per 100 h; beside them the
-level of the check itself, m = ln R of the new specimen, of which nothing is known before the first check. A check
-reads ln R = m - g. Between doses g grows by r times the heat that counts (`Ageing.counting_100h`) and wanders
-besides: no specimen keeps to its rate.
+level of the check itself, m = ln R of the new specimen, of which nothing is known before the first check. A check reads
+ln R = m - g. Between doses g grows by r times the heat that counts (`Ageing.counting_100h`) and wanders besides: no
+specimen keeps to its rate.
 
 R. E. Kalman, J. Basic Eng. 82 (1960) 35, doi:10.1115/1.3662552; the smoother: H. E. Rauch, F. Tung, C. T. Striebel,
 AIAA J. 3 (1965) 1445, doi:10.2514/3.3166.
@@ -57,8 +57,8 @@ class State:
 
 
 def filtered(checks: Sequence[Check], law: Ageing) -> tuple[State, ...]:
-    """The state behind each check, from this and the earlier ones. `checks` in the order of their doses; `law`: what
-    is known of the rate beforehand. ValueError where a dose falls, or an sd is not above 0."""
+    """The state behind each check, from this and the earlier ones. `checks` in the order of their doses; `law`: what is
+    known of the rate beforehand. ValueError where a dose falls, or an sd is not above 0."""
     found = list[State]()
     mean, covariance = np.array([0.0, 0.0, law.rate]), np.diag([0.0, 0.0, law.rate_sd**2])
     dose_h = 0.0
@@ -86,8 +86,8 @@ def filtered(checks: Sequence[Check], law: Ageing) -> tuple[State, ...]:
 
 
 def onwards(state: State, dose_h: float, law: Ageing) -> State:
-    """The state at a later dose, without a check: what a session between two checks has. Up to the state's own dose
-    it is the same."""
+    """The state at a later dose, without a check: what a session between two checks has. Up to the state's own dose it
+    is the same."""
     to_h = max(dose_h, state.dose_h)
     covariance = np.zeros((3, 3))
     covariance[G, G], covariance[R, R] = state.ln_factor_sd**2, state.rate_sd**2

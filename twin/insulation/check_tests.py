@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.differences.everyday import mostly_followed
+from twin.differences.everyday import mostly_followed, products_of
 from twin.fitting.recorded import Floats, RecordedChannel, Test
-from twin.motor.features import monomial, monomials, terms
+from twin.motor.features import terms
 from twin.motor.network import Network
 from twin.motor.outputs import BLOCK_S, Output
 from twin.motor.paths import terms_of
@@ -141,13 +141,11 @@ def iron_moved(network: Network, test: Test, by_K: float) -> Test:
 
 def load(network: Network, test: Test) -> tuple[int, int] | None:
     """First and last step of the last unbroken load, by the heat of the network's sources; None where there is none."""
-    column = {m.name: test.frame.features[:, j] for j, m in enumerate(monomials(network))}
-    ones = np.ones(len(test.frame.features))
-    listed = list(terms(network))
-    heat = np.zeros(ones.size)
+    products, listed = products_of(network, test.frame.features), list(terms(network))
+    heat = np.zeros(len(test.frame.features))
     for places in terms_of(network)[1].values():
         for i in places:
-            heat += listed[i].coefficient * column.get(monomial(listed[i]).name, ones)
+            heat += listed[i].coefficient * products[i]
     on = heat > ON_SHARE * np.quantile(heat, ON_QUANTILE)
     if not on.any() or not heat.max() > 0.0:
         return None

@@ -23,14 +23,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from twin.differences.everyday import every_neighbour, laws, starts_and_biases
+from twin.differences.everyday import every_neighbour, laws, products_of, starts_and_biases
 from twin.fitting import actions
 from twin.fitting.actions import Parameter
 from twin.fitting.fit import NEAR_ENOUGH, Fit, fit
 from twin.fitting.model import Floats, Model, Test
 from twin.insulation.check_tests import every_s
 from twin.motor.ageing_law import is_insulation
-from twin.motor.features import monomial, monomials, terms
+from twin.motor.features import monomials, terms
 from twin.motor.network import Network
 from twin.motor.paths import terms_of
 
@@ -70,8 +70,8 @@ def over_checks(network: Network, tests: Sequence[Test], emissivity_free: bool) 
     different names.
 
     `emissivity_free`: radiation is left free in each check, so that the level of the curves says nothing about the
-    surfaces. Raises ValueError where there is no test or no insulation, `DivergedError` where a run leaves the
-    finite numbers.
+    surfaces. Raises ValueError where there is no test or no insulation, `DivergedError` where a run leaves the finite
+    numbers.
     """
     if not tests or not insulated(network):
         raise ValueError("nothing to estimate: a fit over checks needs a test and a link from copper to iron")
@@ -174,12 +174,9 @@ def _own_sd(found: Fit, k: int, square: float) -> float:
 def _resistances(network: Network, tests: Sequence[Test], found: Fit) -> Floats:
     """Resistance of the insulation at each check (K,) [K/W]: of the mean conductance over all tests with the fitted
     coefficients, times the check's factor."""
-    column = np.mean(np.concatenate([test.frame.features for test in tests]), axis=0)
-    at = {m.name: float(column[j]) for j, m in enumerate(monomials(network))}
-    shared = found.beta[len(tests) :]
-    listed = list(terms(network))
+    mean = np.mean(np.concatenate([test.frame.features for test in tests]), axis=0, keepdims=True)
+    products, shared, listed = products_of(network, mean), found.beta[len(tests) :], list(terms(network))
     conductance = sum(
-        listed[i].coefficient * at.get(monomial(listed[i]).name, 1.0) * float(np.exp(shared[i]))
-        for i in _insulation(network)
+        listed[i].coefficient * float(products[i][0]) * float(np.exp(shared[i])) for i in _insulation(network)
     )
     return np.asarray(np.exp(-found.beta[: len(tests)]) / conductance)

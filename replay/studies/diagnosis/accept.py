@@ -1,5 +1,5 @@
-"""A diagnosis accepted: its extended model and bench file become the current ones. A fact of its own,
-and a person's word."""
+"""A diagnosis accepted: its extended model and bench file become the current ones. A fact of its own, and a person's
+word."""
 
 from __future__ import annotations
 
@@ -72,12 +72,9 @@ def _event(store: Store, diagnosis: str, found: Diagnosis) -> CauseAccepted:
         raise ReplayDataError(
             f"diagnosis d-{diagnosis[:SHORT]}: there is nothing to accept: {why}. Models stay as they are."
         )
-    recorded = store.ledger.events(ModelExtended, stream=f"diagnosis-{diagnosis}")
-    benches = [
-        one.event.parent_bench
-        for one in recorded
-        if isinstance(one.event, ModelExtended) and one.event.bench == found.extended_bench
-    ]
+    recorded = [one.event for one in store.ledger.events(ModelExtended, stream=f"diagnosis-{diagnosis}")]
+    extended = (event for event in recorded if isinstance(event, ModelExtended))
+    benches = [event.parent_bench for event in extended if event.bench == found.extended_bench]
     return CauseAccepted(
         diagnosis=diagnosis,
         causes=improved,

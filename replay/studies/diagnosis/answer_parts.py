@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -71,27 +70,15 @@ def _white(residual: Floats) -> bool:
     return bool(total == 0.0 or abs(float(centred[1:] @ centred[:-1])) / total < 2 / np.sqrt(len(residual)))
 
 
-@dataclass(frozen=True)
-class Context:
-    """What a named cause is worded from."""
-
-    network: Network
-    train: Sequence[SessionRecorded]
-    naming: Naming
-    kept: Measured | None
-    log_bf_unknown: float
-
-
-def named(context: Context, refit: Refit) -> Named:
-    """A cause that survived, with its size, class and gain."""
-    final, cause = context.naming.final, refit.candidate.cause
+def named(naming: Naming, refit: Refit, train: Sequence[SessionRecorded], kept: Measured | None) -> Named:
+    """A cause that survived the search over the sessions `train`, with its size, class and gain."""
+    final, cause = naming.final, refit.candidate.cause
     place = place_of(final, refit)
     found = size(final, place, refit.candidate.unit)
     effect_K, node, test, t_s = _largest_effect(final, place)
-    first = _entered(context.naming, refit.candidate)
-    apart = told_apart(first, refit.candidate, context.log_bf_unknown)
+    first = _entered(naming, refit.candidate)
+    apart = told_apart(first, refit.candidate, naming.log_bf_unknown)
     others = [member.candidate for member in apart.others]
-    kept = context.kept
     improved = kept is not None and kept.improved and not refit.candidate.repeated
     why = kept.why if kept else "no session was kept: say --hold-out"
     return Named(
@@ -104,9 +91,9 @@ def named(context: Context, refit: Refit) -> Named:
         typical_W=found.typical_W,
         largest_effect_K=effect_K,
         largest_effect_node=node,
-        largest_effect_session=context.train[test].session,
+        largest_effect_session=train[test].session,
         largest_effect_t_s=t_s,
-        formula=_formula(refit, found.value, context.network),
+        formula=_formula(refit, found.value, final.model.network),
         log_bayes_factor=refit.log_bayes_factor,
         probability=apart.probability,
         member_probability=apart.leader.probability,
@@ -126,13 +113,13 @@ def place_of(final: Fit, refit: Refit) -> int:
 
 def _entered(naming: Naming, candidate: Candidate) -> Round:
     """The round in which a term was let in."""
-    leading = (
-        one
-        for one in naming.rounds
-        if any(r.candidate == candidate for r in one.refits)
-        and max((r for r in one.refits if r.possible), key=lambda r: r.log_bayes_factor).candidate == candidate
-    )
-    return next(leading, naming.rounds[0])
+    led = (one for one in naming.rounds if (best := _best(one)) and best.candidate == candidate)
+    return next(led, naming.rounds[0])
+
+
+def _best(one: Round) -> Refit | None:
+    """The best possible refit of a round."""
+    return max((r for r in one.refits if r.possible), key=lambda r: r.log_bayes_factor, default=None)
 
 
 def _largest_effect(final: Fit, place: int) -> tuple[float, str, int, float]:
@@ -160,8 +147,8 @@ def _formula(refit: Refit, value: float, network: Network) -> str:
 
 
 def rivals(naming: Naming, refused: Sequence[tuple[Refit, str]]) -> list[Rival]:
-    """The best candidates that were not named, and why. `refused`: terms that the kept sessions spoke against,
-    with the reason."""
+    """The best candidates that were not named, and why. `refused`: terms that the kept sessions spoke against, with the
+    reason."""
     chosen = {str(refit.candidate.cause) for refit in naming.accepted}
     found: dict[str, Rival] = {}
 
@@ -174,43 +161,39 @@ def rivals(naming: Naming, refused: Sequence[tuple[Refit, str]]) -> list[Rival]:
         add(refit.candidate, refit.log_bayes_factor, reason)
     for refit in naming.patchwork:
         others = " and ".join(str(r.candidate.cause) for r in naming.patchwork if r is not refit)
-        add(
-            refit.candidate,
-            refit.log_bayes_factor,
-            f"fits only together with {others}: none of them has the form of what is there",
-        )
+        why = f"fits only together with {others}: none of them has the form of what is there"
+        add(refit.candidate, refit.log_bayes_factor, why)
     for candidate, value in naming.left_out:
         add(candidate, value, "let in first; left out at the end, the fit is about as good")
-    for number, one in enumerate(naming.rounds):
-        best = max((r.log_bayes_factor for r in one.refits if r.possible), default=0.0)
+    for one in naming.rounds:
         for refit in sorted(one.refits, key=lambda r: -r.log_bayes_factor):
-            value, last = refit.log_bayes_factor, number == len(naming.rounds) - 1
-            why = f"{best - value:.1f} behind in ln BF after both were refitted"
-            if not refit.ended:
-                why = f"its search was stopped where it promised to stay {best - refit.promised:.1f} behind in ln BF"
-            elif not refit.possible:
-                why = _impossible(refit)
-            elif last and value > naming.threshold:
-                why = f"{MOST_TERMS} terms are the most that are named"
-            elif last:
-                why = f"under the threshold of {naming.threshold:.0f}"
-            add(refit.candidate, value, why)
+            add(refit.candidate, refit.log_bayes_factor, _why_not(naming, one, refit))
     return list(found.values())[:RIVALS]
 
 
-def _impossible(refit: Refit) -> str:
+def _why_not(naming: Naming, one: Round, refit: Refit) -> str:
+    """Why a candidate that was refitted in a round was not let in."""
+    best, last = _best(one), one is naming.rounds[-1]
+    ahead = best.log_bayes_factor if best else 0.0
     share = abs(refit.amplitude) / refit.parameter.sd
-    if share > MOST_SIGMAS:
+    if not refit.ended:
+        return f"its search was stopped where it promised to stay {ahead - refit.promised:.1f} behind in ln BF"
+    if not refit.possible and share > MOST_SIGMAS:
         return f"it would have to be {share:.0f} times as large as such a cause usually is"
-    return "it would have to take away more than there is"
+    if not refit.possible:
+        return "it would have to take away more than there is"
+    if last and refit.log_bayes_factor > naming.threshold:
+        return f"{MOST_TERMS} terms are the most that are named"
+    if last:
+        return f"under the threshold of {naming.threshold:.0f}"
+    return f"{ahead - refit.log_bayes_factor:.1f} behind in ln BF after both were refitted"
 
 
 def suspected_test(naming: Naming) -> str | None:
-    """The test after which the best candidate that nothing was named for would stand out, if it is there;
-    None without one."""
-    first = naming.rounds[0]
-    best = max((r for r in first.refits if r.possible), key=lambda r: r.log_bayes_factor, default=None)
-    test = telling_test(first, best.candidate) if best and not naming.accepted else None
+    """The test after which the best candidate that nothing was named for would stand out, if it is there; None without
+    one."""
+    best = _best(naming.rounds[0])
+    test = telling_test(naming.rounds[0], best.candidate) if best and not naming.accepted else None
     return f"{test}: it would show whether {best.candidate.cause} is there" if best and test else None
 
 

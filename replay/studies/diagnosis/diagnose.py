@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -26,18 +26,17 @@ from replay.engine.runs.sources import code_of
 from replay.errors import ReplayDataError
 from replay.studies.characterise.calibrate import common_model
 from replay.studies.diagnosis.answer import Diagnosis, document, read
-from replay.studies.diagnosis.answer_parts import Context, named, rivals, shown, suspected_test, unknown_heat
+from replay.studies.diagnosis.answer_parts import named, rivals, shown, suspected_test, unknown_heat
 from replay.studies.diagnosis.data_faults import data_faults
 from replay.studies.diagnosis.extension import Version, version
 from replay.studies.diagnosis.named_faults import left_out, masked, named_fault, named_swap
 from replay.studies.diagnosis.question import Campaign, Question, campaign_of, check, kept_of, key_of
 from replay.studies.diagnosis.search import Found, find
 from replay.studies.sessions.fitting import fitting
+from twin.diagnosis.refined import Tell
 from twin.diagnosis.swaps import misread, scan
 from twin.differences.everyday import everyday
 from twin.fitting.model import Model
-
-Tell = Callable[[str], None]
 
 
 @dataclass(frozen=True)
@@ -95,8 +94,7 @@ def _answered(question: Question, identity: str, tell: Tell) -> Diagnosis:
     naming, kept = found.naming, found.kept
     tell("weighing the data's own faults")
     faults = data_faults(naming.final, campaign.loaded, campaign.starts_ns, campaign.observed, naming.threshold)
-    context = Context(network, question.train, naming, kept, found.log_bf_unknown)
-    causes = [named(context, refit) for refit in naming.accepted]
+    causes = [named(naming, refit, question.train, kept) for refit in naming.accepted]
     causes += [named_swap(swap, kept) for swap in swaps]
     causes += [named_fault(fault, kept) for fault in faults]
     causes.sort(key=lambda cause: -cause.log_bayes_factor)
@@ -165,32 +163,24 @@ def _keep(question: Question, answer: Diagnosis, key: dict[str, Any]) -> None:
         if parent_bench and bench not in facts.benches:
             facts_of.append((f"bench-{bench}", replace(parent_bench, sha256=bench)))
     for cause in answer.causes:
-        facts_of.append(
-            (
-                name,
-                CauseNamed(
-                    diagnosis=answer.diagnosis,
-                    cause=cause.id,
-                    estimate=cause.estimate,
-                    unit=cause.unit,
-                    log_bayes_factor=cause.log_bayes_factor,
-                    probability=cause.probability,
-                ),
-            )
+        one = CauseNamed(
+            diagnosis=answer.diagnosis,
+            cause=cause.id,
+            estimate=cause.estimate,
+            unit=cause.unit,
+            log_bayes_factor=cause.log_bayes_factor,
+            probability=cause.probability,
         )
+        facts_of.append((name, one))
     if answer.extended_model or answer.extended_bench:
-        facts_of.append(
-            (
-                name,
-                ModelExtended(
-                    diagnosis=answer.diagnosis,
-                    parent=question.model if answer.extended_model else None,
-                    model=answer.extended_model,
-                    parent_bench=parent_bench.sha256 if answer.extended_bench and parent_bench else None,
-                    bench=answer.extended_bench,
-                ),
-            )
+        extended = ModelExtended(
+            diagnosis=answer.diagnosis,
+            parent=question.model if answer.extended_model else None,
+            model=answer.extended_model,
+            parent_bench=parent_bench.sha256 if answer.extended_bench and parent_bench else None,
+            bench=answer.extended_bench,
         )
+        facts_of.append((name, extended))
     if answer.gain:
         gain = [vars(one) for one in answer.gain]
         facts_of.append((name, GainMeasured(diagnosis=answer.diagnosis, gain=gain)))
@@ -204,10 +194,8 @@ def _keep(question: Question, answer: Diagnosis, key: dict[str, Any]) -> None:
 def _benches(answer: Diagnosis, parent: str) -> dict[str, str]:
     """Model -> the bench file that goes with it."""
     made = {answer.model: parent}
-    for model, bench in (
-        (answer.recalibrated_model, answer.recalibrated_bench),
-        (answer.extended_model, answer.extended_bench),
-    ):
-        if model is not None:
-            made[model] = bench or parent
+    if answer.recalibrated_model:
+        made[answer.recalibrated_model] = answer.recalibrated_bench or parent
+    if answer.extended_model:
+        made[answer.extended_model] = answer.extended_bench or parent
     return made

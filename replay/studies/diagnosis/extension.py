@@ -28,8 +28,8 @@ DIGITS = 3  # of a healthy difference in a bench file
 
 @dataclass(frozen=True)
 class Version:
-    """SHA-256 of a motor file and of the bench file that goes with it; None where no bench file is known,
-    or it says all already."""
+    """SHA-256 of a motor file and of the bench file that goes with it; None where no bench file is known, or it says
+    all already."""
 
     motor: str
     bench: str | None
@@ -38,9 +38,8 @@ class Version:
 def version(
     question: Question, campaign: Campaign, found: Fit, named: Sequence[Refit], swaps: Sequence[Swap], note: str
 ) -> Version:
-    """Motor and bench file with what a fit learnt, sealed, so that a replay of both gives what the fit gives, less what
-    belongs to one session. `named`: its terms; `swaps`: the exchanges that it was made with; `note`: what the files
-    shall say of it."""
+    """Motor and bench file with what a fit learnt, sealed: a replay of both gives what the fit gives, less what belongs
+    to one session. `named`: the fit's terms; `swaps`: channels that were exchanged for it; `note` stands in both."""
     store, facts = question.store, question.facts
     driving = {i.bus for i in campaign.inputs}
     places = {place_of(found, refit): refit for refit in named}

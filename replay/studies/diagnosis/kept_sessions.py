@@ -1,5 +1,5 @@
-"""What the named terms are worth on kept sessions: log score, excess error,
-mean error by node against two baselines."""
+"""What the named terms are worth on kept sessions: log score, excess error, mean error by node against two
+baselines."""
 
 from __future__ import annotations
 
@@ -25,15 +25,17 @@ CELLS = 10  # of speed and of current, each to its largest value in training
 BOOTSTRAP_DRAWS = 1000
 BLOCK_MODES = 2.0  # slowest modes to a block
 WORSE = 2.0  # times the mean square error: a term that does this to kept sessions is form error
-LOST = 10.0  # of log score: likewise
+LOST = 10.0  # of log score: a term that loses so much is form error too
 OVER_SESSIONS = 5  # kept sessions from which on they are resampled themselves
+
+Trio = tuple[Prediction, Prediction, Prediction]  # recalibrated, with the terms, as published
 
 
 @dataclass(frozen=True)
 class Measured:
-    """`improved`: the log score is better and half of the excess error went; `why` not, where it is not. `worse`: the
-    terms make the mean square error twice as large, lose 10 of log score, or let the temperatures run away.
-    `masked_better`: channel -> its error is smaller without masked samples, where it has some."""
+    """What kept sessions say of the terms. `improved`: the log score is better and half of the excess error went; `why`
+    not, where it is not. `worse`: the terms make the mean square error twice as large, lose 10 of log score, or let the
+    temperatures run away. `masked_better`: channel with masked samples -> its error is smaller without them."""
 
     gain: tuple[KeptGain, ...]
     log_score_gain: float | None
@@ -62,9 +64,8 @@ def measured(
         if not named:
             raise
         return Measured((), None, None, False, False, "with it the kept sessions run away", True, {})
-    published = kept_tests(None, final.model, kept)
     block_s = BLOCK_MODES * slowest_mode_s(final)
-    gain = _gain(before, after, published, train, kept, block_s)
+    gain = _gain((before, after, kept_tests(None, final.model, kept)), train, kept, block_s)
     if not named:
         return Measured(gain, None, None, False, False, None, False, _masked_better(final, kept))
     score = held_out_gain(before.scored, after.scored, block_s)
@@ -82,13 +83,12 @@ def measured(
 
 def _masked_better(final: Fit, kept: Sequence[Test]) -> dict[str, bool]:
     """Channels of the kept sessions with masked samples: whether the prediction is nearer to the unmasked ones."""
-    found: dict[str, tuple[list[Floats], list[Floats]]] = {}
+    found: defaultdict[str, tuple[list[Floats], list[Floats]]] = defaultdict(lambda: ([], []))
     whole = [replace(t, channels=tuple(_unmasked(c) for c in t.channels)) for t in kept]
-    for one, every in zip(
-        kept_tests(final, final.model, kept).predictions, kept_tests(final, final.model, whole).predictions, strict=True
-    ):
+    masked, live = (kept_tests(final, final.model, tests).predictions for tests in (kept, whole))
+    for one, every in zip(masked, live, strict=True):
         if every.residual.size > one.residual.size:
-            with_mask, without = found.setdefault(one.channel, ([], []))
+            with_mask, without = found[one.channel]
             with_mask.append(np.abs(one.residual))
             without.append(np.abs(every.residual))
     return {c: float(np.concatenate(a).mean()) < float(np.concatenate(b).mean()) for c, (a, b) in found.items()}
@@ -108,26 +108,22 @@ def _by_channel(found: KeptTests) -> dict[str, Floats]:
 
 
 def _gain(
-    before: KeptTests,
-    after: KeptTests,
-    published: KeptTests,
-    train: Sequence[Test],
-    kept: Sequence[Test],
-    block_s: float,
+    found: tuple[KeptTests, KeptTests, KeptTests], train: Sequence[Test], kept: Sequence[Test], block_s: float
 ) -> tuple[KeptGain, ...]:
-    nodes: defaultdict[str, list[tuple[Prediction, Prediction, Prediction]]] = defaultdict(list)
-    for trio in zip(before.predictions, after.predictions, published.predictions, strict=True):
+    """The gain at every node; `found`: kept tests recalibrated, with the terms, as published."""
+    nodes: defaultdict[str, list[Trio]] = defaultdict(list)
+    for trio in zip(*(one.predictions for one in found), strict=True):
         channel = next((c for c in kept[trio[0].test].channels if c.name == trio[0].channel), None)
         if channel is not None:  # no meter, whose rows are no temperatures
             weights = channel.output.weights
             nodes[followed(weights) or " + ".join(weights)].append(trio)
     outside = _outside_trained(train, kept)
     over = len(kept) >= OVER_SESSIONS
-    found = []
+    gains = []
     for node, trios in nodes.items():
         mae = [float(np.abs(np.concatenate([t[i].residual for t in trios])).mean()) for i in range(3)]
         low, high = _interval(trios, block_s, over)
-        found.append(
+        gains.append(
             KeptGain(
                 node=node,
                 mae_before_K=mae[0],
@@ -140,12 +136,10 @@ def _gain(
                 rms_outside_K=_rms_where(trios, kept, outside),
             )
         )
-    return tuple(found)
+    return tuple(gains)
 
 
-def _interval(
-    trios: Sequence[tuple[Prediction, Prediction, Prediction]], block_s: float, over: bool
-) -> tuple[float, float]:
+def _interval(trios: Sequence[Trio], block_s: float, over: bool) -> tuple[float, float]:
     """95 % of the mean difference of absolute errors, blocks (or whole sessions) resampled."""
     sums: defaultdict[tuple[int, int], list[float]] = defaultdict(lambda: [0.0, 0.0])
     for before, after, _ in trios:
@@ -162,13 +156,9 @@ def _interval(
     return float(low), float(high)
 
 
-def _rms_where(
-    trios: Sequence[tuple[Prediction, Prediction, Prediction]],
-    kept: Sequence[Test],
-    wanted: Sequence[NDArray[np.bool_]],
-) -> list[float]:
-    """Root mean square error before and after [K] of the blocks whose mean time is in a `wanted` step;
-    [] without any."""
+def _rms_where(trios: Sequence[Trio], kept: Sequence[Test], wanted: Sequence[NDArray[np.bool_]]) -> list[float]:
+    """Root mean square error before and after [K] of the blocks whose mean time is in a `wanted` step; [] without
+    any."""
     step = [np.minimum(t[0].t_s // kept[t[0].test].frame.step_s, wanted[t[0].test].size - 1) for t in trios]
     there = [wanted[t[0].test][s.astype(np.int64)] for t, s in zip(trios, step, strict=True)]
     if not any(rows.any() for rows in there):

@@ -98,18 +98,10 @@ def campaign_of(question: Question) -> Campaign:
     observed, inputs = _channels(loaded, network, question.level)
     candidates = generate(network, observed, inputs)
     given = {i.name for i in inputs}
-    monomials = tuple(
-        dict.fromkeys(
-            [*added_monomials(candidates), *([RIPPLE] if "current" in given and "current" in network.scale else [])]
-        )
-    )
+    ripple = [RIPPLE] if "current" in given and "current" in network.scale else []
+    monomials = tuple(dict.fromkeys([*added_monomials(candidates), *ripple]))
     tests = tuple(
-        test_of(
-            *(question.store, question.facts, session, network, monomials, question.level),
-            across(candidates),
-            meters=True,
-            loaded=own,
-        )
+        _test(question, session, network, monomials, candidates, own)
         for session, own in zip(question.train, loaded, strict=True)
     )
     starts = tuple(test.start_ns for test in tests)
@@ -138,13 +130,21 @@ def _channels(
 def kept_of(question: Question, campaign: Campaign) -> list[Test]:
     """The kept sessions, read."""
     return [
-        test_of(
-            *(question.store, question.facts, session, campaign.network, campaign.monomials, question.level),
-            across(campaign.candidates),
-            meters=True,
-        )
-        for session in question.kept
+        _test(question, session, campaign.network, campaign.monomials, campaign.candidates) for session in question.kept
     ]
+
+
+def _test(
+    question: Question,
+    session: SessionRecorded,
+    network: Network,
+    monomials: tuple[Monomial, ...],
+    candidates: Sequence[Candidate],
+    loaded: Sequence[ChannelData] | None = None,
+) -> Test:
+    """A session as a test with all that the candidates need; `loaded`: its channels, where they are there already."""
+    store, facts, level = question.store, question.facts, question.level
+    return test_of(store, facts, session, network, monomials, level, across(candidates), meters=True, loaded=loaded)
 
 
 def across(candidates: Sequence[Candidate]) -> tuple[str, ...]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,6 +12,7 @@ from replay.studies.diagnosis.question import Campaign
 from twin.diagnosis.free_heats import Unknown, describe, free_heats
 from twin.diagnosis.naming import Naming, Refit, search, without_term
 from twin.diagnosis.patchwork import nodes_of
+from twin.diagnosis.refined import Tell
 from twin.diagnosis.swaps import Swap, exchanged
 from twin.diagnosis.unknown import FreeHeat
 from twin.differences.everyday import everyday
@@ -20,25 +20,22 @@ from twin.errors import DivergedError
 from twin.fitting.fit import NEAR_ENOUGH, Fit, fit
 from twin.fitting.model import Model, Test
 
-Tell = Callable[[str], None]
-
 
 @dataclass(frozen=True)
 class Found:
-    """What the search left: its naming, terms that kept sessions spoke against, exchanged channels, and free heats."""
+    """What the search left: its naming; `refused`, terms that the kept sessions spoke against, and how; exchanged
+    channels; `unknown` heats; what the kept sessions say; and `base`, the fit without any named term."""
 
     naming: Naming
     refused: list[tuple[Refit, str]]
     swaps: list[Swap]
     unknown: list[Unknown]
-    log_bf_unknown: float
     kept: Measured | None
     base: Fit
 
 
 def find(campaign: Campaign, model: Model, swaps: list[Swap], kept: list[Test], tell: Tell) -> Found:
-    """Search, ask whether an unknown heat explains more,
-    and let the kept sessions speak against what makes them worse."""
+    """Search, drop terms that make the kept sessions worse, and ask whether an unknown heat explains more."""
     straight, straight_kept = campaign.tests, kept
     for swap in swaps:
         straight = exchanged(straight, swap.pair.channel, swap.pair.other)
@@ -63,7 +60,7 @@ def find(campaign: Campaign, model: Model, swaps: list[Swap], kept: list[Test], 
         crossed = Model(campaign.network, campaign.tests, model.parameters, naming.final.model.noise)
         base = fit(crossed, np.zeros(len(model.parameters)), enough=NEAR_ENOUGH)
         result = measured(base, naming.final, campaign.tests, kept, True, straight_kept)
-    return Found(naming, refused, swaps, unknown, naming.heats[0].log_bayes_factor, result, base)
+    return Found(naming, refused, swaps, unknown, result, base)
 
 
 def _baseline(naming: Naming) -> Fit:
@@ -75,8 +72,8 @@ def _baseline(naming: Naming) -> Fit:
 
 
 def _unknown(naming: Naming) -> list[Unknown]:
-    """The heat that wins over every candidate, or stands where only patchwork fits;
-    else what is left beside the named terms."""
+    """The heat that wins over every candidate, or stands where only patchwork fits; else what is left beside the named
+    terms."""
     if naming.patchwork:
         return [describe(naming.final, _at_the_patchwork(naming))]
     if naming.is_unknown:
@@ -92,8 +89,8 @@ def _unknown(naming: Naming) -> list[Unknown]:
 
 
 def _at_the_patchwork(naming: Naming) -> FreeHeat:
-    """The free heat with most evidence where the patchwork acts,
-    with what the patchwork's strongest term has for it."""
+    """The free heat with most evidence where the patchwork acts, with what the patchwork's strongest term has for
+    it."""
     network = naming.final.model.network
     nodes = frozenset[str]().union(*(nodes_of(refit.candidate, network) for refit in naming.patchwork))
     strongest = max(refit.log_bayes_factor for refit in naming.patchwork)
