@@ -325,7 +325,7 @@ def tried(case: Case, campaign: Campaign) -> Result:
     started = time.process_time()
     model = _model(campaign)
     swaps = scan(model, campaign.candidates)
-    given = question.Campaign(campaign.network, campaign.tests[:LEARNT], campaign.candidates, (), (), (), (), ())
+    given = question.Campaign(campaign.network, campaign.tests[:LEARNT], campaign.candidates, (), (), (), ())
     found = find(given, model, swaps, list(campaign.tests[LEARNT:]), lambda _: None)
     naming = found.naming
     first, linear = naming.rounds[0], naming.rounds[0].scores.log_bayes_factor

@@ -85,7 +85,7 @@ def diagnosed(case: Case) -> Answer:
 
 def _fault(campaign: Campaign, model: Model) -> Answer:
     current = fit(model, np.zeros(len(model.parameters)), enough=NEAR_ENOUGH)
-    found = data_faults(current, campaign.loaded, campaign.starts_ns, campaign.observed, THRESHOLD)
+    found = data_faults(current, campaign.loaded, campaign.observed, THRESHOLD)
     return Answer(str(found[0].cause), log_bf=found[0].log_bayes_factor) if found else Answer("")
 
 

@@ -129,7 +129,7 @@ def _terms(found: Fit) -> list[Term]:
 
 @dataclass(frozen=True)
 class _Slope:
-    """A term grows by `per_K` of itself for each kelvin of a node, or of the mean of a link's ends, over a reference."""
+    """A term grows by `per_K` of itself for each kelvin of a node, or of a link's mean, over a reference."""
 
     place: actions.Place
     per_K: float
@@ -214,19 +214,20 @@ def size(found: Fit, place: int, unit: str) -> Size:
     weights[place] = 1.0
     covariance = np.linalg.inv(found.hessian)
     value, sd = float(weights @ found.beta), float(np.sqrt(weights @ covariance @ weights))
+    low, high = value - 1.96 * sd, value + 1.96 * sd
     match parameter.action:
         case actions.Scale() | actions.Capacity():
-            low, middle, high = (float(np.exp(value + k * sd)) for k in (-1.96, 0.0, 1.96))
-            return Size(middle, low, high, "1", _scaled_W(found, parameter.action, middle))
+            least, factor, most = (float(np.exp(x)) for x in (low, value, high))
+            return Size(factor, least, most, "1", _scaled_W(found, parameter.action, factor))
         case actions.Added(places, feature, rms, _):
             per, typical = 1 / rms, None
             if places[0].b == NOBODY:
                 products = [t.features[feature] for t in found.model.tests] if feature != "constant" else [np.ones(1)]
                 typical = value * per * float(np.mean(np.concatenate(products))) * len(places)
-            return Size(value * per, (value - 1.96 * sd) * per, (value + 1.96 * sd) * per, unit, typical)
+            return Size(value * per, low * per, high * per, unit, typical)
         case actions.Tilt():
-            return Size(value, value - 1.96 * sd, value + 1.96 * sd, "1/K", None)
-    return Size(value, value - 1.96 * sd, value + 1.96 * sd, unit, None)
+            unit = "1/K"
+    return Size(value, low, high, unit, None)
 
 
 def _scaled_W(found: Fit, action: actions.Action, factor: float) -> float | None:

@@ -42,8 +42,7 @@ def outliers(found: Fit) -> dict[tuple[int, str], Bools]:
 
 
 def jumping(y: Floats, noise: Floats) -> Bools:
-    """Which blocks of residuals (B,) [K] are further from the median around them than six times what is usual or than
-    the `noise` (B,) [K] of each allows, and than 5 K."""
+    """Which blocks of residuals `y` (B,) [K] jump, by this rule; `noise` (B,) [K]: what each block's own allows."""
     away = np.abs(y - median_filter(y, AROUND, mode="nearest"))
     usual = np.maximum(MAD * float(np.median(away)), noise)
     found: Bools = away > np.maximum(FAR * usual, LEAST_K)

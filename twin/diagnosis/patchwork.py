@@ -20,7 +20,8 @@ def is_patchwork(terms: Sequence[tuple[Candidate, float]], network: Network) -> 
     if len(terms) < 2:
         return False
     first, *others = sorted(terms, key=lambda term: -term[1])
-    near = neighbourhood(nodes_of(first[0], network), network)
+    own = nodes_of(first[0], network)
+    near = own.union(*({link.a, link.b} for link in network.links if {link.a, link.b} & own))
     return sum(value for candidate, value in others if near & nodes_of(candidate, network)) >= NEEDS * first[1]
 
 
@@ -29,9 +30,3 @@ def nodes_of(candidate: Candidate, network: Network) -> frozenset[str]:
     if candidate.cause.kind not in OF_THE_MOTOR:
         return frozenset()
     return frozenset({name for place in candidate.places for name in place} & {node.name for node in network.nodes})
-
-
-def neighbourhood(nodes: frozenset[str], network: Network) -> frozenset[str]:
-    """The nodes and those that a link joins to one of them."""
-    joined = {end for link in network.links if {link.a, link.b} & nodes for end in (link.a, link.b)}
-    return frozenset((nodes | joined) & {node.name for node in network.nodes})

@@ -21,6 +21,8 @@ from twin.fitting.actions import Parameter
 from twin.fitting.model import Floats
 from twin.motor.network import NOBODY, Network
 
+Bools = NDArray[np.bool_]
+
 SMALLEST, LARGEST = 0.1, 1.0  # of the prior's own sd
 WEIGHT = 1.0  # well-determined members that the prior on a family's scale counts for, at the scale that it has
 ITERATIONS = 15
@@ -53,12 +55,7 @@ def family(parameter: Parameter, kind: Sequence[str]) -> str | None:
 
 
 def pooled_scales(
-    parameters: Sequence[Parameter],
-    free: NDArray[np.bool_],
-    kind: Sequence[str],
-    gram: Floats,
-    right: Floats,
-    more: Floats,
+    parameters: Sequence[Parameter], free: Bools, kind: Sequence[str], gram: Floats, right: Floats, more: Floats
 ) -> list[float]:
     """What to multiply the prior sd of every parameter by.
 

@@ -44,8 +44,13 @@ class ObservedSeries:
     columns: Array
 
 
+Every = Sequence[ObservedSeries]
+Noise = Mapping[str, ChannelNoise]  # by channel
+Floors = Mapping[str, tuple[float, float]]  # channel -> least fast and slow sd [K]
+
+
 def reml(
-    observed: Sequence[ObservedSeries], precision: Array, slowest_mode_s: float, rise_K: Mapping[str, float]
+    observed: Every, precision: Array, slowest_mode_s: float, rise_K: Mapping[str, float]
 ) -> dict[str, ChannelNoise]:
     """Noise of every channel of `observed`, a channel's variances shared by its sessions.
 
@@ -69,7 +74,7 @@ def reml(
     return _climb(observed, precision, best, floors, z, SECOND_PASS)
 
 
-def _check(observed: Sequence[ObservedSeries], precision: Array, rise_K: Mapping[str, float]) -> None:
+def _check(observed: Every, precision: Array, rise_K: Mapping[str, float]) -> None:
     for o in observed:
         if o.columns.shape != (len(o.e0), len(precision)):
             raise EvidenceError(
@@ -97,12 +102,7 @@ def _orthogonal_draws(p: int) -> Array:
 
 
 def _climb(
-    observed: Sequence[ObservedSeries],
-    precision: Array,
-    noise: Mapping[str, ChannelNoise],
-    floors: Mapping[str, tuple[float, float]],
-    z: Array,
-    steps: int,
+    observed: Every, precision: Array, noise: Noise, floors: Floors, z: Array, steps: int
 ) -> dict[str, ChannelNoise]:
     current = dict(noise)
     for _ in range(steps):
@@ -119,9 +119,7 @@ def _change(a: ChannelNoise, b: ChannelNoise) -> float:
     return float(max(abs(np.log(a.ar_sd / b.ar_sd)), abs(np.log(a.ou_sd / b.ou_sd))))
 
 
-def _normal_equations(
-    observed: Sequence[ObservedSeries], precision: Array, noise: Mapping[str, ChannelNoise]
-) -> tuple[Array, Array, float, float]:
+def _normal_equations(observed: Every, precision: Array, noise: Noise) -> tuple[Array, Array, float, float]:
     """Lower Cholesky factor of A'A + Lambda, A'e, e'e, ln|R|."""
     gram, right, square, log_r = np.diag(precision), np.zeros(len(precision)), 0.0, 0.0
     for _, group in itertools.groupby(observed, key=lambda o: o.series.session):
@@ -138,7 +136,7 @@ def _normal_equations(
     return cholesky(gram, lower=True), right, square, log_r
 
 
-def log_evidence(observed: Sequence[ObservedSeries], precision: Array, noise: Mapping[str, ChannelNoise]) -> float:
+def log_evidence(observed: Every, precision: Array, noise: Noise) -> float:
     """ln evidence, the prior on the slow discrepancy included, without -N ln(2 pi) / 2."""
     lower, right, square, log_r = _normal_equations(observed, precision, noise)
     fitted = solve_triangular(lower, right, lower=True)
@@ -147,9 +145,7 @@ def log_evidence(observed: Sequence[ObservedSeries], precision: Array, noise: Ma
     return float(log_prior) - 0.5 * float(log_r + log_parameters + square - fitted @ fitted)
 
 
-def _posterior_columns(
-    observed: Sequence[ObservedSeries], precision: Array, noise: Mapping[str, ChannelNoise], z: Array
-) -> list[Array]:
+def _posterior_columns(observed: Every, precision: Array, noise: Noise, z: Array) -> list[Array]:
     """For each series (B, 1 + q): the residual at the posterior mean and q columns of the posterior's spread."""
     lower, right, _, _ = _normal_equations(observed, precision, noise)
     beta = solve_triangular(lower, solve_triangular(lower, right, lower=True), lower=True, trans="T")
@@ -158,11 +154,7 @@ def _posterior_columns(
 
 
 def _channel_noise(
-    observed: Sequence[ObservedSeries],
-    columns: Sequence[Array],
-    channel: str,
-    start: ChannelNoise,
-    floor: tuple[float, float],
+    observed: Every, columns: Sequence[Array], channel: str, start: ChannelNoise, floor: tuple[float, float]
 ) -> ChannelNoise:
     """The two standard deviations that maximise the channel's expected likelihood."""
     own = [(o.series, x) for o, x in zip(observed, columns, strict=True) if o.series.channel == channel]

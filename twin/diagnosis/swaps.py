@@ -181,15 +181,6 @@ class _Record:
 
 
 @dataclass(frozen=True)
-class _Simulated:
-    """What the model would show at a channel in every block of a test, and its columns there, at their places."""
-
-    shown: Floats
-    at: Index
-    columns: Floats
-
-
-@dataclass(frozen=True)
 class _Piece:
     """A record read as one channel's: whitened columns A of the parameters `at`, A'A, A'e, e'e, ln|R|."""
 
@@ -212,7 +203,7 @@ class _Uncalibrated:
         tests = [replace(t, channels=read_throughout(every, len(t.frame.features))) for t in model.tests]
         whole = Model(model.network, tests, model.parameters)
         self.simulated = {
-            (part.series.session, part.series.channel): _Simulated(-part.series.y, part.at, part.columns)
+            (part.series.session, part.series.channel): part  # measured as 0: its residual is minus what is shown
             for part in whole.linearise(np.zeros(len(model.parameters)))
         }
         self.records: dict[tuple[int, str], _Record] = {}
@@ -244,7 +235,7 @@ class _Uncalibrated:
 
     def _piece(self, s: int, name: str, record: str, wrong: _Misreading) -> _Piece:
         simulated, kept, channel = self.simulated[s, name], self.records[s, record], self.sheet[name]
-        y = kept.means - wrong.factor * simulated.shown[kept.there] - wrong.offset
+        y = kept.means - wrong.factor * -simulated.series.y[kept.there] - wrong.offset
         samples = np.ones_like(y)  # one a block: beside kelvins a sensor's own noise is nothing
         series = Series(s, name, kept.t_s, y, samples, channel.white_sd, channel.resolution)
         e = whiten(series, COARSE, y[:, None])[:, 0]

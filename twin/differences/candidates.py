@@ -14,7 +14,6 @@ from itertools import combinations
 
 import numpy as np
 
-from twin.differences.bench import InputChannel
 from twin.differences.sizes import Sigma
 from twin.fitting import actions
 from twin.fitting.actions import Action
@@ -24,6 +23,17 @@ from twin.motor.network import Network, Term
 from twin.motor.paths import Place, links_with_groups, missing, terms_at
 from twin.motor.sensor import Sensor
 from twin.motor.sensor_laws import AMBIENT, SENSOR_LAWS, Exchange, Misreading
+
+Places = tuple[Place, ...]
+
+
+@dataclass(frozen=True)
+class InputChannel:
+    """What drives the model: a quantity such as `speed`, `current`, `flow`, or a boundary's name; and the bus that
+    stamps it."""
+
+    name: str
+    bus: str
 
 
 @dataclass(frozen=True)
@@ -53,7 +63,7 @@ class Candidate:
         return isinstance(self.action, actions.Course)
 
     @property
-    def places(self) -> tuple[Place, ...]:
+    def places(self) -> Places:
         """Where a cause of the motor acts: nodes, or both ends of links."""
         return tuple(tuple(name.split("-")) for name in self.members or (self.cause.place,))
 
@@ -143,12 +153,12 @@ def _losses(network: Network, features: frozenset[str]) -> Iterator[Candidate]:
             yield _added(network, Cause("loss", name, more.name), places, size, sign, more, own[0])
 
 
-def _shown(places: tuple[Place, ...]) -> tuple[str, ...]:
+def _shown(places: Places) -> tuple[str, ...]:
     """The `members` of a candidate that acts at these places: none where it is a single one."""
     return tuple("-".join(place) for place in places) if len(places) > 1 else ()
 
 
-def _of_whole_law(network: Network, cause: Cause, places: tuple[Place, ...], size: Sigma) -> Candidate:
+def _of_whole_law(network: Network, cause: Cause, places: Places, size: Sigma) -> Candidate:
     """A change of all terms at the places together: by one factor (law `scale`), with temperature, or from session to
     session. `size`: prior of what one more law there would add, which is that of the change with temperature."""
     terms = tuple(terms_at(network, place) for place in places)
@@ -163,13 +173,7 @@ def _of_whole_law(network: Network, cause: Cause, places: tuple[Place, ...], siz
 
 
 def _added(
-    network: Network,
-    cause: Cause,
-    places: tuple[Place, ...],
-    size: Sigma,
-    sign: int,
-    law: Monomial,
-    own: Sequence[Term] = (),
+    network: Network, cause: Cause, places: Places, size: Sigma, sign: int, law: Monomial, own: Sequence[Term] = ()
 ) -> Candidate:
     """One more law at the places. It follows copper's resistance as the place's `own` term of that law does."""
     like = next((term for term in own if product(term) == law), Term(1.0))

@@ -32,14 +32,9 @@ class DataFault:
 
 
 def data_faults(
-    current: Fit,
-    loaded: Sequence[Sequence[ChannelData]],
-    starts_ns: Sequence[int],
-    observed: Sequence[Sensor],
-    threshold: float,
+    current: Fit, loaded: Sequence[Sequence[ChannelData]], observed: Sequence[Sensor], threshold: float
 ) -> list[DataFault]:
-    """The faults with more evidence than the threshold, clearest first. `starts_ns`:
-    first edge of each session's frame."""
+    """The faults with more evidence than the threshold, clearest first; `loaded`: the channels of each session."""
     names = {c.name: c for c in observed}
     evidence: defaultdict[tuple[str, str], float] = defaultdict(float)
     lines: defaultdict[tuple[str, str], dict[int, str]] = defaultdict(dict)
@@ -49,7 +44,7 @@ def data_faults(
             used = {c.name for c in current.model.tests[s].channels}  # a sensor that is stuck throughout is left out
             if channel.spec.name not in names or channel.spec.name not in used or not len(channel.t_ns):
                 continue
-            for kind, value, words, share in _weighed(current, s, channel, found, starts_ns[s]):
+            for kind, value, words, share in _weighed(current, s, channel, found):
                 key = (channel.spec.name, kind)
                 evidence[key] += value
                 lines[key][s] = words
@@ -69,17 +64,16 @@ def data_faults(
 
 
 def _weighed(
-    current: Fit, s: int, channel: ChannelData, found: quality.ChannelQuality, start_ns: int
+    current: Fit, s: int, channel: ChannelData, found: quality.ChannelQuality
 ) -> Iterator[tuple[str, float, str, float]]:
     """(kind, ln evidence, words, share of samples) of what one channel of one session shows."""
-    name = channel.spec.name
+    name, start_ns = channel.spec.name, current.model.tests[s].start_ns
     t_s = (channel.t_ns - start_ns) / 1e9
     for kind in ("held", "stuck", "saturated"):
         some = [one for one in found.stretches if one.kind == kind]
         if some:
-            stretches = [
-                Stretch(kind, (x.start_ns - start_ns) / 1e9, (x.end_ns - start_ns) / 1e9, x.value) for x in some
-            ]
+            at_s = [((x.start_ns - start_ns) / 1e9, (x.end_ns - start_ns) / 1e9) for x in some]
+            stretches = [Stretch(kind, *ends, x.value) for ends, x in zip(at_s, some, strict=True)]
             value = fault_evidence(current, s, name, stretches, t_s, channel.value)
             masked = sum(x.last - x.first + 1 for x in some) / len(channel.t_ns)
             longest = quality.seconds(max(x.duration_s for x in some))

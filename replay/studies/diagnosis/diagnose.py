@@ -93,7 +93,7 @@ def _answered(question: Question, identity: str, tell: Tell) -> Diagnosis:
     found = find(campaign, model, swaps, tests, tell)
     naming, kept = found.naming, found.kept
     tell("weighing the data's own faults")
-    faults = data_faults(naming.final, campaign.loaded, campaign.starts_ns, campaign.observed, naming.threshold)
+    faults = data_faults(naming.final, campaign.loaded, campaign.observed, naming.threshold)
     causes = [named(naming, refit, question.train, kept) for refit in naming.accepted]
     causes += [named_swap(swap, kept) for swap in swaps]
     causes += [named_fault(fault, kept) for fault in faults]

@@ -15,8 +15,7 @@ from replay.engine.files.motor_file import read_motor
 from replay.engine.frame.observations import sensor_of
 from replay.errors import ReplayDataError
 from replay.studies.sessions.recorded import STEP_S, test_of
-from twin.differences.bench import InputChannel
-from twin.differences.candidates import Candidate, added_monomials, generate
+from twin.differences.candidates import Candidate, InputChannel, added_monomials, generate
 from twin.fitting.model import Test
 from twin.motor.configured import configured
 from twin.motor.features import Monomial
@@ -87,7 +86,6 @@ class Campaign:
     observed: tuple[Sensor, ...]
     inputs: tuple[InputChannel, ...]
     loaded: Sequence[Sequence[ChannelData]]
-    starts_ns: tuple[int, ...]
 
 
 def campaign_of(question: Question) -> Campaign:
@@ -97,15 +95,13 @@ def campaign_of(question: Question) -> Campaign:
     loaded = [load(question.store, question.facts, session) for session in question.train]
     observed, inputs = _channels(loaded, network, question.level)
     candidates = generate(network, observed, inputs)
-    given = {i.name for i in inputs}
-    ripple = [RIPPLE] if "current" in given and "current" in network.scale else []
+    ripple = [RIPPLE] if "current" in [i.name for i in inputs] and "current" in network.scale else []
     monomials = tuple(dict.fromkeys([*added_monomials(candidates), *ripple]))
     tests = tuple(
         _test(question, session, network, monomials, candidates, own)
         for session, own in zip(question.train, loaded, strict=True)
     )
-    starts = tuple(test.start_ns for test in tests)
-    return Campaign(network, tests, candidates, monomials, observed, inputs, loaded, starts)
+    return Campaign(network, tests, candidates, monomials, observed, inputs, loaded)
 
 
 def _channels(
@@ -144,9 +140,5 @@ def _test(
 ) -> Test:
     """A session as a test with all that the candidates need; `loaded`: its channels, where they are there already."""
     store, facts, level = question.store, question.facts, question.level
-    return test_of(store, facts, session, network, monomials, level, across(candidates), meters=True, loaded=loaded)
-
-
-def across(candidates: Sequence[Candidate]) -> tuple[str, ...]:
-    """The laws of candidates that change from session to session."""
-    return tuple(dict.fromkeys(c.cause.law for c in candidates if c.repeated))
+    across = tuple(dict.fromkeys(c.cause.law for c in candidates if c.repeated))
+    return test_of(store, facts, session, network, monomials, level, across, meters=True, loaded=loaded)

@@ -14,8 +14,7 @@ from made.motor import AMBIENT_DEGC, CHANNELS, COOLANT_DEGC, SINGLE, every_law, 
 from twin.diagnosis import naming
 from twin.diagnosis.naming import Naming, scored, search, with_refits
 from twin.diagnosis.posterior_mode import rises, slowest_mode_s
-from twin.differences.bench import InputChannel
-from twin.differences.candidates import Candidate, added_monomials, generate
+from twin.differences.candidates import Candidate, InputChannel, added_monomials, generate
 from twin.differences.everyday import everyday
 from twin.differences.proposals import Proposals
 from twin.errors import DivergedError

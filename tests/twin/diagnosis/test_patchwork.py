@@ -6,8 +6,7 @@ import pytest
 
 from made.motor import CHANNELS, SINGLE, every_law
 from twin.diagnosis.patchwork import is_patchwork, nodes_of
-from twin.differences.bench import InputChannel
-from twin.differences.candidates import generate
+from twin.differences.candidates import InputChannel, generate
 from twin.motor.sensor import Sensor
 
 CANDIDATES = {

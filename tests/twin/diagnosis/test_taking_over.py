@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 
 from made.motor import every_law, pulses, recorded
 from twin.diagnosis.taking_over import taken_over
-from twin.differences.bench import InputChannel
-from twin.differences.candidates import Candidate, added_monomials, generate
+from twin.differences.candidates import Candidate, InputChannel, added_monomials, generate
 from twin.differences.everyday import everyday
 from twin.differences.proposals import Proposals
 from twin.fitting import actions

@@ -17,8 +17,7 @@ from twin.diagnosis.naming import Refit, Round
 from twin.diagnosis.next_tests import as_test, menu
 from twin.diagnosis.posterior_mode import stacked
 from twin.diagnosis.told_apart import STANDS_OUT, _Recorded, separating_test, telling_test, told_apart
-from twin.differences.bench import InputChannel
-from twin.differences.candidates import Candidate, added_monomials, generate
+from twin.differences.candidates import Candidate, InputChannel, added_monomials, generate
 from twin.differences.everyday import everyday, of_test
 from twin.differences.proposals import Proposals
 from twin.differences.sizes import Sigma

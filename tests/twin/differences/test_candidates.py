@@ -9,8 +9,7 @@ import pytest
 
 from benchmarks.integrator import motor
 from twin.diagnosis.evidence import prior_masses
-from twin.differences.bench import InputChannel
-from twin.differences.candidates import Candidate, added_monomials, generate, sensor_place
+from twin.differences.candidates import Candidate, InputChannel, added_monomials, generate, sensor_place
 from twin.differences.sizes import Scales, Sigma
 from twin.fitting import actions
 from twin.motor.causes import groups, parse, says

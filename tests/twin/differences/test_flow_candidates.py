@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from twin.differences.bench import InputChannel
-from twin.differences.candidates import added_monomials, generate
+from twin.differences.candidates import InputChannel, added_monomials, generate
 from twin.fitting.actions import InputBias, InputGain
 from twin.motor.network import Boundary, Link, Network, Node, Source, Term
 from twin.motor.sensor import Sensor

@@ -9,8 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from made.motor import CHANNELS, SINGLE, every_law, pulses, recorded
-from twin.differences.bench import InputChannel
-from twin.differences.candidates import Candidate, added_monomials, generate
+from twin.differences.candidates import Candidate, InputChannel, added_monomials, generate
 from twin.differences.everyday import mean_conductances, mean_loss_W
 from twin.differences.proposals import Proposals, scales
 from twin.fitting import actions

@@ -31,8 +31,7 @@ from replay.engine.files.motor_file import read_motor
 from replay.engine.files.motor_text import written
 from replay.engine.files.network_text import network_text
 from twin.calibration.learned import network_of
-from twin.differences.bench import InputChannel
-from twin.differences.candidates import Candidate, added_monomials, generate
+from twin.differences.candidates import Candidate, InputChannel, added_monomials, generate
 from twin.differences.proposals import Proposals
 from twin.fitting.fit import Fit
 from twin.fitting.model import Model
