@@ -96,7 +96,7 @@ def _first_term(campaign: Campaign, model: Model) -> Answer:
     leading = tuple((str(r.candidate.cause), r.log_bayes_factor) for r in found.refits)
     if heat > max(THRESHOLD, float(found.scores.log_bayes_factor.max())):
         return Answer("unknown", log_bf=heat, leading=leading)
-    best = max((r for r in found.refits if r.possible), key=lambda r: r.log_bayes_factor, default=None)
+    best = found.best
     if best is None or best.log_bayes_factor <= max(THRESHOLD, found.null):
         return Answer("", leading=leading)
     same = tuple(str(m.candidate.cause) for m in told_apart(found, best.candidate, heat).others)

@@ -9,7 +9,7 @@ from typing import assert_never
 
 import numpy as np
 
-from twin.differences.proposals import between
+from twin.differences.proposals import between, courses
 from twin.fitting import actions
 from twin.fitting.actions import Parameter
 from twin.fitting.fit import Fit, Floats
@@ -150,10 +150,7 @@ def _straight(found: Fit, slopes: Mapping[int, Sequence[_Slope]]) -> dict[int, _
     if not slopes:
         return {}
     model, network = found.model, found.model.network
-    runs = [model.course(s, found.beta) for s in range(len(model.tests))]
-    outside = np.concatenate([test.frame.boundaries for test in model.tests])
-    t = np.hstack([np.concatenate([means for _, means, _ in runs]), outside])
-    carried = np.concatenate([values for _, _, values in runs])
+    t, carried = courses(model, found.beta)
     result = {}
     for i, own in slopes.items():
         term = list(features.terms(network))[i]
@@ -237,7 +234,7 @@ def _scaled_W(found: Fit, action: actions.Action, factor: float) -> float | None
     first = sum(len(link.terms) for link in found.model.network.links)
     if min(action.terms) < first:
         return None
-    return float(_carried(found)[:, list(action.terms)].sum(axis=1).mean() * (1 - 1 / factor))
+    return float(courses(found.model, found.beta)[1][:, list(action.terms)].sum(axis=1).mean() * (1 - 1 / factor))
 
 
 def _shares(found: Fit, parameter: Parameter) -> Floats:
@@ -249,15 +246,10 @@ def _shares(found: Fit, parameter: Parameter) -> Floats:
         own = other.action
         match action:
             case actions.Scale(terms) if isinstance(own, actions.Scale) and set(own.terms) <= set(terms):
-                means = np.abs(_carried(found)).mean(axis=0)
+                means = np.abs(courses(found.model, found.beta)[1]).mean(axis=0)
                 weights[p] = sum(means[i] for i in own.terms) / sum(means[i] for i in terms)
             case actions.Capacity(nodes) if isinstance(own, actions.Capacity) and set(own.nodes) <= set(nodes):
                 weights[p] = len(own.nodes) / len(nodes)
             case _ if isinstance(action, actions.OnBench) and own == action:
                 weights[p] = 1.0 if other.test is None else 1.0 / tests
     return weights
-
-
-def _carried(found: Fit) -> Floats:
-    """What every term carries in every step of the tests (N, terms) [W or W/K]."""
-    return np.concatenate([found.model.course(s, found.beta)[2] for s in range(len(found.model.tests))])

@@ -84,6 +84,11 @@ class Round:
     refits: tuple[Refit, ...]
     dropped: tuple[str, ...]
 
+    @property
+    def best(self) -> Refit | None:
+        """The best of the refits that are possible."""
+        return max((r for r in self.refits if r.possible), key=lambda r: r.log_bayes_factor, default=None)
+
     def order(self) -> list[int]:
         """Candidates, best linear score first."""
         return [int(i) for i in np.argsort(-self.scores.log_bayes_factor, kind="stable")]
@@ -131,7 +136,7 @@ def search(
     rounds = [with_refits(first, tell)]
     accepted: list[tuple[Candidate, Parameter]] = []
     while True:
-        best = max((r for r in rounds[-1].refits if r.possible), key=lambda r: r.log_bayes_factor, default=None)
+        best = rounds[-1].best
         if best is None or best.log_bayes_factor <= max(threshold, rounds[-1].null) or len(accepted) == MOST_TERMS:
             break
         accepted.append((best.candidate, best.parameter))
@@ -200,14 +205,12 @@ def _went_on(current: Fit, begun: Refit) -> Refit:
     so_far = begun.fit.linearisations
     found = fit(begun.fit.model, begun.fit.beta, NEAR_ENOUGH, REFIT_LINEARISATIONS - so_far)
     used = so_far + found.linearisations if found.converged else REFIT_LINEARISATIONS
-    return _compared(
-        replace(found, linearisations=used), current, begun.candidate, begun.parameter, len(found.beta) - 1
-    )
+    whole = replace(found, linearisations=used)
+    return _compared(whole, current, begun.candidate, begun.parameter, len(found.beta) - 1)
 
 
 def _compared(found: Fit, without: Fit, candidate: Candidate, parameter: Parameter, place: int) -> Refit:
-    """A term's refit with its ln BF, by Laplace's approximation on both sides; half-normal prior where it has a
-    sign."""
+    """The refit of a term: ln BF by Laplace's approximation of both fits, a half-normal prior where it has a sign."""
     sd = float(np.sqrt(np.linalg.inv(found.hessian)[place, place]))
     amplitude = float(found.beta[place])
     gain = found.log_evidence - without.log_evidence

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from twin.differences.candidates import Candidate
-from twin.differences.proposals import Proposals
+from twin.differences.proposals import Proposals, courses
 from twin.fitting import actions
 from twin.fitting.actions import Parameter
 from twin.fitting.fit import Fit
@@ -58,8 +58,7 @@ def _mean(model: Model, beta: Floats, terms: set[int]) -> float:
     """Mean of the terms together over the tests [W or W/K]."""
     if not terms:
         return 0.0
-    values = np.concatenate([model.course(s, beta)[2] for s in range(len(model.tests))])
-    return float(values[:, sorted(terms)].sum(axis=1).mean())
+    return float(courses(model, beta)[1][:, sorted(terms)].sum(axis=1).mean())
 
 
 def _same_done(current: Fit, action: actions.Action) -> tuple[Floats, float]:

@@ -24,10 +24,7 @@ class Proposals:
     def __init__(self, model: Model, beta: Floats) -> None:
         self.model, self.network, self.tests = model, model.network, model.tests
         self.scales = scales(self.network, self.tests)
-        runs = [model.course(s, beta) for s in range(len(self.tests))]
-        self._values = np.concatenate([values for _, _, values in runs])
-        outside = np.concatenate([t.frame.boundaries for t in self.tests])
-        self._temperatures = np.hstack([np.concatenate([means for _, means, _ in runs]), outside])
+        self._temperatures, self._values = courses(model, beta)
 
     def parameter(self, candidate: Candidate) -> Parameter:
         """The candidate as a parameter that is 0, with the sd of its prior. It is held to its sign where it has one; a
@@ -79,6 +76,15 @@ class Proposals:
             references.append(float(at.mean()))
             sizes.append(float(np.sqrt(np.mean((self._values[:, list(own)].sum(axis=1) * (at - at.mean())) ** 2))))
         return replace(tilt, references=tuple(references)), 1.0 / max(float(np.mean(sizes)), 1e-12)
+
+
+def courses(model: Model, beta: Floats) -> tuple[Floats, Floats]:
+    """Over the steps of all tests: the temperature of every node and boundary (N, n + b) [degC], and what every term
+    carries (N, terms) [W or W/K]."""
+    runs = [model.course(s, beta) for s in range(len(model.tests))]
+    outside = np.concatenate([test.frame.boundaries for test in model.tests])
+    means, values = (np.concatenate([run[i] for run in runs]) for i in (1, 2))
+    return np.hstack([means, outside]), values
 
 
 def between(t: Floats, place: actions.Place) -> Floats:

@@ -113,13 +113,8 @@ def place_of(final: Fit, refit: Refit) -> int:
 
 def _entered(naming: Naming, candidate: Candidate) -> Round:
     """The round in which a term was let in."""
-    led = (one for one in naming.rounds if (best := _best(one)) and best.candidate == candidate)
+    led = (one for one in naming.rounds if (best := one.best) and best.candidate == candidate)
     return next(led, naming.rounds[0])
-
-
-def _best(one: Round) -> Refit | None:
-    """The best possible refit of a round."""
-    return max((r for r in one.refits if r.possible), key=lambda r: r.log_bayes_factor, default=None)
 
 
 def _largest_effect(final: Fit, place: int) -> tuple[float, str, int, float]:
@@ -173,7 +168,7 @@ def rivals(naming: Naming, refused: Sequence[tuple[Refit, str]]) -> list[Rival]:
 
 def _why_not(naming: Naming, one: Round, refit: Refit) -> str:
     """Why a candidate that was refitted in a round was not let in."""
-    best, last = _best(one), one is naming.rounds[-1]
+    best, last = one.best, one is naming.rounds[-1]
     ahead = best.log_bayes_factor if best else 0.0
     share = abs(refit.amplitude) / refit.parameter.sd
     if not refit.ended:
@@ -192,7 +187,7 @@ def _why_not(naming: Naming, one: Round, refit: Refit) -> str:
 def suspected_test(naming: Naming) -> str | None:
     """The test after which the best candidate that nothing was named for would stand out, if it is there; None without
     one."""
-    best = _best(naming.rounds[0])
+    best = naming.rounds[0].best
     test = telling_test(naming.rounds[0], best.candidate) if best and not naming.accepted else None
     return f"{test}: it would show whether {best.candidate.cause} is there" if best and test else None
 
