@@ -1,5 +1,4 @@
-"""How far what is not known of a motor's coefficients and capacities moves the temperature of each node over recorded
-tests.
+"""How far a motor's uncertain coefficients and capacities may move the temperature of each node over recorded tests.
 
 The paper's sensitivities (its section 3.1): the exact derivative of every node's temperature by every parameter's
 logarithm, here times the parameter's prior standard deviation, so that a well-known loss and a guessed film are
@@ -27,9 +26,8 @@ ROWS = 256  # that are multiplied with the parameters' covariance at a time
 
 @dataclass(frozen=True)
 class Influence:
-    """How far each parameter moves each node of `network` over `tests`: `parameters` (P,) of the motor; `per_sd_K` (P,
-    n), the root mean square over all blocks of the tests of how far one prior standard deviation of the parameter moves
-    the node [K]."""
+    """How far each of the motor's `parameters` (P,) moves each node of `network` over `tests`: `per_sd_K` (P, n) [K] by
+    one prior standard deviation, root mean square over all blocks of the tests."""
 
     network: Network
     tests: tuple[Test, ...]
@@ -42,7 +40,7 @@ class Influence:
         return tuple(node.name for node in self.network.nodes)
 
     def order(self, nodes: Sequence[int]) -> list[int]:
-        """Places of all parameters, that which moves one of these nodes most first."""
+        """Places of all parameters; first the one that moves any of these nodes most."""
         return [int(i) for i in np.argsort(-self.per_sd_K[:, list(nodes)].max(axis=1), kind="stable")]
 
     def unknown_K(self, precisions: Sequence[Floats]) -> Floats:
@@ -81,7 +79,7 @@ def columns(network: Network, test: Test) -> Iterator[Floats]:
 
 
 def _mean(network: Network, tests: Sequence[Test], of: Callable[[Floats], Floats]) -> Floats:
-    """What `of` adds up to over some blocks, as a mean over all blocks of all tests, two of which are run at a time."""
+    """Mean over all blocks of all tests of what `of` sums over some of them; two tests are run at a time."""
 
     def summed(test: Test) -> tuple[Floats, int]:
         total, count = np.zeros(()), 0

@@ -1,5 +1,4 @@
-"""Profile likelihood of one parameter of a fit: what the data alone say of it, everything else fitted anew at each
-value.
+"""Profile likelihood of one parameter of a fit: what the data alone say of it, all else fitted anew at each value.
 
 A standard deviation takes the likelihood for a parabola and adds what was known beforehand. The profile does neither:
 it is the least misfit at each value, without the parameter's own prior, and its 95 % interval is where twice the misfit
@@ -25,9 +24,8 @@ STEPS = 12  # outwards and back, of the search for an end
 
 @dataclass(frozen=True)
 class Profile:
-    """The profile of one logarithm: its `best` value; `low` and `high`, ends of the 95 % interval, None where the data
-    do not bound it; `values` (K,) all values tried, rising, and `rise` (K,) twice the misfit of each above that of the
-    best."""
+    """The profile of one logarithm: its `best` value; `low` and `high`, ends of the 95 % interval (None: the data do
+    not bound it); all `values` (K,) tried, in order, and `rise` (K,), twice the misfit of each above the best's."""
 
     name: str
     best: float

@@ -1,8 +1,8 @@
-"""How uncertain a run is at single places and times, by what is not known of its network and of its start.
+"""How uncertain a run is at single places and times, as its network and its start are not known exactly.
 
 The exact derivatives of a node's block mean by every ln coefficient, ln capacity and initial temperature
-(`twin.fitting.responses`), times their covariance: linear, so good as long as what is not known moves the node by
-little. Errors of the network's form, of the inputs and of the boundaries are not in it.
+(`twin.fitting.responses`) are multiplied with the covariance of these: linear, so good as long as what is not known
+moves the node by little. Errors of the network's form, of inputs and of boundaries are not in it.
 """
 
 from __future__ import annotations

@@ -58,13 +58,10 @@ def menu(network: Network, tests: Sequence[Test]) -> tuple[Proposed, ...]:
     for share in (SLOW_SHARE, FAST_SHARE):
         s1 = f"S1 at {rpm(share)} and {amount(usual)}, 60 min"
         s2 = f"S2 pulses of {PULSE_S:.0f} s at {rpm(share)} and {amount(most)}, 60 min"
-        found += [
-            Proposed(s1, share * top * ones, usual * ones, ones),
-            Proposed(s2, share * top * ones, pulses, ones),
-        ]
-    found.append(
-        Proposed(f"spin-down from {rpm(1.0)} without {load}, 20 min", coasting, 0 * third, np.ones_like(third))
-    )
+        speed = share * top * ones
+        found += [Proposed(s1, speed, usual * ones, ones), Proposed(s2, speed, pulses, ones)]
+    spin_down = f"spin-down from {rpm(1.0)} without {load}, 20 min"
+    found.append(Proposed(spin_down, coasting, 0 * third, np.ones_like(third)))
     if load == "current":
         found.append(Proposed(f"DC at standstill with {amount(usual)}, 60 min", 0 * ones, usual * ones, ones))
     if any(name.startswith("flow") for name in tests[0].inputs):
@@ -106,9 +103,8 @@ def _inputs(tests: Sequence[Test], proposed: Proposed) -> dict[str, Floats]:
     load = str(load_of(tests))
     shared = [name for name in tests[0].inputs if all(name in t.inputs for t in tests)]
     seen = {name: np.concatenate([t.inputs[name] for t in tests]) for name in shared}
-    _, nearest = cKDTree(np.column_stack([seen["speed"], seen[load]])).query(
-        np.column_stack([proposed.speed, proposed.load])
-    )
+    recorded = cKDTree(np.column_stack([seen["speed"], seen[load]]))
+    _, nearest = recorded.query(np.column_stack([proposed.speed, proposed.load]))
     found = {name: values[nearest] for name, values in seen.items()}
     for name in shared:
         if name.startswith("flow"):

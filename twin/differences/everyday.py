@@ -137,21 +137,19 @@ def _form(term: Term) -> tuple[object, ...]:
 
 
 def _exponents(network: Network) -> Iterator[Parameter]:
-    """Of films; those of losses are in the maps."""
+    """The exponents of films, which are fits; what those of losses have wrong is in the maps."""
     links, _ = terms_of(network)
     terms = list(features.terms(network))
     for name, members in alike_links(network).items():
         for both in zip(*(links[m] for m in members), strict=True):
             for feature, exponent in terms[both[0]].exponents.items():
                 if not feature.startswith("hours") and exponent:
-                    sd = EXPONENT_SHARE * abs(exponent)
-                    yield Parameter(
-                        f"conductance.{name}.{feature}", actions.Power(both, feature), sd, low=-0.8, high=0.8
-                    )
+                    power, sd = actions.Power(both, feature), EXPONENT_SHARE * abs(exponent)
+                    yield Parameter(f"conductance.{name}.{feature}", power, sd, low=-0.8, high=0.8)
 
 
 def _film_slopes(network: Network, tests: Sequence[Test]) -> Iterator[Parameter]:
-    """Air conducts better when warm, and radiation and free convection grow with temperature."""
+    """Films change with temperature: air conducts better when warm, radiation and free convection grow."""
     links, _ = terms_of(network)
     regions = {node.name: node.region for node in network.nodes}
     initial = np.mean([test.initial for test in tests], axis=0)

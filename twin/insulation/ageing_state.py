@@ -1,9 +1,8 @@
 """The state of a specimen's insulation: a Kalman filter over its checks, from session to session as its dose grows.
 
-State: the logarithm of the conductance over that of the new specimen, g, and its rate r per 100 h; beside them the
-level of the check itself, m = ln R of the new specimen, of which nothing is known before the first check. A check reads
-ln R = m - g. Between doses g grows by r times the heat that counts (`Ageing.counting_100h`) and wanders besides: no
-specimen keeps to its rate.
+The state is g, the logarithm of the conductance over that of the new specimen; its rate r per 100 h; and m = ln R of
+the new specimen, of which nothing is known before the first check. A check reads ln R = m - g. Between doses g grows by
+r times the dose that counts (`Ageing.counting_100h`), and wanders besides, as no specimen keeps to its rate.
 
 R. E. Kalman, J. Basic Eng. 82 (1960) 35, doi:10.1115/1.3662552; the smoother: H. E. Rauch, F. Tung, C. T. Striebel,
 AIAA J. 3 (1965) 1445, doi:10.2514/3.3166.
@@ -30,8 +29,8 @@ READS = np.array([1.0, -1.0, 0.0])  # m, g, r -> ln R
 
 @dataclass(frozen=True)
 class Check:
-    """An evaluated check: hours of dose behind it, the logarithm of its thermal resistance, and the sd of that,
-    repeatability included."""
+    """An evaluated check: the dose before it [h], and the logarithm of its thermal resistance with its sd, in which
+    repeatability is included."""
 
     dose_h: float
     ln_resistance: float
@@ -57,7 +56,7 @@ class State:
 
 
 def filtered(checks: Sequence[Check], law: Ageing) -> tuple[State, ...]:
-    """The state behind each check, from this and the earlier ones. `checks` in the order of their doses; `law`: what is
+    """The state after each check, from this and the earlier ones. `checks` in the order of their doses; `law`: what is
     known of the rate beforehand. ValueError where a dose falls, or an sd is not above 0."""
     found = list[State]()
     mean, covariance = np.array([0.0, 0.0, law.rate]), np.diag([0.0, 0.0, law.rate_sd**2])

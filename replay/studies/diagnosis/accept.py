@@ -1,5 +1,4 @@
-"""A diagnosis accepted: its extended model and bench file become the current ones. A fact of its own, and a person's
-word."""
+"""A diagnosis accepted, by a person's word and as a fact of its own: its new files become the current ones."""
 
 from __future__ import annotations
 
