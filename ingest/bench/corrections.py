@@ -202,18 +202,18 @@ def _by_name(pairs: Iterable[tuple[str | None, int]]) -> dict[str, list[int]]:
 
 
 def _sensors(channels: Sequence[Channel]) -> dict[str, list[int]]:
-    """Every name that a sensor may go by -> those that go by it: `node@signal`,
-    and the bare node of those that follow it most, by more than half."""
+    """Every name that a sensor may go by -> those that go by it: `node@signal` of every node that it follows a part of,
+    so that a correction still finds its sensor when the shares are learnt anew; and the bare node of those that follow
+    it most, of the sensors that follow no other node more."""
     names: list[tuple[str | None, int]] = []
     nearest: dict[str, list[tuple[float, int]]] = {}
     for i, channel in enumerate(channels):
         if _is_temperature(channel) and channel.role != "input" and (channel.node or channel.weights):
             shares = channel.weights or {str(channel.node): 1.0}
-            node = max(shares, key=lambda name: shares[name])
             signals = {spelt(channel.name), spelt(channel.signal or channel.name)}
-            names += [(f"{node}@{signal}", i) for signal in sorted(signals)]
-            if shares[node] > 0.5:
-                nearest.setdefault(node, []).append((shares[node], i))
+            names += [(f"{node}@{signal}", i) for node in shares for signal in sorted(signals)]
+            first = max(shares, key=lambda name: shares[name])
+            nearest.setdefault(first, []).append((shares[first], i))
     for node, own in nearest.items():
         most = max(share for share, _ in own)
         names += [(node, i) for share, i in own if share == most]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -99,6 +100,8 @@ class KeptGain:
     outside_trained_share: float
     rms_inside_K: list[float] = field(default_factory=list)
     rms_outside_K: list[float] = field(default_factory=list)
+    mae_recorded_K: dict[str, float] = field(default_factory=dict)
+    reading_moved_K: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -113,9 +116,10 @@ class Masked:
 
 @dataclass(frozen=True, kw_only=True)
 class Diagnosis:
-    """The whole answer. Models are ids: `model` as published, `recalibrated_model` without a new term, `extended_model`
-    with the improved causes (None where nothing is to be added); `recalibrated_bench` and `extended_bench` are the
-    versions of the bench file that go with them (None where it stays as it is).
+    """The whole answer. Models are ids: `model` as published, `recalibrated_model` without a new term (None where it is
+    worse on the kept sessions than the file as published), `extended_model` with the improved causes (None where
+    nothing is to be added); `recalibrated_bench` and `extended_bench` are the versions of the bench file that go with
+    them (None where it stays as it is).
 
     `candidates` tried, `steps` simulated once over training, `null_log_bayes_factor` the 95 % quantile of the best of
     them on data that hold none, `threshold` what a term must exceed; `log_score_gain` of kept sessions with its lower
@@ -151,6 +155,13 @@ class Diagnosis:
     next_test: str | None
     seconds: float
     recalibrated_bench: str | None = None
+    why_no_files: str | None = None  # what a file could not say, where that left the answer without its files
+
+
+def calibration_is_worse(gain: Sequence[KeptGain]) -> bool:
+    """Whether the recalibrated model is further off on the kept sessions than the file as published, in the mean over
+    the nodes."""
+    return sum(one.mae_before_K for one in gain) > sum(one.published_mae_K for one in gain)
 
 
 def document(diagnosis: Diagnosis, provenance: dict[str, Any]) -> dict[str, Any]:

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+from ingest.errors import IngestError
 from ingest.facts.events import (
     CauseNamed,
     DiagnosisCompleted,
@@ -23,10 +24,11 @@ from ingest.facts.store import Store
 from replay.engine.files.bench_versions import MADE, with_bench_of
 from replay.engine.runs.identity import run_id
 from replay.engine.runs.sources import code_of
-from replay.errors import ReplayDataError
+from replay.errors import MotorFileError, ReplayDataError
 from replay.studies.characterise.calibrate import common_model
-from replay.studies.diagnosis.answer import Diagnosis, document, read
+from replay.studies.diagnosis.answer import Diagnosis, calibration_is_worse, document, read
 from replay.studies.diagnosis.answer_parts import named, rivals, shown, suspected_test, unknown_heat
+from replay.studies.diagnosis.as_recorded import as_recorded, measured_as_recorded, said_wrong
 from replay.studies.diagnosis.data_faults import data_faults
 from replay.studies.diagnosis.extension import Version, version
 from replay.studies.diagnosis.named_faults import left_out, masked, named_fault, named_swap
@@ -36,6 +38,7 @@ from replay.studies.sessions.fitting import fitting
 from twin.diagnosis.refined import Tell
 from twin.diagnosis.swaps import misread, scan
 from twin.differences.everyday import everyday
+from twin.errors import TwinError
 from twin.fitting.model import Model
 
 
@@ -91,17 +94,21 @@ def _answered(question: Question, identity: str, tell: Tell) -> Diagnosis:
         opened = HeldOutOpened(diagnosis=identity, sessions=[s.session for s in question.kept])
         question.store.ledger.append(f"diagnosis-{identity}", opened)
     found = find(campaign, model, swaps, tests, tell)
-    naming, kept = found.naming, found.kept
+    naming = found.naming
+    tell("writing the models")
+    files, why_no_files = _files(question, campaign, found, identity)
+    kept = found.kept
+    if kept is not None:
+        runs = {when: as_recorded(question, one, tests) for when, one in files.items()}
+        kept = measured_as_recorded(kept, tests, runs, said_wrong(found.base, naming.final))
     tell("weighing the data's own faults")
     faults = data_faults(naming.final, campaign.loaded, campaign.observed, naming.threshold)
     causes = [named(naming, refit, question.train, kept) for refit in naming.accepted]
     causes += [named_swap(swap, kept) for swap in swaps]
     causes += [named_fault(fault, kept) for fault in faults]
     causes.sort(key=lambda cause: -cause.log_bayes_factor)
-    tell("writing the models")
-    note = f"Recalibrated by diagnosis {identity}."
-    recalibrated = version(question, campaign, found.base, (), (), note)
-    extended = _extended(question, campaign, found, identity)
+    recalibrated = None if kept and calibration_is_worse(kept.gain) else files.get("before")
+    extended = files.get("after") if kept and kept.improved else None
     last = naming.rounds[-1]
     return Diagnosis(
         diagnosis=identity,
@@ -118,8 +125,8 @@ def _answered(question: Question, identity: str, tell: Tell) -> Diagnosis:
         rivals=rivals(naming, found.refused),
         unknown=[unknown_heat(heat, network, naming.patchwork) for heat in found.unknown],
         masked=[*masked(question, faults), *left_out(question, campaign)],
-        recalibrated_model=recalibrated.motor,
-        recalibrated_bench=recalibrated.bench,
+        recalibrated_model=recalibrated.motor if recalibrated else None,
+        recalibrated_bench=recalibrated.bench if recalibrated else None,
         extended_model=extended.motor if extended and extended.motor != question.model else None,
         extended_bench=extended.bench if extended else None,
         gain=list(kept.gain) if kept else [],
@@ -133,12 +140,28 @@ def _answered(question: Question, identity: str, tell: Tell) -> Diagnosis:
         threshold=naming.threshold,
         next_test=next((c.separating_test for c in causes if c.separating_test), None) or suspected_test(naming),
         seconds=0.0,
+        why_no_files=why_no_files,
     )
 
 
+def _files(
+    question: Question, campaign: Campaign, found: Found, identity: str
+) -> tuple[dict[str, Version], str | None]:
+    """The versions as `published`, recalibrated (`before`), and with what was named (`after`), where a file can say
+    that; and why there are none of the last two, where it cannot: what was found is said all the same."""
+    files = {"published": Version(question.model, None)}
+    try:
+        note = f"Recalibrated by diagnosis {identity}."
+        files["before"] = version(question, campaign, found.base, (), (), note)
+        extended = _extended(question, campaign, found, identity)
+    except (IngestError, MotorFileError, TwinError) as error:
+        return files, str(error)
+    return (files | {"after": extended} if extended else files), None
+
+
 def _extended(question: Question, campaign: Campaign, found: Found, identity: str) -> Version | None:
-    """The extended motor and bench file, where the kept sessions got better."""
-    if found.kept is None or not found.kept.improved:
+    """The extended motor and bench file, to be measured on the kept sessions."""
+    if found.kept is None:
         return None
     named = [str(refit.candidate.cause) for refit in found.naming.accepted if not refit.candidate.repeated]
     named += [str(swap.candidate.cause) for swap in found.swaps]

@@ -51,11 +51,14 @@ def version(
     if parent is None:
         return Version(motor, None)
     own = readings(fit, places)
-    amounts = {str(swap.candidate.cause): 1.0 for swap in swaps}
+    learnt = [replace(c, weights=own.weights.get(c.name, c.weights)) for c in campaign.observed]
+    sensors = _sensors(learnt, swaps)
+    amounts = {_exchange(swap, learnt): 1.0 for swap in swaps}
     for place, refit in places.items():
         if refit.candidate.cause.kind not in OF_THE_MOTOR:
-            amounts[str(refit.candidate.cause)] = size(fit, place, refit.candidate.unit).value
-    sensors = _sensors(campaign.observed, swaps)
+            action = fit.model.parameters[place].action
+            assert isinstance(action, actions.OnBench)
+            amounts[_cause(action, network, campaign, sensors)] = size(fit, place, refit.candidate.unit).value
     healthy = {_cause(action, network, campaign, sensors): amount for action, amount in own.errors.items()}
     amounts |= {cause: float(f"{amount:.{DIGITS}g}") for cause, amount in healthy.items()}
     before = store.archive.read(parent.sha256)
@@ -63,13 +66,20 @@ def version(
     return Version(motor, store.archive.seal(text) if text != before else None)
 
 
-def _sensors(observed: Sequence[Sensor], swaps: Sequence[Swap]) -> dict[str, str]:
+def _exchange(swap: Swap, learnt: Sequence[Sensor]) -> str:
+    """The id of the correction that exchanges two sensors, by the places that their channels have before."""
+    places = {c.name: sensor_place(c, learnt) for c in learnt}
+    return f"sensor.{places[swap.pair.channel]}.swap_{places[swap.pair.other]}"
+
+
+def _sensors(learnt: Sequence[Sensor], swaps: Sequence[Swap]) -> dict[str, str]:
     """Channel -> place in the ids of corrections, below those of the exchanges: what was learnt of a sensor's place is
-    then read by the other channel."""
-    other = {c.name: c.name for c in observed}
+    then read by the other channel. `learnt`: the sensors with the weights that the new bench file gives them, as a
+    correction is found by what a sensor follows there."""
+    other = {c.name: c.name for c in learnt}
     for swap in swaps:
         other |= {swap.pair.channel: swap.pair.other, swap.pair.other: swap.pair.channel}
-    crossed = {c.name: replace(c, name=other[c.name]) for c in observed}
+    crossed = {c.name: replace(c, name=other[c.name]) for c in learnt}
     return {name: sensor_place(c, list(crossed.values())) for name, c in crossed.items()}
 
 

@@ -115,8 +115,7 @@ def _gain(
     for trio in zip(*(one.predictions for one in found), strict=True):
         channel = next((c for c in kept[trio[0].test].channels if c.name == trio[0].channel), None)
         if channel is not None:  # no meter, whose rows are no temperatures
-            weights = channel.output.weights
-            nodes[followed(weights) or " + ".join(weights)].append(trio)
+            nodes[node_of(channel)].append(trio)
     outside = _outside_trained(train, kept)
     over = len(kept) >= OVER_SESSIONS
     gains = []
@@ -137,6 +136,12 @@ def _gain(
             )
         )
     return tuple(gains)
+
+
+def node_of(channel: RecordedChannel) -> str:
+    """The node that a channel follows by more than half, else all that it follows."""
+    weights = channel.output.weights
+    return followed(weights) or " + ".join(weights)
 
 
 def _interval(trios: Sequence[Trio], block_s: float, over: bool) -> tuple[float, float]:

@@ -113,6 +113,7 @@ def test_corrections_are_read_with_cause_amount_and_line() -> None:
         ("sensor.magnet@can1_Temps_MAG_1.drift", [MAG_1]),
         ("sensor.magnet@MAG_2.stem", [MAG_2]),
         ("sensor.endwinding_a@EW_gap.bias", [GAP]),
+        ("sensor.air_a@EW_gap.bias", [GAP]),
         ("boundary.coolant.bias", [INLET]),
         ("input.current.gain", [CURRENT]),
         ("input.flow.bias", [JACKET, ROTOR]),
@@ -146,8 +147,8 @@ def test_a_place_leads_to_the_channels_that_go_by_it(cause: str, channels: list[
             "sensor.yoke.bias",
             1,
             (
-                'no channel measures "yoke". There are: ambient, ambient@Room, coolant, coolant@Inlet, endwinding_a, '
-                "endwinding_a@EW_gap, magnet,"
+                'no channel measures "yoke". There are: air_a@EW_gap, ambient, ambient@Room, coolant, coolant@Inlet, '
+                "endwinding_a, endwinding_a@EW_gap, magnet,"
             ),
         ),
         ("boundary.coolent.bias", 1, 'no channel measures "coolent". Nearest: coolant.'),

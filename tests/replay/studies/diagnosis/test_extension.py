@@ -5,7 +5,7 @@ from __future__ import annotations
 import shutil
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 import pytest
@@ -40,6 +40,7 @@ RMS_K, MOST_K = (
     0.5,
     0.8,
 )  # replay less prediction: shares and paths below 0 are in no file, and what is not worth a line
+RECORDED_K = 0.2  # error of a replay less that of the answer: as above, and the sensors' lags
 PUBLISHED_OFF_K = 4.0  # the model as published at the rotor: what 0.5 K is to be seen beside
 OPENING_S = 300.0  # of a kept session, while the starts of both are forgotten
 
@@ -106,6 +107,24 @@ def test_a_replay_gives_what_the_diagnosis_gave(
         assert off.size > 0.9 * late.sum()
         assert np.sqrt(np.mean(off**2)) < RMS_K, (session, channel)
         assert np.abs(off).max() < MOST_K, (session, channel)
+
+
+def test_errors_against_readings_as_recorded_are_those_of_a_replay_that_fits_nothing(
+    campaign: Campaign, runs: Mapping[str, Mapping[str, Run]]
+) -> None:
+    answer: Mapping[str, Any] = campaign.answer
+    for gain in answer["gain"]:
+        moved = []
+        for when, label in (("published", "model"), ("before", "recalibrated_model"), ("after", "extended_model")):
+            off = []
+            for session, run in runs[label].items():
+                one = next(o for o in run.observed if o.node == gain["node"])
+                as_recorded = next(o for o in runs["model"][session].observed if o.node == gain["node"]).measured
+                off.append(np.abs(as_recorded - one.modelled)[one.used])
+                moved.append(((one.measured - as_recorded)[one.used]).mean())
+            mean_K = float(np.concatenate(off).mean())
+            assert gain["mae_recorded_K"][when] == pytest.approx(mean_K, abs=RECORDED_K), (gain["node"], when)
+        assert gain["reading_moved_K"] == pytest.approx(np.mean(moved[-len(runs["model"]) :]), abs=RECORDED_K)
 
 
 def test_no_channel_is_worse_than_as_published(runs: Mapping[str, Mapping[str, Run]]) -> None:
@@ -220,3 +239,25 @@ def test_what_was_learnt_with_channels_exchanged_is_said_of_the_channel_that_rea
     assert [(one.law, one.amount) for one in steps] == [("gain", 0.02)]
     assert (read["TC_yoke"][0].node, read["TC_yoke"][0].time_constant_s) == ("magnet", 0.5)
     assert read["TC_winding"][0].time_constant_s == pytest.approx(9.25)
+
+
+def test_a_correction_finds_its_sensor_whatever_that_was_learnt_to_follow(question: Question) -> None:
+    campaign = campaign_of(question)
+    lag = next(c for c in campaign.candidates if str(c.cause) == "sensor.magnet.lag")
+    names = [node.name for node in campaign.network.nodes]
+    numbers = [
+        (Parameter("sensor.TC_magnet.beside", actions.Beside("TC_magnet", names.index("winding")), 0.1), 0.6),
+        (Parameter("sensor.TC_magnet.gain", sensor_laws.Gain("TC_magnet"), 0.01), 0.02),
+        (Parameter(str(lag.cause), sensor_laws.Lag("TC_magnet"), 20.0), 9.0),
+    ]
+    model = Model(campaign.network, campaign.tests, [parameter for parameter, _ in numbers])
+    fit = Fit(model, np.array([value for _, value in numbers]), 0.0, np.diag(model.sd**-2), (), 0.0, True, 1)
+    named = Refit(lag, model.parameters[2], fit, 50.0, 9.0, 1.0)
+    made = version(question, campaign, fit, [named], [], "By a test.")
+    assert made.bench is not None
+    bench = read_bench(question.store.archive.read(made.bench), "bench.toml")
+    under = correct("bench.toml", bench.channels, bench.corrections)
+    channel, steps = next((c, s) for c, s in zip(under.channels, under.steps, strict=True) if c.name == "TC_magnet")
+    assert channel.weights == {"magnet": 0.4, "winding": 0.6}, "more of the winding than of its own place"
+    assert channel.time_constant_s == pytest.approx(9.0)
+    assert [(one.law, one.amount) for one in steps] == [("gain", 0.02)]

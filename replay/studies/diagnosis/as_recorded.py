@@ -1,0 +1,117 @@
+"""What a gain is against readings as recorded: the kept sessions replayed with the files that a diagnosis wrote.
+
+A learnt correction of a sensor moves the ruler that errors are measured with. Here nothing is fitted on the kept
+session, as in any replay, and the readings are those of the bench file as it was.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from replay.engine.files.motor_file import read_motor
+from replay.studies.diagnosis.extension import Version
+from replay.studies.diagnosis.kept_sessions import Measured, node_of
+from replay.studies.diagnosis.question import Question
+from replay.studies.sessions.recorded import test_of
+from twin.fitting.actions import Late
+from twin.fitting.fit import Fit
+from twin.fitting.model import Model, Test
+from twin.fitting.recorded import RecordedChannel
+from twin.motor.configured import configured
+from twin.motor.sensor_laws import SensorLaw
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class AsRecorded:
+    """By channel, over all kept sessions: `residual` (B,) [K] the reading as recorded less the model, block means;
+    `moved` [K] what the bench file's corrections add to the reading, in the mean."""
+
+    residual: Mapping[str, Floats]
+    moved: Mapping[str, float]
+
+
+def as_recorded(question: Question, version: Version, kept: Sequence[Test]) -> AsRecorded:
+    """The kept sessions under a version's motor and bench file; `kept`: them as the bench file says that they were
+    decoded with."""
+    facts = question.facts
+    parent = facts.bench_of(question.train[0])
+    if parent is not None and version.bench is not None:
+        made = {version.bench: replace(parent, sha256=version.bench)}
+        successors = {**facts.successors, parent.sha256: version.bench}
+        facts = replace(facts, benches={**facts.benches, **made}, successors=successors)
+    motor = read_motor(question.store.archive.read(version.motor), facts.models[question.model].file)
+    network = configured(motor, None)
+    corrected = [test_of(question.store, facts, session, network, (), question.level) for session in question.kept]
+    residual: defaultdict[str, list[Floats]] = defaultdict(list)
+    moved: defaultdict[str, list[Floats]] = defaultdict(list)
+    for test, own in zip(corrected, kept, strict=True):
+        recorded = {c.name: c for c in own.channels}
+        for c in test.channels:
+            there = recorded[c.name].output.samples > 0
+            moved[c.name].append((c.measured - recorded[c.name].measured)[there])
+        ruler = [_reading(c, recorded[c.name]) for c in test.channels]
+        for series in Model(network, [replace(test, channels=tuple(ruler))], ()).residuals(np.zeros(0)):
+            residual[series.channel].append(series.y)
+    return AsRecorded(
+        {name: np.concatenate(parts) for name, parts in residual.items()},
+        {name: float(np.concatenate(parts).mean()) for name, parts in moved.items()},
+    )
+
+
+def _reading(corrected: RecordedChannel, recorded: RecordedChannel) -> RecordedChannel:
+    """The reading as recorded at the place, and with the lag, of the corrected one."""
+    output = replace(corrected.output, samples=recorded.output.samples)
+    return replace(corrected, measured=recorded.measured, output=output)
+
+
+def measured_as_recorded(
+    kept: Measured, tests: Sequence[Test], runs: Mapping[str, AsRecorded], said_wrong: Collection[str]
+) -> Measured:
+    """The gain over the kept `tests` with errors against readings as recorded beside it, and improved only where these
+    get no worse. `runs`: `published`, `before` and `after` (with what was named), as far as there are files;
+    `said_wrong`: channels that a named cause says to read wrong, which as recorded prove nothing."""
+    places = {c.name: node_of(c) for test in tests for c in test.channels}
+    last = list(runs.values())[-1]
+    gain = []
+    for one in kept.gain:
+        own = [channel for channel, node in places.items() if node == one.node]
+        recorded = {when: _mean(run, own) for when, run in runs.items()}
+        moved = float(np.mean([last.moved[channel] for channel in own]))
+        gain.append(replace(one, mae_recorded_K=recorded, reading_moved_K=moved))
+    kept = replace(kept, gain=tuple(gain))
+    right = [channel for channel in places if channel not in said_wrong]
+    if not (kept.improved and "after" in runs and right):
+        return kept
+    was, now = (_mean(runs[when], right) for when in ("before", "after"))
+    if now <= was:
+        return kept
+    why = (
+        f"a replay against the readings as recorded gets worse ({was:.2f} -> {now:.2f} K): the gain is that of what "
+        "was learnt of the sensors"
+    )
+    return replace(kept, improved=False, why=why)
+
+
+def _mean(run: AsRecorded, channels: Sequence[str]) -> float:
+    """Mean absolute error over channels [K]."""
+    return float(np.abs(np.concatenate([run.residual[channel] for channel in channels])).mean())
+
+
+def said_wrong(base: Fit, final: Fit) -> set[str]:
+    """Channels that a named term of `final` says to read wrong."""
+    healthy = {(p.action, p.test) for p in base.model.parameters}
+    found: set[str] = set()
+    for action in (p.action for p in final.model.parameters if (p.action, p.test) not in healthy):
+        match action:
+            case SensorLaw(channel):
+                found.add(channel)
+            case Late(channels):
+                found.update(channels)
+    return found
