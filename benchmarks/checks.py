@@ -36,7 +36,7 @@ from twin.fitting.recorded import RecordedChannel, Test
 from twin.motor.configured import configured
 from twin.motor.features import monomials
 from twin.motor.network import Network
-from twin.motor.outputs import Output
+from twin.motor.sensor import Sensor
 from twin.run.simulate import Frame
 
 Floats = NDArray[np.float64]
@@ -187,13 +187,17 @@ def _test(check: Check, network: Network, iron: bool) -> Test:
         initial_sd=np.ones(len(network.nodes)),
         channels=tuple(
             RecordedChannel(
-                name=name,
-                bus="log",
-                output=Output({NODES[name]: 1.0}, 0.0, np.isfinite(log[name]).astype(np.float64), steps),
+                Sensor(
+                    name,
+                    {NODES[name]: 1.0},
+                    bus="log",
+                    noise=dc_check.NOISE_K,
+                    resolution=dc_check.STEP_K,
+                    bias_sd=dc_check.OFFSET_K,
+                ),
                 measured=np.nan_to_num(log[name]),
-                white_sd=dc_check.NOISE_K,
-                resolution=dc_check.STEP_K,
-                bias_sd=dc_check.OFFSET_K,
+                samples=np.isfinite(log[name]).astype(np.float64),
+                place=steps,
             )
             for name in seen
         ),

@@ -37,8 +37,9 @@ from twin.calibration.calibrate import freedom
 from twin.fitting.model import Model, Test
 from twin.fitting.recorded import RecordedChannel
 from twin.motor.network import Network, Source, Term
-from twin.motor.outputs import Output
-from twin.run.block_columns import block_columns, of_motor, thermometer
+from twin.motor.outputs import blocks
+from twin.motor.sensor import Sensor
+from twin.run.block_columns import Thermometer, block_columns, of_motor
 from twin.run.simulate import Frame
 
 Floats = NDArray[np.float64]
@@ -84,10 +85,8 @@ def by_dense(work: Work) -> Callable[[], Floats]:
     starts."""
     network, n = work.network, len(work.network.nodes)
     steps = len(work.frame.features)
-    channels = tuple(
-        RecordedChannel(name, "", output, np.zeros(steps), 0.1, 0.0, 0.0)
-        for name, output in zip(work.nodes, _outputs(work), strict=True)
-    )
+    there = np.ones(steps)
+    channels = tuple(RecordedChannel(one, np.zeros(steps), there, there / 2) for one in _sensors(work))
     test = Test("", "", work.frame, {}, {}, initial_of(network), np.ones(n), channels)
     model = Model(network, [test], freedom(network, [test] if work.starts else ()))
     beta = np.zeros(len(model.parameters))
@@ -104,7 +103,9 @@ def by_sparse(work: Work) -> Callable[[], Floats]:
     places, values = of_motor(work.network)
     starts = [places[-1] + 1 + i for i in range(len(work.network.nodes))] if work.starts else []
     scale = np.concatenate([values, np.ones(len(starts))])
-    read = [thermometer(work.network, output, STEP_S) for output in _outputs(work)]
+    there, names = np.ones(len(work.frame.features)), [node.name for node in work.network.nodes]
+    cut = blocks(there, there / 2, STEP_S)
+    read = [Thermometer(one.over(names), 0.0, cut) for one in _sensors(work)]
     begin = initial_of(work.network)
 
     def columns() -> Floats:
@@ -114,9 +115,8 @@ def by_sparse(work: Work) -> Callable[[], Floats]:
     return columns
 
 
-def _outputs(work: Work) -> list[Output]:
-    ones = np.ones(len(work.frame.features))
-    return [Output({name: 1.0}, 0.0, ones, ones / 2) for name in work.nodes]
+def _sensors(work: Work) -> list[Sensor]:
+    return [Sensor(name, {name: 1.0}, noise=0.1) for name in work.nodes]
 
 
 def measured(rounds: int, steps: int, few_steps: int) -> dict[str, float]:

@@ -71,7 +71,6 @@ from twin.errors import DivergedError
 from twin.fitting.fit import Fit
 from twin.fitting.model import Model, Test
 from twin.motor.network import Network
-from twin.motor.outputs import blocks
 
 Floats = NDArray[np.float64]
 
@@ -237,7 +236,7 @@ def true_strength(campaign: Campaign, cause: str, base: Fit) -> float | None:
     for part in parts:
         test = base.model.tests[part.series.session]
         channel = next(c for c in test.channels if c.name == part.series.channel)
-        x = blocks(channel.output, test.frame.step_s).measured(campaign.moved[part.series.session][channel.name])
+        x = channel.blocks(test.frame.step_s).measured(campaign.moved[part.series.session][channel.name])
         rows.append(base.model.whitened(part.series, x[:, None])[:, 0])
     x = np.concatenate(rows)
     if not chosen:

@@ -18,7 +18,8 @@ from twin.fitting.model import Test
 from twin.fitting.recorded import RecordedChannel
 from twin.motor.features import Monomial, evaluate, monomials, product
 from twin.motor.network import Boundary, Link, Network, Node, Source, TemperatureFactor, Term
-from twin.motor.outputs import Output, lagged
+from twin.motor.outputs import lagged
+from twin.motor.sensor import Sensor
 from twin.run.simulate import Frame, simulate
 
 Floats = NDArray[np.float64]
@@ -186,13 +187,20 @@ def recorded(
     channels = []
     for channel, (weights, tau_s) in CHANNELS.items():
         held = np.ones(steps) if samples is None else samples.get(channel, np.ones(steps))
-        output = Output(weights, tau_s, 4.0 * held, np.full(steps, 0.5))
         shown = lagged(edges @ [weights.get(n.name, 0.0) for n in network.nodes], tau_s, FINE_S)
         measured = _step_means((shown[:-1] + shown[1:]) / 2) + (off_K or {}).get(channel, 0.0)
         if rng is not None:
             measured = measured + rng.normal(0, white_sd / 2, steps)
-        bus = (buses or {}).get(channel, "can1")
-        channels.append(RecordedChannel(channel, bus, output, measured, white_sd, RESOLUTION, BIAS_SD))
+        sensor = Sensor(
+            channel,
+            weights,
+            bus=(buses or {}).get(channel, "can1"),
+            noise=white_sd,
+            resolution=RESOLUTION,
+            bias_sd=BIAS_SD,
+            time_constant_s=tau_s,
+        )
+        channels.append(RecordedChannel(sensor, measured, 4.0 * held, np.full(steps, 0.5)))
     return Test(
         name=name,
         kind="drive",

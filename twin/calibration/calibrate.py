@@ -116,7 +116,7 @@ def freedom(network: Network, tests: Sequence[Test], only: Container[str] | None
     capacities = (
         of_motor(f"capacity.{node.name}.scale", actions.Capacity((i,)), node.sd) for i, node in enumerate(network.nodes)
     )
-    gains = {meter.name: meter.gain_sd for test in tests for meter in test.meters if meter.gain_sd}
+    gains = {m.name: m.what.gain_sd for test in tests for m in test.meters if m.what.gain_sd}
     meters = (Parameter(f"meter.{name}.gain", sensor_laws.Gain(name), sd) for name, sd in gains.items())
     brought = (p for number, test in enumerate(tests) for p in starts_and_biases(network, test, number))
     return (*coefficients, *capacities, *meters, *brought)

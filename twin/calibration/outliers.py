@@ -17,7 +17,6 @@ from scipy.ndimage import median_filter
 
 from twin.fitting.fit import Fit
 from twin.fitting.recorded import Floats, RecordedChannel, Test
-from twin.motor.outputs import blocks
 
 Bools = NDArray[np.bool_]
 
@@ -61,8 +60,8 @@ def _masked(test: Test, channel: RecordedChannel, jumps: Bools | None) -> Record
     """The channel without the samples of blocks that jump (B,)."""
     if jumps is None:
         return channel
-    cut = blocks(channel.output, test.frame.step_s)
+    cut = channel.blocks(test.frame.step_s)
     bad = np.zeros(cut.there.size, dtype=np.bool_)
     bad[np.flatnonzero(cut.there)[jumps]] = True
-    samples = np.where(np.repeat(bad, cut.length)[: channel.output.samples.size], 0.0, channel.output.samples)
-    return replace(channel, output=replace(channel.output, samples=samples))
+    bad_steps = np.repeat(bad, cut.length)[: channel.samples.size]
+    return replace(channel, samples=np.where(bad_steps, 0.0, channel.samples))

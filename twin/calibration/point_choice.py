@@ -19,7 +19,7 @@ from twin.fitting.model import BROAD, Floats, Test
 from twin.fitting.noise import ChannelNoise, Series, Whitening
 from twin.fitting.recorded import RecordedChannel
 from twin.motor.network import Network
-from twin.run.block_columns import Thermometer, block_columns, of_motor, thermometer
+from twin.run.block_columns import Thermometer, block_columns, of_motor
 
 
 @dataclass(frozen=True)
@@ -43,10 +43,11 @@ def information(network: Network, test: Test, noise: Mapping[str, ChannelNoise])
     places, values = of_motor(network)
     step_s, n, shared = test.frame.step_s, len(network.nodes), len(places)
     starts = [places[-1] + 1 + i for i in range(n)]
-    offset = [c for c, channel in enumerate(test.channels) if channel.bias_sd]
-    own_sd = np.array([*test.initial_sd, *(test.channels[c].bias_sd for c in offset)])
+    offset = [c for c, channel in enumerate(test.channels) if channel.sensor.bias_sd]
+    own_sd = np.array([*test.initial_sd, *(test.channels[c].sensor.bias_sd for c in offset)])
     total = shared + own_sd.size
-    read = [thermometer(network, channel.output, step_s) for channel in test.channels]
+    nodes = [node.name for node in network.nodes]
+    read = [Thermometer(c.sensor.over(nodes), c.sensor.time_constant_s, c.blocks(step_s)) for c in test.channels]
     whitenings = [_whitening(c, one, step_s, noise, total) for c, one in zip(test.channels, read, strict=True)]
     gram, done = np.diag(np.concatenate([np.zeros(shared), own_sd**-2.0])), 0
     for some in block_columns(network, test.frame, test.initial, read, [*places, *starts]):
@@ -66,8 +67,9 @@ def _whitening(
     channel: RecordedChannel, read: Thermometer, step_s: float, noise: Mapping[str, ChannelNoise], columns: int
 ) -> Whitening:
     times, samples = read.blocks.times_s(step_s), read.blocks.samples
-    series = Series(0, channel.name, times, np.zeros_like(times), samples, channel.white_sd, channel.resolution)
-    return Whitening(series, noise.get(channel.name, BROAD), columns)
+    sensor = channel.sensor
+    series = Series(0, sensor.name, times, np.zeros_like(times), samples, sensor.noise, sensor.resolution)
+    return Whitening(series, noise.get(sensor.name, BROAD), columns)
 
 
 def prior(parameters: Sequence[Parameter]) -> Floats:

@@ -16,7 +16,8 @@ from twin.calibration.calibrate import freedom
 from twin.fitting.model import Floats, Model, Test
 from twin.fitting.recorded import RecordedChannel
 from twin.motor.network import Network
-from twin.motor.outputs import BLOCK_S, Output
+from twin.motor.outputs import BLOCK_S
+from twin.motor.sensor import Sensor
 from twin.run.simulate import Frame
 
 STEP_S = 2.0  # of a run for its derivatives: they need no more
@@ -32,7 +33,7 @@ def sd_K(network: Network, test: Test, at: Sequence[tuple[str, float]], covarian
     steps = len(test.frame.features)
     always, middle = np.ones(steps), np.full(steps, 0.5)
     channels = tuple(
-        RecordedChannel(str(i), "", Output({node: 1.0}, 0.0, always, middle), np.zeros(steps), 0.1, 0.0, 0.0)
+        RecordedChannel(Sensor(str(i), {node: 1.0}, noise=0.1), np.zeros(steps), always, middle)
         for i, (node, _) in enumerate(at)
     )
     watched = replace(test, channels=channels, meters=())

@@ -144,18 +144,12 @@ class United:
         outside = {name: test.frame.boundaries[:, i] for i, name in enumerate(around)}
         absent = np.full(steps, anywhere)
         boundaries = [outside.get(b.name, absent) for b in self.network.boundaries]
-        names = [b.name for b in self.network.boundaries]
         edges = np.array(boundaries).reshape(-1, steps).T.copy()
-        meters = tuple(
-            meter if meter.boundary is None else replace(meter, boundary=names.index(around[meter.boundary]))
-            for meter in test.meters
-        )
         return replace(
             test,
             frame=Frame(test.frame.step_s, self._features(test, r, factors or {}), edges),
             initial=starting[:, 0].copy(),
             initial_sd=starting[:, 1].copy(),
-            meters=meters,
         )
 
     def _features(self, test: Test, rig: int, factors: Mapping[AgeingPlace, float]) -> Floats:

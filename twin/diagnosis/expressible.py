@@ -156,7 +156,7 @@ def _weights(found: Fit) -> dict[str, dict[str, float]]:
         if beside:
             part = min(1.0, MOST_BESIDE / sum(beside.values()))
             own = 1.0 - part * sum(beside.values())
-            shares = {node: own * share for node, share in channel.output.weights.items()}
+            shares = {node: own * share for node, share in channel.sensor.weights.items()}
             for node, share in beside.items():
                 shares[node] = shares.get(node, 0.0) + part * share
             rounded = {node: round(share, 4) for node, share in shares.items() if round(share, 4) > 0}

@@ -27,7 +27,6 @@ from twin.fitting.noise import log_det
 from twin.fitting.one_test import alone
 from twin.fitting.recorded import RecordedChannel
 from twin.motor.causes import Cause
-from twin.motor.outputs import blocks
 
 LAW = {"held": "hold", "stuck": "stuck", "saturated": "saturation"}  # kind of a stretch -> law of its cause
 EVERYDAY_LOST = 0.02  # share of frames that a healthy bus or radio may lose
@@ -71,7 +70,7 @@ def fault_evidence(
     shown = np.select(inside, [s.value for s in lasting], 0.0)[masked]
     steps, step_s = len(own.frame.features), own.frame.step_s
     recorded = _recorded(stated, t_s[masked], values[masked], steps, step_s)
-    cut = blocks(recorded.output, step_s)
+    cut = recorded.blocks(step_s)
     if not cut.there.any():
         return 0.0
     standing = replace(own, channels=(*(c for c in own.channels if c.name != channel), recorded))
@@ -98,7 +97,7 @@ def _recorded(stated: RecordedChannel, t_s: Floats, values: Floats, steps: int, 
     each = np.maximum(samples, 1.0)
     measured = np.bincount(at, values, minlength=steps) / each
     place = np.bincount(at, t_s / step_s - at, minlength=steps) / each
-    return replace(stated, output=replace(stated.output, samples=samples, place=place), measured=measured)
+    return RecordedChannel(stated.sensor, measured, samples, place)
 
 
 def _live_and_held(current: Fit, number: int, test: Test, channel: str, off: Floats) -> float:

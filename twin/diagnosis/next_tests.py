@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -96,7 +96,7 @@ def as_test(network: Network, tests: Sequence[Test], proposed: Proposed) -> Test
 def read_throughout(channels: Iterable[RecordedChannel], length: int) -> tuple[RecordedChannel, ...]:
     """The channels with a sample in the middle of each of `length` steps, their values 0: for what a model shows."""
     every, middle, zero = np.ones(length), np.full(length, 0.5), np.zeros(length)
-    return tuple(replace(c, output=replace(c.output, samples=every, place=middle), measured=zero) for c in channels)
+    return tuple(RecordedChannel(c.sensor, zero, every, middle) for c in channels)
 
 
 def _inputs(tests: Sequence[Test], proposed: Proposed) -> dict[str, Floats]:

@@ -67,7 +67,7 @@ def rises(model: Model) -> dict[str, float]:
     for test in model.tests:
         coldest = float(test.frame.boundaries.mean(axis=0).min())
         for channel in test.channels:
-            hottest = channel.measured[channel.output.samples > 0].max(initial=coldest)
+            hottest = channel.measured[channel.samples > 0].max(initial=coldest)
             rise[channel.name] = max(rise.get(channel.name, 1.0), float(hottest) - coldest)
         rise |= {meter.name: 1 / METER_SHARE for meter in test.meters}
     return rise

@@ -28,7 +28,6 @@ from twin.fitting.fit import NEAR_ENOUGH, Fit, fit
 from twin.fitting.model import Floats, Index, Model, Test
 from twin.fitting.noise import ChannelNoise, Series, log_det, whiten
 from twin.fitting.recorded import RecordedChannel
-from twin.motor.outputs import blocks
 from twin.motor.sensor_laws import Exchange
 
 COARSE = ChannelNoise(ar_sd=1.0, ar_tau_s=60.0, ou_sd=2.0, ou_tau_s=600.0)  # [K], what one linear step leaves
@@ -143,8 +142,7 @@ def _sheet(tests: Sequence[Test]) -> dict[str, RecordedChannel]:
 
 def _recorded(channel: RecordedChannel, record: RecordedChannel) -> RecordedChannel:
     """The channel with what another one recorded."""
-    output = replace(channel.output, samples=record.output.samples, place=record.output.place)
-    return replace(channel, output=output, measured=record.measured, resolution=record.resolution)
+    return replace(record, sensor=replace(channel.sensor, resolution=record.sensor.resolution))
 
 
 def misread(model: Model) -> list[str]:
@@ -209,7 +207,7 @@ class _Uncalibrated:
         self.records: dict[tuple[int, str], _Record] = {}
         for s, test in enumerate(model.tests):
             for c in test.channels:
-                cut = blocks(c.output, test.frame.step_s)
+                cut = c.blocks(test.frame.step_s)
                 self.records[s, c.name] = _Record(cut.there, cut.measured(c.measured), cut.times_s(test.frame.step_s))
         self._own: dict[tuple[int, str], _Piece] = {}
         for s, name in self.records:
@@ -234,10 +232,10 @@ class _Uncalibrated:
         return -float(rest + volume - fitted @ fitted) / 2
 
     def _piece(self, s: int, name: str, record: str, wrong: _Misreading) -> _Piece:
-        simulated, kept, channel = self.simulated[s, name], self.records[s, record], self.sheet[name]
+        simulated, kept, sensor = self.simulated[s, name], self.records[s, record], self.sheet[name].sensor
         y = kept.means - wrong.factor * -simulated.series.y[kept.there] - wrong.offset
         samples = np.ones_like(y)  # one a block: beside kelvins a sensor's own noise is nothing
-        series = Series(s, name, kept.t_s, y, samples, channel.white_sd, channel.resolution)
+        series = Series(s, name, kept.t_s, y, samples, sensor.noise, sensor.resolution)
         e = whiten(series, COARSE, y[:, None])[:, 0]
         like = self._own.get((s, name))
         if like is not None and wrong.factor == 1.0 and np.array_equal(kept.t_s, self.records[s, name].t_s):

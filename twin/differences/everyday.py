@@ -72,10 +72,10 @@ def starts_and_biases(network: Network, test: Test, number: int, least_K: float 
     too much all along."""
     for i, node in enumerate(network.nodes):
         yield Parameter(f"start.{node.name}", actions.Start(i), max(least_K, float(test.initial_sd[i])), number)
-    for kind, sensors in (("sensor", test.channels), ("meter", test.meters)):
-        for sensor in sensors:
-            if sensor.bias_sd:
-                yield Parameter(f"{kind}.{sensor.name}.bias", sensor_laws.Bias(sensor.name), sensor.bias_sd, number)
+    for kind, recorded in (("sensor", test.channels), ("meter", test.meters)):
+        for sensor in (one.sensor for one in recorded):
+            if sd := sensor.bias_sd:
+                yield Parameter(f"{kind}.{sensor.name}.bias", sensor_laws.Bias(sensor.name), sd, number)
 
 
 def _cooled_by_flow(network: Network) -> set[str]:
@@ -223,8 +223,8 @@ def _paths(network: Network, tests: Sequence[Test]) -> Iterator[Parameter]:
 def _sensors(tests: Sequence[Test]) -> Iterator[Parameter]:
     for name, channel in {c.name: c for test in tests for c in test.channels}.items():
         yield Parameter(f"sensor.{name}.gain", sensor_laws.Gain(name), CHANNEL_GAIN)
-        yield Parameter(f"sensor.{name}.lag", sensor_laws.Lag(name), CHANNEL_LAG_S, low=-channel.output.time_constant_s)
-    for name, sd in {m.name: m.gain_sd for test in tests for m in test.meters if m.gain_sd}.items():
+        yield Parameter(f"sensor.{name}.lag", sensor_laws.Lag(name), CHANNEL_LAG_S, low=-channel.sensor.time_constant_s)
+    for name, sd in {m.name: m.what.gain_sd for test in tests for m in test.meters if m.what.gain_sd}.items():
         yield Parameter(f"meter.{name}.gain", sensor_laws.Gain(name), sd)
     for bus, own in _buses(tests).items():
         yield Parameter(f"clock.{bus}.offset", actions.Late(own, False), CLOCK_S)
@@ -233,7 +233,7 @@ def _sensors(tests: Sequence[Test]) -> Iterator[Parameter]:
 
 def _buses(tests: Sequence[Test]) -> dict[str, tuple[str, ...]]:
     """Channels by the bus that stamps them."""
-    buses = {c.name: c.bus for test in tests for c in test.channels}
+    buses = {c.name: c.sensor.bus for test in tests for c in test.channels}
     return {bus: tuple(name for name, own in buses.items() if own == bus) for bus in dict.fromkeys(buses.values())}
 
 
@@ -243,21 +243,15 @@ def _beside(network: Network, tests: Sequence[Test]) -> Iterator[Parameter]:
     air = {node.name for node in network.nodes if node.region == "fluid"}
     turning = {node.name for node in network.nodes if node.region in ROTATING}
     for channel in {c.name: c for test in tests for c in test.channels}.values():
-        turns = mostly_followed(channel) in turning
+        turns = channel.sensor.node in turning
         for one, node in every_neighbour(network, channel):
             if node in air or (node in turning) == turns:
                 yield one
 
 
-def mostly_followed(channel: RecordedChannel) -> str:
-    """The node that a channel follows more than any other."""
-    weights = channel.output.weights
-    return max(weights, key=lambda node: weights[node])
-
-
 def every_neighbour(network: Network, channel: RecordedChannel) -> Iterator[tuple[Parameter, str]]:
     """The share of each node beside the one that a channel mostly follows, and the node."""
-    names, place = [node.name for node in network.nodes], mostly_followed(channel)
+    names, place = [node.name for node in network.nodes], channel.sensor.node
     joined = {end for link in network.links if place in (link.a, link.b) for end in (link.a, link.b)}
     for node in sorted(joined & set(names) - {place}, key=names.index):
         beside = actions.Beside(channel.name, names.index(node))

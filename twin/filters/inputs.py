@@ -199,7 +199,7 @@ def _parts(
     size = sought + m
     for j, reading in enumerate(readings):
         sensor = reading.sensor
-        weights[j, [names.index(name) for name in sensor.weights]] = list(sensor.weights.values())
+        weights[j] = sensor.over(names)
         if sensor.time_constant_s > 0:
             lag[j] = lag_factors(sensor.time_constant_s, step_s)
             state[j], size = size, size + 1

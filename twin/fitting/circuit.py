@@ -18,6 +18,7 @@ from twin.fitting.recorded import Test
 from twin.fitting.rows import Product, Products
 from twin.motor.heat_laws import source_law
 from twin.motor.network import NOBODY, Network
+from twin.motor.sensor import Sensor
 
 Floats = NDArray[np.float64]
 
@@ -82,6 +83,10 @@ class Circuit:
     def place(self, place: actions.Place, own: int = 0, tilt: float | None = None) -> Law:
         law = source_law(own) if place.b == NOBODY else "linear"
         return self.placed(Law(place.a, place.b, law, tilt=tilt))
+
+    def weights(self, sensor: Sensor) -> Floats:
+        """The share (states,) of each state in what a sensor follows: none of a mass."""
+        return np.append(sensor.over([node.name for node in self.network.nodes]), np.zeros(len(self.followers)))
 
     def start(self, beta: Floats) -> Floats:
         """Temperatures at the start (states,)."""

@@ -20,7 +20,7 @@ from twin.fitting.circuit import Circuit, CircuitRun
 from twin.fitting.heats import Heats, Kind
 from twin.fitting.responses import Mean, SensorRow, columns
 from twin.motor.network import NOBODY
-from twin.motor.observables import Thermometric, lag_parts, lagged_means
+from twin.motor.observables import lag_parts, lagged_means
 from twin.motor.outputs import Blocks, lagged
 from twin.run.losses import takers
 
@@ -34,6 +34,8 @@ class Metering:
 
     def __init__(self, circuit: Circuit, cuts: Sequence[Blocks]) -> None:
         self.circuit, self.cuts, self.meters = circuit, cuts, circuit.test.meters
+        around = [boundary.name for boundary in circuit.network.boundaries]
+        self.boundaries = [None if (b := meter.what.boundary) is None else around.index(b) for meter in self.meters]
         self._takes = takers(circuit.network, circuit.states)
         self._wanted: list[tuple[int, Action]] = []
         self._heats: Heats | None = None
@@ -51,20 +53,13 @@ class Metering:
     def reading(self, run: CircuitRun, k: int) -> Floats:
         """Block means (B,) of meter k, with perfect gain and without bias."""
         meter, cut, step_s = self.meters[k], self.cuts[k], self.circuit.step_s
-        if meter.law is not None:
-            followed = lagged(run.edges @ self._weights(meter.law), meter.output.time_constant_s, step_s)
-            return cut.means(meter.law.reading(followed))
+        tau_s, law, boundary = meter.sensor.time_constant_s, meter.what.law, self.boundaries[k]
+        if law is not None:
+            return cut.means(law.reading(lagged(run.edges @ self.circuit.weights(meter.sensor), tau_s, step_s)))
         value, _ = psi(self.circuit.table, run.means, run.boundaries)
-        own = self.laws(meter.boundary)
-        heat = _sign(meter.boundary) * (run.carried[own] * value[own]).sum(axis=0)
-        return cut.of_steps(lagged_means(meter.given + heat, meter.output.time_constant_s, step_s))
-
-    def _weights(self, law: Thermometric) -> Floats:
-        """(states,)"""
-        names, weights = self.circuit.network.names, np.zeros(self.circuit.states)
-        for node, share in law.weights.items():
-            weights[names.index(node)] += share
-        return weights
+        own = self.laws(boundary)
+        heat = _sign(boundary) * (run.carried[own] * value[own]).sum(axis=0)
+        return cut.of_steps(lagged_means(meter.given + heat, tau_s, step_s))
 
     def columns(self, run: CircuitRun, wanted: Sequence[tuple[int, Action]]) -> list[Floats]:
         """Of every meter (B, P): d(block mean of its reading) / d(parameter), `wanted`: (column, action),
@@ -74,19 +69,20 @@ class Metering:
             places = {action: p for p, action in self.circuit.active}
             every = [(column, action, places.get(action, NOBODY)) for column, action in wanted]
             self._heats = Heats(self.circuit, every)
-            heats = {meter.boundary for meter in self.meters if meter.law is None}
-            self._counted = {boundary: _Counted(self, every, boundary) for boundary in heats}
+            self._counted = {b: _Counted(self, every, b) for _, b in self._of_heat()}
         if self._known is None or self._known[0] is not run:
             self._known = run, self._through_temperatures(run)
         found = [moved.copy() for moved in self._known[1]]
-        for k, meter in enumerate(self.meters):
-            if meter.law is not None:
-                continue
-            own, cut = self._counted[meter.boundary].loads(run), self.cuts[k]
-            heat = lagged_means(own.heat, meter.output.time_constant_s, self.circuit.step_s)
+        for k, boundary in self._of_heat():
+            own, cut = self._counted[boundary].loads(run), self.cuts[k]
+            heat = lagged_means(own.heat, self.meters[k].sensor.time_constant_s, self.circuit.step_s)
             for column, row in zip(own.column, heat, strict=True):
-                found[k][:, column] += _sign(meter.boundary) * cut.of_steps(row)
+                found[k][:, column] += _sign(boundary) * cut.of_steps(row)
         return found
+
+    def _of_heat(self) -> list[tuple[int, int | None]]:
+        """The meters of heat: (meter, its boundary)."""
+        return [(k, self.boundaries[k]) for k, meter in enumerate(self.meters) if meter.what.law is None]
 
     def _through_temperatures(self, run: CircuitRun) -> list[Floats]:
         assert self._heats is not None
@@ -95,13 +91,14 @@ class Metering:
         means: list[Mean] = []
         of_meter: list[tuple[int, float]] = []  # and what it changes by with the sensor
         for k, meter in enumerate(self.meters):
-            if meter.law is not None:
+            tau_s, law = meter.sensor.time_constant_s, meter.what.law
+            if law is not None:
                 means.append(Mean(len(sensors), self.cuts[k].old, self.cuts[k].new))
-                sensors.append(SensorRow(self._weights(meter.law), meter.output.time_constant_s))
-                of_meter.append((k, meter.law.per_K))
+                sensors.append(SensorRow(circuit.weights(meter.sensor), tau_s))
+                of_meter.append((k, law.per_K))
                 continue
-            slope = self._slopes(run, meter.boundary)
-            parts = lag_parts(self.cuts[k].of_step, meter.output.time_constant_s, circuit.step_s, self.cuts[k].length)
+            slope = self._slopes(run, self.boundaries[k])
+            parts = lag_parts(self.cuts[k].of_step, tau_s, circuit.step_s, self.cuts[k].length)
             for node in np.flatnonzero(slope.any(axis=1)):
                 weights = np.zeros(circuit.states)
                 weights[node] = 1.0

@@ -14,9 +14,8 @@ from twin.fitting.circuit import Circuit, CircuitRun
 from twin.fitting.drive import PROBE_S
 from twin.fitting.metering import Metering
 from twin.fitting.noise import Series
-from twin.fitting.recorded import RecordedChannel
 from twin.fitting.responses import Mean, SensorRow, means
-from twin.motor.outputs import blocks, lagged
+from twin.motor.outputs import lagged
 from twin.motor.sensor_laws import AMBIENT, SENSOR_LAWS, Bias, Gain, Lag, Misreading, Seen
 
 Floats = NDArray[np.float64]
@@ -34,9 +33,9 @@ class Sensing:
         channels, sensors, step_s = self.test.channels, self.test.sensors, circuit.step_s
         around = [boundary.name for boundary in circuit.network.boundaries]
         self.ambient = around.index(AMBIENT) if AMBIENT in around else None
-        self.blocks = [blocks(one.output, step_s) for one in sensors]
+        self.blocks = [one.blocks(step_s) for one in sensors]
         self.times_s = [cut.times_s(step_s) for cut in self.blocks]
-        self.weights = [self._weights(channel) for channel in channels]
+        self.weights = [circuit.weights(channel.sensor) for channel in channels]
         self.measured = [b.measured(c.measured) for b, c in zip(self.blocks, sensors, strict=True)]
         self.metering = Metering(circuit, self.blocks[len(channels) :])
         self._own: list[dict[type, list[tuple[int, Action]]]] = [{} for _ in self.blocks]
@@ -69,13 +68,6 @@ class Sensing:
         laws = [law for law in MISREADINGS if law.of_ambient]
         return [(p, law.of_ambient) for law in laws for p, _ in self.of(k, law)]
 
-    def _weights(self, channel: RecordedChannel) -> Floats:
-        names = [node.name for node in self.circuit.network.nodes]
-        weights = np.zeros(self.circuit.states)
-        for node, share in channel.output.weights.items():
-            weights[names.index(node)] += share
-        return weights
-
     def of(self, k: int, kind: type[A]) -> list[tuple[int, A]]:
         """The parameters of channel k whose action is of a kind."""
         return [(p, action) for p, action in self._own[k].get(kind, []) if isinstance(action, kind)]
@@ -104,7 +96,7 @@ class Readings:
         self.weights = sensing.weights[k]
         for p, action in sensing.of(k, actions.Beside):
             self.weights = self.weights + run.beta[p] * sensing.towards(k, action.node)
-        self.lag_s = max(0.0, self.channel.output.time_constant_s + self._sum(Lag))
+        self.lag_s = max(0.0, self.channel.sensor.time_constant_s + self._sum(Lag))
         self.factor = 1.0  # what the truth is multiplied with
         for law in MISREADINGS:
             if law.of_truth:
@@ -164,8 +156,8 @@ class Readings:
             t_s=self.sensing.times_s[self.k],
             y=self.sensing.measured[self.k] - self.stamped(self.shown(), self.late_s),
             samples=self.cut.samples,
-            white_sd=self.channel.white_sd,
-            resolution=self.channel.resolution,
+            white_sd=self.channel.sensor.noise,
+            resolution=self.channel.sensor.resolution,
         )
 
     def columns(self, wanted: Sequence[tuple[int, Action]]) -> Iterator[tuple[int, Floats]]:
@@ -230,8 +222,8 @@ class _MeterReadings(Readings):
             t_s=self.sensing.times_s[self.k],
             y=self.sensing.measured[self.k] / self.meter.row - shown,
             samples=self.cut.samples,
-            white_sd=self.meter.white_sd / self.meter.row,
-            resolution=self.meter.resolution / self.meter.row,
+            white_sd=self.meter.sensor.noise / self.meter.row,
+            resolution=self.meter.sensor.resolution / self.meter.row,
         )
 
     def columns(self, wanted: Sequence[tuple[int, Action]]) -> Iterator[tuple[int, Floats]]:

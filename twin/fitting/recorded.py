@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.fitting import actions
-from twin.motor.observables import Thermometric
-from twin.motor.outputs import Output
+from twin.motor.observables import Measurand
+from twin.motor.outputs import Blocks, blocks
+from twin.motor.sensor import Sensor
 from twin.run.simulate import Frame
 
 Floats = NDArray[np.float64]
@@ -22,48 +23,42 @@ LEAST_HEAT_W = 1.0
 
 @dataclass(frozen=True)
 class RecordedChannel:
-    """An observed channel of one test. `measured` (N,) [degC]: means over the steps, any value where `output.samples`
-    is 0; `white_sd`, `resolution` [K] of one sample; `bias_sd` [K] constant within the test."""
+    """An observed channel of one test: its `sensor`, and over N steps `measured` (N,) [degC] means of the samples, any
+    value where there are none, `samples` (N,) usable ones in each, `place` (N,) in [0, 1] their mean time within it."""
 
-    name: str
-    bus: str
-    output: Output
+    sensor: Sensor
     measured: Floats
-    white_sd: float
-    resolution: float
-    bias_sd: float
+    samples: Floats
+    place: Floats
+
+    @property
+    def name(self) -> str:
+        """The name of the channel."""
+        return self.sensor.name
+
+    def blocks(self, step_s: float) -> Blocks:
+        """Its steps cut into blocks of 10 s."""
+        return blocks(self.samples, self.place, step_s)
 
 
 @dataclass(frozen=True)
-class RecordedMeter:
-    """An observed channel of one test that is no thermometer, in its own `unit`: what goes with the temperature of
-    nodes (`law`), or else a heat [W], of all sources (`boundary` None) or what a boundary (an index) takes out of the
-    motor. `given` (N,): what the meter of a heat reads besides, known from inputs, as the mechanical power is in the
-    electrical. The stamps are those of the inputs, the weights of `output` mean nothing; `gain_sd`: of the share by
-    which it reads too much; all else as in `RecordedChannel`.
+class RecordedMeter(RecordedChannel):
+    """An observed channel that is no thermometer: all numbers are in the unit of `what` it measures. Its stamps are
+    those of the inputs; the sensor of a power or heat follows no node, its weights mean nothing. `given` (N,): what
+    such a meter reads besides, known from inputs, as the mechanical power is in the electrical.
 
     A model's rows of a meter are so many `row`, so that 1 is as much as 1 K of a thermometer
     and one rule serves the noise of both."""
 
-    name: str
-    bus: str
-    unit: str
-    output: Output
-    measured: Floats
-    white_sd: float
-    resolution: float
-    bias_sd: float
-    gain_sd: float
-    boundary: int | None = None
+    what: Measurand
     given: Floats | float = 0.0
-    law: Thermometric | None = None
 
     @cached_property
     def row(self) -> float:
         """What 1 in a row stands for: what 1 K changes, or `METER_SHARE` of the mean heat that is read."""
-        if self.law is not None:
-            return abs(self.law.per_K)
-        heat = np.abs(self.measured - self.given)[self.output.samples > 0]
+        if self.what.law is not None:
+            return abs(self.what.law.per_K)
+        heat = np.abs(self.measured - self.given)[self.samples > 0]
         return METER_SHARE * max(float(heat.mean()) if heat.size else 0.0, LEAST_HEAT_W)
 
 
@@ -88,7 +83,7 @@ class Test:
     meters: tuple[RecordedMeter, ...] = ()
 
     @property
-    def sensors(self) -> tuple[RecordedChannel | RecordedMeter, ...]:
+    def sensors(self) -> tuple[RecordedChannel, ...]:
         """Channels, then meters: the order of a model's rows."""
         return (*self.channels, *self.meters)
 

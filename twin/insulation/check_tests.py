@@ -8,11 +8,11 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.differences.everyday import mostly_followed, products_of
+from twin.differences.everyday import products_of
 from twin.fitting.recorded import Floats, RecordedChannel, Test
 from twin.motor.features import terms
 from twin.motor.network import Network
-from twin.motor.outputs import BLOCK_S, Output
+from twin.motor.outputs import BLOCK_S
 from twin.motor.paths import terms_of
 from twin.run.simulate import Frame
 
@@ -37,14 +37,12 @@ def coarse(test: Test) -> Test:
         return np.asarray(values[: steps * many].reshape(steps, many, *values.shape[1:]).mean(axis=1))
 
     def thinned(channel: RecordedChannel) -> RecordedChannel:
-        samples = channel.output.samples[: steps * many].reshape(steps, many)
+        samples = channel.samples[: steps * many].reshape(steps, many)
         total = np.maximum(samples.sum(axis=1), 1.0)
         values = np.where(samples > 0.0, channel.measured[: steps * many].reshape(steps, many), 0.0)
-        place = (np.arange(many) + channel.output.place[: steps * many].reshape(steps, many)) / many
-        output = replace(
-            channel.output, samples=samples.sum(axis=1), place=np.asarray((samples * place).sum(axis=1) / total)
-        )
-        return replace(channel, output=output, measured=np.asarray((samples * values).sum(axis=1) / total))
+        place = (np.arange(many) + channel.place[: steps * many].reshape(steps, many)) / many
+        measured, place = (np.asarray((samples * one).sum(axis=1) / total) for one in (values, place))
+        return RecordedChannel(channel.sensor, measured, samples.sum(axis=1), place)
 
     return replace(
         test,
@@ -67,28 +65,25 @@ def by_place(test: Test, left_out: Collection[str]) -> Test:
     groups: dict[tuple[object, ...], list[RecordedChannel]] = {}
     for channel in test.channels:
         if channel.name not in left_out:
-            place = (*sorted(channel.output.weights.items()), channel.output.time_constant_s)
+            place = (*sorted(channel.sensor.weights.items()), channel.sensor.time_constant_s)
             groups.setdefault(place, []).append(channel)
     means = map(_mean, groups.values())
-    return replace(test, channels=tuple(channel for channel in means if channel.output.samples.any()))
+    return replace(test, channels=tuple(channel for channel in means if channel.samples.any()))
 
 
 def _mean(channels: Sequence[RecordedChannel]) -> RecordedChannel:
-    first, many = channels[0], len(channels)
-    samples = np.min([c.output.samples for c in channels], axis=0)
-    weights = first.output.weights
-    place = np.mean([c.output.place for c in channels], axis=0)
-    rms = {name: float(np.sqrt(np.mean([getattr(c, name) ** 2 for c in channels]))) for name in NOISES}
+    first, many = channels[0].sensor, len(channels)
+    rms = (float(np.sqrt(np.mean([getattr(c.sensor, name) ** 2 for c in channels]))) for name in NOISES)
+    noise, resolution, bias_sd = (value / float(np.sqrt(many)) for value in rms)
     return RecordedChannel(
-        name=" + ".join(weights),
-        bus=first.bus,
-        output=Output(weights, first.output.time_constant_s, samples, place),
-        measured=np.mean([c.measured for c in channels], axis=0),
-        **{name: value / float(np.sqrt(many)) for name, value in rms.items()},
+        replace(first, name=" + ".join(first.weights), noise=noise, resolution=resolution, bias_sd=bias_sd),
+        measured=np.asarray(np.mean([c.measured for c in channels], axis=0), np.float64),
+        samples=np.min([c.samples for c in channels], axis=0),
+        place=np.asarray(np.mean([c.place for c in channels], axis=0), np.float64),
     )
 
 
-NOISES = ("white_sd", "resolution", "bias_sd")
+NOISES = ("noise", "resolution", "bias_sd")
 
 
 def begun_alike(network: Network, test: Test) -> Test:
@@ -110,9 +105,9 @@ def _first_readings(test: Test) -> dict[str, float]:
     """Node -> what the sensors that follow it alone read first [degC]."""
     found: dict[str, list[float]] = {}
     for channel in test.channels:
-        there = np.flatnonzero(channel.output.samples > 0.0)
-        if there.size and len(channel.output.weights) == 1:
-            found.setdefault(next(iter(channel.output.weights)), []).append(float(channel.measured[there[0]]))
+        there = np.flatnonzero(channel.samples > 0.0)
+        if there.size and len(channel.sensor.weights) == 1:
+            found.setdefault(channel.sensor.node, []).append(float(channel.measured[there[0]]))
     return {node: float(np.mean(values)) for node, values in found.items()}
 
 
@@ -125,7 +120,7 @@ def _lead_K(test: Test) -> float:
 def of_iron(network: Network, channel: RecordedChannel) -> bool:
     """Whether a channel follows iron more than anything else."""
     region = {node.name: node.region for node in network.nodes}
-    return region[mostly_followed(channel)] == "iron"
+    return region[channel.sensor.node] == "iron"
 
 
 def without_iron(network: Network, test: Test) -> Test:
@@ -155,7 +150,7 @@ def load(network: Network, test: Test) -> tuple[int, int] | None:
 
 def every_s(test: Test) -> float:
     """Time between two steps with samples of the channel that has fewest [s]."""
-    found = [np.flatnonzero(channel.output.samples > 0.0) for channel in test.channels]
+    found = [np.flatnonzero(channel.samples > 0.0) for channel in test.channels]
     return test.frame.step_s * max(float(np.median(np.diff(there))) if there.size > 1 else 1.0 for there in found)
 
 
@@ -182,7 +177,6 @@ def only(test: Test, shown: Bools) -> Test:
     """The test with the samples of the steps `shown` (N,) alone; channels that have none there are left out."""
 
     def cut(channel: RecordedChannel) -> RecordedChannel:
-        samples = np.where(shown, channel.output.samples, 0.0)
-        return replace(channel, output=replace(channel.output, samples=samples))
+        return replace(channel, samples=np.where(shown, channel.samples, 0.0))
 
-    return replace(test, channels=tuple(one for one in map(cut, test.channels) if one.output.samples.any()))
+    return replace(test, channels=tuple(one for one in map(cut, test.channels) if one.samples.any()))

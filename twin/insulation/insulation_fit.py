@@ -160,7 +160,7 @@ def _whitened(found: Fit) -> tuple[Floats, Floats]:
 
 
 def _span_K(test: Test) -> float:
-    return max(float(np.ptp(channel.measured[channel.output.samples > 0.0])) for channel in test.channels)
+    return max(float(np.ptp(channel.measured[channel.samples > 0.0])) for channel in test.channels)
 
 
 def _own_sd(found: Fit, k: int, square: float) -> float:

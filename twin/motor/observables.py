@@ -6,7 +6,6 @@ the motor's heats over a step, through the meter's own first-order lag (`lagged_
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -23,14 +22,9 @@ FORGOTTEN = 1e-5  # share of a reading that older blocks may still make up unsee
 
 @dataclass(frozen=True)
 class Thermometric:
-    """A reading `reference (1 + slope_per_K (T - reference_degC))`, T [degC] the mean of nodes by `weights` (node ->
-    share, sum 1).
+    """A reading `reference (1 + slope_per_K (T - reference_degC))`, T [degC] what the sensor follows: the resistance of
+    a winding (slope: copper's), the flux linkage of magnets (slope: that of their remanence, below 0)."""
 
-    The resistance of a winding (slope: copper's), the flux linkage of magnets (slope: that of their remanence, below
-    0).
-    """
-
-    weights: Mapping[str, float]
     reference: float
     slope_per_K: float
     reference_degC: float
@@ -51,6 +45,20 @@ class Thermometric:
     def through(self, reading: float, degC: float) -> Thermometric:
         """The same law with the reference with which it reads `reading` at a temperature."""
         return replace(self, reference=reading / (1 + self.slope_per_K * (degC - self.reference_degC)))
+
+
+@dataclass(frozen=True)
+class Measurand:
+    """What a meter measures, in `unit`. `quantity`: power (mechanical power and all losses), heat (that `boundary`
+    takes), resistance or flux (`law`, its reference 1 where only the first samples say it). `gain_sd`: of the share by
+    which it reads too much."""
+
+    quantity: str
+    unit: str
+    gain_sd: float
+    boundary: str | None = None
+    law: Thermometric | None = None
+    referenced: bool = True  # the reference is known
 
 
 def copper_slope(copper: Copper, reference_degC: float) -> float:

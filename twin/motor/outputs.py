@@ -16,17 +16,6 @@ Floats = NDArray[np.float64]
 BLOCK_S = 10.0
 
 
-@dataclass(frozen=True)
-class Output:
-    """A channel over N steps. `weights`: node -> share, sum 1; `time_constant_s`: known first-order lag; `samples`
-    (N,): usable samples in each step; `place` (N,) in [0, 1]: their mean time within it."""
-
-    weights: Mapping[str, float]
-    time_constant_s: float
-    samples: Floats
-    place: Floats
-
-
 def followed(weights: Mapping[str, float]) -> str | None:
     """The node that makes up more than half of what a sensor follows; None where none does."""
     node = max(weights, key=lambda name: weights[name])
@@ -35,7 +24,7 @@ def followed(weights: Mapping[str, float]) -> str | None:
 
 @dataclass(frozen=True)
 class Blocks:
-    """The block means of one output: a mean is the sum over the block's steps of `old` times the reading at the
+    """The block means of one channel: a mean is the sum over the block's steps of `old` times the reading at the
     step's start and `new` times that at its end, both (N,). `there` (B,): blocks with at least half of the samples of
     a full one, the only ones with weights; `samples` (B,) of each."""
 
@@ -75,15 +64,16 @@ class Blocks:
         return self.means(step_s * np.arange(self.old.size + 1, dtype=np.float64))
 
 
-def blocks(output: Output, step_s: float) -> Blocks:
-    """Cut the steps into blocks of 10 s."""
+def blocks(samples: Floats, place: Floats, step_s: float) -> Blocks:
+    """Cut N steps into blocks of 10 s. `samples` (N,): usable ones in each step; `place` (N,) in [0, 1]: their mean
+    time within it."""
     length = max(1, round(BLOCK_S / step_s))
-    starts = np.arange(0, output.samples.size, length)
-    total = np.add.reduceat(output.samples, starts)
+    starts = np.arange(0, samples.size, length)
+    total = np.add.reduceat(samples, starts)
     there = (total > 0) & (2 * total >= total.max(initial=0.0))
     share = np.divide(1.0, total, out=np.zeros_like(total), where=there)
-    weight = output.samples * np.repeat(share, length)[: output.samples.size]
-    return Blocks(length, weight * (1 - output.place), weight * output.place, there, total[there])
+    weight = samples * np.repeat(share, length)[: samples.size]
+    return Blocks(length, weight * (1 - place), weight * place, there, total[there])
 
 
 def lagged(truth: Floats, tau_s: float, step_s: float) -> Floats:

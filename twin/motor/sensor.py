@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
 from twin.motor.outputs import followed
+
+Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -36,3 +41,10 @@ class Sensor:
     def label(self) -> str:
         """The node that it follows by more than half, else "0.5 a + 0.5 b"."""
         return followed(self.weights) or " + ".join(f"{share:g} {node}" for node, share in self.weights.items())
+
+    def over(self, names: Sequence[str]) -> Floats:
+        """The share (n,) of each of these names. Raises ValueError where one that it follows is not among them."""
+        shares = np.zeros(len(names))
+        for node, share in self.weights.items():
+            shares[names.index(node)] = share
+        return shares

@@ -26,7 +26,7 @@ from twin.compiled.structure import CONSTANT, Structure
 from twin.errors import DivergedError
 from twin.motor import features
 from twin.motor.network import Network
-from twin.motor.outputs import Blocks, Output, blocks, lag_factors
+from twin.motor.outputs import Blocks, blocks, lag_factors
 from twin.run import sparse_march
 from twin.run.simulate import Frame, check_frame
 from twin.run.sparse_march import STRIP
@@ -45,18 +45,10 @@ class Thermometer:
     blocks: Blocks
 
 
-def thermometer(network: Network, output: Output, step_s: float) -> Thermometer:
-    """What reads an output."""
-    weights = np.zeros(len(network.nodes))
-    for node, share in output.weights.items():
-        weights[network.names.index(node)] += share
-    return Thermometer(weights, output.time_constant_s, blocks(output, step_s))
-
-
 def of_every_node(network: Network, frame: Frame) -> list[Thermometer]:
     """One at each node, always there, where a step counts as the mean of its ends."""
     ones = np.ones(len(frame.features))
-    cut = blocks(Output({}, 0.0, ones, ones / 2), frame.step_s)
+    cut = blocks(ones, ones / 2, frame.step_s)
     return [Thermometer(weights, 0.0, cut) for weights in np.eye(len(network.nodes))]
 
 

@@ -3,37 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from ingest.texts.nearest import hint
-from ingest.texts.quantities import STORED_UNIT
 from replay.errors import ReplayDataError
 from twin.motor.network import Network
-from twin.motor.observables import Thermometric, copper_slope
+from twin.motor.observables import Measurand, Thermometric, copper_slope
 
 if TYPE_CHECKING:
     from ingest.bench.resolving import ResolvedChannel
     from ingest.catalogue.channels import ChannelData
 
 SHAFT = ("torque", "speed")
-
-
-@dataclass(frozen=True)
-class Measurand:
-    """What a meter measures. `quantity`: power (mechanical power and all losses), heat (that `boundary` takes),
-    resistance or flux (`law`, its reference None where the session's first samples say it). `gain_sd`: of the share by
-    which it reads too much."""
-
-    quantity: str
-    gain_sd: float
-    boundary: str | None = None
-    law: Thermometric | None = None
-    referenced: bool = True  # the reference is known
-
-    @property
-    def unit(self) -> str:
-        return STORED_UNIT[self.quantity]
 
 
 def measurands(channels: Sequence[ChannelData], network: Network) -> dict[str, Measurand]:
@@ -51,7 +32,7 @@ def _measurand(spec: ResolvedChannel, channels: Sequence[ChannelData], network: 
         case "power":
             for quantity in SHAFT:
                 _only_input(spec, quantity, channels)
-            return Measurand("power", spec.gain_sd)
+            return Measurand("power", spec.stored_unit, spec.gain_sd)
         case "heat":
             around = [b.name for b in network.boundaries]
             if spec.node not in around:
@@ -59,24 +40,22 @@ def _measurand(spec: ResolvedChannel, channels: Sequence[ChannelData], network: 
                     f'channel "{spec.name}" observes the heat that "{spec.node}" takes, and that is no boundary of '
                     f'motor "{network.name}".{hint(spec.node or "", around)} Correct node in the bench file.'
                 )
-            return Measurand("heat", spec.gain_sd, boundary=spec.node)
-        case _:
-            return Measurand(
-                spec.quantity, spec.gain_sd, law=_law(spec, network), referenced=spec.reference is not None
-            )
+            return Measurand("heat", spec.stored_unit, spec.gain_sd, boundary=spec.node)
+        case other:
+            law, known = _law(spec, network), spec.reference is not None
+            return Measurand(other, spec.stored_unit, spec.gain_sd, law=law, referenced=known)
 
 
 def _law(spec: ResolvedChannel, network: Network) -> Thermometric:
-    weights = dict(spec.weights) or {spec.node or "": 1.0}
     nodes = [node.name for node in network.nodes]
-    for place in weights:
+    for place in spec.weights or (spec.node or "",):
         if place not in nodes:
             raise ReplayDataError(
                 f'channel "{spec.name}" goes with the temperature of "{place}", and motor "{network.name}" has no '
                 f"such node.{hint(place, nodes)} Correct node or weights in the bench file."
             )
     slope = copper_slope(network.copper, spec.reference_degC) if spec.slope_per_K is None else spec.slope_per_K
-    return Thermometric(weights, 1.0 if spec.reference is None else spec.reference, slope, spec.reference_degC)
+    return Thermometric(1.0 if spec.reference is None else spec.reference, slope, spec.reference_degC)
 
 
 def _only_input(spec: ResolvedChannel, quantity: str, channels: Sequence[ChannelData]) -> None:

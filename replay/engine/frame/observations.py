@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from replay.engine.frame.meters import Measurand
+from twin.motor.observables import Measurand
 from twin.motor.sensor import Sensor
 
 if TYPE_CHECKING:

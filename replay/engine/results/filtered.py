@@ -259,9 +259,9 @@ def _as_thermometer(meter: Meter, begins: Mapping[str, tuple[float, float]]) -> 
         rise = 1 / abs(law.slope_per_K) + abs(float(np.nanmean(degC)) - law.reference_degC)
         sd_K = float(np.hypot(o.sensor.bias_sd / per_K, meter.what.gain_sd * rise))
     else:
-        sd_K = sum(share * begins[node][1] for node, share in law.weights.items())
+        sd_K = sum(share * begins[node][1] for node, share in o.sensor.weights.items())
     noise, resolution = o.sensor.noise / per_K, o.sensor.resolution / per_K
-    sensor = replace(o.sensor, weights=law.weights, noise=noise, resolution=resolution)
+    sensor = replace(o.sensor, noise=noise, resolution=resolution)
     return replace(o, sensor=sensor, measured=degC), max(sd_K, LEAST_NOISE_K)
 
 

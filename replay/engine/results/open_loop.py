@@ -9,10 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from replay.engine.frame.frame import InputFrame
-from replay.engine.frame.meters import Measurand
 from replay.engine.frame.observations import Meter, Observation
 from twin.motor.network import Network
-from twin.motor.observables import lagged_means
+from twin.motor.observables import Measurand, lagged_means
 from twin.motor.outputs import followed, lagged
 from twin.run.initial import steady_interpolation
 from twin.run.losses import HeatFlows
@@ -75,7 +74,7 @@ def referenced(meter: Meter, initial: Mapping[str, float]) -> Measurand:
     law, good = meter.what.law, np.flatnonzero(meter.seen.good)
     if law is None or meter.what.referenced or not good.size:
         return meter.what
-    begins = sum(share * initial[node] for node, share in law.weights.items())
+    begins = sum(share * initial[node] for node, share in meter.seen.sensor.weights.items())
     return replace(meter.what, law=law.through(float(meter.seen.measured[good[0]]), begins), referenced=True)
 
 

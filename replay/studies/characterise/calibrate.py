@@ -208,21 +208,23 @@ def _errors(sessions: Sequence[SessionRecorded], tests: Sequence[Test], result: 
         entry: dict[str, Any] = {"session": sessions[s].session, "session_name": sessions[s].name, "channel": name}
         after, bias = result.mae_after[s, name], result.bias.get((s, name), 0.0)
         if isinstance(found, RecordedMeter):
-            entry |= {"place": _place(found, result), "unit": found.unit, "before": before, "after": after}
+            entry |= {"place": _place(found), "unit": found.what.unit, "before": before, "after": after}
             entry |= {
                 "bias": bias,
-                "bias_sd": found.bias_sd,
+                "bias_sd": found.sensor.bias_sd,
                 "gain": result.gain.get(name, 0.0),
-                "gain_sd": found.gain_sd,
+                "gain_sd": found.what.gain_sd,
             }
         else:
-            entry |= {"node": " + ".join(found.output.weights), "before_K": before, "after_K": after}
-            entry |= {"bias_K": bias, "bias_sd_K": found.bias_sd, "outliers_s": result.outliers_s.get((s, name), 0.0)}
+            entry |= {"node": " + ".join(found.sensor.weights), "before_K": before, "after_K": after}
+            entry |= {
+                "bias_K": bias,
+                "bias_sd_K": found.sensor.bias_sd,
+                "outliers_s": result.outliers_s.get((s, name), 0.0),
+            }
         entries.append(entry)
     return entries
 
 
-def _place(meter: RecordedMeter, result: Calibration) -> str:
-    if meter.law is not None:
-        return " + ".join(meter.law.weights)
-    return "motor" if meter.boundary is None else result.network.boundaries[meter.boundary].name
+def _place(meter: RecordedMeter) -> str:
+    return " + ".join(meter.sensor.weights) if meter.what.law is not None else meter.what.boundary or "motor"

@@ -40,13 +40,13 @@ def shown(model: Model, sessions: Sequence[SessionRecorded]) -> list[Shown]:
         at = np.minimum((series.t_s / test.frame.step_s).astype(np.intp), len(test.frame.features) - 1)
         size_K = np.abs(series.y)
         places = {with_unit(f): values[at] * scale(model.network, f) for f, values in test.inputs.items()}
-        floor = float(np.hypot(np.sqrt(floor_variance(series, model.noise_of(series.channel))), channel.bias_sd))
+        floor = float(np.hypot(np.sqrt(floor_variance(series, model.noise_of(series.channel))), channel.sensor.bias_sd))
         result.append(
             Shown(
                 session=session.session,
                 session_name=session.name,
                 channel=series.channel,
-                node=followed(channel.output.weights) or " + ".join(channel.output.weights),
+                node=followed(channel.sensor.weights) or " + ".join(channel.sensor.weights),
                 mae_K=float(size_K.mean()),
                 max_K=float(size_K.max()),
                 bias_K=float(series.y.mean()),

@@ -54,7 +54,7 @@ def as_recorded(question: Question, version: Version, kept: Sequence[Test]) -> A
     for test, own in zip(corrected, kept, strict=True):
         recorded = {c.name: c for c in own.channels}
         for c in test.channels:
-            there = recorded[c.name].output.samples > 0
+            there = recorded[c.name].samples > 0
             moved[c.name].append((c.measured - recorded[c.name].measured)[there])
         ruler = [_reading(c, recorded[c.name]) for c in test.channels]
         for series in Model(network, [replace(test, channels=tuple(ruler))], ()).residuals(np.zeros(0)):
@@ -67,8 +67,7 @@ def as_recorded(question: Question, version: Version, kept: Sequence[Test]) -> A
 
 def _reading(corrected: RecordedChannel, recorded: RecordedChannel) -> RecordedChannel:
     """The reading as recorded at the place, and with the lag, of the corrected one."""
-    output = replace(corrected.output, samples=recorded.output.samples)
-    return replace(corrected, measured=recorded.measured, output=output)
+    return replace(corrected, measured=recorded.measured, samples=recorded.samples)
 
 
 def measured_as_recorded(

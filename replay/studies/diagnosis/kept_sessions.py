@@ -96,8 +96,8 @@ def _masked_better(final: Fit, kept: Sequence[Test]) -> dict[str, bool]:
 
 def _unmasked(channel: RecordedChannel) -> RecordedChannel:
     """As if every sample that was recorded were live."""
-    samples = np.where(np.isfinite(channel.measured), np.maximum(channel.output.samples, 1.0), 0.0)
-    return replace(channel, output=replace(channel.output, samples=samples))
+    samples = np.where(np.isfinite(channel.measured), np.maximum(channel.samples, 1.0), 0.0)
+    return replace(channel, samples=samples)
 
 
 def _by_channel(found: KeptTests) -> dict[str, Floats]:
@@ -140,7 +140,7 @@ def _gain(
 
 def node_of(channel: RecordedChannel) -> str:
     """The node that a channel follows by more than half, else all that it follows."""
-    weights = channel.output.weights
+    weights = channel.sensor.weights
     return followed(weights) or " + ".join(weights)
 
 

@@ -130,7 +130,7 @@ def _prepare(network: Network) -> Compiled:
 
 def _measured(tests: Iterable[Test]) -> dict[str, str]:
     """Nodes that channels observe, alone or in a mixture."""
-    return {node: "measured" for test in tests for channel in test.channels for node in channel.output.weights}
+    return {node: "measured" for test in tests for channel in test.channels for node in channel.sensor.weights}
 
 
 def _hottest(network: Network, courses: Sequence[FullRun]) -> dict[str, str]:

@@ -17,7 +17,6 @@ from ingest.facts.store import Store
 from replay.engine.frame import frame as frames
 from replay.engine.frame.frame import InputFrame
 from replay.engine.frame.frame_of import as_fed
-from replay.engine.frame.meters import Measurand
 from replay.engine.frame.observations import Observation
 from replay.engine.results.open_loop import initial_temperatures, referenced
 from replay.engine.specimen.aged import hours_of
@@ -27,7 +26,7 @@ from twin.fitting.model import Test
 from twin.fitting.recorded import RecordedChannel, RecordedMeter
 from twin.motor.features import QUANTITY, Monomial, is_flow, monomials
 from twin.motor.network import Network
-from twin.motor.outputs import BLOCK_S, Output
+from twin.motor.outputs import BLOCK_S
 from twin.run.simulate import Frame
 
 Floats = NDArray[np.float64]
@@ -119,44 +118,17 @@ def with_meters(test: Test, frame: InputFrame, network: Network, level: str) -> 
     found = []
     for meter in frame.meters:
         if level in ("testing", meter.seen.sensor.level) and meter.seen.good[:steps].any():
-            what = referenced(meter, begins)
-            own = _meter(_channel(meter.seen, frame, steps), what, frame, network)
+            what, sensor = referenced(meter, begins), meter.seen.sensor
+            given = frame.mechanical_W if what.quantity == "power" else None
+            seen = vars(_channel(meter.seen, frame, steps))
+            own = RecordedMeter(**seen, what=what, given=0.0 if given is None else given[:steps])
             if what.law is not None and not meter.what.referenced:
-                start_K = np.hypot.reduce([share * begins_sd[node] for node, share in what.law.weights.items()])
-                own = replace(own, bias_sd=float(np.hypot(own.bias_sd, start_K * own.row)))
+                start_K = np.hypot.reduce([share * begins_sd[node] for node, share in sensor.weights.items()])
+                own = replace(own, sensor=replace(sensor, bias_sd=float(np.hypot(sensor.bias_sd, start_K * own.row))))
             found.append(own)
     return replace(test, meters=tuple(found))
 
 
-def _meter(whole: RecordedChannel, what: Measurand, frame: InputFrame, network: Network) -> RecordedMeter:
-    around = [b.name for b in network.boundaries]
-    given = frame.mechanical_W if what.quantity == "power" else None
-    return RecordedMeter(
-        name=whole.name,
-        bus=whole.bus,
-        unit=what.unit,
-        output=replace(whole.output, weights={}),
-        measured=whole.measured,
-        white_sd=whole.white_sd,
-        resolution=whole.resolution,
-        bias_sd=whole.bias_sd,
-        gain_sd=what.gain_sd,
-        boundary=None if what.boundary is None else around.index(what.boundary),
-        given=0.0 if given is None else given[: whole.measured.size],
-        law=what.law,
-    )
-
-
 def _channel(o: Observation, frame: InputFrame, steps: int) -> RecordedChannel:
     samples = np.where(o.good & frame.live, o.samples, 0).astype(np.float64)[:steps]
-    return RecordedChannel(
-        name=o.sensor.name,
-        bus=o.sensor.bus,
-        output=Output(
-            weights=o.sensor.weights, time_constant_s=o.sensor.time_constant_s, samples=samples, place=o.place[:steps]
-        ),
-        measured=o.measured[:steps],
-        white_sd=o.sensor.noise,
-        resolution=o.sensor.resolution,
-        bias_sd=o.sensor.bias_sd,
-    )
+    return RecordedChannel(o.sensor, o.measured[:steps], samples, o.place[:steps])

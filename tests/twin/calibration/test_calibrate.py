@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -21,7 +21,8 @@ from twin.fitting.noise import ChannelNoise, Series
 from twin.fitting.recorded import RecordedChannel
 from twin.motor.features import evaluate, monomials, terms
 from twin.motor.network import Boundary, Link, Network, Node, Source, Term
-from twin.motor.outputs import Output, lagged
+from twin.motor.outputs import lagged
+from twin.motor.sensor import Sensor
 from twin.run.simulate import Frame, simulate
 
 Floats = NDArray[np.float64]
@@ -69,8 +70,8 @@ def _session(truth: Network, seed: int, flow: float = 0.0, bias: float = 0.0, ta
         read = lagged(temperatures[:, i], tau_s, fine_s)
         true = ((read[1:] + read[:-1]) / 2).reshape(STEPS, FINE).mean(axis=1)
         noisy = true + rng.normal(0, 0.1, STEPS) + (bias if node == "yoke" else 0.0)
-        output = Output({node: 1.0}, tau_s, np.ones(STEPS), np.full(STEPS, 0.5))
-        channels.append(RecordedChannel(node, "can1", output, noisy, 0.1, 0.0, 0.5))
+        sensor = Sensor(node, {node: 1.0}, bus="can1", noise=0.1, bias_sd=0.5, time_constant_s=tau_s)
+        channels.append(RecordedChannel(sensor, noisy, np.ones(STEPS), np.full(STEPS, 0.5)))
     return Test(
         name=f"session {seed}",
         kind="s2",
@@ -205,7 +206,7 @@ def test_a_parameter_at_its_bound_is_held_and_the_others_go_on() -> None:
 def test_a_known_lag_is_no_error_of_the_model() -> None:
     slow = _session(_motor(), 4, tau_s=30.0)
     assert all(abs(e.log_change) < 3 * e.sd for e in calibrate(_motor(), (slow,)).estimates)
-    ignored = tuple(replace(c, output=replace(c.output, time_constant_s=0.0)) for c in slow.channels)
+    ignored = tuple(replace(c, sensor=replace(c.sensor, time_constant_s=0.0)) for c in slow.channels)
     right, wrong = (_under_broad_noise(_motor(), test) for test in (slow, replace(slow, channels=ignored)))
     assert wrong.cost > right.cost + 20
     names = [parameter.name for parameter in wrong.model.parameters]
@@ -241,10 +242,10 @@ def _any_test(network: Network, frame: Frame) -> Test:
     rng, steps = np.random.default_rng(1), len(frame.features)
     names = [node.name for node in network.nodes]
     some, place = (rng.random(steps) < 0.8).astype(np.float64), rng.random(steps)
-    outputs = (
-        Output({names[0]: 1.0}, 0.0, some, place),
-        Output({names[-1]: 1.0}, 3.0, np.ones(steps), place),
-        Output({names[1]: 0.7, names[2]: 0.3}, 1.0, some, np.full(steps, 0.5)),
+    sensors: tuple[tuple[Mapping[str, float], float, Floats, Floats], ...] = (
+        ({names[0]: 1.0}, 0.0, some, place),
+        ({names[-1]: 1.0}, 3.0, np.ones(steps), place),
+        ({names[1]: 0.7, names[2]: 0.3}, 1.0, some, np.full(steps, 0.5)),
     )
     return Test(
         name="any",
@@ -255,7 +256,13 @@ def _any_test(network: Network, frame: Frame) -> Test:
         initial=np.linspace(25, 60, len(names)),
         initial_sd=np.full(len(names), 2.0),
         channels=tuple(
-            RecordedChannel(f"c{i}", "can1", o, np.zeros(steps), 0.1, 0.0, 0.5) for i, o in enumerate(outputs)
+            RecordedChannel(
+                Sensor(f"c{i}", weights, bus="can1", noise=0.1, bias_sd=0.5, time_constant_s=tau_s),
+                np.zeros(steps),
+                samples,
+                at,
+            )
+            for i, (weights, tau_s, samples, at) in enumerate(sensors)
         ),
     )
 

@@ -19,7 +19,7 @@ from twin.fitting.model import Model, Test
 from twin.fitting.noise import ChannelNoise
 from twin.fitting.recorded import RecordedChannel
 from twin.motor.network import Network, Term
-from twin.motor.outputs import Output
+from twin.motor.sensor import Sensor
 from twin.run import block_columns
 
 Floats = NDArray[np.float64]
@@ -44,11 +44,8 @@ def _with_every_node(network: Network, test: Test) -> Test:
     """The test as if every node had a thermometer that is always there."""
     steps = len(test.frame.features)
     there, middle = np.ones(steps), np.full(steps, 0.5)
-    outputs = (Output({node.name: 1.0}, 0.0, there, middle) for node in network.nodes)
-    return replace(
-        test,
-        channels=tuple(RecordedChannel(f"{i}", "", own, 0 * there, 0.1, 0.0, 0.0) for i, own in enumerate(outputs)),
-    )
+    sensors = (Sensor(f"{i}", {node.name: 1.0}, noise=0.1) for i, node in enumerate(network.nodes))
+    return replace(test, channels=tuple(RecordedChannel(one, 0 * there, there, middle) for one in sensors))
 
 
 def _by_adjoints(network: Network, test: Test) -> Floats:
@@ -147,7 +144,7 @@ def test_information_is_that_of_a_calibration_to_rounding_however_few_blocks_are
     def patchy(channel: RecordedChannel) -> RecordedChannel:
         steps = channel.measured.size
         samples = np.float64(4.0) * ((rng.random(steps) < 0.8) & (np.arange(steps) % 75 > 12))
-        return replace(channel, output=replace(channel.output, samples=samples, place=rng.random(steps)))
+        return replace(channel, samples=samples, place=rng.random(steps))
 
     test = replace(TESTS[0], channels=tuple(patchy(channel) for channel in TESTS[0].channels))
     expected = _information_by_adjoints(network, test, noise)

@@ -21,7 +21,8 @@ from twin.motor.check import check
 from twin.motor.configured import configured
 from twin.motor.features import evaluate, monomials
 from twin.motor.network import Boundary, Configuration, FluidCircuit, Link, Network, Node, Source, Term
-from twin.motor.outputs import Output
+from twin.motor.observables import Measurand
+from twin.motor.sensor import Sensor
 from twin.run.simulate import Frame, simulate
 
 Floats = NDArray[np.float64]
@@ -73,13 +74,13 @@ def _recorded(motor: Network, rig: str | None, seed: int = 1, steps: int = 1600)
     edges = simulate(compile_indexed(network), Frame(1.0, columns, around), start)
     always, middle = np.ones(steps), np.full(steps, 0.5)
     channels = tuple(
-        RecordedChannel(f"{node}_1", "can1", Output({node: 1.0}, 0.0, always, middle),
-            (edges[:-1, i] + edges[1:, i]) / 2, 0.02, 0.0, 0.0)
+        RecordedChannel(
+            Sensor(f"{node}_1", {node: 1.0}, noise=0.02), (edges[:-1, i] + edges[1:, i]) / 2, always, middle
+        )
         for i, node in enumerate(("winding", "yoke"))
-    )  # fmt: skip
-    taken = RecordedMeter(
-        "heat", "can1", "W", Output({}, 0.0, always, middle), np.full(steps, 90.0), 1.0, 0.0, 0.0, 0.0, 0
     )
+    heat, taker = Sensor("heat", {"heat": 1.0}, noise=1.0), network.boundaries[0].name
+    taken = RecordedMeter(heat, np.full(steps, 90.0), always, middle, Measurand("heat", "W", 0.0, taker))
     return Test(
         name=str(rig),
         kind="drive",

@@ -17,7 +17,7 @@ from twin.motor.ageing_law import Ageing, AgeingPlace, AgeingTerm, aged, ageing_
 from twin.motor.configured import configured
 from twin.motor.features import evaluate, monomials
 from twin.motor.network import Boundary, Configuration, Link, Network, Node, Source, Term
-from twin.motor.outputs import Output
+from twin.motor.sensor import Sensor
 from twin.run.simulate import Frame, simulate
 
 LAW = Ageing(above_degC=180.0, percent_per_100h=-10.0, sd=1.0)
@@ -56,15 +56,7 @@ def recorded(motor: Network, name: str, rig: str | None, steps: int = 1600) -> T
         initial=start,
         initial_sd=np.full(2, 0.3),
         channels=tuple(
-            RecordedChannel(
-                node,
-                "can1",
-                Output({node: 1.0}, 0.0, always, middle),
-                (edges[:-1, i] + edges[1:, i]) / 2,
-                0.02,
-                0.0,
-                0.0,
-            )
+            RecordedChannel(Sensor(node, {node: 1.0}, noise=0.02), (edges[:-1, i] + edges[1:, i]) / 2, always, middle)
             for i, node in enumerate(("winding", "teeth"))
         ),
     )

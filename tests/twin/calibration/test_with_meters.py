@@ -14,7 +14,8 @@ from twin.fitting.model import Model, Test
 from twin.fitting.recorded import METER_SHARE, RecordedMeter
 from twin.motor.features import evaluate, monomials
 from twin.motor.network import Network
-from twin.motor.outputs import Output
+from twin.motor.observables import Measurand
+from twin.motor.sensor import Sensor
 from twin.run.losses import heat_flows
 from twin.run.simulate import Frame
 
@@ -62,8 +63,9 @@ def _test(gain: float = 0.0) -> Test:
     given = 2000.0 * np.cos(np.arange(steps) / 11.0)
     noise = np.random.default_rng(4).normal(0.0, 2.0, steps)
     measured = (1 + gain) * (made.reshape(steps, -1).mean(axis=1) + given) + noise
-    output = Output({}, 0.0, np.full(steps, 4.0), np.full(steps, 0.5))
-    meter = RecordedMeter("P_el", "can2", "W", output, measured, 4.0, 0.1, bias_sd=5.0, gain_sd=0.01, given=given)
+    sensor = Sensor("P_el", {"P_el": 1.0}, bus="can2", noise=4.0, resolution=0.1, bias_sd=5.0)
+    what = Measurand("power", "W", gain_sd=0.01)
+    meter = RecordedMeter(sensor, measured, np.full(steps, 4.0), np.full(steps, 0.5), what, given)
     return replace(test, meters=(meter,))
 
 

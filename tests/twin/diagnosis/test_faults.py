@@ -17,6 +17,7 @@ from twin.errors import EvidenceError
 from twin.fitting.fit import Fit, fit
 from twin.fitting.model import Model
 from twin.fitting.noise import ChannelNoise
+from twin.fitting.recorded import RecordedChannel
 from twin.motor.causes import parse
 
 Floats = NDArray[np.float64]
@@ -65,8 +66,8 @@ def test_the_evidence_is_the_gaussian_one_of_the_blocks() -> None:
     means = np.bincount(at, values, minlength=900) / np.maximum(samples, 1)
     w_1 = test.channels[0]
     # samples at 0, 0.25 .. 1.75 s of a step stand at 0.4375 of it
-    output = replace(w_1.output, samples=samples, place=np.full(900, 0.4375))
-    shown = replace(test, channels=(replace(w_1, output=output, measured=means), *test.channels[1:]))
+    w_1 = RecordedChannel(w_1.sensor, means, samples, place=np.full(900, 0.4375))
+    shown = replace(test, channels=(w_1, *test.channels[1:]))
     model = Model(fitted.model.network, (shown, fitted.model.tests[1]), fitted.model.parameters, fitted.model.noise)
     part = model.linearise(fitted.beta)[0]
     a = np.zeros((len(part.columns), len(fitted.beta)))

@@ -21,7 +21,6 @@ from twin.fitting.model import Model, Test
 from twin.fitting.noise import ChannelNoise
 from twin.motor.causes import Cause
 from twin.motor.network import Link, Network, Source, Term
-from twin.motor.outputs import blocks
 from twin.motor.sensor_laws import Exchange
 
 Floats = NDArray[np.float64]
@@ -77,7 +76,7 @@ def test_the_evidence_of_an_exchange_is_the_gaussian_one() -> None:
     for part, channel in zip(parts, test.channels, strict=True):
         a[row : row + len(part.columns), part.at] = part.columns
         row += len(part.columns)
-        measured[channel.name] = blocks(channel.output, 2.0).measured(channel.measured)
+        measured[channel.name] = channel.blocks(2.0).measured(channel.measured)
         modelled.append(measured[channel.name] - part.series.y)
         noise.append(_covariance(part.series.t_s, made.WHITE_SD**2 + made.RESOLUTION**2 / 12, swaps.COARSE))
     law = multivariate_normal(np.concatenate(modelled), block_diag(*noise) + (a * model.sd**2) @ a.T)
@@ -139,10 +138,10 @@ def test_an_exchange_leaves_place_and_lag_with_the_name_and_takes_the_record_alo
     tests = _tests(network, {"W_1": np.r_[np.zeros(100), np.ones(800)]})
     before = {c.name: c for c in tests[0].channels}
     after = {c.name: c for c in swaps.exchanged(tests, "W_1", "Y_1")[0].channels}
-    assert after["Y_1"].output.weights == {"yoke": 1.0}
-    assert after["Y_1"].output.time_constant_s == 3.0
+    assert after["Y_1"].sensor.weights == {"yoke": 1.0}
+    assert after["Y_1"].sensor.time_constant_s == 3.0
     np.testing.assert_array_equal(after["Y_1"].measured, before["W_1"].measured)
-    np.testing.assert_array_equal(after["Y_1"].output.samples, before["W_1"].output.samples)
+    np.testing.assert_array_equal(after["Y_1"].samples, before["W_1"].samples)
 
 
 def _showing(test: Test, channel: str, factor: float, offset: float) -> Test:

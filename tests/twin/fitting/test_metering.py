@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -13,12 +13,12 @@ from made.motor import CASE, CHANNELS, FINE_S, ON_MOTOR, compiled, every_law, la
 from twin.fitting import actions
 from twin.fitting.actions import Parameter
 from twin.fitting.model import Model, Test
-from twin.fitting.recorded import RecordedMeter
+from twin.fitting.recorded import RecordedChannel, RecordedMeter
 from twin.motor import sensor_laws
 from twin.motor.features import evaluate, monomials
 from twin.motor.network import Fluid, FluidCircuit, Link, Network, Node, Property, Term
-from twin.motor.observables import Thermometric, lag_parts, lagged_means
-from twin.motor.outputs import Output, blocks
+from twin.motor.observables import Measurand, Thermometric, lag_parts, lagged_means
+from twin.motor.sensor import Sensor
 from twin.run.losses import heat_flows
 from twin.run.simulate import Frame
 
@@ -27,8 +27,9 @@ Floats = NDArray[np.float64]
 NEAR = 1e-3
 DURATION_S, STEP_S = 600.0, 2.0
 METERS = ("P_el", "Q_cool", "Q_air", "R", "psi")
-R = Thermometric({"winding": 0.8, "yoke": 0.2}, 0.05, 0.00393, 20.0)
-PSI = Thermometric({"magnet": 1.0}, 0.08, -0.0011, 20.0)
+R = Thermometric(0.05, 0.00393, 20.0)
+R_FOLLOWS = {"winding": 0.8, "yoke": 0.2}
+PSI = Thermometric(0.08, -0.0011, 20.0)
 EVERY: dict[str, tuple[actions.Action, float]] = {  # action and a size of its number
     **ON_MOTOR,
     "bias of a meter": (sensor_laws.Bias("P_el"), 20.0),
@@ -39,15 +40,18 @@ EVERY: dict[str, tuple[actions.Action, float]] = {  # action and a size of its n
 }
 
 
-def _meter(name: str, boundary: int | None, tau_s: float, given: Floats, samples: Floats) -> RecordedMeter:
-    steps = len(given)
-    output = Output({}, tau_s, samples, np.full(steps, 0.5))
-    return RecordedMeter(name, "can1", "W", output, np.zeros(steps), 5.0, 1.0, 10.0, 0.01, boundary, given)
+def _meter(name: str, boundary: str | None, tau_s: float, given: Floats, samples: Floats) -> RecordedMeter:
+    steps, what = len(given), Measurand("heat" if boundary else "power", "W", 0.01, boundary)
+    sensor = Sensor(name, {name: 1.0}, bus="can1", noise=5.0, resolution=1.0, bias_sd=10.0, time_constant_s=tau_s)
+    return RecordedMeter(sensor, np.zeros(steps), samples, np.full(steps, 0.5), what, given)
 
 
-def _thermometric(name: str, law: Thermometric, tau_s: float, samples: Floats) -> RecordedMeter:
-    output = Output({}, tau_s, samples, np.full(len(samples), 0.3))
-    return RecordedMeter(name, "can1", "ohm", output, np.zeros(len(samples)), 1e-5, 1e-6, 0.0, 0.002, law=law)
+def _thermometric(
+    name: str, law: Thermometric, weights: Mapping[str, float], tau_s: float, samples: Floats
+) -> RecordedMeter:
+    sensor = Sensor(name, weights, bus="can1", noise=1e-5, resolution=1e-6, time_constant_s=tau_s)
+    what = Measurand("resistance", "ohm", 0.002, law=law)
+    return RecordedMeter(sensor, np.zeros(len(samples)), samples, np.full(len(samples), 0.3), what)
 
 
 def _with_meters(test: Test, seed: int) -> Test:
@@ -59,10 +63,10 @@ def _with_meters(test: Test, seed: int) -> Test:
         test,
         meters=(
             _meter("P_el", None, 0.0, given, np.full(steps, 4.0)),
-            _meter("Q_cool", 0, 12.0, np.zeros(steps), some),
-            _meter("Q_air", 1, 0.0, np.zeros(steps), np.full(steps, 1.0)),
-            _thermometric("R", R, 0.0, some[::-1]),
-            _thermometric("psi", PSI, 8.0, np.full(steps, 4.0)),
+            _meter("Q_cool", "coolant", 12.0, np.zeros(steps), some),
+            _meter("Q_air", "ambient", 0.0, np.zeros(steps), np.full(steps, 1.0)),
+            _thermometric("R", R, R_FOLLOWS, 0.0, some[::-1]),
+            _thermometric("psi", PSI, {"magnet": 1.0}, 8.0, np.full(steps, 4.0)),
         ),
     )
 
@@ -211,7 +215,7 @@ def test_a_meter_reads_what_a_fine_run_makes_and_its_boundaries_take() -> None:
         if series.channel in expected:
             meter = next(one for one in test.meters if one.name == series.channel)
             means = expected[series.channel].reshape(-1, round(STEP_S / FINE_S)).mean(axis=1) + meter.given
-            fine = blocks(meter.output, STEP_S).of_steps(lagged_means(means, meter.output.time_constant_s, STEP_S))
+            fine = meter.blocks(STEP_S).of_steps(lagged_means(means, meter.sensor.time_constant_s, STEP_S))
             np.testing.assert_allclose(-series.y * meter.row, fine, atol=0.005 * np.abs(fine).max())
 
 
@@ -219,10 +223,12 @@ def test_a_resistance_reads_what_a_thermometer_of_its_place_stands_for() -> None
     initial = np.array([45.0, 42.0, 41.0, 35.0])
     test = _with_meters(recorded(every_law(), smooth(DURATION_S), initial), 1)
     known = {c.name: c for c in test.channels}
-    alike = replace(known["W_1"], name="mixed", output=replace(test.meters[3].output, weights=R.weights))
+    resistance = test.meters[3]
+    mixed_place = replace(known["W_1"].sensor, name="mixed", weights=R_FOLLOWS, time_constant_s=0.0)
+    alike = RecordedChannel(mixed_place, known["W_1"].measured, resistance.samples, resistance.place)
     test = replace(test, channels=(*test.channels, alike))
     series = {s.channel: s for s in Model(every_law(), [test], []).residuals(np.zeros(0))}
-    mixed = blocks(alike.output, STEP_S).measured(alike.measured) - series["mixed"].y
+    mixed = alike.blocks(STEP_S).measured(alike.measured) - series["mixed"].y
     np.testing.assert_allclose(-series["R"].y * R.per_K, R.reading(mixed), rtol=1e-12)
 
 

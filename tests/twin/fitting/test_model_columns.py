@@ -19,7 +19,7 @@ from twin.fitting.model import Model, Test
 from twin.fitting.recorded import RecordedChannel
 from twin.motor import sensor_laws
 from twin.motor.features import Monomial, evaluate, monomials
-from twin.motor.outputs import Output
+from twin.motor.sensor import Sensor
 from twin.run.simulate import Frame
 
 Floats = NDArray[np.float64]
@@ -182,13 +182,18 @@ def _reference_test(seed: int) -> Test:
     where = {"rotor_surface": 2.0, "endwinding_a_inner": 0.0, "teeth": 5.0}
     channels = [
         RecordedChannel(
-            name=node,
-            bus="can1" if tau_s else "can2",
-            output=Output({node: 1.0}, tau_s, np.full(STEPS, 4.0), np.full(STEPS, 0.5)),
+            Sensor(
+                node,
+                {node: 1.0},
+                bus="can1" if tau_s else "can2",
+                noise=0.1,
+                resolution=0.1,
+                bias_sd=0.3,
+                time_constant_s=tau_s,
+            ),
             measured=np.zeros(STEPS),
-            white_sd=0.1,
-            resolution=0.1,
-            bias_sd=0.3,
+            samples=np.full(STEPS, 4.0),
+            place=np.full(STEPS, 0.5),
         )
         for node, tau_s in where.items()
     ]

@@ -11,7 +11,7 @@ from twin.compiled.laws import Law, Table
 from twin.fitting.march import System, run
 from twin.fitting.responses import Mean, ParameterHeats, SensorRow, columns, means
 from twin.motor.network import NOBODY
-from twin.motor.outputs import Output, blocks, lagged
+from twin.motor.outputs import blocks, lagged
 
 Floats = NDArray[np.float64]
 
@@ -40,7 +40,7 @@ def _sensors(step_s: float) -> tuple[list[SensorRow], list[Mean], int]:
     names = [node.name for node in every_law().nodes]
     sensors, wanted = [], []
     for k, (shares, tau_s) in enumerate(CHANNELS.values()):
-        cut = blocks(Output(shares, tau_s, np.ones(STEPS), np.full(STEPS, 0.5)), step_s)
+        cut = blocks(np.ones(STEPS), np.full(STEPS, 0.5), step_s)
         sensors.append(SensorRow(np.array([shares.get(name, 0.0) for name in names]), tau_s))
         wanted.append(Mean(k, cut.old, cut.new))
     return sensors, wanted, cut.length
@@ -88,8 +88,7 @@ def test_more_parameters_than_go_through_a_block_at_once_change_none() -> None:
 def test_means_of_late_stamps_are_means_of_the_moved_reading(late_steps: float) -> None:
     rng = np.random.default_rng(4)
     steps = 60
-    output = Output({"yoke": 1.0}, 0.0, (rng.random(steps) < 0.8).astype(np.float64), rng.random(steps))
-    cut = blocks(output, 2.0)
+    cut = blocks((rng.random(steps) < 0.8).astype(np.float64), rng.random(steps), 2.0)
     reading, at = rng.normal(size=steps + 1), np.arange(steps + 1.0)
     found = np.zeros(steps // cut.length)
     for mean in means(0, cut, np.full(steps + 1, late_steps)):

@@ -21,7 +21,7 @@ from twin.insulation.check_tests import (
     without_iron,
 )
 from twin.motor.network import Boundary, Link, Network, Node, Source, Term
-from twin.motor.outputs import Output
+from twin.motor.sensor import Sensor
 from twin.run.simulate import Frame
 
 Floats = NDArray[np.float64]
@@ -43,9 +43,8 @@ STEPS = 6000
 
 def channel(name: str, node: str, measured: Floats, samples: Floats | None = None) -> RecordedChannel:
     there = np.ones(measured.size) if samples is None else samples
-    return RecordedChannel(
-        name, "log", Output({node: 1.0}, 0.0, there, np.zeros(measured.size)), measured, 0.06, 0.1, 0.2
-    )
+    sensor = Sensor(name, {node: 1.0}, bus="log", noise=0.06, resolution=0.1, bias_sd=0.2)
+    return RecordedChannel(sensor, measured, there, np.zeros(measured.size))
 
 
 def made(current: Floats, channels: tuple[RecordedChannel, ...], step_s: float = 1.0, air: float = 20.0) -> Test:
@@ -77,14 +76,14 @@ def test_steps_become_ten_seconds_and_keep_their_means_and_where_samples_were() 
     assert found.inputs["current"] == pytest.approx([4.5, 14.5])
     (one,) = found.channels
     assert one.measured == pytest.approx([3.0, 13.0])
-    assert one.output.samples == pytest.approx([2.0, 2.0])
-    assert one.output.place == pytest.approx([0.3, 0.3])
+    assert one.samples == pytest.approx([2.0, 2.0])
+    assert one.place == pytest.approx([0.3, 0.3])
 
 
 def test_steps_without_samples_stay_without() -> None:
     nothing = np.zeros(20)
     found = coarse(made(nothing, (channel("A", "winding", np.full(20, np.nan), nothing),)))
-    assert not found.channels[0].output.samples.any()
+    assert not found.channels[0].samples.any()
     assert np.isfinite(found.channels[0].measured).all()
 
 
@@ -101,10 +100,10 @@ def test_sensors_of_one_place_are_their_mean_where_all_have_samples() -> None:
     )
     head, yoke = by_place(test, {"C": "moves alone"}).channels
     assert (head.name, yoke.name) == ("head", "yoke")
-    assert head.output.samples == pytest.approx(gap)
+    assert head.samples == pytest.approx(gap)
     assert head.measured[gap > 0.0] == pytest.approx([12.0, 22.0, 42.0])
-    assert (head.white_sd, head.bias_sd) == pytest.approx((0.06 / np.sqrt(2.0), 0.2 / np.sqrt(2.0)))
-    assert (yoke.white_sd, yoke.bias_sd) == (0.06, 0.2)
+    assert (head.sensor.noise, head.sensor.bias_sd) == pytest.approx((0.06 / np.sqrt(2.0), 0.2 / np.sqrt(2.0)))
+    assert (yoke.sensor.noise, yoke.sensor.bias_sd) == (0.06, 0.2)
 
 
 def test_sensors_that_never_speak_together_are_no_place() -> None:
@@ -115,13 +114,13 @@ def test_sensors_that_never_speak_together_are_no_place() -> None:
 
 def test_sensors_of_another_lag_are_another_place() -> None:
     slow = channel("B", "head", np.zeros(4))
-    slow = replace(slow, output=replace(slow.output, time_constant_s=5.0))
+    slow = replace(slow, sensor=replace(slow.sensor, time_constant_s=5.0))
     assert len(by_place(made(np.zeros(4), (channel("A", "head", np.zeros(4)), slow)), ()).channels) == 2
 
 
 def test_iron_is_told_by_what_a_channel_follows_most() -> None:
     mixed = channel("M", "yoke", np.zeros(4))
-    mixed = replace(mixed, output=replace(mixed.output, weights={"winding": 0.4, "yoke": 0.6}))
+    mixed = replace(mixed, sensor=replace(mixed.sensor, weights={"winding": 0.4, "yoke": 0.6}))
     test = made(np.zeros(4), (channel("A", "head", np.zeros(4)), mixed))
     assert [of_iron(NETWORK, one) for one in test.channels] == [False, True]
     assert [one.name for one in without_iron(NETWORK, test).channels] == ["A"]
@@ -142,7 +141,7 @@ def test_the_load_is_the_last_without_a_break() -> None:
 
 def shown(test: Test) -> list[tuple[int, int]]:
     """First and last step of each stretch with samples."""
-    there = np.concatenate([[0.0], test.channels[0].output.samples, [0.0]]) > 0.0
+    there = np.concatenate([[0.0], test.channels[0].samples, [0.0]]) > 0.0
     edges = np.flatnonzero(np.diff(there.astype(int)))
     return [(int(a), int(b) - 1) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 

@@ -16,7 +16,7 @@ from twin.fitting.recorded import RecordedChannel, Test
 from twin.insulation.check_tests import begun_alike, minutes_of_switches, without_iron
 from twin.insulation.insulation_fit import OverChecks, insulated, over_checks
 from twin.motor.network import Boundary, Link, Network, Node, Source, Term
-from twin.motor.outputs import Output
+from twin.motor.sensor import Sensor
 from twin.run.simulate import Frame
 
 Floats = NDArray[np.float64]
@@ -86,7 +86,7 @@ def check(resistance: float, emissivity: float, air_degC: float, noise: int) -> 
         initial=np.full(3, air_degC),
         initial_sd=np.ones(3),
         channels=tuple(
-            RecordedChannel(node, "log", Output({node: 1.0}, 0.0, ones, 0.5 * ones), means[at], 0.03, 0.0, 0.1)
+            RecordedChannel(Sensor(node, {node: 1.0}, bus="log", noise=0.03, bias_sd=0.1), means[at], ones, 0.5 * ones)
             for node, at in (("head", 1), ("yoke", 2))
         ),
     )

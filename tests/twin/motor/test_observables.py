@@ -9,7 +9,7 @@ from twin.motor.network import Copper
 from twin.motor.observables import Thermometric, copper_slope
 from twin.run.derating import Derating, derated
 
-WINDING = Thermometric({"winding": 1.0}, 0.05, 0.00393, 20.0)
+WINDING = Thermometric(0.05, 0.00393, 20.0)
 
 
 def test_a_resistance_stands_for_one_temperature_and_back() -> None:
@@ -27,7 +27,7 @@ def test_a_reference_is_taken_through_a_reading() -> None:
 
 def test_the_slope_of_copper_is_that_of_one_line_wherever_its_reference_is() -> None:
     copper = Copper(0.00393, 20.0)
-    warm = Thermometric({"winding": 1.0}, 0.05 * (1 + 0.00393 * 40.0), copper_slope(copper, 60.0), 60.0)
+    warm = Thermometric(0.05 * (1 + 0.00393 * 40.0), copper_slope(copper, 60.0), 60.0)
     degC = np.array([0.0, 60.0, 150.0])
     np.testing.assert_allclose(warm.reading(degC), WINDING.reading(degC))
 

@@ -17,9 +17,9 @@ from twin.fitting.model import Model, Test
 from twin.fitting.recorded import RecordedChannel
 from twin.motor.features import streams
 from twin.motor.network import Link, Network, Property, Source, Term
-from twin.motor.outputs import Output
+from twin.motor.sensor import Sensor
 from twin.run import block_columns
-from twin.run.block_columns import of_every_node, of_motor, thermometer
+from twin.run.block_columns import Thermometer, of_every_node, of_motor
 from twin.run.simulate import Frame
 
 Floats = NDArray[np.float64]
@@ -145,18 +145,18 @@ def test_a_network_of_many_nodes_has_the_columns_of_its_calibration(
     network = make_network(4, n=120)
     frame, rng = make_frame(network, 4, steps=37, step_s=2.0), np.random.default_rng(4)
     names, initial = [node.name for node in network.nodes], np.full(120, 40.0)
-    outputs = [
-        Output({names[i]: 0.25, names[i + 50]: 0.75}, tau, np.ones(35), rng.random(35))
-        for i, tau in enumerate([0.0, 3.0, 40.0])
-    ]
     cut = replace(frame, features=frame.features[:35], boundaries=frame.boundaries[:35])
-    channels = tuple(RecordedChannel(f"{i}", "", own, np.zeros(35), 0.1, 0.0, 0.0) for i, own in enumerate(outputs))
+    sensors = (
+        Sensor(f"{i}", {names[i]: 0.25, names[i + 50]: 0.75}, noise=0.1, time_constant_s=tau)
+        for i, tau in enumerate([0.0, 3.0, 40.0])
+    )
+    channels = tuple(RecordedChannel(own, np.zeros(35), np.ones(35), rng.random(35)) for own in sensors)
     test = Test("", "", cut, {}, {}, initial, np.ones(120), channels)
     parameters = freedom(network, [test])
     parts = Model(network, [test], parameters).linearise(np.zeros(len(parameters)))
     expected = np.stack([part.columns for part in parts], axis=1)
     places, values = of_motor(network)
-    read = [thermometer(network, own, 2.0) for own in outputs]
+    read = [Thermometer(own.sensor.over(names), own.sensor.time_constant_s, own.blocks(2.0)) for own in channels]
     wanted = [*places, *(places[-1] + 1 + i for i in range(120))]
     found = np.concatenate(list(block_columns.block_columns(network, cut, initial, read, wanted)))
     found[:, :, : len(values)] *= values

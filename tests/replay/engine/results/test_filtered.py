@@ -25,7 +25,6 @@ from replay.engine.files.models import for_intake, model_of
 from replay.engine.files.motor_file import read_motor
 from replay.engine.frame.frame import InputFrame
 from replay.engine.frame.frame_of import session_frame
-from replay.engine.frame.meters import Measurand
 from replay.engine.frame.observations import Meter
 from replay.engine.results.artefacts import filtered_of, filtered_table
 from replay.engine.results.asked_unknowns import asked_unknowns
@@ -43,7 +42,7 @@ from replay.show.reports import layers
 from replay.show.reports.report import ReportContext, write_report
 from twin.filters.unknowns import Unknown
 from twin.motor.network import Copper, Network
-from twin.motor.observables import Thermometric, copper_slope
+from twin.motor.observables import Measurand, Thermometric, copper_slope
 from twin.motor.sensor import Sensor
 from twin.motor.slicing import sliced
 from twin.run.losses import HeatFlows, heat_flows
@@ -206,10 +205,10 @@ def as_resistance(frame: InputFrame, channel: str, gain: float, referenced: bool
     """The frame with a channel in the place of a winding resistance of 15 mOhm at 20 degC, which its meter reads too
     high by `gain`."""
     (o,) = (o for o in frame.observations if o.sensor.name == channel)
-    law = Thermometric(o.sensor.weights, 0.015, copper_slope(Copper(), 20.0), 20.0)
+    law = Thermometric(0.015, copper_slope(Copper(), 20.0), 20.0)
     sensor = replace(o.sensor, noise=o.sensor.noise * law.per_K, resolution=0.0, bias_sd=0.0)
     seen = replace(o, sensor=sensor, measured=(1 + gain) * law.reading(o.measured))
-    meter = Meter(Measurand("resistance", 0.01, law=law, referenced=referenced), seen)
+    meter = Meter(Measurand("resistance", "ohm", 0.01, law=law, referenced=referenced), seen)
     rest = tuple(o for o in frame.observations if o.sensor.name != channel)
     return replace(frame, observations=rest, meters=(meter,))
 
@@ -279,7 +278,7 @@ def metered(replayed: Replayed, what: Measurand, watts: Floats, bias_sd: float =
 def test_the_error_of_a_power_meter_is_its_own_and_that_of_the_other_losses(hidden: Replayed) -> None:
     flows, mechanical = flows_of(hidden), hidden.frame.mechanical_W
     assert mechanical is not None
-    frame = metered(hidden, Measurand("power", 0.004), mechanical + flows.made, bias_sd=30.0)
+    frame = metered(hidden, Measurand("power", "W", 0.004), mechanical + flows.made, bias_sd=30.0)
     ((reading, error),) = heat_readings(frame.meters, hidden.network, frame, flows, "magnet")
     np.testing.assert_allclose(reading.value[frame.live], flows.made[frame.live])
     terms = [(source.node, term) for source in hidden.network.sources for term in source.terms]
@@ -293,7 +292,7 @@ def test_the_error_of_a_power_meter_is_its_own_and_that_of_the_other_losses(hidd
 def test_what_a_meter_scatters_by_from_step_to_step_is_noise_whatever_the_bench_file_says(hidden: Replayed) -> None:
     flows = flows_of(hidden)
     jitter = np.random.default_rng(1).normal(0.0, 200.0, len(flows.made))
-    what = Measurand("heat", 0.03, boundary="coolant")
+    what = Measurand("heat", "W", 0.03, boundary="coolant")
     at = [b.name for b in hidden.network.boundaries].index("coolant")
     readings = []
     for extra in (0.0 * jitter, jitter):
@@ -306,7 +305,7 @@ def test_what_a_meter_scatters_by_from_step_to_step_is_noise_whatever_the_bench_
 def test_a_power_meter_that_is_wrong_does_not_move_the_magnets(hidden: Replayed, wrong_W: float) -> None:
     flows, mechanical = flows_of(hidden), hidden.frame.mechanical_W
     assert mechanical is not None
-    frame = metered(hidden, Measurand("power", 0.004), mechanical + flows.made + wrong_W)
+    frame = metered(hidden, Measurand("power", "W", 0.004), mechanical + flows.made + wrong_W)
     found = filter_session(hidden.network, frame, losses(hidden), "testing")
     assert found is not None
     assert found.measured == ("EW_A_inner", "EW_B_inner", "RS", "METER")
@@ -328,7 +327,7 @@ def test_a_power_meter_that_is_sure_finds_the_loss_where_no_thermometer_is_near(
     assert mechanical is not None
     watts = mechanical + flows.made + 200.0
     away = ["EW_A_inner", "EW_B_inner"]
-    frame = metered(hidden, Measurand("power", 1e-5), watts)
+    frame = metered(hidden, Measurand("power", "W", 1e-5), watts)
     with_it = filter_session(sure, frame, losses(hidden), "testing", measured=[*away, "METER"])
     without = filter_session(sure, frame, losses(hidden), "testing", measured=away)
     assert with_it is not None

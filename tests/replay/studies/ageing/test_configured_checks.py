@@ -120,7 +120,8 @@ def _cut(test: Test, rows: slice) -> Test:
             replace(
                 one,
                 measured=one.measured[rows],
-                output=replace(one.output, samples=one.output.samples[rows], place=one.output.place[rows]),
+                samples=one.samples[rows],
+                place=one.place[rows],
             )
             for one in test.channels
         ),
@@ -265,7 +266,8 @@ def rested(check: LoggedCheck, iron_K: float) -> LoggedCheck:
             replace(
                 one,
                 measured=before(one.measured),
-                output=replace(one.output, samples=before(one.output.samples), place=before(one.output.place)),
+                samples=before(one.samples),
+                place=before(one.place),
             )
             for one in test.channels
         ),
