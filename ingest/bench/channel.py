@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from ingest.texts.expressions import parse
+
 
 @dataclass(frozen=True)
 class Channel:
@@ -42,6 +44,11 @@ class Channel:
     def at(self, key: str) -> int:
         """Line of `key`, of the whole entry where it is not written."""
         return self.lines.get(key, self.line)
+
+    @property
+    def needs(self) -> tuple[str, ...]:
+        """The signals that it is made of, as the bench file calls them."""
+        return parse(self.expression).names if self.expression else (str(self.signal),)
 
     @property
     def called(self) -> str:

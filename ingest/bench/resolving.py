@@ -7,6 +7,7 @@ import re
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 from ingest.bench.bench_file import Bench
 from ingest.bench.channel import Channel
@@ -25,37 +26,27 @@ _NOISE_K, _BIAS_K = 0.1, 0.5  # of temperatures, where the bench file says none
 _GAIN = {"power": 0.005, "heat": 0.03, "resistance": 0.002, "flux": 0.01}  # sd of observed ones, where it says none
 
 
-@dataclass(frozen=True)
-class ResolvedChannel:
-    """A channel of the bench file as it holds for one log. Numbers are in the stored unit (K for a temperature's).
+@dataclass(frozen=True, kw_only=True)
+class ResolvedChannel(Channel):
+    """A channel of the bench file as it holds for one log, with every default filled in. A `resolution` of None is the
+    smallest step in the data (`with_step`), a `reference` of None what the session begins with.
 
-    `signals` are the signal itself, or those of a derived channel's `expression`, in the order of `expression.names`;
-    `conversion` leads from `unit` (of the file, or of the expression's result) to the stored unit.
+    `signals` are those that it `needs`, in this order; `conversion` leads from `unit` (of the file, or of the
+    expression's result) to the stored unit.
     """
 
-    name: str
-    quantity: str
-    unit: str
     conversion: Conversion
     signals: tuple[Signal, ...]
-    role: str  # observed | input | ignored
-    expression: Expression | None = None
-    node: str | None = None
-    weights: Mapping[str, float] = field(default_factory=dict)
-    region: str | None = None
-    level: str = "testing"
+    role: str = field()
     noise: float = 0.0  # one sigma, white
     bias_sd: float = 0.0
-    resolution: float | None = None  # None: the smallest step in the data, `with_step`
-    time_constant_s: float = 0.0
-    sensor: str | None = None
-    card: str | None = None
-    gain_sd: float = 0.0  # of an observed power, heat, resistance or flux
-    reference: float | None = None  # of an observed resistance or flux; None: what the session begins with
-    reference_degC: float = Channel.reference_degC
-    slope_per_K: float | None = None
+    gain_sd: float = 0.0
     noise_given: bool = True  # by the bench file
-    line: int = 0  # of the bench file
+
+    @cached_property
+    def formula(self) -> Expression | None:
+        """The expression of a derived channel."""
+        return parse(self.expression) if self.expression else None
 
     @property
     def derived(self) -> bool:
@@ -139,11 +130,12 @@ def _bare(channel: Channel, of_log: Sequence[Signal]) -> str:
 
 def _signals_of(channel: Channel, bench: Bench, directory: Directory) -> tuple[Signal, ...]:
     """The signals a channel needs; () for an ignored channel of which one is missing."""
-    names = parse(channel.expression).names if channel.expression else (str(channel.signal),)
-    matches = [directory.find(name) for name in names]
+    matches = [directory.find(name) for name in channel.needs]
     if channel.role == "ignored" and not all(matches):
         return ()
-    return tuple(_only(name, found, channel, bench, directory) for name, found in zip(names, matches, strict=True))
+    return tuple(
+        _only(name, found, channel, bench, directory) for name, found in zip(channel.needs, matches, strict=True)
+    )
 
 
 def _only(name: str, found: list[Signal], channel: Channel, bench: Bench, directory: Directory) -> Signal:
@@ -206,35 +198,20 @@ def _filled(
     if resolution is None and not channel.expression and of_log[0].resolution:
         resolution = of_log[0].resolution * conversion.scale
     noise = max((resolution or 0.0) / 3, _NOISE_K if temperature else 0.0)
-    return ResolvedChannel(
-        name=name,
-        quantity=channel.quantity,
-        unit=channel.unit,
-        conversion=conversion,
-        signals=of_log,
-        role=role,
-        expression=parse(channel.expression) if channel.expression else None,
-        node=channel.node,
-        weights=channel.weights,
-        region=_region(channel, boundaries, regions),
-        level=channel.level,
-        noise=noise if channel.noise is None else channel.noise,
-        bias_sd=(_BIAS_K if temperature and role == "observed" else 0.0)
-        if channel.bias_sd is None
-        else channel.bias_sd,
-        resolution=resolution,
-        time_constant_s=channel.time_constant_s,
-        sensor=channel.sensor,
-        card=channel.card,
-        gain_sd=(_GAIN.get(channel.quantity, 0.0) if role == "observed" else 0.0)
-        if channel.gain_sd is None
-        else channel.gain_sd,
-        reference=channel.reference,
-        reference_degC=channel.reference_degC,
-        slope_per_K=channel.slope_per_K,
-        noise_given=channel.noise is not None,
-        line=channel.line,
-    )
+    observed = role == "observed"
+    bias_sd = _BIAS_K if temperature and observed else 0.0
+    gain_sd = _GAIN.get(channel.quantity, 0.0) if observed else 0.0
+    filled = {
+        "name": name,
+        "role": role,
+        "region": _region(channel, boundaries, regions),
+        "resolution": resolution,
+        "noise": noise if channel.noise is None else channel.noise,
+        "bias_sd": bias_sd if channel.bias_sd is None else channel.bias_sd,
+        "gain_sd": gain_sd if channel.gain_sd is None else channel.gain_sd,
+    }
+    given = channel.noise is not None
+    return ResolvedChannel(**vars(channel) | filled, conversion=conversion, signals=of_log, noise_given=given)
 
 
 def _role(channel: Channel, boundaries: Collection[str] | None) -> str:

@@ -12,14 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ingest.bench.bench_file import Bench, read_bench
-from ingest.bench.channel import Channel
 from ingest.bench.corrections import AMBIENT, Correction, correct, true_times, true_values
 from ingest.bench.resolving import ResolvedChannel, resolve
 from ingest.bench.signals import Directory, Signal
 from ingest.errors import DamageError, UnitError
 from ingest.facts.events import DecodeCompleted, SessionRecorded
 from ingest.facts.facts import Facts
-from ingest.texts.expressions import parse
 from ingest.texts.powers import hypot
 from ingest.texts.quantities import STORED_UNIT, Conversion, converter
 
@@ -236,7 +234,7 @@ def _of_bench(bench: Bench, decode: DecodeCompleted) -> list[_Source]:
     here = [
         (channel, steps)
         for channel, steps in zip(corrected.channels, corrected.steps, strict=True)
-        if channel.quantity and all(directory.find(name) for name in _needs(channel))
+        if channel.quantity and all(directory.find(name) for name in channel.needs)
     ]
     around = {entry["node"] for entry in decode.channels if entry["role"] == "input" and entry["node"]}
     specs = resolve(replace(bench, channels=tuple(channel for channel, _ in here)), signals, around)
@@ -254,10 +252,6 @@ def _of_bench(bench: Bench, decode: DecodeCompleted) -> list[_Source]:
     ]
 
 
-def _needs(channel: Channel) -> Sequence[str]:
-    return parse(channel.expression).names if channel.expression else (str(channel.signal),)
-
-
 def _guessed(decode: DecodeCompleted) -> list[_Source]:
     """The signals of a decode without a bench file."""
     return [_Source(entry, _guess(entry)) for entry in decode.channels]
@@ -272,7 +266,7 @@ def _guess(entry: _Entry) -> ResolvedChannel:
         conversion = converter(unit, quantity)
     except UnitError:
         quantity = ""
-    return ResolvedChannel(entry["name"], quantity, unit, conversion, signals=(), role=entry["role"])
+    return ResolvedChannel(entry["name"], quantity, unit, conversion=conversion, signals=(), role=entry["role"])
 
 
 def _decoded(store: Store, facts: Facts, decode: DecodeCompleted) -> _Decoded:

@@ -26,7 +26,6 @@ from ingest.log.databases import Database, merged, signals_of
 from ingest.log.databases import load as load_database
 from ingest.log.reading import LogReading
 from ingest.log.recording import Attachment, bus_name, id_text
-from ingest.texts.expressions import parse
 from ingest.texts.nearest import hint
 
 
@@ -150,7 +149,7 @@ def _elsewhere(bench: Bench, here: Sequence[Signal], known: Facts) -> list[Signa
     now = Directory(here)
     decodes = sorted(known.decodes.values(), key=lambda decode: decode.bench != bench.sha256)
     before = Directory([Signal(**c["signal"]) for decode in decodes for c in decode.channels if c["signal"]])
-    names = {n for c in bench.channels for n in (parse(c.expression).names if c.expression else (str(c.signal),))}
+    names = {name for channel in bench.channels for name in channel.needs}
     return [before.find(name)[0] for name in sorted(names) if not now.find(name) and before.find(name)]
 
 

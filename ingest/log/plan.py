@@ -37,10 +37,10 @@ class OutputColumn:
         """The column (N,), from the values (N,) of `sources` as they stand in the file."""
         if self.spec is None or self.column.text:
             return inputs[0]
-        if self.spec.expression is None:
+        if self.spec.formula is None:
             return self.spec.conversion(inputs[0])
-        named = dict(zip(self.spec.expression.names, inputs, strict=True))
-        return self.spec.conversion(self.spec.expression.evaluate(named))
+        named = dict(zip(self.spec.needs, inputs, strict=True))
+        return self.spec.conversion(self.spec.formula.evaluate(named))
 
 
 @dataclass

@@ -18,13 +18,20 @@ from numpy.typing import NDArray
 from twin.compiled.laws import Integers
 from twin.fitting.march import System
 from twin.motor.network import NOBODY
-from twin.motor.outputs import Blocks
-from twin.motor.sensor import SensorRow
+from twin.motor.outputs import Blocks, lag_factors
 
 Floats = NDArray[np.float64]
 
 SLAB = 128  # parameters whose states go through a block in one product: BLAS starts no threads for so few
 NEAR = 8  # blocks whose heats are laid side by side, as they are used
+
+
+@dataclass(frozen=True)
+class SensorRow:
+    """A channel as the march reads it: `weights` (n,) of the nodes and first-order lag [s]."""
+
+    weights: Floats
+    time_constant_s: float
 
 
 @dataclass(frozen=True)
@@ -91,7 +98,9 @@ def columns(
     """
     (count, n), m = system.heat.shape, len(sensors)
     weights = np.array([s.weights for s in sensors])
-    lags = np.array([s.shares(step_s) for s in sensors])
+    lags = np.array(
+        [lag_factors(s.time_constant_s, step_s) if s.time_constant_s > 0 else (0.0, 0.0, 1.0) for s in sensors]
+    )
     state = np.zeros((total, n + m))  # a reading at the start is the temperature itself
     for p, nodes in starts.items():
         for node in nodes:

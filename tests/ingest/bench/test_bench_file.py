@@ -125,6 +125,7 @@ def test_every_default_of_a_channel_is_filled_in_stored_units() -> None:
         unit="degC",
         conversion=Conversion(),
         signals=(LOG[0],),
+        signal="EW_A_3v",
         role="observed",
         node="endwinding_a_outer",
         region="copper",
@@ -298,8 +299,8 @@ def test_a_weighted_channel_is_observed_in_the_region_of_its_heaviest_node() -> 
 def test_a_derived_channel_has_the_signals_of_its_expression() -> None:
     text = '[[derived]]\nname = "i"\nquantity = "current"\nunit = "A"\nexpression = "hypot(IqFbk, IdFbk) / sqrt(2)"\n'
     channel = resolved(text)
-    assert channel.expression is not None and channel.derived and channel.column == "i_A"
-    assert channel.expression.names == ("IqFbk", "IdFbk") and channel.signals == (LOG[4], LOG[3])
+    assert channel.derived and channel.column == "i_A"
+    assert channel.needs == ("IqFbk", "IdFbk") and channel.signals == (LOG[4], LOG[3])
 
 
 def test_a_table_may_say_its_signals_in_any_words() -> None:
@@ -647,9 +648,9 @@ def test_the_example_of_the_published_motor_fits_its_recordings() -> None:
     check_nodes(bench, ["winding", "stator", "rotor"], ["coolant", "ambient"])
     assert bench.time.rate_hz == 1.0 and bench.specimen == "hust-ipmsm" and bench.motor == "motor.toml"
     current = channels["current"]
-    assert current.expression is not None
+    assert current.formula is not None
     feedback = {"IdFbk": np.array([-3.0]), "IqFbk": np.array([4.0])}
-    assert current.conversion(current.expression.evaluate(feedback))[0] == pytest.approx(5 / math.sqrt(2))
+    assert current.conversion(current.formula.evaluate(feedback))[0] == pytest.approx(5 / math.sqrt(2))
 
 
 def keys(schema: dict[str, Any]) -> set[str]:

@@ -24,7 +24,7 @@ from replay.cli import main
 from replay.studies.ageing.discharge import Electrical, discharge_of, electrical_of
 
 HOUR_NS = 3_600_000_000_000
-SPEC = ResolvedChannel("U", "voltage", "V", Conversion(), (), "input")
+SPEC = ResolvedChannel("U", "voltage", "V", conversion=Conversion(), signals=(), role="input")
 RATE_PER_100H = 0.6
 PLAN = Plan(
     stators=3,
