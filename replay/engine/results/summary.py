@@ -9,8 +9,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from ingest.bench.derating import DeratingRule
 from replay.engine.results.as_json import IF_SAID, from_json, to_json
 from replay.engine.specimen.aged import Aged
+from twin.run.derating import Derated
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -177,23 +179,11 @@ class SmoothedSpot(HotSpot):
 
 
 @dataclass(frozen=True, kw_only=True)
-class DeratingCourse:
+class DeratingCourse(Derated, DeratingRule):
     """A derating rule of the bench file beside a run. It watches `channel` to protect the hottest of `protects`:
-    "winding" or "magnet". All else is as in `twin.run.derating.Derated`; `margin_K`: what `hottest_free_degC` left of
-    the lowest limit there."""
+    "winding" or "magnet"; `margin_K`: what `hottest_free_degC` left of the lowest limit there."""
 
-    channel: str
-    begin_degC: float
-    end_degC: float
     protects: str
-    seconds: float
-    mean: float
-    lowest: float
-    seconds_hot: float
-    mean_hot: float
-    lowest_hot: float
-    late_s: float
-    hottest_free_degC: float | None
     margin_K: float | None
 
 
