@@ -1,5 +1,7 @@
 """Errors of the facts layer: one class a condition; the message is one line with what, where, why and what to do."""
 
+WITH_EXTRAS = "uv tool install '.[view,tdms]'"
+
 
 class IngestError(Exception):
     """Root of everything that `ingest` refuses. `str(error)` is the whole line that a person reads."""
@@ -47,3 +49,8 @@ class DamageError(IngestError):
 
 class UnknownSessionError(IngestError):
     """A session named by id, prefix or name is not in the store, or is not the only one."""
+
+
+def not_installed(what: str) -> str:
+    """The line for a part of whyhot that is an extra and is not there."""
+    return f"{what} is not installed: in a clone of whyhot, {WITH_EXTRAS} (or pipx install --force with the same)"

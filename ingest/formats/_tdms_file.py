@@ -19,7 +19,7 @@ from typing import IO, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ingest.errors import UnreadableLogError
+from ingest.errors import UnreadableLogError, not_installed
 
 TAG = b"TDSm"
 LEAD_IN = 28  # bytes
@@ -165,9 +165,7 @@ def _library(log: str) -> Any:
         import nptdms
         from nptdms.log import log_manager
     except ImportError:
-        raise UnreadableLogError(
-            f'{log}: the reader of TDMS files is not installed: pip install "whyhot[tdms]"'
-        ) from None
+        raise UnreadableLogError(f"{log}: {not_installed('the reader of TDMS files')}") from None
     log_manager.set_level(logging.CRITICAL)  # what it would warn of is said in `ended`
     return nptdms
 

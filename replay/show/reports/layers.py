@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ingest.catalogue.channels import ChannelData
+from ingest.errors import not_installed
 from ingest.facts.events import SessionRecorded
 from replay.engine.results.run import Run
 from replay.errors import ViewerError
@@ -37,7 +38,7 @@ if TYPE_CHECKING:
 MEASURED_WIDTH, MODEL_WIDTH, FILTERED_WIDTH, BAND_WIDTH = 2.2, 1.4, 1.0, 0.6
 BAND_SD = 2.0  # the band holds 95 % where the errors are normal
 STARTS_S = 2.0  # a viewer that runs this long has started
-MISSING = 'the rerun viewer is not installed: pip install "whyhot[view]"'
+MISSING = not_installed("the rerun viewer")
 
 
 def write_measured(
