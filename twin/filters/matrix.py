@@ -178,3 +178,23 @@ def eliminate(plan: Matrix, m: Floats, at: Index) -> None:
             for f in range(count):
                 m[u(upper + f)] *= pivot
         update += count * count
+
+
+@within
+def counted(laws: Laws, m: Floats, at: Index, n: int, count: int, amounts: int, signs: int, slopes: int) -> float:
+    """The heat [W] that a meter adds up by `signs` of `count` groups with these `amounts`, among n nodes, by `psi`;
+    what it changes by with temperatures is taken from the numbers at `slopes`."""
+    total = 0.0
+    for g in range(count):
+        if m[u(signs + g)] == 0.0:
+            continue
+        value, by_a, by_b, by_m = psi_of(laws, m, g)
+        amount = m[u(signs + g)] * m[u(amounts + g)]
+        a, b, other = ends_of(laws, at, g)
+        total += amount * value
+        m[u(slopes + a)] -= amount * by_a
+        if 0 <= b < n:
+            m[u(slopes + b)] -= amount * by_b
+        if other >= 0:
+            m[u(slopes + other)] -= amount * by_m
+    return total

@@ -35,8 +35,8 @@ from twin.arithmetic.lanes import (
     width,
     within,
 )
-from twin.filters.matrix import amounts_at, laws_at, surround, term_at
-from twin.filters.plan import Plan, ends_of, psi_of, term_of, x_at
+from twin.filters.matrix import amounts_at, counted, laws_at, surround, term_at
+from twin.filters.plan import Plan, psi_of, term_of, x_at
 
 Floats = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -210,7 +210,7 @@ def meter(plan: Plan, r: ReadingsPlan, m: Floats, at: Index, j: int, outside: Fl
     `outside` [degC]; its slopes there become the entries of reading q."""
     n, size, first = plan.n, plan.size, plan.n + plan.heats
     begun = at[u(r.later_start + q)]
-    slope, total = r.later_share + begun, 0.0
+    slope = r.later_share + begun
     for i in range(size):
         _enter(plan, r, m, at, q, i, 0.0, 1.0)
     surround(plan, m, state, outside)
@@ -221,18 +221,7 @@ def meter(plan: Plan, r: ReadingsPlan, m: Floats, at: Index, j: int, outside: Fl
         g, p, _ = term_of(plan, at, t)
         heat = psi_of(plan, m, g)[0]
         m[u(slope + first + p)] -= m[u(signs + g)] * term_at(plan, m, at, t) * heat
-    for g in range(plan.laws):
-        if m[u(signs + g)] == 0.0:
-            continue
-        value, by_a, by_b, by_m = psi_of(plan, m, g)
-        amount = m[u(signs + g)] * m[u(plan.amounts + g)]
-        a, b, other = ends_of(plan, at, g)
-        total += amount * value
-        m[u(slope + a)] -= amount * by_a
-        if 0 <= b < n:
-            m[u(slope + b)] -= amount * by_b
-        if other >= 0:
-            m[u(slope + other)] -= amount * by_m
+    total: float = counted(plan, m, at, n, plan.laws, plan.amounts, signs, slope)
     for i in range(n, first):
         m[u(slope + i)] = -m[u(plan.of_losses + j)]
         total += m[u(plan.of_losses + j)] * m[x_at(plan, state, i)]

@@ -24,8 +24,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.arithmetic.lanes import NOWHERE, LaneStore, Sweep, less, paired, scaled, sweep, transposed, width, within
-from twin.filters.matrix import eliminate, laws_at
-from twin.filters.plan import Parts, ends_of, psi_of
+from twin.filters.matrix import counted, eliminate, laws_at
+from twin.filters.plan import Parts, psi_of
 
 Floats = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -392,32 +392,16 @@ def solve(rates: Rates, m: Floats, at: Index) -> None:
 def metered(rates: Rates, m: Floats, at: Index, j: int, x: Floats, q: int) -> float:
     """What meter j of heat reads [W] of x (S, 1), by `psi`, `amounts` and `terms`; its slopes become `shares` of
     reading q."""
-    n, heats, shares, signs, total = (
-        rates.n,
-        rates.heats,
-        rates.shares + q * rates.length,
-        rates.signs + j * rates.laws,
-        0.0,
-    )
+    n, heats, shares, signs = rates.n, rates.heats, rates.shares + q * rates.length, rates.signs + j * rates.laws
     for i in range(rates.size):
         m[u(shares + i)] = 0.0
-    for g in range(rates.laws):
-        amount = m[u(signs + g)] * m[u(rates.amounts + g)]
-        a, b, other = ends_of(rates, at, g)
-        value, by_a, by_b, by_m = psi_of(rates, m, g)
-        total += amount * value
-        m[u(shares + a)] -= amount * by_a
-        if 0 <= b < n:
-            m[u(shares + b)] -= amount * by_b
-        if other >= 0:
-            m[u(shares + other)] -= amount * by_m
+    total: float = counted(rates, m, at, n, rates.laws, rates.amounts, signs, shares)
     for k in range(heats):
         m[u(shares + n + k)] = -m[u(rates.of_losses + j)]
         total += m[u(rates.of_losses + j)] * x[2 * n + k, 0]
     for t in range(rates.multiplied):
         g, p, _, _ = term_of(rates, at, t)
-        value = psi_of(rates, m, g)[0]
-        m[u(shares + n + heats + p)] -= m[u(signs + g)] * m[u(rates.terms + t)] * value
+        m[u(shares + n + heats + p)] -= m[u(signs + g)] * m[u(rates.terms + t)] * psi_of(rates, m, g)[0]
     return total
 
 
