@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,12 +13,6 @@ from twin.arithmetic.powers import exp
 Floats = NDArray[np.float64]
 
 BLOCK_S = 10.0
-
-
-def followed(weights: Mapping[str, float]) -> str | None:
-    """The node that makes up more than half of what a sensor follows; None where none does."""
-    node = max(weights, key=lambda name: weights[name])
-    return node if weights[node] > 0.5 else None
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.motor.outputs import followed
-
 Floats = NDArray[np.float64]
 
 
@@ -38,9 +36,14 @@ class Sensor:
         return max(self.weights, key=lambda node: self.weights[node])
 
     @property
+    def followed(self) -> str | None:
+        """The node that makes up more than half of what it follows; None where none does."""
+        return self.node if self.weights[self.node] > 0.5 else None
+
+    @property
     def label(self) -> str:
         """The node that it follows by more than half, else "0.5 a + 0.5 b"."""
-        return followed(self.weights) or " + ".join(f"{share:g} {node}" for node, share in self.weights.items())
+        return self.followed or " + ".join(f"{share:g} {node}" for node, share in self.weights.items())
 
     def over(self, names: Sequence[str]) -> Floats:
         """The share (n,) of each of these names. Raises ValueError where one that it follows is not among them."""

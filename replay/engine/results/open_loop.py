@@ -12,7 +12,7 @@ from replay.engine.frame.frame import InputFrame
 from replay.engine.frame.observations import Meter, Observation
 from twin.motor.network import Network
 from twin.motor.observables import Measurand, lagged_means
-from twin.motor.outputs import followed, lagged
+from twin.motor.outputs import lagged
 from twin.run.initial import steady_interpolation
 from twin.run.losses import HeatFlows
 
@@ -37,7 +37,7 @@ def _first_measured(
     steps = max(1, round(FIRST_S / frame.step_s))
     seen: dict[str, list[tuple[float, float, Mapping[str, float]]]] = {}
     for o in frame.observations:
-        node, good = followed(o.sensor.weights), np.flatnonzero(o.good[:steps])
+        node, good = o.sensor.followed, np.flatnonzero(o.good[:steps])
         if node and good.size and level in ("testing", o.sensor.level):
             reading = (float(o.measured[good[0]]), float(np.hypot(o.sensor.noise, o.sensor.bias_sd)), o.sensor.weights)
             seen.setdefault(node, []).append(reading)

@@ -24,7 +24,6 @@ from twin.fitting.noise import floor_variance
 from twin.motor.causes import says
 from twin.motor.features import quantity, scale
 from twin.motor.network import Network
-from twin.motor.outputs import followed
 
 RIVALS = 5
 
@@ -46,7 +45,7 @@ def shown(model: Model, sessions: Sequence[SessionRecorded]) -> list[Shown]:
                 session=session.session,
                 session_name=session.name,
                 channel=series.channel,
-                node=followed(channel.sensor.weights) or " + ".join(channel.sensor.weights),
+                node=channel.sensor.followed or " + ".join(channel.sensor.weights),
                 mae_K=float(size_K.mean()),
                 max_K=float(size_K.max()),
                 bias_K=float(series.y.mean()),

@@ -19,7 +19,6 @@ from twin.fitting.fit import Fit
 from twin.fitting.model import Floats, Test
 from twin.fitting.noise import floor_variance
 from twin.fitting.recorded import RecordedChannel
-from twin.motor.outputs import followed
 
 CELLS = 10  # of speed and of current, each to its largest value in training
 BOOTSTRAP_DRAWS = 1000
@@ -140,8 +139,7 @@ def _gain(
 
 def node_of(channel: RecordedChannel) -> str:
     """The node that a channel follows by more than half, else all that it follows."""
-    weights = channel.sensor.weights
-    return followed(weights) or " + ".join(weights)
+    return channel.sensor.followed or " + ".join(channel.sensor.weights)
 
 
 def _interval(trios: Sequence[Trio], block_s: float, over: bool) -> tuple[float, float]:
