@@ -18,7 +18,9 @@ from ingest.log.databases import Message, signals_of
 from ingest.log.reading import LogReading
 from ingest.log.recording import bus_name, id_text
 from ingest.log.samples import FIXED, Column
-from ingest.texts.quantities import column_suffix, guess, normal_unit
+from ingest.texts.guessing import guess
+from ingest.texts.quantities import column_suffix
+from ingest.texts.units import normal_unit
 
 TABLE = "rows"
 Source = tuple[str, str]  # group name, name of a signal in it
@@ -63,11 +65,6 @@ class SignalGroup:
         """Signals of other groups that its derived channels need."""
         return {source for output in self.outputs for source in output.sources if source[0] != self.name}
 
-    @property
-    def columns(self) -> list[Column]:
-        """The columns of its file, in order."""
-        return [output.column for output in self.outputs]
-
 
 def groups_of(reading: LogReading, messages: Mapping[int, Message]) -> list[SignalGroup]:
     """The groups of a log, without outputs: every message that was seen on a bus, or the table."""
@@ -103,7 +100,8 @@ def plan(
         taken = Counter(FIXED)
         for signal in group.signals:
             if signal.name in texts:
-                group.outputs.append(_text_output(group, signal, taken))
+                column = Column(_unique(signal.name, taken), signal.name, text=True)
+                group.outputs.append(OutputColumn(column, ((group.name, signal.name),)))
             elif spec := named.get(_identity(signal)):
                 group.outputs.append(_bench_output(group, spec, [(group.name, signal.name)], taken, signal))
             else:
@@ -116,7 +114,7 @@ def plan(
             missing.append(spec.name)
             continue
         sources = [(group.name, signal.name) for group, signal in zip(homes, spec.signals, strict=True)]
-        taken = Counter([*FIXED, *(column.name.lower() for column in homes[0].columns)])
+        taken = Counter([*FIXED, *(output.column.name.lower() for output in homes[0].outputs)])
         homes[0].outputs.append(_bench_output(homes[0], spec, sources, taken, None))
     return missing
 
@@ -133,8 +131,8 @@ def _names(seen: Sequence[tuple[int, Message]]) -> list[str]:
 
 
 def _channel_names(groups: Sequence[SignalGroup]) -> dict[Source, str]:
-    """Signal names; as a bench file would write them where another signal has that name too ("can2:Inverter.T"), and
-    with the group where two messages on one bus share even that."""
+    """Signal names; as a bench file writes them where others have that name too ("can2:Inverter.T"), with the group
+    where two messages on one bus share even that."""
     signals = [(group.name, signal) for group in groups for signal in group.signals]
     bare = Counter(signal.name for _, signal in signals)
     full = Counter(signal.qualified for _, signal in signals)
@@ -156,14 +154,10 @@ def _refuse_text(bench: Bench | None, channels: Sequence[ResolvedChannel], texts
         found = next((signal.name for signal in spec.signals if signal.name in texts), None)
         if found is not None and spec.role != "ignored":
             raise BenchFileError(
-                f'{bench.name if bench else "bench file"}:{spec.line}: signal "{found}" holds text in this log: '
-                "it cannot be "
-                f'{"part of " if spec.derived else "a "}{spec.quantity}. Correct the name, or add role = "ignored".'
+                f'{bench.name if bench else "bench file"}:{spec.line}: signal "{found}" holds text in this log: it '
+                f"cannot be {'part of ' if spec.derived else 'a '}{spec.quantity}. Correct the name, or add "
+                'role = "ignored".'
             )
-
-
-def _text_output(group: SignalGroup, signal: Signal, taken: Counter[str]) -> OutputColumn:
-    return OutputColumn(Column(_unique(signal.name, taken), signal.name, text=True), ((group.name, signal.name),))
 
 
 def _file_output(group: SignalGroup, signal: Signal, name: str, guessing: bool, taken: Counter[str]) -> OutputColumn:
@@ -207,8 +201,7 @@ def _entry(group: SignalGroup, signal: Signal | None, column: Column, role: str)
 
 
 def _unique(name: str, taken: Counter[str]) -> str:
-    """`name`, or with a number behind it where the group has such a column already; SQL knows no upper and lower
-    case."""
+    """`name`, with a number behind it where the group has such a column already: in SQL case tells nothing apart."""
     taken[name.lower()] += 1
     if taken[name.lower()] == 1:
         return name

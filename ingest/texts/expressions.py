@@ -14,8 +14,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache, reduce
+from operator import itemgetter
 from typing import Any
 
 import numpy as np
@@ -34,34 +35,24 @@ _TOKEN = re.compile(
 )
 
 
-def _mean(*arguments: Array) -> Array:
-    return reduce(np.add, arguments) / len(arguments)
-
-
-def _smallest(*arguments: Array) -> Array:
-    return reduce(np.minimum, arguments)
-
-
-def _largest(*arguments: Array) -> Array:
-    return reduce(np.maximum, arguments)
-
-
 FUNCTIONS: Mapping[str, tuple[Callable[..., Any], int | None]] = {  # name -> function, arguments (None: one or more)
     "hypot": (hypot, 2),
     "sqrt": (np.sqrt, 1),
     "abs": (np.abs, 1),
-    "min": (_smallest, None),
-    "max": (_largest, None),
-    "mean": (_mean, None),
+    "min": (lambda *values: reduce(np.minimum, values), None),
+    "max": (lambda *values: reduce(np.maximum, values), None),
+    "mean": (lambda *values: reduce(np.add, values) / len(values), None),
 }
 _OPERATORS: Mapping[str, Callable[..., Any]] = {
     "+": np.add,
     "-": np.subtract,
     "*": np.multiply,
     "/": np.divide,
-    "**": power,
 }
 ALLOWED = f"numbers, signals (others than plain names in `backquotes`), + - * / ** and {' '.join(FUNCTIONS)}"
+
+
+_Node = Callable[[Mapping[str, Array]], Any]  # the values of the signals -> the value of a part of the expression
 
 
 @dataclass(frozen=True)
@@ -70,7 +61,7 @@ class Expression:
 
     text: str
     names: tuple[str, ...]
-    _root: _Node
+    _root: _Node = field(compare=False, repr=False)
 
     def evaluate(self, values: Mapping[str, NDArray[Any]]) -> Array:
         """Values float64 (N,) of the expression; NaN where an input is NaN or the result not finite.
@@ -79,48 +70,13 @@ class Expression:
         """
         arrays = {name: np.asarray(values[name], dtype=np.float64) for name in self.names}
         with np.errstate(all="ignore"):
-            result = np.array(self._root.value(arrays), dtype=np.float64)
+            result = np.array(self._root(arrays), dtype=np.float64)
         result[~np.isfinite(result)] = np.nan
         return result
 
 
-@dataclass(frozen=True)
-class _Number:
-    number: float
-
-    def value(self, values: Mapping[str, Array]) -> Any:
-        return np.float64(self.number)
-
-
-@dataclass(frozen=True)
-class _Signal:
-    name: str
-
-    def value(self, values: Mapping[str, Array]) -> Any:
-        return values[self.name]
-
-
-@dataclass(frozen=True)
-class _Call:
-    function: Callable[..., Any]
-    arguments: tuple[_Node, ...]
-
-    def value(self, values: Mapping[str, Array]) -> Any:
-        return self.function(*(argument.value(values) for argument in self.arguments))
-
-
-@dataclass(frozen=True)
-class _Chain:
-    """A sum or product of many terms, first op term op term ...: a loop, so that a long sum is not a deep one."""
-
-    first: _Node
-    rest: tuple[tuple[Callable[..., Any], _Node], ...]
-
-    def value(self, values: Mapping[str, Array]) -> Any:
-        return reduce(lambda left, step: step[0](left, step[1].value(values)), self.rest, self.first.value(values))
-
-
-_Node = _Number | _Signal | _Call | _Chain
+def _called(function: Callable[..., Any], *arguments: _Node) -> _Node:
+    return lambda values: function(*(argument(values) for argument in arguments))
 
 
 @lru_cache(maxsize=256)
@@ -192,10 +148,11 @@ class _Parser:
         return _refusal(self._text, self._token.at, f"{found} where {wanted} is wanted")
 
     def _chain(self, part: Callable[[], _Node], *signs: str) -> _Node:
+        """A sum or product of many terms, first op term op term ...: a loop, so that a long sum is not a deep one."""
         first, rest = part(), []
         while self._sees(*signs):
             rest.append((_OPERATORS[self._take().text], part()))
-        return _Chain(first, tuple(rest)) if rest else first
+        return lambda values: reduce(lambda left, step: step[0](left, step[1](values)), rest, first(values))
 
     def _sum(self) -> _Node:
         return self._chain(self._product, "+", "-")
@@ -213,18 +170,19 @@ class _Parser:
 
     def _negative(self) -> _Node:
         self._take()
-        return _Call(np.negative, (self._signed(),))
+        return _called(np.negative, self._signed())
 
     def _power(self) -> _Node:
         base = self._atom()
         if not self._sees("**"):
             return base
         self._take()
-        return _Call(_OPERATORS["**"], (base, self._signed()))
+        return _called(power, base, self._signed())
 
     def _atom(self) -> _Node:
         if self._token.kind == "number":
-            return _Number(float(self._take().text))
+            number = np.float64(self._take().text)
+            return lambda values: number
         if self._token.kind in ("name", "quoted"):
             return self._named()
         if not self._sees("("):
@@ -239,7 +197,7 @@ class _Parser:
         if token.kind == "name" and self._sees("("):
             return self._call(token)
         self._names[token.text] = None
-        return _Signal(token.text)
+        return itemgetter(token.text)
 
     def _call(self, name: _Token) -> _Node:
         if name.text not in FUNCTIONS:
@@ -255,4 +213,4 @@ class _Parser:
         function, wanted = FUNCTIONS[name.text]
         if wanted not in (None, len(arguments)):
             raise _refusal(self._text, name.at, f"{name.text} takes {wanted} argument(s), found {len(arguments)}")
-        return _Call(function, tuple(arguments))
+        return _called(function, *arguments)

@@ -1,8 +1,7 @@
 """Powers and right-angled sums that give the same bits on every machine: derived channels end in a run's digest.
 
-numpy's `hypot` and `float_power` are the system library's, which change in the last place with the version of that
-and with the processor. Multiplication, addition and square root are exact by IEEE 754, so everything here is made of
-them.
+numpy's `hypot` and `float_power` are the system library's: their last place changes with its version and with the
+processor. Everything here is made of multiplication, addition and square root, which IEEE 754 rounds exactly.
 """
 
 from __future__ import annotations
@@ -22,13 +21,11 @@ def hypot(x: Any, y: Any) -> Any:
 
 
 def power(base: Any, exponent: Any) -> Any:
-    """`base ** exponent` of arrays or numbers.
+    """`base ** exponent` of arrays or numbers, by the binary digits of the exponent.
 
-    Made by the binary digits of the exponent: squares of the base for those before the point, its square roots for
-    those behind.
-
-    Within (1.2e-16 |exponent| + 2e-14) of it where it and its inverse are normal numbers; exact where all products
-    are. NaN where an input is, and for a negative base with a fraction; 0 ** 0 is 1.
+    Those before the point take squares of the base, those behind it square roots. Within (1.2e-16 |exponent| + 2e-14)
+    of it where it and its inverse are normal numbers; exact where all products are. NaN where an input is, and for a
+    negative base with a fraction; 0 ** 0 is 1.
     """
     size = np.minimum(np.abs(exponent), FAR)
     whole = np.floor(size)

@@ -16,22 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ingest.errors import UnitError
-from ingest.texts.guessing import guess
 from ingest.texts.nearest import hint
 from ingest.texts.units import factor, normal_unit, tidy, without_mark
-
-__all__ = [
-    "CONVENTIONS",
-    "PEAK",
-    "STORED_UNIT",
-    "Conversion",
-    "column_suffix",
-    "converter",
-    "guess",
-    "known_quantity",
-    "normal_unit",
-    "other_unit",
-]
 
 STORED_UNIT: Mapping[str, str] = {
     "temperature": "degC",
@@ -105,10 +91,9 @@ class Conversion:
 
 
 def converter(unit: str, quantity: str, convention: str = "rms") -> Conversion:
-    """The conversion of `unit` (any text of a file) to `STORED_UNIT[quantity]`.
+    """The conversion of `unit` (any text of a file) to `STORED_UNIT[quantity]`. Raises UnitError (without file, line).
 
     `convention = "peak"`: amplitudes of phase currents and voltages, divided by sqrt 2 (sine: rms = peak / sqrt 2).
-    Raises UnitError (without file and line).
     """
     bare, marked = without_mark(tidy(unit)) if quantity in PEAK else (tidy(unit), None)
     _check_convention(unit, quantity, convention, marked)

@@ -60,20 +60,8 @@ def _number(value: Any) -> float:
         raise ValueError from None
 
 
-def _above_zero(value: Any) -> float:
-    return float(_check(_number(value), value > 0))
-
-
-def _not_negative(value: Any) -> float:
-    return float(_check(_number(value), value >= 0))
-
-
-def _list(value: Any) -> list[Any]:
-    return list(_check(value, isinstance(value, list)))
-
-
 def _range(value: Any) -> tuple[float, float]:
-    low, high = (_number(x) for x in _check(_list(value), isinstance(value, list) and len(value) == 2))
+    low, high = map(_number, _check(value, isinstance(value, list) and len(value) == 2))
     _check(value, low < high)
     return low, high
 
@@ -91,14 +79,17 @@ def _named(value: Any, read_one: Callable[[Any], T]) -> dict[str, T]:
 
 TEXT = Kind("a text in quotes", _text)
 NUMBER = Kind("a number", _number)
-POSITIVE = Kind("a number above 0", _above_zero)
-NOT_NEGATIVE = Kind("a number of 0 or more", _not_negative)
+POSITIVE: Kind[float] = Kind("a number above 0", lambda value: _check(_number(value), value > 0))
+NOT_NEGATIVE: Kind[float] = Kind("a number of 0 or more", lambda value: _check(_number(value), value >= 0))
 BOOLEAN = Kind("true or false", lambda value: bool(_check(value, isinstance(value, bool))))
 MOMENT: Kind[datetime] = Kind(
     "a date and time without quotes, such as 2024-03-01T08:00:00Z",
     lambda value: _check(value, isinstance(value, datetime)),
 )
-TEXTS: Kind[list[str]] = Kind('a list of texts, such as ["a", "b"]', lambda value: [_text(x) for x in _list(value)])
+TEXTS: Kind[list[str]] = Kind(
+    'a list of texts, such as ["a", "b"]',
+    lambda value: [_text(x) for x in _check(value, isinstance(value, list))],
+)
 RANGE: Kind[tuple[float, float]] = Kind("two numbers, the lower first, such as [160, 180]", _range)
 NAMED_TEXTS: Kind[Mapping[str, str]] = Kind(
     'texts by name, such as {inverter = "sw 4.2"}', lambda value: _named(value, _text)

@@ -1,7 +1,7 @@
 """Unit texts as logs write them: one spelling each, and how large they are.
 
-Aliases come first (`Nm`, `U/min`, `1/min` mean something else to a unit library), then pint for what is left. Importing
-this module does not import pint, and comparing a unit with itself never needs it.
+Aliases come first (`Nm`, `U/min`, `1/min` mean something else to a unit library), then pint, which is imported only
+where a unit has to be converted.
 """
 
 from __future__ import annotations

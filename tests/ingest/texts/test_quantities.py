@@ -10,17 +10,9 @@ import numpy as np
 import pytest
 
 from ingest.errors import UnitError
-from ingest.texts.quantities import (
-    PEAK,
-    STORED_UNIT,
-    Conversion,
-    column_suffix,
-    converter,
-    guess,
-    normal_unit,
-    other_unit,
-)
-from ingest.texts.units import spellings
+from ingest.texts.guessing import guess
+from ingest.texts.quantities import PEAK, STORED_UNIT, Conversion, column_suffix, converter, other_unit
+from ingest.texts.units import normal_unit, spellings
 
 
 def test_importing_the_module_does_not_import_pint() -> None:
