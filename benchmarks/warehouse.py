@@ -341,7 +341,7 @@ def _oven(seed: int) -> Floats:
 def _write(file: Path, degC: Floats) -> None:
     t_ns = 1_760_000_000_000_000_000 + np.arange(degC.size) * 1_000_000_000
     writer = GroupWriter(file, file.stem, [Column("T_degC", "T", "degC", "temperature")])
-    writer.add(Samples(t_ns, t_ns, np.arange(degC.size), [degC]))
+    writer.add(Samples(t_ns, np.arange(degC.size), [degC]))
     writer.close()
 
 

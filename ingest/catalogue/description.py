@@ -9,8 +9,6 @@ from typing import Any
 from ingest.catalogue.operating_points import OperatingPoints
 from ingest.catalogue.power import PowerBalance
 
-COUNTS = ("decoded", "unknown_id", "wrong_length", "rejected")  # what becomes of a record
-
 
 @dataclass(frozen=True)
 class Repeats:

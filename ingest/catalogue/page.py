@@ -6,9 +6,10 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from ingest.catalogue import operating_points
-from ingest.catalogue.description import COUNTS, ChannelDescription, SessionDescription, SourceDescription
+from ingest.catalogue.description import ChannelDescription, SessionDescription, SourceDescription
 from ingest.catalogue.power import PowerBalance
 from ingest.catalogue.quality import seconds
+from ingest.facts.events import COUNTS
 
 NONE = "–"
 SHORT = 12  # characters of a hash that are shown

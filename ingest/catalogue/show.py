@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any
 
 from ingest.catalogue import operating_points, page, power, quality
 from ingest.catalogue.channels import ChannelData, load
-from ingest.catalogue.description import COUNTS, ChannelDescription, Repeats, SessionDescription, SourceDescription
+from ingest.catalogue.description import ChannelDescription, Repeats, SessionDescription, SourceDescription
 from ingest.catalogue.page import render
 from ingest.catalogue.power import PowerBalance
 from ingest.catalogue.quality import ChannelQuality
-from ingest.facts.events import DecodeCompleted, SessionRecorded
+from ingest.facts.events import COUNTS, DecodeCompleted, SessionRecorded
 from ingest.facts.facts import Facts
 
 if TYPE_CHECKING:

@@ -29,8 +29,7 @@ def canonical(value: Any) -> bytes:
 def digest(stream: str, version: int, topic: str, rest: bytes) -> str:
     """SHA-256 (hex) of an event over every stored column but the position, which the Merkle tree holds.
 
-    `rest` is the stored state without its member `digest`. A JSON array ends itself, so no two events give the same
-    bytes.
+    `rest`: the stored state without its member `digest`. A JSON array ends itself: no two events give the same bytes.
     """
     return hashlib.sha256(canonical([stream, version, topic]) + rest).hexdigest()
 
@@ -42,8 +41,7 @@ def entry(position: int, stream: str, version: int, topic: str, state: bytes) ->
 
 @dataclass(frozen=True)
 class Head:
-    """The state of a ledger in one line: Merkle root (hex) over all rows up to `position`. Kept elsewhere, it is
-    proof."""
+    """A ledger in one line, proof where it is kept elsewhere: Merkle root (hex) over all rows up to `position`."""
 
     position: int
     root: str

@@ -1,11 +1,18 @@
-"""Files that are whole and on disk, or not there."""
+"""Files that are whole and on disk, or not there; and the SHA-256 that tells."""
 
 from __future__ import annotations
 
+import hashlib
 import os
 from collections.abc import Iterable
 from pathlib import Path
 from uuid import uuid4
+
+
+def sha256_of(path: Path) -> str:
+    """SHA-256 (hex) of the bytes of a file."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def sync_folder(folder: Path) -> None:
@@ -31,8 +38,7 @@ def sync_tree(folder: Path) -> None:
 
 
 def write_file(folder: Path, chunks: Iterable[bytes]) -> Path:
-    """A new file in `folder` that holds `chunks`, on disk. Raises OSError, a full disk among them; no file is left
-    then."""
+    """A new file in `folder` that holds `chunks`, on disk. Raises OSError (disk full ...), and leaves no file then."""
     path = folder / uuid4().hex
     handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0), 0o666)
     try:

@@ -1,8 +1,7 @@
 """Facts: every event of the ledger, in the past tense. Names are stored for ever: add, never rename.
 
-Payload fields are JSON values (str, int, float, bool, None, list, dict); nanoseconds are integers. A stream is named
-`kind-key`: `file-<sha256>`, `database-<sha256>`, `bench-<sha256>`, `motor-<name>`, `session-<id>`, `run-<id>`,
-`calibration-<id>`, `diagnosis-<id>`, `inspection-<id>`, `ageing-<id>`, `ledger-0`.
+Payload fields are JSON values (str, int, float, bool, None, list, dict); nanoseconds are integers. Each event's text
+begins with its stream, named `kind-key`.
 """
 
 from __future__ import annotations
@@ -10,20 +9,24 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
+COUNTS = ("decoded", "unknown_id", "wrong_length", "rejected")  # what becomes of a record
+
 
 @dataclass(frozen=True, kw_only=True)
 class Event:
-    """Base of all facts. `VERSION` is the schema version of the payload."""
+    """Base of all facts. `TOPIC`: the stored name, made of the class's; `VERSION`: of the payload's schema."""
 
     TOPIC: ClassVar[str]
     VERSION: ClassVar[int] = 1
+
+    def __init_subclass__(cls) -> None:
+        cls.TOPIC = f"whyhot:{cls.__name__}"
 
 
 @dataclass(frozen=True, kw_only=True)
 class RawFileSealed(Event):
     """`file-<sha256>`: a log's bytes lie in the archive under their SHA-256."""
 
-    TOPIC: ClassVar[str] = "whyhot:RawFileSealed"
     sha256: str
     name: str
     size: int  # bytes
@@ -34,7 +37,6 @@ class RawFileSealed(Event):
 class SignalDatabaseRegistered(Event):
     """`database-<sha256>`: a DBC lies in the archive."""
 
-    TOPIC: ClassVar[str] = "whyhot:SignalDatabaseRegistered"
     sha256: str
     name: str
 
@@ -43,7 +45,6 @@ class SignalDatabaseRegistered(Event):
 class BenchRegistered(Event):
     """`bench-<sha256>`: a bench file lies in the archive; `model` is the motor file it named, as it was then."""
 
-    TOPIC: ClassVar[str] = "whyhot:BenchRegistered"
     sha256: str
     name: str
     motor: str | None  # name in the motor file
@@ -54,7 +55,6 @@ class BenchRegistered(Event):
 class MotorRegistered(Event):
     """`motor-<name>`: a motor is known from here on."""
 
-    TOPIC: ClassVar[str] = "whyhot:MotorRegistered"
     name: str
 
 
@@ -62,7 +62,6 @@ class MotorRegistered(Event):
 class ModelPublished(Event):
     """`motor-<name>`: a motor file lies in the archive; `model` = its SHA-256; `parent` the model it extends."""
 
-    TOPIC: ClassVar[str] = "whyhot:ModelPublished"
     model: str
     motor: str
     file: str  # its name when it was sealed
@@ -73,13 +72,12 @@ class ModelPublished(Event):
 class DecodeCompleted(Event):
     """`file-<sha256>`: what became of every record of a log, under one bench file, its motor file and its databases.
 
-    `balance`: found = decoded + unknown_id + wrong_length + rejected. `groups`: [{name, file, rows, columns}];
+    `balance`: found = the sum of `COUNTS`. `groups`: [{name, file, rows, columns}];
     `channels`: [{name, group, column, quantity, unit, node, region, role, derived}]; `sources`: [{record, where,
-    why}] of the first rejected records; `products`: file name -> SHA-256 of recording and Parquet, under
-    `decoded/<decode>/`.
+    why}] of the first rejected records; `products`: file under `decoded/<decode>/` -> SHA-256; `parts` as
+    `ingest.facts.sessions.parts` gives them, where a table holds many specimens.
     """
 
-    TOPIC: ClassVar[str] = "whyhot:DecodeCompleted"
     decode: str  # hash of raw, databases, bench, model, decoder version
     raw: str
     bench: str | None
@@ -97,7 +95,6 @@ class DecodeCompleted(Event):
     groups: list[dict[str, Any]] = field(default_factory=list)
     channels: list[dict[str, Any]] = field(default_factory=list)
     products: dict[str, str] = field(default_factory=dict)
-    # As `ingest.facts.sessions.parts`, where a table holds many specimens.
     parts: list[dict[str, Any]] = field(default_factory=list)
     model: str | None = None  # SHA-256 of the motor file that the bench file named then
 
@@ -106,7 +103,6 @@ class DecodeCompleted(Event):
 class SessionRecorded(Event):
     """`session-<id>`: these files are one test. `files`: [{raw, decode, first_record, last_record}]."""
 
-    TOPIC: ClassVar[str] = "whyhot:SessionRecorded"
     session: str
     name: str
     kind: str
@@ -127,7 +123,6 @@ class SessionRecorded(Event):
 class SessionRegrouped(Event):
     """`session-<old id>`: a late file joined; the old id stays resolvable and points to `into`."""
 
-    TOPIC: ClassVar[str] = "whyhot:SessionRegrouped"
     session: str
     into: str
     why: str
@@ -137,7 +132,6 @@ class SessionRegrouped(Event):
 class QualityFlagged(Event):
     """`session-<id>` or `file-<sha256>`: something a person should look at, found at ingest."""
 
-    TOPIC: ClassVar[str] = "whyhot:QualityFlagged"
     flag: str  # same_name_other_bytes | overlap | held | stuck | saturated | gap
     says: str
     detail: dict[str, Any] = field(default_factory=dict)
@@ -145,10 +139,9 @@ class QualityFlagged(Event):
 
 @dataclass(frozen=True, kw_only=True)
 class ReplayCompleted(Event):
-    """`run-<id>`: a sealed run. `artefacts`: {frame, temperatures, heat, residuals, meters, filtered} -> SHA-256 in
-    the archive (Parquet); `filtered` where a filter ran."""
+    """`run-<id>`: a sealed run. `artefacts`: {frame, temperatures, heat, residuals, meters, filtered} -> SHA-256 of
+    Parquet; `filtered` where a filter ran. `summary`: its entry of `replay --json`."""
 
-    TOPIC: ClassVar[str] = "whyhot:ReplayCompleted"
     run: str  # = hash of `key`
     session: str
     model: str
@@ -159,7 +152,6 @@ class ReplayCompleted(Event):
     digest: str
     environment: dict[str, str]
     artefacts: dict[str, str]
-    # The run's entry of `replay --json`: mae_K, max_K, bias_K by node, and channels with `where`.
     summary: dict[str, Any]
 
 
@@ -167,7 +159,6 @@ class ReplayCompleted(Event):
 class ReplayDiverged(Event):
     """`run-<id>`: same key and environment, other digest."""
 
-    TOPIC: ClassVar[str] = "whyhot:ReplayDiverged"
     run: str
     digest: str
     expected: str
@@ -185,7 +176,6 @@ class CalibrationCompleted(Event):
     parameters' logarithms (Parquet), None of calibrations that did not keep it.
     """
 
-    TOPIC: ClassVar[str] = "whyhot:CalibrationCompleted"
     calibration: str  # = hash of `key`
     sessions: list[str]
     parent: str
@@ -204,10 +194,8 @@ class CalibrationCompleted(Event):
 
 @dataclass(frozen=True, kw_only=True)
 class HeldOutOpened(Event):
-    """`diagnosis-<id>`: sessions that were kept from learning were looked at; what is measured on them after this has
-    been seen before."""
+    """`diagnosis-<id>`: sessions kept from learning were looked at: whoever measures on them later has seen them."""
 
-    TOPIC: ClassVar[str] = "whyhot:HeldOutOpened"
     diagnosis: str
     sessions: list[str]  # ids
 
@@ -217,7 +205,6 @@ class CauseNamed(Event):
     """`diagnosis-<id>`: a cause entered by evidence and survived being left out. `cause`: its id; `estimate` in `unit`;
     `probability` of what the data cannot tell from it together."""
 
-    TOPIC: ClassVar[str] = "whyhot:CauseNamed"
     diagnosis: str
     cause: str
     estimate: float
@@ -228,11 +215,9 @@ class CauseNamed(Event):
 
 @dataclass(frozen=True, kw_only=True)
 class ModelExtended(Event):
-    """`diagnosis-<id>`: a motor or bench file with the causes that improved lies in the archive. `model` extends
-    `parent`, `bench` extends `parent_bench`, the versions that the diagnosis began from; None where nothing was to be
-    added to it."""
+    """`diagnosis-<id>`: a motor or bench file with the causes that improved lies in the archive: `model` extends
+    `parent`, `bench` extends `parent_bench`, with which the diagnosis began; None where nothing was to be added."""
 
-    TOPIC: ClassVar[str] = "whyhot:ModelExtended"
     diagnosis: str
     parent: str | None  # SHA-256 of motor files
     model: str | None
@@ -245,17 +230,14 @@ class GainMeasured(Event):
     """`diagnosis-<id>`: what the causes gain on the kept sessions. `gain`: [{node, mae_before_K, mae_after_K, ci95_K,
     interval, published_mae_K, outside_trained_share, rms_inside_K, rms_outside_K}]."""
 
-    TOPIC: ClassVar[str] = "whyhot:GainMeasured"
     diagnosis: str
     gain: list[dict[str, Any]]
 
 
 @dataclass(frozen=True, kw_only=True)
 class DiagnosisCompleted(Event):
-    """`diagnosis-<id>`: a diagnosis is sealed; `artefact` is the SHA-256 of its document (JSON,
-    `whyhot.diagnosis/1`)."""
+    """`diagnosis-<id>`: a diagnosis is sealed. `artefact`: SHA-256 of its document (JSON, `whyhot.diagnosis/1`)."""
 
-    TOPIC: ClassVar[str] = "whyhot:DiagnosisCompleted"
     diagnosis: str  # = hash of `key`
     key: dict[str, Any]
     artefact: str
@@ -267,7 +249,6 @@ class CauseAccepted(Event):
     """`diagnosis-<id>`: a person took its improved causes: from here on `model` is current in place of `parent`, and
     `bench` in place of `parent_bench`; None where there is nothing of the kind."""
 
-    TOPIC: ClassVar[str] = "whyhot:CauseAccepted"
     diagnosis: str
     causes: list[str]  # ids
     parent: str | None  # SHA-256 of motor files
@@ -283,7 +264,6 @@ class InspectionRecorded(Event):
     The same bytes with another finding, specimen, time or session are another inspection.
     """
 
-    TOPIC: ClassVar[str] = "whyhot:InspectionRecorded"
     inspection: str  # = hash of all that is below but name and media type
     sha256: str
     name: str
@@ -297,11 +277,9 @@ class InspectionRecorded(Event):
 
 @dataclass(frozen=True, kw_only=True)
 class AgeingAssessed(Event):
-    """`ageing-<id>`: the insulation of specimens was assessed from these sessions. `answer` is the SHA-256 of its
-    document (JSON, `whyhot.ageing/1`), `artefacts`: {checks, specimens, batches} -> SHA-256 of its tables in the
-    archive (Parquet)."""
+    """`ageing-<id>`: the insulation of specimens was assessed from these sessions. `answer`: SHA-256 of its document
+    (JSON, `whyhot.ageing/1`); `artefacts`: {checks, specimens, batches} -> SHA-256 of its tables (Parquet)."""
 
-    TOPIC: ClassVar[str] = "whyhot:AgeingAssessed"
     assessment: str  # = hash of `key`
     key: dict[str, Any]
     answer: str
@@ -314,13 +292,8 @@ class AgeingAssessed(Event):
 class LedgerSealed(Event):
     """`ledger-0`: Merkle root over every stored column of all events up to `position`, the one before this."""
 
-    TOPIC: ClassVar[str] = "whyhot:LedgerSealed"
     position: int
     root: str
 
 
-def _all_events(base: type[Event] = Event) -> dict[str, type[Event]]:
-    return {cls.TOPIC: cls for cls in base.__subclasses__()}
-
-
-EVENTS: dict[str, type[Event]] = _all_events()  # the allow-list of topics
+EVENTS: dict[str, type[Event]] = {kind.TOPIC: kind for kind in Event.__subclasses__()}  # the allow-list of topics

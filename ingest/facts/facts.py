@@ -37,7 +37,7 @@ E = TypeVar("E", bound=Event)
 
 @dataclass(frozen=True)
 class Facts:
-    """Where an event was recorded again, the latest counts. `sessions` are in the order of the catalogue."""
+    """What is true; where an event was recorded again, the latest counts."""
 
     files: Mapping[str, RawFileSealed]  # by SHA-256, as are databases and benches
     databases: Mapping[str, SignalDatabaseRegistered]
@@ -53,23 +53,18 @@ class Facts:
     diagnoses: Mapping[str, DiagnosisCompleted]  # by diagnosis id, the latest last
     opened: Mapping[str, Sequence[str]]  # current session -> the diagnoses that opened it as a kept one
     successors: Mapping[str, str]  # model or bench file -> the version that was accepted in its place
-    # By inspection id; each with the session that its own is, or became part of.
-    inspections: Mapping[str, InspectionRecorded]
+    inspections: Mapping[str, InspectionRecorded]  # by inspection id, with the session that its own became part of
     assessments: Mapping[str, AgeingAssessed]  # by assessment id, the latest last
 
     def bench_of(self, session: SessionRecorded) -> BenchRegistered | None:
-        """The bench file that a session points to now, or the version that was accepted in its place.
-
-        With the motor file that lay beside it when the session's files came: the same bytes may lie beside another by
-        now.
-        """
+        """The bench file of a session, or the version accepted in its place, with the motor file that lay beside it
+        when the session's files came: the same bytes may lie beside another by now."""
         bench = self.benches.get(self.current(session.bench)) if session.bench else None
         named = self.models.get(session.model) if session.model else None
         return replace(bench, motor=named.motor, model=named.model) if bench and named else bench
 
     def current(self, sha256: str) -> str:
-        """The version of a model or bench file that was accepted in its place, and in place of that one; else
-        itself."""
+        """A model or bench file, or what was accepted in its place (and in place of that)."""
         return _end(self.successors, sha256)
 
     def session(self, text: str) -> SessionRecorded:
@@ -80,7 +75,8 @@ class Facts:
         current = {session.session: session for session in self.sessions}
         ids = {one: _end(self.joined, one) for one in [*current, *self.joined]}
         by_name = [session.session for session in self.sessions if session.name == text]
-        by_name = by_name or [_end(self.joined, self.old_names[text])] if text in self.old_names else by_name
+        if not by_name and text in self.old_names:
+            by_name = [_end(self.joined, self.old_names[text])]
         by_start = {now for one, now in ids.items() if text and one.startswith(text.lower())}
         found = [ids[text]] if text in ids else by_name or sorted(by_start)
         if len(found) == 1 and found[0] in current:

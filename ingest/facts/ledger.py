@@ -30,15 +30,12 @@ from ingest.facts.events import Event, LedgerSealed
 from ingest.facts.ledger_lock import WriterLock, reading_uri
 from ingest.facts.ledger_row import Recorded, decode, encode
 
-__all__ = ["Head", "Ledger", "Recorded"]
-
 SEALS = "ledger-0"  # the stream of the seals
 Factory = InfrastructureFactory[TrackingRecorder]
 Connection = tuple[Factory, ApplicationRecorder]
 FOR_EVER = "9999"  # after every recorded time
 PAGE = 1000  # rows read at once
-# What a damaged database makes Python raise; the last two for names in its schema that are no UTF-8, or not those of
-# the columns.
+# What a damaged database makes Python raise; the last two where names in its schema are no UTF-8, or other columns.
 DATABASE_ERRORS = (EventSourcingError, sqlite3.Error, OSError, UnicodeError, LookupError)
 
 
@@ -225,9 +222,8 @@ class Ledger:
         except DATABASE_ERRORS as error:
             self._disconnect()
             raise LedgerError(
-                f"{where}: cannot be read or written ({' '.join(str(error).split())}): "
-                "see that it may be written and the disk "
-                "has space, and restore it from a backup if it is damaged"
+                f"{where}: cannot be read or written ({' '.join(str(error).split())}): see that it may be written and "
+                "the disk has space, and restore it from a backup if it is damaged"
             ) from None
 
 
@@ -243,8 +239,7 @@ def _environment(path: Path, write: bool, create: bool) -> dict[str, str]:
 
 
 def _stamp(after: str) -> str:
-    """Now, and later than `after` by at least 1 us even where the clock was set back: `as_of` a time is one
-    position."""
+    """Now, but at least 1 us after `after` even where the clock was set back, so that a time is one position."""
     now = _text(datetime.now(UTC))
     return max(now, _text(datetime.fromisoformat(after) + timedelta(microseconds=1))) if after else now
 

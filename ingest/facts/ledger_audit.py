@@ -1,5 +1,4 @@
-"""Is the ledger what was written? Every stored column of every row is read; SQLite's own check is only the first
-step."""
+"""Is the ledger what was written? After SQLite's own check every stored column of every row is read."""
 
 from __future__ import annotations
 
@@ -50,10 +49,8 @@ class Audit:
     def end(self) -> None:
         """Check what can be said only at the end."""
         if self.since and self.since.position > self.position:
-            self._find(
-                f"the ledger ends at event {self.position}, "
-                f"the head given was {self.since.position}: the end is missing"
-            )
+            end = f"the ledger ends at event {self.position}, the head given was {self.since.position}"
+            self._find(f"{end}: the end is missing")
 
     def _chain(self, one: Recorded, where: str) -> None:
         version, digest = self._tails.get(one.stream, (0, None))

@@ -36,8 +36,7 @@ def reading_uri(path: Path) -> str:
 class WriterLock:
     """The lock on `path`, held from here to `close` or to the end of the process.
 
-    Raises LedgerError where another process still holds it after `WAIT_S` seconds, OSError where the file cannot be
-    made.
+    Raises LedgerError where another process still holds it after `WAIT_S` seconds, OSError where it cannot be made.
     """
 
     def __init__(self, path: Path) -> None:

@@ -19,22 +19,17 @@ KEYS = {"v", "happened", "recorded", "code", "caused_by", "previous", "digest", 
 
 @dataclass(frozen=True)
 class Recorded:
-    """An event as it stands in the ledger, its digest checked.
+    """An event as it stands in the ledger, its digest checked."""
 
-    `position` counts the events of the whole ledger from 1, `version` those of its stream; `happened` and `recorded`
-    are ISO 8601 UTC, `recorded` rising strictly with the position; `code` the program that wrote it; `previous` the
-    digest of the stream's event before.
-    """
-
-    position: int
+    position: int  # from 1, in the whole ledger
     stream: str
-    version: int
+    version: int  # from 1, in its stream
     event: Event
-    happened: str | None
+    happened: str | None  # ISO 8601 UTC, as is `recorded`, which rises strictly with the position
     recorded: str
-    code: str
+    code: str  # the program that wrote it
     caused_by: str | None
-    previous: str | None
+    previous: str | None  # digest of the stream's event before
     digest: str
 
 

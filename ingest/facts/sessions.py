@@ -53,8 +53,7 @@ class _Part:
 
     @property
     def place(self) -> tuple[int, int, str, int]:
-        """Where it sorts: by start; of two that start together the longer is first, as a cut copy is the shorter
-        one."""
+        """Where it sorts: by start, and of two that start together the longer first: the shorter may be a cut copy."""
         return self.start_ns, -self.end_ns, self.raw, self.first
 
 
@@ -65,8 +64,7 @@ def natural(name: str) -> list[tuple[int, int, str]]:
 
 
 def order(session: SessionRecorded) -> tuple[Any, ...]:
-    """Sort key of sessions: start (those without absolute time last), name with numbers as numbers, place in the
-    file."""
+    """Sort key of sessions: start (without absolute time last), name with numbers as numbers, place in the file."""
     start = session.start_ns if session.absolute else 0
     return (not session.absolute, start, natural(session.name), session.start_ns, session.session)
 
@@ -79,8 +77,7 @@ def parts(
 ) -> list[dict[str, Any]]:
     """The runs of rows of one specimen and batch in a table: the `parts` of its `DecodeCompleted`.
 
-    `record`, `t_ns` (N,) in the order of the file; `specimens`, `batches` the N texts of their columns (None where a
-    bench file names no such column).
+    `record`, `t_ns` [ns] (N,) in the order of the file; `specimens`, `batches`: N texts, None without such a column.
     """
     labels = list(zip(specimens, batches, strict=True))
     starts = [i for i in range(len(labels)) if i == 0 or labels[i] != labels[i - 1]]
@@ -142,8 +139,7 @@ def regroup(old: Sequence[SessionRecorded], new: Sequence[SessionRecorded]) -> l
 
 
 def overrides_of(sessions: Iterable[SessionRecorded], benches: Mapping[str, Bench]) -> dict[str, Override]:
-    """What was said on the command line for the files of these sessions: where a session differs from its bench
-    file."""
+    """What was said on the command line for these sessions' files: what differs from their bench file."""
     found = {}
     for session in sessions:
         bench = benches.get(session.bench or "", Bench(sha256="", name=""))
@@ -254,8 +250,7 @@ _Version = tuple[str | None, str | None]  # SHA-256 of bench and motor file
 
 
 def _version_of(decodes: Iterable[DecodeCompleted], place: Mapping[str, int]) -> _Version:
-    """The version that most of the files were decoded under; of equals, the one given last. `place`: decode -> its
-    order."""
+    """The version that most files were decoded under; of equals, the one given last. `place`: decode -> its order."""
     files: dict[_Version, set[str]] = defaultdict(set)
     last: dict[_Version, int] = {}
     for decode in decodes:

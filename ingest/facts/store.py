@@ -80,8 +80,7 @@ class Store:
         self.ledger.close()
 
     def work(self) -> Path:
-        """A new folder for work in progress. What is left in it at the end is removed. Raises StoreError for a
-        reader."""
+        """A new folder for work in progress, removed at the end with all in it. Raises StoreError for a reader."""
         if not self._write:
             raise StoreError(f"{self.folder}: was opened for reading: open the store for writing")
         folder = self._tmp / uuid4().hex

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import hashlib
 import sqlite3
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
 from ingest.facts.archive import Archive
 from ingest.facts.chain import Head
+from ingest.facts.durable import sha256_of
 from ingest.facts.events import (
     AgeingAssessed,
     BenchRegistered,
@@ -32,10 +32,9 @@ AGAIN = "`whyhot rebuild` makes it again"
 
 
 def damage(store: Store, read: bool = True, since: Head | None = None) -> list[str]:
-    """What is not as it was written, one line each: the ledger, what it cites, and with `read` every sealed byte and
-    product hashed again.
+    """What is not as it was written in the ledger and in what it cites, one line each; missing products: see `hints`.
 
-    `since` is a head that was noted down before. Missing products are no damage: see `hints`.
+    With `read` every sealed byte and product is hashed again. `since` is a head that was noted down before.
     """
     checked = audit(store.ledger, since)
     changed = _changed_products(store, checked.recorded) if read else ()
@@ -99,10 +98,8 @@ def _products(store: Store, recorded: Iterable[Recorded]) -> Iterator[tuple[Path
 
 def _changed_products(store: Store, recorded: Iterable[Recorded]) -> Iterator[str]:
     for path, sha256 in _products(store, recorded):
-        if path.is_file():
-            with path.open("rb") as file:
-                if hashlib.file_digest(file, "sha256").hexdigest() != sha256:
-                    yield f"{path}: is damaged, its bytes are not those that the decode gave: {AGAIN}"
+        if path.is_file() and sha256_of(path) != sha256:
+            yield f"{path}: is damaged, its bytes are not those that the decode gave: {AGAIN}"
 
 
 def _missing_products(store: Store, recorded: Iterable[Recorded]) -> Iterator[str]:
@@ -126,7 +123,6 @@ def _strays(store: Store, recorded: Iterable[Recorded]) -> Iterator[str]:
 def _sqlite() -> Iterator[str]:
     if has_wal_reset_bug():
         yield (
-            f"SQLite {sqlite3.sqlite_version} can corrupt a database that two processes "
-            "write at once (fixed in 3.51.3): "
-            "safe here as ledger.lock lets in one writer, but write to ledger.sqlite with nothing else"
+            f"SQLite {sqlite3.sqlite_version} can corrupt a database that two processes write at once (fixed in "
+            "3.51.3): safe here as ledger.lock lets in one writer, but write to ledger.sqlite with nothing else"
         )

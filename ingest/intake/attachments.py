@@ -15,7 +15,7 @@ from ingest.facts import facts as ledger_facts
 from ingest.facts.events import InspectionRecorded
 from ingest.facts.facts import Facts
 from ingest.facts.store import Store
-from ingest.intake.setup import refuse_missing
+from ingest.intake.setup import kept_name, refuse_missing
 from ingest.texts.nearest import hint
 
 UNKNOWN_TYPE = "application/octet-stream"
@@ -65,7 +65,7 @@ def attach(store: Store, paths: Sequence[Path], finding: Finding) -> list[Attach
         event = InspectionRecorded(
             inspection=_identity(sha256, specimen, happened, session, says),
             sha256=sha256,
-            name=path.name.encode("utf-8", "replace").decode("utf-8"),
+            name=kept_name(path),
             media_type=MimeTypes().guess_type(path.name, strict=False)[0] or UNKNOWN_TYPE,  # the same on every machine
             size=store.archive.path(sha256).stat().st_size,
             specimen=specimen,

@@ -17,7 +17,7 @@ from ingest.errors import UnreadableLogError
 from ingest.formats import Rows, TimeSpec
 from ingest.intake.setup import refuse_missing, signals_in
 from ingest.log.databases import Database, load, merged
-from ingest.log.reading import LogReading, preview
+from ingest.log.reading import LogReading, record
 from ingest.log.recording import id_text, read
 from ingest.texts.guessing import guess
 
@@ -91,17 +91,18 @@ def draft(found: Inspection) -> str:
 
 
 def _look(path: Path, folder: Path, time: TimeSpec, *, guessing: bool) -> InspectedFile:
+    recording = folder / "preview.mcap"
     try:
-        reading, note = preview(path, folder, time), None
+        reading, note = record(path, recording, time), None
     except UnreadableLogError as error:
         if not guessing:
             return InspectedFile(path, None, str(error), None, {})
         try:  # a table without a time column can be looked at all the same
-            reading = preview(path, folder, replace(time, rate_hz=1.0))
+            reading = record(path, recording, replace(time, rate_hz=1.0))
         except UnreadableLogError:
             return InspectedFile(path, None, str(error), None, {})
         note = "no time column was recognised: looked at as one row a second"
-    return InspectedFile(path, reading, None, note, _ranges(folder / "preview.mcap"))
+    return InspectedFile(path, reading, None, note, _ranges(recording))
 
 
 def _ranges(recording: Path) -> dict[str, tuple[float, float]]:

@@ -6,56 +6,48 @@ name them. So an intake that is stopped at any moment leaves whole facts, and ru
 
 from __future__ import annotations
 
-import hashlib
 import shutil
 from collections.abc import Callable, Sequence
+from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 from ingest.bench.resolving import ResolvedChannel
 from ingest.errors import DamageError, IngestError, UnreadableLogError
 from ingest.facts import facts as ledger_facts
-from ingest.facts.events import (
-    DecodeCompleted,
-    Event,
-    QualityFlagged,
-    RawFileSealed,
-    SessionRecorded,
-)
+from ingest.facts.durable import sha256_of
+from ingest.facts.events import COUNTS, DecodeCompleted, Event, QualityFlagged, RawFileSealed, SessionRecorded
 from ingest.facts.facts import Facts
 from ingest.facts.sessions import Override
 from ingest.facts.store import Store
 from ingest.formats import Format, recognise
 from ingest.intake.grouping import group_files
-from ingest.intake.setup import Setup, keep_setup, mend_setup, resolved, sealed_setup
-from ingest.log.decode import DECODER, RECORDING, decode_file, decode_id
+from ingest.intake.setup import Setup, keep_setup, kept_name, mend_setup, resolved, sealed_setup
+from ingest.log.decode import RECORDING, decode_file, identity
 from ingest.log.reading import LogReading, Reader
 from ingest.log.specimens import Specimens
 
 
 @dataclass(frozen=True)
 class Taken:
-    """What became of one file.
-
-    `holds`: "frames" or "rows", None where no format claims it. `decode`: None where it was refused before anything was
-    kept. `known`: it was decoded so before. `anew`: its sessions are others now all the same, by another bench or motor
-    file, another specimen, or together with another file.
-    """
+    """What became of one file."""
 
     name: str
-    size: int
-    holds: str | None
+    size: int  # bytes
+    holds: str | None  # "frames" or "rows", None where no format claims it
     raw: str
-    decode: DecodeCompleted | None
-    known: bool
+    decode: DecodeCompleted | None  # None where it was refused before anything was kept
+    known: bool  # it was decoded so before
     refusal: str | None
-    anew: bool = False
+    anew: bool = False  # known, but its sessions are others now: by bench or motor file, specimen or another file
 
-
-def _refusal(one: Taken) -> str | None:
-    if one.refusal or one.decode is None or one.decode.why is None:
-        return one.refusal
-    return f"{one.name}: {one.decode.why}"
+    @property
+    def line(self) -> str | None:
+        """Why it was refused, quarantined, cut or not decoded, None where it was not."""
+        if self.refusal or self.decode is None or self.decode.why is None:
+            return self.refusal
+        return f"{self.name}: {self.decode.why}"
 
 
 @dataclass(frozen=True)
@@ -67,14 +59,9 @@ class Intake:
     flags: tuple[tuple[str, QualityFlagged], ...]  # session name, flag
 
     @property
-    def refused(self) -> bool:
-        """Whether anything was refused, quarantined or cut."""
-        return bool(self.refusals)
-
-    @property
     def refusals(self) -> list[str]:
         """What was refused, quarantined, cut or not decoded, one line a file."""
-        return [line for line in map(_refusal, self.files) if line]
+        return [one.line for one in self.files if one.line]
 
 
 @dataclass(frozen=True)
@@ -101,15 +88,12 @@ def take_in(
     work = store.work()
     try:
         found: list[Taken | _Read] = []
-        with Reader() as reader:
+        with closing(Reader()) as reader:
             for i, path in enumerate(paths, 1):
-                tell(f"reading {i} of {len(paths)}: {_name(path)}, {path.stat().st_size / 1e6:.1f} MB")
-                found.append(_read(reader, known, path, setup, work, {one.raw for one in found}))
-                if (
-                    isinstance(found[-1], Taken)
-                    and found[-1].raw in known.files
-                    and store.archive.damage(found[-1].raw)
-                ):
+                tell(f"reading {i} of {len(paths)}: {kept_name(path)}, {path.stat().st_size / 1e6:.1f} MB")
+                one = _read(reader, known, path, setup, work, {one.raw for one in found})
+                found.append(one)
+                if isinstance(one, Taken) and one.raw in known.files and store.archive.damage(one.raw):
                     store.archive.seal(path)  # the true bytes mend what was damaged or lost
         tell("decoding")
         fresh = [one for one in found if isinstance(one, _Read)]
@@ -146,7 +130,7 @@ def redecode(store: Store, known: Facts) -> None:
 
     Raises DamageError where a sealed blob is not what it was.
     """
-    with Reader() as reader:
+    with closing(Reader()) as reader:
         for decode in known.decodes.values():
             if decode.outcome != "quarantined":
                 _redecode(reader, store, known, decode)
@@ -176,12 +160,11 @@ def _read(reader: Reader, known: Facts, path: Path, setup: Setup, work: Path, be
     try:
         form = recognise(path)
     except UnreadableLogError as error:
-        return Taken(_name(path), size, None, "", None, known=False, refusal=str(error))
-    with path.open("rb") as file:
-        raw = hashlib.file_digest(file, "sha256").hexdigest()
-    decode = known.decodes.get(_decode_id(raw, form, setup))
+        return Taken(kept_name(path), size, None, "", None, known=False, refusal=str(error))
+    raw = sha256_of(path)
+    decode = known.decodes.get(_identity(raw, form, setup)["decode"])
     if raw in before or (decode and decode.outcome != "quarantined"):
-        return Taken(_name(path), size, form.holds, raw, decode, known=True, refusal=None)
+        return Taken(kept_name(path), size, form.holds, raw, decode, known=True, refusal=None)
     return _record(reader, path, raw, form, setup, work)
 
 
@@ -196,31 +179,28 @@ def _record(reader: Reader, path: Path, raw: str, form: Format, setup: Setup, wo
 
 def _keep(store: Store, known: Facts, one: _Read, setup: Setup, channels: Sequence[ResolvedChannel]) -> Taken:
     """Seal the bytes, then the products, then the events that name them."""
-    size = one.path.stat().st_size
+    name, size = kept_name(one.path), one.path.stat().st_size
     if store.archive.seal(one.path) != one.raw:
-        raise IngestError(
-            f"{_name(one.path)}: changed while it was read: wait until it is whole, then ingest it again."
-        )
+        raise IngestError(f"{name}: changed while it was read: wait until it is whole, then ingest it again.")
     decode = _decode(store, one, one.reading, setup, channels) if one.reading else _quarantined(one, setup)
     events: list[Event] = []
-    if one.raw not in known.files or known.files[one.raw].name != _name(one.path):
-        events.append(RawFileSealed(sha256=one.raw, name=_name(one.path), size=size, format=one.form.name))
+    if one.raw not in known.files or known.files[one.raw].name != name:
+        events.append(RawFileSealed(sha256=one.raw, name=name, size=size, format=one.form.name))
     before = known.decodes.get(decode.decode)
     if before is None or before.why != decode.why:
         events.append(decode)
     for twin in known.files.values():
-        if twin.name == _name(one.path) and twin.sha256 != one.raw and one.raw not in known.files:
-            name, other = _name(one.path), twin.sha256[:12]
-            says = f"{name}: another file of this name was ingested before, with other bytes ({other})"
+        if twin.name == name and twin.sha256 != one.raw and one.raw not in known.files:
+            says = f"{name}: another file of this name was ingested before, with other bytes ({twin.sha256[:12]})"
             events.append(QualityFlagged(flag="same_name_other_bytes", says=says, detail={"other": twin.sha256}))
     store.ledger.append_all([(f"file-{one.raw}", event) for event in events])
-    return Taken(_name(one.path), size, one.form.holds, one.raw, decode, known=False, refusal=one.why)
+    return Taken(name, size, one.form.holds, one.raw, decode, known=False, refusal=one.why)
 
 
 def _decode(
     store: Store, one: _Read, reading: LogReading, setup: Setup, channels: Sequence[ResolvedChannel]
 ) -> DecodeCompleted:
-    made = one.recording.parent / _decode_id(one.raw, one.form, setup)
+    made = one.recording.parent / _identity(one.raw, one.form, setup)["decode"]
     made.mkdir()
     one.recording.rename(made / RECORDING)
     decode = decode_file(reading, one.raw, setup.databases_of(one.form), setup.bench, channels, made, setup.model)
@@ -228,28 +208,17 @@ def _decode(
     return decode
 
 
-def _name(path: Path) -> str:
-    """The file's name as text that can be kept: bytes that are no UTF-8 become question marks."""
-    return path.name.encode("utf-8", "replace").decode("utf-8")
-
-
-def _decode_id(raw: str, form: Format, setup: Setup) -> str:
-    databases = [database.sha256 for database in setup.databases_of(form)]
-    return decode_id(raw, databases, setup.bench.sha256 if setup.bench else None, setup.model)
+def _identity(raw: str, form: Format, setup: Setup) -> dict[str, Any]:
+    return identity(raw, setup.databases_of(form), setup.bench, setup.model)
 
 
 def _quarantined(one: _Read, setup: Setup) -> DecodeCompleted:
     return DecodeCompleted(
-        decode=_decode_id(one.raw, one.form, setup),
-        raw=one.raw,
-        bench=setup.bench.sha256 if setup.bench else None,
-        databases=[database.sha256 for database in setup.databases_of(one.form)],
-        decoder=DECODER,
+        **_identity(one.raw, one.form, setup),
         outcome="quarantined",
         why=one.why,
         absolute=False,
         start_ns=None,
         end_ns=None,
-        balance={"found": 0, "decoded": 0, "unknown_id": 0, "wrong_length": 0, "rejected": 0},
-        model=setup.model,
+        balance=dict.fromkeys(("found", *COUNTS), 0),
     )

@@ -69,6 +69,11 @@ class Setup:
         return files + ([Attachment(self.bench.name, self.bench_data, "application/toml")] if self.bench else [])
 
 
+def kept_name(path: Path) -> str:
+    """The file's name as text that can be kept: bytes that are no UTF-8 become question marks."""
+    return path.name.encode("utf-8", "replace").decode("utf-8")
+
+
 def refuse_missing(files: Sequence[Path]) -> None:
     """Raises IngestError for a log that is not there."""
     for path in files:
@@ -184,12 +189,8 @@ def keep_setup(store: Store, known: Facts, setup: Setup) -> None:
         events.append((f"motor-{motor.motor}", published))
     bench = setup.bench
     if bench:
-        now = BenchRegistered(
-            sha256=bench.sha256,
-            name=bench.name,
-            motor=motor.motor if motor else None,
-            model=setup.model,
-        )
+        name = motor.motor if motor else None
+        now = BenchRegistered(sha256=bench.sha256, name=bench.name, motor=name, model=setup.model)
         if known.benches.get(bench.sha256) != now:
             store.archive.seal(setup.bench_data)
             events.append((f"bench-{bench.sha256}", now))

@@ -1,7 +1,6 @@
 """numpy to Arrow and back, without a copy and without pandas.
 
-`pyarrow.array` and `to_numpy` import pandas wherever it is installed: for a process that reads one log that is most of
-its time.
+`pyarrow.array` and `to_numpy` import pandas wherever it is installed: most of the time that reading one log takes.
 """
 
 from __future__ import annotations

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from ingest.errors import IngestError
+from ingest.facts.events import COUNTS
 from ingest.formats import ERROR, Rejected
 from ingest.log.frames import FrameBatch
 from ingest.log.reading import LogReading
@@ -62,12 +63,8 @@ class Account:
 
     def balance(self, reading: LogReading, decoded: int) -> dict[str, int]:
         """The balance of the log. `decoded` are the rows written. Raises IngestError where it does not hold."""
-        counted = {
-            "decoded": decoded,
-            "unknown_id": self.unknown_id.total(),
-            "wrong_length": self.wrong_length.total(),
-            "rejected": self.rejected.total(),
-        }
+        others = (self.unknown_id.total(), self.wrong_length.total(), self.rejected.total())
+        counted = dict(zip(COUNTS, (decoded, *others), strict=True))
         if reading.found != sum(counted.values()):
             parts = " + ".join(f"{name} {count:,}" for name, count in counted.items())
             raise IngestError(

@@ -31,12 +31,11 @@ class MessageSignal:
 
 @dataclass(frozen=True)
 class Message:
-    """A CAN message. `can_id` has bit 31 set for a 29-bit identifier, as in `Frames`; `length` of the payload
-    [bytes]."""
+    """A CAN message."""
 
     name: str
-    can_id: int
-    length: int
+    can_id: int  # bit 31 set for a 29-bit identifier, as in `Frames`
+    length: int  # of the payload [bytes]
     signals: tuple[MessageSignal, ...]
     source: str = field(default="", compare=False)  # name of the database's file
 
@@ -70,8 +69,7 @@ def signals_of(message: Message, bus: str | None = None) -> list[Signal]:
 def load(data: bytes, name: str) -> Database:
     """The DBC in `data` (UTF-8, else Windows-1252); `name` is the file's, for messages.
 
-    Signals that overlap or leave their message are read all the same, and noted. Raises DatabaseError with file and
-    line.
+    Signals that overlap or leave their message are noted and read all the same. Raises DatabaseError (file and line).
     """
     text = _text(data)
     notes: list[str] = []

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from ingest.bench.bench_file import Bench
 from ingest.bench.resolving import ResolvedChannel
+from ingest.facts.durable import sha256_of
 from ingest.facts.events import DecodeCompleted
 from ingest.formats import Frames, Rows
 from ingest.log import held, recording, samples
@@ -55,8 +56,7 @@ def decode_file(
     folder: Path,
     model: str | None = None,
 ) -> DecodeCompleted:
-    """Decode `folder / "recording.mcap"` into Parquet files beside it, one for each group; returns the event that
-    says what came of it.
+    """Decode `folder / "recording.mcap"` into Parquet files beside it, one for each group; the event says what came.
 
     `raw` is the SHA-256 of the log, `model` that of the motor file, `channels` are those of `bench`, resolved. The
     same inputs give the same bytes. Raises BenchFileError where the bench file does not fit the log, DamageError
@@ -75,19 +75,20 @@ def decode_file(
     rows = work.close()
     written = [group for group in groups if group.name in rows]
     return DecodeCompleted(
-        **_identity(raw, databases, bench, model),
+        **identity(raw, databases, bench, model),
         **_outcome(reading, path, work.account, sum(rows.values()), said),
         groups=[_group_entry(group, rows[group.name]) for group in written],
         channels=[output.channel for group in written for output in group.outputs if output.channel],
-        products={name: _sha256(folder / name) for name in [RECORDING, *(group.file for group in written)]},
+        products={name: sha256_of(folder / name) for name in [RECORDING, *(group.file for group in written)]},
         parts=specimens.parts(),
     )
 
 
-def _identity(raw: str, databases: Sequence[Database], bench: Bench | None, model: str | None) -> dict[str, Any]:
+def identity(raw: str, databases: Sequence[Database], bench: Bench | None, model: str | None) -> dict[str, Any]:
+    """What a decode was made of, as its event says it: the SHA-256 of each, and the id that follows from them."""
     shas, sha = [database.sha256 for database in databases], bench.sha256 if bench else None
-    identity = {"decode": decode_id(raw, shas, sha, model), "decoder": DECODER}
-    return {**identity, "raw": raw, "databases": shas, "bench": sha, "model": model}
+    decode = decode_id(raw, shas, sha, model)
+    return {"decode": decode, "decoder": DECODER, "raw": raw, "databases": shas, "bench": sha, "model": model}
 
 
 def _outcome(
@@ -97,11 +98,8 @@ def _outcome(
     account.refuse(recording.read_rejected(path) if reading.rejected else ())
     balance = account.balance(reading, decoded)
     result, why = outcome(reading, account, balance)
-    notable = {
-        **said,
-        "wrong_length": dict(sorted(account.wrong_length.items())),
-        "rejected": account.reasons(),
-    }
+    lengths = dict(sorted(account.wrong_length.items()))
+    notable = {**said, "wrong_length": lengths, "rejected": account.reasons()}
     return {
         "outcome": result,
         "why": why,
@@ -128,11 +126,6 @@ def _texts(batches: Iterable[Batch]) -> tuple[Iterator[Batch], set[str]]:
 def _group_entry(group: SignalGroup, rows: int) -> dict[str, Any]:
     columns = [output.column.name for output in group.outputs]
     return {"name": group.name, "file": group.file, "rows": rows, "columns": columns}
-
-
-def _sha256(path: Path) -> str:
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 class _Work:
@@ -179,16 +172,11 @@ class _Work:
         record: NDArray[np.int64],
         signals: Mapping[str, NDArray[Any]],
     ) -> None:
-        values = [
-            output.values(
-                [
-                    signals[name] if home == group.name else self._others.at((home, name), t_ns)
-                    for home, name in output.sources
-                ]
-            )
-            for output in group.outputs
-        ]
+        def signal(home: str, name: str) -> NDArray[Any]:
+            return signals[name] if home == group.name else self._others.at((home, name), t_ns)
+
+        values = [output.values([signal(*source) for source in output.sources]) for output in group.outputs]
         if group.name not in self._writers:
             columns = [output.column for output in group.outputs]
             self._writers[group.name] = samples.GroupWriter(self._folder / group.file, self._raw, columns)
-        self._writers[group.name].add(Samples(t_ns, t_ns, record, values))
+        self._writers[group.name].add(Samples(t_ns, record, values))

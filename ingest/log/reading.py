@@ -1,11 +1,9 @@
-"""A log is read by a child process that is limited in time and memory: a damaged file ends the child, never the
-program.
+"""A log is read by a child process with limits of time and memory: a damaged file ends the child, never the program.
 
-A `Reader` starts `python -m ingest.log.reading`, gives it requests, a line of JSON each, on standard input and takes
-a line of JSON for each from its standard output. The child opens the log and writes the recording; the parent returns
-what was read, or raises. Small logs are read by one child in turn, as its start takes longer than they do; the limits
-hold for each log alone, and a log at which a used child ended is read again by a new one: nothing is refused for what
-came before it.
+A `Reader` starts `python -m ingest.log.reading`, gives it requests on standard input and takes an answer to each from
+its standard output, a line of JSON each. The child opens the log and writes the recording; the parent returns what was
+read, or raises. Small logs are read by one child in turn, as its start takes longer than they do. The limits hold for
+each log alone, and a log at which a used child ended is read again by a new one: none is refused for another.
 """
 
 from __future__ import annotations
@@ -21,29 +19,20 @@ import sys
 import threading
 import time as clock
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
-from dataclasses import asdict, dataclass, field
+from contextlib import closing, suppress
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from types import TracebackType
-from typing import IO, TYPE_CHECKING, Any, Self, cast
+from typing import IO, Any, cast
 
 from ingest.errors import UnreadableLogError
-from ingest.formats import Rejected, TimeSpec
-
-if TYPE_CHECKING:  # the parent needs neither Arrow nor MCAP
-    from ingest.log.recording import Attachment
+from ingest.formats import Rejected, TimeSpec, open_log, recognise
+from ingest.log.recording import Attachment, Contents, write
 
 SHOWN_REJECTIONS = 100  # of the first rejected records; the recording keeps all of them
 MIB = 1 << 20
-# A larger log is read by a child of its own: it may need all the memory, and its start is a small part.
-SMALL_BYTES = 8 * MIB
+SMALL_BYTES = 8 * MIB  # a larger log has a child of its own: it may need all the memory, and the start is a small part
 LAST_WORDS_BYTES = 1 << 16  # kept of what a child complains of
-NO_MEMORY = (
-    b"MemoryError",
-    b"bad_alloc",
-    b"failed to map segment",
-    b"Cannot allocate memory",
-)  # in a child's last words
+NO_MEMORY = (b"MemoryError", b"bad_alloc", b"failed to map segment", b"Cannot allocate memory")  # in its last words
 
 
 @dataclass(frozen=True)
@@ -59,40 +48,20 @@ class Limits:
         return cls(seconds=60.0 + path.stat().st_size / 250_000)
 
 
-@dataclass(frozen=True)
-class LogReading:
-    """What a log gave. found = written + rejected; `ids`: "can1:0x123" -> frames; times [ns], None without a record."""
+@dataclass(frozen=True, kw_only=True)
+class LogReading(Contents):
+    """What a log gave."""
 
     format: str
     holds: str  # "frames" or "rows"
-    found: int
-    written: int
-    rejected: int
-    absolute: bool
-    start_ns: int | None
-    end_ns: int | None
-    cut: str | None
-    units: Mapping[str, str] = field(default_factory=dict)
-    settings: Mapping[str, Any] = field(default_factory=dict)
     rejections: tuple[Rejected, ...] = ()  # the first SHOWN_REJECTIONS
-    buses: tuple[int, ...] = ()
-    ids: Mapping[str, int] = field(default_factory=dict)
-    columns: tuple[str, ...] = ()
 
 
 class Reader:
-    """Reads logs one after another; use it in a `with` statement, at whose end its child ends too."""
+    """Reads logs one after another, up to `close`."""
 
     def __init__(self) -> None:
         self._child: _Child | None = None
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._end()
 
     def record(
         self,
@@ -119,10 +88,10 @@ class Reader:
         small = path.stat().st_size <= SMALL_BYTES
         try:
             if not small:
-                self._end()
+                self.close()
             answer = self._answer(path.name, request, limits)
             if not small:
-                self._end()
+                self.close()
             return _reading(answer, path)
         except BaseException:
             with suppress(OSError):
@@ -137,11 +106,11 @@ class Reader:
             line = child.ask(json.dumps(request).encode(), limits.seconds)
             answer: dict[str, Any] = json.loads(line) if line else {}
         except BaseException:
-            self._end()
+            self.close()
             raise
         if answer and "no_memory" not in answer:
             return answer
-        self._end()
+        self.close()
         if child.was_slow:
             raise UnreadableLogError(_too_slow(name, limits))
         if not new:
@@ -150,7 +119,8 @@ class Reader:
             raise UnreadableLogError(_too_big(name, limits.memory_bytes))
         raise UnreadableLogError(_ended(name, child.process.returncode, bytes(child.last_words), limits))
 
-    def _end(self) -> None:
+    def close(self) -> None:
+        """End the child, if there is one."""
         if self._child is not None:
             self._child.end()
             self._child = None
@@ -164,14 +134,8 @@ def record(
     limits: Limits | None = None,
 ) -> LogReading:
     """`Reader.record` for one log alone."""
-    with Reader() as reader:
+    with closing(Reader()) as reader:
         return reader.record(path, target, time, attachments, limits)
-
-
-def preview(path: Path, folder: Path, time: TimeSpec | None = None) -> LogReading:
-    """What is in `path`, before anything is stored; its recording becomes `folder / "preview.mcap"`. Raises as
-    `record`."""
-    return record(path, folder / "preview.mcap", time)
 
 
 # ---- parent --------------------------------------------------------------------------------------------------------
@@ -301,9 +265,6 @@ def _answer(request: dict[str, Any]) -> dict[str, Any]:
 
 
 def _read(path: Path, target: Path, time: TimeSpec, attached: Sequence[dict[str, str]]) -> dict[str, Any]:
-    from ingest.formats import open_log, recognise
-    from ingest.log.recording import Attachment, write
-
     log = open_log(path, time)
     attachments = [Attachment(one["name"], base64.b64decode(one["data"]), one["media_type"]) for one in attached]
     contents = write(target, log, attachments)

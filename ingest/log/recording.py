@@ -63,21 +63,17 @@ class Attachment:
 
 @dataclass(frozen=True)
 class Contents:
-    """The metadata record `reading`: the reader's counters, and what the recording holds.
-
-    `ids`: "can1:0x123" -> frames with data; `start_ns`, `end_ns` the least and the greatest stamp [ns], None where
-    nothing could be read.
-    """
+    """The metadata record `reading`: the reader's counters (found = written + rejected), and what was recorded."""
 
     found: int
     written: int
     rejected: int
     absolute: bool
-    start_ns: int | None
+    start_ns: int | None  # the least stamp [ns], and the greatest; None where nothing could be read
     end_ns: int | None
     cut: str | None
     buses: tuple[int, ...]
-    ids: Mapping[str, int] = field(default_factory=dict)
+    ids: Mapping[str, int] = field(default_factory=dict)  # "can1:0x123" -> frames with data
     columns: tuple[str, ...] = ()
     units: Mapping[str, str] = field(default_factory=dict)
     settings: Mapping[str, Any] = field(default_factory=dict)

@@ -1,6 +1,7 @@
 """Decoded samples as Parquet: one file a group (a CAN message on a bus, or a table), one row a record.
 
-Columns `t_ns, log_t_ns, file_id, record`, then one for each signal. Each field says its unit, quantity and signal.
+Columns `t_ns, log_t_ns, file_id, record` (the two stamps are the same), then one for each signal. Each field says its
+unit, quantity and signal.
 Bytes depend on the rows alone; pages carry CRCs, which are checked on reading.
 Format: https://parquet.apache.org/docs/file-format/
 """
@@ -44,10 +45,9 @@ class Column:
 
 @dataclass(frozen=True)
 class Samples:
-    """N rows of a group: `t_ns`, `log_t_ns` int64 [ns], `record` int64, `values` one array (N,) a column."""
+    """N rows of a group: `t_ns` int64 [ns] and `record` int64, both (N,); `values` one array (N,) a column."""
 
     t_ns: NDArray[np.int64]
-    log_t_ns: NDArray[np.int64]
     record: NDArray[np.int64]
     values: Sequence[NDArray[Any]]
 
@@ -82,8 +82,7 @@ class GroupWriter:
             use_dictionary=["file_id", *(column.name for column in columns if column.text)],
             column_encoding=packed | split,
             write_page_checksum=True,
-            # Those of a column with NaN leave the NaN out, and readers then filter wrongly.
-            write_statistics=list(_INTEGERS),
+            write_statistics=list(_INTEGERS),  # those of a column with NaN leave it out, and readers filter wrongly
         )
 
     @property
@@ -103,11 +102,9 @@ class GroupWriter:
         parts, self._parts, self._rows = self._parts, [], 0
         if sum(len(part) for part in parts) == 0:
             return
-        t_ns, log_t_ns, record = (
-            np.concatenate([getattr(part, name) for part in parts]) for name in ("t_ns", "log_t_ns", "record")
-        )
+        t_ns, record = (from_numpy(np.concatenate([getattr(p, name) for p in parts])) for name in ("t_ns", "record"))
         file_id = pa.DictionaryArray.from_arrays(from_numpy(np.zeros(len(t_ns), np.int32)), self._file_id)
-        arrays = [from_numpy(t_ns), from_numpy(log_t_ns), file_id, from_numpy(record)]
+        arrays = [t_ns, t_ns, file_id, record]
         for i, field in enumerate(list(self._schema)[len(FIXED) :]):
             array = from_numpy(np.concatenate([part.values[i] for part in parts]))
             arrays.append(array.cast(field.type) if pa.types.is_dictionary(field.type) else array)

@@ -38,4 +38,4 @@ def run(args: argparse.Namespace) -> Answer:
         store.ledger.seal()
         data = {**intake_json(intake), "provenance": provenance(store, bench=str(args.bench) if args.bench else None)}
     nothing = not any(one.decode for one in intake.files)
-    return Answer(data, "" if nothing else intake_text(intake), 1 if intake.refused else 0, intake.refusals)
+    return Answer(data, "" if nothing else intake_text(intake), 1 if intake.refusals else 0, intake.refusals)

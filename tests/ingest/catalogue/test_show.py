@@ -100,7 +100,7 @@ def add(store: Store, name: str, start_s: int, bench: bool = True, **more: Any) 
     columns = [Column(COLUMNS[one][0], one, COLUMNS[one][2], COLUMNS[one][1]) for one in COLUMNS]
     writer = GroupWriter(folder / "rows.parquet", sealed.sha256, columns)
     t_ns = T0 + (start_s + np.arange(N)) * S
-    writer.add(Samples(t_ns, t_ns, np.arange(N), list(more.pop("values", values()).values())))
+    writer.add(Samples(t_ns, np.arange(N), list(more.pop("values", values()).values())))
     rows = writer.close()
     done = decode(
         number,

@@ -9,7 +9,7 @@ from contextlib import closing, suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import pytest
 from eventsourcing.persistence import OperationalError, StoredEvent
@@ -19,10 +19,11 @@ from ingest.errors import DamageError, IngestError, LedgerError
 from ingest.facts import ledger as ledger_module
 from ingest.facts import ledger_lock
 from ingest.facts.chain import Head, canonical, digest
-from ingest.facts.events import Event, LedgerSealed, RawFileSealed, SessionRecorded
-from ingest.facts.ledger import Ledger, Recorded
+from ingest.facts.events import EVENTS, Event, LedgerSealed, RawFileSealed, SessionRecorded
+from ingest.facts.ledger import Ledger
 from ingest.facts.ledger_audit import audit
 from ingest.facts.ledger_lock import has_wal_reset_bug
+from ingest.facts.ledger_row import Recorded
 from made.events import decode, raw, session
 
 Row = tuple[Any, ...]
@@ -187,10 +188,18 @@ def test_an_event_that_would_not_come_back_equal_is_refused(ledger: Ledger) -> N
         ledger.append("file-a", decode("d", "a", databases=("a", "b")))
 
 
+def test_the_names_of_events_are_those_that_ledgers_hold() -> None:
+    names = """RawFileSealed SignalDatabaseRegistered BenchRegistered MotorRegistered ModelPublished DecodeCompleted
+        SessionRecorded SessionRegrouped QualityFlagged ReplayCompleted ReplayDiverged CalibrationCompleted
+        HeldOutOpened CauseNamed ModelExtended GainMeasured DiagnosisCompleted CauseAccepted InspectionRecorded
+        AgeingAssessed LedgerSealed"""
+    assert set(EVENTS) == {f"whyhot:{name}" for name in names.split()}
+
+
 def test_an_event_that_is_not_declared_is_refused(ledger: Ledger) -> None:
     @dataclass(frozen=True, kw_only=True)
     class Strange(Event):
-        TOPIC: ClassVar[str] = "whyhot:Strange"
+        pass
 
     with pytest.raises(LedgerError, match="whyhot:Strange: is not an event of the ledger"):
         ledger.append("file-a", Strange())

@@ -91,7 +91,7 @@ def test_a_late_file_may_come_alone_with_the_same_bench_file(logs: Path, tmp_pat
     text = (logs / "5_room.csv").read_text(encoding="utf-8").replace("10:53:", "10:54:")
     (tmp_path / "more" / "5_more.csv").write_text(text, encoding="utf-8")
     intake = _take(tmp_path / "s", tmp_path / "more", "5_more.csv")
-    assert not intake.refused
+    assert not intake.refusals
     (session,) = _now(tmp_path / "s").sessions
     assert len(session.files) == 3
 
@@ -179,7 +179,7 @@ def test_messages_are_found_by_29_bit_identifier_on_each_bus_and_in_two_database
     paths = [tmp_path / "two.blf"]
     setup = prepare(paths, tmp_path / "bench.toml", [tmp_path / "a.dbc", tmp_path / "b.dbc"], _no_motor)
     with Store.open(tmp_path / "s", create=True, write=True) as store:
-        assert not take_in(store, paths, setup, Override()).refused
+        assert not take_in(store, paths, setup, Override()).refusals
         known = facts.at(store.ledger)
         (speed,) = [c for c in load(store, known, known.sessions[0]) if c.spec.quantity == "speed"]
     assert speed.value[:3].tolist() == [256.0, 257.0, 258.0]
@@ -219,7 +219,7 @@ def test_rebuilding_and_late_files_work_with_signals_named_in_full(logs: Path, t
     _take(tmp_path / "s", tmp_path / "in", "5_drive.blf", "5_room.csv")
     text = (logs / "5_room.csv").read_text(encoding="utf-8").replace("10:53:", "10:54:")
     (tmp_path / "in" / "5_more.csv").write_text(text, encoding="utf-8")
-    assert not _take(tmp_path / "s", tmp_path / "in", "5_more.csv").refused
+    assert not _take(tmp_path / "s", tmp_path / "in", "5_more.csv").refusals
     products = {p: p.read_bytes() for p in (tmp_path / "s" / "decoded").rglob("*.parquet")}
     with Store.open(tmp_path / "s", write=True) as store:
         redecode(store, facts.at(store.ledger))

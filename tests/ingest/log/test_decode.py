@@ -112,7 +112,7 @@ def record(folder: Path, batch: Frames | Rows, **fields: Any) -> LogReading:
     log = Given([batch], **{"found": len(batch.t_ns) + len(fields.get("rejected", ())), **fields})
     contents = recording.write(folder / RECORDING, log)
     holds = "rows" if isinstance(batch, Rows) else "frames"
-    return LogReading("given", holds, rejections=tuple(log.rejected), **vars(contents))
+    return LogReading(format="given", holds=holds, rejections=tuple(log.rejected), **vars(contents))
 
 
 def decoded(

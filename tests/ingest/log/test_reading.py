@@ -10,6 +10,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +19,7 @@ import pytest
 from ingest.errors import UnreadableLogError
 from ingest.formats import TimeSpec
 from ingest.log import reading
-from ingest.log.reading import Limits, Reader, preview, record
+from ingest.log.reading import Limits, Reader, record
 from ingest.log.recording import Attachment, read
 from made.places import LOGS
 
@@ -44,7 +45,7 @@ def test_a_table_keeps_its_columns_units_and_zone(tmp_path: Path) -> None:
 
 
 def test_a_preview_leaves_its_recording_in_the_folder_given(tmp_path: Path) -> None:
-    assert preview(LOGS / "sample.asc", tmp_path).found == 9
+    assert record(LOGS / "sample.asc", tmp_path / "preview.mcap").found == 9
     assert [path.name for path in tmp_path.iterdir()] == ["preview.mcap"]
 
 
@@ -110,7 +111,7 @@ def test_small_logs_are_read_by_one_child_in_turn_and_each_as_if_it_were_alone(
     tmp_path: Path, children: list[subprocess.Popen[bytes]]
 ) -> None:
     logs = [LOGS / "sample.blf", LOGS / "sample.csv", LOGS / "sample.asc", LOGS / "sample.blf"]
-    with Reader() as reader:
+    with closing(Reader()) as reader:
         together = [reader.record(log, tmp_path / f"{k}.mcap") for k, log in enumerate(logs)]
     assert len(children) == 1
     assert children[0].returncode is not None  # ended, and waited for
@@ -123,7 +124,7 @@ def test_a_log_that_cannot_be_read_leaves_the_child_to_the_next(
     tmp_path: Path, children: list[subprocess.Popen[bytes]]
 ) -> None:
     (tmp_path / "stub.blf").write_bytes(b"LOGG")
-    with Reader() as reader:
+    with closing(Reader()) as reader:
         with pytest.raises(UnreadableLogError, match=r"^stub\.blf: is no BLF file"):
             reader.record(tmp_path / "stub.blf", tmp_path / "x.mcap")
         assert reader.record(LOGS / "sample.asc", tmp_path / "y.mcap").found == 9
@@ -135,7 +136,7 @@ def test_a_log_that_kills_the_child_is_refused_with_its_line_and_the_others_are_
 ) -> None:
     at_open("killer.csv", "os.kill(os.getpid(), signal.SIGSEGV)")
     (tmp_path / "killer.csv").write_text("t,T\n0,20\n")
-    with Reader() as reader:
+    with closing(Reader()) as reader:
         assert reader.record(LOGS / "sample.blf", tmp_path / "a.mcap").found == 28
         with pytest.raises(UnreadableLogError, match=r"^killer\.csv: the reader ended with signal 11"):
             reader.record(tmp_path / "killer.csv", tmp_path / "b.mcap")
@@ -148,7 +149,7 @@ def test_a_log_that_kills_the_child_is_refused_with_its_line_and_the_others_are_
 def test_no_log_is_refused_for_a_child_that_ended_before_it(
     tmp_path: Path, children: list[subprocess.Popen[bytes]]
 ) -> None:
-    with Reader() as reader:
+    with closing(Reader()) as reader:
         reader.record(LOGS / "sample.blf", tmp_path / "a.mcap")
         children[0].kill()
         children[0].wait()
@@ -156,7 +157,7 @@ def test_no_log_is_refused_for_a_child_that_ended_before_it(
 
 
 def test_a_child_that_took_too_long_is_replaced(tmp_path: Path, children: list[subprocess.Popen[bytes]]) -> None:
-    with Reader() as reader:
+    with closing(Reader()) as reader:
         reader.record(LOGS / "sample.blf", tmp_path / "a.mcap")
         with pytest.raises(UnreadableLogError, match=r"^endless\.csv: reading it was stopped after 1 s: "):
             reader.record(endless(tmp_path), tmp_path / "b.mcap", limits=Limits(seconds=1.0))
@@ -167,7 +168,7 @@ def test_a_child_that_took_too_long_is_replaced(tmp_path: Path, children: list[s
 def test_the_limit_of_memory_is_that_of_each_log(tmp_path: Path) -> None:
     path = tmp_path / "wide.csv"
     path.write_text("t,T\n" + "0,20\n" * 300_000)
-    with Reader() as reader:
+    with closing(Reader()) as reader:
         reader.record(LOGS / "sample.blf", tmp_path / "a.mcap")
         with pytest.raises(UnreadableLogError, match=r"^wide\.csv: reading it needs more than 150 MiB of memory"):
             reader.record(path, tmp_path / "b.mcap", limits=Limits(memory_bytes=150 << 20))
@@ -190,7 +191,7 @@ def test_a_large_log_is_read_by_a_child_of_its_own(
     small, large = LOGS / "sample.csv", LOGS / "sample.asc"
     monkeypatch.setattr(reading, "SMALL_BYTES", small.stat().st_size)
     assert large.stat().st_size > small.stat().st_size
-    with Reader() as reader:
+    with closing(Reader()) as reader:
         for k, log in enumerate((small, small, large, small, large, large)):
             reader.record(log, tmp_path / f"{k}.mcap")
     assert len(children) == 5
@@ -199,7 +200,7 @@ def test_a_large_log_is_read_by_a_child_of_its_own(
 def test_what_a_library_prints_is_no_answer(tmp_path: Path, at_open: Callable[[str, str], None]) -> None:
     at_open("chatty.csv", "os.write(1, b'{}\\n'); print('{}', flush=True)")
     (tmp_path / "chatty.csv").write_bytes((LOGS / "sample.csv").read_bytes())
-    with Reader() as reader:
+    with closing(Reader()) as reader:
         assert reader.record(tmp_path / "chatty.csv", tmp_path / "a.mcap").found == 7
         assert reader.record(LOGS / "sample.asc", tmp_path / "b.mcap").found == 9
 
