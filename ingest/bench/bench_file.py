@@ -10,7 +10,7 @@ import hashlib
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from datetime import UTC, datetime
+from datetime import datetime
 from functools import lru_cache
 from zoneinfo import ZoneInfo, available_timezones
 
@@ -18,7 +18,7 @@ from ingest.bench.channel import Channel
 from ingest.bench.corrections import Correction, read_corrections
 from ingest.bench.derating import DeratingRule, read_deratings
 from ingest.errors import BenchFileError, ExpressionError, UnitError
-from ingest.formats import TimeSpec
+from ingest.formats import YEARS, TimeSpec, utc_ns
 from ingest.texts.expressions import parse
 from ingest.texts.nearest import hint
 from ingest.texts.quantities import CONVENTIONS, STORED_UNIT, converter, known_quantity
@@ -314,7 +314,7 @@ def _time(table: TomlTable | None) -> tuple[TimeSpec, float]:
         unit=table.one_of("unit", TIME_UNITS),
         zone=zone,
         rate_hz=table.get("rate_hz", POSITIVE),
-        start=_start(table, ZoneInfo(zone)),
+        start_ns=_start_ns(table, ZoneInfo(zone)),
     )
     return spec, Bench.join_gap_s if gap is None else gap
 
@@ -344,12 +344,12 @@ def _format(table: TomlTable) -> str | None:
     return text
 
 
-def _start(table: TomlTable, zone: ZoneInfo) -> str | None:
-    """`start` as an ISO 8601 UTC stamp; without an offset it is local time of `zone`."""
+def _start_ns(table: TomlTable, zone: ZoneInfo) -> int | None:
+    """`start` in nanoseconds UTC; without an offset it is local time of `zone`."""
     start = table.get("start", MOMENT)
     if start is None:
         return None
-    if not 1970 < start.year < 2262:  # nanoseconds in 64 bits end in 2262
-        raise _refusal(table, "start", f"start {start} is out of range: it must lie between 1971 and 2261.")
-    aware = start if start.tzinfo else start.replace(tzinfo=zone)
-    return aware.astimezone(UTC).isoformat().replace("+00:00", "Z")
+    if not YEARS[0] <= start.year <= YEARS[1]:
+        says = f"start {start} is out of range: it must lie between {YEARS[0]} and {YEARS[1]}."
+        raise _refusal(table, "start", says)
+    return utc_ns(start if start.tzinfo else start.replace(tzinfo=zone))

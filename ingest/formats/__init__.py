@@ -10,6 +10,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from datetime import UTC, datetime, timedelta
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -22,37 +23,30 @@ from ingest.errors import UnreadableLogError
 
 EXTENDED = np.uint32(1 << 31)  # set in `Frames.can_id` for 29-bit identifiers
 ERROR, REMOTE, FD, TRANSMIT = 1, 2, 4, 8  # bits of `Frames.flags`
+EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+YEARS = (1971, 2200)  # of a log: in 1970 no clock was set, and int64 nanoseconds end in 2262
 
 
 @dataclass(frozen=True)
 class Frames:
-    """N CAN frames in the order of the file.
+    """N CAN frames in the order of the file. Shapes (N,) but for the payloads: `data[offsets[i]:offsets[i + 1]]`."""
 
-    `t_ns` int64 [ns, UTC; from 0 where the file has no absolute time]; `bus` uint8, the channel number stored in the
-    file; `can_id` uint32 (bit 31 = 29-bit identifier); `flags` uint8; payload of frame i is
-    `data[offsets[i]:offsets[i + 1]]` (uint8; int64 offsets, N + 1); `record` int64, position among the file's frames
-    from 0. Shapes (N,) otherwise.
-    """
-
-    t_ns: NDArray[np.int64]
-    bus: NDArray[np.uint8]
-    can_id: NDArray[np.uint32]
+    t_ns: NDArray[np.int64]  # UTC; from 0 where the file has no absolute time
+    bus: NDArray[np.uint8]  # the channel number stored in the file; Vector's formats count from 1
+    can_id: NDArray[np.uint32]  # bit 31: a 29-bit identifier
     flags: NDArray[np.uint8]
-    offsets: NDArray[np.int64]
+    offsets: NDArray[np.int64]  # (N + 1,)
     data: NDArray[np.uint8]
-    record: NDArray[np.int64]
+    record: NDArray[np.int64]  # position among the file's frames, from 0
 
 
 @dataclass(frozen=True)
 class Rows:
-    """N rows of a table. `columns`: name -> float64 (N,) (NaN = empty cell) or object (N,) of str for text columns.
+    """N rows of a table, all (N,)."""
 
-    `t_ns` int64 [ns] as in `Frames`; `record` int64, position among the file's data rows from 0.
-    """
-
-    t_ns: NDArray[np.int64]
-    columns: Mapping[str, NDArray[Any]]
-    record: NDArray[np.int64]
+    t_ns: NDArray[np.int64]  # as in `Frames`
+    columns: Mapping[str, NDArray[Any]]  # name -> float64 (NaN = empty cell), or str objects of a text column
+    record: NDArray[np.int64]  # position among the file's data rows, from 0
 
 
 @dataclass(frozen=True)
@@ -67,25 +61,36 @@ class Rejected:
 
 @dataclass(frozen=True)
 class TimeSpec:
-    """How a log's own stamps are to be understood (`[time]` of a bench file).
+    """How a log's own stamps are to be understood: `[time]` of a bench file, checked there.
 
-    `column` with `format` (strptime) or `unit` ("s", "ms", ... counted from start), or `rate_hz` [1/s]; `zone` is the
-    IANA zone of local stamps; `start` an ISO 8601 UTC stamp that a relative time counts from. `untimed`: rows may
-    have no time at all, as in a table with a row a check.
+    `column` with `format` or `unit`, or `rate_hz`.
     """
 
     column: str | None = None
-    format: str | None = None
-    unit: str | None = None
-    zone: str = "UTC"
+    format: str | None = None  # strptime
+    unit: str | None = None  # "s", "ms" ... counted from the start
+    zone: str = "UTC"  # IANA zone of local stamps
     rate_hz: float | None = None
-    start: str | None = None
-    untimed: bool = False
+    start_ns: int | None = None  # ns UTC that a relative time counts from
+    untimed: bool = False  # rows may have no time at all, as in a table with a row a check
 
     @property
     def local(self) -> ZoneInfo:
         """The zone of local stamps."""
         return ZoneInfo(self.zone)
+
+    def wall_ns(self, stamp: datetime) -> int | None:
+        """Nanoseconds UTC of the wall clock `stamp` of a file; None for a year that no log is from.
+
+        A zone that explains the column of a table says nothing of files with a date of their own: they are UTC then.
+        """
+        zone = self.local if self.column is None else UTC
+        return utc_ns(stamp.replace(tzinfo=zone)) if YEARS[0] <= stamp.year <= YEARS[1] else None
+
+
+def utc_ns(stamp: datetime) -> int:
+    """Nanoseconds since 1970 of a stamp with a zone."""
+    return (stamp - EPOCH) // timedelta(microseconds=1) * 1000
 
 
 @dataclass
@@ -111,6 +116,15 @@ class Log(ABC):
     def mark_cut(self, how: str, kept: str) -> None:
         """Say in `cut` how the file ends before its end ("ends at byte 316,402") and what was read ("12 frames")."""
         self.cut = f"{how}: {kept} were read and kept; copy the file again if the original is whole."
+
+    def end_rows(self, ended: str | None, why_none: str) -> None:
+        """Mark a table as cut where it `ended` early. Raises UnreadableLogError where no row of it could be read."""
+        if len(self.rejected) == self.found:
+            raise UnreadableLogError(
+                f"{self.path.name}: no row of it can be read: {why_none}. Look at the file, or export it again."
+            )
+        if ended is not None:
+            self.mark_cut(ended, f"{self.found - len(self.rejected):,} rows")
 
 
 @dataclass(frozen=True)
@@ -152,17 +166,6 @@ def recognise(path: Path) -> Format:
 
 
 def open_log(path: Path, time: TimeSpec | None = None) -> Log:
-    """Open `path` with the reader of its format.
-
-    Raises UnreadableLogError as `recognise`, and for a zone that is not in the IANA data base.
-    """
-    spec = time or TimeSpec()
-    try:
-        ZoneInfo(spec.zone)
-    except (OSError, ValueError, KeyError):
-        raise UnreadableLogError(
-            f'{path.name}: zone = "{spec.zone}" under [time] of the bench file is no IANA time zone. '
-            "Write it as Europe/Rome."
-        ) from None
-    log: Log = import_module(recognise(path).module).reader(path, spec)
+    """Open `path` with the reader of its format. Raises UnreadableLogError as `recognise`."""
+    log: Log = import_module(recognise(path).module).reader(path, time or TimeSpec())
     return log

@@ -192,8 +192,7 @@ def read_frames(
 ) -> tuple[Frames, list[Rejected]]:
     """The frames among `objects`, and what had to be rejected: error frames, damage, impossible values.
 
-    Stamps count from `start_ns` [ns]; records from `first_record` in the order of the stream; `where` says a byte of
-    it.
+    Stamps count from `start_ns` [ns], records from `first_record` in the order of the stream; `where` says a byte.
     """
     ours = np.isin(objects.head["type"], (*FRAME_TYPES, *ERROR_TYPES))
     at, head = objects.at[ours], objects.head[ours]
@@ -247,8 +246,7 @@ def _fd_100(part: NDArray[np.void], space: Ints, _: Ints) -> tuple[Ints, Ints, I
 def _fd_101(part: NDArray[np.void], space: Ints, header: Ints) -> tuple[Ints, Ints, Ints]:
     """(flags, length, room for the payload) of CAN FD objects of type 101.
 
-    `extra` in the file: where further data begins, from the start of the object. What it leaves out of a payload is
-    zero.
+    `extra`: where further data begins, from the start of the object; what that leaves out of a payload is zero.
     """
     bits, extra = part["fd_flags"].astype(np.int64), part["extra"].astype(np.int64)
     flags = FD * (bits >> 12 & 1) | REMOTE * (bits >> 4 & 1) | TRANSMIT * (part["transmit"] != 0)

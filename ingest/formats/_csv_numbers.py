@@ -23,8 +23,7 @@ EXPONENT = r"(?:[eE][+-]?[0-9]+)?"
 class Numerals:
     """How a table writes numbers: `decimal` sign, and `group` between thousands, "" where the first rows show none.
 
-    1.234 is 1234 only where `group` says so; 1.234,5 and 1.234.567 cannot be anything else, so that they are read
-    always.
+    1.234 is 1234 only where `group` says so; 1.234,5 and 1.234.567 cannot be anything else: they are read always.
     """
 
     decimal: str

@@ -14,7 +14,7 @@ import pyarrow.compute as pc
 from numpy.typing import NDArray
 
 from ingest.errors import UnreadableLogError
-from ingest.formats._clock import YEARS
+from ingest.formats import YEARS
 
 Ints = NDArray[np.int64]
 Flags = NDArray[np.bool_]

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from ingest.errors import UnreadableLogError
 from ingest.formats import TimeSpec
-from ingest.formats._clock import start_ns
 from ingest.formats._csv_dialect import Dialect
 from ingest.formats._csv_numbers import MISSING
 from ingest.formats._csv_stamps import (
@@ -116,43 +115,27 @@ class Stamped(Clock):
 
 
 def recognise_clock(time: TimeSpec, dialect: Dialect, log: str) -> Clock:
-    """The clock that `[time]` of the bench file states, else the one that the table shows.
-
-    Raises UnreadableLogError.
-    """
-    start = start_ns(time, log)
+    """The clock that `[time]` of the bench file states, else the one that it shows. Raises UnreadableLogError."""
+    start = time.start_ns
     if time.rate_hz is not None:
-        if not time.rate_hz > 0:
-            raise UnreadableLogError(
-                f"{log}: rate_hz = {time.rate_hz:g} under [time] of the bench file is not above 0."
-            )
-        return Rate(
-            says=f"{time.rate_hz:g} rows a second",
-            absolute=start is not None,
-            rate_hz=time.rate_hz,
-            origin_ns=start or 0,
-        )
+        says = f"{time.rate_hz:g} rows a second"
+        return Rate(says=says, absolute=start is not None, rate_hz=time.rate_hz, origin_ns=start or 0)
     if time.column is not None:
         if time.column not in dialect.names:
             raise UnreadableLogError(
                 f'{log}: column = "{time.column}" under [time] of the bench file is none of the table.'
                 f"{hint(time.column, dialect.names)} Its columns: {', '.join(dialect.names)[:300]}."
             )
-        return _stated(time, time.column, dialect, start, log)
-    return _found(time, dialect, start, log)
+        return _stated(time, time.column, dialect, log)
+    return _found(time, dialect, log)
 
 
-def _stated(time: TimeSpec, column: str, dialect: Dialect, start: int | None, log: str) -> Clock:
+def _stated(time: TimeSpec, column: str, dialect: Dialect, log: str) -> Clock:
     if time.format is not None:
         local = LocalClock(time.local)
         says = f"{time.format} in {time.zone}"
         return Stamped(says=says, absolute=True, columns=(column,), pattern=pattern_of(time.format, log), local=local)
-    if time.unit is not None and time.unit not in UNITS_NS:
-        raise UnreadableLogError(
-            f'{log}: unit = "{time.unit}" under [time] of the bench file is no unit of time. '
-            f"Known are {' '.join(UNITS_NS)}."
-        )
-    clock = _by_content(time, column, dialect, start)
+    clock = _by_content(time, column, dialect)
     if clock is None:
         cell = next((cell for cell in _cells(dialect, column) if cell not in MISSING), "")
         raise UnreadableLogError(
@@ -162,18 +145,19 @@ def _stated(time: TimeSpec, column: str, dialect: Dialect, start: int | None, lo
     return clock
 
 
-def _found(time: TimeSpec, dialect: Dialect, start: int | None, log: str) -> Clock:
+def _found(time: TimeSpec, dialect: Dialect, log: str) -> Clock:
     named = [name for name in dialect.names if is_time_name(name)]
     if time.format is not None:
         pattern = pattern_of(time.format, log)
         fitting = (name for name in (*named, *dialect.names) if _fits(pattern, dialect, name))
         if column := next(fitting, None):
-            return _stated(time, column, dialect, start, log)
+            return _stated(time, column, dialect, log)
         if clock := _of_two(time, {f"{time.format} in {time.zone}": pattern}, dialect):
             return clock
     for column in named:
-        rising = dialect.numeric[dialect.names.index(column)] is not True or _rises(dialect, column)
-        if rising and (clock := _by_content(time, column, dialect, start)):
+        number = dialect.numeric[dialect.names.index(column)] is True
+        rising = not number or rises(np.array(_numbers(dialect, column)))
+        if rising and (clock := _by_content(time, column, dialect)):
             return clock
     for column in dialect.names:
         if clock := _stamped(time, column, dialect):
@@ -192,7 +176,7 @@ def _found(time: TimeSpec, dialect: Dialect, start: int | None, log: str) -> Clo
     )
 
 
-def _by_content(time: TimeSpec, column: str, dialect: Dialect, start: int | None) -> Clock | None:
+def _by_content(time: TimeSpec, column: str, dialect: Dialect) -> Clock | None:
     """Numbers counted from the start or from 1970, or stamps of a known form; None for anything else."""
     if dialect.numeric[dialect.names.index(column)] is not True:
         return None if time.unit else _stamped(time, column, dialect)
@@ -203,10 +187,8 @@ def _by_content(time: TimeSpec, column: str, dialect: Dialect, start: int | None
         if EPOCH_NS[0] <= min(scaled) and max(scaled) <= EPOCH_NS[1]:
             says = f"{candidate} since 1970"
             return Counted(says=says, absolute=True, columns=(column,), unit_ns=UNITS_NS[candidate], step_ns=1000)
-    says = f"{candidates[0]} from the start"
-    return Counted(
-        says=says, absolute=start is not None, columns=(column,), unit_ns=UNITS_NS[candidates[0]], origin_ns=start or 0
-    )
+    says, start, unit_ns = f"{candidates[0]} from the start", time.start_ns, UNITS_NS[candidates[0]]
+    return Counted(says=says, absolute=start is not None, columns=(column,), unit_ns=unit_ns, origin_ns=start or 0)
 
 
 def _stamped(time: TimeSpec, column: str, dialect: Dialect) -> Clock | None:
@@ -223,11 +205,8 @@ def _of_two(time: TimeSpec, patterns: Mapping[str, str], dialect: Dialect) -> Cl
     days = [name for name in dialect.names if _fits(DATE_ALONE, dialect, name)]
     clocks = [name for name in dialect.names if _fits(CLOCK_ALONE, dialect, name)]
     for pair in ((day, clock) for day in days for clock in clocks if day != clock):
-        found = _of_cells(time, patterns, pair, dialect)
-        if (
-            found
-            and not found.t_ns(joined(*(np.array(_cells(dialect, name), object) for name in pair)), NO_RECORD)[1].all()
-        ):
+        stamps = joined(*(np.array(_cells(dialect, name), object) for name in pair))
+        if (found := _of_cells(time, patterns, pair, dialect)) and not found.t_ns(stamps, NO_RECORD)[1].all():
             return found  # 24.12.25 has the form of a time of day, and 08.00.00 that of a date
     return None
 
@@ -269,9 +248,8 @@ def _fits(pattern: str, dialect: Dialect, column: str) -> bool:
     return bool(said) and fits(pattern, said)
 
 
-def _rises(dialect: Dialect, column: str) -> bool:
-    """Whether a column goes on as time does: at most one step in ten back, the last later than the first."""
-    values = np.array(_numbers(dialect, column))
+def rises(values: NDArray[Any]) -> bool:
+    """Whether numbers (N,) go on as time does: at most one step in ten back, the last later than the first."""
     back = int((np.diff(values) < 0).sum())
     return len(values) == 1 or (len(values) > 1 and 10 * back <= len(values) and bool(values[-1] > values[0]))
 

@@ -11,7 +11,6 @@ from __future__ import annotations
 import io
 import logging
 import struct
-from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any
@@ -27,7 +26,7 @@ BIG_ENDIAN = 1 << 6  # of the lead-in's flags
 OPEN_END = 0xFFFF_FFFF_FFFF_FFFF  # where the recorder did not come to write how long its last segment is
 EPOCH_1904_S = 2_082_844_800  # from TDMS' own epoch to 1970
 SECOND_NS = 1_000_000_000
-MOST_SCALINGS = 1000  # of a channel: files hold a few
+MOST_SCALINGS = 1000  # of a channel: files hold a few, and nptdms looks for each that one claims
 
 DAMAGE = Exception  # nptdms raises whatever a damaged byte leads to, plain Exceptions among them
 
@@ -75,24 +74,15 @@ def _opened(nptdms: Any, path: Path, end: int) -> TdmsFile | None:
     try:
         whole = nptdms.TdmsFile.open(file, raw_timestamps=True)
         channels = [channel for group in whole.groups() for channel in group.channels() if len(channel)]
-        owners = [whole, *whole.groups(), *channels]
-        if _believable(channels, end) and all(_countable(owner.properties) for owner in owners):
+        scalings = [one.properties.get("NI_Number_Of_Scales", 0) for one in (whole, *whole.groups(), *channels)]
+        believable = all(len(channel) <= end for channel in channels)  # each value takes a byte at least
+        if believable and all(int(count) <= MOST_SCALINGS for count in scalings):
             return TdmsFile(channels, None, file)
     except DAMAGE:
         file.close()
         return None
     file.close()
     return None
-
-
-def _believable(channels: Iterable[Any], size: int) -> bool:
-    """Whether the file can hold as many values as a channel claims: each takes a byte at least."""
-    return all(len(channel) <= size for channel in channels)
-
-
-def _countable(properties: Mapping[str, Any]) -> bool:
-    """Whether the number of scalings that a channel claims can be true: nptdms would look for each of them."""
-    return int(properties.get("NI_Number_Of_Scales", 0)) <= MOST_SCALINGS
 
 
 def values(channel: Any, start: int, count: int) -> NDArray[Any] | None:
@@ -171,10 +161,7 @@ def _library(log: str) -> Any:
 
 
 def _segments(path: Path) -> tuple[list[int], str | None]:
-    """(bytes where each segment begins, and where the last one ends; how the file ends before its end).
-
-    Each lead-in says where the next one is.
-    """
+    """(bytes where each segment begins, and where the last ends; how the file ends early), from lead-in to lead-in."""
     size = path.stat().st_size
     edges = [0]
     with path.open("rb") as file:
@@ -210,9 +197,6 @@ class _Head(io.RawIOBase):
         if whence == io.SEEK_END:
             return self._file.seek(self._end + offset)
         return self._file.seek(offset, whence)
-
-    def tell(self) -> int:
-        return self._file.tell()
 
     def readinto(self, buffer: Any) -> int:
         data = self._file.read(max(0, min(len(buffer), self._end - self._file.tell())))

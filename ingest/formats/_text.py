@@ -69,7 +69,6 @@ class TextFile:
                 self.ended = f"is damaged at byte {file.tell():,} (its packed contents: {error})"
                 return
             raise UnreadableLogError(
-                f"{self.path.name}: its packed contents are damaged ({error}), any line may be wrong: "
-                "nothing of it is used. "
-                "Copy the file again."
+                f"{self.path.name}: its packed contents are damaged ({error}), any line may be wrong: nothing of it is "
+                "used. Copy the file again."
             ) from None

@@ -1,11 +1,10 @@
 """ASC: Vector's text format for CAN logs, packed with gzip or not.
 
-`bus` is the channel number as it stands in the file. The date is a wall clock time without a zone: UTC unless `[time]
-zone` (without a column) says otherwise, or `[time] start` replaces it. The date of the first trigger block goes
-before that of the header; a later block counts from its own date where its stamps begin again, and goes on where they
-go on. `timestamps relative`: each stamp counts from the line before. Statistics, bus states, requests to send (TxRq)
-and other events are no frames: they are counted in `settings["other_lines"]`. Error frames are found and rejected.
-Remote frames have no payload.
+The date is a wall clock time without a zone: UTC unless `[time] zone` (without a column) says otherwise, or `[time]
+start` replaces it. The date of the first trigger block beats that of the header; a later block counts from its own date
+where its stamps begin again. `timestamps relative`: each stamp counts from the line before. Error frames are found and
+rejected, remote frames have no payload. Statistics, bus states, requests to send (TxRq) and other events are no frames:
+they are counted in `settings["other_lines"]`.
 """
 
 from __future__ import annotations
@@ -20,7 +19,6 @@ from numpy.typing import NDArray
 from ingest.errors import UnreadableLogError
 from ingest.formats import EXTENDED, TRANSMIT, Frames, Log, Rejected
 from ingest.formats._asc_lines import HIGHEST_BUS, HIGHEST_ID, STAMP, Line, parse_date, parse_line
-from ingest.formats._clock import start_ns, wall_ns
 from ingest.formats._text import TextFile
 
 # A data frame as most lines hold it (hexadecimal, one blank between two bytes), or else any line: one match a line.
@@ -87,7 +85,7 @@ class AscLog(Log):
 
     def batches(self) -> Iterator[Frames]:
         """Frames in file order. Raises UnreadableLogError where the file holds no frame at all."""
-        stated = start_ns(self.time, self.path.name)
+        stated = self.time.start_ns
         self._clock = _Clock(stated, origin_ns=stated or 0)
         self.absolute = stated is not None
         text = TextFile(self.path)
@@ -120,7 +118,7 @@ class AscLog(Log):
 
     def _take_date(self, text: str) -> None:
         stamp = parse_date(text)
-        date_ns = wall_ns(stamp, self.time) if stamp else None
+        date_ns = self.time.wall_ns(stamp) if stamp else None
         if date_ns is None:
             self.settings["date_not_understood"] = text.strip()[:SHOWN]
             return

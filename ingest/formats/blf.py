@@ -1,10 +1,9 @@
 """BLF: Vector's binary logging format. A header, then objects, most of them in containers packed with zlib.
 
-`bus` is the channel number as it stands in the file (from 1). The start of the file is a wall clock time without a
-zone: it is taken as UTC unless `[time]` names a zone and no column, or `[time] start` replaces it; without either,
-time counts from 0. Error frames are records that were found and rejected; remote frames have the flag REMOTE and no
-payload; objects that are no frames are counted by type in `settings["other_objects"]`. Nothing that the file declares
-is believed before it is checked.
+The start of the file is a wall clock time without a zone: UTC unless `[time]` names a zone and no column, or `[time]
+start` replaces it; without either, time counts from 0. Error frames are found and rejected; remote frames have the flag
+REMOTE and no payload; objects that are no frames are counted by type in `settings["other_objects"]`. Nothing that the
+file declares is believed before it is checked.
 """
 
 from __future__ import annotations
@@ -23,7 +22,6 @@ from ingest.errors import UnreadableLogError
 from ingest.formats import Frames, Log
 from ingest.formats._blf_containers import parts
 from ingest.formats._blf_objects import ERROR_TYPES, FRAME_TYPES, MARGIN, Objects, read_frames, split
-from ingest.formats._clock import start_ns, wall_ns
 
 HEADER = struct.Struct("<4sL8xQQLL8H8H")  # magic, header size, .., file size, unpacked size, objects, .., start, stop
 BATCH = 4 << 20  # unpacked bytes that are read at once: about 90,000 classic frames
@@ -98,7 +96,7 @@ class BlfLog(Log):
                 "read. Copy the file again."
             )
         _, length, self._declared_size, _, self._objects, _, *stamps = HEADER.unpack(head)
-        stated = start_ns(self.time, self.path.name)
+        stated = self.time.start_ns
         recorded = self._system_time(stamps[:8])
         self.absolute = stated is not None or recorded is not None
         self._start_ns = next((ns for ns in (stated, recorded) if ns is not None), 0)
@@ -112,7 +110,7 @@ class BlfLog(Log):
             stamp = datetime(year, month, day, hour, minute, second, milli * 1000)
         except ValueError:
             return None
-        return wall_ns(stamp, self.time)
+        return self.time.wall_ns(stamp)
 
     def _batch(self, stream: _Stream) -> Iterator[Frames]:
         data = bytes(stream.data) + bytes(MARGIN)

@@ -229,20 +229,11 @@ class CsvLog(Log):
 
     def _finish(self, text: TextFile) -> None:
         self.settings.update(gz=text.packed, backward_steps=self._back, **self._clock.counted())
-        if not self.found or len(self.rejected) == self.found:
-            says = (
-                f"{self.rejected[0].where}: {self.rejected[0].why}"
-                if self.rejected
-                else "there is none below its header"
-            )
-            raise UnreadableLogError(
-                f"{self.path.name}: no row of it can be read: {says}. Look at the file, or export it again."
-            )
         ended = text.ended
         if ended is None and text.open_line and self.rejected and self.rejected[-1].record == self.found - 1:
             ended = f"ends inside line {self._lines:,}"
-        if ended is not None:
-            self.mark_cut(ended, f"{self.found - len(self.rejected):,} rows")
+        refused = [f"{one.where}: {one.why}" for one in self.rejected[:1]]
+        self.end_rows(ended, *(refused or ["there is none below its header"]))
 
 
 def _is_row(line: str) -> bool:

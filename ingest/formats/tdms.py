@@ -19,9 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ingest.errors import UnreadableLogError
-from ingest.formats import Log, Rejected, Rows
-from ingest.formats._clock import EPOCH, YEARS, start_ns
-from ingest.formats._csv_time import LATEST_NS, UNITS_NS, base_and_unit, is_time_name
+from ingest.formats import EPOCH, YEARS, Log, Rejected, Rows, utc_ns
+from ingest.formats._csv_time import LATEST_NS, UNITS_NS, base_and_unit, is_time_name, rises
 from ingest.formats._tdms_file import (
     TdmsFile,
     is_number,
@@ -41,7 +40,7 @@ SHOWN = 64  # first bytes of a rejected row
 SECOND_NS = 1_000_000_000
 SINCE_1904_S = (2.9e9, 4.3e9)  # a column of seconds between these counts from 1904, as LabVIEW does: years 1995 to 2040
 SINCE_1970_S = (1e9, 2.9e9)  # and between these from 1970
-EARLIEST_NS, LATE_NS = (int((EPOCH.replace(year=year) - EPOCH).total_seconds()) * SECOND_NS for year in YEARS)
+EARLIEST_NS, LATE_NS = (utc_ns(EPOCH.replace(year=year)) for year in YEARS)
 
 Ints = NDArray[np.int64]
 Flags = NDArray[np.bool_]
@@ -125,16 +124,10 @@ class TdmsLog(Log):
             yield from self._rows(file)
         finally:
             file.close()
-        if not self.found or len(self.rejected) == self.found:
-            why = self.rejected[0].why if self.rejected else "its channels hold no value"
-            raise UnreadableLogError(
-                f"{self.path.name}: no row of it can be read: {why}. Look at the file, or export it again."
-            )
         ended = file.ended
         if ended is None and self._damaged:
             ended = f"holds values that cannot be read ({', '.join(self._damaged)})"
-        if ended is not None:
-            self.mark_cut(ended, f"{self.found - len(self.rejected):,} rows")
+        self.end_rows(ended, self.rejected[0].why if self.rejected else "its channels hold no value")
 
     def _rows(self, file: TdmsFile) -> Iterator[Rows]:
         kept = [channel for channel in file.channels if is_number(channel) or is_text(channel) or is_time(channel)]
@@ -163,9 +156,8 @@ class TdmsLog(Log):
             self.found += count
             for i in np.flatnonzero(bad).tolist():
                 shown = raw[i] if i < len(raw) else b"\0"
-                self.rejected.append(
-                    Rejected(int(record[i]), self._where(channels[0], start + i), _why(base), shown[:SHOWN])
-                )
+                where = f'group "{channels[0].group_name}", value {start + i + 1:,}'
+                self.rejected.append(Rejected(int(record[i]), where, _why(base), shown[:SHOWN]))
             fine = np.flatnonzero(~bad)
             if len(fine):
                 yield Rows(t_ns[fine], {name: cells[fine] for name, cells in table.items()}, record[fine])
@@ -184,14 +176,11 @@ class TdmsLog(Log):
         cells[: len(found)] = found
         return cells
 
-    def _where(self, channel: Any, place: int) -> str:
-        return f'group "{channel.group_name}", value {place + 1:,}'
-
     # ---- time ------------------------------------------------------------------------------------------------------
 
     def _bases(self, channels: Sequence[Any]) -> dict[_Base, list[Any]]:
         """Time base -> its channels. Raises UnreadableLogError where the stated time is none, or none is found."""
-        stated, origin = self._stated(channels), start_ns(self.time, self.path.name)
+        stated, origin = self._stated(channels), self.time.start_ns
         found: dict[_Base, list[Any]] = {}
         for group, some in groupby(channels, key=lambda channel: channel.group_name):
             own = list(some)
@@ -204,24 +193,14 @@ class TdmsLog(Log):
                 found.setdefault(base or by_clock or _Untimed(group), []).append(channel)
         if all(isinstance(base, _Untimed) for base in found):
             raise UnreadableLogError(
-                f"{self.path.name}: no channel says its time (wf_increment), and none holds it. "
-                "Under [time] of the bench file say "
-                'rate_hz = 1.0 (rows at a fixed rate), or column = "..." with unit.'
+                f"{self.path.name}: no channel says its time (wf_increment), and none holds it. Under [time] of the "
+                'bench file say rate_hz = 1.0 (rows at a fixed rate), or column = "..." with unit.'
             )
         return found
 
     def _stated(self, channels: Sequence[Any]) -> Any | None:
         """The channel that `[time]` of the bench file names."""
-        column, unit = self.time.column, self.time.unit
-        if self.time.rate_hz is not None and not self.time.rate_hz > 0:
-            raise UnreadableLogError(
-                f"{self.path.name}: rate_hz = {self.time.rate_hz:g} under [time] of the bench file is not above 0."
-            )
-        if unit is not None and unit not in UNITS_NS:
-            raise UnreadableLogError(
-                f'{self.path.name}: unit = "{unit}" under [time] of the bench file is no unit of time. '
-                f"Known are {' '.join(UNITS_NS)}."
-            )
+        column = self.time.column
         if column is None:
             return None
         named = {self._names[id(one)]: one for one in channels}
@@ -256,7 +235,7 @@ class TdmsLog(Log):
         begin = values(clock, 0, 1)
         first = float(begin[0]) * unit_ns / SECOND_NS if begin is not None else 0.0
         if SINCE_1904_S[0] <= first <= SINCE_1904_S[1]:
-            return _Stamps(clock, unit_ns, int((EPOCH.replace(year=1904) - EPOCH).total_seconds()) * SECOND_NS)
+            return _Stamps(clock, unit_ns, utc_ns(EPOCH.replace(year=1904)))
         return _Stamps(clock, unit_ns, 0 if SINCE_1970_S[0] <= first <= SINCE_1970_S[1] else origin)
 
 
@@ -265,11 +244,7 @@ def _is_clock(channel: Any) -> bool:
     if not is_number(channel) or not is_time_name(channel.name):
         return False
     found = values(channel, 0, 200)
-    if found is None or not len(found):
-        return False
-    first = found.astype(np.float64)
-    back = int((np.diff(first) < 0).sum())
-    return len(first) == 1 or bool(10 * back <= len(first) and first[-1] > first[0])
+    return found is not None and rises(found.astype(np.float64))
 
 
 def _names(channels: Sequence[Any]) -> dict[int, str]:

@@ -184,7 +184,7 @@ NOON_NS = 1_719_835_200_250_000_000
     [
         (TimeSpec(), NOON_NS + 7, True),
         (TimeSpec(zone="Europe/Rome"), NOON_NS - 7_200_000_000_000 + 7, True),
-        (TimeSpec(start="2024-03-01T08:00:00Z"), 1_709_280_000_000_000_007, True),
+        (TimeSpec(start_ns=1_709_280_000_000_000_000), 1_709_280_000_000_000_007, True),
     ],
 )
 def test_the_start_is_utc_unless_the_bench_file_says_otherwise(
@@ -198,16 +198,8 @@ def test_a_file_without_a_start_counts_from_zero_or_from_the_stated_start(tmp_pa
     path = blf(tmp_path / "none.blf", container(classic(1, stamp=7)))
     log, frames = read(path)
     assert (frames[0][0], log.absolute, log.settings["start"]) == (7, False, "none")
-    log, frames = read(path, TimeSpec(start="1971-01-01T00:00:00Z"))
+    log, frames = read(path, TimeSpec(start_ns=31_536_000_000_000_000))
     assert (frames[0][0], log.absolute, log.settings["start"]) == (31_536_000_000_000_007, True, "bench file")
-
-
-def test_a_stated_start_that_is_no_stamp_is_refused(tmp_path: Path) -> None:
-    path = blf(tmp_path / "none.blf", container(classic(1)))
-    with pytest.raises(
-        UnreadableLogError, match=r'none\.blf: start = "yesterday" under \[time\] .* is no ISO 8601 stamp'
-    ):
-        read(path, TimeSpec(start="yesterday"))
 
 
 # ---- damage ---------------------------------------------------------------------------------------------------------

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from ingest.errors import UnreadableLogError
-from ingest.formats import FORMATS, Format, Frames, Log, Rows, TimeSpec, open_log, recognise
+from ingest.formats import FORMATS, Format, Frames, Log, Rows, open_log, recognise
 from made.places import LOGS
 
 PATIENCE_S = 5.0  # for one damaged sample
@@ -150,12 +150,6 @@ def test_a_file_of_random_bytes_is_read_or_refused(entry: Format, tmp_path: Path
     for seed in range(10):
         path.write_bytes(entry.magic + random.Random(seed).randbytes(20_000))
         read_damaged(path)
-
-
-@each_format
-def test_a_zone_that_is_none_is_refused_by_name(entry: Format) -> None:
-    with pytest.raises(UnreadableLogError, match=r'zone = "Europe/Atlantis" .* is no IANA time zone'):
-        open_log(sample(entry), TimeSpec(zone="Europe/Atlantis"))
 
 
 def test_a_file_is_recognised_by_its_mark_before_its_name(tmp_path: Path) -> None:

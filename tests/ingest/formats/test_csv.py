@@ -309,13 +309,13 @@ def test_rows_at_a_fixed_rate_keep_their_place(tmp_path: Path) -> None:
     path = table(tmp_path, "T\n20\n21\nabc\n22\n23\n")
     log, t_ns, _ = read(path, TimeSpec(rate_hz=2.0))
     assert (t_ns, log.absolute) == ([0, S_NS // 2, 3 * S_NS // 2, 2 * S_NS], False)
-    log, t_ns, _ = read(path, TimeSpec(rate_hz=2.0, start="2024-03-01T08:00:00Z"))
+    log, t_ns, _ = read(path, TimeSpec(rate_hz=2.0, start_ns=1_709_280_000_000_000_000))
     assert (t_ns[0], log.absolute) == (MARCH_NS, True)
 
 
 def test_a_stated_column_counts_from_the_stated_start(tmp_path: Path) -> None:
     path = table(tmp_path, "T,clock\n20,10\n21,20\n")
-    log, t_ns, columns = read(path, TimeSpec(column="clock", unit="ms", start="2024-03-01T08:00:00Z"))
+    log, t_ns, columns = read(path, TimeSpec(column="clock", unit="ms", start_ns=1_709_280_000_000_000_000))
     assert (t_ns, log.absolute, list(columns)) == ([MARCH_NS + 10_000_000, MARCH_NS + 20_000_000], True, ["T"])
 
 
@@ -353,13 +353,11 @@ def test_a_stamp_that_is_none_is_rejected(tmp_path: Path, cell: str) -> None:
             'column = "Tiem" under [time] of the bench file is none of the table. Nearest: Time.',
         ),
         (TimeSpec(column="T"), 'column "T" holds "warm", which is no number and no stamp that is known. Say format ='),
-        (TimeSpec(column="Time", unit="d"), 'unit = "d" under [time] of the bench file is no unit of time.'),
         (
             TimeSpec(column="Time", format="%H:%M"),
             'format = "%H:%M" under [time] of the bench file holds no whole date.',
         ),
         (TimeSpec(column="Time", format="%Y-%W"), 'format = "%Y-%W" under [time] of the bench file holds %W, which is'),
-        (TimeSpec(rate_hz=0.0), "rate_hz = 0 under [time] of the bench file is not above 0."),
     ],
 )
 def test_a_stated_time_that_cannot_be_is_refused(tmp_path: Path, spec: TimeSpec, says: str) -> None:

@@ -137,7 +137,7 @@ def test_an_offset_shifts_and_a_start_of_1904_is_none(tmp_path: Path) -> None:
     unset = wave("A", "x", [1.0, 2.0], start=TdmsTimestamp(0, 0))
     log, t_ns, _ = read(write(tmp_path / "b.tdms", [unset]))
     assert (t_ns, log.absolute) == ([0, S_NS], False)
-    log, t_ns, _ = read(tmp_path / "b.tdms", TimeSpec(start="2025-12-24T08:00:00Z"))
+    log, t_ns, _ = read(tmp_path / "b.tdms", TimeSpec(start_ns=1_766_563_200_000_000_000))
     assert (ms(t_ns), log.absolute) == ([0, 1000], True)
 
 
@@ -173,13 +173,13 @@ def test_a_channel_of_numbers_that_is_called_time_is_the_time_of_its_group(
 
 def test_a_stated_channel_beats_what_the_file_says(tmp_path: Path) -> None:
     path = write(tmp_path / "log.tdms", [wave("A", "x", [7.0, 8.0]), plain("A", "clock", [10, 20])])
-    log, t_ns, columns = read(path, TimeSpec(column="clock", unit="ms", start="2025-12-24T08:00:00Z"))
+    log, t_ns, columns = read(path, TimeSpec(column="clock", unit="ms", start_ns=1_766_563_200_000_000_000))
     assert (ms(t_ns), columns, log.absolute) == ([10, 20], {"x": [7.0, 8.0]}, True)
 
 
 def test_a_stated_rate_beats_what_the_file_says(tmp_path: Path) -> None:
     path = write(tmp_path / "log.tdms", [wave("A", "x", [7.0, 8.0]), plain("B", "y", [10, 20])])
-    _, t_ns, columns = read(path, TimeSpec(rate_hz=2.0, start="2025-12-24T08:00:00Z"))
+    _, t_ns, columns = read(path, TimeSpec(rate_hz=2.0, start_ns=1_766_563_200_000_000_000))
     assert (ms(t_ns), columns) == ([0, 500], {"x": [7.0, 8.0], "y": [10.0, 20.0]})
 
 
@@ -208,8 +208,6 @@ def test_values_that_outlast_the_stamps_of_their_group_are_rejected(tmp_path: Pa
             'column = "clok" under [time] of the bench file is no channel of the file. Nearest: clock.'),
         (TimeSpec(column="note"),
             'column = "note" under [time] of the bench file holds text: name a channel of stamps'),
-        (TimeSpec(column="clock", unit="d"), 'unit = "d" under [time] of the bench file is no unit of time.'),
-        (TimeSpec(rate_hz=0.0), "rate_hz = 0 under [time] of the bench file is not above 0."),
     ],
 )  # fmt: skip
 def test_a_file_without_time_and_a_stated_time_that_cannot_be_are_refused(
