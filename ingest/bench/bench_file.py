@@ -44,6 +44,7 @@ ROLES = ("observed", "input", "ignored")
 REGIONS = ("copper", "iron", "magnet", "rotor", "housing", "fluid", "bearing", "other", "boundary")
 OBSERVABLE = ("temperature", "power", "heat", "resistance", "flux")
 THERMOMETRIC = ("resistance", "flux")  # they go with the temperature of nodes
+_PLACED = {"temperature": "what it measures", **dict.fromkeys(THERMOMETRIC, "whose temperature it goes with")}
 TIME_UNITS = ("s", "ms", "us", "ns", "min", "h")
 
 ROOT_KEYS = (
@@ -87,8 +88,7 @@ class Bench:
 def read_bench(data: bytes, name: str) -> Bench:
     """Read and check a bench file; `name` as messages shall call it. Needs no log and no motor file.
 
-    Raises TomlError (structure, types, unknown keys), UnitError, ExpressionError or BenchFileError, each with file
-    and line.
+    Raises TomlError (structure, types, unknown keys), UnitError, ExpressionError, BenchFileError, all with the line.
     """
     root = read(data, name, SCHEMA)
     root.only(ROOT_KEYS, _UNDER_TIME)
@@ -241,50 +241,34 @@ def _place(table: TomlTable) -> tuple[str | None, Mapping[str, float]]:
 
 
 def _observable(table: TomlTable, quantity: str, node: str | None, weights: Mapping[str, float]) -> None:
+    """Refuse an observed channel that says too little, or too much, of what it measures."""
+    key = "role"
     if quantity not in OBSERVABLE:
-        raise _refusal(
-            table, "role", f'{quantity} cannot be observed, only {", ".join(OBSERVABLE)}: write role = "input".'
-        )
-    if quantity == "temperature" and not (node or weights):
-        raise _refusal(table, "role", "an observed temperature needs a node or weights: say what it measures.")
-    if quantity in THERMOMETRIC and not (node or weights):
-        raise _refusal(
-            table, "role", f"an observed {quantity} needs a node or weights: say whose temperature it goes with."
-        )
-    if quantity == "flux" and "slope_per_K" not in table:
-        raise _refusal(
-            table, "role", "an observed flux needs slope_per_K, such as -0.001: say how it falls as the magnets warm."
-        )
-    if quantity == "heat" and not node:
-        raise _refusal(table, "role", 'an observed heat needs the boundary that takes it, such as node = "coolant".')
-    if quantity == "power" and (node or weights):
-        raise _refusal(
-            table,
-            "node" if "node" in table else "weights",
-            "an observed power is that of the whole motor: take it out.",
-        )
+        says = f'{quantity} cannot be observed, only {", ".join(OBSERVABLE)}: write role = "input".'
+    elif quantity in _PLACED and not (node or weights):
+        says = f"an observed {quantity} needs a node or weights: say {_PLACED[quantity]}."
+    elif quantity == "flux" and "slope_per_K" not in table:
+        says = "an observed flux needs slope_per_K, such as -0.001: say how it falls as the magnets warm."
+    elif quantity == "heat" and not node:
+        says = 'an observed heat needs the boundary that takes it, such as node = "coolant".'
+    elif quantity == "power" and (node or weights):
+        key = "node" if "node" in table else "weights"
+        says = "an observed power is that of the whole motor: take it out."
+    else:
+        return
+    raise _refusal(table, key, says)
 
 
 def _refuse_keys_of_others(table: TomlTable, quantity: str, role: str | None) -> None:
     """Keys of some quantities where they would mean nothing."""
     if "bin_degC" in table and quantity != "dose":
-        raise _refusal(
-            table, "bin_degC", 'bin_degC is of hours that a counter counts: write quantity = "dose", or take it out.'
-        )
-    metered = role == "observed" and quantity != "temperature"
+        says = 'bin_degC is of hours that a counter counts: write quantity = "dose", or take it out.'
+        raise _refusal(table, "bin_degC", says)
     for key in ("gain_sd", "reference", "reference_degC", "slope_per_K"):
-        if key not in table:
-            continue
-        if key == "gain_sd" and not metered:
-            raise _refusal(
-                table,
-                key,
-                'gain_sd is of an observed power, heat, resistance or flux: add role = "observed", or take it out.',
-            )
-        if key != "gain_sd" and not (metered and quantity in THERMOMETRIC):
-            raise _refusal(
-                table, key, f'{key} is of an observed resistance or flux: add role = "observed", or take it out.'
-            )
+        meters = ("power", "heat", *THERMOMETRIC) if key == "gain_sd" else THERMOMETRIC
+        if key in table and not (role == "observed" and quantity in meters):
+            of = f"{', '.join(meters[:-1])} or {meters[-1]}"
+            raise _refusal(table, key, f'{key} is of an observed {of}: add role = "observed", or take it out.')
 
 
 def _reference_degC(table: TomlTable) -> float:

@@ -51,21 +51,19 @@ class Correction:
 
 @dataclass(frozen=True)
 class Target:
-    """What a correction concerns: two with equal targets say the same thing. `channels`:
-    positions in the bench file."""
+    """What a correction concerns: two with equal targets say the same thing."""
 
     law: str  # of a clock with its bus
-    channels: frozenset[int]
+    channels: frozenset[int]  # positions in the bench file
 
 
 @dataclass(frozen=True)
 class Corrected:
-    """A bench file's channels under corrections. `channels`: each with the node that it truly measures and its whole
-    lag; `steps`: for each, what is to be taken off its values, in order; `targets`: one a correction."""
+    """A bench file's channels under corrections."""
 
-    channels: tuple[Channel, ...]
-    steps: tuple[tuple[Correction, ...], ...]
-    targets: tuple[Target, ...]
+    channels: tuple[Channel, ...]  # each with the node that it truly measures, and its whole lag
+    steps: tuple[tuple[Correction, ...], ...]  # for each, what is to be taken off its values, in order
+    targets: tuple[Target, ...]  # one a correction
 
 
 def spelt(name: str) -> str:
@@ -112,8 +110,8 @@ def correct(file: str, channels: Sequence[Channel], corrections: Iterable[Correc
 
 
 def in_order(amounts: Mapping[str, float]) -> dict[str, float]:
-    """Cause -> amount in the order in which the causes are best taken off: exchanges first, as places below are called
-    what they are called then; then what is added to readings, then factors."""
+    """Cause -> amount in the order in which they are best taken off: exchanges, which rename the places below, then
+    what is added to readings, then factors."""
     return dict(sorted(amounts.items(), key=lambda one: Correction(*one).rule.turn))
 
 
@@ -126,10 +124,9 @@ def true_times(t_ns: Times, corrections: Iterable[Correction], bus: str, start_n
 
 
 def true_values(value: Array, steps: Iterable[Correction], hours: Array, ambient: Array | None) -> Array:
-    """Values (N,) in the stored unit without what `steps` say is wrong with them.
+    """Values (N,) in the stored unit without what `steps` say is wrong with them, at `hours` (N,) of the session.
 
-    `hours` (N,) since the start of the session; `ambient` (N,) [degC], None where the session does not know it:
-    then what needs it stays in.
+    `ambient` (N,) [degC], None where the session does not know it: then what needs it stays in.
     """
     beside = Surroundings(hours, ambient)
     for one in steps:

@@ -24,26 +24,26 @@ Times = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Surroundings:
-    """What is known of every sample of a channel (N,): hours since the start of the session, and the ambient
-    temperature [degC], None where the session does not know it."""
+    """What is known beside every sample of a channel (N,)."""
 
-    hours: Array
-    ambient: Array | None
+    hours: Array  # since the start of the session
+    ambient: Array | None  # [degC], None where the session does not know it
 
 
 @dataclass(frozen=True)
 class CorrectionLaw:
-    """One law. `off`: (readings in the stored unit, amount, what is beside them) -> truth, `true_stamps`: (stamps [ns],
-    amount, start of the session [ns]) -> truth, each None where there is nothing to take off. `both`: the one amount
-    that is as good as a first and then a second of what that left. `turn`: when it is taken off, of several. `fits`:
-    whether an amount can be; else `refusal`."""
+    """One law. What it takes off is None where there is nothing of the kind.
+
+    `off`: (readings in the stored unit, amount, what is beside them) -> truth; `true_stamps`: (stamps [ns], amount,
+    start of the session [ns]) -> truth.
+    """
 
     off: Callable[[Array, float, Surroundings], Array] | None = None
     true_stamps: Callable[[Times, float, int], Times] | None = None
-    both: Callable[[float, float], float] = add
-    turn: int = OTHERS
+    both: Callable[[float, float], float] = add  # the one amount that does what a first and then a second do
+    turn: int = OTHERS  # when it is taken off, of several
     needs_ambient: bool = False
-    fits: Callable[[float], bool] = lambda amount: True
+    fits: Callable[[float], bool] = lambda amount: True  # whether an amount can be, else `refusal`
     refusal: str = ""
 
 

@@ -96,10 +96,7 @@ def resolve(
 
 
 def check_nodes(bench: Bench, nodes: Collection[str], boundaries: Collection[str]) -> None:
-    """Refuse a node that the motor file does not have, with the nearest that it has, and a boundary among weights.
-
-    Raises BenchFileError.
-    """
+    """Raises BenchFileError for a node that the motor file does not have, and for a boundary among weights."""
     known = [*nodes, *boundaries]
     for channel in bench.channels:
         key = "weights" if "weights" in channel.lines else "node"

@@ -35,21 +35,17 @@ _Around = Callable[[NDArray[np.int64]], Array]  # stamps (N,) -> temperatures (N
 class ChannelData:
     """All samples of one channel of a session, over all its files, in the order of time. Arrays (N,).
 
-    `t_ns` int64 [ns]; `value` float64, finite, in the stored unit of the quantity; `record` int64, position among the
-    records of its file; `raw` int64, index into `raws`, the SHA-256 of the session's files that hold this channel;
-    `buses`, one for each of these: what stamped its samples there, `can<n>` or the stem of a table's name. Stamps and
-    values are without what the bench file's corrections say is wrong with them; `read`: the values before, where they
-    were corrected.
+    Stamps and values are without what the bench file's corrections say is wrong with them.
     """
 
     spec: ResolvedChannel
     t_ns: NDArray[np.int64]
-    value: Array
-    record: NDArray[np.int64]
-    raw: NDArray[np.int64]
-    raws: tuple[str, ...]
-    buses: tuple[str, ...] = ()
-    read: Array | None = None
+    value: Array  # finite, in the stored unit of the quantity
+    record: NDArray[np.int64]  # position among the records of its file
+    raw: NDArray[np.int64]  # index into `raws`
+    raws: tuple[str, ...]  # SHA-256 of the session's files that hold this channel
+    buses: tuple[str, ...] = ()  # for each of these: what stamped its samples, `can<n>` or the stem of a table's name
+    read: Array | None = None  # the values before they were corrected, None where they were not
 
     @property
     def recorded(self) -> Array:
@@ -85,11 +81,10 @@ class Aligned:
 def load(store: Store, facts: Facts, session: SessionRecorded) -> list[ChannelData]:
     """Every channel of a session that has samples, in the order of its files; empty cells are left out.
 
-    These are the channels of the bench file, the ignored ones too, and its corrections are taken off here: those of the
-    version that was accepted in place of the one that a file was decoded under. Heat along a sensor's leads stays in
-    where the session does not know the ambient. Without a bench file they are all signals: of the quantity that was
-    guessed, in its stored unit, or else of quantity "" in the file's unit. Raises DamageError for Parquet or a bench
-    file that is damaged or not there.
+    These are the channels of the bench file, the ignored ones too, less its corrections: those of the version accepted
+    in place of the one that a file was decoded under. Heat along a sensor's leads stays in where the session does not
+    know the ambient. Without a bench file they are all signals: of the guessed quantity, in its stored unit, or else of
+    quantity "" in the file's unit. Raises DamageError for Parquet or a bench file that is damaged or missing.
     """
     return next(load_each(store, facts, [session]))
 
@@ -122,15 +117,12 @@ def step_of(value: Array) -> float | None:
 
 def find(channels: Sequence[ChannelData], quantity: str) -> ChannelData | None:
     """The first channel with samples of a quantity that the bench file does not ignore."""
-    fitting = (
-        one for one in channels if one.spec.quantity == quantity and one.spec.role != "ignored" and len(one.t_ns)
-    )
-    return next(fitting, None)
+    fitting = (one for one in channels if one.spec.quantity == quantity and len(one.t_ns))
+    return next((one for one in fitting if one.spec.role != "ignored"), None)
 
 
 def current(channels: Sequence[ChannelData]) -> ChannelData | None:
-    """The phase current [A rms]: the channel `current`, else hypot of `current_d` and `current_q` on the stamps of
-    d."""
+    """The phase current [A rms]: the channel `current`, else hypot of `current_d` and `current_q`, on d's stamps."""
     whole, d, q = (find(channels, name) for name in ("current", "current_d", "current_q"))
     if whole or not d or not q:
         return whole
@@ -183,8 +175,7 @@ def block_means(t_ns: NDArray[np.int64], value: Array, span: tuple[int, int], bl
 
 @dataclass(frozen=True)
 class _Source:
-    """A channel as one decode holds it: its entry there, its description, and the corrections that are to be taken off
-    its values."""
+    """A channel as one decode holds it: its entry there, its description, and what is to be taken off its values."""
 
     entry: _Entry
     spec: ResolvedChannel
@@ -252,14 +243,8 @@ def _of_bench(bench: Bench, decode: DecodeCompleted) -> list[_Source]:
     ]
 
 
-def _guessed(decode: DecodeCompleted) -> list[_Source]:
-    """The signals of a decode without a bench file."""
-    return [_Source(entry, _guess(entry)) for entry in decode.channels]
-
-
 def _guess(entry: _Entry) -> ResolvedChannel:
-    """What a signal may be where no bench file says it: of the guessed quantity where the file's unit fits that, else
-    of none."""
+    """A signal that no bench file speaks of: of the guessed quantity where the file's unit fits that, else of none."""
     quantity, unit = entry["quantity"] or "", entry["unit"] or ""
     conversion = Conversion()
     try:
@@ -271,7 +256,7 @@ def _guess(entry: _Entry) -> ResolvedChannel:
 
 def _decoded(store: Store, facts: Facts, decode: DecodeCompleted) -> _Decoded:
     bench = _bench_of(store, facts, decode)
-    sources = _of_bench(bench, decode) if bench else _guessed(decode)
+    sources = _of_bench(bench, decode) if bench else [_Source(entry, _guess(entry)) for entry in decode.channels]
     folder = store.decoded(decode.decode)
     tables = {
         group["name"]: _read(
@@ -297,15 +282,13 @@ def _of_file(one: _Decoded, file: Mapping[str, Any]) -> Iterator[_Piece]:
 
 
 def _on_time(piece: _Piece, bench: Bench | None, stem: str, start_ns: int) -> _Piece:
-    """A piece with its true stamps, and with the bus whose clock these go by: for a table that names none, the table
-    itself."""
+    """A piece with its true stamps, and the bus whose clock these go by: the table itself where it names none."""
     bus = piece.bus or stem
     return replace(piece, bus=bus, t_ns=true_times(piece.t_ns, bench.corrections if bench else (), bus, start_ns))
 
 
 def _ambient(pieces: Mapping[str, Sequence[_Piece]], start_ns: int) -> _Around | None:
-    """The ambient temperature, as the mean over its channels. None where no reading has to be freed of it, or the
-    session does not record it."""
+    """The ambient temperature, the mean over its channels; None where it is not needed, or not recorded."""
     if not any(step.rule.needs_ambient for some in pieces.values() for piece in some for step in piece.steps):
         return None
     found = [
@@ -326,15 +309,13 @@ def _read(path: Path, columns: Sequence[str]) -> dict[str, NDArray[Any]]:
     try:
         table = samples.read(path, list(dict.fromkeys(["t_ns", "record", *columns])))
     except FileNotFoundError:
-        raise DamageError(
-            f"{path}: the samples are not there. Make them again from the archive with `whyhot rebuild`."
-        ) from None
+        says = f"{path}: the samples are not there. Make them again from the archive with `whyhot rebuild`."
+        raise DamageError(says) from None
     return {name: table.column(name).to_numpy() for name in table.column_names}
 
 
 def _joined(some: Sequence[_Piece], start_ns: int, around: _Around | None) -> ChannelData:
-    """One channel from its pieces in several files, sorted by time; its resolution from the data where none was
-    known."""
+    """One channel from its pieces in several files, by time; its resolution from the data where none was known."""
     pieces = {piece.raw: piece for piece in some}
     raws = tuple(pieces)
     t_ns, record, read = (
@@ -366,8 +347,7 @@ def _true_values(piece: _Piece, start_ns: int, around: _Around | None) -> Array:
 
 
 def _once(t_ns: NDArray[np.int64], value: NDArray[Any], raw: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Which samples to keep (N,): False for one that repeats the one before it from another file, as a copied log
-    does."""
+    """Which samples to keep (N,): not those of a copied log, which repeat the one before from another file."""
     first = np.ones(len(t_ns), dtype=np.bool_)
     first[1:] = (np.diff(t_ns) != 0) | (value[1:] != value[:-1]) | (raw[1:] == raw[:-1])
     return first

@@ -22,8 +22,7 @@ class Repeats:
 
 @dataclass(frozen=True)
 class ChannelDescription:
-    """One channel; `low`, `high`, `noise` (one sigma) and `resolution` as seen, in `unit`; None where too few
-    samples."""
+    """One channel; `low`, `high`, `noise` (one sigma), `resolution` as seen, in `unit`; None with too few samples."""
 
     name: str
     quantity: str | None

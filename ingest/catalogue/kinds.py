@@ -123,8 +123,7 @@ def _correlation(speed: Array, cycle: Array) -> Array:
 
 
 def _followed(speed: Array, cycle: Array) -> float:
-    """Share of the trace's seconds that the speed, scaled by one gear ratio, follows within 5 % of the trace's top
-    speed."""
+    """Share of the trace's seconds that the speed, by one gear ratio, follows within 5 % of the trace's top speed."""
     there = cycle[: len(speed)]
     scaled = speed * float(speed @ there) / float(speed @ speed)
     return float(np.sum(np.abs(scaled - there) <= 0.05 * cycle.max())) / len(cycle)

@@ -1,5 +1,4 @@
-"""Operating points: how long a session stayed in each cell of speed and torque, and a block map of it for the
-terminal."""
+"""Operating points: how long a session stayed in each cell of speed and torque, also as a map for the terminal."""
 
 from __future__ import annotations
 
@@ -53,8 +52,7 @@ def cells(channels: Sequence[ChannelData]) -> OperatingPoints | None:
 
 
 def round_edges(value: NDArray[np.float64], most: int) -> NDArray[np.float64]:
-    """Edges of at most `most` equal cells over the range of `value`, their middles at round values (1, 2, 2.5, 5 x
-    10^k).
+    """Edges of at most `most` equal cells over the range of `value`, with round middles (1, 2, 2.5, 5 x 10^k).
 
     Tests are driven at round set points: these lie in the middle of a cell, so that noise does not spread one over
     two. A cell is at least 1 % of the largest value wide.
@@ -71,10 +69,9 @@ def round_edges(value: NDArray[np.float64], most: int) -> NDArray[np.float64]:
 
 
 def draw(points: OperatingPoints, width: int = 100) -> str:
-    """The map as text of at most `width` columns: a shade and the minutes a cell, torque upwards, speed to the right,
-    each cell named by its middle.
+    """The map as text of at most `width` columns: a shade and the minutes a cell, named by its middle.
 
-    Speed cells that do not fit beside each other are left out from the right, and that is said below.
+    Torque grows upwards, speed to the right; speed cells that do not fit are left out, and that is said below.
     """
     fit = max((width - LABEL) // CELL, 1)
     most = max(map(max, points.minutes)) or 1.0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
@@ -179,10 +180,5 @@ def _cut(text: str, size: int) -> str:
 
 def _wrap(line: str, width: int) -> list[str]:
     """A line in pieces of at most `width`, broken at blanks, what follows indented by two more."""
-    pieces = []
-    while len(line) > width:
-        at = line.rfind(" ", len(line) - len(line.lstrip()) + 1, width + 1)
-        at = at if at > width // 2 else width
-        pieces.append(line[:at].rstrip())
-        line = " " * (len(line) - len(line.lstrip()) + 2 * (len(pieces) == 1)) + line[at:].lstrip()
-    return [*pieces, line]
+    indent = " " * (len(line) - len(line.lstrip()) + 2)
+    return textwrap.wrap(line, width, subsequent_indent=indent, break_on_hyphens=False) or [line]

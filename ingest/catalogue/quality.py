@@ -46,33 +46,25 @@ GAP_NS = 1_000_000_000  # a shorter one is jitter of the bus: no motor warms wit
 
 
 @dataclass(frozen=True)
-class RepeatedSamples:
-    """Samples `first` to `last` (both included) of a channel that told nothing new. `kind`: held, stuck, saturated."""
+class Gap:
+    """A time without news of a channel: here no sample, for over 5 median intervals and over 1 s."""
 
-    kind: str
-    first: int
-    last: int
     start_ns: int
     end_ns: int
-    value: float  # stored unit
 
     @property
     def duration_s(self) -> float:
-        """Its length [s]."""
         return (self.end_ns - self.start_ns) / 1e9
 
 
 @dataclass(frozen=True)
-class Gap:
-    """No sample between two stamps: over 5 median intervals and over 1 s."""
+class RepeatedSamples(Gap):
+    """Samples `first` to `last` (both included) that told nothing new."""
 
-    start_ns: int
-    end_ns: int
-
-    @property
-    def duration_s(self) -> float:
-        """Its length [s]."""
-        return (self.end_ns - self.start_ns) / 1e9
+    kind: str  # held, stuck, saturated
+    first: int
+    last: int
+    value: float  # stored unit
 
 
 @dataclass(frozen=True)
@@ -104,8 +96,7 @@ def assess(channels: Sequence[ChannelData]) -> list[ChannelQuality]:
 
 
 def findings(qualities: Sequence[ChannelQuality]) -> list[QualityFlagged]:
-    """What a person should look at: one flag a channel and kind of stretch (of an input one for all), and one for its
-    gaps.
+    """What a person should look at: one flag a channel and kind of stretch (of an input one for all), one for its gaps.
 
     Ignored channels have none.
     """
@@ -127,8 +118,7 @@ def seconds(value: float) -> str:
 
 
 def noise_of(value: NDArray[np.float64]) -> float | None:
-    """One sigma of white noise in `value` (N,), from second differences, blind to steps in up to a tenth of the
-    samples.
+    """One sigma of white noise in `value` (N,), from second differences; blind to steps in a tenth of the samples.
 
     The second difference of white noise has 6 times its variance; of |d| the largest tenth is left out, and the mean of
     the rest is 0.65735 sigma for a normal distribution. A straight rise, however steep, counts as no noise.
@@ -189,7 +179,7 @@ def _held(
                 clipped = channel.spec.role != "input" and _clipped(value, first, last)
                 kind = "saturated" if clipped else _lasting(t_ns, first, last)
                 a, b = int(index[first]), int(index[last])
-                found.append(RepeatedSamples(kind, a, b, int(span.start), int(span.stop), float(value[first])))
+                found.append(RepeatedSamples(int(span.start), int(span.stop), kind, a, b, float(value[first])))
     if channel.spec.role == "input":
         return found
     often = {value for value, times in Counter(one.value for one in found).items() if times >= STICKS}
@@ -197,8 +187,7 @@ def _held(
 
 
 def _improbable(t_ns: NDArray[np.int64], value: NDArray[np.float64]) -> list[tuple[int, int]]:
-    """Runs (first, last) of equal samples, longer than 5 s, that neither both sides together nor one of them
-    explains."""
+    """Runs (first, last) of equal samples, longer than 5 s, that neither both sides nor one of them explains."""
     if len(value) < 2:
         return []
     equal = np.diff(value) == 0.0
@@ -255,17 +244,12 @@ def _clipped(value: NDArray[np.float64], first: int, last: int) -> bool:
     """Whether a run is at a limit of the channel and is reached and left gently."""
     if value[first] not in (value.min(), value.max()) or first == 0 or last + 1 == len(value):
         return False
-    gently = GENTLY * _typical_step(value)
-    return bool(max(abs(value[first] - value[first - 1]), abs(value[last + 1] - value[last])) <= gently)
+    step = np.abs(np.diff(value))
+    return bool(max(step[first - 1], step[last]) <= GENTLY * np.median(step[step > 0.0]))
 
 
 def _lasting(t_ns: NDArray[np.int64], first: int, last: int) -> str:
     return "stuck" if last == len(t_ns) - 1 or t_ns[last] - t_ns[first] >= STUCK_NS else "held"
-
-
-def _typical_step(value: NDArray[np.float64]) -> float:
-    step = np.abs(np.diff(value))
-    return float(np.median(step[step > 0.0]))
 
 
 def _masked(quality: ChannelQuality) -> Iterator[QualityFlagged]:
@@ -282,12 +266,12 @@ def _constant(quality: ChannelQuality) -> Iterator[QualityFlagged]:
         yield _flag(quality.name, kind, f"is constant{at} for {_times(some)} (used as it stands)", some)
 
 
-def _times(some: Sequence[RepeatedSamples | Gap]) -> str:
+def _times(some: Sequence[Gap]) -> str:
     """How long, and how often: "3.0 s", "up to 3.0 s, 2 times"."""
     longest = seconds(max(one.duration_s for one in some))
     return f"up to {longest}, {len(some)} times" if len(some) > 1 else longest
 
 
-def _flag(name: str, kind: str, says: str, some: Sequence[RepeatedSamples | Gap]) -> QualityFlagged:
+def _flag(name: str, kind: str, says: str, some: Sequence[Gap]) -> QualityFlagged:
     spans = [{"start_ns": one.start_ns, "end_ns": one.end_ns} for one in some]
     return QualityFlagged(flag=kind, says=f"{name} {says}", detail={"channel": name, "spans": spans})

@@ -28,7 +28,7 @@ from ingest.errors import LedgerError
 from ingest.facts.chain import Head, Tree, entry
 from ingest.facts.events import Event, LedgerSealed
 from ingest.facts.ledger_lock import WriterLock, reading_uri
-from ingest.facts.ledger_row import Recorded, decode, encode
+from ingest.facts.ledger_row import Recorded, decode, encode, utc_text
 
 SEALS = "ledger-0"  # the stream of the seals
 Factory = InfrastructureFactory[TrackingRecorder]
@@ -198,8 +198,7 @@ class Ledger:
                 raise LedgerError(f"as of {as_of}: the ledger ends at event {end}: give a number up to that, or a time")
             return int(as_of), FOR_EVER
         try:
-            moment = datetime.fromisoformat(as_of)
-            return None, _text(moment if moment.tzinfo else moment.replace(tzinfo=UTC))
+            return None, utc_text(datetime.fromisoformat(as_of))
         except (ValueError, OverflowError):
             raise LedgerError(
                 f"as of {as_of!r}: is neither the number of an event (up to {end}) nor a time like 2026-11-21T08:00:00Z"
@@ -240,9 +239,5 @@ def _environment(path: Path, write: bool, create: bool) -> dict[str, str]:
 
 def _stamp(after: str) -> str:
     """Now, but at least 1 us after `after` even where the clock was set back, so that a time is one position."""
-    now = _text(datetime.now(UTC))
-    return max(now, _text(datetime.fromisoformat(after) + timedelta(microseconds=1))) if after else now
-
-
-def _text(moment: datetime) -> str:
-    return moment.astimezone(UTC).replace(tzinfo=None).isoformat(timespec="microseconds") + "Z"
+    now = utc_text(datetime.now(UTC))
+    return max(now, utc_text(datetime.fromisoformat(after) + timedelta(microseconds=1))) if after else now

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from functools import cache
 from importlib.metadata import version
 from typing import Any
@@ -65,6 +66,12 @@ def encode(
             f"{event.TOPIC}: holds what JSON does not give back (a tuple, a number as key): use lists and text"
         )
     return row
+
+
+def utc_text(moment: datetime) -> str:
+    """A time as the ledger writes it, ISO 8601 UTC with microseconds; UTC where `moment` names no zone."""
+    aware = moment if moment.tzinfo else moment.replace(tzinfo=UTC)
+    return aware.astimezone(UTC).replace(tzinfo=None).isoformat(timespec="microseconds") + "Z"
 
 
 @cache

@@ -6,7 +6,7 @@ import hashlib
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
-from datetime import UTC, datetime
+from datetime import datetime
 from mimetypes import MimeTypes
 from pathlib import Path
 
@@ -14,6 +14,7 @@ from ingest.errors import IngestError, UnknownSessionError
 from ingest.facts import facts as ledger_facts
 from ingest.facts.events import InspectionRecorded
 from ingest.facts.facts import Facts
+from ingest.facts.ledger_row import utc_text
 from ingest.facts.store import Store
 from ingest.intake.setup import kept_name, refuse_missing
 from ingest.texts.nearest import hint
@@ -114,10 +115,8 @@ def _session(facts: Facts, text: str, specimen: str) -> str:
 
 
 def _utc(text: str) -> str:
-    """A time of day and date as the ledger writes them, in UTC. Raises IngestError."""
+    """The time that was said, as the ledger writes it. Raises IngestError."""
     try:
-        moment = datetime.fromisoformat(text)
-        moment = (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).astimezone(UTC)
+        return utc_text(datetime.fromisoformat(text))
     except (ValueError, OverflowError):
         raise IngestError(f'--when "{text}": is no time: write it as 2025-12-24T08:00:00Z') from None
-    return moment.replace(tzinfo=None).isoformat(timespec="microseconds") + "Z"
