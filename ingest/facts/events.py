@@ -7,23 +7,23 @@ begins with its stream, named `kind-key`.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from typing import Any, ClassVar, dataclass_transform
 
 COUNTS = ("decoded", "unknown_id", "wrong_length", "rejected")  # what becomes of a record
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass_transform(frozen_default=True, kw_only_default=True, field_specifiers=(field,))
 class Event:
-    """Base of all facts. `TOPIC`: the stored name, made of the class's; `VERSION`: of the payload's schema."""
+    """Base of all facts, frozen dataclasses. `TOPIC`: the stored name, of the class's; `VERSION`: of its fields."""
 
     TOPIC: ClassVar[str]
     VERSION: ClassVar[int] = 1
 
     def __init_subclass__(cls) -> None:
         cls.TOPIC = f"whyhot:{cls.__name__}"
+        dataclass(frozen=True, kw_only=True)(cls)
 
 
-@dataclass(frozen=True, kw_only=True)
 class RawFileSealed(Event):
     """`file-<sha256>`: a log's bytes lie in the archive under their SHA-256."""
 
@@ -33,7 +33,6 @@ class RawFileSealed(Event):
     format: str | None  # name in ingest.formats.FORMATS; None where no format claims it
 
 
-@dataclass(frozen=True, kw_only=True)
 class SignalDatabaseRegistered(Event):
     """`database-<sha256>`: a DBC lies in the archive."""
 
@@ -41,7 +40,6 @@ class SignalDatabaseRegistered(Event):
     name: str
 
 
-@dataclass(frozen=True, kw_only=True)
 class BenchRegistered(Event):
     """`bench-<sha256>`: a bench file lies in the archive; `model` is the motor file it named, as it was then."""
 
@@ -51,14 +49,12 @@ class BenchRegistered(Event):
     model: str | None  # SHA-256 of the motor file = model id
 
 
-@dataclass(frozen=True, kw_only=True)
 class MotorRegistered(Event):
     """`motor-<name>`: a motor is known from here on."""
 
     name: str
 
 
-@dataclass(frozen=True, kw_only=True)
 class ModelPublished(Event):
     """`motor-<name>`: a motor file lies in the archive; `model` = its SHA-256; `parent` the model it extends."""
 
@@ -68,7 +64,6 @@ class ModelPublished(Event):
     parent: str | None
 
 
-@dataclass(frozen=True, kw_only=True)
 class DecodeCompleted(Event):
     """`file-<sha256>`: what became of every record of a log, under one bench file, its motor file and its databases.
 
@@ -99,7 +94,6 @@ class DecodeCompleted(Event):
     model: str | None = None  # SHA-256 of the motor file that the bench file named then
 
 
-@dataclass(frozen=True, kw_only=True)
 class SessionRecorded(Event):
     """`session-<id>`: these files are one test. `files`: [{raw, decode, first_record, last_record}]."""
 
@@ -119,7 +113,6 @@ class SessionRecorded(Event):
     model: str | None = None  # SHA-256 of the motor file that the bench file named when these files came
 
 
-@dataclass(frozen=True, kw_only=True)
 class SessionRegrouped(Event):
     """`session-<old id>`: a late file joined; the old id stays resolvable and points to `into`."""
 
@@ -128,7 +121,6 @@ class SessionRegrouped(Event):
     why: str
 
 
-@dataclass(frozen=True, kw_only=True)
 class QualityFlagged(Event):
     """`session-<id>` or `file-<sha256>`: something a person should look at, found at ingest."""
 
@@ -137,7 +129,6 @@ class QualityFlagged(Event):
     detail: dict[str, Any] = field(default_factory=dict)
 
 
-@dataclass(frozen=True, kw_only=True)
 class ReplayCompleted(Event):
     """`run-<id>`: a sealed run. `artefacts`: {frame, temperatures, heat, residuals, meters, filtered} -> SHA-256 of
     Parquet; `filtered` where a filter ran. `summary`: its entry of `replay --json`."""
@@ -155,7 +146,6 @@ class ReplayCompleted(Event):
     summary: dict[str, Any]
 
 
-@dataclass(frozen=True, kw_only=True)
 class ReplayDiverged(Event):
     """`run-<id>`: same key and environment, other digest."""
 
@@ -166,7 +156,6 @@ class ReplayDiverged(Event):
     field: str | None
 
 
-@dataclass(frozen=True, kw_only=True)
 class CalibrationCompleted(Event):
     """`calibration-<id>`: a motor's coefficients estimated from sessions; `model` is the motor file that holds them.
 
@@ -192,7 +181,6 @@ class CalibrationCompleted(Event):
     covariance: str | None = None  # SHA-256
 
 
-@dataclass(frozen=True, kw_only=True)
 class HeldOutOpened(Event):
     """`diagnosis-<id>`: sessions kept from learning were looked at: whoever measures on them later has seen them."""
 
@@ -200,7 +188,6 @@ class HeldOutOpened(Event):
     sessions: list[str]  # ids
 
 
-@dataclass(frozen=True, kw_only=True)
 class CauseNamed(Event):
     """`diagnosis-<id>`: a cause entered by evidence and survived being left out. `cause`: its id; `estimate` in `unit`;
     `probability` of what the data cannot tell from it together."""
@@ -213,7 +200,6 @@ class CauseNamed(Event):
     probability: float
 
 
-@dataclass(frozen=True, kw_only=True)
 class ModelExtended(Event):
     """`diagnosis-<id>`: a motor or bench file with the causes that improved lies in the archive: `model` extends
     `parent`, `bench` extends `parent_bench`, with which the diagnosis began; None where nothing was to be added."""
@@ -225,7 +211,6 @@ class ModelExtended(Event):
     bench: str | None
 
 
-@dataclass(frozen=True, kw_only=True)
 class GainMeasured(Event):
     """`diagnosis-<id>`: what the causes gain on the kept sessions. `gain`: [{node, mae_before_K, mae_after_K, ci95_K,
     interval, published_mae_K, outside_trained_share, rms_inside_K, rms_outside_K}]."""
@@ -234,7 +219,6 @@ class GainMeasured(Event):
     gain: list[dict[str, Any]]
 
 
-@dataclass(frozen=True, kw_only=True)
 class DiagnosisCompleted(Event):
     """`diagnosis-<id>`: a diagnosis is sealed. `artefact`: SHA-256 of its document (JSON, `whyhot.diagnosis/1`)."""
 
@@ -244,7 +228,6 @@ class DiagnosisCompleted(Event):
     summary: dict[str, Any]
 
 
-@dataclass(frozen=True, kw_only=True)
 class CauseAccepted(Event):
     """`diagnosis-<id>`: a person took its improved causes: from here on `model` is current in place of `parent`, and
     `bench` in place of `parent_bench`; None where there is nothing of the kind."""
@@ -257,7 +240,6 @@ class CauseAccepted(Event):
     bench: str | None
 
 
-@dataclass(frozen=True, kw_only=True)
 class InspectionRecorded(Event):
     """`inspection-<id>`: a person looked at a specimen and found something; the file that shows it lies in the archive.
 
@@ -275,7 +257,6 @@ class InspectionRecorded(Event):
     finding: str
 
 
-@dataclass(frozen=True, kw_only=True)
 class AgeingAssessed(Event):
     """`ageing-<id>`: the insulation of specimens was assessed from these sessions. `answer`: SHA-256 of its document
     (JSON, `whyhot.ageing/1`); `artefacts`: {checks, specimens, batches} -> SHA-256 of its tables (Parquet)."""
@@ -288,7 +269,6 @@ class AgeingAssessed(Event):
     digest: str
 
 
-@dataclass(frozen=True, kw_only=True)
 class LedgerSealed(Event):
     """`ledger-0`: Merkle root over every stored column of all events up to `position`, the one before this."""
 

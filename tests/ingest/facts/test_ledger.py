@@ -6,7 +6,6 @@ import sqlite3
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import closing, suppress
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -197,7 +196,6 @@ def test_the_names_of_events_are_those_that_ledgers_hold() -> None:
 
 
 def test_an_event_that_is_not_declared_is_refused(ledger: Ledger) -> None:
-    @dataclass(frozen=True, kw_only=True)
     class Strange(Event):
         pass
 
