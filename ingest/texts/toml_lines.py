@@ -44,15 +44,25 @@ def _tokens(text: str) -> Iterator[tuple[str, int]]:
         line += token.count("\n")
 
 
+def _statements(text: str) -> Iterator[tuple[str, int]]:
+    """The tokens; a line feed is one only where it ends a statement."""
+    depth = 0
+    for token, line in _tokens(text):
+        depth += (token in ("[", "{")) - (token in ("]", "}"))
+        if depth == 0 or token != "\n":
+            yield token, line
+    yield "\n", text.count("\n") + 1
+
+
 class _Walk:
     """Walks the statements once; knows only where things begin, not what they are worth."""
 
     def __init__(self, text: str) -> None:
         self.found: dict[Path, int] = {(): 1}
-        self._tokens = [*_tokens(text), ("\n", text.count("\n") + 1)]
+        self._tokens = [*_statements(text)]
         self._at = 0
         self._elements: Counter[Path] = Counter()  # of arrays of tables
-        self._statements()
+        self._walk()
 
     def _peek(self) -> str:
         return self._tokens[self._at][0]
@@ -64,19 +74,14 @@ class _Walk:
         self._at += 1
         return self._tokens[self._at - 1][0]
 
-    def _blank(self) -> None:
-        while self._peek() == "\n" and self._at < len(self._tokens) - 1:
-            self._at += 1
-
-    def _statements(self) -> None:
+    def _walk(self) -> None:
         table: Path = ()
-        self._blank()
-        while self._at < len(self._tokens) - 1:
+        while self._at < len(self._tokens):
             if self._peek() == "[":
                 table = self._header()
-            else:
+            elif self._peek() != "\n":
                 self._pair(table)
-            self._blank()
+            self._next()  # the end of the line
 
     def _header(self) -> Path:
         line = self._line()
@@ -125,7 +130,6 @@ class _Walk:
     def _array(self, path: Path) -> None:
         self._next()
         index = 0
-        self._blank()
         while self._peek() != "]":
             self.found[*path, index] = self._line()
             self._value((*path, index))
@@ -135,14 +139,11 @@ class _Walk:
 
     def _inline(self, path: Path) -> None:
         self._next()
-        self._blank()
         while self._peek() != "}":
             self._pair(path)
             self._separator()
         self._next()
 
     def _separator(self) -> None:
-        self._blank()
         if self._peek() == ",":
             self._next()
-            self._blank()
