@@ -43,9 +43,7 @@ class PowerBalance:
     mechanical_kWh: float
     mean_loss_W: float
     loaded_h: float
-    impossible_share: (
-        float  # of the loaded time, where the mean loss of 30 s is below zero by more than the meters' 2 %
-    )
+    impossible_share: float  # of the loaded time, where the mean loss of 30 s is below zero by over the meters' 2 %
     opposed_share: float  # of the loaded time, where one power is above zero and the other below
     ratio: float | None  # median of mechanical / electrical power where the motor drives under load
     efficiency: tuple[EfficiencyCell, ...]
@@ -89,7 +87,7 @@ def _balance(name: str, grid: Aligned, electrical: Array) -> PowerBalance:
     mechanical = torque_Nm * speed_rpm * RPM
     span = (int(grid.t_ns[0]), int(grid.t_ns[-1]))
     into, out = (block_means(grid.t_ns, power, span, BLOCK_s) for power in (electrical, mechanical))
-    loaded = np.abs(out) >= max(LOADED * float(np.quantile(np.abs(out), 0.995)), 1.0)
+    loaded = _loaded(out)
     driving = loaded & (into > 0.0)
     impossible, opposed = (
         float(np.mean(flags[loaded])) if loaded.any() else 0.0
@@ -100,7 +98,7 @@ def _balance(name: str, grid: Aligned, electrical: Array) -> PowerBalance:
         electrical_kWh=float(electrical @ grid.dt_s) / JOULE_PER_KWH,
         mechanical_kWh=float(mechanical @ grid.dt_s) / JOULE_PER_KWH,
         mean_loss_W=float((electrical - mechanical) @ grid.dt_s) / max(float(grid.dt_s.sum()), 1e-9),
-        loaded_h=_hours_under_load(mechanical, grid.dt_s) if loaded.any() else 0.0,
+        loaded_h=float(grid.dt_s[_loaded(mechanical)].sum()) / 3600.0 if loaded.any() else 0.0,
         impossible_share=impossible,
         opposed_share=opposed,
         ratio=float(np.median(out[driving] / into[driving])) if driving.any() else None,
@@ -111,10 +109,10 @@ def _balance(name: str, grid: Aligned, electrical: Array) -> PowerBalance:
     return replace(found, says=_says(found))
 
 
-def _hours_under_load(mechanical: Array, dt_s: Array) -> float:
-    """Time of the samples (N,) themselves: a pulse of 10 s does not make 30 s of it."""
-    least = max(LOADED * float(np.quantile(np.abs(mechanical), 0.995)), 1.0)
-    return float(dt_s[np.abs(mechanical) >= least].sum()) / 3600.0
+def _loaded(mechanical: Array) -> NDArray[np.bool_]:
+    """Which powers (N,) [W], of blocks or of samples, tell anything of the balance."""
+    power = np.abs(mechanical)
+    return power >= max(LOADED * float(np.quantile(power, 0.995)), 1.0)
 
 
 def _efficiency(
@@ -158,6 +156,5 @@ def _says(found: PowerBalance) -> str:
             f"{share}: the shaft gives {found.ratio:.2f} times the electrical power while driving: "
             "check scale, unit and convention of torque and power"
         )
-    return (
-        f"{share}, but not as a rule: check whether torque and power were recorded at the same moments, and their zeros"
-    )
+    advice = "check whether torque and power were recorded at the same moments, and their zeros"
+    return f"{share}, but not as a rule: {advice}"

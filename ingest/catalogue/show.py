@@ -6,19 +6,15 @@ from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
-from ingest.catalogue import operating_points, page, power, quality
+from ingest.catalogue import operating_points, power, quality
 from ingest.catalogue.channels import ChannelData, load
 from ingest.catalogue.description import ChannelDescription, Repeats, SessionDescription, SourceDescription
-from ingest.catalogue.page import render
-from ingest.catalogue.power import PowerBalance
 from ingest.catalogue.quality import ChannelQuality
-from ingest.facts.events import COUNTS, DecodeCompleted, SessionRecorded
+from ingest.facts.events import COUNTS, SessionRecorded
 from ingest.facts.facts import Facts
 
 if TYPE_CHECKING:
     from ingest.facts.store import Store
-
-__all__ = ["SessionDescription", "describe", "render", "render_sessions", "sessions_json"]
 
 
 def describe(store: Store, facts: Facts, session: SessionRecorded) -> SessionDescription:
@@ -29,6 +25,7 @@ def describe(store: Store, facts: Facts, session: SessionRecorded) -> SessionDes
     bench = facts.bench_of(session)
     flagged = [flag.says for file in session.files for flag in facts.flags.get(f"file-{file['raw']}", ())]
     found = [flag.says for flag in quality.findings(qualities)]
+    impossible = [balance.says] if balance and not balance.possible else []
     return SessionDescription(
         session=session.session,
         name=session.name,
@@ -46,7 +43,7 @@ def describe(store: Store, facts: Facts, session: SessionRecorded) -> SessionDes
         channels=tuple(_channel(*pair) for pair in zip(channels, qualities, strict=True)),
         power=balance,
         operating_points=operating_points.cells(channels),
-        findings=tuple(dict.fromkeys([*flagged, *found, *_impossible(balance), *_inspections(facts, session)])),
+        findings=tuple(dict.fromkeys([*flagged, *found, *impossible, *_inspections(facts, session)])),
     )
 
 
@@ -63,20 +60,11 @@ def sessions_json(facts: Facts) -> dict[str, Any]:
     }
 
 
-def render_sessions(facts: Facts, width: int = 100, as_of: str | None = None) -> str:
-    """The table of all sessions as text of at most `width` columns; `as_of` where `facts` are not those of now."""
-    return page.sessions(sessions_json(facts), width, as_of)
-
-
 def iso(t_ns: int) -> str:
     """ISO 8601 UTC of nanoseconds since 1970, with milliseconds where they are not zero."""
     whole, rest = divmod(t_ns, 1_000_000_000)
     text = datetime.fromtimestamp(whole, UTC).strftime("%Y-%m-%dT%H:%M:%S")
     return f"{text}.{rest // 1_000_000:03d}Z" if rest >= 1_000_000 else f"{text}Z"
-
-
-def _impossible(balance: PowerBalance | None) -> list[str]:
-    return [] if balance is None or balance.possible else [balance.says]
 
 
 def _inspections(facts: Facts, session: SessionRecorded) -> list[str]:
@@ -104,12 +92,8 @@ def _summary(facts: Facts, session: SessionRecorded) -> dict[str, Any]:
         "batch": session.batch,
         "sources": [facts.files[raw].name for raw in raws],
         "channels": len({one["name"] for decode in decodes for one in decode.channels if one["role"] != "ignored"}),
-        "quarantined": sum(_kept_only(decode) for decode in decodes),
+        "quarantined": sum(one.balance.get(key, 0) for one in decodes for key in ("rejected", "wrong_length")),
     }
-
-
-def _kept_only(decode: DecodeCompleted) -> int:
-    return decode.balance.get("rejected", 0) + decode.balance.get("wrong_length", 0)
 
 
 def _quarantined(facts: Facts) -> list[dict[str, Any]]:

@@ -83,15 +83,7 @@ class Ledger:
         for stream, event in batch:
             tail = tails[stream] if stream in tails else self._tail(stream)
             recorded = _stamp(after=recorded)
-            row = encode(
-                event,
-                stream,
-                tail.version + 1 if tail else 1,
-                previous=tail.digest if tail else None,
-                recorded=recorded,
-                happened=happened,
-                caused_by=caused_by,
-            )
+            row = encode(event, stream, tail, recorded, happened, caused_by)
             tails[stream] = decode(row, 0)
             rows.append(row)
         return [decode(row, position) for row, position in zip(rows, self._insert(rows), strict=True)]

@@ -35,28 +35,22 @@ class Recorded:
 
 
 def encode(
-    event: Event,
-    stream: str,
-    number: int,
-    *,
-    previous: str | None,
-    recorded: str,
-    happened: str | None = None,
-    caused_by: str | None = None,
+    event: Event, stream: str, tail: Recorded | None, recorded: str, happened: str | None, caused_by: str | None
 ) -> StoredEvent:
-    """The row of `event` as version `number` of `stream`.
+    """The row of `event` behind `tail`, the last event of `stream`.
 
     Raises LedgerError where the event is not one of ours, or would not come back equal.
     """
     if EVENTS.get(event.TOPIC) is not type(event):
         raise LedgerError(f"{event.TOPIC}: is not an event of the ledger: declare it in ingest/facts/events.py")
+    number = tail.version + 1 if tail else 1
     envelope: dict[str, Any] = {
         "v": event.VERSION,
         "happened": happened,
         "recorded": recorded,
         "code": _code(),
         "caused_by": caused_by,
-        "previous": previous,
+        "previous": tail.digest if tail else None,
         "body": vars(event),
     }
     proof = digest(stream, number, event.TOPIC, canonical(envelope))
@@ -90,9 +84,8 @@ def decode(row: StoredEvent, position: int) -> Recorded:
     if not (isinstance(stream, str) and type(number) is int and isinstance(topic, str) and isinstance(state, bytes)):
         raise DamageError(f"{where}: a column has another type than was written: restore the ledger from a backup")
     envelope = _parse(state)
-    if envelope is None or envelope["digest"] != digest(
-        stream, number, topic, without_digest(state, envelope["digest"])
-    ):
+    proof = envelope["digest"] if envelope else ""
+    if envelope is None or proof != digest(stream, number, topic, without_digest(state, proof)):
         raise DamageError(f"{where}: is not what was written, its digest differs: restore the ledger from a backup")
     return Recorded(
         position=position,

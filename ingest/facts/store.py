@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from types import TracebackType
 from typing import Self
@@ -40,8 +38,8 @@ class Store:
         Raises StoreError where there is no store, something else lies there, or the folder cannot be read or written;
         LedgerError where another process is writing.
         """
-        with _plain_words(folder):
-            write = write or create
+        write = write or create
+        try:
             new = create and _is_free(folder)
             if new:
                 folder.mkdir(parents=True, exist_ok=True)
@@ -56,6 +54,11 @@ class Store:
             except BaseException:
                 ledger.close()
                 raise
+        except OSError as error:
+            raise StoreError(
+                f"{folder}: cannot be opened ({error.filename or folder}: {error.strerror}): "
+                "give a folder that you may read and write, with --store"
+            ) from None
 
     def __enter__(self) -> Self:
         return self
@@ -150,15 +153,3 @@ def _empty(folder: Path) -> None:
             shutil.rmtree(path)
         else:
             path.unlink()
-
-
-@contextmanager
-def _plain_words(folder: Path) -> Iterator[None]:
-    try:
-        yield
-    except OSError as error:
-        place = error.filename or folder
-        raise StoreError(
-            f"{folder}: cannot be opened ({place}: {error.strerror}): "
-            "give a folder that you may read and write, with --store"
-        ) from None

@@ -41,26 +41,16 @@ def collect(path: Path, groups: Sequence[SignalGroup]) -> Held:
     It takes 16 bytes of memory for each sample; where no group needs anything there is no pass. Raises DamageError.
     """
     foreign = set().union(*(group.foreign for group in groups))
+    sought = {(g.bus, g.message.can_id): g for g in groups if g.message and any(g.name == home for home, _ in foreign)}
     series: defaultdict[Source, list[Series]] = defaultdict(list)
-    if foreign:
-        sought = {(g.bus, g.message.can_id): g for g in groups if g.message and any(g.name == s[0] for s in foreign)}
-        for _, frames in recording.read(path):
-            if isinstance(frames, Frames):
-                _collect(FrameBatch(frames), sought, foreign, series)
+    batches = (FrameBatch(batch) for _, batch in recording.read(path) if isinstance(batch, Frames))
+    for batch in batches if foreign else ():
+        for bus, can_id, at in batch.by_identifier():
+            group = sought.get((bus, can_id))
+            if group is None or group.message is None:
+                continue
+            whole = batch.long_enough(group.message, at)
+            names = {name for home, name in foreign if home == group.name}
+            for name, values in batch.signals(group.message, whole, names).items():
+                series[group.name, name].append((batch.frames.t_ns[whole], values))
     return Held(series)
-
-
-def _collect(
-    batch: FrameBatch,
-    sought: dict[tuple[int | None, int], SignalGroup],
-    foreign: set[Source],
-    series: defaultdict[Source, list[Series]],
-) -> None:
-    for bus, can_id, at in batch.by_identifier():
-        group = sought.get((bus, can_id))
-        if group is None or group.message is None:
-            continue
-        whole = batch.long_enough(group.message, at)
-        names = {name for home, name in foreign if home == group.name}
-        for name, values in batch.signals(group.message, whole, names).items():
-            series[group.name, name].append((batch.frames.t_ns[whole], values))

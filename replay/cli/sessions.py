@@ -12,11 +12,13 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> Answer:
-    from ingest.catalogue.show import render_sessions, sessions_json
+    from ingest.catalogue import page
+    from ingest.catalogue.show import sessions_json
     from ingest.facts import facts
     from ingest.facts.store import Store
 
     with Store.open(store_folder(args)) as store:
         known = facts.at(store.ledger, args.as_of)
-        data = {**sessions_json(known), "provenance": provenance(store, as_of=args.as_of)}
-        return Answer(data, render_sessions(known, as_of=args.as_of))
+        answer = sessions_json(known)
+        data = {**answer, "provenance": provenance(store, as_of=args.as_of)}
+        return Answer(data, page.sessions(answer, as_of=args.as_of))

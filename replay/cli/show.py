@@ -13,7 +13,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> Answer:
-    from ingest.catalogue.show import describe, render
+    from ingest.catalogue.page import render
+    from ingest.catalogue.show import describe
     from ingest.facts import facts
     from ingest.facts.store import Store
 

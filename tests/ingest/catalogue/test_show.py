@@ -229,7 +229,7 @@ def test_the_answer_is_json(store: Store) -> None:
 
 def test_the_page_says_kind_sources_channels_power_and_points(store: Store) -> None:
     description = show.describe(store, *one_session(store))
-    text = show.render(description)
+    text = page.render(description)
     for heading in ("Sources", "Look at", "Channels (4, and 1 ignored)", "Power", "Operating points"):
         assert f"\n{heading}\n" in text
     assert "decoded 1,200 · unknown id 0 · wrong length 0 · rejected 0   balance holds" in text
@@ -238,16 +238,16 @@ def test_the_page_says_kind_sources_channels_power_and_points(store: Store) -> N
     assert text.endswith("next: whyhot replay 3_wltp")
     assert next(line for line in text.splitlines() if "MAG_1  " in line).split()[-2:] == ["299", "s"]
     assert max(map(len, text.splitlines())) <= 100
-    assert max(map(len, show.render(description, width=72).splitlines())) <= 72
+    assert max(map(len, page.render(description, width=72).splitlines())) <= 72
 
 
 def test_what_a_replay_lacks_is_the_next_step(store: Store) -> None:
     found = show.describe(store, *one_session(store))
-    without_motor = show.render(replace(found, motor=None), width=200).splitlines()[-1]
+    without_motor = page.render(replace(found, motor=None), width=200).splitlines()[-1]
     assert without_motor == (
         'next: add motor = "motor.toml" to bench.toml and ingest again, or whyhot replay 3_wltp --model motor.toml'
     )
-    without_bench = show.render(replace(found, bench=None, motor=None), width=200).splitlines()[-1]
+    without_bench = page.render(replace(found, bench=None, motor=None), width=200).splitlines()[-1]
     assert without_bench == (
         "next: whyhot ingest FILE... --bench bench.toml: no bench file says yet what these signals mean"
     )
@@ -258,10 +258,10 @@ def test_records_are_told_where_a_part_of_a_file_is_meant_only(store: Store) -> 
     add(store, "a.csv", 0)
     facts = grouped(store)
     (session,) = facts.sessions
-    whole = show.render(show.describe(store, facts, session))
+    whole = page.render(show.describe(store, facts, session))
     assert whole.count("1,200 records   sealed") == 2 and "records 0 to" not in whole
     part = replace(session, files=[session.files[0] | {"first_record": 100, "last_record": 199}])
-    assert "1,200 records, records 100 to 199   sealed" in show.render(show.describe(store, facts, part))
+    assert "1,200 records, records 100 to 199   sealed" in page.render(show.describe(store, facts, part))
 
 
 def test_lost_records_are_told_on_the_page(store: Store) -> None:
@@ -269,7 +269,7 @@ def test_lost_records_are_told_on_the_page(store: Store) -> None:
     bad = [{"record": 7, "where": "line 9", "why": "no number in column M"}]
     more = {"balance": balance, "rejections": bad, "outcome": "salvaged", "why": "3_wltp.csv: ends in line 1206"}
     facts, session = one_session(store, unknown_ids={"can1:0x123": 2}, **more)
-    text = show.render(show.describe(store, facts, session))
+    text = page.render(show.describe(store, facts, session))
     assert "unknown id 2 · wrong length 1 · rejected 1   BALANCE DOES NOT HOLD" in text
     assert "salvaged: 3_wltp.csv: ends in line 1206" in text
     assert "rejected at line 9: no number in column M" in text
@@ -303,7 +303,7 @@ def test_the_list_of_sessions_follows_its_schema(store: Store) -> None:
     }
     assert (second["name"], second["start"], second["quarantined"]) == ("2_s2", None, 5)
     assert answer["quarantined_files"] == [{"file": "broken.blf", "sha256": lost.sha256, "why": why}]
-    text = show.render_sessions(facts)
+    text = page.sessions(show.sessions_json(facts))
     assert text.splitlines()[0] == "2 sessions"
     assert "quarantined: broken.blf: is no BLF file" in text
     assert text.endswith("next: whyhot show 2_s2")
@@ -311,11 +311,14 @@ def test_the_list_of_sessions_follows_its_schema(store: Store) -> None:
 
 
 def test_an_empty_store_says_how_to_begin(store: Store) -> None:
-    assert show.render_sessions(grouped(store)) == "No session in this store yet.\nnext: whyhot ingest FILE..."
+    assert (
+        page.sessions(show.sessions_json(grouped(store)))
+        == "No session in this store yet.\nnext: whyhot ingest FILE..."
+    )
 
 
 def test_a_store_without_sessions_at_a_point_says_so(store: Store) -> None:
-    early = show.render_sessions(grouped(store), as_of="2")
+    early = page.sessions(show.sessions_json(grouped(store)), as_of="2")
     assert early == "No session was known as of 2.\nnext: whyhot sessions"
 
 
