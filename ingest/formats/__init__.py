@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from ingest.errors import UnreadableLogError
 
 EXTENDED = np.uint32(1 << 31)  # set in `Frames.can_id` for 29-bit identifiers
-ERROR, REMOTE, FD, TRANSMIT = 1, 2, 4, 8  # bits of `Frames.flags`
+REMOTE, FD, TRANSMIT = 2, 4, 8  # bits of `Frames.flags`
 EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 YEARS = (1971, 2200)  # of a log: in 1970 no clock was set, and int64 nanoseconds end in 2262
 
@@ -61,12 +61,9 @@ class Rejected:
 
 @dataclass(frozen=True)
 class TimeSpec:
-    """How a log's own stamps are to be understood: `[time]` of a bench file, checked there.
+    """How a log's own stamps are to be understood, as `[time]` of a bench file says it, checked there."""
 
-    `column` with `format` or `unit`, or `rate_hz`.
-    """
-
-    column: str | None = None
+    column: str | None = None  # with `format` or `unit`; or else `rate_hz`
     format: str | None = None  # strptime
     unit: str | None = None  # "s", "ms" ... counted from the start
     zone: str = "UTC"  # IANA zone of local stamps
@@ -108,10 +105,7 @@ class Log(ABC):
 
     @abstractmethod
     def batches(self) -> Iterator[Frames] | Iterator[Rows]:
-        """Every readable record, in file order, in batches of bounded size (about 100,000 records).
-
-        Raises UnreadableLogError where nothing can be read.
-        """
+        """Every readable record, in file order, about 100,000 at once. Raises UnreadableLogError where none is."""
 
     def mark_cut(self, how: str, kept: str) -> None:
         """Say in `cut` how the file ends before its end ("ends at byte 316,402") and what was read ("12 frames")."""

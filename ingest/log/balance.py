@@ -9,7 +9,7 @@ from typing import Any
 
 from ingest.errors import IngestError
 from ingest.facts.events import COUNTS
-from ingest.formats import ERROR, Rejected
+from ingest.formats import Rejected
 from ingest.log.frames import FrameBatch
 from ingest.log.reading import LogReading
 from ingest.log.recording import id_text
@@ -19,7 +19,8 @@ TO_DO = {
     "rows": "correct the cells and ingest the file again",
     "frames": "copy the file again if the original is whole",
 }
-NO_DATA = ("error frame", "remote frame, no data")  # reasons that are the bus's way, not damage of the log
+REMOTE_FRAME = "remote frame, no data"
+NO_DATA = ("error frame", REMOTE_FRAME)  # reasons that are the bus's way, not damage of the log
 
 
 @dataclass
@@ -42,14 +43,12 @@ class Account:
                 self.first_unreadable = entry
 
     def reject(self, batch: FrameBatch) -> None:
-        """Count the error and remote frames of a batch: they hold no data."""
-        frames, at = batch.frames, batch.without_data
-        errors = (frames.flags[at] & ERROR) != 0
-        for why, places in zip(NO_DATA, (at[errors], at[~errors]), strict=True):
-            self.rejected[why] += len(places)
-            for i in places[:SHOWN].tolist():
-                where = id_text(int(frames.bus[i]), int(frames.can_id[i]))
-                self.first_rejected.append(Rejected(int(frames.record[i]), where, why))
+        """Count the remote frames of a batch: they hold no data."""
+        frames = batch.frames
+        self.rejected[REMOTE_FRAME] += len(batch.remote)
+        for i in batch.remote[:SHOWN].tolist():
+            where = id_text(int(frames.bus[i]), int(frames.can_id[i]))
+            self.first_rejected.append(Rejected(int(frames.record[i]), where, REMOTE_FRAME))
         self.first_rejected = sorted(self.first_rejected, key=lambda entry: entry.record)[:SHOWN]
 
     def rejections(self) -> list[dict[str, Any]]:

@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from ingest.formats import ERROR, REMOTE, Frames
+from ingest.formats import REMOTE, Frames
 from ingest.log.arrow import from_numpy, to_numpy
 from ingest.log.bits import Payloads, extract, padded, raw
 from ingest.log.databases import Message
@@ -17,17 +17,17 @@ Positions = NDArray[np.intp]
 
 
 class FrameBatch:
-    """N frames of one bus, ready to be taken apart. `without_data`: positions of remote and error frames."""
+    """N frames of one bus, ready to be taken apart. `remote`: positions of remote frames, which hold no data."""
 
     def __init__(self, frames: Frames) -> None:
         self.frames = frames
-        self.without_data = np.flatnonzero(frames.flags & (REMOTE | ERROR))
+        self.remote = np.flatnonzero(frames.flags & REMOTE)
         self._lengths = np.diff(frames.offsets)  # of the payloads [bytes]
         self._data = padded(frames.data)
 
     def by_identifier(self) -> Iterator[tuple[int, int, Positions]]:
         """(bus, can_id, positions of its frames with data, in the order of the file): one stable sort for all."""
-        with_data = np.flatnonzero((self.frames.flags & (REMOTE | ERROR)) == 0)
+        with_data = np.flatnonzero((self.frames.flags & REMOTE) == 0)
         coded = from_numpy(self.frames.can_id[with_data]).dictionary_encode()
         codes, count = to_numpy(coded.indices), len(coded.dictionary)
         order = np.argsort(codes.astype(np.uint16) if count < 2**16 else codes, kind="stable")

@@ -28,7 +28,7 @@ from mcap.writer import CompressionType, Writer
 from numpy.typing import NDArray
 
 from ingest.errors import DamageError
-from ingest.formats import ERROR, EXTENDED, REMOTE, Frames, Log, Rejected, Rows
+from ingest.formats import EXTENDED, REMOTE, Frames, Log, Rejected, Rows
 from ingest.log.arrow import from_numpy, to_numpy
 
 CHUNK_BYTES = 1 << 20
@@ -178,7 +178,7 @@ class _Blocks:
             self.columns.update(dict.fromkeys(batch.columns))
             return
         self.buses.update(np.unique(batch.bus).tolist())
-        with_data = (batch.flags & (REMOTE | ERROR)) == 0
+        with_data = (batch.flags & REMOTE) == 0
         keys = (batch.bus[with_data].astype(np.uint64) << np.uint64(32)) | batch.can_id[with_data]
         for key, frames in zip(*np.unique(keys, return_counts=True), strict=True):
             self.ids[id_text(int(key) >> 32, int(key) & 0xFFFFFFFF)] += int(frames)

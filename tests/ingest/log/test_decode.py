@@ -15,7 +15,7 @@ from ingest.bench.bench_file import Bench, read_bench
 from ingest.bench.resolving import resolve
 from ingest.errors import BenchFileError, IngestError
 from ingest.facts.events import DecodeCompleted
-from ingest.formats import ERROR, EXTENDED, REMOTE, Frames, Log, Rejected, Rows, TimeSpec
+from ingest.formats import EXTENDED, REMOTE, Frames, Log, Rejected, Rows, TimeSpec
 from ingest.log import recording, samples
 from ingest.log.databases import Database, load
 from ingest.log.decode import RECORDING, decode_file, decode_id
@@ -441,9 +441,8 @@ def test_every_record_is_decoded_or_counted_with_the_reason(tmp_path: Path) -> N
         (3, 2, 0x555, 0, bytes(8)),
         (4, 2, TORQUE ^ 1, 0, bytes(8)),
         (5, 2, 0x555, 0, b""),
-        (6, 1, 0, ERROR, b""),
     ]
-    refused = [Rejected(7, "byte 900", "object of 0 bytes")]
+    refused = [Rejected(6, "byte 800", "error frame"), Rejected(7, "byte 900", "object of 0 bytes")]
     event = decoded(tmp_path, record(tmp_path, frames(given), rejected=refused), [dbc()])
     assert event.balance == {"found": 8, "decoded": 1, "unknown_id": 3, "wrong_length": 1, "rejected": 3}
     assert event.unknown_ids == {"can2:0x555": 2, "can2:0x18FEF101": 1}
@@ -455,7 +454,7 @@ def test_every_record_is_decoded_or_counted_with_the_reason(tmp_path: Path) -> N
     }
     assert event.rejections == [
         {"record": 2, "where": "can1:0x123", "why": "remote frame, no data"},
-        {"record": 6, "where": "can1:0x0", "why": "error frame"},
+        {"record": 6, "where": "byte 800", "why": "error frame"},
         {"record": 7, "where": "byte 900", "why": "object of 0 bytes"},
     ]
     assert (event.outcome, event.why) == (
