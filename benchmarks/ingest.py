@@ -22,6 +22,7 @@ import sys
 import tempfile
 from collections import defaultdict
 from collections.abc import Callable, Mapping
+from contextlib import closing
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -46,7 +47,7 @@ from ingest.intake.setup import MotorFile, prepare
 from ingest.log import samples
 from ingest.log.databases import load
 from ingest.log.decode import RECORDING, decode_file
-from ingest.log.reading import record
+from ingest.log.reading import Reader
 
 MESSAGES, SIGNALS = 20, 4
 START_S = 1_700_000_000
@@ -81,7 +82,8 @@ def log_of(count: int) -> list[can.Message]:
 
 
 def whyhot(log: Path, dbc: Path, folder: Path) -> Mapping[str, Path]:
-    reading = record(log, folder / RECORDING)
+    with closing(Reader()) as reader:
+        reading = reader.record(log, folder / RECORDING)
     event = decode_file(reading, "0" * 64, [load(dbc.read_bytes(), dbc.name)], None, [], folder)
     return {group["name"]: folder / group["file"] for group in event.groups}
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import tempfile
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -17,7 +18,7 @@ from ingest.errors import UnreadableLogError
 from ingest.formats import Rows, TimeSpec
 from ingest.intake.setup import refuse_missing, signals_in
 from ingest.log.databases import Database, load, merged
-from ingest.log.reading import LogReading, record
+from ingest.log.reading import LogReading, Reader
 from ingest.log.recording import id_text, read
 from ingest.texts.guessing import guess
 
@@ -64,8 +65,8 @@ def inspect(files: Sequence[Path], databases: Sequence[Path], bench: Path | None
     refuse_missing(files)
     loaded = [load(path.read_bytes(), path.name) for path in databases]
     time = read_bench(bench.read_bytes(), bench.name).time if bench else TimeSpec()
-    with tempfile.TemporaryDirectory() as folder:
-        looked = tuple(_look(path, Path(folder), time, guessing=bench is None) for path in files)
+    with tempfile.TemporaryDirectory() as folder, closing(Reader()) as reader:
+        looked = tuple(_look(reader, path, Path(folder), time, guessing=bench is None) for path in files)
     readings = [one.reading for one in looked if one.reading]
     ranges: dict[str, tuple[float, float]] = {}
     for one in looked:
@@ -90,15 +91,15 @@ def draft(found: Inspection) -> str:
     return draft_bench([seen.signal for seen in found.signals], {**settings, "untimed": untimed}, name)
 
 
-def _look(path: Path, folder: Path, time: TimeSpec, *, guessing: bool) -> InspectedFile:
+def _look(reader: Reader, path: Path, folder: Path, time: TimeSpec, *, guessing: bool) -> InspectedFile:
     recording = folder / "preview.mcap"
     try:
-        reading, note = record(path, recording, time), None
+        reading, note = reader.record(path, recording, time), None
     except UnreadableLogError as error:
         if not guessing:
             return InspectedFile(path, None, str(error), None, {})
         try:  # a table without a time column can be looked at all the same
-            reading = record(path, recording, replace(time, rate_hz=1.0))
+            reading = reader.record(path, recording, replace(time, rate_hz=1.0))
         except UnreadableLogError:
             return InspectedFile(path, None, str(error), None, {})
         note = "no time column was recognised: looked at as one row a second"

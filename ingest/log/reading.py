@@ -19,7 +19,7 @@ import sys
 import threading
 import time as clock
 from collections.abc import Mapping, Sequence
-from contextlib import closing, suppress
+from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import IO, Any, cast
@@ -124,18 +124,6 @@ class Reader:
         if self._child is not None:
             self._child.end()
             self._child = None
-
-
-def record(
-    path: Path,
-    target: Path,
-    time: TimeSpec | None = None,
-    attachments: Sequence[Attachment] = (),
-    limits: Limits | None = None,
-) -> LogReading:
-    """`Reader.record` for one log alone."""
-    with closing(Reader()) as reader:
-        return reader.record(path, target, time, attachments, limits)
 
 
 # ---- parent --------------------------------------------------------------------------------------------------------

@@ -18,8 +18,8 @@ from ingest.errors import UnreadableLogError
 from ingest.formats import Log, Rows, TimeSpec, open_log
 from ingest.formats import tdms as tdms_format
 from ingest.log.decode import decode_file
-from ingest.log.reading import record
 from made.places import LOGS
+from made.readings import record
 
 EXAMPLES = Path(nptdms.__file__).parent / "test" / "data"
 START = np.datetime64("2025-12-24T08:00:00")

@@ -19,9 +19,10 @@ import pytest
 from ingest.errors import UnreadableLogError
 from ingest.formats import TimeSpec
 from ingest.log import reading
-from ingest.log.reading import Limits, Reader, record
+from ingest.log.reading import Limits, Reader
 from ingest.log.recording import Attachment, read
 from made.places import LOGS
+from made.readings import record
 
 
 def test_a_log_is_read_and_recorded(tmp_path: Path) -> None:
