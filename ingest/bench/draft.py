@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
@@ -58,11 +59,7 @@ def _reference(signal: Signal, directory: Directory) -> str | None:
     """The shortest name that means this signal alone; None where none does, or none can be written."""
     names = (signal.name, f"{signal.message}.{signal.name}", signal.qualified)
     fits = (name for name in names if name.strip() and directory.find(name) == [signal])
-    return next((name for name in fits if _writable(name)), None)
-
-
-def _writable(name: str) -> bool:
-    return not any("\ud800" <= character <= "\udfff" for character in name)
+    return next((name for name in fits if not re.search("[\ud800-\udfff]", name)), None)
 
 
 def _entry(signal: Signal, reference: str, quantity: str, shared: bool) -> str:

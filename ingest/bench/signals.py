@@ -11,18 +11,14 @@ from ingest.texts.nearest import nearest
 
 @dataclass(frozen=True)
 class Signal:
-    """A signal of a log: of a CAN message, or a column of a table (then `message` is None).
-
-    `bus` is "can<n>", None where the message is not tied to one; `unit` and `resolution` (smallest step, in that
-    unit) as database or unit row give them; `source` the database's file name, for messages.
-    """
+    """A signal of a log: of a CAN message, or a column of a table (then `message` is None)."""
 
     name: str
     message: str | None = None
-    bus: str | None = None
-    unit: str | None = None
-    resolution: float | None = None
-    source: str | None = None
+    bus: str | None = None  # "can<n>", None where the message is not tied to one
+    unit: str | None = None  # as database or unit row give it
+    resolution: float | None = None  # smallest step, in that unit
+    source: str | None = None  # the database's file name, for messages
 
     @property
     def qualified(self) -> str:

@@ -206,14 +206,6 @@ class _Piece:
     value: Array
 
 
-def _bench_of(store: Store, facts: Facts, decode: DecodeCompleted) -> Bench | None:
-    """The bench file of a decode, or the version that was accepted in its place."""
-    if decode.bench is None:
-        return None
-    sha = facts.current(decode.bench)
-    return read_bench(store.archive.read(sha), facts.benches[sha].name)
-
-
 def _of_bench(bench: Bench, decode: DecodeCompleted) -> list[_Source]:
     """What a decode recorded of each channel of its bench file, and the channel, resolved again from the sealed file.
 
@@ -246,7 +238,6 @@ def _of_bench(bench: Bench, decode: DecodeCompleted) -> list[_Source]:
 def _guess(entry: _Entry) -> ResolvedChannel:
     """A signal that no bench file speaks of: of the guessed quantity where the file's unit fits that, else of none."""
     quantity, unit = entry["quantity"] or "", entry["unit"] or ""
-    conversion = Conversion()
     try:
         conversion = converter(unit, quantity)
     except UnitError:
@@ -255,7 +246,8 @@ def _guess(entry: _Entry) -> ResolvedChannel:
 
 
 def _decoded(store: Store, facts: Facts, decode: DecodeCompleted) -> _Decoded:
-    bench = _bench_of(store, facts, decode)
+    sha = facts.current(decode.bench) if decode.bench else None
+    bench = read_bench(store.archive.read(sha), facts.benches[sha].name) if sha else None
     sources = _of_bench(bench, decode) if bench else [_Source(entry, _guess(entry)) for entry in decode.channels]
     folder = store.decoded(decode.decode)
     tables = {

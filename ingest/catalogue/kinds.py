@@ -132,10 +132,7 @@ def _followed(speed: Array, cycle: Array) -> float:
 def _s2(trace: _Trace) -> tuple[str, str] | None:
     """At least 3 flat pulses of load at constant speed, that make up most of the loaded time."""
     high = trace.load > 0.5 * trace.top_load
-    starts, ends = _runs(high)
-    flat = [
-        (a, b) for a, b in zip(starts, ends, strict=True) if PULSE_s[0] <= b - a <= PULSE_s[1] and _flat(trace, a, b)
-    ]
+    flat = [(a, b) for a, b in _runs(high) if PULSE_s[0] <= b - a <= PULSE_s[1] and _flat(trace, a, b)]
     if len(flat) < 3 or sum(b - a for a, b in flat) < 0.7 * high.sum() or high.mean() > 0.6:
         return None
     lengths = [b - a for a, b in flat]
@@ -174,9 +171,9 @@ def _s1(trace: _Trace) -> tuple[str, str] | None:
     loaded = load > LOADED * trace.top_load
     if not held.any() or held.sum() < 0.5 * loaded.sum():
         return None
-    starts, ends = _runs(held)
-    a, b = max(zip(starts, ends, strict=True), key=lambda run: run[1] - run[0])
-    more = f"; {len(starts)} such points" if len(starts) > 1 else ""
+    runs = _runs(held)
+    a, b = max(runs, key=lambda run: run[1] - run[0])
+    more = f"; {len(runs)} such points" if len(runs) > 1 else ""
     where = f"{np.median(speed[a:b]):,.0f} rpm and {np.median(load[a:b]):.0f} {trace.unit}"
     return "s1", f"{where} held for {seconds(b - a)}{more}"
 
@@ -189,7 +186,7 @@ def _drive(trace: _Trace) -> tuple[str, str]:
     return "other", f"constant speed ({np.median(turning):,.0f} rpm), the load neither held for 15 min nor in pulses"
 
 
-def _runs(flags: NDArray[np.bool_]) -> tuple[list[int], list[int]]:
-    """First index and one past the last of each run of True."""
-    edges = np.diff(np.r_[0, flags.astype(np.int8), 0])
-    return np.flatnonzero(edges == 1).tolist(), np.flatnonzero(edges == -1).tolist()
+def _runs(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """(first index, one past the last) of each run of True."""
+    edges = np.flatnonzero(np.diff(np.r_[False, flags, False])).tolist()
+    return list(zip(edges[::2], edges[1::2], strict=True))

@@ -19,16 +19,13 @@ LABEL, CELL = 16, 8  # characters
 
 @dataclass(frozen=True)
 class OperatingPoints:
-    """Time by cell. `minutes[row][column]`: rows along `y_edges`, columns along `x_edges`, both ascending.
+    """Time by cell, between ascending edges."""
 
-    `x` is `speed_rpm`; `y` is `torque_Nm` (signed), or `current_A` (rms) where no torque is recorded.
-    """
-
-    x: str
-    y: str
+    x: str  # "speed_rpm"
+    y: str  # "torque_Nm" (signed), or "current_A" (rms) where no torque is recorded
     x_edges: tuple[float, ...]
     y_edges: tuple[float, ...]
-    minutes: tuple[tuple[float, ...], ...]
+    minutes: tuple[tuple[float, ...], ...]  # a row for each step of `y_edges`, in it one of `x_edges` each
 
 
 def cells(channels: Sequence[ChannelData]) -> OperatingPoints | None:

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from ingest.catalogue import operating_points
-from ingest.catalogue.description import ChannelDescription, SessionDescription, SourceDescription
+from ingest.catalogue.description import ChannelDescription, SessionDescription
 from ingest.catalogue.power import PowerBalance
 from ingest.catalogue.quality import seconds
 from ingest.facts.events import COUNTS
@@ -42,7 +42,8 @@ def _called(sessions: Sequence[Mapping[str, Any]]) -> str:
 
 def render(description: SessionDescription, width: int = 100) -> str:
     """The page of `whyhot show` as plain text of at most `width` columns."""
-    blocks = [_heading(description), _sources(description), _findings(description), _channels(description, width)]
+    findings = ["Look at", *description.findings] if description.findings else []
+    blocks = [_heading(description), _sources(description), findings, _channels(description, width)]
     blocks.append(["Power", *_power(description.power)])
     if description.operating_points:
         blocks.append(
@@ -88,7 +89,8 @@ def _sources(one: SessionDescription) -> list[str]:
     for source in one.sources:
         counts = " · ".join(f"{key.replace('_', ' ')} {source.balance.get(key, 0):,}" for key in COUNTS)
         holds = "balance holds" if source.holds else "BALANCE DOES NOT HOLD"
-        rows = f", records {source.first_record:,} to {source.last_record:,}" if _is_part(source) else ""
+        whole = (source.first_record, source.last_record) == (0, max(source.balance.get("found", 0) - 1, 0))
+        rows = "" if whole else f", records {source.first_record:,} to {source.last_record:,}"
         lines.append(
             f"{source.file}   {source.balance.get('found', 0):,} records{rows}   sealed {source.sha256[:SHORT]}"
         )
@@ -100,10 +102,6 @@ def _sources(one: SessionDescription) -> list[str]:
     return lines
 
 
-def _is_part(source: SourceDescription) -> bool:
-    return (source.first_record, source.last_record) != (0, max(source.balance.get("found", 0) - 1, 0))
-
-
 def _next(one: SessionDescription) -> str:
     """The command that follows, or what a replay of this session lacks."""
     if one.bench is None:
@@ -113,10 +111,6 @@ def _next(one: SessionDescription) -> str:
             f'add motor = "motor.toml" to {one.bench} and ingest again, or whyhot replay {one.name} --model motor.toml'
         )
     return f"whyhot replay {one.name}"
-
-
-def _findings(one: SessionDescription) -> list[str]:
-    return ["Look at", *one.findings] if one.findings else []
 
 
 def _channels(one: SessionDescription, width: int) -> list[str]:

@@ -133,6 +133,7 @@ def _assess(channel: ChannelData, channels: Sequence[ChannelData], least: Sequen
     t_ns, value = channel.t_ns, channel.value
     interval = np.diff(t_ns)
     median = float(np.median(interval)) if len(interval) else 0.0
+    wide = interval > max(GAP_MEDIANS * median, GAP_NS)
     held = _held(channel, channels, least)
     good = np.ones(len(value), dtype=np.bool_)
     for stretch in held if channel.spec.role != "input" else ():
@@ -146,15 +147,10 @@ def _assess(channel: ChannelData, channels: Sequence[ChannelData], least: Sequen
         high=float(value.max()) if len(value) else None,
         noise=noise_of(value),
         resolution=step_of(channel.recorded),
-        gaps=_gaps(t_ns, interval, median),
+        gaps=tuple(Gap(int(t_ns[i]), int(t_ns[i + 1])) for i in np.flatnonzero(wide)),
         stretches=tuple(held),
         good=good,
     )
-
-
-def _gaps(t_ns: NDArray[np.int64], interval: NDArray[np.int64], median: float) -> tuple[Gap, ...]:
-    wide = np.flatnonzero(interval > max(GAP_MEDIANS * median, GAP_NS))
-    return tuple(Gap(int(t_ns[i]), int(t_ns[i + 1])) for i in wide)
 
 
 def _least_movement(channel: ChannelData) -> float | None:
@@ -177,7 +173,8 @@ def _held(
             at_zero = value[first] == 0.0 and channel.spec.role != "observed"
             if not at_zero and _others_move(channel, channel.raws[raw], span, channels, least):
                 clipped = channel.spec.role != "input" and _clipped(value, first, last)
-                kind = "saturated" if clipped else _lasting(t_ns, first, last)
+                lasting = last == len(t_ns) - 1 or t_ns[last] - t_ns[first] >= STUCK_NS
+                kind = "saturated" if clipped else "stuck" if lasting else "held"
                 a, b = int(index[first]), int(index[last])
                 found.append(RepeatedSamples(int(span.start), int(span.stop), kind, a, b, float(value[first])))
     if channel.spec.role == "input":
@@ -246,10 +243,6 @@ def _clipped(value: NDArray[np.float64], first: int, last: int) -> bool:
         return False
     step = np.abs(np.diff(value))
     return bool(max(step[first - 1], step[last]) <= GENTLY * np.median(step[step > 0.0]))
-
-
-def _lasting(t_ns: NDArray[np.int64], first: int, last: int) -> str:
-    return "stuck" if last == len(t_ns) - 1 or t_ns[last] - t_ns[first] >= STUCK_NS else "held"
 
 
 def _masked(quality: ChannelQuality) -> Iterator[QualityFlagged]:

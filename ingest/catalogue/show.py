@@ -25,6 +25,7 @@ def describe(store: Store, facts: Facts, session: SessionRecorded) -> SessionDes
     bench = facts.bench_of(session)
     flagged = [flag.says for file in session.files for flag in facts.flags.get(f"file-{file['raw']}", ())]
     found = [flag.says for flag in quality.findings(qualities)]
+    after = [f"{one.name}: {one.finding}" for one in facts.inspections.values() if one.session == session.session]
     impossible = [balance.says] if balance and not balance.possible else []
     return SessionDescription(
         session=session.session,
@@ -43,7 +44,7 @@ def describe(store: Store, facts: Facts, session: SessionRecorded) -> SessionDes
         channels=tuple(_channel(*pair) for pair in zip(channels, qualities, strict=True)),
         power=balance,
         operating_points=operating_points.cells(channels),
-        findings=tuple(dict.fromkeys([*flagged, *found, *impossible, *_inspections(facts, session)])),
+        findings=tuple(dict.fromkeys([*flagged, *found, *impossible, *after])),
     )
 
 
@@ -65,12 +66,6 @@ def iso(t_ns: int) -> str:
     whole, rest = divmod(t_ns, 1_000_000_000)
     text = datetime.fromtimestamp(whole, UTC).strftime("%Y-%m-%dT%H:%M:%S")
     return f"{text}.{rest // 1_000_000:03d}Z" if rest >= 1_000_000 else f"{text}Z"
-
-
-def _inspections(facts: Facts, session: SessionRecorded) -> list[str]:
-    """What a person found on the specimen after this session, and the file that shows it."""
-    found = facts.inspections.values()
-    return [f"{one.name}: {one.finding}" for one in found if one.session == session.session]
 
 
 def _duration_s(session: SessionRecorded) -> float:

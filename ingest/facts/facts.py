@@ -68,10 +68,7 @@ class Facts:
         return _end(self.successors, sha256)
 
     def session(self, text: str) -> SessionRecorded:
-        """The current session with this id (old ones too), name, or unique beginning of an id.
-
-        Raises UnknownSessionError where there is none, or more than one.
-        """
+        """The current session with this id (old ones too), beginning of one, or name. Raises UnknownSessionError."""
         current = {session.session: session for session in self.sessions}
         ids = {one: _end(self.joined, one) for one in [*current, *self.joined]}
         by_name = [session.session for session in self.sessions if session.name == text]

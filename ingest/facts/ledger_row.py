@@ -37,10 +37,7 @@ class Recorded:
 def encode(
     event: Event, stream: str, tail: Recorded | None, recorded: str, happened: str | None, caused_by: str | None
 ) -> StoredEvent:
-    """The row of `event` behind `tail`, the last event of `stream`.
-
-    Raises LedgerError where the event is not one of ours, or would not come back equal.
-    """
+    """The row of `event` behind `tail`, its stream's last. Raises LedgerError where it would not come back equal."""
     if EVENTS.get(event.TOPIC) is not type(event):
         raise LedgerError(f"{event.TOPIC}: is not an event of the ledger: declare it in ingest/facts/events.py")
     number = tail.version + 1 if tail else 1
@@ -75,10 +72,7 @@ def _code() -> str:
 
 
 def decode(row: StoredEvent, position: int) -> Recorded:
-    """The event of a stored row.
-
-    Raises DamageError where a stored byte is not what was written, LedgerError where the event is not one of ours.
-    """
+    """The event of a stored row. Raises DamageError where a byte was changed, LedgerError where it is none of ours."""
     stream, number, topic, state = row.originator_id, row.originator_version, row.topic, row.state
     where = f"event {position} ({stream!r} version {number!r})"
     if not (isinstance(stream, str) and type(number) is int and isinstance(topic, str) and isinstance(state, bytes)):

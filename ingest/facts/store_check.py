@@ -42,12 +42,10 @@ def damage(store: Store, read: bool = True, since: Head | None = None) -> list[s
 
 
 def hints(store: Store) -> list[str]:
-    """What is no damage but good to know, one line each. Raises as `Ledger.events`.
-
-    What is missing but can be made again, what nobody cites, and what this machine's SQLite needs care for.
-    """
+    """What is no damage but good to know, one line each. Raises as `Ledger.events`."""
     recorded = store.ledger.events()
-    return [*_missing_products(store, recorded), *_strays(store, recorded), *_sqlite()]
+    missing = [f"{path}: is missing: {AGAIN}" for path, _ in _products(store, recorded) if not path.is_file()]
+    return [*missing, *_strays(store, recorded), *_sqlite()]
 
 
 def _cited(recorded: Iterable[Recorded]) -> dict[str, str]:
@@ -100,12 +98,6 @@ def _changed_products(store: Store, recorded: Iterable[Recorded]) -> Iterator[st
     for path, sha256 in _products(store, recorded):
         if path.is_file() and sha256_of(path) != sha256:
             yield f"{path}: is damaged, its bytes are not those that the decode gave: {AGAIN}"
-
-
-def _missing_products(store: Store, recorded: Iterable[Recorded]) -> Iterator[str]:
-    for path, _ in _products(store, recorded):
-        if not path.is_file():
-            yield f"{path}: is missing: {AGAIN}"
 
 
 def _strays(store: Store, recorded: Iterable[Recorded]) -> Iterator[str]:

@@ -59,18 +59,14 @@ def overlay(stream: bytes, layout: np.dtype[np.void], at: Ints) -> NDArray[np.vo
 
 @dataclass(frozen=True)
 class Objects:
-    """The whole objects of a stream: `at` their first bytes, `head` their headers (N,), and what remains.
+    """The whole objects (N,) of a stream, and what remains of it for the next one."""
 
-    `damage`: (byte, why) where something else stood than an object. `rest` is the first byte that belongs before the
-    next stream, `wanted` the length it must reach to hold a whole object, `aligned` whether it begins with one.
-    """
-
-    at: Ints
-    head: NDArray[np.void]
-    damage: tuple[tuple[int, str], ...]
-    rest: int
-    wanted: int
-    aligned: bool
+    at: Ints  # their first bytes
+    head: NDArray[np.void]  # their headers
+    damage: tuple[tuple[int, str], ...]  # (byte, why) where something else stood than an object
+    rest: int  # the first byte that belongs before the next stream
+    wanted: int  # the length that this must reach to hold a whole object
+    aligned: bool  # whether it begins with one
 
 
 def split(stream: bytes, *, aligned: bool) -> Objects:
@@ -176,15 +172,10 @@ SHOWN = 64  # first bytes of a rejected object
 ID_BITS = 0x9FFF_FFFF  # 29 bits, and bit 31 for an extended identifier
 FIELDS = np.dtype(
     [
-        ("why", "u1"),
-        ("bus", "u1"),
-        ("id", "<u4"),
-        ("flags", "u1"),
-        ("source", "<i8"),
-        ("length", "<i8"),
+        ("why", "u1"), ("bus", "u1"), ("id", "<u4"), ("flags", "u1"), ("source", "<i8"), ("length", "<i8"),
         ("present", "<i8"),
     ]
-)
+)  # fmt: skip
 
 
 def read_frames(

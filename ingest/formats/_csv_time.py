@@ -45,15 +45,12 @@ NO_RECORD = np.empty(0, np.int64)  # stamps need none
 
 @dataclass(kw_only=True)
 class Clock(ABC):
-    """How the rows of a table have their time.
-
-    `columns`: those that hold it, none, one, or two (date and time of day); `is_text`: their cells are wanted as text.
-    """
+    """How the rows of a table have their time."""
 
     says: str
     absolute: bool
-    columns: tuple[str, ...] = ()
-    is_text: bool = False
+    columns: tuple[str, ...] = ()  # those that hold it: none, one, or two (date and time of day)
+    is_text: bool = False  # their cells are wanted as text
 
     @abstractmethod
     def t_ns(self, cells: NDArray[Any], record: Ints) -> tuple[Ints, Flags]:

@@ -46,10 +46,7 @@ class TdmsFile:
 
 
 def open_tdms(path: Path) -> TdmsFile:
-    """Open a file, or the part of it before its first damage.
-
-    Raises UnreadableLogError where nptdms is not there, or nothing can be read.
-    """
+    """Open a file up to its first damage. Raises UnreadableLogError where nothing can be read, or nptdms is missing."""
     nptdms = _library(path.name)
     edges, ended = _segments(path)
     readable, damaged = 0, len(edges)  # segments that can be read, and that cannot
@@ -86,10 +83,7 @@ def _opened(nptdms: Any, path: Path, end: int) -> TdmsFile | None:
 
 
 def values(channel: Any, start: int, count: int) -> NDArray[Any] | None:
-    """At most `count` values of a channel (N,) from `start` on; None where they cannot be read.
-
-    They are raw where the channel says no scaling that can be used.
-    """
+    """At most `count` values (N,) from `start` on: raw where no scaling can be used, None where they cannot be read."""
     with np.errstate(all="ignore"):
         try:
             return np.asarray(channel.read_data(start, count))

@@ -131,18 +131,15 @@ class BlfLog(Log):
             self._problems.append(f"ends {'inside an object ' if unread else ''}at byte {size:,}")
         if self._problems and size < self._declared_size:
             self._problems[-1] += f" of {self._declared_size:,}"
+        says = "; ".join(self._problems[:SHOWN_PROBLEMS])
         if not self.found:
-            says = "; ".join(self._problems[:SHOWN_PROBLEMS]) or "is whole"
             raise UnreadableLogError(
-                f"{self.path.name}: {says}: no CAN frame is in it ({self._other.total():,} other objects). "
-                "Copy the file again, or record CAN frames into it."
+                f"{self.path.name}: {says or 'is whole'}: no CAN frame is in it ({self._other.total():,} other "
+                "objects). Copy the file again, or record CAN frames into it."
             )
         if self._problems:
-            self.mark_cut(self._says(), self._kept())
-
-    def _says(self) -> str:
-        shown, more = self._problems[:SHOWN_PROBLEMS], len(self._problems) - SHOWN_PROBLEMS
-        return "; ".join(shown) + (f"; and at {more:,} more places" if more > 0 else "")
+            more = len(self._problems) - SHOWN_PROBLEMS
+            self.mark_cut(says + (f"; and at {more:,} more places" if more > 0 else ""), self._kept())
 
     def _kept(self) -> str:
         kept, about = self.found - len(self.rejected), self._objects - self._other.total()

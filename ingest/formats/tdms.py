@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from contextlib import closing
 from dataclasses import dataclass, field
 from itertools import groupby
 from typing import Any
@@ -119,11 +120,8 @@ class TdmsLog(Log):
 
     def batches(self) -> Iterator[Rows]:
         """Rows base by base. Raises UnreadableLogError where nothing can be read, or no row has a time."""
-        file = open_tdms(self.path)
-        try:
+        with closing(open_tdms(self.path)) as file:
             yield from self._rows(file)
-        finally:
-            file.close()
         ended = file.ended
         if ended is None and self._damaged:
             ended = f"holds values that cannot be read ({', '.join(self._damaged)})"

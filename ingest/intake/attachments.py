@@ -25,16 +25,12 @@ Key = tuple[str | None, ...]  # bytes, specimen, time, session and finding
 
 @dataclass(frozen=True)
 class Finding:
-    """What was found on `specimen`.
-
-    `happened`: ISO 8601, UTC where it names no zone. `session`: id, unique beginning of one, or name of the session
-    that the inspection followed. Both may be unknown.
-    """
+    """What was found on `specimen`; when, and after which session, may be unknown."""
 
     specimen: str
     says: str
-    happened: str | None = None
-    session: str | None = None
+    happened: str | None = None  # ISO 8601, UTC where it names no zone
+    session: str | None = None  # id, unique beginning of one, or name
 
 
 @dataclass(frozen=True)
@@ -63,8 +59,9 @@ def attach(store: Store, paths: Sequence[Path], finding: Finding) -> list[Attach
     found: dict[Key, AttachedFile] = {}
     for path in paths:
         sha256 = store.archive.seal(path)
+        identity = (sha256, specimen, happened, session, says)
         event = InspectionRecorded(
-            inspection=_identity(sha256, specimen, happened, session, says),
+            inspection=hashlib.sha256(json.dumps(identity).encode()).hexdigest(),
             sha256=sha256,
             name=kept_name(path),
             media_type=MimeTypes().guess_type(path.name, strict=False)[0] or UNKNOWN_TYPE,  # the same on every machine
@@ -88,10 +85,6 @@ def unknown_specimen(facts: Facts, specimen: str) -> str | None:
     if specimen in known:
         return None
     return f'specimen "{specimen}": no session of it is in this store yet.{hint(specimen, sorted(known))}'
-
-
-def _identity(*parts: str | None) -> str:
-    return hashlib.sha256(json.dumps(parts).encode()).hexdigest()
 
 
 def _key(event: InspectionRecorded) -> Key:

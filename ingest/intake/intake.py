@@ -126,10 +126,7 @@ def _again(known: Facts, found: Sequence[Taken | _Read]) -> dict[str, DecodeComp
 
 
 def redecode(store: Store, known: Facts) -> None:
-    """Make recording and samples of every decode again, from sealed bytes alone.
-
-    Raises DamageError where a sealed blob is not what it was.
-    """
+    """Make recording and samples of every decode again from sealed bytes. Raises DamageError where these changed."""
     with closing(Reader()) as reader:
         for decode in known.decodes.values():
             if decode.outcome != "quarantined":

@@ -77,7 +77,7 @@ def decode_file(
     return DecodeCompleted(
         **identity(raw, databases, bench, model),
         **_outcome(reading, path, work.account, sum(rows.values()), said),
-        groups=[_group_entry(group, rows[group.name]) for group in written],
+        groups=[group.entry(rows[group.name]) for group in written],
         channels=[output.channel for group in written for output in group.outputs if output.channel],
         products={name: sha256_of(folder / name) for name in [RECORDING, *(group.file for group in written)]},
         parts=specimens.parts(),
@@ -121,11 +121,6 @@ def _texts(batches: Iterable[Batch]) -> tuple[Iterator[Batch], set[str]]:
         return whole, set()
     columns = first[1].columns if isinstance(first[1], Rows) else {}
     return chain([first], whole), {name for name, values in columns.items() if values.dtype == object}
-
-
-def _group_entry(group: SignalGroup, rows: int) -> dict[str, Any]:
-    columns = [output.column.name for output in group.outputs]
-    return {"name": group.name, "file": group.file, "rows": rows, "columns": columns}
 
 
 class _Work:

@@ -60,6 +60,11 @@ class SignalGroup:
         """Name of its Parquet file."""
         return re.sub(r"[^\w.-]", "_", self.name, flags=re.ASCII) + ".parquet"
 
+    def entry(self, rows: int) -> dict[str, Any]:
+        """A group of `rows` rows as `DecodeCompleted` lists it."""
+        columns = [output.column.name for output in self.outputs]
+        return {"name": self.name, "file": self.file, "rows": rows, "columns": columns}
+
     @property
     def foreign(self) -> set[Source]:
         """Signals of other groups that its derived channels need."""

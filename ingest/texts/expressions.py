@@ -64,10 +64,7 @@ class Expression:
     _root: _Node = field(compare=False, repr=False)
 
     def evaluate(self, values: Mapping[str, NDArray[Any]]) -> Array:
-        """Values float64 (N,) of the expression; NaN where an input is NaN or the result not finite.
-
-        `values`: signal name -> its values (N,), all of one length.
-        """
+        """Values float64 (N,) from those (N,) of each signal; NaN where an input is NaN or the result not finite."""
         arrays = {name: np.asarray(values[name], dtype=np.float64) for name in self.names}
         with np.errstate(all="ignore"):
             result = np.array(self._root(arrays), dtype=np.float64)

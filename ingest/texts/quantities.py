@@ -1,7 +1,4 @@
-"""Quantities, their stored units, and the way from any unit text of a log to them.
-
-Everything stored is in the unit of this table; units are read once, at the door.
-"""
+"""Quantities, their stored units, and the way to these from any unit text of a log: once, at the door."""
 
 from __future__ import annotations
 
@@ -96,7 +93,10 @@ def converter(unit: str, quantity: str, convention: str = "rms") -> Conversion:
     `convention = "peak"`: amplitudes of phase currents and voltages, divided by sqrt 2 (sine: rms = peak / sqrt 2).
     """
     bare, marked = without_mark(tidy(unit)) if quantity in PEAK else (tidy(unit), None)
-    _check_convention(unit, quantity, convention, marked)
+    if convention == "peak" and quantity not in PEAK:
+        raise UnitError(f'convention = "peak" means nothing for {quantity}: only for {", ".join(PEAK)}. Take it out.')
+    if marked and marked != convention:
+        raise UnitError(f'unit "{unit}" says {marked}, convention says {convention}. Write convention = "{marked}".')
     scale, offset = _linear(bare, quantity)
     return Conversion(scale / math.sqrt(2) if convention == "peak" else scale, offset)
 
@@ -130,13 +130,6 @@ def other_unit(found: str, unit: str, quantity: str, convention: str = "rms") ->
         return _linear(bare, quantity) != _linear(without_mark(tidy(unit))[0], quantity)
     except UnitError:
         return True
-
-
-def _check_convention(unit: str, quantity: str, convention: str, marked: str | None) -> None:
-    if convention == "peak" and quantity not in PEAK:
-        raise UnitError(f'convention = "peak" means nothing for {quantity}: only for {", ".join(PEAK)}. Take it out.')
-    if marked and marked != convention:
-        raise UnitError(f'unit "{unit}" says {marked}, convention says {convention}. Write convention = "{marked}".')
 
 
 @lru_cache(maxsize=1024)
