@@ -32,7 +32,7 @@ class Surroundings:
 
 @dataclass(frozen=True)
 class CorrectionLaw:
-    """One law. What it takes off is None where there is nothing of the kind.
+    """One law: what it takes off readings and stamps, None where it takes off nothing.
 
     `off`: (readings in the stored unit, amount, what is beside them) -> truth; `true_stamps`: (stamps [ns], amount,
     start of the session [ns]) -> truth.

@@ -46,8 +46,8 @@ GAP_NS = 1_000_000_000  # a shorter one is jitter of the bus: no motor warms wit
 
 
 @dataclass(frozen=True)
-class Gap:
-    """A time without news of a channel: here no sample, for over 5 median intervals and over 1 s."""
+class Lapse:
+    """A time in which a channel told nothing new."""
 
     start_ns: int
     end_ns: int
@@ -58,8 +58,8 @@ class Gap:
 
 
 @dataclass(frozen=True)
-class RepeatedSamples(Gap):
-    """Samples `first` to `last` (both included) that told nothing new."""
+class RepeatedSamples(Lapse):
+    """Samples `first` to `last` (both included), all of one value."""
 
     kind: str  # held, stuck, saturated
     first: int
@@ -84,7 +84,7 @@ class ChannelQuality:
     high: float | None
     noise: float | None
     resolution: float | None
-    gaps: tuple[Gap, ...]
+    gaps: tuple[Lapse, ...]  # without a sample, over 5 median intervals and over 1 s
     stretches: tuple[RepeatedSamples, ...]
     good: NDArray[np.bool_]
 
@@ -147,7 +147,7 @@ def _assess(channel: ChannelData, channels: Sequence[ChannelData], least: Sequen
         high=float(value.max()) if len(value) else None,
         noise=noise_of(value),
         resolution=step_of(channel.recorded),
-        gaps=tuple(Gap(int(t_ns[i]), int(t_ns[i + 1])) for i in np.flatnonzero(wide)),
+        gaps=tuple(Lapse(int(t_ns[i]), int(t_ns[i + 1])) for i in np.flatnonzero(wide)),
         stretches=tuple(held),
         good=good,
     )
@@ -259,12 +259,12 @@ def _constant(quality: ChannelQuality) -> Iterator[QualityFlagged]:
         yield _flag(quality.name, kind, f"is constant{at} for {_times(some)} (used as it stands)", some)
 
 
-def _times(some: Sequence[Gap]) -> str:
+def _times(some: Sequence[Lapse]) -> str:
     """How long, and how often: "3.0 s", "up to 3.0 s, 2 times"."""
     longest = seconds(max(one.duration_s for one in some))
     return f"up to {longest}, {len(some)} times" if len(some) > 1 else longest
 
 
-def _flag(name: str, kind: str, says: str, some: Sequence[Gap]) -> QualityFlagged:
+def _flag(name: str, kind: str, says: str, some: Sequence[Lapse]) -> QualityFlagged:
     spans = [{"start_ns": one.start_ns, "end_ns": one.end_ns} for one in some]
     return QualityFlagged(flag=kind, says=f"{name} {says}", detail={"channel": name, "spans": spans})

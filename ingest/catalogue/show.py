@@ -25,7 +25,7 @@ def describe(store: Store, facts: Facts, session: SessionRecorded) -> SessionDes
     bench = facts.bench_of(session)
     flagged = [flag.says for file in session.files for flag in facts.flags.get(f"file-{file['raw']}", ())]
     found = [flag.says for flag in quality.findings(qualities)]
-    after = [f"{one.name}: {one.finding}" for one in facts.inspections.values() if one.session == session.session]
+    seen = [f"{one.name}: {one.finding}" for one in facts.inspections.values() if one.session == session.session]
     impossible = [balance.says] if balance and not balance.possible else []
     return SessionDescription(
         session=session.session,
@@ -44,7 +44,7 @@ def describe(store: Store, facts: Facts, session: SessionRecorded) -> SessionDes
         channels=tuple(_channel(*pair) for pair in zip(channels, qualities, strict=True)),
         power=balance,
         operating_points=operating_points.cells(channels),
-        findings=tuple(dict.fromkeys([*flagged, *found, *impossible, *after])),
+        findings=tuple(dict.fromkeys([*flagged, *found, *impossible, *seen])),
     )
 
 

@@ -1,4 +1,4 @@
-"""Files that are whole and on disk, or not there; and the SHA-256 that tells."""
+"""Files that are whole and on disk, or not there; and the SHA-256 of a file."""
 
 from __future__ import annotations
 

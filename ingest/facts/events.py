@@ -131,7 +131,8 @@ class QualityFlagged(Event):
 
 class ReplayCompleted(Event):
     """`run-<id>`: a sealed run. `artefacts`: {frame, temperatures, heat, residuals, meters, filtered} -> SHA-256 of
-    Parquet; `filtered` where a filter ran. `summary`: its entry of `replay --json`."""
+    Parquet; `filtered` where a filter ran. `summary`: its entry of `replay --json`, mae_K, max_K and bias_K by node and
+    channels with `where`."""
 
     run: str  # = hash of `key`
     session: str

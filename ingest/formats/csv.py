@@ -232,8 +232,8 @@ class CsvLog(Log):
         ended = text.ended
         if ended is None and text.open_line and self.rejected and self.rejected[-1].record == self.found - 1:
             ended = f"ends inside line {self._lines:,}"
-        refused = [f"{one.where}: {one.why}" for one in self.rejected[:1]]
-        self.end_rows(ended, *(refused or ["there is none below its header"]))
+        first = self.rejected[0] if self.rejected else None
+        self.end_rows(ended, f"{first.where}: {first.why}" if first else "there is none below its header")
 
 
 def _is_row(line: str) -> bool:

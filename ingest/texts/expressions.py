@@ -149,6 +149,8 @@ class _Parser:
         first, rest = part(), []
         while self._sees(*signs):
             rest.append((_OPERATORS[self._take().text], part()))
+        if not rest:
+            return first
         return lambda values: reduce(lambda left, step: step[0](left, step[1](values)), rest, first(values))
 
     def _sum(self) -> _Node:
