@@ -33,10 +33,7 @@ _Around = Callable[[NDArray[np.int64]], Array]  # stamps (N,) -> temperatures (N
 
 @dataclass(frozen=True, eq=False)
 class ChannelData:
-    """All samples of one channel of a session, over all its files, in the order of time. Arrays (N,).
-
-    Stamps and values are without what the bench file's corrections say is wrong with them.
-    """
+    """All samples (N,) of a channel of a session, over its files, in the order of time; stamps and values corrected."""
 
     spec: ResolvedChannel
     t_ns: NDArray[np.int64]
@@ -333,8 +330,7 @@ def _joined(some: Sequence[_Piece], start_ns: int, around: _Around | None) -> Ch
 def _true_values(piece: _Piece, start_ns: int, around: _Around | None) -> Array:
     if not piece.steps:
         return piece.value
-    needed = any(step.rule.needs_ambient for step in piece.steps)
-    ambient = around(piece.t_ns) if around is not None and needed else None
+    ambient = around(piece.t_ns) if around else None
     return true_values(piece.value, piece.steps, (piece.t_ns - start_ns) / 3.6e12, ambient)
 
 

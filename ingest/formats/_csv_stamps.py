@@ -168,12 +168,9 @@ def _wall_ns(fields: dict[str, pa.Array], count: int) -> tuple[Ints, Flags]:
     month = _month(fields["b"]) if "b" in fields else number("m", 1)
     day, hour, minute, second = number("d", 1), number("H", 0), number("M", 0), number("S", 0)
     if "I" in fields:
-        late = (
-            np.asarray(pc.equal(pc.utf8_lower(fields["p"]), "pm").to_numpy(zero_copy_only=False))
-            if "p" in fields
-            else 0
-        )
-        hour = number("I", 0) % 12 + 12 * late
+        hour = number("I", 0) % 12
+        if "p" in fields:
+            hour = hour + 12 * pc.equal(pc.utf8_lower(fields["p"]), "pm").to_numpy(zero_copy_only=False)
     possible = (year >= YEARS[0]) & (year <= YEARS[1]) & (month >= 1) & (month <= 12) & (day >= 1)
     months = np.where(possible, (year - 1970) * 12 + month - 1, 0).astype("M8[M]")
     days = months.astype("M8[D]") + (np.where(possible, day, 1) - 1).astype("m8[D]")

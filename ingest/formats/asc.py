@@ -161,8 +161,7 @@ class AscLog(Log):
             yield table.frames(frame, t_ns[frame], record[frame])
 
     def _finish(self, text: TextFile) -> None:
-        self.settings["other_lines"] = self._other
-        self.settings["gz"] = text.packed
+        self.settings.update(other_lines=self._other, gz=text.packed)
         says = text.ended
         if says is None and self._inside:
             says = f"ends in line {self._lines:,}, before the end of its trigger block"

@@ -139,12 +139,9 @@ class BlfLog(Log):
             )
         if self._problems:
             more = len(self._problems) - SHOWN_PROBLEMS
-            self.mark_cut(says + (f"; and at {more:,} more places" if more > 0 else ""), self._kept())
-
-    def _kept(self) -> str:
-        kept, about = self.found - len(self.rejected), self._objects - self._other.total()
-        of = f" of about {about:,}" if about > kept else ""
-        return f"{kept:,}{of} frames"
+            kept, about = self.found - len(self.rejected), self._objects - self._other.total()
+            of = f" of about {about:,}" if about > kept else ""
+            self.mark_cut(says + (f"; and at {more:,} more places" if more > 0 else ""), f"{kept:,}{of} frames")
 
 
 reader = BlfLog

@@ -29,9 +29,8 @@ def group_files(store: Store, said: Mapping[str, Override]) -> tuple[tuple[str, 
     flags: list[tuple[str, QualityFlagged]] = []
     events: list[tuple[str, Event]] = []
     changes = sessions.regroup(known.sessions, new)
-    channels_of = load_each(
-        store, known, [one for one in changes if isinstance(one, SessionRecorded) and _is_read(one)]
-    )
+    read = [one for one in changes if isinstance(one, SessionRecorded) and _is_read(one)]
+    channels_of = load_each(store, known, read)
     for event in changes:
         if isinstance(event, SessionRegrouped):
             events.append((f"session-{event.session}", event))

@@ -1,7 +1,6 @@
 """Decoded samples as Parquet: one file a group (a CAN message on a bus, or a table), one row a record.
 
-Columns `t_ns, log_t_ns, file_id, record` (the two stamps are the same), then one for each signal. Each field says its
-unit, quantity and signal.
+Columns `t_ns, log_t_ns` (the same), `file_id, record`, then one a signal; its field says unit, quantity and signal.
 Bytes depend on the rows alone; pages carry CRCs, which are checked on reading.
 Format: https://parquet.apache.org/docs/file-format/
 """
