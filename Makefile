@@ -32,7 +32,7 @@ bench: .venv/ready
 	@failed=; for file in $(BENCHMARKS); do echo "== $$file"; $(BIN)/python $$file || failed="$$failed $$file"; done; \
 	test -z "$$failed" || { echo "failed:$$failed" >&2; exit 1; }
 
-BENCHMARKS := $(filter-out benchmarks/asked.py benchmarks/trials.py,$(wildcard benchmarks/*.py))
+BENCHMARKS := $(filter-out $(addprefix benchmarks/,asked.py shared.py trials.py),$(wildcard benchmarks/*.py))
 
 # How often a hidden effect is named, and nothing where nothing is hidden: hours, and it goes on where it was interrupted.
 trials: .venv/ready

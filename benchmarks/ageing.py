@@ -19,11 +19,11 @@ sys.path[:] = [place for place in sys.path if Path(place) != HERE]  # else a fil
 sys.path[:0] = [str(HERE.parent / "tests"), str(HERE.parent)]
 
 import numpy as np
-from scipy.stats import beta
 
 from analytics.insulation import campaign
 from analytics.insulation.checks.resistance import CheckResistance, CheckTrace, evaluate_together
 from benchmarks import asked
+from benchmarks.shared import clopper_pearson
 from plant import insulation_campaign
 from plant.insulation_campaign import Campaign, Check, Stator
 from plant.timeline import Plan
@@ -134,8 +134,7 @@ def _print(
 
 
 def rate(count: int, total: int) -> str:
-    low = 0.0 if count == 0 else float(beta.ppf(0.025, count, total - count + 1))
-    high = 1.0 if count == total else float(beta.ppf(0.975, count + 1, total - count))
+    low, high = clopper_pearson(count, total)
     return f"{count} of {total} ({100 * low:.0f} to {100 * high:.0f} %)"
 
 

@@ -26,12 +26,12 @@ sys.path[:0] = [str(HERE.parent / "tests"), str(HERE.parent)]
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import beta
 from threadpoolctl import threadpool_limits
 
 from analytics.insulation.checks import repeatability
 from analytics.insulation.courses import forms
 from benchmarks import asked
+from benchmarks.shared import clopper_pearson
 from plant import timeline
 from plant.deterioration import OVEN_degC
 from plant.timeline import PAPER, Plan
@@ -70,9 +70,7 @@ class Rate:
 
     @property
     def bounds(self) -> tuple[float, float]:
-        low = beta.ppf(0.025, self.told, self.of - self.told + 1) if self.told else 0.0
-        high = beta.ppf(0.975, self.told + 1, self.of - self.told) if self.told < self.of else 1.0
-        return float(low), float(high)
+        return clopper_pearson(self.told, self.of)
 
 
 def trial(seed: int, name: str) -> Trial:

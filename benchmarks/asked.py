@@ -1,7 +1,8 @@
 """How a benchmark is asked: the same words for all of them.
 
-Every file here but this one is a benchmark, and runs by itself: `python benchmarks/NAME.py`. With `--quick` the same
-code runs at small sizes in seconds, so that the test suite can run all of them; its figures say nothing.
+Every file here but this one and `shared.py` is a benchmark, and runs by itself: `python benchmarks/NAME.py`. With
+`--quick` the same code runs at small sizes in seconds, so that the test suite can run all of them; its figures say
+nothing.
 """
 
 from __future__ import annotations

@@ -25,13 +25,10 @@ sys.path.append(str(HERE.parent / "tests"))
 import numpy as np
 
 from benchmarks import asked
+from benchmarks.shared import stored
 from ingest.facts import facts
-from ingest.facts.sessions import Override
 from ingest.facts.store import Store
-from ingest.intake.intake import take_in
-from ingest.intake.setup import prepare
 from plant import Plant, drives, points, sessions, write_campaign
-from replay.engine.files.models import for_intake
 from replay.engine.runs.campaign import replay_sessions
 from replay.studies.characterise.calibrate import calibrate_sessions
 
@@ -49,9 +46,7 @@ def one_motor(seed: int, folder: Path, longest_s: float) -> tuple[Errors, Errors
     logs = write_campaign(
         folder, plant, sessions(plant, [t.first(longest_s) for t in tests], layout="six"), layout="six"
     )
-    setup = prepare(logs, folder / "bench.toml", [folder / "bench.dbc"], for_intake)
-    with Store.open(folder / "store", create=True) as store:
-        take_in(store, logs, setup, Override())
+    with stored(folder, logs) as store:
         known = facts.at(store.ledger)
         before = _errors(store, None)
         result = calibrate_sessions(store, known, [known.session(name) for name in LEARNT], None, "testing")

@@ -34,18 +34,14 @@ from threadpoolctl import threadpool_limits
 
 from benchmarks import asked
 from benchmarks.integrator import frame, initial_of, motor, wltp_like
+from benchmarks.shared import stored
 from ingest.catalogue.channels import load as load_channels
 from ingest.facts import facts
-from ingest.facts.sessions import Override
-from ingest.facts.store import Store
-from ingest.intake.intake import take_in
-from ingest.intake.setup import prepare
 from made.filter_steps import Steps
 from plant import Effect, Plant, Recording, drives, sessions, write_campaign
 from plant.drives import Drive
 from plant.geometry import Geometry
 from plant.placement import weights
-from replay.engine.files.models import for_intake
 from replay.engine.files.motor_file import read_motor
 from replay.engine.frame.frame import InputFrame
 from replay.engine.frame.frame_of import session_frame
@@ -151,9 +147,7 @@ def case_of(
         logs = form.write(folder, plant, sessions(plant, [drive], layout="paper"), "paper")
         with (folder / "bench.toml").open("a", encoding="utf-8") as bench:
             bench.writelines(f'\n[[correction]]\ncause = "{c}"\namount = {x:.3f}\n' for c, x in corrections.items())
-        setup = prepare(logs, folder / "bench.toml", [folder / "bench.dbc"], for_intake)
-        with Store.open(folder / "store", create=True) as store:
-            take_in(store, logs, setup, Override())
+        with stored(folder, logs) as store:
             known = facts.at(store.ledger)
             (session,) = known.sessions
             network = network or read_motor((folder / "motor.toml").read_bytes(), "motor.toml")

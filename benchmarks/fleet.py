@@ -28,13 +28,14 @@ sys.path[:0] = [str(HERE.parent / "tests"), str(HERE.parent)]
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import beta, norm
+from scipy.stats import norm
 from threadpoolctl import threadpool_limits
 
 from analytics.insulation.fleet import mixed
 from analytics.insulation.fleet.outlying import FleetAssessment, assess
 from analytics.insulation.fleet.remaining import remaining
 from benchmarks import asked
+from benchmarks.shared import clopper_pearson
 from plant.deterioration import FORMS, Faster, draw
 from plant.fleet import Fleet, Population, fleet
 
@@ -73,9 +74,10 @@ KINDS = (
 
 
 def share(found: int, of: int) -> str:
-    low = beta.ppf(0.025, found, of - found + 1) if found else 0.0
-    high = beta.ppf(0.975, found + 1, of - found) if found < of else 1.0
-    return f"{found:4}/{of:<4} ({100 * low:.0f}-{100 * high:.0f} %)" if of else "-"
+    if not of:
+        return "-"
+    low, high = clopper_pearson(found, of)
+    return f"{found:4}/{of:<4} ({100 * low:.0f}-{100 * high:.0f} %)"
 
 
 def made(kind: Kind, seed: int, motors: int) -> tuple[Fleet, Floats]:

@@ -24,13 +24,9 @@ sys.path[:0] = [str(HERE.parent / "tests"), str(HERE.parent)]
 import numpy as np
 
 from benchmarks import asked
+from benchmarks.shared import stored
 from ingest.facts import facts
-from ingest.facts.sessions import Override
-from ingest.facts.store import Store
-from ingest.intake.intake import take_in
-from ingest.intake.setup import prepare
 from plant import Effect, Plant, Recording, drives, sessions, write_campaign
-from replay.engine.files.models import for_intake
 from replay.engine.runs.campaign import replay_sessions
 
 HIDDEN_W = 400.0  # of the magnets at 16,000 rpm
@@ -58,9 +54,7 @@ def cases(seed: int, effects: tuple[Effect, ...], longest_s: float) -> Iterator[
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         logs = write_campaign(folder, plant, recordings, layout="ten")
-        setup = prepare(logs, folder / "bench.toml", [folder / "bench.dbc"], for_intake)
-        with Store.open(folder / "store", create=True) as store:
-            take_in(store, logs, setup, Override())
+        with stored(folder, logs) as store:
             outcomes = replay_sessions(store, facts.at(store.ledger).sessions, None, "testing", 1)
     for recording, outcome in zip(recordings, outcomes, strict=True):
         assert outcome.run, outcome.refusal

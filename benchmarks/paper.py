@@ -63,16 +63,12 @@ from benchmarks.filters import (
     paced,
     with_network,
 )
+from benchmarks.shared import stored
 from ingest.facts import facts
-from ingest.facts.sessions import Override
-from ingest.facts.store import Store
-from ingest.intake.intake import take_in
-from ingest.intake.setup import prepare
 from plant import Effect, Plant, drives, points, sessions
 from plant.drives import Drive
 from plant.geometry import Geometry
 from plant.sensors import SENSORS
-from replay.engine.files.models import for_intake
 from replay.engine.files.motor_text import written
 from replay.engine.results.open_loop import modelled
 from replay.studies.characterise.calibrate import calibrate_sessions
@@ -341,9 +337,7 @@ def calibrated(
         logs = form.write(folder, plant, sessions(plant, [drive.first(longest_s) for drive in plan]), "six")
         file = folder / "motor.toml"
         file.write_bytes(written(file.read_bytes(), file.name, guess, "A first guess."))
-        setup = prepare(logs, folder / "bench.toml", [folder / "bench.dbc"], for_intake)
-        with Store.open(folder / "store", create=True) as store:
-            take_in(store, logs, setup, Override())
+        with stored(folder, logs) as store:
             known = facts.at(store.ledger)
             result = calibrate_sessions(store, known, known.sessions, None, "testing")
     cycle, fitted, corrections = (

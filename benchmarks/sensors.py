@@ -30,13 +30,9 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from benchmarks import asked
+from benchmarks.shared import stored
 from ingest.facts import facts
-from ingest.facts.sessions import Override
-from ingest.facts.store import Store
-from ingest.intake.intake import take_in
-from ingest.intake.setup import prepare
 from plant import Plant, Recording, drives, points, sessions, write_campaign
-from replay.engine.files.models import for_intake
 from replay.studies.characterise.calibrate import calibrate_sessions
 from replay.studies.characterise.sensors import SETTLE_S, sensors_worth
 
@@ -76,9 +72,7 @@ def row_of(seed: int, longest_s: float) -> Row:
     with threadpool_limits(1, user_api="blas"), tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         logs = write_campaign(folder, plant, recordings[:-1], layout="ten")
-        setup = prepare(logs, folder / "bench.toml", [folder / "bench.dbc"], for_intake)
-        with Store.open(folder / "store", create=True) as store:
-            take_in(store, logs, setup, Override())
+        with stored(folder, logs) as store:
             known = facts.at(store.ledger)
             calibrate_sessions(store, known, known.sessions[:3], None, "testing")
             known = facts.at(store.ledger)

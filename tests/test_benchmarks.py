@@ -12,7 +12,7 @@ import pytest
 
 from made.places import ROOT
 
-BENCHMARKS = sorted(path.stem for path in (ROOT / "benchmarks").glob("*.py") if path.stem != "asked")
+BENCHMARKS = sorted(path.stem for path in (ROOT / "benchmarks").glob("*.py") if path.stem not in ("asked", "shared"))
 PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")))
 # "`python benchmarks/NAME.py` prints `this` and `that`", and the names in the first column of a table below it.
 COMMAND = re.compile(r"benchmarks/(\w+)\.py[^`\n]*`?\s+prints\s+((?:`[^`]+`(?:,\s+|\s+and\s+)?)+)")

@@ -1,0 +1,31 @@
+"""What several benchmarks do: take a campaign's logs into a store of their own, and say how sure a rate is."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+from scipy.stats import binomtest
+
+from ingest.facts.sessions import Override
+from ingest.facts.store import Store
+from ingest.intake.intake import take_in
+from ingest.intake.setup import prepare
+from replay.engine.files.models import for_intake
+
+
+@contextmanager
+def stored(folder: Path, logs: Sequence[Path]) -> Iterator[Store]:
+    """A new store in `folder` that holds these logs; bench file and database lie there, as `plant.write_campaign`
+    leaves them."""
+    setup = prepare(logs, folder / "bench.toml", [folder / "bench.dbc"], for_intake)
+    with Store.open(folder / "store", create=True) as store:
+        take_in(store, logs, setup, Override())
+        yield store
+
+
+def clopper_pearson(found: int, of: int) -> tuple[float, float]:
+    """Bounds of 95 % of a rate, `found` in `of` trials (Biometrika 26 (1934) 404, DOI 10.1093/biomet/26.4.404)."""
+    low, high = binomtest(found, of).proportion_ci(0.95, method="exact")
+    return float(low), float(high)
