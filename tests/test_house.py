@@ -60,7 +60,7 @@ OUTSIDE = {
     "ingest": {"errors"},
     "twin": {"errors"},
     "replay": {"errors", "shipped"},
-    "analytics.insulation": {"campaign"},
+    "analytics.insulation": {"arrays", "campaign"},
 }
 
 

@@ -6,8 +6,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from analytics.insulation.arrays import Floats
 from analytics.insulation.checks import repeatability
 from analytics.insulation.checks.repeatability import Repeatability
 from analytics.insulation.courses import forms
@@ -15,8 +16,6 @@ from analytics.insulation.courses.forms import Form
 from analytics.insulation.fleet import outlying, remaining
 from analytics.insulation.fleet.outlying import FleetAssessment
 from analytics.insulation.fleet.remaining import RemainingLife
-
-Floats = NDArray[np.float64]
 
 FALSE_DISCOVERY_RATE = 0.05
 

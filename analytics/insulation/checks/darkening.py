@@ -19,20 +19,19 @@ insulation itself does to R / K: between 0 (no heat lost by the heads) and 0.2 (
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from analytics.insulation.arrays import Floats
 
 FROM_S, TO_S = 600.0, 2700.0
 LEAN = 0.1
 MOST = 0.02  # of ln R: darker than 0.9 there is little
-LEAST_REACH = 1.0  # of theta / P, over its least: else the intercept is far from what was measured
+LEAST_REACH = 1.0  # by what share of its least value theta / P has to grow: else the intercept lies far from the data
 
 
 def cold_resistance(t_s: Floats, drop_K: Floats, excess_K: Floats, power_W: Floats) -> float | None:
-    """The intercept K [K/W] of a load from its begin, over theta / P: samples (N,) of time [s], drop [K], iron's
-    excess [K] and power [W]. None where the load is shorter than 45 min or the excess hardly rises in that time, as
-    in a cooled motor."""
+    """The intercept K [K/W] of a load, from its samples (N,) since it was switched on: time [s], drop [K], the iron's
+    excess over the ambient [K] and power [W]. None where the load is shorter than 45 min or the excess hardly rises
+    in that time, as in a cooled motor."""
     since = t_s - t_s[0]
     used = (since > FROM_S) & (since <= TO_S)
     if since[-1] < TO_S or used.sum() < 3:
@@ -44,9 +43,9 @@ def cold_resistance(t_s: Floats, drop_K: Floats, excess_K: Floats, power_W: Floa
 
 
 def surface_shift(at_rest: Floats, cold: Floats) -> Floats:
-    """What darker surfaces took from each check: d (n,), to be added to ln R. Checks are in the order of time,
-    `at_rest` (n,) and `cold` (n,) [K/W] NaN where a check has none. Checks without get what lies between their
-    neighbours; all get 0 where fewer than two have both."""
+    """What darker surfaces took from ln R of each check, to be added to it: d (n,). Checks are in the order of time:
+    `at_rest` (n,) R and `cold` (n,) K [K/W], NaN where a check has none. A check that lacks one gets d between those
+    of its neighbours; all get 0 where fewer than two checks have both."""
     both = np.flatnonzero(np.isfinite(at_rest) & np.isfinite(cold))
     if both.size < 2:
         return np.zeros(at_rest.size)

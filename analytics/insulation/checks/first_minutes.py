@@ -35,19 +35,18 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import nnls
 
-Floats = NDArray[np.float64]
+from analytics.insulation.arrays import Floats
+from analytics.insulation.checks.estimate import ResistanceEstimate
 
 LENGTH_S = 1200.0  # after the switch
 BEFORE_S = 120.0
 TAU_S = np.geomspace(8.0, 250.0, 9)
 MOST_STEP_S = 60.0  # between two samples: half the time constant of a large winding
 MOMENTS = np.linspace(0.0, 1.0, 6)  # of the switch, between two samples
-CORRELATED = 10.0  # how many samples count as one in the weights of the moments
+CORRELATED = 10.0  # so many samples count as one where moments are weighed: their errors go together
 MODEL_SHARE = 0.01
-DEGREE = 2
 REFITS, SEED = 40, 0
 
 
@@ -62,14 +61,6 @@ class SwitchSamples:
     from_s: float
     to_s: float
     before_W: float
-
-
-@dataclass(frozen=True)
-class Apparent:
-    """`resistance`: the sum of the A_j [K/W], with its `sd` [K/W]."""
-
-    resistance: float
-    sd: float
 
 
 def stretch(t_s: Floats, copper: Floats, power: Floats, switched: int) -> SwitchSamples | None:
@@ -92,8 +83,8 @@ def stretch(t_s: Floats, copper: Floats, power: Floats, switched: int) -> Switch
     )
 
 
-def fit(stretches: Sequence[SwitchSamples]) -> Apparent:
-    """The resistance that all `stretches` share. Raises ValueError where there are none."""
+def fit(stretches: Sequence[SwitchSamples]) -> ResistanceEstimate:
+    """The sum of the A_j that all `stretches` share. Raises ValueError where there are none."""
     if not stretches:
         raise ValueError("no stretch of heating or cooling: a fit needs one at least")
     designs = [[_design(part, part.from_s + m * (part.to_s - part.from_s)) for m in MOMENTS] for part in stretches]
@@ -103,51 +94,56 @@ def fit(stretches: Sequence[SwitchSamples]) -> Apparent:
     random = np.random.default_rng(SEED)
     noise = [float(np.std(np.diff(part.copper, n=2)) / np.sqrt(6.0)) for part in stretches]
     fitted = [part.copper - residual for part, residual in zip(stretches, best.residual, strict=True)]
-    refits = [
-        _solve(
-            designs, [y + sd * random.standard_normal(y.size) for y, sd in zip(fitted, noise, strict=True)], freedom
-        ).spectrum.sum()
-        for _ in range(REFITS)
-    ]
-    apparent = float(best.spectrum.sum())
-    sd = np.linalg.norm([float(np.std(refits)), best.spread, MODEL_SHARE * apparent])
-    return Apparent(apparent, float(sd))
+    refits = []
+    for _ in range(REFITS):
+        drawn = [y + sd * random.standard_normal(y.size) for y, sd in zip(fitted, noise, strict=True)]
+        refits.append(_solve(designs, drawn, freedom).spectrum.sum())
+    value = float(best.spectrum.sum())
+    sd = np.linalg.norm([float(np.std(refits)), best.spread, MODEL_SHARE * value])
+    return ResistanceEstimate(value, float(sd))
 
 
 @dataclass(frozen=True)
 class _Design:
-    """What is fitted to a stretch: `slow` (n, q) orthonormal columns of line and parabola; `fast` (n, taus) what the
-    terms' responses are beside them."""
+    """What is fitted to a stretch of n samples: `slow` (n, q) orthonormal columns of line and parabola; `fast` (n,
+    taus) what these leave over of the responses u_j."""
 
     slow: Floats
     fast: Floats
 
     def left(self, y: Floats) -> Floats:
         """What the slow columns leave over of `y` (n,)."""
-        return np.asarray(y - self.slow @ (self.slow.T @ y))
+        return _beside(self.slow, y)
 
 
 @dataclass(frozen=True)
 class _Solution:
+    """`spectrum` (taus,): the A_j [K/W]; `spread`: sd of their sum over the moments of switching [K/W]; `residual`: of
+    each stretch with the likeliest moments, (n,) [K]."""
+
     spectrum: Floats
-    spread: float  # of its sum over the moments
-    residual: list[Floats]  # of the likeliest moments
+    spread: float
+    residual: list[Floats]
 
 
 def _design(part: SwitchSamples, switch_s: float) -> _Design:
     x = part.t_s - switch_s
-    after, before = np.maximum(x, 0.0) / LENGTH_S, np.minimum(x, 0.0) / LENGTH_S
-    columns = [np.ones_like(x), *(after**power for power in range(1, DEGREE + 1))]
+    after = np.maximum(x, 0.0) / LENGTH_S
+    columns = [np.ones_like(x), after, after**2]
     if np.count_nonzero(x < 0.0) > 2:
-        columns.append(before)
+        columns.append(np.minimum(x, 0.0) / LENGTH_S)
     slow, _ = np.linalg.qr(np.stack(columns, axis=1))
-    fast = _responses(x, part.power - part.before_W)
-    return _Design(slow, fast - slow @ (slow.T @ fast))
+    return _Design(slow, _beside(slow, _responses(x, part.power - part.before_W)))
+
+
+def _beside(slow: Floats, y: Floats) -> Floats:
+    """What orthonormal columns `slow` (n, q) leave over of `y` (n, ...)."""
+    return np.asarray(y - slow @ (slow.T @ y))
 
 
 def _responses(x: Floats, step_W: Floats) -> Floats:
-    """u_j (n, taus) [W] at times x (n,) [s] after a switch: the power is 0 until x = 0, has its first sample's value
-    from there on, and is linear between samples."""
+    """u_j (n, taus) [W] at times x (n,) [s] after a switch, of a power that is 0 until x = 0, from there on that of the
+    first sample after it, and linear between samples."""
     u = np.zeros((x.size, TAU_S.size))
     now, since, power = np.zeros(TAU_S.size), 0.0, None
     for k in np.flatnonzero(x > 0.0):

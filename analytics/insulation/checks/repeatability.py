@@ -21,10 +21,10 @@ from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.stats import chi2, f
 
-Floats = NDArray[np.float64]
+from analytics.insulation.arrays import Floats, Ints
 
 REPEATS, SCATTER, BOTH, ASSUMED = "repeats", "scatter about smooth courses", "repeats and scatter", "assumed"
 ASSUMED_SD = 0.03  # the paper of the stator campaign: "under 3 %"
@@ -46,7 +46,7 @@ class Repeatability:
     source: str
 
     def of_checks(self, evaluation_sd: ArrayLike) -> Floats:
-        """What each check is uncertain by, sd of ln R (n,), with what its own evaluation leaves uncertain of ln R (n,).
+        """The sd of ln R of each check (n,), from what its own evaluation leaves uncertain of ln R (n,).
 
         `sd` is that of checks as they were evaluated, so the usual evaluation is in it already: its variance, the
         median over the checks, comes off and that of each check on. So a check whose log was cut short counts less,
@@ -94,9 +94,9 @@ def _of_each(specimen: Sequence[Hashable], dose_h: ArrayLike, ln_resistance: Arr
     return [pair for pair in zip(np.split(dose, cuts), np.split(y, cuts), strict=True) if len(pair[0])]
 
 
-def _against_neighbours(dose: Floats, mean: Floats, size: NDArray[np.int64]) -> Floats:
-    """How far each inner check is off the line between its neighbours, in units that have one check's standard
-    deviation."""
+def _against_neighbours(dose: Floats, mean: Floats, size: Ints) -> Floats:
+    """How far each inner check is off the line between its neighbours, divided so that the standard deviation is one
+    check's."""
     if len(dose) < 3:
         return np.empty(0)
     share = (dose[1:-1] - dose[:-2]) / (dose[2:] - dose[:-2])  # of the later neighbour

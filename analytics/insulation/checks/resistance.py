@@ -10,18 +10,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 
 from analytics.insulation.checks.darkening import cold_resistance, surface_shift
+from analytics.insulation.checks.estimate import ResistanceEstimate
 from analytics.insulation.checks.routes import (
     ROUTES,
     CheckResistance,
     Read,
-    ResistanceEstimate,
     Route,
     Together,
+    answered,
     evaluate_by,
     read,
 )
@@ -55,30 +55,28 @@ def evaluate_together(traces: Sequence[CheckTrace], first: Sequence[Together] = 
     """
     bad = _left_out(traces)
     checks = [read(*one) for one in zip(of_one_zero(traces, bad), bad, strict=True)]
-    by_route: list[tuple[CheckResistance, ...]] = []
-    served: list[int] = []
     routes: tuple[Route | Together, ...] = (*first, *ROUTES)
+    best, most = tuple[CheckResistance, ...](), 0
     for route in routes:
         answers = _answers(checks, bad, route)
-        by_route.append(answers)
-        served.append(sum(answer.resistance_K_per_W is not None for answer in answers))
-        if served[-1] >= ENOUGH_SHARE * len(traces):
+        served = sum(answer.resistance_K_per_W is not None for answer in answers)
+        if served > most:
+            best, most = answers, served
+        if served >= ENOUGH_SHARE * len(traces):
             break
-    if any(served):
-        best = by_route[-1 if served[-1] >= ENOUGH_SHARE * len(traces) else int(np.argmax(served))]
-        return _without_darkening(best, checks)
-    return tuple(evaluate_by(check, ROUTES) for check in checks)
+    return _without_darkening(best, checks) if most else tuple(evaluate_by(check, ROUTES) for check in checks)
 
 
 def _left_out(traces: Sequence[CheckTrace]) -> list[dict[str, str]]:
     """Sensors that each check leaves out: name -> why."""
     bad = [unusable_sensors(trace) for trace in traces]
     bad = [found | stray for found, stray in zip(bad, strayed(traces, bad), strict=True)]
+    copper = {name for trace in traces for name in trace.copper_names}
+    every = copper | {name for trace in traces for name in trace.iron_names}
     common: dict[str, str] = {}
     for trace, found in zip(traces, bad, strict=True):
         common |= {name: f"{why}, in one check" for name, why in found.items() if name not in common}
-        common |= dict.fromkeys(_missing(trace, traces), "not in every check")
-    copper = {name for trace in traces for name in trace.copper_names}
+        common |= dict.fromkeys(sorted(every - {*trace.copper_names, *trace.iron_names}), "not in every check")
     if len(copper - common.keys()) >= LEAST_SENSORS_SHARE * len(copper):
         return [common | found for found in bad]
     return bad
@@ -91,8 +89,7 @@ def _answers(
         found = route.estimates(bad)
     else:
         found = _in_their_course([route.estimate(one.check) if one.check else "" for one in checks])
-    own = [Route(route.source, partial(_known, one)) for one in found]
-    return tuple(evaluate_by(check, (one,)) for check, one in zip(checks, own, strict=True))
+    return tuple(answered(check, [(route.source, one)]) for check, one in zip(checks, found, strict=True))
 
 
 def _in_their_course(found: Sequence[ResistanceEstimate | str]) -> list[ResistanceEstimate | str]:
@@ -109,16 +106,10 @@ def _in_their_course(found: Sequence[ResistanceEstimate | str]) -> list[Resistan
     return [replace(one, sd=share * one.sd) if isinstance(one, ResistanceEstimate) else one for one in found]
 
 
-def _known(found: ResistanceEstimate | str, _: Loaded) -> ResistanceEstimate | str:
-    return found
-
-
 def _without_darkening(answers: tuple[CheckResistance, ...], checks: Sequence[Read]) -> tuple[CheckResistance, ...]:
     """The answers by an iron sensor, with what darker surfaces took from them put back."""
-    cold = [
-        _cold(one.check) if answer.source == "iron sensor" else None
-        for answer, one in zip(answers, checks, strict=True)
-    ]
+    both = zip(answers, checks, strict=True)
+    cold = [_cold(one.check) if answer.source == "iron sensor" else None for answer, one in both]
     rest = np.array([answer.resistance_K_per_W for answer in answers], np.float64)
     shift = surface_shift(rest, np.array(cold, np.float64))
     return tuple(
@@ -135,8 +126,3 @@ def _cold(check: Loaded | None) -> float | None:
     on = check.on
     copper, iron, air = check.copper[on], check.iron[on], check.air[on]
     return cold_resistance(check.t_s[on], copper - iron, iron - air, check.power[on])
-
-
-def _missing(trace: CheckTrace, traces: Sequence[CheckTrace]) -> set[str]:
-    wanted = {name for other in traces for name in (*other.copper_names, *other.iron_names)}
-    return wanted - {*trace.copper_names, *trace.iron_names}

@@ -17,19 +17,19 @@ comes in as `Together`; it is no business of this package how.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from analytics.insulation.arrays import Floats
 from analytics.insulation.checks import first_minutes, whole_curve
+from analytics.insulation.checks.estimate import ResistanceEstimate
 from analytics.insulation.checks.steady import LAST_S, LEAST_S, Settled, resistance_at_rest, settle
 from analytics.insulation.checks.trace import CheckTrace, Loaded, loaded
 
-Floats = NDArray[np.float64]
 State = Literal["steady", "extrapolated", "not reached"]
 Part = Literal["on", "off"]
 
@@ -37,7 +37,7 @@ MOST_SD = 0.05  # of the resistance: forms of 10 % over a campaign are still see
 MOST_LEAD_K = 10.0  # of the copper over the ambient at rest: a stator that was not left overnight
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class CheckResistance:
     """What a check says: `resistance_K_per_W` with `sd_K_per_W` by the route `source`, or None and `why` not.
 
@@ -48,27 +48,19 @@ class CheckResistance:
     with why.
     """
 
-    resistance_K_per_W: float | None
-    sd_K_per_W: float | None
-    source: str | None
-    why: str | None
-    steady: State
-    load_s: float
-    copper_degC: float | None
-    iron_degC: float | None
-    power_W: float | None
-    hottest: str | None
-    hottest_degC: float | None
-    hottest_sd_K: float | None
+    resistance_K_per_W: float | None = None
+    sd_K_per_W: float | None = None
+    source: str | None = None
+    why: str | None = None
+    steady: State = "not reached"
+    load_s: float = 0.0
+    copper_degC: float | None = None
+    iron_degC: float | None = None
+    power_W: float | None = None
+    hottest: str | None = None
+    hottest_degC: float | None = None
+    hottest_sd_K: float | None = None
     left_out: tuple[str, ...]
-
-
-@dataclass(frozen=True)
-class ResistanceEstimate:
-    """A resistance and its standard deviation [K/W]."""
-
-    value: float
-    sd: float
 
 
 @dataclass(frozen=True)
@@ -102,22 +94,26 @@ def read(trace: CheckTrace, left_out: Mapping[str, str]) -> Read:
     said = tuple(f"{name}: {why}" for name, why in left_out.items())
     check = loaded(trace, left_out)
     if isinstance(check, str):
-        told = CheckResistance(None, None, None, check, "not reached", 0.0, None, None, None, None, None, None, said)
-        return Read(None, told)
+        return Read(None, CheckResistance(why=check, left_out=said))
     return Read(check, _without_resistance(check, said))
 
 
 def evaluate_by(one: Read, routes: Sequence[Route]) -> CheckResistance:
     """The check by the first of `routes` that serves."""
+    return answered(one, ((route.source, route.estimate(one.check)) for route in routes if one.check is not None))
+
+
+def answered(one: Read, found: Iterable[tuple[str, ResistanceEstimate | str]]) -> CheckResistance:
+    """The check with the first estimate that is sure enough; `found`: the name of each route with its estimate, or
+    why it has none."""
     if one.check is None:
         return one.told
     reasons: dict[str, None] = {}  # in order, each once
-    for route in routes:
-        found = route.estimate(one.check)
-        why = found if isinstance(found, str) else too_wide(found)
-        if why is None and isinstance(found, ResistanceEstimate):
-            return replace(one.told, resistance_K_per_W=found.value, sd_K_per_W=found.sd, source=route.source)
-        reasons[f"{route.source}: {why}"] = None
+    for source, estimate in found:
+        why = estimate if isinstance(estimate, str) else too_wide(estimate)
+        if why is None and isinstance(estimate, ResistanceEstimate):
+            return replace(one.told, resistance_K_per_W=estimate.value, sd_K_per_W=estimate.sd, source=source)
+        reasons[f"{source}: {why}"] = None
     advice = "" if one.check.iron is not None else "; put a thermocouple on the iron"
     return replace(one.told, why="; ".join(reasons) + advice)
 
@@ -132,7 +128,6 @@ def too_wide(found: ResistanceEstimate) -> str | None:
 
 
 def _without_resistance(check: Loaded, left_out: tuple[str, ...]) -> CheckResistance:
-    """What a check says, but for the resistance."""
     on, t = check.on, check.t_s[check.on]
     means = [check.copper[on], check.power[on], *([] if check.iron is None else [check.iron[on]])]
     series = np.column_stack([*means, check.sensors[on]])
@@ -143,10 +138,6 @@ def _without_resistance(check: Loaded, left_out: tuple[str, ...]) -> CheckResist
     state, value, sd = _state(settled, series[t > t[-1] - LAST_S].mean(axis=0))
     hottest = len(means) + int(np.argmax(value[len(means) :]))
     return CheckResistance(
-        resistance_K_per_W=None,
-        sd_K_per_W=None,
-        source=None,
-        why=None,
         steady=state,
         load_s=check.load_s,
         copper_degC=float(value[0]),
@@ -175,9 +166,7 @@ def _by_iron(check: Loaded) -> ResistanceEstimate | str:
     on = check.on
     drop = check.copper[on] - check.iron[on]
     found = resistance_at_rest(check.t_s[on], drop, check.iron[on], check.power[on])
-    if found is None:
-        return f"fewer than {LEAST_S / 60.0:.0f} min of load with every sensor"
-    return ResistanceEstimate(found.value, found.sd)
+    return found or f"fewer than {LEAST_S / 60.0:.0f} min of load with every sensor"
 
 
 def _by_minutes(check: Loaded, parts: tuple[Part, ...]) -> ResistanceEstimate | str:
@@ -192,8 +181,7 @@ def _by_minutes(check: Loaded, parts: tuple[Part, ...]) -> ResistanceEstimate | 
                 f"or samples more than {first_minutes.MOST_STEP_S:.0f} s apart"
             )
         found.append(stretch)
-    apparent = first_minutes.fit(found)
-    return ResistanceEstimate(apparent.resistance, apparent.sd)
+    return first_minutes.fit(found)
 
 
 def _by_ambient(check: Loaded) -> ResistanceEstimate | str:
@@ -205,17 +193,10 @@ def _by_ambient(check: Loaded) -> ResistanceEstimate | str:
     lead_K = abs(float(check.copper[since] - check.air[since]))
     if lead_K > MOST_LEAD_K:
         return f"it begins {lead_K:.0f} K off the ambient, not at rest"
-    found = whole_curve.fit(
-        whole_curve.Curve(
-            check.t_s[since:],
-            check.copper[since:],
-            check.power[since:],
-            check.air[since:],
-            check.first - since,
-            check.last + 1 - since,
-        )
-    )
-    return "too few samples" if found is None else ResistanceEstimate(found.resistance, found.sd)
+    t_s, copper, power, air = (values[since:] for values in (check.t_s, check.copper, check.power, check.air))
+    curve = whole_curve.Curve(t_s, copper, power, air, check.first - since, check.last + 1 - since)
+    found = whole_curve.fit(curve)
+    return found or "too few samples"
 
 
 ROUTES: tuple[Route, ...] = (

@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from analytics.insulation.arrays import Floats
 
 POSSIBLE_DEGC = (-40.0, 400.0)  # an open thermocouple reads outside
 PRESENT_SHARE = 0.9  # of the samples

@@ -29,9 +29,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from analytics.insulation.arrays import Flags, Floats
+from analytics.insulation.checks.estimate import ResistanceEstimate
 
 LAST_S = 600.0  # the mean over these is what was reached
 LEAST_S = 1200.0  # of load, below which nothing is said
@@ -61,22 +61,14 @@ class Settled:
     tau_s: float
 
     @property
-    def steady(self) -> NDArray[np.bool_]:
+    def steady(self) -> Flags:
         """Which series have nearly reached their end."""
         return np.asarray(np.maximum(np.abs(self.final - self.last), self.sd) < STEADY_SHARE * np.abs(self.rise))
 
     @property
-    def lost(self) -> NDArray[np.bool_]:
+    def lost(self) -> Flags:
         """Of which series the end cannot be told."""
         return np.asarray(self.sd > LOST_SHARE * np.abs(self.rise))
-
-
-@dataclass(frozen=True)
-class AtRest:
-    """A resistance at rest [K/W] and its sd [K/W]."""
-
-    value: float
-    sd: float
 
 
 def settle(t_s: Floats, series: Floats, ambient: Floats | None, follows: Floats) -> Settled | None:
@@ -113,7 +105,7 @@ def settle(t_s: Floats, series: Floats, ambient: Floats | None, follows: Floats)
     return Settled(last, mean, np.sqrt(spread + model**2 + coupling**2), rise, tau_s)
 
 
-def resistance_at_rest(t_s: Floats, drop_K: Floats, body_degC: Floats, power_W: Floats) -> AtRest | None:
+def resistance_at_rest(t_s: Floats, drop_K: Floats, body_degC: Floats, power_W: Floats) -> ResistanceEstimate | None:
     """R at rest from a stretch of load from its begin: samples (N,), `power_W` above zero. None where it is under 20
     min.
 
@@ -130,7 +122,7 @@ def resistance_at_rest(t_s: Floats, drop_K: Floats, body_degC: Floats, power_W: 
     ]
     (value, noise), (later, _) = fits
     sd = np.linalg.norm([noise, (value - later) / 2.0, REST_SHARE * value])
-    return AtRest(value, float(sd))
+    return ResistanceEstimate(value, float(sd))
 
 
 def _rate(t_s: Floats, value: Floats) -> Floats:
@@ -155,8 +147,11 @@ def _intercept(x: Floats, y: Floats) -> tuple[float, float]:
 
 @dataclass(frozen=True)
 class _Fit:
+    """Of k series for one tau and r: `asymptote` (k,) Y, `slow` (k,) -B, `squares` (k,) with the prior's, `residual`
+    (n, k), and the variance of Y for noise of 1."""
+
     asymptote: Floats
-    slow: Floats  # -B
+    slow: Floats
     squares: Floats
     residual: Floats
     unit_variance: float
@@ -166,7 +161,7 @@ def _fit(
     t: Floats,
     y: Floats,
     air: Floats,
-    used: NDArray[np.bool_],
+    used: Flags,
     follows: Floats,
     bend: float,
     tau: float,

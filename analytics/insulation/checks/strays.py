@@ -10,11 +10,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from analytics.insulation.arrays import Floats
 from analytics.insulation.checks.trace import CheckTrace, loaded
-
-Floats = NDArray[np.float64]
 
 LAST_S = 600.0  # of the load
 MOST_STRAY_K = 3.0

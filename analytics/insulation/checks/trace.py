@@ -6,11 +6,9 @@ from collections.abc import Collection
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from analytics.insulation.arrays import Floats
 from analytics.insulation.checks.sensors import possible_only, unusable
-
-Floats = NDArray[np.float64]
 
 ON_QUANTILE, ON_SHARE = 0.995, 0.5  # the load is on above this share of this quantile of current, else of power
 

@@ -19,13 +19,13 @@ from dataclasses import dataclass
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-Floats = NDArray[np.float64]
+from analytics.insulation.arrays import Floats
+from analytics.insulation.checks.estimate import ResistanceEstimate
+from analytics.insulation.dose.arrhenius import ZERO_DEGC_IN_K
 
 STEFAN_BOLTZMANN = 5.670374419e-8  # W/(m2 K4), CODATA 2018
-ZERO_DEGC_IN_K = 273.15
 PRIOR = np.log([0.03, 2500.0, 9000.0, 0.4, 0.25, 0.3])  # R K/W, C_w, C_i J/K, a, b, s: of a traction motor's stator
 PRIOR_SD = np.array([1.5, 1.0, 1.0, 1.0, 1.0, 0.5])  # of the logarithms
 MODEL_K = 0.3  # scale of what two lumps leave over
@@ -50,15 +50,7 @@ class Curve:
     off: int
 
 
-@dataclass(frozen=True)
-class FromCurve:
-    """R and its standard deviation [K/W]."""
-
-    resistance: float
-    sd: float
-
-
-def fit(curve: Curve) -> FromCurve | None:
+def fit(curve: Curve) -> ResistanceEstimate | None:
     """R of one curve; None where it has fewer than 40 samples."""
     curve = _fewer_samples(curve)
     size = curve.t_s.size
@@ -85,20 +77,13 @@ def fit(curve: Curve) -> FromCurve | None:
     curvature = found.jac[:size].T @ found.jac[:size] / noise + found.jac[size:].T @ found.jac[size:]
     resistance = float(np.exp(found.x[0]))
     relative = float(np.sqrt(np.linalg.pinv(curvature)[0, 0]))
-    return FromCurve(resistance, resistance * float(np.hypot(relative, MODEL_SHARE)))
+    return ResistanceEstimate(resistance, resistance * float(np.hypot(relative, MODEL_SHARE)))
 
 
 def _fewer_samples(curve: Curve) -> Curve:
     every = max(1, int(THIN_S / float(np.median(np.diff(curve.t_s))))) if curve.t_s.size > 1 else 1
-    kept = slice(None, None, every)
-    return Curve(
-        curve.t_s[kept],
-        curve.copper[kept],
-        curve.power[kept],
-        curve.air[kept],
-        -(-curve.on // every),
-        -(-curve.off // every),
-    )
+    t_s, copper, power, air = (values[::every] for values in (curve.t_s, curve.copper, curve.power, curve.air))
+    return Curve(t_s, copper, power, air, -(-curve.on // every), -(-curve.off // every))
 
 
 def _left_over(curve: Curve, vectors: Floats) -> Floats:

@@ -13,11 +13,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from analytics.insulation.arrays import Floats, Ints
 from analytics.insulation.checks.trace import CheckTrace, Loaded, loaded
-
-Floats = NDArray[np.float64]
 
 LEAST_SAMPLES = 3  # before the load
 LATEST_S = 600.0  # before the load, what counts
@@ -59,7 +57,7 @@ def _resting(trace: CheckTrace, left_out: Mapping[str, str]) -> tuple[float, flo
     return float(difference.mean()), float(np.var(difference, ddof=1)) / used.size + rounding
 
 
-def _at_rest(check: Loaded, used: NDArray[np.intp]) -> bool:
+def _at_rest(check: Loaded, used: Ints) -> bool:
     assert check.iron is not None
     both = (check.copper[used] + check.iron[used]) / 2
     if np.ptp(both) > MOST_CHANGE_K:

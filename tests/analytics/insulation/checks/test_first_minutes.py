@@ -49,7 +49,7 @@ def cooling(resistance: float, switched_s: float, seed: int = 0, noise: float = 
 @pytest.mark.parametrize("switched_s", [0.5, 4.0, 9.5])
 def test_two_lumps_give_their_resistance_times_the_square_of_the_irons_share(switched_s: float) -> None:
     found = fit([heating(0.03, switched_s), cooling(0.03, switched_s)])
-    assert found.resistance == pytest.approx(0.03 * factor(), rel=0.02)
+    assert found.value == pytest.approx(0.03 * factor(), rel=0.02)
 
 
 @pytest.mark.parametrize("worse", [0.9, 1.1, 1.38])
@@ -57,7 +57,7 @@ def test_the_course_over_checks_is_that_of_the_resistance(worse: float) -> None:
     first, later = (
         fit([heating(0.03 * ratio, 3.0, 1, 0.03), cooling(0.03 * ratio, 6.0, 2, 0.03)]) for ratio in (1.0, worse)
     )
-    assert later.resistance / first.resistance == pytest.approx(worse, rel=0.02)
+    assert later.value / first.value == pytest.approx(worse, rel=0.02)
 
 
 def test_the_sd_covers_the_scatter_over_noise_and_moments_of_the_switch() -> None:
@@ -66,7 +66,7 @@ def test_the_sd_covers_the_scatter_over_noise_and_moments_of_the_switch() -> Non
         fit([heating(0.03, random.uniform(0.2, 9.8), k, 0.05), cooling(0.03, random.uniform(0.2, 9.8), 99 - k, 0.05)])
         for k in range(12)
     ]
-    score = [(one.resistance - 0.03 * factor()) / one.sd for one in found]
+    score = [(one.value - 0.03 * factor()) / one.sd for one in found]
     assert 0.1 < float(np.sqrt(np.mean(np.square(score)))) < 1.5
 
 
@@ -76,8 +76,8 @@ def test_a_log_that_begins_under_load_is_less_certain_and_a_switch_off_makes_up_
     assert begun is not None
     alone, together = fit([begun]), fit([begun, cooling(0.03, 5.0)])
     assert alone.sd > 1.5 * fit([heating(0.03, 5.0)]).sd
-    assert abs(alone.resistance - 0.03 * factor()) < 3.0 * alone.sd
-    assert together.resistance == pytest.approx(0.03 * factor(), rel=0.03)
+    assert abs(alone.value - 0.03 * factor()) < 3.0 * alone.sd
+    assert together.value == pytest.approx(0.03 * factor(), rel=0.03)
 
 
 def test_a_slow_film_and_an_ambient_that_drifts_do_not_enter() -> None:
@@ -91,7 +91,7 @@ def test_a_slow_film_and_an_ambient_that_drifts_do_not_enter() -> None:
         still.to_s,
         still.before_W,
     )
-    assert fit([drifting]).resistance == pytest.approx(fit([still]).resistance, rel=0.005)
+    assert fit([drifting]).value == pytest.approx(fit([still]).value, rel=0.005)
 
 
 def test_a_power_that_rises_with_the_copper_is_followed() -> None:
@@ -106,7 +106,7 @@ def test_a_power_that_rises_with_the_copper_is_followed() -> None:
     y = 20.0 + np.interp(t, fine, stored + 0.03 * factor() * fast, left=0.0)
     part = stretch(t, y, np.where(t > 0.0, np.interp(t, fine, power), 0.0), int(np.argmax(t > 0.0)))
     assert part is not None
-    assert fit([part]).resistance == pytest.approx(0.03 * factor(), rel=0.03)
+    assert fit([part]).value == pytest.approx(0.03 * factor(), rel=0.03)
 
 
 def test_too_short_or_too_coarse_a_record_is_no_stretch() -> None:

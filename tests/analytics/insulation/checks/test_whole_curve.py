@@ -39,13 +39,13 @@ def test_two_lumps_give_their_resistance() -> None:
     found = fit(curve(0.03))
     assert found is not None
     assert found.sd < 0.05 * 0.03
-    assert abs(found.resistance - 0.03) < 2.5 * found.sd
+    assert abs(found.value - 0.03) < 2.5 * found.sd
 
 
 def test_the_course_is_that_of_the_resistance_though_surfaces_darken_and_the_ambient_swings() -> None:
     first, later = fit(curve(0.03, 0.20, 1.0, 1)), fit(curve(0.036, 0.23, -2.0, 2))
     assert first is not None and later is not None
-    assert later.resistance / first.resistance == pytest.approx(1.2, rel=0.07)
+    assert later.value / first.value == pytest.approx(1.2, rel=0.07)
 
 
 def test_a_curve_of_few_samples_says_nothing() -> None:
