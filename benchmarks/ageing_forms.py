@@ -28,6 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
+from analytics.insulation.arrays import PERCENT_PER_100_H
 from analytics.insulation.checks import repeatability
 from analytics.insulation.courses import forms
 from benchmarks import asked
@@ -142,7 +143,7 @@ def held(one: Trial, found: forms.Form) -> bool:
         return False
     begins, ends = found.branch_dose_h
     true = np.diff(np.interp([begins, ends], one.dose_h, one.ln_resistance))[0] / (ends - begins)
-    return bool(found.ci95[0] <= forms.PERCENT_PER_100_H * true <= found.ci95[1])
+    return bool(found.ci95[0] <= PERCENT_PER_100_H * true <= found.ci95[1])
 
 
 def main() -> None:

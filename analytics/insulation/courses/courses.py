@@ -17,9 +17,8 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from analytics.insulation.arrays import Floats, Ints
 
 MONOTONE, DIP_THEN_RISE, CHANGEPOINT = "monotone", "dip_then_rise", "changepoint"
 CHANGING = (MONOTONE, DIP_THEN_RISE, CHANGEPOINT)
@@ -28,13 +27,13 @@ RISE_SD = 0.3  # of ln R over a campaign, prior: conductivity at the end of life
 FALL_SD = 0.15  # of what post-cure brings
 RELAXATIONS = (0.05, 0.1, 0.2, 0.4, 0.8)  # k of curves that level off
 POWERS = (0.4, 0.5, 0.65, 0.8, 1.25, 1.5, 2.0, 2.5, 3.0, 4.0)  # of the others
-LEVEL_EVERY, LEVELS_EVERY = 2, 5  # places of turns: one in two has courses that become level, at a fifth as many places
+LEVEL_EVERY, LEVELS_EVERY = 2, 5  # one place of turns in two has courses that become level, at a fifth as many places
 CURE_SPAN = 0.4  # longest k of the cure
 
 
 @dataclass(frozen=True)
 class Courses:
-    """A list of a courses at n doses. `columns` (a, n, 2): first(x) and second(x) of each; `sds` (a, 2) of the
+    """A list of `a` courses at n doses. `columns` (a, n, 2): first(x) and second(x) of each; `sds` (a, 2) of the
     amplitudes' priors; `weight` (a,) within the form, summing to 1; `turn` (a,): x of its corner, and `level` (a,): x
     from which it stays level, NaN where there is none; `cell` (a,): the width in x that this corner stands for."""
 
@@ -45,29 +44,20 @@ class Courses:
     cell: Floats
     level: Floats
 
-    def some(self, chosen: NDArray[np.int64]) -> Courses:
-        """The `chosen` ones."""
-        return Courses(
-            self.columns[chosen],
-            self.sds[chosen],
-            self.weight[chosen],
-            self.turn[chosen],
-            self.cell[chosen],
-            self.level[chosen],
-        )
+    def some(self, chosen: Ints) -> Courses:
+        """The courses at the places `chosen` of the list."""
+        return Courses(*(getattr(self, of.name)[chosen] for of in fields(self)))
 
 
 def courses(form: str, x: Floats, at: Floats, turns: int) -> Courses | None:
-    """The courses of `form` at `at` (n,). They turn at the middles of `turns` equal parts of where the checks' places
-    `x`, ascending and distinct, let them turn. None where the checks are too few for this form."""
+    """The courses of `form` at the places `at` (n,), which turn where `turning_places` of the checks' places `x` says.
+    None where the checks are too few for this form."""
     if form == MONOTONE:
         return _monotone(at)
     places = turning_places(x, turns)
     if places is None:
         return None
-    if form == CHANGEPOINT:
-        return _changepoint(places, at)
-    return _dip_then_rise(places, x, at)
+    return _changepoint(places, at) if form == CHANGEPOINT else _dip_then_rise(places, x, at)
 
 
 def courses_of_all(x: Floats, at: Floats, turns: int) -> Courses:
@@ -78,8 +68,8 @@ def courses_of_all(x: Floats, at: Floats, turns: int) -> Courses:
 
 
 def turning_places(x: Floats, turns: int) -> Floats | None:
-    """Where courses may turn: places from the second check to the last place that leaves two checks after it. None
-    below four checks."""
+    """Where courses may turn (turns,): middles of equal parts of the way from the second check to the last place that
+    leaves two checks after it. `x`: places of the checks, ascending and distinct. None below four checks."""
     if len(x) < 4:
         return None
     low, high = x[1], (x[-3] + x[-2]) / 2

@@ -21,18 +21,16 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.special import log_ndtr, ndtri_exp
 
+from analytics.insulation.arrays import PERCENT_PER_100_H, Floats, Ints, usable
 from analytics.insulation.courses.courses import CHANGEPOINT, CHANGING, DIP_THEN_RISE, Courses, courses, courses_of_all
 from analytics.insulation.courses.orthant import log_both_positive
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Flags = NDArray[np.bool_]
 
 NONE = "none"
 PRIOR_NONE = 0.5
@@ -44,14 +42,13 @@ SLOW_SD = 0.005  # of ln R, from the first check to the last
 COARSE_TURNS, FINE_TURNS = 5, 63
 DRAWS, SWEEPS = 1000, 8
 FINE = np.linspace(0.0, 1.0, 101)
-PERCENT_PER_100_H = 1e4  # of a slope of ln R in 1/h
 LEAST_DOSES = 3
 
 
 @dataclass(frozen=True)
 class Form:
-    """The form of one specimen's course: `name` is none, monotone, dip_then_rise or changepoint, with its
-    `probability`; `probabilities` are those of all four.
+    """The form of one specimen's course: `name` is none, monotone, dip_then_rise or changepoint; `probabilities` are
+    those of all four.
 
     `change_at_dose_h` [h]: where a changepoint or the lowest point of a dip lies, with the interval of 95 %; else
     None. `slope_percent_per_100h` [%/100 h; positive: worse]: mean change of R over `branch_dose_h`, with the
@@ -62,18 +59,26 @@ class Form:
     """
 
     name: str
-    probability: float
     probabilities: Mapping[str, float]
-    significant: bool
-    p_value: float
-    change_at_dose_h: float | None
-    change_ci95_dose_h: tuple[float, float] | None
-    slope_percent_per_100h: float | None
-    ci95: tuple[float, float] | None
-    branch_dose_h: tuple[float, float] | None
-    level_from_dose_h: float | None
-    level_probability: float
-    why: str
+    p_value: float = 1.0
+    change_at_dose_h: float | None = None
+    change_ci95_dose_h: tuple[float, float] | None = None
+    slope_percent_per_100h: float | None = None
+    ci95: tuple[float, float] | None = None
+    branch_dose_h: tuple[float, float] | None = None
+    level_from_dose_h: float | None = None
+    level_probability: float = 0.0
+    why: str = ""
+
+    @property
+    def probability(self) -> float:
+        """That of the form `name`."""
+        return self.probabilities[self.name]
+
+    @property
+    def significant(self) -> bool:
+        """Whether anything changes."""
+        return self.name != NONE
 
 
 def assess(
@@ -86,7 +91,9 @@ def assess(
     """The form of one specimen's checks in any order: dose (n,) [h], ln R (n,), and the standard deviation of ln R
     between repeats (n,) or one for all, known with `degrees_of_freedom` (series of the null have another true one
     each). Rows that are not finite are left out; below three different doses nothing is said."""
-    dose, y, s = _clean(dose_h, ln_resistance, sd)
+    _, dose, y, s = usable(dose_h, ln_resistance, sd)
+    order = np.argsort(dose, kind="stable")
+    dose, y, s = dose[order], y[order], s[order]
     distinct = np.unique(dose)
     if len(distinct) < LEAST_DOSES:
         return _unknown(f"{len(distinct)} different doses: {LEAST_DOSES} are needed at least")
@@ -110,18 +117,9 @@ def assess(
     return _changing(name, probabilities, p_value, float(dose[0]), span, drawn)
 
 
-def _clean(dose_h: ArrayLike, ln_resistance: ArrayLike, sd: ArrayLike) -> tuple[Floats, Floats, Floats]:
-    """The finite rows, in the order of dose."""
-    dose, y = np.asarray(dose_h, np.float64), np.asarray(ln_resistance, np.float64)
-    s = np.broadcast_to(np.asarray(sd, np.float64), dose.shape)
-    good = np.isfinite(dose) & np.isfinite(y) & np.isfinite(s) & (s > 0.0)
-    order = np.argsort(dose[good], kind="stable")
-    return dose[good][order], y[good][order], s[good][order]
-
-
 def _unknown(why: str) -> Form:
     probabilities = {NONE: PRIOR_NONE, **{form: (1.0 - PRIOR_NONE) / len(CHANGING) for form in CHANGING}}
-    return Form(NONE, PRIOR_NONE, probabilities, False, 1.0, None, None, None, None, None, None, 0.0, why)
+    return Form(NONE, probabilities, why=why)
 
 
 # ---- marginal likelihoods ------------------------------------------------------------------------------------------
@@ -130,7 +128,8 @@ def _unknown(why: str) -> Form:
 @dataclass(frozen=True)
 class _Errors:
     """Errors of checks at `x` (n,), 0 at the first and 1 at the last, with standard deviations `sd` (n,). `root` (n,
-    n) whitens a series, with the start's flat prior integrated out: root' root is the precision that is left."""
+    n) makes them independent with variance 1 (it whitens a series), with the start's flat prior integrated out: root'
+    root is the precision that is left."""
 
     x: Floats
     sd: Floats
@@ -144,7 +143,7 @@ class _Errors:
         return cls(x, sd, np.asarray(white - np.outer(start, start @ white) / (start @ start), np.float64))
 
     def whitened(self, given: Courses) -> Floats:
-        """The courses at the checks, in units of their amplitudes' priors: (2, a, n)."""
+        """The courses at the checks, whitened, in units of their amplitudes' priors: (2, a, n)."""
         return np.asarray(_scaled(given, len(self.sd)) @ self.root.T, np.float64)
 
 
@@ -171,29 +170,10 @@ class _Amplitudes:
         """ln of the marginal likelihood over that of a constant."""
         (a, b), (_, d) = self.precision
         determinant, mean = _determinant(self.precision), self.mean
-        first, second = mean[0] * np.sqrt(determinant / d), mean[1] * np.sqrt(determinant / a)
         gained = (self.pull * mean).sum(axis=0) - np.log(determinant)
-        return np.asarray(
-            gained / 2 + log_both_positive(first, second, -b / np.sqrt(a * d)) + math.log(4.0), np.float64
-        )
-
-
-@dataclass(frozen=True)
-class _Posterior:
-    """The amplitudes of each course, for any series: precision (2, 2, a), and `rows` (2, a, n) that make of a
-    whitened series what pulls at them."""
-
-    precision: Floats
-    rows: Floats
-
-    @classmethod
-    def of(cls, given: Courses, errors: _Errors) -> _Posterior:
-        white = errors.whitened(given)
-        return cls(_precision(white), white)
-
-    def amplitudes(self, white: Floats) -> _Amplitudes:
-        """The amplitudes (..., a, m) for whitened series (n, m)."""
-        return _Amplitudes(self.precision[..., None], self.rows @ white)
+        first, second = mean[0] * np.sqrt(determinant / d), mean[1] * np.sqrt(determinant / a)
+        both = log_both_positive(first, second, -b / np.sqrt(a * d))
+        return np.asarray(gained / 2 + both + math.log(4.0), np.float64)
 
 
 @dataclass(frozen=True)
@@ -281,7 +261,7 @@ def _probabilities(ln_likelihood: Mapping[str, float]) -> dict[str, float]:
 def _p_value(coarse: Courses, errors: _Errors, y: Floats, seed: int, degrees_of_freedom: float) -> float:
     """The share of the null's series that show as much as this one; of those up to the tenth that does, where there are
     ten (Besag and Clifford, Biometrika 78 (1991) 301, DOI 10.1093/biomet/78.2.301): more would make no form of it."""
-    evidence = _Evidence(np.log(coarse.weight), _Posterior.of(coarse, errors))
+    evidence = _Evidence(np.log(coarse.weight), errors.whitened(coarse))
     seen, enough, found = evidence.of(errors.root @ y[:, None])[0], round(SIGNIFICANCE * (1 + NULL_SERIES)), 0
     null = errors.root @ _unchanged(errors, seed, degrees_of_freedom)
     for first, last in pairwise(LOOKS):
@@ -304,22 +284,32 @@ def _unchanged(errors: _Errors, seed: int, degrees_of_freedom: float) -> Floats:
 
 @dataclass(frozen=True)
 class _Evidence:
-    """The evidence for a change of any form, by the courses of a coarse grid with their `ln_weight` (a,)."""
+    """The evidence for a change of any form, by the courses of a coarse grid with their `ln_weight` (a,), `rows` (2, a,
+    n) of them whitened."""
 
     ln_weight: Floats
-    posterior: _Posterior
+    rows: Floats
+
+    @cached_property
+    def precision(self) -> Floats:
+        """Of each course's amplitudes (2, 2, a, 1), the same for every series."""
+        return _precision(self.rows)[..., None]
+
+    def amplitudes(self, white: Floats) -> _Amplitudes:
+        """The amplitudes (..., a, m) for whitened series (n, m)."""
+        return _Amplitudes(self.precision, self.rows @ white)
 
     def of(self, white: Floats) -> Floats:
         """ln of the sum of the forms' factors (m,) for whitened series (n, m)."""
-        return _ln_sum(self.ln_weight[:, None] + self.posterior.amplitudes(white).ln_factor)
+        return _ln_sum(self.ln_weight[:, None] + self.amplitudes(white).ln_factor)
 
     def reached(self, white: Floats, least: float) -> Ints:
         """Which of whitened series (n, m) have at least so much evidence. Most are refused by what it cannot exceed:
         a course gains the square of the whole series at most, and both amplitudes are positive with probability 1 at
         most."""
-        ln_most = self.ln_weight - np.log(_determinant(self.posterior.precision)) / 2 + math.log(4.0)
+        ln_most = self.ln_weight - np.log(_determinant(self.precision)[:, 0]) / 2 + math.log(4.0)
         at = np.flatnonzero(_ln_sum(ln_most) + (white**2).sum(axis=0) / 2 >= least)
-        at = at[_ln_sum(ln_most[:, None] + self.posterior.amplitudes(white[:, at]).gained / 2) >= least]
+        at = at[_ln_sum(ln_most[:, None] + self.amplitudes(white[:, at]).gained / 2) >= least]
         return np.asarray(at[self.of(white[:, at]) >= least], np.int64)
 
 
@@ -344,8 +334,8 @@ def _draw(
     assert given is not None
     shares = np.exp(ln_weights - _ln_sum(ln_weights))
     few = given.some(random.choice(len(shares), DRAWS, p=shares / shares.sum()))
-    posterior = _Posterior.of(few, errors)
-    amplitudes = few.sds * _positive_pairs(_Amplitudes(posterior.precision, posterior.rows @ (errors.root @ y)), random)
+    white = errors.whitened(few)
+    amplitudes = few.sds * _positive_pairs(_Amplitudes(_precision(white), white @ (errors.root @ y)), random)
     end = np.where(np.isfinite(few.level), few.level, 1.0)
     level_probability = float(shares[np.isfinite(given.level)].sum())
     blur = few.cell * (random.random(DRAWS) - 0.5)
@@ -362,11 +352,8 @@ def _draw(
 def _positive_pairs(given: _Amplitudes, random: np.random.Generator) -> Floats:
     """One pair (m, 2) from each normal distribution cut to positive values, by Gibbs sampling."""
     (a, b), (_, d) = given.precision
-    mean, spread, weight = (
-        given.mean.T,
-        1.0 / np.sqrt(np.stack([a, d], axis=-1)),
-        -np.stack([b / a, b / d], axis=-1),
-    )  # of each given the other
+    mean = given.mean.T
+    spread, weight = 1.0 / np.sqrt(np.stack([a, d], axis=-1)), -np.stack([b / a, b / d], axis=-1)  # given the other
     drawn = np.maximum(mean, spread)
     for _ in range(SWEEPS):
         for k in (0, 1):
@@ -379,30 +366,28 @@ def _positive_pairs(given: _Amplitudes, random: np.random.Generator) -> Floats:
 def _changing(
     name: str, probabilities: Mapping[str, float], p_value: float, first_h: float, span_h: float, drawn: _Drawn
 ) -> Form:
-    def dose(x: Floats) -> tuple[float, tuple[float, float]]:
-        low, middle, high = np.quantile(first_h + span_h * x, [0.025, 0.5, 0.975])
-        return float(middle), (float(low), float(high))
-
-    per_100h = PERCENT_PER_100_H / span_h * drawn.slope
-    low, middle, high = np.quantile(per_100h, [0.025, 0.5, 0.975])
-    turn, turn_band = dose(drawn.turn)
     turns = name in (DIP_THEN_RISE, CHANGEPOINT)
-    level = dose(drawn.end[drawn.end < 1.0])[0] if drawn.level_probability > 0.5 else None
+    turn, turn_band = _middle_and_band(first_h + span_h * drawn.turn)
+    slope, slope_band = _middle_and_band(PERCENT_PER_100_H / span_h * drawn.slope)
+    levelled = first_h + span_h * drawn.end[drawn.end < 1.0]
+    level = _middle_and_band(levelled)[0] if drawn.level_probability > 0.5 else None
     return Form(
         name=name,
-        probability=probabilities[name],
         probabilities=probabilities,
-        significant=True,
         p_value=p_value,
         change_at_dose_h=turn if turns else None,
         change_ci95_dose_h=turn_band if turns else None,
-        slope_percent_per_100h=float(middle),
-        ci95=(float(low), float(high)),
+        slope_percent_per_100h=slope,
+        ci95=slope_band,
         branch_dose_h=(turn if turns else first_h, first_h + span_h if level is None else level),
         level_from_dose_h=level,
         level_probability=drawn.level_probability,
-        why="",
     )
+
+
+def _middle_and_band(drawn: Floats) -> tuple[float, tuple[float, float]]:
+    low, middle, high = np.quantile(drawn, [0.025, 0.5, 0.975]).tolist()
+    return middle, (low, high)
 
 
 def _constant(probabilities: Mapping[str, float], p_value: float, dose: Floats, y: Floats, errors: _Errors) -> Form:
@@ -413,16 +398,9 @@ def _constant(probabilities: Mapping[str, float], p_value: float, dose: Floats, 
     reach = 1.96 * PERCENT_PER_100_H / math.sqrt(information)
     return Form(
         name=NONE,
-        probability=probabilities[NONE],
         probabilities=probabilities,
-        significant=False,
         p_value=p_value,
-        change_at_dose_h=None,
-        change_ci95_dose_h=None,
         slope_percent_per_100h=slope,
         ci95=(slope - reach, slope + reach),
         branch_dose_h=(float(dose[0]), float(dose[-1])),
-        level_from_dose_h=None,
-        level_probability=0.0,
-        why="",
     )

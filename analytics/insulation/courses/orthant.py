@@ -9,10 +9,9 @@ around its highest point.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import log_ndtr, ndtr, owens_t
 
-Floats = NDArray[np.float64]
+from analytics.insulation.arrays import Floats
 
 TAIL = 1e-6  # below it Owen's formula has lost too many digits
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(40)

@@ -23,9 +23,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Floats = NDArray[np.float64]
+from analytics.insulation.arrays import Flags, Floats, Ints
 
 TOLD_APART = 0.99  # correlation from which on neither is told from the other
 NEARLY = 1e-10  # of a square of 1: nothing
@@ -111,16 +111,16 @@ def _less(columns: Floats, basis: Floats) -> Floats:
     return np.asarray(columns - basis @ (basis.T @ columns))
 
 
-def _less_lines(who: NDArray[np.int64], along: Floats, columns: Floats) -> Floats:
-    """`columns` (n, K) without what of each specimen is a line along `along` (n,)."""
+def _less_lines(who: Ints, along: Floats, columns: Floats) -> Floats:
+    """`columns` (n, K) less, in each specimen, what goes in proportion to `along` (n,)."""
     size = np.bincount(who, along**2)
     slopes = [np.bincount(who, along * column) / np.maximum(size, NEARLY) for column in columns.T]
     return columns - np.array(slopes).reshape(-1, len(size)).T[who] * along[:, None]
 
 
-def _told_apart(who: NDArray[np.int64], x: Floats, bends: Floats, rates: bool) -> NDArray[np.bool_]:
-    """Which of the columns (n, K) are told from which (K, K): neither they nor what is estimated of them go together;
-    and what is nearly a course of the first is not told from it."""
+def _told_apart(who: Ints, x: Floats, bends: Floats, rates: bool) -> Flags:
+    """Which of the columns (n, K) are told from which (K, K): those that do not go together, and whose estimated
+    effects do not either. What is nearly a bent course of the first column is not told from it."""
     unit = x / np.linalg.norm(x, axis=0)
     left = _less(unit, bends)
     size = np.linalg.norm(left, axis=0)
@@ -135,7 +135,7 @@ def _told_apart(who: NDArray[np.int64], x: Floats, bends: Floats, rates: bool) -
     return np.asarray(apart)
 
 
-def _first_effect(who: NDArray[np.int64], x: Floats, y: Floats) -> tuple[float, float]:
+def _first_effect(who: Ints, x: Floats, y: Floats) -> tuple[float, float]:
     """The effect of the first of the columns (n, K) beside the others, and its sd: by the errors, or by leaving out
     each specimen in turn where that is larger."""
     scale = np.linalg.norm(x, axis=0)
@@ -157,7 +157,7 @@ def _solved(sums: Floats) -> tuple[float, float]:
     return float(inverse[0] @ sums[:, -1]), float(inverse[0, 0])
 
 
-def _within(who: NDArray[np.int64], specimens: int, values: Floats, weight: Floats) -> Floats:
+def _within(who: Ints, specimens: int, values: Floats, weight: Floats) -> Floats:
     """Values less the weighted mean of their specimen, times the weight."""
     total = np.bincount(who, weight**2, specimens)
     mean = np.bincount(who, weight**2 * values, specimens) / total

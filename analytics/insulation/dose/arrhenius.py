@@ -12,9 +12,9 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Floats = NDArray[np.float64]
+from analytics.insulation.arrays import Floats
 
 BOLTZMANN_EV_PER_K = 8.617333262e-5  # CODATA 2018, exact
 ZERO_DEGC_IN_K = 273.15
@@ -24,11 +24,11 @@ LIFE_H = 20_000.0  # of class H at its limit
 
 
 class Rule(Protocol):
-    """A law of temperature: its name, and what an hour is worth."""
+    """What an hour is worth at another temperature."""
 
     @property
     def name(self) -> str:
-        """As answers call it."""
+        """As answers call it: "10 K rule", "0.9 eV"."""
 
     def acceleration(self, temperature_degC: ArrayLike, at_degC: float) -> Floats:
         """Hours at `at_degC` [degC] that an hour at `temperature_degC` [degC] is worth."""
@@ -42,11 +42,10 @@ class Doubling:
 
     @property
     def name(self) -> str:
-        """As answers say it: "10 K rule"."""
         return f"{self.kelvin:g} K rule"
 
     def acceleration(self, temperature_degC: ArrayLike, at_degC: float) -> Floats:
-        """Hours at `at_degC` [degC] that an hour at `temperature_degC` [degC] is worth: 2^((T - at) / kelvin)."""
+        """2^((T - T_at) / kelvin)."""
         return np.asarray(np.exp2((np.asarray(temperature_degC, np.float64) - at_degC) / self.kelvin))
 
 
@@ -58,12 +57,10 @@ class Activation:
 
     @property
     def name(self) -> str:
-        """As answers say it: "0.9 eV"."""
         return f"{self.eV:g} eV"
 
     def acceleration(self, temperature_degC: ArrayLike, at_degC: float) -> Floats:
-        """Hours at `at_degC` [degC] that an hour at `temperature_degC` [degC] is worth:
-        exp(E / k (1 / T_at - 1 / T))."""
+        """exp(E / k (1 / T_at - 1 / T)), temperatures absolute."""
         inverse = 1.0 / (np.asarray(temperature_degC, np.float64) + ZERO_DEGC_IN_K)
         return np.asarray(np.exp(self.eV / BOLTZMANN_EV_PER_K * (1.0 / (at_degC + ZERO_DEGC_IN_K) - inverse)))
 

@@ -10,11 +10,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from analytics.insulation.arrays import Flags, Floats
 from analytics.insulation.dose.arrhenius import THRESHOLD_DEGC
-
-Floats = NDArray[np.float64]
 
 GAP_MEDIANS = 10.0
 RISEN_K = 2.0  # a cycle has to exceed the threshold by this: noise at the threshold is no cycle
@@ -31,11 +29,12 @@ RATE_S = 300.0  # over which a rate is a mean: IEC 60068-2-14, test Nb, and nois
 class Cycle:
     """One stay above the threshold, times [s] as in the trace.
 
-    `heating_from_s` the trace leaves the lowest since the cycle before or the log's begin (None: it begins above the
-    threshold); `soak_from_s`, `soak_to_s` first and last moment near the soak's level, the median over the time above
-    the threshold; `cooling_to_s` the trace is at the lowest before the next cycle or the log's end (None: it ends
-    above the threshold). `soak_degC` mean over the soak; `hours_above` the threshold [h], as far as known; of these
-    times `unknown_h` [h] are in `gaps` gaps. `swing_K`: highest minus the lowest about it [K]; `heating_K_per_min` and
+    `heating_from_s`: when the trace leaves its lowest since the cycle before or the log's begin (None: it begins above
+    the threshold); `soak_from_s`, `soak_to_s`: first and last moment near the soak's level, which is the median over
+    the time above the threshold; `cooling_to_s`: when the trace is at its lowest before the next cycle or the log's end
+    (None: it ends above the threshold). `soak_degC`: mean over the soak; `hours_above` the threshold [h], as far as
+    known; of these
+    times `unknown_h` [h] are in gaps. `swing_K`: highest minus the lowest about it [K]; `heating_K_per_min` and
     `cooling_K_per_min`: the fastest mean over 5 min of each [K/min], None where the trace does not hold it.
     """
 
@@ -47,7 +46,6 @@ class Cycle:
     soak_degC: float
     hours_above: float
     unknown_h: float
-    gaps: int
     swing_K: float
     heating_K_per_min: float | None
     cooling_K_per_min: float | None
@@ -74,7 +72,7 @@ class _Trace:
 
     t_s: Floats
     value: Floats
-    known: NDArray[np.bool_]
+    known: Flags
 
     def between(self, first: int, last: int) -> _Trace:
         return _Trace(self.t_s[first : last + 1], self.value[first : last + 1], self.known[first:last])
@@ -92,12 +90,9 @@ def cycles(t_s: Floats, value_degC: Floats, threshold_degC: float = THRESHOLD_DE
     """
     trace = _clean(t_s, value_degC)
     stays = _stays(trace.value, threshold_degC)
-    found = []
-    for number, (first, last) in enumerate(stays):
-        after = stays[number - 1][1] if number else 0
-        before = stays[number + 1][0] if number + 1 < len(stays) else trace.value.size - 1
-        found.append(_cycle(trace, first, last, after, before, threshold_degC))
-    return tuple(found)
+    after = [0, *(last for _, last in stays)]
+    before = [*(first for first, _ in stays[1:]), trace.value.size - 1]
+    return tuple(_cycle(trace, *stay, after[k], before[k], threshold_degC) for k, stay in enumerate(stays))
 
 
 def hours_above(t_s: Floats, value_degC: Floats, degC: float = THRESHOLD_DEGC) -> float:
@@ -199,7 +194,6 @@ def _cycle(trace: _Trace, first: int, last: int, after: int, before: int, thresh
         soak_degC=_mean_over_time(trace.between(int(near[0]), int(near[-1]))),
         hours_above=_hours_above(part, threshold),
         unknown_h=part.unknown_h,
-        gaps=int((~part.known).sum()),
         swing_K=float(value[first : last + 1].max() - value[after : before + 1].min()),
         heating_K_per_min=None if left is None or not rates.size else float(rates.max()),
         cooling_K_per_min=None if cooled is None or not rates.size else float(-rates.min()),
@@ -229,7 +223,7 @@ def _after_a_pause(trace: _Trace, left: int, first: int, level: float) -> int:
     return int(near[-1]) if near.size else left
 
 
-def _at_foot(value: Floats, level: float) -> NDArray[np.bool_]:
+def _at_foot(value: Floats, level: float) -> Flags:
     """Which samples are as low as this stretch gets, to a share of its rise to `level`."""
     lowest = value.min()
     return np.asarray(value <= lowest + FOOT_SHARE * (level - lowest))

@@ -146,7 +146,7 @@ def test_series_that_are_passed_over_are_those_that_show_less(degrees_of_freedom
     x = (x - x[0]) / (x[-1] - x[0])
     errors = forms._Errors.of(x, np.full(9, SD))
     given = courses.courses_of_all(x, x, forms.COARSE_TURNS)
-    evidence = forms._Evidence(np.log(given.weight), forms._Posterior.of(given, errors))
+    evidence = forms._Evidence(np.log(given.weight), errors.whitened(given))
     white = errors.root @ forms._unchanged(errors, 0, degrees_of_freedom)
     shown = evidence.of(white)
     for least in np.quantile(shown, [0.0, 0.3, 0.9, 0.99, 1.0]) - 1e-9:
@@ -160,7 +160,7 @@ def test_the_null_stops_at_the_tenth_series_that_shows_as_much() -> None:
         x = DOSE_h / 192.0
         errors = forms._Errors.of(x, np.full(17, SD))
         given = courses.courses_of_all(x, x, forms.COARSE_TURNS)
-        evidence = forms._Evidence(np.log(given.weight), forms._Posterior.of(given, errors))
+        evidence = forms._Evidence(np.log(given.weight), errors.whitened(given))
         null = evidence.of(errors.root @ forms._unchanged(errors, 0, np.inf))
         as_much = np.flatnonzero(null >= evidence.of(errors.root @ y[:, None])[0])
         assert (len(as_much) >= 10) == weak
@@ -214,7 +214,11 @@ def test_marginal_likelihoods_are_those_of_numerical_integration() -> None:
     for form in courses.CHANGING:
         given = courses.courses(form, x, x, 4)
         assert given is not None
-        ln = forms._Posterior.of(given, errors).amplitudes(errors.root @ y[:, None]).ln_factor[:, 0]
+        ln = (
+            forms._Evidence(np.log(given.weight), errors.whitened(given))
+            .amplitudes(errors.root @ y[:, None])
+            .ln_factor[:, 0]
+        )
         for k in range(0, len(ln), 10):
             first, second = given.columns[k].T
             rest = y - amplitudes[:, :1] * first - amplitudes[:, 1:] * second
@@ -223,6 +227,11 @@ def test_marginal_likelihoods_are_those_of_numerical_integration() -> None:
             )
             total = (density.pdf(rest) / density.pdf(y) * prior) @ weights
             assert ln[k] == pytest.approx(np.log(total), abs=2e-4), (form, k)
+
+
+def _ln_factors(given: courses.Courses, errors: forms._Errors, y: Floats) -> Floats:
+    evidence = forms._Evidence(np.log(given.weight), errors.whitened(given))
+    return evidence.amplitudes(errors.root @ y[:, None]).ln_factor[:, 0]
 
 
 def _covariance(x: Floats, sd: Floats) -> Floats:
@@ -249,7 +258,11 @@ def test_an_odd_check_is_one_with_a_larger_standard_deviation() -> None:
         )
         assert odd.ln_none[case] == pytest.approx(prior + constant, abs=1e-5)
         errors = forms._Errors.of(x, larger)
-        factor = forms._Posterior.of(given, errors).amplitudes(errors.root @ y[:, None]).ln_factor[:, 0]
+        factor = (
+            forms._Evidence(np.log(given.weight), errors.whitened(given))
+            .amplitudes(errors.root @ y[:, None])
+            .ln_factor[:, 0]
+        )
         assert found[:, case] == pytest.approx(np.log(given.weight) + factor + prior + constant, abs=1e-5)
 
 

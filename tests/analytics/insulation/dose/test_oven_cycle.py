@@ -39,7 +39,7 @@ def test_heating_soak_and_cooling_are_cut_from_the_trace() -> None:
     assert cycle.highest_degC == 230.0
     assert cycle.soak_degC == pytest.approx(230.0, abs=0.1)
     assert cycle.hours_above == pytest.approx(12.0 + SLOPE_H, abs=1e-6)
-    assert (cycle.unknown_h, cycle.gaps) == (0.0, 0)
+    assert cycle.unknown_h == 0.0
 
 
 def test_several_cycles_of_one_log_are_told_apart_and_the_last_may_last_60_h() -> None:
@@ -106,7 +106,6 @@ def test_hours_of_a_gap_are_not_counted_and_said() -> None:
     kept = np.ones(value.size, np.bool_)
     kept[500:560] = False
     (cycle,) = cycles(clock(value)[kept], value[kept])
-    assert cycle.gaps == 1
     assert cycle.unknown_h == pytest.approx(61.0 / 60.0)
     assert cycle.hours_above == pytest.approx(12.0 + SLOPE_H - 61.0 / 60.0, abs=1e-6)
     missing = np.where(kept, value, np.nan)
