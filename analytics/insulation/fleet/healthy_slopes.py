@@ -16,15 +16,13 @@ on a grid, for each specimen over the one that the others make.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import log_ndtr, logsumexp, ndtri_exp
 
-Floats = NDArray[np.float64]
-Flags = NDArray[np.bool_]
+from analytics.insulation.arrays import Flags, Floats
 
 SHIFTS = np.linspace(-0.45, 0.15, 5)  # of tau: a robust centre is above the median where slopes are skewed
 SPREADS = np.geomspace(0.2, 5.0, 19)  # tau, of the robust one, which among few is often too wide or too narrow
@@ -40,8 +38,8 @@ IGNORED = 0.01  # of the highest weight: points of the grid that are left out
 
 @dataclass(frozen=True)
 class HealthySlopes:
-    """The posterior of shift, tau and g as points (k,) with `ln_weight` (k,), not normalised, and what each specimen
-    brought to that (k, m)."""
+    """The posterior of shift, tau and g as points (k,) with `ln_weight` (k,), not normalised, and what each of m
+    specimens added to that (k, m)."""
 
     shift: Floats
     tau: Floats
@@ -60,8 +58,7 @@ class HealthySlopes:
         return self._quantiles(off, variance, self.ln_weight[:, None])
 
     def without(self, place: int) -> HealthySlopes:
-        """The posterior as if the specimen at `place` had not been there, but for the centres and the points
-        themselves."""
+        """The posterior without the specimen at `place`; centres and points stay what they were with it."""
         rest = np.delete(self.ln_brought, place, axis=1)
         return HealthySlopes(self.shift, self.tau, self.g, self.ln_weight - self.ln_brought[:, place], rest)
 
@@ -78,7 +75,7 @@ def healthy_slopes(
     """The posterior from slopes less their centres (m,), the variances of both (m,), and which of them are of healthy
     batches (m,). `centre` of all slopes, `tau`: a robust spread about it, `usual`: the spread expected before
     looking, with the weight of `weight` specimens; all in one unit."""
-    points = np.array(list(_grid(tau, tau / max(abs(centre), 1e-6 * tau))))
+    points = np.array(_grid(tau, tau / max(abs(centre), 1e-6 * tau)))
     wide = WIDTH * np.sqrt(tau**2 + variance)
     outlying = STANDS_OUT / (math.pi * wide * (1.0 + (off / wide) ** 2))
     each = np.array([np.log((1.0 - STANDS_OUT) * _density(off, variance, *point) + outlying) for point in points])
@@ -89,16 +86,16 @@ def healthy_slopes(
     return HealthySlopes(shift, taus, g, ln_weight[kept], each[kept])
 
 
-def _grid(tau: float, share: float) -> Iterator[tuple[float, float, float]]:
+def _grid(tau: float, share: float) -> list[tuple[float, float, float]]:
     """Points (shift, tau, g) of the grid; `share`: the robust tau as a share of the centre."""
-    for spread in SPREADS:
-        for shift in SHIFTS:
-            for skew in SKEWS:
-                yield shift * tau * spread, tau * spread, skew * min(share * spread, MOST_SKEWED)
+    return [
+        (shift * tau * spread, tau * spread, skew * min(share * spread, MOST_SKEWED))
+        for spread, shift, skew in product(SPREADS, SHIFTS, SKEWS)
+    ]
 
 
 def _cells(off: Floats, variance: Floats, shift: float, tau: float, g: float) -> tuple[Floats, Floats]:
-    """By how many standard deviations each slope is above each cell (m, cells), and these standard deviations."""
+    """By how many standard deviations each of m slopes is above each cell (m, cells), and these (m, cells)."""
     middle = shift + tau * (np.expm1(g * CELLS) / g if g > 0.0 else CELLS)
     sd = np.sqrt(variance[:, None] + (CELL / 2.0 * tau * np.exp(g * CELLS)) ** 2)
     return (off[:, None] - middle) / sd, sd

@@ -1,15 +1,15 @@
 """Many specimens at once: each has a start and a slope of its own, drawn from what specimens are like.
 
-    y_ij = x_ij' beta + b_i + (s_i + u_batch(i)) D_ij + w_session(ij) + sd_ij e_ij
+    y_ij = x_ij' beta + b_i + (s_i + u_batch(i)) D_ij + sd_ij e_ij
 
-with (b_i, s_i) normal with any covariance, u, w and e normal and independent, var e = scale^2. The variances are by
+with (b_i, s_i) normal with any covariance, u and e normal and independent, var e = scale^2. The variances are by
 restricted maximum likelihood (Patterson and Thompson, Biometrika 58 (1971) 545, DOI 10.1093/biomet/58.3.545), profiled
 over beta and the scale as Bates, Maechler, Bolker and Walker do (J. Stat. Softw. 67 (2015) 1, DOI
 10.18637/jss.v067.i01): the covariance of a specimen's pair is scale^2 L L' with L lower triangular and its diagonal not
 negative, so that a variance of exactly 0 is an ordinary point of the search and the rest stays right there.
 
-Rows enter through sums a specimen (2 x 2 and its products with the shared columns), made once; one evaluation
-eliminates every specimen's pair at once and solves for what specimens share.
+Rows enter through sums for each specimen (2 x 2, and its products with the columns that specimens share), made once;
+one evaluation eliminates every specimen's pair at once and solves for what specimens share.
 """
 
 from __future__ import annotations
@@ -18,14 +18,13 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy import sparse
 from scipy.linalg import cho_solve, solve_triangular
 from scipy.optimize import minimize
 from scipy.stats import chi2
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from analytics.insulation.arrays import Floats, Ints
 
 SMALL = 0.1  # relative standard deviation: a search that ends below it is done once more from there
 STEP = 1e-4  # of the differences that the search takes its slopes from
@@ -76,12 +75,11 @@ def fit_bends(
 @dataclass(frozen=True)
 class MixedFit:
     """`fixed` (p,) with covariance (p, p). Standard deviations: of the start (of y), of the specimens' slopes, of the
-    batches' slopes (y / h) and of the sessions (y), 0 where the data show none; `correlation` of start and slope (0
-    where either is 0); `scale`: what the given sds are to be multiplied by. `deviance`: minus twice the restricted
-    log-likelihood.
+    batches' slopes (y / h), 0 where the data show none; `correlation` of start and slope (0 where either is 0);
+    `scale`: what the given sds are to be multiplied by. `deviance`: minus twice the restricted log-likelihood.
 
     `effect` (m, 2): b_i and s_i + u_batch(i), the best linear unbiased predictions; `joint` (m, p + 2, p + 2):
-    covariance of (beta, effect) with the variances held at their estimates. `session` (j,): w."""
+    covariance of (beta, effect) with the variances held at their estimates."""
 
     fixed: Floats
     fixed_covariance: Floats
@@ -89,12 +87,10 @@ class MixedFit:
     slope_sd: float
     correlation: float
     batch_slope_sd: float
-    session_sd: float
     scale: float
     deviance: float
     effect: Floats
     joint: Floats
-    session: Floats
 
 
 def fit(
@@ -104,21 +100,19 @@ def fit(
     sd: ArrayLike,
     fixed: ArrayLike | None = None,
     batch: ArrayLike | None = None,
-    session: ArrayLike | None = None,
     nondegenerate: bool = False,
 ) -> MixedFit:
     """The mixed model of rows in any order: place of the specimen (n,) from 0 to m - 1, dose (n,) [h], y (n,),
     standard deviation (n,) but for one common factor. `fixed` (n, p): columns of x; a constant and the dose where
-    left out. `batch` (m,): place of each specimen's batch, `session` (n,): place of each row's session; -1 for none.
-    Needs more rows than p.
+    left out. `batch` (m,): place of each specimen's batch, -1 for none. Needs more rows than p.
 
     `nondegenerate`: with the weak prior of Chung et al. (Psychometrika 78 (2013) 685, DOI 10.1007/s11336-013-9328-2)
     on the standard deviations of slopes, proportional to them. A few specimens often make them exactly 0 by chance,
     and bands too narrow.
     """
-    sums = _Sums.of(specimen, dose_h, y, sd, fixed, batch, session)
+    sums = _Sums.of(specimen, dose_h, y, sd, fixed, batch)
     best = _search(sums, 1.0, nondegenerate)
-    free = [0, 2] + [3] * (sums.batches > 1) + [4] * (sums.sessions > 1)
+    free = [0, 2] + [3] * (sums.batches > 1)
     if best[0][free].min() < SMALL:
         best = min(best, _search(sums, SMALL, nondegenerate), key=lambda found: found[1])
     return _fit_of(sums, np.where(np.abs(best[0]) < ZERO, 0.0, best[0]))
@@ -127,8 +121,8 @@ def fit(
 @dataclass(frozen=True)
 class _Sums:
     """Weighted sums over rows, in units in which doses, columns and weights are about 1. A specimen has two columns,
-    constant and dose; q columns are shared: batch slopes, sessions, then the fixed ones. Products of a specimen's
-    with themselves `zz` (m, 2, 2), with the shared ones `zs` (m, 2, q) and with y `zy` (m, 2); of the shared ones
+    constant and dose; q columns are shared: batch slopes, then the fixed ones. Products of a specimen's with
+    themselves `zz` (m, 2, 2), with the shared ones `zs` (m, 2, q) and with y `zy` (m, 2); of the shared ones
     `ss` and `sy`; `yy`."""
 
     zz: Floats
@@ -139,7 +133,6 @@ class _Sums:
     yy: float
     of_batch: Ints
     batches: int
-    sessions: int
     p: int
     rows: int
     ln_weights: float
@@ -157,14 +150,12 @@ class _Sums:
         sd: ArrayLike,
         fixed: ArrayLike | None,
         batch: ArrayLike | None,
-        session: ArrayLike | None,
     ) -> _Sums:
         who, dose = np.asarray(specimen, np.int64), np.asarray(dose_h, np.float64)
         sd = np.broadcast_to(np.asarray(sd, np.float64), dose.shape)
         columns = bent_line(dose, np.empty(0)) if fixed is None else np.asarray(fixed, np.float64)
         m, n, p = int(who.max()) + 1, len(who), columns.shape[1]
         of_batch = np.full(m, -1) if batch is None else np.asarray(batch, np.int64)
-        of_session = np.full(n, -1) if session is None else np.asarray(session, np.int64)
         sd_scale = math.exp(float(np.log(sd).mean()))
         root = sd_scale / sd
         dose_scale = float(np.abs(dose).max()) or 1.0
@@ -175,9 +166,7 @@ class _Sums:
         rest = root * np.asarray(y, np.float64) - x @ first  # small numbers: sums of their squares lose nothing
         every, two = np.arange(n), np.column_stack([2 * who, 2 * who + 1])
         own = _in_place(np.repeat(every, 2), two.ravel(), np.column_stack([root, run]).ravel(), n)
-        shared = sparse.hstack(
-            [_in_place(every, of_batch[who], run, n), _in_place(every, of_session, root, n), x], format="csr"
-        )
+        shared = sparse.hstack([_in_place(every, of_batch[who], run, n), x], format="csr")
         return cls(
             zz=_pairs(who, m, root, run),
             zs=(own.T @ shared).toarray().reshape(m, 2, -1),
@@ -187,7 +176,6 @@ class _Sums:
             yy=float(rest @ rest),
             of_batch=of_batch,
             batches=int(of_batch.max()) + 1,
-            sessions=int(of_session.max()) + 1,
             p=p,
             rows=n,
             ln_weights=float(2.0 * np.log(root).sum()),
@@ -236,11 +224,10 @@ def _solve(sums: _Sums, theta: Floats) -> _Solved:
     h, g = lower.T @ sums.zs, sums.zy @ lower
     weighted = (inverse @ h).reshape(-1, h.shape[2])
     flat = h.reshape(-1, h.shape[2])
-    random = sums.batches + sums.sessions
-    relative = np.ones(random + sums.p)
-    relative[: sums.batches], relative[sums.batches : random] = theta[3], theta[4]
+    relative = np.ones(sums.batches + sums.p)
+    relative[: sums.batches] = theta[3]
     left = (sums.ss - flat.T @ weighted) * relative[:, None] * relative
-    left[np.arange(random), np.arange(random)] += 1.0
+    left[np.arange(sums.batches), np.arange(sums.batches)] += 1.0
     right = (sums.sy - weighted.T @ g.ravel()) * relative
     factor = np.linalg.cholesky(left)
     half = solve_triangular(factor, right, lower=True)
@@ -255,11 +242,9 @@ def _solve(sums: _Sums, theta: Floats) -> _Solved:
 
 
 def _search(sums: _Sums, start: float, nondegenerate: bool) -> tuple[Floats, float]:
-    """The relative L (3) and standard deviations of batches and sessions that minimise the deviance, and the least
-    deviance."""
-    bounds = [(0.0, MOST), (-MOST, MOST), (0.0, MOST)]
-    bounds += [(0.0, MOST if there else 0.0) for there in (sums.batches > 1, sums.sessions > 1)]
-    first = np.array([start, 0.0, start, start * (bounds[3][1] > 0.0), start * (bounds[4][1] > 0.0)])
+    """The relative L (3) and standard deviation of batches that minimise the deviance, and the least deviance."""
+    bounds = [(0.0, MOST), (-MOST, MOST), (0.0, MOST), (0.0, MOST if sums.batches > 1 else 0.0)]
+    first = np.array([start, 0.0, start, start * (sums.batches > 1)])
     kept_off_zero = [k for k in (2, 3) if nondegenerate and bounds[k][1] > 0.0]
 
     def cost(theta: Floats) -> float:
@@ -278,7 +263,7 @@ def _search(sums: _Sums, start: float, nondegenerate: bool) -> tuple[Floats, flo
 
 def _fit_of(sums: _Sums, theta: Floats) -> MixedFit:
     solved = _solve(sums, theta)
-    random, p, m = sums.batches + sums.sessions, sums.p, len(sums.zz)
+    batches, p, m = sums.batches, sums.p, len(sums.zz)
     covariance = cho_solve((solved.factor, True), np.diag(solved.relative)) * solved.relative[:, None] * solved.variance
     own = solved.lower @ solved.inverse @ solved.lower.T  # of a specimen's pair given the shared columns, over scale^2
     pair = (own @ (sums.zy - sums.zs @ solved.shared)[:, :, None])[:, :, 0]
@@ -286,7 +271,7 @@ def _fit_of(sums: _Sums, theta: Floats) -> MixedFit:
     members = np.flatnonzero(sums.of_batch >= 0)
     reach[members, 1, sums.of_batch[members]] += 1.0
     pair[members, 1] += solved.shared[sums.of_batch[members]]
-    both = np.concatenate([np.broadcast_to(np.eye(random + p)[random:], (m, p, random + p)), reach], axis=1)
+    both = np.concatenate([np.broadcast_to(np.eye(batches + p)[batches:], (m, p, batches + p)), reach], axis=1)
     joint = both @ covariance @ both.transpose(0, 2, 1)
     joint[:, p:, p:] += solved.variance * own
     units = np.concatenate([1.0 / sums.column_scale, [1.0, 1.0 / sums.dose_scale]])
@@ -294,16 +279,14 @@ def _fit_of(sums: _Sums, theta: Floats) -> MixedFit:
     slope = float(np.hypot(*solved.lower[1]))
     start_sd = scale * float(solved.lower[0, 0])
     return MixedFit(
-        fixed=(solved.shared[random:] + sums.first_fixed) * units[:p],
-        fixed_covariance=covariance[random:, random:] * units[:p, None] * units[:p],
+        fixed=(solved.shared[batches:] + sums.first_fixed) * units[:p],
+        fixed_covariance=covariance[batches:, batches:] * units[:p, None] * units[:p],
         start_sd=start_sd,
         slope_sd=scale * slope / sums.dose_scale,
         correlation=float(solved.lower[1, 0]) / slope if slope and start_sd else 0.0,
         batch_slope_sd=scale * float(theta[3]) / sums.dose_scale,
-        session_sd=scale * float(theta[4]),
         scale=scale / sums.sd_scale,
         deviance=solved.deviance,
         effect=pair * units[p:],
         joint=joint * units[:, None] * units,
-        session=solved.shared[sums.batches : random],
     )

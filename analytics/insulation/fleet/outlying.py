@@ -29,19 +29,16 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
+from scipy.stats import false_discovery_control
 from scipy.stats import t as student
 
+from analytics.insulation.arrays import PERCENT_PER_100_H, Floats, Ints, usable
 from analytics.insulation.fleet import mixed
 from analytics.insulation.fleet.healthy_slopes import HealthySlopes, healthy_slopes
 from analytics.insulation.fleet.slopes import Slopes, Step, slopes, step_or_slope
 from analytics.insulation.fleet.spread import Spread, spread
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Flags = NDArray[np.bool_]
-
-PERCENT_PER_100_H = 1e4
 USUAL_SHARE, USUAL_WEIGHT = 0.2, 2.0  # of the common slope: spread of specimens
 USUAL_BATCH_SHARE, USUAL_BATCH_WEIGHT = 0.12, 4.0
 TAILS, BATCH_TAILS = 16.0, 20.0  # degrees of freedom
@@ -76,7 +73,8 @@ class SpecimenHealth:
 
 @dataclass(frozen=True)
 class BatchHealth:
-    """How a batch compares with the others, by the centre of its specimens' slopes."""
+    """How a batch compares with the others, by the centre of its specimens' slopes [%/100 h]; the rest as of a
+    specimen."""
 
     batch: str
     specimens: int
@@ -149,17 +147,6 @@ def assess(
     )
 
 
-def benjamini_hochberg(p_values: ArrayLike, rate: float) -> Flags:
-    """Which of independent or positively dependent tests (n,) stand out, so that the expected share of false ones among
-    them is at most `rate`."""
-    p = np.asarray(p_values, np.float64)
-    order = np.argsort(p)
-    passed = np.flatnonzero(p[order] <= rate * np.arange(1, len(p) + 1) / len(p))
-    result = np.zeros(len(p), np.bool_)
-    result[order[: passed[-1] + 1 if len(passed) else 0]] = True
-    return result
-
-
 # ---- slopes --------------------------------------------------------------------------------------------------------
 
 
@@ -174,13 +161,12 @@ class _Rows:
 
     @classmethod
     def of(cls, who: Ints, dose_h: ArrayLike, ln_resistance: ArrayLike, sd: ArrayLike) -> _Rows:
-        dose, y = np.asarray(dose_h, np.float64), np.asarray(ln_resistance, np.float64)
-        s = np.broadcast_to(np.asarray(sd, np.float64), dose.shape)
-        good = np.isfinite(dose) & np.isfinite(y) & np.isfinite(s) & (s > 0.0)
-        who, dose, y, s = who[good], dose[good], y[good], s[good]
+        good, dose, y, s = usable(dose_h, ln_resistance, sd)
+        who = who[good]
         return cls(who, dose, _without_bends(who, dose, y, s), s)
 
     def slopes(self, specimens: int) -> Slopes:
+        """Of all specimens: the slope is 0 and its sd infinite where one has no check."""
         present, code = np.unique(self.who, return_inverse=True)
         found = slopes(code, self.dose, self.y, self.sd)
         slope, error, factor = np.zeros(specimens), np.full(specimens, np.inf), np.ones(specimens)
@@ -233,7 +219,7 @@ class _Fleet:
     def among_batches(self, but: Ints) -> Spread:
         """The fleet's centre and the spread of batches about it, without the batches `but` unless nothing else is
         left."""
-        rest = np.setdiff1d(np.unique(self.group), but)
+        rest = np.setdiff1d(self.group, but)
         if not len(rest):
             rest = np.unique(self.group)
         centre, variance, one = self.within.centre[rest], self.within.variance[rest], np.zeros(len(rest), np.int64)
@@ -241,7 +227,7 @@ class _Fleet:
 
     def against_others(self, k: int) -> tuple[float, float]:
         """Score and one-sided p-value of a batch's centre against those of the others."""
-        rest = np.setdiff1d(np.unique(self.group), [k])
+        rest = np.setdiff1d(self.group, [k])
         others, own = self.among_batches(np.array([k])), self.within.variance
         weight = others.variance[0] / (others.tau_square + own[rest])
         of_batches = others.tau_square * (1.0 + float(weight @ weight))
@@ -288,9 +274,8 @@ def _without_steps(fleet: _Fleet, known: Ints, rows: _Rows, own: Slopes, rate: f
     centre, variance = _centres(fleet, bad)
     scores, freedom = _scores(fleet, bad)
     usual_sd = np.sqrt(variance + fleet.within.tau_square)
-    unusual_sd = UNUSUAL * max(
-        abs(float(np.median(centre[np.unique(fleet.group)]))), math.sqrt(fleet.within.tau_square)
-    )
+    common = abs(float(np.median(centre[np.unique(fleet.group)])))
+    unusual_sd = UNUSUAL * max(common, math.sqrt(fleet.within.tau_square))
     steps: dict[int, Step] = {}
     slope, error = fleet.slope.copy(), fleet.variance.copy()
     for k in np.flatnonzero(student.sf(scores, freedom) < ASKED_FOR_A_STEP):
@@ -309,16 +294,19 @@ def _test_batches(fleet: _Fleet, rate: float) -> dict[int, _Test]:
     large = [k for k in range(fleet.batches) if sizes[k] >= LEAST_IN_BATCH]
     if groups < 2 or not large:
         return {}
-    scores, p_values = zip(*(fleet.against_others(k) for k in large), strict=True)
-    flags = benjamini_hochberg(p_values, rate)
-    return {k: _Test(z, p, bool(flag), "") for k, z, p, flag in zip(large, scores, p_values, flags, strict=True)}
+    scores, p_values = np.array([fleet.against_others(k) for k in large]).T
+    return dict(zip(large, _listed(scores, p_values, rate), strict=True))
 
 
 def _test_specimens(fleet: _Fleet, bad: Ints, rate: float) -> list[_Test]:
     scores, freedom = _scores(fleet, bad)
-    p_values = student.sf(scores, freedom)
-    flags = benjamini_hochberg(p_values, rate)
-    return [_Test(float(z), float(p), bool(flag), "") for z, p, flag in zip(scores, p_values, flags, strict=True)]
+    return _listed(scores, student.sf(scores, freedom), rate)
+
+
+def _listed(scores: Floats, p_values: Floats, rate: float) -> list[_Test]:
+    """The tests (n,), those listed as outlying that keep the false-discovery rate."""
+    outlying = false_discovery_control(p_values) <= rate
+    return [_Test(*of_one, "") for of_one in zip(scores.tolist(), p_values.tolist(), outlying.tolist(), strict=True)]
 
 
 def _scores(fleet: _Fleet, bad: Ints) -> tuple[Floats, Floats]:

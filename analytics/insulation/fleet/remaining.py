@@ -17,12 +17,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.stats import t as student
 
+from analytics.insulation.arrays import PERCENT_PER_100_H, Floats, usable
 from analytics.insulation.fleet import mixed
-
-Floats = NDArray[np.float64]
 
 HALF_CONDUCTIVITY = 2.0
 BAND = (0.025, 0.5, 0.975)
@@ -58,12 +57,8 @@ def remaining(
     """What each specimen has left, in the order of names. Arguments have one entry for each check, in any order, as
     for `outlying.assess`. Rows that are not finite are left out, and specimens without any left. Empty below three
     specimens or where all checks are at one dose."""
-    dose, y = np.asarray(dose_h, np.float64), np.asarray(ln_resistance, np.float64)
-    s = np.broadcast_to(np.asarray(sd, np.float64), dose.shape)
-    good = np.isfinite(dose) & np.isfinite(y) & np.isfinite(s) & (s > 0.0)
-    names = np.asarray(specimen, np.str_)[good]
-    dose, y, s = dose[good], y[good], s[good]
-    known, who = np.unique(names, return_inverse=True)
+    good, dose, y, s = usable(dose_h, ln_resistance, sd)
+    known, who = np.unique(np.asarray(specimen, np.str_)[good], return_inverse=True)
     if len(known) < 3 or not np.ptp(dose):
         return ()
     batch_of = dict(zip(specimen, batch, strict=True))
@@ -76,7 +71,7 @@ def remaining(
     over, slope, slope_sd = _courses(fit, knots, at, math.log(factor))
     ends = [[_dose_of(q, at, row) for q in student.ppf(BAND, len(known) - 1)] for row in over]
     return tuple(
-        _life(str(name), float(now), 1e4 * float(b), 1e4 * float(e), end)
+        _life(str(name), float(now), PERCENT_PER_100_H * float(b), PERCENT_PER_100_H * float(e), end)
         for name, now, b, e, end in zip(known, last, slope, slope_sd, ends, strict=True)
     )
 

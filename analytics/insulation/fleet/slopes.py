@@ -15,19 +15,14 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import logsumexp
-from scipy.stats import chi2
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from analytics.insulation.arrays import Floats, Ints
+from analytics.insulation.checks.repeatability import CUT, CUT_SQUARE, OVERLAP
 
 STEP_SD = 0.08  # of ln R, by an exchanged sensor
 GIVEN_WEIGHT = 10.0  # in checks, of the given standard deviations against what residuals say
-CUT = 2.5
-OVERLAP = 1.0 + 2.0 * ((2 / 3) ** 2 + (1 / 6) ** 2)  # neighbours' differences are correlated: that many count as one
 HUBER, ROUNDS, ROUNDS_OF_SCALE = 1.5, 10, 30
-CUT_SQUARE = float(chi2.cdf(CUT**2, 3) + CUT**2 * chi2.sf(CUT**2, 1))
 
 
 @dataclass(frozen=True)

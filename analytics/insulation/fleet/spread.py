@@ -11,14 +11,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import chi2
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from analytics.insulation.arrays import Floats, Ints
+from analytics.insulation.checks.repeatability import CUT, CUT_SQUARE
 
-CUT = 2.5
-CUT_SQUARE = float(chi2.cdf(CUT**2, 3) + CUT**2 * chi2.sf(CUT**2, 1))  # mean of min(z^2, CUT^2) of a normal z
 HUBER = 1.5
 ROUNDS = 15
 HALVINGS = 26

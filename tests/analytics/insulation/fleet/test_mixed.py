@@ -58,7 +58,6 @@ class Rows:
     y: Floats
     sd: Floats
     batch: Ints
-    session: Ints
 
 
 def _rows(seed: int, slope_sd: float = 2e-4) -> Rows:
@@ -66,13 +65,13 @@ def _rows(seed: int, slope_sd: float = 2e-4) -> Rows:
     specimens, checks = 12, 7
     who = np.repeat(np.arange(specimens), checks)
     dose = random.uniform(0.0, 300.0, len(who))
-    batch, session = np.repeat([0, 1, 2, -1], 3), random.integers(-1, 6, len(who))
+    batch = np.repeat([0, 1, 2, -1], 3)
     sd = 0.03 * random.uniform(0.7, 1.5, len(who))
     of_batch = np.append(2e-4 * random.standard_normal(3), 0.0)[batch]
     slope = 3e-4 + slope_sd * random.standard_normal(specimens) + of_batch
     y = -3.8 + 0.06 * random.standard_normal(specimens)[who] + slope[who] * dose
-    y += np.append(0.05 * random.standard_normal(6), 0.0)[session] + sd * random.standard_normal(len(who))
-    return Rows(who, dose, y, sd, batch, session)
+    y += sd * random.standard_normal(len(who))
+    return Rows(who, dose, y, sd, batch)
 
 
 def _pair(fit: mixed.MixedFit) -> Floats:
@@ -87,14 +86,13 @@ def _covariance(rows: Rows, fit: mixed.MixedFit) -> Floats:
     total = same * (z @ _pair(fit) @ z.T) + np.diag((fit.scale * rows.sd) ** 2)
     of = rows.batch[rows.who]
     total += ((of[:, None] == of) & (of >= 0)) * fit.batch_slope_sd**2 * np.outer(rows.dose, rows.dose)
-    total += ((rows.session[:, None] == rows.session) & (rows.session >= 0)) * fit.session_sd**2
     return np.asarray(total, np.float64)
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
 def test_deviance_and_fixed_effects_are_those_of_the_density_written_out(seed: int) -> None:
     rows = _rows(seed)
-    fit = mixed.fit(rows.who, rows.dose, rows.y, rows.sd, batch=rows.batch, session=rows.session)
+    fit = mixed.fit(rows.who, rows.dose, rows.y, rows.sd, batch=rows.batch)
     x = np.column_stack([np.ones_like(rows.dose), rows.dose])
     v = _covariance(rows, fit)
     information = x.T @ np.linalg.solve(v, x)
@@ -110,7 +108,7 @@ def test_deviance_and_fixed_effects_are_those_of_the_density_written_out(seed: i
 @pytest.mark.parametrize("place", [0, 11])  # in a batch, and in none
 def test_predictions_and_their_errors_are_those_of_the_joint_gaussian(place: int) -> None:
     rows = _rows(1)
-    fit = mixed.fit(rows.who, rows.dose, rows.y, rows.sd, batch=rows.batch, session=rows.session)
+    fit = mixed.fit(rows.who, rows.dose, rows.y, rows.sd, batch=rows.batch)
     x = np.column_stack([np.ones_like(rows.dose), rows.dose])
     inverse = np.linalg.inv(_covariance(rows, fit))
     beta_covariance = np.linalg.inv(x.T @ inverse @ x)
@@ -127,10 +125,10 @@ def test_predictions_and_their_errors_are_those_of_the_joint_gaussian(place: int
 
 def test_no_other_variances_have_a_smaller_deviance() -> None:
     rows = _rows(2)
-    least = mixed.fit(rows.who, rows.dose, rows.y, rows.sd, batch=rows.batch, session=rows.session).deviance
-    sums = mixed._Sums.of(rows.who, rows.dose, rows.y, rows.sd, None, rows.batch, rows.session)
+    least = mixed.fit(rows.who, rows.dose, rows.y, rows.sd, batch=rows.batch).deviance
+    sums = mixed._Sums.of(rows.who, rows.dose, rows.y, rows.sd, None, rows.batch)
     random = np.random.default_rng(0)
-    tried = [mixed._solve(sums, np.exp(random.uniform(-4.0, 1.5, 5)) * [1, 1, 1, 1, 1]).deviance for _ in range(300)]
+    tried = [mixed._solve(sums, np.exp(random.uniform(-4.0, 1.5, 4))).deviance for _ in range(300)]
     assert min(tried) > least - 1e-6
 
 

@@ -11,7 +11,8 @@ import pytest
 from numpy.typing import ArrayLike, NDArray
 from scipy.stats import norm
 
-from analytics.insulation.fleet.outlying import FleetAssessment, SpecimenHealth, assess, benjamini_hochberg
+from analytics.insulation.fleet import outlying
+from analytics.insulation.fleet.outlying import FleetAssessment, SpecimenHealth, assess
 from analytics.insulation.fleet.slopes import slopes, step_or_slope
 from analytics.insulation.fleet.spread import spread
 
@@ -301,8 +302,8 @@ def test_the_list_of_benjamini_and_hochberg_is_reproduced() -> None:
         0.7590,
         1.0,
     ]
-    assert benjamini_hochberg(p, 0.05).tolist() == [True] * 4 + [False] * 11
-    assert benjamini_hochberg([], 0.05).tolist() == []
+    found = outlying._listed(np.zeros(len(p)), np.array(p), 0.05)
+    assert [one.outlying for one in found] == [True] * 4 + [False] * 11
 
 
 def test_slopes_and_their_errors_are_those_of_least_squares_for_small_residuals() -> None:
