@@ -9,21 +9,22 @@ one concave search.
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal, Protocol
+from typing import ClassVar, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import brentq, minimize_scalar
 from scipy.stats import chi2
 
+from analytics.insulation.arrays import Floats
 from analytics.insulation.dose.arrhenius import BOLTZMANN_EV_PER_K, LIFE_H, ZERO_DEGC_IN_K
 from analytics.insulation.life.censored import Lives, Restriction, maximise, standard_quantile
-from analytics.insulation.life.life import LifeFit, density_per_hour, log_lives, reciprocal
+from analytics.insulation.life.life import LifeFit, density_per_hour, reciprocal, regressors
 from analytics.insulation.life.simulation import drawn
 
-Floats = NDArray[np.float64]
+Method = Literal["profile", "bootstrap"]
 
 WIDENINGS = 60  # of the first guess of a bound, each by half
 IMPOSSIBLE = 1e9  # a deviance: finite, as searches compute with it
@@ -41,46 +42,45 @@ class Bounds:
     lower: float
     upper: float
     confidence: float
-    method: Literal["profile", "bootstrap"]
+    method: Method
     criterion: str
     lost: int = 0
 
 
-class Quantity(Protocol):
-    """Something that a law says. psi is its value, or where it is a life the logarithm of that."""
+class Quantity(ABC):
+    """Something that a law says, in `unit`. psi is its value, or where it is a life the logarithm of that."""
+
+    unit: ClassVar[str]
 
     @property
+    @abstractmethod
     def name(self) -> str:
         """As answers call it."""
 
-    @property
-    def unit(self) -> str:
-        """Of its value."""
-
+    @abstractmethod
     def psi(self, fit: LifeFit, location: Floats, eV: Floats, sigma: Floats) -> Floats:
         """psi (...,) by laws with these locations, energies [eV] and spreads (...,)."""
 
+    @abstractmethod
     def deviance(self, fit: LifeFit, psi: float) -> float:
         """2 (l_max - l(psi)): how much less likely than the fitted law the best one is that has this psi."""
 
     def value(self, psi: float) -> float:
         """The value that a psi stands for."""
+        return psi
 
 
 @dataclass(frozen=True)
-class Quantile:
+class Quantile(Quantity):
     """The life [h] at `degC` that the share `p` does not reach."""
 
     p: float
     degC: float
+    unit = "h"
 
     @property
     def name(self) -> str:
         return f"life of the share {self.p:g} at {self.degC:g} degC"
-
-    @property
-    def unit(self) -> str:
-        return "h"
 
     def psi(self, fit: LifeFit, location: Floats, eV: Floats, sigma: Floats) -> Floats:
         u = reciprocal(self.degC, fit.centre_degC)
@@ -95,11 +95,11 @@ class Quantile:
 
 
 @dataclass(frozen=True)
-class ActivationEnergy:
+class ActivationEnergy(Quantity):
     """The activation energy E [eV]."""
 
-    name: str = "activation energy"
-    unit: str = "eV"
+    name = "activation energy"
+    unit = "eV"
 
     def psi(self, fit: LifeFit, location: Floats, eV: Floats, sigma: Floats) -> Floats:
         return eV
@@ -107,23 +107,17 @@ class ActivationEnergy:
     def deviance(self, fit: LifeFit, psi: float) -> float:
         return _deviance(fit, Restriction(np.zeros(3), np.array([[1.0, 0.0, 0.0], [0.0, psi, 1.0]])))
 
-    def value(self, psi: float) -> float:
-        return psi
-
 
 @dataclass(frozen=True)
-class TemperatureIndex:
+class TemperatureIndex(Quantity):
     """The temperature [degC] at which half of the specimens reach `life_h` [h] (IEC 60216-1)."""
 
     life_h: float = LIFE_H
+    unit = "degC"
 
     @property
     def name(self) -> str:
         return f"temperature index at {self.life_h:g} h"
-
-    @property
-    def unit(self) -> str:
-        return "degC"
 
     def psi(self, fit: LifeFit, location: Floats, eV: Floats, sigma: Floats) -> Floats:
         return _temperature(fit, location, eV, sigma, self.life_h)
@@ -131,30 +125,24 @@ class TemperatureIndex:
     def deviance(self, fit: LifeFit, psi: float) -> float:
         return _deviance(fit, _through(fit, 0.5, psi, math.log(self.life_h))) if psi > COLDEST_DEGC else 0.0
 
-    def value(self, psi: float) -> float:
-        return psi
-
 
 @dataclass(frozen=True)
-class HalvingInterval:
-    """How much hotter [K] than the temperature index half of `life_h` is the median life (IEC 60216-1)."""
+class HalvingInterval(Quantity):
+    """How many kelvin above the temperature index the median life is half of `life_h` (IEC 60216-1)."""
 
     life_h: float = LIFE_H
+    unit = "K"
 
     @property
     def name(self) -> str:
         return f"halving interval at {self.life_h:g} h"
-
-    @property
-    def unit(self) -> str:
-        return "K"
 
     def psi(self, fit: LifeFit, location: Floats, eV: Floats, sigma: Floats) -> Floats:
         hotter = _temperature(fit, location, eV, sigma, self.life_h / 2)
         return np.asarray(hotter - _temperature(fit, location, eV, sigma, self.life_h))
 
     def deviance(self, fit: LifeFit, psi: float) -> float:
-        """The least over all temperature indices: with one of them and `psi` the line is known, but for its spread."""
+        """The least over all temperature indices."""
         if psi <= 0.0:
             return IMPOSSIBLE
         index = estimate(fit, TemperatureIndex(self.life_h))
@@ -165,13 +153,11 @@ class HalvingInterval:
         return float(minimize_scalar(given, bracket=(index - psi / 2, index + psi / 2), tol=1e-7).fun)
 
     def _line(self, fit: LifeFit, degC: float, halving_K: float) -> Restriction:
+        """The laws with this index and halving interval, free in their spread only."""
         eV = math.log(2.0) / float(reciprocal(degC, degC + halving_K))
         u = float(reciprocal(degC, fit.centre_degC))
         base = np.array([-standard_quantile(fit.distribution, 0.5), 0.0, 0.0])
         return Restriction(base, np.array([[math.log(self.life_h) - eV * u, eV, 1.0]]))
-
-    def value(self, psi: float) -> float:
-        return psi
 
 
 def estimate(fit: LifeFit, quantity: Quantity) -> float:
@@ -187,48 +173,29 @@ def profile(fit: LifeFit, quantity: Quantity, confidence: float = 0.95) -> Bound
     lower, upper = (
         _edge(lambda v: quantity.deviance(fit, v) - allowed, psi, _step(fit, quantity, psi, s)) for s in (-1, 1)
     )
-    return Bounds(
-        quantity=quantity.name,
-        unit=quantity.unit,
-        value=quantity.value(psi),
-        lower=quantity.value(lower),
-        upper=quantity.value(upper),
-        confidence=confidence,
-        method="profile",
-        criterion=fit.criterion,
-    )
+    return _bounds(fit, quantity, lower, upper, confidence, "profile")
 
 
 def bootstrap(fit: LifeFit, quantity: Quantity, draws: int = 2000, seed: int = 0, confidence: float = 0.95) -> Bounds:
-    """Bounds of `quantity`: the quantiles of what `draws` data sets say that are drawn from the law and watched as the
-    real one was (`life_simulation`)."""
+    """Bounds of `quantity`: quantiles of its values in `draws` data sets that are drawn from the law and watched as the
+    real one was (`simulation`)."""
     units = fit.tested.units()
-    lower, upper = drawn(
-        units,
-        fit.log_life(units.temperature_degC),
-        np.full(units.counts.size, fit.sigma),
-        fit.distribution,
-        draws,
-        seed,
-    )
-    x = log_lives(units, fit.centre_degC).x
-    line = maximise(Lives(x, lower, upper, units.counts), fit.distribution)
+    lower, upper = drawn(units, fit.log_life(units.temperature_degC), fit.sigma, fit.distribution, draws, seed)
+    line = maximise(Lives(regressors(units, fit.centre_degC), lower, upper, units.counts), fit.distribution)
     found = line.found
     said = quantity.psi(fit, line.beta[found, 0], line.beta[found, 1], line.sigma[found])
     said = said[np.isfinite(said)]
     tail = (1.0 - confidence) / 2
     low, high = np.quantile(said, [tail, 1.0 - tail]) if said.size else (-math.inf, math.inf)
-    return Bounds(
-        quantity=quantity.name,
-        unit=quantity.unit,
-        value=quantity.value(estimate(fit, quantity)),
-        lower=quantity.value(float(low)),
-        upper=quantity.value(float(high)),
-        confidence=confidence,
-        method="bootstrap",
-        criterion=fit.criterion,
-        lost=draws - said.size,
-    )
+    return _bounds(fit, quantity, float(low), float(high), confidence, "bootstrap", draws - said.size)
+
+
+def _bounds(
+    fit: LifeFit, quantity: Quantity, lower: float, upper: float, confidence: float, method: Method, lost: int = 0
+) -> Bounds:
+    """From the ends of psi."""
+    value, low, high = (quantity.value(psi) for psi in (estimate(fit, quantity), lower, upper))
+    return Bounds(quantity.name, quantity.unit, value, low, high, confidence, method, fit.criterion, lost)
 
 
 def _temperature(fit: LifeFit, location: Floats, eV: Floats, sigma: Floats, life_h: float) -> Floats:
@@ -249,7 +216,7 @@ def _through(fit: LifeFit, p: float, degC: float, log_h: float) -> Restriction:
 
 
 def _deviance(fit: LifeFit, restriction: Restriction) -> float:
-    line = maximise(log_lives(fit.tested, fit.centre_degC), fit.distribution, restriction)
+    line = maximise(fit.tested.logs(regressors(fit.tested, fit.centre_degC)), fit.distribution, restriction)
     best = fit.log_likelihood + density_per_hour(fit.tested)
     return float(2.0 * (best - line.log_likelihood)) if line.settled else IMPOSSIBLE
 

@@ -14,11 +14,10 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import log_ndtr, ndtri
 
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
+from analytics.insulation.arrays import Flags, Floats
+
 Distribution = Literal["lognormal", "weibull"]
 DISTRIBUTIONS: tuple[Distribution, ...] = ("lognormal", "weibull")
 
@@ -50,8 +49,8 @@ class LineFit:
     beta: Floats
     sigma: Floats
     log_likelihood: Floats
-    settled: Bools
-    found: Bools
+    settled: Flags
+    found: Flags
 
 
 @dataclass(frozen=True)
@@ -73,11 +72,10 @@ def maximise(lives: Lives, distribution: Distribution, restriction: Restriction 
     size = lives.x.shape[1]
     if restriction is None:
         restriction = Restriction(np.zeros(size + 1), np.eye(size + 1))
-    low = _rows(lives.x, lives.lower)
-    high = _rows(lives.x, lives.upper)
+    rows = _rows(lives.x, lives.lower), _rows(lives.x, lives.upper)
     first = np.concatenate([beta / sigma[..., None], 1.0 / sigma[..., None]], axis=-1)
     phi = np.asarray((first - restriction.base) @ np.linalg.pinv(restriction.directions))
-    theta, value, settled, found = _climb(lives, distribution, restriction, (low, high), phi)
+    theta, value, settled, found = _climb(lives, distribution, restriction, rows, phi)
     delta = np.where(found, theta[..., -1], np.nan)
     return LineFit(theta[..., :-1] / delta[..., None], 1.0 / delta, value, settled, found)
 
@@ -100,8 +98,8 @@ def _rows(x: Floats, y: Floats) -> Floats:
 
 
 def _start(lives: Lives) -> tuple[Floats, Floats]:
-    """A first theta by least squares of the middles of intervals; the spread is never nothing, and too wide rather
-    than too narrow."""
+    """A first beta and sigma by least squares of the middles of intervals; the spread is never nothing, and too wide
+    rather than too narrow."""
     lower, upper = np.broadcast_arrays(lives.lower, lives.upper)
     one = np.where(np.isfinite(lower), lower, upper)
     middle = (one + np.where(np.isfinite(upper), upper, lower)) / 2
@@ -112,7 +110,9 @@ def _start(lives: Lives) -> tuple[Floats, Floats]:
 
 def _climb(
     lives: Lives, distribution: Distribution, restriction: Restriction, rows: tuple[Floats, Floats], phi: Floats
-) -> tuple[Floats, Floats, Bools, Bools]:
+) -> tuple[Floats, Floats, Flags, Flags]:
+    """theta (..., r + 1) and log-likelihood (...,) at the maximum, sought from `phi`; `settled` and `found` as
+    `LineFit` has them."""
     directions, base = restriction.directions, restriction.base
     # Directions are scaled by the rows' size, so that steps, curvatures and distances below are comparable.
     seen = np.sqrt(np.mean((rows[0] @ directions.T) ** 2 + (rows[1] @ directions.T) ** 2, axis=-2))
@@ -156,7 +156,7 @@ def _climb(
 def _newton(slope: Floats, hessian: Floats, total: Floats) -> Floats:
     """The step to where the slope is zero, along directions without any curvature too; NaN where a derivative is not
     finite."""
-    finite: Bools = np.asarray(np.isfinite(slope).all(axis=-1) & np.isfinite(hessian).all(axis=(-1, -2)))
+    finite: Flags = np.asarray(np.isfinite(slope).all(axis=-1) & np.isfinite(hessian).all(axis=(-1, -2)))
     slope, hessian = np.where(finite[..., None], slope, np.nan), np.where(finite[..., None, None], hessian, 0.0)
     least = 1e-14 * (total - np.trace(hessian, axis1=-2, axis2=-1))
     return np.asarray(
@@ -167,8 +167,8 @@ def _newton(slope: Floats, hessian: Floats, total: Floats) -> Floats:
 def _finite(
     lives: Lives, distribution: Distribution, rows: tuple[Floats, Floats], restriction: Restriction, phi: Floats
 ) -> Floats:
-    """`phi` with delta above zero and a finite likelihood: shorter and shorter, as every z then comes near to what it
-    is at zero."""
+    """`phi` moved to where delta is above zero and the likelihood finite: it is halved until then, which brings every z
+    near to what it is at phi = 0."""
     rise = restriction.directions[:, -1]
     lack = 1.0 - restriction.base[-1] - phi @ rise
     phi = phi + np.where(lack < 1.0, 0.0, lack)[..., None] * rise / (rise @ rise)

@@ -13,13 +13,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from analytics.insulation.life.censored import Distribution, LineFit, Lives, maximise
-from analytics.insulation.life.life import LifeFit, LifeTable, NoFit, fit, log_lives
+from analytics.insulation.arrays import Floats
+from analytics.insulation.life.censored import Distribution, Lives, maximise
+from analytics.insulation.life.life import LifeFit, LifeTable, NoFit, fit, regressors
 from analytics.insulation.life.simulation import drawn
 
-Floats = NDArray[np.float64]
 Ratio = Callable[[Floats, Floats], Floats]  # of ln h between which lives ended, (..., n) twice
 
 DRAWS = 999
@@ -48,27 +47,19 @@ def linearity(law: LifeFit, draws: int = DRAWS, seed: int = 0) -> LawCheck:
     """Is ln life a straight line over 1 / T? Against a location of its own at each temperature where a life ended."""
     asks = "one activation energy at all temperatures"
     chosen = np.isin(law.tested.temperature_degC, law.temperatures_degC)
-    tested, left_out = law.tested.at(chosen).units(), _temperatures(law.tested.at(~chosen))
+    tested, left_out = law.tested.at(chosen).units(), law.tested.at(~chosen).temperatures_degC
     line = _line_through(tested, law)
     if len(law.temperatures_degC) < 3 or isinstance(line, NoFit):
         return _untested(asks, "lives ended at fewer than three temperatures: any two lie on a line", left_out)
-    lower, upper = drawn(
-        tested,
-        line.log_life(tested.temperature_degC),
-        np.full(tested.counts.size, line.sigma),
-        law.distribution,
-        draws,
-        seed,
-    )
-    straight = log_lives(tested, law.centre_degC).x
-    groups = _groups(tested)
+    simulated = drawn(tested, line.log_life(tested.temperature_degC), line.sigma, law.distribution, draws, seed)
+    straight, groups = regressors(tested, law.centre_degC), _groups(tested)
 
     def ratio(low: Floats, high: Floats) -> Floats:
         null = maximise(Lives(straight, low, high, tested.counts), law.distribution)
         own = maximise(Lives(groups, low, high, tested.counts), law.distribution)
-        return _ratio(null, own)
+        return np.where(null.settled & own.settled, 2 * (own.log_likelihood - null.log_likelihood), np.nan)
 
-    seen, p_value = _p_value(ratio, tested, (lower, upper))
+    seen, p_value = _p_value(ratio, tested, simulated)
     if math.isnan(p_value):
         return _untested(asks, ALIKE, left_out)
     passed = p_value >= LEVEL
@@ -82,15 +73,12 @@ def common_spread(law: LifeFit, draws: int = DRAWS, seed: int = 0) -> LawCheck:
     asks = "one spread at all temperatures"
     spreads = {t: s for t in law.temperatures_degC if np.isfinite(s := _spread(law.tested, t, law.distribution))}
     chosen = np.isin(law.tested.temperature_degC, list(spreads))
-    tested, left_out = law.tested.at(chosen).units(), _temperatures(law.tested.at(~chosen))
+    tested, left_out = law.tested.at(chosen).units(), law.tested.at(~chosen).temperatures_degC
     if len(spreads) < 2:
         return _untested(asks, "fewer than two temperatures tell a spread", left_out)
     groups, distribution = _groups(tested), law.distribution
-    lives = _logs(tested, groups)
-    null = maximise(lives, distribution)
-    lower, upper = drawn(
-        tested, groups @ null.beta, np.full(tested.counts.size, float(null.sigma)), distribution, draws, seed
-    )
+    null = maximise(tested.logs(groups), distribution)
+    simulated = drawn(tested, groups @ null.beta, float(null.sigma), distribution, draws, seed)
 
     def ratio(low: Floats, high: Floats) -> Floats:
         common = maximise(Lives(groups, low, high, tested.counts), distribution)
@@ -102,7 +90,7 @@ def common_spread(law: LifeFit, draws: int = DRAWS, seed: int = 0) -> LawCheck:
         settled = np.logical_and.reduce([common.settled, *(one.settled for one in own)])
         return np.where(settled, 2 * (total - common.log_likelihood), np.nan)
 
-    seen, p_value = _p_value(ratio, tested, (lower, upper))
+    seen, p_value = _p_value(ratio, tested, simulated)
     if math.isnan(p_value):
         return _untested(asks, ALIKE, left_out)
     passed = p_value >= LEVEL
@@ -123,17 +111,13 @@ def _line_through(tested: LifeTable, law: LifeFit) -> LifeFit | NoFit:
 def _p_value(ratio: Ratio, tested: LifeTable, draws: tuple[Floats, Floats]) -> tuple[float, float]:
     """The ratio of the data, and the share of draws with one as large, of those that have one and the data
     themselves. NaN where the data or most draws have none, as a likelihood without limit has not."""
-    lives = _logs(tested, np.ones((tested.counts.size, 1)))
+    lives = tested.logs(_level(tested))
     seen = float(ratio(lives.lower, lives.upper))
     simulated = ratio(*draws)
     told = simulated[np.isfinite(simulated)]
     if not math.isfinite(seen) or told.size < TOLD * simulated.size:
         return seen, math.nan
     return seen, float((1 + np.sum(told >= seen)) / (1 + told.size))
-
-
-def _ratio(null: LineFit, own: LineFit) -> Floats:
-    return np.where(null.settled & own.settled, 2 * (own.log_likelihood - null.log_likelihood), np.nan)
 
 
 def _bend(tested: LifeTable, law: LifeFit) -> str:
@@ -151,7 +135,12 @@ def _bend(tested: LifeTable, law: LifeFit) -> str:
 def _spread(tested: LifeTable, degC: float, distribution: Distribution) -> float:
     """sigma of the lives at `degC` alone; NaN where they do not tell it."""
     here = tested.at(tested.temperature_degC == degC)
-    return float(maximise(_logs(here, np.ones((here.counts.size, 1))), distribution).sigma)
+    return float(maximise(here.logs(_level(here)), distribution).sigma)
+
+
+def _level(tested: LifeTable) -> Floats:
+    """The regressor 1 (n, 1)."""
+    return np.ones((tested.counts.size, 1))
 
 
 def _groups(tested: LifeTable) -> Floats:
@@ -159,14 +148,5 @@ def _groups(tested: LifeTable) -> Floats:
     return np.equal.outer(tested.temperature_degC, np.unique(tested.temperature_degC)).astype(np.float64)
 
 
-def _logs(tested: LifeTable, x: Floats) -> Lives:
-    with np.errstate(divide="ignore"):
-        return Lives(x, np.log(tested.lower_h), np.log(tested.upper_h), tested.counts)
-
-
-def _temperatures(tested: LifeTable) -> tuple[float, ...]:
-    return tuple(float(t) for t in np.unique(tested.temperature_degC))
-
-
 def _untested(asks: str, why: str, left_out: tuple[float, ...]) -> LawCheck:
-    return LawCheck(asks, float("nan"), 0, float("nan"), False, why, left_out)
+    return LawCheck(asks, math.nan, 0, math.nan, False, why, left_out)

@@ -14,15 +14,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.optimize import brentq, minimize_scalar
 from scipy.special import ndtri
 from scipy.stats import chi2
 
+from analytics.insulation.arrays import Floats
 from analytics.insulation.dose.arrhenius import ZERO_DEGC_IN_K, Activation, Doubling, Rule
 from analytics.insulation.life.life import NoFit
-
-Floats = NDArray[np.float64]
 
 ENERGIES_EV = (0.05, 5.0)
 DOUBLINGS_K = (2.0, 60.0)
@@ -58,10 +57,10 @@ class Fall:
 def by_energy(
     temperature_degC: ArrayLike, hours: ArrayLike, strength: ArrayLike, criterion: float, at_degC: float
 ) -> Fall | NoFit:
-    """The fall with an activation energy [eV]: specimens (n,) aged `hours` [h] at `temperature_degC`, broken at
-    `strength`, above 0, in any unit. `criterion`: the strength that ends a life, above 0; the hours of the result are
-    at `at_degC`. `NoFit` where a row cannot be (the first such is named, counted from 1), where the strengths do not
-    fall, or do not determine the energy."""
+    """The fall where an hour is worth what an activation energy [eV] makes it: specimens (n,) aged `hours` [h] at
+    `temperature_degC`, broken at `strength`, above 0, in any unit. `criterion`: the strength that ends a life, above 0;
+    the hours of the result are at `at_degC`. `NoFit` where a row cannot be (the first such is named, counted from 1),
+    where the strengths do not fall, or do not determine the energy."""
     return _fitted(temperature_degC, hours, strength, criterion, at_degC, Activation, ENERGIES_EV)
 
 

@@ -11,9 +11,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Floats = NDArray[np.float64]
+from analytics.insulation.arrays import Floats, usable
 
 HALVED = math.log(2.0)  # ln R rises by so much where the conductivity falls by half
 SURE = 1.6449  # standard errors: 5 % on the one side that counts
@@ -37,16 +37,10 @@ def first_passage(dose_h: ArrayLike, ln_resistance: ArrayLike, sd: ArrayLike, ri
     >>> first_passage([0, 100, 200, 300], [0.0, 0.3, 0.68, 0.9], 0.03)
     Passage(lower_h=100.0, upper_h=300.0, why='passed for sure by 300 h, not yet at 100 h')
     """
-    dose, value, error = (
-        np.atleast_1d(v)
-        for v in np.broadcast_arrays(
-            np.asarray(dose_h, np.float64), np.asarray(ln_resistance, np.float64), np.asarray(sd, np.float64)
-        )
-    )
-    known = np.isfinite(dose) & np.isfinite(value) & (error > 0.0) & np.isfinite(error)
-    if np.unique(dose[known]).size < 2:
+    _, dose, value, error = usable(dose_h, ln_resistance, sd)
+    if np.unique(dose).size < 2:
         return Passage(None, None, "checked at fewer than two doses with a resistance and its standard error")
-    dose, value, error = _by_dose(dose[known], value[known], error[known])
+    dose, value, error = _by_dose(dose, value, error)
     risen, spread = value[1:] - value[0], SURE * np.hypot(error[1:], error[0])
     later = dose[1:]
     above = np.flatnonzero(risen - spread > rise)

@@ -13,8 +13,9 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from analytics.insulation.arrays import Flags, Floats, Ints
 from analytics.insulation.dose.arrhenius import BOLTZMANN_EV_PER_K, ZERO_DEGC_IN_K
 from analytics.insulation.life.censored import (
     DISTRIBUTIONS,
@@ -24,8 +25,6 @@ from analytics.insulation.life.censored import (
     maximise,
     standard_quantile,
 )
-
-Floats = NDArray[np.float64]
 
 CLOSE = 1e-6  # of a life: ends no further apart are one, as the probability between them is lost in rounding
 
@@ -42,23 +41,28 @@ class LifeTable:
     counts: Floats
 
     @property
-    def ended(self) -> NDArray[np.bool_]:
+    def ended(self) -> Flags:
         """Whose life ended, (n,)."""
         return np.isfinite(self.upper_h)
 
-    def at(self, chosen: NDArray[np.bool_]) -> LifeTable:
-        """The rows of those `chosen` (n,)."""
+    def at(self, chosen: Flags | Ints) -> LifeTable:
+        """The rows that are `chosen`: flags (n,), or places of any number."""
         return LifeTable(self.temperature_degC[chosen], self.lower_h[chosen], self.upper_h[chosen], self.counts[chosen])
 
     def units(self) -> LifeTable:
         """The same with one row for each specimen."""
-        many = self.counts.astype(np.int64)
-        return LifeTable(
-            np.repeat(self.temperature_degC, many),
-            np.repeat(self.lower_h, many),
-            np.repeat(self.upper_h, many),
-            np.ones(int(many.sum())),
-        )
+        each = self.at(np.repeat(np.arange(self.counts.size), self.counts.astype(np.int64)))
+        return replace(each, counts=np.ones(each.counts.size))
+
+    def logs(self, x: Floats) -> Lives:
+        """The lives as `censored` takes them, with regressors `x` (n, r)."""
+        with np.errstate(divide="ignore"):
+            return Lives(x, np.log(self.lower_h), np.log(self.upper_h), self.counts)
+
+    @property
+    def temperatures_degC(self) -> tuple[float, ...]:
+        """Each temperature once, coolest first."""
+        return tuple(np.unique(self.temperature_degC).tolist())
 
 
 @dataclass(frozen=True)
@@ -77,19 +81,9 @@ class LifeFit:
     log_likelihood: float
 
     @property
-    def activation_energy_eV(self) -> float:
-        """E [eV]."""
-        return self.eV
-
-    @property
-    def shape(self) -> float:
-        """Weibull's shape, 1 / sigma."""
-        return 1.0 / self.sigma
-
-    @property
     def temperatures_degC(self) -> tuple[float, ...]:
         """Temperatures at which a life ended, coolest first."""
-        return tuple(float(t) for t in np.unique(self.tested.temperature_degC[self.tested.ended]))
+        return self.tested.at(self.tested.ended).temperatures_degC
 
     def quantile(self, p: float, degC: float) -> float:
         """Life [h] at `degC` [degC] that the share `p`, between 0 and 1, of specimens does not reach; inf where it is
@@ -132,13 +126,11 @@ def fit(
 
     >>> lives = [900.0, 1100.0, 90.0, 110.0]
     >>> two = fit([200.0, 200.0, 240.0, 240.0], lives, lives, "lognormal", criterion="breakdown")
-    >>> f"{two.activation_energy_eV:.2f} eV, {two.quantile(0.5, 180.0):.0f} h"
+    >>> f"{two.eV:.2f} eV, {two.quantile(0.5, 180.0):.0f} h"
     '1.20 eV, 3665 h'
     """
-    temperature, lower, upper, many = np.broadcast_arrays(
-        *(np.asarray(v, np.float64) for v in (temperature_degC, lower_h, upper_h, 1.0 if counts is None else counts))
-    )
-    rows = LifeTable(*(np.atleast_1d(v) for v in (temperature, lower, upper, many)))
+    given = (temperature_degC, lower_h, upper_h, 1.0 if counts is None else counts)
+    rows = LifeTable(*np.broadcast_arrays(*(np.atleast_1d(np.asarray(v, np.float64)) for v in given)))
     reason = _faulty(rows, distribution)
     if reason is not None:
         return NoFit(reason, criterion)
@@ -146,7 +138,7 @@ def fit(
     reason = _too_little(tested)
     if reason is None:
         centre = _centre(tested)
-        lives = log_lives(tested, centre)
+        lives = tested.logs(regressors(tested, centre))
         line = maximise(lives, distribution)
         if line.found:
             return LifeFit(
@@ -164,11 +156,9 @@ def fit(
     return NoFit(reason, criterion)
 
 
-def log_lives(tested: LifeTable, centre_degC: float) -> Lives:
-    """The lives as `censored` takes them: regressors 1 and the reciprocal temperature."""
-    x = np.stack([np.ones(tested.counts.size), reciprocal(tested.temperature_degC, centre_degC)], axis=-1)
-    with np.errstate(divide="ignore"):
-        return Lives(x, np.log(tested.lower_h), np.log(tested.upper_h), tested.counts)
+def regressors(tested: LifeTable, centre_degC: float) -> Floats:
+    """The columns (n, 2) of the law's line: 1 and the reciprocal temperature."""
+    return np.stack([np.ones(tested.counts.size), reciprocal(tested.temperature_degC, centre_degC)], axis=-1)
 
 
 def density_per_hour(tested: LifeTable) -> float:

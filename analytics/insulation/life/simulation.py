@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from analytics.insulation.arrays import Floats
 from analytics.insulation.life.censored import Distribution
 from analytics.insulation.life.life import LifeTable
 
-Floats = NDArray[np.float64]
-
 
 def drawn(
-    tested: LifeTable, log_life: Floats, sigma: Floats, distribution: Distribution, draws: int, seed: int
+    tested: LifeTable, log_life: Floats, sigma: float, distribution: Distribution, draws: int, seed: int
 ) -> tuple[Floats, Floats]:
     """Between which ln h each drawn life ended, two arrays (draws, n), for the n specimens of `tested.units()`, whose
-    ln h have the locations `log_life` (n,) and the spread `sigma` (n,).
+    ln h have the locations `log_life` (n,) and the spread `sigma`.
 
     How a specimen was watched is read from those of its temperature: to the longest time seen there if any was
     right-censored, else to its end; looked at whenever any of them was (the ends of their intervals) if any is
@@ -36,11 +34,9 @@ def drawn(
 
 
 def _watched(units: LifeTable) -> tuple[Floats, float]:
-    """The times of looks (none: always), and the last of them."""
+    """The times of looks [h], none where they are watched always, and until when [h]; inf: to their end."""
     between = units.ended & (units.lower_h < units.upper_h)
-    looks = (
-        np.unique(np.concatenate([units.lower_h[between], units.upper_h[between]])) if between.any() else np.zeros(0)
-    )
+    looks = np.unique(np.concatenate([units.lower_h[between], units.upper_h[between]]))
     seen = np.concatenate([units.lower_h, units.upper_h[units.ended]])
     open_end = not units.ended.all() or between.any()
     return looks[looks > 0.0], float(seen.max()) if open_end else np.inf
