@@ -73,14 +73,8 @@ def stretch(t_s: Floats, copper: Floats, power: Floats, switched: int) -> Switch
     if t_s[-1] < from_s + LENGTH_S - step or np.max(np.diff(after), initial=0.0) > MOST_STEP_S or step > MOST_STEP_S:
         return None
     before = power[(t_s >= from_s - BEFORE_S / 2.0) & (t_s <= from_s)]
-    return SwitchSamples(
-        t_s[wanted],
-        copper[wanted],
-        power[wanted],
-        from_s,
-        float(t_s[switched]),
-        float(before.mean()) if before.size else 0.0,
-    )
+    before_W = float(before.mean()) if before.size else 0.0
+    return SwitchSamples(t_s[wanted], copper[wanted], power[wanted], from_s, float(t_s[switched]), before_W)
 
 
 def fit(stretches: Sequence[SwitchSamples]) -> ResistanceEstimate:

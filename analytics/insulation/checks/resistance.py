@@ -1,9 +1,9 @@
 """DC checks as arrays -> the thermal resistance from winding to iron, its sd and the route it came by, or why none.
 
-The sd is that of one evaluation in the course of one specimen's checks; how well a check repeats is not known from
-one. Where the winding heads lose heat to the air, surfaces that darken from 0.80 to 0.90 make the iron sensor's value
-fall by 1 to 1.5 %, that of the first minutes by 0.1 %; `evaluate_together` takes it back out of the former
-(`darkening`).
+The sd is what one evaluation leaves uncertain in the course of one specimen's checks; how well checks repeat takes
+several (`repeatability`). Where the winding heads lose heat to the air, surfaces that darken from 0.80 to 0.90 make
+the iron sensor's value fall by 1 to 1.5 %, that of the first minutes by 0.1 %; `evaluate_together` takes it back out of
+the former (`darkening`).
 """
 
 from __future__ import annotations
@@ -93,9 +93,9 @@ def _answers(
 
 
 def _in_their_course(found: Sequence[ResistanceEstimate | str]) -> list[ResistanceEstimate | str]:
-    """The estimates with an sd of what they can be off by from check to check: where each lies nearer to the middle
-    of its neighbours than its sd lets it (median, for normal errors), the rest of that sd is common to all and moves
-    no course."""
+    """The estimates with the sd by which they differ from check to check. Where checks lie nearer to the middle of
+    their neighbours than their sds let them, the rest of each sd is common to all checks and moves no course: all sds
+    are multiplied by one share, which the median of these distances gives, as errors are normal."""
     known = [one for one in found if isinstance(one, ResistanceEstimate) and one.value > 0.0]
     if len(known) < LEAST_COURSE:
         return list(found)

@@ -44,8 +44,7 @@ class CheckResistance:
     `copper_degC` and `iron_degC` are means of the used sensors, and `power_W` that where they settle; `hottest_degC`
     with `hottest_sd_K` is that of the sensor `hottest`. `steady` says what these are: means of the last 10 min of
     load ("steady"), asymptotes ("extrapolated"), or means of the last 10 min of a load too short to tell ("not
-    reached"). `load_s` [s]: how long the load was on without a break. `left_out`: sensors that were not used, each
-    with why.
+    reached"). `left_out`: sensors that were not used, each with why.
     """
 
     resistance_K_per_W: float | None = None
@@ -53,7 +52,6 @@ class CheckResistance:
     source: str | None = None
     why: str | None = None
     steady: State = "not reached"
-    load_s: float = 0.0
     copper_degC: float | None = None
     iron_degC: float | None = None
     power_W: float | None = None
@@ -82,7 +80,7 @@ class Together:
 
 @dataclass(frozen=True)
 class Read:
-    """A check without the sensors that are left out, and `told`: all that it says but for the resistance. Where
+    """A `check` without the sensors that are left out, and all that it says but for the resistance, `told`. Where
     nothing can be evaluated `check` is None and `told` says why."""
 
     check: Loaded | None
@@ -139,7 +137,6 @@ def _without_resistance(check: Loaded, left_out: tuple[str, ...]) -> CheckResist
     hottest = len(means) + int(np.argmax(value[len(means) :]))
     return CheckResistance(
         steady=state,
-        load_s=check.load_s,
         copper_degC=float(value[0]),
         iron_degC=None if check.iron is None else float(value[2]),
         power_W=float(value[1]),

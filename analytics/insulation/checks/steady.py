@@ -158,14 +158,7 @@ class _Fit:
 
 
 def _fit(
-    t: Floats,
-    y: Floats,
-    air: Floats,
-    used: Flags,
-    follows: Floats,
-    bend: float,
-    tau: float,
-    ratio: float,
+    t: Floats, y: Floats, air: Floats, used: Flags, follows: Floats, bend: float, tau: float, ratio: float
 ) -> _Fit:
     """Y, B and C of each series for given rates, C with prior precision `bend` in squares of the noise."""
     x, left = t[used], (y - _felt(t, air, tau)[:, None] * follows)[used]

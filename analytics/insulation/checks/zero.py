@@ -14,8 +14,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from analytics.insulation.arrays import Floats, Ints
-from analytics.insulation.checks.trace import CheckTrace, Loaded, loaded
+from analytics.insulation.arrays import Floats
+from analytics.insulation.checks.trace import CheckTrace, loaded
 
 LEAST_SAMPLES = 3  # before the load
 LATEST_S = 600.0  # before the load, what counts
@@ -49,20 +49,16 @@ def _resting(trace: CheckTrace, left_out: Mapping[str, str]) -> tuple[float, flo
         return None
     t = check.t_s[: check.first]
     used = np.flatnonzero(t > check.t_s[check.first] - LATEST_S)
-    if used.size < LEAST_SAMPLES or not _at_rest(check, used):
+    if used.size < LEAST_SAMPLES:
+        return None
+    middle = (check.copper[used] + check.iron[used]) / 2
+    lead_K = 0.0 if check.air is None else abs(float((middle - check.air[used]).mean()))
+    if np.ptp(middle) > MOST_CHANGE_K or lead_K >= MOST_LEAD_K:
         return None
     difference = check.copper[used] - check.iron[used]
     iron = [k for k, name in enumerate(trace.iron_names) if name not in left_out]
     rounding = _rounding(check.sensors) + _rounding(trace.iron_degC[:, iron])
     return float(difference.mean()), float(np.var(difference, ddof=1)) / used.size + rounding
-
-
-def _at_rest(check: Loaded, used: Ints) -> bool:
-    assert check.iron is not None
-    both = (check.copper[used] + check.iron[used]) / 2
-    if np.ptp(both) > MOST_CHANGE_K:
-        return False
-    return check.air is None or abs(float((both - check.air[used]).mean())) < MOST_LEAD_K
 
 
 def _rounding(sensors: Floats) -> float:

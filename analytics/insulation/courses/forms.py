@@ -82,11 +82,7 @@ class Form:
 
 
 def assess(
-    dose_h: ArrayLike,
-    ln_resistance: ArrayLike,
-    sd: ArrayLike,
-    seed: int = 0,
-    degrees_of_freedom: float = math.inf,
+    dose_h: ArrayLike, ln_resistance: ArrayLike, sd: ArrayLike, seed: int = 0, degrees_of_freedom: float = math.inf
 ) -> Form:
     """The form of one specimen's checks in any order: dose (n,) [h], ln R (n,), and the standard deviation of ln R
     between repeats (n,) or one for all, known with `degrees_of_freedom` (series of the null have another true one
@@ -204,7 +200,7 @@ class _OddCheck:
         return cls(errors, y, np.arange(n + 1), row, pull, np.asarray(ln_prior + gained / 2, np.float64))
 
     def likely(self, given: Courses) -> _OddCheck:
-        """The same without the cases that a coarse grid of courses finds improbable."""
+        """The same without the cases that are improbable with the courses `given`, a coarse grid."""
         ln = _ln_sum(np.vstack([self.ln_none, self.ln_weights(given)]))
         keep = (ln > ln.max() + math.log(ODD_LIKELY)) | (self.place == len(self.y))
         return replace(

@@ -71,11 +71,7 @@ RULES: tuple[Rule, ...] = (*ASSUMED_BAND, Doubling())  # whose least and most an
 
 
 def equivalent_hours(
-    temperature_degC: ArrayLike,
-    hours: ArrayLike,
-    at_degC: float,
-    rule: Rule,
-    above_degC: float = THRESHOLD_DEGC,
+    temperature_degC: ArrayLike, hours: ArrayLike, at_degC: float, rule: Rule, above_degC: float = THRESHOLD_DEGC
 ) -> float:
     """Hours at `at_degC` [degC] that `hours` (N,) at `temperature_degC` (N,) [degC] are worth under `rule`. Only what
     is hotter than `above_degC` [degC] counts; -inf counts all.

@@ -53,12 +53,10 @@ class Cycle:
 
 @dataclass(frozen=True)
 class Histogram:
-    """Hours by temperature: `hours` (B,) [h] between neighbours of `edges_degC` (B + 1,) [degC], and `unknown_h` [h]
-    in gaps."""
+    """Hours by temperature, gaps left out: `hours` (B,) [h] between neighbours of `edges_degC` (B + 1,) [degC]."""
 
     edges_degC: Floats
     hours: Floats
-    unknown_h: float
 
     @property
     def centres_degC(self) -> Floats:
@@ -79,6 +77,7 @@ class _Trace:
 
     @property
     def unknown_h(self) -> float:
+        """Hours in gaps."""
         return float(np.diff(self.t_s)[~self.known].sum() / HOUR_S)
 
 
@@ -108,10 +107,10 @@ def histogram(t_s: Floats, value_degC: Floats, width_K: float = 0.1) -> Histogra
     """
     trace = _clean(t_s, value_degC)
     if not trace.value.size:
-        return Histogram(np.zeros(1), np.zeros(0), 0.0)
+        return Histogram(np.zeros(1), np.zeros(0))
     lowest, highest = np.round(trace.value.min() / width_K), np.round(trace.value.max() / width_K)
     edges = (np.arange(lowest - 1.0, highest + 0.5) + 0.5) * width_K
-    return Histogram(edges, np.maximum(np.diff(_hours_below(trace, edges)), 0.0), trace.unknown_h)
+    return Histogram(edges, np.maximum(np.diff(_hours_below(trace, edges)), 0.0))
 
 
 def _clean(t_s: Floats, value: Floats) -> _Trace:
@@ -235,8 +234,7 @@ def _median_over_time(t_s: Floats, value: Floats) -> float:
         return float(value[0])
     step = np.minimum(np.diff(t_s), GAP_MEDIANS * float(np.median(np.diff(t_s))))
     weight = np.concatenate([step[:1], step[:-1] + step[1:], step[-1:]])
-    order = np.argsort(value)
-    return float(value[order[np.searchsorted(np.cumsum(weight[order]), weight.sum() / 2.0)]])
+    return float(np.quantile(value, 0.5, weights=weight, method="inverted_cdf"))
 
 
 def _mean_over_time(trace: _Trace) -> float:

@@ -32,6 +32,7 @@ MOST, ZERO = 1e3, 1e-4  # relative standard deviations: the highest, and what co
 LEAST_FOR_BENDS = 20  # specimens
 BENDS = (0.25, 0.5, 0.75)  # quantiles of the checks' doses
 CHANCE = 0.01
+STRAIGHT: Floats = np.empty(0)  # no dose at which the common course bends
 
 
 def bends(dose_h: ArrayLike, specimens: int) -> Floats:
@@ -53,9 +54,8 @@ def fit_course(
 ) -> tuple[MixedFit, Floats]:
     """The fit that is not degenerate, with the bends that all specimens share where `fit_bends` finds them, and the
     doses of these (k,) [h]; else without any."""
-    none = np.empty(0)
     bent = fit_bends(specimen, dose_h, y, sd, batch)
-    return bent or (fit(specimen, dose_h, y, sd, bent_line(dose_h, none), batch, nondegenerate=True), none)
+    return bent or (fit(specimen, dose_h, y, sd, STRAIGHT, batch, nondegenerate=True), STRAIGHT)
 
 
 def fit_bends(
@@ -66,7 +66,7 @@ def fit_bends(
     knots = bends(dose_h, int(np.max(specimen)) + 1)
     if not len(knots):
         return None
-    bent = fit(specimen, dose_h, y, sd, bent_line(dose_h, knots), batch, nondegenerate=True)
+    bent = fit(specimen, dose_h, y, sd, knots, batch, nondegenerate=True)
     off = bent.fixed[2:]
     wald = float(off @ np.linalg.solve(bent.fixed_covariance[2:, 2:], off))
     return (bent, knots) if wald > chi2.isf(CHANCE, len(off)) else None
@@ -98,19 +98,19 @@ def fit(
     dose_h: ArrayLike,
     y: ArrayLike,
     sd: ArrayLike,
-    fixed: ArrayLike | None = None,
+    knots: Floats = STRAIGHT,
     batch: ArrayLike | None = None,
     nondegenerate: bool = False,
 ) -> MixedFit:
     """The mixed model of rows in any order: place of the specimen (n,) from 0 to m - 1, dose (n,) [h], y (n,),
-    standard deviation (n,) but for one common factor. `fixed` (n, p): columns of x; a constant and the dose where
-    left out. `batch` (m,): place of each specimen's batch, -1 for none. Needs more rows than p.
+    standard deviation (n,) but for one common factor. x is the `bent_line` with `knots`. `batch` (m,): place of each
+    specimen's batch, -1 for none. Needs more rows than columns of x, p.
 
     `nondegenerate`: with the weak prior of Chung et al. (Psychometrika 78 (2013) 685, DOI 10.1007/s11336-013-9328-2)
     on the standard deviations of slopes, proportional to them. A few specimens often make them exactly 0 by chance,
     and bands too narrow.
     """
-    sums = _Sums.of(specimen, dose_h, y, sd, fixed, batch)
+    sums = _Sums.of(specimen, dose_h, y, sd, knots, batch)
     best = _search(sums, 1.0, nondegenerate)
     free = [0, 2] + [3] * (sums.batches > 1)
     if best[0][free].min() < SMALL:
@@ -143,17 +143,11 @@ class _Sums:
 
     @classmethod
     def of(
-        cls,
-        specimen: ArrayLike,
-        dose_h: ArrayLike,
-        y: ArrayLike,
-        sd: ArrayLike,
-        fixed: ArrayLike | None,
-        batch: ArrayLike | None,
+        cls, specimen: ArrayLike, dose_h: ArrayLike, y: ArrayLike, sd: ArrayLike, knots: Floats, batch: ArrayLike | None
     ) -> _Sums:
         who, dose = np.asarray(specimen, np.int64), np.asarray(dose_h, np.float64)
         sd = np.broadcast_to(np.asarray(sd, np.float64), dose.shape)
-        columns = bent_line(dose, np.empty(0)) if fixed is None else np.asarray(fixed, np.float64)
+        columns = bent_line(dose, knots)
         m, n, p = int(who.max()) + 1, len(who), columns.shape[1]
         of_batch = np.full(m, -1) if batch is None else np.asarray(batch, np.int64)
         sd_scale = math.exp(float(np.log(sd).mean()))
@@ -165,10 +159,11 @@ class _Sums:
         first, *_ = np.linalg.lstsq(x, root * np.asarray(y, np.float64), rcond=None)
         rest = root * np.asarray(y, np.float64) - x @ first  # small numbers: sums of their squares lose nothing
         every, two = np.arange(n), np.column_stack([2 * who, 2 * who + 1])
+        products = [np.bincount(who, product, m) for product in (root**2, root * run, root * run, run**2)]
         own = _in_place(np.repeat(every, 2), two.ravel(), np.column_stack([root, run]).ravel(), n)
         shared = sparse.hstack([_in_place(every, of_batch[who], run, n), x], format="csr")
         return cls(
-            zz=_pairs(who, m, root, run),
+            zz=np.asarray(np.stack(products, axis=1).reshape(m, 2, 2), np.float64),
             zs=(own.T @ shared).toarray().reshape(m, 2, -1),
             zy=(own.T @ rest).reshape(m, 2),
             ss=(shared.T @ shared).toarray(),
@@ -184,12 +179,6 @@ class _Sums:
             sd_scale=sd_scale,
             first_fixed=first,
         )
-
-
-def _pairs(who: Ints, m: int, root: Floats, run: Floats) -> Floats:
-    """Products of a specimen's two columns with themselves (m, 2, 2)."""
-    sums = [np.bincount(who, product, m) for product in (root**2, root * run, root * run, run**2)]
-    return np.asarray(np.stack(sums, axis=1).reshape(m, 2, 2), np.float64)
 
 
 def _in_place(row: Ints, column: Ints, value: Floats, rows: int) -> sparse.csr_matrix:

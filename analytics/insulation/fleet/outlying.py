@@ -88,15 +88,12 @@ class BatchHealth:
 @dataclass(frozen=True)
 class FleetAssessment:
     """All specimens and batches, each in the order of names. `slope_percent_per_100h`: of the fleet;
-    `specimen_spread`, `batch_spread`: standard deviations of healthy slopes [%/100 h]; `noise_scale`: what the given
-    standard deviations had to be multiplied by."""
+    `specimen_spread`: standard deviation of healthy slopes [%/100 h]."""
 
     specimens: tuple[SpecimenHealth, ...]
     batches: tuple[BatchHealth, ...]
     slope_percent_per_100h: float | None
     specimen_spread: float | None
-    batch_spread: float | None
-    noise_scale: float
     false_discovery_rate: float
 
 
@@ -111,9 +108,8 @@ def assess(
     """How the specimens and batches of a fleet compare. Arguments have one entry for each check, in any order:
     specimen and batch (n,), dose (n,) [h], ln R (n,), its standard deviation between repeats (n,) or one for all. A
     specimen's batch is the last that its checks name. Rows that are not finite are left out."""
-    names = sorted(set(specimen))
-    place = {name: k for k, name in enumerate(names)}
-    who = np.array([place[name] for name in specimen], np.int64)
+    every, who = np.unique(np.asarray(specimen, np.str_), return_inverse=True)
+    names = every.tolist()
     batch_of = dict(zip(specimen, batch, strict=True))
     batches = sorted({b for b in batch_of.values() if b is not None})
     group = np.array([len(batches) if (b := batch_of[name]) is None else batches.index(b) for name in names], np.int64)
@@ -121,28 +117,29 @@ def assess(
     own = rows.slopes(len(names))
     known = np.flatnonzero(np.isfinite(own.sd))
     if len(known) < LEAST_SPECIMENS:
-        few = _Test(None, None, False, f"fewer than {LEAST_SPECIMENS} specimens have a slope")
+        few = _Test(why=f"fewer than {LEAST_SPECIMENS} specimens have a slope")
         return FleetAssessment(
-            tuple(_specimen(name, batch_of[name], own, k, None, few) for k, name in enumerate(names)),
-            tuple(BatchHealth(name, 0, None, few.score, few.p_value, False, few.why) for name in batches),
-            None, None, None, own.scale, false_discovery_rate,
-        )  # fmt: skip
+            specimens=tuple(_specimen(name, batch_of[name], own, k, None, few) for k, name in enumerate(names)),
+            batches=tuple(BatchHealth(name, 0, None, **vars(few)) for name in batches),
+            slope_percent_per_100h=None,
+            specimen_spread=None,
+            false_discovery_rate=false_discovery_rate,
+        )
     fleet = _Fleet(own.slope[known], own.sd[known] ** 2, own.checks[known], group[known], len(batches))
     fleet, steps = _without_steps(fleet, known, rows, own, false_discovery_rate)
     by_batch = _test_batches(fleet, false_discovery_rate)
     bad = np.array([k for k, test in by_batch.items() if test.outlying], np.int64)
-    by_specimen = dict(zip(known.tolist(), _test_specimens(fleet, bad, false_discovery_rate), strict=True))
-    whole = fleet.among_batches(bad)
+    scores, freedom = _scores(fleet, bad)
+    tests = _listed(scores, student.sf(scores, freedom), false_discovery_rate)
+    by_specimen = dict(zip(known.tolist(), tests, strict=True))
     return FleetAssessment(
         specimens=tuple(
             _specimen(name, batch_of[name], own, k, steps.get(k), by_specimen.get(k, NO_SLOPE))
             for k, name in enumerate(names)
         ),
         batches=tuple(_batch(name, fleet, k, by_batch.get(k)) for k, name in enumerate(batches)),
-        slope_percent_per_100h=PERCENT_PER_100_H * float(whole.centre[0]),
+        slope_percent_per_100h=PERCENT_PER_100_H * float(fleet.among_batches(bad).centre[0]),
         specimen_spread=PERCENT_PER_100_H * math.sqrt(fleet.within.tau_square),
-        batch_spread=PERCENT_PER_100_H * math.sqrt(whole.tau_square) if len(batches) > 1 else None,
-        noise_scale=own.scale,
         false_discovery_rate=false_discovery_rate,
     )
 
@@ -194,10 +191,12 @@ def _without_bends(who: Ints, dose: Floats, y: Floats, sd: Floats) -> Floats:
 
 @dataclass(frozen=True)
 class _Test:
-    score: float | None
-    p_value: float | None
-    outlying: bool
-    why: str
+    """How one specimen or batch compares; fields as `SpecimenHealth` has them."""
+
+    score: float | None = None
+    p_value: float | None = None
+    outlying: bool = False
+    why: str = ""
 
 
 @dataclass(frozen=True)
@@ -298,15 +297,10 @@ def _test_batches(fleet: _Fleet, rate: float) -> dict[int, _Test]:
     return dict(zip(large, _listed(scores, p_values, rate), strict=True))
 
 
-def _test_specimens(fleet: _Fleet, bad: Ints, rate: float) -> list[_Test]:
-    scores, freedom = _scores(fleet, bad)
-    return _listed(scores, student.sf(scores, freedom), rate)
-
-
 def _listed(scores: Floats, p_values: Floats, rate: float) -> list[_Test]:
     """The tests (n,), those listed as outlying that keep the false-discovery rate."""
     outlying = false_discovery_control(p_values) <= rate
-    return [_Test(*of_one, "") for of_one in zip(scores.tolist(), p_values.tolist(), outlying.tolist(), strict=True)]
+    return [_Test(*of_one) for of_one in zip(scores.tolist(), p_values.tolist(), outlying.tolist(), strict=True)]
 
 
 def _scores(fleet: _Fleet, bad: Ints) -> tuple[Floats, Floats]:
@@ -375,7 +369,7 @@ def _centres(fleet: _Fleet, bad: Ints) -> tuple[Floats, Floats]:
 
 # ---- the answer ----------------------------------------------------------------------------------------------------
 
-NO_SLOPE = _Test(None, None, False, "it has no two different doses")
+NO_SLOPE = _Test(why="it has no two different doses")
 
 
 def _specimen(name: str, batch: str | None, own: Slopes, k: int, step: Step | None, test: _Test) -> SpecimenHealth:
@@ -387,25 +381,17 @@ def _specimen(name: str, batch: str | None, own: Slopes, k: int, step: Step | No
         checks=int(own.checks[k]),
         slope_percent_per_100h=middle if known else None,
         ci95=(middle - reach, middle + reach) if known else None,
-        score=test.score,
-        p_value=test.p_value,
-        outlying=test.outlying,
         step_at_dose_h=step.at_dose_h if step else None,
-        why=test.why,
+        **vars(test),
     )
 
 
 def _batch(name: str, fleet: _Fleet, k: int, test: _Test | None) -> BatchHealth:
     size = int(np.count_nonzero(fleet.group == k))
-    few = (
-        f"fewer than {LEAST_IN_BATCH} of its specimens have a slope" if size < LEAST_IN_BATCH else "it is the only one"
-    )
+    few = f"fewer than {LEAST_IN_BATCH} of its specimens have a slope"
     return BatchHealth(
         batch=name,
         specimens=size,
         slope_percent_per_100h=PERCENT_PER_100_H * float(fleet.within.centre[k]) if size else None,
-        score=test.score if test else None,
-        p_value=test.p_value if test else None,
-        outlying=test.outlying if test else False,
-        why="" if test else few,
+        **vars(test or _Test(why=few if size < LEAST_IN_BATCH else "it is the only one")),
     )

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -59,12 +59,8 @@ def linearity(law: LifeFit, draws: int = DRAWS, seed: int = 0) -> LawCheck:
         own = maximise(Lives(groups, low, high, tested.counts), law.distribution)
         return np.where(null.settled & own.settled, 2 * (own.log_likelihood - null.log_likelihood), np.nan)
 
-    seen, p_value = _p_value(ratio, tested, simulated)
-    if math.isnan(p_value):
-        return _untested(asks, ALIKE, left_out)
-    passed = p_value >= LEVEL
-    says = "straight within its scatter" if passed else _bend(tested, law)
-    return LawCheck(asks, seen, len(law.temperatures_degC) - 2, p_value, passed, says, left_out)
+    found = _tested(asks, ratio, tested, simulated, len(law.temperatures_degC) - 2, left_out)
+    return replace(found, says=found.says or ("straight within its scatter" if found.passed else _bend(tested, law)))
 
 
 def common_spread(law: LifeFit, draws: int = DRAWS, seed: int = 0) -> LawCheck:
@@ -90,34 +86,32 @@ def common_spread(law: LifeFit, draws: int = DRAWS, seed: int = 0) -> LawCheck:
         settled = np.logical_and.reduce([common.settled, *(one.settled for one in own)])
         return np.where(settled, 2 * (total - common.log_likelihood), np.nan)
 
-    seen, p_value = _p_value(ratio, tested, simulated)
-    if math.isnan(p_value):
-        return _untested(asks, ALIKE, left_out)
-    passed = p_value >= LEVEL
+    found = _tested(asks, ratio, tested, simulated, len(spreads) - 1, left_out)
     least, most = min(spreads, key=spreads.__getitem__), max(spreads, key=spreads.__getitem__)
-    says = (
-        "equal within their scatter"
-        if passed
-        else f"sigma of ln life is {spreads[most]:.2g} at {most:g} degC and {spreads[least]:.2g} at {least:g} degC:"
+    differ = (
+        f"sigma of ln life is {spreads[most]:.2g} at {most:g} degC and {spreads[least]:.2g} at {least:g} degC:"
         " bounds of early failures hold for neither"
     )
-    return LawCheck(asks, seen, len(spreads) - 1, p_value, passed, says, left_out)
+    return replace(found, says=found.says or ("equal within their scatter" if found.passed else differ))
 
 
 def _line_through(tested: LifeTable, law: LifeFit) -> LifeFit | NoFit:
     return fit(tested.temperature_degC, tested.lower_h, tested.upper_h, law.distribution, criterion=law.criterion)
 
 
-def _p_value(ratio: Ratio, tested: LifeTable, draws: tuple[Floats, Floats]) -> tuple[float, float]:
-    """The ratio of the data, and the share of draws with one as large, of those that have one and the data
-    themselves. NaN where the data or most draws have none, as a likelihood without limit has not."""
+def _tested(
+    asks: str, ratio: Ratio, tested: LifeTable, draws: tuple[Floats, Floats], degrees: int, left_out: tuple[float, ...]
+) -> LawCheck:
+    """The check by the share of draws whose ratio is as large, of those that have one and the data themselves; what it
+    says is left open. Untested where the data or most draws have no ratio, as a likelihood without limit has none."""
     lives = tested.logs(_level(tested))
     seen = float(ratio(lives.lower, lives.upper))
     simulated = ratio(*draws)
     told = simulated[np.isfinite(simulated)]
     if not math.isfinite(seen) or told.size < TOLD * simulated.size:
-        return seen, math.nan
-    return seen, float((1 + np.sum(told >= seen)) / (1 + told.size))
+        return _untested(asks, ALIKE, left_out)
+    p_value = float((1 + np.sum(told >= seen)) / (1 + told.size))
+    return LawCheck(asks, seen, degrees, p_value, p_value >= LEVEL, "", left_out)
 
 
 def _bend(tested: LifeTable, law: LifeFit) -> str:

@@ -126,7 +126,7 @@ def test_predictions_and_their_errors_are_those_of_the_joint_gaussian(place: int
 def test_no_other_variances_have_a_smaller_deviance() -> None:
     rows = _rows(2)
     least = mixed.fit(rows.who, rows.dose, rows.y, rows.sd, batch=rows.batch).deviance
-    sums = mixed._Sums.of(rows.who, rows.dose, rows.y, rows.sd, None, rows.batch)
+    sums = mixed._Sums.of(rows.who, rows.dose, rows.y, rows.sd, mixed.STRAIGHT, rows.batch)
     random = np.random.default_rng(0)
     tried = [mixed._solve(sums, np.exp(random.uniform(-4.0, 1.5, 4))).deviance for _ in range(300)]
     assert min(tried) > least - 1e-6

@@ -204,7 +204,6 @@ def test_a_bad_batch_of_two_among_six_bent_courses_is_told() -> None:
     y = rate[:, None] * 2.0 * np.maximum(dose - 96.0, 0.0) + 0.008 * random.standard_normal((6, 17))
     names, batches = np.repeat([f"S{k}" for k in range(6)], 17), np.repeat(["B1"] * 4 + ["B2"] * 2, 17)
     found = assess(names.tolist(), batches.tolist(), np.tile(dose, 6), y.ravel(), 0.008)
-    assert found.noise_scale == pytest.approx(1.0, abs=0.2)
     assert _listed(found) == ([], ["B2"])
 
 
@@ -259,7 +258,6 @@ def test_without_batches_specimens_are_compared_all_the_same() -> None:
     found = _stators([3e-4, 4e-4, 3.5e-4, 3e-4, 2.5e-4, 4e-3], [None] * 6)
     assert _listed(found) == (["S5"], [])
     assert found.batches == ()
-    assert found.batch_spread is None
 
 
 @pytest.mark.parametrize("rows", [0, 1, 2])
