@@ -1,8 +1,8 @@
 """Views over the Parquet files of a store: samples, temperatures, residuals, and the latest assessment of ageing.
 
 They are `base.values`, `base.temperatures`, `base.residuals` and `base.ageing_...`. Each is a UNION of branches. A
-branch reads one column (a channel, a node) of all files that have the same columns; which session a row is of comes
-by a join on the file's path. Measured on 250 files (50 sessions of 5 groups with 6 channels, 30 million values): a
+branch reads one column (a channel, a node) of all files that have the same columns; a join on the file's path says
+which session a row is of. Measured on 250 files (50 sessions of 5 groups with 6 channels, 30 million values): a
 query that names a session and a channel takes 13 ms, one channel of all sessions 70 ms. DuckDB drops the branches
 whose constant channel, quantity or node does not fit, reads only the column left, and skips the files that the join
 leaves out. The two obvious designs lose: a branch for each file opens all of them to bind (300 ms and 1,000 ms), and
@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, TypeVar
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from analytics.columns import AGEING, RESIDUALS, TEMPERATURES, VALUES
 from analytics.errors import WarehouseError
 
 if TYPE_CHECKING:
@@ -29,119 +30,6 @@ Kind = TypeVar("Kind", bound=Hashable)
 Schema = tuple[tuple[str, str], ...]  # (name, type) of each column, in order
 
 FILE = "whyhot file"  # name of the scan's column with the path: no signal is called so
-RESIDUALS = {
-    "channel": "VARCHAR",
-    "node": "VARCHAR",
-    "t_ns": "BIGINT",
-    "t_s": "DOUBLE",
-    "measured_degC": "DOUBLE",
-    "modelled_degC": "DOUBLE",
-    "residual_K": "DOUBLE",
-    "sd_K": "DOUBLE",
-    "used": "BOOLEAN",
-    "file_id": "VARCHAR",
-    "first_record": "BIGINT",
-    "last_record": "BIGINT",
-    "speed_rpm": "DOUBLE",
-    "torque_Nm": "DOUBLE",
-    "current_A": "DOUBLE",
-}
-VALUES = {
-    "channel": "VARCHAR",
-    "quantity": "VARCHAR",
-    "unit": "VARCHAR",
-    "node": "VARCHAR",
-    "region": "VARCHAR",
-    "t_ns": "BIGINT",
-    "record": "BIGINT",
-    "value": "DOUBLE",
-}
-AGEING = {  # artefact of an assessment -> its columns
-    "ageing_hours": {
-        "specimen": "VARCHAR",
-        "batch": "VARCHAR",
-        "session": "VARCHAR",
-        "session_name": "VARCHAR",
-        "channel": "VARCHAR",
-        "degC": "DOUBLE",
-        "hours": "DOUBLE",
-    },
-    "ageing_cycles": {
-        "session": "VARCHAR",
-        "session_name": "VARCHAR",
-        "specimen": "VARCHAR",
-        "batch": "VARCHAR",
-        "channel": "VARCHAR",
-        "number": "BIGINT",
-        "start_ns": "BIGINT",
-        "heating_from_s": "DOUBLE",
-        "soak_from_s": "DOUBLE",
-        "soak_to_s": "DOUBLE",
-        "cooling_to_s": "DOUBLE",
-        "highest_degC": "DOUBLE",
-        "soak_degC": "DOUBLE",
-        "hours_above": "DOUBLE",
-        "unknown_h": "DOUBLE",
-        "swing_K": "DOUBLE",
-        "heating_K_per_min": "DOUBLE",
-        "cooling_K_per_min": "DOUBLE",
-    },
-    "ageing_checks": {
-        "session": "VARCHAR",
-        "session_name": "VARCHAR",
-        "specimen": "VARCHAR",
-        "batch": "VARCHAR",
-        "start_ns": "BIGINT",
-        "number": "BIGINT",
-        "cycles": "BIGINT",
-        "dose_h": "DOUBLE",
-        "discharge_h": "DOUBLE",
-        "equivalent_low_h": "DOUBLE",
-        "equivalent_high_h": "DOUBLE",
-        "resistance_K_per_W": "DOUBLE",
-        "sd_K_per_W": "DOUBLE",
-        "sd_percent": "DOUBLE",
-        "conductivity_percent": "DOUBLE",
-        "source": "VARCHAR",
-        "state": "VARCHAR",
-        "why": "VARCHAR",
-        "hottest_channel": "VARCHAR",
-        "hottest_degC": "DOUBLE",
-    },
-    "ageing_specimens": {
-        "specimen": "VARCHAR",
-        "batch": "VARCHAR",
-        "checks": "BIGINT",
-        "dose_h": "DOUBLE",
-        "equivalent_low_h": "DOUBLE",
-        "equivalent_high_h": "DOUBLE",
-        "life_used_low": "DOUBLE",
-        "life_used_high": "DOUBLE",
-        "remaining_low_h": "DOUBLE",
-        "remaining_high_h": "DOUBLE",
-        "form": "VARCHAR",
-        "form_probability": "DOUBLE",
-        "change_at_dose_h": "DOUBLE",
-        "slope_percent_per_100h": "DOUBLE",
-        "slope_low": "DOUBLE",
-        "slope_high": "DOUBLE",
-        "fleet_slope_percent_per_100h": "DOUBLE",
-        "fleet_slope_sd": "DOUBLE",
-        "repeatability_percent": "DOUBLE",
-        "significant": "BOOLEAN",
-        "score": "DOUBLE",
-        "outlying": "BOOLEAN",
-        "why": "VARCHAR",
-    },
-    "ageing_batches": {
-        "batch": "VARCHAR",
-        "specimens": "BIGINT",
-        "slope_percent_per_100h": "DOUBLE",
-        "score": "DOUBLE",
-        "outlying": "BOOLEAN",
-    },
-}
-TEMPERATURES = {"node": "VARCHAR", "t_ns": "BIGINT", "temperature_degC": "DOUBLE"}
 SUFFIX = "_degC"
 
 
@@ -264,7 +152,8 @@ def _columns(schema: Schema) -> dict[str, str]:
 
 
 def _alike(by_file: Mapping[str, Kind]) -> dict[Kind, list[str]]:
-    found: dict[Kind, list[str]] = {}
-    for file, key in by_file.items():
-        found.setdefault(key, []).append(file)
+    """Kind of file -> the files of that kind."""
+    found: dict[Kind, list[str]] = defaultdict(list)
+    for file, kind in by_file.items():
+        found[kind].append(file)
     return found

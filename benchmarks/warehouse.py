@@ -49,8 +49,8 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from analytics import warehouse
+from analytics.columns import AGEING
 from analytics.insulation.dose.arrhenius import BOLTZMANN_EV_PER_K, ZERO_DEGC_IN_K, Activation, equivalent_hours
-from analytics.scans import AGEING
 from benchmarks import asked
 from ingest.log.samples import Column, GroupWriter, Samples
 

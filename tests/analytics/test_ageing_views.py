@@ -13,7 +13,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from analytics import scans, warehouse
+from analytics import warehouse
+from analytics.columns import AGEING
 from analytics.query import run
 from analytics.rebuild import rebuild
 from analytics.reference import examples
@@ -26,19 +27,12 @@ from ingest.facts.events import (
     SessionRegrouped,
 )
 from ingest.facts.store import Store
-from replay.studies.ageing import assessment as written
+from replay.studies.ageing.assessment import schema_of
 
 ASSESSED = ("conductivity_by_cycle", "life_used", "fleet_health", "changepoints", "batches")
 START_NS = 1_760_000_000_000_000_000
 CONDUCTIVITY = {"S1": (100.0, 101.0, 70.0, 45.0), "S2": (100.0, 99.0, 98.0), "S3": (100.0,)}
 DOSE_H = {"S1": (0.0, 24.0, 48.0, 72.0), "S2": (0.0, 24.0, 24.0), "S3": (0.0,)}
-SCHEMAS = {
-    "cycles": written.CYCLES,
-    "hours": written.HOURS,
-    "checks": written.CHECKS,
-    "specimens": written.SPECIMENS,
-    "batches": written.BATCHES,
-}
 Rows = Sequence[Mapping[str, Any]]
 
 
@@ -66,7 +60,7 @@ def check(specimen: str, number: int, conductivity: float) -> dict[str, Any]:
 
 
 def specimen(name: str, turn_h: float | None, slope: float, score: float) -> dict[str, Any]:
-    numbers = {column: 1.0 for column, kind in scans.AGEING["ageing_specimens"].items() if kind == "DOUBLE"}
+    numbers = {column: 1.0 for column, kind in AGEING["ageing_specimens"].items() if kind == "DOUBLE"}
     return {
         **numbers,
         "specimen": name,
@@ -110,7 +104,7 @@ def assess(store: Store, name: str, **rows: Rows) -> None:
     sealed = {}
     for kind, some in rows.items():
         path = store.work() / f"{kind}.parquet"
-        pq.write_table(pa.Table.from_pylist([dict(row) for row in some], None if some else SCHEMAS[kind]), path)
+        pq.write_table(pa.Table.from_pylist([dict(row) for row in some], None if some else schema_of(kind)), path)
         sealed[kind] = store.archive.seal(path)
     event = AgeingAssessed(
         assessment=name, key={}, answer=store.archive.seal(b"{}"), artefacts=sealed, sessions=["oven_a-id"], digest="d"
@@ -203,12 +197,6 @@ def test_the_views_are_the_same_after_a_rebuild(assessed: Store) -> None:
     inspect(assessed, "1", session="oven_a-id")
     ask(assessed, "FROM batches")
     assert rebuild(assessed, lambda *_: None, verify=True).differences == ()
-
-
-def test_every_column_that_an_assessment_writes_can_be_asked_for() -> None:
-    kinds = {"string": "VARCHAR", "int64": "BIGINT", "double": "DOUBLE", "bool": "BOOLEAN"}
-    for kind, schema in SCHEMAS.items():
-        assert {field.name: kinds[str(field.type)] for field in schema} == scans.AGEING[f"ageing_{kind}"]
 
 
 # ---- inspections ---------------------------------------------------------------------------------------------------

@@ -3,9 +3,9 @@ its rows for SQL."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass
-from typing import Any
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, fields
+from typing import Any, TypeVar
 
 import pyarrow as pa
 
@@ -18,10 +18,10 @@ SCHEMA = "whyhot.ageing/1"
 class DcCheck:
     """One DC check. `dose_h`: hours above the threshold before it; `equivalent_h`: the same dose as hours at the
     threshold, [least, most] over the rules of `Assessment.rules`, None where the temperatures are not known; `sd`
-    [K/W] of this check alone, repeatability not in it; `sd_percent` [% of R] with it, as courses are weighed by;
-    `source`: what R was taken from (JSON: `from`); `why`: why there is no R, or no dose; `conductivity_percent`: of
-    the specimen's first R. `cycles`, `discharge_h` before it: thermal cycles, and hours with a test voltage above the
-    inception voltage; None where not known."""
+    [K/W] of this check alone; `sd_percent` [% of R] together with how checks repeat, by which courses are weighed;
+    `source`: what R was taken from (JSON: `from`); `why` there is no R, or no dose; `conductivity_percent`: of the
+    specimen's first check. `cycles`, `discharge_h`: how many thermal cycles were before it, and hours with a test
+    voltage above the inception voltage; None where not known."""
 
     session: str
     session_name: str
@@ -46,13 +46,8 @@ class DcCheck:
 @dataclass(frozen=True, kw_only=True)
 class OvenCycle:
     """One stay of the specimen's hottest place above the threshold, cut from the temperature itself; `number` counts
-    over all logs.
-
-    Times [s] since the session's start: heating begins, soak, cooling ends; None where the log does not hold it.
-    `soak_degC` mean over the soak; `hours_above` the threshold, of which `unknown_h` more lie in gaps of the log. As
-    a thermal shock: `swing_K` from its lowest to its highest, and the fastest heating and cooling [K/min], a mean
-    over 5 min (IEC 60068-2-14 states rates so).
-    """
+    over all logs. The rest is that of `analytics.insulation.dose.oven_cycle.Cycle`, times [s] since the session's
+    start; rates as IEC 60068-2-14 states them."""
 
     session: str
     session_name: str
@@ -138,6 +133,9 @@ class Batch:
     outlying: bool
 
 
+Compared = TypeVar("Compared", Specimen, Batch)
+
+
 @dataclass(frozen=True, kw_only=True)
 class AgeingLaw:
     """How the conductance of insulation falls: by `percent_per_100h` above the threshold with its `sd`, from `from_h`
@@ -186,8 +184,8 @@ class AssessedLives:
 
 @dataclass(frozen=True, kw_only=True)
 class Assessment:
-    """The whole answer. `law`: None where no course is beyond repeatability. `rules`: name -> what an hour is worth
-    by it; a number is by one rule, never by a mixture."""
+    """The whole answer. `law`: None where no course is beyond repeatability. `rules`: names of the rules by which an
+    hour at one temperature is worth some at another; a number is by one rule, never by a mixture."""
 
     assessment: str
     motor: str | None
@@ -207,53 +205,41 @@ class Assessment:
 
 def document(found: Assessment, provenance: Mapping[str, Any]) -> dict[str, Any]:
     """The answer as the JSON `whyhot.ageing/1`."""
-    outlying = [one for one in found.specimens if one.outlying]
-    return {
-        "schema": SCHEMA,
-        "assessment": found.assessment,
-        "motor": found.motor,
-        "threshold_degC": found.threshold_degC,
-        "criterion": found.criterion,
-        "activation_energy_eV": dict(found.activation_energy_eV),
-        "rules": found.rules,
-        "repeatability_from": found.repeatability_from,
+    fleet = {
+        "outlying_specimens": [
+            {"specimen": one.specimen, "batch": one.batch, "score": one.score} for one in _outlying(found.specimens)
+        ],
+        "outlying_batches": [{"batch": one.batch, "score": one.score} for one in _outlying(found.batches)],
+        "false_discovery_rate": found.false_discovery_rate,
+    }
+    said = vars(found) | {
         "law": asdict(found.law) if found.law else None,
         "life": asdict(found.life),
         "specimens": [_specimen(one) for one in found.specimens],
         "batches": [asdict(one) for one in found.batches],
         "stress": [asdict(one) for one in found.stress],
-        "fleet": {
-            "outlying_specimens": [
-                {"specimen": one.specimen, "batch": one.batch, "score": one.score}
-                for one in sorted(outlying, key=lambda one: -(one.score or 0.0))
-            ],
-            "outlying_batches": [
-                {"batch": one.batch, "score": one.score}
-                for one in sorted(found.batches, key=lambda one: -(one.score or 0.0))
-                if one.outlying
-            ],
-            "false_discovery_rate": found.false_discovery_rate,
-        },
-        "notes": found.notes,
-        "provenance": dict(provenance),
     }
+    del said["false_discovery_rate"], said["notes"]
+    return {"schema": SCHEMA, **said, "fleet": fleet, "notes": found.notes, "provenance": dict(provenance)}
+
+
+def _outlying(some: Sequence[Compared]) -> list[Compared]:
+    """Those that stand out, the worst first."""
+    return sorted((one for one in some if one.outlying), key=lambda one: -(one.score or 0.0))
 
 
 def read(data: Mapping[str, Any]) -> Assessment:
     """The answer that `document` wrote."""
-    given = {key: data[key] for key in Assessment.__dataclass_fields__ if key in data}
-    fleet = data["fleet"]
-    return Assessment(
-        **given
-        | {
-            "specimens": [_read_specimen(one) for one in data["specimens"]],
-            "batches": [Batch(**one) for one in data["batches"]],
-            "law": AgeingLaw(**data["law"]) if data["law"] else None,
-            "life": _read_life(data["life"]),
-            "stress": [StressEffect(**one) for one in data["stress"]],
-            "false_discovery_rate": fleet["false_discovery_rate"],
-        }
-    )
+    made = {
+        "specimens": [_read_specimen(one) for one in data["specimens"]],
+        "batches": [Batch(**one) for one in data["batches"]],
+        "law": AgeingLaw(**data["law"]) if data["law"] else None,
+        "life": _read_life(data["life"]),
+        "stress": [StressEffect(**one) for one in data["stress"]],
+        "false_discovery_rate": data["fleet"]["false_discovery_rate"],
+    }
+    plain = {field.name: data[field.name] for field in fields(Assessment) if field.name in data}
+    return Assessment(**plain | made)
 
 
 def _read_life(data: Mapping[str, Any]) -> AssessedLives:
@@ -276,85 +262,59 @@ def _read_specimen(data: Mapping[str, Any]) -> Specimen:
 
 def tables(found: Assessment, hours: Mapping[str, Sequence[HotHours]]) -> dict[str, pa.Table]:
     """The rows behind the SQL views. `hours`, of each specimen, are not in the answer: they are many."""
+
+    def whose(one: Specimen) -> dict[str, str | None]:
+        return {"specimen": one.specimen, "batch": one.batch}
+
+    rows = {
+        "cycles": [vars(cycle) | whose(one) for one in found.specimens for cycle in one.cycles],
+        "checks": [
+            vars(check) | whose(one) | _ends("equivalent_{}_h", check.equivalent_h) | {"sd_K_per_W": check.sd}
+            for one in found.specimens
+            for check in one.checks
+        ],
+        "specimens": [_specimen_row(one) for one in found.specimens],
+        "batches": [vars(one) for one in found.batches],
+    }
     return {
         "hours": _hours_table(found, hours),
-        "cycles": pa.Table.from_pylist([row for one in found.specimens for row in _cycle_rows(one)], CYCLES),
-        "checks": pa.Table.from_pylist([row for one in found.specimens for row in _check_rows(one)], CHECKS),
-        "specimens": pa.Table.from_pylist([_specimen_row(one) for one in found.specimens], SPECIMENS),
-        "batches": pa.Table.from_pylist([asdict(one) for one in found.batches], BATCHES),
+        **{kind: pa.Table.from_pylist(of, schema_of(kind)) for kind, of in rows.items()},
     }
 
 
-def _check_rows(one: Specimen) -> Iterable[dict[str, Any]]:
-    for check in one.checks:
-        low, high = check.equivalent_h or (None, None)
-        yield vars(check) | {
-            "specimen": one.specimen,
-            "batch": one.batch,
-            "equivalent_low_h": low,
-            "equivalent_high_h": high,
-            "sd_K_per_W": check.sd,
-        }
+def schema_of(kind: str) -> pa.Schema:
+    """The columns of the table of this kind ("hours", "cycles", ...), as the views read them."""
+    from analytics.columns import AGEING
+
+    types = {"VARCHAR": pa.string(), "BIGINT": pa.int64(), "DOUBLE": pa.float64(), "BOOLEAN": pa.bool_()}
+    return pa.schema([(name, types[said]) for name, said in AGEING[f"ageing_{kind}"].items()])
 
 
 def _hours_table(found: Assessment, hours: Mapping[str, Sequence[HotHours]]) -> pa.Table:
     """One row for each session and temperature at which it spent any time."""
-    batch = {one.specimen: one.batch for one in found.specimens}
-    parts = [HOURS.empty_table()]
+    schema, batch = schema_of("hours"), {one.specimen: one.batch for one in found.specimens}
+    parts = [schema.empty_table()]
     for specimen, sessions in hours.items():
         for one in sessions:
             there = one.heat.hours > 0.0
             said = (specimen, batch.get(specimen), one.session, one.session_name, one.channel)
             texts = [pa.array([text] * int(there.sum()), pa.string()) for text in said]
-            parts.append(pa.Table.from_arrays([*texts, one.heat.degC[there], one.heat.hours[there]], schema=HOURS))
+            parts.append(pa.Table.from_arrays([*texts, one.heat.degC[there], one.heat.hours[there]], schema=schema))
     return pa.concat_tables(parts)
 
 
-def _cycle_rows(one: Specimen) -> Iterable[dict[str, Any]]:
-    return (vars(cycle) | {"specimen": one.specimen, "batch": one.batch} for cycle in one.cycles)
-
-
 def _specimen_row(one: Specimen) -> dict[str, Any]:
-    low, high = one.equivalent_h or (None, None)
-    ranges = {"life_used": one.life_used, "slope": one.ci95, "remaining": one.remaining_h}
-    ends = {name: tuple(ends or (None, None)) for name, ends in ranges.items()}
-    return vars(one) | {
-        "checks": len(one.checks),
-        "equivalent_low_h": low,
-        "equivalent_high_h": high,
-        "life_used_low": ends["life_used"][0],
-        "life_used_high": ends["life_used"][1],
-        "slope_low": ends["slope"][0],
-        "slope_high": ends["slope"][1],
-        "remaining_low_h": ends["remaining"][0],
-        "remaining_high_h": ends["remaining"][1],
-    }
+    return (
+        vars(one)
+        | {"checks": len(one.checks)}
+        | _ends("equivalent_{}_h", one.equivalent_h)
+        | _ends("life_used_{}", one.life_used)
+        | _ends("slope_{}", one.ci95)
+        | _ends("remaining_{}_h", one.remaining_h)
+    )
 
 
-def _schema(text: str = "", whole: str = "", number: str = "", truth: str = "") -> pa.Schema:
-    kinds = ((text, pa.string()), (whole, pa.int64()), (number, pa.float64()), (truth, pa.bool_()))
-    return pa.schema([(name, kind) for names, kind in kinds for name in names.split()])
-
-
-HOURS = _schema(text="specimen batch session session_name channel", number="degC hours")
-CYCLES = _schema(
-    text="session session_name specimen batch channel",
-    whole="number start_ns",
-    number="heating_from_s soak_from_s soak_to_s cooling_to_s highest_degC soak_degC hours_above unknown_h swing_K "
-    "heating_K_per_min cooling_K_per_min",
-)
-CHECKS = _schema(
-    text="session session_name specimen batch source state why hottest_channel",
-    whole="start_ns number cycles",
-    number="dose_h discharge_h equivalent_low_h equivalent_high_h resistance_K_per_W sd_K_per_W sd_percent "
-    "conductivity_percent hottest_degC",
-)
-SPECIMENS = _schema(
-    text="specimen batch form why",
-    whole="checks",
-    number="dose_h equivalent_low_h equivalent_high_h life_used_low life_used_high form_probability change_at_dose_h "
-    "slope_percent_per_100h slope_low slope_high repeatability_percent fleet_slope_percent_per_100h fleet_slope_sd "
-    "remaining_low_h remaining_high_h score",
-    truth="significant outlying",
-)
-BATCHES = _schema(text="batch", whole="specimens", number="slope_percent_per_100h score", truth="outlying")
+def _ends(name: str, ends: Sequence[float | None] | None) -> dict[str, float | None]:
+    """The ends of a range in columns of their own, their names with "low" and "high" in them."""
+    low, high = ends or (None, None)
+    return {name.format("low"): low, name.format("high"): high}
