@@ -89,17 +89,14 @@ def check(connection: duckdb.DuckDBPyConnection, sql: str) -> None:
         if kind.endswith("_NODE") and kind not in READING_NODES:
             raise RefusedQueryError(f"SQL: holds {kind.split('_')[0]}, which writes: {ADVICE}")
         if kind == "TABLE_FUNCTION":
-            _check_table_function(str(node["function"].get("function_name", "")).lower())
+            table_function = str(node["function"].get("function_name", "")).lower()
+            if table_function not in TABLE_FUNCTIONS:
+                raise RefusedQueryError(
+                    f"SQL: the table function {table_function} is not for queries, it could leave the store: read the "
+                    f"views ({', '.join(VIEWS)})"
+                )
         if function in REFUSED_FUNCTIONS:
             raise RefusedQueryError(f"SQL: the function {function} is not for queries: leave it out")
-
-
-def _check_table_function(function: str) -> None:
-    if function not in TABLE_FUNCTIONS:
-        raise RefusedQueryError(
-            f"SQL: the table function {function} is not for queries, it could leave the store: read the views "
-            f"({', '.join(VIEWS)})"
-        )
 
 
 def _tree(connection: duckdb.DuckDBPyConnection, sql: str) -> dict[str, Any]:

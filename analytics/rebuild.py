@@ -37,7 +37,8 @@ def rebuild(store: Store, redecode: Callable[[Store, Facts], object], verify: bo
     (store.folder / warehouse.FILE).unlink(missing_ok=True)
     with warehouse.refresh(store) as made:
         after = warehouse.digest(made.connection) if verify else {}
-    named = _products(folding.at(store.ledger))
+    decodes = folding.at(store.ledger).decodes.values()
+    named = {(one.decode, file): sha256 for one in decodes for file, sha256 in one.products.items()}
     changed = [f"view {view}: holds other rows than before" for view in before if before[view] != after[view]]
     return Rebuilt(
         products=len(named),
@@ -56,12 +57,8 @@ def _before(store: Store) -> tuple[dict[str, str], tuple[str, ...]]:
         return {}, (f"views were not compared, they could not be read before: {error}",)
 
 
-def _products(facts: Facts) -> dict[tuple[str, str], str]:
-    """(decode, file) -> SHA-256 of everything that was decoded."""
-    return {(one.decode, file): sha256 for one in facts.decodes.values() for file, sha256 in one.products.items()}
-
-
 def _differences(store: Store, named: dict[tuple[str, str], str]) -> list[str]:
+    """A line for each product, (decode, file) -> SHA-256, that is not as its event says."""
     found = []
     for (decode, file), sha256 in named.items():
         path = store.decoded(decode) / file

@@ -26,7 +26,7 @@ def rows(store: Store, facts: Facts, recorded: Sequence[Recorded]) -> dict[str, 
         "events": [_event(one) for one in recorded],
         "files": _files(facts, recorded),
         "decodes": _decodes(facts),
-        "benches": _benches(facts),
+        "benches": [{"bench": bench.sha256, "name": bench.name} for bench in facts.benches.values()],
         "sessions": _sessions(facts),
         "session_files": [
             {"session": session.session, **{key: file[key] for key in ("raw", "decode", "first_record", "last_record")}}
@@ -74,10 +74,6 @@ def _decodes(facts: Facts) -> Rows:
     ]
 
 
-def _benches(facts: Facts) -> Rows:
-    return [{"bench": bench.sha256, "name": bench.name} for bench in facts.benches.values()]
-
-
 def _sessions(facts: Facts) -> Rows:
     names = ("session", "name", "kind", "kind_why", "specimen", "batch", "bench", "configuration", "absolute")
     return [
@@ -89,9 +85,7 @@ def _sessions(facts: Facts) -> Rows:
 
 def _model(facts: Facts, session: SessionRecorded) -> dict[str, str | None]:
     """The motor file that lay beside the session's bench file when its files came, and its motor."""
-    bench = facts.benches.get(session.bench or "")
-    named = facts.models.get(session.model or "")
-    known = named or bench
+    known = facts.models.get(session.model or "") or facts.benches.get(session.bench or "")
     return {"motor": known.motor if known else None, "model": known.model if known else None}
 
 

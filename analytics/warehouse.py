@@ -36,16 +36,8 @@ FILE = "warehouse.duckdb"
 VIEWS = (
     *("sessions", "channels", "files", "samples", "runs", "residuals", "temperatures"),
     *("cycles", "dc_checks", "insulation_checks", "inspections"),
-    *(
-        "hours_by_temperature",
-        "oven_cycles",
-        "conductivity_by_cycle",
-        "life_used",
-        "fleet_health",
-        "changepoints",
-        "batches",
-        "events",
-    ),
+    *("hours_by_temperature", "oven_cycles", "conductivity_by_cycle", "life_used", "fleet_health", "changepoints"),
+    *("batches", "events"),
 )
 MACROS = ("resample", "equivalent_hours", "equivalent_hours_10K", "equivalent_hours_of")
 BUILDING = "warehouse-"  # begins the names of folders in which one is being built
@@ -183,8 +175,8 @@ def digest(connection: duckdb.DuckDBPyConnection) -> dict[str, str]:
 
 
 def _digest(connection: duckdb.DuckDBPyConnection, table: str) -> str:
-    found = connection.execute(f"SELECT count(*), coalesce(sum(hash(t)::HUGEINT), 0) FROM {table} AS t").fetchall()
-    ((count, total),) = found
+    asked = f"SELECT count(*), coalesce(sum(hash(t)::HUGEINT), 0) FROM {table} AS t"
+    ((count, total),) = connection.execute(asked).fetchall()
     return f"{count}-{total:x}"
 
 
@@ -196,13 +188,11 @@ def _sweep(folder: Path) -> None:
 
 
 def _in_memory(store: Store, as_of: str) -> duckdb.DuckDBPyConnection:
-    connection = duckdb.connect(":memory:")
-    try:
+    with contextlib.ExitStack() as unless_done:
+        connection = unless_done.enter_context(duckdb.connect(":memory:"))
         fill(connection, tables.rows(store, fold_at(store.ledger, as_of), store.ledger.events(as_of=as_of)))
         confine(connection)
-    except BaseException:
-        connection.close()
-        raise
+        unless_done.pop_all()
     return connection
 
 
@@ -214,23 +204,20 @@ def _open(path: Path, source: Mapping[str, str] | None = None) -> duckdb.DuckDBP
     """
     if _log(path).exists():
         raise _Broken("another program wrote to it")
-    connection = duckdb.connect(":memory:")
     try:
-        connection.execute(f"ATTACH {scans.text(str(path))} AS warehouse (READ_ONLY)")
-        connection.execute("USE warehouse")
-        if source is not None and dict(connection.execute("FROM base.built_from").fetchall()) != source:
-            raise _Stale
-        for (table,) in connection.execute(
-            "SELECT table_name FROM duckdb_tables() WHERE schema_name = 'base'"
-        ).fetchall():
-            _digest(connection, f"base.{table}")  # reading a block is what checks it
-        confine(connection)
+        with contextlib.ExitStack() as unless_done:
+            connection = unless_done.enter_context(duckdb.connect(":memory:"))
+            connection.execute(f"ATTACH {scans.text(str(path))} AS warehouse (READ_ONLY)")
+            connection.execute("USE warehouse")
+            if source is not None and dict(connection.execute("FROM base.built_from").fetchall()) != source:
+                raise _Stale
+            base = connection.execute("SELECT table_name FROM duckdb_tables() WHERE schema_name = 'base'").fetchall()
+            for (table,) in base:
+                _digest(connection, f"base.{table}")  # reading a block is what checks it
+            confine(connection)
+            unless_done.pop_all()
     except duckdb.Error as error:
-        connection.close()
         raise _Broken(_line(error)) from None
-    except BaseException:
-        connection.close()
-        raise
     return connection
 
 

@@ -18,11 +18,8 @@ def problems() -> list[str]:
     They are: packages of ours that are not there; other distributions that install one too; files of ours that are
     missing or not as they were installed, by the SHA-256 in the distribution's RECORD.
     """
-    return [*_missing_packages(), *_other_distributions(), *_changed_files()]
-
-
-def _missing_packages() -> list[str]:
-    return [f"package {name} of whyhot is missing: {ADVICE}." for name in PACKAGES if find_spec(name) is None]
+    missing = [f"package {name} of whyhot is missing: {ADVICE}." for name in PACKAGES if find_spec(name) is None]
+    return [*missing, *_other_distributions(), *_changed_files()]
 
 
 def _other_distributions() -> list[str]:
