@@ -5,8 +5,8 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import fields, replace
 from hashlib import sha256
 from typing import TYPE_CHECKING, Any
 
@@ -50,6 +50,7 @@ Floats = NDArray[np.float64]
 Tell = Callable[[str], None]
 
 CRITERION = "conductivity -50 %"
+BATCH = [field.name for field in fields(Batch)]
 
 
 def assess(store: Store, facts: Facts, motor: str | None, as_of: str | None, tell: Tell = lambda _: None) -> Assessment:
@@ -79,25 +80,16 @@ def assess(store: Store, facts: Facts, motor: str | None, as_of: str | None, tel
 def _key(facts: Facts, sessions: Sequence[SessionRecorded], motor: str | None) -> dict[str, Any]:
     """Everything that the answer may depend on, but for the environment."""
     return {
-        "sessions": _hash(
-            [
-                s.session,
-                s.batch,
-                s.kind,
-                s.configuration,
-                facts.current(s.bench) if s.bench else None,
-                [f["decode"] for f in s.files],
-            ]
-            for s in sessions
-        ),
+        "sessions": sha256(json.dumps([_session_key(facts, one) for one in sessions]).encode()).hexdigest(),
         "motor": motor,
         "models": models_of(facts, sessions),
         "code": code_of(__name__),
     }
 
 
-def _hash(rows: Iterable[Sequence[Any]]) -> str:
-    return sha256(json.dumps(list(rows)).encode()).hexdigest()
+def _session_key(facts: Facts, one: SessionRecorded) -> list[Any]:
+    bench, decodes = facts.current(one.bench) if one.bench else None, [file["decode"] for file in one.files]
+    return [one.session, one.batch, one.kind, one.configuration, bench, decodes]
 
 
 def _assessed(
@@ -115,8 +107,7 @@ def _assessed(
     if not known:
         raise ReplayDataError(
             'no DC check of a named specimen is in this store: ingest logs of checks with kind = "dc_check" and a '
-            "specimen, or a "
-            "table of evaluated checks with the quantities thermal_resistance and dose."
+            "specimen, or a table of evaluated checks with the quantities thermal_resistance and dose."
         )
     names = sorted(known, key=natural)
     tell("weighing the courses")
@@ -147,22 +138,13 @@ def _assessed(
             "from": "assumed",
         },
         rules=[rule.name for rule in arrhenius.RULES],
-        repeatability_from=f"{100 * repeats.sd:.1f} %, from {repeats.source}"
-        if repeats.source != "assumed"
-        else "3 %, assumed",
+        repeatability_from="3 %, assumed"
+        if repeats.source == "assumed"
+        else f"{100 * repeats.sd:.1f} %, from {repeats.source}",
         law=fleet_law,
         life=lives_of(known, sd, CRITERION),
         specimens=specimens,
-        batches=[
-            Batch(
-                batch=one.batch,
-                specimens=one.specimens,
-                slope_percent_per_100h=one.slope_percent_per_100h,
-                score=one.score,
-                outlying=one.outlying,
-            )
-            for one in found.fleet.batches
-        ],
+        batches=[Batch(**{key: getattr(one, key) for key in BATCH}) for one in found.fleet.batches],
         stress=stress,
         false_discovery_rate=found.fleet.false_discovery_rate,
         notes=[
@@ -178,35 +160,25 @@ def _law(found: Assessed, specimens: Sequence[Specimen]) -> AgeingLaw | None:
     course is surest. A rise that has become level is no law to go on with."""
     from analytics.insulation.dose.arrhenius import THRESHOLD_DEGC
 
-    fleet, changed = (
-        found.fleet,
-        [one for one in specimens if one.significant and one.ci95 and one.level_from_dose_h is None],
-    )
+    fleet = found.fleet
+    changed = [one for one in specimens if one.significant and one.ci95 and one.level_from_dose_h is None]
     if not changed:
         return None
-    if fleet.slope_percent_per_100h is not None and fleet.specimen_spread is not None:
-        law = Ageing.of_resistance(THRESHOLD_DEGC, fleet.slope_percent_per_100h, fleet.specimen_spread)
-        return AgeingLaw(percent_per_100h=law.percent_per_100h, sd=law.sd, from_h=0.0, source="fleet", model=None)
     one = max(changed, key=lambda one: one.form_probability)
     low, high = one.ci95 or (0.0, 0.0)
-    law = Ageing.of_resistance(
-        THRESHOLD_DEGC, one.slope_percent_per_100h or 0.0, (high - low) / 3.92, one.change_at_dose_h or 0.0
-    )
-    return AgeingLaw(
-        percent_per_100h=law.percent_per_100h, sd=law.sd, from_h=law.from_h, source=one.specimen, model=None
-    )
+    source, slope, sd, from_h = one.specimen, one.slope_percent_per_100h, (high - low) / 3.92, one.change_at_dose_h
+    if fleet.slope_percent_per_100h is not None and fleet.specimen_spread is not None:
+        source, slope, sd, from_h = "fleet", fleet.slope_percent_per_100h, fleet.specimen_spread, None
+    law = Ageing.of_resistance(THRESHOLD_DEGC, slope or 0.0, sd, from_h or 0.0)
+    return AgeingLaw(percent_per_100h=law.percent_per_100h, sd=law.sd, from_h=law.from_h, source=source, model=None)
 
 
 def _not_heat_alone(others: Sequence[str]) -> list[str]:
-    if not others:
-        return []
-    said = " and ".join(others)
-    return [
-        (
-            f"the law counts hours of heat, and {said} did part of it: "
-            "it holds for specimens that have as much of that for their hours."
-        )
-    ]
+    said = (
+        f"the law counts hours of heat, and {' and '.join(others)} did part of it: it holds for specimens that have as "
+        "much of that for their hours."
+    )
+    return [said] if others else []
 
 
 def _published(store: Store, facts: Facts, motor: str, law: AgeingLaw) -> str:
@@ -244,7 +216,8 @@ def _specimen(
 
     form = found.forms.get(name) or forms.assess([], [], [])
     life = found.remaining.get(name)
-    first, worth = next((point.resistance for point in history.points if point.usable), None), history.worth
+    worth = history.worth
+    first = next((point.resistance for point in history.points if point.usable), None)
     left = states_left([_as_filtered(point, own) for point, own in zip(history.points, sd, strict=True)], law)
     last = next((point.dose_h for point in reversed(history.points) if point.dose_h is not None), None)
     return Specimen(

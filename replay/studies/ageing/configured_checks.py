@@ -40,11 +40,12 @@ from twin.insulation.check_tests import (
     of_iron,
     without_iron,
 )
-from twin.insulation.insulation_fit import OverChecks, insulated, over_checks
+from twin.insulation.insulation_fit import insulated, over_checks
 from twin.motor.network import Network
 
 if TYPE_CHECKING:
-    from analytics.insulation.checks.resistance import CheckResistance, CheckTrace, ResistanceEstimate, Together
+    from analytics.insulation.checks.estimate import ResistanceEstimate
+    from analytics.insulation.checks.resistance import CheckResistance, CheckTrace, Together
 
 IRON, MINUTES, AMBIENT = "iron sensor", "first minutes", "ambient"
 LEAST_LOAD_S = 1200.0
@@ -140,21 +141,12 @@ class Rig:
 
     def _estimates(self, route: str, left_out: Sequence[Mapping[str, str]]) -> list[ResistanceEstimate | str]:
         """The resistance of each check by one fit of all that the route serves, or why it does not."""
-        from analytics.insulation.checks.resistance import ResistanceEstimate
         from analytics.insulation.checks.routes import too_wide
 
         moved = self._iron_off_by(left_out)
         tests = [self._test(route, *one) for one in zip(self.checks, left_out, moved, strict=True)]
-        there = [test for test in tests if isinstance(test, Test)]
-        fitted = self._fit(route, there) if there else ""
-        answers: list[ResistanceEstimate | str] = []
-        for test in tests:
-            if isinstance(test, str) or isinstance(fitted, str):
-                answers.append(test if isinstance(test, str) else str(fitted))
-            else:
-                k = len([one for one in answers if not isinstance(one, str)])
-                value = float(fitted.resistance[k])
-                answers.append(ResistanceEstimate(value, value * float(fitted.ln_sd[k])))
+        fitted = iter(self._fit(route, [test for test in tests if isinstance(test, Test)]))
+        answers = [test if isinstance(test, str) else next(fitted) for test in tests]
         for answer in answers:
             why = answer if isinstance(answer, str) else too_wide(answer)
             if why is not None:
@@ -199,18 +191,21 @@ class Rig:
             return f"loaded for {loaded_s / 60.0:.0f} min without a break, {LEAST_LOAD_S / 60.0:.0f} min are needed"
         return test
 
-    def _fit(self, route: str, tests: Sequence[Test]) -> OverChecks | str:
+    def _fit(self, route: str, tests: Sequence[Test]) -> Sequence[ResistanceEstimate | str]:
+        """The resistance of each test by one fit of all, or why it is not known."""
+        from analytics.insulation.checks.estimate import ResistanceEstimate
+
+        if not tests:
+            return []
         try:
             with fitting(f"configuration {self.configuration}"):
                 found = over_checks(self.network, tests, emissivity_free=route == AMBIENT)
         except ReplayDataError as error:
-            return str(error)
+            return [str(error)] * len(tests)
         if not found.converged:
-            return "the fit of all checks did not converge"
+            return ["the fit of all checks did not converge"] * len(tests)
         if found.misfit > MOST_MISFIT:
-            return (
-                f"the network misses the measured temperatures by {found.misfit_K:.1f} K (rms) "
-                "whatever its coefficients: "
-                "correct the motor file"
-            )
-        return found
+            off = f"the network misses the measured temperatures by {found.misfit_K:.1f} K (rms)"
+            return [f"{off} whatever its coefficients: correct the motor file"] * len(tests)
+        both = zip(found.resistance.tolist(), found.ln_sd.tolist(), strict=True)
+        return [ResistanceEstimate(value, value * ln_sd) for value, ln_sd in both]

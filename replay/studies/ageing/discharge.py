@@ -85,12 +85,10 @@ def discharge_of(sessions: Sequence[SessionRecorded], by_time: bool, electrical:
             tests[session.session] = None if inception_V is None else AppliedVoltage(*said.tested, inception_V)
         inception_V = inception_V if said.inception_V is None else said.inception_V
     found = doses(sessions, by_time, tests, AppliedVoltage.hours, np.zeros(1))
-    unknown = [session.name for session in sessions if tests.get(session.session, True) is None]
-    return Discharge(
-        {name: None if hours is None else float(hours[0]) for name, hours in found.items()},
-        f"session {unknown[0]} has a test voltage, and no inception voltage was measured before it: "
-        "hours of discharge are not known "
-        "from there on; ingest the electrical check that came before it (inception_voltage)."
-        if unknown
-        else None,
+    before = {name: None if hours is None else float(hours[0]) for name, hours in found.items()}
+    unknown = next((session.name for session in sessions if tests.get(session.session, True) is None), None)
+    why = (
+        f"session {unknown} has a test voltage, and no inception voltage was measured before it: hours of discharge "
+        "are not known from there on; ingest the electrical check that came before it (inception_voltage)."
     )
+    return Discharge(before, why if unknown is not None else None)

@@ -42,10 +42,10 @@ ELSEWHERE = "evaluated elsewhere"
 
 @dataclass(frozen=True)
 class Point:
-    """A check with its dose [h] and `worth` (4,) as `worth_of`; both None where not known, then `why` says why.
-    `cycles`: how many oven cycles the specimen had before; `discharge_h`: how many hours its test voltage was above
-    the inception voltage [h]. Both are None of a row of a table, hours of discharge also where they are not known.
-    `counters`: what a table counted besides, by channel."""
+    """A check with the dose before it [h] and that dose's `worth` (4,), as `worth_of` says it; both None where they are
+    not known, and `why` then. `cycles`: how many oven cycles the specimen had before; `discharge_h`: how many hours its
+    test voltage was above the inception voltage [h]. Both are None of a row of a table, hours of discharge also where
+    they are not known. `counters`: what a table counted besides, by channel."""
 
     session: SessionRecorded
     start_ns: int | None
@@ -168,10 +168,8 @@ def _of_logs(store: Store, facts: Facts, motor: str | None, sessions: Sequence[S
         notes.append(
             "its logs have no absolute time: checks and oven sessions are in the order of the numbers in their names"
         )
-    dose, discharge = (
-        doses(ordered, by_time, heats, _worth, worth_of(NOTHING)),
-        discharge_of(ordered, by_time, electrical),
-    )
+    dose = doses(ordered, by_time, heats, _worth, worth_of(NOTHING))
+    discharge = discharge_of(ordered, by_time, electrical)
     if discharge.why:
         notes.append(discharge.why)
     found, said = evaluate_checks(list(checks.values()))
@@ -179,15 +177,19 @@ def _of_logs(store: Store, facts: Facts, motor: str | None, sessions: Sequence[S
     answers = dict(zip(checks, found, strict=True))
     cycles = list(_oven_cycles(ordered, heats))
     points = [
-        _point(
-            session,
-            dose[session.session],
-            answers[session.session],
-            _before(session, ordered, by_time, cycles),
-            discharge.before[session.session],
+        Point(
+            session=session,
+            start_ns=session.start_ns if session.absolute else None,
+            dose_h=None if worth is None else float(worth[0]),
+            worth=worth,
+            found=answers[session.session],
+            why="an oven session before it has no temperature of the specimen" if worth is None else None,
+            cycles=_before(session, ordered, by_time, cycles),
+            discharge_h=discharge.before[session.session],
         )
         for session in ordered
         if session.session in answers
+        for worth in [dose[session.session]]
     ]
     hours = [
         HotHours(session.session, session.name, trace.channel, trace.heat)
@@ -207,15 +209,6 @@ def _before(
     return sum(one.session in earlier for one in cycles)
 
 
-def _point(
-    session: SessionRecorded, worth: Floats | None, found: CheckResistance, cycles: int, discharge_h: float | None
-) -> Point:
-    why = None if worth is not None else "an oven session before it has no temperature of the specimen"
-    start = session.start_ns if session.absolute else None
-    dose = None if worth is None else float(worth[0])
-    return Point(session, start, dose, worth, found, why, cycles, discharge_h)
-
-
 def _all_heat(sessions: Sequence[SessionRecorded], heats: Mapping[str, Trace | None]) -> Floats | None:
     """What all sessions are worth together; None without any session, and where an oven log has no temperatures."""
     known = [trace for trace in heats.values() if trace is not None]
@@ -225,7 +218,7 @@ def _all_heat(sessions: Sequence[SessionRecorded], heats: Mapping[str, Trace | N
 
 
 def _worth(trace: Trace) -> Floats:
-    """`worth_of` a course, with the hours above the threshold to the crossing of it."""
+    """`worth_of` its heat, with the hours above the threshold counted to the moment at which it is crossed."""
     from analytics.insulation.dose.arrhenius import THRESHOLD_DEGC
 
     found = worth_of(trace.heat)
@@ -247,23 +240,15 @@ def _oven_cycles(sessions: Iterable[SessionRecorded], heats: Mapping[str, Trace 
         for stay in cycles((trace.t_ns - trace.t_ns[0]) / 1e9, trace.degC)
     )
     for number, (session, trace, begins_s, stay) in enumerate(stays, 1):
+        times = {name: getattr(stay, name) for name in ("heating_from_s", "soak_from_s", "soak_to_s", "cooling_to_s")}
+        of_session = {name: None if time_s is None else time_s + begins_s for name, time_s in times.items()}
         yield OvenCycle(
             session=session.session,
             session_name=session.name,
             channel=trace.channel,
             number=number,
             start_ns=session.start_ns if session.absolute else None,
-            heating_from_s=None if stay.heating_from_s is None else stay.heating_from_s + begins_s,
-            soak_from_s=stay.soak_from_s + begins_s,
-            soak_to_s=stay.soak_to_s + begins_s,
-            cooling_to_s=None if stay.cooling_to_s is None else stay.cooling_to_s + begins_s,
-            highest_degC=stay.highest_degC,
-            soak_degC=stay.soak_degC,
-            hours_above=stay.hours_above,
-            unknown_h=stay.unknown_h,
-            swing_K=stay.swing_K,
-            heating_K_per_min=stay.heating_K_per_min,
-            cooling_K_per_min=stay.cooling_K_per_min,
+            **vars(stay) | of_session,
         )
 
 

@@ -7,15 +7,12 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from replay.studies.ageing.assessment import AssessedLives, LivesLaw, OneLife
 from replay.studies.ageing.history import History
 
 if TYPE_CHECKING:
-    from analytics.insulation.life.life import LifeFit
-
-Floats = NDArray[np.float64]
+    from analytics.insulation.life.bounds import Bounds
 
 LEAST_SPREAD_K = 5.0  # temperatures closer than this are one: ovens are not equally hot every time
 
@@ -57,17 +54,15 @@ def _temperature(history: History) -> float | None:
     hot = degC > THRESHOLD_DEGC
     if hours[hot].sum() <= 0.0:
         return None
-    order = np.argsort(degC[hot])
-    share = np.cumsum(hours[hot][order]) / hours[hot].sum()
-    median = float(degC[hot][order][np.searchsorted(share, 0.5)])
+    median = float(np.quantile(degC[hot], 0.5, weights=hours[hot], method="inverted_cdf"))
     return LEAST_SPREAD_K * round(median / LEAST_SPREAD_K)
 
 
 def _law(lives: list[OneLife], criterion: str) -> tuple[LivesLaw | None, str | None]:
     from analytics.insulation.dose.arrhenius import THRESHOLD_DEGC
-    from analytics.insulation.life import bounds as life_bounds
-    from analytics.insulation.life import life, temperature_index
-    from analytics.insulation.life.temperature_index import Endurance
+    from analytics.insulation.life import life
+    from analytics.insulation.life.bounds import ActivationEnergy, Quantile, profile
+    from analytics.insulation.life.temperature_index import Endurance, endurance
 
     ended = [one for one in lives if one.upper_h is not None]
     if not ended:
@@ -81,24 +76,18 @@ def _law(lives: list[OneLife], criterion: str) -> tuple[LivesLaw | None, str | N
     )
     if isinstance(law, life.NoFit):
         return None, law.reason
-    index = temperature_index.endurance(law)
+    index = endurance(law)
     return LivesLaw(
         distribution="lognormal",
-        activation_energy_eV=_bounds(law, life_bounds.ActivationEnergy()),
-        median_h_at_180degC=_bounds(law, life_bounds.Quantile(0.5, THRESHOLD_DEGC)),
+        activation_energy_eV=_value_and_bounds(profile(law, ActivationEnergy())),
+        median_h_at_180degC=_value_and_bounds(profile(law, Quantile(0.5, THRESHOLD_DEGC))),
         temperature_index_degC=_value_and_bounds(index.index) if isinstance(index, Endurance) else None,
         halving_interval_K=_value_and_bounds(index.halving) if isinstance(index, Endurance) else None,
         why_no_index=None if isinstance(index, Endurance) else index.reason,
     ), None
 
 
-def _bounds(law: LifeFit, quantity: Any) -> dict[str, Any]:
-    from analytics.insulation.life.bounds import profile
-
-    return _value_and_bounds(profile(law, quantity))
-
-
-def _value_and_bounds(found: Any) -> dict[str, Any]:
+def _value_and_bounds(found: Bounds) -> dict[str, Any]:
     """Value and 95 % bounds as JSON; a bound that the data do not give is null."""
     ends = [bound if math.isfinite(bound) else None for bound in (found.lower, found.upper)]
     return {"value": found.value, "ci95": ends}
