@@ -238,7 +238,7 @@ def _guess(entry: _Entry) -> ResolvedChannel:
     try:
         conversion = converter(unit, quantity)
     except UnitError:
-        quantity = ""
+        quantity, conversion = "", Conversion()
     return ResolvedChannel(entry["name"], quantity, unit, conversion=conversion, signals=(), role=entry["role"])
 
 

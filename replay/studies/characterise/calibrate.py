@@ -9,7 +9,6 @@ from difflib import get_close_matches
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ingest.facts.events import CalibrationCompleted, Event, ModelPublished, SessionRecorded
 from ingest.facts.facts import Facts
@@ -27,13 +26,11 @@ from replay.engine.specimen.aged import of_specimen
 from replay.errors import ReplayDataError
 from replay.studies.sessions.fitting import fitting
 from replay.studies.sessions.recorded import STEP_S, test_of
-from twin.calibration.calibrate import Calibration, FittedParameter, calibrate
+from twin.calibration.calibrate import Calibration, calibrate
 from twin.calibration.profile import profile
 from twin.calibration.united import United
 from twin.fitting.model import Test
 from twin.fitting.recorded import RecordedMeter
-
-Floats = NDArray[np.float64]
 
 UNITS = {"loss": "W", "conductance": "W/K", "capacity": "J/K"}
 
@@ -68,18 +65,19 @@ def calibrate_sessions(
     name = facts.models[parent].file
     data = store.archive.read(parent)
     old = [of_specimen(store, facts, one, network_of(store, facts, one, parent)) for one in sessions]
-    tests = [
-        test_of(store, facts, one, its.network, (), level, meters=True) for one, its in zip(sessions, old, strict=True)
-    ]
     rigs = [session.configuration for session in sessions]
     united = United(read_motor(data, name), rigs)
-    network = united.network
-    tests = [united.test(test, rig, its.factors) for test, rig, its in zip(tests, rigs, old, strict=True)]
+    network, tests = united.network, []
+    for session, rig, its in zip(sessions, rigs, old, strict=True):
+        test = test_of(store, facts, session, its.network, (), level, meters=True)
+        tests.append(united.test(test, rig, its.factors))
     with fitting(f"calibration of {network.name}"):
         found = calibrate(network, tests, only)
     named_estimates = zip(found.estimates, united.names, strict=True)
     result = replace(found, estimates=tuple(replace(one, name=called) for one, called in named_estimates))
     key = _key(facts, sessions, parent, level, only)
+    own = slice(len(result.estimates))  # the motor's own parameters, of all that were fitted
+    covariance = np.asarray(np.linalg.inv(result.fit.hessian)[own, own], np.float64)
     named = ", ".join(f"{s.name} ({s.configuration})" if s.configuration else s.name for s in sessions)
     says = f"Calibrated on {named} from model {parent[:12]}.\nComments beside a number speak of its value before."
     text = written(data, name, united.version(result.network), says)
@@ -96,9 +94,9 @@ def calibrate_sessions(
         converged=result.fit.converged,
         iterations=result.iterations,
         log_posterior=-result.fit.cost,
-        parameters=[_parameter(estimate) for estimate in result.estimates],
+        parameters=[{"name": one.name, "unit": UNITS[_kind(one.name)], **vars(one)} for one in result.estimates],
         errors=_errors(sessions, tests, result),
-        covariance=store.archive.seal(to_parquet(covariance_table(united.names, _covariance(result)))),
+        covariance=store.archive.seal(to_parquet(covariance_table(united.names, covariance))),
     )
     return CalibrationResult(event, _keep(store, facts, event, name), result, tuple(tests))
 
@@ -111,24 +109,26 @@ def profiles(result: CalibrationResult, names: Sequence[str]) -> list[dict[str, 
     if unknown := [name for name in names if name not in before]:
         raise ReplayDataError(
             f"--profile {unknown[0]}: the motor has no such parameter.{_nearest(unknown[0], before)} Names are "
-            "kind.place.law; "
-            "`whyhot calibrate --on S --json` lists those of this motor as `parameters`."
+            "kind.place.law; `whyhot calibrate --on S --json` lists those of this motor as `parameters`."
         )
     found = []
-    for place, name in [(list(before).index(name), name) for name in names]:
+    for name in names:
         with fitting(f"profile of {name}"):
-            one = profile(result.calibration.fit, place)
+            one = profile(result.calibration.fit, list(before).index(name))
         ends = [None if end is None else before[name] * math.exp(end) for end in (one.low, one.high)]
-        value, unit = before[name] * math.exp(one.best), UNITS[name.split(".", 1)[0]]
+        value, unit = before[name] * math.exp(one.best), UNITS[_kind(name)]
         course = [[before[name] * math.exp(v), float(r)] for v, r in zip(one.values, one.rise, strict=True)]
         found.append({"name": name, "unit": unit, "value": value, "ci95": ends, "course": course})
     return found
 
 
+def _kind(name: str) -> str:
+    return name.split(".", 1)[0]
+
+
 def _nearest(name: str, names: Collection[str]) -> str:
-    """The parameter most like a name that is none, as the end of a refusal: one of the same kind where there is that
-    kind."""
-    alike = [one for one in names if one.split(".", 1)[0] == name.split(".", 1)[0]] or list(names)
+    """The end of a refusal: the parameter most like an unknown name, one of the same kind where there is any."""
+    alike = [one for one in names if _kind(one) == _kind(name)] or list(names)
     return hint(name, names) or f" Nearest: {get_close_matches(name, alike, n=1, cutoff=0.0)[0]}."
 
 
@@ -143,12 +143,6 @@ def common_model(facts: Facts, sessions: Sequence[SessionRecorded]) -> str:
             f"the sessions' bench files name different motor files ({which}): say which one with --model."
         )
     return next(iter(named))
-
-
-def _covariance(result: Calibration) -> Floats:
-    """Covariance (P, P) of the motor's own parameters."""
-    size = len(result.estimates)
-    return np.asarray(np.linalg.inv(result.fit.hessian)[:size, :size], dtype=np.float64)
 
 
 def _key(
@@ -171,7 +165,6 @@ def _key(
 
 def _keep(store: Store, facts: Facts, event: CalibrationCompleted, file: str) -> bool:
     """Append what the ledger does not have. Returns whether it had the calibration."""
-    stream = f"calibration-{event.calibration}"
     known = any(
         isinstance(one.event, CalibrationCompleted) and one.event.calibration == event.calibration
         for one in store.ledger.events()
@@ -181,23 +174,10 @@ def _keep(store: Store, facts: Facts, event: CalibrationCompleted, file: str) ->
         published = ModelPublished(model=event.model, motor=event.motor, file=file, parent=event.parent)
         events.append((f"motor-{event.motor}", published))
     if not known:
-        events.append((stream, event))
+        events.append((f"calibration-{event.calibration}", event))
     if events:
         store.ledger.append_all(events)
     return known
-
-
-def _parameter(estimate: FittedParameter) -> dict[str, Any]:
-    return {
-        "name": estimate.name,
-        "unit": UNITS[estimate.name.split(".", 1)[0]],
-        "before": estimate.before,
-        "value": estimate.value,
-        "log_change": estimate.log_change,
-        "sd": estimate.sd,
-        "prior_sd": estimate.prior_sd,
-        "held": estimate.held,
-    }
 
 
 def _errors(sessions: Sequence[SessionRecorded], tests: Sequence[Test], result: Calibration) -> list[dict[str, Any]]:
@@ -209,12 +189,8 @@ def _errors(sessions: Sequence[SessionRecorded], tests: Sequence[Test], result: 
         after, bias = result.mae_after[s, name], result.bias.get((s, name), 0.0)
         if isinstance(found, RecordedMeter):
             entry |= {"place": _place(found), "unit": found.what.unit, "before": before, "after": after}
-            entry |= {
-                "bias": bias,
-                "bias_sd": found.sensor.bias_sd,
-                "gain": result.gain.get(name, 0.0),
-                "gain_sd": found.what.gain_sd,
-            }
+            entry |= {"bias": bias, "bias_sd": found.sensor.bias_sd}
+            entry |= {"gain": result.gain.get(name, 0.0), "gain_sd": found.what.gain_sd}
         else:
             entry |= {"node": " + ".join(found.sensor.weights), "before_K": before, "after_K": after}
             entry |= {

@@ -68,7 +68,7 @@ class Ended:
 
 @dataclass(frozen=True)
 class Envelope:
-    """What a motor bears: `borders` [speed][duration] over `speeds_rpm` and `DURATIONS_S`, in the unit of
+    """What a motor bears: for each of `speeds_rpm` its `borders`, one for each of `DURATIONS_S`, in the unit of
     `load_column`, with `boundaries` held at these temperatures [degC]. `start_degC`: the hottest node at the start,
     at rest in equilibrium with them. `fitted`: the model was made from another one, and bands are as wide as the
     sessions leave its parameters unknown; else as wide as its file's `sd`."""
@@ -99,8 +99,8 @@ def envelope(
     limits = np.array([math.nan if n.limit_degC is None else n.limit_degC for n in network.nodes])
     if np.isnan(limits).all():
         raise ReplayDataError(
-            f"no node of {network.name} has a limit: say limit_degC = 180.0 or so for its windings "
-            "and magnets in the motor file."
+            f"no node of {network.name} has a limit: say limit_degC = 180.0 or so for its windings and magnets in the "
+            "motor file."
         )
     tell("reading the sessions")
     channels = [load(store, facts, session) for session in sessions]
@@ -116,7 +116,7 @@ def envelope(
                 test = test_of(store, facts, session, network, (), level, loaded=own)
                 precision = precision + information(network, test, {})
         boundaries = np.concatenate([frame.boundaries for frame in frames]).mean(axis=0)
-        covariance = np.asarray(np.linalg.inv(precision), dtype=np.float64)
+        covariance = np.asarray(np.linalg.inv(precision), np.float64)
         motor = Motor(load_kernel(network), limits, boundaries, covariance)
         start = temperatures(motor, rest, np.full(len(limits), boundaries.mean()), math.inf)
         if not np.isfinite(start).all():
@@ -176,8 +176,7 @@ def _drive(network: Network, points: OperatingMap, speed: float) -> Callable[[fl
 
     def features(load: float) -> Floats:
         values = {name: np.array([value]) for name, value in points.inputs(speed, load).items()}
-        found: Floats = evaluate(monomials(network), values, 1)[0]
-        return found
+        return np.asarray(evaluate(monomials(network), values, 1)[0])
 
     return features
 
@@ -187,16 +186,15 @@ def _at_rest(network: Network, frames: Sequence[InputFrame]) -> Floats:
     needed = {feature for m in monomials(network) for feature in m.features}
     flows = {f: column_name(f, "flow") for f in needed if f.startswith("flow")}
     usual = {f: np.array([float(np.nanmedian(_joined(frames, name))) / scale(network, f)]) for f, name in flows.items()}
-    found: Floats = evaluate(monomials(network), {f: np.zeros(1) for f in needed} | usual, 1)[0]
-    return found
+    return np.asarray(evaluate(monomials(network), {f: np.zeros(1) for f in needed} | usual, 1)[0])
 
 
 def ended(
     network: Network, sessions: Sequence[SessionRecorded], frames: Sequence[InputFrame], column: str
 ) -> tuple[Ended, ...]:
-    """How each S1 session and each pulse of an S2 session ended. What was at its limit is told by the current
-    wherever every session knows it: in field weakening torque is far below its largest while the inverter gives all
-    it can."""
+    """How each S1 session and each pulse of an S2 session ended. Whether it was at its load's limit is told by the
+    current wherever every session knows it: in field weakening torque is far below its largest while the inverter gives
+    all it can."""
     currents = [phase_current(frame) for frame in frames]
     driven = [current for current in currents if current is not None]
     by_current = len(driven) == len(frames)
@@ -207,9 +205,8 @@ def ended(
     for session, frame, current, push in zip(sessions, frames, currents, pushed, strict=True):
         if session.kind not in ("s1", "s2"):
             continue
-        limited = [
-            (o.sensor.label, without_lag(o, frame.step_s)) for o in frame.observations if o.sensor.label in limits
-        ]
+        seen = [o for o in frame.observations if o.sensor.label in limits]
+        limited = [(o.sensor.label, without_lag(o, frame.step_s)) for o in seen]
         of_pulses = pulses(push, frame.step_s) if session.kind == "s2" else []
         for number, (first, after) in enumerate(of_pulses or [(0, len(push))], start=1):
             hottest = [
@@ -244,8 +241,7 @@ def without_lag(o: Observation, step_s: float) -> Floats:
     back = max(1, round(SLOPE_s / step_s))
     rise = np.zeros_like(shown)
     rise[back:] = (shown[back:] - shown[:-back]) / (back * step_s)
-    found: Floats = shown + o.sensor.time_constant_s * np.nan_to_num(rise)
-    return found
+    return np.asarray(shown + o.sensor.time_constant_s * np.nan_to_num(rise))
 
 
 def phase_current(frame: InputFrame) -> Floats | None:
@@ -253,11 +249,8 @@ def phase_current(frame: InputFrame) -> Floats | None:
     either."""
     if "current_A" in frame.inputs:
         return np.abs(frame.inputs["current_A"])
-    parts = [frame.inputs.get(f"current_{axis}_A") for axis in "dq"]
-    if parts[0] is None or parts[1] is None:
-        return None
-    found: Floats = np.hypot(parts[0], parts[1])
-    return found
+    d, q = (frame.inputs.get(f"current_{axis}_A") for axis in "dq")
+    return None if d is None or q is None else np.asarray(np.hypot(d, q))
 
 
 def pulses(push: Floats, step_s: float) -> list[tuple[int, int]]:

@@ -111,7 +111,7 @@ def run_protocol(
         choices = in_order(taught, after_fit)
         proposals = _proposals(fitted.network, of_points, noise, np.sum(taught, axis=0), after_fit)
         unknown_K = known_K(prior(after_fit.parameters), after_fit)
-    replays = [_replayed(store, drives, one, level, tell) for one in (parent, calibration.event.model)]
+    before, after = (_replayed(store, drives, one, level, tell) for one in (parent, calibration.event.model))
     return Protocol(
         network=network,
         warnings=warnings,
@@ -121,10 +121,10 @@ def run_protocol(
         fitted=tuple(names),
         calibration=calibration,
         choices=tuple(choices),
-        unknown_K=tuple(float(value) for value in unknown_K),
+        unknown_K=tuple(unknown_K.tolist()),
         proposals=proposals,
-        before=replays[0],
-        after=replays[1],
+        before=before,
+        after=after,
     )
 
 

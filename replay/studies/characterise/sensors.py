@@ -83,8 +83,8 @@ class SessionErrors:
 
 @dataclass(frozen=True)
 class Left:
-    """One step of doing without: the channel that is missed least of those left, and then the largest mean error [K]
-    of any channel that is done without."""
+    """One step of doing without: the channel of those left that is missed least, and the largest mean error [K] of all
+    that are done without then."""
 
     channel: str
     worst_mae_K: float
@@ -130,16 +130,14 @@ class _Recorded:
 
     @property
     def nodes(self) -> tuple[str, ...]:
-        """Names of the nodes."""
         return tuple(node.name for node in self.network.nodes)
 
     def observation(self, channel: str) -> Observation | None:
         return next((o for o in self.frame.observations if o.sensor.name == channel), None)
 
     def start(self, seen: Sequence[Observation]) -> FilterStart:
-        return FilterStart(
-            *initial_temperatures(self.network, replace(self.frame, observations=tuple(seen)), "testing")
-        )
+        frame = replace(self.frame, observations=tuple(seen))
+        return FilterStart(*initial_temperatures(self.network, frame, "testing"))
 
 
 def sensors_worth(
@@ -162,16 +160,13 @@ def sensors_worth(
         for session in sessions:
             tell(f"reading {session.name}")
             recorded.append(_recorded(store, facts, session, model))
-        channels = sorted({o.sensor.name for one in recorded for o in one.frame.observations})
+        every = [o.sensor for one in recorded for o in one.frame.observations]
+        channels = sorted({sensor.name for sensor in every})
         if len(channels) < 2:
             raise ReplayDataError(
                 "fewer than two channels observe nodes of the motor: there is nothing to estimate one from."
             )
-        own = tuple(vehicle) or tuple(
-            sorted(
-                {o.sensor.name for one in recorded for o in one.frame.observations if o.sensor.level == "production"}
-            )
-        )
+        own = tuple(vehicle) or tuple(sorted({sensor.name for sensor in every if sensor.level == "production"}))
         if unknown := [name for name in own if name not in channels]:
             raise ReplayDataError(
                 f'no channel "{unknown[0]}" observes a node in these sessions: name one of {", ".join(channels)}.'
@@ -225,8 +220,7 @@ def _withheld(
     recorded: Sequence[_Recorded], channel: str, others: Sequence[str]
 ) -> tuple[Withheld, list[SessionErrors]]:
     """What a channel is like from the others, and its errors, one entry for each session."""
-    sessions, alone = [], []
-    label = ""
+    sessions, alone, label = [], [], ""
     for one in recorded:
         o = one.observation(channel)
         if o is None:
@@ -243,8 +237,9 @@ def _withheld(
     if not sessions:
         raise ReplayDataError(f'channel "{channel}" has no usable sample after the first {SETTLE_S / 60:.0f} min.')
     error, factors = np.concatenate([one.K for one in sessions]), widenings(sessions)
-    band_K, covered = banded(sessions, factors or [1.0] * len(sessions))
-    filter_band_K, filter_covered = banded(sessions, [1.0] * len(sessions))
+    plain = [1.0] * len(sessions)
+    band_K, covered = banded(sessions, factors or plain)
+    filter_band_K, filter_covered = banded(sessions, plain)
     found = Withheld(
         channel=channel,
         node=label,
@@ -278,8 +273,8 @@ def widenings(sessions: Sequence[SessionErrors]) -> list[float]:
 
 
 def widening(sessions: Sequence[SessionErrors]) -> float:
-    """By what a 95 % band is to be widened to hold in another session, by the errors in these: Student's factor, with
-    as many degrees of freedom as there are sessions, as the error of one hardly changes its sign. Never below 1."""
+    """The factor by which a 95 % band has to be wider to hold in another session, by the errors in these: Student's,
+    with as many degrees of freedom as there are sessions, as the error of one hardly changes its sign. At least 1."""
     size = float(np.sqrt(np.mean([np.mean((one.K / one.sd_K) ** 2) for one in sessions])))
     return max(1.0, student(len(sessions)) / Z95 * size)
 

@@ -4,7 +4,7 @@ nodes are enough."""
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -21,7 +21,7 @@ from twin.fitting.model import Test
 from twin.motor.configured import configured, restored
 from twin.motor.merging import merged_configurations
 from twin.motor.network import Network
-from twin.run.reduction import FullRun, Reduced, reductions, smallest
+from twin.run.reduction import Error, FullRun, Reduced, reductions, smallest
 from twin.run.side_by_side import simulate_all
 
 LEAST = 2  # the curve goes on below what was asked for, as far as measured nodes stay apart
@@ -31,11 +31,8 @@ WIDTH = 118  # characters of a comment
 
 @dataclass(frozen=True)
 class Reduction:
-    """The motor file with as many nodes as were asked for or are enough, what it was chosen from, and what its errors
-    are of.
-
-    `interest`: node -> why it counts; `chosen` is one of `curve`, which runs from the full network down.
-    """
+    """The motor file with as many nodes as were asked for or are enough. `chosen` is one of `curve`, which runs from
+    the full network down; `interest`: node whose errors count -> why."""
 
     text: bytes
     chosen: Reduced
@@ -66,7 +63,8 @@ def reduce_motor(
     full = load_kernel(network)
     trained = _courses(full, [tests[session.session] for session in on])
     kept = _courses(full, [tests[session.session] for session in hold_out])
-    measured = _measured(tests.values())
+    channels = [channel for test in tests.values() for channel in test.channels]
+    measured = {node: "measured" for channel in channels for node in channel.output.weights}
     hottest = _hottest(network, trained)
     interest = {node: ", ".join(w for w in (measured.get(node), hottest.get(node)) if w) for node in measured | hottest}
     below = max(LEAST, len(measured))
@@ -85,9 +83,8 @@ def _chosen(network: Network, curve: Sequence[Reduced], to: int | None) -> Reduc
         enough = smallest(curve, ENOUGH_K)
         if enough is None:
             raise ReplayDataError(
-                f"no smaller network than {network.name} itself stays within {ENOUGH_K:g} K on average "
-                "on the kept sessions: say with "
-                "--to how many nodes it shall have."
+                f"no smaller network than {network.name} itself stays within {ENOUGH_K:g} K on average on the kept "
+                "sessions: say with --to how many nodes it shall have."
             )
         return enough
     chosen = next((level for level in curve if len(level.groups) == to), None)
@@ -112,10 +109,9 @@ def _check(
             f"--to {to}: {network.name} has {len(network.nodes)} nodes: give a number from 1 to "
             f"{len(network.nodes) - 1}."
         )
-    both = {session.session: session.name for session in on}.keys() & {session.session for session in hold_out}
-    for session in on:
-        if session.session in both:
-            raise ReplayDataError(f"session {session.name} is both in --on and in --hold-out: take it out of one.")
+    kept = {session.session for session in hold_out}
+    if both := [session.name for session in on if session.session in kept]:
+        raise ReplayDataError(f"session {both[0]} is both in --on and in --hold-out: take it out of one.")
 
 
 def _courses(full: Compiled, tests: Sequence[Test]) -> list[FullRun]:
@@ -126,11 +122,6 @@ def _courses(full: Compiled, tests: Sequence[Test]) -> list[FullRun]:
 def _prepare(network: Network) -> Compiled:
     """By the index program: nothing is compiled for the many networks on the way."""
     return compile_indexed(network, load=load)
-
-
-def _measured(tests: Iterable[Test]) -> dict[str, str]:
-    """Nodes that channels observe, alone or in a mixture."""
-    return {node: "measured" for test in tests for channel in test.channels for node in channel.sensor.weights}
 
 
 def _hottest(network: Network, courses: Sequence[FullRun]) -> dict[str, str]:
@@ -153,22 +144,11 @@ def _says(
 ) -> str:
     """What the new file says above: where it comes from, how good it is, what follows what, and which configurations
     it lost."""
-    learnt = ", ".join(session.name for session in on)
-    lines = [
-        (
-            f"{network.name} with its {len(network.nodes)} nodes merged to {len(chosen.groups)}, "
-            f"by its own run on {learnt}:"
-        )
-    ]
-    lines.append(
-        f"{chosen.trained.mean_K:.2f} K mean, {chosen.trained.largest_K:.1f} K at most ({chosen.trained.worst})."
-    )
+    learnt, kept = (", ".join(session.name for session in some) for some in (on, hold_out))
+    sizes = f"{len(network.nodes)} nodes merged to {len(chosen.groups)}"
+    lines = [f"{network.name} with its {sizes}, by its own run on {learnt}:", f"{_error(chosen.trained)}."]
     if chosen.kept is not None:
-        kept = ", ".join(session.name for session in hold_out)
-        lines.append(
-            f"Mergers chosen on {kept}: {chosen.kept.mean_K:.2f} K mean, "
-            f"{chosen.kept.largest_K:.1f} K at most ({chosen.kept.worst})."
-        )
+        lines.append(f"Mergers chosen on {kept}: {_error(chosen.kept)}.")
     if lost:
         lines.append(f"Left out, as they take away a part of a merged node only: configuration {', '.join(lost)}.")
     lines.append("Nodes that stand for others:")
@@ -179,16 +159,18 @@ def _says(
     return "\n".join(lines)
 
 
+def _error(found: Error) -> str:
+    return f"{found.mean_K:.2f} K mean, {found.largest_K:.1f} K at most ({found.worst})"
+
+
 def _runs(names: Sequence[str]) -> list[str]:
     """`["teeth_1", "teeth_2", "teeth_3", "yoke"]` -> `["teeth_1 to _3", "yoke"]`."""
     runs: list[list[str]] = []
     for name in names:
         stem, _, number = name.rpartition("_")
         before = runs[-1][-1].rpartition("_") if runs else ("", "", "")
-        follows = (
-            number.isdecimal() and before[2].isdecimal() and before[0] == stem and int(before[2]) + 1 == int(number)
-        )
-        if follows:
+        counts = number.isdecimal() and before[2].isdecimal()
+        if counts and before[0] == stem and int(before[2]) + 1 == int(number):
             runs[-1].append(name)
         else:
             runs.append([name])

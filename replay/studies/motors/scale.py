@@ -20,8 +20,8 @@ _BOM = "\ufeff"
 
 
 def scaled_file(data: bytes, name: str, length: float) -> bytes:
-    """The motor file `data` (`name` as in messages) with every length times `length`: its numbers replaced where they
-    stand.
+    """The motor file `data`, which messages call `name`, with every length times `length`: its numbers are replaced
+    where they stand.
 
     Raises MotorFileError as `read_motor`, `twin.errors.BadValueError` for a length that leaves no similarity.
     """
@@ -41,7 +41,7 @@ def scaled_file(data: bytes, name: str, length: float) -> bytes:
 
 
 def _head(network: Network) -> dict[str, Any]:
-    """What `written` leaves as it is."""
+    """The keys that `written` leaves as they are: name and scales."""
     keys = {quantity: key for key, quantity in SCALES.items()}
     scale = {"scale": {keys[quantity]: value for quantity, value in network.scale.items()}} if network.scale else {}
     return {"name": network.name, **scale}
