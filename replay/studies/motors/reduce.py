@@ -64,7 +64,7 @@ def reduce_motor(
     trained = _courses(full, [tests[session.session] for session in on])
     kept = _courses(full, [tests[session.session] for session in hold_out])
     channels = [channel for test in tests.values() for channel in test.channels]
-    measured = {node: "measured" for channel in channels for node in channel.output.weights}
+    measured = {node: "measured" for channel in channels for node in channel.sensor.weights}
     hottest = _hottest(network, trained)
     interest = {node: ", ".join(w for w in (measured.get(node), hottest.get(node)) if w) for node in measured | hottest}
     below = max(LEAST, len(measured))
