@@ -99,28 +99,20 @@ def build_parser(verb: str | None) -> argparse.ArgumentParser:
         if name == verb:
             import_module(f"replay.cli.{name}").arguments(sub)
             sub.add_argument("--store", metavar="DIR", help="the store (default: WHYHOT_STORE, else ./whyhot-store)")
-            sub.add_argument(
-                "--json",
-                metavar="FILE.json",
-                nargs="?",
-                const="-",
-                help="answer as JSON, to FILE.json or standard output",
-            )
+            to = "answer as JSON, to FILE.json or standard output"
+            sub.add_argument("--json", metavar="FILE.json", nargs="?", const="-", help=to)
     return parser
 
 
 def _json_words(words: list[str]) -> list[str]:
     """The words with `--json out.json` as `--json=out.json`; where the next word is no name in .json, as `--json=-`."""
     joined: list[str] = []
-    rest = iter(range(len(words)))
-    for i in rest:
-        if words[i] != "--json":
-            joined.append(words[i])
-        elif i + 1 < len(words) and words[i + 1].endswith(".json"):
-            joined.append(f"--json={words[i + 1]}")
-            next(rest)
-        else:
-            joined.append("--json=-")
+    left = words[::-1]
+    while left:
+        word = left.pop()
+        if word == "--json":
+            word = f"--json={left.pop() if left and left[-1].endswith('.json') else '-'}"
+        joined.append(word)
     return joined
 
 
@@ -134,9 +126,8 @@ def _refusal(error: Exception, args: argparse.Namespace) -> str | None:
         missing = error.name.partition(".")[0]
         return f"whyhot {args.verb} needs the package {missing}, which is missing here or another's: {ADVICE}."
     if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT):
-        return (
-            f"{store_folder(args)}: the disk is full: nothing half-written was kept. Free some space and run it again."
-        )
+        folder = store_folder(args)
+        return f"{folder}: the disk is full: nothing half-written was kept. Free some space and run it again."
     if isinstance(error, OSError) and error.filename is not None:
         return f"{error.filename}: {(error.strerror or 'cannot be used').lower()}. Check the path and its permissions."
     return None

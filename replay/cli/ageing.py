@@ -3,22 +3,19 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 
 from replay.cli.answer import Answer, provenance, store_folder
+from replay.cli.asked import ask_as_of, ask_picture, picture_note
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "--motor",
-        metavar="M",
-        help="model id, motor name or motor file: checks in one of its configurations are evaluated through it, and "
-        "the law of deterioration is written into it, as a new model",
+    says = (
+        "model id, motor name or motor file: checks in one of its configurations are evaluated through it, and the law "
+        "of deterioration is written into it, as a new model"
     )
-    parser.add_argument("--as-of", metavar="POINT", help="as known at a ledger position or an ISO time")
-    parser.add_argument(
-        "--out", metavar="FILE.svg", type=Path, help="write the picture to this file, and a .png beside it"
-    )
+    parser.add_argument("--motor", metavar="M", help=says)
+    ask_as_of(parser)
+    ask_picture(parser)
 
 
 def run(args: argparse.Namespace) -> Answer:
@@ -40,5 +37,5 @@ def run(args: argparse.Namespace) -> Answer:
         from replay.show.verbs.ageing_plot import picture  # matplotlib takes half a second to load
 
         picture(found, args.out)
-        notes.append(f"{args.out}   and {args.out.with_suffix('.png').name} beside it")
+        notes.append(picture_note(args.out))
     return Answer(data, ageing_text(found), notes=notes)

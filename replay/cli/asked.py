@@ -1,12 +1,89 @@
-"""Flags that several verbs have, said alike."""
+"""What several verbs ask for, said alike: flags, and the sessions and the model that these name."""
 
 from __future__ import annotations
 
 import argparse
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+from replay.cli.answer import store_folder
+
+if TYPE_CHECKING:
+    from ingest.facts.events import SessionRecorded
+    from ingest.facts.facts import Facts
+    from ingest.facts.store import Store
+
+
+class Asked(NamedTuple):
+    """An open store, its facts, the model of `--model` (None: what the bench file names) and the sessions of `--on`."""
+
+    store: Store
+    known: Facts
+    model: str | None
+    sessions: Sequence[SessionRecorded]
+
+
+@contextmanager
+def asked(args: argparse.Namespace, write: bool = True) -> Iterator[Asked]:
+    """What `--model` and `--on` name, as long as the store is open; a motor file of `--model` is published in it."""
+    from ingest.facts import facts
+    from ingest.facts.store import Store
+    from replay.engine.files.models import model_named
+
+    with Store.open(store_folder(args), write=write) as store:
+        model = model_named(store, args.model)
+        known = facts.at(store.ledger)
+        yield Asked(store, known, model, sessions_of(known, args.on))
+
+
+def sessions_of(known: Facts, texts: Sequence[str]) -> list[SessionRecorded]:
+    """The sessions of these ids or names, each once."""
+    return [known.session(text) for text in dict.fromkeys(texts)]
+
+
+def left_out(store: Store, known: Facts, sessions: Sequence[SessionRecorded], model: str) -> list[str]:
+    """A line for all that an answer about `model` does not know of `sessions`: beyond its maps, and specimens taken
+    as new."""
+    from replay.engine.specimen.aged import ageing_left_out
+    from replay.engine.specimen.maps_left import maps_left
+
+    return maps_left(store, known, sessions, model) + ageing_left_out(store, known, sessions, model)
+
+
+def ask_sessions(parser: argparse.ArgumentParser, says: str) -> None:
+    parser.add_argument("--on", metavar="S", nargs="+", required=True, help=says)
 
 
 def ask_model(parser: argparse.ArgumentParser) -> None:
-    """`--model`: read with `replay.engine.files.models.model_named`."""
-    parser.add_argument(
-        "--model", metavar="M", help="model id, motor name or motor file (default: what the bench file names)"
-    )
+    says = "model id, motor name or motor file (default: what the bench file names)"
+    parser.add_argument("--model", metavar="M", help=says)
+
+
+def ask_level(parser: argparse.ArgumentParser, says: str = "channels that may be learnt from") -> None:
+    parser.add_argument("--level", choices=("testing", "production"), default="testing", help=says)
+
+
+def ask_as_of(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--as-of", metavar="POINT", help="as known at a ledger position or an ISO time")
+
+
+def ask_picture(parser: argparse.ArgumentParser) -> None:
+    says = "write the picture to this file, and a .png beside it"
+    parser.add_argument("--out", metavar="FILE.svg", type=Path, help=says)
+
+
+def picture_note(target: Path) -> str:
+    return f"{target}   and {target.with_suffix('.png').name} beside it"
+
+
+def ask_logs(parser: argparse.ArgumentParser) -> None:
+    from ingest.formats import SUFFIXES
+
+    parser.add_argument("files", metavar="FILE", nargs="+", type=Path, help=f"log files ({SUFFIXES})")
+
+
+def ask_databases(parser: argparse.ArgumentParser) -> None:
+    says = "signal database; may be repeated"
+    parser.add_argument("--dbc", metavar="D", type=Path, action="append", default=[], help=says)

@@ -4,37 +4,24 @@ from __future__ import annotations
 
 import argparse
 
-from replay.cli.answer import Answer, provenance, store_folder
-from replay.cli.asked import ask_model
+from replay.cli.answer import Answer, provenance
+from replay.cli.asked import ask_level, ask_model, ask_sessions, asked
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--on", metavar="S", nargs="+", required=True, help="ids or names of sessions to learn from")
+    ask_sessions(parser, "ids or names of sessions to learn from")
     ask_model(parser)
-    parser.add_argument(
-        "--level", choices=("testing", "production"), default="testing", help="channels that may be learnt from"
-    )
-    parser.add_argument(
-        "--profile",
-        metavar="NAME",
-        nargs="+",
-        default=[],
-        help="parameters, such as loss.magnet.speed2, of which to say what the data alone know (profile likelihood)",
-    )
+    ask_level(parser)
+    says = "parameters, such as loss.magnet.speed2, of which to say what the data alone know (profile likelihood)"
+    parser.add_argument("--profile", metavar="NAME", nargs="+", default=[], help=says)
 
 
 def run(args: argparse.Namespace) -> Answer:
-    from ingest.facts import facts
-    from ingest.facts.store import Store
-    from replay.engine.files.models import model_named
     from replay.engine.specimen.maps_left import maps_left
     from replay.show.verbs.calibration import calibration_text, free, moved
     from replay.studies.characterise.calibrate import calibrate_sessions, profiles
 
-    with Store.open(store_folder(args), write=True) as store:
-        model = model_named(store, args.model)
-        known = facts.at(store.ledger)
-        sessions = [known.session(text) for text in dict.fromkeys(args.on)]
+    with asked(args) as (store, known, model, sessions):
         result = calibrate_sessions(store, known, sessions, model, args.level)
         event = result.event
         notes = maps_left(store, known, sessions, event.parent)
@@ -57,7 +44,7 @@ def run(args: argparse.Namespace) -> Answer:
             "notes": notes,
             "provenance": provenance(store, level=args.level, model=args.model),
         }
-    unfinished = (
-        [] if event.converged else ["the search did not converge: give more sessions, or check the motor file."]
-    )
-    return Answer(data, calibration_text(data), 1 if unfinished else 0, [*notes, *unfinished])
+    if event.converged:
+        return Answer(data, calibration_text(data), notes=notes)
+    unfinished = "the search did not converge: give more sessions, or check the motor file."
+    return Answer(data, calibration_text(data), 1, [*notes, unfinished])

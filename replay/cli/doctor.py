@@ -50,17 +50,11 @@ def run(args: argparse.Namespace) -> Answer:
     lines = [f"{name:<22}{value}" for name, value in facts.items()]
     lines += [f"{name:<22}{found or 'not installed'}" for name, found in packages.items()]
     if affected:
-        lines.append(
-            "this SQLite can lose data when two processes write at once: whyhot lets only one write, by ledger.lock"
-        )
+        says = "this SQLite can lose data when two processes write at once: whyhot lets only one write, by ledger.lock"
+        lines.append(says)
     notes = problems()
-    data = {
-        "schema": "whyhot.doctor/1",
-        **facts,
-        "packages": packages,
-        "problems": notes,
-        "provenance": provenance(None),
-    }
+    found = {**facts, "packages": packages, "problems": notes}
+    data = {"schema": "whyhot.doctor/1", **found, "provenance": provenance(None)}
     return Answer(data, "\n".join(lines), 1 if notes else 0, notes)
 
 

@@ -16,10 +16,5 @@ def run(args: argparse.Namespace) -> Answer:
 
     with Store.open(store_folder(args)) as store:
         head = store.ledger.head()
-        data = {
-            "schema": "whyhot.head/1",
-            "position": head.position,
-            "root": head.root,
-            "provenance": provenance(store),
-        }
-        return Answer(data, f"{head.position}:{head.root}")
+        data = {"schema": "whyhot.head/1", **vars(head), "provenance": provenance(store)}
+    return Answer(data, f"{head.position}:{head.root}")

@@ -6,18 +6,15 @@ import argparse
 from pathlib import Path
 
 from replay.cli.answer import Answer, provenance, store_folder
+from replay.cli.asked import ask_databases, ask_logs
 
 KINDS = ("wltp", "s1", "s2", "ageing", "dc_check", "insulation_check", "drive", "other")
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    from ingest.formats import SUFFIXES
-
-    parser.add_argument("files", metavar="FILE", nargs="+", type=Path, help=f"log files ({SUFFIXES})")
+    ask_logs(parser)
     parser.add_argument("--bench", metavar="B", type=Path, help="bench file: what each signal means")
-    parser.add_argument(
-        "--dbc", metavar="D", type=Path, action="append", default=[], help="signal database; may be repeated"
-    )
+    ask_databases(parser)
     parser.add_argument("--specimen", metavar="S", help="which motor or part; beats the bench file")
     parser.add_argument("--batch", metavar="B", help="its batch; beats the bench file")
     parser.add_argument("--kind", choices=KINDS, help="what test it is; beats the bench file and recognition")

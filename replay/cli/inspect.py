@@ -6,15 +6,12 @@ import argparse
 from pathlib import Path
 
 from replay.cli.answer import Answer, provenance
+from replay.cli.asked import ask_databases, ask_logs
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    from ingest.formats import SUFFIXES
-
-    parser.add_argument("files", metavar="FILE", nargs="+", type=Path, help=f"log files ({SUFFIXES})")
-    parser.add_argument(
-        "--dbc", metavar="D", type=Path, action="append", default=[], help="signal database; may be repeated"
-    )
+    ask_logs(parser)
+    ask_databases(parser)
     parser.add_argument("--bench", metavar="B", type=Path, help="bench file that says how to read the time")
     parser.add_argument("--bench-draft", metavar="F", type=Path, help="write a draft bench file to F")
 

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from replay.cli.answer import Answer, provenance, store_folder
+from replay.cli.asked import sessions_of
 
 if TYPE_CHECKING:
     from twin.motor.network import Network
@@ -28,9 +29,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     says = "; ".join(f"{action}: {what}" for action, (what, _, _) in ACTIONS.items())
     parser.add_argument("action", choices=tuple(ACTIONS), help=says)
     parser.add_argument("file", metavar="FILE", nargs="?", type=Path, help="a motor file (all but new)")
-    parser.add_argument(
-        "-o", "--out", metavar="OUT", type=Path, help="the file to write: a motor file, of plot an .svg"
-    )
+    says = "the file to write: a motor file, of plot an .svg"
+    parser.add_argument("-o", "--out", metavar="OUT", type=Path, help=says)
     topologies = "; ".join(f"{name}: {what}" for name, what in TOPOLOGIES.items())
     new = parser.add_argument_group("new")
     new.add_argument("--topology", choices=tuple(TOPOLOGIES), help=f"{topologies} (default: {DEFAULT})")
@@ -41,22 +41,14 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     slices.add_argument("--stack-mm", type=float, metavar="L", help="length of the stack in mm")
     slices.add_argument("--nodes", nargs="+", metavar="NODE", help="the nodes that reach along the stack")
     plot = parser.add_argument_group("plot")
-    plot.add_argument(
-        "--at",
-        nargs="+",
-        metavar="X=V",
-        help="operating point, such as speed_rpm=6000 current_A=225 (default: half of [scale])",
-    )
+    says = "operating point, such as speed_rpm=6000 current_A=225 (default: half of [scale])"
+    plot.add_argument("--at", nargs="+", metavar="X=V", help=says)
     reduce = parser.add_argument_group("reduce")
     enough = "the fewest that are good enough on sessions of --hold-out"
     reduce.add_argument("--to", type=int, metavar="N", help=f"nodes of the motor that is written (default: {enough})")
     reduce.add_argument("--on", nargs="+", metavar="S", help="sessions by whose runs mergers are proposed")
-    reduce.add_argument(
-        "--hold-out",
-        nargs="+",
-        metavar="S",
-        help="kept sessions, whose error decides which are made (default: those of --on)",
-    )
+    says = "kept sessions, whose error decides which are made (default: those of --on)"
+    reduce.add_argument("--hold-out", nargs="+", metavar="S", help=says)
     reduce.add_argument("--curve", metavar="F.svg", type=Path, help="draw nodes against error to this file")
     parser.set_defaults(refuse=parser.error)
 
@@ -84,7 +76,7 @@ def _written(flag: str) -> str:
 
 
 def _check(args: argparse.Namespace) -> Answer:
-    from replay.engine.files.motor_file import describe
+    from twin.run.describe import describe
 
     description = describe(_network(args))
     return Answer(_data("check", **description.to_json()), description.text())
@@ -137,18 +129,17 @@ def _plot(args: argparse.Namespace) -> Answer:
 
 
 def _reduce(args: argparse.Namespace) -> Answer:
-    from dataclasses import asdict
-
     from ingest.facts import facts
     from ingest.facts.store import Store
     from replay.cli.progress import tell
+    from replay.engine.results.as_json import to_json
     from replay.show.verbs.reduction import draw_curve, reduction_text
     from replay.studies.motors.reduce import ENOUGH_K, reduce_motor
 
     network = _network(args)
     with Store.open(store_folder(args)) as store:
         known = facts.at(store.ledger)
-        on, kept = ([known.session(text) for text in dict.fromkeys(names or ())] for names in (args.on, args.hold_out))
+        on, kept = (sessions_of(known, names or ()) for names in (args.on, args.hold_out))
         found = reduce_motor(store, known, network, args.to, on, kept, tell)
         data = _data(
             "reduce",
@@ -162,11 +153,7 @@ def _reduce(args: argparse.Namespace) -> Answer:
             interest=dict(found.interest),
             groups={name: list(members) for name, members in found.chosen.groups.items()},
             curve=[
-                {
-                    "nodes": len(level.groups),
-                    "trained": asdict(level.trained),
-                    "kept": asdict(level.kept) if level.kept else None,
-                }
+                {"nodes": len(level.groups), "trained": to_json(level.trained), "kept": to_json(level.kept)}
                 for level in found.curve
             ],
         )

@@ -5,34 +5,23 @@ from __future__ import annotations
 import argparse
 
 from replay.cli.answer import Answer, provenance, store_folder
-from replay.cli.asked import ask_model
+from replay.cli.asked import ask_level, ask_model
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "sessions", metavar="S", nargs="*", help="ids or names of sessions (default: every session with a model)"
-    )
+    says = "ids or names of sessions (default: every session with a model)"
+    parser.add_argument("sessions", metavar="S", nargs="*", help=says)
     ask_model(parser)
-    parser.add_argument(
-        "--level", choices=("testing", "production"), default="testing", help="channels that the twin may start from"
+    ask_level(parser, "channels that the twin may start from")
+    says = (
+        "what the filter is to find, as loss.NODE.constant (a heat), loss.NODE.scale, conductance.A-B.scale or "
+        "sensor.NODE.bias; may be given again (default: the loss of the magnets)"
     )
-    parser.add_argument(
-        "--unknown",
-        metavar="CAUSE",
-        action="append",
-        default=[],
-        help="what the filter is to find, as loss.NODE.constant (a heat), loss.NODE.scale, conductance.A-B.scale or "
-        "sensor.NODE.bias; may be given again (default: the loss of the magnets)",
-    )
-    parser.add_argument(
-        "--integrator",
-        choices=("sdirk2", "bdf2"),
-        default="sdirk2",
-        help="bdf2 is the paper's; its distance from sdirk2 is printed (default sdirk2)",
-    )
-    parser.add_argument(
-        "--workers", type=_count, default=1, metavar="N", help="processes (default 1); digests do not depend on it"
-    )
+    parser.add_argument("--unknown", metavar="CAUSE", action="append", default=[], help=says)
+    says = "bdf2 is the paper's; its distance from sdirk2 is printed (default sdirk2)"
+    parser.add_argument("--integrator", choices=("sdirk2", "bdf2"), default="sdirk2", help=says)
+    says = "processes (default 1); digests do not depend on it"
+    parser.add_argument("--workers", type=_count, default=1, metavar="N", help=says)
 
 
 def _count(text: str) -> int:
@@ -52,7 +41,7 @@ def run(args: argparse.Namespace) -> Answer:
     from replay.show.words.terminal import replay_text
 
     with Store.open(store_folder(args), write=True) as store:
-        known = facts.at(store.ledger, None)
+        known = facts.at(store.ledger)
         sessions = [known.session(text) for text in args.sessions] or list(known.sessions)
         model = model_named(store, args.model)
         outcomes = replay_sessions(
@@ -61,18 +50,16 @@ def run(args: argparse.Namespace) -> Answer:
         runs = [outcome.run for outcome in outcomes if outcome.run]
         summaries = [read(event.summary) for event in runs]
         refusals = [outcome.refusal for outcome in outcomes if outcome.refusal]
+        settings = {"level": args.level, "model": args.model, **({"unknown": args.unknown} if args.unknown else {})}
         data = {
             "schema": "whyhot.replay/1",
             "runs": [{**event.summary, "run": event.run} for event in runs],
             "refused": refusals,
             "notes": [f"{one.session_name}: {why}" for one in summaries for why in left_out(one)],
-            "provenance": provenance(
-                store, level=args.level, model=args.model, **({"unknown": args.unknown} if args.unknown else {})
-            ),
+            "provenance": provenance(store, **settings),
         }
     if not runs:
-        return Answer(
-            {**data, "error": refusals[0] if refusals else "no sessions"}, "", 2, refusals or ["no sessions to replay"]
-        )
+        why = refusals[0] if refusals else "no sessions"
+        return Answer({**data, "error": why}, "", 2, refusals or ["no sessions to replay"])
     text = replay_text(summaries, f"whyhot report {summaries[0].session_name}")
     return Answer(data, text, 1 if refusals else 0, refusals)

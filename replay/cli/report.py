@@ -9,14 +9,10 @@ from replay.cli.answer import Answer, provenance, store_folder
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "sessions", metavar="S", nargs="*", help="replayed sessions (default: all), or one diagnosis as d-4f0c"
-    )
-    parser.add_argument(
-        "--model",
-        metavar="M",
-        help="model id, motor name or motor file that the replays are of (default: the last replay of each session)",
-    )
+    says = "replayed sessions (default: all), or one diagnosis as d-4f0c"
+    parser.add_argument("sessions", metavar="S", nargs="*", help=says)
+    says = "model id, motor name or motor file that the replays are of (default: the last replay of each session)"
+    parser.add_argument("--model", metavar="M", help=says)
     parser.add_argument("--out", metavar="FILE", type=Path, default=Path("report.html"), help="default: report.html")
 
 
@@ -29,7 +25,7 @@ def run(args: argparse.Namespace) -> Answer:
     from replay.show.reports.documents import write_replay_report
 
     with Store.open(store_folder(args)) as store:
-        known = facts.at(store.ledger, None)
+        known = facts.at(store.ledger)
         model = None if args.model is None else known_model(known, args.model)
         command = ["whyhot report", *args.sessions, *([] if args.model is None else ["--model", args.model])]
         runs = write_replay_report(store, known, args.sessions, args.out, " ".join(command), model)
@@ -53,18 +49,17 @@ def _of_diagnosis(args: argparse.Namespace) -> Answer:
     from replay.studies.diagnosis.accept import find_diagnosis
     from replay.studies.diagnosis.answer import read
 
+    (name,) = args.sessions
     if args.model is not None:
-        raise ReplayDataError(
-            f"--model {args.model}: {args.sessions[0]} shows the models of its own: leave --model out."
-        )
+        raise ReplayDataError(f"--model {args.model}: {name} shows the models of its own: leave --model out.")
     with Store.open(store_folder(args), write=True) as store:
-        completed = find_diagnosis(facts.at(store.ledger), args.sessions[0])
+        completed = find_diagnosis(facts.at(store.ledger), name)
         diagnosis = read(json.loads(store.archive.read(completed.artefact)))
-        write_diagnosis(store, diagnosis, args.out, f"whyhot report {args.sessions[0]}", tell)
+        write_diagnosis(store, diagnosis, args.out, f"whyhot report {name}", tell)
         data = {
             "schema": "whyhot.report/1",
             "file": str(args.out),
             "diagnosis": diagnosis.diagnosis,
             "provenance": provenance(store),
         }
-    return Answer(data, f"{args.out}   diagnosis {args.sessions[0]}; opens offline in any browser")
+    return Answer(data, f"{args.out}   diagnosis {name}; opens offline in any browser")

@@ -4,23 +4,17 @@ from __future__ import annotations
 
 import argparse
 
-from replay.cli.answer import Answer, provenance, store_folder
-from replay.cli.asked import ask_model
+from replay.cli.answer import Answer, provenance
+from replay.cli.asked import ask_model, ask_sessions, asked
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--on", metavar="S", nargs="+", required=True, help="ids or names of sessions")
+    ask_sessions(parser, "ids or names of sessions")
     ask_model(parser)
-    parser.add_argument(
-        "--vehicle",
-        metavar="CHANNEL",
-        nargs="+",
-        default=[],
-        help="channels that a vehicle has (default: those of level production)",
-    )
-    parser.add_argument(
-        "--risk", type=_share, default=0.01, help="share of the time in which the hot spot may be above (default 0.01)"
-    )
+    says = "channels that a vehicle has (default: those of level production)"
+    parser.add_argument("--vehicle", metavar="CHANNEL", nargs="+", default=[], help=says)
+    says = "share of the time in which the hot spot may be above (default 0.01)"
+    parser.add_argument("--risk", type=_share, default=0.01, help=says)
 
 
 def _share(text: str) -> float:
@@ -34,18 +28,12 @@ def _share(text: str) -> float:
 
 
 def run(args: argparse.Namespace) -> Answer:
-    from ingest.facts import facts
-    from ingest.facts.store import Store
     from replay.cli.progress import tell
-    from replay.engine.files.models import model_named
     from replay.engine.specimen.maps_left import maps_left
     from replay.show.verbs.sensors import document, sensors_text
     from replay.studies.characterise.sensors import sensors_worth
 
-    with Store.open(store_folder(args), write=args.model is not None) as store:
-        model = model_named(store, args.model)
-        known = facts.at(store.ledger)
-        sessions = [known.session(text) for text in dict.fromkeys(args.on)]
+    with asked(args, write=args.model is not None) as (store, known, model, sessions):
         found = sensors_worth(store, known, sessions, model, list(dict.fromkeys(args.vehicle)), args.risk, tell)
         left = maps_left(store, known, sessions, found.model)
         data = {**document(found), "notes": left, "provenance": provenance(store, model=args.model)}

@@ -5,10 +5,11 @@ from __future__ import annotations
 import argparse
 
 from replay.cli.answer import Answer, provenance, store_folder
+from replay.cli.asked import ask_as_of
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--as-of", metavar="POINT", help="as known at a ledger position or an ISO time")
+    ask_as_of(parser)
 
 
 def run(args: argparse.Namespace) -> Answer:

@@ -5,14 +5,14 @@ from __future__ import annotations
 import argparse
 
 from replay.cli.answer import Answer, provenance, store_folder
+from replay.cli.asked import ask_as_of
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "query", metavar="SQL", help='one statement, e.g. "SELECT * FROM sessions"; views: whyhot sql "SHOW TABLES"'
-    )
+    says = 'one statement, e.g. "SELECT * FROM sessions"; views: whyhot sql "SHOW TABLES"'
+    parser.add_argument("query", metavar="SQL", help=says)
     parser.add_argument("--csv", action="store_true", help="comma-separated instead of a table")
-    parser.add_argument("--as-of", metavar="POINT", help="as known at a ledger position or an ISO time")
+    ask_as_of(parser)
 
 
 def run(args: argparse.Namespace) -> Answer:
@@ -22,6 +22,5 @@ def run(args: argparse.Namespace) -> Answer:
     with Store.open(store_folder(args)) as store, warehouse.refresh(store, args.as_of) as opened:
         result = query.run(opened.connection, args.query)
         data = {"schema": "whyhot.sql/1", **answer.to_json(result), "provenance": provenance(store, as_of=args.as_of)}
-        return Answer(
-            data, answer.to_csv(result).rstrip("\n") if args.csv else answer.to_text(result), notes=opened.notes
-        )
+        text = answer.to_csv(result).rstrip("\n") if args.csv else answer.to_text(result)
+        return Answer(data, text, notes=opened.notes)

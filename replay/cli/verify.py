@@ -13,11 +13,8 @@ if TYPE_CHECKING:
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--read", action="store_true", help="read and hash every sealed file and product too")
-    parser.add_argument(
-        "--since",
-        metavar="POSITION:ROOT",
-        help="a head noted earlier (whyhot head): nothing before it may have changed",
-    )
+    says = "a head noted earlier (whyhot head): nothing before it may have changed"
+    parser.add_argument("--since", metavar="POSITION:ROOT", help=says)
 
 
 def run(args: argparse.Namespace) -> Answer:
@@ -28,13 +25,8 @@ def run(args: argparse.Namespace) -> Answer:
         findings = store_check.damage(store, read=args.read, since=_head(args.since))
         hints = store_check.hints(store)
         head = store.ledger.head()
-        settings = {"read": args.read, "since": args.since}
-        data = {
-            "schema": "whyhot.verify/1",
-            "findings": findings,
-            "hints": hints,
-            "provenance": provenance(store, **settings),
-        }
+        made_from = provenance(store, read=args.read, since=args.since)
+    data = {"schema": "whyhot.verify/1", "findings": findings, "hints": hints, "provenance": made_from}
     if findings:
         return Answer(data, f"{len(findings)} finding{'s' * (len(findings) != 1)}", code=1, notes=[*findings, *hints])
     depth = "every event and every sealed byte" if args.read else "every event (sealed bytes too with --read)"

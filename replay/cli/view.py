@@ -10,9 +10,8 @@ from replay.cli.answer import Answer, provenance, store_folder
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("sessions", metavar="S", nargs="+", help="sessions; their latest replays come along as layers")
-    parser.add_argument(
-        "--out", metavar="DIR", type=Path, default=Path("layers"), help="where the .rrd files go (default: layers)"
-    )
+    says = "where the .rrd files go (default: layers)"
+    parser.add_argument("--out", metavar="DIR", type=Path, default=Path("layers"), help=says)
     parser.add_argument("--write-only", action="store_true", help="write the layers and do not open the viewer")
 
 
@@ -23,8 +22,7 @@ def run(args: argparse.Namespace) -> Answer:
     from replay.show.reports.layers import view
 
     with Store.open(store_folder(args)) as store:
-        known = facts.at(store.ledger, None)
-        paths = write_layers(store, known, args.sessions, args.out)
+        paths = write_layers(store, facts.at(store.ledger), args.sessions, args.out)
         data = {"schema": "whyhot.view/1", "files": [str(p) for p in paths], "provenance": provenance(store)}
     if not args.write_only:
         view(paths)
