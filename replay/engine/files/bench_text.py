@@ -1,9 +1,7 @@
-"""A bench file with corrections and what its sensors follow: both are written where they stand,
-what is new is added."""
+"""A bench file with other corrections, and other nodes that its sensors follow: what is new is added at its end."""
 
 from __future__ import annotations
 
-import re
 import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -14,10 +12,7 @@ from ingest.bench.channel import Channel
 from ingest.bench.corrections import Correction, correct
 from ingest.bench.laws import SWAP
 from ingest.errors import BenchFileError, TomlError
-from ingest.texts.toml_lines import lines
 from replay.engine.files.toml_edit import edited
-
-_AMOUNT = re.compile(r"(\bamount\s*=\s*)[+-]?[0-9][0-9_]*(?:\.[0-9_]+)?(?:[eE][+-]?[0-9]+)?")
 
 Weights = Mapping[str, Mapping[str, float]]  # name of a channel -> node -> share
 
@@ -25,30 +20,24 @@ Weights = Mapping[str, Mapping[str, float]]  # name of a channel -> node -> shar
 def corrected(
     data: bytes, name: str, corrections: Mapping[str, float], says: str, weights: Weights | None = None
 ) -> bytes:
-    """The bench file `data` (`name` as in messages) with what is wrong beyond its own corrections: cause id -> amount;
-    and with what channels follow: `weights`, shares that add up to 1, in the place of their node.
+    """The bench file `data` (`name` as in messages) with `corrections` (cause id -> amount) beside its own, and with
+    `weights` in the place of the node of their channel: shares that add up to 1.
 
     A correction that the file has already takes the amount that is as good as both, one after the other
     (`ingest.bench.laws`: the sum; of gains (1 + a) (1 + b) - 1); one that is new is appended under the comment `says`.
     Amounts and shares have 7 digits; all else stays as written. Raises BenchFileError for a cause that this bench
     cannot have, an exchange of sensors that are exchanged already, and a file whose tables cannot be added to.
     """
-    before = read_bench(data, name)
-    whole = _with_weights(data.decode("utf-8-sig"), before, weights or {}, says)
-    bench = read_bench(whole.encode(), name)
-    wanted = _together(bench, corrections)
-    text = whole.splitlines(keepends=True)
-    where = lines(whole)
-    for i, (old, new) in enumerate(zip(bench.corrections, wanted, strict=False)):
-        if new != old:
-            line = where["correction", i, "amount"] - 1
-            text[line] = _AMOUNT.sub(rf"\g<1>{new.amount:.7g}", text[line], count=1)
-    added = wanted[len(bench.corrections) :]
-    result = (
-        "".join(text).encode() if not added else ("".join(text).rstrip("\r\n") + "\n\n" + _added(added, says)).encode()
-    )
-    _compare(result, before, wanted, weights or {})
-    return result
+    before, weights = read_bench(data, name), weights or {}
+    text = _with_weights(data.decode("utf-8-sig"), before, weights, says)
+    own = read_bench(text.encode(), name)
+    wanted = _together(own, corrections)
+    old, new = ([{"amount": one.amount} for one in some] for some in (own.corrections, wanted))
+    text = edited(text, {"correction": old}, {"correction": new[: len(old)]}, says)
+    if len(wanted) > len(old):
+        text = text.rstrip("\r\n") + "\n\n" + _added(wanted[len(old) :], says)
+    _compare(text.encode(), before, wanted, weights)
+    return text.encode()
 
 
 def _with_weights(text: str, bench: Bench, weights: Weights, says: str) -> str:
@@ -111,7 +100,7 @@ def _compare(result: bytes, before: Bench, wanted: Sequence[Correction], weights
 
 
 def _plain(channel: Channel, weights: Weights) -> Channel:
-    """A channel by what it says, wherever it stands, following what `weights` say."""
+    """A channel without its line, following what `weights` say."""
     if channel.name in weights:
         channel = replace(channel, node=None, weights=dict(weights[channel.name]))
     return replace(channel, line=0)

@@ -1,5 +1,4 @@
-"""Which version of a bench file goes with a model: thermocouples are fitted together with the motor, and belong
-together."""
+"""Which version of a bench file goes with a model: what its sensors follow was fitted together with the motor."""
 
 from __future__ import annotations
 
@@ -11,9 +10,8 @@ MADE = "benches"  # in the summary of a DiagnosisCompleted: {"parent": bench, "o
 
 
 def with_bench_of(facts: Facts, model: str) -> Facts:
-    """The facts as a run with `model` takes them: where a diagnosis began from this model or made it, sessions of its
-    bench file have the version that it had then or made beside it, accepted or not. All other sessions and models: as
-    they are."""
+    """The facts as a run with `model` takes them: where a diagnosis began from this model or made it, sessions have the
+    version of their bench file that this had then or that was made beside the model, accepted or not."""
     for completed in reversed(list(facts.diagnoses.values())):
         made = completed.summary.get(MADE, {})
         if model in made.get("of_model", {}):

@@ -1,4 +1,4 @@
-"""Motor files as the store knows them: published, found again, and handed to an intake."""
+"""Motor files in a store: published, found again, and handed to an intake."""
 
 from __future__ import annotations
 
@@ -45,8 +45,7 @@ def publish_model(store: Store, path: Path) -> str:
 
 
 def find_model(facts: Facts, text: str) -> str:
-    """A model by id, unique beginning of an id, or motor name (its latest). Raises ReplayDataError with what there
-    is."""
+    """A model by id, unique beginning of an id, or motor name (its latest). Raises ReplayDataError, which lists all."""
     named = [event.model for event in facts.models.values() if event.motor == text]
     if named:
         return named[-1]
@@ -74,29 +73,21 @@ def known_model(facts: Facts, text: str) -> str:
 
 
 def model_of(facts: Facts, session: SessionRecorded) -> str:
-    """The model that a session's bench file names, or the one that was accepted in its place.
-
-    Raises ReplayDataError where there is none.
-    """
-    bench = facts.bench_of(session)
+    """The model that a session's bench file names, or the one accepted in its place. Raises ReplayDataError where there
+    is none."""
+    bench, lead = facts.bench_of(session), f"session {session.name}:"
     if bench is None:
-        raise ReplayDataError(
-            f"session {session.name}: was ingested without a bench file: ingest it again with --bench."
-        )
+        raise ReplayDataError(f"{lead} was ingested without a bench file: ingest it again with --bench.")
     if bench.model is None:
         raise ReplayDataError(
-            f'session {session.name}: {bench.name} names no motor file: add motor = "motor.toml" to it and ingest '
-            "again, "
-            "or say --model motor.toml."
+            f'{lead} {bench.name} names no motor file: add motor = "motor.toml" to it and ingest again, or say --model '
+            "motor.toml."
         )
     return facts.current(bench.model)
 
 
 def model_named(store: Store, text: str | None) -> str | None:
-    """The model that a flag says: a motor file (published if new), an id or a motor name; None where nothing is
-    said."""
-    if text is None:
-        return None
-    return (
-        publish_model(store, Path(text)) if text.endswith(".toml") else find_model(ledger_facts.at(store.ledger), text)
-    )
+    """The model that a flag says: a motor file (published if new), an id or a motor name; None for None."""
+    if text is None or not text.endswith(".toml"):
+        return None if text is None else find_model(ledger_facts.at(store.ledger), text)
+    return publish_model(store, Path(text))

@@ -1,5 +1,4 @@
-"""motor.toml becomes a network: keys and types, defaults, and every refusal with file and line (INTERFACES section
-2)."""
+"""motor.toml becomes a network: keys and types, defaults, and every refusal with file and line."""
 
 from __future__ import annotations
 
@@ -7,7 +6,7 @@ import re
 from collections.abc import Mapping
 
 from ingest.errors import TomlError
-from ingest.texts.toml_file import BOOLEAN, NUMBER, POSITIVE, TEXT, TEXTS, Kind, TomlTable, read
+from ingest.texts.toml_file import BOOLEAN, NOT_NEGATIVE, NUMBER, POSITIVE, TEXT, TEXTS, Kind, TomlTable, read
 from replay.errors import MotorFileError
 from twin.errors import NetworkError
 from twin.motor.ageing_law import Ageing, ageing_term
@@ -30,9 +29,6 @@ from twin.motor.network import (
     TemperatureFactor,
     Term,
 )
-from twin.run.describe import Description, describe
-
-__all__ = ["Description", "describe", "read_motor"]
 
 SCHEMA = "whyhot.motor/1"
 SCALES = {  # key of [scale] -> quantity
@@ -76,50 +72,34 @@ _BY_NAME = (  # a node's region where neither the file nor a copper loss says it
     (r"housing|frame|shield|end_?cap", "housing"),
     (r"air|jacket|coolant|oil|water", "fluid"),
 )
-_MOTOR_NAME = Kind(
-    "a name of letters, digits, _ . and - in quotes", lambda v: _matching(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,99}", v)
-)
-_NUMBERS: Kind[tuple[float, ...]] = Kind("a list of numbers, such as [0, 4000, 16000]", lambda v: _each_a_number(v))
 
 
-_ROWS: Kind[tuple[tuple[float, ...], ...]] = Kind(
-    "a list of rows of numbers, such as [[0, 5], [40, 60]]", lambda v: tuple(map(_each_a_number, _rows(v)))
-)
-_PERCENT = Kind("a number above -100, such as -3.1", lambda v: _above(-100.0, v))
-_HOURS = Kind("a number of 0 or more", lambda v: _from(0.0, v))
+def _name(value: object) -> str:
+    if not (isinstance(value, str) and re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,99}", value)):
+        raise ValueError
+    return value
+
+
+def _percent(value: object) -> float:
+    POSITIVE.read(NUMBER.read(value) + 100.0)
+    return NUMBER.read(value)
+
+
+def _full(value: object) -> list[object]:
+    if not (isinstance(value, list) and value):
+        raise ValueError
+    return value
+
+
+def _numbers(value: object) -> tuple[float, ...]:
+    return tuple(map(NUMBER.read, _full(value)))
+
+
+_MOTOR_NAME = Kind("a name of letters, digits, _ . and - in quotes", _name)
+_NUMBERS = Kind("a list of numbers, such as [0, 4000, 16000]", _numbers)
+_ROWS = Kind("a list of rows of numbers, such as [[0, 5], [40, 60]]", lambda value: tuple(map(_numbers, _full(value))))
+_PERCENT = Kind("a number above -100, such as -3.1", _percent)
 _PROPERTY = Kind("a number above 0, or a table {degC = [20, 90], value = [1050, 1005]}", POSITIVE.read)
-
-
-def _matching(pattern: str, value: object) -> str:
-    if not (isinstance(value, str) and re.fullmatch(pattern, value)):
-        raise ValueError
-    return value
-
-
-def _above(least: float, value: object) -> float:
-    number = NUMBER.read(value)
-    if number <= least:
-        raise ValueError
-    return number
-
-
-def _from(least: float, value: object) -> float:
-    number = NUMBER.read(value)
-    if number < least:
-        raise ValueError
-    return number
-
-
-def _rows(value: object) -> list[object]:
-    if not (isinstance(value, list) and value):
-        raise ValueError
-    return value
-
-
-def _each_a_number(value: object) -> tuple[float, ...]:
-    if not (isinstance(value, list) and value):
-        raise ValueError
-    return tuple(NUMBER.read(one) for one in value)
 
 
 def read_motor(data: bytes, name: str) -> Network:
@@ -141,7 +121,6 @@ def read_motor(data: bytes, name: str) -> Network:
 
 def _network(root: TomlTable) -> Network:
     _only(root, "root")
-    copper = root.table("copper")
     heated, flowed = _heated(root), _flowed(root)
     nodes = tuple(_node(table, heated, flowed) for table in root.tables("node"))
     if not nodes:
@@ -151,10 +130,10 @@ def _network(root: TomlTable) -> Network:
     return Network(
         name=root.need("name", _MOTOR_NAME),
         nodes=nodes,
-        boundaries=tuple(_boundary(table) for table in root.tables("boundary")),
+        boundaries=tuple(Boundary(_only(table, "boundary").need("name", TEXT)) for table in root.tables("boundary")),
         links=tuple(_link(table, scale) for table in root.tables("link")),
         sources=tuple(_source(table, regions, scale) for table in root.tables("source")),
-        copper=_copper(copper) if copper else Copper(),
+        copper=_copper(root.table("copper")),
         scale=scale,
         circuits=tuple(_circuit(table) for table in root.tables("circuit")),
         configurations=tuple(_configuration(table, regions, scale) for table in root.tables("configuration")),
@@ -172,8 +151,10 @@ def _flowed(root: TomlTable) -> set[str]:
     return {node for circuit in root.tables("circuit") for node in circuit.need("nodes", TEXTS)}
 
 
-def _only(table: TomlTable, kind: str, extra: tuple[str, ...] = ()) -> None:
+def _only(table: TomlTable, kind: str, extra: tuple[str, ...] = ()) -> TomlTable:
+    """The table, refused where it has another key than its kind."""
     table.only({*KEYS[kind], *extra})
+    return table
 
 
 def _scale(root: TomlTable) -> dict[str, float]:
@@ -184,25 +165,22 @@ def _scale(root: TomlTable) -> dict[str, float]:
     return {quantity: table.need(key, POSITIVE) for key, quantity in SCALES.items() if key in table}
 
 
-def _copper(table: TomlTable) -> Copper:
+def _copper(table: TomlTable | None) -> Copper:
+    if table is None:
+        return Copper()
     _only(table, "copper")
-    default = Copper()
-    alpha, reference = table.get("alpha_per_K", POSITIVE), table.get("reference_degC", NUMBER)
-    return Copper(
-        alpha_per_K=default.alpha_per_K if alpha is None else alpha,
-        reference_degC=default.reference_degC if reference is None else reference,
-    )
+    given = {"alpha_per_K": table.get("alpha_per_K", POSITIVE), "reference_degC": table.get("reference_degC", NUMBER)}
+    return Copper(**{key: value for key, value in given.items() if value is not None})
 
 
 def _node(table: TomlTable, heated: set[str], flowed: set[str]) -> Node:
     _only(table, "node")
-    name = table.need("name", TEXT)
-    sd = table.get("sd", POSITIVE)
+    name, sd = table.need("name", TEXT), table.get("sd", POSITIVE)
     return Node(
         name=name,
         capacity=table.need("capacity", POSITIVE),
         region=table.one_of("region", REGIONS) or _region(name, heated, flowed),
-        sd=CAPACITY_SD if sd is None else sd,
+        sd=sd or CAPACITY_SD,
         limit_degC=table.get("limit_degC", NUMBER),
     )
 
@@ -211,11 +189,6 @@ def _region(name: str, heated: set[str], flowed: set[str]) -> str:
     if name in heated or name in flowed:
         return "copper" if name in heated else "fluid"
     return next((region for pattern, region in _BY_NAME if re.search(rf"(^|_)({pattern})", name)), "other")
-
-
-def _boundary(table: TomlTable) -> Boundary:
-    _only(table, "boundary")
-    return Boundary(table.need("name", TEXT))
 
 
 def _link(table: TomlTable, scale: Mapping[str, float]) -> Link:
@@ -284,12 +257,11 @@ def _term(table: TomlTable, default_sd: float, scale: Mapping[str, float]) -> Te
     if table.get("resistance", NUMBER) not in (None, -1.0):
         says = "resistance must be -1 (an AC loss, divided by it); for a loss that grows with it write copper = true."
         raise table.error(says, "resistance")
-    sd = table.get("sd", POSITIVE)
     temperature, ageing = table.table("temperature"), table.table("ageing")
     term = Term(
         coefficient=table.need("coefficient", NUMBER),
         exponents={feature: table.need(feature, NUMBER) for feature in used},
-        sd=default_sd if sd is None else sd,
+        sd=table.get("sd", POSITIVE) or default_sd,
         copper=table.get("copper", BOOLEAN) or False,
         resistance=-1 if "resistance" in table else 0,
         temperature=_temperature(temperature) if temperature else None,
@@ -301,12 +273,11 @@ def _term(table: TomlTable, default_sd: float, scale: Mapping[str, float]) -> Te
 
 def _ageing(table: TomlTable) -> Ageing:
     _only(table, "ageing")
-    sd, from_h = table.get("sd", POSITIVE), table.get("from_h", _HOURS)
     return Ageing(
         above_degC=table.need("above_degC", NUMBER),
         percent_per_100h=table.need("percent_per_100h", _PERCENT),
-        sd=AGEING_SD if sd is None else sd,
-        from_h=0.0 if from_h is None else from_h,
+        sd=table.get("sd", POSITIVE) or AGEING_SD,
+        from_h=table.get("from_h", NOT_NEGATIVE) or 0.0,
     )
 
 
@@ -318,7 +289,6 @@ def _temperature(table: TomlTable) -> TemperatureFactor:
 
 
 def _bent(term: TomlTable, scale: Mapping[str, float]) -> Shape | Map | None:
-    """The term's shape or map."""
     if "map" not in term:
         shape = term.table("shape")
         return _shape(shape, scale) if shape else None

@@ -1,5 +1,4 @@
-"""A motor file with maps in files of their own, made whole: every table stands where its file was named, as the store
-keeps it."""
+"""A motor file with maps in files of their own, made whole, as a store keeps it: tables where files were named."""
 
 from __future__ import annotations
 
@@ -44,9 +43,8 @@ def whole(path: Path) -> bytes:
     except TomlError as error:
         raise MotorFileError(str(error)) from None
     except OSError as error:
-        raise MotorFileError(
-            f"{path}: cannot be read: {error.strerror or error}. Check path and permissions."
-        ) from None
+        why = error.strerror or error
+        raise MotorFileError(f"{path}: cannot be read: {why}. Check path and permissions.") from None
 
 
 def _terms(root: TomlTable) -> Iterator[tuple[tuple[str | int, ...], TomlTable]]:
@@ -82,17 +80,15 @@ def _table(file: Path) -> tuple[list[float], list[float], list[list[float]]]:
     rows = [(reader.line_num, row) for row in reader if any(cell.strip() for cell in row)]
     if len(rows) < 2 or len(rows[0][1]) < 2:
         raise MotorFileError(
-            f"{file.name}: holds no table: the first row has a free cell and the torques [Nm], "
-            "each further row a speed [rpm] "
-            "and its values."
+            f"{file.name}: holds no table: the first row has a free cell and the torques [Nm], each further row a "
+            "speed [rpm] and its values."
         )
     (number, head), *body = rows
     torque = [_number(file, number, cell) for cell in head[1:]]
     for number, row in body:
         if len(row) != len(head):
-            raise MotorFileError(
-                f"{file.name}:{number}: has {len(row)} cells, the first row {len(head)}: fill the table."
-            )
+            cells = f"has {len(row)} cells, the first row {len(head)}"
+            raise MotorFileError(f"{file.name}:{number}: {cells}: fill the table.")
     numbers = [[_number(file, number, cell) for cell in row] for number, row in body]
     return [row[0] for row in numbers], torque, [row[1:] for row in numbers]
 

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import asdict
 from typing import Any
 
-from replay.engine.files.motor_file import read_motor
+from replay.engine.files.motor_file import SCALES, read_motor
 from replay.engine.files.toml_edit import edited
 from replay.engine.files.toml_spans import spans
 from replay.errors import MotorFileError
@@ -13,15 +14,8 @@ from twin.motor.ageing_law import Ageing, AgeingTerm, is_insulation, with_ageing
 from twin.motor.configured import restored
 from twin.motor.network import Configuration, FluidCircuit, Link, Map, Network, Node, Property, Source, Term
 
-# what tells the entries of a kind apart
-_CALLED = {
-    "node": "name",
-    "boundary": "name",
-    "link": "between",
-    "source": "node",
-    "circuit": "name",
-    "configuration": "name",
-}
+# what tells the entries of a kind apart, where that is not their name
+_CALLED = {"link": "between", "source": "node"}
 _BOM = "\ufeff"
 
 
@@ -54,15 +48,10 @@ def written(data: bytes, name: str, network: Network, says: str) -> bytes:
 def with_law(
     text: str, network: Network, percent_per_100h: float, sd: float, above_degC: float, from_h: float = 0.0
 ) -> str:
-    """The motor file `text`, which says `network`, with this law of deterioration (`twin.motor.ageing_law.Ageing`) at
-    every term of every link of copper and iron, those of its configurations too, in the place of a law that one has
-    already.
-
-    `percent_per_100h` and `sd` are those of the conductance, `from_h` the dose at which it begins. Raises
-    MotorFileError where no link leads from copper to iron.
-    """
-    law = Ageing(above_degC, percent_per_100h, sd, from_h)
-    name = f"motor {network.name}"
+    """The motor file `text`, which says `network`, with this law of deterioration (`twin.motor.ageing_law.Ageing`, of
+    the conductance) at every term of every link of copper and iron, those of its configurations too; a law that a term
+    has already goes. Raises MotorFileError where no link leads from copper to iron."""
+    law, name = Ageing(above_degC, percent_per_100h, sd, from_h), f"motor {network.name}"
     links = [*network.links, *(link for one in network.configurations for link in one.links)]
     if not any(is_insulation(network, link) for link in links):
         raise MotorFileError(
@@ -85,56 +74,63 @@ def _with_comment(text: str, says: str) -> str:
 
 def _values(network: Network, whole: bool) -> dict[str, Any]:
     """What a motor file can say of a network, numbers to 7 digits. `whole`: also what it may leave to its defaults."""
-    return {
-        "node": [_node(node, whole) for node in network.nodes],
-        "boundary": [{"name": boundary.name} for boundary in network.boundaries],
-        "link": [_place({"between": [link.a, link.b]}, link, network, whole) for link in network.links],
-        "source": [_place({"node": source.node}, source, network, whole) for source in network.sources],
-        "circuit": [_circuit(circuit) for circuit in network.circuits],
-        "configuration": [_configuration(one, network, whole) for one in network.configurations],
-    }
+    values: dict[str, Any] = _to_7_digits(
+        {
+            "node": [_node(node, whole) for node in network.nodes],
+            "boundary": [{"name": boundary.name} for boundary in network.boundaries],
+            **_places(network, network, whole),
+            "circuit": [_circuit(circuit) for circuit in network.circuits],
+            "configuration": [_configuration(one, network, whole) for one in network.configurations],
+        }
+    )
+    return values
+
+
+def _to_7_digits(value: Any) -> Any:
+    """A tree of values with its numbers to 7 digits and its tuples as lists; -0 as 0."""
+    if isinstance(value, Mapping):
+        return {key: _to_7_digits(one) for key, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [_to_7_digits(one) for one in value]
+    return float(f"{value:.7g}") + 0.0 if isinstance(value, float) else value
 
 
 def _circuit(circuit: FluidCircuit) -> dict[str, Any]:
-    fluid = {"density": _property(circuit.fluid.density), "heat_capacity": _property(circuit.fluid.heat_capacity)}
-    return {
-        "name": circuit.name,
-        "inlet": circuit.inlet,
-        "nodes": list(circuit.nodes),
-        "fluid": fluid,
-        "flow": circuit.flow,
-    }
+    fluid = {key: _property(getattr(circuit.fluid, key)) for key in ("density", "heat_capacity")}
+    return {**vars(circuit), "fluid": fluid}
 
 
 def _property(table: Property) -> Any:
     """A number where it is one, else the table."""
-    if len(table.value) == 1:
-        return _digits(table.value[0])
-    return {"degC": [_digits(degC) for degC in table.degC], "value": [_digits(value) for value in table.value]}
+    return table.value[0] if len(table.value) == 1 else asdict(table)
 
 
 def _configuration(one: Configuration, network: Network, whole: bool) -> dict[str, Any]:
-    parts = {
-        "remove": list(one.remove),
-        "link": [_place({"between": [link.a, link.b]}, link, network, whole) for link in one.links],
-        "source": [_place({"node": source.node}, source, network, whole) for source in one.sources],
-    }
+    parts = {"remove": one.remove, **_places(one, network, whole)}
     return {"name": one.name, **{key: part for key, part in parts.items() if part}}
 
 
 def _node(node: Node, whole: bool) -> dict[str, Any]:
-    limit = {} if node.limit_degC is None else {"limit_degC": _digits(node.limit_degC)}
-    default = {"region": node.region, "sd": _digits(node.sd)} if whole else {}
-    return {"name": node.name, "capacity": _digits(node.capacity), **limit, **default}
+    limit = {} if node.limit_degC is None else {"limit_degC": node.limit_degC}
+    default = {"region": node.region, "sd": node.sd} if whole else {}
+    return {"name": node.name, "capacity": node.capacity, **limit, **default}
 
 
-def _place(called: dict[str, Any], place: Link | Source, network: Network, whole: bool) -> dict[str, Any]:
-    return {**called, "terms": [_term(term, network, whole) for term in place.terms]}
+def _places(of: Network | Configuration, network: Network, whole: bool) -> dict[str, Any]:
+    """The links and sources of a network or of one of its configurations."""
+
+    def terms(place: Link | Source) -> list[dict[str, Any]]:
+        return [_term(term, network.scale, whole) for term in place.terms]
+
+    return {
+        "link": [{"between": [link.a, link.b], "terms": terms(link)} for link in of.links],
+        "source": [{"node": source.node, "terms": terms(source)} for source in of.sources],
+    }
 
 
-def _term(term: Term, network: Network, whole: bool) -> dict[str, Any]:
-    values: dict[str, Any] = {"coefficient": _digits(term.coefficient)}
-    values |= {feature: _digits(exponent) for feature, exponent in term.exponents.items() if exponent}
+def _term(term: Term, scale: Mapping[str, float], whole: bool) -> dict[str, Any]:
+    values: dict[str, Any] = {"coefficient": term.coefficient}
+    values |= {feature: exponent for feature, exponent in term.exponents.items() if exponent}
     if term.copper or whole:
         values["copper"] = term.copper
     if term.law is not None:
@@ -142,46 +138,27 @@ def _term(term: Term, network: Network, whole: bool) -> dict[str, Any]:
     if term.resistance:
         values["resistance"] = term.resistance
     if term.temperature is not None:
-        factor = term.temperature
-        slope, reference = _digits(factor.slope_per_K), _digits(factor.reference_degC)
-        values["temperature"] = {"node": factor.node, "slope_per_K": slope, "reference_degC": reference}
-    if isinstance(term.shape, Map):
-        values["map"] = {
-            "speed_rpm": [_digits(knot * network.scale["speed"]) for knot in term.shape.speed],
-            "torque_Nm": [_digits(knot * network.scale["torque"]) for knot in term.shape.torque],
-            "values": [[_digits(value) for value in row] for row in term.shape.values],
-        }
-    elif term.shape is not None:
-        scale = network.scale["speed"]
-        values["shape"] = {
-            "speed_rpm": [_digits(knot * scale) for knot in term.shape.speed],
-            "factor": [_digits(value) for value in term.shape.factor],
-            "current_slope": [_digits(value) for value in term.shape.current_slope],
-        }
+        values["temperature"] = asdict(term.temperature)
+    if term.shape is not None:
+        values["map" if isinstance(term.shape, Map) else "shape"] = _bent(asdict(term.shape), scale)
     if isinstance(term, AgeingTerm):
-        values["ageing"] = _ageing(term.ageing, whole)
-    return values | ({"sd": _digits(term.sd)} if whole else {})
+        law = asdict(term.ageing)
+        values["ageing"] = law if law["from_h"] or whole else {key: law[key] for key in law if key != "from_h"}
+    return values | ({"sd": term.sd} if whole else {})
 
 
-def _ageing(law: Ageing, whole: bool) -> dict[str, Any]:
-    begins = {"from_h": _digits(law.from_h)} if law.from_h or whole else {}
-    return {
-        "above_degC": _digits(law.above_degC),
-        "percent_per_100h": _digits(law.percent_per_100h),
-        "sd": _digits(law.sd),
-        **begins,
-    }
-
-
-def _digits(value: float) -> float:
-    return float(f"{value:.7g}") + 0.0
+def _bent(values: dict[str, Any], scale: Mapping[str, float]) -> dict[str, Any]:
+    """A shape or map with its knots in the units of the file."""
+    axes = [(key, quantity) for key, quantity in SCALES.items() if quantity in values]
+    return {key: [knot * scale[quantity] for knot in values.pop(quantity)] for key, quantity in axes} | values
 
 
 def _check_order(name: str, before: Network, after: Network) -> None:
     """Entries that are there keep their places, so that comments beside them go on speaking of them."""
     old, new = _values(before, whole=False), _values(after, whole=False)
-    for kind, called in _CALLED.items():
-        for i, entry in enumerate(old[kind]):
+    for kind, entries in old.items():
+        called = _CALLED.get(kind, "name")
+        for i, entry in enumerate(entries):
             there = new[kind][i] if i < len(new[kind]) else {}
             if there.get(called) != entry[called] or len(there.get("terms", ())) < len(entry.get("terms", ())):
                 which = "-".join(entry[called]) if isinstance(entry[called], list) else entry[called]
@@ -202,8 +179,7 @@ def _check_same(name: str, found: Network, wanted: Network) -> None:
 
 
 def _head(network: Network) -> dict[str, Any]:
-    copper = {"alpha_per_K": network.copper.alpha_per_K, "reference_degC": network.copper.reference_degC}
-    return {"name": network.name, "scale": dict(network.scale), "copper": copper}
+    return {"name": network.name, "scale": dict(network.scale), "copper": asdict(network.copper)}
 
 
 def _differences(found: Any, wanted: Any, path: str = "") -> Iterator[str]:

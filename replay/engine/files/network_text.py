@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 from replay.engine.files.motor_file import SCALES, SCHEMA
 from replay.engine.files.motor_text import written
-from twin.motor.network import Copper, FluidCircuit, Network, Node, Property, Term
+from replay.engine.files.toml_edit import as_text
+from twin.motor.network import Copper, FluidCircuit, Link, Network, Property, Source
 
 
 def network_text(network: Network, says: str) -> bytes:
@@ -29,37 +28,26 @@ def _head(network: Network) -> list[str]:
         said = {quantity: key for key, quantity in SCALES.items()}
         lines += ["", "[scale]", *(f"{said[quantity]} = {value!r}" for quantity, value in network.scale.items())]
     if network.copper != Copper():
-        copper = network.copper
-        lines += [
-            "",
-            "[copper]",
-            f"alpha_per_K = {copper.alpha_per_K!r}",
-            f"reference_degC = {copper.reference_degC!r}",
-        ]
+        lines += ["", "[copper]", *(f"{key} = {value!r}" for key, value in vars(network.copper).items())]
     return lines
 
 
 def _entries(network: Network) -> list[str]:
+    """A node is said with its region: default `sd` of its losses follow from that, and a merged node's name may speak
+    of another one."""
     return [
-        *(f'[[boundary]]\nname = "{boundary.name}"' for boundary in network.boundaries),
-        *map(_node, network.nodes),
-        *(f'[[link]]\nbetween = ["{link.a}", "{link.b}"]\n{_terms(link.terms)}' for link in network.links),
-        *(f'[[source]]\nnode = "{source.node}"\n{_terms(source.terms)}' for source in network.sources),
+        *(as_text("boundary", {"name": boundary.name}) for boundary in network.boundaries),
+        *(as_text("node", {"name": n.name, "capacity": n.capacity, "region": n.region}) for n in network.nodes),
+        *(as_text("link", {"between": [link.a, link.b], **_terms(link)}) for link in network.links),
+        *(as_text("source", {"node": source.node, **_terms(source)}) for source in network.sources),
         *map(_circuit, network.circuits),
     ]
 
 
-def _node(node: Node) -> str:
-    """A node with its region: default `sd` of its losses follow from it, and a merged node's name may speak of
-    another one."""
-    return f'[[node]]\nname = "{node.name}"\ncapacity = {node.capacity:.7g}\nregion = "{node.region}"'
-
-
 def _circuit(circuit: FluidCircuit) -> str:
-    nodes = ", ".join(f'"{node}"' for node in circuit.nodes)
+    says = {"name": circuit.name, "inlet": circuit.inlet, "nodes": list(circuit.nodes), "flow": circuit.flow}
     fluid = f"density = {_property(circuit.fluid.density)}, heat_capacity = {_property(circuit.fluid.heat_capacity)}"
-    says = f'name = "{circuit.name}"\ninlet = "{circuit.inlet}"\nnodes = [{nodes}]\nflow = "{circuit.flow}"'
-    return f"[[circuit]]\n{says}\nfluid = {{{fluid}}}"
+    return f"{as_text('circuit', says)}\nfluid = {{{fluid}}}"
 
 
 def _property(table: Property) -> str:
@@ -68,8 +56,5 @@ def _property(table: Property) -> str:
     return f"{{degC = {list(table.degC)!r}, value = {list(table.value)!r}}}"
 
 
-def _terms(terms: Sequence[Term]) -> str:
-    written_terms = [f"{{coefficient = {term.coefficient:.7g}}}" for term in terms]
-    if len(terms) == 1:
-        return f"terms = [{written_terms[0]}]"
-    return "\n".join(["terms = [", *(f"  {one}," for one in written_terms), "]"])
+def _terms(place: Link | Source) -> dict[str, list[dict[str, float]]]:
+    return {"terms": [{"coefficient": term.coefficient} for term in place.terms]}

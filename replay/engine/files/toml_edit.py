@@ -1,5 +1,4 @@
-"""A TOML text with other values: a changed value is replaced where it stands, new keys and tables join their own
-kind."""
+"""A TOML text with other values: a changed one is replaced where it stands, new keys and tables join their own kind."""
 
 from __future__ import annotations
 
@@ -26,6 +25,11 @@ def edited(text: str, before: Mapping[str, Any], after: Mapping[str, Any], says:
     after the last of their kind, else at the end, under the comment `# added: <says>`.
     """
     return _Edits(text, says).made(before, after)
+
+
+def as_text(head: str, table: Mapping[str, Any]) -> str:
+    """The lines of a table `[[head]]`, numbers to 7 digits."""
+    return "\n".join([f"[[{head}]]", *(_pair(key, value) for key, value in table.items())])
 
 
 def _line_end(text: str, at: int) -> int:
@@ -134,7 +138,7 @@ class _Edits:
         own = [span.end for at, span in self._spans.items() if at[: len(path) + 1] == (*path, count - 1)]
         end = _line_end(self._text, max(own)) if own else len(self._text.rstrip())
         head = ".".join(_key(part) for part in path if isinstance(part, str))
-        tables = ["\n".join([f"[[{head}]]", *(_pair(k, v) for k, v in one.items())]) for one in added]
+        tables = [as_text(head, one) for one in added]
         self._edit(end, end, f"\n\n# added: {self._says}\n" + "\n\n".join(tables), _TABLES - len(path))
 
     def _grow_array(self, path: Path, count: int, added: Sequence[str]) -> None:

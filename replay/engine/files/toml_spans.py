@@ -1,5 +1,4 @@
-"""Where each value and table of a TOML text stands, by character: what is needed to change one of them and leave the
-rest."""
+"""Where each value and table of a TOML text stands, by character: to change one of them and leave the rest."""
 
 from __future__ import annotations
 

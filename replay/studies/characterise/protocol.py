@@ -19,7 +19,7 @@ from ingest.facts.events import SessionRecorded
 from ingest.facts.facts import Facts
 from ingest.facts.store import Store
 from replay.engine.files.configurations import refuse_other_rigs
-from replay.engine.files.motor_file import describe, read_motor
+from replay.engine.files.motor_file import read_motor
 from replay.engine.results.summary import Summary, read
 from replay.engine.runs.campaign import replay_sessions
 from replay.errors import ReplayDataError
@@ -34,6 +34,7 @@ from twin.fitting.model import Test
 from twin.fitting.noise import ChannelNoise
 from twin.motor.configured import configured
 from twin.motor.network import Network
+from twin.run.describe import describe
 
 POINTS, DRIVES = ("s1", "s2"), ("wltp", "drive")  # kinds that are learnt from, and that the model is checked on
 MOVES_K = 0.1  # what one prior sd of a parameter must move at some node on the drive cycles: below, no sensor sees it

@@ -90,13 +90,14 @@ def test_a_cause_that_this_bench_cannot_have_is_refused_with_the_nearest() -> No
     )
 
 
-@pytest.mark.parametrize("cause", ["sensor__magnet__bias", "sensor__yoke__bias"])
-def test_tables_that_cannot_be_added_to_are_refused(cause: str) -> None:
+def test_a_list_of_corrections_takes_new_amounts_and_is_refused_where_one_is_new() -> None:
     inline = 'correction = [{cause = "sensor.magnet.gain", amount = 0.1}, {cause = "sensor.yoke.bias", amount = 1.0}]\n'
+    text = can_bench.BENCH.replace("specimen", inline + "specimen", 1)
+    assert written(text, sensor__yoke__bias=2.0) == text.replace("amount = 1.0", "amount = 3")
     with pytest.raises(
         BenchFileError, match=r"cannot be added to: write each as a .+ table, cause and amount on a line"
     ):
-        written(can_bench.BENCH.replace("specimen", inline + "specimen", 1), **{cause: 2.0})
+        written(text, sensor__magnet__bias=2.0)
 
 
 def test_a_file_from_another_editor_is_added_to_as_well() -> None:
