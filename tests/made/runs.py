@@ -124,6 +124,5 @@ def _run(
         inputs=inputs,
         losses_W=np.full(t_ns.size - 1, 400.0),
         observed=observed,
-        raw_files=("ab" * 32,),
         summary=summary,
     )

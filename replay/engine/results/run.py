@@ -17,7 +17,7 @@ class Compared:
 
     `measured`: mean of the samples in the step; `modelled`: what the model would read at their mean time `t_ns`;
     `used`: False where samples are held, stuck, saturated or follow a bridged gap of an input; `first_record`,
-    `last_record`: of the samples, in the file at index `raw` of `Run.raw_files`.
+    `last_record`: of the samples, in the file at index `raw` of the session's.
     """
 
     channel: str
@@ -34,6 +34,11 @@ class Compared:
         """measured - modelled, (M,)."""
         return self.measured - self.modelled
 
+    @property
+    def usable(self) -> NDArray[np.bool_]:
+        """Where the residual is known and may be used, (M,)."""
+        return self.used & np.isfinite(self.residual)
+
 
 @dataclass(frozen=True, kw_only=True)
 class Observed(Compared):
@@ -43,6 +48,11 @@ class Observed(Compared):
     node: str
     sd_K: float
     bias_sd_K: float
+
+    @property
+    def floor_K(self) -> float:
+        """What the sensor itself leaves open, one standard deviation of a mean."""
+        return float(np.hypot(self.sd_K, self.bias_sd_K))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -134,7 +144,6 @@ class Run:
     inputs: Mapping[str, NDArray[np.float64]]
     losses_W: NDArray[np.float64]
     observed: tuple[Observed, ...]
-    raw_files: tuple[str, ...]
     summary: Summary
     filtered: Filtered | None = None
     meters: tuple[Metered, ...] = ()

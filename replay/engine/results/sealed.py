@@ -47,7 +47,6 @@ def load_run(store: Store, facts: Facts, event: ReplayCompleted) -> Run:
         inputs={c.removeprefix("input:"): frame[c].to_numpy() for c in frame.column_names if c.startswith("input:")},
         losses_W=temperatures["network_heat_W"].to_numpy()[:-1],
         observed=tuple(_observed(residuals, one, raw_files) for one in summary.channels),
-        raw_files=raw_files,
         summary=summary,
         filtered=_filtered(store, event, summary, nodes),
         meters=_meters(store, event, summary, raw_files),

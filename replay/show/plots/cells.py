@@ -1,5 +1,4 @@
-"""Where the error lies: residuals of all sessions pooled by node, then averaged in cells of operating point,
-temperature, time."""
+"""Where the error lies: residuals of all sessions pooled by node, then averaged in cells."""
 
 from __future__ import annotations
 
@@ -30,8 +29,7 @@ class Pool:
 
 @dataclass(frozen=True)
 class Cells:
-    """Mean residual [K] (X, Y) by cell of `x_edges` (X + 1,) and `y_edges` (Y + 1,); NaN where under ENOUGH_S;
-    `seconds` alike."""
+    """Mean residual [K] (X, Y) by cell of `x_edges` (X + 1,) and `y_edges` (Y + 1,), NaN under ENOUGH_S `seconds`."""
 
     x_edges: Floats
     y_edges: Floats
@@ -51,7 +49,7 @@ def pool_by_node(runs: Sequence[Run], columns: Sequence[str] = ()) -> dict[str, 
 
 
 def _samples(run: Run, observed: Observed, columns: Sequence[str]) -> Pool:
-    use = observed.used & np.isfinite(observed.residual)
+    use = observed.usable
     t_ns = observed.t_ns[use]
     step = np.clip(np.searchsorted(run.t_ns, t_ns, side="right") - 1, 0, run.t_ns.size - 2)
     return Pool(
@@ -81,9 +79,8 @@ def round_step(span: float, cells: int) -> float:
     """A round width [unit of `span`] of which about `cells` fill the span."""
     width = (span or 1.0) / cells
     power = 10.0 ** np.floor(np.log10(width))
-    return min(
-        (float(factor * power) for factor in (1.0, 2.0, 2.5, 5.0, 10.0)), key=lambda step: abs(np.log(step / width))
-    )
+    steps = (float(factor * power) for factor in (1.0, 2.0, 2.5, 5.0, 10.0))
+    return min(steps, key=lambda step: abs(np.log(step / width)))
 
 
 def round_edges(smallest: float, largest: float, cells: int) -> Floats:
@@ -94,8 +91,7 @@ def round_edges(smallest: float, largest: float, cells: int) -> Floats:
 
 
 def round_centres(largest: float, cells: int) -> Floats:
-    """Edges from 0 of about `cells` cells around round numbers: a test bench holds these, and must not straddle an
-    edge."""
+    """Edges from 0 of about `cells` cells around round numbers: a bench holds these, and must not straddle an edge."""
     step = round_step(largest, cells)
     return np.asarray(np.r_[0.0, (np.arange(np.floor(largest / step + 0.5) + 1) + 0.5) * step], dtype=np.float64)
 

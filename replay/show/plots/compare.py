@@ -9,14 +9,22 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from numpy.typing import NDArray
 
 from replay.engine.results.run import Observed, Run
-from replay.show.plots.plots import ROWS, WIDTH, groups, time_axis
+from replay.show.plots.plots import (
+    WIDTH,
+    around_zero,
+    draw,
+    groups,
+    instants,
+    nearest,
+    over_session,
+    residual_cells,
+    time_axis,
+)
 from replay.show.words import words
-from replay.show.words.figure import LEFT, FigureTable, Plot, inline_svg, name_lines, panels, save, style
-from replay.show.words.palette import DASHES, INK, PAPER, SERIES, SOFT, with_variables
-from replay.show.words.thin import thin, with_gaps
+from replay.show.words.figure import ABOVE, LEFT, FigureTable, Plot, inline_svg, name_lines, panels, save, style
+from replay.show.words.palette import DASHES, INK, PAPER, SERIES, SOFT
 
 
 @dataclass(frozen=True)
@@ -26,6 +34,10 @@ class Drawn:
     label: str
     colour: str
     dashes: Any
+
+    @property
+    def line(self) -> dict[str, Any]:
+        return {"color": self.colour, "linestyle": self.dashes, "linewidth": 1.1}
 
 
 MODELS: Mapping[str, Drawn] = {
@@ -61,8 +73,8 @@ def _region(models: Mapping[str, Run], group: Sequence[Observed], columns: int) 
         _draw_temperatures(upper, first, series[channels[0]], columns)
         for axes, channel in zip(lower, channels, strict=True):
             _draw_residuals(axes, first, series[channel], columns)
-        lower[-1].set_xlabel(time_axis(first).label)
-        svg = with_variables(inline_svg(figure, title))
+        over_session(lower[-1], first)
+        svg = inline_svg(figure, title)
     return Plot(title, svg, "", _table(first, series))
 
 
@@ -79,7 +91,7 @@ def picture(models: Mapping[str, Run], target: Path) -> None:
         figure.set_facecolor(PAPER[0])
         _draw_temperatures(upper, first, series, 900)
         _draw_residuals(lower, first, series, 900)
-        lower.set_xlabel(time_axis(first).label)
+        over_session(lower, first)
         figure.text(LEFT, 0.965, _title(series), fontsize=11, fontweight="bold", va="center")
         upper.set_title(f"kept session {first.session_name}", fontsize=8.5, color=SOFT[0], loc="right")
         save(figure, target)
@@ -90,7 +102,7 @@ def _of(run: Run, channel: str) -> Observed | None:
 
 
 def _off(observed: Observed) -> float:
-    use = observed.used & np.isfinite(observed.residual)
+    use = observed.usable
     return float(np.abs(observed.residual[use]).mean()) if use.any() else 0.0
 
 
@@ -103,30 +115,21 @@ def _title(series: Mapping[str, Observed]) -> str:
 
 
 def _draw_temperatures(axes: Axes, run: Run, series: Mapping[str, Observed], columns: int) -> None:
-    time = time_axis(run)
-    measured = next(iter(series.values()))
-    t, y = with_gaps(time.of(measured.t_ns), measured.measured, measured.used)
-    axes.plot(*thin(t, y, columns), color=INK[0], linewidth=1.5, label="measured")
+    time, one = time_axis(run), next(iter(series.values()))
+    draw(axes, time, one.t_ns, one.measured, columns, one.used, color=INK[0], linewidth=1.5, label="measured")
     for key, observed in series.items():
-        drawn = MODELS[key]
-        t, y = with_gaps(time.of(observed.t_ns), observed.modelled, np.ones_like(observed.used))
-        axes.plot(*thin(t, y, columns), color=drawn.colour, linestyle=drawn.dashes, linewidth=1.1, label=drawn.label)
+        draw(axes, time, observed.t_ns, observed.modelled, columns, **MODELS[key].line, label=MODELS[key].label)
     axes.set_ylabel("temperature [°C]")
-    axes.set_xlim(0, time.of(run.t_ns[-1:])[0])
-    axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=4, frameon=False, borderpad=0, handlelength=2.8)
-    name_lines(axes, [(float(measured.measured[-1]), words.name(measured.node), INK[0])])
+    axes.legend(**ABOVE, ncols=4, handlelength=2.8)
+    name_lines(axes, [(float(one.measured[-1]), words.name(one.node), INK[0])])
 
 
 def _draw_residuals(axes: Axes, run: Run, series: Mapping[str, Observed], columns: int) -> None:
-    """Measured minus model [K] of each model; grey: one standard deviation of what the sensor itself leaves open."""
-    time = time_axis(run)
-    one = next(iter(series.values()))
-    band = float(np.hypot(one.sd_K, one.bias_sd_K))
-    axes.axhspan(-band, band, color=SOFT[0], alpha=0.22, linewidth=0)
-    axes.axhline(0, color=SOFT[0], linewidth=0.8)
+    """Measured minus model [K] of each model."""
+    time, one = time_axis(run), next(iter(series.values()))
+    around_zero(axes, one.floor_K)
     for key, observed in series.items():
-        t, y = with_gaps(time.of(observed.t_ns), observed.residual, observed.used)
-        axes.plot(*thin(t, y, columns), color=MODELS[key].colour, linestyle=MODELS[key].dashes, linewidth=1.1)
+        draw(axes, time, observed.t_ns, observed.residual, columns, observed.used, **MODELS[key].line)
     axes.set_ylabel("measured −\nmodel [K]")
     name_lines(axes, [(0.0, words.name(one.node), INK[0])])
 
@@ -134,19 +137,13 @@ def _draw_residuals(axes: Axes, run: Run, series: Mapping[str, Observed], column
 def _table(run: Run, series: Mapping[str, Mapping[str, Observed]]) -> FigureTable:
     time = time_axis(run)
     reference = next(iter(next(iter(series.values())).values())).t_ns
-    at_ns = reference[np.unique(np.linspace(0, reference.size - 1, ROWS).astype(np.intp))]
+    at_ns = reference[instants(reference.size)]
     head, cells = [time.label], [[f"{t:.2f}" for t in time.of(at_ns)]]
     for of_models in series.values():
         first = next(iter(of_models.values()))
         head.append(f"{words.name(first.node)} measured [°C]")
-        cells.append([f"{v:.1f}" for v in first.measured[_nearest(first, at_ns)]])
+        cells.append([f"{v:.1f}" for v in first.measured[nearest(first, at_ns)]])
         for key, observed in of_models.items():
-            i = _nearest(observed, at_ns)
             head.append(f"{words.name(observed.node)} {MODELS[key].label} [K]")
-            differences = zip(observed.residual[i], observed.used[i], strict=True)
-            cells.append([words.signed(v) if good else "masked" for v, good in differences])
+            cells.append(residual_cells(observed, nearest(observed, at_ns)))
     return FigureTable(tuple(head), tuple(zip(*cells, strict=True)))
-
-
-def _nearest(observed: Observed, at_ns: NDArray[np.int64]) -> NDArray[np.intp]:
-    return np.clip(np.searchsorted(observed.t_ns, at_ns), 0, observed.t_ns.size - 1)

@@ -1,5 +1,4 @@
-"""The share of its current that a controller allowed a motor, by its sensor and by the hot spot that the sensor stands
-for."""
+"""The share of its current that a controller allows a motor, by its sensor and by the hot spot that this stands for."""
 
 from __future__ import annotations
 
@@ -8,18 +7,17 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from replay.engine.results.hot_spots import REGIONS
 from replay.engine.results.run import Run
 from replay.engine.results.summary import DeratingCourse
-from replay.show.plots.plots import ROWS, WIDTH, time_axis
+from replay.show.plots.plots import WIDTH, instants, over_session, time_axis
 from replay.show.words import words
 from replay.show.words.figure import FigureTable, Plot, inline_svg, name_lines, panels, style
-from replay.show.words.palette import COLOURS, DASHES, SOFT, with_variables
+from replay.show.words.palette import COLOURS, DASHES, SOFT
 from replay.show.words.thin import thin
 from twin.run.derating import Derating
 
 Floats = NDArray[np.float64]
-
-OF = {"winding": ("copper",), "magnet": ("magnet", "rotor")}  # what a rule protects -> regions, the first that is there
 
 
 def derating_over_time(run: Run, course: DeratingCourse, columns: int) -> Plot | None:
@@ -47,19 +45,16 @@ def derating_over_time(run: Run, course: DeratingCourse, columns: int) -> Plot |
         upper.set_ylabel("temperature [°C]")
         lower.set_ylabel("current\nallowed [%]")
         lower.set_ylim(-4, 104)
-        lower.set_xlim(0, time.of(run.t_ns[-1:])[0])
-        lower.set_xlabel(time.label)
-        svg = with_variables(inline_svg(figure, title))
-    note = (
-        f"Dotted: where {words.name(course.channel)} begins to take current back, and where none is left. Dashed: the "
-        "model."
-    )
+        over_session(lower, run)
+        svg = inline_svg(figure, title)
+    begins = f"where {words.name(course.channel)} begins to take current back"
+    note = f"Dotted: {begins}, and where none is left. Dashed: the model."
     return Plot(title, svg, note, _table(run, rule, t, degC))
 
 
 def hottest_of(run: Run, spot: str) -> Floats | None:
     """The hottest of what a rule protects, (N + 1,) [degC]; None where the motor has no such node."""
-    for region in OF[spot]:
+    for region in REGIONS[spot]:
         at = [i for i, node in enumerate(run.nodes) if run.regions.get(node) == region]
         if at:
             hottest: Floats = run.temperatures[:, at].max(axis=1)
@@ -68,18 +63,17 @@ def hottest_of(run: Run, spot: str) -> Floats | None:
 
 
 def _title(course: DeratingCourse) -> str:
+    sensor = words.name(course.channel)
     if course.late_s > 0:
-        return (
-            f"{words.name(course.channel)} sees the hottest {course.protects} too late: for "
-            f"{words.duration(course.late_s)} it allows all the current that the hot spot does not"
-        )
+        late = f"for {words.duration(course.late_s)} it allows all the current that the hot spot does not"
+        return f"{sensor} sees the hottest {course.protects} too late: {late}"
     if course.seconds > 0:
-        return f"{words.name(course.channel)} takes current back for {words.duration(course.seconds)}"
-    return f"{words.name(course.channel)} allows full current throughout"
+        return f"{sensor} takes current back for {words.duration(course.seconds)}"
+    return f"{sensor} allows full current throughout"
 
 
 def _table(run: Run, rule: Derating, t: Mapping[str, Floats], degC: Mapping[str, Floats]) -> FigureTable:
-    at = t["sensor"][np.unique(np.linspace(0, t["sensor"].size - 1, ROWS).astype(np.intp))]
+    at = t["sensor"][instants(t["sensor"].size)]
     head = (time_axis(run).label, "sensor [°C]", "current allowed [%]", "hot spot [°C]", "by the hot spot [%]")
     cells = [[f"{value:.2f}" for value in at]]
     for key in ("sensor", "hot spot"):

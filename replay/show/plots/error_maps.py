@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from itertools import pairwise
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LinearSegmentedColormap, Normalize
 from matplotlib.figure import Figure
@@ -28,14 +26,17 @@ from replay.show.plots.cells import (
 from replay.show.plots.plots import WIDTH
 from replay.show.words import words
 from replay.show.words.figure import FigureTable, Plot, inline_svg, name_lines, style
-from replay.show.words.palette import COLOURS, DASHES, DIVERGING, SOFT, with_variables
+from replay.show.words.palette import COLOURS, DASHES, DIVERGING, SOFT
 
 Floats = NDArray[np.float64]
 
 ACROSS = 3  # maps in a row
 SHOWN = 12  # maps at most: the nodes furthest off
 LOAD_NAMES = {"current_A": ("current", "A"), "torque_Nm": ("torque", "Nm")}
-READING = "Orange: measured hotter than the model. Blue: measured colder. "
+READING = (
+    "Orange: measured hotter than the model. Blue: measured colder. "
+    f"Hatched: less than {ENOUGH_S:.0f} s of data, nothing can be said. All sessions together, weighted by time."
+)
 
 
 def error_map(runs: Sequence[Run]) -> Plot | None:
@@ -54,12 +55,8 @@ def error_map(runs: Sequence[Run]) -> Plot | None:
         return None
     title = _map_title(maps, load)
     with style("error map"):
-        svg = with_variables(inline_svg(_draw_maps(maps, load), title))
-    note = (
-        f"{READING}Hatched: less than {ENOUGH_S:.0f} s of data, nothing can be said. All sessions together, weighted "
-        "by time."
-    )
-    return Plot(title, svg, note, _map_table(maps, load))
+        svg = inline_svg(_draw_maps(maps, load), title)
+    return Plot(title, svg, READING, _map_table(maps, load))
 
 
 def _maps(pools: Mapping[str, Pool], load: str) -> dict[str, Cells]:
@@ -73,38 +70,31 @@ def _maps(pools: Mapping[str, Pool], load: str) -> dict[str, Cells]:
 
 def _cell_name(cells: Cells, i: int, j: int, load: str) -> str:
     name, unit = LOAD_NAMES[load]
-    x, y = cells.x_edges, cells.y_edges
-    return (
-        f"{words.number(x[i])} to {words.number(x[i + 1])} rpm and {words.number(y[j])} to {words.number(y[j + 1])} "
-        f"{unit} {name}"
-    )
+    return f"{_span(cells.x_edges, i)} rpm and {_span(cells.y_edges, j)} {unit} {name}"
+
+
+def _span(edges: Floats, cell: int) -> str:
+    return f"{words.number(edges[cell])} to {words.number(edges[cell + 1])}"
+
+
+def _off(node: str, value: float) -> str:
+    way = "too cold" if value > 0 else "too hot"
+    return f"{words.capital(words.name(node))}: model {words.kelvin(abs(value))} {way}"
 
 
 def _map_title(maps: Mapping[str, Cells], load: str) -> str:
     node = max(maps, key=lambda n: float(np.nanmax(np.abs(maps[n].mean))))
     cells = maps[node]
     i, j = np.unravel_index(int(np.nanargmax(np.abs(cells.mean))), cells.mean.shape)
-    value = cells.mean[i, j]
-    way = "too cold" if value > 0 else "too hot"
-    return (
-        f"{words.capital(words.name(node))}: model {words.kelvin(abs(value))} {way} at "
-        f"{_cell_name(cells, int(i), int(j), load)}"
-    )
+    return f"{_off(node, cells.mean[i, j])} at {_cell_name(cells, int(i), int(j), load)}"
 
 
 def _draw_maps(maps: Mapping[str, Cells], load: str) -> Figure:
     rows = -(-len(maps) // ACROSS)
     height = 1.95 * rows + 0.9
     figure = Figure(figsize=(WIDTH, height))
-    FigureCanvasAgg(figure)
-    place = {
-        "left": 0.085,
-        "right": 0.985,
-        "bottom": 1.0 / height,
-        "top": 1 - 0.25 / height,
-        "wspace": 0.12,
-        "hspace": 0.3,
-    }
+    place = {"left": 0.085, "right": 0.985, "wspace": 0.12, "hspace": 0.3}
+    place |= {"bottom": 1.0 / height, "top": 1 - 0.25 / height}
     axes = figure.subplots(rows, ACROSS, sharex=True, sharey=True, squeeze=False, gridspec_kw=place)
     largest = max(1.0, *(float(np.nanmax(np.abs(cells.mean))) for cells in maps.values()))
     colours = ScalarMappable(Normalize(-largest, largest), LinearSegmentedColormap.from_list("error", DIVERGING, N=41))
@@ -158,8 +148,8 @@ def _centres(edges: Floats) -> Floats:
 
 
 def error_along(runs: Sequence[Run]) -> Plot | None:
-    """Mean residual of each node along its temperature and along the time in a session; None where no cell of either
-    holds enough data, and a panel less where none of its cells does."""
+    """Mean residual of each node along its temperature and along the time in a session: the panels, if any, with a cell
+    that holds enough data."""
     pools = dict(list(pool_by_node(runs).items())[: len(COLOURS)])
     if not pools:
         return None
@@ -167,20 +157,13 @@ def error_along(runs: Sequence[Run]) -> Plot | None:
     late = _edges([pool.since_start / 60 for pool in pools.values()], 12)
     by_temperature = {node: along(pool, pool.measured, hot) for node, pool in pools.items()}
     by_time = {node: along(pool, pool.since_start / 60, late) for node, pool in pools.items()}
-    shown = [
-        (lines, edges, label)
-        for lines, edges, label in (
-            (by_temperature, hot, "measured temperature [°C]"),
-            (by_time, late, "time since start [min]"),
-        )
-        if any(np.isfinite(mean).any() for mean in lines.values())
-    ]
+    both = [(by_temperature, hot, "measured temperature [°C]"), (by_time, late, "time since start [min]")]
+    shown = [panel for panel in both if any(np.isfinite(mean).any() for mean in panel[0].values())]
     if not shown:
         return None
     title = _along_title(by_temperature, hot)
     with style("error along"):
         figure = Figure(figsize=(WIDTH, 2.6))
-        FigureCanvasAgg(figure)
         place = {"left": 0.085, "right": 0.84, "bottom": 0.18, "top": 0.95, "wspace": 0.1}
         axes = figure.subplots(1, len(shown), sharey=True, squeeze=False, gridspec_kw=place)[0]
         for ax, (lines, edges, label) in zip(axes, shown, strict=True):
@@ -188,13 +171,9 @@ def error_along(runs: Sequence[Run]) -> Plot | None:
             ax.set(xlabel=label)
         axes[0].set(ylabel="measured − model [K]")
         name_lines(axes[-1], _ends(shown[-1][0]))
-        svg = with_variables(inline_svg(figure, title))
-    return Plot(
-        title,
-        svg,
-        f"Mean of each cell that holds {ENOUGH_S:.0f} s; all sessions together.",
-        _along_table(by_temperature, hot),
-    )
+        svg = inline_svg(figure, title)
+    note = f"Mean of each cell that holds {ENOUGH_S:.0f} s; all sessions together."
+    return Plot(title, svg, note, _along_table(by_temperature, hot))
 
 
 def _edges(values: Sequence[Floats], cells: int) -> Floats:
@@ -208,10 +187,9 @@ def _draw_along(axes: Axes, lines: Mapping[str, Floats], edges: Floats) -> None:
 
 
 def _ends(lines: Mapping[str, Floats]) -> list[tuple[float, str, str]]:
-    known = [
-        (node, mean[np.isfinite(mean)], colour) for (node, mean), colour in zip(lines.items(), COLOURS, strict=False)
-    ]
-    return [(float(mean[-1]), words.name(node), colour) for node, mean, colour in known if mean.size]
+    known = ((node, mean[np.isfinite(mean)]) for node, mean in lines.items())
+    coloured = zip(known, COLOURS, strict=False)
+    return [(float(mean[-1]), words.name(node), colour) for (node, mean), colour in coloured if mean.size]
 
 
 def _along_title(lines: Mapping[str, Floats], edges: Floats) -> str:
@@ -220,18 +198,11 @@ def _along_title(lines: Mapping[str, Floats], edges: Floats) -> str:
         return f"No cell of temperature holds {ENOUGH_S:.0f} s of data"
     node, mean = worst
     at = int(np.nanargmax(np.abs(mean)))
-    way = "too cold" if mean[at] > 0 else "too hot"
-    span = f"{words.number(edges[at])} to {words.number(edges[at + 1])} °C"
-    return f"{words.capital(words.name(node))}: model {words.kelvin(abs(mean[at]))} {way} when it is at {span}"
+    return f"{_off(node, mean[at])} when it is at {_span(edges, at)} °C"
 
 
 def _along_table(lines: Mapping[str, Floats], edges: Floats) -> FigureTable:
     head = ("measured temperature [°C]", *(f"{words.name(node)} [K]" for node in lines))
-    rows = [
-        (
-            f"{words.number(a)} to {words.number(b)}",
-            *(words.signed(mean[i]) if np.isfinite(mean[i]) else "–" for mean in lines.values()),
-        )
-        for i, (a, b) in enumerate(pairwise(edges))
-    ]
+    means = [[words.signed(value) if np.isfinite(value) else "–" for value in mean] for mean in lines.values()]
+    rows = zip((_span(edges, i) for i in range(edges.size - 1)), *means, strict=True)
     return FigureTable(head, tuple(rows))

@@ -6,16 +6,15 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from replay.engine.results.run import Run
 from replay.engine.results.summary import HeatBalance, HeatPart, StoredHeat
-from replay.show.plots.plots import WIDTH, time_axis
+from replay.show.plots.plots import WIDTH, over_session, time_axis
 from replay.show.words import heat_words, words
 from replay.show.words.figure import FigureTable, Plot, inline_svg, name_lines, style
-from replay.show.words.palette import COLOURS, DASHES, INK, SOFT, with_variables
+from replay.show.words.palette import COLOURS, DASHES, INK, SOFT
 from replay.show.words.thin import thin
 
 Floats = NDArray[np.float64]
@@ -36,20 +35,17 @@ def heat_balance(run: Run, columns: int) -> Plot | None:
     title = _title(made, gone)
     with style(f"{run.session} heat"):
         figure = Figure(figsize=(WIDTH, HEIGHT))
-        FigureCanvasAgg(figure)
-        grid = figure.add_gridspec(
-            2, 1, height_ratios=(1.0, 1.5), left=0.1, right=0.86, bottom=0.14, top=0.97, hspace=0.42
-        )
+        place = {"left": 0.1, "right": 0.86, "bottom": 0.14, "top": 0.97, "hspace": 0.42}
+        grid = figure.add_gridspec(2, 1, height_ratios=(1.0, 1.5), **place)
         _draw_bars(figure.add_subplot(grid[0]), made, gone, _colours(losses))
         _draw_course(figure.add_subplot(grid[1]), run, columns)
-        svg = with_variables(inline_svg(figure, title))
+        svg = inline_svg(figure, title)
     note = f"Bars: means over the session; what came in is what went out. Below: means over {SMOOTH_S:.0f} s."
     return Plot(title, svg, note, _table(losses))
 
 
 def parts_of(losses: HeatBalance, duration_s: float) -> tuple[Parts, Parts]:
-    """What brought heat and what took it, means [W], the same in sum. A boundary that warms the motor and nodes that
-    cool down are among what brought it."""
+    """What brought heat and what took it, means [W], the same in sum: a boundary that warms the motor brought it."""
     made = [(heat_words.KINDS[kind], part.mean_W) for kind, part in losses.kinds.items()]
     gone = [(words.name(name), part.mean_W) for name, part in losses.boundaries.items()]
     gone.append(("stored", losses.stored_J / duration_s))
@@ -72,8 +68,7 @@ def _title(made: Parts, gone: Parts) -> str:
 
 
 def _colours(losses: HeatBalance) -> dict[str, str]:
-    """Name of a part -> its colour, the same in every session: kinds from the front of the palette, boundaries from its
-    end."""
+    """Name of a part -> its colour, the same in every session: kinds from the palette's front, boundaries from its end."""
     kinds = dict(zip(heat_words.KINDS.values(), COLOURS, strict=False))
     return kinds | dict(zip(map(words.name, losses.boundaries), COLOURS[::-1], strict=False))
 
@@ -115,8 +110,7 @@ def _draw_course(axes: Axes, run: Run, columns: int) -> None:
         smooth = _smoothed(watts, round(SMOOTH_S / step_s))
         axes.plot(*thin(middle, smooth, columns), color=colour, linestyle=dashes, linewidth=1.1)
         ends.append((float(smooth[-1]), name, colour))
-    axes.set_xlim(0, time.of(run.t_ns[-1:])[0])
-    axes.set_xlabel(time.label)
+    over_session(axes, run)
     axes.set_ylabel("heat [W]")
     axes.yaxis.set_label_coords(-0.085, 0.5)
     axes.yaxis.set_major_formatter(lambda value, _: words.number(value))
@@ -126,8 +120,7 @@ def _draw_course(axes: Axes, run: Run, columns: int) -> None:
 def _smoothed(values: Floats, width: int) -> Floats:
     """Means over the `width` steps about each step; at the ends over those that are there."""
     ones = np.ones(max(1, min(width, values.size)))
-    found: Floats = np.convolve(values, ones, "same") / np.convolve(np.ones(values.size), ones, "same")
-    return found
+    return np.convolve(values, ones, "same") / np.convolve(np.ones(values.size), ones, "same")
 
 
 def _table(losses: HeatBalance) -> FigureTable:

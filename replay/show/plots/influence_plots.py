@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, MultipleLocator, NullFormatter
@@ -12,7 +11,7 @@ from matplotlib.ticker import FuncFormatter, MultipleLocator, NullFormatter
 from replay.show.plots.plots import WIDTH
 from replay.show.words import words
 from replay.show.words.figure import FigureTable, Plot, inline_svg, name_lines, style
-from replay.show.words.palette import COLOURS, DASHES, DIVERGING, INK, with_variables
+from replay.show.words.palette import COLOURS, DASHES, DIVERGING, INK
 from replay.studies.characterise.protocol import Protocol, of_interest
 
 SHOWN, MOST_NODES = 20, 24  # parameters, nodes
@@ -35,7 +34,7 @@ def influence_map(found: Protocol) -> Plot:
     moved = words.kelvin(weighed.per_sd_K[rows[0], place])
     title = f"{names[0]} moves the {words.name(weighed.nodes[place])} most: {moved} for one prior sd"
     with style(f"{found.calibration.event.calibration} influence"):
-        svg = with_variables(inline_svg(_draw_map(values, names, nodes), title))
+        svg = inline_svg(_draw_map(values, names, nodes), title)
     note = (
         "Root mean square over the drive cycles of the change of each node's temperature when a parameter is one "
         "prior standard deviation (`sd` in the motor file) off. Rows without colour cannot be seen there."
@@ -51,7 +50,6 @@ def _draw_map(values: np.ndarray, names: list[str], nodes: list[str]) -> Figure:
     longest = max(map(len, nodes))
     top, height = 0.07 * longest + 0.1, ROW * len(names)
     figure = Figure(figsize=(WIDTH, top + height + 0.1))
-    FigureCanvasAgg(figure)
     left = 0.03 + 0.0098 * max(map(len, names))
     axes = figure.add_axes((left, 0.1 / (top + height + 0.1), 0.985 - left, height / (top + height + 0.1)))
     shades = LinearSegmentedColormap.from_list("influence", [DIVERGING[1], DIVERGING[2]])
@@ -88,10 +86,9 @@ def points_curve(found: Protocol) -> Plot:
     )
     with style(f"{found.calibration.event.calibration} points"):
         figure = Figure(figsize=(WIDTH, 2.6))
-        FigureCanvasAgg(figure)
         axes = figure.add_axes((0.1, 0.2, 0.68, 0.72))
         _draw_course(axes, course[:, least], nodes, labels, len(recorded))
-        svg = with_variables(inline_svg(figure, title))
+        svg = inline_svg(figure, title)
     note = (
         "Standard deviation of each node on the drive cycles that comes from the coefficients and capacities alone, "
         "each point added in the order in which they teach most; behind the vertical line points that were not run, "

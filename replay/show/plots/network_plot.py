@@ -10,7 +10,6 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -93,7 +92,6 @@ def draw_network(network: Network, point: Mapping[str, float], target: Path) -> 
         head, foot = 0.45, 0.55
         width, height = max(high[0] - low[0], 6.5), high[1] - low[1]
         figure = Figure(figsize=(width, height + head + foot), facecolor=PAPER[0])
-        FigureCanvasAgg(figure)
         axes = figure.add_axes((0, foot / (height + head + foot), 1, height / (height + head + foot)))
         middle = (low[0] + high[0]) / 2
         axes.set_xlim(middle - width / 2, middle + width / 2)

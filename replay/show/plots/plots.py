@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -12,9 +13,9 @@ from numpy.typing import NDArray
 
 from replay.engine.results.run import Observed, Run
 from replay.show.words import words
-from replay.show.words.figure import LEFT, FigureTable, Plot, inline_svg, name_lines, panels, save, style
+from replay.show.words.figure import ABOVE, BAND, LEFT, FigureTable, Plot, inline_svg, name_lines, panels, save, style
 from replay.show.words.findings import finding, worst_first
-from replay.show.words.palette import COLOURS, DASHES, INK, PAPER, SOFT, with_variables
+from replay.show.words.palette import COLOURS, DASHES, INK, PAPER, SOFT
 from replay.show.words.thin import thin, with_gaps
 
 Floats = NDArray[np.float64]
@@ -55,19 +56,51 @@ def time_axis(run: Run) -> TimeAxis:
     return TimeAxis(int(run.t_ns[0]), *((3600.0, "h") if long else (60.0, "min")))
 
 
+def over_session(axes: Axes, run: Run) -> None:
+    """The time axis of a whole session, with its title."""
+    time = time_axis(run)
+    axes.set_xlim(0, time.of(run.t_ns[-1:])[0])
+    axes.set_xlabel(time.label)
+
+
+def draw(
+    axes: Axes,
+    time: TimeAxis,
+    t_ns: NDArray[np.int64],
+    values: Floats,
+    columns: int,
+    used: NDArray[np.bool_] | None = None,
+    **line: Any,
+) -> None:
+    """Values (M,) at `t_ns` as a line thinned to `columns`, open where they are not `used` or samples are missing."""
+    known = np.ones(t_ns.size, dtype=np.bool_) if used is None else used
+    axes.plot(*thin(*with_gaps(time.of(t_ns), values, known), columns), **line)
+
+
+def around_zero(axes: Axes, *floors: float) -> None:
+    """The zero of a residual; grey: one standard deviation of what sensors themselves leave open."""
+    for floor in floors:
+        axes.axhspan(-floor, floor, **BAND)
+    axes.axhline(0, color=SOFT[0], linewidth=0.8)
+
+
+def instants(size: int, rows: int = ROWS) -> NDArray[np.intp]:
+    """Indices of at most `rows` evenly spread of `size` instants."""
+    return np.unique(np.linspace(0, size - 1, rows).astype(np.intp))
+
+
 def groups(run: Run) -> list[list[Observed]]:
     """Observed channels by region of their node, in the order of the nodes, at most 4 together."""
     by_region: dict[str, list[Observed]] = {}
     order = {node: i for i, node in enumerate(run.nodes)}
     for observed in sorted(run.observed, key=lambda o: order.get(o.node, len(order))):
-        if (observed.used & np.isfinite(observed.residual)).any():
+        if observed.usable.any():
             by_region.setdefault(run.regions.get(observed.node, "other"), []).append(observed)
     return [members[i : i + TOGETHER] for members in by_region.values() for i in range(0, len(members), TOGETHER)]
 
 
 def over_time(run: Run, group: Sequence[Observed], columns: int) -> Plot:
-    """Measured and model of a group of channels over time, residual with the sensors' band below; `columns` to thin
-    to."""
+    """Measured and model of a group of channels over time, and residuals below; `columns` to thin to."""
     mine = {observed.channel for observed in group}
     worst = next(error for error in worst_first(run.summary) if error.channel in mine)
     title = finding(worst)
@@ -75,8 +108,7 @@ def over_time(run: Run, group: Sequence[Observed], columns: int) -> Plot:
         figure, (upper, lower) = panels(WIDTH, (1.6, 0.95))
         draw_temperatures(upper, run, group, columns)
         draw_residuals(lower, run, group, columns)
-        lower.set_xlabel(time_axis(run).label)
-        svg = with_variables(inline_svg(figure, title))
+        svg = inline_svg(figure, title)
     return Plot(title, svg, "", _table(run, group))
 
 
@@ -84,17 +116,14 @@ def draw_temperatures(axes: Axes, run: Run, group: Sequence[Observed], columns: 
     """Measured solid, model dashed, one colour a channel, names at the right."""
     time, ends = time_axis(run), []
     for observed, name, colour, dashes in zip(group, _names(group), COLOURS, DASHES, strict=False):
-        measured = with_gaps(time.of(observed.t_ns), observed.measured, observed.used)
-        axes.plot(*thin(*measured, columns), color=colour, linewidth=1.4)
-        modelled = with_gaps(time.of(observed.t_ns), observed.modelled, np.ones_like(observed.used))
-        axes.plot(*thin(*modelled, columns), color=colour, linestyle=dashes, linewidth=1.1)
+        draw(axes, time, observed.t_ns, observed.measured, columns, observed.used, color=colour, linewidth=1.4)
+        draw(axes, time, observed.t_ns, observed.modelled, columns, color=colour, linestyle=dashes, linewidth=1.1)
         ends.append((float(observed.measured[-1]), name, colour))
     axes.set_ylabel("temperature [°C]")
-    axes.set_xlim(0, time.of(run.t_ns[-1:])[0])
     _draw_limits(axes, run, group)
     for style_, text in (("-", "measured"), (DASHES[0], "model")):
         axes.plot([], [], color=INK[0], linestyle=style_, label=text)
-    axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, frameon=False, borderpad=0, handlelength=2.6)
+    axes.legend(**ABOVE, ncols=2, handlelength=2.6)
     name_lines(axes, ends)
 
 
@@ -116,23 +145,17 @@ def _draw_limits(axes: Axes, run: Run, group: Sequence[Observed]) -> None:
 
 
 def draw_residuals(axes: Axes, run: Run, group: Sequence[Observed], columns: int) -> None:
-    """Measured minus model [K]; grey: one standard deviation of what the sensor itself leaves open."""
+    """Measured minus model [K]."""
     time, ends = time_axis(run), []
-    for band in sorted({round(_floor(observed), 3) for observed in group}):
-        axes.axhspan(-band, band, color=SOFT[0], alpha=0.22, linewidth=0)
-    axes.axhline(0, color=SOFT[0], linewidth=0.8)
+    around_zero(axes, *sorted({round(observed.floor_K, 3) for observed in group}))
     for observed, name, colour, dashes in zip(group, _names(group), COLOURS, ("-", *DASHES[1:]), strict=False):
-        t, residual = with_gaps(time.of(observed.t_ns), observed.residual, observed.used)
-        axes.plot(*thin(t, residual, columns), color=colour, linestyle=dashes, linewidth=1.1)
-        ends.append((float(residual[np.isfinite(residual)][-1]), name, colour))
+        residual = observed.residual
+        draw(axes, time, observed.t_ns, residual, columns, observed.used, color=colour, linestyle=dashes, linewidth=1.1)
+        ends.append((float(residual[observed.usable][-1]), name, colour))
     axes.set_ylabel("measured −\nmodel [K]")
-    axes.set_xlim(0, time.of(run.t_ns[-1:])[0])
+    over_session(axes, run)
     if len(group) > 1:
         name_lines(axes, ends)
-
-
-def _floor(observed: Observed) -> float:
-    return float(np.hypot(observed.sd_K, observed.bias_sd_K))
 
 
 def _names(group: Sequence[Observed]) -> list[str]:
@@ -141,8 +164,7 @@ def _names(group: Sequence[Observed]) -> list[str]:
 
 
 def inputs_over_time(run: Run, columns: int) -> Plot | None:
-    """What drove the motor, one panel a unit, torque only where no current is known; None where the run knows no input
-    of such a unit."""
+    """What drove the motor, one panel a unit, torque only where no current is known; None where nothing is known."""
     by_unit: dict[str, list[str]] = {}
     for column in (name for name, values in run.inputs.items() if np.isfinite(values).any()):
         by_unit.setdefault(column.rpartition("_")[2], []).append(column)
@@ -156,9 +178,8 @@ def inputs_over_time(run: Run, columns: int) -> Plot | None:
         figure, axes = panels(WIDTH, [0.62] * len(shown), top=0.08)
         for ax, (unit, names) in zip(axes, shown, strict=True):
             _draw_inputs(ax, unit, {name: thin(middle, run.inputs[name], columns) for name in names[: len(COLOURS)]})
-        axes[-1].set_xlim(0, time.of(run.t_ns[-1:])[0])
-        axes[-1].set_xlabel(time.label)
-        svg = with_variables(inline_svg(figure, title))
+        over_session(axes[-1], run)
+        svg = inline_svg(figure, title)
     return Plot(title, svg, "", _input_table(run, [name for _, names in shown for name in names]))
 
 
@@ -166,40 +187,39 @@ def _draw_inputs(axes: Axes, unit: str, series: Mapping[str, tuple[Floats, Float
     ends, alone = [], len(series) == 1
     for (name, (t, y)), colour, dashes in zip(series.items(), COLOURS, ("-", *DASHES), strict=False):
         axes.plot(t, y, color=INK[0] if alone else colour, linestyle=dashes, linewidth=0.8)
-        ends.append(
-            (float(y[np.isfinite(y)][-1]) if np.isfinite(y).any() else 0.0, words.name(name.rpartition("_")[0]), colour)
-        )
+        end = float(y[np.isfinite(y)][-1]) if np.isfinite(y).any() else 0.0
+        ends.append((end, words.name(name.rpartition("_")[0]), colour))
     axes.set_ylabel("\n".join((AXES[unit][0], f"[{AXES[unit][1]}]")))
     axes.yaxis.set_major_formatter(lambda value, _: words.number(value))
     if not alone:
         name_lines(axes, ends)
 
 
-def _instants(t_ns: NDArray[np.int64]) -> NDArray[np.intp]:
-    return np.unique(np.linspace(0, t_ns.size - 1, ROWS).astype(np.intp))
-
-
 def _table(run: Run, group: Sequence[Observed]) -> FigureTable:
     time, names = time_axis(run), _names(group)
-    at_ns = group[0].t_ns[_instants(group[0].t_ns)]
-    head = (
-        time.label,
-        *(f"{name} {what}" for name in names for what in ("measured [°C]", "model [°C]", "difference [K]")),
-    )
+    at_ns = group[0].t_ns[instants(group[0].t_ns.size)]
+    columns = ("measured [°C]", "model [°C]", "difference [K]")
+    head = (time.label, *(f"{name} {what}" for name in names for what in columns))
     cells = [[f"{t:.2f}" for t in time.of(at_ns)]]
     for observed in group:
-        i = np.clip(np.searchsorted(observed.t_ns, at_ns), 0, observed.t_ns.size - 1)
-        used = observed.used[i]
+        i = nearest(observed, at_ns)
         cells += [[f"{v:.1f}" for v in observed.measured[i]], [f"{v:.1f}" for v in observed.modelled[i]]]
-        cells.append(
-            [words.signed(v) if good else "masked" for v, good in zip(observed.residual[i], used, strict=True)]
-        )
+        cells.append(residual_cells(observed, i))
     return FigureTable(head, tuple(zip(*cells, strict=True)))
+
+
+def nearest(observed: Observed, at_ns: NDArray[np.int64]) -> NDArray[np.intp]:
+    """The sample of a channel at or after each instant, the last one behind its end."""
+    return np.clip(np.searchsorted(observed.t_ns, at_ns), 0, observed.t_ns.size - 1)
+
+
+def residual_cells(observed: Observed, at: NDArray[np.intp]) -> list[str]:
+    return [words.signed(observed.residual[i]) if observed.used[i] else "masked" for i in at]
 
 
 def _input_table(run: Run, names: Sequence[str]) -> FigureTable:
     time = time_axis(run)
-    i = _instants(run.t_ns[:-1])
+    i = instants(run.t_ns.size - 1)
     head = (time.label, *(f"{words.name(n.rpartition('_')[0])} [{AXES[n.rpartition('_')[2]][1]}]" for n in names))
     cells = [[f"{t:.2f}" for t in time.of(run.t_ns[i])], *([f"{v:,.1f}" for v in run.inputs[n][i]] for n in names)]
     return FigureTable(head, tuple(zip(*cells, strict=True)))
@@ -218,9 +238,7 @@ def picture(runs: Sequence[Run], target: Path) -> None:
         figure.set_facecolor(PAPER[0])
         draw_temperatures(upper, run, group, 900)
         draw_residuals(lower, run, group, 900)
-        lower.set_xlabel(time_axis(run).label)
         figure.text(LEFT, 0.96, finding(worst), fontsize=11, fontweight="bold", va="center")
-        upper.set_title(
-            f"session {run.session_name}, model {run.motor}, open loop", fontsize=8.5, color=SOFT[0], loc="right"
-        )
+        says = f"session {run.session_name}, model {run.motor}, open loop"
+        upper.set_title(says, fontsize=8.5, color=SOFT[0], loc="right")
         save(figure, target)

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from replay.show.plots.compare import MODELS
@@ -14,7 +13,7 @@ from replay.show.plots.plots import WIDTH
 from replay.show.reports.verdict import change
 from replay.show.words import words
 from replay.show.words.figure import FigureTable, Plot, inline_svg, style
-from replay.show.words.palette import INK, with_variables
+from replay.show.words.palette import INK
 from replay.studies.diagnosis.answer import Diagnosis, KeptGain
 
 ROW, MARGIN = 0.55, 0.75  # inches: height of a node's bars, of what is above and below
@@ -33,7 +32,7 @@ def gain_bars(diagnosis: Diagnosis) -> Plot | None:
     named = bool(diagnosis.causes)
     title = _title(gains, named)
     with style(f"{diagnosis.diagnosis} gain"):
-        svg = with_variables(inline_svg(_draw(gains, named), title))
+        svg = inline_svg(_draw(gains, named), title)
     return Plot(title, svg, READING.format(gains[0].interval) if named else "", _table(gains, named))
 
 
@@ -55,7 +54,6 @@ def _title(gains: Sequence[KeptGain], named: bool) -> str:
 def _draw(gains: Sequence[KeptGain], named: bool) -> Figure:
     height = ROW * len(gains) + MARGIN
     figure = Figure(figsize=(WIDTH, height))
-    FigureCanvasAgg(figure)
     axes = figure.add_axes((0.2, 0.42 / height, 0.72, ROW * len(gains) / height))
     rows = np.arange(len(gains))
     bars = {"published": [g.published_mae_K for g in gains], "recalibrated": [g.mae_before_K for g in gains]}

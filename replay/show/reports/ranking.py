@@ -8,14 +8,13 @@ from dataclasses import dataclass
 from typing import TypeVar
 
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from replay.show.plots.plots import WIDTH
 from replay.show.reports.verdict import figures
 from replay.show.words import words
 from replay.show.words.figure import FigureTable, Plot, inline_svg, style
-from replay.show.words.palette import INK, SERIES, SOFT, with_variables
+from replay.show.words.palette import INK, SERIES, SOFT
 from replay.studies.diagnosis.answer import Diagnosis, Rival
 
 SHOWN = 12  # bars at most
@@ -48,7 +47,7 @@ def ranking(diagnosis: Diagnosis) -> Plot | None:
         return None
     title = _title(diagnosis, bars)
     with style(f"{diagnosis.diagnosis} ranking"):
-        svg = with_variables(inline_svg(_draw(diagnosis, bars), title))
+        svg = inline_svg(_draw(diagnosis, bars), title)
     rows = tuple((bar.name, figures(bar.log_bayes_factor), bar.ended) for bar in bars)
     return Plot(title, svg, READING, FigureTable(("cause", "ln BF", "what became of it"), rows))
 
@@ -84,7 +83,6 @@ def _title(diagnosis: Diagnosis, bars: Sequence[Bar]) -> str:
 def _draw(diagnosis: Diagnosis, bars: Sequence[Bar]) -> Figure:
     height = ROW * (len(bars) + ABOVE) + MARGIN
     figure = Figure(figsize=(WIDTH, height))
-    FigureCanvasAgg(figure)
     axes = figure.add_axes((0.02, 0.42 / height, 0.96, (height - MARGIN) / height))
     axes.barh(range(len(bars)), [bar.log_bayes_factor for bar in bars], height=0.3, color=[bar.colour for bar in bars])
     for row, bar in enumerate(bars):

@@ -5,7 +5,6 @@ from __future__ import annotations
 import textwrap
 from pathlib import Path
 
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from replay.show.verbs.ageing import answer, score
@@ -18,7 +17,6 @@ def picture(found: Assessment, target: Path) -> None:
     """R of every specimen over its dose, of its first value, on white: `target` with the suffixes .svg and .png."""
     with style("ageing"):
         figure = Figure(figsize=(9.0, 5.0), facecolor=PAPER[0])
-        FigureCanvasAgg(figure)
         axes = figure.add_axes((0.08, 0.13, 0.89, 0.70))
         drawn = [one for one in found.specimens if _points(one)]
         coloured = sorted(drawn, key=lambda one: (not one.outlying, not one.significant, score(one)))[: len(COLOURS)]

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from replay.show.plots.error_maps import LOAD_NAMES
@@ -182,7 +181,6 @@ def picture(found: Envelope, target: Path) -> None:
     speeds = np.array(found.speeds_rpm)
     with style("envelope"):
         figure = Figure(figsize=(9.0, 5.0), facecolor=PAPER[0])
-        FigureCanvasAgg(figure)
         axes = figure.add_axes((0.08, 0.14, 0.89, 0.71))
         for i, (seconds, colour, dashes) in enumerate(zip(DURATIONS_S, COLOURS, DASHES, strict=False)):
             of_time = [of_speed[i] for of_speed in found.borders]

@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, NullLocator
 
@@ -79,7 +78,6 @@ def draw_curve(data: Mapping[str, Any], target: Path) -> None:
     sizes = [level["nodes"] for level in curve]
     with style(data["motor"]):
         figure = Figure(figsize=(6.2, 3.6), facecolor=PAPER[0])
-        FigureCanvasAgg(figure)
         axes = figure.add_axes((0.09, 0.14, 0.88, 0.74))
         sides = [("trained", "sessions that it was merged by"), ("kept", "kept sessions, which chose the mergers")]
         for (side, label), colour, dashes in zip(sides, COLOURS, ("-", DASHES[0]), strict=False):

@@ -1,5 +1,4 @@
-"""One plot of the report: a matplotlib figure drawn without global state, as inline SVG that follows the page's
-colours."""
+"""One plot of the report: a matplotlib figure drawn without global state, as SVG that follows the page's colours."""
 
 from __future__ import annotations
 
@@ -16,11 +15,10 @@ from typing import Any
 import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from scipy.optimize import isotonic_regression
 
-from replay.show.words.palette import INK, SOFT
+from replay.show.words.palette import INK, SOFT, with_variables
 
 STYLE: Any = {
     "svg.fonttype": "none",
@@ -51,6 +49,8 @@ STYLE: Any = {
     "xtick.major.width": 0.6,
     "ytick.major.width": 0.6,
 }
+ABOVE: Any = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0), "frameon": False, "borderpad": 0}  # of a key
+BAND: Any = {"color": SOFT[0], "alpha": 0.22, "linewidth": 0}  # within which nothing can be told
 LEFT, BOTTOM = 0.1, 0.42  # share of the width, inches: for the axes' titles
 LINE = 11 / 72  # inches: height of a name at the end of a line
 
@@ -82,10 +82,8 @@ def style(key: str) -> Iterator[None]:
 
 
 def panels(width: float, heights: Sequence[float], top: float = 0.28) -> tuple[Figure, list[Axes]]:
-    """Panels over one another with one time axis [inches; `top` for key and title]; room at the right for the names of
-    lines."""
+    """Panels over one another with one time axis [inches; `top` for key and title], and room for names at the right."""
     figure = Figure()
-    FigureCanvasAgg(figure)
     grid: dict[str, Any] = {"height_ratios": list(heights), "left": LEFT, "right": 0.86, "hspace": 0.14}
     total = sum(heights) + top + BOTTOM
     grid |= {"top": 1 - top / total, "bottom": BOTTOM / total}
@@ -103,8 +101,8 @@ def save(figure: Figure, target: Path) -> None:
 
 
 def inline_svg(figure: Figure, label: str) -> str:
-    """The figure as an `<svg>` element for a page: no ids but those it refers to, no prolog, two decimals, the page's
-    font."""
+    """The figure as an `<svg>` element for a page, in its font and colours: no prolog, two decimals, no ids but those
+    it refers to."""
     buffer = io.StringIO()
     figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None, "Type": None, "Format": None})
     text = buffer.getvalue()
@@ -117,7 +115,7 @@ def inline_svg(figure: Figure, label: str) -> str:
     box = re.search(r"viewBox=\"[^\"]*\"", text)
     assert box is not None, "matplotlib writes a viewBox"
     opening = f'<svg {box[0]} role="img" aria-label="{html.escape(label)}">'
-    return opening + re.sub(r" {2,}", " ", text[text.index(">") + 1 :])
+    return with_variables(opening + re.sub(r" {2,}", " ", text[text.index(">") + 1 :]))
 
 
 def name_lines(axes: Axes, names: Sequence[tuple[float, str, str]]) -> None:

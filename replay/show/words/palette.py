@@ -1,5 +1,4 @@
-"""Colours: seven of Okabe and Ito (2008), the yellow darkened, each with a line style of its own, and a diverging
-scale.
+"""Colours: seven of Okabe and Ito (2008), the yellow darkened, each with a line style, and a diverging scale.
 
 In SVG for the report each colour becomes a CSS variable, so that one drawing serves light and dark pages.
 """
@@ -32,11 +31,7 @@ DASHES: tuple[Any, ...] = (  # line styles in the same order: matplotlib's (offs
     (0, (6, 1.6, 1.4, 1.6, 1.4, 1.6)),
     (0, (1.2, 2.4)),
 )
-DIVERGING = (
-    "#2a86c0",
-    "#ffffff",
-    "#e07020",
-)  # model too hot, right, too cold; the same on both pages, black on all is readable
+DIVERGING = ("#2a86c0", "#ffffff", "#e07020")  # model too hot, right, too cold; black is readable on all
 
 
 def variables(dark: bool) -> dict[str, str]:
