@@ -15,10 +15,8 @@ from twin.motor.network import Network
 
 
 def network_of(store: Store, facts: Facts, session: SessionRecorded, model: str) -> Network:
-    """The network that `model` (SHA-256 of a motor file in the archive) is in a session.
-
-    Raises ReplayDataError where the motor file does not have the session's configuration.
-    """
+    """The network that `model` (SHA-256 of a motor file in the archive) is in a session. Raises ReplayDataError where
+    the motor file does not have the session's configuration."""
     whole = read_motor(store.archive.read(model), facts.models[model].file)
     try:
         return configured(whole, session.configuration)

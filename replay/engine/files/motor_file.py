@@ -103,10 +103,8 @@ _PROPERTY = Kind("a number above 0, or a table {degC = [20, 90], value = [1050, 
 
 
 def read_motor(data: bytes, name: str) -> Network:
-    """The network of a motor file's bytes; `name` as in messages.
-
-    Raises MotorFileError with file, line, entry, what is wrong and what to do.
-    """
+    """The network of a motor file's bytes; `name` as in messages. Raises MotorFileError with file, line, entry, what is
+    wrong and what to do."""
     try:
         root = read(data, name, SCHEMA)
         network = _network(root)

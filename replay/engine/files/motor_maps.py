@@ -23,11 +23,8 @@ def read_motor_file(path: Path) -> Network:
 
 
 def whole(path: Path) -> bytes:
-    """The bytes of a motor file, each `map = "file.csv"` replaced by its table on the same line; its own bytes where
-    there is none.
-
-    Raises MotorFileError where the file or a map cannot be read.
-    """
+    """The bytes of a motor file, each `map = "file.csv"` replaced by its table on the same line. Raises MotorFileError
+    where the file or a map cannot be read."""
     try:
         data = path.read_bytes()
         root = read(data, path.name, SCHEMA)

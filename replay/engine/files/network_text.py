@@ -10,9 +10,7 @@ from twin.motor.network import Copper, FluidCircuit, Link, Network, Property, So
 
 def network_text(network: Network, says: str) -> bytes:
     """The motor file of a checked network, numbers to 7 digits; the lines of `says` are comments under its schema.
-
-    Raises MotorFileError where a motor file cannot say the network.
-    """
+    Raises MotorFileError where a motor file cannot say the network."""
     return written(_bare(network).encode(), f"{network.name}.toml", network, says)
 
 

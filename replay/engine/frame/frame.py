@@ -39,9 +39,9 @@ CHUNK_STEPS = 4096  # the finest pieces of this many steps are in memory at once
 @dataclass(frozen=True)
 class InputFrame:
     """A session in N equal steps, as the twin takes it. `t_ns` (N + 1,) int64: edges of the steps; means over the
-    steps: `features` (N, m) of the `monomials`, `boundaries` (N, b) [degC] and `inputs`, column with unit -> (N,).
-    `live` (N,): False where an input was bridged; `note`: what of the session was left out, or None. `mechanical_W`
-    (N,): means of torque times speed, None where one of them is not recorded, or twice."""
+    steps: `features` (N, m) of the `monomials`, `boundaries` (N, b) [degC] and `inputs`, column with unit -> (N,);
+    `mechanical_W` (N,) of torque times speed, None where one of them is not recorded, or twice. `live` (N,): False
+    where an input was bridged; `note`: what of the session was left out, or None."""
 
     t_ns: Times
     step_s: float
@@ -74,35 +74,31 @@ def build(
     whatever its channel says. Raises ReplayDataError where an input or a boundary that the network needs has no
     channel, two channels, or no samples, and where nothing says which channel is which of several flows.
     """
-    clean = {c.spec.name: (c.t_ns, c.value) for c in channels}
-    given = given or {}
-    used = _features(monomials)
+    by_name, given = {c.spec.name: c for c in channels}, given or {}
+    used = sorted({feature for m in monomials for feature in m.features})
     flows = [f for f in used if is_flow(f)]
     needed = {f: _input_of(f, flows, channels) for f in used if f not in given}
-    turning = _turning(channels).spec.name if "flux" in needed else None
+    turning = None
+    if "flux" in needed:
+        turning = _only("speed", '"flux", which is 0 at standstill', _inputs("speed", channels)).spec.name
     around = {b.name: _boundary_of(b.name, channels) for b in network.boundaries}
-    names = {c.spec.name for c in needed.values()} | {c.spec.name for group in around.values() for c in group}
-    if turning is not None:
-        names.add(turning)
+    names = {c.spec.name for c in (*needed.values(), *(c for group in around.values() for c in group))}
+    names |= {turning} if turning is not None else set()
     observed = _observed_temperatures(channels, network)
     metered = measurands(channels, network)
     shaft = _shaft(channels)
     if any(what.quantity == "power" for what in metered.values()):
         names |= set(shaft)
-    signals = {name: _signal(name, *clean[name]) for name in sorted(names)}
-    recorded = [c.t_ns for c in channels if c.t_ns.size and c.spec.role != "ignored"]
-    whole_ns = max(int(t[-1]) for t in recorded) - min(int(t[0]) for t in recorded)
-    edges, note = _edges(signals, step_s, whole_ns)
-    shown = {name: signals[name] for name in signals} | {
-        c.spec.name: _signal(c.spec.name, *clean[c.spec.name])
-        for c in channels
-        if c.spec.role == "input" and c.spec.name not in names and clean[c.spec.name][0].size > 1
-    }
+    signals = {name: _signal(by_name[name]) for name in sorted(names)}
+    edges, note = _edges(signals, step_s, channels)
+    others = (c for c in channels if c.spec.role == "input" and c.spec.name not in names and c.t_ns.size > 1)
+    shown = signals | {c.spec.name: _signal(c) for c in others}
     features, boundaries, means, mechanical_W = _averages(
         shown, needed, given, turning, around, shaft, network, monomials, edges
     )
     columns = _columns(channels, {c.spec.name: f for f, c in needed.items() if is_flow(f)})
     raw_files = tuple(sorted({file for c in channels for file in c.raws}))
+    seen = {c.spec.name: (c, g) for c, g in zip(channels, good, strict=True)}
     return InputFrame(
         t_ns=edges,
         step_s=step_s,
@@ -112,26 +108,17 @@ def build(
         boundary_names=tuple(around),
         inputs={columns[name]: means[name] for name in means if name in columns},
         live=_live(signals.values(), edges, recovery_s(network, features.mean(axis=0), channels)),
-        observations=tuple(
-            observe(c, g, edges, raw_files) for c, g in zip(channels, good, strict=True) if c.spec.name in observed
-        ),
+        observations=tuple(observe(c, g, edges, raw_files) for name, (c, g) in seen.items() if name in observed),
         raw_files=raw_files,
         note=note,
-        meters=tuple(
-            Meter(metered[c.spec.name], observe(c, g, edges, raw_files))
-            for c, g in zip(channels, good, strict=True)
-            if c.spec.name in metered
-        ),
+        meters=tuple(Meter(what, observe(*seen[name], edges, raw_files)) for name, what in metered.items()),
         mechanical_W=mechanical_W,
     )
 
 
 def _shaft(channels: Sequence[ChannelData]) -> tuple[str, ...]:
     """The channels of torque and speed, () where one of them is not there, or not the only one."""
-    found = [
-        [c for c in channels if c.spec.quantity == quantity and c.spec.role == "input" and c.t_ns.size > 1]
-        for quantity in SHAFT
-    ]
+    found = [[c for c in _inputs(quantity, channels) if c.t_ns.size > 1] for quantity in SHAFT]
     return tuple(one.spec.name for (one,) in found) if all(len(some) == 1 for some in found) else ()
 
 
@@ -153,10 +140,6 @@ def column_name(name: str, quantity: str) -> str:
     """`coolant` of quantity temperature -> `coolant_degC` (INTERFACES: the unit is in the name)."""
     suffix = column_suffix(quantity)
     return name if name.endswith(suffix) else name + suffix
-
-
-def _features(monomials: Sequence[Monomial]) -> list[str]:
-    return sorted({feature for m in monomials for feature in m.features})
 
 
 def _input_of(feature: str, flows: Sequence[str], channels: Sequence[ChannelData]) -> ChannelData:
@@ -182,16 +165,15 @@ def _only(quantity: str, why: str, found: Sequence[ChannelData]) -> ChannelData:
             f'add a [[channel]] or [[derived]] with quantity = "{quantity}" to the bench file.'
         )
     if len(found) > 1:
-        raise ReplayDataError(
-            f'{len(found)} channels give {quantity} ({_named(found)}): set role = "ignored" on all but one.'
-        )
+        several = f"{len(found)} channels give {quantity} ({_named(found)})"
+        raise ReplayDataError(f'{several}: set role = "ignored" on all but one.')
     return found[0]
 
 
 def _flow_of(feature: str, flows: Sequence[str], found: Sequence[ChannelData]) -> list[ChannelData]:
-    """The channels that may be the flow `feature`. That is the channel of its name. The only flow of a motor is the
-    only channel of flow, whatever its name; plain `flow` beside others is any channel that has the name of none of
-    them. Raises ReplayDataError where a name has to say it, and none does."""
+    """The channels that may be the flow `feature`: the one of its name; of a motor's only flow the only channel of
+    flow, whatever its name; of plain `flow` beside others any channel that has the name of none of them. Raises
+    ReplayDataError where a name has to say it, and none does."""
     own = [c for c in found if c.spec.name == feature]
     if flows == ["flow"] or (len(flows) == 1 and len(found) < 2):
         return list(found)
@@ -204,18 +186,13 @@ def _flow_of(feature: str, flows: Sequence[str], found: Sequence[ChannelData]) -
     )
 
 
-def _turning(channels: Sequence[ChannelData]) -> ChannelData:
-    return _only("speed", '"flux", which is 0 at standstill', _inputs("speed", channels))
-
-
 def _named(channels: Sequence[ChannelData]) -> str:
     return ", ".join(c.spec.name for c in channels)
 
 
 def _boundary_of(name: str, channels: Sequence[ChannelData]) -> list[ChannelData]:
-    found = [
-        c for c in channels if c.spec.node == name and c.spec.quantity == "temperature" and c.spec.role != "ignored"
-    ]
+    known = (c for c in channels if c.spec.quantity == "temperature" and c.spec.role != "ignored")
+    found = [c for c in known if c.spec.node == name]
     if not found:
         raise ReplayDataError(
             f'boundary "{name}" of the motor file has no channel in this session: '
@@ -225,8 +202,7 @@ def _boundary_of(name: str, channels: Sequence[ChannelData]) -> list[ChannelData
 
 
 def _observed_temperatures(channels: Sequence[ChannelData], network: Network) -> set[str]:
-    """Names of the thermometers that observe nodes of this network. One at a boundary is none of them, even where the
-    bench file calls it observed."""
+    """Names of the thermometers that observe nodes of this network: none at a boundary, whatever it is called."""
     nodes, around = {n.name for n in network.nodes}, {b.name for b in network.boundaries}
     found = set()
     for spec in (c.spec for c in channels if c.spec.role == "observed" and c.spec.quantity == "temperature"):
@@ -242,30 +218,29 @@ def _observed_temperatures(channels: Sequence[ChannelData], network: Network) ->
     return found
 
 
-def _signal(name: str, t_ns: Times, value: Floats) -> InputSamples:
-    if t_ns.size < 2:
-        raise ReplayDataError(
-            f'channel "{name}" has {t_ns.size} usable samples: too little to replay. See `whyhot show`.'
-        )
-    return bridge(t_ns, value)
+def _signal(channel: ChannelData) -> InputSamples:
+    if (count := channel.t_ns.size) < 2:
+        name = channel.spec.name
+        raise ReplayDataError(f'channel "{name}" has {count} usable samples: too little to replay. See `whyhot show`.')
+    return bridge(channel.t_ns, channel.value)
 
 
-def _edges(signals: Mapping[str, InputSamples], step_s: float, whole_ns: int) -> tuple[Times, str | None]:
+def _edges(
+    signals: Mapping[str, InputSamples], step_s: float, channels: Sequence[ChannelData]
+) -> tuple[Times, str | None]:
+    """The edges of the steps, and what is left out of all that `channels` recorded."""
     start, end = longest_stretch(signals)
     step_ns = round(step_s * 1e9)
     # the last sample holds for one of its own intervals
     steps = (end - start + min(int(np.median(np.diff(s.t_ns))) for s in signals.values())) // step_ns
     if steps < 10:
-        raise ReplayDataError(
-            f"inputs overlap for {(end - start) / 1e9:.0f} s only: too little to replay. See `whyhot show`."
-        )
+        known_s = (end - start) / 1e9
+        raise ReplayDataError(f"inputs overlap for {known_s:.0f} s only: too little to replay. See `whyhot show`.")
+    recorded = [c.t_ns for c in channels if c.t_ns.size and c.spec.role != "ignored"]
+    whole_ns = max(int(t[-1]) for t in recorded) - min(int(t[0]) for t in recorded)
     left_out = (whole_ns - (end - start)) / 1e9
-    note = (
-        f"{left_out:.0f} s left out: inputs are silent for more than 10 minutes, or not all there"
-        if left_out > 60
-        else None
-    )
-    return start + step_ns * np.arange(steps + 1, dtype=np.int64), note
+    note = f"{left_out:.0f} s left out: inputs are silent for more than 10 minutes, or not all there"
+    return start + step_ns * np.arange(steps + 1, dtype=np.int64), note if left_out > 60 else None
 
 
 def _averages(
@@ -296,17 +271,12 @@ def _averages(
         for name, values in part.values.items():
             means[name].append(part.mean(values))
     whole = {name: np.concatenate(m) for name, m in means.items()}
-    return (
-        np.concatenate(features),
-        np.concatenate(boundaries),
-        whole,
-        np.concatenate(mechanical) if mechanical else None,
-    )
+    power = np.concatenate(mechanical) if mechanical else None
+    return np.concatenate(features), np.concatenate(boundaries), whole, power
 
 
 def _live(signals: Iterable[InputSamples], edges: Times, recover_s: float) -> Bools:
-    """Which steps (N,) can be trusted: not those in which an input was bridged, nor those after, until the observed
-    nodes have forgotten it."""
+    """Which steps (N,) can be trusted: not those with a bridged input, nor later ones until nodes have forgotten it."""
     live = np.ones(edges.size - 1, dtype=np.bool_)
     for signal in signals:
         for start, end in signal.gaps:
@@ -318,8 +288,7 @@ def _live(signals: Iterable[InputSamples], edges: Times, recover_s: float) -> Bo
 def recovery_s(network: Network, mean_features: Floats, channels: Sequence[ChannelData]) -> float:
     """How long observed nodes remember a bridged input [s]: 3 times the time constant C / sum G of the quickest of
     them, at mean features."""
-    seen = {
-        node for c in channels if c.spec.role == "observed" for node in (c.spec.weights or {c.spec.node or "": 1.0})
-    }
+    observed = (c.spec for c in channels if c.spec.role == "observed")
+    seen = {node for spec in observed for node in (spec.weights or [spec.node])}
     constants = time_constants(network, mean_features)
     return 3.0 * min((constants[n.name] for n in network.nodes if n.name in seen), default=0.0)

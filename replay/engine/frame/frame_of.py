@@ -32,9 +32,7 @@ def session_frame(
 ) -> InputFrame:
     """The frame of a session's channels for a network, samples of bad quality masked; its note also says how often a
     map of the network was left. `given`: features that are one number in the session (`replay.engine.specimen.aged`).
-
-    Raises ReplayDataError, with the session's name, where it lacks an input.
-    """
+    Raises ReplayDataError, with the session's name, where it lacks an input."""
     channels = as_fed(session, channels, network)
     good = [found.good for found in quality.assess(channels)]
     try:
@@ -47,8 +45,8 @@ def session_frame(
 
 def as_fed(session: SessionRecorded, channels: Sequence[ChannelData], network: Network) -> list[ChannelData]:
     """The channels of a session as the motor was fed. In a DC check `current_dc` is the phases' current and
-    `voltage_dc` their voltage, where no input of that quantity is recorded; and the motor stands: without channels of
-    them speed is 0, and torque, q current and flux where the network or an observed power needs them."""
+    `voltage_dc` their voltage; speed is 0, and so are torque, q current and flux where the network or an observed power
+    needs them: each where no input of that quantity is recorded."""
     if session.kind != DC_CHECK:
         return list(channels)
     given = {c.spec.quantity for c in channels if c.spec.role == "input"}

@@ -1,8 +1,7 @@
 """Held signals over steps: the mean of a function of the inputs over each step, at the inputs' own rates.
 
 A bench samples torque at 100 Hz and the model steps once a second. What heats the motor in a step is the mean of I^2,
-not the square of the mean of I, so every feature is evaluated wherever an input changes and averaged over the step
-after that.
+so every feature is evaluated wherever an input changes, and averaged over the step after that.
 """
 
 from __future__ import annotations
@@ -23,9 +22,7 @@ CUT_S = 600.0  # longer than this the session is cut
 @dataclass(frozen=True)
 class InputSamples:
     """One input as samples. `t_ns` int64 (M,) ascending; `value` float64 (M,), finite; each value holds until the next.
-
-    `gaps`: (start_ns, end_ns) of stretches without samples that were bridged.
-    """
+    `gaps`: (start_ns, end_ns) of stretches without samples that were bridged."""
 
     t_ns: Times
     value: Floats

@@ -41,9 +41,9 @@ def _measurand(spec: ResolvedChannel, channels: Sequence[ChannelData], network: 
                     f'motor "{network.name}".{hint(spec.node or "", around)} Correct node in the bench file.'
                 )
             return Measurand("heat", spec.stored_unit, spec.gain_sd, boundary=spec.node)
-        case other:
-            law, known = _law(spec, network), spec.reference is not None
-            return Measurand(other, spec.stored_unit, spec.gain_sd, law=law, referenced=known)
+        case _:
+            law, referenced = _law(spec, network), spec.reference is not None
+            return Measurand(spec.quantity, spec.stored_unit, spec.gain_sd, law=law, referenced=referenced)
 
 
 def _law(spec: ResolvedChannel, network: Network) -> Thermometric:
@@ -61,11 +61,9 @@ def _law(spec: ResolvedChannel, network: Network) -> Thermometric:
 def _only_input(spec: ResolvedChannel, quantity: str, channels: Sequence[ChannelData]) -> None:
     found = [c for c in channels if c.spec.quantity == quantity and c.spec.role == "input"]
     if len(found) != 1:
-        wanted = (
-            f'add a [[channel]] with quantity = "{quantity}"'
-            if not found
-            else 'set role = "ignored" on all but one of ' + ", ".join(c.spec.name for c in found)
-        )
+        wanted = f'add a [[channel]] with quantity = "{quantity}"'
+        if found:
+            wanted = 'set role = "ignored" on all but one of ' + ", ".join(c.spec.name for c in found)
         raise ReplayDataError(
             f'channel "{spec.name}" observes the electrical power, which is compared with shaft power and losses, and '
             f'{len(found) or "no"} channels of this session give {quantity}: {wanted}, or write role = "input".'

@@ -1,5 +1,4 @@
-"""What observed channels show in the steps of a frame: the sensor or meter, and the means of its samples with their
-lineage."""
+"""What observed channels show in the steps of a frame: sensor or meter, and means of its samples with their lineage."""
 
 from __future__ import annotations
 
@@ -38,8 +37,7 @@ class Observation:
 
 @dataclass(frozen=True)
 class Meter:
-    """An observed channel that is no thermometer: what it measures, and its samples, there in the unit of its
-    quantity."""
+    """An observed channel that is no thermometer: what it measures, and its samples in the unit of its quantity."""
 
     what: Measurand
     seen: Observation
@@ -61,8 +59,7 @@ def sensor_of(channel: ChannelData) -> Sensor:
 
 
 def observe(channel: ChannelData, good: Bools, edges: Times, raw_files: tuple[str, ...]) -> Observation:
-    """An observed channel in steps [edge, next edge), from its `good` samples; where a step has none, from the
-    others."""
+    """An observed channel in steps [edge, next edge), from its `good` samples; where a step has none, from others."""
     n = edges.size - 1
     step_ns = int(edges[1] - edges[0])
     inside = (channel.t_ns >= edges[0]) & (channel.t_ns < edges[-1])

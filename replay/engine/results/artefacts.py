@@ -42,15 +42,11 @@ def frame_table(frame: InputFrame) -> pa.Table:
     columns |= {f"feature:{m.name}": frame.features[:, i] for i, m in enumerate(frame.monomials)}
     columns |= {f"boundary:{name}": frame.boundaries[:, i] for i, name in enumerate(frame.boundary_names)}
     columns |= {f"input:{name}": values for name, values in frame.inputs.items()}
-    for o in frame.observations:
-        columns |= {f"{o.sensor.name}:measured_degC": o.measured, f"{o.sensor.name}:samples": o.samples}
-        columns |= {f"{o.sensor.name}:first_record": o.first_record, f"{o.sensor.name}:last_record": o.last_record}
-        columns |= {f"{o.sensor.name}:file": o.raw}
-    for meter in frame.meters:
-        o, unit = meter.seen, column_suffix(meter.what.quantity)
-        columns |= {f"{o.sensor.name}:measured{unit}": o.measured, f"{o.sensor.name}:samples": o.samples}
-        columns |= {f"{o.sensor.name}:first_record": o.first_record, f"{o.sensor.name}:last_record": o.last_record}
-        columns |= {f"{o.sensor.name}:file": o.raw}
+    observed = [("temperature", o) for o in frame.observations] + [(m.what.quantity, m.seen) for m in frame.meters]
+    for quantity, o in observed:
+        name, measured = o.sensor.name, f"measured{column_suffix(quantity)}"
+        columns |= {f"{name}:{measured}": o.measured, f"{name}:samples": o.samples}
+        columns |= {f"{name}:first_record": o.first_record, f"{name}:last_record": o.last_record, f"{name}:file": o.raw}
     if frame.mechanical_W is not None:
         columns["mechanical_W"] = frame.mechanical_W
     return pa.table(columns).replace_schema_metadata(
@@ -68,11 +64,8 @@ def filtered_table(frame: InputFrame, filtered: Filtered, nodes: Sequence[str]) 
     """One row an edge of a step, N + 1: a column a node, and the heat [W] in the step that begins there as estimated,
     with its standard deviation, and as modelled; then temperatures and heat once more, as smoothed."""
     columns = {f"{node}_degC": filtered.temperatures[:, i] for i, node in enumerate(nodes)}
-    heat = {
-        "estimated_heat_W": filtered.heat_W,
-        "estimated_heat_sd_W": filtered.heat_sd_W,
-        "nominal_heat_W": filtered.nominal_W,
-    }
+    heat = {"estimated_heat_W": filtered.heat_W, "estimated_heat_sd_W": filtered.heat_sd_W}
+    heat["nominal_heat_W"] = filtered.nominal_W
     if filtered.smoothed is not None:
         smooth = filtered.smoothed
         columns |= {f"{node}_smoothed_degC": smooth.temperatures[:, i] for i, node in enumerate(nodes)}
@@ -108,8 +101,7 @@ def filtered_of(table: pa.Table, summary: FilterSummary, nodes: Sequence[str]) -
 
 
 def heat_table(frame: InputFrame, heat: HeatCourse) -> pa.Table:
-    """One row a step: losses by kind (`loss:copper_dc_W`) and what each boundary takes (`into:coolant_W`), means over
-    it."""
+    """One row a step, means over it: losses by kind (`loss:copper_dc_W`), what boundaries take (`into:coolant_W`)."""
     losses = {f"loss:{kind}_W": values for kind, values in heat.kinds.items()}
     taken = {f"into:{name}_W": values for name, values in heat.boundaries.items()}
     return pa.table({"t_ns": frame.t_ns[:-1], **losses, **taken})
@@ -127,27 +119,10 @@ def heat_of(table: pa.Table) -> HeatCourse:
 
 def meter_table(frame: InputFrame, meters: Sequence[Metered]) -> pa.Table:
     """Long: one row an observed meter and step, numbers in the `unit` of its quantity."""
-    return pa.concat_tables([_meter(frame, m) for m in meters])
-
-
-def _meter(frame: InputFrame, m: Metered) -> pa.Table:
-    files, size = pa.array([*frame.raw_files, None], pa.string()), m.t_ns.size
-    said = {"channel": m.channel, "quantity": m.quantity, "unit": m.unit, "place": m.place}
-    return pa.table(
-        {
-            "t_ns": m.t_ns,
-            "t_s": (m.t_ns - frame.t_ns[0]) / 1e9,
-            **{name: pa.array([value] * size, pa.string()) for name, value in said.items()},
-            "measured": m.measured,
-            "modelled": m.modelled,
-            "residual": m.residual,
-            "sd": np.full(size, m.floor),
-            "used": m.used,
-            "file_id": files.take(pa.array(m.raw)),
-            "first_record": m.first_record,
-            "last_record": m.last_record,
-        }
-    )
+    names = ("measured", "modelled", "residual", "sd")
+    said = [{"channel": m.channel, "quantity": m.quantity, "unit": m.unit, "place": m.place} for m in meters]
+    tables = (_steps(frame, m, own, names, m.floor) for m, own in zip(meters, said, strict=True))
+    return pa.concat_tables([pa.table(table) for table in tables])
 
 
 def residual_table(frame: InputFrame, observed: Sequence[Observed]) -> pa.Table:
@@ -156,24 +131,28 @@ def residual_table(frame: InputFrame, observed: Sequence[Observed]) -> pa.Table:
 
 
 def _residuals(frame: InputFrame, o: Observed) -> pa.Table:
-    at = steps_of(frame, o)
-    files = pa.array([*frame.raw_files, None], pa.string())
-    whole: Mapping[str, Any] = {
+    at, missing = steps_of(frame, o), np.full(o.t_ns.size, np.nan)
+    names = ("measured_degC", "modelled_degC", "residual_K", "sd_K")
+    steps = _steps(frame, o, {"channel": o.channel, "node": o.node}, names, o.floor_K)
+    return pa.table({**steps, **{name: frame.inputs[name][at] if name in frame.inputs else missing for name in AROUND}})
+
+
+def _steps(
+    frame: InputFrame, o: Compared, said: Mapping[str, str], names: Sequence[str], floor: float
+) -> dict[str, Any]:
+    """The columns of a channel, a row a step. `said`: texts, the same in each row; `names` of the columns of numbers,
+    the last of which has `floor` in each row."""
+    files, size = pa.array([*frame.raw_files, None], pa.string()), o.t_ns.size
+    return {
         "t_ns": o.t_ns,
         "t_s": (o.t_ns - frame.t_ns[0]) / 1e9,
-        "channel": pa.array([o.channel] * o.t_ns.size, pa.string()),
-        "node": pa.array([o.node] * o.t_ns.size, pa.string()),
-        "measured_degC": o.measured,
-        "modelled_degC": o.modelled,
-        "residual_K": o.residual,
-        "sd_K": np.full(o.t_ns.size, np.hypot(o.sd_K, o.bias_sd_K)),
+        **{name: pa.array([value] * size, pa.string()) for name, value in said.items()},
+        **dict(zip(names, (o.measured, o.modelled, o.residual, np.full(size, floor)), strict=True)),
         "used": o.used,
         "file_id": files.take(pa.array(o.raw)),
         "first_record": o.first_record,
         "last_record": o.last_record,
     }
-    missing = np.full(o.t_ns.size, np.nan)
-    return pa.table({**whole, **{name: frame.inputs[name][at] if name in frame.inputs else missing for name in AROUND}})
 
 
 def steps_of(frame: InputFrame, o: Compared) -> NDArray[np.int64]:

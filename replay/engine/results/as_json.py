@@ -1,9 +1,5 @@
-"""A dataclass as JSON and back: its fields are the keys, in their order, and a dataclass that it holds is written
-alike.
-
-A field marked with `IF_SAID` is in the JSON only where it is neither None nor empty. The field `from_` is the key
-`from`, which is no name in Python.
-"""
+"""A dataclass as JSON and back: its fields are the keys, in their order; the field `from_` is the key `from`, which is
+no name in Python. A field marked with `IF_SAID` is in the JSON only where it is neither None nor empty."""
 
 from __future__ import annotations
 

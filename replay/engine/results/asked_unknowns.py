@@ -26,8 +26,7 @@ from twin.motor.paths import links_with_groups
 def asked_unknowns(
     network: Network, causes: Sequence[str], losses: Mapping[str, float], observations: Sequence[Observation]
 ) -> dict[str, Unknown]:
-    """For each id of a cause that was asked for, the unknown that a filter is to find, losses first. `losses`: node ->
-    mean modelled loss [W].
+    """Id of a cause -> the unknown that a filter is to find for it, losses first. `losses`: node -> mean modelled [W].
 
     `loss.magnet.constant` is a heat beside the modelled one, of any course. `loss.magnet.scale`,
     `conductance.rotor_surface-teeth.scale` or another law of that link is a factor on the coefficients of the motor

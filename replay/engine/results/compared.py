@@ -36,8 +36,7 @@ def metered_of(
     flows: HeatFlows,
     begins: Mapping[str, float],
 ) -> Metered:
-    """Another meter beside the run's `temperatures` (N + 1, n) and heats; `begins`: node -> temperature at the
-    start."""
+    """Another meter beside the run's `temperatures` (N + 1, n) and heats; `begins`: node -> temperature at start."""
     what, seen = referenced(meter, begins), meter.seen
     return Metered(
         **_steps(seen, frame, metered(meter, what, frame, network, temperatures, flows)),

@@ -1,5 +1,4 @@
-"""Filter and smoother over a session: temperatures corrected by the measured channels, and the heat that they ask for
-at one node."""
+"""Filter and smoother over a session: temperatures corrected by measured channels, and the heat that these ask for."""
 
 from __future__ import annotations
 
@@ -39,8 +38,7 @@ NOTHING_ASKED: Mapping[str, Unknown] = {}
 
 @dataclass(frozen=True)
 class Estimated(Filtered):
-    """What a filter has just found: beside what is sealed of it, the smoother's hot spots and each cause that was asked
-    for."""
+    """What a filter has just found: also the smoother's hot spots, and each cause that was asked for."""
 
     spots: dict[str, SmoothedSpot] = field(default_factory=dict)
     asked: list[FoundUnknown] = field(default_factory=list)
@@ -54,8 +52,8 @@ def filter_session(
     asked: Mapping[str, Unknown] = NOTHING_ASKED,
     measured: Sequence[str] | None = None,
 ) -> Estimated | None:
-    """What filter and smoother make of a session: temperatures, and the loss at one node. None where there is no such
-    node, no channel to read, or more than `MOST_NODES` nodes.
+    """What filter and smoother make of a session: temperatures, and the loss at one node. None where the motor has no
+    such node or more than `MOST_NODES`, or there is no channel to read.
 
     `losses`: node -> mean modelled loss [W]. `asked`: id of a cause -> the unknown to be found for it, losses first
     (`replay.engine.results.asked_unknowns`). The node is that of the first loss in `asked`; without one it is the
@@ -101,10 +99,8 @@ def filter_session(
             return nominal, nominal + found, found_sd
         return nominal, nominal * np.exp(found), nominal * np.exp(found) * found_sd
 
-    count = len(readings)
-    of_temperatures = replace(
-        estimate, innovations=estimate.innovations[:, :count], variances=estimate.variances[:, :count]
-    )
+    thermometers = slice(len(readings))
+    innovations, variances = estimate.innovations[:, thermometers], estimate.variances[:, thermometers]
     nominal, heat_W, heat_sd_W = loss(estimate.temperatures, estimate.found[1:, 0], estimate.found_sd[1:, 0])
     _, smooth_W, smooth_sd_W = loss(smooth.temperatures, smooth.found[:-1, 0], smooth.found_sd[:-1, 0])
     found = zip(asked.items(), range(len(own) - len(asked), len(own)), strict=True)
@@ -116,7 +112,7 @@ def filter_session(
         heat_sd_W=heat_sd_W,
         nominal_W=nominal,
         heat_walk_W=paced.walk_W if isinstance(paced, UnknownHeat) else paced.walk * float(nominal.mean()),
-        nis=of_temperatures.nis,
+        nis=replace(estimate, innovations=innovations, variances=variances).nis,
         smoothed=Smoothed(smooth.temperatures, smooth_W, smooth_sd_W),
         spots=smoothed_spots(network, frame, smooth.temperatures, smooth.temperatures_sd),
         asked=[_found(cause, one, smooth.found[:-1, i], smooth.found_sd[:-1, i]) for (cause, one), i in found],
@@ -137,10 +133,9 @@ def filter_summary(filtered: Estimated, frame: InputFrame, nodes: tuple[str, ...
     smooth = filtered.smoothed
 
     def errors(temperatures: Floats, seen: bool) -> dict[str, float]:
-        found: dict[str, float] = {}
-        for o in frame.observations:
-            use = o.good & frame.live
-            if (o.sensor.name in filtered.measured) == seen and use.any():
+        found = {}
+        for o in (o for o in frame.observations if (o.sensor.name in filtered.measured) == seen):
+            if (use := o.good & frame.live).any():
                 residual = o.measured - modelled(o, frame, temperatures, nodes)
                 found[o.sensor.name] = float(np.abs(residual[use]).mean())
         return found
@@ -208,9 +203,8 @@ def unknown_heat(node: str, losses: Mapping[str, float]) -> UnknownHeat:
 
 
 def unknown_loss(network: Network, node: str, losses: Mapping[str, float]) -> UnknownHeat | UnknownFactor:
-    """The unknown at a node whose loss is sought: a heat. Where the node is one of several magnets, as in slices of a
-    stack, it is a factor on the losses of all of them instead: a heat in one slice would leave the others as they are,
-    which no sensor may see."""
+    """The unknown at a node whose loss is sought: a heat, or for one of several magnets, as in slices of a stack, a
+    factor on the losses of all: a heat in one slice would leave the others as they are, which no sensor may see."""
     heat = unknown_heat(node, losses)
     magnets = [n.name for n in network.nodes if n.region == "magnet" and losses.get(n.name, 0.0) > 0]
     if node not in magnets or len(magnets) == 1:
@@ -221,8 +215,7 @@ def unknown_loss(network: Network, node: str, losses: Mapping[str, float]) -> Un
 
 
 def uncertain_node(network: Network, losses: Mapping[str, float]) -> str | None:
-    """The node whose loss is known least: the magnet with the largest loss, or the rotor node where a network has no
-    magnets."""
+    """The node whose loss is known least: the magnet with the largest loss, without magnets the rotor node."""
     for region in ("magnet", "rotor"):
         here = [node.name for node in network.nodes if node.region == region]
         if here:
@@ -232,10 +225,8 @@ def uncertain_node(network: Network, losses: Mapping[str, float]) -> str | None:
 
 def _production_like(network: Network, frame: InputFrame, level: str) -> list[str]:
     magnets = {node.name for node in network.nodes if node.region == "magnet"}
-    all_of_them = (*frame.observations, *(meter.seen for meter in frame.meters))
-    return [
-        o.sensor.name for o in all_of_them if level in ("testing", o.sensor.level) and o.sensor.label not in magnets
-    ]
+    sensors = [o.sensor for o in (*frame.observations, *(meter.seen for meter in frame.meters))]
+    return [one.name for one in sensors if level in ("testing", one.level) and one.label not in magnets]
 
 
 def _heats(
@@ -250,8 +241,7 @@ def _heats(
 
 def _as_thermometer(meter: Meter, begins: Mapping[str, tuple[float, float]]) -> tuple[Observation, float]:
     """A meter of resistance or flux linkage as a thermometer: its observation in degC, and the sd of its constant error
-    [K]. `begins`: node -> temperature and sd at the start; they stand for a reference that the bench file leaves
-    out."""
+    [K]. `begins`: node -> temperature and sd at the start, where the bench file leaves the reference out."""
     law, o = referenced(meter, {node: degC for node, (degC, _) in begins.items()}).law, meter.seen
     assert law is not None  # meters without one are left out
     degC, per_K = law.temperature(o.measured), abs(law.per_K)

@@ -58,8 +58,7 @@ def efficiency_of(frame: InputFrame, flows: HeatFlows) -> Efficiency | None:
 
 
 def electrical_W(frame: InputFrame) -> Floats | None:
-    """The recorded electrical power of each step (N,), NaN where there is none; None where no single channel gives
-    it."""
+    """The recorded electrical power of each step (N,), NaN where there is none; None without one channel of it."""
     observed = [meter.seen.measured for meter in frame.meters if meter.what.quantity == "power"]
     given = [values for name, values in frame.inputs.items() if name == "power_W"]
     return (observed + given)[0] if len(observed + given) == 1 else None

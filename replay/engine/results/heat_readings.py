@@ -1,5 +1,4 @@
-"""Meters of power and heat as a filter reads them: a heat (of all losses, or what a boundary takes) with an error of
-its own.
+"""Meters of power and heat as a filter reads them: all losses, or what a boundary takes, with an error of its own.
 
 Whatever such a meter shows beyond the model, a filter would take for the one heat that it seeks. But the meter may be
 wrong, and so may the model's other losses. As much as the bench file says of the meter and the motor file of its losses

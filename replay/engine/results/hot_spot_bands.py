@@ -1,5 +1,4 @@
-"""How sure the hot spots of a run are: by what the model's calibration left unknown, else by the `sd` of the motor
-file."""
+"""How sure the hot spots of a run are: by what the model's calibration left unknown, else by `sd` of the motor file."""
 
 from __future__ import annotations
 
@@ -49,10 +48,7 @@ def with_bands(
     spots: Mapping[str, HotSpot],
 ) -> dict[str, ModelledSpot]:
     """The `spots` with bands, by what is not known of coefficients, capacities, the `start` (temperatures and sd, (n,))
-    and what `ageing` has left: from the model's calibration, else from the motor file, whose `sd` are wide as nothing
-    was learnt. No band for networks of more than `MOST_NODES`.
-
-    `network`: that of the session, as its specimen has it.
+    and what `ageing` has left; none for a `network` (of the session, as its specimen has it) of more than `MOST_NODES`.
     """
     if not spots or len(network.nodes) > MOST_NODES:
         return _without(spots, f"the network has {len(network.nodes)} nodes, {TOO_LARGE}")

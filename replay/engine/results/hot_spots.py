@@ -23,15 +23,12 @@ from twin.run.derating import Derating, derated
 Floats = NDArray[np.float64]
 Times = NDArray[np.int64]
 
-REGIONS = {
-    "winding": ("copper",),
-    "magnet": ("magnet", "rotor"),
-}  # hot spot -> where it is sought, the first that is there
+REGIONS = {"winding": ("copper",), "magnet": ("magnet", "rotor")}  # hot spot -> where it is sought, the first there is
 
 
 def hot_spots(network: Network, temperatures: Floats, step_s: float) -> dict[str, HotSpot]:
-    """The hottest "winding" and "magnet" (the rotor that holds it, where it is no node of its own), each where the
-    motor has such nodes. `temperatures` (N + 1, n)."""
+    """The hottest "winding" and "magnet" (the rotor, where magnets are no nodes), as far as a motor has such nodes.
+    `temperatures` (N + 1, n)."""
     return {spot: _hottest(network, temperatures, step_s, at) for spot in REGIONS if (at := nodes_of(spot, network))}
 
 
@@ -105,11 +102,10 @@ def watched(
     found = {}
     for one in channels:
         if one.spec.name in names and one.t_ns.size:
-            place = (
-                max(one.spec.weights, key=lambda node: one.spec.weights[node]) if one.spec.weights else one.spec.node
-            )
+            weights = one.spec.weights or {one.spec.node or "": 1.0}
             shown = held(InputSamples(one.t_ns, one.recorded), t_ns)
-            found[one.spec.name] = (place or "", np.where(t_ns >= one.t_ns[0], shown, np.nan))
+            place = max(weights, key=lambda node: weights[node])
+            found[one.spec.name] = (place, np.where(t_ns >= one.t_ns[0], shown, np.nan))
     return found
 
 
@@ -126,9 +122,7 @@ def deratings(
     means = (temperatures[:-1] + temperatures[1:]) / 2
     regions = {node.name: node.region for node in network.nodes}
     found = []
-    for rule in rules:
-        if rule.channel not in shown:
-            continue
+    for rule in (rule for rule in rules if rule.channel in shown):
         node, own = shown[rule.channel]
         spot = "magnet" if regions.get(node) in REGIONS["magnet"] else "winding"
         protected = nodes_of(spot, network)

@@ -1,5 +1,4 @@
-"""Compiled kernels kept between starts: each source text becomes a module named by its hash, which numba caches beside
-it.
+"""Compiled kernels kept between starts: each source text is a module named by its hash, which numba caches beside it.
 
 A 21-node kernel takes seconds to compile and a fraction of a second to load again. Nothing depends on the cache: where
 its folder cannot be written or holds damage, the kernel is compiled in memory.

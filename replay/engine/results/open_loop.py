@@ -31,9 +31,8 @@ def initial_temperatures(network: Network, frame: InputFrame, level: str) -> tup
 def _first_measured(
     frame: InputFrame, level: str
 ) -> tuple[dict[str, tuple[float, float]], dict[str, dict[str, float]]]:
-    """What the channels of a level say of the start. First, node -> (temperature, sd), of channels that follow it by
-    more than half, means where there are several. Second, of those among them that follow other nodes too, node ->
-    their weights."""
+    """What the channels of a level say of the start: node -> (temperature, sd), means of the channels that follow it by
+    more than half; and node -> their weights, where they follow other nodes too."""
     steps = max(1, round(FIRST_S / frame.step_s))
     seen: dict[str, list[tuple[float, float, Mapping[str, float]]]] = {}
     for o in frame.observations:
@@ -53,16 +52,11 @@ def _first_measured(
 
 
 def modelled(observation: Observation, frame: InputFrame, temperatures: Floats, nodes: tuple[str, ...]) -> Floats:
-    """What the channel would read, (N,) [degC]: weighted nodes, through the sensor's known lag, at the samples' mean
-    time.
-
-    `temperatures` (N + 1, n). The lag is first order, exact for a temperature that is linear within a step.
-    """
+    """What the channel would read, (N,) [degC], at the samples' mean time: weighted nodes of `temperatures` (N + 1, n)
+    through the sensor's known lag, of first order, exact for a temperature that is linear within a step."""
     truth = np.zeros(len(temperatures))
-    for (
-        node,
-        share,
-    ) in observation.sensor.weights.items():  # no product of matrices: BLAS adds in an order of the processor's
+    # no product of matrices: BLAS adds in an order of the processor's
+    for node, share in observation.sensor.weights.items():
         truth += share * temperatures[:, nodes.index(node)]
     reading = lagged(truth, observation.sensor.time_constant_s, frame.step_s)
     return reading[:-1] + observation.place * np.diff(reading)
@@ -81,10 +75,8 @@ def referenced(meter: Meter, initial: Mapping[str, float]) -> Measurand:
 def metered(
     meter: Meter, what: Measurand, frame: InputFrame, network: Network, temperatures: Floats, flows: HeatFlows
 ) -> Floats:
-    """What the meter would read, (N,) in the unit of its quantity; a power or heat is the mean over the step.
-
-    `what`: its measurand with a reference; `temperatures` (N + 1, n), `flows` the run's heats.
-    """
+    """What the meter would read, (N,) in the unit of its quantity; a power or heat is the mean over the step. `what`:
+    its measurand with a reference; `temperatures` (N + 1, n), `flows` the run's heats."""
     if what.law is not None:
         return what.law.reading(modelled(meter.seen, frame, temperatures, tuple(node.name for node in network.nodes)))
     if what.boundary is not None:

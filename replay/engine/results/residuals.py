@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,94 +22,74 @@ CONCENTRATED = 1.25  # a cell belongs to "where" if its mean error is this much 
 def errors_of_channels(frame: InputFrame, observed: Sequence[Observed]) -> list[ChannelErrors]:
     """The errors of a run's thermometers; one without a usable step is left out."""
     start = int(frame.t_ns[0])
-    places = ({**_around(frame, o), "temperature_degC": o.measured, "t_s": _seconds(o, start)} for o in observed)
-    found = (channel_errors(o, around, start) for o, around in zip(observed, places, strict=True))
+    found = (channel_errors(o, _around(frame, o, {"temperature_degC": o.measured}), start) for o in observed)
     return [one for one in found if one is not None]
 
 
 def errors_of_meters(frame: InputFrame, meters: Sequence[Metered]) -> list[MeterErrors]:
     """The errors of a run's other meters; one without a usable step is left out."""
-    start = int(frame.t_ns[0])
-    found = (meter_errors(m, {**_around(frame, m), "t_s": _seconds(m, start)}, start) for m in meters)
+    found = (_meter_errors(m, _around(frame, m, {}), int(frame.t_ns[0])) for m in meters)
     return [one for one in found if one is not None]
 
 
 def channel_errors(observed: Observed, places: Mapping[str, Floats], start_ns: int) -> ChannelErrors | None:
-    """The errors of a thermometer over its usable steps; None where it has none.
-
-    `places`: name with unit -> values (M,) at the observed steps, in which the error is located.
-    """
-    use = observed.used & np.isfinite(observed.residual)
-    if not use.any():
+    """The errors of a thermometer over its usable steps; None where it has none. `places`: name with unit -> values
+    (M,) at the observed steps, in which the error is located."""
+    errors = _errors(observed, places, start_ns, "_K")
+    if not errors:
         return None
-    size = np.abs(observed.residual[use])
-    worst = int(np.argmax(size))
+    floor = observed.floor_K
     return ChannelErrors(
-        channel=observed.channel,
-        node=observed.node,
-        mae_K=float(size.mean()),
-        max_K=float(size[worst]),
-        bias_K=float(observed.residual[use].mean()),
-        white_K=observed.sd_K,
-        bias_sd_K=observed.bias_sd_K,
-        floor_K=float(np.hypot(observed.sd_K, observed.bias_sd_K)),
-        samples=int(use.sum()),
-        masked=int((~observed.used).sum()),
-        max_at_s=float(_seconds(observed, start_ns)[use][worst]),
-        where=_where(places, use, size),
+        **errors, node=observed.node, white_K=observed.sd_K, bias_sd_K=observed.bias_sd_K, floor_K=floor
     )
 
 
-def meter_errors(metered: Metered, places: Mapping[str, Floats], start_ns: int) -> MeterErrors | None:
-    """The errors of a meter that is no thermometer, in its own unit; all else as `channel_errors`."""
-    use = metered.used & np.isfinite(metered.residual)
-    if not use.any():
+def _meter_errors(metered: Metered, places: Mapping[str, Floats], start_ns: int) -> MeterErrors | None:
+    errors = _errors(metered, places, start_ns, "")
+    if not errors:
         return None
-    size = np.abs(metered.residual[use])
-    worst = int(np.argmax(size))
     return MeterErrors(
-        channel=metered.channel,
+        **errors,
         quantity=metered.quantity,
         place=metered.place,
         unit=metered.unit,
-        mae=float(size.mean()),
-        max=float(size[worst]),
-        bias=float(metered.residual[use].mean()),
-        mean=float(metered.measured[use].mean()),
+        mean=float(metered.measured[metered.usable].mean()),
         white=metered.sd,
         bias_sd=metered.bias_sd,
         gain_sd=metered.gain_sd,
         floor=metered.floor,
-        samples=int(use.sum()),
-        masked=int((~metered.used).sum()),
-        max_at_s=float(_seconds(metered, start_ns)[use][worst]),
-        where=_where(places, use, size),
     )
 
 
-def _around(frame: InputFrame, o: Compared) -> dict[str, Floats]:
-    """The inputs that an error may go with, at the steps of a channel (M,)."""
-    return {name: frame.inputs[name][steps_of(frame, o)] for name in AROUND if name in frame.inputs}
+def _errors(o: Compared, places: Mapping[str, Floats], start_ns: int, unit: str) -> dict[str, Any]:
+    """What both kinds of errors say, names of errors with `unit` at their end; empty without a usable step."""
+    use = o.usable
+    if not use.any():
+        return {}
+    residual, t_s = o.residual[use], (o.t_ns[use] - start_ns) / 1e9
+    size = np.abs(residual)
+    worst = int(np.argmax(size))
+    errors = {"mae": float(size.mean()), "max": float(size[worst]), "bias": float(residual.mean())}
+    return {
+        "channel": o.channel,
+        **{name + unit: value for name, value in errors.items()},
+        "samples": int(use.sum()),
+        "masked": int((~o.used).sum()),
+        "max_at_s": float(t_s[worst]),
+        "where": {name: span for name, at in places.items() if (span := where(at[use], size)) is not None},
+    }
 
 
-def _seconds(o: Compared, start_ns: int) -> Floats:
-    """Times since the start, (M,)."""
-    found: Floats = (o.t_ns - start_ns) / 1e9
-    return found
-
-
-def _where(places: Mapping[str, Floats], use: NDArray[np.bool_], size: Floats) -> dict[str, list[float]]:
-    """Of each place in which the error concentrates, the range in which it does; `size` of the errors that may be
-    used."""
-    return {name: span for name, at in places.items() if (span := where(at[use], size)) is not None}
+def _around(frame: InputFrame, o: Compared, own: Mapping[str, Floats]) -> dict[str, Floats]:
+    """What an error may go with, at the steps of a channel (M,): inputs, `own` and the time since the start."""
+    inputs = {name: frame.inputs[name][steps_of(frame, o)] for name in AROUND if name in frame.inputs}
+    return {**inputs, **own, "t_s": (o.t_ns - frame.t_ns[0]) / 1e9}
 
 
 def where(place: Floats, size: Floats) -> list[float] | None:
-    """The range of `place` in which the error concentrates, or None where it is spread evenly.
-
-    The range of `place` is cut into 8 equal cells; the answer is the contiguous run of cells with a mean error 25 %
-    above the whole's that holds most of it, if it holds at least half of the error in at most 60 % of the time.
-    """
+    """The range of `place` in which the error concentrates, or None where it is spread evenly: of 8 equal cells the
+    contiguous run with a mean error 25 % above the whole's that holds most of it, if that is at least half of the error
+    in at most 60 % of the time."""
     finite = np.isfinite(place)
     place, size = place[finite], size[finite]
     if place.size < 20:

@@ -58,8 +58,7 @@ class Observed(Compared):
 @dataclass(frozen=True, kw_only=True)
 class Metered(Compared):
     """Another meter beside the model, in the `unit` of its `quantity`. `place`: the nodes or the boundary that it is
-    about, "motor" of a power; `sd`, `bias_sd` as of a thermometer; `gain_sd`: of the share by which it reads too
-    much."""
+    about, "motor" of a power; `sd`, `bias_sd` as of a thermometer; `gain_sd`: of the share that it reads too much."""
 
     quantity: str
     unit: str
@@ -70,8 +69,7 @@ class Metered(Compared):
 
     @property
     def floor(self) -> float:
-        """What the meter itself leaves open, one standard deviation of a mean: noise, offset, and gain of the mean
-        size."""
+        """What the meter itself leaves open, one standard deviation of a mean: noise, offset, gain of the mean size."""
         used = np.abs(self.modelled[self.used])
         size = float(used.mean()) if used.size else 0.0
         return float(np.hypot(np.hypot(self.sd, self.bias_sd), self.gain_sd * size))

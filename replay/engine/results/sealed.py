@@ -1,5 +1,4 @@
-"""A sealed run read back from the archive: what reports and viewers show is what was sealed, never a second
-computation."""
+"""A sealed run read back: what reports and viewers show is what was sealed, never a second computation."""
 
 from __future__ import annotations
 
@@ -20,8 +19,7 @@ from replay.engine.results.summary import ChannelErrors, MeterErrors, Summary, r
 
 
 def load_run(store: Store, facts: Facts, event: ReplayCompleted) -> Run:
-    """The run of an event, arrays from its artefacts (re-hashed on reading; DamageError where they are not what was
-    sealed)."""
+    """The run of an event, arrays from its artefacts. Raises DamageError where these are not what was sealed."""
     session = facts.session(event.session)
     network = network_of(store, facts, session, event.model)
     frame, temperatures, residuals = (
@@ -69,15 +67,9 @@ def _meters(store: Store, event: ReplayCompleted, summary: Summary, raw_files: t
 
 
 def _metered(table: pa.Table, one: MeterErrors, raw_files: tuple[str, ...]) -> Metered:
-    return Metered(
-        **_steps(table, one.channel, raw_files),
-        quantity=one.quantity,
-        unit=one.unit,
-        place=one.place,
-        sd=one.white,
-        bias_sd=one.bias_sd,
-        gain_sd=one.gain_sd,
-    )
+    steps = _steps(table, one.channel, raw_files)
+    said = {key: getattr(one, key) for key in ("quantity", "unit", "place", "bias_sd", "gain_sd")}
+    return Metered(**steps, **said, sd=one.white)
 
 
 def _observed(table: pa.Table, one: ChannelErrors, raw_files: tuple[str, ...]) -> Observed:

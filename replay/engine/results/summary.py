@@ -17,8 +17,7 @@ from twin.run.derating import Derated
 
 @dataclass(frozen=True, kw_only=True)
 class IntegratorDistance:
-    """How far a run by another integrator, `name`, is from the same run by the default, `against`: at most `error_K`,
-    at `node` after `at_s`."""
+    """How far a run by integrator `name` is from one by the default, `against`: `error_K` at `node` and `at_s`."""
 
     name: str
     error_K: float
@@ -137,8 +136,7 @@ class LimitPassed:
 
 @dataclass(frozen=True, kw_only=True)
 class SpotProfile:
-    """Where along equal slices in a row it was hottest, and how hot: so many `slices` from the middle of the hottest
-    one `towards` the node beside it."""
+    """Where along equal slices it was hottest: `max_degC`, `slices` from the hottest one's middle `towards` a node."""
 
     max_degC: float
     towards: str
@@ -189,8 +187,7 @@ class DeratingCourse(Derated, DeratingRule):
 
 @dataclass(frozen=True, kw_only=True)
 class EstimatedHeat:
-    """An estimated heat over a run. `sd_W`: standard deviation at any time (root mean square), `max_sd_W` at the
-    maximum."""
+    """An estimated heat over a run. `sd_W`: standard deviation at any time (root mean square), `max_sd_W` at most."""
 
     mean_W: float
     sd_W: float

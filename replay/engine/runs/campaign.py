@@ -51,11 +51,9 @@ def replay_sessions(
     integrator: str = DEFAULT.name,
     unknown: Sequence[str] = (),
 ) -> list[Outcome]:
-    """Replay each session with `model` (None: the one its bench file names) and append the runs that are new.
-    `unknown`: ids of the causes that the filter is to find, none for its own choice.
-
-    A session that cannot be replayed does not stop the others. Raises ReplayDataError where no model can be found.
-    """
+    """Replay each session with `model` (None: the one its bench file names) and append the runs that are new. One that
+    cannot be replayed does not stop the others. `unknown`: ids of the causes that the filter is to find, none for its
+    own choice."""
     facts = ledger_facts.at(store.ledger)
     work = store.work()
     outcomes: list[Outcome] = []
@@ -102,10 +100,9 @@ def _append(store: Store, session: SessionRecorded, done: Completed | str, work:
         store.ledger.append(f"run-{done.event.run}", done.event)
     if isinstance(done.event, ReplayDiverged):
         place = f"first at {done.event.t_s} s in {done.event.field}" if done.event.field else "in no stored field"
-        return Outcome(
-            session,
-            None,
+        why = (
             f"session {session.name}: replayed with the same key on the same machine and came out different, {place}: "
-            "run whyhot verify --read, then report this with whyhot doctor.",
+            "run whyhot verify --read, then report this with whyhot doctor."
         )
+        return Outcome(session, None, why)
     return Outcome(session, done.event, None)

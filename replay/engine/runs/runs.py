@@ -60,11 +60,11 @@ def replay(
     """Open-loop replay of one session with a model (SHA-256 of a motor file in the archive), and the filter beside it.
 
     Leaves frame, temperatures, heat, residuals, meters and the filter's estimate as files in `work`, named by their
-    SHA-256, for the one writer to seal. The digest is that of the open loop: the filter follows from the same frame,
-    and changes nothing in it. `integrator`: one of `twin.compiled.integrators.INTEGRATORS`; of another than the default
-    the summary says how far off it is, and the heat account is the default's. `unknown`: ids of causes that the filter
-    is to find (`replay.engine.results.asked_unknowns`). Raises ReplayDataError where the session lacks an input or the
-    model runs away.
+    SHA-256, for the one writer to seal. The digest is that of the open loop, in which the filter changes nothing.
+    `integrator`: one of `twin.compiled.integrators.INTEGRATORS`; of another than the default the summary says how far
+    off it is, and the heat account is the default's. `unknown`: ids of causes that the filter is to find
+    (`replay.engine.results.asked_unknowns`). Raises ReplayDataError where the session lacks an input or the model runs
+    away.
     """
     specimen = of_specimen(store, facts, session, network_of(store, facts, session, model))
     facts = with_bench_of(facts, model)
@@ -78,18 +78,8 @@ def replay(
     if filtered is not None:
         tables["filtered"] = filtered_table(made.frame, filtered, made.nodes)
     artefacts = {name: _written(to_parquet(table), work) for name, table in tables.items()}
-    key = replay_key(
-        facts,
-        session,
-        model,
-        level,
-        made.start[0],
-        artefacts["frame"],
-        integrator,
-        to_json(list(specimen.ageing)),
-        unknown,
-        code=code_of(__name__),
-    )
+    ageing, code, frame = to_json(list(specimen.ageing)), code_of(__name__), artefacts["frame"]
+    key = replay_key(facts, session, model, level, made.start[0], frame, integrator, ageing, unknown, code=code)
     event = ReplayCompleted(
         run=run_id(key),
         session=session.session,
@@ -129,13 +119,10 @@ def _against_the_ledger(store: Store, facts: Facts, event: ReplayCompleted, temp
 
 
 def _first_difference(before: pa.Table, now: pa.Table) -> tuple[float | None, str | None]:
-    """Where two tables of temperatures first differ: the time [s] from the start, and the column. None, None where they
-    do not."""
+    """Where two tables of temperatures first differ: time [s] from the start and column, None where they do not."""
     t_ns = now["t_ns"].to_numpy()
-    pairs = {name: (before[name].to_numpy(), now[name].to_numpy()) for name in now.column_names}
-    differing = {
-        name: int(np.argmax(a != b)) for name, (a, b) in pairs.items() if not np.array_equal(a, b, equal_nan=True)
-    }
+    pairs = ((name, before[name].to_numpy(), now[name].to_numpy()) for name in now.column_names)
+    differing = {name: int(np.argmax(a != b)) for name, a, b in pairs if not np.array_equal(a, b, equal_nan=True)}
     if not differing:
         return None, None
     column = min(differing, key=lambda name: differing[name])

@@ -1,5 +1,4 @@
-"""What a computation's answer depends on in our own code: its source file, and every one that it imports, however far
-down.
+"""What a computation's answer depends on in our own code: its source file and all that it imports, however far down.
 
 Keys hash this, so an answer is computed anew where code that made it changed, and read back where other code did. The
 list is made from the import lines themselves. Log formats are found by name at run time and are not in it: what they
@@ -21,8 +20,7 @@ _IMPORT = re.compile(rf"^ *import ({_PACKAGES}[\w.]*)", re.MULTILINE)
 
 @cache
 def code_of(door: str) -> str:
-    """SHA-256 over names and bytes of a module and of all of ours that it imports:
-    `code_of("replay.engine.runs.runs")`."""
+    """SHA-256 over names and bytes of a module such as "replay.engine.runs.runs" and of all of ours that it imports."""
     sha = hashlib.sha256()
     for module in sorted(closure(door)):
         sha.update(module.encode() + b"\0" + _file(module).read_bytes() + b"\0")

@@ -73,9 +73,8 @@ def of_specimen(store: Store, facts: Facts, session: SessionRecorded, network: N
     limits = sorted({*(place.ageing.above_degC for place in places), *features.values()})
     if not limits:
         return OfSpecimen(network, {}, {}, ())
-    before, by_time = _before(facts, session, limits[0])
-    hours = _hours(store, facts, session, before, by_time, limits)
-    left = _left(store, facts, session, before) if any(place.insulation for place in places) else None
+    hours = _hours(store, facts, session, limits)
+    left = _left(store, facts, session) if any(place.insulation for place in places) else None
     now = {place: _aged(place, hours[place.ageing.above_degC], left) for place in places}
     factors = {place: one.factor for place, one in now.items()}
     return OfSpecimen(
@@ -91,18 +90,13 @@ def hours_of(store: Store, facts: Facts, session: SessionRecorded, network: Netw
     features = _hour_features(network)
     if not features:
         return {}
-    limits = sorted(set(features.values()))
-    before, by_time = _before(facts, session, limits[0])
-    hours = _hours(store, facts, session, before, by_time, limits)
+    hours = _hours(store, facts, session, sorted(set(features.values())))
     return {feature: hours[degC] for feature, degC in features.items()}
 
 
 def ageing_left_out(store: Store, facts: Facts, sessions: Sequence[SessionRecorded], model: str) -> list[str]:
     """A line for each session whose specimen is not new by the laws of `model` (SHA-256 of a motor file): for verbs
-    that take it as new.
-
-    Sessions are read for a motor with such laws only.
-    """
+    that take it as new. Sessions are read for a motor with such laws only."""
     found = []
     for session in sessions:
         network = network_of(store, facts, session, model)
@@ -135,26 +129,20 @@ def _hour_features(network: Network) -> dict[str, float]:
     return {f: float(found[1]) for m in monomials(network) for f in m.features if (found := _HOURS.fullmatch(f))}
 
 
-def _before(facts: Facts, session: SessionRecorded, degC: float) -> tuple[list[SessionRecorded], bool]:
+def _before(facts: Facts, session: SessionRecorded) -> tuple[list[SessionRecorded], bool]:
     """The specimen's sessions before this one, in order, and whether stamps say so."""
-    if session.specimen is None:
-        raise ReplayDataError(
-            f"session {session.name}: names no specimen, and the motor file asks how long that was above {degC:g} "
-            "degC before: ingest it again with --specimen S, or replay with a model without ageing (--model)."
-        )
     ordered, by_time = in_order([one for one in facts.sessions if one.specimen == session.specimen])
     return ordered[: [one.session for one in ordered].index(session.session)], by_time
 
 
-def _hours(
-    store: Store,
-    facts: Facts,
-    session: SessionRecorded,
-    before: Sequence[SessionRecorded],
-    by_time: bool,
-    limits: Sequence[float],
-) -> dict[float, float]:
+def _hours(store: Store, facts: Facts, session: SessionRecorded, limits: Sequence[float]) -> dict[float, float]:
     """Hours above each of `limits` [degC] in the sessions before."""
+    if session.specimen is None:
+        raise ReplayDataError(
+            f"session {session.name}: names no specimen, and the motor file asks how long that was above {limits[0]:g} "
+            "degC before: ingest it again with --specimen S, or replay with a model without ageing (--model)."
+        )
+    before, by_time = _before(facts, session)
     traces: dict[str, Trace | None] = {}
     for one in before:
         trace = trace_of_heat(load(store, facts, one))
@@ -175,10 +163,9 @@ def _hours(
     return dict(zip(limits, found.tolist(), strict=True))
 
 
-def _left(store: Store, facts: Facts, session: SessionRecorded, before: Iterable[SessionRecorded]) -> _Left | None:
-    """The state by the latest assessment that knows the specimen; None where that has no state of it before the
-    session."""
-    earlier = {one.session for one in before}
+def _left(store: Store, facts: Facts, session: SessionRecorded) -> _Left | None:
+    """The state by the latest assessment that knows the specimen; None where that has none before the session."""
+    earlier = {one.session for one in _before(facts, session)[0]}
 
     def is_before(check: Mapping[str, Any]) -> bool:
         if check["start_ns"] is None or not session.absolute:

@@ -1,5 +1,4 @@
-"""What a specimen went through before each of its checks: its sessions in order, and the hours it spent at each
-temperature."""
+"""What a specimen went through before each of its checks: sessions in order, and hours at each temperature."""
 
 from __future__ import annotations
 
@@ -67,14 +66,8 @@ class Trace:
 def hottest(channels: Iterable[ChannelData]) -> ChannelData | None:
     """The copper channel with the highest temperature; without any, the hottest other place of the specimen: never a
     boundary."""
-    own = [
-        channel
-        for channel in channels
-        if channel.spec.quantity == "temperature"
-        and channel.spec.role == "observed"
-        and channel.spec.region != "boundary"
-        and len(channel.t_ns)
-    ]
+    thermometers = (c for c in channels if c.spec.quantity == "temperature" and c.spec.role == "observed")
+    own = [channel for channel in thermometers if channel.spec.region != "boundary" and len(channel.t_ns)]
     copper = [channel for channel in own if channel.spec.region == "copper"]
     return max(copper or own, key=lambda channel: float(channel.value.max()), default=None)
 

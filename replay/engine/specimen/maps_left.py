@@ -16,10 +16,8 @@ from twin.motor.network import Map
 
 
 def maps_left(store: Store, facts: Facts, sessions: Sequence[SessionRecorded], model: str) -> list[str]:
-    """A line for each session and map of `model` (SHA-256 of a motor file) whose table its inputs leave.
-
-    Sessions are read for a motor with maps only. Raises ReplayDataError where one lacks an input.
-    """
+    """A line for each session and map of `model` (SHA-256 of a motor file) whose table its inputs leave. Sessions are
+    read for a motor with maps only. Raises ReplayDataError where one lacks an input."""
     found = []
     for session in sessions:
         network = network_of(store, facts, session, model)
