@@ -18,13 +18,8 @@ def run(args: argparse.Namespace) -> Answer:
 
     with Store.open(store_folder(args), write=True) as store:
         made = rebuild(store, redecode, verify=args.verify)
-        data = {
-            "schema": "whyhot.rebuild/1",
-            "products": made.products,
-            "views": made.views,
-            "differences": list(made.differences),
-            "provenance": provenance(store, verify=args.verify),
-        }
+        done = {"products": made.products, "views": made.views, "differences": list(made.differences)}
+        data = {"schema": "whyhot.rebuild/1", **done, "provenance": provenance(store, verify=args.verify)}
     compared = ", each equal to what it was" if args.verify and not made.differences else ""
     text = f"rebuilt {made.products} decoded files and {made.views} views{compared}"
     return Answer(data, text, 1 if made.differences else 0, [*made.notes, *made.differences])

@@ -1,5 +1,4 @@
-"""The demo's third part: what heat has done to insulation. Two stators through oven cycles, and a fleet's table of
-checks."""
+"""The demo's third part: what heat has done to insulation, of two stators through oven cycles and of a fleet."""
 
 from __future__ import annotations
 
@@ -21,9 +20,7 @@ from replay.studies.ageing.assessment import document
 
 def insulation(folder: Path) -> list[dict[str, Any]]:
     """Stores `stators` and `fleet` and the picture of the stators afresh under `folder`; both assessments as documents.
-
-    Raises ReplayDataError where the example did not come with the installation.
-    """
+    Raises ReplayDataError where the example did not come with the installation."""
     campaign = example("insulation")
     logs = [
         (campaign / name, campaign / f"bench_{kind}.toml", pattern)

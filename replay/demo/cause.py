@@ -22,10 +22,8 @@ LEARN, KEEP = ("1_s1", "2_s2", "3_wltp"), ("4_s1", "5_wltp")
 
 
 def hidden_effect(folder: Path) -> dict[str, Any]:
-    """Store, report and picture of the campaign afresh under `folder`; its diagnosis as a document.
-
-    Raises ReplayDataError where the example did not come with the installation.
-    """
+    """Store, report and picture of the campaign afresh under `folder`; its diagnosis as a document. Raises
+    ReplayDataError where the example did not come with the installation."""
     campaign = example("hidden_effect")
     store_folder = folder / "hidden_effect"
     shutil.rmtree(store_folder, ignore_errors=True)

@@ -1,5 +1,4 @@
-"""The whole way on shipped recordings: ingest, balance, replay, report, layers, and why: the cause, or what cannot be
-told."""
+"""The whole way on shipped recordings: ingest, replay, report, layers, and why: the cause, or what cannot be told."""
 
 from __future__ import annotations
 
@@ -38,7 +37,6 @@ INTRO = """\
 Five bench recordings of a water-cooled interior-magnet motor, and the thermal network that its authors published for it
 (IEEE Trans. Power Electronics 2024, DOI 10.1109/TPEL.2024.3409388; data under MIT licence, examples/hust_motor)."""
 
-
 WHY = "Why? Learnt from id_3 and id_9, kept id_1, id_10 and id_12:"
 LEARN, KEEP = ("id_3", "id_9"), ("id_1", "id_10", "id_12")
 
@@ -63,10 +61,7 @@ class Demo:
 
 
 def run_demo(folder: Path, store_folder: Path) -> Demo:
-    """Everything afresh under `folder`: the store of an earlier demo there is made anew.
-
-    Raises ReplayDataError where the examples did not come with the installation.
-    """
+    """Everything afresh under `folder`. Raises ReplayDataError where the examples are not installed."""
     with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as beside:  # two motors, two processors
         hidden = beside.submit(hidden_effect, folder)
         aged = beside.submit(insulation, folder)
@@ -105,22 +100,14 @@ def _real_motor(folder: Path, store_folder: Path) -> Demo:
         diagnosis = _why(store, known, folder)
     summaries = [run.summary for run in runs]
     worst = max(summaries, key=lambda summary: max(summary.mae_K.values())).session_name
-    lines = [
-        INTRO,
-        "",
-        *_ingested(intake),
-        *(line for text in power_balance(summaries) for line in labelled("Power balance", text)),
-    ]
-    lines += [
-        *overview(summaries),
-        "",
-        *labelled("Report", f"{report}   (the worst recording as a picture: {folder / 'picture.png'})"),
-    ]
-    lines += (
-        labelled("Layers for rerun", f"{layers[0].parent}/*.rrd   (whyhot view {worst} --store {store_folder})")
-        if layers
-        else []
-    )
+    lines = [INTRO, "", *_ingested(intake)]
+    for text in power_balance(summaries):
+        lines += labelled("Power balance", text)
+    lines += [*overview(summaries), ""]
+    lines += labelled("Report", f"{report}   (the worst recording as a picture: {folder / 'picture.png'})")
+    if layers:
+        says = f"{layers[0].parent}/*.rrd   (whyhot view {worst} --store {store_folder})"
+        lines += labelled("Layers for rerun", says)
     lines += ["", WHY, "", diagnosis_text(diagnosis)]
     data = {
         "schema": "whyhot.demo/1",
@@ -130,9 +117,8 @@ def _real_motor(folder: Path, store_folder: Path) -> Demo:
         "layers": [str(path) for path in layers],
         "diagnoses": [document(diagnosis, {})],
     }
-    return Demo(
-        "\n".join(lines), data, [*intake.refusals, *(outcome.refusal for outcome in outcomes if outcome.refusal), *note]
-    )
+    refusals = [*intake.refusals, *(outcome.refusal for outcome in outcomes if outcome.refusal)]
+    return Demo("\n".join(lines), data, [*refusals, *note])
 
 
 def _why(store: Store, known: facts.Facts, folder: Path) -> Diagnosis:

@@ -23,7 +23,7 @@ from replay.show.plots.plots import (
     time_axis,
 )
 from replay.show.words import words
-from replay.show.words.figure import ABOVE, LEFT, FigureTable, Plot, inline_svg, name_lines, panels, save, style
+from replay.show.words.figure import KEY_ABOVE, LEFT, FigureTable, Plot, inline_svg, name_lines, panels, save, style
 from replay.show.words.palette import DASHES, INK, PAPER, SERIES, SOFT
 
 
@@ -80,9 +80,7 @@ def _region(models: Mapping[str, Run], group: Sequence[Observed], columns: int) 
 
 def picture(models: Mapping[str, Run], target: Path) -> None:
     """The region that the first model gets most wrong, on white, 900 px wide: `target` with the suffixes .svg and .png.
-
-    Raises ValueError where no channel can be drawn.
-    """
+    Raises ValueError where no channel can be drawn."""
     first = next(iter(models.values()))
     channel = max(first.observed, key=_off).channel
     series = {key: o for key, run in models.items() if (o := _of(run, channel)) is not None}
@@ -120,7 +118,7 @@ def _draw_temperatures(axes: Axes, run: Run, series: Mapping[str, Observed], col
     for key, observed in series.items():
         draw(axes, time, observed.t_ns, observed.modelled, columns, **MODELS[key].line, label=MODELS[key].label)
     axes.set_ylabel("temperature [°C]")
-    axes.legend(**ABOVE, ncols=4, handlelength=2.8)
+    axes.legend(**KEY_ABOVE, ncols=4, handlelength=2.8)
     name_lines(axes, [(float(one.measured[-1]), words.name(one.node), INK[0])])
 
 

@@ -40,10 +40,8 @@ READING = (
 
 
 def error_map(runs: Sequence[Run]) -> Plot | None:
-    """Node x operating cell (speed x load), mean residual [K]; nodes without a cell of enough data are left out.
-
-    None where there is none, or where the runs share no speed and load.
-    """
+    """Node x operating cell (speed x load), mean residual [K], of nodes with a cell of enough data; None where there is
+    none, or where the runs share no speed and load."""
     load = load_column(runs)
     if load is None or not all("speed_rpm" in run.inputs for run in runs):
         return None

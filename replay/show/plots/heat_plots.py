@@ -45,7 +45,7 @@ def heat_balance(run: Run, columns: int) -> Plot | None:
 
 
 def parts_of(losses: HeatBalance, duration_s: float) -> tuple[Parts, Parts]:
-    """What brought heat and what took it, means [W], the same in sum: a boundary that warms the motor brought it."""
+    """What brought heat, boundaries that warm and nodes that cool too, and what took it: means [W], alike in sum."""
     made = [(heat_words.KINDS[kind], part.mean_W) for kind, part in losses.kinds.items()]
     gone = [(words.name(name), part.mean_W) for name, part in losses.boundaries.items()]
     gone.append(("stored", losses.stored_J / duration_s))
@@ -68,7 +68,7 @@ def _title(made: Parts, gone: Parts) -> str:
 
 
 def _colours(losses: HeatBalance) -> dict[str, str]:
-    """Name of a part -> its colour, the same in every session: kinds from the palette's front, boundaries from its end."""
+    """Name of a part -> its colour, alike in every session: kinds from the palette's front, boundaries from its end."""
     kinds = dict(zip(heat_words.KINDS.values(), COLOURS, strict=False))
     return kinds | dict(zip(map(words.name, losses.boundaries), COLOURS[::-1], strict=False))
 

@@ -21,8 +21,7 @@ NUMBER_FROM_K = 0.5  # smaller values are shown by their colour alone
 
 
 def influence_map(found: Protocol) -> Plot:
-    """Parameter x node [K]: what one prior standard deviation moves on the drive cycles, the most influential
-    parameters first."""
+    """Parameter x node [K]: what one prior standard deviation moves on the drive cycles, most influential first."""
     weighed = found.influence
     nodes_of_interest = of_interest(found.network)
     rows = weighed.order(nodes_of_interest)[:SHOWN]
@@ -39,11 +38,8 @@ def influence_map(found: Protocol) -> Plot:
         "Root mean square over the drive cycles of the change of each node's temperature when a parameter is one "
         "prior standard deviation (`sd` in the motor file) off. Rows without colour cannot be seen there."
     )
-    table = FigureTable(
-        ("parameter", *nodes),
-        tuple((name, *(f"{v:.2f}" for v in row)) for name, row in zip(names, values, strict=True)),
-    )
-    return Plot(title, svg, note, table)
+    cells = tuple((name, *(f"{v:.2f}" for v in row)) for name, row in zip(names, values, strict=True))
+    return Plot(title, svg, note, FigureTable(("parameter", *nodes), cells))
 
 
 def _draw_map(values: np.ndarray, names: list[str], nodes: list[str]) -> Figure:
@@ -70,20 +66,15 @@ def points_curve(found: Protocol) -> Plot:
     """What the parameters leave unknown of the least known nodes on the drive cycles [K], point by point: those
     recorded, then those proposed."""
     recorded = [found.points[choice.test].name for choice in found.choices]
-    labels = [
-        "none",
-        *(f"+ {name}" for name in recorded),
-        *(f"next {i}" for i, _ in enumerate(found.proposals, start=1)),
-    ]
+    proposed = [f"next {i}" for i, _ in enumerate(found.proposals, start=1)]
+    labels = ["none", *(f"+ {name}" for name in recorded), *proposed]
     after_each = [one.known_K for one in found.choices] + [one.known_K for one in found.proposals]
     course = np.array([found.unknown_K, *after_each])
     least = sorted(of_interest(found.network), key=lambda i: -course[0, i])[:LINES]
     nodes = [words.name(found.influence.nodes[i]) for i in least]
-    after = course[len(recorded), least[0]]
-    title = (
-        f"{words.capital(nodes[0])}: {words.kelvin(course[0, least[0]])} unknown before any point, "
-        f"{words.kelvin(after)} after {words.counted(len(recorded), 'point')}"
-    )
+    before, after = (words.kelvin(course[row, least[0]]) for row in (0, len(recorded)))
+    points = words.counted(len(recorded), "point")
+    title = f"{words.capital(nodes[0])}: {before} unknown before any point, {after} after {points}"
     with style(f"{found.calibration.event.calibration} points"):
         figure = Figure(figsize=(WIDTH, 2.6))
         axes = figure.add_axes((0.1, 0.2, 0.68, 0.72))
@@ -97,10 +88,9 @@ def points_curve(found: Protocol) -> Plot:
     head = ("points", "nats", *nodes)
     gains = [one.gain for one in found.choices] + [one.gain for one in found.proposals]
     taken = ["before any", *recorded, *(one.words for one in found.proposals)]
-    steps = list(zip(taken, ["", *(f"{gain:.1f}" for gain in gains)], course, strict=True))
-    return Plot(
-        title, svg, note, FigureTable(head, tuple((n, g, *(f"{k[i]:.2f}" for i in least)) for n, g, k in steps))
-    )
+    steps = zip(taken, ["", *(f"{gain:.1f}" for gain in gains)], course[:, least], strict=True)
+    rows = tuple((name, gain, *(f"{left:.2f}" for left in unknown)) for name, gain, unknown in steps)
+    return Plot(title, svg, note, FigureTable(head, rows))
 
 
 def _draw_course(axes: Axes, course: np.ndarray, nodes: list[str], labels: list[str], recorded: int) -> None:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from replay.engine.results.run import Metered, Run
 from replay.show.plots.plots import WIDTH, TimeAxis, around_zero, draw, instants, over_session, time_axis
 from replay.show.words import heat_words, words
-from replay.show.words.figure import ABOVE, FigureTable, Plot, inline_svg, panels, style
+from replay.show.words.figure import KEY_ABOVE, FigureTable, Plot, inline_svg, panels, style
 from replay.show.words.palette import COLOURS, DASHES, INK
 
 Floats = NDArray[np.float64]
@@ -62,7 +62,7 @@ def _draw(axes: Axes, time: TimeAxis, metered: Metered, factor: float, columns: 
     draw(axes, time, metered.t_ns, measured, columns, metered.used, **solid, label="measured")
     draw(axes, time, metered.t_ns, modelled, columns, **dashed, label="model")
     axes.yaxis.set_major_formatter(lambda value, _: f"{value:,.4g}".replace("-", "−"))
-    axes.legend(**ABOVE, ncols=2, handlelength=2.6)
+    axes.legend(**KEY_ABOVE, ncols=2, handlelength=2.6)
 
 
 def _table(time: TimeAxis, metered: Metered, unit: str, factor: float) -> FigureTable:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,8 +39,7 @@ def places_of_boxes(network: Network, conductances: Floats, boxes: Floats) -> Fl
 
 
 def places_of_dots(network: Network) -> Floats:
-    """Places (n + b, 2) of the nodes and boundaries of a large network: slices in rows, and aside what is linked to all
-    slices."""
+    """Places (n + b, 2) of the nodes and boundaries of a large network: slices in rows, aside what is linked to all."""
     return _on_page(_hubs_far(network), _start(network))
 
 
@@ -58,32 +57,37 @@ def _on_page(lengths: Floats, start: Floats) -> Floats:
     return on_page
 
 
-def _lengths(network: Network, conductances: Floats) -> Floats:
+def _coupled(network: Network) -> list[tuple[int, int]]:
+    """Indices of the two ends of each link, then of each step of a stream."""
     index = {name: i for i, name in enumerate(network.names)}
-    lengths = np.zeros((len(index), len(index)))
+    ends = [*((link.a, link.b) for link in network.links), *stream_places(network)]
+    return [(index[a], index[b]) for a, b in ends]
+
+
+def _matrix(network: Network, lengths: Iterable[float]) -> Floats:
+    """Lengths for the layout (n + b, n + b), of what is coupled, 0 elsewhere."""
+    found = np.zeros((len(network.names),) * 2)
+    for (a, b), length in zip(_coupled(network), lengths, strict=True):
+        found[a, b] = found[b, a] = length
+    return found
+
+
+def _lengths(network: Network, conductances: Floats) -> Floats:
     best = max(conductances.max(initial=0.0), 1e-9)
     worse = np.clip(np.log10(best / np.maximum(conductances, 1e-12)) / DECADES, 0.0, 1.0)
-    ends = [(link.a, link.b) for link in network.links]
-    for (a, b), length in [*zip(ends, 1.0 + worse, strict=True), *((pair, 1.0) for pair in stream_places(network))]:
-        lengths[index[a], index[b]] = lengths[index[b], index[a]] = length
-    return lengths
+    return _matrix(network, [*(1.0 + worse), *(1.0 for _ in stream_places(network))])
 
 
 def _hubs_far(network: Network) -> Floats:
-    """Length of each link for the layout (n + b, n + b), 0 where there is none: 1 between slices, more from a node that
-    touches many, as a housing or a coolant does, so that it brings no two of them near each other."""
-    index = {name: i for i, name in enumerate(network.names)}
-    ends = [(index[a], index[b]) for a, b in [*((link.a, link.b) for link in network.links), *stream_places(network)]]
-    lengths = np.zeros((len(index), len(index)))
-    touches = np.bincount(np.array(ends).ravel(), minlength=len(index))
-    for a, b in ends:
-        lengths[a, b] = lengths[b, a] = max(1.0, max(touches[a], touches[b]) / HUB)
-    return lengths
+    """1 between slices, more from a node that touches many, as a housing or a coolant does, so that it brings no two of
+    them near each other."""
+    ends = np.array(_coupled(network))
+    touches = np.bincount(ends.ravel(), minlength=len(network.names))
+    return _matrix(network, np.maximum(1.0, touches[ends].max(axis=1) / HUB))
 
 
 def _start(network: Network) -> Floats:
-    """Where the layout begins: regions from top to bottom, ends and slices from left to right, each a little off its
-    row so that none lies on another."""
+    """Where the layout begins: regions from top to bottom, ends and slices from left to right, none on another."""
     regions = {node.name: node.region for node in network.nodes}
     most: dict[str, int] = {}
     for part, number in map(slice_of, network.names):

@@ -1,5 +1,4 @@
-"""A motor's network as a picture for a report: nodes by region and coupling, links as wide as they conduct, losses in
-W."""
+"""A motor's network as a picture: nodes by region and coupling, links as wide as they conduct, losses in W."""
 
 from __future__ import annotations
 
@@ -7,6 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -45,6 +45,7 @@ BOXED = 60  # nodes; larger networks are drawn as dots, with one name a part
 LABELLED = 12  # links; in smaller networks each says what it conducts
 WIDE, THIN, DECADE = 4.5, 0.35, 1.3  # points: of the best link, of the worst, and what a factor of 10 makes
 POINTS = 8.0  # height of a name
+CENTRED: Any = {"ha": "center", "va": "center", "color": INK[0]}
 MARGIN = 0.25  # inches
 DOT = 0.06
 
@@ -63,10 +64,8 @@ class _Sizes:
 
 
 def operating_point(network: Network, said: Sequence[str]) -> dict[str, float]:
-    """Key of [scale] -> value, from texts as `speed_rpm=6000`; half of the scale where nothing is said.
-
-    Raises MotorFileError for a text that is no such pair.
-    """
+    """Key of [scale] -> value, from texts as `speed_rpm=6000`; half of the scale where nothing is said. Raises
+    MotorFileError for a text that is no such pair."""
     keys = {key: what for key, what in SCALES.items() if what in network.scale}
     point = {key: network.scale[what] / 2 for key, what in keys.items()}
     for text in said:
@@ -146,9 +145,6 @@ def _box(name: str, sizes: _Sizes) -> tuple[float, float]:
     return widest + 0.22, 0.16 * len(lines) + 0.12
 
 
-# ---- drawing ---------------------------------------------------------------------------------------------------------
-
-
 def _width(conductance: float, best: float) -> float:
     return float(max(THIN, WIDE + DECADE * np.log10(max(conductance, 1e-12) / best)))
 
@@ -159,21 +155,18 @@ def _draw_links(axes: Axes, network: Network, sizes: _Sizes, at: Mapping[str, Fl
         a, b = at[link.a], at[link.b]
         axes.plot([a[0], b[0]], [a[1], b[1]], color=SOFT[0], alpha=0.55, linewidth=_width(conductance, best), zorder=1)
         if len(network.links) <= LABELLED:
-            text = f"{conductance:.3g} W/K"
-            x, y = (a + b) / 2
             patch = {"facecolor": PAPER[0], "edgecolor": "none", "alpha": 0.85, "pad": 0.8}
-            axes.text(x, y, text, fontsize=POINTS - 1.5, color=INK[0], ha="center", va="center", zorder=2, bbox=patch)
+            x, y = (a + b) / 2
+            axes.text(x, y, f"{conductance:.3g} W/K", fontsize=POINTS - 1.5, zorder=2, bbox=patch, **CENTRED)
 
 
 def _draw_circuits(axes: Axes, network: Network, at: Mapping[str, Floats]) -> None:
     for before, node in stream_places(network):
         a, b = at[before], at[node]
         axes.plot([a[0], b[0]], [a[1], b[1]], color=FLOWS, linewidth=1.6, zorder=3)
-        tail, head = a + 0.45 * (b - a), a + 0.58 * (b - a)  # in the middle, where no name hides it
-        ends = ((float(tail[0]), float(tail[1])), (float(head[0]), float(head[1])))
-        axes.add_patch(
-            FancyArrowPatch(*ends, arrowstyle="-|>", mutation_scale=13, color=FLOWS, shrinkA=0, shrinkB=0, zorder=4)
-        )
+        ends = (a + 0.45 * (b - a), a + 0.58 * (b - a))  # in the middle, where no name hides it
+        head: Any = {"arrowstyle": "-|>", "mutation_scale": 13, "shrinkA": 0, "shrinkB": 0}
+        axes.add_patch(FancyArrowPatch(*map(tuple, ends), color=FLOWS, zorder=4, **head))
 
 
 def _draw_box(axes: Axes, network: Network, name: str, sizes: _Sizes, centre: Floats, size: Floats) -> None:
@@ -213,9 +206,7 @@ def _draw_dots(axes: Axes, network: Network, at: Mapping[str, Floats]) -> None:
     middles = np.array([at[names[len(names) // 2]] for names in parts.values()])
     for text, centre in zip(texts, without_overlap(middles + np.array([0, 0.14]), size), strict=True):
         patch = {"facecolor": PAPER[0], "edgecolor": "none", "alpha": 0.8, "pad": 1.0}
-        axes.text(
-            centre[0], centre[1], text, fontsize=POINTS, ha="center", va="center", color=INK[0], zorder=7, bbox=patch
-        )
+        axes.text(centre[0], centre[1], text, fontsize=POINTS, zorder=7, bbox=patch, **CENTRED)
 
 
 def _title(network: Network, sizes: _Sizes, point: Mapping[str, float]) -> str:

@@ -13,7 +13,18 @@ from numpy.typing import NDArray
 
 from replay.engine.results.run import Observed, Run
 from replay.show.words import words
-from replay.show.words.figure import ABOVE, BAND, LEFT, FigureTable, Plot, inline_svg, name_lines, panels, save, style
+from replay.show.words.figure import (
+    BAND,
+    KEY_ABOVE,
+    LEFT,
+    FigureTable,
+    Plot,
+    inline_svg,
+    name_lines,
+    panels,
+    save,
+    style,
+)
 from replay.show.words.findings import finding, worst_first
 from replay.show.words.palette import COLOURS, DASHES, INK, PAPER, SOFT
 from replay.show.words.thin import thin, with_gaps
@@ -123,7 +134,7 @@ def draw_temperatures(axes: Axes, run: Run, group: Sequence[Observed], columns: 
     _draw_limits(axes, run, group)
     for style_, text in (("-", "measured"), (DASHES[0], "model")):
         axes.plot([], [], color=INK[0], linestyle=style_, label=text)
-    axes.legend(**ABOVE, ncols=2, handlelength=2.6)
+    axes.legend(**KEY_ABOVE, ncols=2, handlelength=2.6)
     name_lines(axes, ends)
 
 
@@ -226,10 +237,8 @@ def _input_table(run: Run, names: Sequence[str]) -> FigureTable:
 
 
 def picture(runs: Sequence[Run], target: Path) -> None:
-    """The worst session in one picture, on white, 900 px wide: `target` with the suffixes .svg and .png.
-
-    Raises ValueError where no run has a usable channel.
-    """
+    """The worst session in one picture, on white, 900 px wide: `target` with the suffixes .svg and .png. Raises
+    ValueError where no run has a usable channel."""
     run, worst = max(((run, e) for run in runs for e in worst_first(run.summary)), key=lambda one: one[1].mae_K)
     ranked = [error.channel for error in worst_first(run.summary)][:TOGETHER]
     group = [observed for observed in run.observed if observed.channel in ranked]

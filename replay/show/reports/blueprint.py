@@ -1,5 +1,4 @@
-"""How the rerun viewer opens a session: temperatures by region over residuals over inputs, the answer beside, all of it
-in view."""
+"""How the rerun viewer opens a session: temperatures by region over residuals over inputs, the answer beside."""
 
 from __future__ import annotations
 
@@ -28,8 +27,7 @@ def path(*parts: str) -> str:
 
 
 def colour(index: int, dark: bool = True) -> int:
-    """0xRRGGBBAA of the node or channel at `index`; `dark`: the lighter shade, for measured lines on the viewer's dark
-    ground."""
+    """0xRRGGBBAA of the node or channel at `index`; `dark`: the lighter shade, for measured lines on dark ground."""
     return int(list(SERIES.values())[index % len(SERIES)][dark][1:] + "ff", 16)
 
 
@@ -45,25 +43,19 @@ def of_channels(channels: Sequence[ChannelData]) -> Any:
     by_region: dict[str, list[str]] = {}
     for spec in (channel.spec for channel in channels):
         if spec.quantity == "temperature" and spec.role == "observed":
-            by_region.setdefault(spec.region or "temperatures", []).append(
-                f"+ /{path('measured', spec.node or spec.name)}/**"
-            )
+            contents = f"+ /{path('measured', spec.node or spec.name)}/**"
+            by_region.setdefault(spec.region or "temperatures", []).append(contents)
     quantities = {channel.spec.quantity for channel in channels}
-    rows = [
-        _grid([_series(f"{region} [°C]", sorted(set(paths))) for region, paths in by_region.items()]),
-        _inputs(quantities),
-    ]
+    regions = [_series(f"{region} [°C]", sorted(set(paths))) for region, paths in by_region.items()]
     states = [_states("phases", "+ /phase/**")] if "state" in quantities else []
-    page = rrb.Vertical(*rows, *states, row_shares=[3, 1, 0.6][: 2 + len(states)], name="recording")
+    rows = [_grid(regions), _inputs(quantities), *states]
+    page = rrb.Vertical(*rows, row_shares=[3, 1, 0.6][: len(rows)], name="recording")
     return _page([page], path("answer", "recording"))
 
 
 def of_run(run: Run, extended: Run | None = None) -> Any:
-    """The layout of a session with its replay; it shows the measured and the filtered layer too, where those files are
-    open.
-
-    `extended`: a replay of the same session with an extended model, in the same views.
-    """
+    """The layout of a session with its replay; the measured and the filtered layer show in it where they are open, and
+    `extended`, a replay of the same session with an extended model."""
     import rerun.blueprint as rrb
 
     model = words.short(run.model)
@@ -76,16 +68,15 @@ def of_run(run: Run, extended: Run | None = None) -> Any:
     temperatures = rrb.Vertical(
         _grid([_region(run, models, region) for region in dict.fromkeys(run.regions.values()) if region in seen]),
         _series("measured − model [K]", residuals),
-        _inputs({column.rpartition("_")[0] for column in run.inputs} | {"temperature"}),
+        _inputs_of(run),
         *([_states("masked samples and phases", f"+ /{path('masked', model)}/**", "+ /phase/**")] if masked else []),
         row_shares=[4, 2, 2, 1][: 3 + masked],
         name="temperatures",
     )
     heat = _series("the network's heat [W]", [f"+ /{path('heat', model)}"])
     rest = _grid([heat, *(_region(run, models, region) for region in unseen)], "heat and nodes without a sensor")
-    return _page(
-        [temperatures, *_estimated_loss(run, models), rest], path("answer", words.short((extended or run).model))
-    )
+    tabs = [temperatures, *_estimated_loss(run, models), rest]
+    return _page(tabs, path("answer", words.short((extended or run).model)))
 
 
 def _estimated_loss(run: Run, models: Sequence[tuple[str, str]]) -> list[Any]:
@@ -97,8 +88,7 @@ def _estimated_loss(run: Run, models: Sequence[tuple[str, str]]) -> list[Any]:
     node = run.filtered.node
     heat = _series(f"loss of the {words.name(node)} [W]", [f"+ /{path('loss', words.short(run.model), node)}/**"])
     around = _region(run, models, run.regions[node])
-    inputs = _inputs({column.rpartition("_")[0] for column in run.inputs} | {"temperature"})
-    return [rrb.Vertical(heat, around, inputs, row_shares=[3, 2, 1], name="Estimated loss")]
+    return [rrb.Vertical(heat, around, _inputs_of(run), row_shares=[3, 2, 1], name="Estimated loss")]
 
 
 def _grid(views: Sequence[Any], name: str | None = None) -> Any:
@@ -131,6 +121,10 @@ def _series(name: str, contents: Sequence[str], overrides: Any = None) -> Any:
     return rrb.TimeSeriesView(
         name=name, origin="/", contents=list(contents), axis_x=_whole(), plot_legend=legend, overrides=overrides
     )
+
+
+def _inputs_of(run: Run) -> Any:
+    return _inputs({column.rpartition("_")[0] for column in run.inputs} | {"temperature"})
 
 
 def _inputs(quantities: set[str]) -> Any:

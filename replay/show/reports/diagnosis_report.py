@@ -1,4 +1,4 @@
-"""The report of a diagnosis: one HTML file that asks for nothing, reads in light and dark and prints on A4."""
+"""The report of a diagnosis: one HTML file that needs no other, reads in light and dark and prints on A4."""
 
 from __future__ import annotations
 
@@ -20,6 +20,8 @@ from replay.show.words.figure import Plot
 from replay.show.words.page import template
 from replay.studies.diagnosis.answer import Diagnosis
 
+DIFF = {"+++": "file", "---": "file", "+": "added", "-": "removed"}  # start of a line -> its class
+
 
 @dataclass(frozen=True)
 class SessionModels:
@@ -38,11 +40,9 @@ def write_diagnosis_report(
     target: Path,
     context: ReportContext,
 ) -> None:
-    """Write the report of a diagnosis to `target`. The same input gives the same bytes.
-
-    `runs`: session id -> "published", "recalibrated", "extended" -> its sealed run; sessions and models may be missing.
-    `diff`: unified diff of the motor or bench file, "" where nothing is added.
-    """
+    """Write the report of a diagnosis to `target`. The same input gives the same bytes. `runs`: session id -> key of
+    MODELS -> its sealed run, where there is one; `diff`: unified diff of the motor or bench file, "" where there is
+    none."""
     shown = {session: runs[session] for session in (*diagnosis.train, *diagnosis.held_out) if runs.get(session)}
     page = template("diagnosis.html.j2").render(
         diagnosis=diagnosis,
@@ -65,9 +65,7 @@ def write_diagnosis_report(
 
 
 def _diff_class(line: str) -> str:
-    if line.startswith(("+++", "---")):
-        return "file"
-    return {"+": "added", "-": "removed"}.get(line[:1], "same")
+    return next((kind for start, kind in DIFF.items() if line.startswith(start)), "same")
 
 
 def _columns(shown: Mapping[str, Mapping[str, Run]]) -> int:
@@ -96,10 +94,8 @@ def _filtered(diagnosis: Diagnosis, shown: Mapping[str, Mapping[str, Run]]) -> I
 
 
 def filter_section(run: Run, diagnosis: Diagnosis | None, columns: int) -> Plot | None:
-    """The heat that a filter finds in a run, beside what the model says; None where the run was not filtered.
-
-    `diagnosis`: where it names something else than a loss of the filtered node, the title says so.
-    """
+    """The heat that a filter finds in a run, beside what the model says; None where the run was not filtered. The title
+    says where a `diagnosis` names something else than a loss of the filtered node."""
     if run.filtered is None:
         return None
     blamed = [cause for cause in diagnosis.causes if verdict.is_loss_at(cause, run.filtered.node)] if diagnosis else []

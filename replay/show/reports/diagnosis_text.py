@@ -23,21 +23,16 @@ def diagnosis_text(diagnosis: Diagnosis) -> str:
     lines += labelled("Looked at", looked_at(diagnosis))
     if diagnosis.next_test is not None:
         lines += labelled("Next test", diagnosis.next_test)
-    return "\n".join(
-        [
-            *lines,
-            *labelled("Next", " · ".join([*next_commands(diagnosis), f"whyhot report {diagnosis_name(diagnosis)}"])),
-        ]
-    )
+    commands = [*next_commands(diagnosis), f"whyhot report {diagnosis_name(diagnosis)}"]
+    return "\n".join([*lines, *labelled("Next", " · ".join(commands))])
 
 
 def looked_at(diagnosis: Diagnosis) -> str:
     """ "213 candidates, 5 sessions (3 to learn from, 2 kept), 68,000 steps, 14 s"."""
     learnt, kept = len(diagnosis.train), len(diagnosis.held_out)
-    text = (
-        f"{diagnosis.candidates:,} candidates, {learnt + kept} session{'s' * (learnt + kept != 1)} "
-        f"({learnt} to learn from, {kept} kept), {diagnosis.steps:,} steps, {words.duration(diagnosis.seconds)}"
-    )
+    sessions = f"{words.counted(learnt + kept, 'session')} ({learnt} to learn from, {kept} kept)"
+    took = f"{diagnosis.steps:,} steps, {words.duration(diagnosis.seconds)}"
+    text = f"{diagnosis.candidates:,} candidates, {sessions}, {took}"
     if diagnosis.dropped:
         text += f"; left out because the model became unstable with them: {', '.join(diagnosis.dropped)}"
     return text
@@ -48,10 +43,7 @@ def next_commands(diagnosis: Diagnosis) -> list[str]:
     name = diagnosis_name(diagnosis)
     extended = diagnosis.extended_model is not None or diagnosis.extended_bench is not None
     seen = [*diagnosis.held_out_names, *diagnosis.train_names][:1]
-    return [
-        *([f"whyhot accept {name}"] if extended else []),
-        *(f"whyhot view {session}" for session in seen),
-    ]
+    return [f"whyhot accept {name}"] * extended + [f"whyhot view {session}" for session in seen]
 
 
 def diagnosis_name(diagnosis: Diagnosis) -> str:
@@ -90,25 +82,17 @@ def _ending(diagnosis: Diagnosis) -> Iterator[tuple[str, Sequence[str]]]:
         case Ending.UNKNOWN:
             yield "Named cause", ["none"]
     for heat in diagnosis.unknown:
-        goes_with = f"It goes with {words.joined([words.name(name) for name in heat.goes_with])}. " * bool(
-            heat.goes_with
-        )
+        names = words.joined([words.name(name) for name in heat.goes_with])
+        goes_with = f"It goes with {names}. " if names else ""
         evidence = f"ln BF {verdict.figures(heat.log_bayes_factor)}{' of the strongest' * bool(heat.patchwork)}"
         yield "Unknown", [verdict.unknown_sentence(heat), f"{goes_with}{words.capital(evidence)}"]
     yield "Rivals", [*_rivals(diagnosis)] or ["none above the null"]
 
 
 def _cause(diagnosis: Diagnosis, cause: Named) -> Iterator[tuple[str, Sequence[str]]]:
-    yield (
-        "Named cause",
-        [
-            f"{cause.id}   {_evidence(diagnosis, cause)}",
-            cause.says,
-            verdict.effect(diagnosis, cause),
-            *([cause.formula] if cause.formula else []),
-            *([] if cause.improved else [verdict.whether_improved(cause)]),
-        ],
-    )
+    named = [f"{cause.id}   {_evidence(diagnosis, cause)}", cause.says, verdict.effect(diagnosis, cause)]
+    named += [cause.formula] if cause.formula else []
+    yield "Named cause", named if cause.improved else [*named, verdict.whether_improved(cause)]
     told = [f"{other}: {says}" for other, says in verdict.rivals_left(cause)]
     if told:
         share = f"its own share of that probability is {verdict.probability(cause.member_probability)}"
@@ -119,10 +103,7 @@ def _cause(diagnosis: Diagnosis, cause: Named) -> Iterator[tuple[str, Sequence[s
 
 
 def _evidence(diagnosis: Diagnosis, cause: Named) -> str:
-    against = (
-        f"null {verdict.figures(diagnosis.null_log_bayes_factor)}, threshold {verdict.figures(diagnosis.threshold)}"
-    )
-    bayes = f"ln BF {verdict.figures(cause.log_bayes_factor)}, {against}"
+    bayes = f"ln BF {verdict.figures(cause.log_bayes_factor)}, {verdict.against(diagnosis)}"
     return f"probability {verdict.probability(cause.probability)} ({bayes})"
 
 
@@ -140,15 +121,12 @@ def _gain(diagnosis: Diagnosis) -> Iterator[str]:
     if diagnosis.causes:
         yield from _before_and_after(diagnosis.gain)
     else:
-        recalibrated = (
-            f"{words.name(g.node)} {g.published_mae_K:.1f} -> {words.kelvin(g.mae_before_K)}" for g in diagnosis.gain
-        )
+        falls = [(words.name(g.node), g.published_mae_K, words.kelvin(g.mae_before_K)) for g in diagnosis.gain]
+        recalibrated = [f"{node} {published:.1f} -> {before}" for node, published, before in falls]
         yield f"by recalibration alone: {' · '.join(recalibrated)}"
-    outside = max(gain.outside_trained_share for gain in diagnosis.gain)
+    outside = f"{100 * max(g.outside_trained_share for g in diagnosis.gain):.0f} % of the time outside trained points"
     interval = f"95 % intervals {diagnosis.gain[0].interval}; " if diagnosis.causes else ""
-    yield (
-        f"{words.joined(diagnosis.held_out_names)}; {interval}{100 * outside:.0f} % of the time outside trained points"
-    )
+    yield f"{words.joined(diagnosis.held_out_names)}; {interval}{outside}"
     yield from gain_notes(diagnosis)
 
 

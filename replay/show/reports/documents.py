@@ -16,6 +16,7 @@ from replay.engine.results.run import Run
 from replay.engine.results.sealed import load_run
 from replay.engine.runs.campaign import replay_sessions
 from replay.errors import ReplayDataError
+from replay.show.plots.compare import MODELS
 from replay.show.reports.diagnosis_report import write_diagnosis_report
 from replay.show.reports.diagnosis_text import answer_markdown
 from replay.show.reports.layers import write_filtered, write_measured, write_open_loop
@@ -30,11 +31,8 @@ NAMED = ("whyhot", "numpy", "scipy", "numba", "pyarrow", "matplotlib")
 def write_replay_report(
     store: Store, facts: Facts, sessions: Sequence[str], target: Path, command: str, model: str | None = None
 ) -> list[Run]:
-    """The report of the latest run of each session (all replayed ones where none is named); returns these runs.
-
-    `model`: id of the model that they are to be of, None for any. Raises ReplayDataError where a session has no such
-    run.
-    """
+    """The report of the latest run of each session (all replayed ones where none is named), with the model of id
+    `model`, None for any; returns these runs. Raises ReplayDataError where a session has no such run."""
     chosen = [facts.session(text) for text in sessions] or [s for s in facts.sessions if latest_run(facts, s, model)]
     if not chosen:
         raise ReplayDataError(f"no session of this store was replayed{_with(facts, model)}, then report.")
@@ -45,12 +43,9 @@ def write_replay_report(
 
 
 def write_layers(store: Store, facts: Facts, sessions: Sequence[str], folder: Path) -> list[Path]:
-    """One .rrd a layer and session: `<session>.measured.rrd` and, where it was replayed, `<session>.open_loop.rrd` and,
-    where a filter ran, `<session>.filtered.rrd`; `<session>.extended.rrd` where a diagnosis extended the model and its
-    report was made.
-
-    Raises ViewerError where rerun is not installed.
-    """
+    """One .rrd for each layer of a session: `<session>.measured.rrd`, `.open_loop.rrd` where it was replayed,
+    `.filtered.rrd` where a filter ran, `.extended.rrd` where a diagnosis extended the model and its report was made.
+    Raises ViewerError where rerun is not installed."""
     folder.mkdir(parents=True, exist_ok=True)
     paths = []
     for session in (facts.session(text) for text in sessions):
@@ -83,8 +78,7 @@ class _Extension:
 
 
 def _extension(store: Store, facts: Facts, session: SessionRecorded) -> _Extension | None:
-    """The last diagnosis that extended a model over a session; None where there is none, or where its report, which
-    replays the session, was not made yet."""
+    """None where no diagnosis did, or where its report, which replays the session, was not made yet."""
     runs = {event.model: event for event in facts.runs.values() if event.session == session.session}
     for completed in reversed(list(facts.diagnoses.values())):
         if session.session in (*completed.key["train"], *completed.key["kept"]):
@@ -98,21 +92,13 @@ def write_diagnosis(
     store: Store, diagnosis: Diagnosis, target: Path, command: str, tell: Callable[[str], None] = lambda _: None
 ) -> dict[str, dict[str, Run]]:
     """The report of a diagnosis; returns its runs, session -> model as the report calls it -> run. Its sessions are
-    replayed first under the model as published, recalibrated and extended, where the ledger does not have these
-    runs."""
+    replayed first under its models, where the ledger does not have these runs."""
     names = [*diagnosis.train, *diagnosis.held_out]
-    models = {
-        "published": diagnosis.model,
-        "recalibrated": diagnosis.recalibrated_model,
-        "extended": diagnosis.extended_model,
-    }
+    models = (diagnosis.model, diagnosis.recalibrated_model, diagnosis.extended_model)
+    sessions = [at(store.ledger).session(name) for name in names]
     runs: dict[str, dict[str, Run]] = {name: {} for name in names}
-    for label, model in models.items():
-        if model is None:
-            continue
-        facts = at(store.ledger)
-        sessions = [facts.session(name) for name in names]
-        outcomes = replay_sessions(store, sessions, model, diagnosis.level, 1, tell)
+    for label, model in zip(MODELS, models, strict=True):
+        outcomes = replay_sessions(store, sessions, model, diagnosis.level, 1, tell) if model else []
         facts = at(store.ledger)
         for outcome in outcomes:
             if outcome.run:
@@ -124,11 +110,9 @@ def write_diagnosis(
 
 def _difference(store: Store, diagnosis: Diagnosis) -> str:
     """What the extended motor and bench files say otherwise."""
-    parts = []
-    if diagnosis.extended_model and diagnosis.recalibrated_model:
-        parts.append((diagnosis.recalibrated_model, diagnosis.extended_model))
-    if diagnosis.extended_bench and diagnosis.recalibrated_bench:
-        parts.append((diagnosis.recalibrated_bench, diagnosis.extended_bench))
+    models = (diagnosis.recalibrated_model, diagnosis.extended_model)
+    benches = (diagnosis.recalibrated_bench, diagnosis.extended_bench)
+    parts = ((old, new) for old, new in (models, benches) if old and new)
     return "\n".join(text_diff(store.archive.read(old), store.archive.read(new)) for old, new in parts)
 
 

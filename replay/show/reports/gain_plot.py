@@ -12,7 +12,7 @@ from replay.show.plots.compare import MODELS
 from replay.show.plots.plots import WIDTH
 from replay.show.reports.verdict import change
 from replay.show.words import words
-from replay.show.words.figure import FigureTable, Plot, inline_svg, style
+from replay.show.words.figure import KEY_ABOVE, FigureTable, Plot, inline_svg, style
 from replay.show.words.palette import INK
 from replay.studies.diagnosis.answer import Diagnosis, KeptGain
 
@@ -24,8 +24,8 @@ READING = (
 
 
 def gain_bars(diagnosis: Diagnosis) -> Plot | None:
-    """Bars by node: as published, recalibrated and, where a cause was named, with it; furthest off first. None without
-    kept data."""
+    """Bars by node, furthest off first: as published, recalibrated, with a cause that was named. None without kept
+    data."""
     gains = sorted(diagnosis.gain, key=lambda g: -g.published_mae_K)
     if not gains:
         return None
@@ -74,7 +74,7 @@ def _draw(gains: Sequence[KeptGain], named: bool) -> Figure:
     axes.tick_params(axis="y", length=0)
     axes.set_xlim(0, None)
     axes.set_xlabel("mean error on kept sessions [K]")
-    axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=3, frameon=False, borderpad=0, handlelength=1.2)
+    axes.legend(**KEY_ABOVE, ncols=3, handlelength=1.2)
     return figure
 
 

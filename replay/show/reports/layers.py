@@ -1,8 +1,7 @@
-"""Layers for the rerun viewer: one .rrd a layer, all of one session in one recording, so that they lie over one
-another.
+"""Layers for the rerun viewer, one .rrd each. Those of a session lie over one another: all have its id as the id of
+their recording, and each has entity paths of its own.
 
-Files with the same application and recording id and different entity paths overlay; so the recording id is the
-session's. Paths: `measured/<node>/<channel>`, `inputs/<quantity>/<channel>`, `ignored/<quantity>/<channel>`,
+Paths: `measured/<node>/<channel>`, `inputs/<quantity>/<channel>`, `ignored/<quantity>/<channel>`,
 `phase/<channel>`; `open_loop/<model>/<node>`, `residual/<model>/<node>/<channel>`, `masked/<model>/<channel>`,
 `heat/<model>`; `filtered/<model>/<node>`, `loss/<model>/<node>/estimated`, `from`, `to` and `modelled`;
 `extended/<model>/<node>`; `answer/...` for text. Every function raises ViewerError where rerun is not installed.
@@ -44,29 +43,26 @@ MISSING = not_installed("the rerun viewer")
 def write_measured(
     session: SessionRecorded, channels: Sequence[ChannelData], target: Path, run: Run | None = None
 ) -> None:
-    """What was recorded, at its own rate: temperatures of nodes, inputs by quantity, states as phases.
-
-    `run`: the replay that is opened along; both layers then bring the same layout, whichever is read first.
-    """
+    """What was recorded, at its own rate: temperatures of nodes, inputs by quantity, states as phases. `run`: the
+    replay that is opened along, so that both layers bring the same layout, whichever is read first."""
     rr = _rerun()
     full = [channel for channel in channels if channel.t_ns.size]
     with _recording(session.session, session.name, target, of_run(run) if run else of_channels(full)) as stream:
         _write_text(stream, path("answer", "recording"), _about(session, full))
         beside: Counter[str] = Counter()  # lines already in the same view
         for channel in full:
-            where, times = measured_path(channel), _times(channel.t_ns, session.absolute)
+            where, absolute = measured_path(channel), session.absolute
             if channel.spec.quantity == "state":
                 changes = np.flatnonzero(np.r_[True, np.diff(channel.value) != 0])
                 states = [words.number(value) for value in channel.value[changes]]
-                stream.send_columns(
-                    where, [_times(channel.t_ns[changes], session.absolute)], rr.StateChange.columns(state=states)
-                )
+                times = [_times(channel.t_ns[changes], absolute)]
+                stream.send_columns(where, times, rr.StateChange.columns(state=states))
                 continue
             name = f"{channel.spec.name} [{channel.spec.stored_unit}]"
             view_name = where.split("/")[0] + view_of(channel.spec.quantity)
-            _style(stream, where, name, colour(beside[view_name]), MEASURED_WIDTH)
+            style = (name, colour(beside[view_name]), MEASURED_WIDTH)
             beside[view_name] += 1
-            stream.send_columns(where, [times], rr.Scalars.columns(scalars=channel.value))
+            _line(stream, where, style, channel.t_ns, channel.value, absolute)
 
 
 def measured_path(channel: ChannelData) -> str:
@@ -92,59 +88,51 @@ def write_open_loop(run: Run, target: Path, layer: str = "open_loop", over: Run 
     with _recording(run.session, run.session_name, target, blueprint) as stream:
         _write_text(stream, path("answer", model), says or _findings(run))
         for i, node in enumerate(run.nodes):
-            where = path(layer, model, node)
-            _style(stream, where, f"{words.name(node)} {called}", colour(i, dark=False), MODEL_WIDTH)
-            _send(stream, where, run.t_ns, run.temperatures[:, i], run.absolute)
-        for observed in run.observed:
-            where = path("residual", model, observed.node, observed.channel)
-            _style(stream, where, f"{observed.channel} − model [K]", colour(_index(run, observed.node)), MODEL_WIDTH)
-            _send(stream, where, observed.t_ns, np.where(observed.used, observed.residual, np.nan), run.absolute)
-            if not observed.used.all():
-                _write_masked(
-                    stream, path("masked", model, observed.channel), observed.t_ns, observed.used, run.absolute
-                )
-        _style(stream, path("heat", model), "the network's heat [W]", colour(1), MODEL_WIDTH)
-        _send(stream, path("heat", model), run.t_ns[:-1], run.losses_W, run.absolute)
+            style = (f"{words.name(node)} {called}", colour(i, dark=False), MODEL_WIDTH)
+            _line(stream, path(layer, model, node), style, run.t_ns, run.temperatures[:, i], run.absolute)
+        for o in run.observed:
+            style = (f"{o.channel} − model [K]", colour(_index(run, o.node)), MODEL_WIDTH)
+            residual = np.where(o.used, o.residual, np.nan)
+            _line(stream, path("residual", model, o.node, o.channel), style, o.t_ns, residual, run.absolute)
+            if not o.used.all():
+                _write_masked(stream, path("masked", model, o.channel), o.t_ns, o.used, run.absolute)
+        style = ("the network's heat [W]", colour(1), MODEL_WIDTH)
+        _line(stream, path("heat", model), style, run.t_ns[:-1], run.losses_W, run.absolute)
 
 
 def write_filtered(run: Run, target: Path) -> None:
     """What filter and smoother say: every node's temperature, and the heat that they estimate with a band, beside the
-    modelled one.
-
-    Raises ValueError for a run without a filter.
-    """
+    modelled one. Raises ValueError for a run without a filter."""
     _rerun()
     model, filtered = words.short(run.model), run.filtered
     if filtered is None:
         raise ValueError(f"run {run.run} has no filter")
+    smoothed, begins, ends = filtered.smoothed, run.t_ns[:-1], run.t_ns[1:]
     with _recording(run.session, run.session_name, target, of_run(run)) as stream:
         for i, node in enumerate(run.nodes):
+            style = (f"{words.name(node)} filtered", colour(i, dark=False), FILTERED_WIDTH)
             where = path("filtered", model, node)
-            _style(stream, where, f"{words.name(node)} filtered", colour(i, dark=False), FILTERED_WIDTH)
-            _send(stream, where, run.t_ns, filtered.temperatures[:, i], run.absolute)
-            if filtered.smoothed is not None:
-                smooth = path("filtered", model, node, "smoothed")
-                _style(stream, smooth, f"{words.name(node)} smoothed", colour(i, dark=False), MODEL_WIDTH)
-                _send(stream, smooth, run.t_ns, filtered.smoothed.temperatures[:, i], run.absolute)
+            _line(stream, where, style, run.t_ns, filtered.temperatures[:, i], run.absolute)
+            if smoothed is not None:
+                style = (f"{words.name(node)} smoothed", colour(i, dark=False), MODEL_WIDTH)
+                where = path("filtered", model, node, "smoothed")
+                _line(stream, where, style, run.t_ns, smoothed.temperatures[:, i], run.absolute)
         band = BAND_SD * filtered.heat_sd_W
-        lines = {
-            "modelled": (filtered.nominal_W, 1, MODEL_WIDTH),
-            "from": (filtered.heat_W - band, 0, BAND_WIDTH),
-            "to": (filtered.heat_W + band, 0, BAND_WIDTH),
-            "estimated": (filtered.heat_W, 0, MEASURED_WIDTH),
+        heats = {  # the filter knows a step's heat at its end
+            "modelled": (ends, filtered.nominal_W, 1, MODEL_WIDTH),
+            "from": (ends, filtered.heat_W - band, 0, BAND_WIDTH),
+            "to": (ends, filtered.heat_W + band, 0, BAND_WIDTH),
+            "estimated": (ends, filtered.heat_W, 0, MEASURED_WIDTH),
         }
-        for name, (watts, index, width) in lines.items():
+        if smoothed is not None:  # the smoother's holds in the step that begins there
+            band = BAND_SD * smoothed.heat_sd_W
+            heats["smoothed"] = (begins, smoothed.heat_W, 3, MEASURED_WIDTH)
+            heats["smoothed_from"] = (begins, smoothed.heat_W - band, 3, BAND_WIDTH)
+            heats["smoothed_to"] = (begins, smoothed.heat_W + band, 3, BAND_WIDTH)
+        for name, (t_ns, watts, index, width) in heats.items():
+            says = f"loss of the {words.name(filtered.node)}, {name.replace('_', ' ')} [W]"
             where = path("loss", model, filtered.node, name)
-            _style(stream, where, f"loss of the {words.name(filtered.node)}, {name} [W]", colour(index), width)
-            _send(stream, where, run.t_ns[1:], watts, run.absolute)  # known at the end of each step
-        if filtered.smoothed is not None:
-            smoothed, band = filtered.smoothed.heat_W, BAND_SD * filtered.smoothed.heat_sd_W
-            heats = {"smoothed": smoothed, "smoothed_from": smoothed - band, "smoothed_to": smoothed + band}
-            for name, watts in heats.items():
-                where = path("loss", model, filtered.node, name)
-                says = f"loss of the {words.name(filtered.node)}, {name.replace('_', ' ')} [W]"
-                _style(stream, where, says, colour(3), MEASURED_WIDTH if name == "smoothed" else BAND_WIDTH)
-                _send(stream, where, run.t_ns[:-1], watts, run.absolute)  # holds in the step that begins there
+            _line(stream, where, (says, colour(index), width), t_ns, watts, run.absolute)
 
 
 def _rerun() -> Any:
@@ -169,21 +157,25 @@ def _recording(recording_id: str, name: str, target: Path, blueprint: Any) -> It
 
 
 def _times(t_ns: NDArray[np.int64], absolute: bool) -> Any:
-    """The timeline `time` in UTC, or `since_start` without absolute time: one application holds one type under one
-    name."""
+    """The timeline `time` in UTC, or `since_start` without absolute time: a timeline's name has one type."""
     rr = _rerun()
     if absolute:
         return rr.TimeColumn("time", timestamp=t_ns.astype("datetime64[ns]"))
     return rr.TimeColumn("since_start", duration=t_ns.astype("timedelta64[ns]"))
 
 
-def _send(stream: Any, where: str, t_ns: NDArray[np.int64], values: NDArray[np.float64], absolute: bool) -> None:
-    stream.send_columns(where, [_times(t_ns, absolute)], _rerun().Scalars.columns(scalars=values))
-
-
-def _style(stream: Any, where: str, name: str, rgba: int, width: float) -> None:
-    rr = _rerun()
+def _line(
+    stream: Any,
+    where: str,
+    style: tuple[str, int, float],
+    t_ns: NDArray[np.int64],
+    values: NDArray[np.float64],
+    absolute: bool,
+) -> None:
+    """A line of the viewer. `style`: its name, colour 0xRRGGBBAA and width."""
+    rr, (name, rgba, width) = _rerun(), style
     stream.log(where, rr.SeriesLines(colors=[rgba], widths=[width], names=[name]), static=True)
+    stream.send_columns(where, [_times(t_ns, absolute)], rr.Scalars.columns(scalars=values))
 
 
 def _write_masked(stream: Any, where: str, t_ns: NDArray[np.int64], used: NDArray[np.bool_], absolute: bool) -> None:
@@ -210,18 +202,14 @@ def _about(session: SessionRecorded, channels: Sequence[ChannelData]) -> str:
 
 def _findings(run: Run) -> str:
     rows = "\n".join(f"- {finding(error)}" for error in worst_first(run.summary))
-    source = (
-        f"Model {run.motor} {words.short(run.model)}, open loop; digest {words.short(run.digest)}. Residual: measured "
-        "minus model."
-    )
+    model, digest = f"Model {run.motor} {words.short(run.model)}", f"digest {words.short(run.digest)}"
+    source = f"{model}, open loop; {digest}. Residual: measured minus model."
     return f"# {run.session_name}\n{answer([run.summary])}\n\n{rows}\n\n{source}\n"
 
 
 def view(paths: Sequence[Path]) -> None:
     """Open layers in the viewer and return; it listens on this machine only, and its usage statistics are switched off.
-
-    Raises ViewerError where rerun is not installed or the viewer stops at once.
-    """
+    Raises ViewerError where rerun is not installed or the viewer stops at once."""
     program = _program()
     subprocess.run([program, "analytics", "disable"], capture_output=True, check=False)
     command = [program, "--bind", "127.0.0.1", "--port", "auto", *map(str, paths)]
@@ -235,10 +223,8 @@ def view(paths: Sequence[Path]) -> None:
         said.seek(0)
         why = (said.read().decode(errors="replace").strip().splitlines() or ["no reason given"])[-1]
     if code:
-        raise ViewerError(
-            f"the rerun viewer stopped at once: {why}. Is there a display? To try again: rerun "
-            f"{' '.join(map(str, paths))}"
-        )
+        again = f"rerun {' '.join(map(str, paths))}"
+        raise ViewerError(f"the rerun viewer stopped at once: {why}. Is there a display? To try again: {again}")
 
 
 def _program() -> str:

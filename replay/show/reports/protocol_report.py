@@ -1,4 +1,4 @@
-"""The report of a protocol: one HTML file that asks for nothing, reads in light and dark and prints on A4."""
+"""The report of a protocol: one HTML file that needs no other, reads in light and dark and prints on A4."""
 
 from __future__ import annotations
 

@@ -1,5 +1,4 @@
-"""The ranking of causes: evidence as bars, with the line that chance alone reaches and the one that a term must
-exceed."""
+"""The ranking of causes: evidence as bars, with what chance alone reaches and what a term must exceed."""
 
 from __future__ import annotations
 
@@ -11,9 +10,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from replay.show.plots.plots import WIDTH
-from replay.show.reports.verdict import figures
+from replay.show.reports.verdict import against, figures
 from replay.show.words import words
-from replay.show.words.figure import FigureTable, Plot, inline_svg, style
+from replay.show.words.figure import KEY_ABOVE, FigureTable, Plot, inline_svg, style
 from replay.show.words.palette import INK, SERIES, SOFT
 from replay.studies.diagnosis.answer import Diagnosis, Rival
 
@@ -54,10 +53,8 @@ def ranking(diagnosis: Diagnosis) -> Plot | None:
 
 def _bars(diagnosis: Diagnosis) -> list[Bar]:
     named = [Bar(c.id, c.log_bayes_factor, NAMED, SERIES["green"][0]) for c in diagnosis.causes]
-    unknown = [
-        Bar(f"Unknown heat at {words.name(heat.node)}", heat.log_bayes_factor, UNKNOWN, SERIES["purple"][0])
-        for heat in diagnosis.unknown
-    ]
+    purple, heats = SERIES["purple"][0], diagnosis.unknown
+    unknown = [Bar(f"Unknown heat at {words.name(h.node)}", h.log_bayes_factor, UNKNOWN, purple) for h in heats]
     rivals = [Bar(r.id, r.log_bayes_factor, r.why_not, SOFT[0]) for r in _ranked(diagnosis.rivals)]
     return _ranked([*named, *unknown, *rivals[: max(SHOWN - len(named) - len(unknown), 0)]])
 
@@ -67,17 +64,15 @@ def _ranked(entries: Sequence[Ranked]) -> list[Ranked]:
 
 
 def _title(diagnosis: Diagnosis, bars: Sequence[Bar]) -> str:
-    against = f"null {figures(diagnosis.null_log_bayes_factor)}, threshold {figures(diagnosis.threshold)}"
+    limits = against(diagnosis)
     lead = next((bar for bar in bars if bar.ended in (NAMED, UNKNOWN)), None)
     if lead is None:
-        return (
-            f"No candidate was named: the best is {bars[0].name} at ln BF {figures(bars[0].log_bayes_factor)} "
-            f"({against})"
-        )
+        best = f"{bars[0].name} at ln BF {figures(bars[0].log_bayes_factor)}"
+        return f"No candidate was named: the best is {best} ({limits})"
     rivals = [bar.log_bayes_factor for bar in bars if bar.ended not in (NAMED, UNKNOWN)]
     ahead = lead.log_bayes_factor - max(rivals, default=0.0)
     margin = f", {figures(ahead)} ahead of the best rival" if rivals and ahead > 0 else ""
-    return f"{lead.name}: ln BF {figures(lead.log_bayes_factor)}{margin} ({against})"
+    return f"{lead.name}: ln BF {figures(lead.log_bayes_factor)}{margin} ({limits})"
 
 
 def _draw(diagnosis: Diagnosis, bars: Sequence[Bar]) -> Figure:
@@ -107,4 +102,4 @@ def _draw_thresholds(axes: Axes, diagnosis: Diagnosis, bars: int) -> None:
     ):
         label = f"{text} {figures(value)}"
         axes.vlines([value] * bars, tops, bottoms, color=INK[0], linewidth=1.0, linestyle=dashes, label=label)
-    axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, frameon=False, borderpad=0, handlelength=2.6)
+    axes.legend(**KEY_ABOVE, ncols=2, handlelength=2.6)

@@ -1,4 +1,4 @@
-"""The report of a replay: one HTML file that asks for nothing, reads in light and dark and prints on A4."""
+"""The report of a replay: one HTML file that needs no other, reads in light and dark and prints on A4."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from replay.show.plots.filter_plots import filter_over_time
 from replay.show.plots.heat_plots import heat_balance
 from replay.show.plots.meter_plots import meter_over_time
 from replay.show.plots.plots import groups, inputs_over_time, over_time
-from replay.show.words import heat_words, words
+from replay.show.words import words
 from replay.show.words.figure import Plot
-from replay.show.words.filter_words import filter_says
 from replay.show.words.findings import answer, power_balance, worst_first
 from replay.show.words.page import template
+from replay.show.words.terminal import heat_says
 
 COLUMNS = 600  # pixel columns that a line is thinned to ...
 FILTER_LINES = 11  # of a plot of filter and smoother, its band as two
@@ -27,8 +27,7 @@ LINES = 120  # ... up to this many lines; above, each gets fewer, so that the fi
 
 @dataclass(frozen=True)
 class ReportContext:
-    """Where the report comes from: the command typed, the store's head, versions of what computed it (name ->
-    version)."""
+    """Where the report comes from: the command typed, the store's head, versions of what computed it by name."""
 
     command: str
     store_head: str
@@ -45,8 +44,7 @@ class SessionPlots:
 
 
 def write_report(runs: Sequence[Run], target: Path, context: ReportContext) -> None:
-    """Write the report of one replay (a run a session, in the order wanted) to `target`. The same runs give the same
-    bytes."""
+    """Write the report of runs, one a session, to `target`. The same runs give the same bytes."""
     summaries = [run.summary for run in runs]
     page = template("report.html.j2").render(
         answer=answer(summaries),
@@ -55,24 +53,12 @@ def write_report(runs: Sequence[Run], target: Path, context: ReportContext) -> N
         sessions=_sessions(runs),
         maps=[plot for plot in (error_map(runs), error_along(runs)) if plot is not None],
         balances=power_balance(summaries),
-        heats=[(run.session_name, said) for run in runs if (said := _heat(run))],
+        heats=[(run.session_name, said) for run in runs if (said := [*map(words.capital, heat_says(run.summary))])],
         meters=[(run.session_name, one) for run in runs for one in run.summary.meters],
         notes=[(run.session_name, run.summary.note) for run in runs if run.summary.note],
         context=context,
     )
     target.write_text(page, encoding="utf-8")
-
-
-def _heat(run: Run) -> list[str]:
-    """What a run says of heat, hot spots, its filter, limits and derating, a sentence each."""
-    summary = run.summary
-    told = [
-        heat_words.heat(summary),
-        heat_words.hottest(summary),
-        *filter_says(summary),
-        *heat_words.above_limits(summary),
-    ]
-    return [words.capital(text) for text in (*told, *heat_words.derating(summary)) if text]
 
 
 def _sessions(runs: Sequence[Run]) -> list[SessionPlots]:

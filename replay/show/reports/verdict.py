@@ -13,11 +13,8 @@ from twin.motor.causes import parse, says
 
 UNITS: Mapping[str, str] = {"degC": "°C", "lpm": "l/min"}  # as stored -> as people write it
 ON_THE_BENCH = ("sensor", "clock", "input", "boundary")  # kinds of cause that the bench file corrects
-FACTORS = ("scale",)  # laws whose size multiplies what was there
 NO_SIZE = ("hold", "stuck", "saturation", "dropout", "undersampled")  # faults that are there or not
 NUMBERS = ("No cause", "One cause", "Two causes", "Three causes", "Four causes", "Five causes")
-
-
 FAR = 2.0  # floors: a recalibrated model that stays further off on kept sessions lacks something
 
 
@@ -53,9 +50,8 @@ def ending(diagnosis: Diagnosis) -> Ending:
         return Ending.NAMED
     if diagnosis.unknown:
         return Ending.UNKNOWN
-    return (
-        Ending.CANNOT_TELL if not (diagnosis.shown and diagnosis.candidates) or left_over(diagnosis) else Ending.AGREES
-    )
+    tried = diagnosis.shown and diagnosis.candidates
+    return Ending.AGREES if tried and not left_over(diagnosis) else Ending.CANNOT_TELL
 
 
 def node_errors(shown: Sequence[Shown]) -> list[NodeError]:
@@ -74,16 +70,12 @@ def left_over(diagnosis: Diagnosis) -> list[str]:
     where there are none and a further test is asked for."""
     errors = {error.node: error for error in node_errors(diagnosis.shown)}
     if diagnosis.gain:
-        floors = {node: error.floor_K for node, error in errors.items()}
-        far = {node: FAR * floor for node, floor in floors.items()}
+        far = {node: FAR * error.floor_K for node, error in errors.items()}
         left = {g.node: g.mae_before_K for g in diagnosis.gain if g.mae_before_K > far.get(g.node, math.inf)}
     else:
         asked = diagnosis.next_test is not None
         left = {node: e.mean_K for node, e in errors.items() if asked and not e.within_floor}
     return [f"{words.name(node)} {words.kelvin(off)}" for node, off in left.items()]
-
-
-# ---- what is wrong -------------------------------------------------------------------------------------------------
 
 
 def what_is_wrong(diagnosis: Diagnosis) -> str:
@@ -98,15 +90,10 @@ def what_is_wrong(diagnosis: Diagnosis) -> str:
     if not wrong:
         return f"nothing: every node is within its floor ({floor})"
     place = words.where(wrong[0].where)
-    first = (
-        f"{words.name(wrong[0].node)} {words.kelvin(wrong[0].mean_K)} mean, {words.kelvin(wrong[0].max_K)} worst"
-        f"{', most ' + place if place else ''}"
-    )
+    first = f"{words.name(wrong[0].node)} {words.kelvin(wrong[0].mean_K)} mean, {words.kelvin(wrong[0].max_K)} worst"
+    first += f", most {place}" if place else ""
     others = [f"{words.name(error.node)} {words.kelvin(error.mean_K)}" for error in wrong[1:]]
     return " · ".join([first, *others, *([f"all else within its floor ({floor})"] if fine else [])])
-
-
-# ---- causes --------------------------------------------------------------------------------------------------------
 
 
 def figures(value: float) -> str:
@@ -130,7 +117,7 @@ def size(cause: Named) -> str:
     law = parse(cause.id).law
     if law in NO_SIZE or law.startswith("swap_"):
         return ""
-    if law in FACTORS:
+    if law == "scale":  # its size multiplies what was there
         return f"factor {figures(cause.estimate)} ({figures(cause.ci95[0])} to {figures(cause.ci95[1])})"
     scale, written = (100.0, "%") if cause.unit == "1" else (1.0, unit(cause.unit))
     low, high = (figures(scale * end) for end in cause.ci95)
@@ -181,9 +168,6 @@ def whether_improved(cause: Named) -> str:
     return f"named, but no file is changed for it: {why}"
 
 
-# ---- unknown -------------------------------------------------------------------------------------------------------
-
-
 def watts(heat: UnnamedHeat) -> str:
     """ "adds 20 to 45 W at endwinding b", "takes 20 to 45 W away from endwinding b"."""
     low, high = sorted(heat.watts)
@@ -214,9 +198,6 @@ def unknown_sentence(heat: UnnamedHeat) -> str:
     return f"Something {' '.join(filter(None, [watts(heat), active(heat)]))}; no candidate explains it."
 
 
-# ---- gain ----------------------------------------------------------------------------------------------------------
-
-
 def change(gain: KeptGain) -> str:
     """ "better", "worse" or "unchanged": what the whole interval of the difference says."""
     low, high = sorted(gain.ci95_K)
@@ -226,24 +207,15 @@ def change(gain: KeptGain) -> str:
 
 
 def gained(diagnosis: Diagnosis) -> str:
-    """ "from 6.1 K to 0.9 K at the magnet and from 5.2 K to 0.8 K at the rotor": nodes that are better, most first; ""
-    if none."""
+    """ "from 6.1 K to 0.9 K at the magnet and from 5.2 K to 0.8 K at the rotor": nodes that are better, most first."""
     better = [gain for gain in diagnosis.gain if change(gain) == "better"]
     told = sorted(better, key=lambda gain: gain.mae_after_K - gain.mae_before_K)[:3]
-    return words.joined(
-        [
-            f"from {words.kelvin(g.mae_before_K)} to {words.kelvin(g.mae_after_K)} at the {words.name(g.node)}"
-            for g in told
-        ]
-    )
-
-
-# ---- the answer ----------------------------------------------------------------------------------------------------
+    falls = [(words.kelvin(g.mae_before_K), words.kelvin(g.mae_after_K), words.name(g.node)) for g in told]
+    return words.joined([f"from {before} to {after} at the {node}" for before, after, node in falls])
 
 
 def answer(diagnosis: Diagnosis) -> str:
-    """One to three sentences that answer why the motor is hotter than the model says; the test that would, where none
-    can."""
+    """One to three sentences that answer why the motor is hotter than the model says, or the test that would."""
     open_ended = ending(diagnosis) in (Ending.UNKNOWN, Ending.CANNOT_TELL)
     if not open_ended or diagnosis.next_test is None:
         return finding(diagnosis)
@@ -268,12 +240,9 @@ def finding(diagnosis: Diagnosis) -> str:
 def _named(diagnosis: Diagnosis) -> str:
     if len(diagnosis.causes) == 1:
         cause = diagnosis.causes[0]
-        told = [says_so for _, says_so in rivals_left(cause)]
-        if told:
-            return (
-                f"One of {len(told) + 1} causes that these sessions cannot tell apart: "
-                f"{'; '.join([cause.says, *told])}."
-            )
+        told = [cause.says, *(says_so for _, says_so in rivals_left(cause))]
+        if len(told) > 1:
+            return f"One of {len(told)} causes that these sessions cannot tell apart: {'; '.join(told)}."
         return f"{words.capital(_with_size(cause))}, probability {probability(cause.probability)}."
     many = len(diagnosis.causes)
     count = NUMBERS[many] if many < len(NUMBERS) else f"{many} causes"
@@ -282,7 +251,7 @@ def _named(diagnosis: Diagnosis) -> str:
 
 def _with_size(cause: Named) -> str:
     others = len(cause.indistinguishable_from)
-    apart = f", not told apart from {others} other{'s' * (others != 1)}" if others else ""
+    apart = f", not told apart from {words.counted(others, 'other')}" if others else ""
     return f"{cause.says}{', ' + size(cause) if size(cause) else ''}{apart}"
 
 
@@ -303,19 +272,23 @@ def _agrees(diagnosis: Diagnosis) -> str:
         return f"The twin agrees with these sessions within its floor; {tried}."
     if not diagnosis.gain:
         return f"No cause beyond the model's own coefficients has evidence; {tried}."
+    off = f"{words.kelvin(wrong[0].mean_K)} off at the {words.name(wrong[0].node)}"
     return (
-        f"No new cause is needed: the model as published is {words.kelvin(wrong[0].mean_K)} off at the "
-        f"{words.name(wrong[0].node)}, and its own coefficients, moved within what the motor file allows, take that "
-        f"away; {tried}."
+        f"No new cause is needed: the model as published is {off}, and its own coefficients, moved within what the "
+        f"motor file allows, take that away; {tried}."
     )
 
 
+def against(diagnosis: Diagnosis) -> str:
+    """ "null 3.2, threshold 6.4": what evidence is compared with."""
+    return f"null {figures(diagnosis.null_log_bayes_factor)}, threshold {figures(diagnosis.threshold)}"
+
+
 def _best(diagnosis: Diagnosis) -> str:
-    against = f"null {figures(diagnosis.null_log_bayes_factor)}, threshold {figures(diagnosis.threshold)}"
     best = max(diagnosis.rivals, key=lambda rival: rival.log_bayes_factor, default=None)
     if best is None:
-        return f"none with evidence ({against})"
-    found = f"best ln BF {figures(best.log_bayes_factor)} ({against})"
+        return f"none with evidence ({against(diagnosis)})"
+    found = f"best ln BF {figures(best.log_bayes_factor)} ({against(diagnosis)})"
     if best.log_bayes_factor <= diagnosis.threshold:
         return found
     return f"{found}: {best.id}, which is no cause all the same: see the rivals"
@@ -326,14 +299,10 @@ def _cannot_tell(diagnosis: Diagnosis) -> str:
         return "Nothing can be said: no channel of these sessions observes a node of the model with usable samples."
     if not diagnosis.candidates:
         return "Nothing can be said: these sessions leave no candidate that could be tried."
-    fits = [rival for rival in diagnosis.rivals if rival.log_bayes_factor > diagnosis.threshold]
+    off = f"{words.joined(left_over(diagnosis))} stay above the sensors' floor"
+    fits = [rival.id for rival in diagnosis.rivals if rival.log_bayes_factor > diagnosis.threshold]
+    why = f"of {diagnosis.candidates:,} candidates none stands out: {_best(diagnosis)}."
     if fits:
-        return (
-            f"These sessions cannot tell why: {words.joined(left_over(diagnosis))} stay above the sensors' floor, and "
-            f"what would explain the sessions learnt from ({words.joined([rival.id for rival in fits[:2]])}) is no "
-            "cause: see the rivals."
-        )
-    return (
-        f"These sessions cannot tell why: {words.joined(left_over(diagnosis))} stay above the sensors' floor, and of "
-        f"{diagnosis.candidates:,} candidates none stands out: {_best(diagnosis)}."
-    )
+        best = words.joined(fits[:2])
+        why = f"what would explain the sessions learnt from ({best}) is no cause: see the rivals."
+    return f"These sessions cannot tell why: {off}, and {why}"

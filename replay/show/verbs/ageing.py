@@ -1,4 +1,4 @@
-"""What heat has done to the insulation, as text 100 columns wide and as a picture."""
+"""What heat has done to the insulation, as text 100 columns wide."""
 
 from __future__ import annotations
 
@@ -28,9 +28,8 @@ def ageing_text(found: Assessment) -> str:
     if len(found.batches) > 1:
         lines += ["", *_batches(found)]
     lines += ["", *labelled("R", f"thermal resistance of the insulation; repeatability {found.repeatability_from}")]
-    lines += labelled(
-        "Rules", f"{words.joined(found.rules)}; each number is by one rule, from the least to the most of them"
-    )
+    rules = f"{words.joined(found.rules)}; each number is by one rule, from the least to the most of them"
+    lines += labelled("Rules", rules)
     if found.law:
         lines += labelled("Law", _law(found.law))
     if found.life.law:
@@ -49,57 +48,50 @@ def answer(found: Assessment) -> str:
     changed = [one for one in found.specimens if one.significant]
     if len(found.specimens) <= NAMED:
         parts += [f"{one.specimen}: {course(one)}." for one in changed]
-        for names, says in (
-            ([one.specimen for one in found.specimens if not one.significant and one.checks], FORMS["none"]),
-            ([one.specimen for one in found.specimens if not one.checks], "no check"),
-        ):
-            if names:
-                parts.append(f"{words.joined(names)}: {says}.")
+        same = [one.specimen for one in found.specimens if not one.significant and one.checks]
+        unseen = [one.specimen for one in found.specimens if not one.checks]
+        told = {FORMS["none"]: same, "no check": unseen}
+        parts += [f"{words.joined(names)}: {says}." for says, names in told.items() if names]
     else:
         forms = Counter(one.form for one in changed)
-        told = [f"{count} {FORMS[form]}" for form, count in forms.most_common()]
-        parts.append(f"{len(changed)} change beyond repeatability" + (f" ({words.joined(told)})." if told else "."))
+        counts = words.joined([f"{count} {FORMS[form]}" for form, count in forms.most_common()])
+        parts.append(f"{len(changed)} change beyond repeatability" + (f" ({counts})." if counts else "."))
     return " ".join([*parts, standing_out(found)])
 
 
 def course(one: Specimen) -> str:
     """One specimen's course in words."""
-    text = (
-        "falling steadily" if one.form == "monotone" and (one.slope_percent_per_100h or 0.0) < 0.0 else FORMS[one.form]
-    )
+    falls = one.form == "monotone" and (one.slope_percent_per_100h or 0.0) < 0.0
+    text = "falling steadily" if falls else FORMS[one.form]
     if one.change_at_dose_h is not None:
         text += f" at {one.change_at_dose_h:.0f} h"
     if one.level_from_dose_h is not None:
         text += f" until it is level from {one.level_from_dose_h:.0f} h on"
     if one.slope_percent_per_100h is not None:
-        text += f", R {one.slope_percent_per_100h:+.1f} % per 100 h".replace("-", "−")
-        if one.ci95:
-            text += f" ({one.ci95[0]:.1f} to {one.ci95[1]:.1f})".replace("-", "−")
+        band = f" ({one.ci95[0]:.1f} to {one.ci95[1]:.1f})" if one.ci95 else ""
+        text += f", R {one.slope_percent_per_100h:+.1f} % per 100 h{band}".replace("-", "−")
     return f"{text} (probability of this form {100 * one.form_probability:.0f} %)"
 
 
 def standing_out(found: Assessment) -> str:
     """The batches and specimens that are not as the others."""
-    batches = sorted((one for one in found.batches if one.outlying), key=score)
-    specimens = sorted((one for one in found.specimens if one.outlying), key=score)
+    batches = [f"batch {one.batch}" for one in sorted(found.batches, key=score) if one.outlying]
+    specimens = [one.specimen for one in sorted(found.specimens, key=score) if one.outlying]
     rate = f"false discovery rate {100 * found.false_discovery_rate:.0f} %"
-    said = []
-    if batches:
-        said.append(f"{words.joined([f'batch {one.batch}' for one in batches[:NAMED]])}{_more(batches)}")
-    if specimens:
-        said.append(f"{words.joined([one.specimen for one in specimens[:NAMED]])}{_more(specimens)}")
+    said = [_first(names) for names in (batches, specimens) if names]
     if not said:
         return f"None stands out from the others ({rate})."
     return f"Not as the others: {words.joined(said)} ({rate})."
 
 
+def _first(names: Sequence[str]) -> str:
+    more = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
+    return f"{words.joined(names[:NAMED])}{more}"
+
+
 def score(one: Specimen | Batch) -> float:
     """The one that ages fastest beyond the others first."""
     return math.inf if one.score is None else -one.score
-
-
-def _more(some: Sequence[object]) -> str:
-    return f" and {len(some) - NAMED} more" if len(some) > NAMED else ""
 
 
 def _table(found: Assessment) -> Iterator[str]:
@@ -132,7 +124,7 @@ def _apart(one: Specimen) -> str:
 def _batches(found: Assessment) -> Iterator[str]:
     yield f"{'Batch':<12}{'specimens':>10}{'R per 100 h':>14}{'above the others':>19}"
     for one in sorted(found.batches, key=score):
-        slope = "-" if one.slope_percent_per_100h is None else f"{one.slope_percent_per_100h:+.1f} %".replace("-", "−")
+        slope = _percent_per_100h(one.slope_percent_per_100h)
         above = "-" if one.score is None else f"{one.score:+.1f} sd".replace("-", "−")
         yield f"{one.batch:<12}{one.specimens:>10}{slope:>14}{above:>19}{'  stands out' if one.outlying else ''}"
 
@@ -149,10 +141,8 @@ def _lives(law: LivesLaw, criterion: str) -> str:
         ends = ["?" if end is None else f"{end:,.{digits}f}" for end in given["ci95"]]
         return f"{given['value']:,.{digits}f} ({ends[0]} to {ends[1]})"
 
-    text = (
-        f"until {criterion}: {with_band(law.median_h_at_180degC, 0)} h at 180 °C by "
-        f"{with_band(law.activation_energy_eV, 2)} eV"
-    )
+    hours, energy = with_band(law.median_h_at_180degC, 0), with_band(law.activation_energy_eV, 2)
+    text = f"until {criterion}: {hours} h at 180 °C by {energy} eV"
     if law.temperature_index_degC is None or law.halving_interval_K is None:
         return f"{text}; {law.why_no_index}"
     index, halving = with_band(law.temperature_index_degC, 0), with_band(law.halving_interval_K, 1)
@@ -182,10 +172,12 @@ def _hours(value: float | None) -> str:
 
 
 def _slope(one: Specimen) -> str:
-    """The slope of a specimen: its own where its course is beyond repeatability, else what it and its fleet together
-    say."""
+    """The slope of a specimen: its own where its course is beyond repeatability, else that of it and its fleet."""
     own, fleet = one.slope_percent_per_100h, one.fleet_slope_percent_per_100h
-    slope = own if one.significant or fleet is None else fleet
+    return _percent_per_100h(own if one.significant or fleet is None else fleet)
+
+
+def _percent_per_100h(slope: float | None) -> str:
     return "-" if slope is None else f"{slope:+.1f} %".replace("-", "−")
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 from replay.show.verbs.ageing import answer, score
-from replay.show.words.figure import save, style
+from replay.show.words.figure import KEY_ABOVE, save, style
 from replay.show.words.palette import COLOURS, DASHES, INK, PAPER, SOFT
 from replay.studies.ageing.assessment import Assessment, Specimen
 
@@ -36,7 +36,7 @@ def picture(found: Assessment, target: Path) -> None:
         axes.set_xlabel(f"hours above {found.threshold_degC:g} °C")
         axes.set_ylabel("thermal resistance, % of the first")
         if coloured:
-            axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=6, frameon=False, borderpad=0)
+            axes.legend(**KEY_ABOVE, ncols=6)
         said = textwrap.shorten(answer(found), 190, placeholder=" ...")
         figure.text(0.08, 0.95, textwrap.fill(said, 105), fontsize=8.5, fontweight="bold", va="center")
         note = "bars: two standard deviations, repeatability included; vertical lines: where a course changes"

@@ -13,9 +13,9 @@ from matplotlib.figure import Figure
 
 from replay.show.plots.error_maps import LOAD_NAMES
 from replay.show.words import words
-from replay.show.words.figure import save, style
+from replay.show.words.figure import KEY_ABOVE, save, style
 from replay.show.words.palette import COLOURS, DASHES, INK, PAPER, SOFT
-from replay.show.words.terminal import labelled
+from replay.show.words.terminal import labelled, session_json
 from replay.studies.characterise.envelope import DURATIONS_S, Ended, Envelope
 from twin.run.envelope import Border
 
@@ -26,16 +26,14 @@ WHY = {
     "load limit": "at the largest load of all sessions",
     "time": "by time",
 }
+ENDED = ("pulse", "seconds", "current_A", "speed_rpm", "load", "node", "hottest_degC", "reason")  # keys of `Ended`
 ALIKE = 0.03  # pulses whose load and speed differ by less are told together
-BANDS = {
-    True: (
-        "95 %, from what these sessions leave unknown of the coefficients; errors of the network's form are not in them"
-    ),
-    False: (
-        "95 %, from the sd of the motor file, as this model was fitted to nothing: calibrate first, then give that "
-        "--model"
-    ),
-}
+FITTED = (
+    "95 %, from what these sessions leave unknown of the coefficients; errors of the network's form are not in them"
+)
+UNFITTED = (
+    "95 %, from the sd of the motor file, as this model was fitted to nothing: calibrate first, then give that --model"
+)
 MARKED = (
     "triangle: no limit reached at the most recorded load; o, square, x: S1 sessions and S2 pulses that ended by "
     "temperature, current, time"
@@ -58,32 +56,17 @@ def document(found: Envelope) -> dict[str, Any]:
                 "points": [
                     {
                         "speed_rpm": speed,
-                        "load": of_speed[i].load,
-                        "ci95": [of_speed[i].low, of_speed[i].high],
-                        "node": of_speed[i].node,
-                        "headroom_K": of_speed[i].headroom_K,
+                        "load": one.load,
+                        "ci95": [one.low, one.high],
+                        "node": one.node,
+                        "headroom_K": one.headroom_K,
                     }
-                    for speed, of_speed in zip(found.speeds_rpm, found.borders, strict=True)
+                    for speed, one in zip(found.speeds_rpm, of_time, strict=True)
                 ],
             }
-            for i, seconds in enumerate(DURATIONS_S)
+            for seconds, of_time in zip(DURATIONS_S, zip(*found.borders, strict=True), strict=True)
         ],
-        "ended": [
-            {
-                "session": one.session.session,
-                "name": one.session.name,
-                "kind": one.session.kind,
-                "pulse": one.pulse,
-                "seconds": one.seconds,
-                "current_A": one.current_A,
-                "speed_rpm": one.speed_rpm,
-                "load": one.load,
-                "node": one.node,
-                "hottest_degC": one.hottest_degC,
-                "reason": one.reason,
-            }
-            for one in found.ended
-        ],
+        "ended": [{**session_json(one.session), **{key: getattr(one, key) for key in ENDED}} for one in found.ended],
     }
 
 
@@ -92,7 +75,7 @@ def envelope_text(found: Envelope) -> str:
     lines = labelled("Answer", answer(found))
     lines += ["", *_table(found)]
     lines += ["", *labelled("Held at", _held(found))]
-    lines += labelled("Bands", BANDS[found.fitted])
+    lines += labelled("Bands", FITTED if found.fitted else UNFITTED)
     for some in together(found.ended):
         lines += labelled("Ended", ending(some, found.load_column))
     return "\n".join(lines)
@@ -101,13 +84,11 @@ def envelope_text(found: Envelope) -> str:
 def answer(found: Envelope) -> str:
     """The continuous load at the speed where most is borne, and what limits it."""
     name, unit = LOAD_NAMES[found.load_column]
-    at = max(range(len(found.speeds_rpm)), key=lambda i: found.borders[i][0].load)
-    first = found.borders[at][0]
-    why = f"then the {words.name(first.node)} is at its limit" if first.node else "the most that was recorded there"
-    return (
-        f"{found.network.name} bears {first.load:.0f} {unit} of {name} for ever at {found.speeds_rpm[at]:,.0f} rpm "
-        f"({first.low:.0f} to {first.high:.0f}): {why}."
-    )
+    for_ever = [(of_speed[0], rpm) for of_speed, rpm in zip(found.borders, found.speeds_rpm, strict=True)]
+    most, rpm = max(for_ever, key=lambda one: one[0].load)
+    why = f"then the {words.name(most.node)} is at its limit" if most.node else "the most that was recorded there"
+    load, band = f"{most.load:.0f} {unit} of {name}", f"{most.low:.0f} to {most.high:.0f}"
+    return f"{found.network.name} bears {load} for ever at {rpm:,.0f} rpm ({band}): {why}."
 
 
 def duration(seconds: float) -> str:
@@ -160,10 +141,8 @@ def ending(some: Sequence[Ended], load_column: str) -> str:
     one = max(some, key=lambda e: -math.inf if e.hottest_degC is None else e.hottest_degC)
     hot = f"{words.name(one.node)} {one.hottest_degC:.0f} °C, " if one.node and one.hottest_degC is not None else ""
     amps = "" if one.current_A is None or load_column == "current_A" else f" and {one.current_A:.0f} A"
-    return (
-        f"{one.session.name} ({one.session.kind}){_which(some)} {WHY[one.reason]}: {hot}{one.load:.0f} {unit}{amps} at "
-        f"{one.speed_rpm:,.0f} rpm"
-    )
+    subject = f"{one.session.name} ({one.session.kind}){_which(some)}"
+    return f"{subject} {WHY[one.reason]}: {hot}{one.load:.0f} {unit}{amps} at {one.speed_rpm:,.0f} rpm"
 
 
 def _which(some: Sequence[Ended]) -> str:
@@ -182,26 +161,24 @@ def picture(found: Envelope, target: Path) -> None:
     with style("envelope"):
         figure = Figure(figsize=(9.0, 5.0), facecolor=PAPER[0])
         axes = figure.add_axes((0.08, 0.14, 0.89, 0.71))
-        for i, (seconds, colour, dashes) in enumerate(zip(DURATIONS_S, COLOURS, DASHES, strict=False)):
-            of_time = [of_speed[i] for of_speed in found.borders]
-            axes.fill_between(
-                speeds, [b.low for b in of_time], [b.high for b in of_time], color=colour, alpha=0.15, linewidth=0
-            )
+        curves = zip(*found.borders, strict=True)
+        for of_time, seconds, colour, dashes in zip(curves, DURATIONS_S, COLOURS, DASHES, strict=False):
+            low, high = [b.low for b in of_time], [b.high for b in of_time]
+            axes.fill_between(speeds, low, high, color=colour, alpha=0.15, linewidth=0)
             axes.plot(speeds, [b.load for b in of_time], color=colour, linestyle=dashes, label=duration(seconds))
             open_ended = [(s, b.load) for s, b in zip(speeds, of_time, strict=True) if b.node is None]
             if open_ended:
                 axes.plot(*zip(*open_ended, strict=True), linestyle="", marker="^", markersize=5, color=colour)
         for one, *_ in together(found.ended):
             axes.plot([one.speed_rpm], [one.load], linestyle="", marker=MARKS[one.reason], color=INK[0], markersize=5)
-            axes.annotate(
-                one.session.name, (one.speed_rpm, one.load), xytext=(6, -3), textcoords="offset points", fontsize=7
-            )
+            place = (one.speed_rpm, one.load)
+            axes.annotate(one.session.name, place, xytext=(6, -3), textcoords="offset points", fontsize=7)
         axes.set_xlabel("speed [rpm]")
         axes.set_ylabel(f"{name} [{unit}]")
         axes.set_xlim(0.0, None)
         axes.set_ylim(0.0, None)
-        axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=4, frameon=False, borderpad=0)
+        axes.legend(**KEY_ABOVE, ncols=4)
         figure.text(0.08, 0.95, textwrap.fill(answer(found), 95), fontsize=9.5, fontweight="bold", va="center")
-        notes = (f"band: {BANDS[found.fitted].split(':')[0]}", MARKED)
+        notes = (f"band: {(FITTED if found.fitted else UNFITTED).split(':')[0]}", MARKED)
         figure.text(0.08, 0.012, "\n".join(notes), fontsize=6.5, color=SOFT[0])
         save(figure, target)

@@ -19,14 +19,8 @@ def inspection_json(found: Inspection) -> dict[str, Any]:
         "schema": "whyhot.inspect/1",
         "files": [_file_json(one) for one in found.files],
         "signals": [
-            {
-                "signal": seen.signal.qualified,
-                "unit": seen.signal.unit,
-                "quantity": seen.quantity,
-                "low": seen.low,
-                "high": seen.high,
-            }
-            for seen in found.signals
+            {"signal": s.signal.qualified, "unit": s.signal.unit, "quantity": s.quantity, "low": s.low, "high": s.high}
+            for s in found.signals
         ],
         "unknown_ids": found.unknown_ids,
     }
@@ -93,11 +87,8 @@ def _frames(found: Inspection) -> bool:
 def _file_lines(one: InspectedFile) -> list[str]:
     reading = one.reading
     assert reading is not None
-    seconds = (
-        (reading.end_ns - reading.start_ns) / 1e9
-        if reading.start_ns is not None and reading.end_ns is not None
-        else 0.0
-    )
+    start, end = reading.start_ns, reading.end_ns
+    seconds = 0.0 if start is None or end is None else (end - start) / 1e9
     clock = "with absolute time" if reading.absolute else "time from its own start"
     holds = reading.holds if reading.found != 1 else reading.holds.removesuffix("s")
     lines = [f"{one.path.name}   {reading.format}   {reading.found:,} {holds} in {duration(seconds)}, {clock}"]

@@ -87,9 +87,6 @@ def _size(size: int) -> str:
     return f"{size / 1e6:.1f} MB" if size >= 1e6 else f"{max(size / 1e3, 0.1):.1f} kB"
 
 
-# ---- flags ---------------------------------------------------------------------------------------------------------
-
-
 def _flag_lines(intake: Intake) -> list[str]:
     """A line a flag; gaps of several channels that cover the same stretches of one file are one line together."""
     homes = _homes(intake)
@@ -101,9 +98,8 @@ def _flag_lines(intake: Intake) -> list[str]:
             members.append((flag, home))
         else:
             entries.append((session, [(flag, home)]))
-    return [
-        f"  {session}: {members[0][0].says if len(members) == 1 else _silence(members)}" for session, members in entries
-    ]
+    told = ((session, _silence(m) if len(m) > 1 else m[0][0].says) for session, m in entries)
+    return [f"  {session}: {says}" for session, says in told]
 
 
 def _homes(intake: Intake) -> Mapping[tuple[str, str], Home]:
@@ -139,9 +135,6 @@ def _silence(members: Sequence[Member]) -> str:
     shared_s = [(min(s["end_ns"] for s in spans) - max(s["start_ns"] for s in spans)) / 1e9 for spans in same]
     buses = {bus for _, (_, bus) in members if bus}
     where = buses.pop() if len(buses) == 1 else members[0][1][0]
-    often = (
-        f"up to {seconds(max(shared_s))}, {len(shared_s)} times"
-        if len(shared_s) > 1
-        else f"{seconds(shared_s[0])}, 1 time"
-    )
+    longest, times = seconds(max(shared_s)), len(shared_s)
+    often = f"up to {longest}, {times} times" if times > 1 else f"{longest}, 1 time"
     return f"gaps: {len(members)} channels of {where} silent for {often}"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -11,7 +11,7 @@ import numpy as np
 from replay.engine.results.as_json import to_json
 from replay.engine.results.summary import Summary
 from replay.show.words import words
-from replay.show.words.terminal import labelled
+from replay.show.words.terminal import labelled, session_json
 from replay.studies.characterise.protocol import MOVES_K, Protocol, of_interest
 
 SHOWN = 12  # parameters that a person reads
@@ -24,6 +24,10 @@ def document(found: Protocol) -> dict[str, Any]:
     event, weighed = found.calibration.event, found.influence
     moved = {p["name"]: p for p in event.parameters}
     fitted = set(found.fitted)
+
+    def by_node(values: Iterable[float]) -> dict[str, float]:
+        return dict(zip(weighed.nodes, map(float, values), strict=True))
+
     return {
         "schema": "whyhot.protocol/1",
         "motor": event.motor,
@@ -32,32 +36,27 @@ def document(found: Protocol) -> dict[str, Any]:
         "calibration": event.calibration,
         "warnings": list(found.warnings),
         "converged": event.converged,
-        "points": [_session(session) for session in found.points],
-        "drives": [_session(session) for session in found.drives],
+        "points": [session_json(session) for session in found.points],
+        "drives": [session_json(session) for session in found.drives],
         "influence": [
             {
                 **moved[weighed.parameters[i].name],
                 "fitted": weighed.parameters[i].name in fitted,
-                "per_prior_sd_K": dict(zip(weighed.nodes, map(float, weighed.per_sd_K[i]), strict=True)),
+                "per_prior_sd_K": by_node(weighed.per_sd_K[i]),
             }
             for i in weighed.order(of_interest(found.network))
         ],
-        "unknown_before_K": dict(zip(weighed.nodes, found.unknown_K, strict=True)),
+        "unknown_before_K": by_node(found.unknown_K),
         "choice": [
             {
-                **_session(found.points[choice.test]),
+                **session_json(found.points[choice.test]),
                 "gain_nats": choice.gain,
-                "unknown_after_K": dict(zip(weighed.nodes, map(float, choice.known_K), strict=True)),
+                "unknown_after_K": by_node(choice.known_K),
             }
             for choice in found.choices
         ],
         "proposed": [
-            {
-                "says": p.words,
-                "gain_nats": p.gain,
-                "hours": p.hours,
-                "unknown_after_K": dict(zip(weighed.nodes, map(float, p.known_K), strict=True)),
-            }
+            {"says": p.words, "gain_nats": p.gain, "hours": p.hours, "unknown_after_K": by_node(p.known_K)}
             for p in found.proposals
         ],
         "checked": [
@@ -71,10 +70,6 @@ def document(found: Protocol) -> dict[str, Any]:
             for before, after in zip(found.before, found.after, strict=True)
         ],
     }
-
-
-def _session(session: Any) -> dict[str, str]:
-    return {"session": session.session, "name": session.name, "kind": session.kind}
 
 
 def protocol_text(found: Protocol) -> str:
@@ -162,11 +157,9 @@ def next_points(found: Protocol) -> str:
     gains = np.cumsum([one.gain for one in found.proposals])
     count = int(np.argmax(gains >= ENOUGH * gains[-1])) + 1
     first = found.proposals[:count]
-    after = (
-        f"teach{'es' if count == 1 else ''} {100 * gains[count - 1] / gains[-1]:.0f} % of what all "
-        f"{len(found.proposals)} would"
-    )
-    return f"{words.joined([one.words for one in first])} {after}, in {sum(one.hours for one in first):.1f} h"
+    share, teach = f"{100 * gains[count - 1] / gains[-1]:.0f} %", "teaches" if count == 1 else "teach"
+    names, hours = words.joined([one.words for one in first]), sum(one.hours for one in first)
+    return f"{names} {teach} {share} of what all {len(found.proposals)} would, in {hours:.1f} h"
 
 
 def _checked(found: Protocol) -> Iterator[str]:
@@ -178,24 +171,17 @@ def _checked(found: Protocol) -> Iterator[str]:
 
 
 def filter_notes(found: Protocol) -> Iterator[str]:
-    """A line a drive: what the filter makes of the channels that it was not given; and why, where the open loop does
-    better."""
+    """A line for each drive: what the filter makes of channels that it was not given; and why, where it is worse."""
     worse = False
     for summary in found.after:
-        filtered = summary.filtered
-        if filtered and filtered.mae_K:
-            open_loop = {one.channel: one.mae_K for one in summary.channels}
-            both = {name: (mae, open_loop[name]) for name, mae in filtered.mae_K.items() if name in open_loop}
-            worse |= any(mae > without + WORSE_K for mae, without in both.values())
-            parts = [
-                f"{name} {words.kelvin(mae)} (open loop {words.kelvin(without)})"
-                for name, (mae, without) in both.items()
-            ]
-            if parts:
-                yield (
-                    f"{summary.session_name}: from {words.counted(len(filtered.measured), 'channel')} and an unknown "
-                    f"heat at the {words.name(filtered.node)}, the kept {words.joined(parts)}"
-                )
+        filtered, channels = summary.filtered, {one.channel: one for one in summary.channels}
+        kept = {name: mae for name, mae in filtered.mae_K.items() if name in channels} if filtered else {}
+        worse |= any(mae > channels[name].mae_K + WORSE_K for name, mae in kept.items())
+        parts = [f"{n} {words.kelvin(mae)} (open loop {words.kelvin(channels[n].mae_K)})" for n, mae in kept.items()]
+        if filtered and parts:
+            read = f"{words.counted(len(filtered.measured), 'channel')} and an unknown heat"
+            at = words.name(filtered.node)
+            yield f"{summary.session_name}: from {read} at the {at}, the kept {words.joined(parts)}"
     if worse:
         yield (
             "the open loop does better where it begins with the kept channel's own first reading, and where the "
@@ -205,8 +191,8 @@ def filter_notes(found: Protocol) -> Iterator[str]:
 
 
 def _too_much(found: Protocol) -> str:
-    """The worst constant error among the channels that a filter read, in words: of those whose error has one sign on
-    every point, by the calibration."""
+    """By the calibration, the worst constant error of the channels that a filter read, in words: of those whose error
+    has one sign on every point."""
     read = {channel for summary in found.after if summary.filtered for channel in summary.filtered.measured}
     errors = defaultdict(list)
     for one in found.calibration.event.errors:

@@ -22,12 +22,8 @@ def reduction_text(data: Mapping[str, Any]) -> str:
     curve = data["curve"]
     kept = curve[0]["kept"] is not None
     chosen = f", mergers chosen on {words.joined(data['hold_out'])}" * kept
-    lines = [
-        (
-            f"{data['motor']}: {curve[0]['nodes']} nodes merged to {data['nodes']}, by its own run on "
-            f"{words.joined(data['on'])}{chosen}"
-        )
-    ]
+    merged = f"{data['motor']}: {curve[0]['nodes']} nodes merged to {data['nodes']}"
+    lines = [f"{merged}, by its own run on {words.joined(data['on'])}{chosen}"]
     lines.append(f"errors at     {_interest(data['interest'])}")
     head = "nodes   mean K   at most K" + "   kept: mean K   at most K" * kept
     lines += ["", head, *(_row(level, data["nodes"], kept) for level in _thinned(curve, data["nodes"]))]
@@ -41,11 +37,7 @@ def reduction_text(data: Mapping[str, Any]) -> str:
 def _interest(interest: Mapping[str, str]) -> str:
     measured = sum(why.startswith("measured") for why in interest.values())
     hottest = [f"{node} ({why.removeprefix('measured, ')})" for node, why in interest.items() if "hottest" in why]
-    return (
-        f"{words.counted(measured, 'measured node')}; {words.joined(hottest)}"
-        if hottest
-        else words.counted(measured, "measured node")
-    )
+    return "; ".join(filter(None, [words.counted(measured, "measured node"), words.joined(hottest)]))
 
 
 def _row(level: Mapping[str, Any], chosen: int, kept: bool) -> str:
@@ -86,9 +78,8 @@ def draw_curve(data: Mapping[str, Any], target: Path) -> None:
                 axes.plot(sizes, errors, color=colour, linestyle=dashes, marker="o", markersize=2.5, label=label)
         at = next(level for level in curve if level["nodes"] == data["nodes"])
         axes.axvline(data["nodes"], color=SOFT[0], linewidth=0.8)
-        axes.annotate(
-            f" {data['nodes']} nodes", (data["nodes"], 1), xycoords=("data", "axes fraction"), va="top", color=INK[0]
-        )
+        place = (data["nodes"], 1)
+        axes.annotate(f" {data['nodes']} nodes", place, xycoords=("data", "axes fraction"), va="top", color=INK[0])
         axes.set_xscale("log")
         ticks = [size for size in (2, 3, 5, 10, 20, 50, 100, 200, 500, 1000) if sizes[-1] <= size <= sizes[0]]
         axes.xaxis.set_major_locator(FixedLocator(ticks))

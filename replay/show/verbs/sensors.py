@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import takewhile
 from typing import Any
 
 from replay.show.words import words
@@ -30,12 +31,7 @@ def document(found: Worth) -> dict[str, Any]:
 
 def dispensable(found: Worth) -> list[str]:
     """The channels that can go one after the other while each one gone is estimated to a mean of 2 K."""
-    names = []
-    for one in found.order:
-        if one.worst_mae_K > TOLERATED_K:
-            break
-        names.append(one.channel)
-    return names
+    return [one.channel for one in takewhile(lambda one: one.worst_mae_K <= TOLERATED_K, found.order)]
 
 
 def sensors_text(found: Worth) -> str:
@@ -75,8 +71,7 @@ def _table(found: Worth) -> Iterator[str]:
 
 
 def band_notes(found: Worth) -> Iterator[str]:
-    """Where bands come from: how few sessions make them wide, and which channels have too few for any but the filter's
-    own."""
+    """Where bands come from: few sessions make them wide, and some channels have too few for any but the filter's."""
     if others := sorted({one.sessions - 1 for one in found.withheld if one.widened}):
         factors = words.joined([f"{student(count):.1f} with {count}" for count in others])
         yield (

@@ -49,7 +49,7 @@ STYLE: Any = {
     "xtick.major.width": 0.6,
     "ytick.major.width": 0.6,
 }
-ABOVE: Any = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0), "frameon": False, "borderpad": 0}  # of a key
+KEY_ABOVE: Any = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0), "frameon": False, "borderpad": 0}  # of a key
 BAND: Any = {"color": SOFT[0], "alpha": 0.22, "linewidth": 0}  # within which nothing can be told
 LEFT, BOTTOM = 0.1, 0.42  # share of the width, inches: for the axes' titles
 LINE = 11 / 72  # inches: height of a name at the end of a line

@@ -17,9 +17,8 @@ def filter_says(summary: Summary) -> Iterator[str]:
     filtered, found = summary.filtered, loss(summary)
     if found:
         yield found
-    worst = compared(summary)[:CHANNELS]
-    if worst:
-        yield worst[0] if len(worst) == 1 else "; ".join(worst)
+    if worst := compared(summary)[:CHANNELS]:
+        yield "; ".join(worst)
     if filtered and filtered.unknowns:
         yield f"asked for: {'; '.join(map(_asked, filtered.unknowns))}"
     if filtered and filtered.hot_spots:
@@ -34,19 +33,16 @@ def left_out(summary: Summary) -> list[str]:
     if unfiltered and why and why.endswith(TOO_LARGE):
         return [f"no band and no filter: {why}"]
     told = [f"no band: {why}"] if why else []
-    if unfiltered and spots:
-        lacks = "magnet" not in spots
-        told.append(
-            "no filter: the motor has no magnet and no rotor whose loss it could find"
-            if lacks
-            else f"no filter: no channel of level {summary.level} that it may read"
-        )
+    if unfiltered and spots and "magnet" in spots:
+        told.append(f"no filter: no channel of level {summary.level} that it may read")
+    elif unfiltered and spots:
+        told.append("no filter: the motor has no magnet and no rotor whose loss it could find")
     return told
 
 
 def compared(summary: Summary) -> list[str]:
-    """A sentence a channel that filter and smoother do not read, furthest off in open loop first; where they read all,
-    of the one that is furthest off."""
+    """A sentence for each channel that filter and smoother do not read, furthest off in open loop first; where they
+    read all, for the one that is furthest off."""
     filtered = summary.filtered
     if not filtered:
         return []
@@ -90,12 +86,10 @@ def loss(summary: Summary) -> str | None:
         return None
     heat = filtered.heat
     who, best = ("smoother", heat.smoother) if heat.smoother else ("filter", heat.filter)
-    return (
-        f"{who}, from {words.counted(len(filtered.measured), 'channel')}: {_watts(best.mean_W)} of loss at the "
-        f"{words.name(filtered.node)} on average (sd {_watts(best.sd_W)} at any time) and {_watts(best.max_W)} at "
-        f"most (sd {_watts(best.max_sd_W)}, at {words.clock(best.max_at_s)}), where the model has "
-        f"{_watts(heat.modelled_mean_W)}"
-    )
+    channels, node = words.counted(len(filtered.measured), "channel"), words.name(filtered.node)
+    mean = f"{_watts(best.mean_W)} of loss at the {node} on average (sd {_watts(best.sd_W)} at any time)"
+    most = f"{_watts(best.max_W)} at most (sd {_watts(best.max_sd_W)}, at {words.clock(best.max_at_s)})"
+    return f"{who}, from {channels}: {mean} and {most}, where the model has {_watts(heat.modelled_mean_W)}"
 
 
 def _watts(value: float) -> str:

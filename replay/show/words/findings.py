@@ -66,14 +66,11 @@ def _worst(session: Summary, worst: ChannelErrors, mean_K: float, sessions: int)
     most = f", most {place}" if place else ""
     verdict = "off both ways" if direction(worst) == "off both ways" else f"mostly {direction(worst)}"
     lead = f"The model is furthest off at the {words.name(worst.node)}: "
+    error = words.kelvin(worst.mae_K)
     if sessions == 1:
-        return (
-            f"{lead}{words.kelvin(worst.mae_K)} on average and {words.kelvin(worst.max_K)} at worst, {verdict}{most}."
-        )
-    return (
-        f"{lead}{words.kelvin(mean_K)} on average over {sessions} recordings, and {words.kelvin(worst.mae_K)} in "
-        f"{session.session_name}, its worst ({verdict}{most})."
-    )
+        return f"{lead}{error} on average and {words.kelvin(worst.max_K)} at worst, {verdict}{most}."
+    mean = f"{words.kelvin(mean_K)} on average over {sessions} recordings"
+    return f"{lead}{mean}, and {error} in {session.session_name}, its worst ({verdict}{most})."
 
 
 def _others(node: str, ranking: Mapping[str, float], wrong: Sequence[ChannelErrors]) -> str:
@@ -92,13 +89,10 @@ def power_balance(summaries: Sequence[Summary]) -> list[str]:
         loss, heat = summary.electrical_minus_mechanical_W, summary.network_heat_W
         if loss is not None:
             ratio = f" ({loss / heat:.1f} times)" if loss > 0 and heat > 0 else ""
-            paragraphs.setdefault(_verdict(loss, heat), []).append(
-                f"{summary.session_name} {loss:,.0f} W against {heat:,.0f} W{ratio}"
-            )
-    return [
-        f"Electrical minus mechanical power against the network's heat, on average: {', '.join(parts)}. {verdict}"
-        for verdict, parts in paragraphs.items()
-    ]
+            says = f"{summary.session_name} {loss:,.0f} W against {heat:,.0f} W{ratio}"
+            paragraphs.setdefault(_verdict(loss, heat), []).append(says)
+    lead = "Electrical minus mechanical power against the network's heat, on average"
+    return [f"{lead}: {', '.join(parts)}. {verdict}" for verdict, parts in paragraphs.items()]
 
 
 def _verdict(loss_W: float, heat_W: float) -> str:

@@ -26,20 +26,17 @@ AnySpot = ModelledSpot | SmoothedSpot
 
 
 def heat(summary: Summary) -> str | None:
-    """Where heat came from and where it went, and the efficiency; None of runs without such an account, or without any
-    heat."""
+    """Where heat came from and where it went, and the efficiency; None of runs without an account or any heat."""
     losses = summary.losses
     if losses is None or losses.energy_J <= 0:
         return None
     whole = losses.energy_J
-    made = [
-        f"{KINDS[kind]} {100 * part.energy_J / whole:.0f} %".replace("-", "−")
-        for kind, part in sorted(losses.kinds.items(), key=lambda item: -item[1].energy_J)
-        if abs(part.energy_J) > SMALL * whole
-    ]
+    parts = sorted(losses.kinds.items(), key=lambda item: -item[1].energy_J)
+    shares = {kind: part.energy_J / whole for kind, part in parts if abs(part.energy_J) > SMALL * whole}
+    made = ", ".join(f"{KINDS[kind]} {100 * share:.0f} %".replace("-", "−") for kind, share in shares.items())
     gone = [f"{_watts(part.mean_W)} into {words.name(name)}" for name, part in losses.boundaries.items()]
     gone.append(f"{_watts(losses.stored_J / summary.duration_s)} stored")
-    return f"{_watts(losses.mean_W)} of heat on average ({', '.join(made)}): {words.joined(gone)}{_efficiency(summary)}"
+    return f"{_watts(losses.mean_W)} of heat on average ({made}): {words.joined(gone)}{_efficiency(summary)}"
 
 
 def _watts(value: float) -> str:
@@ -62,19 +59,14 @@ def hottest(summary: Summary) -> str | None:
 
 
 def spots(found: Mapping[str, AnySpot]) -> str:
-    """Hot spots with their bands, the winding first: "winding 130 °C (120 to 140) at 0:00:01 (30.0 K ABOVE its
-    limit)"."""
-    parts = [
-        f"{spot} {one.max_degC:.0f} °C{_band(one)} at {words.clock(one.at_s)} "
-        f"({_place(spot, one)}{_margin(one.margin_K)})"
-        for spot, one in sorted(found.items(), reverse=True)
-    ]
-    return words.joined(parts)
+    """Hot spots with their bands: "winding 130 °C (120 to 140) at 0:00:01 (30.0 K ABOVE its limit)" and the magnet."""
+    return words.joined([_spot(spot, one) for spot, one in sorted(found.items(), reverse=True)])
 
 
-def _band(one: AnySpot) -> str:
-    """Of runs that have one."""
-    return " ({:.0f} to {:.0f})".format(*one.ci95_degC) if one.ci95_degC else ""
+def _spot(spot: str, one: AnySpot) -> str:
+    band = " ({:.0f} to {:.0f})".format(*one.ci95_degC) if one.ci95_degC else ""
+    place = f"({_place(spot, one)}{_margin(one.margin_K)})"
+    return f"{spot} {one.max_degC:.0f} °C{band} at {words.clock(one.at_s)} {place}"
 
 
 def _place(spot: str, one: AnySpot) -> str:
@@ -91,15 +83,11 @@ def _margin(margin_K: float | None) -> str:
 
 
 def aged(summary: Summary) -> Iterator[str]:
-    """A sentence for each group of places that the specimen's earlier heat has aged: how hot, how long, what is
-    left."""
+    """A sentence for each group of places that earlier heat has aged: how hot, how long, what is left."""
     for one in summary.ageing:
-        places = words.joined([place.replace("_", " ") for place in one.places])
+        left = f"{100 * one.factor:.0f} % of {words.joined([words.name(place) for place in one.places])}"
         by = "the law of the motor file" if one.from_ == LAW else f"the checks of assessment {words.short(one.from_)}"
-        yield (
-            f"aged: {one.dose_h:.0f} h above {one.above_degC:g} °C before leave {100 * one.factor:.0f} % of {places}, "
-            f"by {by}"
-        )
+        yield f"aged: {one.dose_h:.0f} h above {one.above_degC:g} °C before leave {left}, by {by}"
 
 
 def above_limits(summary: Summary) -> list[str]:
@@ -133,22 +121,16 @@ def _strategy(one: DeratingCourse) -> str:
 def _course(seconds: float, mean: float, lowest: float) -> str:
     if seconds == 0:
         return "full current throughout"
-    return (
-        f"less for {words.duration(seconds)}, {100 * mean:.0f} % of the current on average and {100 * lowest:.0f} % "
-        "at least"
-    )
+    share = f"{100 * mean:.0f} % of the current on average and {100 * lowest:.0f} % at least"
+    return f"less for {words.duration(seconds)}, {share}"
 
 
 def meter(one: MeterErrors) -> str:
-    """ "35 W mean error of 1,240 W, worst 80 W at 0:01:00, model too low": in its own unit, and whether the meter
-    itself can tell."""
-    unit = one.unit
-    within = f"within its floor ({quantity(one.floor, unit)})" if one.within_floor else ""
+    """ "35 W mean error of 1,240 W, worst 80 W at 0:01:00, model too low", or within the meter's own floor."""
+    mae, mean, worst, floor = (quantity(value, one.unit) for value in (one.mae, one.mean, one.max, one.floor))
     way = "model too low" if one.bias > 0 else "model too high"
-    return (
-        f"{quantity(one.mae, unit)} mean error of {quantity(one.mean, unit)}, worst {quantity(one.max, unit)} at "
-        f"{words.clock(one.max_at_s)}, {within or way}"
-    )
+    verdict = f"within its floor ({floor})" if one.within_floor else way
+    return f"{mae} mean error of {mean}, worst {worst} at {words.clock(one.max_at_s)}, {verdict}"
 
 
 def quantity(value: float, unit: str) -> str:

@@ -18,11 +18,8 @@ PUSHES = 600
 
 
 def stress_layout(lengths: Floats, start: Floats) -> Floats:
-    """Positions (n, 2) from a `start` (n, 2), which decides orientation; `lengths` (n, n) symmetric, 0 where there is
-    no link.
-
-    Parts that no link joins are kept as far apart as the longest distance. The same input gives the same bits.
-    """
+    """Positions (n, 2) from a `start` (n, 2), which decides orientation; `lengths` (n, n) of links, symmetric, 0 where
+    there is none: such parts are kept as far apart as the longest distance. The same input gives the same bits."""
     distance = shortest_path(lengths, directed=False)
     finite = distance[np.isfinite(distance)]
     distance[~np.isfinite(distance)] = finite.max() + 1.0
@@ -43,14 +40,11 @@ def stress_layout(lengths: Floats, start: Floats) -> Floats:
 
 
 def _apart(place: Floats) -> Floats:
-    gap = place[:, None, :] - place[None, :, :]
-    result: Floats = np.sqrt((gap**2).sum(axis=2))
-    return result
+    return np.asarray(np.sqrt(((place[:, None, :] - place[None, :, :]) ** 2).sum(axis=2)))
 
 
 def without_overlap(place: Floats, size: Floats) -> Floats:
-    """Centres (n, 2) of boxes of `size` (n, 2), moved until no two overlap, each pair along the axis where less is to
-    be moved."""
+    """Centres (n, 2) of boxes of `size` (n, 2), moved until no two overlap, each pair along the axis of least way."""
     place = place.copy()
     room = (size[:, None, :] + size[None, :, :]) / 2
     order = np.arange(len(place))

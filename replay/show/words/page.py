@@ -12,8 +12,7 @@ from replay.show.words.palette import variables
 
 
 def template(name: str) -> Template:
-    """A template of this folder, with the colours of both pages as `light` and `dark`; a name that is missing is an
-    error."""
+    """A template, with the colours of both pages as `light` and `dark`; a name that is missing is an error."""
     environment = Environment(
         loader=PackageLoader("replay.show", ""),
         autoescape=True,

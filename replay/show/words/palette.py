@@ -31,7 +31,7 @@ DASHES: tuple[Any, ...] = (  # line styles in the same order: matplotlib's (offs
     (0, (6, 1.6, 1.4, 1.6, 1.4, 1.6)),
     (0, (1.2, 2.4)),
 )
-DIVERGING = ("#2a86c0", "#ffffff", "#e07020")  # model too hot, right, too cold; black is readable on all
+DIVERGING = ("#2a86c0", "#ffffff", "#e07020")  # model too hot, right, too cold, on both pages: black is readable on all
 
 
 def variables(dark: bool) -> dict[str, str]:

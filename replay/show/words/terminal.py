@@ -6,6 +6,7 @@ import re
 import textwrap
 from collections.abc import Iterator, Sequence
 
+from ingest.facts.events import SessionRecorded
 from replay.engine.results.summary import ChannelErrors, Summary
 from replay.show.words import heat_words, words
 from replay.show.words.filter_words import filter_says
@@ -28,6 +29,11 @@ def replay_text(summaries: Sequence[Summary], next_command: str) -> str:
     return "\n".join([*lines, "", *labelled("Next", next_command)])
 
 
+def session_json(session: SessionRecorded) -> dict[str, str]:
+    """A session as JSON names it."""
+    return {"session": session.session, "name": session.name, "kind": session.kind}
+
+
 def labelled(label: str, text: str) -> list[str]:
     """A paragraph beside its label, wrapped; a number and its unit, and "6.1 -> 0.9 K", stay on one line."""
     bound = NUMBER_AND_UNIT.sub("\N{NO-BREAK SPACE}", text)
@@ -41,23 +47,20 @@ def _session(summary: Summary) -> Iterator[str]:
     head = f"{summary.kind}, {words.duration(summary.duration_s)}, {model}, digest {words.short(summary.digest)}"
     yield from textwrap.wrap(f"{summary.session_name}   {head}", WIDTH, subsequent_indent="  ")
     if (other := summary.integrator) is not None:
-        yield (
-            f"  {other.name}: up to {other.error_K:.2f} K from {other.against}, at the {words.name(other.node)} at "
-            f"{words.clock(other.at_s)}"
-        )
+        place = f"at the {words.name(other.node)} at {words.clock(other.at_s)}"
+        yield f"  {other.name}: up to {other.error_K:.2f} K from {other.against}, {place}"
     errors = worst_first(summary)
     if not errors:
         yield "  no channel of this session observes a node of the model with usable samples"
         yield from _beside(summary)
         return
-    label = {id(e): _label(e, errors) for e in errors}
-    width = max(map(len, label.values()))
+    labels = [_label(error, errors) for error in errors]
+    width = max(map(len, labels))
     yield f"  {'':<{width}}   {'mean':>7}  {'worst':>7}  {'bias':>7}   measured minus model"
-    for error in errors:
-        figures = (
-            f"{words.kelvin(error.mae_K):>7}  {words.kelvin(error.max_K):>7}  {words.signed_kelvin(error.bias_K):>7}"
-        )
-        yield from _row(f"  {label[id(error)]:<{width}}   {figures}   ", _verdict(error))
+    for label, error in zip(labels, errors, strict=True):
+        figures = (words.kelvin(error.mae_K), words.kelvin(error.max_K), words.signed_kelvin(error.bias_K))
+        mean, worst, bias = (f"{figure:>7}" for figure in figures)
+        yield from _row(f"  {label:<{width}}   {mean}  {worst}  {bias}   ", _verdict(error))
     yield from _beside(summary)
 
 
@@ -65,16 +68,14 @@ def _beside(summary: Summary) -> Iterator[str]:
     """What other meters say, heat, hot spots, what the filter makes of them, limits and derating."""
     for one in summary.meters:
         yield from _row(f"  {one.channel} ({one.quantity})   ", heat_words.meter(one))
-    told = [
-        *heat_words.aged(summary),
-        heat_words.heat(summary),
-        heat_words.hottest(summary),
-        *filter_says(summary),
-        *heat_words.above_limits(summary),
-    ]
-    for text in (*told, *heat_words.derating(summary)):
-        if text:
-            yield from _row("  ", text)
+    for text in (*heat_words.aged(summary), *heat_says(summary)):
+        yield from _row("  ", text)
+
+
+def heat_says(summary: Summary) -> list[str]:
+    """What a run says of heat, hot spots, its filter, limits and derating, a sentence each."""
+    told = [heat_words.heat(summary), heat_words.hottest(summary), *filter_says(summary)]
+    return [text for text in (*told, *heat_words.above_limits(summary), *heat_words.derating(summary)) if text]
 
 
 def _label(error: ChannelErrors, errors: Sequence[ChannelErrors]) -> str:
@@ -83,13 +84,11 @@ def _label(error: ChannelErrors, errors: Sequence[ChannelErrors]) -> str:
 
 
 def _verdict(error: ChannelErrors) -> str:
+    place = words.where(error.where)
+    most = f"most {place}" if place else f"worst at {words.clock(error.max_at_s)}"
+    verdict = f"model {direction(error)}, {most}"
     if error.within_floor:
         verdict = f"within its floor ({words.kelvin(error.floor_K)})"
-    else:
-        place = words.where(error.where)
-        verdict = f"model {direction(error)}" + (
-            f", most {place}" if place else f", worst at {words.clock(error.max_at_s)}"
-        )
     return verdict + (f"; {error.masked:,} steps masked" if error.masked else "")
 
 

@@ -10,8 +10,7 @@ GAP = 5  # a hole this many median steps long is drawn as a gap
 
 
 def thin(t: Floats, y: Floats, columns: int) -> tuple[Floats, Floats]:
-    """At most three points a column of time: lowest, highest, and a NaN where one was missing. `t` strictly ascending;
-    both (N,)."""
+    """At most three points (N,) a column of ascending time: lowest, highest, and a NaN where one was missing."""
     if t.size <= 2 * columns:
         return t, y
     column = np.minimum((t - t[0]) / (t[-1] - t[0]) * columns, columns - 1).astype(np.int64)
@@ -25,8 +24,7 @@ def thin(t: Floats, y: Floats, columns: int) -> tuple[Floats, Floats]:
 
 
 def with_gaps(t: Floats, y: Floats, used: NDArray[np.bool_]) -> tuple[Floats, Floats]:
-    """`y` as NaN where it is not `used`, and a NaN in every hole of `t` that is longer than 5 median steps. All
-    (N,)."""
+    """`y` (N,) as NaN where it is not `used`, and a NaN in every hole of `t` that is longer than 5 median steps."""
     y = np.where(used, y, np.nan)
     if t.size < 3:
         return t, y

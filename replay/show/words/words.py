@@ -55,8 +55,7 @@ def duration(seconds: float) -> str:
 
 
 def where(places: Mapping[str, Sequence[float]], told: int = 2) -> str:
-    """`{"speed_rpm": [3000, 4000]}` -> "at 3,000 to 4,000 rpm", the `told` most telling; "" where the error is spread
-    evenly."""
+    """`{"speed_rpm": [3000, 4000]}` -> "at 3,000 to 4,000 rpm", the `told` most telling; "" without a place."""
     parts = [
         f"{before} {_range(*places[key])} {unit}"
         for key, (before, unit) in PLACES.items()
