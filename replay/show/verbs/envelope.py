@@ -12,10 +12,11 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from replay.show.plots.error_maps import LOAD_NAMES
+from replay.show.verbs.intake import session_json
 from replay.show.words import words
 from replay.show.words.figure import KEY_ABOVE, save, style
 from replay.show.words.palette import COLOURS, DASHES, INK, PAPER, SOFT
-from replay.show.words.terminal import labelled, session_json
+from replay.show.words.terminal import labelled
 from replay.studies.characterise.envelope import DURATIONS_S, Ended, Envelope
 from twin.run.envelope import Border
 

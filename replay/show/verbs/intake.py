@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ingest.catalogue.quality import seconds
-from ingest.facts.events import DecodeCompleted, QualityFlagged
+from ingest.facts.events import DecodeCompleted, QualityFlagged, SessionRecorded
 from ingest.intake.intake import Intake, Taken
 
 Home = tuple[str, str | None]  # of a channel: its file, its bus
@@ -18,9 +18,14 @@ def intake_json(intake: Intake) -> dict[str, Any]:
     return {
         "schema": "whyhot.ingest/1",
         "files": [_file(taken) for taken in intake.files],
-        "sessions": [{"session": s.session, "name": s.name, "kind": s.kind} for s in intake.sessions],
+        "sessions": [session_json(session) for session in intake.sessions],
         "flags": [{"session": name, "flag": flag.flag, "says": flag.says} for name, flag in intake.flags],
     }
+
+
+def session_json(session: SessionRecorded) -> dict[str, str]:
+    """A session as answers name it."""
+    return {"session": session.session, "name": session.name, "kind": session.kind}
 
 
 def _file(taken: Taken) -> dict[str, Any]:

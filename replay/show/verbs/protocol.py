@@ -10,8 +10,9 @@ import numpy as np
 
 from replay.engine.results.as_json import to_json
 from replay.engine.results.summary import Summary
+from replay.show.verbs.intake import session_json
 from replay.show.words import words
-from replay.show.words.terminal import labelled, session_json
+from replay.show.words.terminal import labelled
 from replay.studies.characterise.protocol import MOVES_K, Protocol, of_interest
 
 SHOWN = 12  # parameters that a person reads

@@ -6,7 +6,6 @@ import re
 import textwrap
 from collections.abc import Iterator, Sequence
 
-from ingest.facts.events import SessionRecorded
 from replay.engine.results.summary import ChannelErrors, Summary
 from replay.show.words import heat_words, words
 from replay.show.words.filter_words import filter_says
@@ -27,11 +26,6 @@ def replay_text(summaries: Sequence[Summary], next_command: str) -> str:
     for text in power_balance(summaries):
         lines += ["", *labelled("Power balance", text)]
     return "\n".join([*lines, "", *labelled("Next", next_command)])
-
-
-def session_json(session: SessionRecorded) -> dict[str, str]:
-    """A session as JSON names it."""
-    return {"session": session.session, "name": session.name, "kind": session.kind}
 
 
 def labelled(label: str, text: str) -> list[str]:
