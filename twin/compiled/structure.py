@@ -112,45 +112,34 @@ def _ramps(fluid: Fluid) -> Ramps:
     return (table[0], *((degC, rise) for (degC, _), rise in zip(table[1:], rises, strict=True)))
 
 
-@dataclass(frozen=True)
-class _Grouped:
-    """The terms of each group: its key -> (coefficient, monomial) pairs; how many monomials there are."""
-
-    groups: dict[_Key, tuple[tuple[int, int], ...]]
-    monomials: int
-
-
-def _grouped(network: Network) -> _Grouped:
-    column = {monomial: j for j, monomial in enumerate(features.monomials(network))}
-    groups: dict[_Key, list[tuple[int, int]]] = {}
-    for coefficient, (key, term) in enumerate(_places(network)):
-        groups.setdefault(key, []).append((coefficient, column.get(features.monomial(term), CONSTANT)))
-    return _Grouped({key: tuple(terms) for key, terms in groups.items()}, len(column))
-
-
 def structure(network: Network) -> Structure:
     """The indices of a checked network."""
-    return _structure(network, _grouped(network))
+    return described(network)[0]
 
 
 def parameters(network: Network) -> Parameters:
     """The values of a checked network, in the order of its structure."""
-    return _parameters(network, _grouped(network))
+    return described(network)[1]
 
 
 def described(network: Network) -> tuple[Structure, Parameters]:
-    """Both, for less than one after the other."""
-    grouped = _grouped(network)
-    return _structure(network, grouped), _parameters(network, grouped)
-
-
-def _structure(network: Network, grouped: _Grouped) -> Structure:
-    n = len(network.nodes)
-    groups = tuple(replace(key, terms=terms) for (key, _, _), terms in grouped.groups.items())
+    """The indices of a checked network, and its values in their order."""
+    n, column = len(network.nodes), {monomial: j for j, monomial in enumerate(features.monomials(network))}
+    terms: dict[_Key, list[tuple[int, int]]] = {}
+    for coefficient, (key, term) in enumerate(_places(network)):
+        terms.setdefault(key, []).append((coefficient, column.get(features.monomial(term), CONSTANT)))
+    groups = tuple(replace(group, terms=tuple(own)) for (group, _, _), own in terms.items())
     edges = [(g.a, g.b) for g in groups if 0 <= g.b < n]
     crossed = [(end, g.other) for g in groups if g.other != NOBODY for end in (g.a, g.b) if 0 <= end < n]
-    pattern = factorise(n, edges + crossed)
-    return Structure(n, grouped.monomials, groups, pattern, all(_mirrored(g, n) for g in groups))
+    shape = Structure(n, len(column), groups, factorise(n, edges + crossed), all(_mirrored(g, n) for g in groups))
+    every = (*features.terms(network), *features.streams(network))
+    values = Parameters(
+        coefficients=np.array([term.coefficient for term in every]),
+        capacities=np.array([node.capacity for node in network.nodes]),
+        copper=np.array([network.copper.alpha_per_K, network.copper.reference_degC]),
+        factors=np.array([factor for _, *factor in terms], dtype=np.float64).reshape(-1, 2),
+    )
+    return shape, values
 
 
 def _mirrored(group: Group, n: int) -> bool:
@@ -158,14 +147,3 @@ def _mirrored(group: Group, n: int) -> bool:
     if group.other != NOBODY and not (group.b == NOBODY and group.other == group.a):
         return False
     return not 0 <= group.b < n or (group.plain and not group.one_way)
-
-
-def _parameters(network: Network, grouped: _Grouped) -> Parameters:
-    factors = [(slope, reference) for _, slope, reference in grouped.groups]
-    every = (*features.terms(network), *features.streams(network))
-    return Parameters(
-        coefficients=np.array([term.coefficient for term in every]),
-        capacities=np.array([node.capacity for node in network.nodes]),
-        copper=np.array([network.copper.alpha_per_K, network.copper.reference_degC]),
-        factors=np.array(factors, dtype=np.float64).reshape(-1, 2),
-    )

@@ -19,10 +19,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.compiled.integrators import SDIRK2
+from twin.compiled.laid_out import laid_out
 from twin.compiled.laws import Integers, Law, Table, every_place, psi_of
-from twin.compiled.structure import CONSTANT, Group, described
+from twin.compiled.structure import Group
 from twin.motor.network import Network, Term
-from twin.run.simulate import Frame
+from twin.run.simulate import Frame, heat_of_terms, of_monomial
 
 Floats = NDArray[np.float64]
 
@@ -77,30 +78,18 @@ def heat_flows(network: Network, frame: Frame, temperatures: Floats) -> HeatFlow
 
 
 def _heat_flows(network: Network, frame: Frame, temperatures: Floats) -> HeatFlows:
-    structure, values = described(network)
-    groups, n = structure.groups, len(network.nodes)
-    laws = [Law.of(group, values, g) for g, group in enumerate(groups)]
-    table = Table.of(laws, network.copper)
-    carried = np.array([_carried(group, values.coefficients, frame) for group in groups])
+    shape, values, _, laws, table = laid_out(network)
+    n, carried = shape.n, np.array([_carried(group, values.coefficients, frame) for group in shape.groups])
     start, end = (every_place(at, frame.boundaries) for at in (temperatures[:-1], temperatures[1:]))
     at_end = _linear(table, start, end)
-    into = _incidence(laws, n)
     gamma, storage = SDIRK2.gamma, values.capacities[:, None] / frame.step_s
     moved = end[:n] - start[:n]
     inner = end.copy()
-    inner[:n] = start[:n] + gamma / (1 - gamma) * (moved - gamma * (into @ (carried * at_end)) / storage)
+    inner[:n] = start[:n] + gamma / (1 - gamma) * (moved - gamma * (_incidence(laws, n) @ (carried * at_end)) / storage)
     psi = (1 - gamma) * _linear(table, start, inner) + gamma * at_end
-    heat = carried * psi
-    takes = takers(network)
+    heat, takes = carried * psi, takers(network)
     taken = [-heat[[takes(law) == b for law in laws]].sum(axis=0) for b in range(len(network.boundaries))]
-    of_term = {i: (g, j) for g, group in enumerate(groups) for i, j in group.terms}
-    first = sum(len(link.terms) for link in network.links)
-    own = [
-        values.coefficients[i] * _feature(of_term[i][1], frame) * psi[of_term[i][0]]
-        for i in range(first, first + sum(len(source.terms) for source in network.sources))
-    ]
-    shape = (-1, len(frame.features))
-    return HeatFlows(np.array(own).reshape(shape), np.array(taken).reshape(shape))
+    return HeatFlows(heat_of_terms(network, frame, psi), np.array(taken).reshape(-1, len(frame.features)))
 
 
 def takers(network: Network, states: int | None = None) -> Callable[[Law], int | None]:
@@ -123,14 +112,11 @@ def takers(network: Network, states: int | None = None) -> Callable[[Law], int |
 
 
 def _carried(group: Group, coefficients: Floats, frame: Frame) -> Floats:
+    """The amount (N,) of a group of terms in each step [W, in a link W/K]."""
     total = np.zeros(len(frame.features))
     for i, j in group.terms:
-        total += coefficients[i] * _feature(j, frame)
+        total += coefficients[i] * of_monomial(j, frame)
     return total
-
-
-def _feature(monomial: int, frame: Frame) -> Floats | float:
-    return 1.0 if monomial == CONSTANT else frame.features[:, monomial]
 
 
 def _incidence(laws: Sequence[Law], n: int) -> Floats:

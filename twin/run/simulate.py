@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.compiled.kernel import Compiled
-from twin.compiled.laws import Law, Table, psi
-from twin.compiled.structure import CONSTANT, described
+from twin.compiled.laid_out import laid_out
+from twin.compiled.laws import psi
+from twin.compiled.structure import CONSTANT
 from twin.errors import DivergedError, FrameError
 from twin.motor import features
 from twin.motor.network import Network
@@ -93,20 +94,30 @@ def check_finite(network: Network, frame: Frame, temperatures: NDArray[np.float6
     )
 
 
+def heat_of_terms(network: Network, frame: Frame, psi_of_groups: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Heat (S, N) [W] that each term of the sources makes in N steps, in the order of the sources and their terms;
+    psi (G, N) of each group of laws as `twin.compiled.laws` has it."""
+    shape, values, *_ = laid_out(network)
+    place = {i: (g, j) for g, group in enumerate(shape.groups) for i, j in group.terms}
+    first = sum(len(link.terms) for link in network.links)
+    own = [place[i] for i in range(first, first + sum(len(source.terms) for source in network.sources))]
+    heats = [values.coefficients[first + i] * of_monomial(j, frame) * psi_of_groups[g] for i, (g, j) in enumerate(own)]
+    return np.array(heats).reshape(-1, len(frame.features))
+
+
+def of_monomial(monomial: int, frame: Frame) -> NDArray[np.float64] | float:
+    """The course (N,) of a column of the features; 1 for `CONSTANT`, a term without features."""
+    return 1.0 if monomial == CONSTANT else frame.features[:, monomial]
+
+
 def source_heat(network: Network, frame: Frame, temperatures: NDArray[np.float64]) -> NDArray[np.float64]:
     """Mean loss (N, sources) [W] of every source in each step, at the mean of the step's two end temperatures.
 
     `temperatures` (N + 1, n) as `simulate` gives them.
     """
-    shape, values = described(network)
-    place = {i: (g, j) for g, group in enumerate(shape.groups) for i, j in group.terms}
-    laws = [Law.of(group, values, g) for g, group in enumerate(shape.groups)]
-    own, _ = psi(Table.of(laws, network.copper), (temperatures[:-1] + temperatures[1:]) / 2, frame.boundaries)
-    heat = np.zeros((len(frame.features), len(network.sources)))
-    i = sum(len(link.terms) for link in network.links)
+    own, _ = psi(laid_out(network).table, (temperatures[:-1] + temperatures[1:]) / 2, frame.boundaries)
+    heats, found = iter(heat_of_terms(network, frame, own)), np.zeros((len(frame.features), len(network.sources)))
     for s, source in enumerate(network.sources):
-        for term in source.terms:
-            g, j = place[i]
-            heat[:, s] += term.coefficient * (1.0 if j == CONSTANT else frame.features[:, j]) * own[g]
-            i += 1
-    return heat
+        for _ in source.terms:
+            found[:, s] += next(heats)
+    return found
