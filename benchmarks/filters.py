@@ -38,6 +38,7 @@ from benchmarks.shared import stored
 from ingest.catalogue.channels import load as load_channels
 from ingest.facts import facts
 from made.filter_steps import Steps
+from made.paper_steps import at_the_start, predict, transition
 from plant import Effect, Plant, Recording, drives, sessions, write_campaign
 from plant.drives import Drive
 from plant.geometry import Geometry
@@ -59,7 +60,7 @@ from twin.filters.ukf import filter_unscented
 from twin.filters.unknowns import UnknownHeat
 from twin.motor.network import Network
 from twin.motor.sensor import Sensor
-from twin.paper.ekf import at_edges, at_the_start, filter_with_rates, predict, sensor_row, transition
+from twin.paper.ekf import at_edges, filter_with_rates, sensor_row
 from twin.paper.law_heats import law_heats
 from twin.run.simulate import Frame, simulate
 

@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 from twin.arithmetic.lane_code import pointer
 from twin.arithmetic.lanes import LaneStore, record
 from twin.filters.ekf import Estimate, estimate_of
-from twin.filters.inputs import READING_SD_K, AnyReading, FilterStart, Inputs, Reading, inputs_of
+from twin.filters.inputs import AnyReading, FilterStart, Reading, inputs_of
 from twin.filters.readings import ReadingsPlan, correct, readings_of, row_of
 from twin.filters.unknowns import Unknown
 from twin.motor.network import Network
@@ -47,16 +47,12 @@ from twin.paper.ekf_step import (
     solve,
     spread,
 )
-from twin.paper.law_heats import LawHeats, law_heats, psi_at
 from twin.run.simulate import Frame
 
 Floats = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 u = np.uint64  # numba then asks of no index whether it counts from the end
-
-# Of w [K/s] where it has to be a number: above any rate, and its square rounded by less than is asked of a variance.
-RATE_SD = 500.0
 
 
 def filter_with_rates(
@@ -66,28 +62,27 @@ def filter_with_rates(
     does, with the `covariance` of z, zdot, rho and lagging readings. A meter of heat is linear about the state as
     predicted, with the step's own means of inputs."""
     inputs = inputs_of(network, frame, start, unknowns, readings)
-    laws = law_heats(network)
     shares, multiplied = shares_of(inputs.parts, inputs.features.shape[1])
     means, around = inputs.features @ shares[:-1] + shares[-1], at_edges(inputs.boundaries)
     capacities = np.array([node.capacity for node in network.nodes])
-    shift, _, state = transition(inputs, frame.step_s)
-    x, covariance = at_the_start(inputs, laws, laws.amounts(inputs.features[0]), around[0], capacities, state)
     n, (steps, channels) = len(capacities), inputs.values.shape
-    own = np.r_[0:n, 2 * n : len(x)]
+    known = inputs.parts.sought
+    own = np.r_[0:known, known + len(inputs.parts.weights) : len(inputs.x)]  # y: without what was read at the last edge
+    x = np.insert(inputs.x[own], [n] * n, 0.0, axis=0)  # the rates are worked out at the first edge
     store = LaneStore()
     rates = rates_of(inputs.parts, multiplied, capacities, around.shape[1], frame.step_s, store)
     taken = readings_of(rates, store)
     numbers, indices = store.numbers(), store.indices()
     rows = numbers[rates.state : rates.state + rates.length**2].reshape(rates.length, rates.length)
-    rows[: len(own), : len(own)], rows[: len(own), len(own)] = covariance[np.ix_(own, own)], x[own, 0]
-    states, innovations = np.empty((2, steps + 1, n + len(inputs.order))), np.empty((steps, channels, 2))
+    rows[: len(own), : len(own)], rows[: len(own), len(own)] = inputs.covariance[np.ix_(own, own)], inputs.x[own, 0]
+    states, innovations = np.empty((2, steps + 1, known)), np.empty((steps, channels, 2))
     likelihood = _run(
         capacities,
         inputs.parts.weights,
         np.array([r.sensor.time_constant_s for r in readings if isinstance(r, Reading)], dtype=np.float64),
         inputs.parts.bias,
-        state,
-        shift,
+        np.where(inputs.parts.state >= 0, inputs.parts.state - len(inputs.parts.weights) + n, -1),
+        inputs.parts.lag,
         frame.step_s,
         at_edges(means),
         around,
@@ -105,8 +100,7 @@ def filter_with_rates(
         states[1],
         innovations,
     )
-    onto = np.zeros((len(x), len(own)))
-    onto[own, np.arange(len(own))] = 1.0
+    onto = np.insert(np.eye(len(own)), [n] * n, 0.0, axis=0)
     for place, i, j in indices[rates.cell : rates.cell + 3 * rates.cells].reshape(-1, 3).tolist():
         onto[n + i, j] = -numbers[rates.slopes + place] / capacities[i]
     covariance = onto @ rows[: len(own), : len(own)] @ onto.T
@@ -120,147 +114,6 @@ def at_edges(means: Floats) -> Floats:
     return edges
 
 
-def transition(inputs: Inputs, step_s: float) -> tuple[Floats, Floats, Index]:
-    """F (S, S) and the variances Q (S, S) of a step, with `RATE_SD` for w as other filters need one, and where each
-    channel's lagging reading is in the state (m,), -1 without lag."""
-    parts = inputs.parts
-    n, o = parts.program.n, len(inputs.order)
-    lagging = np.flatnonzero(parts.state >= 0)
-    state = np.full(len(parts.state), -1, dtype=np.int64)
-    state[lagging] = 2 * n + o + np.arange(len(lagging))
-    size = 2 * n + o + len(lagging)
-    shift, by_rate = np.eye(size), np.zeros((size, n))
-    shift[:n, n : 2 * n] = step_s * np.eye(n)
-    by_rate[:n], by_rate[n : 2 * n] = step_s / 2 * np.eye(n), np.eye(n)
-    for j in lagging:
-        own, before, after = parts.lag[j]
-        shift[state[j]] = after * (parts.weights[j] @ shift[:n])
-        shift[state[j], :n] += before * parts.weights[j]
-        shift[state[j], state[j]] = own
-        by_rate[state[j]] = after * (parts.weights[j] @ by_rate[:n])
-    process = RATE_SD**2 * by_rate @ by_rate.T
-    walks = np.concatenate([parts.process[:n], np.zeros(n), parts.process[n : n + o], np.zeros(len(lagging))])
-    return shift, process + np.diag(walks), state
-
-
-def at_the_start(
-    inputs: Inputs, laws: LawHeats, amounts: Floats, around: Floats, capacities: Floats, state: Index
-) -> tuple[Floats, Floats]:
-    """State (S, 1) and covariance (S, S) at the first edge, by the laws' amounts (L,) and boundaries (b,) there:
-    rates as the capacitor equation has them, sensors in equilibrium but for `READING_SD_K`."""
-    n, o, parts = len(capacities), len(inputs.order), inputs.parts
-    heat, slope, z = np.empty(n), np.empty((n, n)), inputs.x[:n, 0].copy()
-    shares, multiplied = shares_of(parts, inputs.features.shape[1])
-    found, by_factor = inputs.features[0] @ shares[:-1] + shares[-1], np.empty((parts.unknown_factors, n))
-    for p in range(parts.unknown_factors):
-        own = np.zeros(len(amounts))
-        for t, (g, factor) in enumerate(multiplied):
-            own[g] = found[len(own) + t] if factor == p else own[g]
-        heats_of(laws, own, z, around, by_factor[p], slope)
-    heats_of(laws, amounts, z, around, heat, slope)
-    lagging = state[state >= 0]
-    onto = np.zeros((2 * n + o + len(lagging), n + o))
-    onto[:n, :n], onto[2 * n : 2 * n + o, n:] = np.eye(n), np.eye(o)
-    onto[n : 2 * n, :n] = slope / capacities[:, None]
-    first = n + len(parts.heats)
-    onto[n + parts.heats, np.arange(n, first)] = 1 / capacities[parts.heats]
-    onto[n : 2 * n, first : first + parts.unknown_factors] = by_factor.T / capacities[:, None]
-    onto[lagging, :n] = parts.weights[state >= 0]
-    own = np.zeros(len(onto))
-    own[lagging] = READING_SD_K**2
-    x = onto @ inputs.x[: n + o, 0]
-    x[n : 2 * n] = heat / capacities
-    return x[:, None], onto @ inputs.covariance[: n + o, : n + o] @ onto.T + np.diag(own)
-
-
-@numba.njit(error_model="numpy", nogil=True, cache=True)
-def heats_of(laws: LawHeats, amounts: Floats, z: Floats, around: Floats, heat: Floats, slope: Floats) -> None:
-    """Fill Q (n,) [W], the heat into the capacitors without unknown heats, and Q_z (n, n) [W/K], of laws with these
-    amounts (L,)."""
-    n = laws.n
-    at, found = np.empty((n + len(around), 1)), np.empty((len(laws.places), 4))
-    at[:n, 0] = z
-    at[n:, 0] = around
-    psi_at(laws.places, laws.numbers, laws.copper, at, found)
-    heat[:] = 0.0
-    slope[:] = 0.0
-    for w in range(len(found)):
-        a, b, one_way = laws.places[w, 0], laws.places[w, 1], laws.places[w, 4]
-        ends = 2 if 0 <= b < n and not one_way else 1
-        for e in range(ends):
-            to, amount = (a, amounts[w]) if e == 0 else (b, -amounts[w])
-            heat[to] += amount * found[w, 0]
-            for i in range(3):
-                by = laws.places[w, i if i < 2 else 3]
-                if 0 <= by < n:
-                    slope[to, by] += amount * found[w, i + 1]
-
-
-@numba.njit(error_model="numpy", nogil=True, cache=True)
-def _solve(matrix: Floats, right: Floats) -> None:
-    """Solve for `right` (n,) in place. Storage outweighs what losses take from the diagonal, so no pivot is sought."""
-    n = len(right)
-    for p in range(n):
-        for i in range(p + 1, n):
-            if matrix[i, p] != 0.0:
-                share = matrix[i, p] / matrix[p, p]
-                for j in range(p + 1, n):
-                    matrix[i, j] -= share * matrix[p, j]
-                right[i] -= share * right[p]
-    for p in range(n - 1, -1, -1):
-        for j in range(p + 1, n):
-            right[p] -= matrix[p, j] * right[j]
-        right[p] /= matrix[p, p]
-
-
-@numba.njit(error_model="numpy", nogil=True, cache=True)
-def predict(
-    laws: LawHeats,
-    capacities: Floats,
-    heats: Index,
-    shift: Floats,
-    step_s: float,
-    amounts: Floats,
-    around: Floats,
-    k: int,
-    x: Floats,
-    heat: Floats,
-    slope: Floats,
-) -> None:
-    """Move x (S, 1) one step on, from edge k: the filter's own step before its perfect measurements, in plain
-    matrices, as other filters are given it. `amounts` (edges, L) are those with the factors of x. `heat` (n,) and
-    `slope` (n, n) are left as they are after the step."""
-    n, size = len(capacities), len(x)
-    z, rate = x[:n, 0].copy(), x[n : 2 * n, 0].copy()
-    more, matrix = np.empty(n), np.empty((n, n))
-    heats_of(laws, amounts[k + 1], z, around[k + 1], heat, slope)
-    for o in range(len(heats)):
-        heat[heats[o]] += x[2 * n + o, 0]
-    for i in range(n):
-        more[i] = heat[i] - capacities[i] * rate[i]
-        for j in range(n):
-            more[i] += step_s * slope[i, j] * rate[j]
-            matrix[i, j] = -0.5 * step_s * slope[i, j]
-        matrix[i, i] += capacities[i]
-    _solve(matrix, more)
-    moved = np.zeros(size)
-    for i in range(size):
-        for j in range(size):
-            if shift[i, j] != 0.0:
-                moved[i] += shift[i, j] * x[j, 0]
-    for i in range(2 * n, size):  # a lagging reading follows the temperatures as they end
-        for j in range(n):
-            moved[i] += 0.5 * shift[i, n + j] * more[j]
-    for i in range(n):
-        moved[i] += 0.5 * step_s * more[i]
-        moved[n + i] += more[i]
-    for i in range(size):
-        x[i, 0] = moved[i]
-    heats_of(laws, amounts[k + 1], x[:n, 0].copy(), around[k + 1], heat, slope)
-    for o in range(len(heats)):
-        heat[heats[o]] += x[2 * n + o, 0]
-
-
 @numba.njit(error_model="numpy", nogil=True, cache=True)
 def _run(
     capacities: Floats,
@@ -268,7 +121,7 @@ def _run(
     time_constants: Floats,
     bias: Index,
     state: Index,
-    shift: Floats,
+    lag: Floats,
     step_s: float,
     amounts: Floats,
     around: Floats,
@@ -294,15 +147,17 @@ def _run(
     laws_of(rates, m, at, x, around[0])
     amounts_of(rates, m, at, amounts[0], x)
     linearised(rates, m, at, x)
+    for i in range(n):
+        x[n + i, 0] = m[u(rates.heat + i)] / capacities[i]
     for k in range(len(readings) + 1):
         if k > 0:
             laws_of(rates, m, at, x, around[k])
             amounts_of(rates, m, at, amounts[k], x)
             change(rates, m, at, step_s, x)
-            _move(rates, shift, step_s, m, x)
+            _move(rates, weights, lag, state, step_s, m, x)
             laws_of(rates, m, at, x, around[k])
             spread(rates, m, at, x)
-            _meet(rates, shift, step_s, m, at, x)
+            _meet(rates, weights, lag, state, step_s, m, at, x)
             count, about = 0, False
             for j in range(channels):
                 if np.isnan(readings[k - 1, j]):
@@ -334,14 +189,19 @@ def _run(
 
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
-def _move(rates: Rates, shift: Floats, step_s: float, m: Floats, x: Floats) -> None:
+def _move(rates: Rates, weights: Floats, lag: Floats, state: Index, step_s: float, m: Floats, x: Floats) -> None:
     """Move x (S, 1) one step on by its rates and by w in `right`."""
     n, right = rates.n, rates.right
-    for i in range(2 * n + rates.unknown, len(x)):  # a lagging reading follows the temperatures as they end
-        moved = shift[i, i] * x[i, 0]
-        for j in range(n):
-            moved += shift[i, j] * x[j, 0] + shift[i, n + j] * (x[n + j, 0] + 0.5 * m[u(right + j)])
-        x[i, 0] = moved
+    for j in range(len(state)):
+        if state[j] < 0:
+            continue
+        own, before, after = lag[j]  # of its last reading, the last temperature and the temperature as it ends
+        moved = own * x[state[j], 0]
+        for i in range(n):
+            share = weights[j, i]
+            rise = after * (step_s * share) * (x[n + i, 0] + 0.5 * m[u(right + i)])
+            moved += (after * share + before * share) * x[i, 0] + rise
+        x[state[j], 0] = moved
     for i in range(n):
         more = m[u(right + i)]
         x[i, 0] += step_s * (x[n + i, 0] + 0.5 * more)
@@ -349,16 +209,19 @@ def _move(rates: Rates, shift: Floats, step_s: float, m: Floats, x: Floats) -> N
 
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
-def _meet(rates: Rates, shift: Floats, step_s: float, m: Floats, at: Index, x: Floats) -> None:
+def _meet(
+    rates: Rates, weights: Floats, lag: Floats, state: Index, step_s: float, m: Floats, at: Index, x: Floats
+) -> None:
     """Have x (S, 1) as predicted meet the capacitor equation, linear about it, by what w has to be more; x in `ahead`
     too."""
     n, size, length = rates.n, rates.size, rates.length
     for i in range(n):
         m[u(rates.right + i)] = 2.0 / step_s * m[u(rates.heat + i)] - m[u(rates.own + i)] * x[n + i, 0]
     solve(rates, m, at)
-    for i in range(2 * n + rates.unknown, len(x)):
-        for j in range(n):
-            x[i, 0] += 0.5 * shift[i, n + j] * m[u(rates.right + j)]
+    for j in range(len(state)):
+        if state[j] >= 0:
+            for i in range(n):
+                x[state[j], 0] += 0.5 * (lag[j, 2] * (step_s * weights[j, i])) * m[u(rates.right + i)]
     for i in range(n):
         more = m[u(rates.right + i)]
         x[i, 0] += 0.5 * step_s * more

@@ -1,5 +1,5 @@
-"""Every law of a network as amount times psi (`twin.compiled.laws`), one after the other at one state: what the
-paper's form and the sensitivities of the filters are made from."""
+"""Every law of a network as amount times psi (`twin.compiled.laws`), all at one state: what the paper's form is made
+from."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.compiled.laws import Law, Table, psi_of
-from twin.compiled.structure import CONSTANT, described, structure
-from twin.motor import features
+from twin.compiled.laid_out import laid_out
+from twin.compiled.laws import psi_of
+from twin.compiled.structure import CONSTANT
 from twin.motor.network import Network
 
 Floats = NDArray[np.float64]
@@ -21,9 +21,8 @@ Index = NDArray[np.int64]
 class LawHeats(NamedTuple):
     """The laws of a network, one for each group of its structure. `places`, `numbers`, `copper` as
     `twin.compiled.laws.Table`; `shares` (m + 1, L): what each monomial, and in the last row 1, adds to the amount of
-    each law [W or W/K]; `n` nodes."""
+    each law [W or W/K]."""
 
-    n: int
     places: Index
     numbers: Floats
     copper: Floats
@@ -37,17 +36,16 @@ class LawHeats(NamedTuple):
 
 def law_heats(network: Network) -> LawHeats:
     """The laws of a checked network with its own coefficients."""
-    shape, values = described(network)
-    laws = [Law.of(group, values, g) for g, group in enumerate(shape.groups)]
-    table = Table.of(laws, network.copper)
-    return LawHeats(len(network.nodes), table.places, table.numbers, table.copper, shares(network, values.coefficients))
+    motor = laid_out(network)
+    own = shares(network, motor.values.coefficients)
+    return LawHeats(motor.table.places, motor.table.numbers, motor.table.copper, own)
 
 
 def shares(network: Network, coefficients: Floats) -> Floats:
     """`LawHeats.shares` (m + 1, L) of given coefficients in the order of `features.terms`."""
-    groups = structure(network).groups
-    found = np.zeros((len(features.monomials(network)) + 1, len(groups)))
-    for g, group in enumerate(groups):
+    shape = laid_out(network).shape
+    found = np.zeros((shape.monomials + 1, len(shape.groups)))
+    for g, group in enumerate(shape.groups):
         for i, j in group.terms:
             found[-1 if j == CONSTANT else j, g] += coefficients[i]
     return found
@@ -60,5 +58,4 @@ def psi_at(places: Index, numbers: Floats, copper: Floats, at: Floats, found: Fl
     one = np.empty((4, 1))
     for w in range(len(places)):
         psi_of(places[w], numbers[w], copper, at, 0, one)
-        for i in range(4):
-            found[w, i] = one[i, 0]
+        found[w] = one[:, 0]
