@@ -18,9 +18,10 @@ from twin.compiled.structure import Parameters, described, structure
 from twin.motor.check import check
 from twin.motor.network import Network
 
+Floats = NDArray[np.float64]
 Kernel = Callable[..., None]
 Load = Callable[[str], Kernel]
-Run = Callable[[Parameters, NDArray[np.float64], NDArray[np.float64], float, NDArray[np.float64]], None]
+Run = Callable[[Parameters, Floats, Floats, float, Floats], None]
 
 INDEX_HEAD = f"""{MARK}from __future__ import annotations
 
@@ -101,33 +102,18 @@ def compile_network(network: Network, tableau: Tableau = DEFAULT, load: Load = l
 
 def _given(kernel: Kernel) -> Run:
     """The kernel of one text as `Compiled.run`."""
-
-    def run(
-        p: Parameters,
-        phi: NDArray[np.float64],
-        boundaries: NDArray[np.float64],
-        step_s: float,
-        out: NDArray[np.float64],
-    ) -> None:
-        kernel(phi, boundaries, step_s, p.coefficients, p.capacities, p.copper, p.factors, out)
-
-    return run
+    return lambda p, phi, boundaries, step_s, out: kernel(
+        phi, boundaries, step_s, p.coefficients, p.capacities, p.copper, p.factors, out
+    )
 
 
 def compile_indexed(network: Network, tableau: Tableau = DEFAULT, load: Load = load_in_memory) -> Compiled:
     """Check a network of any size and prepare it for the index program, which is compiled once for all."""
     check(network)
     shape, values = described(network)
-    program = indexed.program(shape, tableau)
-    kernel = index_program(load)
+    program, kernel = indexed.program(shape, tableau), index_program(load)
 
-    def run(
-        p: Parameters,
-        phi: NDArray[np.float64],
-        boundaries: NDArray[np.float64],
-        step_s: float,
-        out: NDArray[np.float64],
-    ) -> None:
+    def run(p: Parameters, phi: Floats, boundaries: Floats, step_s: float, out: Floats) -> None:
         stage = np.empty((len(program.weights), *out.shape[1:]))
         kernel(program, phi, boundaries, step_s, p.coefficients, p.capacities, p.copper, p.factors, out, stage)
 

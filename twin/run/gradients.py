@@ -1,7 +1,7 @@
 """The derivatives of one number made of a run's temperatures by every coefficient, capacity and initial temperature,
 in two runs' time.
 
-Exact for the discrete scheme, backwards from the last step to the first (`twin.compiled.codegen_derivatives`): the
+Exact for the discrete scheme, backwards from the last step to the first (`twin.compiled.codegen_gradient`): the
 hottest magnet of a run and how sure it is, the load that a node bears, a squared error. Of many numbers,
 `twin.run.block_columns` is faster.
 """
