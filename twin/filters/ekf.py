@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 import numba
 import numpy as np
@@ -26,7 +26,7 @@ from scipy.optimize import minimize_scalar
 from twin.arithmetic.lane_code import pointer
 from twin.arithmetic.lanes import LaneStore, aligned, record
 from twin.compiled.once import once_a_network
-from twin.filters.inputs import AnyReading, FilterStart, Inputs, inputs_of, with_walks
+from twin.filters.inputs import AnyReading, FilterStart, Given, Inputs, inputs_of, with_walks
 from twin.filters.plan import Plan
 from twin.filters.planning import plan
 from twin.filters.readings import ReadingsPlan, correct, observe, readings_of, row_of
@@ -83,24 +83,10 @@ def filter_unknowns(
 
 
 def _filtered(inputs: Inputs) -> Estimate:
-    run = run_of(inputs)
-    states, innovations = courses(inputs)
+    run, found = run_of(inputs), courses(inputs)
     run.begin(inputs)
-    likelihood = through(
-        run.plan,
-        run.readings,
-        run.m,
-        run.at,
-        inputs.features,
-        inputs.boundaries,
-        inputs.values,
-        inputs.places,
-        inputs.variances,
-        states[0],
-        states[1],
-        innovations,
-    )
-    return estimate_of(inputs, states, innovations, run.covariance(), float(likelihood))
+    likelihood = through(run.plan, run.readings, run.m, run.at, inputs.given(), found)
+    return estimate_of(inputs, found, run.covariance(), float(likelihood))
 
 
 @dataclass(frozen=True)
@@ -135,21 +121,12 @@ class FilterRun:
 def run_of(inputs: Inputs) -> FilterRun:
     """A filter for these inputs, not begun. Where the last one for this network read and sought the same, only its
     arrays are copied."""
-    parts, known = inputs.parts, _last_run(inputs.network)
-    arrays = (
-        parts.constant,
-        parts.factor_of,
-        parts.heats,
-        parts.weights,
-        parts.bias,
-        parts.state,
-        parts.lag,
-        parts.signs,
-    )
-    key = (inputs.boundaries.shape[1], *(array.tobytes() for array in (*arrays, parts.of_losses)))
+    p, known = inputs.parts, _last_run(inputs.network)
+    arrays = (p.constant, p.factor_of, p.heats, p.weights, p.bias, p.state, p.lag, p.signs, p.of_losses)
+    key = (inputs.boundaries.shape[1], *(array.tobytes() for array in arrays))
     if key not in known:
         store = LaneStore()
-        steps = plan(parts, inputs.boundaries.shape[1], store)
+        steps = plan(p, inputs.boundaries.shape[1], store)
         readings = readings_of(steps, store)
         known.clear()
         known[key] = FilterRun(record(steps), record(readings), steps.size, store.numbers(), store.indices())
@@ -163,35 +140,33 @@ def _last_run(network: Network) -> dict[tuple[object, ...], FilterRun]:
     return {}
 
 
-def courses(inputs: Inputs) -> tuple[Floats, Floats]:
-    """Room, not filled, for estimates and their variances at all edges (2, N + 1, n + u), and for innovations with
-    theirs (N, m + q, 2)."""
+class Found(NamedTuple):
+    """What a filter finds over N steps: the first c numbers of the `states` and their variances `spreads` at all
+    edges, both (N + 1, c), and `innovations` (N, m + q, 2) of the readings with theirs (`correct`)."""
+
+    states: Floats
+    spreads: Floats
+    innovations: Floats
+
+    def of(self, block: slice) -> Found:
+        """Of a block of steps, with the edge behind it."""
+        edges = slice(block.start, block.stop + 1)
+        return Found(self.states[edges], self.spreads[edges], self.innovations[block])
+
+
+def courses(inputs: Inputs) -> Found:
+    """Room, not filled, for temperatures and unknowns at all edges, and for the innovations of all readings."""
     steps, channels = inputs.values.shape
-    return np.empty((2, steps + 1, inputs.parts.sought)), np.empty((steps, channels, 2))
+    states, spreads = np.empty((2, steps + 1, inputs.parts.sought))
+    return Found(states, spreads, np.empty((steps, channels, 2)))
 
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
-def through(
-    plan: Plan,
-    taken: ReadingsPlan,
-    numbers: Floats,
-    indices: Index,
-    features: Floats,
-    boundaries: Floats,
-    readings: Floats,
-    places: Floats,
-    variances: Floats,
-    states: Floats,
-    spreads: Floats,
-    innovations: Floats,
-) -> float:
-    """The filter over N steps, from the state in `numbers` to that at the last edge. Returns the log likelihood of
-    the readings.
-
-    `features` (N, F), `boundaries` (N, b) [degC], `readings` (N, m + q) [degC, W], NaN where there is none, `places`
-    and `variances` (N, m + q), or (1, m + q) for all steps. Filled: `states` and `spreads` (N + 1, c) with the first
-    c numbers of the state and their variances at every edge, `innovations` (N, m + q, 2) as by `correct`.
-    """
+def through(plan: Plan, taken: ReadingsPlan, numbers: Floats, indices: Index, given: Given, found: Found) -> float:
+    """The filter over the steps of `given`, from the state in `numbers` to that at the last edge: fills `found`, and
+    returns the log likelihood of the readings."""
+    features, boundaries, readings, places, variances = given
+    states, spreads, innovations = found
     likelihood, size, length, early = 0.0, plan.size, plan.length, bool((places != 1.0).any())
     m, at, channels = pointer(numbers, 0), pointer(indices, 0), readings.shape[1]
     for k in range(len(boundaries) + 1):
@@ -208,19 +183,17 @@ def through(
     return likelihood
 
 
-def estimate_of(
-    inputs: Inputs, states: Floats, innovations: Floats, covariance: Floats, log_likelihood: float
-) -> Estimate:
-    """The estimate, from `states` (2, N + 1, n + u), means and variances in the order of the state, which it takes
-    over, and `innovations` (N, m + q, 2). Raises `DivergedError` where the temperatures leave the finite numbers."""
+def estimate_of(inputs: Inputs, found: Found, covariance: Floats, log_likelihood: float) -> Estimate:
+    """The estimate, from what a filter `found`, whose arrays it takes over. Raises `DivergedError` where the
+    temperatures leave the finite numbers."""
     n, unknown = len(inputs.network.nodes), np.argsort(inputs.order).tolist()
-    check_finite(inputs.network, inputs.frame, states[0, :, :n])
-    sd, told = np.sqrt(states[1], out=states[1]), columns_of(innovations, inputs.channels)
+    check_finite(inputs.network, inputs.frame, found.states[:, :n])
+    sd, told = np.sqrt(found.spreads, out=found.spreads), columns_of(found.innovations, inputs.channels)
     return Estimate(
         unknowns=inputs.unknowns,
-        temperatures=states[0, :, :n],
+        temperatures=found.states[:, :n],
         temperatures_sd=sd[:, :n],
-        found=columns_of(states[0, :, n:], unknown),
+        found=columns_of(found.states[:, n:], unknown),
         found_sd=columns_of(sd[:, n:], unknown),
         innovations=told[..., 0],
         variances=told[..., 1],

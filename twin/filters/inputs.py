@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -79,15 +80,25 @@ class FilterStart:
     walk_K: float = TEMPERATURE_K_PER_SQRT_S
 
 
+class Given(NamedTuple):
+    """What N steps are given: `features` (N, F), `boundaries` (N, b) [degC], and `values` (N, m + q) [degC, W] of the
+    readings, thermometers first, NaN where there is none. `places` in the step and `variances` are (N, m + q), or one
+    row (1, m + q) where they are those of every step."""
+
+    features: Floats
+    boundaries: Floats
+    values: Floats
+    places: Floats
+    variances: Floats
+
+
 @dataclass(frozen=True)
 class Inputs:
     """A frame, a start, readings and unknowns as arrays; copy what a step changes.
 
     The state `x` (S, 1) with its `covariance` (S, S) is that of the first edge: temperatures, unknowns in `order`
-    (u,), heats first, what each thermometer read at the last edge (m), and what each lagging one reads now. `values`
-    (N, m + q) of the readings have thermometers first; `channels` says which of these columns each reading is, as
-    given. `places` and `variances` are (N, m + q), or one row (1, m + q) where they are those of every step.
-    `features` (N, F), `boundaries` (N, b) [degC].
+    (u,), heats first, what each thermometer read at the last edge (m), and what each lagging one reads now. The arrays
+    of the steps are as in `Given`; `channels` says which column of `values` each reading is, as the caller gave them.
     """
 
     network: Network
@@ -103,6 +114,11 @@ class Inputs:
     values: Floats
     places: Floats
     variances: Floats
+
+    def given(self, steps: slice = slice(None)) -> Given:
+        """What these steps are given."""
+        places, variances = (rows[steps] if len(rows) > 1 else rows for rows in (self.places, self.variances))
+        return Given(self.features[steps], self.boundaries[steps], self.values[steps], places, variances)
 
 
 _checked = once_a_network(check)

@@ -32,7 +32,7 @@ from numpy.typing import NDArray
 from twin.arithmetic.lane_code import pointer
 from twin.arithmetic.lanes import LaneStore, less, mirrored, record, row_less, scaled, sweep
 from twin.filters.ekf import Estimate, FilterRun, columns_of, courses, estimate_of, through
-from twin.filters.inputs import AnyReading, FilterStart, Inputs, inputs_of
+from twin.filters.inputs import AnyReading, FilterStart, Given, Inputs, inputs_of
 from twin.filters.plan import Plan
 from twin.filters.planning import plan
 from twin.filters.readings import ReadingsPlan, correct, earlier_entry, earlier_of, observe, readings_of, row_of
@@ -74,29 +74,11 @@ def smoothed(
     states[1, -1] = np.append(filtered.temperatures_sd[-1], filtered.found_sd[-1][list(inputs.order)]) ** 2
     for block, state in zip(reversed(blocks), reversed(kept), strict=True):
         run.state()[:] = state
-        edges = slice(block.start, block.stop)
-        _back_through(
-            run.plan,
-            run.readings,
-            back,
-            run.m,
-            run.at,
-            inputs.features[block],
-            inputs.boundaries[block],
-            inputs.values[block],
-            of_block(inputs.places, block),
-            of_block(inputs.variances, block),
-            states[0, edges],
-            states[1, edges],
-        )
+        given, (means, spreads) = inputs.given(block), states[:, block]
+        _back_through(run.plan, run.readings, back, run.m, run.at, given, means, spreads)
     sd = np.sqrt(states[1], out=states[1])
     found, found_sd = columns_of(states[0, :, n:], of), columns_of(sd[:, n:], of)
     return SmootherEstimate(filtered, states[0, :, :n], sd[:, :n], found, found_sd)
-
-
-def of_block(rows: Floats, block: slice) -> Floats:
-    """The rows of places or variances that are a block's; one row for all steps stays one."""
-    return rows[block] if len(rows) > 1 else rows
 
 
 def block_length(steps: int) -> int:
@@ -145,28 +127,14 @@ def _run_of(inputs: Inputs, steps: int) -> tuple[FilterRun, Back]:
 
 def _forward(inputs: Inputs, run: FilterRun, blocks: Sequence[slice]) -> tuple[list[Floats], Estimate]:
     """The filter over all blocks: [P | x] at the start of each block, and what the filter says."""
-    states, innovations = courses(inputs)
+    found, sought = courses(inputs), inputs.parts.sought
     run.begin(inputs)
-    states[:, 0] = inputs.x[: inputs.parts.sought, 0], np.diag(inputs.covariance)[: inputs.parts.sought]
+    found.states[0], found.spreads[0] = inputs.x[:sought, 0], np.diag(inputs.covariance)[:sought]
     likelihood, kept = 0.0, []
     for block in blocks:
         kept.append(run.state().copy())
-        edges = slice(block.start, block.stop + 1)
-        likelihood += through(
-            run.plan,
-            run.readings,
-            run.m,
-            run.at,
-            inputs.features[block],
-            inputs.boundaries[block],
-            inputs.values[block],
-            of_block(inputs.places, block),
-            of_block(inputs.variances, block),
-            states[0, edges],
-            states[1, edges],
-            innovations[block],
-        )
-    return kept, estimate_of(inputs, states, innovations, run.covariance(), likelihood)
+        likelihood += through(run.plan, run.readings, run.m, run.at, inputs.given(block), found.of(block))
+    return kept, estimate_of(inputs, found, run.covariance(), likelihood)
 
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
@@ -176,17 +144,14 @@ def _back_through(
     back: Back,
     numbers: Floats,
     indices: Index,
-    features: Floats,
-    boundaries: Floats,
-    readings: Floats,
-    places: Floats,
-    variances: Floats,
+    given: Given,
     states: Floats,
     spreads: Floats,
 ) -> None:
     """Filter a block again from the state in `numbers`, keep what the way back needs, and go back: [L | l] from the
-    block's last edge to its first. Inputs as for `twin.filters.ekf.through`. Filled: `states` and `spreads` (N, c),
-    the first c numbers of the smoothed state and their variances, at all of the block's edges but the last."""
+    block's last edge to its first. Filled: `states` and `spreads` (N, c), the first c numbers of the smoothed state
+    and their variances, at all of the block's edges but the last."""
+    features, boundaries, readings, places, variances = given
     size, length = plan.size, plan.length
     block, most = length * length, (plan.channels + plan.meters) * taken.stride
     innovations, early = np.empty((readings.shape[1], 2)), bool((places != 1.0).any())

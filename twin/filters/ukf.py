@@ -17,8 +17,8 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.filters.ekf import Estimate, courses, estimate_of, run_of
-from twin.filters.inputs import AnyReading, FilterStart, inputs_of
+from twin.filters.ekf import Estimate, Found, courses, estimate_of, run_of
+from twin.filters.inputs import AnyReading, FilterStart, Given, inputs_of
 from twin.filters.plan import Plan
 from twin.filters.readings import ReadingsPlan, correct, observe, row_of
 from twin.filters.step import move
@@ -38,42 +38,17 @@ def filter_unscented(
     """Temperatures and unknowns from the readings by sigma points. Takes, returns and raises what
     `twin.filters.ekf.filter_unknowns` does."""
     inputs = inputs_of(network, frame, start, unknowns, readings)
-    run = run_of(inputs)
+    run, found = run_of(inputs), courses(inputs)
     run.begin(inputs)
-    states, innovations = courses(inputs)
-    likelihood = _through(
-        run.plan,
-        run.readings,
-        run.m,
-        run.at,
-        inputs.features,
-        inputs.boundaries,
-        inputs.values,
-        inputs.places,
-        inputs.variances,
-        states[0],
-        states[1],
-        innovations,
-    )
-    return estimate_of(inputs, states, innovations, run.covariance(), float(likelihood))
+    likelihood = _through(run.plan, run.readings, run.m, run.at, inputs.given(), found)
+    return estimate_of(inputs, found, run.covariance(), float(likelihood))
 
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
-def _through(
-    plan: Plan,
-    taken: ReadingsPlan,
-    m: Floats,
-    at: Index,
-    features: Floats,
-    boundaries: Floats,
-    readings: Floats,
-    places: Floats,
-    variances: Floats,
-    states: Floats,
-    spreads: Floats,
-    innovations: Floats,
-) -> float:
+def _through(plan: Plan, taken: ReadingsPlan, m: Floats, at: Index, given: Given, found: Found) -> float:
     """The filter over N steps; takes, fills and returns what `twin.filters.ekf.through` does."""
+    features, boundaries, readings, places, variances = given
+    states, spreads, innovations = found
     likelihood, size, length = 0.0, plan.size, plan.length
     root, points = np.empty((size, size)), np.empty((2, 2 * size + 1, size))
     for k in range(len(boundaries) + 1):

@@ -28,8 +28,8 @@ from numpy.typing import NDArray
 
 from twin.arithmetic.lane_code import pointer
 from twin.arithmetic.lanes import LaneStore, record
-from twin.filters.ekf import Estimate, estimate_of
-from twin.filters.inputs import AnyReading, FilterStart, Reading, inputs_of
+from twin.filters.ekf import Estimate, Found, courses, estimate_of
+from twin.filters.inputs import AnyReading, FilterStart, Given, Reading, inputs_of
 from twin.filters.readings import ReadingsPlan, correct, readings_of, row_of
 from twin.filters.unknowns import Unknown
 from twin.motor.network import Network
@@ -65,8 +65,7 @@ def filter_with_rates(
     shares, multiplied = shares_of(inputs.parts, inputs.features.shape[1])
     means, around = inputs.features @ shares[:-1] + shares[-1], at_edges(inputs.boundaries)
     capacities = np.array([node.capacity for node in network.nodes])
-    n, (steps, channels) = len(capacities), inputs.values.shape
-    known = inputs.parts.sought
+    n, known = len(capacities), inputs.parts.sought
     own = np.r_[0:known, known + len(inputs.parts.weights) : len(inputs.x)]  # y: without what was read at the last edge
     x = np.insert(inputs.x[own], [n] * n, 0.0, axis=0)  # the rates are worked out at the first edge
     store = LaneStore()
@@ -75,7 +74,7 @@ def filter_with_rates(
     numbers, indices = store.numbers(), store.indices()
     rows = numbers[rates.state : rates.state + rates.length**2].reshape(rates.length, rates.length)
     rows[: len(own), : len(own)], rows[: len(own), len(own)] = inputs.covariance[np.ix_(own, own)], inputs.x[own, 0]
-    states, innovations = np.empty((2, steps + 1, known)), np.empty((steps, channels, 2))
+    found = courses(inputs)
     likelihood = _run(
         capacities,
         inputs.parts.weights,
@@ -87,24 +86,19 @@ def filter_with_rates(
         at_edges(means),
         around,
         means,
-        inputs.boundaries,
-        inputs.values,
-        inputs.places,
-        inputs.variances,
+        inputs.given(),
         record(rates),
         record(taken),
         numbers,
         indices,
         x,
-        states[0],
-        states[1],
-        innovations,
+        found,
     )
     onto = np.insert(np.eye(len(own)), [n] * n, 0.0, axis=0)
     for place, i, j in indices[rates.cell : rates.cell + 3 * rates.cells].reshape(-1, 3).tolist():
         onto[n + i, j] = -numbers[rates.slopes + place] / capacities[i]
     covariance = onto @ rows[: len(own), : len(own)] @ onto.T
-    return estimate_of(inputs, states, innovations, (covariance + covariance.T) / 2, float(likelihood))
+    return estimate_of(inputs, found, (covariance + covariance.T) / 2, float(likelihood))
 
 
 def at_edges(means: Floats) -> Floats:
@@ -126,22 +120,19 @@ def _run(
     amounts: Floats,
     around: Floats,
     means: Floats,
-    boundaries: Floats,
-    readings: Floats,
-    places: Floats,
-    variances: Floats,
+    given: Given,
     rates: Rates,
     taken: ReadingsPlan,
     numbers: Floats,
     indices: Index,
     x: Floats,
-    states: Floats,
-    spreads: Floats,
-    innovations: Floats,
+    found: Found,
 ) -> float:
     """The filter over all steps, from `state` of `rates`; returns the log likelihood of the readings. `amounts` (N +
-    1, L + P) and `around` (N + 1, b) are at edges, `means` and `boundaries` of steps; the other arrays as in
+    1, L + P) and `around` (N + 1, b) are at edges, `means` (N, L + P) of steps; `given` and `found` as in
     `twin.filters.ekf.through`."""
+    _, boundaries, readings, places, variances = given
+    states, spreads, innovations = found
     n, size, length, likelihood, h = rates.n, rates.size, rates.length, 0.0, np.empty(len(x))
     channels, m, at = readings.shape[1], pointer(numbers, 0), pointer(indices, 0)
     laws_of(rates, m, at, x, around[0])

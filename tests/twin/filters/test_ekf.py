@@ -432,24 +432,11 @@ def test_the_covariance_stays_positive_definite_over_a_million_steps(make_networ
         for i, (name, tau) in enumerate([("n0", 0.0), ("n1", 3.0)])
     ]
     of = inputs_of(network, inputs, at_rest, [heat(5.0, "n2")], exact)
-    run, (states, innovations) = run_of(of), courses(of)
+    run, found = run_of(of), courses(of)
     run.begin(of)
     for _ in range(10):
-        through(
-            run.plan,
-            run.readings,
-            run.m,
-            run.at,
-            of.features,
-            of.boundaries,
-            of.values,
-            of.places,
-            of.variances,
-            states[0],
-            states[1],
-            innovations,
-        )
-        assert (states[1] > 0).all()
+        through(run.plan, run.readings, run.m, run.at, of.given(), found)
+        assert (found.spreads > 0).all()
         covariance = run.covariance()
         assert (covariance == covariance.T).all()
         assert np.linalg.eigvalsh(covariance).min() > 0
