@@ -27,7 +27,7 @@ from twin.arithmetic.lane_code import pointer
 from twin.arithmetic.lanes import LaneStore, aligned, record
 from twin.compiled.once import once_a_network
 from twin.filters.inputs import AnyReading, FilterStart, Given, Inputs, inputs_of, with_walks
-from twin.filters.plan import Plan
+from twin.filters.plan import Plan, entry_at, x_at
 from twin.filters.planning import plan
 from twin.filters.readings import ReadingsPlan, correct, observe, readings_of, row_of
 from twin.filters.step import carry
@@ -167,7 +167,7 @@ def through(plan: Plan, taken: ReadingsPlan, numbers: Floats, indices: Index, gi
     returns the log likelihood of the readings."""
     features, boundaries, readings, places, variances = given
     states, spreads, innovations = found
-    likelihood, size, length, early = 0.0, plan.size, plan.length, bool((places != 1.0).any())
+    likelihood, early = 0.0, bool((places != 1.0).any())
     m, at, channels = pointer(numbers, 0), pointer(indices, 0), readings.shape[1]
     for k in range(len(boundaries) + 1):
         if k > 0:
@@ -179,7 +179,7 @@ def through(plan: Plan, taken: ReadingsPlan, numbers: Floats, indices: Index, gi
             count = observe(plan, taken, m, at, outside, values, place, variance)
             likelihood += correct(plan, taken, m, at, count, pointer(innovations, 2 * read))
         for i in range(states.shape[1]):
-            states[k, i], spreads[k, i] = m[plan.state + i * length + size], m[plan.state + i * length + i]
+            states[k, i], spreads[k, i] = m[x_at(plan, plan.state, i)], m[entry_at(plan, plan.state, i, i)]
     return likelihood
 
 

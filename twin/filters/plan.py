@@ -175,6 +175,12 @@ def x_at(plan: Plan, rows: int, i: int) -> np.uint64:
 
 
 @within
+def entry_at(plan: Plan, rows: int, i: int, j: int) -> np.uint64:
+    """The place of P_ij in the matrix [P | x] that begins at `rows`."""
+    return u(rows + i * plan.length + j)
+
+
+@within
 def right_hand_side(plan: Plan) -> int:
     """Where the step matrix' right-hand side (n,) begins."""
     return plan.values + plan.n + 2 * plan.edges + 1

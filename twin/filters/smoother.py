@@ -30,10 +30,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.arithmetic.lane_code import pointer
-from twin.arithmetic.lanes import LaneStore, less, mirrored, record, row_less, scaled, sweep
+from twin.arithmetic.lanes import LaneStore, less, mirrored, record, row_less, scaled, sweep, within
 from twin.filters.ekf import Estimate, FilterRun, columns_of, courses, estimate_of, through
 from twin.filters.inputs import AnyReading, FilterStart, Given, Inputs, inputs_of
-from twin.filters.plan import Plan
+from twin.filters.plan import Plan, entry_at, x_at
 from twin.filters.planning import plan
 from twin.filters.readings import ReadingsPlan, correct, earlier_entry, earlier_of, observe, readings_of, row_of
 from twin.filters.step import carry, derive
@@ -89,12 +89,16 @@ def block_length(steps: int) -> int:
 
 class Back(NamedTuple):
     """Where the way back has its numbers: rows as long as the state's, but for `rows`. Each of `edge`, `matrix` and
-    `rows` has one piece behind the other, one for each step of a block."""
+    `rows` has one piece for each step of a block, `edge_of`, `matrix_of` and `rows_of` say where.
+
+    A row of `rows` is of one reading, made independent and of variance 1: how it moves with the state at the start of
+    the step, and behind that its innovation, sign changed. With the state of `twin.filters.plan`, of S = 7 numbers, a
+    thermometer at the winding of variance 0.01 K^2 that reads 0.5 K more than expected has about 10 0 0 0 0 10 0 | -5.
+    """
 
     edge: int  # [P | x] at the start of each step
     matrix: int  # of each step: how the state at its end, readings taken, moves with that at its start
-    rows: int  # of each step, m + q rows of the readings' stride: how each independent reading of variance 1 moves with
-    # the state at its start, and behind it the innovation, sign changed
+    rows: int  # of each step, m + q rows of the readings' stride
     taken: int  # index: how many readings each step takes
     one: int  # the unit matrix
     before: int  # F of one step
@@ -102,6 +106,24 @@ class Back(NamedTuple):
     product: int
     by_number: int  # (S,) pairs: where each row of the state begins, and its number
     by_row: int  # (S,) pairs: where each row begins, twice
+
+
+@within
+def edge_of(plan: Plan, back: Back, k: int) -> int:
+    """Where [P | x] begins that was kept of the start of step k of the block."""
+    return back.edge + k * plan.length * plan.length
+
+
+@within
+def matrix_of(plan: Plan, back: Back, k: int) -> int:
+    """Where the matrix of step k begins."""
+    return back.matrix + k * plan.length * plan.length
+
+
+@within
+def rows_of(plan: Plan, taken: ReadingsPlan, back: Back, k: int) -> int:
+    """Where the rows of the readings of step k begin."""
+    return back.rows + k * (plan.channels + plan.meters) * taken.stride
 
 
 def _run_of(inputs: Inputs, steps: int) -> tuple[FilterRun, Back]:
@@ -153,11 +175,10 @@ def _back_through(
     and their variances, at all of the block's edges but the last."""
     features, boundaries, readings, places, variances = given
     size, length = plan.size, plan.length
-    block, most = length * length, (plan.channels + plan.meters) * taken.stride
     innovations, early = np.empty((readings.shape[1], 2)), bool((places != 1.0).any())
     m, at, channels = pointer(numbers, 0), pointer(indices, 0), readings.shape[1]
     for k in range(len(boundaries)):
-        scaled(m, back.edge + k * block, 1.0, plan.state, block)
+        scaled(m, edge_of(plan, back, k), 1.0, plan.state, length * length)
         outside, values = pointer(boundaries, k * boundaries.shape[1]), pointer(readings, k * channels)
         carry(plan, m, at, pointer(features, k * features.shape[1]), outside, early)
         derive(plan, m, at, back.one, back.before)
@@ -165,21 +186,23 @@ def _back_through(
         variance = pointer(variances, row_of(variances, k) * channels)
         count = observe(plan, taken, m, at, outside, values, place, variance)
         at[back.taken + k] = count
-        rows, matrix = back.rows + k * most, back.matrix + k * block
+        rows, matrix = rows_of(plan, taken, back, k), matrix_of(plan, back, k)
         _reading_rows(plan, taken, back, m, at, count, rows)
         correct(plan, taken, m, at, count, pointer(innovations, 0))
         unit = plan.unit + 1
         less(m, at, plan.row, size, taken.taken, count, matrix, back.before, rows, unit, taken.gain, 1, length)
         _make_independent(plan, taken, m, at, count, innovations, rows)
     for k in range(len(boundaries) - 1, -1, -1):
-        _before_step(plan, taken, back, m, at, at[back.taken + k], back.rows + k * most, back.matrix + k * block)
-        edge, product = back.edge + k * block, back.product
+        rows, matrix = rows_of(plan, taken, back, k), matrix_of(plan, back, k)
+        _before_step(plan, taken, back, m, at, at[back.taken + k], rows, matrix)
+        edge, product = edge_of(plan, back, k), back.product
         less(m, at, plan.row, size, back.by_number, size, product, product, back.later, plan.unit, edge, length, length)
         for i in range(states.shape[1]):
-            known, left = m[edge + i * length + size], m[edge + i * length + i]
+            left = m[entry_at(plan, edge, i, i)]
             for c in range(size):
-                left -= m[product + i * length + c] * m[edge + i * length + c]
-            states[k, i], spreads[k, i] = known - m[product + i * length + size], max(left, 0.0)
+                left -= m[entry_at(plan, product, i, c)] * m[entry_at(plan, edge, i, c)]
+            states[k, i] = m[x_at(plan, edge, i)] - m[x_at(plan, product, i)]
+            spreads[k, i] = max(left, 0.0)
 
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
@@ -219,7 +242,7 @@ def _before_step(
     size, length, product, later = plan.size, plan.length, back.product, back.later
     less(m, at, plan.row, size, back.by_number, size, product, product, matrix, plan.unit, later, length, length)
     for i in range(size):
-        m[product + i * length + size] = -m[later + i * length + size]
+        m[x_at(plan, product, i)] = -m[x_at(plan, later, i)]
     less(m, at, plan.row, size, back.by_row, size, later, later, product, plan.unit, matrix, 1, length)
     less(m, at, plan.row, size, taken.taken, count, later, later, rows, plan.unit + 1, rows, 1, length)
     mirrored(m, later, size, length)

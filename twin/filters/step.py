@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from twin.arithmetic.lanes import as_rows, less, scaled, sweep, sweep_mixed, transposed, within
 from twin.filters.matrix import assemble, term_at
-from twin.filters.plan import Plan, driven_of, drives_at, ends_of, psi_of, right_hand_side, x_at
+from twin.filters.plan import Plan, driven_of, drives_at, ends_of, entry_at, psi_of, right_hand_side, x_at
 
 Floats = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -122,13 +122,13 @@ def carry(plan: Plan, m: Floats, at: Index, phi: Floats, outside: Floats, early:
         for i in range(n):
             m[x_at(plan, turned, i)] = m[u(plan.temperatures + i)]
     for p in range(plan.factors):  # columns of F, sign changed, behind x
-        m[x_at(plan, turned, n + plan.heats + p) + u(1 + p)] = -1.0
+        m[entry_at(plan, turned, n + plan.heats + p, size + 1 + p)] = -1.0
     derive(plan, m, at, turned, ahead)
     if plan.factors > 0:
         _add_factors(plan, m, at, turned, early)
     for i in range(size):
         m[x_at(plan, ahead, i)] = m[u(after + i)]
-        m[u(ahead + i * length + i)] += m[u(plan.process + i)]
+        m[entry_at(plan, ahead, i, i)] += m[u(plan.process + i)]
 
 
 @within

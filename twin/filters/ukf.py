@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from twin.filters.ekf import Estimate, Found, courses, estimate_of, run_of
 from twin.filters.inputs import AnyReading, FilterStart, Given, inputs_of
-from twin.filters.plan import Plan
+from twin.filters.plan import Plan, entry_at, x_at
 from twin.filters.readings import ReadingsPlan, correct, observe, row_of
 from twin.filters.step import move
 from twin.filters.unknowns import Unknown
@@ -49,7 +49,7 @@ def _through(plan: Plan, taken: ReadingsPlan, m: Floats, at: Index, given: Given
     """The filter over N steps; takes, fills and returns what `twin.filters.ekf.through` does."""
     features, boundaries, readings, places, variances = given
     states, spreads, innovations = found
-    likelihood, size, length = 0.0, plan.size, plan.length
+    likelihood, size = 0.0, plan.size
     root, points = np.empty((size, size)), np.empty((2, 2 * size + 1, size))
     for k in range(len(boundaries) + 1):
         if k > 0:
@@ -58,7 +58,7 @@ def _through(plan: Plan, taken: ReadingsPlan, m: Floats, at: Index, given: Given
             count = observe(plan, taken, m, at, boundaries[k - 1], readings[k - 1], place, variance)
             likelihood += correct(plan, taken, m, at, count, innovations[k - 1])
         for i in range(states.shape[1]):
-            states[k, i], spreads[k, i] = m[plan.state + i * length + size], m[plan.state + i * length + i]
+            states[k, i], spreads[k, i] = m[x_at(plan, plan.state, i)], m[entry_at(plan, plan.state, i, i)]
     return likelihood
 
 
@@ -75,13 +75,13 @@ def _carry(
     for p in range(2 * size + 1):
         column, sign = (p - 1) // 2, 0.0 if p == 0 else 1.0 if p % 2 else -1.0
         for i in range(size):
-            before[p, i] = m[state + i * length + size]
+            before[p, i] = m[x_at(plan, state, i)]
             if p > 0 and i >= column:
                 before[p, i] += sign * spread * root[i, column]
-            m[turned + i * length + size] = before[p, i]
+            m[x_at(plan, turned, i)] = before[p, i]
         move(plan, m, at, phi, outside, turned, ahead)
         for i in range(size):
-            after[p, i] = m[ahead + i * length + size]
+            after[p, i] = m[x_at(plan, ahead, i)]
     _gather(plan, m, before, after, weight, 1.0 - size / scale)
 
 
@@ -89,7 +89,7 @@ def _carry(
 def _gather(plan: Plan, m: Floats, before: Floats, after: Floats, weight: float, middle: float) -> None:
     """`ahead` and `turned` as `carry` leaves them, from the sigma points; a point counts `weight` in the mean, the
     one in the middle `middle`."""
-    size, length = plan.size, plan.length
+    size = plan.size
     begun = before[0].copy()
     mean = np.empty(size)
     for i in range(size):
@@ -99,7 +99,7 @@ def _gather(plan: Plan, m: Floats, before: Floats, after: Floats, weight: float,
         mean[i] = after[0, i] + weight * total
     for i in range(size):
         for c in range(size):
-            m[plan.ahead + i * length + c] = m[plan.turned + i * length + c] = 0.0
+            m[entry_at(plan, plan.ahead, i, c)] = m[entry_at(plan, plan.turned, i, c)] = 0.0
     for p in range(len(after)):
         share = middle + 1.0 - ALPHA * ALPHA + BETA if p == 0 else weight
         for i in range(size):
@@ -108,11 +108,11 @@ def _gather(plan: Plan, m: Floats, before: Floats, after: Floats, weight: float,
         for i in range(size):
             mine, earlier = share * after[p, i], share * before[p, i]
             for c in range(size):
-                m[plan.ahead + i * length + c] += mine * after[p, c]
-                m[plan.turned + i * length + c] += earlier * after[p, c]
+                m[entry_at(plan, plan.ahead, i, c)] += mine * after[p, c]
+                m[entry_at(plan, plan.turned, i, c)] += earlier * after[p, c]
     for i in range(size):
-        m[plan.ahead + i * length + i] += m[plan.process + i]
-        m[plan.ahead + i * length + size], m[plan.turned + i * length + size] = mean[i], begun[i]
+        m[entry_at(plan, plan.ahead, i, i)] += m[plan.process + i]
+        m[x_at(plan, plan.ahead, i)], m[x_at(plan, plan.turned, i)] = mean[i], begun[i]
 
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
