@@ -13,15 +13,13 @@ from numba import types
 from numba.extending import intrinsic
 from numpy.typing import NDArray
 
-from twin.arithmetic.lane_code import transposed
+from twin.arithmetic.lane_code import address, transposed
 from twin.arithmetic.vectors import LANES, vector, vectors
 
 Floats = NDArray[np.float64]
 
 _I32, _I64 = ir.IntType(32), ir.IntType(64)
 _VECTOR = ir.VectorType(ir.DoubleType(), LANES)
-
-
 # Numbers. What is above 32 MiB, glibc's malloc hands back to the system at once, to be had page by page again.
 PIECE = 30_000_000 // 8
 
@@ -45,20 +43,15 @@ def at_a_border(shapes: Sequence[tuple[int, ...]]) -> list[Floats]:
     return found
 
 
-def _data(context: Any, builder: Any, kind: Any, array: Any) -> Any:
-    """Where the first number of an array is."""
-    return context.make_array(kind)(context, builder, array).data
-
-
 def _pointers(context: Any, builder: Any, kinds: Any, arrays: Any, place: Any) -> list[Any]:
     """Where number `place` of each of a tuple of arrays is."""
-    data = [_data(context, builder, kind, builder.extract_value(arrays, c)) for c, kind in enumerate(kinds)]
+    data = [address(context, builder, kind, builder.extract_value(arrays, c)) for c, kind in enumerate(kinds)]
     return [builder.gep(own, [place], inbounds=True) for own in data]
 
 
 def _rows(context: Any, builder: Any, kind: Any, array: Any, row: Any) -> list[Any]:
     """Where `LANES` rows of an array (Q, LANES) begin, from `row` on."""
-    data, first = _data(context, builder, kind, array), builder.mul(row, _I64(LANES))
+    data, first = address(context, builder, kind, array), builder.mul(row, _I64(LANES))
     return [builder.gep(data, [builder.add(first, _I64(r * LANES))], inbounds=True) for r in range(LANES)]
 
 

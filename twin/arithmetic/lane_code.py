@@ -8,13 +8,14 @@ the same bits on every machine, slowly where there is no such instruction (x86 b
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
-from twin.arithmetic.vectors import LANES
+from twin.arithmetic.vectors import LANES, everywhere
 
 _I32, _I64, _F64 = ir.IntType(32), ir.IntType(64), ir.DoubleType()
 
@@ -67,14 +68,7 @@ def _pair(builder: Any, pair: Any) -> tuple[Any, Any]:
 
 def _number(builder: Any, data: Any, place: Any, vector: Any) -> Any:
     """The number at a place, in all lanes of a vector."""
-    return _everywhere(builder, builder.load(builder.gep(data, [place], inbounds=True)), vector)
-
-
-def _everywhere(builder: Any, value: Any, vector: Any) -> Any:
-    """One number in all lanes of a vector."""
-    one = builder.insert_element(ir.Constant(vector, ir.Undefined), value, _I32(0))
-    first = ir.Constant(ir.VectorType(_I32, vector.count), [0] * vector.count)
-    return builder.shuffle_vector(one, ir.Constant(vector, ir.Undefined), first)
+    return everywhere(builder, builder.load(builder.gep(data, [place], inbounds=True)), vector)
 
 
 def _less(builder: Any, total: Any, share: Any, other: Any) -> Any:
@@ -83,6 +77,13 @@ def _less(builder: Any, total: Any, share: Any, other: Any) -> Any:
     name = f"llvm.fma.v{vector.count}f64"
     fused = builder.module.globals.get(name) or ir.Function(builder.module, ir.FunctionType(vector, [vector] * 3), name)
     return builder.call(fused, [share, builder.fneg(other), total])
+
+
+def _join(phis: Sequence[Any], blocks: Mapping[Any, Sequence[Any]]) -> None:
+    """Give numbers of a block the values that they have when one comes from each of the blocks before it."""
+    for block, values in blocks.items():
+        for phi, value in zip(phis, values, strict=True):
+            phi.add_incoming(value, block)
 
 
 def _sweeping(
@@ -138,24 +139,16 @@ def _sweeping(
         left = all_less(totals, share, builder.add(others, start))
         next_f = builder.add(f, one)
         next_pair = _index(builder, indices, builder.add(taken, next_f))
-        for phi, entering, onward in zip(
-            (f, pair, *totals), (e, first, *before), (next_f, next_pair, *left), strict=True
-        ):
-            phi.add_incoming(entering, row)
-            phi.add_incoming(onward, other)
+        _join((f, pair, *totals), {row: (e, first, *before), other: (next_f, next_pair, *left)})
         builder.cbranch(builder.icmp_signed("<", next_pair, none), done, other)
         builder.position_at_end(done)
         end, ended = builder.phi(_I64), [builder.phi(vector) for _ in every]
-        for phi, entering, onward in zip((end, *ended), (e, *before), (next_f, *left), strict=True):
-            phi.add_incoming(entering, row)
-            phi.add_incoming(onward, other)
+        _join((end, *ended), {row: (e, *before), other: (next_f, *left)})
         for c, total in zip(every, ended, strict=True):
             _store(builder, total, data, builder.add(builder.add(out, here), _I64(c)))
         next_p, next_e = builder.add(p, one), builder.add(end, one)
         next_row = _index(builder, indices, builder.add(rows, next_p))
-        for phi, entering, onward in ((p, none, next_p), (e, none, next_e), (own, first_row, next_row)):
-            phi.add_incoming(entering, entry)
-            phi.add_incoming(onward, done)
+        _join((p, e, own), {entry: (none, none, first_row), done: (next_p, next_e, next_row)})
         builder.cbranch(builder.icmp_signed("<", next_row, none), after, row)
         builder.position_at_end(after)
         return context.get_dummy_value()
@@ -209,15 +202,11 @@ def _tiling(
         share = [_number(builder, data, builder.add(begin, which), vector) for begin in own]
         left = [_less(builder, total, share[r], row[c]) for (r, c), total in zip(every, totals, strict=True)]
         following = builder.add(e, _I64(1))
-        for phi, entering, onwards in zip([e, *totals], [_I64(0), *before], [following, *left], strict=True):
-            phi.add_incoming(entering, entry)
-            phi.add_incoming(onwards, other)
+        _join((e, *totals), {entry: (_I64(0), *before), other: (following, *left)})
         builder.cbranch(builder.icmp_signed("<", following, number), other, tiled)
         builder.position_at_end(tiled)
         ended = [builder.phi(vector) for _ in every]
-        for phi, entering, onwards in zip(ended, before, left, strict=True):
-            phi.add_incoming(entering, entry)
-            phi.add_incoming(onwards, other)
+        _join(ended, {entry: before, other: left})
         for (r, c), total in zip(every, ended, strict=True):
             _store(builder, total, data, builder.add(builder.add(out, here[r]), _I64(c)))
         return context.get_dummy_value()
@@ -237,7 +226,7 @@ def _scaling(typing: Any, m: Any, out: Any, factor: Any, base: Any, lanes: Any) 
         m, out, factor, base, _ = given
         data = address(context, builder, signature.args[0], m)
         row = _load(builder, data, base, vector)
-        _store(builder, builder.fmul(_everywhere(builder, factor, vector), row), data, out)
+        _store(builder, builder.fmul(everywhere(builder, factor, vector), row), data, out)
         return context.get_dummy_value()
 
     return signature, generate

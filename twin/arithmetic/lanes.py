@@ -19,6 +19,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.arithmetic.interleaving import at_a_border
 from twin.arithmetic.lane_code import scale_vectors, sweep_vectors, tile_vectors, turn_block
 from twin.arithmetic.vectors import LANES
 
@@ -127,10 +128,8 @@ class LaneStore:
 
 def aligned(numbers: Floats) -> Floats:
     """A copy (N,) of numbers that begins at a border of the machine's vectors."""
-    wide = np.empty(numbers.size + LANES)
-    first = -(wide.ctypes.data // wide.itemsize) % LANES
-    copy = wide[first : first + numbers.size]
-    copy[:] = numbers
+    (copy,) = at_a_border([(numbers.size,)])
+    copy[:] = numbers.ravel()
     return copy
 
 

@@ -62,12 +62,16 @@ class _Model(models.PrimitiveModel):
         super().__init__(manager, kind, _VECTOR)  # type: ignore[no-untyped-call]
 
 
+def everywhere(builder: Any, value: Any, vector: Any) -> Any:
+    """One number in all lanes of a vector."""
+    one = builder.insert_element(ir.Constant(vector, ir.Undefined), value, _I32(0))
+    first = ir.Constant(ir.VectorType(_I32, vector.count), [0] * vector.count)
+    return builder.shuffle_vector(one, ir.Constant(vector, ir.Undefined), first)
+
+
 @lower_cast(types.float64, Vector)  # type: ignore[no-untyped-call, untyped-decorator]
-def _everywhere(context: Any, builder: Any, number: Any, kind: Any, value: Any) -> Any:
-    """A number in all lanes of a vector."""
-    one = builder.insert_element(ir.Constant(_VECTOR, ir.Undefined), value, _I32(0))
-    first = ir.Constant(ir.VectorType(_I32, LANES), [0] * LANES)
-    return builder.shuffle_vector(one, ir.Constant(_VECTOR, ir.Undefined), first)
+def _cast(context: Any, builder: Any, number: Any, kind: Any, value: Any) -> Any:
+    return everywhere(builder, value, _VECTOR)
 
 
 def _define(operation: Any, made: Callable[..., Any], count: int = 2) -> None:
