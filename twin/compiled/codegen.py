@@ -77,21 +77,16 @@ def generate(structure: Structure, tableau: Tableau) -> str:
     """
     w = Writer(structure)
     read_inputs(w, tableau)
-    add_step(w, tableau)
+    for index, group in enumerate(structure.groups):
+        add_group(w, index, group)
+    factorise(w)
+    _stages(w, tableau)
     w.hoisted += [f"T{i} = out[0, {i}]" for i in range(structure.n)]
     if tableau.back:
         w.hoisted += ["gamma = 1.0", "back = 0.0", *(f"P{i} = T{i}" for i in range(structure.n))]
     end_step(w, tableau)
     w.lines += [f"out[k + 1, {i}] = T{i}" for i in range(structure.n)]
     return HEAD + w.text()
-
-
-def add_step(w: Writer, tableau: Tableau) -> None:
-    """One step, from the state and the inputs to the temperatures of its stages."""
-    for index, group in enumerate(w.structure.groups):
-        add_group(w, index, group)
-    factorise(w)
-    _stages(w, tableau)
 
 
 def read_inputs(w: Writer, tableau: Tableau) -> None:

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse.csgraph import dijkstra
 
 from twin.motor import features
 from twin.motor.network import Network
@@ -36,7 +37,10 @@ def steady_interpolation(
     known |= {n + j: float(value) for j, value in enumerate(boundaries_row)}
     mixed = {index[node]: {index[k]: share for k, share in own.items()} for node, own in (weights or {}).items()}
     temperatures = _interpolate(conductances(network, features_row), known, mixed)
-    distance = _links_away(network, index, known)
+    links = np.zeros((len(index), len(index)))
+    for a, b in (*((link.a, link.b) for link in network.links), *features.stream_places(network)):
+        links[index[a], index[b]] = links[index[b], index[a]] = 1.0
+    distance = _links_away(links, known)
     sd = np.clip(1.0 + distance[:n], NEAR_SD_K, FAR_SD_K)
     for node, (_, own_sd) in measured.items():
         sd[index[node]] = max(MEASURED_SD_K, own_sd)
@@ -74,7 +78,8 @@ def _interpolate(
     result = np.full(size, np.mean(list(known.values())))
     fixed = np.array(sorted(known.keys() - mixed.keys()), dtype=np.intp)
     result[fixed] = [known[i] for i in fixed.tolist()]
-    free = [i for i in range(size) if i in mixed or (i not in known and _reaches(conductance, i, known))]
+    led = np.isfinite(_links_away(conductance, known))
+    free = [i for i in range(size) if i in mixed or (i not in known and led[i])]
     balance = np.diag(conductance.sum(axis=1)) - conductance
     right = np.zeros(size)
     for i, own in mixed.items():
@@ -99,28 +104,11 @@ def _solved(matrix: NDArray[np.float64], right: NDArray[np.float64]) -> NDArray[
     return whole[:, -1]
 
 
-def _reaches(conductance: NDArray[np.float64], start: int, known: Mapping[int, float]) -> bool:
-    seen, front = {start}, [start]
-    while front:
-        i = front.pop()
-        if i in known:
-            return True
-        fresh = {int(j) for j in np.flatnonzero(conductance[i])} - seen
-        seen |= fresh
-        front.extend(fresh)
-    return False
-
-
-def _links_away(network: Network, index: Mapping[str, int], known: Mapping[int, float]) -> NDArray[np.float64]:
-    """How many links each node is from the nearest known one; infinite where there is none."""
-    distance = np.full(len(index), np.inf)
-    distance[list(known)] = 0.0
-    ends = [*((link.a, link.b) for link in network.links), *features.stream_places(network)]
-    joined = [(index[a], index[b]) for a, b in ends]
-    for _ in index:
-        for a, b in joined:
-            distance[a], distance[b] = min(distance[a], distance[b] + 1), min(distance[b], distance[a] + 1)
-    return distance
+def _links_away(links: NDArray[np.float64], known: Mapping[int, float]) -> NDArray[np.float64]:
+    """How many links lead from each place to the nearest known one; infinite where none does. `links` (n + b, n + b)
+    are not 0 where one leads from the row's place to the column's."""
+    away: NDArray[np.float64] = dijkstra(links.T != 0, unweighted=True, indices=list(known), min_only=True)
+    return away
 
 
 def time_constants(network: Network, features_row: NDArray[np.float64]) -> dict[str, float]:
