@@ -134,15 +134,14 @@ def aligned(numbers: Floats) -> Floats:
 
 
 def record(fields: Fields) -> Fields:
-    """The same fields, a `Sweep` as a record within, as one record in memory: compiled functions then take one
-    address and not every field, which is what they take longest to compile for. They read fields by the same names;
-    so does Python, but for names that numpy has for itself, such as `size`."""
-    entries = fields._asdict().items()
-    kinds = [
-        (name, [(of, np.int64) for of in Sweep._fields] if isinstance(value, Sweep) else np.int64)
-        for name, value in entries
-    ]
-    return cast(Fields, np.array([tuple(fields)], dtype=kinds).view(np.recarray)[0])
+    """The same fields, those of a tuple within as a record within, as one record in memory: compiled functions then
+    take one address and not every field, which is what they take longest to compile for. They read fields by the same
+    names; so does Python, but for names that numpy has for itself, such as `size`."""
+
+    def kinds(of: Any) -> Any:
+        return [(name, kinds(value)) for name, value in of._asdict().items()] if hasattr(of, "_asdict") else np.int64
+
+    return cast(Fields, np.array([tuple(fields)], dtype=kinds(fields)).view(np.recarray)[0])
 
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)

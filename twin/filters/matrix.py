@@ -18,7 +18,7 @@ from twin.arithmetic.lanes import both, scaled, within
 from twin.arithmetic.powers import exp_of_number
 from twin.compiled.heat import heat, heat_capacity
 from twin.filters.pivots import eliminate_few
-from twin.filters.plan import Laws, Plan, ends_of, law_of, psi_of, term_of
+from twin.filters.plan import LawTable, Plan, ends_of, law_of, psi_of, term_of
 
 Floats = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -44,14 +44,14 @@ class Matrix(Protocol):
 
 
 @within
-def laws_at(plan: Laws, m: Floats, at: Index, listed: int, count: int) -> None:
+def laws_at(laws: LawTable, m: Floats, at: Index, listed: int, count: int) -> None:
     """`psi` of `count` groups at `temperatures`."""
-    T, alpha, reference = plan.temperatures, m[u(plan.copper)], m[u(plan.copper + 1)]
+    T, alpha, reference = laws.temperatures, m[u(laws.copper)], m[u(laws.copper + 1)]
     for e in range(listed, listed + count):
         g = at[u(e)]
-        a, b, other = ends_of(plan, at, g)
-        law, knots = law_of(plan, at, g)
-        numbers, psi = plan.law_numbers + g * (3 + 2 * plan.knots), plan.psi + 4 * g
+        a, b, other = ends_of(laws, at, g)
+        law, knots = law_of(laws, at, g)
+        numbers, psi = laws.numbers + g * (3 + 2 * laws.knots), laws.psi + 4 * g
         own = m[u(T + a)]
         far, crossed = m[u(T + b)] if b >= 0 else own, m[u(T + other)] if other >= 0 else own
         relative, growth = 1.0, 0.0
@@ -91,22 +91,22 @@ def term_at(plan: Plan, m: Floats, at: Index, t: int) -> float:
 def surround(plan: Plan, m: Floats, state: int, outside: Floats) -> None:
     """`temperatures`: those of [P | x] at `state`, and `outside` (b,)."""
     for i in range(plan.n):
-        m[u(plan.temperatures + i)] = m[u(state + i * plan.length + plan.size)]
+        m[u(plan.laws.temperatures + i)] = m[u(state + i * plan.length + plan.size)]
     for i in range(plan.around):
-        m[u(plan.temperatures + plan.n + i)] = outside[i]
+        m[u(plan.laws.temperatures + plan.n + i)] = outside[i]
 
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
 def assemble(plan: Plan, m: Floats, at: Index, phi: Floats, outside: Floats, state: int) -> None:
     """The step's matrix, eliminated, and its right-hand side, into `values`: linear about [P | x] at `state`, with
     features `phi` (F,) and boundaries `outside` (b,)."""
-    n, values, amounts, T = plan.n, plan.values, plan.amounts, plan.temperatures
+    n, values, amounts, T = plan.n, plan.values, plan.amounts, plan.laws.temperatures
     right = values + n + 2 * plan.edges + 1
     for j in range(plan.monomials):
         m[u(plan.features + j)] = phi[j]
     surround(plan, m, state, outside)
     amounts_at(plan, m, at, state)
-    laws_at(plan, m, at, plan.bent, plan.bents)
+    laws_at(plan.laws, m, at, plan.bent, plan.bents)
     scaled(m, values, 1.0, plan.fixed, plan.filled)
     for r in range(plan.plain, plan.plain + 5 * plan.plains, 5):
         g, aa, bb, ab, ba = at[u(r)], at[u(r + 1)], at[u(r + 2)], at[u(r + 3)], at[u(r + 4)]
@@ -126,8 +126,8 @@ def assemble(plan: Plan, m: Floats, at: Index, phi: Floats, outside: Floats, sta
     for r in range(plan.other, plan.other + 8 * plan.others, 8):
         g, aa, ab, am = at[u(r)], at[u(r + 1)], at[u(r + 2)], at[u(r + 3)]
         ba, bb, bm, right_b = at[u(r + 4)], at[u(r + 5)], at[u(r + 6)], at[u(r + 7)]
-        a, b, other = ends_of(plan, at, g)
-        value, by_a, by_b, by_m = psi_of(plan, m, g)
+        a, b, other = ends_of(plan.laws, at, g)
+        value, by_a, by_b, by_m = psi_of(plan.laws, m, g)
         amount = m[u(amounts + g)]
         rest = value - by_a * m[u(T + a)]
         if other >= 0:
@@ -181,11 +181,11 @@ def eliminate(plan: Matrix, m: Floats, at: Index) -> None:
 
 
 @within
-def counted(laws: Laws, m: Floats, at: Index, n: int, count: int, amounts: int, signs: int, slopes: int) -> float:
-    """The heat [W] that a meter adds up by `signs` of `count` groups with these `amounts`, among n nodes, by `psi`;
+def counted(laws: LawTable, m: Floats, at: Index, n: int, amounts: int, signs: int, slopes: int) -> float:
+    """The heat [W] that a meter adds up by the `signs` of all groups with these `amounts`, among n nodes, by `psi`;
     what it changes by with temperatures is taken from the numbers at `slopes`."""
     total = 0.0
-    for g in range(count):
+    for g in range(laws.total):
         if m[u(signs + g)] == 0.0:
             continue
         value, by_a, by_b, by_m = psi_of(laws, m, g)

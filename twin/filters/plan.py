@@ -16,7 +16,7 @@ second thermometer, half stator and half rotor, lags. So S = 7, and x is
 
 from __future__ import annotations
 
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,6 +58,21 @@ class Parts(NamedTuple):
     process: Floats  # variance that each step adds to each number of the state
 
 
+class LawTable(NamedTuple):
+    """Where the laws of G groups stand, and what they are at the temperatures of a step."""
+
+    total: int  # groups, G
+    knots: int  # most of a fluid's table
+    # Numbers, by where they begin.
+    copper: int  # alpha [1/K], reference [degC]
+    numbers: int  # (G, 3 + 2 knots) as `twin.compiled.laws.Table`
+    psi: int  # (G, 4) what an amount is multiplied by to be a heat, and its slopes with T_a, T_b and T_m
+    temperatures: int  # (n + boundaries,) [degC] at which psi is wanted: of a `Plan`, those at the start of the step
+    # Indices, by where they begin.
+    places: int  # (G, 6) as `twin.compiled.laws.Table`. Of the copper loss: 0, -1, its number, -1, 0, 0
+    each: int  # 0, 1, 2 ...: all groups
+
+
 class Plan(NamedTuple):
     """How many there are of what a step works on, and where it begins in the run's array of numbers or of indices.
 
@@ -65,12 +80,12 @@ class Plan(NamedTuple):
     functions below.
     """
 
+    laws: LawTable
     n: int  # nodes
     heats: int  # o
     factors: int  # u
     size: int  # S
     length: int  # of a row of numbers: S + 1 + u, filled up
-    laws: int  # groups, G
     monomials: int  # F, products of features
     groups: int  # numbers of a row of amounts: G, filled up
     terms: int  # of groups, those that an unknown factor multiplies
@@ -87,7 +102,6 @@ class Plan(NamedTuple):
     meters: int  # q
     lagging: int  # thermometers that lag
     around: int  # boundaries
-    knots: int  # most of a fluid's table
     # Numbers, by where they begin.
     unit: int  # 0, 1
     own: int  # (n,) C / (gamma h) [W/K]
@@ -97,8 +111,6 @@ class Plan(NamedTuple):
     own_begun: int  # (n,) own times what the second stage begins with of the first
     own_less: int  # (n,) own times the same less 1, which it is given less of the start
     more: int  # 1 over that
-    copper: int  # alpha [1/K], reference [degC]
-    law_numbers: int  # (G, 3 + 2 knots) as `twin.compiled.laws.Table`
     constant: int  # (G,) what no feature changes of each group's amount
     by_monomial: int  # (varied,) what a monomial of 1 adds to a group's amount, for each row of `vary`
     nominal: int  # (terms,) coefficients that an unknown factor multiplies
@@ -111,8 +123,6 @@ class Plan(NamedTuple):
     features: int  # (F,) monomials of the step
     amounts: int  # (G,) W/K of links, W of losses
     scale: int  # (factors,) exp of their logarithms in x
-    psi: int  # (G, 4) what an amount is multiplied by to be a heat, and its slopes with T_a, T_b and T_m
-    temperatures: int  # (n + boundaries,) [degC] at the start of the step
     values: (
         int  # step matrix: n diagonals, E entries above it, E below; then -1, right-hand side (n,), drives (2, drives)
     )
@@ -124,9 +134,7 @@ class Plan(NamedTuple):
     driven_rows: int  # whole blocks of columns of F, the factors' among them, as rows
     ahead: int  # [P | x] as predicted, in place of `moved`
     # Indices, by where they begin.
-    each: int  # 0, 1, 2 ...: all groups
     row: int  # 0, 16, 32 ...: where each row of the state begins
-    law: int  # (G, 6) as `twin.compiled.laws.Table`. Of the copper loss: 0, -1, its number, -1, 0, 0
     term: int  # (terms, 3) group, factor, monomial or -1: 0, 0, 0
     vary: int  # (varied,) pairs of a group and a monomial that adds to its amount: (2, 1) (3, 2) (4, 3)
     plain: int  # (plains, 5) links that change: group, places of aa, bb, ab, ba in `values`: 0, 0, 1, 3, 5
@@ -149,23 +157,6 @@ class Plan(NamedTuple):
     backward: Sweep  # elimination, backward
     unmoved: Sweep  # what becomes of rows that are no temperature: they stay, and lagging readings fade
     follow: Sweep  # what lagging readings take of the temperatures after the step
-
-
-class Laws(Protocol):
-    """Of a `Plan` or another form: where the tables of its groups' laws begin, and what the laws are of."""
-
-    @property
-    def temperatures(self) -> int: ...
-    @property
-    def law(self) -> int: ...
-    @property
-    def law_numbers(self) -> int: ...
-    @property
-    def psi(self) -> int: ...
-    @property
-    def knots(self) -> int: ...
-    @property
-    def copper(self) -> int: ...
 
 
 @within
@@ -200,24 +191,24 @@ def term_of(plan: Plan, at: Index, t: int) -> tuple[int, int, int]:
 
 
 @within
-def law_of(plan: Laws, at: Index, g: int) -> tuple[int, int]:
+def law_of(laws: LawTable, at: Index, g: int) -> tuple[int, int]:
     """The number of group g's law, and how many knots its fluid's table has."""
-    row = plan.law + 6 * g
+    row = laws.places + 6 * g
     return at[u(row + 2)], at[u(row + 5)]
 
 
 @within
-def ends_of(plan: Laws, at: Index, g: int) -> tuple[int, int, int]:
+def ends_of(laws: LawTable, at: Index, g: int) -> tuple[int, int, int]:
     """Whose temperatures are T_a, T_b and T_m in group g: a node, or n + boundary; below 0 where its law has none of
     them."""
-    row = plan.law + 6 * g
+    row = laws.places + 6 * g
     return at[u(row)], at[u(row + 1)], at[u(row + 3)]
 
 
 @within
-def psi_of(plan: Laws, m: Floats, g: int) -> tuple[float, float, float, float]:
+def psi_of(laws: LawTable, m: Floats, g: int) -> tuple[float, float, float, float]:
     """What group g's amount is multiplied by to be a heat, and its slopes with T_a, T_b and T_m."""
-    row = plan.psi + 4 * g
+    row = laws.psi + 4 * g
     return m[u(row)], m[u(row + 1)], m[u(row + 2)], m[u(row + 3)]
 
 

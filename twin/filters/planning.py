@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from twin.arithmetic.lanes import LaneStore, width
 from twin.arithmetic.vectors import LANES
-from twin.filters.plan import Parts, Plan
+from twin.filters.plan import LawTable, Parts, Plan
 from twin.motor.heat_laws import NUMBER
 from twin.motor.network import NOBODY
 
@@ -68,12 +68,12 @@ def plan(parts: Parts, boundaries: int, store: LaneStore) -> Plan:
 
     moved = store.rows(length, length)
     return Plan(
+        laws=law_table(parts, boundaries, store),
         n=n,
         heats=heats,
         factors=factors,
         size=size,
         length=length,
-        laws=len(parts.places),
         monomials=len(amounts) - 1,
         groups=amounts.shape[1],
         terms=len(terms),
@@ -90,7 +90,6 @@ def plan(parts: Parts, boundaries: int, store: LaneStore) -> Plan:
         meters=meters,
         lagging=len(lagging),
         around=boundaries,
-        knots=(parts.numbers.shape[1] - 3) // 2,
         unit=store.put(np.array([0.0, 1.0])),
         own=store.put(parts.constant),
         fixed=store.put(np.array(fixed)),
@@ -99,8 +98,6 @@ def plan(parts: Parts, boundaries: int, store: LaneStore) -> Plan:
         own_begun=store.put(parts.constant * share),
         own_less=store.put(parts.constant * (share - 1.0)),
         more=store.put(np.array([1.0 / (share - 1.0)])),
-        copper=store.put(parts.copper),
-        law_numbers=store.put(parts.numbers),
         constant=store.put(amounts[-1]),
         by_monomial=store.put(amounts[monomial, group]),
         nominal=store.put(np.array(nominal)),
@@ -113,8 +110,6 @@ def plan(parts: Parts, boundaries: int, store: LaneStore) -> Plan:
         features=store.rows(1, len(amounts)),
         amounts=store.rows(1, amounts.shape[1]),
         scale=store.rows(1, factors),
-        psi=store.rows(len(parts.places), 4),
-        temperatures=store.rows(1, n + boundaries),
         values=store.rows(1, 2 * n + 2 * edges + 1 + 2 * drives),
         beyond=store.rows(2, n),
         stage=store.rows(n + heats + factors, length),
@@ -123,9 +118,7 @@ def plan(parts: Parts, boundaries: int, store: LaneStore) -> Plan:
         turned=store.rows(length, length),
         driven_rows=store.rows(width((size + 1) % LANES + factors), length),
         ahead=moved,
-        each=store.index(range(len(parts.places))),
         row=store.index(range(0, length * length, length)),
-        law=store.table(parts.places.tolist()),
         term=store.table(terms),
         vary=store.pairs(vary),
         plain=store.table(plain),
@@ -152,6 +145,21 @@ def plan(parts: Parts, boundaries: int, store: LaneStore) -> Plan:
             [*[[]] * (parts.sought - n), *reads],
         ),
         follow=store.sweep(lags, [0] * len(lags), reads),
+    )
+
+
+def law_table(parts: Parts, boundaries: int, store: LaneStore) -> LawTable:
+    """The laws of a network among so many boundaries; `store` is given room for them."""
+    total = len(parts.places)
+    return LawTable(
+        total=total,
+        knots=(parts.numbers.shape[1] - 3) // 2,
+        copper=store.put(parts.copper),
+        numbers=store.put(parts.numbers),
+        psi=store.rows(total, 4),
+        temperatures=store.rows(1, parts.program.n + boundaries),
+        places=store.table(parts.places.tolist()),
+        each=store.index(range(total)),
     )
 
 

@@ -215,13 +215,13 @@ def meter(plan: Plan, r: ReadingsPlan, m: Floats, at: Index, j: int, outside: Fl
         _enter(plan, r, m, at, q, i, 0.0, 1.0)
     surround(plan, m, state, outside)
     amounts_at(plan, m, at, state)
-    laws_at(plan, m, at, plan.each, plan.laws)
-    signs = plan.signs + j * plan.laws
+    laws_at(plan.laws, m, at, plan.laws.each, plan.laws.total)
+    signs = plan.signs + j * plan.laws.total
     for t in range(plan.terms):
         g, p, _ = term_of(plan, at, t)
-        heat = psi_of(plan, m, g)[0]
+        heat = psi_of(plan.laws, m, g)[0]
         m[u(slope + first + p)] -= m[u(signs + g)] * term_at(plan, m, at, t) * heat
-    total: float = counted(plan, m, at, n, plan.laws, plan.amounts, signs, slope)
+    total: float = counted(plan.laws, m, at, n, plan.amounts, signs, slope)
     for i in range(n, first):
         m[u(slope + i)] = -m[u(plan.of_losses + j)]
         total += m[u(plan.of_losses + j)] * m[x_at(plan, state, i)]

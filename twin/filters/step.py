@@ -43,8 +43,8 @@ def _drive(plan: Plan, m: Floats, at: Index) -> None:
     for d in range(plan.terms):
         t, g, into, out = driven_of(plan, at, d)
         amount = term_at(plan, m, at, t)
-        value, by_a, by_b, by_m = psi_of(plan, m, g)
-        a, b, other = ends_of(plan, at, g)
+        value, by_a, by_b, by_m = psi_of(plan.laws, m, g)
+        a, b, other = ends_of(plan.laws, at, g)
         for s in range(2):
             heat = value + by_a * m[u(beyond + s * n + a)]
             if 0 <= b < n:
@@ -72,20 +72,20 @@ def move(plan: Plan, m: Floats, at: Index, phi: Floats, outside: Floats, source:
         scaled(m, stage + (n + o) * length, 1.0, source + (n + o) * length, length)
     sweep(m, at, plan.forward, stage, source, stage, plan.own, values, length)
     for i in range(n):  # so that the second stage begins with as much more
-        m[x_at(plan, source, i)] = m[u(plan.temperatures + i)] - m[u(plan.more)] * m[u(heat + i)]
+        m[x_at(plan, source, i)] = m[u(plan.laws.temperatures + i)] - m[u(plan.more)] * m[u(heat + i)]
     sweep(m, at, plan.backward, stage, stage, stage, values, values, length)
     if plan.factors > 0:
         for i in range(n):
-            m[u(plan.beyond + i)] = m[x_at(plan, stage, i)] - m[u(plan.temperatures + i)]
+            m[u(plan.beyond + i)] = m[x_at(plan, stage, i)] - m[u(plan.laws.temperatures + i)]
     sweep_mixed(m, at, plan.forward, stage, stage, source, stage, plan.own_begun, plan.own_less, values, length)
     sweep(m, at, plan.backward, out, stage, out, values, values, length)
     if plan.lagging > 0:
         for i in range(n):
-            m[x_at(plan, source, i)] = m[u(plan.temperatures + i)]
+            m[x_at(plan, source, i)] = m[u(plan.laws.temperatures + i)]
     _others_follow(plan, m, at, source, out)
     if plan.factors > 0:
         for i in range(n):
-            m[u(plan.beyond + n + i)] = m[x_at(plan, out, i)] - m[u(plan.temperatures + i)]
+            m[u(plan.beyond + n + i)] = m[x_at(plan, out, i)] - m[u(plan.laws.temperatures + i)]
         _drive(plan, m, at)
 
 
@@ -120,7 +120,7 @@ def carry(plan: Plan, m: Floats, at: Index, phi: Floats, outside: Floats, early:
         for i in range(size):
             m[x_at(plan, turned, i)] = m[x_at(plan, state, i)]
         for i in range(n):
-            m[x_at(plan, turned, i)] = m[u(plan.temperatures + i)]
+            m[x_at(plan, turned, i)] = m[u(plan.laws.temperatures + i)]
     for p in range(plan.factors):  # columns of F, sign changed, behind x
         m[entry_at(plan, turned, n + plan.heats + p, size + 1 + p)] = -1.0
     derive(plan, m, at, turned, ahead)

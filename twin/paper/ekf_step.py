@@ -25,7 +25,8 @@ from numpy.typing import NDArray
 
 from twin.arithmetic.lanes import NOWHERE, LaneStore, Sweep, less, paired, scaled, sweep, transposed, width, within
 from twin.filters.matrix import counted, eliminate, laws_at
-from twin.filters.plan import Parts, psi_of
+from twin.filters.plan import LawTable, Parts, psi_of
+from twin.filters.planning import law_table
 
 Floats = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -38,6 +39,7 @@ class Rates(NamedTuple):
     (`twin.arithmetic.lanes`). A table has one row behind the other; comments show a row for the motor of
     `twin.filters.plan`, whose P_y is of S_y = 7 numbers y, that state's own."""
 
+    laws: LawTable
     n: int
     heats: int
     unknown: int  # numbers of rho: heats, factors, errors of channels
@@ -48,20 +50,14 @@ class Rates(NamedTuple):
     cells: int  # those first, then of Q_rho
     channels: int
     meters: int
-    laws: int  # L
     multiplied: int  # P, of a law and one factor each
     driven: int  # of -Q_rho, by factors
     around: int  # boundaries
-    knots: int
     # Numbers, by where they begin.
     unit: int  # 0, 1
     own: int  # (n,) 2 C / h [W/K]
-    copper: int
-    law_numbers: int  # as `twin.filters.plan.Plan`, like all that `laws_at` takes
-    psi: int
     amounts: int  # (L,) of each law, factors included
     terms: int  # (P,) of them what factors multiply
-    temperatures: int  # (n + b,)
     heat: int  # (n,) into the capacitors, and one that nobody reads
     slopes: int  # as `values` those of -Q_z at the edge of P_y; 1 that nobody reads; -Q_rho, heats first; -1, -2 C / h
     values: int  # 2 C / h - Q_z, eliminated: n diagonals, E entries above it, E below
@@ -76,13 +72,11 @@ class Rates(NamedTuple):
     turned: int
     ahead: int  # [P_y | y] as predicted
     # Indices, by where they begin.
-    each: int  # 0, 1, 2 ...: all laws
     row: int  # 0, 8, 16 ...: where each row of [P_y | y] begins
     order: int
     edge_start: int
     edge_to: int
     update: int
-    law: int
     into: int  # (laws, 8) a, b, then aa, ab, am, ba, bb, bm in `slopes`; 7 is read by nobody: 0, 1, 0, 3, 7, 5, 1, 7
     node: int  # (heats,)
     term: int  # (P, 4) law, factor, and where in `slopes` its heat goes into a and comes out of b: 0, 0, 9, 10
@@ -204,6 +198,7 @@ def rates_of(
     for (i, k), e in drive.items():
         forward[i].append(((n + k) * length, slopes - values + e))
     return Rates(
+        laws=law_table(parts, boundaries, store),
         n=n,
         heats=heats,
         unknown=o,
@@ -214,19 +209,13 @@ def rates_of(
         cells=len(cells),
         channels=m,
         meters=meters,
-        laws=len(parts.places),
         multiplied=len(terms),
         driven=len(drive) - heats,
         around=boundaries,
-        knots=(parts.numbers.shape[1] - 3) // 2,
         unit=store.put(np.array([0.0, 1.0])),
         own=store.put(own),
-        copper=store.put(parts.copper),
-        law_numbers=store.put(parts.numbers),
-        psi=store.rows(len(parts.places), 4),
         amounts=store.rows(1, len(parts.places)),
         terms=store.rows(1, len(terms)),
-        temperatures=store.rows(1, n + boundaries),
         heat=store.rows(1, n + 1),
         slopes=slopes,
         values=values,
@@ -240,13 +229,11 @@ def rates_of(
         moved=store.rows(length, length),
         turned=store.rows(length, length),
         ahead=store.rows(length, length),
-        each=store.index(range(len(parts.places))),
         row=store.index(range(0, length * length, length)),
         order=store.index(order),
         edge_start=store.index(program.edge_start.tolist()),
         edge_to=store.index(program.edge_to.tolist()),
         update=store.index(program.update.tolist()),
-        law=store.table(parts.places.tolist()),
         into=store.table(into),
         node=store.index(parts.heats.tolist()),
         term=store.table(terms),
@@ -264,21 +251,21 @@ def rates_of(
 def laws_of(rates: Rates, m: Floats, at: Index, x: Floats, outside: Floats) -> None:
     """Fill `psi` at the temperatures of x (S, 1), and `temperatures` with these and `outside` (b,) [degC]."""
     for i in range(rates.n):
-        m[u(rates.temperatures + i)] = x[i, 0]
+        m[u(rates.laws.temperatures + i)] = x[i, 0]
     for i in range(rates.around):
-        m[u(rates.temperatures + rates.n + i)] = outside[i]
-    laws_at(rates, m, at, rates.each, rates.laws)
+        m[u(rates.laws.temperatures + rates.n + i)] = outside[i]
+    laws_at(rates.laws, m, at, rates.laws.each, rates.laws.total)
 
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
 def amounts_of(rates: Rates, m: Floats, at: Index, amounts: Floats, x: Floats) -> None:
     """Fill `amounts` and `terms` from `amounts` (L + P,) of an edge and the factors of x (S, 1)."""
     first = 2 * rates.n + rates.heats
-    for g in range(rates.laws):
+    for g in range(rates.laws.total):
         m[u(rates.amounts + g)] = amounts[g]
     for t in range(rates.multiplied):
         g, p, _, _ = term_of(rates, at, t)
-        m[u(rates.terms + t)] = amounts[rates.laws + t] * np.exp(x[first + p, 0])
+        m[u(rates.terms + t)] = amounts[rates.laws.total + t] * np.exp(x[first + p, 0])
         m[u(rates.amounts + g)] += m[u(rates.terms + t)]
 
 
@@ -292,7 +279,7 @@ def linearised(rates: Rates, m: Floats, at: Index, x: Floats) -> None:
         m[u(e)] = 0.0
     for t in range(rates.multiplied):
         g, _, goes, comes = term_of(rates, at, t)
-        heat = m[u(rates.terms + t)] * psi_of(rates, m, g)[0]
+        heat = m[u(rates.terms + t)] * psi_of(rates.laws, m, g)[0]
         m[u(slopes + goes)] -= heat
         m[u(slopes + comes)] += heat
 
@@ -307,9 +294,9 @@ def _balance(rates: Rates, m: Floats, at: Index, x: Floats, slopes: int) -> None
         m[u(heat + at[u(rates.node + k)])] = x[2 * n + k, 0]
     for e in range(n + 2 * rates.edges):
         m[u(slopes + e)] = 0.0
-    for g in range(rates.laws):
+    for g in range(rates.laws.total):
         a, b, aa, ab, am, ba, bb, bm = into_of(rates, at, g)
-        amount, (psi, by_a, by_b, by_m) = m[u(rates.amounts + g)], psi_of(rates, m, g)
+        amount, (psi, by_a, by_b, by_m) = m[u(rates.amounts + g)], psi_of(rates.laws, m, g)
         value, by_a, by_b, by_m = amount * psi, amount * by_a, amount * by_b, amount * by_m
         m[u(heat + a)] += value
         m[u(heat + b)] -= value
@@ -392,16 +379,18 @@ def solve(rates: Rates, m: Floats, at: Index) -> None:
 def metered(rates: Rates, m: Floats, at: Index, j: int, x: Floats, q: int) -> float:
     """What meter j of heat reads [W] of x (S, 1), by `psi`, `amounts` and `terms`; its slopes become `shares` of
     reading q."""
-    n, heats, shares, signs = rates.n, rates.heats, rates.shares + q * rates.length, rates.signs + j * rates.laws
+    n, heats, shares = rates.n, rates.heats, rates.shares + q * rates.length
+    signs = rates.signs + j * rates.laws.total
     for i in range(rates.size):
         m[u(shares + i)] = 0.0
-    total: float = counted(rates, m, at, n, rates.laws, rates.amounts, signs, shares)
+    total: float = counted(rates.laws, m, at, n, rates.amounts, signs, shares)
     for k in range(heats):
         m[u(shares + n + k)] = -m[u(rates.of_losses + j)]
         total += m[u(rates.of_losses + j)] * x[2 * n + k, 0]
     for t in range(rates.multiplied):
         g, p, _, _ = term_of(rates, at, t)
-        m[u(shares + n + heats + p)] -= m[u(signs + g)] * m[u(rates.terms + t)] * psi_of(rates, m, g)[0]
+        value = psi_of(rates.laws, m, g)[0]
+        m[u(shares + n + heats + p)] -= m[u(signs + g)] * m[u(rates.terms + t)] * value
     return total
 
 

@@ -31,7 +31,7 @@ def run(inputs: Inputs) -> FilterRun:
 
 @numba.njit(error_model="numpy")
 def _rows(plan: Plan, at: Index) -> tuple[object, ...]:
-    return term_of(plan, at, 0), ends_of(plan, at, 2), ends_of(plan, at, 3), driven_of(plan, at, 0)
+    return term_of(plan, at, 0), ends_of(plan.laws, at, 2), ends_of(plan.laws, at, 3), driven_of(plan, at, 0)
 
 
 @numba.njit(error_model="numpy")
@@ -51,7 +51,7 @@ def _taken(r: ReadingsPlan, m: Floats, at: Index, q: int) -> tuple[list[tuple[fl
 def test_tables_have_the_rows_that_their_comments_show(run: FilterRun) -> None:
     plan, at = run.plan, run.at
     shown = {
-        "law": (5, 6, [0, -1, NUMBER["copper"], -1, 0, 0], 3),
+        "places": (5, 6, [0, -1, NUMBER["copper"], -1, 0, 0], 3),
         "term": (1, 3, [0, 0, 0], 0),
         "plain": (1, 5, [0, 0, 1, 3, 5], 0),
         "rim": (1, 4, [2, 1, 9, 3], 0),
@@ -66,7 +66,7 @@ def test_tables_have_the_rows_that_their_comments_show(run: FilterRun) -> None:
         "channel_bias": (1, 3, [5, -1, -1], 0),
     }
     for name, (rows, columns, row, which) in shown.items():
-        place = getattr(plan, name)
+        place = getattr(plan.laws if name == "places" else plan, name)
         assert at[place : place + rows * columns].reshape(rows, columns)[which].tolist() == row, name
     assert run.size == 7 and plan.length == 16
     assert [(pair >> 32, pair & 0xFFFFFFFF) for pair in at[plan.vary :][: plan.varied]] == [(2, 1), (3, 2), (4, 3)]
