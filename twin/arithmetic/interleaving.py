@@ -1,4 +1,8 @@
-"""Numbers of `LANES` arrays laid side by side, and out of there again: blocks transposed in vector registers."""
+"""Numbers of `LANES` runs laid side by side, and out of there again: blocks transposed in vector registers.
+
+Row q of what lies side by side holds number q of every run: `interleave` of the runs 1 2 3 and 7 8 9, were there two
+lanes, gives the rows 1 7 | 2 8 | 3 9, and `separate` the runs again.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +24,8 @@ Floats = NDArray[np.float64]
 
 _I32, _I64 = ir.IntType(32), ir.IntType(64)
 _VECTOR = ir.VectorType(ir.DoubleType(), LANES)
-# Numbers. What is above 32 MiB, glibc's malloc hands back to the system at once, to be had page by page again.
+# Most numbers of one piece of memory. One above 32 MiB glibc's malloc hands back to the system as soon as it is free,
+# and the next has to be had page by page.
 PIECE = 30_000_000 // 8
 
 

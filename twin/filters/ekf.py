@@ -14,7 +14,7 @@ A filter is told where the unknown heat is. Told the wrong node it still finds a
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple, TypeVar
 
@@ -79,13 +79,14 @@ def filter_unknowns(
 
     Raises as `twin.filters.inputs.inputs_of`, and `DivergedError` where the temperatures leave the finite numbers.
     """
-    return _filtered(inputs_of(network, frame, start, unknowns, readings))
+    return filtered_by(through, inputs_of(network, frame, start, unknowns, readings))
 
 
-def _filtered(inputs: Inputs) -> Estimate:
+def filtered_by(way: Callable[..., float], inputs: Inputs) -> Estimate:
+    """The estimate of a filter whose steps are made as by `through`, or in another `way`."""
     run, found = run_of(inputs), courses(inputs)
     run.begin(inputs)
-    likelihood = through(run.plan, run.readings, run.m, run.at, inputs.given(), found)
+    likelihood = way(run.plan, run.readings, run.m, run.at, inputs.given(), found)
     return estimate_of(inputs, found, run.covariance(), float(likelihood))
 
 
@@ -217,7 +218,7 @@ def at_their_pace(
     inputs = inputs_of(network, frame, start, unknowns, readings)
 
     def surprise(log_pace: float) -> float:
-        return -_filtered(with_walks(inputs, _paced(unknowns, np.exp(log_pace)))).log_likelihood
+        return -filtered_by(through, with_walks(inputs, _paced(unknowns, np.exp(log_pace)))).log_likelihood
 
     best = minimize_scalar(surprise, bounds=np.log(PACES), method="bounded", options={"xatol": PACE_ENOUGH})
     return _paced(unknowns, float(np.exp(best.x)))

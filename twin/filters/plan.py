@@ -108,9 +108,10 @@ class Plan(NamedTuple):
     fixed: int  # `values` before any step adds to them
     inverse: int  # (n,) 1 / own
     process: int  # (S,) variances that each step adds
-    own_begun: int  # (n,) own times what the second stage begins with of the first
-    own_less: int  # (n,) own times the same less 1, which it is given less of the start
-    more: int  # 1 over that
+    # The second stage begins at s times the temperatures of the first, less s - 1 times those at the start.
+    own_begun: int  # (n,) own times s
+    own_less: int  # (n,) own times s - 1
+    more: int  # 1 / (s - 1)
     constant: int  # (G,) what no feature changes of each group's amount
     by_monomial: int  # (varied,) what a monomial of 1 adds to a group's amount, for each row of `vary`
     nominal: int  # (terms,) coefficients that an unknown factor multiplies
@@ -123,9 +124,8 @@ class Plan(NamedTuple):
     features: int  # (F,) monomials of the step
     amounts: int  # (G,) W/K of links, W of losses
     scale: int  # (factors,) exp of their logarithms in x
-    values: (
-        int  # step matrix: n diagonals, E entries above it, E below; then -1, right-hand side (n,), drives (2, drives)
-    )
+    # Step matrix: n diagonals, E entries above them, E below; then -1, right-hand side (n,), drives (2, drives).
+    values: int
     beyond: int  # (2, n) temperatures of each stage less those at the start
     stage: int  # n + o + u rows
     state: int  # [P | x]

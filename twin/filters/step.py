@@ -71,7 +71,7 @@ def move(plan: Plan, m: Floats, at: Index, phi: Floats, outside: Floats, source:
     for o in range(plan.heats):
         scaled(m, stage + (n + o) * length, 1.0, source + (n + o) * length, length)
     sweep(m, at, plan.forward, stage, source, stage, plan.own, values, length)
-    for i in range(n):  # so that the second stage begins with as much more
+    for i in range(n):  # the second stage takes this s - 1 times away, and so has the heat's rise added
         m[x_at(plan, source, i)] = m[u(plan.laws.temperatures + i)] - m[u(plan.more)] * m[u(heat + i)]
     sweep(m, at, plan.backward, stage, stage, stage, values, values, length)
     if plan.factors > 0:

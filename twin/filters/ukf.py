@@ -17,7 +17,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.filters.ekf import Estimate, Found, courses, estimate_of, run_of
+from twin.filters.ekf import Estimate, Found, filtered_by
 from twin.filters.inputs import AnyReading, FilterStart, Given, inputs_of
 from twin.filters.plan import Plan, entry_at, x_at
 from twin.filters.readings import ReadingsPlan, correct, observe, row_of
@@ -37,11 +37,7 @@ def filter_unscented(
 ) -> Estimate:
     """Temperatures and unknowns from the readings by sigma points. Takes, returns and raises what
     `twin.filters.ekf.filter_unknowns` does."""
-    inputs = inputs_of(network, frame, start, unknowns, readings)
-    run, found = run_of(inputs), courses(inputs)
-    run.begin(inputs)
-    likelihood = _through(run.plan, run.readings, run.m, run.at, inputs.given(), found)
-    return estimate_of(inputs, found, run.covariance(), float(likelihood))
+    return filtered_by(_through, inputs_of(network, frame, start, unknowns, readings))
 
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)

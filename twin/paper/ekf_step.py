@@ -47,23 +47,26 @@ class Rates(NamedTuple):
     length: int  # of a row
     edges: int  # E
     entries: int  # of Q_z
-    cells: int  # those first, then of Q_rho
+    cells: int  # rows of `cell`: entries of Q_z first, then those of Q_rho
     channels: int
     meters: int
-    multiplied: int  # P, of a law and one factor each
-    driven: int  # of -Q_rho, by factors
+    multiplied: int  # P, pieces of laws that one factor multiplies
+    driven: int  # entries of -Q_rho that are of factors
     around: int  # boundaries
     # Numbers, by where they begin.
     unit: int  # 0, 1
     own: int  # (n,) 2 C / h [W/K]
     amounts: int  # (L,) of each law, factors included
-    terms: int  # (P,) of them what factors multiply
-    heat: int  # (n,) into the capacitors, and one that nobody reads
-    slopes: int  # as `values` those of -Q_z at the edge of P_y; 1 that nobody reads; -Q_rho, heats first; -1, -2 C / h
+    terms: int  # (P,) amounts of the pieces that factors multiply
+    heat: int  # (n,) into the capacitors [W], and a number for what no node takes, which nobody reads
+    # -Q_z at the edge of P_y, placed as in `values`; a number for what has no place, which nobody reads; -Q_rho, the
+    # unknown heats' first; then -1 and -2 C / h. Then what lagging readings take.
+    # Of the motor: 7 of -Q_z, 1, 3 of -Q_rho, 4 and more.
+    slopes: int
     values: int  # 2 C / h - Q_z, eliminated: n diagonals, E entries above it, E below
     right: int  # (S_y,)
     after: int  # what lagging readings take of the temperatures after a step, sign changed
-    noise: int  # (S_y rows) of the right-hand side
+    noise: int  # S_y rows: covariance of what a step adds to its right-hand side
     signs: int  # (q, L)
     of_losses: int  # (q,)
     shares: int  # (m + q rows) of each reading, sign changed
@@ -81,11 +84,11 @@ class Rates(NamedTuple):
     node: int  # (heats,)
     term: int  # (P, 4) law, factor, and where in `slopes` its heat goes into a and comes out of b: 0, 0, 9, 10
     cell: int  # (cells, 3) place in `slopes`, node and number of y. Of the unknown heat: 8, 2, 3
-    taken: int  # (m + q, S_y) pairs: rows and shares that each reading takes
-    number: int  # (m + q,) of them
-    reach: Sweep  # the right-hand side
-    forward: Sweep
-    backward: Sweep
+    taken: int  # (m + q, S_y) pairs for each reading: where a row begins that it takes, and which share
+    number: int  # (m + q,) how many pairs each has
+    reach: Sweep  # the right-hand side of a step: what each of its rows takes of the rows of P_y
+    forward: Sweep  # elimination, forward
+    backward: Sweep  # and backward
     follow: Sweep  # lagging readings with the temperatures after a step
 
 
