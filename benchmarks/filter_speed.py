@@ -190,7 +190,7 @@ def filterpys(inputs: Inputs, model: Callable[[Floats, int], tuple[Floats, Float
     steps, m, size = len(inputs.values), inputs.values.shape[1], inputs.parts.sought
     peer = Motor(size, m)
     peer.model = model
-    peer.x, peer.P = inputs.x[:size, 0].copy(), inputs.covariance[:size, :size].copy()
+    peer.x, peer.P = inputs.x[:size].copy(), inputs.covariance[:size, :size].copy()
     peer.Q, peer.R = np.diag(inputs.parts.process[:size]), NOISE_K**2 * np.eye(m)
     H = np.zeros((m, size))
     H[:, : inputs.parts.program.n] = inputs.parts.weights

@@ -21,21 +21,19 @@ class Steps:
 
     def __init__(self, inputs: Inputs) -> None:
         self.inputs, self.parts, self.run = inputs, inputs.parts, run_of(inputs)
-        sought, m = self.parts.sought, len(self.parts.weights)
-        self.own = np.r_[0:sought, sought + m : len(inputs.x)]
-        self.size, self.channels = len(self.own), m
-        self.process = np.diag(self.parts.process[self.own])
-        self.now = np.zeros((m, self.size))  # what each channel reads at an edge
-        for j in range(m):
+        self.size, self.channels = len(inputs.x), len(self.parts.weights)
+        self.process = np.diag(self.parts.process)
+        self.now = np.zeros((self.channels, self.size))  # what each channel reads at an edge
+        for j in range(self.channels):
             if self.parts.state[j] >= 0:
-                self.now[j, self.parts.state[j] - m] = 1.0
+                self.now[j, self.parts.state[j]] = 1.0
             else:
                 self.now[j, : self.parts.program.n] = self.parts.weights[j]
 
     @property
     def start(self) -> tuple[Floats, Floats]:
         """State (S,) and covariance (S, S) at the first edge."""
-        return self.inputs.x[self.own, 0].copy(), self.inputs.covariance[np.ix_(self.own, self.own)].copy()
+        return self.inputs.x.copy(), self.inputs.covariance.copy()
 
     def moved(self, k: int, x: Floats) -> Floats:
         """The state (S,) one step on."""
@@ -73,9 +71,9 @@ class Steps:
         self.moved(k, x)
         self.run.state()[: self.size, self.size] = x
         plan, readings, m, at = self.run.plan, self.run.readings, self.run.m, self.run.at
-        at[readings.later_start : readings.later_start + 2] = 0
+        at[readings.later.start : readings.later.start + 2] = 0
         reads = meter(plan, readings, m, at, j, self.inputs.boundaries[k], plan.state, 0)
-        return float(reads), -np.array(m[readings.later_share :][: self.size])
+        return float(reads), -np.array(m[readings.later.share :][: self.size])
 
 
 def _rows(run: FilterRun, place: int) -> Floats:

@@ -50,7 +50,7 @@ def at_the_start(
     """State (S, 1) and covariance (S, S) at the first edge, by the laws' amounts (L,) and boundaries (b,) there:
     rates as the capacitor equation has them, sensors in equilibrium but for `READING_SD_K`."""
     n, o, parts = len(capacities), len(inputs.order), inputs.parts
-    heat, slope, z = np.empty(n), np.empty((n, n)), inputs.x[:n, 0].copy()
+    heat, slope, z = np.empty(n), np.empty((n, n)), inputs.x[:n].copy()
     shares, multiplied = shares_of(parts, inputs.features.shape[1])
     found, by_factor = inputs.features[0] @ shares[:-1] + shares[-1], np.empty((parts.unknown_factors, n))
     for p in range(parts.unknown_factors):
@@ -69,7 +69,7 @@ def at_the_start(
     onto[lagging, :n] = parts.weights[state >= 0]
     own = np.zeros(len(onto))
     own[lagging] = READING_SD_K**2
-    x = onto @ inputs.x[: n + o, 0]
+    x = onto @ inputs.x[: n + o]
     x[n : 2 * n] = heat / capacities
     return x[:, None], onto @ inputs.covariance[: n + o, : n + o] @ onto.T + np.diag(own)
 

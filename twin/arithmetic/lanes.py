@@ -212,7 +212,8 @@ def less(
     length: int,
 ) -> None:
     """As `sweep` where all rows take shares of the same others: `number` pairs at `taken`. Rows are `count` indices
-    at `rows`; each has its shares `onward` from those of the row before it. For the p-th and every c < `length`
+    at `rows`; the shares of each begin `onward` numbers behind those of the row before it. For the p-th row and every
+    c < `length`
 
         m[out + row + c] = m[factor] m[base + row + c] - sum_e m[shares + p onward + which_e] m[others + start_e + c]
 
@@ -270,7 +271,7 @@ def scaled(m: Floats, out: int, factor: float, base: int, length: int) -> None:
 
 @within
 def _in_blocks(size: int) -> int:
-    """Up to which row whole blocks of `LANES` are worth it: of the last one, one or two rows may be there."""
+    """Up to which row a matrix is turned in blocks of `LANES`: one or two rows beyond are faster number by number."""
     return size - size % LANES if size % LANES < 3 else -(-size // LANES) * LANES
 
 

@@ -103,11 +103,9 @@ class FilterRun:
 
     def begin(self, inputs: Inputs) -> None:
         """Set the state and its covariance to those at the first edge, and what every step adds."""
-        sought, m = inputs.parts.sought, len(inputs.parts.weights)
-        own = np.r_[0:sought, sought + m : len(inputs.x)]  # what was read before a step is not carried along
-        self.m[self.plan.process : self.plan.process + len(own)] = inputs.parts.process[own]
+        self.m[self.plan.process : self.plan.process + self.size] = inputs.parts.process
         rows = self.state()
-        rows[: len(own), : len(own)], rows[: len(own), len(own)] = inputs.covariance[np.ix_(own, own)], inputs.x[own, 0]
+        rows[: self.size, : self.size], rows[: self.size, self.size] = inputs.covariance, inputs.x
 
     def state(self) -> Floats:
         """The rows [P | x] (length, length), to read or to write."""
@@ -141,7 +139,7 @@ def _last_run(network: Network) -> dict[tuple[object, ...], FilterRun]:
     return {}
 
 
-class Found(NamedTuple):
+class FilterCourse(NamedTuple):
     """What a filter finds over N steps: the first c numbers of the `states` and their variances `spreads` at all
     edges, both (N + 1, c), and `innovations` (N, m + q, 2) of the readings with theirs (`correct`)."""
 
@@ -149,21 +147,23 @@ class Found(NamedTuple):
     spreads: Floats
     innovations: Floats
 
-    def of(self, block: slice) -> Found:
+    def of(self, block: slice) -> FilterCourse:
         """Of a block of steps, with the edge behind it."""
         edges = slice(block.start, block.stop + 1)
-        return Found(self.states[edges], self.spreads[edges], self.innovations[block])
+        return FilterCourse(self.states[edges], self.spreads[edges], self.innovations[block])
 
 
-def courses(inputs: Inputs) -> Found:
+def courses(inputs: Inputs) -> FilterCourse:
     """Room, not filled, for temperatures and unknowns at all edges, and for the innovations of all readings."""
     steps, channels = inputs.values.shape
     states, spreads = np.empty((2, steps + 1, inputs.parts.sought))
-    return Found(states, spreads, np.empty((steps, channels, 2)))
+    return FilterCourse(states, spreads, np.empty((steps, channels, 2)))
 
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
-def through(plan: Plan, taken: ReadingsPlan, numbers: Floats, indices: Index, given: Given, found: Found) -> float:
+def through(
+    plan: Plan, taken: ReadingsPlan, numbers: Floats, indices: Index, given: Given, found: FilterCourse
+) -> float:
     """The filter over the steps of `given`, from the state in `numbers` to that at the last edge: fills `found`, and
     returns the log likelihood of the readings."""
     features, boundaries, readings, places, variances = given
@@ -184,7 +184,7 @@ def through(plan: Plan, taken: ReadingsPlan, numbers: Floats, indices: Index, gi
     return likelihood
 
 
-def estimate_of(inputs: Inputs, found: Found, covariance: Floats, log_likelihood: float) -> Estimate:
+def estimate_of(inputs: Inputs, found: FilterCourse, covariance: Floats, log_likelihood: float) -> Estimate:
     """The estimate, from what a filter `found`, whose arrays it takes over. Raises `DivergedError` where the
     temperatures leave the finite numbers."""
     n, unknown = len(inputs.network.nodes), np.argsort(inputs.order).tolist()

@@ -96,9 +96,9 @@ class Given(NamedTuple):
 class Inputs:
     """A frame, a start, readings and unknowns as arrays; copy what a step changes.
 
-    The state `x` (S, 1) with its `covariance` (S, S) is that of the first edge: temperatures, unknowns in `order`
-    (u,), heats first, what each thermometer read at the last edge (m), and what each lagging one reads now. The arrays
-    of the steps are as in `Given`; `channels` says which column of `values` each reading is, as the caller gave them.
+    The state `x` (S,) with its `covariance` (S, S) is that of the first edge: temperatures, unknowns in `order` (u,),
+    heats first, and what each lagging thermometer reads. The arrays of the steps are as in `Given`; `channels` says
+    which column of `values` each reading is, as the caller gave them.
     """
 
     network: Network
@@ -212,7 +212,7 @@ def _parts(
     at_start, walks = variances(unknowns, of.order, step_s)
     sought = n + len(of.order)
     weights, lag, state = np.zeros((m, n)), np.zeros((m, 3)), np.full(m, -1, dtype=np.int64)
-    size = sought + m
+    size = sought
     for j, reading in enumerate(readings):
         sensor = reading.sensor
         weights[j] = sensor.over(names)
@@ -255,18 +255,14 @@ def _signs(network: Network, laws: Sequence[Law], meters: Sequence[HeatReading])
 
 
 def _at_the_start(parts: Parts, start: FilterStart, unknown: Sequence[float]) -> tuple[Floats, Floats]:
-    """State (S, 1) and covariance (S, S) at the first edge: unknowns 0, and sensors in equilibrium but for
+    """State (S,) and covariance (S, S) at the first edge: unknowns 0, and sensors in equilibrium but for
     `READING_SD_K`."""
     n, sought, size = parts.program.n, parts.sought, len(parts.process)
-    onto = np.zeros((size, sought))  # temperatures and unknowns -> state
+    onto, own = np.zeros((size, sought)), np.zeros(size)  # temperatures and unknowns -> state
     onto[:sought] = np.eye(sought)
-    own = np.zeros(size)
-    for j, at in enumerate(parts.state.tolist()):
-        for place in {sought + j, at if at >= 0 else sought + j}:
-            onto[place, :n] = parts.weights[j]
-            own[place] = READING_SD_K**2
+    onto[sought:, :n], own[sought:] = parts.weights[parts.state >= 0], READING_SD_K**2
     x = onto @ np.append(start.temperatures, np.zeros(sought - n))
-    return x[:, None], (onto * np.append(start.sd**2, unknown)) @ onto.T + np.diag(own)
+    return x, (onto * np.append(start.sd**2, unknown)) @ onto.T + np.diag(own)
 
 
 def _columns(values: Sequence[Floats], steps: int) -> Floats:

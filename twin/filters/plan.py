@@ -32,12 +32,7 @@ u = np.uint64  # numba then asks of no index whether it counts from the end
 
 class Parts(NamedTuple):
     """A network, unknowns and readings as arrays, for all steps of a run: n nodes, K coefficients, G groups, o
-    unknown heats, m thermometers, q meters of heat.
-
-    What `bias`, `state` and `process` say is of a state with m numbers more, as the paper's form needs it: behind the
-    unknowns what each thermometer read at the last edge, then the readings now of those that lag
-    (`twin.filters.inputs.Inputs.x`).
-    """
+    unknown heats, m thermometers, q meters of heat."""
 
     program: Program
     constant: Floats  # (n,) C / (gamma h) [W/K]
@@ -55,7 +50,7 @@ class Parts(NamedTuple):
     lag: Floats  # (m, 3) of a lagging one: shares of its last reading, of the last temperature, of the temperature now
     signs: Floats  # (q, G) by which a meter adds up the heat of each group
     of_losses: Floats  # (q,) 1 where a meter reads the unknown heats too, else 0
-    process: Floats  # variance that each step adds to each number of the state
+    process: Floats  # (S,) variance that each step adds to each number of the state
 
 
 class LawTable(NamedTuple):

@@ -25,7 +25,7 @@ def plan(parts: Parts, boundaries: int, store: LaneStore) -> Plan:
     n, edges, heats, factors = program.n, len(program.edge_to), len(parts.heats), parts.unknown_factors
     share = float(program.stages[1, 0])
     assert program.stages.shape == (2, 2) and program.weights.tolist() == [share, 1.0], "it ends at its second stage"
-    state = np.where(parts.state >= 0, parts.state - m, -1).tolist()
+    state = parts.state.tolist()
     lagging = [j for j in range(m) if state[j] >= 0]
     size = parts.sought + len(lagging)
     length = width(size + 1 + factors)

@@ -45,6 +45,16 @@ LOG_2_PI = float(np.log(2 * np.pi))
 u = np.uint64  # numba then asks of no index whether it counts from the end
 
 
+class Entries(NamedTuple):
+    """A list of which numbers of the state each reading takes, and which share of each. Behind each reading's entries
+    there is one that ends them."""
+
+    share: int  # numbers: of each entry, sign changed as `sweep` subtracts
+    number: int  # indices: number of the state of each entry
+    row: int  # for `sweep`: pairs of where that number's row begins and the entry; -1 ends a reading
+    start: int  # (r + 1,) where a reading's entries begin
+
+
 class ReadingsPlan(NamedTuple):
     """Where the readings of a step are, r of them at most: a row of `stride` numbers for each, and lists of what each
     takes of the state. Of the example of `twin.filters.plan`, of which W is read at the end of the step, 4.67 K above
@@ -53,11 +63,10 @@ class ReadingsPlan(NamedTuple):
 
         cov(y, x) of 7 numbers | -4.67 | up to number 16 what nobody reads | cov(y, y') with the three readings
 
-    Entries of the lists `later` and `earlier` say which share a reading takes of which number of the state, after the
-    step and before it, sign changed as `sweep` subtracts. W takes (-1, 0) and (-1, 5) later, the winding and its own
-    error; the second takes (-0.25, 6) later and (-0.75, 6) earlier. Behind each reading's entries there is one that
-    ends them. The lists hold until other channels are read, or at other places in the step; those of meters for one
-    step.
+    The entries of `later` are of the state after the step, those of `earlier` of the state before it, a share and a
+    number each. W takes (-1, 0) and (-1, 5) later, the winding and its own error; the second takes (-0.25, 6) later and
+    (-0.75, 6) earlier. The lists hold until other channels are read, or at other places in the step; those of meters
+    for one step.
     """
 
     stride: int  # numbers of a row
@@ -65,18 +74,10 @@ class ReadingsPlan(NamedTuple):
     crossed: int  # a row for each reading
     gain: int  # a row for each, behind `crossed`; after `correct`: K', then what makes readings independent
     missed: int  # a row for each, behind `gain`: independent readings; after `correct`, (G - K S)'
-    later_share: int  # of each entry of the lists, sign changed
-    earlier_share: int
     metered: int  # (r,) what a meter would read as predicted [W]
     place: int  # (m + q,) of each channel when the lists were made, below 0 where it was not read
     # Indices, by where they begin.
     number: int  # how many readings the lists are of
-    later: int  # number of the state of each entry
-    later_row: int  # entries for `sweep`: pairs of where that number's row begins and the entry; -1 ends a reading
-    later_start: int  # (r + 1,) where a reading's entries begin
-    earlier: int
-    earlier_row: int
-    earlier_start: int
     channel: int  # (r,) of a reading
     rows: int  # for `sweep`: (r,) pairs of where a reading's row begins and 0, then -1
     each: int  # (r,) where a reading's row begins
@@ -84,6 +85,8 @@ class ReadingsPlan(NamedTuple):
     numbered: int  # (r,) pairs of that place and the reading
     before: int  # (r,) pairs of that place and where its covariance with the readings begins
     lost: int  # (2 r,) pairs for P - K G' - (G - K S) K': of `crossed` with `gain`, of `gain` with `missed`
+    later: Entries
+    earlier: Entries
     by_later: Sweep
     by_earlier: Sweep
 
@@ -113,80 +116,73 @@ def readings_of(plan: RowLayout, store: LaneStore) -> ReadingsPlan:
     """Where the readings of a step will be, for rows as `plan` says; `store` is given room for them."""
     most = plan.channels + plan.meters
     stride = plan.length + width(most)
-    none = [0] * (most * (plan.size + 2) + 1)
+    most_entries = most * (plan.size + 2) + 1
     begins = [q * stride for q in range(most)]
     rows = store.pairs([*((begin, 0) for begin in begins), (-1, 0)])
     crossed, beyond = store.rows(3 * most, stride), most * stride
-    later_row, earlier_row = store.index(none), store.index(none)
+    later, earlier = (_entries(most_entries, most, store) for _ in range(2))
     return ReadingsPlan(
         stride=stride,
         crossed=crossed,
         gain=crossed + most * stride,
         missed=crossed + 2 * most * stride,
-        later_share=store.put(np.zeros(len(none))),
-        earlier_share=store.put(np.zeros(len(none))),
         metered=store.rows(1, most),
         place=store.put(np.full(most, -2.0)),
         number=store.index([0]),
-        later=store.index(none),
-        later_row=later_row,
-        later_start=store.index(none[: most + 1]),
-        earlier=store.index(none),
-        earlier_row=earlier_row,
-        earlier_start=store.index(none[: most + 1]),
-        channel=store.index(none[:most]),
+        channel=store.index([0] * most),
         rows=rows,
         each=store.index(begins),
         taken=store.pairs([(begin, begin) for begin in begins]),
         numbered=store.pairs([(begin, q) for q, begin in enumerate(begins)]),
         before=store.pairs([(begin, begin + plan.length) for begin in begins]),
         lost=store.pairs([pair for b in begins for pair in ((b, beyond + b), (beyond + b, 2 * beyond + b))]),
-        by_later=Sweep(rows, later_row),
-        by_earlier=Sweep(rows, earlier_row),
+        later=later,
+        earlier=earlier,
+        by_later=Sweep(rows, later.row),
+        by_earlier=Sweep(rows, earlier.row),
     )
 
 
-@within
-def later_of(r: ReadingsPlan, at: Index, q: int) -> tuple[int, int]:
-    """The first entry of reading q in the list of what is taken after the step, and the end of its entries."""
-    return at[u(r.later_start + q)], at[u(r.later_start + q + 1)] - 1
+def _entries(most: int, readings: int, store: LaneStore) -> Entries:
+    """Room for a list of so many entries at most, of so many readings."""
+    none = [0] * most
+    share = store.put(np.zeros(most))
+    return Entries(share, store.index(none), store.index(none), store.index([0] * (readings + 1)))
 
 
 @within
-def earlier_of(r: ReadingsPlan, at: Index, q: int) -> tuple[int, int]:
-    """The same in the list of what is taken before the step."""
-    return at[u(r.earlier_start + q)], at[u(r.earlier_start + q + 1)] - 1
+def entries_of(taken: Entries, at: Index, q: int) -> tuple[int, int]:
+    """The first entry of reading q, and the end of its entries."""
+    return at[u(taken.start + q)], at[u(taken.start + q + 1)] - 1
 
 
 @within
-def later_entry(r: ReadingsPlan, m: Floats, at: Index, e: int) -> tuple[float, int]:
-    """The share of an entry, sign changed, and the number of the state after the step that it is of."""
-    return m[u(r.later_share + e)], at[u(r.later + e)]
+def entry_of(taken: Entries, m: Floats, at: Index, e: int) -> tuple[float, int]:
+    """The share of an entry, sign changed, and the number of the state that it is of."""
+    return m[u(taken.share + e)], at[u(taken.number + e)]
 
 
 @within
-def earlier_entry(r: ReadingsPlan, m: Floats, at: Index, e: int) -> tuple[float, int]:
-    """The share of an entry, sign changed, and the number of the state before the step that it is of."""
-    return m[u(r.earlier_share + e)], at[u(r.earlier + e)]
+def _add_entry(plan: Plan, taken: Entries, m: Floats, at: Index, q: int, i: int, share: float) -> None:
+    """Add an entry of reading q, whose entries are the last of the list so far."""
+    e = at[u(taken.start + q + 1)]
+    m[u(taken.share + e)], at[u(taken.number + e)] = share, i
+    at[u(taken.row + e)], at[u(taken.start + q + 1)] = paired(i * plan.length, e), e + 1
 
 
 @within
 def _enter(plan: Plan, r: ReadingsPlan, m: Floats, at: Index, q: int, i: int, share: float, place: float) -> None:
     """Enter that reading q takes `share` of number i of the state: `place` of it after the step, the rest before it."""
     if place != 0.0:
-        e = at[u(r.later_start + q + 1)]
-        at[u(r.later + e)], at[u(r.later_row + e)] = i, paired(i * plan.length, e)
-        m[u(r.later_share + e)], at[u(r.later_start + q + 1)] = share * place, e + 1
+        _add_entry(plan, r.later, m, at, q, i, share * place)
     if place != 1.0:
-        e = at[u(r.earlier_start + q + 1)]
-        at[u(r.earlier + e)], at[u(r.earlier_row + e)] = i, paired(i * plan.length, e)
-        m[u(r.earlier_share + e)], at[u(r.earlier_start + q + 1)] = share * (1 - place), e + 1
+        _add_entry(plan, r.earlier, m, at, q, i, share * (1 - place))
 
 
 @within
 def _end_entries(r: ReadingsPlan, at: Index, q: int) -> None:
     """End the entries of reading q in both lists."""
-    for row, start in ((r.later_row, r.later_start), (r.earlier_row, r.earlier_start)):
+    for row, start in ((r.later.row, r.later.start), (r.earlier.row, r.earlier.start)):
         end = at[u(start + q + 1)]
         at[u(row + end)], at[u(start + q + 1)] = -1, end + 1
 
@@ -209,8 +205,8 @@ def meter(plan: Plan, r: ReadingsPlan, m: Floats, at: Index, j: int, outside: Fl
     """What meter j of heat reads [W] in the state [P | x] at `state`, with the monomials of the step and boundaries
     `outside` [degC]; its slopes there become the entries of reading q."""
     n, size, first = plan.n, plan.size, plan.n + plan.heats
-    begun = at[u(r.later_start + q)]
-    slope = r.later_share + begun
+    begun = at[u(r.later.start + q)]
+    slope = r.later.share + begun
     for i in range(size):
         _enter(plan, r, m, at, q, i, 0.0, 1.0)
     surround(plan, m, state, outside)
@@ -253,10 +249,8 @@ def _make_lists(
     for j in range(plan.channels + plan.meters):
         if np.isnan(values[j]):
             continue
-        at[u(r.later_start + q + 1)], at[u(r.earlier_start + q + 1)] = (
-            at[u(r.later_start + q)],
-            at[u(r.earlier_start + q)],
-        )
+        at[u(r.later.start + q + 1)] = at[u(r.later.start + q)]
+        at[u(r.earlier.start + q + 1)] = at[u(r.earlier.start + q)]
         if j < plan.channels:
             _enter_sensor(plan, r, m, at, j, places[j], q)
         else:
@@ -292,9 +286,9 @@ def observe(
     if not _still_hold(plan, r, m, values, places):
         _make_lists(plan, r, m, at, outside, values, places)
     count: int = at[u(r.number)]
-    sweep(m, at, r.by_later, r.crossed, plan.ahead, plan.ahead, unit, r.later_share, length)
-    if at[u(r.earlier_start + count)] > count:
-        sweep(m, at, r.by_earlier, r.crossed, r.crossed, plan.turned, unit + 1, r.earlier_share, length)
+    sweep(m, at, r.by_later, r.crossed, plan.ahead, plan.ahead, unit, r.later.share, length)
+    if at[u(r.earlier.start + count)] > count:
+        sweep(m, at, r.by_earlier, r.crossed, r.crossed, plan.turned, unit + 1, r.earlier.share, length)
     for q in range(count):
         own, j = r.crossed + q * stride, at[u(r.channel + q)]
         if j >= plan.channels:
@@ -311,14 +305,14 @@ def _covariances_of(plan: Plan, r: ReadingsPlan, m: Floats, at: Index, q: int, v
     for p in range(q):
         m[u(own + p)] = 0.0
     m[u(own + q)] = variance
-    first, end = later_of(r, at, q)
+    first, end = entries_of(r.later, at, q)
     for e in range(first, end):
-        share, i = later_entry(r, m, at, e)
+        share, i = entry_of(r.later, m, at, e)
         for p in range(q + 1):
             m[u(own + p)] -= share * m[u(r.crossed + p * stride + i)]
-    first, end = earlier_of(r, at, q)
+    first, end = entries_of(r.earlier, at, q)
     for e in range(first, end):
-        share, i = earlier_entry(r, m, at, e)
+        share, i = entry_of(r.earlier, m, at, e)
         for p in range(q + 1):
             m[u(own + p)] -= share * _covariance_before(plan, r, m, at, p, i)
     for p in range(q):
@@ -329,13 +323,13 @@ def _covariances_of(plan: Plan, r: ReadingsPlan, m: Floats, at: Index, q: int, v
 def _covariance_before(plan: Plan, r: ReadingsPlan, m: Floats, at: Index, q: int, i: int) -> float:
     """cov(y_q, x_i), x_i before the step."""
     total, row = 0.0, i * plan.length
-    first, end = later_of(r, at, q)
+    first, end = entries_of(r.later, at, q)
     for e in range(first, end):
-        share, c = later_entry(r, m, at, e)
+        share, c = entry_of(r.later, m, at, e)
         total -= share * m[u(plan.turned + row + c)]
-    first, end = earlier_of(r, at, q)
+    first, end = entries_of(r.earlier, at, q)
     for e in range(first, end):
-        share, c = earlier_entry(r, m, at, e)
+        share, c = entry_of(r.earlier, m, at, e)
         total -= share * m[u(plan.state + row + c)]
     return total
 

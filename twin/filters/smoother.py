@@ -35,7 +35,7 @@ from twin.filters.ekf import Estimate, FilterRun, columns_of, courses, estimate_
 from twin.filters.inputs import AnyReading, FilterStart, Given, Inputs, inputs_of
 from twin.filters.plan import Plan, entry_at, x_at
 from twin.filters.planning import plan
-from twin.filters.readings import ReadingsPlan, correct, earlier_entry, earlier_of, observe, readings_of, row_of
+from twin.filters.readings import ReadingsPlan, correct, entries_of, entry_of, observe, readings_of, row_of
 from twin.filters.step import carry, derive
 from twin.filters.unknowns import Unknown
 from twin.motor.network import Network
@@ -151,7 +151,7 @@ def _forward(inputs: Inputs, run: FilterRun, blocks: Sequence[slice]) -> tuple[l
     """The filter over all blocks: [P | x] at the start of each block, and what the filter says."""
     found, sought = courses(inputs), inputs.parts.sought
     run.begin(inputs)
-    found.states[0], found.spreads[0] = inputs.x[:sought, 0], np.diag(inputs.covariance)[:sought]
+    found.states[0], found.spreads[0] = inputs.x[:sought], np.diag(inputs.covariance)[:sought]
     likelihood, kept = 0.0, []
     for block in blocks:
         kept.append(run.state().copy())
@@ -209,11 +209,11 @@ def _back_through(
 def _reading_rows(plan: Plan, taken: ReadingsPlan, back: Back, m: Floats, at: Index, count: int, out: int) -> None:
     """Fill `out`, a row of the readings' stride each: how each of `count` readings moves with the state before the
     step."""
-    sweep(m, at, taken.by_later, out, back.before, back.before, plan.unit, taken.later_share, plan.length)
+    sweep(m, at, taken.by_later, out, back.before, back.before, plan.unit, taken.later.share, plan.length)
     for q in range(count):
-        first, end = earlier_of(taken, at, q)
+        first, end = entries_of(taken.earlier, at, q)
         for e in range(first, end):
-            share, i = earlier_entry(taken, m, at, e)
+            share, i = entry_of(taken.earlier, m, at, e)
             m[out + q * taken.stride + i] -= share
 
 

@@ -17,7 +17,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.filters.ekf import Estimate, Found, filtered_by
+from twin.filters.ekf import Estimate, FilterCourse, filtered_by
 from twin.filters.inputs import AnyReading, FilterStart, Given, inputs_of
 from twin.filters.plan import Plan, entry_at, x_at
 from twin.filters.readings import ReadingsPlan, correct, observe, row_of
@@ -41,7 +41,7 @@ def filter_unscented(
 
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
-def _through(plan: Plan, taken: ReadingsPlan, m: Floats, at: Index, given: Given, found: Found) -> float:
+def _through(plan: Plan, taken: ReadingsPlan, m: Floats, at: Index, given: Given, found: FilterCourse) -> float:
     """The filter over N steps; takes, fills and returns what `twin.filters.ekf.through` does."""
     features, boundaries, readings, places, variances = given
     states, spreads, innovations = found

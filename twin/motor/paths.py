@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from itertools import combinations
+from itertools import combinations, count, islice
 
 from twin.motor.causes import link_place, mirrored
 from twin.motor.network import Network
@@ -13,14 +13,9 @@ Place = tuple[str, ...]  # (node,), or the two ends of a link as its cause id wr
 
 def terms_of(network: Network) -> tuple[dict[tuple[str, str], tuple[int, ...]], dict[str, tuple[int, ...]]]:
     """Places in `twin.motor.features.terms` of every link, by its ends as the file writes them, and of every source."""
-    at, links, sources = 0, {}, {}
-    for link in network.links:
-        links[link.a, link.b] = tuple(range(at, at + len(link.terms)))
-        at += len(link.terms)
-    for source in network.sources:
-        sources[source.node] = tuple(range(at, at + len(source.terms)))
-        at += len(source.terms)
-    return links, sources
+    places = count()
+    links = {(link.a, link.b): tuple(islice(places, len(link.terms))) for link in network.links}
+    return links, {source.node: tuple(islice(places, len(source.terms))) for source in network.sources}
 
 
 def terms_at(network: Network, place: Place) -> tuple[int, ...]:

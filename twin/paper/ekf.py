@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 
 from twin.arithmetic.lane_code import pointer
 from twin.arithmetic.lanes import LaneStore, record
-from twin.filters.ekf import Estimate, Found, courses, estimate_of
+from twin.filters.ekf import Estimate, FilterCourse, courses, estimate_of
 from twin.filters.inputs import AnyReading, FilterStart, Given, Reading, inputs_of
 from twin.filters.readings import ReadingsPlan, correct, readings_of, row_of
 from twin.filters.unknowns import Unknown
@@ -65,22 +65,21 @@ def filter_with_rates(
     shares, multiplied = shares_of(inputs.parts, inputs.features.shape[1])
     means, around = inputs.features @ shares[:-1] + shares[-1], at_edges(inputs.boundaries)
     capacities = np.array([node.capacity for node in network.nodes])
-    n, known = len(capacities), inputs.parts.sought
-    own = np.r_[0:known, known + len(inputs.parts.weights) : len(inputs.x)]  # y: without what was read at the last edge
-    x = np.insert(inputs.x[own], [n] * n, 0.0, axis=0)  # the rates are worked out at the first edge
+    n, size = len(capacities), len(inputs.x)
+    x = np.insert(inputs.x, [n] * n, 0.0)[:, None]  # the rates are worked out at the first edge
     store = LaneStore()
     rates = rates_of(inputs.parts, multiplied, capacities, around.shape[1], frame.step_s, store)
     taken = readings_of(rates, store)
     numbers, indices = store.numbers(), store.indices()
     rows = numbers[rates.state : rates.state + rates.length**2].reshape(rates.length, rates.length)
-    rows[: len(own), : len(own)], rows[: len(own), len(own)] = inputs.covariance[np.ix_(own, own)], inputs.x[own, 0]
+    rows[:size, :size], rows[:size, size] = inputs.covariance, inputs.x
     found = courses(inputs)
     likelihood = _run(
         capacities,
         inputs.parts.weights,
         np.array([r.sensor.time_constant_s for r in readings if isinstance(r, Reading)], dtype=np.float64),
         inputs.parts.bias,
-        np.where(inputs.parts.state >= 0, inputs.parts.state - len(inputs.parts.weights) + n, -1),
+        np.where(inputs.parts.state >= 0, inputs.parts.state + n, -1),
         inputs.parts.lag,
         frame.step_s,
         at_edges(means),
@@ -94,10 +93,10 @@ def filter_with_rates(
         x,
         found,
     )
-    onto = np.insert(np.eye(len(own)), [n] * n, 0.0, axis=0)
+    onto = np.insert(np.eye(size), [n] * n, 0.0, axis=0)
     for place, i, j in indices[rates.cell : rates.cell + 3 * rates.cells].reshape(-1, 3).tolist():
         onto[n + i, j] = -numbers[rates.slopes + place] / capacities[i]
-    covariance = onto @ rows[: len(own), : len(own)] @ onto.T
+    covariance = onto @ rows[:size, :size] @ onto.T
     return estimate_of(inputs, found, (covariance + covariance.T) / 2, float(likelihood))
 
 
@@ -126,7 +125,7 @@ def _run(
     numbers: Floats,
     indices: Index,
     x: Floats,
-    found: Found,
+    found: FilterCourse,
 ) -> float:
     """The filter over all steps, from `state` of `rates`; returns the log likelihood of the readings. `amounts` (N +
     1, L + P) and `around` (N + 1, b) are at edges, `means` (N, L + P) of steps; `given` and `found` as in

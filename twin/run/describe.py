@@ -54,14 +54,8 @@ class Description:
 
     def text(self) -> str:
         """Lines for a person."""
-        counts = (
-            _count(self.nodes, "node"),
-            _count(self.boundaries, "boundary"),
-            _count(self.links, "link"),
-            _count(self.sources, "source"),
-        )
         lines = [
-            f"{self.name}: {', '.join(counts)}",
+            f"{self.name}: {_counts(self.nodes, self.boundaries, self.links, self.sources)}",
             (
                 f"coefficients   {self.coefficients}; with {_count(self.nodes, 'capacity')} "
                 f"{_count(self.unknowns, 'unknown')}"
@@ -95,6 +89,12 @@ def _count(number: int, what: str) -> str:
     """ "1 boundary", "2 boundaries"."""
     several = f"{what[:-1]}ies" if what.endswith("y") else f"{what}s"
     return f"{number:,} {what if number == 1 else several}"
+
+
+def _counts(*numbers: int) -> str:
+    """ "3 nodes, 1 boundary, 3 links, 2 sources"."""
+    kinds = ("node", "boundary", "link", "source")
+    return ", ".join(_count(number, what) for number, what in zip(numbers, kinds, strict=True))
 
 
 def describe(network: Network) -> Description:
@@ -144,15 +144,7 @@ def _map(network: Network, place: str, table: Map) -> str:
 
 def _configuration(network: Network, one: Configuration) -> str:
     there = configured(network, one.name)
-    counts = ", ".join(
-        _count(number, what)
-        for number, what in (
-            (len(there.nodes), "node"),
-            (len(there.boundaries), "boundary"),
-            (len(there.links), "link"),
-            (len(there.sources), "source"),
-        )
-    )
+    counts = _counts(len(there.nodes), len(there.boundaries), len(there.links), len(there.sources))
     return f"{one.name}: {counts}" + (f", without {', '.join(one.remove)}" if one.remove else "")
 
 

@@ -11,7 +11,7 @@ from made.filter_example import example
 from twin.filters.ekf import FilterRun, run_of
 from twin.filters.inputs import Inputs
 from twin.filters.plan import Plan, driven_of, drives_at, ends_of, right_hand_side, term_of, x_at
-from twin.filters.readings import ReadingsPlan, earlier_entry, earlier_of, later_entry, later_of, observe
+from twin.filters.readings import ReadingsPlan, entries_of, entry_of, observe
 from twin.filters.step import carry
 from twin.motor.heat_laws import NUMBER
 
@@ -41,10 +41,10 @@ def _places(plan: Plan) -> tuple[int, int, int]:
 
 @numba.njit(error_model="numpy")
 def _taken(r: ReadingsPlan, m: Floats, at: Index, q: int) -> tuple[list[tuple[float, int]], list[tuple[float, int]]]:
-    later, earlier = later_of(r, at, q), earlier_of(r, at, q)
+    later, earlier = entries_of(r.later, at, q), entries_of(r.earlier, at, q)
     return (
-        [later_entry(r, m, at, e) for e in range(later[0], later[1])],
-        [earlier_entry(r, m, at, e) for e in range(earlier[0], earlier[1])],
+        [entry_of(r.later, m, at, e) for e in range(later[0], later[1])],
+        [entry_of(r.earlier, m, at, e) for e in range(earlier[0], earlier[1])],
     )
 
 
