@@ -1,8 +1,9 @@
 """The laws of a network as a table, and what they give at many states: what marches and accounts of heat are made from.
 
-The heat into node a (and, in a link between nodes, out of node b) is `amount(t) psi(T)`. psi is the heat of
-`twin.motor.heat_laws` at an amount of 1. Where a law is the slope of another with temperature (`tilt`), it is that
-times T_a - r, or in a link times (T_a + T_b) / 2 - r.
+The heat into node a (and, in a link between nodes, out of node b) is `amount(t) psi(T)`: the amount goes with time
+alone, psi with temperatures alone. psi is the heat of `twin.motor.heat_laws` at an amount of 1. A law with a `tilt` r
+is what another law changes by for each 1/K by which its coefficient grows with temperature: psi of that law times
+T_a - r, in a link times (T_a + T_b) / 2 - r.
 """
 
 from __future__ import annotations
@@ -29,9 +30,9 @@ class Law:
     source.
 
     `law`: a name of `twin.motor.heat_laws.LAWS`. `other`, `slope` [1/K], `reference` [degC]: the temperature factor,
-    `other` NOBODY where there is none. `tilt`: the reference r [degC] of a law that is the slope of another, else
-    None. `one_way`: the heat is not taken out of b, as that is fluid that flows on, or a mass that follows and is
-    weighed elsewhere. `fluid`: as in `twin.compiled.structure.Group`.
+    `other` NOBODY where there is none. `tilt`: the r [degC] of a law that has one, else None. `one_way`: the heat is
+    not taken out of b, as that is fluid that flows on, or a mass that follows and is weighed elsewhere. `fluid`: as in
+    `twin.compiled.structure.Group`.
     """
 
     a: int

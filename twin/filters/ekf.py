@@ -40,7 +40,7 @@ Index = NDArray[np.int64]
 U = TypeVar("U", bound=Unknown)
 
 PACES = (1 / 30, 30.0)  # within which the walks of the unknowns are sought, as factors of what is given
-PACE_ENOUGH = 0.3  # of the logarithm of a pace: the likelihood is flat there, and Brent's last parabola is nearer
+PACE_ENOUGH = 0.3  # to which the logarithm of a pace is sought: the likelihood is flat there
 
 
 @dataclass(frozen=True)

@@ -32,9 +32,9 @@ from twin.run.simulate import Frame, check_frame
 
 Floats = NDArray[np.float64]
 
-# Of every node: what a network's form leaves open. Measured on a conduction mesh whose motor file errs by 2 to 5 K in
-# open loop: 0.02 makes the innovations 5 to 13 times as large (NIS) as the filter thinks, 0.1 1.0 to 1.5 times, at
-# the highest likelihood.
+# Random walk of every node, for what a network's form leaves open. Measured on a conduction mesh whose motor file errs
+# by 2 to 5 K in open loop: at 0.02 the squared innovations are 5 to 13 times what the filter expects (NIS), at 0.1
+# they are 1.0 to 1.5 times that, and the likelihood is highest.
 TEMPERATURE_K_PER_SQRT_S = 0.1
 READING_SD_K = 0.1  # of a lagging sensor's reading at the start, about equilibrium
 

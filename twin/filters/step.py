@@ -4,8 +4,8 @@
 F, the derivative of a step, is never formed by the filter: F P F' is the step on the columns of P twice, with a
 transpose between, by the sparse elimination that the step needs anyway. It is exact for the step as it is made,
 linearised about its start: the derivative by a factor is the heat that it multiplies, at the temperatures of each
-stage. Those are known once the step of x is made, beside F P; so what the factors' columns B of F add to that is
-found on the way back, and added afterwards.
+stage. These are known only when x has made its step, which it does beside F P. So F P is made without the factors'
+columns B of F; what they add is found when F is applied to the transpose, and added then.
 """
 
 from __future__ import annotations
