@@ -116,7 +116,8 @@ class LaneStore:
 
     def numbers(self) -> Floats:
         """All numbers, from a border of the machine's vectors on."""
-        found = aligned(np.zeros(self._end))
+        (found,) = at_a_border([(self._end,)])
+        found[:] = 0.0
         for place, numbers in self._numbers:
             found[place : place + numbers.size] = numbers.ravel()
         return found

@@ -1,7 +1,7 @@
 """How uncertain a run is at single places and times, as its network and its start are not known exactly.
 
 The exact derivatives of a node's block mean by every ln coefficient, ln capacity and initial temperature
-(`twin.fitting.responses`) are multiplied with the covariance of these: linear, so good as long as what is not known
+(`twin.run.sparse_march`) are multiplied with the covariance of these: linear, so good as long as what is not known
 moves the node by little. Errors of the network's form, of inputs and of boundaries are not in it.
 """
 

@@ -26,7 +26,6 @@ from twin.compiled.heat import heat_of_vectors as heat
 from twin.compiled.integrators import Tableau
 from twin.compiled.structure import Group, Structure
 from twin.motor.heat_laws import NUMBER
-from twin.motor.network import NOBODY
 
 Floats = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -109,7 +108,7 @@ def _index(values: Any) -> Index:
 def _places(group: Group, n: int, where: dict[tuple[int, int], int]) -> list[int]:
     a, b, m = group.a, group.b, group.other
     between = 0 <= b < n
-    crossed = m != NOBODY
+    crossed = 0 <= m < n
     return [
         where[a, a],
         where[b, b] if between else -1,
@@ -174,11 +173,11 @@ def assemble(
         if law == STREAM:
             first, end = program.knot_start[g], program.knot_start[g + 1]
             relative, growth = heat_capacity(far, program.knots[first:end], program.rises[first:end], end - first)
-        crossed = start[other] if other >= 0 else own
+        crossed = start[other] if 0 <= other < n else outside[other - n] if other >= n else own
         value, by_own, by_far, by_other = heat(
             law, amount, own, far, crossed, copper[0], copper[1], factors[g, 0], factors[g, 1], relative, growth
         )
-        if other >= 0:
+        if 0 <= other < n:
             values[am] -= by_other
             right[a] -= by_other * crossed
             if gives:

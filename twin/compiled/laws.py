@@ -1,9 +1,7 @@
 """The laws of a network as a table, and what they give at many states: what marches and accounts of heat are made from.
 
-The heat into node a (and, in a link between nodes, out of node b) is `amount(t) psi(T)`: the amount goes with time
-alone, psi with temperatures alone. psi is the heat of `twin.motor.heat_laws` at an amount of 1. A law with a `tilt` r
-is what another law changes by for each 1/K by which its coefficient grows with temperature: psi of that law times
-T_a - r, in a link times (T_a + T_b) / 2 - r.
+The heat into node a (and, in a link between nodes, out of node b) is `amount(t) psi(T)`. psi is the heat of
+`twin.motor.heat_laws` at an amount of 1.
 """
 
 from __future__ import annotations
@@ -30,9 +28,8 @@ class Law:
     source.
 
     `law`: a name of `twin.motor.heat_laws.LAWS`. `other`, `slope` [1/K], `reference` [degC]: the temperature factor,
-    `other` NOBODY where there is none. `tilt`: the r [degC] of a law that has one, else None. `one_way`: the heat is
-    not taken out of b, as that is fluid that flows on, or a mass that follows and is weighed elsewhere. `fluid`: as in
-    `twin.compiled.structure.Group`.
+    `other` NOBODY where there is none. `one_way`: the heat is not taken out of b, as that is fluid that flows on, or a
+    mass that follows and is weighed elsewhere. `fluid`: as in `twin.compiled.structure.Group`.
     """
 
     a: int
@@ -41,7 +38,6 @@ class Law:
     other: int = NOBODY
     slope: float = 0.0
     reference: float = 0.0
-    tilt: float | None = None
     one_way: bool = False
     fluid: Ramps = ()
 
@@ -54,18 +50,17 @@ class Law:
     @property
     def affine(self) -> bool:
         """Whether psi is linear in the temperatures, so that its slopes are all of it."""
-        factors = [self.law != "source", self.other != NOBODY, self.tilt is not None]
-        return self.law in AFFINE and sum(factors) <= 1
+        return self.law in AFFINE and (self.law == "source" or self.other == NOBODY)
 
 
 @dataclass(frozen=True)
 class Table:
     """Laws as a compiled loop reads them, a row a law.
 
-    `places` (L, 6): a, b, number of the law (`NUMBER`), other, 1 where one way, knots of the fluid. `numbers` (L, 3 +
-    2 most knots): slope, reference, tilt (NaN: none), the knots, the rises (`twin.compiled.structure.Ramps`).
+    `places` (L, 6): a, b, number of the law (`NUMBER`), other, 1 where one way, knots of the fluid. `numbers` (L, 2 +
+    2 most knots): slope, reference, the knots, the rises (`twin.compiled.structure.Ramps`).
     `copper` (2,): alpha [1/K], reference [degC]. A loss in copper at node 2 of a network, with a factor of 0.1 %/K of
-    node 3 about 40 degC, is the row 2, -1, NUMBER["copper"], 3, 0, 0 and the row 0.001, 40, NaN.
+    node 3 about 40 degC, is the row 2, -1, NUMBER["copper"], 3, 0, 0 and the row 0.001, 40.
     """
 
     places: Integers
@@ -75,16 +70,17 @@ class Table:
     @classmethod
     def of(cls, laws: Sequence[Law], copper: Copper) -> Table:
         places = [(w.a, w.b, NUMBER[w.law], w.other, w.one_way, len(w.fluid)) for w in laws]
-        numbers = np.zeros((len(laws), 3 + 2 * max((len(w.fluid) for w in laws), default=0)))
+        numbers = np.zeros((len(laws), 2 + 2 * max((len(w.fluid) for w in laws), default=0)))
         for own, w in zip(numbers, laws, strict=True):
-            own[:3] = w.slope, w.reference, np.nan if w.tilt is None else w.tilt
-            own[3 : 3 + 2 * len(w.fluid)] = [*(degC for degC, _ in w.fluid), *(rise for _, rise in w.fluid)]
+            own[:2] = w.slope, w.reference
+            own[2 : 2 + 2 * len(w.fluid)] = [*(degC for degC, _ in w.fluid), *(rise for _, rise in w.fluid)]
         alpha = np.array([copper.alpha_per_K, copper.reference_degC])
         return cls(np.array(places, dtype=np.int64).reshape(-1, 6), numbers, alpha)
 
 
 def psi(table: Table, temperatures: Floats, boundaries: Floats) -> tuple[Floats, Floats]:
-    """psi (L, N) of laws at temperatures (N, n) [degC] with boundaries (N, b) [degC], and its slope with T_b (L, N)."""
+    """psi (L, N) of laws at temperatures (N, n) [degC] with boundaries (N, b) [degC], and its slope (L, N) with the
+    temperature at b."""
     found = np.empty((2, len(table.places), len(temperatures)))
     _psi(table.places, table.numbers, table.copper, every_place(temperatures, boundaries), 0, found)
     return found[0], found[1]
@@ -101,8 +97,9 @@ def _psi(places: Integers, numbers: Floats, copper: Floats, at: Floats, first: i
     one = np.empty((4, at.shape[1]))
     for w in range(len(places)):
         psi_of(places[w], numbers[w], copper, at, first, one)
+        own = 1.0 if places[w, 3] == places[w, 1] else 0.0  # where the temperature factor is of b too
         for k in range(at.shape[1]):
-            found[0, w, k], found[1, w, k] = one[0, k], one[2, k]
+            found[0, w, k], found[1, w, k] = one[0, k], one[2, k] + own * one[3, k]
 
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
@@ -110,13 +107,5 @@ def psi_of(place: Integers, number: Floats, copper: Floats, at: Floats, first: i
     """psi of one law and its slopes with T_a, T_b and T_m, into `found` (4, K), in K steps from `first` on; `at` as
     `every_place` gives it, `place` and `number` a row of a `Table`."""
     a, b, law, other, knots = place[0], place[1], place[2], place[3], place[5]
-    end, third, tilt = b if b != NOBODY else a, other if other != NOBODY else a, number[2]
-    heats(law, at, a, end, third, first, copper[0], copper[1], number[0], number[1], number[3:], knots, found)
-    if not np.isnan(tilt):
-        share = 0.5 if b != NOBODY else 0.0  # what the end of a link has in the mean
-        for k in range(found.shape[1]):
-            factor = (at[a, first + k] + at[end, first + k]) / 2 - tilt
-            found[1, k] = found[1, k] * factor + found[0, k] * (1.0 - share)
-            found[2, k] = found[2, k] * factor + found[0, k] * share
-            found[3, k] *= factor
-            found[0, k] *= factor
+    end, third = b if b != NOBODY else a, other if other != NOBODY else a
+    heats(law, at, a, end, third, first, copper[0], copper[1], number[0], number[1], number[2:], knots, found)

@@ -27,10 +27,10 @@ class Group:
     """Terms that share a place and its factors, so their sum is multiplied once.
 
     `a`: the node that takes the heat. `b`: the link's other end, a node or `n + boundary`, NOBODY in a source.
-    `terms`: (coefficient, monomial or CONSTANT). `law`: of `twin.motor.heat_laws.LAWS`. `other`: node of the
-    temperature factor, or NOBODY; its values are row `index` of `Parameters.factors`. `one_way`: the heat is not
-    taken out of b, which flows on. `fluid`: its heat capacity over that at 20 degC where it goes with the temperature
-    T_b, else empty.
+    `terms`: (coefficient, monomial or CONSTANT). `law`: of `twin.motor.heat_laws.LAWS`. `other`: of the temperature
+    factor, a node (in a fit also `n + boundary`) or NOBODY; its values are row `index` of `Parameters.factors`.
+    `one_way`: the heat is not taken out of b, which flows on. `fluid`: its heat capacity over that at 20 degC where it
+    goes with the temperature T_b, else empty.
     """
 
     a: int
@@ -40,6 +40,10 @@ class Group:
     other: int = NOBODY
     one_way: bool = False
     fluid: Ramps = ()
+
+    def taken_from(self, n: int) -> int:
+        """The node that loses the heat, of n; NOBODY where none does."""
+        return self.b if 0 <= self.b < n and not self.one_way else NOBODY
 
     @property
     def plain(self) -> bool:
@@ -57,6 +61,13 @@ class Structure:
     groups: tuple[Group, ...]
     pattern: Pattern
     symmetric: bool
+
+    @classmethod
+    def of(cls, n: int, monomials: int, groups: tuple[Group, ...]) -> Structure:
+        """Eliminated in an order that fills in little."""
+        edges = [(g.a, g.b) for g in groups if 0 <= g.b < n]
+        crossed = [(end, g.other) for g in groups if 0 <= g.other < n for end in (g.a, g.b) if 0 <= end < n]
+        return cls(n, monomials, groups, factorise(n, edges + crossed), all(_mirrored(g, n) for g in groups))
 
 
 @dataclass(frozen=True)
@@ -124,14 +135,11 @@ def parameters(network: Network) -> Parameters:
 
 def described(network: Network) -> tuple[Structure, Parameters]:
     """The indices of a checked network, and its values in their order."""
-    n, column = len(network.nodes), {monomial: j for j, monomial in enumerate(features.monomials(network))}
+    column = {monomial: j for j, monomial in enumerate(features.monomials(network))}
     terms: dict[_Key, list[tuple[int, int]]] = {}
     for coefficient, (key, term) in enumerate(_places(network)):
         terms.setdefault(key, []).append((coefficient, column.get(features.monomial(term), CONSTANT)))
     groups = tuple(replace(group, terms=tuple(own)) for (group, _, _), own in terms.items())
-    edges = [(g.a, g.b) for g in groups if 0 <= g.b < n]
-    crossed = [(end, g.other) for g in groups if g.other != NOBODY for end in (g.a, g.b) if 0 <= end < n]
-    shape = Structure(n, len(column), groups, factorise(n, edges + crossed), all(_mirrored(g, n) for g in groups))
     every = (*features.terms(network), *features.streams(network))
     values = Parameters(
         coefficients=np.array([term.coefficient for term in every]),
@@ -139,7 +147,7 @@ def described(network: Network) -> tuple[Structure, Parameters]:
         copper=np.array([network.copper.alpha_per_K, network.copper.reference_degC]),
         factors=np.array([factor for _, *factor in terms], dtype=np.float64).reshape(-1, 2),
     )
-    return shape, values
+    return Structure.of(len(network.nodes), len(column), groups), values
 
 
 def _mirrored(group: Group, n: int) -> bool:

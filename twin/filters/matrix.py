@@ -51,12 +51,12 @@ def laws_at(laws: LawTable, m: Floats, at: Index, listed: int, count: int) -> No
         g = at[u(e)]
         a, b, other = ends_of(laws, at, g)
         law, knots = law_of(laws, at, g)
-        numbers, psi = laws.numbers + g * (3 + 2 * laws.knots), laws.psi + 4 * g
+        numbers, psi = laws.numbers + g * (2 + 2 * laws.knots), laws.psi + 4 * g
         own = m[u(T + a)]
         far, crossed = m[u(T + b)] if b >= 0 else own, m[u(T + other)] if other >= 0 else own
         relative, growth = 1.0, 0.0
         if knots > 0:
-            relative, growth = heat_capacity(far, pointer(m, numbers + 3), pointer(m, numbers + 3 + knots), knots)
+            relative, growth = heat_capacity(far, pointer(m, numbers + 2), pointer(m, numbers + 2 + knots), knots)
         m[u(psi)], m[u(psi + 1)], m[u(psi + 2)], m[u(psi + 3)] = heat(
             law, 1.0, own, far, crossed, alpha, reference, m[u(numbers)], m[u(numbers + 1)], relative, growth
         )

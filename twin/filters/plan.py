@@ -41,7 +41,7 @@ class Parts(NamedTuple):
     factor_of: Index  # (K,) which unknown factor multiplies each coefficient, -1 for none
     heats: Index  # (o,) the node of each unknown heat
     places: Index  # (G, 7) and
-    numbers: Floats  # (G, 3 + 2 knots), the groups' laws as `twin.compiled.laws.Table` has them
+    numbers: Floats  # (G, 2 + 2 knots), the groups' laws as `twin.compiled.laws.Table` has them
     unknown_factors: int
     sought: int  # temperatures and unknowns, which stand first in the state
     weights: Floats  # (m, n) of each node in what a thermometer measures
@@ -60,7 +60,7 @@ class LawTable(NamedTuple):
     knots: int  # most of a fluid's table
     # Numbers, by where they begin.
     copper: int  # alpha [1/K], reference [degC]
-    numbers: int  # (G, 3 + 2 knots) as `twin.compiled.laws.Table`
+    numbers: int  # (G, 2 + 2 knots) as `twin.compiled.laws.Table`
     psi: int  # (G, 4) what an amount is multiplied by to be a heat, and its slopes with T_a, T_b and T_m
     temperatures: int  # (n + boundaries,) [degC] at which psi is wanted: of a `Plan`, those at the start of the step
     # Indices, by where they begin.

@@ -153,7 +153,7 @@ def law_table(parts: Parts, boundaries: int, store: LaneStore) -> LawTable:
     total = len(parts.places)
     return LawTable(
         total=total,
-        knots=(parts.numbers.shape[1] - 3) // 2,
+        knots=(parts.numbers.shape[1] - 2) // 2,
         copper=store.put(parts.copper),
         numbers=store.put(parts.numbers),
         psi=store.rows(total, 4),

@@ -5,6 +5,7 @@ probable vector. The vector is 0 where motor file and sensors are right; each of
 a test it may change what drives it (`drive`, made of `rows`), its laws, capacities, boundaries and start (`circuit`),
 and what sensors and meters show (`readings`, `metering`).
 
-`march` runs the test: implicit midpoint rule, dense matrices, nothing compiled for a motor. What each number changes is
-found as heats (`heats`) that are carried from block to block (`responses`). `noise` whitens a channel's residual.
+`twin.run.sparse_march` runs the test. What each number changes is found as heats (`heats`), which the same march
+carries through the run as columns; sensors read these as they read the temperatures, and `stamped` takes the means.
+`noise` whitens a channel's residual.
 """

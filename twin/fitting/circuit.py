@@ -8,17 +8,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.compiled.indexed import program
+from twin.compiled.integrators import DEFAULT
 from twin.compiled.laws import Law, Table
-from twin.compiled.structure import described
+from twin.compiled.structure import Group, Parameters, Structure, described
 from twin.fitting import actions
 from twin.fitting.actions import Parameter
 from twin.fitting.drive import Drive
-from twin.fitting.march import System, run
 from twin.fitting.recorded import Test
 from twin.fitting.rows import Product, Products
 from twin.motor.heat_laws import source_law
 from twin.motor.network import NOBODY, Network
 from twin.motor.sensor import Sensor
+from twin.run import sparse_march
 
 Floats = NDArray[np.float64]
 
@@ -41,7 +43,6 @@ class Circuit:
         self.edges_s: Floats = np.arange(self.steps + 1, dtype=np.float64) * self.step_s
         self.drive = Drive(network, test, self.active)
         shape, values = described(network)
-        self.capacities = np.concatenate([values.capacities, np.ones(len(self.followers))])
         self._laws: dict[Law, int] = {}
         members = [
             (self._law(self.placed(Law.of(group, values, g))), group.terms) for g, group in enumerate(shape.groups)
@@ -50,6 +51,17 @@ class Circuit:
         self._carry()
         self.laws = tuple(self._laws)
         self.table = Table.of(self.laws, network.copper)
+        self._values = Parameters(
+            coefficients=np.ones(len(self.laws)),  # of what each law carries, as it comes step by step
+            capacities=np.concatenate([values.capacities, np.ones(len(self.followers))]),
+            copper=values.copper,
+            factors=np.array([(law.slope, law.reference) for law in self.laws]).reshape(-1, 2),
+        )
+        groups = [
+            Group(law.a, law.b, ((i, i),), law.law, law.other, law.one_way, law.fluid)
+            for i, law in enumerate(self.laws)
+        ]
+        self._program = program(Structure.of(self.states, len(groups), tuple(groups)), DEFAULT)
 
     def _carry(self) -> None:
         """Find which terms and products of features each law carries, and which terms a slope with temperature."""
@@ -67,8 +79,8 @@ class Circuit:
                     rows += [Product(law, factor, row, parameter=p) for law in laws]
                 case actions.Tilt(places, members, references):
                     for place, own_terms, reference in zip(places, members, references, strict=True):
-                        law = self._law(self.place(place, tilt=reference))
-                        tilts += [Product(law, 1.0, i, parameter=p) for i in own_terms]
+                        sloped = [(self._law(law), share) for law, share in self.sloped(place, reference)]
+                        tilts += [Product(law, share, i, parameter=p) for law, share in sloped for i in own_terms]
         self.of_terms, self.of_features = Products.of(terms + tilts), Products.of(rows)
         turned = [Product(one.first, one.weight, one.to, parameter=one.parameter) for one in tilts]
         self.tilts = Products.of(turned)  # what each term's own law carries more
@@ -80,9 +92,16 @@ class Circuit:
         """The law with its boundary's index behind all states: masses stand between nodes and boundaries."""
         return replace(law, b=law.b + len(self.followers)) if law.b >= self.n else law
 
-    def place(self, place: actions.Place, own: int = 0, tilt: float | None = None) -> Law:
+    def place(self, place: actions.Place, own: int = 0) -> Law:
         law = source_law(own) if place.b == NOBODY else "linear"
-        return self.placed(Law(place.a, place.b, law, tilt=tilt))
+        return self.placed(Law(place.a, place.b, law))
+
+    def sloped(self, place: actions.Place, reference: float) -> list[tuple[Law, float]]:
+        """The laws, and their shares, that carry T - reference times what a plain law does, T of the node or the mean
+        of the link's ends. T - r is the temperature factor 1 + (T - (r + 1 K)) / K."""
+        law = self.place(place)
+        ends = [law.a] if law.b == NOBODY else [law.a, law.b]
+        return [(replace(law, other=end, slope=1.0, reference=reference + 1.0), 1.0 / len(ends)) for end in ends]
 
     def weights(self, sensor: Sensor) -> Floats:
         """The share (states,) of each state in what a sensor follows: none of a mass."""
@@ -99,8 +118,8 @@ class Circuit:
     def moved_by_start(self, node: int) -> list[int]:
         return [node, *(self.n + i for i, (_, follows, _) in enumerate(self.followers) if follows == node)]
 
-    def run(self, beta: Floats, course: Floats) -> CircuitRun:
-        """One run, heats linearised about a course (N, states). Raises `DivergedError`."""
+    def run(self, beta: Floats) -> CircuitRun:
+        """One run. Raises `DivergedError`."""
         drive = self.drive
         prompt, tents = drive.terms(beta)
         late_s = drive.late_s(beta)
@@ -108,25 +127,27 @@ class Circuit:
         carried = np.zeros((len(self.laws), self.steps))
         self.of_terms.add(carried, values, drive.one, beta)
         self.of_features.add(carried, drive.delayed(drive.features.values, late_s), drive.one, beta)
-        capacity, boundaries = self.capacities.copy(), drive.delayed(self.test.frame.boundaries.T, late_s).T.copy()
+        capacity, boundaries = (
+            self._values.capacities.copy(),
+            drive.delayed(self.test.frame.boundaries.T, late_s).T.copy(),
+        )
         for p, action in self.active:
             match action:
                 case actions.Capacity(nodes):
                     capacity[list(nodes)] *= np.exp(beta[p])
                 case actions.BoundaryBias(boundary):
                     boundaries[:, boundary] -= beta[p]
-        system = System.of(self.table, carried, capacity, self.step_s, course, boundaries)
-        edges, means = run(system, self.start(beta))
         acting = {int(i) for own in (self.of_terms, self.of_features) for i in own.to[own.weights(beta) != 0]}
         affine = all(self.laws[i].affine for i in acting)
-        return CircuitRun(beta, prompt, tents, late_s, values, carried, affine, system, boundaries, edges, means)
+        physics = replace(self._values, capacities=capacity)
+        ran = sparse_march.run(self._program, affine, physics, self.step_s, carried.T, boundaries, self.start(beta))
+        return CircuitRun(beta, prompt, tents, late_s, values, carried, boundaries, ran)
 
 
 @dataclass(frozen=True)
 class CircuitRun:
     """One run of one test at a vector. `prompt` (T, N): terms before they are delayed by `late_s`, `tents` the factors
-    of their tents; `values` (T, N) as they act; `carried` (L, N): what each law carries; `affine`: whether every heat
-    is linear in temperature, so that the course it was linearised about does not matter."""
+    of their tents; `values` (T, N) as they act; `carried` (L, N): what each law carries."""
 
     beta: Floats
     prompt: Floats
@@ -134,8 +155,15 @@ class CircuitRun:
     late_s: float
     values: Floats
     carried: Floats
-    affine: bool
-    system: System
     boundaries: Floats
-    edges: Floats
-    means: Floats
+    march: sparse_march.MarchRun
+
+    @property
+    def edges(self) -> Floats:
+        """Temperatures at the edges of the steps (N + 1, states) [degC]."""
+        return self.march.edges
+
+    @property
+    def means(self) -> Floats:
+        """Mean temperatures of the steps (N, states) [degC]."""
+        return self.march.means

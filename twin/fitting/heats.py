@@ -12,10 +12,10 @@ from twin.compiled.laws import Law, Table, psi
 from twin.fitting import actions
 from twin.fitting.actions import Action
 from twin.fitting.circuit import Circuit, CircuitRun
-from twin.fitting.responses import ParameterHeats
 from twin.fitting.rows import Product, Products, parts_of_delay, shifted
 from twin.motor.network import NOBODY
 from twin.motor.outputs import lagged
+from twin.run.sparse_march import Loads
 
 Floats = NDArray[np.float64]
 Kind = Literal[
@@ -34,7 +34,9 @@ Kind = Literal[
 
 
 class Heats:
-    """Of `wanted` (column, action, its place in the circuit's own vector or NOBODY): made once, for any vector."""
+    """Of `wanted` (column, action, its place in the circuit's own vector or NOBODY): made once, for any vector.
+
+    `columns` (C,): those that change temperatures, in rising order; the `loads` count them, and leave others out."""
 
     def __init__(self, circuit: Circuit, wanted: Sequence[tuple[int, Action, int]]) -> None:
         self.circuit = circuit
@@ -46,18 +48,11 @@ class Heats:
         self._followers: list[tuple[int, float]] = []
         for column, action, place in wanted:
             self._enter(column, action, place)
-        self._sort()
-
-    def _sort(self) -> None:
-        """What enters at one place stands together."""
-        order = {row: i for i, (_, row) in enumerate(sorted((key, row) for key, row in self._rows.items()))}
-        self._products = {
-            kind: Products.of([one._replace(to=order[one.to]) for one in entries])
-            for kind, entries in self._entries.items()
-        }
-        places = np.array(sorted(self._rows), dtype=np.int64).reshape(-1, 3)
-        self._a, self._b, self._column = (np.ascontiguousarray(places[:, i]) for i in range(3))
-        self._table = Table.of(tuple(self._laws), self.circuit.network.copper)
+        self._products = {kind: Products.of(entries) for kind, entries in self._entries.items()}
+        a, b, changed = np.array(list(self._rows), dtype=np.int64).reshape(-1, 3).T
+        self.columns = np.unique(np.concatenate([changed, np.array(list(self.starts), dtype=np.int64)]))
+        self.loads = Loads(a, b, np.searchsorted(self.columns, changed).astype(np.int64))
+        self._table = Table.of(tuple(self._laws), circuit.network.copper)
 
     def _row(self, a: int, b: int, column: int) -> int:
         return self._rows.setdefault((a, b, column), len(self._rows))
@@ -101,9 +96,9 @@ class Heats:
                     self._add("features", self._through(law, column), factor, row, self._law(law))
             case actions.Tilt(places, terms, references):
                 for place, members, reference in zip(places, terms, references, strict=True):
-                    law = circuit.place(place, tilt=reference)
-                    for i in members:
-                        self._add("tilts", self._through(law, column), 1.0, i, self._law(law))
+                    for law, share in circuit.sloped(place, reference):
+                        for i in members:
+                            self._add("tilts", self._through(law, column), share, i, self._law(law))
             case actions.Capacity(nodes):
                 for node in nodes:
                     self._add("stored", self._row(node, NOBODY, column), -1.0, node)
@@ -148,18 +143,25 @@ class Heats:
         """The circuit's laws that end at a boundary."""
         return [(i, law) for i, law in enumerate(self.circuit.laws) if law.b == self.circuit.states + boundary]
 
-    def loads(self, run: CircuitRun) -> ParameterHeats:
-        """All heats about a run [W per unit of each parameter]."""
+    @property
+    def begin(self) -> Floats:
+        """What the temperatures at the start change by (states, C), per unit of the parameters of `columns`."""
+        found = np.zeros((self.circuit.states, len(self.columns)))
+        for column, nodes in self.starts.items():
+            found[nodes, np.searchsorted(self.columns, column)] = 1.0
+        return found
+
+    def about(self, run: CircuitRun) -> Floats:
+        """The heats (L, N) of all `loads` about a run [W per unit of each parameter]."""
         circuit = self.circuit
         value, by_b = psi(self._table, run.means, run.boundaries)
         of_terms = value[circuit.law_of]
         circuit.tilts.add(of_terms, value, circuit.drive.one, run.beta)
-        found = np.empty((len(self._rows), circuit.steps))
-        found[:] = 0.0
+        found = np.zeros((len(self._rows), circuit.steps))
         for kind, products in self._products.items():
             for first, second in self._factors(kind, run, value, by_b, of_terms):
                 products.add(found, first, second, run.beta)
-        return ParameterHeats(found, self._a, self._b, self._column)
+        return found
 
     def _factors(
         self, kind: Kind, run: CircuitRun, value: Floats, by_b: Floats, of_terms: Floats
@@ -179,7 +181,7 @@ class Heats:
             case "tilts":
                 yield run.values, value
             case "stored":
-                yield (run.system.storage * (run.means - run.edges[:-1])).T.copy(), drive.one
+                yield (run.march.storage * (run.means - run.edges[:-1])).T.copy(), drive.one
             case "following":
                 yield np.array([self._following(run, node, lag_s) for node, lag_s in self._followers]), drive.one
             case "given":

@@ -3,12 +3,12 @@
 A meter goes with the temperature of nodes, or reads a sum of the motor's heats: of all sources, or of all that a
 boundary takes. A parameter changes such a sum in two ways: through the heats themselves at given temperatures
 (`_Counted`, as `twin.fitting.heats` finds them), and through the temperatures that they go with (slopes of the laws,
-times what `twin.fitting.responses` knows of the temperatures).
+as the weights of a `ColumnSensor` of the temperatures' columns).
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numba
 import numpy as np
@@ -18,11 +18,12 @@ from twin.compiled.laws import Integers, Law, every_place, psi, psi_of
 from twin.fitting.actions import Action
 from twin.fitting.circuit import Circuit, CircuitRun
 from twin.fitting.heats import Heats, Kind
-from twin.fitting.responses import Mean, SensorRow, columns
+from twin.fitting.stamped import stamped_means
 from twin.motor.network import NOBODY
-from twin.motor.observables import lag_parts, lagged_means
+from twin.motor.observables import lagged_means
 from twin.motor.outputs import Blocks, lagged
 from twin.run.losses import takers
+from twin.run.sparse_march import ColumnSensor
 
 Floats = NDArray[np.float64]
 
@@ -38,9 +39,7 @@ class Metering:
         self.boundaries = [None if (b := meter.what.boundary) is None else around.index(b) for meter in self.meters]
         self._takes = takers(circuit.network, circuit.states)
         self._wanted: list[tuple[int, Action]] = []
-        self._heats: Heats | None = None
         self._counted: dict[int | None, _Counted] = {}
-        self._known: tuple[CircuitRun, list[Floats]] | None = None
 
     def counts(self, law: Law, boundary: int | None) -> bool:
         """Whether a meter of all sources (None), or of what a boundary takes, counts a law's heat."""
@@ -59,62 +58,44 @@ class Metering:
         value, _ = psi(self.circuit.table, run.means, run.boundaries)
         own = self.laws(boundary)
         heat = _sign(boundary) * (run.carried[own] * value[own]).sum(axis=0)
-        return cut.of_steps(lagged_means(meter.given + heat, tau_s, step_s))
+        return self._means_of_heat(meter.given + heat, k)
 
-    def columns(self, run: CircuitRun, wanted: Sequence[tuple[int, Action]]) -> list[Floats]:
-        """Of every meter (B, P): d(block mean of its reading) / d(parameter), `wanted`: (column, action),
-        P of the last column."""
-        if wanted != self._wanted:
-            self._wanted, self._known = list(wanted), None
-            places = {action: p for p, action in self.circuit.active}
-            every = [(column, action, places.get(action, NOBODY)) for column, action in wanted]
-            self._heats = Heats(self.circuit, every)
-            self._counted = {b: _Counted(self, every, b) for _, b in self._of_heat()}
-        if self._known is None or self._known[0] is not run:
-            self._known = run, self._through_temperatures(run)
-        found = [moved.copy() for moved in self._known[1]]
-        for k, boundary in self._of_heat():
-            own, cut = self._counted[boundary].loads(run), self.cuts[k]
-            heat = lagged_means(own.heat, self.meters[k].sensor.time_constant_s, self.circuit.step_s)
-            for column, row in zip(own.column, heat, strict=True):
-                found[k][:, column] += _sign(boundary) * cut.of_steps(row)
+    def sensor(self, run: CircuitRun, k: int) -> ColumnSensor:
+        """What reads the columns as meter k reads the temperatures: the mean that it goes with, or its heats."""
+        meter = self.meters[k]
+        if meter.what.law is None:
+            return ColumnSensor.of_means(self._slopes(run, self.boundaries[k]))
+        weights, tau_s = self.circuit.weights(meter.sensor), meter.sensor.time_constant_s
+        return ColumnSensor.thermometer(weights, tau_s, self.circuit.step_s)
+
+    def moved(self, shown: Floats, k: int) -> Floats:
+        """What the block means (B, P) of meter k change by, where its `sensor` reads so much more (N + 1, P)."""
+        law = self.meters[k].what.law
+        if law is None:
+            return self._means_of_heat(shown[1:].T, k).T
+        found: Floats = law.per_K * (stamped_means(self.cuts[k], np.zeros(len(shown))) @ shown)
         return found
 
-    def _of_heat(self) -> list[tuple[int, int | None]]:
-        """The meters of heat: (meter, its boundary)."""
-        return [(k, self.boundaries[k]) for k, meter in enumerate(self.meters) if meter.what.law is None]
+    def _means_of_heat(self, heat: Floats, k: int) -> Floats:
+        """Block means (..., B) of a heat (..., N) as meter k shows it."""
+        tau_s = self.meters[k].sensor.time_constant_s
+        return self.cuts[k].of_steps(lagged_means(heat, tau_s, self.circuit.step_s))
 
-    def _through_temperatures(self, run: CircuitRun) -> list[Floats]:
-        assert self._heats is not None
-        circuit, total = self.circuit, max(column for column, _ in self._wanted) + 1
-        sensors: list[SensorRow] = []
-        means: list[Mean] = []
-        of_meter: list[tuple[int, float]] = []  # and what it changes by with the sensor
-        for k, meter in enumerate(self.meters):
-            tau_s, law = meter.sensor.time_constant_s, meter.what.law
-            if law is not None:
-                means.append(Mean(len(sensors), self.cuts[k].old, self.cuts[k].new))
-                sensors.append(SensorRow(circuit.weights(meter.sensor), tau_s))
-                of_meter.append((k, law.per_K))
-                continue
-            slope = self._slopes(run, self.boundaries[k])
-            parts = lag_parts(self.cuts[k].of_step, tau_s, circuit.step_s, self.cuts[k].length)
-            for node in np.flatnonzero(slope.any(axis=1)):
-                weights = np.zeros(circuit.states)
-                weights[node] = 1.0
-                for ahead, weight in parts:  # a step's mean temperature is that of its ends: the midpoint rule
-                    half = weight * slope[node] / 2
-                    means.append(Mean(len(sensors), half, half, ahead))
-                sensors.append(SensorRow(weights, 0.0))
-                of_meter.append((k, 1.0))
-        result = [np.zeros((int(cut.there.sum()), total)) for cut in self.cuts]
-        if sensors:
-            length = self.cuts[0].length
-            loads = self._heats.loads(run)
-            found = columns(run.system, sensors, means, loads, self._heats.starts, total, length, circuit.step_s)
-            for (k, factor), moved in zip(of_meter, found, strict=True):
-                result[k] += factor * moved[self.cuts[k].there]
-        return result
+    def counted(self, run: CircuitRun, wanted: Sequence[tuple[int, Action]], k: int) -> Iterator[tuple[int, Floats]]:
+        """(column, (B,)) of the `wanted`, (column, action): what meter k shows more per unit of a parameter through the
+        heats that it counts, at given temperatures. A column may come more than once: they add up."""
+        if self.meters[k].what.law is not None:
+            return
+        if wanted != self._wanted:
+            self._wanted, self._counted = list(wanted), {}
+        boundary = self.boundaries[k]
+        if boundary not in self._counted:
+            places = {action: p for p, action in self.circuit.active}
+            every = [(column, action, places.get(action, NOBODY)) for column, action in wanted]
+            self._counted[boundary] = _Counted(self, every, boundary)
+        own = self._counted[boundary]
+        means = _sign(boundary) * self._means_of_heat(own.about(run), k)
+        yield from zip(own.columns[own.loads.column].tolist(), means, strict=True)
 
     def _slopes(self, run: CircuitRun, boundary: int | None) -> Floats:
         """(states, N) [W/K]: what a meter's heats change by with the mean temperature of each state in a step."""

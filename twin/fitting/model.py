@@ -21,8 +21,8 @@ from twin.fitting.heats import Heats
 from twin.fitting.noise import ChannelNoise, Series, whiten
 from twin.fitting.readings import Readings, Sensing
 from twin.fitting.recorded import Test
-from twin.fitting.responses import columns
 from twin.motor.network import NOBODY, Network
+from twin.run import sparse_march
 
 __all__ = ["BROAD", "Columns", "Model", "Test"]
 
@@ -31,7 +31,6 @@ Index = NDArray[np.intp]
 T = TypeVar("T")
 
 BROAD = ChannelNoise(ar_sd=0.25, ar_tau_s=60.0, ou_sd=0.4, ou_tau_s=600.0)
-FIRST_COURSES = 4  # runs until the course about which heats are linearised has settled
 
 
 @dataclass(frozen=True)
@@ -57,7 +56,6 @@ class Model:
         tests: Sequence[Test],
         parameters: Sequence[Parameter],
         noise: Mapping[str, ChannelNoise] | None = None,
-        courses: dict[int, Floats] | None = None,
         known: Known | None = None,
         marches: Sequence[_March] | None = None,
     ) -> None:
@@ -65,8 +63,6 @@ class Model:
         self.tests = tuple(tests)
         self.parameters = tuple(parameters)
         self.noise = dict(noise or {})
-        # Where heats are linearised: the last run of each test.
-        self._courses = {} if courses is None else dict(courses)
         self._known = known  # the last linearisation: noise does not matter to it, and more parameters only add to it
         # what the marches hold depends neither on noise nor on priors
         self._marches = marches or [_March(network, test, self.parameters, s) for s, test in enumerate(self.tests)]
@@ -86,17 +82,17 @@ class Model:
 
     def with_noise(self, noise: Mapping[str, ChannelNoise]) -> Model:
         """The same under another noise."""
-        return Model(self.network, self.tests, self.parameters, noise, self._courses, self._known, self._marches)
+        return Model(self.network, self.tests, self.parameters, noise, self._known, self._marches)
 
     def with_priors(self, parameters: Sequence[Parameter]) -> Model:
         """The same parameters with other priors."""
-        return Model(self.network, self.tests, parameters, self.noise, self._courses, self._known, self._marches)
+        return Model(self.network, self.tests, parameters, self.noise, self._known, self._marches)
 
     def plus(self, more: Sequence[Parameter]) -> Model:
         """The same with more parameters at the end of the vector."""
         attached = any(isinstance(p.action, actions.Attached) for p in more)
-        courses, known = (None, None) if attached else (self._courses, self._known)
-        return Model(self.network, self.tests, (*self.parameters, *more), self.noise, courses, known)
+        known = None if attached else self._known
+        return Model(self.network, self.tests, (*self.parameters, *more), self.noise, known)
 
     def without(self, place: int) -> Model:
         """The same without one parameter."""
@@ -152,7 +148,7 @@ class Model:
         ]
 
     def _columns(self, test: int, beta: Floats, at: Sequence[int], extra: Sequence[Parameter]) -> list[Columns]:
-        return self._marches[test].columns(self._run(test, beta, settle=True), at, extra)
+        return self._marches[test].columns(self._run(test, beta), at, extra)
 
     def course(self, test: int, beta: Floats) -> tuple[Floats, Floats, Floats]:
         """Temperatures at the edges (N + 1, n), step means (N, n) [degC],
@@ -163,28 +159,15 @@ class Model:
 
     def slowest_s(self, test: int, beta: Floats) -> float:
         """The longest time constant of the network at the mean step of a test [s], at most the length of the test."""
-        system = self._run(test, beta).system
-        middle = system.matrix.mean(axis=0)
-        rate = (middle - np.diag(system.storage)) / (system.storage[:, None] * self.tests[test].frame.step_s / 2)
+        march, step_s = self._run(test, beta).march, self.tests[test].frame.step_s
+        middle = march.matrix.mean(axis=0)
+        rate = (middle - np.diag(march.storage)) / (march.storage[:, None] * step_s / 2)
         slowest = float(np.linalg.eigvals(rate).real.min())
-        test_s = float(len(system.heat) * self.tests[test].frame.step_s)
+        test_s = len(march.means) * step_s
         return min(1.0 / slowest, test_s) if slowest > 0 else test_s
 
-    def _run(self, test: int, beta: Floats, settle: bool = False) -> CircuitRun:
-        circuit = self._marches[test].circuit
-        course = self._courses.get(test)
-        first = course is None
-        if course is None:
-            course = np.tile(circuit.start(beta), (circuit.steps, 1))
-        for _ in range(FIRST_COURSES if first else 2 if settle else 1):
-            ran = circuit.run(beta, course)
-            moved = float(np.abs(ran.means - course).max())
-            course = ran.means
-            if ran.affine or moved < 1e-3:
-                break
-        if first or settle:
-            self._courses[test] = course
-        return ran
+    def _run(self, test: int, beta: Floats) -> CircuitRun:
+        return self._marches[test].circuit.run(beta)
 
     def _each(self, what: Callable[[int], T]) -> list[T]:
         """Of every test, two at a time, the longest first."""
@@ -220,20 +203,30 @@ class _March:
         own = {None, sensing.number}
         wanted += [(len(at) + j, p.action, NOBODY) for j, p in enumerate(extra) if p.test in own]
         heats = self._own if list(at) == self.active and not extra else Heats(circuit, wanted)
-        readings = self.readings(ran)
-        wanted_means = [mean for one in readings for mean in one.block_means()]
-        sensors, total = [one.sensor for one in readings], len(at) + len(extra)
-        length, step_s = sensing.blocks[0].length, circuit.step_s
-        found = columns(ran.system, sensors, wanted_means, heats.loads(ran), heats.starts, total, length, step_s)
+        readings, total = self.readings(ran), len(at) + len(extra)
         on_channel: list[list[tuple[int, Action]]] = [[] for _ in readings]
         for j, action, _ in wanted:
             for k in sensing.read_by(action):
                 on_channel[k].append((j, action))
         places = np.array(at, dtype=np.intp)
         result = []
-        for k, one in enumerate(readings):
-            moved = one.factor * found[k, one.cut.there]
-            for j, column in one.columns(on_channel[k]):
+        through = _through_temperatures(ran, readings, heats, total)
+        for one, moved, others in zip(readings, through, on_channel, strict=True):
+            for j, column in one.columns(others):
                 moved[:, j] += column
             result.append(Columns(one.series(), places, moved[:, : len(at)], moved[:, len(at) :]))
         return result
+
+
+def _through_temperatures(ran: CircuitRun, readings: Sequence[Readings], heats: Heats, total: int) -> list[Floats]:
+    """Of each channel and meter (B, total): what its block means change by through the temperatures that it reads."""
+    march, strips = ran.march, [list[Floats]() for _ in readings]
+    sensors, steps = [one.sensor for one in readings], len(march.means)
+    columns = sparse_march.MarchedColumns(march.program, march.storage, sensors, heats.loads, heats.begin, steps)
+    for strip in columns.through(march, heats.about(ran)):
+        for one, own, shown in zip(readings, strips, strip, strict=True):
+            own.append(one.moved(shown))
+    found = [np.zeros((len(own[0]), total)) for own in strips]
+    for moved, own in zip(found, strips, strict=True):
+        moved[:, heats.columns] = np.hstack(own)[:, : len(heats.columns)]
+    return found

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from functools import cached_property
 from typing import TypeVar, assert_never
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_array
 
 from twin.fitting import actions
 from twin.fitting.actions import Action
@@ -14,9 +16,10 @@ from twin.fitting.circuit import Circuit, CircuitRun
 from twin.fitting.drive import PROBE_S
 from twin.fitting.metering import Metering
 from twin.fitting.noise import Series
-from twin.fitting.responses import Mean, SensorRow, means
+from twin.fitting.stamped import stamped_means
 from twin.motor.outputs import lagged
 from twin.motor.sensor_laws import AMBIENT, SENSOR_LAWS, Bias, Gain, Lag, Misreading, Seen
+from twin.run.sparse_march import ColumnSensor
 
 Floats = NDArray[np.float64]
 A = TypeVar("A", bound=Action)
@@ -91,7 +94,7 @@ class Readings:
 
     def __init__(self, sensing: Sensing, run: CircuitRun, k: int) -> None:
         self.sensing, self.run, self.k = sensing, run, k
-        self.channel, self.cut = sensing.test.channels[k], sensing.blocks[k]
+        self.channel = sensing.test.channels[k]
         self.step_s = sensing.circuit.step_s
         self.weights = sensing.weights[k]
         for p, action in sensing.of(k, actions.Beside):
@@ -111,22 +114,25 @@ class Readings:
     def _sum(self, kind: type[Action]) -> float:
         return float(sum(self.run.beta[p] for p, _ in self.sensing.of(self.k, kind)))
 
+    @cached_property
+    def means(self) -> csr_array:
+        """`stamped` of many readings, as a matrix (B, N + 1)."""
+        return stamped_means(self.sensing.blocks[self.k], self.late_s / self.step_s)
+
+    def stamped(self, reading: Floats, late_s: Floats) -> Floats:
+        """Block means (B,) of a reading (N + 1,) whose stamps are late."""
+        edges_s = self.sensing.circuit.edges_s
+        return self.sensing.blocks[self.k].means(np.interp(edges_s - late_s, edges_s, reading))
+
     @property
-    def sensor(self) -> SensorRow:
-        return SensorRow(self.weights, self.lag_s)
+    def sensor(self) -> ColumnSensor:
+        """What reads the columns as the channel reads the temperatures."""
+        return ColumnSensor.thermometer(self.weights, self.lag_s, self.step_s)
 
-    def block_means(self) -> list[Mean]:
-        """Means of blocks as `twin.fitting.responses.responses` takes them."""
-        return means(self.k, self.cut, self.late_s / self.step_s)
-
-    def stamped(self, rows: Floats, late_s: Floats) -> Floats:
-        """Block means (..., B) of readings (..., N + 1) whose stamps are late."""
-        if late_s.any():
-            last = rows.shape[-1] - 1
-            at = np.clip(np.arange(last + 1) - late_s / self.step_s, 0, last)
-            low = np.minimum(at.astype(np.intp), last - 1)
-            rows = rows[..., low] + (at - low) * (rows[..., low + 1] - rows[..., low])
-        return self.cut.means(rows)
+    def moved(self, shown: Floats) -> Floats:
+        """What the block means (B, P) change by, where the `sensor` reads so much more (N + 1, P) at the edges."""
+        found: Floats = self.factor * (self.means @ shown)
+        return found
 
     def shown(self) -> Floats:
         """What the channel shows (N + 1,), its stamps aside."""
@@ -155,7 +161,7 @@ class Readings:
             channel=self.channel.name,
             t_s=self.sensing.times_s[self.k],
             y=self.sensing.measured[self.k] - self.stamped(self.shown(), self.late_s),
-            samples=self.cut.samples,
+            samples=self.sensing.blocks[self.k].samples,
             white_sd=self.channel.sensor.noise,
             resolution=self.channel.sensor.resolution,
         )
@@ -193,26 +199,26 @@ class Readings:
             moved = lagged(edges[:, nodes].T - edges @ self.sensing.weights[self.k], self.lag_s, self.step_s)
             rows += [(column, self.factor * row) for (column, _), row in zip(beside, moved, strict=True)]
         if rows:
-            found = self.stamped(np.array([row for _, row in rows]), self.late_s)
-            yield from zip((column for column, _ in rows), found, strict=True)
+            yield from ((column, self.means @ row) for column, row in rows)
 
 
 class _MeterReadings(Readings):
-    """What a meter shows in one run. It follows no temperature alone: all of its columns come from `columns`."""
+    """What a meter shows in one run. Of the meter of a heat, `moved` is what goes through the temperatures, and
+    `columns` what goes through the heats at given temperatures."""
 
     def __init__(self, sensing: Sensing, run: CircuitRun, k: int) -> None:
-        self.sensing, self.run, self.k, self.cut = sensing, run, k, sensing.blocks[k]
+        self.sensing, self.run, self.k = sensing, run, k
         self.at = k - len(sensing.test.channels)
         self.meter = sensing.test.meters[self.at]
         self.factor = 1.0 + self._sum(Gain)
         self.truth_means = sensing.metering.reading(run, self.at)
 
     @property
-    def sensor(self) -> SensorRow:
-        return SensorRow(np.zeros(self.sensing.circuit.states), 0.0)
+    def sensor(self) -> ColumnSensor:
+        return self.sensing.metering.sensor(self.run, self.at)
 
-    def block_means(self) -> list[Mean]:
-        return []
+    def moved(self, shown: Floats) -> Floats:
+        return self.factor / self.meter.row * self.sensing.metering.moved(shown, self.at)
 
     def series(self) -> Series:
         shown = (self.factor * self.truth_means + self._sum(Bias)) / self.meter.row
@@ -221,7 +227,7 @@ class _MeterReadings(Readings):
             channel=self.meter.name,
             t_s=self.sensing.times_s[self.k],
             y=self.sensing.measured[self.k] / self.meter.row - shown,
-            samples=self.cut.samples,
+            samples=self.sensing.blocks[self.k].samples,
             white_sd=self.meter.sensor.noise / self.meter.row,
             resolution=self.meter.sensor.resolution / self.meter.row,
         )
@@ -233,8 +239,8 @@ class _MeterReadings(Readings):
         """(column, (B,)) in the meter's unit."""
         heats = [(column, action) for column, action in wanted if not isinstance(action, Bias | Gain)]
         if heats:
-            moved = self.factor * self.sensing.metering.columns(self.run, heats)[self.at]
-            yield from ((column, moved[:, column]) for column, _ in heats)
+            counted = self.sensing.metering.counted(self.run, heats, self.at)
+            yield from ((column, self.factor * moved) for column, moved in counted)
         for column, action in wanted:
             if isinstance(action, Bias):
                 yield column, np.ones(len(self.truth_means))

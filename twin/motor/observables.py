@@ -17,8 +17,6 @@ from twin.motor.network import Copper
 
 Floats = NDArray[np.float64]
 
-FORGOTTEN = 1e-5  # share of a reading that older blocks may still make up unseen
-
 
 @dataclass(frozen=True)
 class Thermometric:
@@ -76,28 +74,6 @@ def lagged_means(means: Floats, tau_s: float, step_s: float) -> Floats:
     before = lfilter([0.0, 1.0 - kept], [1.0, -kept], means - means[..., :1]) + means[..., :1]
     found: Floats = means + edge * (before - means)
     return found
-
-
-def lag_parts(weights: Floats, tau_s: float, step_s: float, length: int) -> list[tuple[int, Floats]]:
-    """How a block mean of a lagged reading is made of what there is before the lag. Of blocks of `length` steps, with
-    `weights` (N,) within each, N a multiple of `length`: pairs (how many blocks later, the weights (N,) in the mean
-    of that block)."""
-    if tau_s <= 0.0:
-        return [(0, weights)]
-    kept, edge = _lag(tau_s, step_s)
-    blocks = weights.reshape(-1, length)
-    apart = np.arange(length)[:, None] - np.arange(length)
-    parts = []
-    for ahead in range(len(blocks)):
-        if ahead and kept ** ((ahead - 1) * length) < FORGOTTEN:
-            break
-        by = apart + ahead * length  # steps from what there is to when it is read
-        share = np.where(by > 0, edge * (1 - kept) * kept ** np.maximum(by - 1, 0), np.where(by == 0, 1.0 - edge, 0.0))
-        part = np.zeros_like(blocks)
-        part[: len(blocks) - ahead] = blocks[ahead:] @ share
-        part[0, 0] += edge * float(blocks[ahead] @ kept ** (np.arange(length) + ahead * length))  # in equilibrium there
-        parts.append((ahead, part.ravel()))
-    return parts
 
 
 def _lag(tau_s: float, step_s: float) -> tuple[float, float]:

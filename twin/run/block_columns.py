@@ -1,13 +1,13 @@
 """What every coefficient, capacity and initial temperature does to what thermometers read in an open-loop run, block
 by block.
 
-All columns go through the run once, side by side (`twin.run.sparse_march`): the derivatives of the discrete scheme of
-`twin.fitting.march` itself, for a network of any size, with nothing compiled a motor. They come a few blocks at a
+All columns go through the run once, side by side (`twin.run.sparse_march`): the derivatives of its discrete scheme
+itself, for a network of any size, with nothing compiled a motor. They come a few blocks at a
 time, so that the memory that they need does not grow with the run; whoever takes them sums them up. A candidate is a
 term whose coefficient is 0: its column is what it would bring.
 
-`twin.fitting.responses` goes backwards, for few sensors and many kinds of parameters; the derivatives of one number
-by everything are a task for `twin.run.gradients`.
+The derivatives of one number by everything are a task for `twin.run.gradients`; fits take those of all that may
+differ in a test (`twin.fitting.heats`) from the same march.
 """
 
 from __future__ import annotations
@@ -15,23 +15,21 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.arithmetic.lanes import width
-from twin.arithmetic.vectors import LANES
 from twin.compiled.laid_out import laid_out
 from twin.compiled.laws import psi
 from twin.compiled.structure import CONSTANT, Structure
-from twin.errors import DivergedError
 from twin.motor import features
-from twin.motor.network import Network
-from twin.motor.outputs import Blocks, blocks, lag_factors
-from twin.run import sparse_march
+from twin.motor.network import NOBODY, Network
+from twin.motor.outputs import Blocks, blocks
 from twin.run.simulate import Frame, check_frame
-from twin.run.sparse_march import STRIP
+from twin.run.sparse_march import ColumnSensor, Loads, MarchedColumns, run
 
 Floats = NDArray[np.float64]
+Index = NDArray[np.int64]
 
 HELD = 2**17  # numbers of steps and columns at a time, where not one block alone has more
 
@@ -81,98 +79,54 @@ def block_columns(
     shape, values, program, laws, table = laid_out(network)
     check_frame(network, frame, initial, shape.monomials)
     affine = all(law.affine for law in laws)
-    storage, size = 2 * values.capacities / frame.step_s, len(values.coefficients)
+    size = len(values.coefficients)
     places = range(size + 2 * shape.n) if wanted is None else wanted
-    begin = _at_start(shape.n, [place - size - shape.n for place in places])
-    length = thermometers[0].blocks.length
-    sensors, loads = _sensors(thermometers, frame.step_s), _loads(shape, places, begin.shape[2])
+    node_of = np.array(places, dtype=np.int64) - size - shape.n  # whose start a column is, below 0 where of none
+    begin = (np.arange(shape.n)[:, None] == node_of).astype(np.float64)
+    heat, feature, loads = _loads(shape, places)
+    sensors = [ColumnSensor.thermometer(one.weights, one.time_constant_s, frame.step_s) for one in thermometers]
+    length, cuts = thermometers[0].blocks.length, [one.blocks for one in thermometers]
     of_block = length * (shape.n + 2 * len(program.edge_to)) + len(thermometers) * len(places)
-    blocks_at_once = max(1, min(HELD // of_block, len(frame.features) // length))
-    plan, numbers, indices, weighed = sparse_march.planned(
-        program, storage, sensors, blocks_at_once * length, blocks_at_once, begin
-    )
-    sensor, weight = weighed[:, 0].astype(np.int64), -weighed[:, 1]
-    now = np.array(initial, dtype=np.float64)
+    at_once = max(1, min(HELD // of_block, len(frame.features) // length)) * length
+    columns = MarchedColumns(program, 2 * values.capacities / frame.step_s, sensors, loads, begin, at_once)
     whole = len(frame.features) // length * length
-    for first in range(0, whole, blocks_at_once * length):
-        some = slice(first, min(first + blocks_at_once * length, whole))
-        steps = some.stop - first
-        shares = numbers[plan.shares : plan.shares + steps * plan.size].reshape(steps, plan.size)
-        mean, rise = np.empty((steps, shape.n)), np.empty((steps, shape.n))
-        sparse_march.run(
-            program, affine, storage, values.coefficients, values.copper, values.factors,
-            _in_lanes(frame.features[some]), _in_lanes(frame.boundaries[some]), now, shares, mean, rise,
-        )  # fmt: skip
-        if not (np.abs(now) < 1e4).all():
-            raise DivergedError("temperatures run away: a loss grows faster with temperature than its links carry away")
-        driven, _ = psi(table, mean, frame.boundaries[some])
-        heats = np.concatenate([driven, -2 / frame.step_s * rise.T])
-        driving = np.vstack([frame.features[some].T, np.ones(steps)])  # the last: what is constant
-        begins, ends = _weights_of_edges([one.blocks for one in thermometers], some)
-        for first_of, weights in ((plan.begins, begins), (plan.weights, ends)):
-            taken = weights[:, sensor] * weight
-            numbers[first_of : first_of + taken.size] = taken.ravel()
-        means = np.empty((steps // length, len(thermometers), *begin.shape[1:]))
-        sparse_march.carry(plan, numbers, indices, loads, heats, driving, length, means)
-        yield means.reshape(*means.shape[:2], -1)[:, :, : len(places)]
+    for first in range(0, whole, at_once):
+        some = slice(first, min(first + at_once, whole))
+        phi, around = frame.features[some], frame.boundaries[some]
+        ran = run(program, affine, values, frame.step_s, phi, around, initial)
+        initial = ran.edges[-1]
+        driven, _ = psi(table, ran.means, around)
+        heats = np.concatenate([driven, 2 / frame.step_s * (ran.edges[:-1] - ran.means).T])
+        driving = np.vstack([phi.T, np.ones(len(phi))])  # the last: what is constant
+        old, new = (np.array(rows) for rows in zip(*((c.old[some], c.new[some]) for c in cuts), strict=True))
+        found = [_means(old, new, length, shown) for shown in columns.through(ran, heats[heat] * driving[feature])]
+        yield np.concatenate(found, axis=2)[:, :, : len(places)]
 
 
-def _weights_of_edges(cuts: Sequence[Blocks], some: slice) -> tuple[Floats, Floats]:
-    """The weights of readings in the means of blocks: (B, m) of those at the start of each block, (K, m) of those at
-    the end of each of some steps. An edge within a block is the end of one step and the start of the next."""
-    old, new = (np.array(rows) for rows in zip(*((cut.old[some], cut.new[some]) for cut in cuts), strict=True))
-    begins, ends = (rows.reshape(len(cuts), -1, cuts[0].length) for rows in (old, new))
-    ends[:, :, :-1] += begins[:, :, 1:]
-    return begins[:, :, 0].T, new.T
-
-
-def _in_lanes(rows: Floats) -> Floats:
-    """Rows (N, m) as (N / LANES, m, LANES); the last row again where there are too few of them."""
-    full = np.concatenate([rows, np.repeat(rows[-1:], -len(rows) % LANES, axis=0)])
-    return np.ascontiguousarray(full.reshape(len(full) // LANES, LANES, rows.shape[1]).transpose(0, 2, 1))
-
-
-def _at_start(n: int, nodes: Sequence[int]) -> Floats:
-    """The columns at the start of the run, (n, S, W) in S strips of W: 1 at the node whose initial temperature a
-    column is. `nodes`: that node of each column, below 0 where it is something else."""
-    strips = -(-len(nodes) // STRIP)
-    found = np.zeros((n, strips, width(-(-len(nodes) // strips))))
-    for column, node in enumerate(nodes):
-        if node >= 0:
-            found[node].flat[column] = 1.0
+@numba.njit(error_model="numpy", nogil=True, cache=True)
+def _means(old: Floats, new: Floats, length: int, shown: Floats) -> Floats:
+    """The means (B, m, W) over blocks of `length` steps, of readings `shown` (m, K + 1 or more, W) by the weights `old`
+    and `new` (m, K) of each step's start and end."""
+    found = np.zeros((old.shape[1] // length, len(shown), shown.shape[2]))
+    for r in range(len(shown)):
+        for k in range(old.shape[1]):
+            first, last = old[r, k], new[r, k]
+            for c in range(shown.shape[2]):
+                found[k // length, r, c] += first * shown[r, k, c] + last * shown[r, k + 1, c]
     return found
 
 
-def _sensors(thermometers: Sequence[Thermometer], step_s: float) -> sparse_march.Sensors:
-    taus = [one.time_constant_s for one in thermometers]
-    nodes = [np.flatnonzero(one.weights) for one in thermometers]
-    return sparse_march.Sensors(
-        [own.tolist() for own in nodes],
-        [one.weights[own].tolist() for one, own in zip(thermometers, nodes, strict=True)],
-        [lag_factors(tau, step_s) if tau > 0 else (0.0, 0.0, 1.0) for tau in taus],
-    )
-
-
-def _loads(shape: Structure, places: Sequence[int], wide: int) -> sparse_march.Loads:
+def _loads(shape: Structure, places: Sequence[int]) -> tuple[Index, Index, Loads]:
     """What each of the columns at `places` brings into nodes. Its heat is one of a list: psi of every group, then
     what 1 J/K of each node takes up; its feature is a monomial, or behind these the constant 1."""
-    size, column = sum(len(group.terms) for group in shape.groups), {place: c for c, place in enumerate(places)}
-    found = []  # strip, place, heat, feature, sign
-
-    def add(parameter: int, node: int, heat: int, feature: int, sign: int) -> None:
-        if parameter in column:
-            strip, c = divmod(column[parameter], wide)
-            found.append((strip, wide * node + c, heat, feature, sign))
-
-    for g, group in enumerate(shape.groups):
-        for i, j in group.terms:
-            feature = shape.monomials if j == CONSTANT else j
-            add(i, group.a, g, feature, 1)
-            if 0 <= group.b < shape.n and not group.one_way:
-                add(i, group.b, g, feature, -1)
-    for node in range(shape.n):
-        add(size + node, node, len(shape.groups) + node, shape.monomials, 1)
-    rows = np.array(sorted(found), dtype=np.int64).reshape(-1, 5)
-    start = np.searchsorted(rows[:, 0], np.arange(-(-len(places) // wide) + 1))
-    place, heat, product = np.ascontiguousarray(rows[:, 1:4].T)
-    return sparse_march.Loads(start, place, heat, product, rows[:, 4].astype(np.float64))
+    size, groups = sum(len(group.terms) for group in shape.groups), list(enumerate(shape.groups))
+    own = [
+        (i, g, shape.monomials if j == CONSTANT else j, group.a, group.taken_from(shape.n))
+        for g, group in groups
+        for i, j in group.terms
+    ]
+    own += [(size + node, len(groups) + node, shape.monomials, node, NOBODY) for node in range(shape.n)]
+    column = {place: c for c, place in enumerate(places)}
+    found = [(heat, feature, a, b, column[place]) for place, heat, feature, a, b in own if place in column]
+    heat, feature, a, b, of = np.array(found, dtype=np.int64).reshape(-1, 5).T
+    return heat, feature, Loads(a, b, of)

@@ -1,24 +1,36 @@
 """A run by the implicit midpoint rule and what parameters do to it, for networks of any size, compiled once for all
 of them.
 
-The scheme is that of `twin.fitting.march`, which fits take. The index program (`twin.compiled.indexed`) assembles and
-eliminates the steps, `LANES` of them side by side. A step is M z = S T + b, T' = 2 z - T with S = 2 C / h; a
-parameter that brings the heat q moves its mean temperatures z by M dz = S dT + q. All parameters go through it side
-by side, in strips of columns (`twin.arithmetic.lanes`) that stay in the nearest caches.
+Over a step of h the temperatures follow the rule (A-stable, order 2: Hairer and Wanner, Solving Ordinary Differential
+Equations II, IV.3)
+
+    M z = S T + b,    T' = 2 z - T,    S = 2 C / h
+
+with z the mean temperature of the step, and M and b of heats that are linearised about z itself. The index program
+(`twin.compiled.indexed`) assembles and eliminates the steps, `LANES` of them side by side. A parameter that brings
+the heat q moves the mean temperatures by M dz = S dT + q, exactly, as the rule has one stage: the columns of all
+parameters are right-hand sides of one linear system that changes from step to step. They go through it side by side,
+in strips (`twin.arithmetic.lanes`) that stay in the nearest caches.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numba
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_array
 
-from twin.arithmetic.lanes import LaneStore, Sweep, sweep
+from twin.arithmetic.lanes import LaneStore, Sweep, sweep, width
 from twin.arithmetic.vectors import LANES, vectors
 from twin.compiled.indexed import Index, Program, assemble
+from twin.compiled.structure import Parameters
+from twin.errors import DivergedError
+from twin.motor.network import NOBODY
+from twin.motor.outputs import lag_factors
 
 Floats = NDArray[np.float64]
 
@@ -29,8 +41,74 @@ SETTLED_K = (
 ROUNDS = 8  # of linearising steps about what the last round found
 
 
-@numba.njit(error_model="numpy", nogil=True, cache=True)
+@dataclass(frozen=True)
+class MarchRun:
+    """Temperatures at the edges of the steps `edges` (N + 1, n) and their means over the steps `means` (N, n) [degC];
+    `storage` (n,) S [W/K].
+
+    `shares` (N, n + 2 E) is M of each step, eliminated: 1 / pivot of each node, then the shares of later nodes that a
+    row takes on the way up, then those of earlier ones on the way down, both in the order of the program's edges. For
+    the nodes 0 - 1 - 2, eliminated in this order, M = A D B with D of the pivots and a row of `shares` is
+
+        1/D_0  1/D_1  1/D_2    B_01  B_12    A_10  A_21
+    """
+
+    program: Program
+    storage: Floats
+    shares: Floats
+    edges: Floats
+    means: Floats
+
+    @property
+    def matrix(self) -> Floats:
+        """M (N, n, n) [W/K] of each step."""
+        n, order, to = self.program.n, self.program.order, self.program.edge_to
+        earlier = np.repeat(order, np.diff(self.program.edge_start))
+        pivots, up, down = np.split(self.shares, [n, n + len(to)], axis=1)
+        a, b = (np.tile(np.eye(n), (len(self.shares), 1, 1)) for _ in range(2))
+        a[:, to, earlier], b[:, earlier, to] = down, up
+        found: Floats = (a / pivots[:, None, :]) @ b
+        return found
+
+
 def run(
+    program: Program,
+    affine: bool,
+    values: Parameters,
+    step_s: float,
+    features: Floats,
+    boundaries: Floats,
+    initial: Floats,
+) -> MarchRun:
+    """From `initial` (n,) on with `features` (N, m) and `boundaries` (N, b) [degC]. `affine`: whether all heats are
+    linear in temperature, so that one round of linearising is exact.
+
+    Raises `DivergedError` where the temperatures leave the finite numbers or ten thousand degrees.
+    """
+    steps, storage = len(features), 2 * values.capacities / step_s
+    shares = np.empty((steps, program.n + 2 * len(program.edge_to)))
+    edges, means = np.empty((steps + 1, program.n)), np.empty((steps, program.n))
+    edges[0] = initial
+    constants = values.coefficients, values.copper, values.factors
+    _run(program, affine, storage, *constants, _in_lanes(features), _in_lanes(boundaries), shares, edges, means)
+    if not (np.abs(edges[-1]) < 1e4).all():
+        raise DivergedError("temperatures run away: a loss grows faster with temperature than its links carry away")
+    return MarchRun(program, storage, shares, edges, means)
+
+
+def _in_lanes(rows: Floats) -> Floats:
+    """Rows (N, m) as (N / LANES, m, LANES); the last row again where there are too few of them."""
+    whole, rest = divmod(len(rows), LANES)
+    found = np.empty((whole + (rest > 0), rows.shape[1], LANES))
+    found[:whole] = rows[: whole * LANES].T.reshape(rows.shape[1], whole, LANES).transpose(1, 0, 2)
+    if rest:
+        found[-1] = rows[-1][:, None]
+        found[-1, :, :rest] = rows[-rest:].T
+    return found
+
+
+@numba.njit(error_model="numpy", nogil=True, cache=True)
+def _run(
     program: Program,
     affine: bool,
     storage: Floats,
@@ -39,43 +117,35 @@ def run(
     factors: Floats,
     phi: Floats,
     around: Floats,
-    start: Floats,
     shares: Floats,
+    edges: Floats,
     means: Floats,
-    rises: Floats,
 ) -> None:
-    """K steps from `start` (n,), which is left at their end.
-
-    Out come `means` (K, n), the mean temperatures of each step; `rises` (K, n), half of what each temperature rises
-    by; and `shares` (K, n + 2 E), the elimination: 1 / pivot of each node, then the shares of later nodes that a row
-    takes on the way up, then those of earlier ones on the way down, both in the order of the program's edges. In go
-    `phi` (K', m, LANES) and `around` (K', b, LANES) of at least so many steps, `storage` (n,) S [W/K], and `affine`:
-    whether one round of linearising is exact.
-    """
+    """Fill the arrays of a `MarchRun` from the first of `edges` on; `phi` (N', m, LANES) and `around` (N', b, LANES)
+    are of at least so many steps."""
     n, order, edge_start, edge_to = program.n, program.order, program.edge_start, program.edge_to
-    edges, lanes = len(edge_to), (LANES,)
-    values, about, right = np.empty((n + 2 * edges, LANES)), np.empty((n, LANES)), np.empty((n, LANES))
+    size, lanes = len(edge_to), (LANES,)
+    values, about, right = np.empty((n + 2 * size, LANES)), np.empty((n, LANES)), np.empty((n, LANES))
     side_by_side = vectors(values, lanes), vectors(right, lanes)
     features, outside, course = vectors(phi, lanes), vectors(around, lanes), vectors(about, lanes)
-    z, edge, last = np.empty(n), np.empty(n), np.zeros(n)
+    z, rise = np.empty(n), np.zeros(n)
     for first in range(0, len(means), LANES):
         own, count = first // LANES, min(LANES, len(means) - first)
         for i in range(n):
             for k in range(LANES):
-                about[i, k] = start[i] + (2 * k + 1) * last[i]
+                about[i, k] = edges[first, i] + (2 * k + 1) * rise[i]
         for _ in range(1 if affine else ROUNDS):
             assemble(
                 program, storage, coefficients, copper, factors, features[own], outside[own], course, *side_by_side
             )
             moved = 0.0
-            for i in range(n):
-                edge[i] = start[i]
             for k in range(count):
+                edge = edges[first + k]
                 for i in range(n):
                     z[i] = storage[i] * edge[i] + right[i, k]
                 for p in range(n):
                     for e in range(edge_start[p], edge_start[p + 1]):
-                        z[edge_to[e]] -= values[n + edges + e, k] * z[order[p]]
+                        z[edge_to[e]] -= values[n + size + e, k] * z[order[p]]
                 for p in range(n - 1, -1, -1):
                     i = order[p]
                     for e in range(edge_start[p], edge_start[p + 1]):
@@ -84,50 +154,83 @@ def run(
                 for i in range(n):
                     moved = max(moved, abs(z[i] - about[i, k]))
                     about[i, k] = means[first + k, i] = z[i]
-                    rises[first + k, i] = z[i] - edge[i]
-                    edge[i] = 2 * z[i] - edge[i]
+                    edges[first + k + 1, i] = 2 * z[i] - edge[i]
             if moved < SETTLED_K:
                 break
+        last = first + count - 1
         for i in range(n):
-            start[i], last[i] = edge[i], rises[first + count - 1, i]
+            rise[i] = means[last, i] - edges[last, i]
         for k in range(count):
             for i in range(n):
                 shares[first + k, i] = values[i, k]
             for p in range(n):
                 for e in range(edge_start[p], edge_start[p + 1]):
                     shares[first + k, n + e] = values[n + e, k] * values[order[p], k]
-                    shares[first + k, n + edges + e] = values[n + edges + e, k]
+                    shares[first + k, n + size + e] = values[n + size + e, k]
 
 
-class MarchPlan(NamedTuple):
-    """Where `carry` finds its numbers and lists (`twin.arithmetic.lanes`).
+@dataclass(frozen=True)
+class ColumnSensor:
+    """What reads the columns at the edges of steps: `weights` (n,), or (n, N) where they change from step to step, of
+    the nodes' temperatures make the truth; the reading is `kept` times the last one, plus `before` times the truth at
+    the step's start and `now` times that at its end."""
+
+    weights: Floats
+    kept: float = 0.0
+    before: float = 0.0
+    now: float = 1.0
+
+    @classmethod
+    def thermometer(cls, weights: Floats, time_constant_s: float, step_s: float) -> ColumnSensor:
+        """Of nodes by `weights` (n,), through a first-order lag; in equilibrium at the start."""
+        return cls(weights, *(lag_factors(time_constant_s, step_s) if time_constant_s > 0 else ()))
+
+    @classmethod
+    def of_means(cls, weights: Floats) -> ColumnSensor:
+        """The sum of `weights` (n, N) times the mean temperatures of each step, as the reading at its end."""
+        return cls(weights, 0.0, 0.5, 0.5)
+
+
+class Loads(NamedTuple):
+    """Where the heats of parameters enter, each (L,): into node `a` and, where there is one, out of node `b`, as a
+    part of parameter `column`. Three heats: of parameter 0 from node 2 into 1, of parameter 1 into 1 and into 3:
+
+    a 1 1 3    b 2 -1 -1    column 0 1 1
+    """
+
+    a: Index
+    b: Index
+    column: Index
+
+
+class ColumnPlan(NamedTuple):
+    """Where `_carry` finds its numbers and lists (`twin.arithmetic.lanes`).
 
     A strip is a table with a column a parameter, `wide` numbers a row. For 2 nodes and 1 sensor its rows are, one
     after the other,
 
         right 0, right 1    right-hand sides, which become the mean temperatures of the step
         end 0, end 1        temperatures at its end
-        reading 0           what the sensor shows
-        mean 0              the mean of its readings over the block
+        reading 0           what the sensor shows there
 
     They have `numbers` numbers and stand one after the other from `strips` on. Beside them are `units` 0, 1, -1, -2;
-    `storage` S (n,); `lags`: the share of its last reading that each sensor keeps; `follows`: the shares of
-    temperatures that readings take; `shares` (K, n + 2 E) of each step's elimination; `weights` (K, W) of each step's
-    end in the means of blocks and `begins` (B, W) of each block's start. `right` to `mean` are the lists that one
-    step goes through (`Sweep`), in this order.
+    `storage` S (n,); `kept`: the share of its last reading that each sensor keeps; `taken` (K, `follows`): the shares
+    of temperatures that readings take in each step; `shares` (K, `size`) of each step's elimination; `shown`
+    (m, K + 1, wide): the readings of the strip that is carried, at every edge. `right` to `read` are the lists that
+    one step goes through (`Sweep`), in this order.
     """
 
     n: int
     sensors: int
+    steps: int
     size: int
-    weighed: int
+    follows: int
     units: int
     storage: int
-    lags: int
-    follows: int
+    kept: int
+    taken: int
     shares: int
-    weights: int
-    begins: int
+    shown: int
     strips: int
     numbers: int
     wide: int
@@ -136,40 +239,80 @@ class MarchPlan(NamedTuple):
     up: Sweep
     end: Sweep
     read: Sweep
-    mean: Sweep
 
 
-class Sensors(NamedTuple):
-    """Each sensor reads its `nodes` by `weights`. Its lag has three `factors`: of its last reading, of the true value
-    then, and of the true value now; (0, 0, 1) is none."""
+class MarchedColumns:
+    """The columns of parameters, which go through runs of one program and `storage` that follow each other, of at most
+    `steps` each. `begin` (n, P): what they are at the start."""
 
-    nodes: Sequence[Sequence[int]]
-    weights: Sequence[Sequence[float]]
-    factors: Sequence[tuple[float, float, float]]
+    def __init__(
+        self,
+        program: Program,
+        storage: Floats,
+        sensors: Sequence[ColumnSensor],
+        loads: Loads,
+        begin: Floats,
+        steps: int,
+    ) -> None:
+        n, count = begin.shape
+        strips = max(1, -(-count // STRIP))
+        wide = width(-(-count // strips))
+        weights = [own.weights.reshape(n, -1) for own in sensors]
+        follows = [
+            (row, sensor, -factor * weights[sensor][node])
+            for sensor, own in enumerate(sensors)
+            for node in np.flatnonzero(weights[sensor].any(axis=1)).tolist()
+            for row, factor in ((node, 2 * own.before), (n + node, own.now - own.before))
+            if factor != 0.0  # the truth at a step's start is twice its mean less that at its end
+        ]
+        store = LaneStore()
+        reads = [[(wide * row, f) for f, (row, of, _) in enumerate(follows) if of == s] for s in range(len(sensors))]
+        kept = np.array([own.kept for own in sensors])
+        self._plan = _planned(program, storage, store, kept, reads, strips, wide, steps)
+        self._entries = _entries(loads, wide, strips)
+        self._numbers, self._at = store.numbers(), store.indices()
+        taken = self._table(self._plan.taken, steps, len(follows))
+        for f, (_, _, share) in enumerate(follows):
+            taken[:, f] = share
+        first = csr_array(np.array([own[:, 0] for own in weights]).reshape(-1, n))
+        for strip in range(strips):
+            own = begin[:, strip * wide : (strip + 1) * wide]
+            table = self._table(self._plan.strips + strip * self._plan.numbers, 2 * n + len(sensors), wide)
+            table[n : 2 * n, : own.shape[1]] = own
+            table[2 * n :, : own.shape[1]] = first @ own
+
+    def _table(self, place: int, rows: int, length: int) -> Floats:
+        return self._numbers[place : place + rows * length].reshape(rows, length)
+
+    def through(self, ran: MarchRun, heats: Floats) -> Iterator[Floats]:
+        """Strip by strip, `wide` columns at a time: the readings (m, K + 1, wide) of all sensors at the edges of the
+        run's K steps, to be read before the next are asked for. Behind the last column there is nothing but zeros, as
+        behind the last edge of a run that is shorter than the longest. `heats` (L, K) of the loads [W per unit]."""
+        plan = self._plan
+        self._table(plan.shares, len(ran.shares), plan.size)[:] = ran.shares
+        shown = self._table(plan.shown, plan.sensors * (plan.steps + 1), plan.wide)
+        start, place, row, sign = self._entries
+        for strip in range(len(start) - 1):
+            own = slice(start[strip], start[strip + 1])
+            _carry(plan, self._numbers, self._at, strip, place[own], row[own], sign[own], heats)
+            yield shown.reshape(plan.sensors, plan.steps + 1, plan.wide)
 
 
-class Loads(NamedTuple):
-    """The heats that parameters bring. Strip s takes the entries `start[s]:start[s + 1]`: each is `sign` times the
-    heat of number `heat` times the feature of number `feature`, and goes to `place` within the strip, that of a row
-    and a column."""
-
-    start: Index
-    place: Index
-    heat: Index
-    feature: Index
-    sign: Floats
-
-
-def planned(
-    program: Program, storage: Floats, sensors: Sensors, steps: int, blocks: int, initial: Floats
-) -> tuple[MarchPlan, Floats, Index, Index]:
-    """The plan of `steps` in `blocks` at a time, its numbers, its indices, and (W, 2) the sensor and the share in it
-    of each weight. `initial` (n, S, W): the columns at the start, in S strips."""
-    wide = initial.shape[2]
-    n, m, edges = program.n, len(sensors.nodes), len(program.edge_to)
-    store, order = LaneStore(), program.order.tolist()
+def _planned(
+    program: Program,
+    storage: Floats,
+    store: LaneStore,
+    kept: Floats,
+    reads: Sequence[Sequence[tuple[int, int]]],
+    strips: int,
+    wide: int,
+    steps: int,
+) -> ColumnPlan:
+    """The plan, and its lists in `store`; `reads`: of each sensor the rows that it takes, and which share of each."""
+    n, sensors, edges = program.n, len(kept), len(program.edge_to)
+    order = program.order.tolist()
     number = {node: p for p, node in enumerate(order)}
-    rows, ends = [wide * i for i in range(n)], [wide * (n + i) for i in range(n)]
+    rows = [wide * i for i in range(n)]
     downs: list[list[tuple[int, int]]] = [[] for _ in range(n)]
     ups: list[list[tuple[int, int]]] = [[] for _ in range(n)]
     for p, node in enumerate(order):
@@ -177,82 +320,64 @@ def planned(
             later = int(program.edge_to[e])
             downs[number[later]].append((rows[node], n + edges + e))
             ups[p].append((rows[later], n + e))
-    lagged = [s for s, (kept, before, _) in enumerate(sensors.factors) if kept or before]
-    follows: list[float] = []
-    reads: list[list[tuple[int, int]]] = []
-    for s in lagged:  # the truth at a step's start is twice its mean less that at its end
-        _, before, now = sensors.factors[s]
-        reads.append([])
-        for node, weight in zip(sensors.nodes[s], sensors.weights[s], strict=True):
-            for row, factor in ((rows[node], 2 * before), (ends[node], now - before)):
-                reads[-1].append((row, len(follows)))
-                follows.append(-factor * weight)
-    readings = [wide * (2 * n + s) for s in range(m)]
-    means: list[list[tuple[int, int]]] = []
-    of: list[tuple[int, float]] = []  # sensor and weight of all that means are made of
-    for s in range(m):
-        parts = [(ends[i], w) for i, w in zip(sensors.nodes[s], sensors.weights[s], strict=True)]
-        own = [(readings[s], 1.0)] if s in set(lagged) else parts
-        means.append([(row, len(of) + j) for j, (row, _) in enumerate(own)])
-        of += [(s, weight) for _, weight in own]
-    strips, size = initial.shape[1], n + 2 * edges
-    plan = MarchPlan(
+    size, of_strip, follows = n + 2 * edges, wide * (2 * n + sensors), sum(len(own) for own in reads)
+    return ColumnPlan(
         n=n,
-        sensors=m,
+        sensors=sensors,
+        steps=steps,
         size=size,
-        weighed=len(of),
+        follows=follows,
         units=store.put(np.array([0.0, 1.0, -1.0, -2.0])),
         storage=store.put(storage),
-        lags=store.put(np.array([kept for kept, _, _ in sensors.factors])),
-        follows=store.put(np.array(follows)),
+        kept=store.put(kept),
+        taken=store.rows(steps, follows),
         shares=store.rows(steps, size),
-        weights=store.rows(steps, len(of)),
-        begins=store.rows(blocks, len(of)),
-        numbers=wide * (2 * n + 2 * m),
+        shown=store.rows(sensors * (steps + 1), wide),
+        strips=store.rows(strips, of_strip),
+        numbers=of_strip,
         wide=wide,
-        strips=store.rows(strips, wide * (2 * n + 2 * m)),
         right=store.sweep(rows, list(range(n)), [[]] * n),
         down=store.sweep([rows[i] for i in order], [0] * n, downs),
         up=store.sweep([rows[i] for i in order[::-1]], order[::-1], ups[::-1]),
         end=store.sweep(rows, [0] * n, [[(row, 0)] for row in rows]),
-        read=store.sweep([wide * s for s in lagged], lagged, reads),
-        mean=store.sweep([wide * s for s in range(m)], [0] * m, means),
+        read=store.sweep([wide * (steps + 1) * s for s in range(sensors)], list(range(sensors)), reads),
     )
-    numbers = store.numbers()
-    begin = np.zeros((strips, 2 * n + 2 * m, wide))
-    begin[:, n : 2 * n] = initial.transpose(1, 0, 2)
-    for s in lagged:  # in equilibrium
-        begin[:, 2 * n + s] = np.tensordot(sensors.weights[s], initial[list(sensors.nodes[s])], 1)
-    numbers[plan.strips : plan.strips + begin.size] = begin.ravel()
-    return plan, numbers, store.indices(), np.array(of)
+
+
+def _entries(loads: Loads, wide: int, strips: int) -> tuple[Index, Index, Index, Floats]:
+    """Every heat that enters or leaves a node: its place within its strip, that of a row and a column, the row of
+    the heats, and the sign; strip s has those of `start[s]:start[s + 1]`."""
+    out = np.flatnonzero(loads.b != NOBODY)
+    heat = np.concatenate([np.arange(len(loads.a)), out])
+    node, sign = np.concatenate([loads.a, loads.b[out]]), np.where(np.arange(len(heat)) < len(loads.a), 1.0, -1.0)
+    strip, column = np.divmod(loads.column[heat], max(wide, 1))
+    sort = np.lexsort((wide * node + column, strip))
+    start = np.searchsorted(strip[sort], np.arange(strips + 1))
+    return start, (wide * node + column)[sort], heat[sort], sign[sort]
 
 
 @numba.njit(error_model="numpy", nogil=True, cache=True)
-def carry(
-    plan: MarchPlan, m: Floats, at: Index, loads: Loads, heats: Floats, phi: Floats, length: int, means: Floats
+def _carry(
+    plan: ColumnPlan, m: Floats, at: Index, strip: int, place: Index, row: Index, sign: Floats, heats: Floats
 ) -> None:
-    """Carry the columns of all strips through the steps whose shares and weights are in place; the means of each
-    sensor over each block of `length` steps go to `means` (B, m, S, W). `heats` (L, K) [W per unit of the feature],
-    features `phi` (F, K)."""
+    """Carry a strip through the steps whose shares are in place, its readings from edge to edge. Entry e brings
+    `sign[e]` times the heat of row `row[e]` of `heats` (L, K) to `place[e]` within the strip."""
     wide = plan.wide
-    for s in range(len(loads.start) - 1):
-        right = plan.strips + s * plan.numbers
-        end, reading = right + wide * plan.n, right + wide * 2 * plan.n
-        mean = reading + wide * plan.sensors
-        for k in range(heats.shape[1]):
-            shares, block = plan.shares + k * plan.size, k // length
-            if k % length == 0:
-                begins = plan.begins + block * plan.weighed
-                sweep(m, at, plan.mean, mean, mean, right, plan.units, begins, wide)
-            sweep(m, at, plan.right, right, end, right, plan.storage, plan.units, wide)
-            for e in range(loads.start[s], loads.start[s + 1]):
-                m[right + loads.place[e]] += loads.sign[e] * heats[loads.heat[e], k] * phi[loads.feature[e], k]
-            sweep(m, at, plan.down, right, right, right, plan.units + 1, shares, wide)
-            sweep(m, at, plan.up, right, right, right, shares, shares, wide)
-            sweep(m, at, plan.end, end, end, right, plan.units + 2, plan.units + 3, wide)
-            sweep(m, at, plan.read, reading, reading, right, plan.lags, plan.follows, wide)
-            sweep(m, at, plan.mean, mean, mean, right, plan.units + 1, plan.weights + k * plan.weighed, wide)
-            if (k + 1) % length == 0:
-                for r in range(plan.sensors):
-                    for c in range(wide):
-                        means[block, r, s, c] = m[mean + r * wide + c]
+    right = plan.strips + strip * plan.numbers
+    end, reading = right + wide * plan.n, right + wide * 2 * plan.n
+    steps, apart = heats.shape[1], wide * (plan.steps + 1)
+    for r in range(plan.sensors):
+        for c in range(wide):
+            m[plan.shown + r * apart + c] = m[reading + r * wide + c]
+    for k in range(steps):
+        shares, shown = plan.shares + k * plan.size, plan.shown + k * wide
+        sweep(m, at, plan.right, right, end, right, plan.storage, plan.units, wide)
+        for e in range(len(place)):
+            m[right + place[e]] += sign[e] * heats[row[e], k]
+        sweep(m, at, plan.down, right, right, right, plan.units + 1, shares, wide)
+        sweep(m, at, plan.up, right, right, right, shares, shares, wide)
+        sweep(m, at, plan.end, end, end, right, plan.units + 2, plan.units + 3, wide)
+        sweep(m, at, plan.read, shown + wide, shown, right, plan.kept, plan.taken + k * plan.follows, wide)
+    for r in range(plan.sensors):
+        for c in range(wide):
+            m[reading + r * wide + c] = m[plan.shown + r * apart + steps * wide + c]

@@ -13,18 +13,18 @@ from made.laws import GLYCOL, OIL, law_frame, tight_laws, with_laws
 from twin.compiled.heat import heat, heat_capacity
 from twin.compiled.integrators import BDF2
 from twin.compiled.kernel import compile_indexed, compile_network
-from twin.compiled.laws import Law, Table
+from twin.compiled.laid_out import laid_out
 from twin.compiled.structure import parameters, structure
 from twin.filters import inputs as filter_inputs
 from twin.filters.ekf import filter_unknowns
 from twin.filters.unknowns import UnknownHeat
-from twin.fitting.march import System, run
 from twin.motor import features
 from twin.motor.heat_laws import LINKS, NUMBER
 from twin.motor.network import Boundary, FluidCircuit, Link, Network, Node, Source, Term
 from twin.paper.form import simulate_with_flows
 from twin.run.initial import conductances, steady_interpolation, time_constants
 from twin.run.simulate import Frame, simulate
+from twin.run.sparse_march import run
 
 Floats = NDArray[np.float64]
 Load = Callable[[str], Callable[..., None]]
@@ -36,21 +36,8 @@ def _start(network: Network) -> Floats:
 
 
 def _march(network: Network, inputs: Frame, initial: Floats) -> Floats:
-    """Edges about a settled course."""
-    groups, values = structure(network).groups, parameters(network)
-    table = Table.of([Law.of(g, values, i) for i, g in enumerate(groups)], network.copper)
-    one = np.ones(len(inputs.features))
-    carried = np.array(
-        [
-            sum((values.coefficients[i] * (inputs.features[:, j] if j >= 0 else one) for i, j in g.terms), 0 * one)
-            for g in groups
-        ]
-    )
-    course = np.tile(initial, (len(one), 1))
-    for _ in range(8):
-        system = System.of(table, carried, values.capacities, inputs.step_s, course, inputs.boundaries)
-        edges, course = run(system, initial)
-    return edges
+    _, values, program, _, _ = laid_out(network)
+    return run(program, False, values, inputs.step_s, inputs.features, inputs.boundaries, initial).edges
 
 
 @pytest.mark.parametrize("seed", range(6))

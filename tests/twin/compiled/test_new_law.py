@@ -35,11 +35,11 @@ from twin.compiled.laws import psi
 from twin.filters.ekf import filter_unknowns
 from twin.filters.inputs import FilterStart
 from twin.filters.unknowns import UnknownHeat
-from twin.fitting.march import System, run
 from twin.motor.network import Boundary, Link, Network, Node, Source, TemperatureFactor, Term
 from twin.run.gradients import gradient
 from twin.run.losses import heat_flows
 from twin.run.simulate import Frame, simulate
+from twin.run.sparse_march import run
 
 def drop(own, far):
     gap = far - own
@@ -88,18 +88,14 @@ filtered = filter_unknowns(network, frame, FilterStart(start, np.ones(nodes)), u
 np.testing.assert_allclose(filtered.temperatures, straight, rtol=0, atol=1e-10)
 
 # the march
-shape, values, _, laws, table = laid_out(network)
-carried = np.array([np.full(steps, sum(values.coefficients[i] for i, _ in g.terms)) for g in shape.groups])
-course = np.tile(start, (steps, 1))
-for _ in range(8):
-    system = System.of(table, carried, values.capacities, h, course, frame.boundaries)
-    edges, course = run(system, start)
-np.testing.assert_allclose(edges[-1], truth, rtol=0, atol=1e-3)
-of_step = psi(table, course, frame.boundaries)[0]
+_, values, program, laws, table = laid_out(network)
+ran = run(program, False, values, h, frame.features, frame.boundaries, start)
+np.testing.assert_allclose(ran.edges[-1], truth, rtol=0, atol=1e-3)
+of_step = psi(table, ran.means, frame.boundaries)[0]
 for law, found in zip(laws, of_step, strict=True):
     if law.law == "thermosiphon":
-        every = np.column_stack([course, frame.boundaries])
-        factor = 1 + 0.003 * (course[:, 2] - 40) if law.other >= 0 else 1.0
+        every = np.column_stack([ran.means, frame.boundaries])
+        factor = 1 + 0.003 * (ran.means[:, 2] - 40) if law.other >= 0 else 1.0
         np.testing.assert_allclose(found, factor * drop(every[:, law.a], every[:, law.b]), rtol=1e-12)
 
 # the account of its heat closes, and the gradient kernel has its second slopes

@@ -17,7 +17,7 @@ from twin.fitting.recorded import RecordedChannel, RecordedMeter
 from twin.motor import sensor_laws
 from twin.motor.features import evaluate, monomials
 from twin.motor.network import Fluid, FluidCircuit, Link, Network, Node, Property, Term
-from twin.motor.observables import Measurand, Thermometric, lag_parts, lagged_means
+from twin.motor.observables import Measurand, Thermometric, lagged_means
 from twin.motor.sensor import Sensor
 from twin.run.losses import heat_flows
 from twin.run.simulate import Frame
@@ -239,18 +239,6 @@ def test_a_clock_of_the_channels_alone_delays_no_meter(tests: Sequence[Test]) ->
     still, moved = _shown(model, np.zeros(1)), _shown(model, np.array([0.9]))
     for key, reading in still.items():
         np.testing.assert_allclose(moved[key], reading, rtol=1e-12)
-
-
-@pytest.mark.parametrize("tau_s", [0.0, 3.0, 25.0])
-def test_weights_before_a_lag_give_the_means_of_what_is_lagged(tau_s: float) -> None:
-    rng = np.random.default_rng(1)
-    length, steps = 10, 300
-    weights, x = rng.random(steps), rng.normal(size=steps)
-    expected = (weights * lagged_means(x, tau_s, 1.0)).reshape(-1, length).sum(axis=1)
-    found = np.zeros_like(expected)
-    for ahead, part in lag_parts(weights, tau_s, 1.0, length):
-        found[ahead:] += (part * x).reshape(-1, length).sum(axis=1)[: len(found) - ahead]
-    np.testing.assert_allclose(found, expected, atol=1e-3)
 
 
 def test_a_lag_keeps_what_is_constant_and_follows_a_step_by_its_exponential() -> None:

@@ -18,7 +18,7 @@ from twin.fitting.recorded import RecordedChannel
 from twin.motor.features import streams
 from twin.motor.network import Link, Network, Property, Source, Term
 from twin.motor.sensor import Sensor
-from twin.run import block_columns
+from twin.run import block_columns, sparse_march
 from twin.run.block_columns import Thermometer, of_every_node, of_motor
 from twin.run.simulate import Frame
 
@@ -125,7 +125,7 @@ def test_columns_are_the_same_in_many_strips_and_in_any_order(
     network, frame, initial = case
     every = _columns(network, frame, initial)
     wanted = np.random.default_rng(0).permutation(every.shape[2])[:-3].tolist()
-    monkeypatch.setattr(block_columns, "STRIP", strip)
+    monkeypatch.setattr(sparse_march, "STRIP", strip)
     np.testing.assert_allclose(_columns(network, frame, initial, wanted), every[:, :, wanted], rtol=1e-12)
 
 

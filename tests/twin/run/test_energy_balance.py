@@ -16,12 +16,12 @@ from made.laws import Heats, heats, law_frame, with_laws
 from twin.compiled import indexed
 from twin.compiled.integrators import BDF2, DEFAULT, Tableau
 from twin.compiled.kernel import compile_network, index_program
-from twin.compiled.laws import Law, Table
+from twin.compiled.laid_out import laid_out
 from twin.compiled.structure import parameters, structure
-from twin.fitting.march import System, run
 from twin.motor.features import monomials
 from twin.motor.network import Network
 from twin.run.simulate import Frame, simulate
+from twin.run.sparse_march import run
 
 Floats = NDArray[np.float64]
 Make = Callable[..., Network]
@@ -74,24 +74,18 @@ def test_what_comes_in_is_stored(tableau: Tableau, seed: int, n: int, make_netwo
 @settings(max_examples=8, deadline=None)
 @given(seed=st.integers(0, 10_000), n=st.integers(2, 7))
 def test_what_comes_in_is_stored_in_a_march(seed: int, n: int, make_network: Make) -> None:
-    """There about a settled course, so that the heats are those of the step's mean temperatures."""
+    """The heats are those of the step's mean temperatures."""
     network = with_laws(make_network(seed, n=n), seed)
     frame = law_frame(network, seed, 1, STEP_S)
-    p, made = parameters(network), structure(network)
-    table = Table.of([Law.of(group, p, g) for g, group in enumerate(made.groups)], network.copper)
-    phi = np.append(frame.features[0], 1.0)
-    carried = np.array([[sum(p.coefficients[i] * phi[j] for i, j in group.terms)] for group in made.groups])
+    _, p, program, _, _ = laid_out(network)
     start = np.random.default_rng(seed).uniform(25.0, 120.0, len(network.nodes))
-    course = start[None]
-    for _ in range(12):
-        system = System.of(table, carried, p.capacities, STEP_S, course, frame.boundaries)
-        edges, course = run(system, start)
-    parts = _from_outside(_at(network, frame, course[0]))
-    assert p.capacities @ (edges[1] - start) == pytest.approx(
+    ran = run(program, False, p, STEP_S, frame.features, frame.boundaries, start)
+    parts = _from_outside(_at(network, frame, ran.means[0]))
+    assert p.capacities @ (ran.edges[1] - start) == pytest.approx(
         STEP_S * float(parts.sum()), abs=1e-9 * STEP_S * float(np.abs(parts).sum())
     )
-    assert p.capacities * (edges[1] - start) == pytest.approx(
-        STEP_S * _at(network, frame, course[0]).into, abs=1e-7 * STEP_S * float(np.abs(parts).sum())
+    assert p.capacities * (ran.edges[1] - start) == pytest.approx(
+        STEP_S * _at(network, frame, ran.means[0]).into, abs=1e-7 * STEP_S * float(np.abs(parts).sum())
     )
 
 
