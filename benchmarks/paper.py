@@ -68,7 +68,7 @@ from ingest.facts import facts
 from plant import Effect, Plant, drives, points, sessions
 from plant.drives import Drive
 from plant.geometry import Geometry
-from plant.sensors import SENSORS
+from plant.thermocouples import SENSORS
 from replay.engine.files.motor_text import written
 from replay.engine.results.open_loop import modelled
 from replay.studies.characterise.calibrate import calibrate_sessions

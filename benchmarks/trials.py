@@ -54,7 +54,8 @@ from ingest.intake.setup import prepare
 from plant import CATALOGUE, Effect, Plant, drives, points, write_campaign
 from plant.drives import Drive
 from plant.plant import Truth
-from plant.sensors import LAG_s, Sensor, lagged, record, sensors
+from plant.sensors import LAG_s, lagged, record, sensors
+from plant.thermocouples import Sensor
 from replay.engine.files.models import for_intake
 from replay.engine.runs.sources import code_of
 from replay.studies.characterise.calibrate import common_model

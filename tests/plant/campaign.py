@@ -9,7 +9,7 @@ from types import MappingProxyType
 from plant import logs
 from plant.drives import Drive
 from plant.plant import Plant
-from plant.reduction import motor_toml
+from plant.rules import RULES
 from plant.sensors import NOISE_K, STEP_K, LAG_s, Recording, messages, record, sensors
 
 BIAS_SD_K = 0.5
@@ -66,12 +66,14 @@ def write_campaign(
     formats: Sequence[str] = ("blf",),
     layout: str = "six",
     weights: Mapping[str, Mapping[str, float]] = NOWHERE_ELSE,
+    rule: str = "fitted",
 ) -> list[Path]:
-    """Write `motor.toml`, `bench.toml` (`weights` as of `bench_toml`), `bench.dbc` and a log of each session in each
-    format (logs.WRITERS), named `<number>_<name>`; returns the logs. Raises KeyError for a format that is not
-    there."""
+    """Write `motor.toml` (by a rule of RULES), `bench.toml` (`weights` as of `bench_toml`), `bench.dbc` and a log of
+    each session in each
+    format (logs.WRITERS), named `<number>_<name>`; returns the logs. Raises KeyError for a format or a rule
+    that is not there."""
     folder.mkdir(parents=True, exist_ok=True)
-    (folder / "motor.toml").write_text(motor_toml(), encoding="utf-8")
+    (folder / "motor.toml").write_text(RULES[rule](plant.form), encoding="utf-8")
     (folder / "bench.toml").write_text(bench_toml(plant, layout, weights), encoding="utf-8")
     (folder / "bench.dbc").write_text(logs.dbc(messages(layout)), encoding="utf-8")
     paths = []

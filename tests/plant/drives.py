@@ -106,13 +106,15 @@ def wltc() -> Floats:
 
 @dataclass(frozen=True)
 class Vehicle:
-    """Mass [kg], road load [N, N/(m/s), N/(m/s)2], wheel radius [m], ratio of the single gear, its efficiency."""
+    """Mass [kg], road load [N, N/(m/s), N/(m/s)2], wheel radius [m], ratio of the single gear, its efficiency; torque
+    [Nm] at which it brakes and pulls at most."""
 
     mass: float = 3000.0
     road: tuple[float, float, float] = (260.0, 1.5, 0.72)
     radius: float = 0.335
     ratio: float = 12.2
     efficiency: float = 0.97
+    torque: tuple[float, float] = (-120.0, 220.0)
 
 
 def wltp(cycles: int = 3, vehicle: Vehicle | None = None, name: str = "wltp", trailer: float = 1.0) -> Drive:
@@ -127,7 +129,7 @@ def wltp(cycles: int = 3, vehicle: Vehicle | None = None, name: str = "wltp", tr
     moving = speed > 0.3
     force = trailer * (car.mass * 1.03 * accelerates + moving * (f0 + f1 * speed + f2 * speed**2))
     wheel = force * car.radius / car.ratio
-    torque = np.clip(np.where(wheel > 0, wheel / car.efficiency, wheel * car.efficiency), -120.0, 220.0)
+    torque = np.clip(np.where(wheel > 0, wheel / car.efficiency, wheel * car.efficiency), *car.torque)
     rpm = speed / car.radius * car.ratio * 30 / np.pi
     return drive(name, "wltp", rpm, torque)
 

@@ -8,7 +8,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from plant.films import NOMINAL, Film, FilmLaws
+from plant.films import Film, FilmLaws
+from plant.forms import Form
 from plant.losses import HEATS, LossLaws
 from plant.mesh import Mesh
 
@@ -37,11 +38,6 @@ GAP_SD, GAP_TILT_SD = 0.12, 0.08
 CAPACITY_SD = 0.04
 LOSS_SD = {"tips": 0.08, "teeth": 0.06, "yoke": 0.06, "magnet": 0.15, "ripple": 0.3, "ac_slot": 0.06, "ac_end": 0.15}
 OTHER_LOSS_SD, TILT_SD, DC_SD = 0.10, 0.06, 0.01
-PATHS = (  # that no motor file has: (cell, cell or boundary)
-    *(("crown_a0", "sleeve.0"), ("crown_b0", "sleeve.last"), ("near_a0", "sleeve.0"), ("busbar", "ambient")),
-    *(("journal_b", "ambient"), ("hub_b", "ambient"), ("near_b5", "tooth_tip.last"), ("rack", "sleeve.last")),
-    *(("crown_a5", "hub_a"), ("air_b_out", "sleeve.last")),
-)
 PATH_W_per_K = (0.25, 1.0)
 PATH_COUNTS = (1, 2, 3)
 
@@ -59,7 +55,12 @@ class Everyday:
     dc: float = 1.0
 
 
-def draw(seed: int, mesh: Mesh, roughness: float = 1.0) -> Everyday:
+def designed(form: Form) -> Everyday:
+    """The motor as designed."""
+    return Everyday(films=FilmLaws(form.films, form.machine.top_rpm), losses=LossLaws(form.losses))
+
+
+def draw(seed: int, mesh: Mesh, form: Form, roughness: float = 1.0) -> Everyday:
     """The specimen of a seed; `roughness` multiplies every spread."""
     random = np.random.default_rng([seed, 1])
 
@@ -69,10 +70,13 @@ def draw(seed: int, mesh: Mesh, roughness: float = 1.0) -> Everyday:
     groups = {group: factor(sd) for group, sd in GROUP_SD.items()}
     nodes = sorted({cell.node for cell in mesh.cells})
     capacities = {node: factor(CAPACITY_SD) for node in nodes}
-    films = {name: _film(film, factor, random, roughness) for name, film in NOMINAL.items()}
-    gap = FilmLaws(films, factor(GAP_SD), roughness * GAP_TILT_SD * float(random.standard_normal()))
+    films = {name: _film(film, factor, random, roughness) for name, film in form.films.items()}
+    gap = FilmLaws(
+        films, form.machine.top_rpm, factor(GAP_SD), roughness * GAP_TILT_SD * float(random.standard_normal())
+    )
     kinds = (*HEATS, "ac_slot", "ac_end")
     losses = LossLaws(
+        form.losses,
         {kind: factor(LOSS_SD.get(kind, OTHER_LOSS_SD)) for kind in kinds},
         {
             kind: roughness * TILT_SD * float(random.standard_normal())
@@ -81,10 +85,10 @@ def draw(seed: int, mesh: Mesh, roughness: float = 1.0) -> Everyday:
         },
     )
     count = int(random.choice(PATH_COUNTS))
-    chosen = random.choice(len(PATHS), count, replace=False)
+    chosen = random.choice(len(form.paths), count, replace=False)
     last = str(mesh.axial - 1)
     paths = tuple(
-        (PATHS[i][0], PATHS[i][1].replace("last", last), roughness * float(random.uniform(*PATH_W_per_K)))
+        (form.paths[i][0], form.paths[i][1].replace("last", last), roughness * float(random.uniform(*PATH_W_per_K)))
         for i in chosen
     )
     return Everyday(groups, capacities, gap, losses, paths, factor(DC_SD))

@@ -6,7 +6,7 @@ Side A carries the crowns of the hairpins and the coupling, side B the welds and
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import pi
+from math import pi, sqrt
 
 NODES = (
     *("shaft", "bearing_a", "bearing_b", "rotor_core", "rotor_surface", "magnet", "end_plate_a", "end_plate_b"),
@@ -41,13 +41,18 @@ NDFEB = Material(7500.0, 460.0, 9.0)
 RESIN = Material(1500.0, 1250.0, 0.20)  # enamel and impregnation
 LINER = Material(1100.0, 1300.0, 0.14)  # aramid paper
 GLYCOL = Material(1050.0, 3500.0, 0.40)  # water and glycol, 1:1, 65 degC
+OIL = Material(810.0, 2150.0, 0.13)  # automatic transmission fluid, 65 degC
 RHO_COPPER_20 = 1.724e-8  # ohm m
 ALPHA_COPPER = 0.00393  # 1/K
+WIRE_PITCH = 1.15  # of round wires in a slot, in diameters
 
 
 @dataclass(frozen=True)
 class Geometry:
-    """Lengths in m. A water-jacketed 48-slot, 8-pole motor for 150 kW, 220 Nm, 16,000 rpm, 450 A rms."""
+    """Lengths in m. A water-jacketed 48-slot, 8-pole motor for 150 kW, 220 Nm, 16,000 rpm, 450 A rms.
+
+    A layer of a slot is a bar, or round wire: `turns` in series of `bar_area` together, the wire's diameter `wire`.
+    """
 
     stack: float = 0.134
     bore_radius: float = 0.0655
@@ -60,6 +65,9 @@ class Geometry:
     bar_width: float = 0.0039
     bar_height: float = 0.00195
     bar_area: float = 7.4e-6  # with rounded corners
+    turns: int = 1
+    paths: int = 2  # in parallel
+    wire: float = 0.0
     enamel: float = 0.10e-3
     liner: float = 0.25e-3
     near_length: float = 0.024  # of an end turn, from the stack to the bend
@@ -75,9 +83,29 @@ class Geometry:
     sleeve: float = 0.0055
     coolant_height: float = 0.0050
     outer_wall: float = 0.0060
+    pockets: float = 0.040  # m2, faces of the magnets on each side
+    magnet_half: float = 0.0025  # half their thickness
+    webs: float = 24.0  # W/K between the poles
+    size: float = 1.0  # lengths of shields, bearings, journals and end plates over those of this motor
+    bundle: tuple[float, float] = (3.0, 11.0)  # W/K between layers of an end winding, and where a hairpin joins them
     contact_shrink: float = 6000.0  # W/(m2 K), yoke to sleeve
     contact_shaft: float = 4000.0
     contact_plate: float = 2000.0
+
+    @property
+    def conductor_height(self) -> float:
+        """Height of a conductor [m]; of a round wire that of a square of its area."""
+        return sqrt(pi) / 2 * self.wire if self.wire else self.bar_height
+
+    @property
+    def conductors_high(self) -> int:
+        """Conductors of a layer above each other."""
+        return round(self.bar_height / (WIRE_PITCH * self.wire)) if self.wire else 1
+
+    @property
+    def copper_breadth(self) -> float:
+        """Breadth of the copper across the slot [m]."""
+        return self.bar_area / (self.conductors_high * self.conductor_height) if self.wire else self.bar_width
 
     @property
     def rotor_radius(self) -> float:

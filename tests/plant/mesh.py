@@ -1,4 +1,4 @@
-"""The conduction mesh: axial and radial finite volumes from geometry and materials; 182 cells.
+"""The conduction mesh: axial and radial finite volumes from geometry and materials; 182 cells of the jacketed motor.
 
 A joint between two cells (or a cell and a boundary) conducts 1 / (resistance + 1 / (area x film)); the film, W/(m2
 K), comes from `films` at every step. Cells of an interface (slot liner, air gap) belong to no node of the reduced
@@ -7,7 +7,7 @@ network.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from math import log, pi
@@ -63,20 +63,34 @@ class Joint:
     high: float = 0.0
 
 
+@dataclass(frozen=True)
+class Station:
+    """A cell that a `share` of the coolant passes, after the cell `before` ("": it comes from the inlet)."""
+
+    cell: str
+    before: str
+    share: float
+
+
 @dataclass
 class Mesh:
-    """Cells and joints by name; `coolant`: the cells that the coolant passes, in order."""
+    """Cells and joints by name; `stations` of the coolant, each behind the one that it passed before."""
 
     geometry: Geometry
     axial: int
     cells: list[Cell] = field(default_factory=list)
     joints: list[Joint] = field(default_factory=list)
-    coolant: tuple[str, ...] = ()
+    stations: list[Station] = field(default_factory=list)
 
     @property
     def index(self) -> dict[str, int]:
         """Place of each cell and boundary; boundaries are behind the cells."""
         return {name: i for i, name in enumerate([*(c.name for c in self.cells), *BOUNDARIES])}
+
+    @property
+    def coolant(self) -> tuple[str, ...]:
+        """The cells that the coolant passes."""
+        return tuple(station.cell for station in self.stations)
 
     @property
     def capacity(self) -> Floats:
@@ -96,6 +110,12 @@ class Mesh:
         """Add a joint between two cells, or a cell and a boundary."""
         self.joints.append(Joint(a, b, resistance, group, film, area))
 
+    def pour(self, cells: Sequence[str], share: float, before: str = "") -> None:
+        """Let a share of the coolant pass cells one after the other, behind the cell `before`."""
+        for cell in cells:
+            self.stations.append(Station(cell, before, share))
+            before = cell
+
     def chain(self, names: Sequence[str], conductance: float, group: str) -> None:
         """Add joints of equal conductance [W/K] between neighbours."""
         for a, b in pairwise(names):
@@ -107,18 +127,24 @@ def names(stem: str, count: int) -> list[str]:
     return [f"{stem}.{z}" for z in range(count)]
 
 
-def build(geometry: Geometry, axial: int = 6) -> Mesh:
-    """The mesh with `axial` slices of the stack."""
+def jacketed(geometry: Geometry, axial: int = 6) -> Mesh:
+    """A motor with a jacket all around and bars in its slots, with `axial` slices of the stack."""
     mesh = Mesh(geometry, axial)
-    _jacket(mesh)
+    jacket(mesh)
+    active_parts(mesh, bars)
+    mesh.pour(names("water", axial), 1.0)
+    return mesh
+
+
+def active_parts(mesh: Mesh, slots: Callable[[Mesh], None]) -> None:
+    """Everything inside a housing whose cells `sleeve` and `case` are there."""
     _stator(mesh)
-    _slots(mesh)
+    slots(mesh)
     _rotor(mesh)
     for side in "ab":
         _endwinding(mesh, side)
         _end(mesh, side)
     _terminals(mesh)
-    return mesh
 
 
 def half_of(mesh: Mesh, z: int) -> str:
@@ -131,7 +157,7 @@ def _ring_resistance(inner: float, outer: float, length: float, conductivity: fl
     return log(outer / inner) / (2 * pi * conductivity * length)
 
 
-def _jacket(mesh: Mesh) -> None:
+def jacket(mesh: Mesh) -> None:
     """Outer wall, coolant stations, sleeve; free convection, radiation and feet to the ambient."""
     g, n = mesh.geometry, mesh.axial
     dz = g.stack / n
@@ -151,7 +177,6 @@ def _jacket(mesh: Mesh) -> None:
     mesh.join("case.0", "ambient", 1 / 1.6, "ambient")  # feet on the plate
     mesh.chain(names("sleeve", n), ALUMINIUM.conductivity * ring(g.stator_radius, wet) / dz, "aluminium")
     mesh.chain(names("case", n), ALUMINIUM.conductivity * ring(outer, wall) / dz, "aluminium")
-    mesh.coolant = tuple(names("water", n))
 
 
 def _stator(mesh: Mesh) -> None:
@@ -182,8 +207,8 @@ def _stator(mesh: Mesh) -> None:
         mesh.chain(names(name, n), SHEET.across * g.slots * g.tooth_width * height / dz, "across")
 
 
-def _slots(mesh: Mesh) -> None:
-    """The winding window: six bars, liner between each pair of bars and a ring of the teeth, slot bottom to the
+def bars(mesh: Mesh) -> None:
+    """The winding window of bars: liner between those beside a ring of the teeth and that ring, slot bottom to the
     yoke."""
     g, n = mesh.geometry, mesh.axial
     dz = g.stack / n
@@ -197,10 +222,12 @@ def _slots(mesh: Mesh) -> None:
         for k in range(g.layers - 1):
             mesh.join(f"bar{k}.{z}", f"bar{k + 1}.{z}", (2 * enamel + 5e-4) / flat, "enamel")
         for pair, tooth in enumerate(("tooth_root", "tooth_mid", "tooth_tip")):
-            liner = mesh.cell(f"liner{pair}.{z}", "", LINER.heats(2 * side * g.liner))
-            for k in (2 * pair, 2 * pair + 1):
+            beside = [k for k in range(g.layers) if k * 3 // g.layers == pair]
+            liner = mesh.cell(f"liner{pair}.{z}", "", LINER.heats(len(beside) * side * g.liner))
+            for k in beside:
                 mesh.join(f"bar{k}.{z}", liner, (enamel + 1.8e-4 + g.liner / 2 / LINER.conductivity) / side, "liner")
-            mesh.join(liner, f"{tooth}.{z}", (g.liner / 2 / LINER.conductivity + 1.6e-4) / (2 * side), "liner")
+            across = len(beside) * side
+            mesh.join(liner, f"{tooth}.{z}", (g.liner / 2 / LINER.conductivity + 1.6e-4) / across, "liner")
         bottom = (enamel + g.liner / LINER.conductivity + 8.0e-4) / (g.slots * g.slot_width * dz)
         mesh.join(f"bar0.{z}", f"yoke_in.{z}", bottom, "liner")
     for k in range(g.layers):
@@ -211,7 +238,8 @@ def _rotor(mesh: Mesh) -> None:
     """Air gap, rotor surface, magnets, two rings of the core, shaft."""
     g, n = mesh.geometry, mesh.axial
     dz = g.stack / n
-    top, glue = g.rotor_radius, 1.0 / (2200.0 * 0.040)  # pockets of 0.040 m2 a side, 2,200 W/(m2 K) of glue
+    top, glue = g.rotor_radius, 1.0 / (2200.0 * g.pockets)  # 2,200 W/(m2 K) of glue
+    half = g.magnet_half / (NDFEB.conductivity * g.pockets)
     rings = (("core_out", g.middle_radius, g.core_radius, 0.80), ("core_in", g.shaft_radius, g.middle_radius, 0.75))
     for z in range(n):
         mesh.cell(f"gap.{z}", "", 0.05 / n + 0.02)
@@ -222,10 +250,10 @@ def _rotor(mesh: Mesh) -> None:
         mesh.cell(f"shaft.{z}", "shaft", STEEL.heats(ring(g.shaft_hole, g.shaft_radius) * dz))
         mesh.join(f"surface.{z}", f"gap.{z}", 0.0, "film.gap", "gap_rotor", 2 * pi * top * dz)
         mesh.join(f"gap.{z}", f"tooth_tip.{z}", 0.0, "film.gap", "gap_stator", 1.1 * 2 * pi * g.bore_radius * dz)
-        depth = g.surface_depth / 2 / (SHEET.conductivity * 0.040)
-        mesh.join(f"magnet.{z}", f"surface.{z}", n * (glue + depth + 0.0025 / (9.0 * 0.040)), "glue")
-        mesh.join(f"magnet.{z}", f"core_out.{z}", n * (1.3 * glue + depth + 0.0025 / (9.0 * 0.040)), "glue")
-        mesh.join(f"surface.{z}", f"core_out.{z}", n / 24.0, "sheet")  # webs between the poles
+        depth = g.surface_depth / 2 / (SHEET.conductivity * g.pockets)
+        mesh.join(f"magnet.{z}", f"surface.{z}", n * (glue + depth + half), "glue")
+        mesh.join(f"magnet.{z}", f"core_out.{z}", n * (1.3 * glue + depth + half), "glue")
+        mesh.join(f"surface.{z}", f"core_out.{z}", n / g.webs, "sheet")
         ring_out = _ring_resistance(g.middle_radius, g.core_radius, dz, 0.6 * SHEET.conductivity)
         ring_in = _ring_resistance(g.shaft_radius, g.middle_radius, dz, 0.6 * SHEET.conductivity)
         fit = 1 / (g.contact_shaft * 2 * pi * g.shaft_radius * dz)
@@ -240,8 +268,7 @@ def _rotor(mesh: Mesh) -> None:
 
 
 def _endwinding(mesh: Mesh, side: str) -> None:
-    """Six layers in two cells each: from the stack to the bend, and the crown; hairpins join neighbouring layers
-    there."""
+    """Each layer in two cells: from the stack to the bend, and the crown; hairpins join neighbouring layers there."""
     g, last = mesh.geometry, 0 if side == "a" else mesh.axial - 1
     crown, half_slice = g.crown(side), g.stack / mesh.axial / 2
     area = g.slots * g.bar_area
@@ -253,26 +280,30 @@ def _endwinding(mesh: Mesh, side: str) -> None:
         mesh.join(f"bar{k}.{last}", near, (half_slice + g.near_length / 2) / (COPPER.conductivity * area), "copper")
         mesh.join(near, far, (g.near_length + crown) / 2 / (COPPER.conductivity * area), "copper")
     for k in range(g.layers - 1):
-        mesh.join(f"near_{side}{k}", f"near_{side}{k + 1}", 1 / 3.0, "bundle")
-        mesh.join(f"crown_{side}{k}", f"crown_{side}{k + 1}", 1 / (11.0 if k % 2 == 0 else 3.0), "bundle")
+        loose, tight = g.bundle
+        mesh.join(f"near_{side}{k}", f"near_{side}{k + 1}", 1 / loose, "bundle")
+        mesh.join(f"crown_{side}{k}", f"crown_{side}{k + 1}", 1 / (tight if k % 2 == 0 else loose), "bundle")
 
 
 def _end(mesh: Mesh, side: str) -> None:
     """Cavity, end plate, shield, bearing and shaft end of one side."""
     g, last = mesh.geometry, 0 if side == "a" else mesh.axial - 1
-    half = g.stack / mesh.axial / 2
-    air_in, air_out = (mesh.cell(f"air_{side}_{part}", f"air_{side}", 20.0) for part in ("in", "out"))
-    plate_in, plate_out = (mesh.cell(f"plate_{side}_{part}", f"end_plate_{side}", 105.0) for part in ("in", "out"))
-    shield, hub = mesh.cell(f"shield_{side}", "housing", 2350.0), mesh.cell(f"hub_{side}", "housing", 650.0)
-    race_in, race_out = (mesh.cell(f"race_{side}_{part}", f"bearing_{side}", 95.0) for part in ("in", "out"))
-    journal = mesh.cell(f"journal_{side}", "shaft", 260.0 if side == "a" else 210.0)
+    half, long, wide, large = g.stack / mesh.axial / 2, g.size, g.size**2, g.size**3
+    air_in, air_out = (mesh.cell(f"air_{side}_{part}", f"air_{side}", 20.0 * large) for part in ("in", "out"))
+    plate_in, plate_out = (
+        mesh.cell(f"plate_{side}_{part}", f"end_plate_{side}", 105.0 * large) for part in ("in", "out")
+    )
+    shield = mesh.cell(f"shield_{side}", "housing", 2350.0 * large)
+    hub = mesh.cell(f"hub_{side}", "housing", 650.0 * large)
+    race_in, race_out = (mesh.cell(f"race_{side}_{part}", f"bearing_{side}", 95.0 * large) for part in ("in", "out"))
+    journal = mesh.cell(f"journal_{side}", "shaft", (260.0 if side == "a" else 210.0) * large)
     _cavity(mesh, side, last)
-    mesh.join(air_in, air_out, 0.0, "film.swirl", "swirl", 0.06)
-    for cell, area in ((shield, 0.050), (hub, 0.012)):
-        mesh.join(cell, air_out if cell == shield else air_in, 1e-3, "film.shield", "shield", area)
-    mesh.join(plate_in, air_in, 0.0, "film.end_plate", "end_plate", 0.005)
-    mesh.join(plate_out, air_in, 0.0, "film.end_plate", "end_plate", 0.009)
-    mesh.join(plate_in, plate_out, 1 / 16.0, "aluminium")
+    mesh.join(air_in, air_out, 0.0, "film.swirl", "swirl", 0.06 * wide)
+    for cell, area in ((shield, 0.050 * wide), (hub, 0.012 * wide)):
+        mesh.join(cell, air_out if cell == shield else air_in, 1e-3 / wide, "film.shield", "shield", area)
+    mesh.join(plate_in, air_in, 0.0, "film.end_plate", "end_plate", 0.005 * wide)
+    mesh.join(plate_out, air_in, 0.0, "film.end_plate", "end_plate", 0.009 * wide)
+    mesh.join(plate_in, plate_out, 1 / (16.0 * long), "aluminium")
     top = g.rotor_radius
     for cell, rotor, area in (
         (plate_in, "core_in", 0.75 * ring(g.shaft_radius, g.middle_radius)),
@@ -284,31 +315,34 @@ def _end(mesh: Mesh, side: str) -> None:
     mesh.join(
         plate_out,
         f"magnet.{last}",
-        half / (0.35 * NDFEB.conductivity * g.magnet_volume / g.stack) + 1.5,
+        half / (0.35 * NDFEB.conductivity * g.magnet_volume / g.stack) + 1.5 / wide,
         "plate_contact",
     )
     across_shaft = STEEL.conductivity * ring(g.shaft_hole, g.shaft_radius)
-    mesh.join(f"shaft.{last}", journal, (half + 0.022) / across_shaft, "steel")
-    mesh.join(journal, race_in, 1 / 9.0, "seat")
-    mesh.join(race_in, race_out, 0.0, "balls", "balls", 1.0)
-    mesh.join(race_out, hub, 1 / 8.0, "seat")
-    mesh.join(hub, shield, 1 / 14.0, "aluminium")
-    mesh.join(shield, f"case.{last}", 1 / 38.0, "aluminium")
-    mesh.join(shield, f"sleeve.{last}", 1 / 12.0, "aluminium")
-    mesh.join(f"gap.{last}", air_in, 0.0, "film.gap", "swirl", 0.004)
-    mesh.join(journal, "ambient", 0.0, "film.shaft_end", "shaft_end", 0.016 if side == "a" else 0.004)
-    mesh.joints.append(Joint(shield, "ambient", 0.0, "ambient", area=0.045, kind=RISES))
-    mesh.joints.append(Joint(shield, "ambient", 0.0, "ambient", area=0.85 * 0.045, kind=RADIATES))
+    mesh.join(f"shaft.{last}", journal, (half + 0.022 * long) / across_shaft, "steel")
+    mesh.join(journal, race_in, 1 / (9.0 * long), "seat")
+    mesh.join(race_in, race_out, 0.0, "balls", "balls", long)
+    mesh.join(race_out, hub, 1 / (8.0 * long), "seat")
+    mesh.join(hub, shield, 1 / (14.0 * long), "aluminium")
+    mesh.join(shield, f"case.{last}", 1 / (38.0 * long), "aluminium")
+    mesh.join(shield, f"sleeve.{last}", 1 / (12.0 * long), "aluminium")
+    mesh.join(f"gap.{last}", air_in, 0.0, "film.gap", "swirl", 0.004 * wide)
+    end = (0.016 if side == "a" else 0.004) * wide
+    mesh.join(journal, "ambient", 0.0, "film.shaft_end", "shaft_end", end)
+    mesh.joints.append(Joint(shield, "ambient", 0.0, "ambient", area=0.045 * wide, kind=RISES))
+    mesh.joints.append(Joint(shield, "ambient", 0.0, "ambient", area=0.85 * 0.045 * wide, kind=RADIATES))
 
 
 def _cavity(mesh: Mesh, side: str, last: int) -> None:
     """Films inside a cavity: end winding, ends of teeth and yoke; radiation of the end winding to shield and sleeve."""
-    g, longer = mesh.geometry, mesh.geometry.crown(side) / mesh.geometry.crown_length_a
+    g, longer, wide = mesh.geometry, mesh.geometry.crown(side) / mesh.geometry.crown_length_a, mesh.geometry.size**2
+    share = wide * 6 / g.layers
     for k in range(g.layers):
         air = f"air_{side}_{'out' if k < g.layers // 2 else 'in'}"
         bare = 1.0 if k in (0, g.layers - 1) else 0.35  # the layers between are partly covered
-        mesh.join(f"near_{side}{k}", air, 0.05, "film.endwinding", "endwinding", 0.0055 * bare)
-        mesh.join(f"crown_{side}{k}", air, 0.05, "film.endwinding", "endwinding", 0.0095 * bare * longer)
+        mesh.join(f"near_{side}{k}", air, 0.05 / share, "film.endwinding", "endwinding", 0.0055 * bare * share)
+        crown = 0.0095 * bare * longer * share
+        mesh.join(f"crown_{side}{k}", air, 0.05 / share, "film.endwinding", "endwinding", crown)
     half, height = g.stack / mesh.axial / 2, (g.slot_bottom_radius - g.bore_radius) / 3
     tooth, middle = g.slots * g.tooth_width * height, (g.slot_bottom_radius + g.stator_radius) / 2
     for name in ("tooth_tip", "tooth_mid", "tooth_root"):
@@ -324,21 +358,22 @@ def _cavity(mesh: Mesh, side: str, last: int) -> None:
     mesh.join(
         f"yoke_in.{last}", f"air_{side}_out", half / (SHEET.across * inner), "film.tooth_end", "tooth_end", 1.3 * inner
     )
-    mesh.join(f"yoke_out.{last}", f"shield_{side}", half / (SHEET.across * outer) + 0.3, "plate_contact")
+    mesh.join(f"yoke_out.{last}", f"shield_{side}", half / (SHEET.across * outer) + 0.3 / wide, "plate_contact")
     for cell in (f"crown_{side}0", f"near_{side}0"):
-        mesh.joints.append(Joint(cell, f"shield_{side}", 0.0, "radiation", area=0.8 * 0.010, kind=RADIATES))
-        mesh.join(cell, f"shield_{side}", 0.0, "film.bare", "bare", 0.010)
+        mesh.joints.append(Joint(cell, f"shield_{side}", 0.0, "radiation", area=0.8 * 0.010 * wide, kind=RADIATES))
+        mesh.join(cell, f"shield_{side}", 0.0, "film.bare", "bare", 0.010 * wide)
 
 
 def _terminals(mesh: Mesh) -> None:
     """Busbars and their plastic rack on side B."""
-    bars = mesh.cell("busbar", "terminal_rack", 150.0)
-    rack = mesh.cell("rack", "terminal_rack", 80.0)
+    long, wide, large = mesh.geometry.size, mesh.geometry.size**2, mesh.geometry.size**3
+    busbar = mesh.cell("busbar", "terminal_rack", 150.0 * large)
+    rack = mesh.cell("rack", "terminal_rack", 80.0 * large)
     for k in (0, 1, 2):
-        mesh.join(f"crown_b{k}", bars, 1 / 1.05, "copper")
-    mesh.join(bars, rack, 1 / 4.0, "plastic")
-    mesh.join(rack, "shield_b", 1 / 4.5, "plastic")
-    mesh.join(bars, "air_b_out", 0.0, "film.endwinding", "endwinding", 0.008)
+        mesh.join(f"crown_b{k}", busbar, 1 / (1.05 * long), "copper")
+    mesh.join(busbar, rack, 1 / (4.0 * long), "plastic")
+    mesh.join(rack, "shield_b", 1 / (4.5 * long), "plastic")
+    mesh.join(busbar, "air_b_out", 0.0, "film.endwinding", "endwinding", 0.008 * wide)
 
 
 def along(mesh: Mesh, stem: str) -> NDArray[np.intp]:

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plant.drives import wltp
+from plant.forms import JACKETED, Form
 from plant.plant import Plant
-from plant.sensors import SENSORS
 
 Floats = NDArray[np.float64]
 
@@ -24,14 +24,14 @@ SETTLE = 0.25  # of the cycle: after the start
 
 
 @cache
-def weights(signal: str) -> Mapping[str, float]:
+def weights(signal: str, form: Form = JACKETED) -> Mapping[str, float]:
     """Node -> share, to two digits: least squares over a WLTC of the motor as designed; the node alone of one that is
     not in `TOWARDS`."""
-    (sensor,) = (one for one in SENSORS if one.signal == signal)
+    (sensor,) = (one for one in form.sensors if one.signal == signal)
     if signal not in TOWARDS:
         return {sensor.node: 1.0}
-    plant = Plant(0, roughness=0.0)
-    mesh, run = plant.mesh, plant.run(wltp(1))
+    plant = Plant(0, roughness=0.0, form=form)
+    mesh, run = plant.mesh, plant.run(wltp(1, form.vehicle))
     after = run.temperatures[int(SETTLE * len(run.temperatures)) :]
 
     def mean(node: str) -> Floats:

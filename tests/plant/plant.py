@@ -14,17 +14,18 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from plant import everyday as daily
-from plant import losses, machine, solver
+from plant import losses, solver
+from plant import machine as electric
 from plant.drives import Drive, drive
 from plant.effects import Effect, law
 from plant.films import FLOW0, films
-from plant.geometry import ALPHA_COPPER, GLYCOL, Geometry
-from plant.machine import Point
-from plant.mesh import BOILS, GAPES, Joint, Mesh, build
+from plant.forms import JACKETED, Form
+from plant.geometry import ALPHA_COPPER
+from plant.machine import MACHINE, Machine, Point
+from plant.mesh import BOILS, GAPES, Joint, Mesh
 
 Floats = NDArray[np.float64]
 
-T0_Nm = 220.0
 LITRE_PER_MIN = 1e-3 / 60.0
 
 
@@ -50,20 +51,26 @@ class Truth:
 
 class Plant:
     """A specimen. `effect`: hidden effects; `roughness` 0 is the motor as designed, 1 an everyday specimen; `axial`
-    slices.
+    slices; `form`: what motor it is.
 
     The draws of a seed do not depend on the effects, so that a plant with and without one differs by it alone.
     """
 
     def __init__(
-        self, seed: int, effect: Effect | tuple[Effect, ...] = (), *, roughness: float = 1.0, axial: int = 6
+        self,
+        seed: int,
+        effect: Effect | tuple[Effect, ...] = (),
+        *,
+        roughness: float = 1.0,
+        axial: int = 6,
+        form: Form = JACKETED,
     ) -> None:
         self.seed = seed
         self.effects = (effect,) if isinstance(effect, Effect) else effect
         self.roughness = roughness
-        self.geometry = Geometry()
-        designed = build(self.geometry, axial)
-        self.everyday = daily.draw(seed, designed, roughness) if roughness else daily.Everyday()
+        self.form, self.geometry = form, form.geometry
+        designed = form.build(self.geometry, axial)
+        self.everyday = daily.draw(seed, designed, form, roughness) if roughness else daily.designed(form)
         self.mesh = self._as_built(designed)
 
     def random(self, *key: int) -> np.random.Generator:
@@ -96,7 +103,7 @@ class Plant:
         for effect in self.effects:
             scale[self._joints(effect)] *= self._factor(effect, number, dose_h)
         slope = np.array([losses.SLOPES.get(cell.node, 0.0) for cell in self.mesh.cells])
-        dc = losses.direct(self.mesh) * self.everyday.dc
+        dc = losses.direct(self.mesh, self.form.losses.terminal_ohm) * self.everyday.dc
         for effect in self.effects:
             if effect.kind == "loss" and effect.law == "temperature":
                 slope[self._cells(effect)] += effect.size
@@ -137,10 +144,10 @@ class Plant:
         first = self.warm(number, drive) if start is None else start
         hot = np.full(drive.samples, first[self.mesh.of_node("magnet")].mean())
         if drive.torque_Nm.any():  # currents depend on the magnets' temperature, which depends on the currents
-            coarse = self._march(system, drive, operate(drive, hot), first, 4 * step, number)
+            coarse = self._march(system, drive, operate(drive, hot, self.form.machine), first, 4 * step, number)
             magnets = coarse.temperatures[:, self.mesh.of_node("magnet")].mean(axis=1)
             hot = np.interp(np.arange(drive.samples) / drive.rate_hz, np.arange(len(magnets)) * 4 * step, magnets)
-        point = operate(drive, hot)
+        point = operate(drive, hot, self.form.machine)
         solution = self._march(system, drive, point, first, step, number)
         t = np.arange(len(solution.temperatures), dtype=np.float64) * step
         return Truth(
@@ -170,13 +177,13 @@ class Plant:
                 heat[:, self._cells(effect)] *= effect.size
                 ac[:, self._cells(effect)] *= effect.size
             heat += self._extra(effect, drive, point, mean, number)
-        flow = mean(drive.flow_lpm) * LITRE_PER_MIN * GLYCOL.density * GLYCOL.heat_capacity
+        flow = mean(drive.flow_lpm) * LITRE_PER_MIN * self.form.coolant.density * self.form.coolant.heat_capacity
         outside = np.stack([mean(drive.inlet_degC), mean(drive.ambient_degC)], axis=1)
         return solver.Loads(self._films(system, drive, point, mean, number), flow, outside, mean(current2), ac, heat)
 
     def _films(self, system: solver.System, drive: Drive, point: Point, mean, number: int) -> Floats:  # type: ignore[no-untyped-def]
         courses = films(self.everyday.films, self.geometry, drive.speed_rpm, drive.flow_lpm)
-        features = _features(drive, point)
+        features = _features(drive, point, self.form.machine)
         for effect in self.effects:
             if effect.is_missing_path:
                 courses[effect.cause] = law(effect.law, features)
@@ -190,7 +197,7 @@ class Plant:
 
     def _extra(self, effect: Effect, drive: Drive, point: Point, mean, number: int) -> Floats:  # type: ignore[no-untyped-def]
         """Heat (N, n) [W] that an effect adds; the same at each node of a group, over its cells by capacity."""
-        course = _added(effect, drive, point, self.random(6, number))
+        course = _added(effect, drive, point, self.form.machine, self.random(6, number))
         heat = np.zeros((1, len(self.mesh.cells)))
         if course is None:
             return heat
@@ -214,7 +221,7 @@ class Plant:
     def _balance(self, like: Drive, speed_rpm: float, torque_Nm: float) -> Floats:
         row = replace(_row(like, 10), speed_rpm=np.full(10, speed_rpm), torque_Nm=np.full(10, torque_Nm))
         system = self.system()
-        point = operate(row, np.full(10, 90.0))
+        point = operate(row, np.full(10, 90.0), self.form.machine)
         return solver.steady(system, self.loads(system, row, point, 10 / row.rate_hz))
 
     def warm(self, number: int, like: Drive) -> Floats:
@@ -223,13 +230,18 @@ class Plant:
         if not like.flow_lpm[0]:
             return np.full(len(self.mesh.cells), float(like.ambient_degC[0]))
         random = self.random(3, number)
-        speed, torque = random.uniform(1500.0, 7000.0), random.uniform(10.0, 60.0)
-        healthy = self if not self.effects else Plant(self.seed, roughness=self.roughness, axial=self.mesh.axial)
+        machine = self.form.machine
+        speed = random.uniform(1500.0, 7000.0) * (machine.top_rpm / MACHINE.top_rpm)
+        torque = random.uniform(10.0, 60.0) * (machine.torque_Nm / MACHINE.torque_Nm)
+        healthy = self if not self.effects else self._without_effects()
         hot = healthy.steady(like, float(speed), float(torque))
         steps = int(random.integers(30, 240))
         still = replace(_row(like, steps), rate_hz=0.1, inverter=np.zeros(steps), speed_rpm=np.zeros(steps))
         cooled = healthy.run(replace(still, torque_Nm=np.zeros(steps)), start=hot, step_s=10.0).temperatures[-1]
         return np.concatenate([cooled, np.full(len(self.mesh.cells) - len(cooled), cooled.mean())])
+
+    def _without_effects(self) -> Plant:
+        return Plant(self.seed, roughness=self.roughness, axial=self.mesh.axial, form=self.form)
 
 
 def _row(like: Drive, samples: int) -> Drive:
@@ -244,9 +256,9 @@ def _row(like: Drive, samples: int) -> Drive:
     )
 
 
-def operate(drive: Drive, magnet_degC: Floats) -> Point:
+def operate(drive: Drive, magnet_degC: Floats, machine: Machine = MACHINE) -> Point:
     """The electric point of each sample: from torque, or from a direct current; none where the inverter is off."""
-    point = machine.operate(drive.speed_rpm, drive.torque_Nm * drive.inverter, magnet_degC)
+    point = electric.operate(drive.speed_rpm, drive.torque_Nm * drive.inverter, magnet_degC, machine)
     on = drive.inverter
     return replace(
         point,
@@ -254,7 +266,8 @@ def operate(drive: Drive, magnet_degC: Floats) -> Point:
         i_q=point.i_q * on,
         u_d=point.u_d * on,
         u_q=point.u_q * on,
-        flux=np.where(on > 0, point.flux, machine.PSI_Wb),
+        flux=np.where(on > 0, point.flux, machine.psi_Wb),
+        gap_flux=np.where(on > 0, point.gap_flux, machine.psi_Wb),
     )
 
 
@@ -276,8 +289,9 @@ def between(mesh: Mesh, a: str, b: str) -> NDArray[np.intp]:
         or (x in across and node.get(y, y) in (a, b))
         or (y in across and node.get(x, x) in (a, b))
     }
-    if b == "coolant":  # the film between sleeve and water stands for the link
-        wanted = {i for i, joint in enumerate(mesh.joints) if joint.film == "jacket"}
+    if b == "coolant":  # the film between the node's solid cells and its coolant stands for the link
+        wet = {name for name in mesh.coolant if node[name] == a}
+        wanted = {i for i, (x, y) in enumerate(ends) if (x in wet) != (y in wet) and node[x] == node.get(y) == a}
     return np.array(sorted(wanted), np.intp)
 
 
@@ -312,22 +326,23 @@ def _add(mesh: Mesh, effect: Effect) -> None:
                 mesh.joints[i] = replace(joint, kind=GAPES, area=effect.size, low=95.0, high=120.0)
 
 
-def _features(drive: Drive, point: Point) -> dict[str, Floats]:
+def _features(drive: Drive, point: Point, machine: Machine) -> dict[str, Floats]:
     return {
-        "speed": drive.speed_rpm / losses.N0,
-        "current": point.current / losses.I0,
-        "torque": point.torque / T0_Nm,
+        "speed": drive.speed_rpm / machine.top_rpm,
+        "current": point.current / machine.current_A,
+        "torque": point.torque / machine.torque_Nm,
         "flow": drive.flow_lpm / FLOW0,
     }
 
 
-def _added(effect: Effect, drive: Drive, point: Point, random: np.random.Generator) -> Floats | None:
+def _added(effect: Effect, drive: Drive, point: Point, machine: Machine, random: np.random.Generator) -> Floats | None:
     """The course (M,) of the heat that an effect adds, for 1 W."""
-    features = _features(drive, point)
+    features = _features(drive, point, machine)
     if effect.kind == "loss" and effect.law not in ("scale", "temperature"):
         return law(effect.law, features)
     if effect.cause == "unknown.resonance":
-        return np.exp(-0.5 * ((np.abs(drive.speed_rpm) - 9200.0) / 500.0) ** 2)
+        rpm = np.abs(drive.speed_rpm) / (machine.top_rpm / MACHINE.top_rpm)
+        return np.exp(-0.5 * ((rpm - 9200.0) / 500.0) ** 2)
     if effect.cause == "unknown.contact":
         return features["current"] ** 2 * _switching(random, drive, 250.0, 200.0)
     if effect.cause == "unknown.demagnetised":

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from plant.drives import RATE_HZ, Drive, drive, flat, hold, join, pulse, ramp
-from plant.machine import largest_torque
+from plant.machine import MACHINE, largest_torque
 from plant.plant import Plant
 
 Floats = NDArray[np.float64]
@@ -43,7 +43,7 @@ def s1(
         truth = plant.run(hold(speed_rpm, torque, minutes), number, start=first, step_s=SEARCH_STEP_s)
         return float(hot_spot(plant, truth.temperatures).max()) - limit_degC
 
-    top = 0.97 * largest_torque(speed_rpm)
+    top = 0.97 * largest_torque(speed_rpm, machine=plant.form.machine)
     torque = top if above(top) < 0.0 else float(brentq(above, 1.0, top, xtol=0.1))
     return hold(speed_rpm, round(torque, 1), minutes, name)
 
@@ -56,12 +56,14 @@ def s2(
     pulses: Sequence[tuple[float, float, float]] = PULSES,
     name: str = "s2",
 ) -> Drive:
-    """Pulses in turn, each ended after its length or when the hot spot reaches 180 degC; rests between."""
+    """Pulses in turn, each ended after its length or when the hot spot reaches 180 degC; rests between. Their torques
+    are those of the jacketed motor: another's are larger as its torque is."""
     parts = [drive(name, "s2", ramp(0.0, speed_rpm, 10.0), flat(0.0, 10.0))]
     state = plant.run(parts[0], number, start=plant.warm(number, parts[0])).temperatures[-1]
-    top = 0.97 * largest_torque(speed_rpm)
+    top = 0.97 * largest_torque(speed_rpm, machine=plant.form.machine)
     while sum(part.seconds for part in parts) < 60.0 * minutes:
         length, torque, rest = pulses[(len(parts) - 1) % len(pulses)]
+        torque = torque * plant.form.machine.torque_Nm / MACHINE.torque_Nm
         part = _ended(plant, pulse(speed_rpm, min(torque, top), length, rest), length, rest, state, number)
         state = plant.run(part, number, start=state).temperatures[-1]
         parts.append(part)

@@ -20,24 +20,21 @@ from scipy.optimize import nnls
 from plant import losses, machine, solver
 from plant.drives import AMBIENT_degC, FLOW_lpm, INLET_degC, drive
 from plant.films import films
-from plant.geometry import ALPHA_COPPER, GLYCOL, NODES
-from plant.losses import HEATS, I0, N0
-from plant.machine import operate
+from plant.forms import JACKETED, Form
+from plant.geometry import NODES
+from plant.losses import HEATS
 from plant.mesh import CONDUCTS, RADIATES, Mesh
-from plant.plant import LITRE_PER_MIN, Plant, between
+from plant.plant import LITRE_PER_MIN, Plant, between, operate
 
 Floats = NDArray[np.float64]
 
-SPEEDS_rpm = np.array([0.0, 1500.0, 3000.0, 5000.0, 7000.0, 9000.0, 12000.0, 16000.0])
+SPEEDS = np.array([0.0, 1500.0, 3000.0, 5000.0, 7000.0, 9000.0, 12000.0, 16000.0]) / 16000.0  # of the top
 FLOWS_lpm = np.array([4.0, 6.0, 8.0, 10.0, 12.0, 14.0])
 USUAL = {"endwinding": 0.7, "air": 0.7, "end_plate": 0.8, "rotor_surface": 0.8, "bearing": 0.5, "shaft": 0.6}
 FLOW_EXPONENT = 0.8
 LEAST_W_per_K = 0.08  # links below are left out, as nobody would draw them
-RATED = (6000.0, 75.0)  # rpm, Nm
 LEAST_K, LEAST_W, MOST = 4.0, 0.3, 2.5  # what a link's scaling at the rated point needs, and the largest factor
 DC_SD = 0.05
-BEARING_SD = 1.0  # what rolling contacts and their grease conduct is known to a factor of three
-GAP_SD = 0.8  # what an air gap conducts to a factor of two: slots, tips as hot as no lump, drag in between
 
 Law = tuple[tuple[tuple[str, float], ...], ...]
 LOSS_LAWS: Mapping[str, Law] = {
@@ -71,9 +68,9 @@ class Reduced:
 
 
 @cache
-def reduce() -> Reduced:
+def reduce(form: Form = JACKETED) -> Reduced:
     """The reduction of the motor as designed."""
-    plant = Plant(0, roughness=0.0)
+    plant = designed(form)
     return Reduced(_capacities(plant.mesh), _links(plant), {**_copper(plant), **_other_losses(plant)})
 
 
@@ -100,8 +97,10 @@ def _links(plant: Plant) -> dict[tuple[str, str], tuple[Term, ...]]:
             values = np.array([_conductance(plant, a, b, 0.0, flow) for flow in FLOWS_lpm])
             terms = _fit(values, FLOWS_lpm / 10.0, "flow", FLOW_EXPONENT)
         else:
-            values = np.array([_conductance(plant, a, b, speed, FLOW_lpm) for speed in SPEEDS_rpm])
-            terms = _fit(values, SPEEDS_rpm / N0, "speed", _exponent(a, b))
+            values = np.array(
+                [_conductance(plant, a, b, speed, FLOW_lpm) for speed in SPEEDS * plant.form.machine.top_rpm]
+            )
+            terms = _fit(values, SPEEDS, "speed", _exponent(a, b))
         if values.max() > LEAST_W_per_K:
             result[a, b] = terms
     return _at_rated_point(plant, result)
@@ -111,14 +110,15 @@ def _at_rated_point(
     plant: Plant, links: dict[tuple[str, str], tuple[Term, ...]]
 ) -> dict[tuple[str, str], tuple[Term, ...]]:
     """The links, each scaled (within MOST) to the mesh's flow between its nodes over the difference of their means."""
-    point = drive("rated", "s1", np.full(10, RATED[0]), np.full(10, RATED[1]))
-    loads = plant.loads(_system(), point, operate(point.speed_rpm, point.torque_Nm, np.full(10, 100.0)), 1.0)
-    temperatures = solver.steady(_system(), loads)
+    (rpm, torque), top = plant.form.rated, plant.form.machine.top_rpm
+    point = drive("rated", "s1", np.full(10, rpm), np.full(10, torque))
+    loads = plant.loads(_system(plant), point, operate(point, np.full(10, 100.0), plant.form.machine), 1.0)
+    temperatures = solver.steady(_system(plant), loads)
     outside = {"coolant": INLET_degC, "ambient": AMBIENT_degC}
     of_cell = dict(zip((cell.name for cell in plant.mesh.cells), temperatures.tolist(), strict=True)) | outside
     mean = {node: _mean(plant.mesh, node, temperatures) for node in NODES} | outside
-    joints = _joint_conductances(plant, RATED[0], FLOW_lpm)
-    features = {"speed": RATED[0] / N0, "flow": FLOW_lpm / 10.0}
+    joints = _joint_conductances(plant, rpm, FLOW_lpm)
+    features = {"speed": rpm / top, "flow": FLOW_lpm / 10.0}
     result = {}
     for (a, b), terms in links.items():
         now = sum(term.coefficient * float(np.prod([features[f] ** e for f, e in term.powers])) for term in terms)
@@ -137,7 +137,9 @@ def _mean(mesh: Mesh, node: str, temperatures: Floats) -> float:
 def _flow(plant: Plant, a: str, b: str, joints: Floats, of_cell: Mapping[str, float], stream: float) -> float:
     """Heat [W] from a to b in the mesh; through an interface the mean of what enters and what leaves."""
     if b == "coolant":
-        return stream * (of_cell[plant.mesh.coolant[-1]] - of_cell["coolant"])
+        return stream * sum(
+            share * (of_cell[last] - of_cell[before or "coolant"]) for before, last, share in _runs(plant.mesh, a)
+        )
     node = {cell.name: cell.node for cell in plant.mesh.cells}
     total = 0.0
     for i in between(plant.mesh, a, b).tolist():
@@ -147,6 +149,17 @@ def _flow(plant: Plant, a: str, b: str, joints: Floats, of_cell: Mapping[str, fl
         half = 0.5 if "" in ends else 1.0
         total += half * direction * joints[i] * (of_cell[joint.a] - of_cell[joint.b])
     return total
+
+
+def _runs(mesh: Mesh, node: str) -> list[tuple[str, str, float]]:
+    """The cells before and at the end of each run of a node's coolant, "" for the inlet, and its share."""
+    mine = {cell.name for cell in mesh.cells if cell.node == node}
+    runs: dict[str, tuple[str, str, float]] = {}
+    for station in mesh.stations:
+        if station.cell in mine:
+            before, _, share = runs.pop(station.before, (station.before, "", station.share))
+            runs[station.cell] = (before, station.cell, share)
+    return list(runs.values())
 
 
 def _exponent(a: str, b: str) -> float:
@@ -159,7 +172,7 @@ def _exponent(a: str, b: str) -> float:
 def _pairs(mesh: Mesh) -> list[tuple[str, str]]:
     order = [*NODES, "coolant", "ambient"]
     node = {cell.name: cell.node for cell in mesh.cells} | {"coolant": "coolant", "ambient": "ambient"}
-    found = {("jacket", "coolant")}
+    found = {(node[name], "coolant") for name in mesh.coolant}
     near: dict[str, set[str]] = {}
     for joint in mesh.joints:
         x, y = node[joint.a], node[joint.b]
@@ -183,8 +196,8 @@ def _conductance(plant: Plant, a: str, b: str, speed_rpm: float, flow_lpm: float
     inside = {cell.name for cell in mesh.cells if cell.node in (a, b)}
     chosen = set(between(mesh, a, b).tolist()) if b != "coolant" else set()
     node = {cell.name: cell.node for cell in mesh.cells}
-    if b == "coolant":  # sleeve and stations, the water marched along
-        inside = {cell.name for cell in mesh.cells if cell.node == "jacket"}
+    if b == "coolant":  # metal and stations, the coolant marched along
+        inside = {cell.name for cell in mesh.cells if cell.node == a}
     for i, joint in enumerate(mesh.joints):
         if joint.a in inside and joint.b in inside and node[joint.a] == node[joint.b]:
             chosen.add(i)
@@ -205,11 +218,12 @@ def _driven(
                 if y in at:
                     matrix[at[x], at[y]] -= g
     if b == "coolant":
-        stream = flow_lpm * LITRE_PER_MIN * GLYCOL.density * GLYCOL.heat_capacity
-        for k, name in enumerate(mesh.coolant):
-            matrix[at[name], at[name]] += stream
-            if k:
-                matrix[at[name], at[mesh.coolant[k - 1]]] -= stream
+        stream = flow_lpm * LITRE_PER_MIN * plant.form.coolant.density * plant.form.coolant.heat_capacity
+        for station in mesh.stations:
+            if station.cell in at:
+                matrix[at[station.cell], at[station.cell]] += stream * station.share
+            if station.cell in at and station.before in at:
+                matrix[at[station.cell], at[station.before]] -= stream * station.share
     facing = _facing(mesh, a, b)
     weights = {node: _weights(mesh, node, cells, facing, b == "coolant") for node in (a, b) if node in NODES}
     drive = weights[a] - weights.get(b, 0.0)
@@ -244,8 +258,14 @@ def _weights(mesh: Mesh, node: str, cells: list[str], facing: set[str], dry: boo
 
 
 @cache
-def _system() -> solver.System:
-    return Plant(0, roughness=0.0).system()
+def designed(form: Form) -> Plant:
+    """The motor as designed."""
+    return Plant(0, roughness=0.0, form=form)
+
+
+@cache
+def _system(plant: Plant) -> solver.System:
+    return plant.system()
 
 
 @cache
@@ -289,9 +309,9 @@ def _sum(plant: Plant, node: str, cells: Floats) -> Floats:
 
 def _copper(plant: Plant) -> dict[str, tuple[Term, ...]]:
     """Copper losses: DC exactly; AC as speed squared, fitted to the bars' over a map."""
-    speed, _, point = _map()
-    dc = losses.direct(plant.mesh) * I0**2
-    current2 = point.current**2
+    speed, point = loss_map(plant.form)
+    dc = losses.direct(plant.mesh, plant.form.losses.terminal_ohm) * plant.form.machine.current_A**2
+    current2, features = point.current**2, _ratios(plant.form, speed, point)
     ac = losses.alternating(plant.everyday.losses, plant.mesh, current2, speed) @ losses.alternating_shares(plant.mesh)
     result = {}
     for node in NODES:
@@ -299,7 +319,7 @@ def _copper(plant: Plant) -> dict[str, tuple[Term, ...]]:
         if direct:
             terms = [Term(direct, (("current", 2.0),), 1, DC_SD)]
             law = ((("current", 2.0), ("speed", 2.0)),)
-            if coefficient := _fitted(law, _sum(plant, node, ac), speed, point.current)[0]:
+            if coefficient := _fitted(law, _sum(plant, node, ac), features)[0]:
                 terms.append(Term(coefficient, law[0], -1, 0.2))
             result[node] = tuple(terms)
     return result
@@ -308,7 +328,7 @@ def _copper(plant: Plant) -> dict[str, tuple[Term, ...]]:
 def _other_losses(plant: Plant) -> dict[str, tuple[Term, ...]]:
     """Iron, magnets, bearings over the same map; ripple of the inverter and end windage are left out, the gap's drag is
     given to the rotor surface, as usual."""
-    speed, _, point = _map()
+    speed, point = loss_map(plant.form)
     heats = losses.heats(plant.everyday.losses, point, speed, np.ones_like(speed))
     for name in ("ripple", "end_drag", "contact"):
         heats[:, HEATS.index(name)] = 0.0
@@ -317,85 +337,47 @@ def _other_losses(plant: Plant) -> dict[str, tuple[Term, ...]]:
     cells = heats @ shares
     result = {}
     for node, law in LOSS_LAWS.items():
-        coefficients = _fitted(law, _sum(plant, node, cells), speed, point.current)
+        coefficients = _fitted(law, _sum(plant, node, cells), _ratios(plant.form, speed, point))
         terms = zip(coefficients, law, strict=True)
         result[node] = tuple(Term(c, powers) for c, powers in terms if c > 0.0)
     return result
 
 
-def _map() -> tuple[Floats, Floats, machine.Point]:
-    """Speed, torque and point over a campaign's points: 24 speeds, torque shares that thin out towards the top."""
-    speeds = np.linspace(600.0, 15_000.0, 24)
+def loss_map(form: Form) -> tuple[Floats, machine.Point]:
+    """Speed and point over a campaign's points: 24 speeds, torque shares that thin out towards the top."""
+    speeds = np.linspace(600.0, 15_000.0, 24) * (form.machine.top_rpm / 16_000.0)
     shares = np.array([0.0, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.55, 0.75, 0.95])
     speed = np.repeat(speeds, shares.size)
-    top = np.repeat([machine.largest_torque(float(n)) for n in speeds], shares.size)
+    top = np.repeat([machine.largest_torque(float(n), machine=form.machine) for n in speeds], shares.size)
     torque = np.tile(shares, speeds.size) * top
-    return speed, torque, operate(speed, torque, np.full(speed.size, 100.0))
+    return speed, machine.operate(speed, torque, np.full(speed.size, 100.0), form.machine)
 
 
-def _fitted(law: Law, watts: Floats, speed_rpm: Floats, current: Floats) -> tuple[float, ...]:
+def _ratios(form: Form, speed_rpm: Floats, point: machine.Point) -> dict[str, Floats]:
+    return {"speed": speed_rpm / form.machine.top_rpm, "current": point.current / form.machine.current_A}
+
+
+def _fitted(law: Law, watts: Floats, features: Mapping[str, Floats]) -> tuple[float, ...]:
     """Coefficients, not negative, that fit `watts` with errors weighted between absolute and relative."""
-    features = {"speed": speed_rpm / N0, "current": current / I0}
     columns = [np.prod([features[name] ** power for name, power in powers], axis=0) for powers in law]
     weight = 1.0 / (np.abs(watts) + 0.2 * np.abs(watts).mean() + 1e-9)
     found = nnls(np.stack(columns, axis=1) * weight[:, None], watts * weight)[0]
     return tuple(float(c) for c in found)
 
 
-def loss_errors() -> dict[str, float]:
+def loss_errors(form: Form = JACKETED) -> dict[str, float]:
     """Node -> mean relative error of the fitted law over the map, weighted by loss."""
-    plant = Plant(0, roughness=0.0)
-    speed, _, point = _map()
+    plant = designed(form)
+    speed, point = loss_map(form)
     heats = losses.heats(plant.everyday.losses, point, speed, np.ones_like(speed))
     cells = heats @ losses.shares(plant.mesh)
-    features = {"speed": speed / N0, "current": point.current / I0}
+    features = _ratios(form, speed, point)
     errors = {}
     for node in LOSS_LAWS:
         true = _sum(plant, node, cells)
         fitted = sum(
             term.coefficient * np.prod([features[name] ** power for name, power in term.powers], axis=0)
-            for term in reduce().sources[node]
+            for term in reduce(form).sources[node]
         )
         errors[node] = float(np.abs(fitted - true).sum() / true.sum())
     return errors
-
-
-# ---- the file ------------------------------------------------------------------------------------------------------
-
-REGIONS = {
-    **dict.fromkeys(("shaft", "rotor_core", "rotor_surface", "end_plate_a", "end_plate_b"), "rotor"),
-    **dict.fromkeys(("bearing_a", "bearing_b"), "bearing"),
-    **dict.fromkeys(("yoke", "teeth"), "iron"),
-    **dict.fromkeys(("housing", "jacket"), "housing"),
-    **dict.fromkeys(("air_a", "air_b"), "fluid"),
-    "magnet": "magnet",
-}
-
-
-def motor_toml(name: str = "mesh-150kW") -> str:
-    """The motor file."""
-    reduced = reduce()
-    lines = ['schema = "whyhot.motor/1"', f'name = "{name}"', "", "[scale]", f"speed_rpm = {N0}", f"current_A = {I0}"]
-    lines += ["flow_lpm = 10.0", "", "[copper]", f"alpha_per_K = {ALPHA_COPPER}", "reference_degC = 20.0", ""]
-    for node, capacity in reduced.capacities.items():
-        region = REGIONS.get(node, "copper")
-        limit = {"copper": "limit_degC = 180.0\n", "magnet": "limit_degC = 150.0\n"}.get(region, "")
-        spread = "sd = 0.4\n" if region == "fluid" else ""
-        lines.append(f'[[node]]\nname = "{node}"\ncapacity = {capacity:.5g}\nregion = "{region}"\n{spread}{limit}')
-    lines += [f'[[boundary]]\nname = "{boundary}"\n' for boundary in ("coolant", "ambient")]
-    for (a, b), terms in reduced.links.items():
-        if any(end.startswith("bearing") for end in (a, b)):
-            terms = tuple(replace(term, sd=BEARING_SD) for term in terms)
-        if (a, b) == ("rotor_surface", "teeth"):
-            terms = tuple(replace(term, sd=GAP_SD) for term in terms)
-        lines.append(f'[[link]]\nbetween = ["{a}", "{b}"]\nterms = [{", ".join(map(_written, terms))}]\n')
-    for node, terms in reduced.sources.items():
-        lines.append(f'[[source]]\nnode = "{node}"\nterms = [{", ".join(map(_written, terms))}]\n')
-    return "\n".join(lines)
-
-
-def _written(term: Term) -> str:
-    parts = [f"coefficient = {term.coefficient:.5g}", *(f"{name} = {power:g}" for name, power in term.powers)]
-    parts += {1: ["copper = true"], -1: ["resistance = -1"]}.get(term.copper, [])
-    parts += [f"sd = {term.sd:g}"] if term.sd is not None else []
-    return "{" + ", ".join(parts) + "}"

@@ -13,8 +13,10 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from plant.effects import Effect
+from plant.forms import JACKETED, Form
 from plant.mesh import Mesh
 from plant.plant import Plant, Truth
+from plant.thermocouples import SENSORS, Sensor
 
 Floats = NDArray[np.float64]
 Times = NDArray[np.int64]
@@ -31,29 +33,6 @@ EPOCH_NS = 1_760_000_000 * 10**9  # 2025-10-09 08:53:20 UTC; sessions are a day 
 DAY_NS = 86_400 * 10**9
 
 
-@dataclass(frozen=True)
-class Sensor:
-    """A thermocouple `signal` for `node`; `cells`: stem -> weight as designed; `radio`: sent from the rotor."""
-
-    signal: str
-    node: str
-    cells: tuple[tuple[str, float], ...]
-    radio: bool = False
-
-
-# {m} is the middle slice, {e} the last; between two layers, glued to one of them.
-SENSORS = (
-    Sensor("EW_A_inner", "endwinding_a_inner", (("crown_a4", 0.5), ("crown_a5", 0.3), ("near_a4", 0.2))),
-    Sensor("EW_B_inner", "endwinding_b_inner", (("crown_b4", 0.5), ("crown_b3", 0.3), ("near_b4", 0.2))),
-    Sensor("EW_A_outer", "endwinding_a_outer", (("crown_a1", 0.6), ("crown_a0", 0.2), ("near_a1", 0.2))),
-    Sensor("EW_B_outer", "endwinding_b_outer", (("crown_b1", 0.6), ("crown_b2", 0.2), ("near_b1", 0.2))),
-    Sensor("TC_teeth", "teeth", (("tooth_mid.0", 0.5), ("tooth_mid.1", 0.3), ("tooth_root.0", 0.2))),
-    Sensor("TC_yoke", "yoke", (("yoke_out.{e}", 0.5), ("yoke_in.{e}", 0.4), ("yoke_in.{m}", 0.1))),
-    Sensor("RS", "rotor_surface", (("surface.1", 0.7), ("surface.0", 0.3)), True),
-    Sensor("MAG", "magnet", (("magnet.{m}", 0.7), ("magnet.1", 0.3)), True),
-    Sensor("TC_housing", "housing", (("case.{m}", 0.8), ("shield_b", 0.2))),
-    Sensor("TC_bearing_a", "bearing_a", (("race_a_out", 0.8), ("hub_a", 0.2))),
-)
 LAYOUTS = {
     "paper": ("EW_A_inner", "EW_B_inner", "RS", "MAG"),
     "six": ("EW_A_inner", "EW_B_inner", "TC_teeth", "TC_yoke", "RS", "MAG"),
@@ -102,9 +81,9 @@ COOLANT = Message(
 )
 
 
-def sensors(layout: str) -> tuple[Sensor, ...]:
-    """The sensors of a layout, in the order of SENSORS."""
-    return tuple(sensor for sensor in SENSORS if sensor.signal in LAYOUTS[layout])
+def sensors(layout: str, form: Form = JACKETED) -> tuple[Sensor, ...]:
+    """The sensors of a layout in a motor of this form, in the order of SENSORS."""
+    return tuple(sensor for sensor in form.sensors if sensor.signal in LAYOUTS[layout])
 
 
 def messages(layout: str) -> tuple[Message, ...]:
@@ -196,18 +175,18 @@ def _white(random: np.random.Generator, t: Floats) -> Floats:
 
 def _temperatures(plant: Plant, truth: Truth, random: np.random.Generator, t: Floats, layout: str) -> dict[str, Floats]:
     """Signal -> readings (M,). A specimen's sensors sit where its seed says, in every session."""
-    place, mine = plant.random(8), sensors(layout)
+    place, mine = plant.random(8), LAYOUTS[layout]
     readings: dict[str, Floats] = {}
-    for sensor in SENSORS:  # all of them are drawn, so that a layout does not change the others
+    for sensor in plant.form.sensors:  # all of them are drawn, so that a layout does not change the others
         cells, weights = _place(plant.mesh, sensor, place, plant.roughness)
         lag = LAG_s + plant.roughness * LAG_SD_s * float(place.standard_normal())
         gain = 1.0 + plant.roughness * GAIN_SD * float(place.standard_normal())
         bias = plant.roughness * BIAS_SD_K * float(random.standard_normal())
         noise = _white(random, t)
-        if sensor in mine:
+        if sensor.signal in mine:
             effects = [e for e in plant.effects if e.kind == "sensor" and e.place == sensor.node]
             readings[sensor.signal] = _read(truth, truth.at(cells, weights), t, lag, gain, bias, effects) + noise
-    _faults(plant.effects, {s.node: s for s in mine}, readings, t, plant.random(9, truth.number))
+    _faults(plant.effects, {s.node: s for s in sensors(layout)}, readings, t, plant.random(9, truth.number))
     return readings
 
 

@@ -77,7 +77,8 @@ def _ints(values: object) -> Index:
 class System:
     """The mesh as arrays. Joints (J,): ends `a`, `b` (boundaries from n on), `resistance`, `film` (-1 none), `area`,
     `kind`, thresholds, and their entries in the matrix `at` (J, 2), -1 at a boundary. `flow` (W,): cells of the
-    coolant in order, `flow_at` their entries towards the cell before. `dc` (n,) W/A2 at 20 degC; `slope` (n,) 1/K of
+    coolant, each behind the one before it, `flow_at` their entries towards that (-1: from the inlet), `share` of the
+    coolant in each and what `leaves` the motor there. `dc` (n,) W/A2 at 20 degC; `slope` (n,) 1/K of
     the other heat."""
 
     capacity: Floats
@@ -92,6 +93,8 @@ class System:
     at: Index
     flow: Index
     flow_at: Index
+    share: Floats
+    leaves: Floats
     dc: Floats
     slope: Floats
     alpha: float
@@ -140,9 +143,9 @@ def system(mesh: Mesh, capacity: Floats, scale: Floats, dc: Floats, slope: Float
     a = np.array([index[j.a] for j in mesh.joints], np.int64)
     b = np.array([index[j.b] for j in mesh.joints], np.int64)
     films = tuple(dict.fromkeys(j.film for j in mesh.joints if j.film))
-    flow = np.array([index[name] for name in mesh.coolant], np.int64)
+    stations = [(index[s.cell], index[s.before] if s.before else -1, s.share) for s in mesh.stations]
     pairs = {(int(i), int(j)) for i, j in zip(a, b, strict=True) if j < n}
-    pairs |= {(int(i), int(j)) for i, j in zip(flow[1:], flow[:-1], strict=True)}
+    pairs |= {(i, before) for i, before, _ in stations if before >= 0}
     program = eliminate(n, pairs)
     at = [
         (program.place[i, j], program.place[j, i]) if j < n else (-1, -1)
@@ -160,8 +163,10 @@ def system(mesh: Mesh, capacity: Floats, scale: Floats, dc: Floats, slope: Float
             low=np.array([j.low for j in mesh.joints]),
             high=np.array([j.high for j in mesh.joints]),
             at=np.array(at, np.int64),
-            flow=flow,
-            flow_at=np.array([-1, *(program.place[int(i), int(j)] for i, j in zip(flow[1:], flow, strict=False))]),
+            flow=np.array([i for i, _, _ in stations], np.int64),
+            flow_at=np.array([program.place[i, before] if before >= 0 else -1 for i, before, _ in stations], np.int64),
+            share=np.array([share for _, _, share in stations]),
+            leaves=np.array([share - sum(s for _, b, s in stations if b == i) for i, _, share in stations]),
             dc=dc,
             slope=slope,
             alpha=alpha,
@@ -198,7 +203,7 @@ def _joints(t, outside, film, a, b, resistance, which, area, kind, low, high, ga
 
 
 @njit(cache=True)
-def _matrix(v, diagonal, weight, g, a, b, at, own, stream, flow, flow_at):  # type: ignore[no-untyped-def]
+def _matrix(v, diagonal, weight, g, a, b, at, own, stream, coolant):  # type: ignore[no-untyped-def]
     """diag(diagonal) + weight K into the entries `v`; `own` (n,) is subtracted from K's diagonal."""
     n = len(diagonal)
     v[:] = 0.0
@@ -211,10 +216,11 @@ def _matrix(v, diagonal, weight, g, a, b, at, own, stream, flow, flow_at):  # ty
             v[b[j]] += x
             v[at[j, 0]] -= x
             v[at[j, 1]] -= x
+    flow, flow_at, share, _ = coolant
     for k in range(len(flow)):
-        v[flow[k]] += weight * stream
+        v[flow[k]] += weight * (stream * share[k])
         if flow_at[k] >= 0:
-            v[flow_at[k]] -= weight * stream
+            v[flow_at[k]] -= weight * (stream * share[k])
 
 
 @njit(cache=True)
@@ -243,7 +249,7 @@ def _solve(v, x, order, start, row, lower, upper):  # type: ignore[no-untyped-de
 
 
 @njit(cache=True)
-def _count(t, s, own, outside, g, a, b, stream, flow):  # type: ignore[no-untyped-def]
+def _count(t, s, own, outside, g, a, b, stream, coolant_at):  # type: ignore[no-untyped-def]
     """(heat made, to the coolant, to the ambient) [W] at temperatures `t`."""
     n = len(t)
     made = coolant = ambient = 0.0
@@ -254,8 +260,10 @@ def _count(t, s, own, outside, g, a, b, stream, flow):  # type: ignore[no-untype
             coolant += g[j] * (t[a[j]] - outside[0])
         elif b[j] > n:
             ambient += g[j] * (t[a[j]] - outside[1])
-    if len(flow) > 0:
-        coolant += stream * (t[flow[-1]] - outside[0])
+    flow, _, _, leaves = coolant_at
+    for k in range(len(flow)):
+        if leaves[k] != 0.0:
+            coolant += stream * leaves[k] * (t[flow[k]] - outside[0])
     return made, coolant, ambient
 
 
@@ -271,7 +279,7 @@ def _sources(t, current2, ac, heat, dc, slope, alpha, s, own):  # type: ignore[n
 
 
 @njit(cache=True)
-def _right(x, s, weight, g, a, b, outside, stream, flow):  # type: ignore[no-untyped-def]
+def _right(x, s, weight, g, a, b, outside, stream, coolant):  # type: ignore[no-untyped-def]
     """x += weight (s + what comes from the boundaries)."""
     n = len(x)
     for i in range(n):
@@ -279,12 +287,14 @@ def _right(x, s, weight, g, a, b, outside, stream, flow):  # type: ignore[no-unt
     for j in range(len(a)):
         if b[j] >= n:
             x[a[j]] += weight * g[j] * outside[b[j] - n]
-    if len(flow) > 0:
-        x[flow[0]] += weight * stream * outside[0]
+    flow, flow_at, share, _ = coolant
+    for k in range(len(flow)):
+        if flow_at[k] < 0:
+            x[flow[k]] += weight * (stream * share[k]) * outside[0]
 
 
 @njit(cache=True)
-def _march(t0, dt, capacity, joints, at, flow, flow_at, dc, slope, alpha, program, size, loads, gapes):  # type: ignore[no-untyped-def]
+def _march(t0, dt, capacity, joints, at, coolant, dc, slope, alpha, program, size, loads, gapes):  # type: ignore[no-untyped-def]
     a, b, resistance, which, area, kind, low, high = joints
     order, start, row, lower, upper, update = program
     film, streams, outsides, current2, ac, heat = loads
@@ -297,26 +307,26 @@ def _march(t0, dt, capacity, joints, at, flow, flow_at, dc, slope, alpha, progra
         t, outside, stream = out[k], outsides[k], streams[k]
         _joints(t, outside, film[k], a, b, resistance, which, area, kind, low, high, gapes, g)
         _sources(t, current2[k], ac[k], heat[k], dc, slope, alpha, s, own)
-        _matrix(v, capacity, weight, g, a, b, at, own, stream, flow, flow_at)
+        _matrix(v, capacity, weight, g, a, b, at, own, stream, coolant)
         _factor(v, order, start, lower, upper, update)
         y = capacity * t
-        _right(y, s, weight, g, a, b, outside, stream, flow)
+        _right(y, s, weight, g, a, b, outside, stream, coolant)
         _solve(v, y, order, start, row, lower, upper)
         z = capacity * (t + (1.0 - GAMMA) / GAMMA * (y - t))
-        _right(z, s, weight, g, a, b, outside, stream, flow)
+        _right(z, s, weight, g, a, b, outside, stream, coolant)
         _solve(v, z, order, start, row, lower, upper)
         out[k + 1] = z
         for part, share in ((y, 1.0 - GAMMA), (z, GAMMA)):
-            made, coolant, ambient = _count(part, s, own, outside, g, a, b, stream, flow)
+            made, to_coolant, ambient = _count(part, s, own, outside, g, a, b, stream, coolant)
             first = part is y
             counted[k, 0] = share * made if first else counted[k, 0] + share * made
-            counted[k, 1] = share * coolant if first else counted[k, 1] + share * coolant
+            counted[k, 1] = share * to_coolant if first else counted[k, 1] + share * to_coolant
             counted[k, 2] = share * ambient if first else counted[k, 2] + share * ambient
     return out, counted
 
 
 @njit(cache=True)
-def _rest(t, rounds, joints, at, flow, flow_at, dc, slope, alpha, program, size, loads, gapes):  # type: ignore[no-untyped-def]
+def _rest(t, rounds, joints, at, coolant, dc, slope, alpha, program, size, loads, gapes):  # type: ignore[no-untyped-def]
     a, b, resistance, which, area, kind, low, high = joints
     order, start, row, lower, upper, update = program
     film, stream, outside, current2, ac, heat = loads
@@ -326,10 +336,10 @@ def _rest(t, rounds, joints, at, flow, flow_at, dc, slope, alpha, program, size,
     for _ in range(rounds):
         _joints(t, outside, film, a, b, resistance, which, area, kind, low, high, gapes, g)
         _sources(t, current2, ac, heat, dc, slope, alpha, s, own)
-        _matrix(v, none, 1.0, g, a, b, at, own, stream, flow, flow_at)
+        _matrix(v, none, 1.0, g, a, b, at, own, stream, coolant)
         _factor(v, order, start, lower, upper, update)
         y = np.zeros(n)
-        _right(y, s, 1.0, g, a, b, outside, stream, flow)
+        _right(y, s, 1.0, g, a, b, outside, stream, coolant)
         _solve(v, y, order, start, row, lower, upper)
         change = np.abs(y - t).max()
         t = 0.3 * t + 0.7 * y
@@ -364,4 +374,4 @@ def _fixed(s: System) -> tuple[Any, ...]:
     joints = (s.a, s.b, s.resistance, s.film, s.area, s.kind, s.low, s.high)
     e = s.elimination
     program = (e.order, e.start, e.row, e.lower, e.upper, e.update)
-    return joints, s.at, s.flow, s.flow_at, s.dc, s.slope, s.alpha, program, len(e.place)
+    return joints, s.at, (s.flow, s.flow_at, s.share, s.leaves), s.dc, s.slope, s.alpha, program, len(e.place)

@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 
 from made import can_bench
 from made.places import EXAMPLES
-from plant import reduction
+from plant.forms import JACKETED
+from plant.rules import fitted
 from replay.engine.files.motor_file import read_motor
 from replay.engine.files.motor_text import written
 from replay.errors import MotorFileError
@@ -207,7 +208,7 @@ FILES = {path.parent.name: path.read_text(encoding="utf-8") for path in sorted(E
 
 
 def _file(name: str) -> str:
-    return reduction.motor_toml() if name == "plant" else FILES[name]
+    return fitted(JACKETED) if name == "plant" else FILES[name]
 
 
 @pytest.mark.parametrize("name", [*FILES, "plant"])
