@@ -94,7 +94,7 @@ def _links(plant: Plant) -> dict[tuple[str, str], tuple[Term, ...]]:
     for a, b in _pairs(mesh):
         by_flow = "coolant" in (a, b)
         if by_flow:
-            values = np.array([_conductance(plant, a, b, 0.0, flow) for flow in FLOWS_lpm])
+            values = np.array([_conductance(plant, a, b, plant.form.rated[0], flow) for flow in FLOWS_lpm])
             terms = _fit(values, FLOWS_lpm / 10.0, "flow", FLOW_EXPONENT)
         else:
             values = np.array(
