@@ -32,13 +32,19 @@ def _pot(mesh: Mesh, side: str) -> None:
     skin = 2 * pi * g.slot_bottom_radius * length
     thick = (g.stator_radius - g.slot_bottom_radius) / 2
     half = thick / 2 / (POTTING_W_per_mK * skin)
-    cast = mesh.cell(f"potting_{side}", f"endwinding_{side}_outer", 1.6 * RESIN.heats(skin * thick))
+    cast = mesh.cell(f"potting_{side}", f"endwinding_{side}_outer", RESIN.heats(cast_volume(g, side)))
     for k in range(g.layers):
         deep = 1.0 + 1.5 * k
         for part, share in (("near", g.near_length / length), ("crown", g.crown(side) / length)):
             mesh.join(f"{part}_{side}{k}", cast, deep * half / share, "bundle")
     mesh.join(cast, f"sleeve.{last}", half, "bundle")
     mesh.join(cast, f"shield_{side}", 4 * half, "bundle")
+
+
+def cast_volume(g: Geometry, side: str) -> float:
+    """Resin of one winding head [m3]: beside what is around it, what is between and below."""
+    length = g.near_length + g.crown(side)
+    return 1.6 * pi * g.slot_bottom_radius * length * (g.stator_radius - g.slot_bottom_radius)
 
 
 # ---- round wire ----------------------------------------------------------------------------------------------------

@@ -71,10 +71,10 @@ class Reduced:
 def reduce(form: Form = JACKETED) -> Reduced:
     """The reduction of the motor as designed."""
     plant = designed(form)
-    return Reduced(_capacities(plant.mesh), _links(plant), {**_copper(plant), **_other_losses(plant)})
+    return Reduced(capacities(plant.mesh), fitted_links(plant), {**copper_losses(plant), **_other_losses(plant)})
 
 
-def _capacities(mesh: Mesh) -> dict[str, float]:
+def capacities(mesh: Mesh) -> dict[str, float]:
     """Heat capacity [J/K] of each node; that of an interface goes to its neighbours in equal parts."""
     total = dict.fromkeys(NODES, 0.0)
     node = {cell.name: cell.node for cell in mesh.cells}
@@ -88,19 +88,19 @@ def _capacities(mesh: Mesh) -> dict[str, float]:
 # ---- conductances --------------------------------------------------------------------------------------------------
 
 
-def _links(plant: Plant) -> dict[tuple[str, str], tuple[Term, ...]]:
+def fitted_links(plant: Plant) -> dict[tuple[str, str], tuple[Term, ...]]:
     """Every pair that the mesh joins, node order of the motor file, boundaries last."""
     mesh, result = plant.mesh, {}
-    for a, b in _pairs(mesh):
+    for a, b in pairs(mesh):
         by_flow = "coolant" in (a, b)
         if by_flow:
             values = np.array([_conductance(plant, a, b, plant.form.rated[0], flow) for flow in FLOWS_lpm])
-            terms = _fit(values, FLOWS_lpm / 10.0, "flow", FLOW_EXPONENT)
+            terms = fitted_terms(values, FLOWS_lpm / 10.0, "flow", FLOW_EXPONENT)
         else:
             values = np.array(
                 [_conductance(plant, a, b, speed, FLOW_lpm) for speed in SPEEDS * plant.form.machine.top_rpm]
             )
-            terms = _fit(values, SPEEDS, "speed", _exponent(a, b))
+            terms = fitted_terms(values, SPEEDS, "speed", usual_exponent(a, b))
         if values.max() > LEAST_W_per_K:
             result[a, b] = terms
     return _at_rated_point(plant, result)
@@ -116,25 +116,25 @@ def _at_rated_point(
     temperatures = solver.steady(_system(plant), loads)
     outside = {"coolant": INLET_degC, "ambient": AMBIENT_degC}
     of_cell = dict(zip((cell.name for cell in plant.mesh.cells), temperatures.tolist(), strict=True)) | outside
-    mean = {node: _mean(plant.mesh, node, temperatures) for node in NODES} | outside
-    joints = _joint_conductances(plant, rpm, FLOW_lpm)
+    mean = {node: mean_of(plant.mesh, node, temperatures) for node in NODES} | outside
+    joints = joint_conductances(plant, rpm, FLOW_lpm)
     features = {"speed": rpm / top, "flow": FLOW_lpm / 10.0}
     result = {}
     for (a, b), terms in links.items():
         now = sum(term.coefficient * float(np.prod([features[f] ** e for f, e in term.powers])) for term in terms)
-        flow, across = _flow(plant, a, b, joints, of_cell, float(loads.stream[0])), mean[a] - mean[b]
+        flow, across = heat_flow(plant, a, b, joints, of_cell, float(loads.stream[0])), mean[a] - mean[b]
         ratio = flow / across / now if abs(across) > LEAST_K and abs(flow) > LEAST_W else 1.0
         factor = float(np.clip(ratio, 1 / MOST, MOST))
         result[a, b] = tuple(replace(term, coefficient=term.coefficient * factor) for term in terms)
     return result
 
 
-def _mean(mesh: Mesh, node: str, temperatures: Floats) -> float:
+def mean_of(mesh: Mesh, node: str, temperatures: Floats) -> float:
     cells = mesh.of_node(node)
     return float(np.average(temperatures[cells], weights=mesh.capacity[cells]))
 
 
-def _flow(plant: Plant, a: str, b: str, joints: Floats, of_cell: Mapping[str, float], stream: float) -> float:
+def heat_flow(plant: Plant, a: str, b: str, joints: Floats, of_cell: Mapping[str, float], stream: float) -> float:
     """Heat [W] from a to b in the mesh; through an interface the mean of what enters and what leaves."""
     if b == "coolant":
         return stream * sum(
@@ -162,14 +162,14 @@ def _runs(mesh: Mesh, node: str) -> list[tuple[str, str, float]]:
     return list(runs.values())
 
 
-def _exponent(a: str, b: str) -> float:
+def usual_exponent(a: str, b: str) -> float:
     for start in ("end_plate", "endwinding", "air", "rotor_surface", "bearing", "shaft"):
         if any(name.startswith(start) for name in (a, b)):
             return USUAL[start]
     return 0.7
 
 
-def _pairs(mesh: Mesh) -> list[tuple[str, str]]:
+def pairs(mesh: Mesh) -> list[tuple[str, str]]:
     order = [*NODES, "coolant", "ambient"]
     node = {cell.name: cell.node for cell in mesh.cells} | {"coolant": "coolant", "ambient": "ambient"}
     found = {(node[name], "coolant") for name in mesh.coolant}
@@ -192,7 +192,7 @@ def _conductance(plant: Plant, a: str, b: str, speed_rpm: float, flow_lpm: float
     """Conductance [W/K] between mean temperatures of two nodes, 1 W driven evenly through; to a boundary: with all of
     the node heated."""
     mesh = plant.mesh
-    conductances = _joint_conductances(plant, speed_rpm, flow_lpm)
+    conductances = joint_conductances(plant, speed_rpm, flow_lpm)
     inside = {cell.name for cell in mesh.cells if cell.node in (a, b)}
     chosen = set(between(mesh, a, b).tolist()) if b != "coolant" else set()
     node = {cell.name: cell.node for cell in mesh.cells}
@@ -269,7 +269,7 @@ def _system(plant: Plant) -> solver.System:
 
 
 @cache
-def _joint_conductances(plant: Plant, speed_rpm: float, flow_lpm: float) -> Floats:
+def joint_conductances(plant: Plant, speed_rpm: float, flow_lpm: float) -> Floats:
     """Conductance of each joint (J,) [W/K]; radiation and free convection about 80 degC against their surroundings."""
     laws, still = plant.everyday.films, np.ones(1)
     h = {
@@ -288,7 +288,7 @@ def _joint_conductances(plant: Plant, speed_rpm: float, flow_lpm: float) -> Floa
     return np.array(result)
 
 
-def _fit(values: Floats, ratio: Floats, feature: str, exponent: float) -> tuple[Term, ...]:
+def fitted_terms(values: Floats, ratio: Floats, feature: str, exponent: float) -> tuple[Term, ...]:
     """Terms `constant + coefficient x ratio^exponent`, none of them negative; a constant alone where the values vary
     by less than 3 %."""
     if np.ptp(values) < 0.03 * values.mean():
@@ -302,12 +302,12 @@ def _fit(values: Floats, ratio: Floats, feature: str, exponent: float) -> tuple[
 # ---- losses --------------------------------------------------------------------------------------------------------
 
 
-def _sum(plant: Plant, node: str, cells: Floats) -> Floats:
+def node_watts(plant: Plant, node: str, cells: Floats) -> Floats:
     total: Floats = cells[..., plant.mesh.of_node(node)].sum(axis=-1)
     return total
 
 
-def _copper(plant: Plant) -> dict[str, tuple[Term, ...]]:
+def copper_losses(plant: Plant) -> dict[str, tuple[Term, ...]]:
     """Copper losses: DC exactly; AC as speed squared, fitted to the bars' over a map."""
     speed, point = loss_map(plant.form)
     dc = losses.direct(plant.mesh, plant.form.losses.terminal_ohm) * plant.form.machine.current_A**2
@@ -315,11 +315,11 @@ def _copper(plant: Plant) -> dict[str, tuple[Term, ...]]:
     ac = losses.alternating(plant.everyday.losses, plant.mesh, current2, speed) @ losses.alternating_shares(plant.mesh)
     result = {}
     for node in NODES:
-        direct = float(_sum(plant, node, dc))
+        direct = float(node_watts(plant, node, dc))
         if direct:
             terms = [Term(direct, (("current", 2.0),), 1, DC_SD)]
             law = ((("current", 2.0), ("speed", 2.0)),)
-            if coefficient := _fitted(law, _sum(plant, node, ac), features)[0]:
+            if coefficient := _fitted(law, node_watts(plant, node, ac), features)[0]:
                 terms.append(Term(coefficient, law[0], -1, 0.2))
             result[node] = tuple(terms)
     return result
@@ -329,18 +329,24 @@ def _other_losses(plant: Plant) -> dict[str, tuple[Term, ...]]:
     """Iron, magnets, bearings over the same map; ripple of the inverter and end windage are left out, the gap's drag is
     given to the rotor surface, as usual."""
     speed, point = loss_map(plant.form)
-    heats = losses.heats(plant.everyday.losses, point, speed, np.ones_like(speed))
+    cells = usual_losses(plant, speed, point)
+    result = {}
+    for node, law in LOSS_LAWS.items():
+        coefficients = _fitted(law, node_watts(plant, node, cells), _ratios(plant.form, speed, point))
+        terms = zip(coefficients, law, strict=True)
+        result[node] = tuple(Term(c, powers) for c, powers in terms if c > 0.0)
+    return result
+
+
+def usual_losses(plant: Plant, speed_rpm: Floats, point: machine.Point) -> Floats:
+    """Loss of each cell (M, n) [W] beside copper's, of the kinds that a motor file has."""
+    heats = losses.heats(plant.everyday.losses, point, speed_rpm, np.ones_like(speed_rpm))
     for name in ("ripple", "end_drag", "contact"):
         heats[:, HEATS.index(name)] = 0.0
     shares = losses.shares(plant.mesh)
     shares[HEATS.index("gap_drag")] = shares[HEATS.index("surface")]
-    cells = heats @ shares
-    result = {}
-    for node, law in LOSS_LAWS.items():
-        coefficients = _fitted(law, _sum(plant, node, cells), _ratios(plant.form, speed, point))
-        terms = zip(coefficients, law, strict=True)
-        result[node] = tuple(Term(c, powers) for c, powers in terms if c > 0.0)
-    return result
+    cells: Floats = heats @ shares
+    return cells
 
 
 def loss_map(form: Form) -> tuple[Floats, machine.Point]:
@@ -374,7 +380,7 @@ def loss_errors(form: Form = JACKETED) -> dict[str, float]:
     features = _ratios(form, speed, point)
     errors = {}
     for node in LOSS_LAWS:
-        true = _sum(plant, node, cells)
+        true = node_watts(plant, node, cells)
         fitted = sum(
             term.coefficient * np.prod([features[name] ** power for name, power in term.powers], axis=0)
             for term in reduce(form).sources[node]
