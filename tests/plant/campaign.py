@@ -69,9 +69,8 @@ def write_campaign(
     rule: str = "fitted",
 ) -> list[Path]:
     """Write `motor.toml` (by a rule of RULES), `bench.toml` (`weights` as of `bench_toml`), `bench.dbc` and a log of
-    each session in each
-    format (logs.WRITERS), named `<number>_<name>`; returns the logs. Raises KeyError for a format or a rule
-    that is not there."""
+    each session in each format (logs.WRITERS), named `<number>_<name>`; returns the logs. Raises KeyError for a
+    format or a rule that is not there."""
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "motor.toml").write_text(RULES[rule](plant.form), encoding="utf-8")
     (folder / "bench.toml").write_text(bench_toml(plant, layout, weights), encoding="utf-8")
