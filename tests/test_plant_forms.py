@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from plant import CATALOGUE, Effect, Plant, Recording, drives, losses, machine, points, record, solver
 from plant.effects import KINDS, UNKNOWN
-from plant.forms import FORMS, WEAKENED, Form
-from plant.geometry import BOUNDARIES, NODES
+from plant.forms import FORMS, SECTION, WEAKENED, Form
+from plant.geometry import BOUNDARIES, NODES, RHO_COPPER_20
 from plant.losses import HEATS, LossLaws
 from plant.plant import operate
 
@@ -91,6 +91,26 @@ def test_energy_in_a_run_closes_in_every_form(form: Form) -> None:
     passed = float((truth.heat - truth.to_coolant - truth.to_ambient).sum()) * float(truth.t_s[1])
     assert stored == pytest.approx(passed, rel=1e-9)
     assert stored > 0.02 * truth.heat.sum() * float(truth.t_s[1])
+
+
+@each_form
+def test_every_watt_of_a_loss_lands_in_a_cell(form: Form) -> None:
+    mesh = designed(form).mesh
+    assert losses.shares(mesh).sum(axis=1) == pytest.approx(np.ones(len(HEATS)))
+    g = form.geometry
+    lengths = 2 * g.stack + 2 * (2 * g.near_length + g.crown("a") + g.crown("b"))
+    phase = g.slots * g.layers * (g.turns / g.paths) ** 2 * RHO_COPPER_20 / g.bar_area * lengths / 2
+    assert losses.direct(mesh, 0.0).sum() == pytest.approx(phase)
+    slot = losses.alternating_shares(mesh)[: g.layers].sum()
+    assert slot == pytest.approx(phase * 2 * g.stack / lengths)
+
+
+def test_a_section_resolves_slots_and_teeth_across_the_axis() -> None:
+    plant, (steady, _) = designed(SECTION), at_rated_point(SECTION)
+    at = {cell.name: t for cell, t in zip(plant.mesh.cells, steady, strict=True)}
+    assert at["bar3.1"] > at["wall3.1"] + 3.0
+    assert at["flank_mid.1"] > at["tooth_mid.1"] + 0.2
+    assert at["yoke_in.1"] > at["back_in.1"] + 0.2
 
 
 @each_form

@@ -17,6 +17,7 @@ from plant.losses import Iron, LossDesign
 from plant.machine import Machine
 from plant.mesh import Mesh, jacketed
 from plant.other_meshes import finned, potted, sprayed
+from plant.tangential import section
 from plant.thermocouples import SENSORS, Sensor, thermocouples
 
 Path = tuple[str, str]  # cell, cell or boundary
@@ -325,6 +326,82 @@ HOUSED = Form(
     vehicle=Vehicle(mass=620.0, road=(70.0, 0.5, 0.34), radius=0.28, ratio=5.7, torque=(-40.0, 60.0)),
 )
 
+# 110 kW, 200 Nm, 13,000 rpm, 350 A rms: 24 wide slots of round wire, 8 poles, resolved around the axis.
+SECTION = Form(
+    "section-110kW",
+    build=section,
+    geometry=Geometry(
+        stack=0.100,
+        bore_radius=0.0700,
+        slot_bottom_radius=0.0960,
+        stator_radius=0.1120,
+        slots=24,
+        slot_width=0.0105,
+        layers=6,
+        bar_width=0.0095,
+        bar_height=0.0040,
+        bar_area=17.5e-6,
+        turns=2,
+        paths=2,
+        wire=0.9e-3,
+        near_length=0.020,
+        crown_length_a=0.046,
+        crown_length_b=0.050,
+        gap=0.0008,
+        surface_depth=0.0075,
+        core_radius=0.0560,
+        middle_radius=0.0420,
+        shaft_radius=0.0250,
+        shaft_hole=0.0090,
+        magnet_volume=1.7e-4,
+        pockets=0.036,
+        webs=20.0,
+        sleeve=0.0060,
+        coolant_height=0.0060,
+        size=1.05,
+        bundle=(5.0, 5.5),
+        contact_shrink=5000.0,
+    ),
+    losses=LossDesign(
+        machine=Machine(
+            psi_Wb=0.060,
+            ld_H=0.100e-3,
+            lq_H=0.200e-3,
+            lq_falls=0.25,
+            leakage_H=0.022e-3,
+            current_A=350.0,
+            top_rpm=13_000.0,
+            torque_Nm=200.0,
+            table_Nm=235.0,
+            resistance_ohm=0.014,
+        ),
+        iron=Iron(hysteresis=0.015, exponent=1.9, eddy=4.4e-5, excess=2.0e-4),  # 0.30 mm: 14.6 W/kg
+        saturation_T=2.1,
+        knee=1.15,
+        tips_kg=1.8,
+        teeth_kg=1.5 * 3.5,
+        yoke_kg=1.4 * 7.7,
+        yoke_density=0.80,
+        weakening=0.15,
+        weakening_W=300.0,
+        ripple_W=10.0,
+        end_ac=0.20,
+        courses={
+            "surface": ((190.0, 1.8, 0.0), (300.0, 1.7, 1.7)),  # wide slots open towards the rotor
+            "core": ((30.0, 1.4, 0.0), (35.0, 1.1, 1.1)),
+            "magnet": ((110.0, 1.9, 0.0), (240.0, 2.0, 1.8)),
+            "gap_drag": ((90.0, 2.8, 0.0),),
+            "end_drag": ((40.0, 2.8, 0.0),),
+            "bearing_a": ((90.0, 1.5, 0.0), (4.0, 1.0, 0.0)),
+            "bearing_b": ((76.0, 1.5, 0.0), (4.0, 1.0, 0.0)),
+            "contact": ((32.0, 0.0, 2.0),),
+        },
+    ),
+    films={**NOMINAL, "jacket": Film(300.0, 3300.0, 0.80, "flow"), "endwinding": Film(16.0, 80.0, 0.72)},
+    rated=(4900.0, 85.0),
+    vehicle=Vehicle(mass=2600.0, road=(230.0, 1.3, 0.66), ratio=9.9, torque=(-110.0, 200.0)),
+)
+
 FORMS: Mapping[str, Form] = MappingProxyType(
-    {"jacketed": JACKETED, "weakened": WEAKENED, "sprayed": SPRAYED, "housed": HOUSED}
+    {"jacketed": JACKETED, "weakened": WEAKENED, "sprayed": SPRAYED, "housed": HOUSED, "section": SECTION}
 )

@@ -37,6 +37,7 @@ from plant.mesh import jacketed
 from plant.other_meshes import FINS, POTTING_W_per_mK, cast_volume, conductivity_of_wires, finned, potted, sprayed
 from plant.plant import LITRE_PER_MIN
 from plant.reduction import Reduced, Term
+from plant.tangential import section
 
 Links = dict[tuple[str, str], tuple[Term, ...]]
 
@@ -269,7 +270,7 @@ def _fins(form: Form, links: Links) -> None:
 
 
 COOLING: Mapping[Callable[..., object], Callable[[Form, Links], None]] = MappingProxyType(
-    {jacketed: _jacket, potted: _potting, sprayed: _oil, finned: _fins}
+    {jacketed: _jacket, section: _jacket, potted: _potting, sprayed: _oil, finned: _fins}
 )
 
 

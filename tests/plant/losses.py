@@ -154,12 +154,19 @@ def shares(mesh: Mesh) -> Floats:
     for side in "ab":
         result[HEATS.index(f"bearing_{side}"), [index[f"race_{side}_in"], index[f"race_{side}_out"]]] = 0.5
     result[HEATS.index("contact"), index["busbar"]] = 1.0
-    return result
+    return mesh.spread(result)
 
 
 def direct(mesh: Mesh, terminal_ohm: float) -> Floats:
     """DC loss of each cell (n,) [W/A2] at 20 degC for the rms current of a phase: 3 R I^2 of what copper a cell
     holds."""
+    result = _direct_in_layers(mesh)
+    result[mesh.index["busbar"]] = 3 * terminal_ohm
+    return mesh.spread(result)
+
+
+def _direct_in_layers(mesh: Mesh) -> Floats:
+    """The same of the layers alone, nothing of it in second halves of cells."""
     g, index = mesh.geometry, mesh.index
     per_m = g.slots * (g.turns / g.paths) ** 2 * RHO_COPPER_20 / g.bar_area
     result = np.zeros(len(mesh.cells))
@@ -168,7 +175,6 @@ def direct(mesh: Mesh, terminal_ohm: float) -> Floats:
         for side in "ab":
             result[index[f"near_{side}{k}"]] = per_m * g.near_length
             result[index[f"crown_{side}{k}"]] = per_m * g.crown(side)
-    result[index["busbar"]] = 3 * terminal_ohm
     return result
 
 
@@ -201,7 +207,7 @@ def alternating(laws: LossLaws, mesh: Mesh, current2: Floats, speed_rpm: Floats)
 def alternating_shares(mesh: Mesh) -> Floats:
     """AC loss of each cell (layers + 1, n) [W/A2] at 20 degC; the inner layers of the end windings lie in more of the
     stray field."""
-    g, index, dc = mesh.geometry, mesh.index, direct(mesh, 0.0)
+    g, index, dc = mesh.geometry, mesh.index, _direct_in_layers(mesh)
     result = np.zeros((g.layers + 1, len(mesh.cells)))
     for k in range(g.layers):
         bars = along(mesh, f"bar{k}")
@@ -210,4 +216,4 @@ def alternating_shares(mesh: Mesh) -> Floats:
             near, crown = index[f"near_{side}{k}"], index[f"crown_{side}{k}"]
             form = 0.7 + 0.6 / (g.layers - 1) * k
             result[-1, near], result[-1, crown] = 1.3 * form * dc[near], 0.8 * form * dc[crown]
-    return result
+    return mesh.spread(result)

@@ -74,13 +74,15 @@ class Station:
 
 @dataclass
 class Mesh:
-    """Cells and joints by name; `stations` of the coolant, each behind the one that it passed before."""
+    """Cells and joints by name; `stations` of the coolant, each behind the one that it passed before; `halves`: cell ->
+    the one that has half of its volume and of its heat."""
 
     geometry: Geometry
     axial: int
     cells: list[Cell] = field(default_factory=list)
     joints: list[Joint] = field(default_factory=list)
     stations: list[Station] = field(default_factory=list)
+    halves: dict[str, str] = field(default_factory=dict)
 
     @property
     def index(self) -> dict[str, int]:
@@ -115,6 +117,14 @@ class Mesh:
         for cell in cells:
             self.stations.append(Station(cell, before, share))
             before = cell
+
+    def spread(self, heat: Floats) -> Floats:
+        """Heat or shares of it (..., n), half of each cell that has a second half given to that."""
+        index = self.index
+        for one, other in self.halves.items():
+            heat[..., index[one]] /= 2
+            heat[..., index[other]] += heat[..., index[one]]
+        return heat
 
     def chain(self, names: Sequence[str], conductance: float, group: str) -> None:
         """Add joints of equal conductance [W/K] between neighbours."""

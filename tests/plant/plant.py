@@ -322,8 +322,12 @@ def _add(mesh: Mesh, effect: Effect) -> None:
             mesh.join(cell, mesh.coolant[-1], 0.0, "effect", effect.cause, effect.size / len(names[effect.node]))
     if effect.cause == "unknown.liner_gap":
         for i, joint in enumerate(mesh.joints):
-            if joint.group == "liner" and joint.a.startswith("bar") and int(joint.a.split(".")[1]) < mesh.axial // 2:
+            if joint.group == "liner" and joint.a.startswith(("bar", "wall")) and _slice(joint.a) < mesh.axial // 2:
                 mesh.joints[i] = replace(joint, kind=GAPES, area=effect.size, low=95.0, high=120.0)
+
+
+def _slice(cell: str) -> int:
+    return int(cell.split(".")[1])
 
 
 def _features(drive: Drive, point: Point, machine: Machine) -> dict[str, Floats]:
