@@ -16,7 +16,8 @@ from plant.drives import AMBIENT_degC, INLET_degC, hold
 from plant.energy_weighted import energy_weighted
 from plant.forms import FORMS, HOUSED, JACKETED, SPRAYED, WEAKENED, Form
 from plant.geometry import BOUNDARIES, NODES
-from plant.hand import by_hand, dittus_boelter, largest_power, no_load_loss
+from plant.hand import by_hand, dittus_boelter
+from plant.hand_losses import largest_power, no_load_loss
 from plant.machine import largest_torque, operate
 from plant.reduction import Reduced, mean_of, reduce
 from plant.rules import RULES, smaller

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from plant import losses, machine
 from plant.drives import AMBIENT_degC, FLOW_lpm, INLET_degC, drive
 from plant.films import FLOW0
-from plant.forms import Form
+from plant.form import Form
 from plant.geometry import NODES
 from plant.plant import LITRE_PER_MIN, Plant
 from plant.reduction import (

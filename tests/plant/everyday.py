@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from plant.films import Film, FilmLaws
-from plant.forms import Form
+from plant.form import Form
 from plant.losses import HEATS, LossLaws
 from plant.mesh import Mesh
 

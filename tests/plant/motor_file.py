@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from plant.films import FLOW0
-from plant.forms import Form
+from plant.form import Form
 from plant.geometry import ALPHA_COPPER
 from plant.reduction import Reduced, Term
 

@@ -9,7 +9,7 @@ from functools import cache
 from types import MappingProxyType
 
 from plant.energy_weighted import energy_weighted
-from plant.forms import Form
+from plant.form import Form
 from plant.geometry import Geometry
 from plant.hand import by_hand
 from plant.motor_file import motor_file
