@@ -52,7 +52,7 @@ def rough_drive(form: Form) -> drives.Drive:
 
 def recorded(form: Form, *effects: Effect) -> Recording:
     """Session 1 of a specimen, from a hot start that does not depend on what it hides."""
-    driven, plant = rough_drive(form), Plant(SEED, tuple(effects), form=form)
+    driven, plant = rough_drive(form), Plant(SEED, *effects, form=form)
     hot = Plant(SEED, form=form).steady(driven, *form.rated)
     start = np.concatenate([hot, np.full(len(plant.mesh.cells) - len(hot), hot.mean())])
     return record(plant, plant.run(driven, 1, dose_h=100.0, start=start), "ten")
