@@ -26,6 +26,7 @@ from plant.geometry import (
     SHEET,
     STEEL,
     Geometry,
+    Material,
     ring,
 )
 
@@ -140,9 +141,9 @@ def names(stem: str, count: int) -> list[str]:
 def jacketed(geometry: Geometry, axial: int = 6) -> Mesh:
     """A motor with a jacket all around and bars in its slots, with `axial` slices of the stack."""
     mesh = Mesh(geometry, axial)
-    jacket(mesh)
+    water = jacket(mesh)
     active_parts(mesh, bars)
-    mesh.pour(names("water", axial), 1.0)
+    mesh.pour(water, 1.0)
     return mesh
 
 
@@ -167,26 +168,50 @@ def _ring_resistance(inner: float, outer: float, length: float, conductivity: fl
     return log(outer / inner) / (2 * pi * conductivity * length)
 
 
-def jacket(mesh: Mesh) -> None:
-    """Outer wall, coolant stations, sleeve; free convection, radiation and feet to the ambient."""
-    g, n = mesh.geometry, mesh.axial
+@dataclass(frozen=True)
+class Shell:
+    """What lies around a stack. `sleeve`, `filled`, `case`: shares of their rings that are metal, coolant and metal;
+    `wet`, `outer_wet`: what the coolant wets inside and outside over smooth rings; `ribs`: share of the ring where
+    sleeve and case meet, at `contact` W/(m2 K); `skin` over a smooth one; `feet`: W/K to what carries the motor."""
+
+    coolant: Material = GLYCOL
+    sleeve: float = 1.25
+    filled: float = 0.75
+    case: float = 1.6
+    wet: float = 1.0
+    outer_wet: float = 1.0
+    ribs: float = 0.25
+    contact: float = 2500.0
+    skin: float = 1.5
+    feet: float = 1.6
+
+
+def jacket(mesh: Mesh, shell: Shell | None = None) -> list[str]:
+    """Outer wall, coolant stations, sleeve; free convection, radiation and feet to the ambient. Returns the cells of
+    the coolant from A to B."""
+    g, n, s = mesh.geometry, mesh.axial, shell or Shell()
     dz = g.stack / n
     wet, outer = g.sleeve_radius, g.sleeve_radius + g.coolant_height
     wall = outer + g.outer_wall
     for z in range(n):
-        sleeve = mesh.cell(f"sleeve.{z}", "jacket", ALUMINIUM.heats(1.25 * ring(g.stator_radius, wet) * dz))
-        water = mesh.cell(f"water.{z}", "jacket", GLYCOL.heats(0.75 * ring(wet, outer) * dz))
-        case = mesh.cell(f"case.{z}", "housing", ALUMINIUM.heats(1.6 * ring(outer, wall) * dz))
-        mesh.join(sleeve, water, g.sleeve / 2 / (150.0 * 2 * pi * wet * dz), "film.jacket", "jacket", 2 * pi * wet * dz)
-        mesh.join(case, water, 1e-4, "film.jacket", "outer_jacket", 2 * pi * outer * dz)
-        ribs = 0.25 * 2 * pi * wet * dz  # between the channels
-        mesh.join(sleeve, case, 1 / (2500.0 * ribs), "ribs")
-        skin = 1.5 * 2 * pi * wall * dz
-        mesh.joints.append(Joint(case, "ambient", 0.0, "ambient", area=skin, kind=RISES))
-        mesh.joints.append(Joint(case, "ambient", 0.0, "ambient", area=0.85 * skin, kind=RADIATES))
-    mesh.join("case.0", "ambient", 1 / 1.6, "ambient")  # feet on the plate
+        sleeve = mesh.cell(f"sleeve.{z}", "jacket", ALUMINIUM.heats(s.sleeve * ring(g.stator_radius, wet) * dz))
+        water = mesh.cell(f"water.{z}", "jacket", s.coolant.heats(s.filled * ring(wet, outer) * dz))
+        case = mesh.cell(f"case.{z}", "housing", ALUMINIUM.heats(s.case * ring(outer, wall) * dz))
+        through = g.sleeve / 2 / (ALUMINIUM.conductivity * 2 * pi * wet * dz * s.wet)
+        mesh.join(sleeve, water, through, "film.jacket", "jacket", 2 * pi * wet * dz * s.wet)
+        mesh.join(case, water, 1e-4, "film.jacket", "outer_jacket", 2 * pi * outer * dz * s.outer_wet)
+        mesh.join(sleeve, case, 1 / (s.contact * (s.ribs * 2 * pi * wet * dz)), "ribs")
+        skin(mesh, case, s.skin * 2 * pi * wall * dz)
+    mesh.join("case.0", "ambient", 1 / s.feet, "ambient")
     mesh.chain(names("sleeve", n), ALUMINIUM.conductivity * ring(g.stator_radius, wet) / dz, "aluminium")
     mesh.chain(names("case", n), ALUMINIUM.conductivity * ring(outer, wall) / dz, "aluminium")
+    return names("water", n)
+
+
+def skin(mesh: Mesh, case: str, area: float, fins: float = 1.0) -> None:
+    """Free convection and radiation of a housing's skin [m2]; fins radiate at each other."""
+    mesh.joints.append(Joint(case, "ambient", 0.0, "ambient", area=fins * area, kind=RISES))
+    mesh.joints.append(Joint(case, "ambient", 0.0, "ambient", area=0.85 * area, kind=RADIATES))
 
 
 def _stator(mesh: Mesh) -> None:

@@ -5,21 +5,29 @@ from __future__ import annotations
 from math import pi
 
 from plant.geometry import ALUMINIUM, COPPER, GLYCOL, LINER, OIL, RESIN, Geometry, ring
-from plant.mesh import RADIATES, RISES, Joint, Mesh, active_parts, bars, jacket, names
+from plant.mesh import Mesh, Shell, active_parts, bars, jacket, names, skin
 
 POTTING_W_per_mK = 0.8  # filled epoxy
 FINS = 4.0  # skin of a finned housing over that of a smooth one
+GROOVES = Shell(  # of oil around a stack; grooves have sides, and the gearbox carries the motor by a flange
+    *(OIL, 1.3, 0.5, 1.5),
+    wet=1.4,
+    outer_wet=0.5,
+    ribs=0.35,
+    contact=1800.0,
+    skin=1.4,
+    feet=2.2,
+)
 
 
 def potted(geometry: Geometry, axial: int = 6) -> Mesh:
     """Bars whose heads are cast into the housing; the jacket's coolant enters in the middle and leaves at both
     ends."""
-    mesh = Mesh(geometry, axial)
-    jacket(mesh)
+    mesh, half = Mesh(geometry, axial), axial // 2
+    water = jacket(mesh)
     active_parts(mesh, bars)
     for side in "ab":
         _pot(mesh, side)
-    water, half = names("water", axial), axial // 2
     mesh.pour(water[:half][::-1], half / axial)
     mesh.pour(water[half:], 1.0 - half / axial)
     return mesh
@@ -29,9 +37,9 @@ def _pot(mesh: Mesh, side: str) -> None:
     """Resin around a winding head, to the sleeve and the shield; of the layers the outermost has most of it."""
     g, last = mesh.geometry, 0 if side == "a" else mesh.axial - 1
     length = g.near_length + g.crown(side)
-    skin = 2 * pi * g.slot_bottom_radius * length
+    around = 2 * pi * g.slot_bottom_radius * length
     thick = (g.stator_radius - g.slot_bottom_radius) / 2
-    half = thick / 2 / (POTTING_W_per_mK * skin)
+    half = thick / 2 / (POTTING_W_per_mK * around)
     cast = mesh.cell(f"potting_{side}", f"endwinding_{side}_outer", RESIN.heats(cast_volume(g, side)))
     for k in range(g.layers):
         deep = 1.0 + 1.5 * k
@@ -93,38 +101,18 @@ def sprayed(geometry: Geometry, axial: int = 6) -> Mesh:
     rest through grooves around the stack and sprayed onto their outer half. Oil that leaves one is warmer at the
     other."""
     mesh = Mesh(geometry, axial)
-    _grooves(mesh)
+    grooves = jacket(mesh, GROOVES)
     active_parts(mesh, wound)
     g = mesh.geometry
     wet = 2 * pi * g.shaft_hole * g.stack / axial
     for z in range(axial):
         oil = mesh.cell(f"shaft_oil.{z}", "shaft", OIL.heats(0.5 * pi * g.shaft_hole**2 * g.stack / axial))
         mesh.join(f"shaft.{z}", oil, 0.0, "film.shaft_oil", "shaft_oil", wet)
-    for part, stem, share in (("inner", "shaft_oil", 0.4), ("outer", "oil", 0.6)):
-        mesh.pour(names(stem, axial), share)
+    for part, cells, share in (("inner", names("shaft_oil", axial), 0.4), ("outer", grooves, 0.6)):
+        mesh.pour(cells, share)
         for side in "ab":
-            mesh.pour([_spray(mesh, side, part)], share / 2, f"{stem}.{axial - 1}")
+            mesh.pour([_spray(mesh, side, part)], share / 2, cells[-1])
     return mesh
-
-
-def _grooves(mesh: Mesh) -> None:
-    """A ring of oil grooves around the stack (`sleeve` is the wall between), the casting outside of it."""
-    g, n = mesh.geometry, mesh.axial
-    dz = g.stack / n
-    wet, outer = g.sleeve_radius, g.sleeve_radius + g.coolant_height
-    wall = outer + g.outer_wall
-    for z in range(n):
-        sleeve = mesh.cell(f"sleeve.{z}", "jacket", ALUMINIUM.heats(1.3 * ring(g.stator_radius, wet) * dz))
-        oil = mesh.cell(f"oil.{z}", "jacket", OIL.heats(0.5 * ring(wet, outer) * dz))
-        case = mesh.cell(f"case.{z}", "housing", ALUMINIUM.heats(1.5 * ring(outer, wall) * dz))
-        area = 1.4 * 2 * pi * wet * dz  # grooves have sides
-        mesh.join(sleeve, oil, g.sleeve / 2 / (ALUMINIUM.conductivity * area), "film.jacket", "jacket", area)
-        mesh.join(case, oil, 1e-4, "film.jacket", "outer_jacket", 0.5 * 2 * pi * outer * dz)
-        mesh.join(sleeve, case, 1 / (1800.0 * 0.35 * 2 * pi * wet * dz), "ribs")
-        _skin(mesh, case, 1.4 * 2 * pi * wall * dz)
-    mesh.join("case.0", "ambient", 1 / 2.2, "ambient")  # flange of the gearbox
-    mesh.chain(names("sleeve", n), ALUMINIUM.conductivity * ring(g.stator_radius, wet) / dz, "aluminium")
-    mesh.chain(names("case", n), ALUMINIUM.conductivity * ring(outer, wall) / dz, "aluminium")
 
 
 def _spray(mesh: Mesh, side: str, part: str) -> str:
@@ -161,9 +149,9 @@ def finned(geometry: Geometry, axial: int = 6) -> Mesh:
         case = mesh.cell(f"case.{z}", "housing", ALUMINIUM.heats(2.5 * ring(outer, wall) * dz))
         ribs = (0.25 if cooled else 0.9) * 2 * pi * wet * dz
         mesh.join(sleeve, case, 1 / (6000.0 * ribs), "ribs")
-        skin = 2 * pi * wall * dz
-        _skin(mesh, case, skin, FINS)
-        mesh.join(case, "ambient", 0.02 / (skin * FINS), "ambient", "fan", FINS * skin)
+        around = 2 * pi * wall * dz
+        skin(mesh, case, around, FINS)
+        mesh.join(case, "ambient", 0.02 / (around * FINS), "ambient", "fan", FINS * around)
         if cooled:
             water = mesh.cell(f"water.{z}", "jacket", GLYCOL.heats(0.6 * ring(wet, outer) * dz))
             area = 2 * pi * wet * dz
@@ -175,9 +163,3 @@ def finned(geometry: Geometry, axial: int = 6) -> Mesh:
     active_parts(mesh, wound)
     mesh.pour(names("water", axial)[half:], 1.0)
     return mesh
-
-
-def _skin(mesh: Mesh, case: str, area: float, fins: float = 1.0) -> None:
-    """Free convection and radiation of a housing's skin [m2]; fins radiate at each other."""
-    mesh.joints.append(Joint(case, "ambient", 0.0, "ambient", area=fins * area, kind=RISES))
-    mesh.joints.append(Joint(case, "ambient", 0.0, "ambient", area=0.85 * area, kind=RADIATES))

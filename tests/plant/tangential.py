@@ -7,7 +7,7 @@ from dataclasses import replace
 from math import pi
 
 from plant.geometry import SHEET, Geometry
-from plant.mesh import Mesh, active_parts, jacket, names
+from plant.mesh import Mesh, active_parts, jacket
 from plant.other_meshes import conductivity_of_wires, wound
 
 COLUMNS = {  # middle of a tooth, yoke behind it, middle of a slot -> its flank, yoke behind a slot, wires at the wall
@@ -19,9 +19,9 @@ COLUMNS = {  # middle of a tooth, yoke behind it, middle of a slot -> its flank,
 def section(geometry: Geometry, axial: int = 6) -> Mesh:
     """Round wire in a water jacket, two thirds of the slices, half of each cell of the stator in a second column."""
     mesh = Mesh(geometry, max(2 * axial // 3, 4))
-    jacket(mesh)
+    water = jacket(mesh)
     active_parts(mesh, wound)
-    mesh.pour(names("water", mesh.axial), 1.0)
+    mesh.pour(water, 1.0)
     columns = COLUMNS | {f"bar{k}": f"wall{k}" for k in range(geometry.layers)}
     mesh.halves = {f"{one}.{z}": f"{other}.{z}" for one, other in columns.items() for z in range(mesh.axial)}
     _halve(mesh)
