@@ -142,7 +142,7 @@ def case_of(
 
     `corrections`: cause -> amount, what its bench file knows to be wrong.
     """
-    plant = Plant(seed, (Effect("loss.magnet.speed2", hidden_W),) if hidden_W else ())
+    plant = Plant(seed, *([Effect("loss.magnet.speed2", hidden_W)] if hidden_W else []))
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         logs = form.write(folder, plant, sessions(plant, [drive], layout="paper"), "paper")

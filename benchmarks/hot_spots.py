@@ -48,7 +48,7 @@ class Case:
 
 def cases(seed: int, effects: tuple[Effect, ...], longest_s: float) -> Iterator[Case]:
     """The hot spots of one motor, in drives that end after `longest_s`."""
-    plant = Plant(seed, effects)
+    plant = Plant(seed, *effects)
     s1 = drives.join("s1", "s1", [drives.hold(2000.0, 60.0, 5), drives.hold(9000.0, 60.0, 15)])
     recordings = sessions(plant, [drive.first(longest_s) for drive in (s1, drives.wltp(1))], layout="ten")
     with tempfile.TemporaryDirectory() as name:

@@ -330,7 +330,7 @@ def calibrated(
     seed: int, guess: Network, lacked_W: float, longest_s: float = math.inf, form: Form = PLACED
 ) -> Calibrated:
     """The guess fitted to two S1 points and an S2, of a motor with more magnet loss than it has; checked on a WLTC."""
-    plant = Plant(seed, (Effect("loss.magnet.speed2", lacked_W),) if lacked_W else ())
+    plant = Plant(seed, *([Effect("loss.magnet.speed2", lacked_W)] if lacked_W else []))
     plan = [points.s1(plant, 6000.0, 30.0, 0), points.s1(plant, 10_000.0, 30.0, 1), points.s2(plant, 8000.0, 20.0, 2)]
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)

@@ -40,8 +40,8 @@ def ageing_campaign(folder: Path, store: Path, specimen: str, seed: int, share_p
     """Run the campaign, write it to `folder` as BLF with motor, bench and DBC file, and ingest it into `store`.
     `share_per_100h`: how the conductance from winding to teeth changes with the dose, negative for insulation that
     gets worse."""
-    hidden = Effect("ageing.winding-teeth.hours_above_180degC", share_per_100h) if share_per_100h else ()
-    plant = Plant(seed, hidden)
+    hidden = [Effect("ageing.winding-teeth.hours_above_180degC", share_per_100h)] if share_per_100h else []
+    plant = Plant(seed, *hidden)
     check, oven = _slowly(drives.dc_check(), CHECK_HZ, 2.0), _slowly(drives.oven(), OVEN_HZ, 20.0)
     true, recordings = Campaign([], [], []), []
     for number, drive in enumerate([check] * CHECKS + ([oven] + [check] * CHECKS) * CYCLES):

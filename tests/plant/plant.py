@@ -50,7 +50,7 @@ class Truth:
 
 
 class Plant:
-    """A specimen. `effect`: hidden effects; `roughness` 0 is the motor as designed, 1 an everyday specimen; `axial`
+    """A specimen and the `effects` that it hides; `roughness` 0 is the motor as designed, 1 an everyday specimen; `axial`
     slices; `form`: what motor it is.
 
     The draws of a seed do not depend on the effects, so that a plant with and without one differs by it alone.
@@ -59,14 +59,13 @@ class Plant:
     def __init__(
         self,
         seed: int,
-        effect: Effect | tuple[Effect, ...] = (),
-        *,
+        *effects: Effect,
         roughness: float = 1.0,
         axial: int = 6,
         form: Form = JACKETED,
     ) -> None:
         self.seed = seed
-        self.effects = (effect,) if isinstance(effect, Effect) else effect
+        self.effects = effects
         self.roughness = roughness
         self.form, self.geometry = form, form.geometry
         designed = form.build(self.geometry, axial)

@@ -65,7 +65,7 @@ class Replayed:
 
 
 def replayed(folder: Path, *effects: Effect) -> Replayed:
-    plant = Plant(5, effects)
+    plant = Plant(5, *effects)
     parts = [drives.hold(SLOW_RPM, 30.0, SLOW_S / 60), drives.hold(FAST_RPM, 40.0, FAST_S / 60)]
     drive = drives.join("s1", "s1", parts)
     logs = write_campaign(folder, plant, sessions(plant, [drive], layout="paper"), layout="paper")
