@@ -9,28 +9,48 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.trials import (
-    BINS,
+from benchmarks.trial.answers import Result, read_results, written
+from benchmarks.trial.audit import Spread
+from benchmarks.trial.campaigns import KEPT, LEARNT, difference, kept_as, kept_count
+from benchmarks.trial.cases import (
+    FEWEST_SESSIONS,
+    MOST_SESSIONS,
     OFF_LIBRARY_EVERY,
     Case,
-    Result,
-    bounds,
+    Hidden,
     cases,
-    difference,
-    kept_as,
-    read_results,
+    place_of,
     scaled,
-    summary,
-    table,
-    written,
 )
+from benchmarks.trial.lost import IMPOSSIBLE
+from benchmarks.trial.lost import KEPT as BY_KEPT
+from benchmarks.trial.rates import (
+    ALL,
+    audits,
+    bounds,
+    lost_causes,
+    lost_table,
+    many,
+    many_table,
+    singles,
+    singles_table,
+)
+from benchmarks.trial.visibility import VISIBLE, Seen
 from plant import Effect, Plant, drives
 from plant.sensors import sensors
-from twin.fitting.model import Test
-from twin.run.simulate import Frame
 
 HIDDEN = "loss.magnet.speed2"
-SILENT = Result(case=Case(1, "six", HIDDEN, 4.0), size=60.0, d_true=4.0, named={}, unknown=-1.0, linear=2.0)
+ONE = (("jacketed", "fitted"),)
+FOUR = tuple((form, rule) for form in ("jacketed", "weakened") for rule in ("fitted", "hand"))
+
+
+def _hiding(*causes: str, log_bf: float = 20.0, seed: int = 1, motor: tuple[str, str] = ONE[0]) -> Result:
+    """A silent answer for a motor that hides these."""
+    case = Case(seed, "six", *motor, tuple(Hidden(cause, 4.0) for cause in causes))
+    return Result(case, tuple(Seen(cause, 60.0, 4.0, log_bf) for cause in causes))
+
+
+SILENT = _hiding(HIDDEN)
 
 
 def _named(cause: str, log_bf: float = 20.0) -> Result:
@@ -38,20 +58,51 @@ def _named(cause: str, log_bf: float = 20.0) -> Result:
 
 
 def test_no_seed_is_used_twice_and_a_third_of_the_effects_is_off_the_library() -> None:
-    found = cases(1000, 40, 60, "six")
-    assert len({case.seed for case in found}) == len(found) == 100
-    assert sum(case.cause.startswith("unknown.") for case in found) == 60 // OFF_LIBRARY_EVERY
-    assert sum(not case.cause for case in found) == 40
+    found = cases(1000, 40, 60, 20, ONE, "six")
+    assert len({case.seed for case in found}) == len({case.name for case in found}) == len(found) == 120
+    assert Counter(case.kind for case in found) == {"healthy": 40, "single": 60, "many": 20}
+    single = [case.hidden[0].cause for case in found if case.kind == "single"]
+    assert sum(cause.startswith("unknown.") for cause in single) == 60 // OFF_LIBRARY_EVERY
     assert min(case.seed for case in found) == 1000
 
 
 def test_every_row_of_the_catalogue_that_can_be_seen_is_drawn_and_every_strength_too() -> None:
-    found = [case for case in cases(1000, 0, 120, "six") if not case.cause.startswith("unknown.")]
-    causes = Counter(case.cause for case in found)
+    drawn = [case.hidden[0] for case in cases(1000, 0, 120, 0, ONE, "six")]
+    found = [hidden for hidden in drawn if not hidden.cause.startswith("unknown.")]
+    causes = Counter(hidden.cause for hidden in found)
     assert len(causes) > 30
     assert max(causes.values()) - min(causes.values()) <= 1
-    assert len({case.wanted for case in found}) == 5
+    assert len({hidden.wanted for hidden in found}) == 5
     assert not any(word in cause for cause in causes for word in ("ageing", "session", "stuck", "hold"))
+
+
+def test_every_form_and_rule_has_its_turn_and_none_has_always_the_same_causes() -> None:
+    found = cases(1000, 40, 60, 40, FOUR, "six")
+    for kind, of_each in (("healthy", 10), ("single", 15), ("many", 10)):
+        counts = Counter((case.form, case.rule) for case in found if case.kind == kind)
+        assert counts == dict.fromkeys(FOUR, of_each)
+    for motor in FOUR:
+        own = [case.hidden[0] for case in found if case.kind == "single" and (case.form, case.rule) == motor]
+        assert 2 <= sum(hidden.cause.startswith("unknown.") for hidden in own) <= 8
+        assert len({hidden.wanted for hidden in own}) == 5
+
+
+def test_of_many_effects_no_two_are_of_one_family_or_at_one_place() -> None:
+    found = cases(1000, 0, 0, 60, ONE, "six")
+    assert {len(case.hidden) for case in found} == {3, 4, 5}
+    assert {case.sessions for case in found} == set(range(FEWEST_SESSIONS, MOST_SESSIONS + 1))
+    for case in found:
+        causes = [hidden.cause for hidden in case.hidden]
+        assert len({place_of(cause) for cause in causes}) == len(causes)
+        assert len({cause.split(".")[0] for cause in causes}) == len(causes)
+    kinds = Counter(hidden.cause.split(".")[0] for case in found for hidden in case.hidden)
+    assert {"loss", "conductance", "capacity", "sensor", "boundary", "unknown"} <= kinds.keys()
+
+
+def test_there_are_sessions_enough_to_learn_from_and_to_keep() -> None:
+    for sessions in range(FEWEST_SESSIONS, MOST_SESSIONS + 1):
+        assert 2 <= kept_count(sessions) <= len(KEPT)
+        assert 3 <= sessions - kept_count(sessions) <= len(LEARNT)
 
 
 def test_a_size_grows_in_proportion_and_a_factor_by_its_logarithm() -> None:
@@ -74,11 +125,11 @@ def test_bounds_are_those_of_clopper_and_pearson(k: int, n: int, low: float, hig
     [
         (SILENT, "silent"),
         (_named(HIDDEN), "first"),
-        (replace(_named("loss.magnet.scale"), same=(HIDDEN,)), "class"),
+        (replace(_named("loss.magnet.scale"), groups={"loss.magnet.scale": (HIDDEN,)}), "class"),
         (_named("loss.magnet.scale"), "place"),
         (_named("loss.yoke.scale"), "wrong"),
         (
-            replace(_named("conductance.teeth-winding.scale"), case=Case(1, "six", "conductance.winding-teeth.scale")),
+            replace(_hiding("conductance.winding-teeth.scale"), named={"conductance.teeth-winding.scale": 20.0}),
             "first",
         ),
         (replace(SILENT, refused=(HIDDEN,)), "silent"),
@@ -90,40 +141,77 @@ def test_an_answer_is_judged_against_what_was_hidden(result: Result, verdict: st
 
 
 def test_off_the_library_unknown_is_right_and_a_name_is_wrong() -> None:
-    outside = replace(SILENT, case=Case(1, "six", "unknown.spray", 4.0))
+    outside = _hiding("unknown.spray")
     assert replace(outside, is_unknown=True).verdict == "first"
     assert replace(outside, named={HIDDEN: 40.0}).verdict == "wrong"
 
 
-def test_rates_are_counted_by_strength_and_healthy_motors_apart() -> None:
-    healthy = replace(SILENT, case=Case(2, "six"), d_true=0.0)
-    swap = replace(_named("sensor.teeth.swap_yoke"), case=Case(3, "six", "sensor.teeth.swap_yoke"), d_true=None)
-    outside = replace(SILENT, case=Case(4, "six", "unknown.spray", 7.0), d_true=7.0, is_unknown=True)
-    weak = replace(SILENT, d_true=2.9)
-    strong = replace(_named(HIDDEN), d_true=10.0)
-    alarm = replace(_named(HIDDEN), case=Case(5, "six"), d_true=0.0, improved=True)
-    found = summary([healthy, alarm, swap, outside, weak, strong])
+def test_rates_are_counted_by_visibility_and_healthy_motors_apart() -> None:
+    healthy = _hiding(seed=2)
+    alarm = replace(_hiding(seed=5), named={HIDDEN: 20.0}, improved=True)
+    swap = replace(_hiding("sensor.teeth.swap_yoke"), named={"sensor.teeth.swap_yoke": 20.0})
+    swap = replace(swap, hidden=(Seen("sensor.teeth.swap_yoke", 1.0),))
+    outside = replace(_hiding("unknown.spray", log_bf=4.0), is_unknown=True)
+    found = singles([healthy, alarm, swap, outside, _hiding(HIDDEN, log_bf=2.9), _named(HIDDEN)])[ALL]
     assert found["healthy"]["named"]["count"] == found["healthy"]["improved"]["count"] == 1
     assert found["healthy"]["named"]["of"] == 2
     assert found["swaps"]["first"] == {"of": 1, "count": 1, "at_least": 0.05, "at_most": 1.0}
-    assert found["off_library"]["5-10"]["first"]["count"] == 1
-    assert found["effects"]["0-3"]["silent"]["count"] == found["effects"]["10-inf"]["first"]["count"] == 1
-    assert len(found["effects"]) == len(BINS)
+    assert found["off library"]["3 to 8"]["first"]["count"] == 1
+    assert found["effects"]["below 3"]["silent"]["count"] == found["effects"][VISIBLE]["first"]["count"] == 1
     assert found["wrong"]["of"] == 2
-    assert "1/2 [2%, 98%]" in table(found)
+    assert "healthy named 1/2 [2%, 98%]" in singles_table({ALL: found})[0]
+
+
+def test_the_worst_form_and_rule_stands_first() -> None:
+    good, bad = _named(HIDDEN), _hiding(HIDDEN, motor=FOUR[3])
+    assert list(singles([good, bad])) == ["weakened hand", "jacketed fitted", ALL]
+    alarm = replace(_hiding(motor=FOUR[1]), named={HIDDEN: 20.0})
+    assert list(singles([good, alarm])) == ["jacketed hand", "jacketed fitted", ALL]
+
+
+def test_of_many_effects_each_name_and_each_cause_is_counted_once() -> None:
+    causes = (HIDDEN, "capacity.teeth.attached", "sensor.teeth.lag", "unknown.spray")
+    errors = {"published": 5.0, "recalibrated": 0.3, "extended": 0.2}
+    told = replace(
+        _hiding(*causes),
+        named={"loss.magnet.scale": 30.0, "sensor.yoke.lag": 20.0, "capacity.teeth.scale": 10.0},
+        groups={"loss.magnet.scale": (HIDDEN,)},
+        beside=True,
+        sensors=errors,
+        nodes=dict.fromkeys(errors, 2.0),
+    )
+    found = many([told, _hiding(*causes, log_bf=1.0, seed=2)])["jacketed fitted"]
+    assert [found[key] for key in ("motors", "hidden", "named truly", "silent")] == [2, 8, 2, 6]
+    assert [found[key] for key in ("visible", "visible told", "other law", "named falsely")] == [4, 2, 1, 1]
+    assert found["sensors"] == errors
+    assert "5.00 -> 0.30 -> 0.20, 2.00 -> 2.00 -> 2.00" in many_table([told])[1]
+
+
+def test_a_lost_cause_counts_where_it_could_be_seen() -> None:
+    lost = replace(SILENT, lost={HIDDEN: IMPOSSIBLE})
+    invisible = replace(_hiding(HIDDEN, log_bf=7.9), lost={HIDDEN: BY_KEPT})
+    assert lost_causes([lost, lost, invisible, _named(HIDDEN)]) == {IMPOSSIBLE: {HIDDEN: 2}}
+    assert f"{IMPOSSIBLE:<16}   2  {HIDDEN} x2" in lost_table([lost, lost])[1]
+
+
+def test_z_of_healthy_motors_is_that_of_a_right_width_where_it_is_determined() -> None:
+    wide, held = Spread(4, 0.5, 2.0, 0.6, "a", 0, 0), Spread(4, 3.5, 2.0, 1.8, "b", 2, 1)
+    motors = [replace(_hiding(seed=seed), audit={"lags": one}) for seed, one in ((1, wide), (2, held))]
+    found = audits(motors)["jacketed"]["lags"]
+    assert wide.ratio == 0.5
+    assert found == Spread(8, 4.0, 4.0, 1.8, "b", 2, 1, 2)
+    assert found.ratio == 1.0
 
 
 def test_an_effect_moves_the_readings_and_none_moves_nothing() -> None:
     drive = drives.wltp(1).first(120.0)
-    frame = Frame(1.0, np.zeros((120, 0)), np.zeros((120, 2)))
-    test = Test("t", "wltp", frame, {}, {}, np.zeros(0), np.zeros(0), ())
     plant = Plant(7, Effect("loss.endwinding_a_inner.speed2_current2", 4000.0))
     without, with_it = Plant(7).run(drive), plant.run(drive)
-    moved = difference(without, with_it, plant, "six", test)
+    moved = difference(without, with_it, plant, "six")
     assert moved.keys() == {sensor.signal for sensor in sensors("six")}
     assert moved["EW_A_inner"].shape == (120,)
     assert moved["EW_A_inner"].max() > 10 * np.abs(moved["EW_B_inner"]).max() > 0
-    assert not any(np.any(k) for k in difference(without, without, plant, "six", test).values())
+    assert not any(np.any(k) for k in difference(without, without, plant, "six").values())
 
 
 def test_what_was_made_is_made_once(tmp_path: Path) -> None:
@@ -135,6 +223,8 @@ def test_what_was_made_is_made_once(tmp_path: Path) -> None:
 
 def test_results_are_read_as_they_were_written(tmp_path: Path) -> None:
     path = tmp_path / "results.jsonl"
-    for result in (SILENT, _named(HIDDEN)):
+    healthy = replace(_hiding(), audit={"lags": Spread(4, 0.5, 2.0, 0.6, "a", 0, 0)}, nodes={"published": None})
+    grouped = replace(_named(HIDDEN), groups={HIDDEN: ("loss.yoke.speed2",)}, refused=("capacity.yoke.scale",))
+    for result in (SILENT, healthy, grouped):
         written(path, result)
-    assert read_results(path) == [SILENT, _named(HIDDEN)]
+    assert read_results(path) == [SILENT, healthy, grouped]

@@ -50,8 +50,8 @@ class Truth:
 
 
 class Plant:
-    """A specimen and the `effects` that it hides; `roughness` 0 is the motor as designed, 1 an everyday specimen; `axial`
-    slices; `form`: what motor it is.
+    """A specimen and the `effects` that it hides; `roughness` 0 is the motor as designed, 1 an everyday specimen;
+    `axial` slices; `form`: what motor it is.
 
     The draws of a seed do not depend on the effects, so that a plant with and without one differs by it alone.
     """

@@ -1,0 +1,124 @@
+"""How far healthy motors are from their priors: z of what may differ every day, by family.
+
+z is a parameter over the sd that it was judged by, after the campaign has set the widths; its data determine the share
+1 - variance / sd^2 of it. Where widths are right, the rms of z over the root of that share is near 1 in every family,
+nothing is beyond 4, and nothing ends at its bound.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from twin.diagnosis.pooling import family, kinds
+from twin.fitting import actions
+from twin.fitting.actions import Parameter
+from twin.fitting.fit import Fit
+from twin.motor.network import NOBODY, Network
+from twin.motor.sensor_laws import Bias, Gain, Lag
+
+
+@dataclass(frozen=True)
+class Spread:
+    """One family in one or more motors: how many parameters, the sum of z^2 and of the shares determined, the largest
+    |z| and whose it is, how many ended at a bound, and in how many of the `motors` at least one."""
+
+    parameters: int
+    square: float
+    determined: float
+    largest: float
+    whose: str
+    held: int
+    motors_held: int
+    motors: int = 1
+
+    @property
+    def ratio(self) -> float | None:
+        """The rms of z over the root of the share determined."""
+        return (self.square / self.determined) ** 0.5 if self.determined > 0 else None
+
+
+def spreads(mode: Fit) -> dict[str, Spread]:
+    """Family -> its spread in one motor."""
+    network = mode.model.network
+    kind = kinds(network)
+    members: defaultdict[str, list[int]] = defaultdict(list)
+    for i, parameter in enumerate(mode.model.parameters):
+        members[family(parameter, kind) or _alone(parameter, network)].append(i)
+    z = mode.beta / mode.model.sd
+    determined = 1 - mode.covariance_diagonal / mode.model.sd**2
+    found = {}
+    for name, own in members.items():
+        worst = max(own, key=lambda i: abs(z[i]))
+        held = int((~mode.free[own]).sum())
+        found[name] = Spread(
+            len(own),
+            float(np.sum(z[own] ** 2)),
+            float(np.sum(determined[own])),
+            abs(float(z[worst])),
+            mode.model.parameters[worst].name,
+            held,
+            int(held > 0),
+        )
+    return found
+
+
+def _alone(parameter: Parameter, network: Network) -> str:
+    """What a parameter is called here that stands in no family of the product's."""
+    match parameter.action:
+        case actions.Tent(terms):
+            return f"maps of {_regions(network)[terms[0]]}"
+        case actions.Tilt(places):
+            return "slopes of losses" if places[0].b == NOBODY else "slopes of films"
+        case actions.Added():
+            return "heat at standstill"
+        case actions.Start():
+            return "starts"
+        case actions.BoundaryBias():
+            return "boundaries"
+        case actions.InputGain() | actions.InputBias():
+            return "inputs"
+        case actions.Beside():
+            return "place of a reading"
+        case actions.Late():
+            return "clocks"
+        case Gain():
+            return "gains"
+        case Lag():
+            return "lags"
+        case Bias():
+            return "biases"
+    return type(parameter.action).__name__
+
+
+def _regions(network: Network) -> list[str]:
+    """The region of the node of every term of a source; none of a link's."""
+    region = {node.name: node.region for node in network.nodes}
+    links = ["" for link in network.links for _ in link.terms]
+    return links + [region[source.node] for source in network.sources for _ in source.terms]
+
+
+def together(motors: Iterable[Mapping[str, Spread]]) -> dict[str, Spread]:
+    """The spreads of several motors, family by family."""
+    of_family: defaultdict[str, list[Spread]] = defaultdict(list)
+    for motor in motors:
+        for name, one in motor.items():
+            of_family[name].append(one)
+    return {name: _sum(own) for name, own in of_family.items()}
+
+
+def _sum(own: Sequence[Spread]) -> Spread:
+    worst = max(own, key=lambda one: one.largest)
+    return Spread(
+        sum(one.parameters for one in own),
+        sum(one.square for one in own),
+        sum(one.determined for one in own),
+        worst.largest,
+        worst.whose,
+        sum(one.held for one in own),
+        sum(one.motors_held for one in own),
+        sum(one.motors for one in own),
+    )

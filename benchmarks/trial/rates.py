@@ -1,0 +1,219 @@
+"""What trials add up to: rates by form, rule and visibility, many effects at once, lost causes, z of healthy motors."""
+
+from __future__ import annotations
+
+from collections import Counter, defaultdict
+from collections.abc import Callable, Hashable, Iterable, Sequence
+from typing import Any, TypeVar
+
+import numpy as np
+from scipy.stats import beta
+
+from benchmarks.trial.answers import VERDICTS, Result
+from benchmarks.trial.audit import Spread, together
+from benchmarks.trial.inside import MODELS
+from benchmarks.trial.lost import NO_ANSWER, STEPS
+from benchmarks.trial.visibility import BANDS, VISIBLE
+
+BOUND = 0.95  # of each Clopper-Pearson bound by itself
+K = TypeVar("K", bound=Hashable)
+ALL = "all"
+
+
+def bounds(k: int, n: int) -> tuple[float, float]:
+    """Clopper and Pearson (Biometrika 26 (1934) 404, DOI 10.1093/biomet/26.4.404): each bound holds with 95 % by
+    itself.
+
+    >>> round(bounds(0, 16)[1], 2)
+    0.17
+    """
+    low = float(beta.ppf(1 - BOUND, k, n - k + 1)) if k else 0.0
+    high = float(beta.ppf(BOUND, k + 1, n - k)) if k < n else 1.0
+    return low, high
+
+
+def rate(k: int, n: int) -> dict[str, Any]:
+    low, high = bounds(k, n) if n else (0.0, 1.0)
+    return {"of": n, "count": k, "at_least": round(low, 3), "at_most": round(high, 3)}
+
+
+def _by(results: Iterable[Result], key: Callable[[Result], K]) -> dict[K, list[Result]]:
+    found: defaultdict[K, list[Result]] = defaultdict(list)
+    for result in results:
+        found[key(result)].append(result)
+    return dict(found)
+
+
+def motor_of(result: Result) -> str:
+    """Form and rule."""
+    return f"{result.case.form} {result.case.rule}"
+
+
+# --- Single effects and healthy motors --------------------------------------------------------------------------------
+
+
+def singles(results: Sequence[Result]) -> dict[str, dict[str, Any]]:
+    """Form and rule -> rates of healthy motors, of effects by visibility, off the library and of exchanged channels;
+    the worst first, then `all`."""
+    chosen = [r for r in results if r.case.kind != "many"]
+    rows = {name: _single(own) for name, own in _by(chosen, motor_of).items()}
+    return dict(sorted(rows.items(), key=lambda row: _missed(row[1]), reverse=True)) | {ALL: _single(chosen)}
+
+
+def _missed(row: dict[str, Any]) -> tuple[float, float]:
+    """What makes a motor a bad one: the share of visible effects not told, then that of healthy motors called ill."""
+    seen, ill = row["effects"][VISIBLE], row["healthy"]["named"]
+    right = seen["first"]["count"] + seen["class"]["count"]
+    return 1 - right / max(seen["first"]["of"], 1), ill["count"] / max(ill["of"], 1)
+
+
+def _single(results: Sequence[Result]) -> dict[str, Any]:
+    healthy = [r for r in results if not r.hidden and not r.case.hidden]
+    hidden = [r for r in results if r.hidden]
+    outside = [r for r in hidden if r.hidden[0].cause.startswith("unknown.")]
+    swaps = [r for r in hidden if ".swap_" in r.hidden[0].cause]
+    inside = [r for r in hidden if r not in outside and r not in swaps]
+
+    def counted(some: Sequence[Result]) -> dict[str, Any]:
+        return {v: rate(sum(r.verdict == v for r in some), len(some)) for v in VERDICTS}
+
+    def by_band(some: Sequence[Result]) -> dict[str, Any]:
+        return {band: counted([r for r in some if r.hidden[0].band == band]) for band in BANDS}
+
+    return {
+        "healthy": {
+            "named": rate(sum(r.answer != "silent" for r in healthy), len(healthy)),
+            "improved": rate(sum(r.improved for r in healthy), len(healthy)),
+        },
+        "effects": by_band(inside),
+        "off library": by_band(outside),
+        "swaps": counted(swaps),
+        "wrong": rate(sum(r.verdict == "wrong" for r in inside), len(inside)),
+        "no answer": sum(bool(r.failed) for r in results),
+    }
+
+
+def singles_table(rows: dict[str, dict[str, Any]]) -> list[str]:
+    lines = []
+    for motor, row in rows.items():
+        lines += [f"{motor}: " + ", ".join(f"healthy {what} {_said(one)}" for what, one in row["healthy"].items())]
+        lines += [f"  {'expected ln BF':<22}{'of':>4}" + "".join(f"{v:>18}" for v in VERDICTS)]
+        kinds = {f"{kind} {band}": row[kind][band] for kind in ("effects", "off library") for band in BANDS}
+        for name, counts in (kinds | {"swaps": row["swaps"]}).items():
+            if counts["first"]["of"] or motor == ALL:
+                said = "".join(f"{_said(counts[v]):>18}" for v in VERDICTS)
+                lines.append(f"  {name:<22}{counts['first']['of']:>4}{said}")
+    wrong, lost = rows[ALL]["wrong"], rows[ALL]["no answer"]
+    return [*lines, f"wrong names of all effects of the library: {_said(wrong)}; without an answer: {lost}"]
+
+
+def _said(one: dict[str, Any]) -> str:
+    return f"{one['count']}/{one['of']} [{one['at_least']:.0%}, {one['at_most']:.0%}]" if one["of"] else "-"
+
+
+# --- Many effects at once ---------------------------------------------------------------------------------------------
+
+
+def many(results: Sequence[Result]) -> dict[str, dict[str, Any]]:
+    """Form and rule -> what became of many effects at once, the worst first, then `all`."""
+    chosen = [r for r in results if r.case.kind == "many"]
+    rows = {name: _several(own) for name, own in _by(chosen, motor_of).items()}
+    worst_first = sorted(rows.items(), key=lambda row: row[1]["visible told"] / max(row[1]["visible"], 1))
+    return dict(worst_first) | {ALL: _several(chosen)}
+
+
+def _several(results: Sequence[Result]) -> dict[str, Any]:
+    names = Counter(r.of_name(name) for r in results for name in r.told)
+    hidden = [(r, one) for r in results for one in r.hidden]
+    visible = [(r, one) for r in results for one in r.visible]
+    told = sum(r.is_told(one.cause) for r, one in hidden)
+    return {
+        "motors": len(results),
+        "hidden": len(hidden),
+        "named truly": told,
+        "silent": len(hidden) - told,
+        "visible": len(visible),
+        "visible told": sum(r.is_told(one.cause) for r, one in visible),
+        "other law": names["place"],
+        "named falsely": names["wrong"],
+        "no answer": sum(bool(r.failed) for r in results),
+        "sensors": _errors([r.sensors for r in results]),
+        "nodes": _errors([r.nodes for r in results]),
+    }
+
+
+def _errors(errors: Sequence[Any]) -> dict[str, float | None]:
+    """The mean of each model's error over the motors that have all of them [K]."""
+    whole = [one for one in errors if one and None not in one.values()]
+    return {model: float(np.mean([one[model] for one in whole])) if whole else None for model in MODELS}
+
+
+COLUMNS = {  # of the table: what stands above, and what it counts
+    "hidden": "hidden",
+    "truly": "named truly",
+    "silent": "silent",
+    "visible": "visible",
+    "told": "visible told",
+    "law": "other law",
+    "falsely": "named falsely",
+    "failed": "no answer",
+}
+
+
+def many_table(results: Sequence[Result]) -> list[str]:
+    """One line for each motor, then one for each form and rule."""
+    chosen = [r for r in results if r.case.kind == "many"]
+    head = "".join(f"{name:>8}" for name in COLUMNS)
+    lines = [f"{'many at once':<28}{head}  at kept sensors, at nodes without one: {' -> '.join(MODELS)} [K]"]
+    rows = {f"{r.case.seed} {motor_of(r)}": _several([r]) for r in chosen} | many(results)
+    for name, row in rows.items():
+        counts = "".join(f"{row[count]:>8}" for count in COLUMNS.values())
+        lines.append(f"{name:<28}{counts}  {_arrow(row['sensors'])}, {_arrow(row['nodes'])}")
+    return lines
+
+
+def _arrow(errors: dict[str, float | None]) -> str:
+    return " -> ".join("-" if errors[model] is None else f"{errors[model]:.2f}" for model in MODELS)
+
+
+# --- Lost causes and healthy motors' priors ---------------------------------------------------------------------------
+
+
+def lost_causes(results: Sequence[Result]) -> dict[str, Counter[str]]:
+    """Step -> the visible causes that it lost, and how often each."""
+    found: defaultdict[str, Counter[str]] = defaultdict(Counter)
+    for result in results:
+        for one in result.visible:
+            if result.failed:
+                found[NO_ANSWER][one.cause] += 1
+            elif one.cause in result.lost:
+                found[result.lost[one.cause]][one.cause] += 1
+    return {step: found[step] for step in STEPS if step in found}
+
+
+def lost_table(results: Sequence[Result]) -> list[str]:
+    total = sum(len(r.visible) for r in results)
+    lines = [f"lost causes, of {total} with an expected ln BF of {VISIBLE}, by the step that lost them"]
+    for step, causes in lost_causes(results).items():
+        said = ", ".join(f"{cause} x{count}" if count > 1 else cause for cause, count in causes.most_common())
+        lines.append(f"  {step:<16}{causes.total():>4}  {said}")
+    return lines
+
+
+def audits(results: Sequence[Result]) -> dict[str, dict[str, Spread]]:
+    """Form -> family -> the spread of everyday parameters over its healthy motors, then over all forms."""
+    healthy = [r for r in results if r.audit]
+    found = {form: together(r.audit for r in own) for form, own in _by(healthy, lambda r: r.case.form).items()}
+    return found | {ALL: together(r.audit for r in healthy)}
+
+
+def audit_table(results: Sequence[Result]) -> list[str]:
+    head = "".join(f"{name:>11}" for name in ("motors", "determined", "rms / root", "largest", "held in"))
+    lines = [f"{'z of healthy motors':<36}{head}  whose is the largest"]
+    for form, families in audits(results).items():
+        for name, one in sorted(families.items(), key=lambda row: -row[1].determined):
+            ratio = "-" if one.ratio is None else f"{one.ratio:.2f}"
+            held = f"{one.motors_held / one.motors:.0%}"
+            cells = (one.motors, f"{one.determined:.1f}", ratio, f"{one.largest:.1f}", held)
+            lines.append(f"{form + ' ' + name:<36}" + "".join(f"{cell:>11}" for cell in cells) + f"  {one.whose}")
+    return lines
