@@ -30,7 +30,7 @@ import tempfile
 from argparse import Namespace
 from collections import defaultdict
 from collections.abc import Sequence
-from concurrent.futures import Executor, ProcessPoolExecutor
+from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
 from dataclasses import asdict, replace
 from multiprocessing import get_context
 from pathlib import Path
@@ -58,6 +58,7 @@ from twin.errors import TwinError
 
 QUICK_S = 180.0  # of each session
 HALVINGS = 4
+ENDS = (IngestError, ReplayError, TwinError, ArithmeticError, ValueError, LookupError)  # of a diagnosis, no answer
 
 
 def main() -> None:
@@ -87,7 +88,8 @@ def run(args: Namespace, cache: Path, longest_s: float) -> None:
     logs.mkdir(parents=True, exist_ok=True)
     with ProcessPoolExecutor(args.jobs, get_context("spawn"), initializer=_alone) as pool:
         hidden = sizes(missing, args.first, logs, pool)
-        for result in pool.map(one, missing, [hidden[case] for case in missing], [logs / c.name for c in missing]):
+        begun = [pool.submit(one, case, hidden[case], logs / case.name) for case in missing]
+        for result in (future.result() for future in as_completed(begun)):
             done[result.case] = result
             written(path, result)
             print(line(result), flush=True)
@@ -124,13 +126,13 @@ def sizes(missing: Sequence[Case], first: int, logs: Path, pool: Executor) -> di
 
 
 def one(case: Case, effects: Sequence[Effect], folder: Path) -> Result:
-    """One trial, its logs made or found."""
+    """One trial, its logs made or found. What ends its diagnosis is counted as no answer."""
     behind = kept_as(folder / "behind.pickle", lambda: _driven(case, effects, folder))
     hidden = tuple(Seen(effect.cause, effect.size) for effect in behind.effects)
     try:
         hidden = _visible(behind, folder / "healthy") if hidden else hidden
         return tried(case, read(folder), behind, hidden)
-    except (IngestError, ReplayError, TwinError, ArithmeticError, ValueError) as error:
+    except ENDS as error:
         return Result(case, hidden, failed=f"{type(error).__name__}: {error}")
 
 
@@ -165,11 +167,12 @@ def line(result: Result) -> str:
 def report(results: Sequence[Result], args: Namespace, code: str) -> None:
     """Print and write all rates."""
     singles = rates.singles(results)
-    tables = [rates.singles_table(singles), rates.many_table(results)]
+    tables = [rates.singles_table(singles), rates.many_table(results), rates.gains_table(results)]
     tables += [rates.lost_table(results), rates.audit_table(results)]
     print("\n\n".join("\n".join(table) for table in tables))
     audits = {form: {name: asdict(one) for name, one in own.items()} for form, own in rates.audits(results).items()}
-    found = {"singles": singles, "many": rates.many(results), "lost": rates.lost_causes(results), "audits": audits}
+    found: dict[str, object] = {"singles": singles, "many": rates.many(results), "gains": rates.gains(results)}
+    found |= {"lost": rates.lost_causes(results), "audits": audits}
     asked.keep({"twin": code, "first": args.first, "layout": args.layout, **found}, args.json)
 
 

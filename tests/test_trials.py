@@ -28,6 +28,8 @@ from benchmarks.trial.rates import (
     ALL,
     audits,
     bounds,
+    gains,
+    gains_table,
     lost_causes,
     lost_table,
     many,
@@ -185,6 +187,19 @@ def test_of_many_effects_each_name_and_each_cause_is_counted_once() -> None:
     assert [found[key] for key in ("visible", "visible told", "other law", "named falsely")] == [4, 2, 1, 1]
     assert found["sensors"] == errors
     assert "5.00 -> 0.30 -> 0.20, 2.00 -> 2.00 -> 2.00" in many_table([told])[1]
+
+
+def test_a_gain_is_counted_where_no_sensor_sits_too() -> None:
+    better = {"published": 5.0, "recalibrated": 0.5, "extended": 0.2}
+    worse = {"published": 5.0, "recalibrated": 1.0, "extended": 1.5}
+    offered = replace(_named(HIDDEN), improved=True, sensors=better, nodes=worse)
+    ran_away = replace(_named(HIDDEN), sensors=dict.fromkeys(better), nodes={**better, "extended": None})
+    found = gains([offered, ran_away, SILENT])
+    assert found["single named"]["motors"] == 2
+    assert found["single improved"]["sensors"] == {"better": 1, "of": 1, "K": pytest.approx(0.3)}
+    assert found["single named"]["nodes"] == {"better": 0, "of": 1, "K": -0.5}
+    assert found["many named"]["nodes"] == {"better": 0, "of": 0, "K": None}
+    assert "1/1, by +0.30 K on average      0/1, by -0.50 K" in gains_table([offered])[4]
 
 
 def test_a_lost_cause_counts_where_it_could_be_seen() -> None:

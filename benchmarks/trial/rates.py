@@ -176,6 +176,46 @@ def _arrow(errors: dict[str, float | None]) -> str:
     return " -> ".join("-" if errors[model] is None else f"{errors[model]:.2f}" for model in MODELS)
 
 
+# --- What naming gains ------------------------------------------------------------------------------------------------
+
+
+def gains(results: Sequence[Result]) -> dict[str, dict[str, Any]]:
+    """What extended models do to the errors of recalibrated ones, at kept sensors and at nodes without a sensor: in how
+    many motors they are smaller, and by how much on average [K]. Of all motors where something is named, and of those
+    whose kept sessions got better, which alone are offered."""
+    rows: dict[str, dict[str, Any]] = {}
+    for kind in ("healthy", "single", "many"):
+        named = [r for r in results if r.case.kind == kind and r.named]
+        rows |= {f"{kind} named": _gain(named), f"{kind} improved": _gain([r for r in named if r.improved])}
+    return rows
+
+
+def _gain(results: Sequence[Result]) -> dict[str, Any]:
+    found: dict[str, Any] = {"motors": len(results)}
+    for where, errors in (("sensors", [r.sensors for r in results]), ("nodes", [r.nodes for r in results])):
+        pairs = [(one["recalibrated"], one["extended"]) for one in errors if one]
+        less = [before - after for before, after in pairs if before is not None and after is not None]
+        found[where] = {
+            "better": sum(x > 0 for x in less),
+            "of": len(less),
+            "K": float(np.mean(less)) if less else None,
+        }
+    return found
+
+
+def gains_table(results: Sequence[Result]) -> list[str]:
+    lines = [
+        f"{'extended over recalibrated':<28}{'motors':>8}{'better at kept sensors':>32}{'at nodes without one':>32}"
+    ]
+    for name, row in gains(results).items():
+        lines.append(f"{name:<28}{row['motors']:>8}" + "".join(f"{_better(row[k]):>32}" for k in ("sensors", "nodes")))
+    return lines
+
+
+def _better(one: dict[str, Any]) -> str:
+    return f"{one['better']}/{one['of']}, by {one['K']:+.2f} K on average" if one["of"] else "-"
+
+
 # --- Lost causes and healthy motors' priors ---------------------------------------------------------------------------
 
 
