@@ -195,11 +195,12 @@ def test_a_gain_is_counted_where_no_sensor_sits_too() -> None:
     offered = replace(_named(HIDDEN), improved=True, sensors=better, nodes=worse)
     ran_away = replace(_named(HIDDEN), sensors=dict.fromkeys(better), nodes={**better, "extended": None})
     found = gains([offered, ran_away, SILENT])
-    assert found["single named"]["motors"] == 2
-    assert found["single improved"]["sensors"] == {"better": 1, "of": 1, "K": pytest.approx(0.3)}
-    assert found["single named"]["nodes"] == {"better": 0, "of": 1, "K": -0.5}
-    assert found["many named"]["nodes"] == {"better": 0, "of": 0, "K": None}
-    assert "1/1, by +0.30 K on average      0/1, by -0.50 K" in gains_table([offered])[4]
+    assert [found[f"single{rows}"]["motors"] for rows in ("", " named", " visible", " improved")] == [3, 2, 2, 1]
+    assert found["single named"]["sensors"] == better  # the one that has all three
+    assert found["single named"]["better"] == {"sensors": 1, "nodes": 0}
+    assert found["many"]["nodes"] == dict.fromkeys(better)
+    line = next(line for line in gains_table([offered]) if line.startswith("single improved"))
+    assert " ".join(line.split()) == "single improved 1 5.00 -> 0.50 -> 0.20 1 5.00 -> 1.00 -> 1.50 0"
 
 
 def test_a_lost_cause_counts_where_it_could_be_seen() -> None:
@@ -216,6 +217,22 @@ def test_z_of_healthy_motors_is_that_of_a_right_width_where_it_is_determined() -
     assert wide.ratio == 0.5
     assert found == Spread(8, 4.0, 4.0, 1.8, "b", 2, 1, 2)
     assert found.ratio == 1.0
+    assert found.breaks == ["held at a bound"]
+
+
+@pytest.mark.parametrize(
+    ("spread", "breaks"),
+    [
+        (Spread(40, 25.0, 25.0, 2.0, "a", 0, 0), []),
+        (Spread(40, 10.0, 25.0, 2.0, "a", 0, 0), ["width too wide"]),
+        (Spread(40, 40.0, 25.0, 4.1, "a", 0, 0), ["width too narrow", "beyond 4"]),
+        (Spread(40, 40.0, 19.0, 2.0, "a", 0, 0), []),
+        (Spread(40, 25.0, 25.0, 2.0, "a", 1, 1, 50), []),
+        (Spread(40, 25.0, 25.0, 2.0, "a", 2, 2, 50), ["held at a bound"]),
+    ],
+)
+def test_a_family_is_told_that_breaks_what_widths_must_be(spread: Spread, breaks: list[str]) -> None:
+    assert spread.breaks == breaks
 
 
 def test_an_effect_moves_the_readings_and_none_moves_nothing() -> None:

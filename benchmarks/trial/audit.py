@@ -20,6 +20,10 @@ from twin.fitting.fit import Fit
 from twin.motor.network import NOBODY, Network
 from twin.motor.sensor_laws import Bias, Gain, Lag
 
+RIGHT = (0.7, 1.2)  # the rms of z over the root of the share determined
+ENOUGH = 20.0  # values determined over the motors, from which on that is judged
+MOST_Z, MOST_HELD = 4.0, 0.02
+
 
 @dataclass(frozen=True)
 class Spread:
@@ -39,6 +43,18 @@ class Spread:
     def ratio(self) -> float | None:
         """The rms of z over the root of the share determined."""
         return (self.square / self.determined) ** 0.5 if self.determined > 0 else None
+
+    @property
+    def breaks(self) -> list[str]:
+        """What is not as it should be, in words."""
+        judged = self.ratio is not None and self.determined >= ENOUGH
+        wrong = {
+            "width too wide": judged and (self.ratio or 0.0) < RIGHT[0],
+            "width too narrow": judged and (self.ratio or 0.0) > RIGHT[1],
+            f"beyond {MOST_Z:g}": self.largest > MOST_Z,
+            "held at a bound": self.motors_held > MOST_HELD * self.motors,
+        }
+        return [words for words, is_so in wrong.items() if is_so]
 
 
 def spreads(mode: Fit) -> dict[str, Spread]:

@@ -180,40 +180,40 @@ def _arrow(errors: dict[str, float | None]) -> str:
 
 
 def gains(results: Sequence[Result]) -> dict[str, dict[str, Any]]:
-    """What extended models do to the errors of recalibrated ones, at kept sensors and at nodes without a sensor: in how
-    many motors they are smaller, and by how much on average [K]. Of all motors where something is named, and of those
-    whose kept sessions got better, which alone are offered."""
-    rows: dict[str, dict[str, Any]] = {}
+    """Errors at kept sensors and at nodes without one, as mean over motors, and in how many of them the extended model
+    has a smaller error than the recalibrated one: of all motors, of those where something is named, of these with a
+    visible cause, and with kept sessions that got better, which alone are offered."""
+    rows = {}
     for kind in ("healthy", "single", "many"):
-        named = [r for r in results if r.case.kind == kind and r.named]
-        rows |= {f"{kind} named": _gain(named), f"{kind} improved": _gain([r for r in named if r.improved])}
+        every = [r for r in results if r.case.kind == kind]
+        named = [r for r in every if r.named]
+        rows[kind] = _gain(every)
+        rows[f"{kind} named"] = _gain(named)
+        rows[f"{kind} visible"] = _gain([r for r in named if r.visible])
+        rows[f"{kind} improved"] = _gain([r for r in named if r.improved])
     return rows
 
 
 def _gain(results: Sequence[Result]) -> dict[str, Any]:
-    found: dict[str, Any] = {"motors": len(results)}
-    for where, errors in (("sensors", [r.sensors for r in results]), ("nodes", [r.nodes for r in results])):
-        pairs = [(one["recalibrated"], one["extended"]) for one in errors if one]
-        less = [before - after for before, after in pairs if before is not None and after is not None]
-        found[where] = {
-            "better": sum(x > 0 for x in less),
-            "of": len(less),
-            "K": float(np.mean(less)) if less else None,
-        }
-    return found
+    places = {"sensors": [r.sensors for r in results], "nodes": [r.nodes for r in results]}
+    means = {where: _errors(errors) for where, errors in places.items()}
+    better = {where: _better(errors) for where, errors in places.items()}
+    return {"motors": len(results), **means, "better": better}
+
+
+def _better(errors: Sequence[Any]) -> int:
+    """In how many the extended model has the smaller error."""
+    pairs = [(one["recalibrated"], one["extended"]) for one in errors if one]
+    return sum(None not in pair and pair[1] < pair[0] for pair in pairs)
 
 
 def gains_table(results: Sequence[Result]) -> list[str]:
-    lines = [
-        f"{'extended over recalibrated':<28}{'motors':>8}{'better at kept sensors':>32}{'at nodes without one':>32}"
-    ]
+    head = f"{'motors':>8}{'at kept sensors [K]':>24}{'better':>8}{'at nodes without one [K]':>28}{'better':>8}"
+    lines = [f"{' -> '.join(MODELS):<40}{head}"]
     for name, row in gains(results).items():
-        lines.append(f"{name:<28}{row['motors']:>8}" + "".join(f"{_better(row[k]):>32}" for k in ("sensors", "nodes")))
+        sensors, nodes = (f"{_arrow(row[where]):>24}{row['better'][where]:>8}" for where in ("sensors", "nodes"))
+        lines.append(f"{name:<40}{row['motors']:>8}{sensors}    {nodes}")
     return lines
-
-
-def _better(one: dict[str, Any]) -> str:
-    return f"{one['better']}/{one['of']}, by {one['K']:+.2f} K on average" if one["of"] else "-"
 
 
 # --- Lost causes and healthy motors' priors ---------------------------------------------------------------------------
@@ -248,12 +248,14 @@ def audits(results: Sequence[Result]) -> dict[str, dict[str, Spread]]:
 
 
 def audit_table(results: Sequence[Result]) -> list[str]:
+    """Form by form, the families that are not as they should be first."""
     head = "".join(f"{name:>11}" for name in ("motors", "determined", "rms / root", "largest", "held in"))
     lines = [f"{'z of healthy motors':<36}{head}  whose is the largest"]
     for form, families in audits(results).items():
-        for name, one in sorted(families.items(), key=lambda row: -row[1].determined):
+        for name, one in sorted(families.items(), key=lambda row: (not row[1].breaks, -row[1].determined)):
             ratio = "-" if one.ratio is None else f"{one.ratio:.2f}"
             held = f"{one.motors_held / one.motors:.0%}"
             cells = (one.motors, f"{one.determined:.1f}", ratio, f"{one.largest:.1f}", held)
-            lines.append(f"{form + ' ' + name:<36}" + "".join(f"{cell:>11}" for cell in cells) + f"  {one.whose}")
+            figures = "".join(f"{cell:>11}" for cell in cells)
+            lines.append(f"{form + ' ' + name:<36}{figures}  {'; '.join([one.whose, *one.breaks])}")
     return lines
