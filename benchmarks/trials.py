@@ -43,22 +43,18 @@ from threadpoolctl import threadpool_limits
 
 from benchmarks import asked
 from benchmarks.trial import rates
-from benchmarks.trial.answers import Result, read_results, tried, written
+from benchmarks.trial.answers import ENDS, Result, read_results, tried, written
 from benchmarks.trial.campaigns import Behind, driven, kept_as, read
 from benchmarks.trial.cases import Case, cases, scaled
 from benchmarks.trial.sizes import read_strengths, sized, strengths, write_strengths
 from benchmarks.trial.visibility import Seen, healthy_mode, seen
-from ingest.errors import IngestError
 from plant import Effect
 from plant.forms import FORMS
 from plant.rules import RULES
 from replay.engine.runs.sources import code_of
-from replay.errors import ReplayError
-from twin.errors import TwinError
 
 QUICK_S = 180.0  # of each session
 HALVINGS = 4
-ENDS = (IngestError, ReplayError, TwinError, ArithmeticError, ValueError, LookupError)  # of a diagnosis, no answer
 
 
 def main() -> None:
@@ -120,6 +116,7 @@ def sizes(missing: Sequence[Case], first: int, logs: Path, pool: Executor) -> di
     known = {reference: read_strengths(path) for reference, path in paths.items()}
     new = {r: sorted(causes - known[r].keys()) for r, causes in asked_for.items() if causes - known[r].keys()}
     for reference, found in zip(new, pool.map(strengths, new, new.values()), strict=True):
+        print(f"{reference.name}: sizes of {', '.join(found)}", flush=True)
         known[reference] |= found
         write_strengths(paths[reference], known[reference])
     return {case: [sized(hidden, known[references[case]]) for hidden in case.hidden] for case in missing}

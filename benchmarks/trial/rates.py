@@ -211,6 +211,8 @@ def gains_table(results: Sequence[Result]) -> list[str]:
     head = f"{'motors':>8}{'at kept sensors [K]':>24}{'better':>8}{'at nodes without one [K]':>28}{'better':>8}"
     lines = [f"{' -> '.join(MODELS):<40}{head}"]
     for name, row in gains(results).items():
+        if not row["motors"]:
+            continue
         sensors, nodes = (f"{_arrow(row[where]):>24}{row['better'][where]:>8}" for where in ("sensors", "nodes"))
         lines.append(f"{name:<40}{row['motors']:>8}{sensors}    {nodes}")
     return lines

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import tempfile
 from collections.abc import Mapping, Sequence
@@ -9,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.trial.answers import ENDS
 from benchmarks.trial.campaigns import kept_count, logged, moved_by, planned, read
 from benchmarks.trial.cases import Case, Hidden, in_catalogue, scaled
 from benchmarks.trial.visibility import healthy_mode, seen
@@ -21,20 +23,22 @@ Strengths = Mapping[str, float | None]  # cause -> d; None where the cause has n
 
 
 def strengths(reference: Case, causes: Sequence[str]) -> dict[str, float | None]:
-    """d of each cause at the size of the catalogue, in the reference specimen."""
+    """d of each cause at the size of the catalogue, in the reference specimen; none where that cannot be fitted."""
     plant = Plant(reference.seed, form=FORMS[reference.form])
     plan = planned(plant, reference.sessions, reference.longest_s)
     with tempfile.TemporaryDirectory() as folder:
         learnt = plan[: reference.sessions - kept_count(reference.sessions)]
         without = logged(Path(folder), reference, plant, learnt)
         campaign = read(Path(folder))
-    mode, found = healthy_mode(campaign), {}
+    found: dict[str, float | None] = dict.fromkeys(causes)
+    try:
+        mode = healthy_mode(campaign)
+    except ENDS:
+        return found
     for effect in map(in_catalogue, causes):
-        try:
+        with contextlib.suppress(ArithmeticError, ValueError):  # a motor that runs away with it
             moved = moved_by(effect, reference, plan, without)
             found[effect.cause] = seen(mode, campaign.candidates, effect, moved).d
-        except (ArithmeticError, ValueError):
-            found[effect.cause] = None
     return found
 
 
