@@ -52,6 +52,7 @@ from plant import Effect
 from plant.forms import FORMS
 from plant.rules import RULES
 from replay.engine.runs.sources import code_of
+from replay.studies.diagnosis.question import Campaign
 
 QUICK_S = 180.0  # of each session
 HALVINGS = 4
@@ -83,12 +84,15 @@ def run(args: Namespace, cache: Path, longest_s: float) -> None:
     missing = [case for case in wanted if case not in done]
     logs.mkdir(parents=True, exist_ok=True)
     with ProcessPoolExecutor(args.jobs, get_context("spawn"), initializer=_alone) as pool:
-        hidden = sizes(missing, args.first, logs, pool)
-        begun = [pool.submit(one, case, hidden[case], logs / case.name) for case in missing]
-        for result in (future.result() for future in as_completed(begun)):
-            done[result.case] = result
-            written(path, result)
-            print(line(result), flush=True)
+        try:
+            hidden = sizes(missing, args.first, logs, pool)
+            begun = [pool.submit(one, case, hidden[case], logs / case.name) for case in missing]
+            for result in (future.result() for future in as_completed(begun)):
+                done[result.case] = result
+                written(path, result)
+                print(line(result), flush=True)
+        finally:
+            pool.shutdown(cancel_futures=True)
     report([done[case] for case in wanted], args, code)
 
 
@@ -126,16 +130,16 @@ def one(case: Case, effects: Sequence[Effect], folder: Path) -> Result:
     """One trial, its logs made or found. What ends its diagnosis is counted as no answer."""
     behind = kept_as(folder / "behind.pickle", lambda: _driven(case, effects, folder))
     hidden = tuple(Seen(effect.cause, effect.size) for effect in behind.effects)
+    campaign, healthy = read(folder), read(folder / "healthy") if hidden else None
     try:
-        hidden = _visible(behind, folder / "healthy") if hidden else hidden
-        return tried(case, read(folder), behind, hidden)
+        hidden = _visible(behind, healthy) if healthy else hidden
+        return tried(case, campaign, behind, hidden)
     except ENDS as error:
         return Result(case, hidden, failed=f"{type(error).__name__}: {error}")
 
 
-def _visible(behind: Behind, folder: Path) -> tuple[Seen, ...]:
+def _visible(behind: Behind, healthy: Campaign) -> tuple[Seen, ...]:
     """How well each hidden effect can be seen."""
-    healthy = read(folder)
     mode = healthy_mode(healthy)
     pairs = zip(behind.effects, behind.moved, strict=True)
     return tuple(seen(mode, healthy.candidates, effect, moved) for effect, moved in pairs)

@@ -15,8 +15,6 @@ from benchmarks.trial.cases import Case, Hidden, either_way
 from benchmarks.trial.inside import Errors, at_sensors, inside
 from benchmarks.trial.lost import lost_at
 from benchmarks.trial.visibility import VISIBLE, Seen
-from ingest.errors import IngestError
-from replay.errors import ReplayError
 from replay.studies.diagnosis.question import Campaign
 from replay.studies.diagnosis.search import find
 from twin.diagnosis.naming import Naming, Refit
@@ -26,7 +24,7 @@ from twin.differences.everyday import everyday
 from twin.errors import TwinError
 from twin.fitting.model import Model
 
-ENDS = (IngestError, ReplayError, TwinError, ArithmeticError, ValueError, LookupError)  # of a diagnosis, no answer
+ENDS = (TwinError, ArithmeticError, ValueError, LookupError)  # of a diagnosis, without an answer
 VERDICTS = ("first", "class", "place", "wrong", "silent")
 
 
