@@ -129,7 +129,7 @@ def test_a_lost_cause_is_told_by_the_last_step_that_it_came_to(mode: Fit, first:
 def test_a_motor_that_is_as_its_file_says_has_small_z(mode: Fit) -> None:
     found = spreads(mode)
     assert sum(one.parameters for one in found.values()) == len(mode.beta)
-    assert {"starts", "gains", "maps of iron", "place of a reading"} <= found.keys()
+    assert {"starts", "films", "maps of iron", "gain of a reading"} <= found.keys()
     assert max(one.largest for one in found.values()) < 3.0
     assert not any(one.held for one in found.values())
     bound = next(i for i, p in enumerate(mode.model.parameters) if p.name == "capacity.case")

@@ -13,12 +13,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from twin.diagnosis.pooling import family, kinds
 from twin.fitting import actions
 from twin.fitting.actions import Parameter
 from twin.fitting.fit import Fit
 from twin.motor.network import NOBODY, Network
-from twin.motor.sensor_laws import Bias, Gain, Lag
+from twin.motor.sensor_laws import SensorLaw
 
 RIGHT = (0.7, 1.2)  # the rms of z over the root of the share determined
 ENOUGH = 20.0  # values determined over the motors, from which on that is judged
@@ -59,11 +58,10 @@ class Spread:
 
 def spreads(mode: Fit) -> dict[str, Spread]:
     """Family -> its spread in one motor."""
-    network = mode.model.network
-    kind = kinds(network)
+    terms = _terms(mode.model.network)
     members: defaultdict[str, list[int]] = defaultdict(list)
     for i, parameter in enumerate(mode.model.parameters):
-        members[family(parameter, kind) or _alone(parameter, network)].append(i)
+        members[_family(parameter, terms)].append(i)
     z = mode.beta / mode.model.sd
     determined = 1 - mode.covariance_diagonal / mode.model.sd**2
     found = {}
@@ -82,15 +80,24 @@ def spreads(mode: Fit) -> dict[str, Spread]:
     return found
 
 
-def _alone(parameter: Parameter, network: Network) -> str:
-    """What a parameter is called here that stands in no family of the product's."""
+Terms = Sequence[tuple[str, str]]  # of every term: `films`, `conduction` or `losses`, and the region of its heat
+
+
+def _family(parameter: Parameter, terms: Terms) -> str:
+    """The audit's own families, so that tables of two versions of the product can be held against each other."""
     match parameter.action:
-        case actions.Tent(terms):
-            return f"maps of {_regions(network)[terms[0]]}"
+        case actions.Scale(own):
+            return terms[own[0]][0] + (" of both sides" if len(own) > 1 else "")
+        case actions.Capacity():
+            return "capacities"
+        case actions.Power():
+            return "exponents"
+        case actions.Tent(own):
+            return f"maps of {terms[own[0]][1]}"
         case actions.Tilt(places):
             return "slopes of losses" if places[0].b == NOBODY else "slopes of films"
-        case actions.Added():
-            return "heat at standstill"
+        case actions.Added(places):
+            return "added heats" if places[0].b == NOBODY else "paths"
         case actions.Start():
             return "starts"
         case actions.BoundaryBias():
@@ -101,20 +108,20 @@ def _alone(parameter: Parameter, network: Network) -> str:
             return "place of a reading"
         case actions.Late():
             return "clocks"
-        case Gain():
-            return "gains"
-        case Lag():
-            return "lags"
-        case Bias():
-            return "biases"
+        case SensorLaw():
+            return f"{parameter.action.law} of a reading"
     return type(parameter.action).__name__
 
 
-def _regions(network: Network) -> list[str]:
-    """The region of the node of every term of a source; none of a link's."""
+def _terms(network: Network) -> Terms:
+    """What every term of a network is of; a film is a link to a fluid or boundary, or one whose law has features."""
     region = {node.name: node.region for node in network.nodes}
-    links = ["" for link in network.links for _ in link.terms]
-    return links + [region[source.node] for source in network.sources for _ in source.terms]
+    found = []
+    for link in network.links:
+        fluid = {"fluid", "boundary"} & {region.get(end, "boundary") for end in (link.a, link.b)}
+        film = fluid or any(term.exponents for term in link.terms)
+        found += [("films" if film else "conduction", "")] * len(link.terms)
+    return found + [("losses", region[source.node]) for source in network.sources for _ in source.terms]
 
 
 def together(motors: Iterable[Mapping[str, Spread]]) -> dict[str, Spread]:
