@@ -29,7 +29,7 @@ import sys
 import tempfile
 from argparse import Namespace
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
 from dataclasses import asdict, replace
 from multiprocessing import get_context
@@ -43,19 +43,16 @@ from threadpoolctl import threadpool_limits
 
 from benchmarks import asked
 from benchmarks.trial import rates
-from benchmarks.trial.answers import ENDS, Result, read_results, tried, written
-from benchmarks.trial.campaigns import Behind, driven, kept_as, read
-from benchmarks.trial.cases import Case, cases, scaled
+from benchmarks.trial.answers import Result, read_results, written
+from benchmarks.trial.cases import Case, cases
+from benchmarks.trial.one import RunsAway, trial
 from benchmarks.trial.sizes import read_strengths, sized, strengths, write_strengths
-from benchmarks.trial.visibility import Seen, healthy_mode, seen
 from plant import Effect
 from plant.forms import FORMS
 from plant.rules import RULES
 from replay.engine.runs.sources import code_of
-from replay.studies.diagnosis.question import Campaign
 
 QUICK_S = 180.0  # of each session
-HALVINGS = 4
 
 
 def main() -> None:
@@ -85,15 +82,24 @@ def run(args: Namespace, cache: Path, longest_s: float) -> None:
     logs.mkdir(parents=True, exist_ok=True)
     with ProcessPoolExecutor(args.jobs, get_context("spawn"), initializer=_alone) as pool:
         try:
-            hidden = sizes(missing, args.first, logs, pool)
-            begun = [pool.submit(one, case, hidden[case], logs / case.name) for case in missing]
-            for result in (future.result() for future in as_completed(begun)):
+            for result in answered(missing, args.first, logs, pool):
                 done[result.case] = result
                 written(path, result)
                 print(line(result), flush=True)
         finally:
             pool.shutdown(cancel_futures=True)
-    report([done[case] for case in wanted], args, code)
+    report([done[case] for case in wanted if case in done], args, code)
+
+
+def answered(missing: Sequence[Case], first: int, logs: Path, pool: Executor) -> Iterator[Result]:
+    """The results of these cases as they come."""
+    hidden = sizes(missing, first, logs, pool)
+    begun = [pool.submit(trial, case, hidden[case], logs / case.name) for case in missing]
+    for future in as_completed(begun):
+        try:
+            yield future.result()
+        except RunsAway as error:
+            print(f"left out: {error}", flush=True)
 
 
 def _alone() -> None:
@@ -124,37 +130,6 @@ def sizes(missing: Sequence[Case], first: int, logs: Path, pool: Executor) -> di
         known[reference] |= found
         write_strengths(paths[reference], known[reference])
     return {case: [sized(hidden, known[references[case]]) for hidden in case.hidden] for case in missing}
-
-
-def one(case: Case, effects: Sequence[Effect], folder: Path) -> Result:
-    """One trial, its logs made or found. What ends its diagnosis is counted as no answer."""
-    behind = kept_as(folder / "behind.pickle", lambda: _driven(case, effects, folder))
-    hidden = tuple(Seen(effect.cause, effect.size) for effect in behind.effects)
-    campaign, healthy = read(folder), read(folder / "healthy") if hidden else None
-    try:
-        hidden = _visible(behind, healthy) if healthy else hidden
-        return tried(case, campaign, behind, hidden)
-    except ENDS as error:
-        return Result(case, hidden, failed=f"{type(error).__name__}: {error}")
-
-
-def _visible(behind: Behind, healthy: Campaign) -> tuple[Seen, ...]:
-    """How well each hidden effect can be seen."""
-    mode = healthy_mode(healthy)
-    pairs = zip(behind.effects, behind.moved, strict=True)
-    return tuple(seen(mode, healthy.candidates, effect, moved) for effect, moved in pairs)
-
-
-def _driven(case: Case, effects: Sequence[Effect], folder: Path) -> Behind:
-    """The logs of a case; where the motor with its effects runs away, at half their sizes, and half again."""
-    for _ in range(HALVINGS):
-        try:
-            return driven(case, effects, folder)
-        except (ArithmeticError, ValueError):
-            if not effects:
-                raise
-        effects = [scaled(effect, 0.5) for effect in effects]
-    raise ValueError(f"{case.name}: the motor runs away at a {2**HALVINGS}th of the sizes too: leave this case out")
 
 
 def line(result: Result) -> str:
