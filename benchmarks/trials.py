@@ -23,13 +23,14 @@ are no part of this; nor are causes that need an ageing dose or a second session
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import math
 import sys
 import tempfile
-from argparse import Namespace
+from argparse import ArgumentTypeError, Namespace
 from collections import defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
 from dataclasses import asdict, replace
 from multiprocessing import get_context
@@ -58,8 +59,8 @@ QUICK_S = 180.0  # of each session
 def main() -> None:
     """Run what is missing, print and write the rates."""
     parser = asked.parser(__doc__, healthy=(60, 1), effects=(120, 1), many=(60, 1), first=(1000, 1000), jobs=(1, 1))
-    parser.add_argument("--forms", metavar="NAMES", default=",".join(FORMS))
-    parser.add_argument("--rules", metavar="NAMES", default=",".join(RULES))
+    parser.add_argument("--forms", metavar="NAMES", type=functools.partial(some_of, FORMS), default=list(FORMS))
+    parser.add_argument("--rules", metavar="NAMES", type=functools.partial(some_of, RULES), default=list(RULES))
     parser.add_argument("--layout", choices=("six", "ten"), default="six")
     parser.add_argument("--cache", metavar="FOLDER", type=Path, default=Path(tempfile.gettempdir()) / "whyhot-trials")
     args = parser.parse_args()
@@ -70,12 +71,20 @@ def main() -> None:
         run(args, args.cache, math.inf)
 
 
+def some_of(known: Collection[str], text: str) -> list[str]:
+    """The names in a text with commas between them."""
+    names = text.split(",")
+    if not set(names) <= set(known):
+        raise ArgumentTypeError(f"{text}: choose from {', '.join(known)}")
+    return names
+
+
 def run(args: Namespace, cache: Path, longest_s: float) -> None:
     """What is asked, of drives that end after `longest_s`."""
     code, logs = code_of("replay.studies.diagnosis.diagnose")[:12], cache / plant_code()
     path = logs / f"results-{code}.jsonl"
     done = {r.case: r for r in read_results(path)}
-    motors = [(form, rule) for form in args.forms.split(",") for rule in args.rules.split(",")]
+    motors = [(form, rule) for form in args.forms for rule in args.rules]
     drawn = cases(args.first, args.healthy, args.effects, args.many, motors, args.layout)
     wanted = [replace(case, longest_s=longest_s) for case in drawn]
     missing = [case for case in wanted if case not in done]

@@ -26,6 +26,7 @@ from benchmarks.trial.lost import IMPOSSIBLE
 from benchmarks.trial.lost import KEPT as BY_KEPT
 from benchmarks.trial.rates import (
     ALL,
+    NOT_RATED,
     audits,
     bounds,
     gains,
@@ -168,7 +169,13 @@ def test_the_worst_form_and_rule_stands_first() -> None:
     good, bad = _named(HIDDEN), _hiding(HIDDEN, motor=FOUR[3])
     assert list(singles([good, bad])) == ["weakened hand", "jacketed fitted", ALL]
     alarm = replace(_hiding(motor=FOUR[1]), named={HIDDEN: 20.0})
-    assert list(singles([good, alarm])) == ["jacketed hand", "jacketed fitted", ALL]
+    assert list(singles([good, alarm, bad])) == ["weakened hand", "jacketed hand", "jacketed fitted", ALL]
+
+
+def test_an_effect_without_an_expected_ln_bf_is_counted_apart() -> None:
+    found = singles([replace(SILENT, hidden=(Seen(HIDDEN, 60.0),))])[ALL]
+    assert found["effects"][NOT_RATED]["silent"]["count"] == 1
+    assert any(line.split()[:4] == ["effects", "not", "rated", "1"] for line in singles_table({ALL: found}))
 
 
 def test_of_many_effects_each_name_and_each_cause_is_counted_once() -> None:

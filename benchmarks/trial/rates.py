@@ -17,7 +17,7 @@ from benchmarks.trial.visibility import BANDS, VISIBLE
 
 BOUND = 0.95  # of each Clopper-Pearson bound by itself
 K = TypeVar("K", bound=Hashable)
-ALL = "all"
+ALL, NOT_RATED = "all", "not rated"  # of all forms and rules; of effects without an expected ln BF
 
 
 def bounds(k: int, n: int) -> tuple[float, float]:
@@ -63,8 +63,8 @@ def singles(results: Sequence[Result]) -> dict[str, dict[str, Any]]:
 def _missed(row: dict[str, Any]) -> tuple[float, float]:
     """What makes a motor a bad one: the share of visible effects not told, then that of healthy motors called ill."""
     seen, ill = row["effects"][VISIBLE], row["healthy"]["named"]
-    right = seen["first"]["count"] + seen["class"]["count"]
-    return 1 - right / max(seen["first"]["of"], 1), ill["count"] / max(ill["of"], 1)
+    wrong = seen["first"]["of"] - seen["first"]["count"] - seen["class"]["count"]
+    return wrong / max(seen["first"]["of"], 1), ill["count"] / max(ill["of"], 1)
 
 
 def _single(results: Sequence[Result]) -> dict[str, Any]:
@@ -78,7 +78,10 @@ def _single(results: Sequence[Result]) -> dict[str, Any]:
         return {v: rate(sum(r.verdict == v for r in some), len(some)) for v in VERDICTS}
 
     def by_band(some: Sequence[Result]) -> dict[str, Any]:
-        return {band: counted([r for r in some if r.hidden[0].band == band]) for band in BANDS}
+        bands = {band: [r for r in some if r.hidden[0].band == band] for band in BANDS}
+        return {band: counted(own) for band, own in bands.items()} | {
+            NOT_RATED: counted([r for r in some if r.hidden[0].band is None])
+        }
 
     return {
         "healthy": {
@@ -98,9 +101,9 @@ def singles_table(rows: dict[str, dict[str, Any]]) -> list[str]:
     for motor, row in rows.items():
         lines += [f"{motor}: " + ", ".join(f"healthy {what} {_said(one)}" for what, one in row["healthy"].items())]
         lines += [f"  {'expected ln BF':<22}{'of':>4}" + "".join(f"{v:>18}" for v in VERDICTS)]
-        kinds = {f"{kind} {band}": row[kind][band] for kind in ("effects", "off library") for band in BANDS}
+        kinds = {f"{kind} {band}": counts for kind in ("effects", "off library") for band, counts in row[kind].items()}
         for name, counts in (kinds | {"swaps": row["swaps"]}).items():
-            if counts["first"]["of"] or motor == ALL:
+            if counts["first"]["of"] or (motor == ALL and NOT_RATED not in name):
                 said = "".join(f"{_said(counts[v]):>18}" for v in VERDICTS)
                 lines.append(f"  {name:<22}{counts['first']['of']:>4}{said}")
     wrong, lost = rows[ALL]["wrong"], rows[ALL]["no answer"]
@@ -118,8 +121,12 @@ def many(results: Sequence[Result]) -> dict[str, dict[str, Any]]:
     """Form and rule -> what became of many effects at once, the worst first, then `all`."""
     chosen = [r for r in results if r.case.kind == "many"]
     rows = {name: _several(own) for name, own in _by(chosen, motor_of).items()}
-    worst_first = sorted(rows.items(), key=lambda row: row[1]["visible told"] / max(row[1]["visible"], 1))
-    return dict(worst_first) | {ALL: _several(chosen)}
+    return dict(sorted(rows.items(), key=_untold, reverse=True)) | {ALL: _several(chosen)}
+
+
+def _untold(row: tuple[str, dict[str, Any]]) -> float:
+    """The share of visible effects that a form and rule leaves untold."""
+    return float(1 - row[1]["visible told"] / row[1]["visible"]) if row[1]["visible"] else 0.0
 
 
 def _several(results: Sequence[Result]) -> dict[str, Any]:
