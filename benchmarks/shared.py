@@ -25,7 +25,7 @@ def stored(folder: Path, logs: Sequence[Path]) -> Iterator[Store]:
         yield store
 
 
-def clopper_pearson(found: int, of: int) -> tuple[float, float]:
-    """Bounds of 95 % of a rate, `found` in `of` trials (Biometrika 26 (1934) 404, DOI 10.1093/biomet/26.4.404)."""
-    low, high = binomtest(found, of).proportion_ci(0.95, method="exact")
+def clopper_pearson(found: int, of: int, confidence: float = 0.95) -> tuple[float, float]:
+    """Bounds of a rate, `found` in `of` trials (Biometrika 26 (1934) 404, DOI 10.1093/biomet/26.4.404)."""
+    low, high = binomtest(found, of).proportion_ci(confidence, method="exact")
     return float(low), float(high)

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks.shared import clopper_pearson
 from benchmarks.trial.answers import Result, read_results, written
 from benchmarks.trial.audit import Spread
 from benchmarks.trial.campaigns import KEPT, LEARNT, difference, kept_as, kept_count
@@ -28,7 +29,6 @@ from benchmarks.trial.rates import (
     ALL,
     NOT_RATED,
     audits,
-    bounds,
     gains,
     gains_table,
     lost_causes,
@@ -120,7 +120,7 @@ def test_a_size_grows_in_proportion_and_a_factor_by_its_logarithm() -> None:
     [(0, 16, 0.0, 0.171), (16, 16, 0.829, 1.0), (5, 10, 0.222, 0.778)],  # Clopper and Pearson 1934, 5 % on either side
 )
 def test_bounds_are_those_of_clopper_and_pearson(k: int, n: int, low: float, high: float) -> None:
-    assert bounds(k, n) == pytest.approx((low, high), abs=1e-3)
+    assert clopper_pearson(k, n, 0.9) == pytest.approx((low, high), abs=1e-3)
 
 
 @pytest.mark.parametrize(

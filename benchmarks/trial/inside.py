@@ -8,7 +8,6 @@ import numpy as np
 
 from benchmarks.trial.campaigns import Course, middles
 from replay.studies.diagnosis.search import Found
-from twin.differences.everyday import mostly_followed
 from twin.errors import DivergedError
 from twin.fitting.fit import Fit
 from twin.fitting.model import Model, Test
@@ -48,7 +47,7 @@ def _error(fitted: Fit | None, network: Network, kept: Sequence[Test], nodes: Se
             means = model.course(number, beta)[1]
         except DivergedError:
             return None
-        observed = {mostly_followed(channel) for channel in test.channels}
+        observed = {channel.sensor.node for channel in test.channels}
         t = middles(len(means) * test.frame.step_s, test.frame.step_s)
         for node, modelled in zip(network.nodes, means.T, strict=True):
             if node.name not in observed:

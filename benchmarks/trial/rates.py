@@ -7,33 +7,21 @@ from collections.abc import Callable, Hashable, Iterable, Sequence
 from typing import Any, TypeVar
 
 import numpy as np
-from scipy.stats import beta
 
+from benchmarks.shared import clopper_pearson
 from benchmarks.trial.answers import VERDICTS, Result
 from benchmarks.trial.audit import Spread, together
 from benchmarks.trial.inside import MODELS
 from benchmarks.trial.lost import NO_ANSWER, STEPS
 from benchmarks.trial.visibility import BANDS, VISIBLE
 
-BOUND = 0.95  # of each Clopper-Pearson bound by itself
+BOTH_BOUNDS = 0.90  # of both together: each holds with 95 % by itself
 K = TypeVar("K", bound=Hashable)
 ALL, NOT_RATED = "all", "not rated"  # of all forms and rules; of effects without an expected ln BF
 
 
-def bounds(k: int, n: int) -> tuple[float, float]:
-    """Clopper and Pearson (Biometrika 26 (1934) 404, DOI 10.1093/biomet/26.4.404): each bound holds with 95 % by
-    itself.
-
-    >>> round(bounds(0, 16)[1], 2)
-    0.17
-    """
-    low = float(beta.ppf(1 - BOUND, k, n - k + 1)) if k else 0.0
-    high = float(beta.ppf(BOUND, k + 1, n - k)) if k < n else 1.0
-    return low, high
-
-
 def rate(k: int, n: int) -> dict[str, Any]:
-    low, high = bounds(k, n) if n else (0.0, 1.0)
+    low, high = clopper_pearson(k, n, BOTH_BOUNDS) if n else (0.0, 1.0)
     return {"of": n, "count": k, "at_least": round(low, 3), "at_most": round(high, 3)}
 
 

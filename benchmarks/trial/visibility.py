@@ -33,7 +33,6 @@ from twin.differences.everyday import everyday
 from twin.differences.proposals import Proposals
 from twin.fitting.fit import NEAR_ENOUGH, Fit, fit
 from twin.fitting.model import Columns, Model
-from twin.motor.outputs import blocks
 
 Floats = NDArray[np.float64]
 
@@ -93,6 +92,6 @@ def _moved(model: Model, part: Columns, moved: Sequence[Course]) -> Floats:
     course = moved[part.series.session][channel.name]
     steps = len(test.frame.features)
     at_steps = np.interp(middles(steps * test.frame.step_s, test.frame.step_s), middles(len(course)), course)
-    x = blocks(channel.output, test.frame.step_s).measured(at_steps)
+    x = channel.blocks(test.frame.step_s).measured(at_steps)
     whitened: Floats = model.whitened(part.series, x[:, None])[:, 0]
     return whitened
