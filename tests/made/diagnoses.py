@@ -129,9 +129,17 @@ SHOWN = [
 
 
 def gain(
-    node: str, before: float, after: float, ci: tuple[float, float], published: float, share: float = 0.08
+    node: str,
+    before: float,
+    after: float,
+    ci: tuple[float, float],
+    published: float,
+    share: float = 0.08,
+    recorded: tuple[float, ...] = (),
+    moved: float = 0.0,
 ) -> KeptGain:
-    """An entry of `gain` over few sessions."""
+    """An entry of `gain` over few sessions. `recorded`: errors as published, before and after, as far as a file says
+    them, against a reading that learnt corrections move by `moved`."""
     return KeptGain(
         node=node,
         mae_before_K=before,
@@ -142,13 +150,15 @@ def gain(
         outside_trained_share=share,
         rms_inside_K=[1.2 * before, 1.2 * after],
         rms_outside_K=[2 * before, 2 * after] if share else [],
+        mae_recorded_K=dict(zip(("published", "before", "after"), recorded, strict=False)),
+        reading_moved_K=moved,
     )
 
 
 GAIN = [
-    gain("endwinding_a_outer", 0.33, 0.32, (-0.05, 0.07), 0.6),
-    gain("magnet", 6.1, 0.9, (4.1, 6.0), 9.0),
-    gain("rotor_surface", 5.2, 0.8, (3.4, 5.1), 7.7),
+    gain("endwinding_a_outer", 0.33, 0.32, (-0.05, 0.07), 0.6, recorded=(0.5, 0.6, 0.7), moved=0.04),
+    gain("magnet", 6.1, 0.9, (4.1, 6.0), 9.0, recorded=(10.1, 6.4, 2.3), moved=-1.7),
+    gain("rotor_surface", 5.2, 0.8, (3.4, 5.1), 7.7, recorded=(7.9, 5.3, 1.0)),
 ]
 
 NAMED = Diagnosis(
@@ -217,7 +227,10 @@ NOT_IMPROVED = replace(
     causes=[
         replace(EDDY, improved=False, why_not_improved="the lower bound of the log score's gain is below zero (-3.1)")
     ],
-    gain=[gain("magnet", 0.61, 0.58, (-0.1, 0.15), 9.0), gain("rotor_surface", 0.5, 0.62, (-0.2, -0.05), 7.7)],
+    gain=[
+        gain("magnet", 0.61, 0.58, (-0.1, 0.15), 9.0, recorded=(9.2, 0.8, 0.8)),
+        gain("rotor_surface", 0.5, 0.62, (-0.2, -0.05), 7.7, recorded=(7.6, 0.5, 0.6)),
+    ],
 )
 RIVALS_BELOW = [
     replace(rival, log_bayes_factor=value, why_not="below the threshold 8")
@@ -234,7 +247,18 @@ SILENT = replace(
 ABSORBED = replace(
     SILENT,
     shown=SHOWN,
-    gain=[gain("magnet", 0.3, 0.3, (0.0, 0.0), 9.0), gain("rotor_surface", 0.2, 0.2, (0.0, 0.0), 7.7)],
+    gain=[
+        gain("magnet", 0.3, 0.3, (0.0, 0.0), 9.0, recorded=(10.1, 1.4), moved=-1.7),
+        gain("rotor_surface", 0.2, 0.2, (0.0, 0.0), 7.7, recorded=(7.9, 0.3)),
+    ],
+)
+WORSE = replace(
+    ABSORBED,
+    recalibrated_model=None,
+    gain=[
+        gain("rotor", 2.5, 2.5, (0.0, 0.0), 1.4, recorded=(1.6, 2.8), moved=0.11),
+        gain("magnet", 0.3, 0.3, (0.0, 0.0), 0.5, recorded=(0.6, 0.4)),
+    ],
 )
 UNKNOWN = replace(
     NAMED,
@@ -270,6 +294,7 @@ ALL: Mapping[str, Diagnosis] = {
     "not_improved": NOT_IMPROVED,
     "silent": SILENT,
     "absorbed": ABSORBED,
+    "worse": WORSE,
     "unknown": UNKNOWN,
     "too_little": TOO_LITTLE,
 }

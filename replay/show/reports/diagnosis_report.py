@@ -11,7 +11,7 @@ from replay.engine.results.run import Run
 from replay.show.plots.compare import MODELS, compare, lines_drawn
 from replay.show.plots.error_maps import error_map
 from replay.show.plots.filter_plots import estimated_loss
-from replay.show.reports import verdict
+from replay.show.reports import kept_errors, sentences, verdict
 from replay.show.reports.diagnosis_text import diagnosis_name, gain_notes, looked_at, next_commands
 from replay.show.reports.gain_plot import gain_bars
 from replay.show.reports.ranking import ranking
@@ -48,9 +48,12 @@ def write_diagnosis_report(
         diagnosis=diagnosis,
         name=diagnosis_name(diagnosis),
         verdict=verdict,
-        answer=verdict.answer(diagnosis),
+        answer=sentences.answer(diagnosis),
         gain_plot=gain_bars(diagnosis),
         gain_notes=gain_notes(diagnosis),
+        gains=kept_errors.furthest_first(diagnosis.gain),
+        kept_errors=kept_errors,
+        stages=kept_errors.stages(bool(diagnosis.causes)),
         looked_at=looked_at(diagnosis),
         commands=next_commands(diagnosis),
         sessions=_sessions(diagnosis, shown),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from replay.show.reports import verdict
+from replay.show.reports import kept_errors, sentences, verdict
 from replay.show.reports.verdict import Ending
 from replay.show.words import words
 from replay.show.words.terminal import labelled
@@ -15,11 +15,13 @@ RIVALS = 5  # told at most
 
 def diagnosis_text(diagnosis: Diagnosis) -> str:
     """What `whyhot diagnose` prints. No colours, no trailing newline."""
-    lines = labelled("What is wrong", verdict.what_is_wrong(diagnosis))
+    lines = labelled("Answer", sentences.headline(diagnosis))
+    lines += labelled("What is wrong", verdict.what_is_wrong(diagnosis))
     lines += _paragraphs("Left out", [f"{m.session_name}: {m.says}" for m in diagnosis.masked])
     for label, paragraphs in _ending(diagnosis):
         lines += _paragraphs(label, paragraphs)
     lines += _paragraphs("Gain, kept", list(_gain(diagnosis)))
+    lines += _paragraphs("Files", list(filter(None, [sentences.no_files(diagnosis)])))
     lines += labelled("Looked at", looked_at(diagnosis))
     if diagnosis.next_test is not None:
         lines += labelled("Next test", diagnosis.next_test)
@@ -53,11 +55,11 @@ def diagnosis_name(diagnosis: Diagnosis) -> str:
 
 def answer_markdown(diagnosis: Diagnosis) -> str:
     """The answer for the viewer's text panel: what, how much, what else it could be, what it gains, where to look."""
-    lines = [f"# {verdict.answer(diagnosis)}", ""]
+    lines = [f"# {sentences.answer(diagnosis)}", ""]
     for cause in diagnosis.causes:
         lines += [f"## `{cause.id}`", f"{words.capital(cause.says)}.", ""]
         lines += [f"- {_evidence(diagnosis, cause)}", f"- {verdict.effect(diagnosis, cause)}"]
-        lines += [f"- `{cause.formula}`", f"- {verdict.whether_improved(cause)}"]
+        lines += [f"- `{cause.formula}`", f"- {verdict.whether_improved(diagnosis, cause)}"]
         lines += [f"- not told apart from `{other}`: {says}" for other, says in verdict.rivals_left(cause)]
         lines += [f"- test that would: {cause.separating_test}"] if cause.separating_test else []
         lines += [""]
@@ -78,7 +80,7 @@ def _ending(diagnosis: Diagnosis) -> Iterator[tuple[str, Sequence[str]]]:
             for cause in diagnosis.causes:
                 yield from _cause(diagnosis, cause)
         case Ending.AGREES | Ending.CANNOT_TELL:
-            yield "Named cause", ["none", verdict.finding(diagnosis)]
+            yield "Named cause", ["none", sentences.details(diagnosis)]
         case Ending.UNKNOWN:
             yield "Named cause", ["none"]
     for heat in diagnosis.unknown:
@@ -92,7 +94,7 @@ def _ending(diagnosis: Diagnosis) -> Iterator[tuple[str, Sequence[str]]]:
 def _cause(diagnosis: Diagnosis, cause: Named) -> Iterator[tuple[str, Sequence[str]]]:
     named = [f"{cause.id}   {_evidence(diagnosis, cause)}", cause.says, verdict.effect(diagnosis, cause)]
     named += [cause.formula] if cause.formula else []
-    yield "Named cause", named if cause.improved else [*named, verdict.whether_improved(cause)]
+    yield "Named cause", named if cause.improved else [*named, verdict.whether_improved(diagnosis, cause)]
     told = [f"{other}: {says}" for other, says in verdict.rivals_left(cause)]
     if told:
         share = f"its own share of that probability is {verdict.probability(cause.member_probability)}"
@@ -118,31 +120,34 @@ def _gain(diagnosis: Diagnosis) -> Iterator[str]:
     """Errors on kept sessions, node by node, then what qualifies them."""
     if not diagnosis.gain:
         return
+    gains, of = kept_errors.furthest_first(diagnosis.gain), kept_errors.stages(bool(diagnosis.causes))
+    yield f"mean error {' -> '.join(kept_errors.STAGES[stage] for stage in of)}, {kept_errors.HOW}"
     if diagnosis.causes:
-        yield from _before_and_after(diagnosis.gain)
+        yield from _before_and_after(gains, of)
     else:
-        falls = [(words.name(g.node), g.published_mae_K, words.kelvin(g.mae_before_K)) for g in diagnosis.gain]
-        recalibrated = [f"{node} {published:.1f} -> {before}" for node, published, before in falls]
-        yield f"by recalibration alone: {' · '.join(recalibrated)}"
-    outside = f"{100 * max(g.outside_trained_share for g in diagnosis.gain):.0f} % of the time outside trained points"
-    interval = f"95 % intervals {diagnosis.gain[0].interval}; " if diagnosis.causes else ""
+        yield " · ".join(_at(gain, of) for gain in gains)
+    outside = f"{100 * max(g.outside_trained_share for g in gains):.0f} % of the time outside trained points"
+    interval = f"95 % intervals {gains[0].interval}; " if diagnosis.causes else ""
     yield f"{words.joined(diagnosis.held_out_names)}; {interval}{outside}"
     yield from gain_notes(diagnosis)
 
 
-def _before_and_after(gains: Sequence[KeptGain]) -> Iterator[str]:
+def _before_and_after(gains: Sequence[KeptGain], of: Sequence[str]) -> Iterator[str]:
     """The better first, then the worse, then those that the interval leaves unchanged on one line."""
     by_verdict: dict[str, list[KeptGain]] = {}
-    for gain in sorted(gains, key=lambda g: g.mae_after_K - g.mae_before_K):
-        by_verdict.setdefault(verdict.change(gain), []).append(gain)
+    for gain in gains:
+        by_verdict.setdefault(kept_errors.change(gain), []).append(gain)
     for word in ("better", "worse"):
         for gain in by_verdict.get(word, []):
             ends = sorted(abs(end) for end in gain.ci95_K)
-            change = f"{abs(gain.mae_before_K - gain.mae_after_K):.1f} {word}, {ends[0]:.1f} to {ends[1]:.1f}"
-            fall = f"{gain.mae_before_K:.1f} -> {words.kelvin(gain.mae_after_K)}"
-            yield f"{words.name(gain.node)} {fall} ({change}); {words.kelvin(gain.published_mae_K)} as published"
+            change = f"{abs(gain.mae_before_K - gain.mae_after_K):.1f} {word} ({ends[0]:.1f} to {ends[1]:.1f})"
+            yield _at(gain, of, change)
     if same := by_verdict.get("unchanged"):
-        yield f"unchanged: {' · '.join(f'{words.name(g.node)} {words.kelvin(g.mae_after_K)}' for g in same)}"
+        yield f"unchanged: {' · '.join(_at(gain, of[-1:]) for gain in same)}"
+
+
+def _at(gain: KeptGain, of: Sequence[str], *more: str) -> str:
+    return f"{words.name(gain.node)} {kept_errors.errors(gain, of, *more, kept_errors.moved(gain))}"
 
 
 def gain_notes(diagnosis: Diagnosis) -> list[str]:
@@ -150,7 +155,7 @@ def gain_notes(diagnosis: Diagnosis) -> list[str]:
     notes = []
     if diagnosis.log_score_gain is not None and diagnosis.log_score_gain_lower is not None:
         score, lower = verdict.figures(diagnosis.log_score_gain), verdict.figures(diagnosis.log_score_gain_lower)
-        notes.append(f"log score of the kept sessions {score} higher, at least {lower}")
+        notes.append(f"log score of the kept sessions, fitted, {score} higher, at least {lower}")
     if diagnosis.few_kept_data:
         notes.append("few kept data: under 8 independent blocks, so the interval is rough")
     if diagnosis.opened_before:

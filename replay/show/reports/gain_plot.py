@@ -1,4 +1,4 @@
-"""What a diagnosis gains: mean error by node on kept sessions, before and after, as bars."""
+"""What a diagnosis gains: mean error by node on kept sessions, before and after: bars as recorded, marks as fitted."""
 
 from __future__ import annotations
 
@@ -10,72 +10,75 @@ from matplotlib.figure import Figure
 
 from replay.show.plots.compare import MODELS
 from replay.show.plots.plots import WIDTH
-from replay.show.reports.verdict import change
+from replay.show.reports.kept_errors import HOW, STAGES, change, errors, fitted, furthest_first, moved, on_kept, stages
 from replay.show.words import words
 from replay.show.words.figure import KEY_ABOVE, FigureTable, Plot, inline_svg, style
 from replay.show.words.palette import INK
 from replay.studies.diagnosis.answer import Diagnosis, KeptGain
 
+DRAWN = dict(zip(STAGES, MODELS.values(), strict=True))  # stage -> how it is drawn
 ROW, MARGIN = 0.55, 0.75  # inches: height of a node's bars, of what is above and below
-READING = (
-    "Whisker: 95 % interval of what the cause takes away, {}. Bars that do not differ by more than it are not told "
-    "apart."
+ROOM = 1.2  # of the longest bar: its figures stand behind it
+READING = f"Bars: {HOW.replace('; fitted', '; dots')}."
+INTERVAL = (
+    " Whisker: 95 % interval of what the cause takes away, fitted, {}. Dots that do not differ by more than it are not "
+    "told apart."
 )
 
 
 def gain_bars(diagnosis: Diagnosis) -> Plot | None:
     """Bars by node, furthest off first: as published, recalibrated, with a cause that was named. None without kept
     data."""
-    gains = sorted(diagnosis.gain, key=lambda g: -g.published_mae_K)
+    gains, named = furthest_first(diagnosis.gain), bool(diagnosis.causes)
     if not gains:
         return None
-    named = bool(diagnosis.causes)
-    title = _title(gains, named)
+    title = _title(diagnosis)
     with style(f"{diagnosis.diagnosis} gain"):
         svg = inline_svg(_draw(gains, named), title)
-    return Plot(title, svg, READING.format(gains[0].interval) if named else "", _table(gains, named))
+    note = READING + (INTERVAL.format(gains[0].interval) if named else "")
+    return Plot(title, svg, note, _table(gains, named))
 
 
-def _title(gains: Sequence[KeptGain], named: bool) -> str:
-    better = [gain for gain in gains if change(gain) == "better"]
-    best = max(better or gains, key=lambda g: g.mae_before_K - g.mae_after_K)
-    if not named:
-        most = gains[0]
-        figures = f"{words.kelvin(most.published_mae_K)} as published, {words.kelvin(most.mae_before_K)} recalibrated"
-        return f"{words.capital(words.name(most.node))} on kept sessions: mean error {figures}"
-    if change(best) != "better":
-        return "No node is predicted better on the kept sessions by more than chance"
-    node = words.capital(words.name(best.node))
-    low, high = sorted(best.ci95_K)
-    fall = f"{words.kelvin(best.mae_before_K)} to {words.kelvin(best.mae_after_K)}"
-    return f"{node}: mean error on kept sessions falls from {fall} ({low:.1f} to {high:.1f} K better)"
+def _title(diagnosis: Diagnosis) -> str:
+    told = words.capital(on_kept(diagnosis))
+    if diagnosis.causes and all(change(gain) != "better" for gain in diagnosis.gain):
+        return f"{told}; no node is predicted better with the cause by more than chance"
+    return told
 
 
 def _draw(gains: Sequence[KeptGain], named: bool) -> Figure:
     height = ROW * len(gains) + MARGIN
     figure = Figure(figsize=(WIDTH, height))
-    axes = figure.add_axes((0.2, 0.42 / height, 0.72, ROW * len(gains) / height))
+    axes = figure.add_axes((0.23, 0.42 / height, 0.72, ROW * len(gains) / height))
     rows = np.arange(len(gains))
-    bars = {"published": [g.published_mae_K for g in gains], "recalibrated": [g.mae_before_K for g in gains]}
-    bars |= {"extended": [g.mae_after_K for g in gains]} if named else {}
-    for i, (key, values) in enumerate(bars.items()):
-        drawn, places = MODELS[key], rows + 0.27 * (i - (len(bars) - 1) / 2)
-        axes.barh(places, values, height=0.22, color=drawn.colour, label=drawn.label)
-        tips = [max(g.mae_before_K - min(g.ci95_K), v) for g, v in zip(gains, values, strict=True)]
-        for place, value, tip in zip(places, values, tips if key == "extended" else values, strict=True):
-            axes.annotate(
-                words.kelvin(value), (tip, place), xytext=(4, 0), textcoords="offset points", va="center", fontsize=7
-            )
-    if named:
-        _draw_intervals(axes, gains, rows + 0.27)
-    axes.set_yticks(rows, [words.capital(words.name(g.node)) for g in gains])
+    for i, stage in enumerate(stages(named)):
+        places = rows + 0.27 * (i - named / 2 - 0.5)
+        _draw_stage(axes, gains, stage, places)
+        if stage == "after":
+            _draw_intervals(axes, gains, places)
+    axes.set_yticks(rows, ["\n".join(filter(None, [words.capital(words.name(g.node)), moved(g)])) for g in gains])
     axes.invert_yaxis()
     axes.grid(False, axis="y")
     axes.tick_params(axis="y", length=0)
-    axes.set_xlim(0, None)
+    axes.set_xlim(0, ROOM * axes.get_xlim()[1])
     axes.set_xlabel("mean error on kept sessions [K]")
-    axes.legend(**KEY_ABOVE, ncols=3, handlelength=1.2)
+    axes.plot([], [], "o", color=INK[0], markersize=3.5, label="fitted")
+    axes.legend(**KEY_ABOVE, ncols=4, handlelength=1.2)
     return figure
+
+
+def _draw_stage(axes: Axes, gains: Sequence[KeptGain], stage: str, places: np.ndarray) -> None:
+    """A bar of the error as recorded and a mark of the fitted one a node, with both in figures."""
+    drawn = DRAWN[stage]
+    recorded = [gain.mae_recorded_K.get(stage, 0.0) for gain in gains]
+    marks = [fitted(gain)[stage] for gain in gains]
+    axes.barh(places, recorded, height=0.22, color=drawn.colour, label=drawn.label)
+    axes.plot(marks, places, "o", color=INK[0], markersize=3.5)
+    for gain, place, bar, mark in zip(gains, places, recorded, marks, strict=True):
+        tip = max(bar, mark, gain.mae_before_K - min(gain.ci95_K) if stage == "after" else 0.0)
+        axes.annotate(
+            errors(gain, [stage]), (tip, place), xytext=(5, 0), textcoords="offset points", va="center", fontsize=7
+        )
 
 
 def _draw_intervals(axes: Axes, gains: Sequence[KeptGain], places: np.ndarray) -> None:
@@ -87,20 +90,25 @@ def _draw_intervals(axes: Axes, gains: Sequence[KeptGain], places: np.ndarray) -
 
 
 def _table(gains: Sequence[KeptGain], named: bool) -> FigureTable:
-    head = ("node", "as published [K]", "recalibrated [K]", *(("with the cause [K]",) if named else ()))
-    head += ("rms at trained points [K]", "rms outside them [K]")
+    of = stages(named)
+    head = ("node", *(f"{STAGES[stage]} [K]" for stage in of), *(f"fitted {STAGES[stage]} [K]" for stage in of))
+    head += ("reading moved by [K]", "fitted rms at trained points [K]", "fitted rms outside them [K]")
     rows = [
         (
             words.name(g.node),
-            f"{g.published_mae_K:.2f}",
-            f"{g.mae_before_K:.2f}",
-            *((f"{g.mae_after_K:.2f}",) if named else ()),
+            *(_cell(g.mae_recorded_K.get(stage)) for stage in of),
+            *(_cell(fitted(g)[stage]) for stage in of),
+            f"{g.reading_moved_K:+.2f}".replace("-", "−"),
             _fall(g.rms_inside_K, named),
             _fall(g.rms_outside_K, named),
         )
         for g in gains
     ]
     return FigureTable(head, tuple(rows))
+
+
+def _cell(error_K: float | None) -> str:
+    return "–" if error_K is None else f"{error_K:.2f}"
 
 
 def _fall(rms_K: Sequence[float], named: bool) -> str:

@@ -27,6 +27,7 @@ from ingest.errors import not_installed
 from ingest.facts.events import SessionRecorded
 from replay.engine.results.run import Run
 from replay.errors import ViewerError
+from replay.show.plots.compare import as_recorded
 from replay.show.reports.blueprint import APPLICATION, colour, of_channels, of_run, path, view_of
 from replay.show.words import words
 from replay.show.words.findings import answer, finding, worst_first
@@ -79,12 +80,14 @@ def write_open_loop(run: Run, target: Path, layer: str = "open_loop", over: Run 
     """What the model says: every node's temperature, each channel's residual and masked stretches, the network's heat.
 
     `layer`: the first part of the temperatures' paths, `extended` for a model that was extended; `over`: the run of the
-    model before, which then is shown in the same views; `says`: the text panel (Markdown), else what the run got wrong.
+    model before, which then is shown in the same views and whose readings are those as recorded that residuals are of;
+    `says`: the text panel (Markdown), else what the run got wrong.
     """
     _rerun()
     model = words.short(run.model)
     called = "model" if layer == "open_loop" else f"{words.name(layer)} model"
     blueprint = of_run(over, run) if over else of_run(run)
+    recorded = {o.channel: o for o in over.observed} if over else {}
     with _recording(run.session, run.session_name, target, blueprint) as stream:
         _write_text(stream, path("answer", model), says or _findings(run))
         for i, node in enumerate(run.nodes):
@@ -92,7 +95,7 @@ def write_open_loop(run: Run, target: Path, layer: str = "open_loop", over: Run 
             _line(stream, path(layer, model, node), style, run.t_ns, run.temperatures[:, i], run.absolute)
         for o in run.observed:
             style = (f"{o.channel} − model [K]", colour(_index(run, o.node)), MODEL_WIDTH)
-            residual = np.where(o.used, o.residual, np.nan)
+            residual = np.where(o.used, as_recorded(recorded.get(o.channel, o), o).residual, np.nan)
             _line(stream, path("residual", model, o.node, o.channel), style, o.t_ns, residual, run.absolute)
             if not o.used.all():
                 _write_masked(stream, path("masked", model, o.channel), o.t_ns, o.used, run.absolute)

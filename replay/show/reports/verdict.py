@@ -1,4 +1,4 @@
-"""What a diagnosis says, in sentences: the same for terminal, report and viewer. Text only."""
+"""What a diagnosis says, piece by piece: the same for terminal, report and viewer. Text only."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum, auto
 
+from replay.show.reports import kept_errors
 from replay.show.words import words
-from replay.studies.diagnosis.answer import Diagnosis, KeptGain, Named, Shown, UnnamedHeat
+from replay.studies.diagnosis.answer import Diagnosis, Named, Shown, UnnamedHeat
 from twin.motor.causes import parse, says
 
 UNITS: Mapping[str, str] = {"degC": "°C", "lpm": "l/min"}  # as stored -> as people write it
 ON_THE_BENCH = ("sensor", "clock", "input", "boundary")  # kinds of cause that the bench file corrects
 NO_SIZE = ("hold", "stuck", "saturation", "dropout", "undersampled")  # faults that are there or not
-NUMBERS = ("No cause", "One cause", "Two causes", "Three causes", "Four causes", "Five causes")
 FAR = 2.0  # floors: a recalibrated model that stays further off on kept sessions lacks something
 
 
@@ -66,16 +66,16 @@ def node_errors(shown: Sequence[Shown]) -> list[NodeError]:
 
 
 def left_over(diagnosis: Diagnosis) -> list[str]:
-    """Nodes that stay off by more than their floor, as "rotor 2.1 K": recalibrated on kept sessions, or as published
-    where there are none and a further test is asked for."""
+    """Nodes that stay off by more than their floor, as "rotor 2.4 K (fitted 2.1 K)": recalibrated on kept sessions, or
+    as published where there are none and a further test is asked for."""
     errors = {error.node: error for error in node_errors(diagnosis.shown)}
     if diagnosis.gain:
         far = {node: FAR * error.floor_K for node, error in errors.items()}
-        left = {g.node: g.mae_before_K for g in diagnosis.gain if g.mae_before_K > far.get(g.node, math.inf)}
-    else:
-        asked = diagnosis.next_test is not None
-        left = {node: e.mean_K for node, e in errors.items() if asked and not e.within_floor}
-    return [f"{words.name(node)} {words.kelvin(off)}" for node, off in left.items()]
+        left = [g for g in diagnosis.gain if g.mae_before_K > far.get(g.node, math.inf)]
+        return [f"{words.name(g.node)} {kept_errors.errors(g, ['before'], kept_errors.moved(g))}" for g in left]
+    asked = diagnosis.next_test is not None
+    wrong = [error for error in errors.values() if asked and not error.within_floor]
+    return [f"{words.name(error.node)} {words.kelvin(error.mean_K)}" for error in wrong]
 
 
 def what_is_wrong(diagnosis: Diagnosis) -> str:
@@ -160,11 +160,11 @@ def rivals_left(cause: Named) -> list[tuple[str, str]]:
     return [(other, says(parse(other))) for other in cause.indistinguishable_from]
 
 
-def whether_improved(cause: Named) -> str:
+def whether_improved(diagnosis: Diagnosis, cause: Named) -> str:
     """What became of a named cause."""
-    if cause.improved:
+    if cause.improved and not diagnosis.why_no_files:
         return f"corrected in the {'bench' if parse(cause.id).kind in ON_THE_BENCH else 'motor'} file"
-    why = cause.why_not_improved or "the kept sessions are not predicted better with it"
+    why = cause.why_not_improved or diagnosis.why_no_files or "the kept sessions are not predicted better with it"
     return f"named, but no file is changed for it: {why}"
 
 
@@ -192,117 +192,23 @@ def active(heat: UnnamedHeat) -> str:
 
 def unknown_sentence(heat: UnnamedHeat) -> str:
     """Where, how many watts, when; no candidate explains it. Of patchwork, what fits only together."""
+    return f"{something(heat)}{': ' if heat.patchwork else '; '}{unexplained(heat)}"
+
+
+def something(heat: UnnamedHeat) -> str:
+    """Where, how many watts, when, without names of code."""
     if heat.patchwork:
-        together = f"{words.joined(heat.patchwork)} fit only together, so none of them is named"
-        return f"Something at {words.name(heat.node)} has a form that no candidate has: {together}."
-    return f"Something {' '.join(filter(None, [watts(heat), active(heat)]))}; no candidate explains it."
+        return f"Something at {words.name(heat.node)} has a form that no candidate has"
+    return f"Something {' '.join(filter(None, [watts(heat), active(heat)]))}"
 
 
-def change(gain: KeptGain) -> str:
-    """ "better", "worse" or "unchanged": what the whole interval of the difference says."""
-    low, high = sorted(gain.ci95_K)
-    if low > 0:
-        return "better"
-    return "worse" if high < 0 else "unchanged"
-
-
-def gained(diagnosis: Diagnosis) -> str:
-    """ "from 6.1 K to 0.9 K at the magnet and from 5.2 K to 0.8 K at the rotor": nodes that are better, most first."""
-    better = [gain for gain in diagnosis.gain if change(gain) == "better"]
-    told = sorted(better, key=lambda gain: gain.mae_after_K - gain.mae_before_K)[:3]
-    falls = [(words.kelvin(g.mae_before_K), words.kelvin(g.mae_after_K), words.name(g.node)) for g in told]
-    return words.joined([f"from {before} to {after} at the {node}" for before, after, node in falls])
-
-
-def answer(diagnosis: Diagnosis) -> str:
-    """One to three sentences that answer why the motor is hotter than the model says, or the test that would."""
-    open_ended = ending(diagnosis) in (Ending.UNKNOWN, Ending.CANNOT_TELL)
-    if not open_ended or diagnosis.next_test is None:
-        return finding(diagnosis)
-    return f"{finding(diagnosis)} Most telling next test: {diagnosis.next_test.rstrip('.')}."
-
-
-def finding(diagnosis: Diagnosis) -> str:
-    """What was found, in sentences."""
-    match ending(diagnosis):
-        case Ending.NAMED:
-            parts = [_named(diagnosis), _on_kept(diagnosis)]
-            parts += [f"Beside that: s{unknown_sentence(heat)[1:]}" for heat in diagnosis.unknown[:1]]
-            return " ".join(filter(None, parts))
-        case Ending.UNKNOWN:
-            return " ".join(unknown_sentence(heat) for heat in diagnosis.unknown)
-        case Ending.AGREES:
-            return _agrees(diagnosis)
-        case Ending.CANNOT_TELL:
-            return _cannot_tell(diagnosis)
-
-
-def _named(diagnosis: Diagnosis) -> str:
-    if len(diagnosis.causes) == 1:
-        cause = diagnosis.causes[0]
-        told = [cause.says, *(says_so for _, says_so in rivals_left(cause))]
-        if len(told) > 1:
-            return f"One of {len(told)} causes that these sessions cannot tell apart: {'; '.join(told)}."
-        return f"{words.capital(_with_size(cause))}, probability {probability(cause.probability)}."
-    many = len(diagnosis.causes)
-    count = NUMBERS[many] if many < len(NUMBERS) else f"{many} causes"
-    return f"{count}: {'; '.join(_with_size(cause) for cause in diagnosis.causes)}."
-
-
-def _with_size(cause: Named) -> str:
-    others = len(cause.indistinguishable_from)
-    apart = f", not told apart from {words.counted(others, 'other')}" if others else ""
-    return f"{cause.says}{', ' + size(cause) if size(cause) else ''}{apart}"
-
-
-def _on_kept(diagnosis: Diagnosis) -> str:
-    improved = [cause for cause in diagnosis.causes if cause.improved]
-    if not improved:
-        if not diagnosis.held_out:
-            return "No session was kept to measure the gain on, so no file is changed."
-        return "The kept sessions are not predicted better with it, so no file is changed."
-    better = gained(diagnosis)
-    return f"On kept sessions the mean error falls {better}." if better else ""
-
-
-def _agrees(diagnosis: Diagnosis) -> str:
-    wrong = [error for error in node_errors(diagnosis.shown) if not error.within_floor]
-    tried = f"{diagnosis.candidates:,} candidates tried, {_best(diagnosis)}"
-    if not wrong:
-        return f"The twin agrees with these sessions within its floor; {tried}."
-    if not diagnosis.gain:
-        return f"No cause beyond the model's own coefficients has evidence; {tried}."
-    off = f"{words.kelvin(wrong[0].mean_K)} off at the {words.name(wrong[0].node)}"
-    return (
-        f"No new cause is needed: the model as published is {off}, and its own coefficients, moved within what the "
-        f"motor file allows, take that away; {tried}."
-    )
+def unexplained(heat: UnnamedHeat) -> str:
+    """That no candidate explains it; of patchwork, what fits only together."""
+    if heat.patchwork:
+        return f"{words.joined(heat.patchwork)} fit only together, so none of them is named."
+    return "no candidate explains it."
 
 
 def against(diagnosis: Diagnosis) -> str:
     """ "null 3.2, threshold 6.4": what evidence is compared with."""
     return f"null {figures(diagnosis.null_log_bayes_factor)}, threshold {figures(diagnosis.threshold)}"
-
-
-def _best(diagnosis: Diagnosis) -> str:
-    best = max(diagnosis.rivals, key=lambda rival: rival.log_bayes_factor, default=None)
-    if best is None:
-        return f"none with evidence ({against(diagnosis)})"
-    found = f"best ln BF {figures(best.log_bayes_factor)} ({against(diagnosis)})"
-    if best.log_bayes_factor <= diagnosis.threshold:
-        return found
-    return f"{found}: {best.id}, which is no cause all the same: see the rivals"
-
-
-def _cannot_tell(diagnosis: Diagnosis) -> str:
-    if not diagnosis.shown:
-        return "Nothing can be said: no channel of these sessions observes a node of the model with usable samples."
-    if not diagnosis.candidates:
-        return "Nothing can be said: these sessions leave no candidate that could be tried."
-    off = f"{words.joined(left_over(diagnosis))} stay above the sensors' floor"
-    fits = [rival.id for rival in diagnosis.rivals if rival.log_bayes_factor > diagnosis.threshold]
-    why = f"of {diagnosis.candidates:,} candidates none stands out: {_best(diagnosis)}."
-    if fits:
-        best = words.joined(fits[:2])
-        why = f"what would explain the sessions learnt from ({best}) is no cause: see the rivals."
-    return f"These sessions cannot tell why: {off}, and {why}"

@@ -23,7 +23,7 @@ def template(name: str) -> Template:
     environment.globals.update(light=variables(dark=False), dark=variables(dark=True))
     environment.filters.update(
         kelvin=words.kelvin,
-        unbroken=lambda text: re.sub(r"(?<=\d) (?=[°%A-Za-z])", "\N{NO-BREAK SPACE}", text),
+        unbroken=_unbroken,
         signed_kelvin=words.signed_kelvin,
         where=words.where,
         nodename=words.name,
@@ -34,3 +34,8 @@ def template(name: str) -> Template:
         svg=Markup,  # drawn by us, with every name escaped
     )
     return environment.get_template(name)
+
+
+def _unbroken(text: str) -> str:
+    """A number and its unit, and "6.1 → 0.9 K", stay on one line."""
+    return re.sub(r"(?<=\d) (?=[°%→A-Za-z])|(?<=→) ", "\N{NO-BREAK SPACE}", text.replace("->", "→"))

@@ -31,6 +31,7 @@ from replay.show.reports.diagnosis_report import filter_section, write_diagnosis
 from replay.show.reports.gain_plot import gain_bars
 from replay.show.reports.ranking import SHOWN, ranking
 from replay.show.reports.report import ReportContext
+from replay.show.reports.sentences import headline
 from replay.studies.diagnosis.answer import Diagnosis
 
 CONTEXT = ReportContext(command="whyhot diagnose --on 1_s1", store_head="4f0c91", versions={"whyhot": "0.1.0"})
@@ -74,8 +75,10 @@ def html(tmp_path_factory: pytest.TempPathFactory) -> str:
 
 def test_the_report_tells_in_order_answer_gain_error_evidence_change_and_source(html: str) -> None:
     order = (
-        "Magnet loss grows with speed squared and current squared, +96 W (88 to 104), probability 97 %.",
-        "Magnet: mean error on kept sessions falls from 6.1 K to 0.9 K (4.1 to 6.0 K better)",
+        "Magnet loss grows with speed squared and current squared: on kept sessions the magnet's error falls from",
+        "and 2.3 K with the cause; worse: endwinding a outer 0.5 → 0.7 K. +96 W (88 to 104), probability 97 %.",
+        "On kept sessions the magnet's error falls from 10.1 K as published to 6.4 K recalibrated and 2.3 K with the",
+        "Bars: replayed, against readings as recorded; dots: with start, coolant and readings fitted on the first",
         "What the model as published gets wrong",
         "Measured and modelled over time",
         "Rotor surface: mean error 3.1 K as published, 2.2 K recalibrated, 0.3 K with the cause",
@@ -212,6 +215,29 @@ def test_a_region_shows_each_model_and_titles_give_each_one_s_error() -> None:
         assert f"var({colour})" in plots[0].svg
 
 
+def test_a_corrected_reading_is_drawn_and_residuals_are_of_the_one_as_recorded() -> None:
+    models = runs(names=("5_wltp",))["5e555_wltp"]
+    plain = compare(models, 300)[0]
+    moved = [replace(o, measured=o.measured - 1.7 * (o.node == "rotor_surface")) for o in models["extended"].observed]
+    plot = compare(models | {"extended": replace(models["extended"], observed=tuple(moved))}, 300)[0]
+    assert plot.title == plain.title
+    assert plot.note == (
+        "Errors and residuals are of the readings as recorded; learnt corrections move rotor surface by −1.7 K in the "
+        "mean."
+    )
+    assert "corrected (−1.7 K)" in plot.svg and "recorded −" in plot.svg and "measured" not in plot.svg
+    assert plot.table.head[1:3] == ("rotor surface recorded [°C]", "rotor surface corrected [°C]")
+    assert [row[3:] for row in plot.table.rows] == [row[2:] for row in plain.table.rows]
+    assert plain.note == "" and "corrected" not in plain.svg and "measured −" in plain.svg
+
+
+def test_a_reading_that_a_learnt_lag_moves_in_time_is_compared_as_recorded_there() -> None:
+    models = runs("published", "extended", names=("5_wltp",))["5e555_wltp"]
+    late = [replace(o, t_ns=o.t_ns + 500_000_000) for o in models["extended"].observed]
+    plot = compare(models | {"extended": replace(models["extended"], observed=tuple(late))}, 300)[0]
+    assert plot.title == "Rotor surface: mean error 3.1 K as published, 0.3 K with the cause"
+
+
 def test_a_session_replayed_under_one_model_only_is_shown_with_it() -> None:
     plots = compare(runs("published", names=("5_wltp",))["5e555_wltp"], 300)
     assert plots[0].title == "Rotor surface: mean error 3.1 K as published"
@@ -252,7 +278,7 @@ def test_the_ranking_is_cut_to_what_can_be_read_and_keeps_every_named_cause() ->
 def test_the_table_of_the_gain_tells_trained_points_from_others() -> None:
     plot = gain_bars(NAMED)
     assert plot is not None
-    assert plot.table.head[-2:] == ("rms at trained points [K]", "rms outside them [K]")
+    assert plot.table.head[-2:] == ("fitted rms at trained points [K]", "fitted rms outside them [K]")
     assert {row[0]: row[-2:] for row in plot.table.rows}["magnet"] == ("7.32 -> 1.08", "12.20 -> 1.80")
     nowhere = replace(NAMED, gain=[replace(gain, rms_outside_K=[]) for gain in NAMED.gain])
     plot = gain_bars(nowhere)
@@ -262,14 +288,42 @@ def test_the_table_of_the_gain_tells_trained_points_from_others() -> None:
 def test_gain_bars_say_when_nothing_is_better() -> None:
     plot = gain_bars(NOT_IMPROVED)
     assert plot is not None
-    assert plot.title == "No node is predicted better on the kept sessions by more than chance"
+    assert plot.title.endswith("; no node is predicted better with the cause by more than chance")
+
+
+def test_bars_are_errors_as_recorded_and_marks_are_fitted_ones() -> None:
+    plot = gain_bars(NAMED)
+    assert plot is not None
+    assert headline(NAMED).endswith(f": {plot.title[0].lower()}{plot.title[1:]}.")
+    for text in ("10.1 K (fitted 9.0 K)", "2.3 K (fitted 0.9 K)", "reading moved by −1.7 K", ">fitted<"):
+        assert text in plot.svg
+    rows = {row[0]: row[1:8] for row in plot.table.rows}
+    assert plot.table.head[1:8] == (
+        *("as published [K]", "recalibrated [K]", "with the cause [K]"),
+        *("fitted as published [K]", "fitted recalibrated [K]", "fitted with the cause [K]"),
+        "reading moved by [K]",
+    )
+    assert rows["magnet"] == ("10.10", "6.40", "2.30", "9.00", "6.10", "0.90", "−1.70")
+    bare = gain_bars(replace(NAMED, gain=[gain("magnet", 6.1, 0.9, (4.1, 6.0), 9.0)]))
+    assert bare is not None and "fitted 6.1 K" in bare.svg and "(fitted" not in bare.svg
+    assert bare.table.rows[0][1:5] == ("–", "–", "–", "9.00")
+
+
+def test_the_table_of_the_gain_gives_each_error_as_recorded_first(html: str) -> None:
+    row = re.search(r"<tr><td>magnet</td>(<td class=\"s\">10\.1.*?)</tr>", html)
+    assert row is not None
+    assert [cell for cell in Tags(row[1].replace("</td>", "|")).text.split("|") if cell] == [
+        *("10.1 K (fitted 9.0 K)", "6.4 K (fitted 6.1 K)", "2.3 K (fitted 0.9 K)"),
+        *("+5.2 K", "+4.1 K to +6.0 K", "−1.7 K", "8 %"),
+    ]
 
 
 def test_without_a_cause_the_bars_compare_published_and_recalibrated_only() -> None:
     plot = gain_bars(ABSORBED)
     assert plot is not None
-    assert plot.title == "Magnet on kept sessions: mean error 9.0 K as published, 0.3 K recalibrated"
-    assert plot.table.head[:3] == ("node", "as published [K]", "recalibrated [K]")
+    told = "On kept sessions the magnet's error falls from 10.1 K as published to 1.4 K recalibrated"
+    assert plot.title == told
+    assert plot.table.head[:4] == ("node", "as published [K]", "recalibrated [K]", "fitted as published [K]")
     assert "->" not in str(plot.table.rows)
     assert "with the cause" not in plot.svg
 

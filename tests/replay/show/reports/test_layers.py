@@ -166,6 +166,15 @@ def test_an_extended_model_is_a_layer_of_its_own_over_the_one_before(tmp_path: P
     assert not any(path.startswith("open_loop") for path in paths)
 
 
+def test_residuals_of_an_extended_model_are_of_the_reading_as_recorded(tmp_path: Path) -> None:
+    pytest.importorskip("rerun")
+    run, file = made_run(model="e47e4ded" * 8), tmp_path / "extended.rrd"
+    corrected = replace(run, observed=tuple(replace(o, measured=o.measured - 1.7) for o in run.observed))
+    layers.write_open_loop(corrected, file, layer="extended", over=made_run())
+    _, value = values(file, "residual/e47e4ded/rotor_surface/T_3", "Scalars:scalars")
+    assert value == pytest.approx(run.observed[2].residual)
+
+
 def test_the_layout_has_a_tab_for_the_estimated_loss_and_every_model_in_the_same_views() -> None:
     pytest.importorskip("rerun")
     both = shown(blueprint.of_run(with_filter(), made_run(model="e47e4ded" * 8)))

@@ -1,0 +1,122 @@
+"""Errors on kept sessions in words, the same for every sentence, table and plot: replayed, against readings as
+recorded, and beside that with what a prediction fits on the first tenth of each session."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from replay.show.words import words
+from replay.studies.diagnosis.answer import Diagnosis, KeptGain, calibration_is_worse
+
+STAGES: Mapping[str, str] = {"published": "as published", "before": "recalibrated", "after": "with the cause"}
+FITTED = "start, coolant and readings fitted on the first tenth of each kept session"
+HOW = (
+    f"replayed, against readings as recorded; fitted: with {FITTED}; reading moved: by learnt corrections, in the mean"
+)
+MOVED_K = 0.05  # a reading that is moved by less is told as recorded
+WORSE_K = 0.1  # an error that rose by less stayed
+
+
+def stages(named: bool) -> list[str]:
+    """Keys of STAGES: with a cause where one was `named`."""
+    return list(STAGES)[: 2 + named]
+
+
+def fitted(gain: KeptGain) -> dict[str, float]:
+    """Stage -> mean error [K] with what is FITTED, against corrected readings."""
+    return dict(zip(STAGES, (gain.published_mae_K, gain.mae_before_K, gain.mae_after_K), strict=True))
+
+
+def replayed(gain: KeptGain) -> bool:
+    """Whether there were files to replay, whose errors then are told first."""
+    return "before" in gain.mae_recorded_K
+
+
+def told_first(gain: KeptGain, named: bool) -> dict[str, float]:
+    """Stage -> mean error [K] as recorded, as far as files say the stages; fitted where there were none to replay."""
+    known = gain.mae_recorded_K if replayed(gain) else fitted(gain)
+    return {stage: known[stage] for stage in stages(named) if stage in known}
+
+
+def moved(gain: KeptGain) -> str:
+    """ "reading moved by −1.4 K": what learnt corrections add in the mean; "" where that is next to nothing."""
+    told = abs(gain.reading_moved_K) >= MOVED_K
+    return f"reading moved by {words.signed_kelvin(gain.reading_moved_K)}" if told else ""
+
+
+def errors(gain: KeptGain, of: Sequence[str], *more: str) -> str:
+    """ "8.1 -> 1.4 K (fitted 7.0 -> 0.4 K)" at the stages `of`; "–" where no file says a stage. `more`: what else is to
+    be said of the fitted ones."""
+    beside = ", ".join(filter(None, [f"fitted {_chain(fitted(gain), of)}", *more]))
+    known = any(stage in gain.mae_recorded_K for stage in of)
+    return f"{_chain(gain.mae_recorded_K, of)} ({beside})" if known else beside
+
+
+def _chain(errors_K: Mapping[str, float], of: Sequence[str]) -> str:
+    return f"{' -> '.join(f'{errors_K[stage]:.1f}' if stage in errors_K else '–' for stage in of)} K"
+
+
+def furthest_first(gains: Sequence[KeptGain]) -> list[KeptGain]:
+    """Nodes by their error as published, the largest first."""
+    return sorted(gains, key=lambda gain: -told_first(gain, False)["published"])
+
+
+def change(gain: KeptGain) -> str:
+    """ "better", "worse" or "unchanged" with the cause: what the whole interval of the difference says."""
+    low, high = sorted(gain.ci95_K)
+    if low > 0:
+        return "better"
+    return "worse" if high < 0 else "unchanged"
+
+
+def rise_K(gain: KeptGain, named: bool) -> float:
+    """How much larger the error is at the last stage than as published [K]."""
+    first, *_, last = told_first(gain, named).values()
+    return last - first
+
+
+def coefficients_suffice(gains: Sequence[KeptGain]) -> bool:
+    """Whether recalibration lowers the error of the node that was furthest off and raises none, as recorded or
+    fitted."""
+    rises = [max(rise_K(gain, False), gain.mae_before_K - gain.published_mae_K) for gain in gains]
+    return max(rises) < WORSE_K and rise_K(furthest_first(gains)[0], False) < 0
+
+
+def course(gain: KeptGain, named: bool) -> str:
+    """ "falls from 8.1 K as published to 1.4 K recalibrated and 0.9 K with the cause"."""
+    first, *later = [f"{words.kelvin(value)} {STAGES[stage]}" for stage, value in told_first(gain, named).items()]
+    rose = rise_K(gain, named)
+    verb = "rises" if rose >= WORSE_K else "falls" if rose <= -WORSE_K else "goes"
+    return f"{verb} from {first} to {words.joined(later)}{'' if replayed(gain) else ', fitted'}"
+
+
+def on_kept(diagnosis: Diagnosis) -> str:
+    """What became of the node that was furthest off as published, and which got worse; "" without kept sessions."""
+    gains, named = diagnosis.gain, bool(diagnosis.causes)
+    if not gains:
+        return ""
+    if calibration_is_worse(gains):
+        worst = max(gains, key=lambda gain: gain.mae_before_K - gain.published_mae_K)
+        at = f"{words.name(worst.node)} {errors(worst, stages(False), moved(worst))}"
+        return f"recalibration makes the kept sessions worse: {at}; its files are not offered"
+    most, *rest = furthest_first(gains)
+    told = f"on kept sessions the {words.name(most.node)}'s error {course(most, named)}"
+    worst = max(rest, key=lambda gain: rise_K(gain, named), default=most)
+    if worst is most or rise_K(worst, named) < WORSE_K:
+        return told
+    first, *_, last = told_first(worst, named).values()
+    return f"{told}; worse: {words.name(worst.node)} {first:.1f} -> {words.kelvin(last)}"
+
+
+def beside(diagnosis: Diagnosis) -> str:
+    """The sentence behind `on_kept`: what it left out of the node that it told, as far as there is such."""
+    gains, named = diagnosis.gain, bool(diagnosis.causes)
+    if not gains:
+        return ""
+    most = furthest_first(gains)[0]
+    if calibration_is_worse(gains):
+        return f"With the cause: {words.name(most.node)} {errors(most, ['after'], moved(most))}." if named else ""
+    if not replayed(most):
+        return ""
+    reading = f", its {moved(most)} by learnt corrections" if moved(most) else ""
+    return f"With {FITTED}, the {words.name(most.node)}'s error is {_chain(fitted(most), stages(named))}{reading}."

@@ -1,0 +1,129 @@
+"""The answer of a diagnosis in sentences: the same for terminal, report and viewer. Text only."""
+
+from __future__ import annotations
+
+from replay.show.reports import kept_errors, verdict
+from replay.show.reports.verdict import Ending, against, ending, figures
+from replay.show.words import words
+from replay.studies.diagnosis.answer import Diagnosis, Named
+
+NUMBERS = ("No cause", "One cause", "Two causes", "Three causes", "Four causes", "Five causes")
+LONGEST = 45  # words of a first sentence: what is as long becomes two
+
+
+def answer(diagnosis: Diagnosis) -> str:
+    """A few sentences that answer why the motor is hotter than the model says, or the test that would."""
+    told = " ".join(filter(None, [headline(diagnosis), details(diagnosis), no_files(diagnosis)]))
+    open_ended = ending(diagnosis) in (Ending.UNKNOWN, Ending.CANNOT_TELL)
+    if not open_ended or diagnosis.next_test is None:
+        return told
+    return f"{told} Most telling next test: {diagnosis.next_test.rstrip('.')}."
+
+
+def headline(diagnosis: Diagnosis) -> str:
+    """The first sentence, without names of code: what was found, what it is worth on kept sessions at the node that was
+    furthest off, and what got worse there."""
+    kept = kept_errors.on_kept(diagnosis)
+    told = f"{words.capital(_found(diagnosis))}{': ' if kept else ''}{kept}."
+    return told if len(told.split()) < LONGEST else told.replace("; worse: ", ". Worse: ")
+
+
+def _found(diagnosis: Diagnosis) -> str:
+    match ending(diagnosis):
+        case Ending.NAMED:
+            return _named(diagnosis)
+        case Ending.UNKNOWN:
+            return verdict.something(diagnosis.unknown[0])
+        case Ending.AGREES:
+            return _agrees(diagnosis)
+        case Ending.CANNOT_TELL:
+            asked = diagnosis.shown and diagnosis.candidates
+            return "these sessions cannot tell why" if asked else "nothing can be named"
+
+
+def _named(diagnosis: Diagnosis) -> str:
+    first, *more = diagnosis.causes
+    if more:
+        many = len(diagnosis.causes)
+        return NUMBERS[many] if many < len(NUMBERS) else f"{many} causes"
+    others = words.counted(len(first.indistinguishable_from), "other")
+    return f"{first.says}, or {others}" if first.indistinguishable_from else first.says
+
+
+def _agrees(diagnosis: Diagnosis) -> str:
+    if all(error.within_floor for error in verdict.node_errors(diagnosis.shown)):
+        return "the twin agrees with these sessions within its floor"
+    suffice = diagnosis.gain and kept_errors.coefficients_suffice(diagnosis.gain)
+    return f"no cause beyond the file's own coefficients {'is needed' if suffice else 'has evidence'}"
+
+
+def details(diagnosis: Diagnosis) -> str:
+    """The sentences behind `headline`."""
+    told = [kept_errors.beside(diagnosis)]
+    match ending(diagnosis):
+        case Ending.NAMED:
+            told = [_sizes(diagnosis), *told, _without_gain(diagnosis)]
+            told += [f"Beside that: s{verdict.unknown_sentence(heat)[1:]}" for heat in diagnosis.unknown[:1]]
+        case Ending.UNKNOWN:
+            first, *more = diagnosis.unknown
+            start = "The candidates " if first.patchwork else ""
+            told = [words.capital(start + verdict.unexplained(first)), *map(verdict.unknown_sentence, more), *told]
+        case Ending.AGREES:
+            told.append(f"{diagnosis.candidates:,} candidates tried, {_best(diagnosis)}.")
+        case Ending.CANNOT_TELL:
+            told.append(_cannot_tell(diagnosis))
+    return " ".join(filter(None, told))
+
+
+def no_files(diagnosis: Diagnosis) -> str:
+    """Why what was found is in no file; "" where there is no such reason."""
+    why = diagnosis.why_no_files
+    return f"No files were written: {why.rstrip('.')}." if why else ""
+
+
+def _sizes(diagnosis: Diagnosis) -> str:
+    first, *more = diagnosis.causes
+    if more:
+        return f"{words.capital('; '.join(_with_size(cause) for cause in diagnosis.causes))}."
+    if rivals := verdict.rivals_left(first):
+        return f"These sessions cannot tell it from: {'; '.join(says for _, says in rivals)}."
+    told = [verdict.size(first), f"probability {verdict.probability(first.probability)}"]
+    return f"{words.capital(', '.join(filter(None, told)))}."
+
+
+def _with_size(cause: Named) -> str:
+    size, others = verdict.size(cause), len(cause.indistinguishable_from)
+    apart = f", not told apart from {words.counted(others, 'other')}" if others else ""
+    return f"{cause.says}{', ' + size if size else ''}{apart}"
+
+
+def _without_gain(diagnosis: Diagnosis) -> str:
+    if any(cause.improved for cause in diagnosis.causes):
+        return ""
+    if not diagnosis.held_out:
+        return "No session was kept to measure the gain on, so no file is changed."
+    return "The kept sessions are not predicted better with it, so no file is changed."
+
+
+def _best(diagnosis: Diagnosis) -> str:
+    best = max(diagnosis.rivals, key=lambda rival: rival.log_bayes_factor, default=None)
+    if best is None:
+        return f"none with evidence ({against(diagnosis)})"
+    found = f"best ln BF {figures(best.log_bayes_factor)} ({against(diagnosis)})"
+    if best.log_bayes_factor <= diagnosis.threshold:
+        return found
+    return f"{found}: {best.id}, which is no cause all the same: see the rivals"
+
+
+def _cannot_tell(diagnosis: Diagnosis) -> str:
+    if not diagnosis.shown:
+        return "No channel of these sessions observes a node of the model with usable samples."
+    if not diagnosis.candidates:
+        return "These sessions leave no candidate that could be tried."
+    off = f"{words.joined(verdict.left_over(diagnosis))} stay above the sensors' floor"
+    fits = [rival.id for rival in diagnosis.rivals if rival.log_bayes_factor > diagnosis.threshold]
+    why = f"of {diagnosis.candidates:,} candidates none stands out: {_best(diagnosis)}."
+    if fits:
+        best = words.joined(fits[:2])
+        why = f"what would explain the sessions learnt from ({best}) is no cause: see the rivals."
+    return f"{words.capital(off)}, and {why}"
