@@ -66,12 +66,16 @@ def test_help_and_demo_work_from_an_empty_folder(installed: Path, tmp_path: Path
     assert "demo/report.html" in done.stdout
     readme = (ROOT / "README.md").read_text(encoding="utf-8")
     assert WITH_EXTRAS in done.stderr and WITH_EXTRAS in readme
-    real, hidden = re.findall(r"^```\n((?:Ingested|What is wrong).*?)^```$", readme, flags=re.MULTILINE | re.DOTALL)
-    assert len(real.splitlines()) > 10 and len(hidden.splitlines()) > 5
+    quoted = re.findall(r"^```\n((?:Ingested|Answer|Batch) .*?)^```$", readme, flags=re.MULTILINE | re.DOTALL)
+    real, *simulated = (block.splitlines() for block in quoted)
+    assert len(real) > 10 and [block[0].split()[1] for block in simulated] == ["The", "2", "specimens"]
     printed = done.stdout.splitlines()
-    assert not [line for line in real.splitlines() if line not in printed], "README quotes what the demo prints"
-    answer_of_hidden = printed[[line.startswith("And a campaign") for line in printed].index(True) :]
-    assert _not_printed(hidden.splitlines(), answer_of_hidden) == []
+    assert not [line for line in real if line not in printed], "README quotes what the demo prints"
+    second = printed[[line.startswith("And a campaign") for line in printed].index(True) :]
+    for block in simulated:
+        assert _not_printed(block, second) == []
+    shown, drawn = (_texts(path) for path in (ROOT / "docs" / "demo.svg", tmp_path / "demo" / "why.svg"))
+    assert len(shown) > 20 and _not_printed(shown, drawn) == [], "docs/demo.svg is what the demo draws"
     answer = json.loads((tmp_path / "answer.json").read_text(encoding="utf-8"))
     assert [run["session_name"] for run in answer["runs"]] == ["id_1", "id_3", "id_9", "id_10", "id_12"]
     assert (tmp_path / "demo" / "report.html").stat().st_size > 100_000
@@ -85,6 +89,11 @@ def test_a_quoted_line_must_be_printed_word_by_word_and_number_by_number() -> No
     assert _not_printed(printed[1:], ["+23.0 W/K (17.3 to 26.2)"]) == printed[1:]
     assert _not_printed(printed[:1], [printed[0].replace("speed2", "speed1.5")]) == printed[:1]
     assert _not_printed(printed, printed[::-1]) == printed[1:], "in another order"
+
+
+def _texts(picture: Path) -> list[str]:
+    """What is written in a picture."""
+    return re.findall(r">([^<>]+)</text>", picture.read_text(encoding="utf-8"))
 
 
 NUMBER = r"(?<![\w.])\d[\d,]*(?:\.\d+)?(?![\w.]*\w)"  # not those in an id, a clock or a name

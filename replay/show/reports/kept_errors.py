@@ -70,22 +70,21 @@ def change(gain: KeptGain) -> str:
 
 
 def rise_K(gain: KeptGain, named: bool) -> float:
-    """How much larger the error is at the last stage than as published [K]."""
-    first, *_, last = told_first(gain, named).values()
-    return last - first
+    """How much larger the error is at the last stage than as published [K], told first or fitted: where it is more."""
+    of = list(told_first(gain, named))
+    return max(told[of[-1]] - told[of[0]] for told in (told_first(gain, named), fitted(gain)))
 
 
 def coefficients_suffice(gains: Sequence[KeptGain]) -> bool:
-    """Whether recalibration lowers the error of the node that was furthest off and raises none, as recorded or
-    fitted."""
-    rises = [max(rise_K(gain, False), gain.mae_before_K - gain.published_mae_K) for gain in gains]
-    return max(rises) < WORSE_K and rise_K(furthest_first(gains)[0], False) < 0
+    """Whether recalibration lowers the error of the node that was furthest off and raises none."""
+    return rise_K(furthest_first(gains)[0], False) < 0 and max(rise_K(gain, False) for gain in gains) < WORSE_K
 
 
 def course(gain: KeptGain, named: bool) -> str:
     """ "falls from 8.1 K as published to 1.4 K recalibrated and 0.9 K with the cause"."""
-    first, *later = [f"{words.kelvin(value)} {STAGES[stage]}" for stage, value in told_first(gain, named).items()]
-    rose = rise_K(gain, named)
+    told = told_first(gain, named)
+    first, *later = [f"{words.kelvin(value)} {STAGES[stage]}" for stage, value in told.items()]
+    rose = list(told.values())[-1] - told["published"]
     verb = "rises" if rose >= WORSE_K else "falls" if rose <= -WORSE_K else "goes"
     return f"{verb} from {first} to {words.joined(later)}{'' if replayed(gain) else ', fitted'}"
 
@@ -99,13 +98,13 @@ def on_kept(diagnosis: Diagnosis) -> str:
         worst = max(gains, key=lambda gain: gain.mae_before_K - gain.published_mae_K)
         at = f"{words.name(worst.node)} {errors(worst, stages(False), moved(worst))}"
         return f"recalibration makes the kept sessions worse: {at}; its files are not offered"
-    most, *rest = furthest_first(gains)
+    most = furthest_first(gains)[0]
     told = f"on kept sessions the {words.name(most.node)}'s error {course(most, named)}"
-    worst = max(rest, key=lambda gain: rise_K(gain, named), default=most)
-    if worst is most or rise_K(worst, named) < WORSE_K:
+    worst = max(gains, key=lambda gain: rise_K(gain, named))
+    if rise_K(worst, named) < WORSE_K:
         return told
-    first, *_, last = told_first(worst, named).values()
-    return f"{told}; worse: {words.name(worst.node)} {first:.1f} -> {words.kelvin(last)}"
+    ends = list(told_first(worst, named))
+    return f"{told}; worse: {words.name(worst.node)} {errors(worst, [ends[0], ends[-1]], moved(worst))}"
 
 
 def beside(diagnosis: Diagnosis) -> str:

@@ -76,7 +76,7 @@ def html(tmp_path_factory: pytest.TempPathFactory) -> str:
 def test_the_report_tells_in_order_answer_gain_error_evidence_change_and_source(html: str) -> None:
     order = (
         "Magnet loss grows with speed squared and current squared: on kept sessions the magnet's error falls from",
-        "and 2.3 K with the cause; worse: endwinding a outer 0.5 → 0.7 K. +96 W (88 to 104), probability 97 %.",
+        "worse: endwinding a outer 0.5 → 0.7 K (fitted 0.6 → 0.3 K). +96 W (88 to 104), probability 97 %.",
         "On kept sessions the magnet's error falls from 10.1 K as published to 6.4 K recalibrated and 2.3 K with the",
         "Bars: replayed, against readings as recorded; dots: with start, coolant and readings fitted on the first",
         "What the model as published gets wrong",
