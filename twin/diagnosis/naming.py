@@ -29,7 +29,6 @@ from twin.fitting.model import Floats, Model
 
 THRESHOLD = 6.0  # ln BF that a term must exceed; healthy motors of another form set it (benchmarks/trials.py)
 MOST_TERMS = 3
-MOST_SIGMAS = 4.0  # prior sd of a candidate: a larger amplitude is not what its name says
 REFITTED, WORTH_REFITTING = 5, 4.0  # how many, and from which linear ln BF on
 FAR_BEHIND = 10.0  # behind the leading one in linear ln BF: not refitted
 FIRST_LINEARISATIONS, REFIT_LINEARISATIONS = 4, 15  # of every refit, and of those that may still come near the best
@@ -37,9 +36,9 @@ OUT_OF_REACH = 6.0  # a search stops that promises to stay so far behind the bes
 
 
 def is_possible(parameter: Parameter, amplitude: float) -> bool:
-    """Whether a cause can have this amplitude: it is within four prior sd, and takes no more away than is there."""
-    taken = parameter.low < 0.0 and amplitude <= parameter.low
-    return abs(amplitude) <= MOST_SIGMAS * parameter.sd and not taken
+    """Whether a cause can have this amplitude: it takes no more away than is there. One that is larger than usual stays
+    a cause: the evidence has paid for that."""
+    return not (parameter.low < 0.0 and amplitude <= parameter.low)
 
 
 @dataclass(frozen=True)

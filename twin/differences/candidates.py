@@ -8,7 +8,7 @@ campaign, fixed before any data are seen: one rule serves a 5 kW servo and a 250
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 
@@ -233,7 +233,8 @@ def _conductances(network: Network, features: frozenset[str]) -> Iterator[Candid
     for name, places in links_with_groups(network, missing(network)):
         if name not in taken:
             size = Sigma(MISSING_LINK, "smaller_neighbour", places)
-            yield _added(network, Cause("conductance", name, "constant"), places, size, 1, Monomial(()))
+            for added in (Monomial(()), *_flow_laws(network, places[0], features)):
+                yield _added(network, Cause("conductance", name, added.name), places, size, 1, added)
 
 
 def _regions(network: Network, place: Place) -> tuple[str, ...]:
@@ -249,8 +250,21 @@ def _link_laws(network: Network, place: Place, own: Sequence[Term]) -> tuple[str
     used = {feature for term in own for feature in term.exponents}
     gap = any(r in _TURNING for r in regions) and any(r in ("copper", "iron") for r in regions)
     laws = CONVECTION if "fluid" in regions or gap or "speed" in used else ()
-    flows = [f for f in sorted(used) if is_flow(f) and not _LIKE_AN_EXPONENT.search(f)]
+    flows = _flows(used)
     return (*laws, *(["constant"] if flows else []), *(flow + exponent for flow in flows for exponent in COOLING))
+
+
+def _flow_laws(network: Network, place: Place, features: frozenset[str]) -> Iterator[Monomial]:
+    """The laws of a missing path to a coolant besides the constant: of the flows that the coolant's links follow."""
+    around = {boundary.name for boundary in network.boundaries} & set(place)
+    cooling = (term for link in network.links if {link.a, link.b} & around for term in link.terms)
+    flows = _flows({feature for term in cooling for feature in term.exponents} & features)
+    yield from (product(Term(1.0, {flow: float(power or 1)})) for flow in flows for power in COOLING)
+
+
+def _flows(used: Collection[str]) -> list[str]:
+    """The flows among features, but for those whose names a cause's id would misread."""
+    return [f for f in sorted(used) if is_flow(f) and not _LIKE_AN_EXPONENT.search(f)]
 
 
 def _wears(network: Network, place: Place) -> bool:

@@ -15,6 +15,7 @@ from twin.motor.causes import parse, says
 UNITS: Mapping[str, str] = {"degC": "°C", "lpm": "l/min"}  # as stored -> as people write it
 ON_THE_BENCH = ("sensor", "clock", "input", "boundary")  # kinds of cause that the bench file corrects
 NO_SIZE = ("hold", "stuck", "saturation", "dropout", "undersampled")  # faults that are there or not
+UNUSUAL = 4.0  # prior sd of a cause: one that is larger says so
 FAR = 2.0  # floors: a recalibrated model that stays further off on kept sessions lacks something
 
 
@@ -145,7 +146,8 @@ def effect(diagnosis: Diagnosis, cause: Named) -> str:
         return f"{how_much}a fault of the record: no term of the model"
     at = f"{session_name(diagnosis, cause.largest_effect_session)} {words.clock(cause.largest_effect_t_s)}"
     node = words.name(cause.largest_effect_node)
-    return f"{how_much}{typical}largest effect {words.signed_kelvin(cause.largest_effect_K)} at the {node}, {at}"
+    more = f"; {cause.times_usual:.0f} times as large as such a cause usually is" * (cause.times_usual > UNUSUAL)
+    return f"{how_much}{typical}largest effect {words.signed_kelvin(cause.largest_effect_K)} at the {node}, {at}{more}"
 
 
 def is_loss_at(cause: Named, node: str) -> bool:

@@ -34,7 +34,7 @@ class Named:
     """A cause that entered by evidence and survived being left out. `estimate`, `ci95` in `unit`; `typical_W` at the
     mean of the training sessions (None where the cause is no heat); `largest_effect_K` on the modelled
     `largest_effect_node`, in session `largest_effect_session` at `largest_effect_t_s`; `formula` of the term as the
-    extended file has it."""
+    extended file has it; `times_usual`: its size over the prior sd of such a cause."""
 
     id: str
     says: str
@@ -57,6 +57,7 @@ class Named:
     identified: bool
     improved: bool
     why_not_improved: str | None
+    times_usual: float = 1.0
 
 
 @dataclass(frozen=True, kw_only=True)

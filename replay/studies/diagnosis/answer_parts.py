@@ -14,7 +14,7 @@ from replay.studies.diagnosis.formulas import formula
 from replay.studies.diagnosis.kept_sessions import Measured
 from twin.calibration.learned import size, term_of
 from twin.diagnosis.free_heats import Unknown
-from twin.diagnosis.naming import MOST_SIGMAS, MOST_TERMS, Naming, Refit, Round
+from twin.diagnosis.naming import MOST_TERMS, Naming, Refit, Round
 from twin.diagnosis.told_apart import separating_test, telling_test, told_apart
 from twin.differences.candidates import Candidate
 from twin.fitting.actions import Added
@@ -102,6 +102,7 @@ def named(naming: Naming, refit: Refit, train: Sequence[SessionRecorded], kept: 
         identified=all((o.cause.kind, o.cause.place) == (cause.kind, cause.place) for o in others),
         improved=improved,
         why_not_improved=None if improved else why or "what changes from session to session is said by no file",
+        times_usual=abs(refit.amplitude) / refit.parameter.sd,
     )
 
 
@@ -169,11 +170,8 @@ def _why_not(naming: Naming, one: Round, refit: Refit) -> str:
     """Why a candidate that was refitted in a round was not let in."""
     best, last = one.best, one is naming.rounds[-1]
     ahead = best.log_bayes_factor if best else 0.0
-    share = abs(refit.amplitude) / refit.parameter.sd
     if not refit.ended:
         return f"its search was stopped where it promised to stay {ahead - refit.promised:.1f} behind in ln BF"
-    if not refit.possible and share > MOST_SIGMAS:
-        return f"it would have to be {share:.0f} times as large as such a cause usually is"
     if not refit.possible:
         return "it would have to take away more than there is"
     if last and refit.log_bayes_factor > naming.threshold:

@@ -37,6 +37,8 @@ def test_each_of_two_flows_has_its_own_laws_and_its_own_meter() -> None:
     assert following(cooled("flow_jacket", "flow_oil")) == {
         *(f"conductance.yoke-coolant.flow_jacket{exponent}" for exponent in ("", "0.5", "0.8")),
         *(f"conductance.winding-oil.flow_oil{exponent}" for exponent in ("", "0.5", "0.6")),
+        *(f"conductance.winding-coolant.flow_jacket{exponent}" for exponent in ("", "0.5")),
+        *(f"conductance.yoke-oil.flow_oil{exponent}" for exponent in ("", "0.5")),
         *(f"input.{flow}.{law}" for flow in ("flow_jacket", "flow_oil") for law in ("gain", "bias")),
     }
 
@@ -50,6 +52,7 @@ def test_a_motor_of_one_flow_has_it_by_the_name_that_its_laws_use() -> None:
 def test_a_flow_whose_name_ends_like_an_exponent_has_no_laws_that_an_id_would_misread() -> None:
     assert following(cooled("flow_jacket_1", "flow_loop1")) == {
         *(f"conductance.yoke-coolant.flow_jacket_1{exponent}" for exponent in ("", "0.5", "0.8")),
+        *(f"conductance.winding-coolant.flow_jacket_1{exponent}" for exponent in ("", "0.5")),
         "conductance.winding-oil.flow_loop10.6",
         *(f"input.{flow}.{law}" for flow in ("flow_jacket_1", "flow_loop1") for law in ("gain", "bias")),
     }

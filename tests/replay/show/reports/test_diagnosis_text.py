@@ -327,3 +327,9 @@ def test_the_viewer_s_panel_begins_with_the_answer_and_lists_causes_and_gain() -
     )
     assert "## Gain on kept sessions" in text and "d-7f31beef" in text
     assert "## " not in answer_markdown(UNKNOWN)
+
+
+def test_a_cause_that_is_larger_than_usual_is_named_and_says_so() -> None:
+    larger = flat(diagnosis_text(replace(NAMED, causes=[replace(NAMED.causes[0], times_usual=6.2)])))
+    assert "; 6 times as large as such a cause usually is" in larger
+    assert "usually is" not in flat(diagnosis_text(replace(NAMED, causes=[replace(NAMED.causes[0], times_usual=3.9)])))
