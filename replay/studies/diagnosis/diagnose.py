@@ -101,6 +101,8 @@ def _answered(question: Question, identity: str, tell: Tell) -> Diagnosis:
     if kept is not None:
         runs = {when: as_recorded(question, one, tests) for when, one in files.items()}
         kept = measured_as_recorded(kept, tests, runs, said_wrong(found.base, naming.final))
+        if kept.improved and why_no_files is not None:
+            kept = replace(kept, improved=False, why=f"no file could be written: {why_no_files}")
     tell("weighing the data's own faults")
     faults = data_faults(naming.final, campaign.loaded, campaign.observed, naming.threshold)
     causes = [named(naming, refit, question.train, kept) for refit in naming.accepted]

@@ -11,6 +11,7 @@ from typing import Any, Protocol
 
 import pytest
 
+from ingest.errors import BenchFileError
 from ingest.facts import facts as ledger_facts
 from ingest.facts.facts import Facts
 from ingest.facts.store import Store
@@ -18,6 +19,7 @@ from made import can_bench
 from plant.hidden_effect import EFFECT, KEEP, LEARN
 from replay.cli import main
 from replay.engine.files.motor_file import read_motor
+from replay.studies.diagnosis import diagnose
 from replay.studies.diagnosis.question import LEAST_S
 from twin.motor.network import Network
 
@@ -307,3 +309,21 @@ def test_a_question_that_cannot_be_answered_is_refused_in_one_line(
     (told,) = capsys.readouterr().err.splitlines()
     assert re.sub(r"\b[0-9a-f]{12}\b", "MODEL", told) == line
     assert position(small) == before
+
+
+def test_what_no_file_can_say_does_not_lose_the_answer(
+    campaign: Campaign, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def refused(*_: object) -> None:
+        raise BenchFileError("bench.toml: no place for a correction")
+
+    shutil.copytree(campaign.store, tmp_path / "store")
+    monkeypatch.setattr(diagnose, "version", refused)
+    asked = ["diagnose", "--on", *LEARN[:2], "--hold-out", KEEP[0], "--store", str(tmp_path / "store")]
+    assert main([*asked, "--json", str(tmp_path / "answer.json")]) == 0
+    answer = json.loads((tmp_path / "answer.json").read_text(encoding="utf-8"))
+    assert answer["why_no_files"] == "bench.toml: no place for a correction"
+    assert answer["recalibrated_model"] is None and answer["extended_model"] is None
+    assert not any(cause["improved"] for cause in answer["causes"])
+    assert [gain["mae_recorded_K"].keys() for gain in answer["gain"]] == [{"published"}] * len(answer["gain"])
+    assert "no place for a correction" in capsys.readouterr().out
