@@ -112,12 +112,13 @@ def test_a_lost_cause_is_told_by_the_last_step_that_it_came_to(mode: Fit, first:
         return lost.lost_at(found, cause, CANDIDATES)
 
     strong = Refit(candidate, parameter, mode, 20.0, parameter.sd, 1.0)
-    huge = replace(strong, amplitude=1000.0 * parameter.sd)
+    bound = replace(parameter, low=-1.0)
+    empty = replace(strong, parameter=bound, amplitude=-1.0)
     assert step(cause="loss.magnet.speed9") == lost.NOT_PROPOSED
     assert step(cause="unknown.spray") == lost.NOT_UNKNOWN
     assert step() == lost.SCREENED
     assert step((replace(strong, log_bayes_factor=5.0),)) == lost.WEAK
-    assert step((huge,)) == lost.IMPOSSIBLE
+    assert step((empty,)) == lost.IMPOSSIBLE
     assert step((strong,)) == lost.OTHER_FIRST
     assert step((strong,), left_out=((candidate, 3.0),)) == lost.LEFT_OUT
     assert step((strong,), patchwork=(strong,)) == lost.PATCHWORK
