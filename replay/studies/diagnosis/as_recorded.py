@@ -30,8 +30,8 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class AsRecorded:
-    """By channel, over all kept sessions: `residual` (B,) [K] the reading as recorded less the model, block means;
-    `moved` [K] what the bench file's corrections add to the reading, in the mean."""
+    """By channel that has samples, over all kept sessions: `residual` (B,) [K] the reading as recorded less the model,
+    block means; `moved` [K] what the bench file's corrections add to the reading, in the mean."""
 
     residual: Mapping[str, Floats]
     moved: Mapping[str, float]
@@ -39,7 +39,7 @@ class AsRecorded:
 
 def as_recorded(question: Question, version: Version, kept: Sequence[Test]) -> AsRecorded:
     """The kept sessions under a version's motor and bench file; `kept`: them as the bench file says that they were
-    decoded with."""
+    decoded with. Raises `DivergedError` where the motor runs away."""
     facts = question.facts
     parent = facts.bench_of(question.train[0])
     if parent is not None and version.bench is not None:
@@ -53,16 +53,15 @@ def as_recorded(question: Question, version: Version, kept: Sequence[Test]) -> A
     moved: defaultdict[str, list[Floats]] = defaultdict(list)
     for test, own in zip(corrected, kept, strict=True):
         recorded = {c.name: c for c in own.channels}
-        for c in test.channels:
+        both = [c for c in test.channels if c.name in recorded]
+        for c in both:
             there = recorded[c.name].samples > 0
             moved[c.name].append((c.measured - recorded[c.name].measured)[there])
-        ruler = [_reading(c, recorded[c.name]) for c in test.channels]
+        ruler = [_reading(c, recorded[c.name]) for c in both]
         for series in Model(network, [replace(test, channels=tuple(ruler))], ()).residuals(np.zeros(0)):
             residual[series.channel].append(series.y)
-    return AsRecorded(
-        {name: np.concatenate(parts) for name, parts in residual.items()},
-        {name: float(np.concatenate(parts).mean()) for name, parts in moved.items()},
-    )
+    seen = {name: np.concatenate(parts) for name, parts in residual.items() if any(part.size for part in parts)}
+    return AsRecorded(seen, {name: float(np.concatenate(moved[name]).mean()) for name in seen})
 
 
 def _reading(corrected: RecordedChannel, recorded: RecordedChannel) -> RecordedChannel:
@@ -76,13 +75,14 @@ def measured_as_recorded(
     """The gain over the kept `tests` with errors against readings as recorded beside it, and improved only where these
     get no worse. `runs`: `published`, `before` and `after` (with what was named), as far as there are files;
     `said_wrong`: channels that a named cause says to read wrong, which as recorded prove nothing."""
-    places = {c.name: node_of(c) for test in tests for c in test.channels}
-    last = list(runs.values())[-1]
+    nodes = {c.name: node_of(c) for test in tests for c in test.channels}
+    seen = set(nodes).intersection(*(run.residual for run in runs.values())) if runs else set()
+    places = {channel: node for channel, node in nodes.items() if channel in seen}
     gain = []
     for one in kept.gain:
         own = [channel for channel, node in places.items() if node == one.node]
-        recorded = {when: _mean(run, own) for when, run in runs.items()}
-        moved = float(np.mean([last.moved[channel] for channel in own]))
+        recorded = {when: _mean(run, own) for when, run in runs.items()} if own else {}
+        moved = float(np.mean([list(runs.values())[-1].moved[channel] for channel in own])) if own else 0.0
         gain.append(replace(one, mae_recorded_K=recorded, reading_moved_K=moved))
     kept = replace(kept, gain=tuple(gain))
     right = [channel for channel in places if channel not in said_wrong]

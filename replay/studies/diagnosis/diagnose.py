@@ -38,7 +38,7 @@ from replay.studies.sessions.fitting import fitting
 from twin.diagnosis.refined import Tell
 from twin.diagnosis.swaps import misread, scan
 from twin.differences.everyday import everyday
-from twin.errors import TwinError
+from twin.errors import DivergedError, TwinError
 from twin.fitting.model import Model
 
 
@@ -99,7 +99,12 @@ def _answered(question: Question, identity: str, tell: Tell) -> Diagnosis:
     files, why_no_files = _files(question, campaign, found, identity)
     kept = found.kept
     if kept is not None:
-        runs = {when: as_recorded(question, one, tests) for when, one in files.items()}
+        runs = {}
+        for when, one in files.items():
+            try:
+                runs[when] = as_recorded(question, one, tests)
+            except DivergedError as error:
+                why_no_files = why_no_files or f"in a replay of the files {error}"
         kept = measured_as_recorded(kept, tests, runs, said_wrong(found.base, naming.final))
         if kept.improved and why_no_files is not None:
             kept = replace(kept, improved=False, why=f"no file could be written: {why_no_files}")

@@ -9,7 +9,8 @@ import pytest
 
 from made.motor import CHANNELS, Drive, every_law, recorded, smooth
 from replay.studies.diagnosis.answer import KeptGain
-from replay.studies.diagnosis.kept_sessions import measured
+from replay.studies.diagnosis.as_recorded import AsRecorded, measured_as_recorded
+from replay.studies.diagnosis.kept_sessions import Measured, measured
 from twin.fitting import actions
 from twin.fitting.actions import Parameter
 from twin.fitting.fit import Fit, fit
@@ -60,3 +61,23 @@ def test_errors_where_training_was_and_where_it_was_not_are_told_apart() -> None
 def test_where_no_kept_time_was_there_is_no_error() -> None:
     assert _gain(_test(0.5, 0.5)).rms_outside_K == []
     assert _gain(_test(0.95, 0.95)).rms_inside_K == []
+
+
+def _gained(**residual_K: float) -> tuple[Measured, dict[str, AsRecorded]]:
+    """A gain at all nodes that improved, and replays that are off by so much at the winding; W_1 reads 0.5 K less."""
+    train = _test(0.5, 0.5)
+    kept = replace(measured(_fitted(train), _fitted(train), [train], [train], named=False), improved=True)
+    runs = {when: AsRecorded({"W_1": np.full(10, off)}, {"W_1": -0.5}) for when, off in residual_K.items()}
+    return kept, runs
+
+
+def test_a_gain_that_readings_as_recorded_do_not_show_is_none() -> None:
+    kept, runs = _gained(published=3.0, before=1.0, after=-1.2)
+    found = measured_as_recorded(kept, [_test(0.5, 0.5)], runs, ())
+    (winding,) = [gain for gain in found.gain if gain.node == "winding"]
+    assert winding.mae_recorded_K == pytest.approx({"published": 3.0, "before": 1.0, "after": 1.2})
+    assert winding.reading_moved_K == -0.5
+    assert not found.improved and "1.00 -> 1.20 K" in str(found.why)
+    assert all(gain.mae_recorded_K == {} for gain in found.gain if gain.node != "winding"), "nothing was read there"
+    assert measured_as_recorded(kept, [_test(0.5, 0.5)], runs, {"W_1"}).improved, "a reading that is known to be wrong"
+    assert measured_as_recorded(kept, [_test(0.5, 0.5)], {}, ()).improved, "no file, no replay"
