@@ -104,7 +104,8 @@ def _answered(question: Question, identity: str, tell: Tell) -> Diagnosis:
             try:
                 runs[when] = as_recorded(question, one, tests)
             except DivergedError as error:
-                why_no_files = why_no_files or f"in a replay of the files {error}"
+                files, why_no_files = {}, why_no_files or f"in a replay {error}"
+                break
         kept = measured_as_recorded(kept, tests, runs, said_wrong(found.base, naming.final))
         if kept.improved and why_no_files is not None:
             kept = replace(kept, improved=False, why=f"no file could be written: {why_no_files}")

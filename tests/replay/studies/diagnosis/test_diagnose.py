@@ -21,6 +21,7 @@ from replay.cli import main
 from replay.engine.files.motor_file import read_motor
 from replay.studies.diagnosis import diagnose
 from replay.studies.diagnosis.question import LEAST_S
+from twin.errors import DivergedError
 from twin.motor.network import Network
 
 ASKED = ("diagnose", "--on", *LEARN, "--hold-out", *KEEP)
@@ -311,19 +312,33 @@ def test_a_question_that_cannot_be_answered_is_refused_in_one_line(
     assert position(small) == before
 
 
+@pytest.mark.parametrize(
+    ("step", "error", "why", "replayed"),
+    [
+        ("version", BenchFileError("bench.toml: no place"), "bench.toml: no place", {"published"}),
+        ("as_recorded", DivergedError("temperatures run away"), "in a replay temperatures run away", set()),
+    ],
+)
 def test_what_no_file_can_say_does_not_lose_the_answer(
-    campaign: Campaign, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    campaign: Campaign,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    step: str,
+    error: Exception,
+    why: str,
+    replayed: set[str],
 ) -> None:
     def refused(*_: object) -> None:
-        raise BenchFileError("bench.toml: no place for a correction")
+        raise error
 
     shutil.copytree(campaign.store, tmp_path / "store")
-    monkeypatch.setattr(diagnose, "version", refused)
+    monkeypatch.setattr(diagnose, step, refused)
     asked = ["diagnose", "--on", *LEARN[:2], "--hold-out", KEEP[0], "--store", str(tmp_path / "store")]
     assert main([*asked, "--json", str(tmp_path / "answer.json")]) == 0
     answer = json.loads((tmp_path / "answer.json").read_text(encoding="utf-8"))
-    assert answer["why_no_files"] == "bench.toml: no place for a correction"
+    assert answer["why_no_files"] == why
     assert answer["recalibrated_model"] is None and answer["extended_model"] is None
     assert not any(cause["improved"] for cause in answer["causes"])
-    assert [gain["mae_recorded_K"].keys() for gain in answer["gain"]] == [{"published"}] * len(answer["gain"])
-    assert "no place for a correction" in capsys.readouterr().out
+    assert [gain["mae_recorded_K"].keys() for gain in answer["gain"]] == [replayed] * len(answer["gain"])
+    assert why in " ".join(capsys.readouterr().out.split())
