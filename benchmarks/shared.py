@@ -16,11 +16,11 @@ from replay.engine.files.models import for_intake
 
 
 @contextmanager
-def stored(folder: Path, logs: Sequence[Path]) -> Iterator[Store]:
-    """A new store in `folder` that holds these logs; bench file and database lie there, as `plant.write_campaign`
-    leaves them."""
+def stored(folder: Path, logs: Sequence[Path], at: Path | None = None) -> Iterator[Store]:
+    """A new store that holds these logs, in `folder` or `at`; bench file and database lie in `folder`, as
+    `plant.write_campaign` leaves them."""
     setup = prepare(logs, folder / "bench.toml", [folder / "bench.dbc"], for_intake)
-    with Store.open(folder / "store", create=True) as store:
+    with Store.open((at or folder) / "store", create=True) as store:
         take_in(store, logs, setup, Override())
         yield store
 

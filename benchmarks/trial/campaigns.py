@@ -14,12 +14,9 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.shared import stored
 from benchmarks.trial.cases import READ_WRONG, Case
 from ingest.facts import facts
-from ingest.facts.sessions import Override
-from ingest.facts.store import Store
-from ingest.intake.intake import take_in
-from ingest.intake.setup import prepare
 from plant import Effect, Plant, drives, points, write_campaign
 from plant.drives import Drive
 from plant.forms import FORMS
@@ -27,7 +24,6 @@ from plant.geometry import NODES
 from plant.plant import Truth
 from plant.sensors import LAG_s, lagged, record, sensors
 from plant.thermocouples import Sensor
-from replay.engine.files.models import for_intake
 from replay.studies.characterise.calibrate import common_model
 from replay.studies.diagnosis import question
 from replay.studies.diagnosis.question import Campaign
@@ -150,14 +146,11 @@ def _mean(truth: Truth, plant: Plant, node: str) -> Floats:
 def read(folder: Path) -> Campaign:
     """The logs of a folder, ingested and read: every session as one to learn from."""
     logs = sorted(folder.glob("*.blf"), key=lambda log: int(log.stem.split("_")[0]))
-    with tempfile.TemporaryDirectory() as name:
-        setup = prepare(logs, folder / "bench.toml", [folder / "bench.dbc"], for_intake)
-        with Store.open(Path(name) / "store", create=True) as store:
-            take_in(store, logs, setup, Override())
-            known = facts.at(store.ledger)
-            sessions = [known.session(log.stem) for log in logs]
-            model = common_model(known, sessions)
-            return question.campaign_of(question.Question(store, known, sessions, [], model, "testing"))
+    with tempfile.TemporaryDirectory() as name, stored(folder, logs, Path(name)) as store:
+        known = facts.at(store.ledger)
+        sessions = [known.session(log.stem) for log in logs]
+        model = common_model(known, sessions)
+        return question.campaign_of(question.Question(store, known, sessions, [], model, "testing"))
 
 
 def kept_as(path: Path, make: Callable[[], T]) -> T:
