@@ -60,7 +60,7 @@ def healthy_mode(healthy: Campaign) -> Fit:
     """The fit of a campaign without effects, under the noise and the widths that it sets, as every diagnosis begins."""
     model = Model(healthy.network, healthy.tests, everyday(healthy.network, healthy.tests))
     begun = fit(model, np.zeros(len(model.parameters)), NEAR_ENOUGH)
-    return refined(begun, healthy.candidates, lambda _: None)
+    return refined(begun, healthy.candidates, model.parameters, lambda _: None)
 
 
 def seen(mode: Fit, candidates: Sequence[Candidate], effect: Effect, moved: Sequence[Course]) -> Seen:

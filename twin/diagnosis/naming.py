@@ -18,7 +18,7 @@ from twin.diagnosis.evidence import Scores, null_quantile, score
 from twin.diagnosis.free_heats import free_heats
 from twin.diagnosis.patchwork import is_patchwork
 from twin.diagnosis.posterior_mode import linearised, stacked
-from twin.diagnosis.refined import Tell, refined, under_its_noise
+from twin.diagnosis.refined import Tell, refined
 from twin.diagnosis.taking_over import taken_over
 from twin.diagnosis.unknown import FreeHeat
 from twin.differences.candidates import Candidate
@@ -28,7 +28,7 @@ from twin.fitting.fit import NEAR_ENOUGH, Fit, fit
 from twin.fitting.model import Floats, Model
 
 THRESHOLD = 6.0  # ln BF that a term must exceed; healthy motors of another form set it (benchmarks/trials.py)
-MOST_TERMS = 3
+MOST_TERMS = 5
 REFITTED, WORTH_REFITTING = 5, 4.0  # how many, and from which linear ln BF on
 FAR_BEHIND = 10.0  # behind the leading one in linear ln BF: not refitted
 FIRST_LINEARISATIONS, REFIT_LINEARISATIONS = 4, 15  # of every refit, and of those that may still come near the best
@@ -125,7 +125,7 @@ def search(
 ) -> Naming:
     """Find the terms. Raises `DivergedError` where the model itself runs away."""
     tell("calibrating")
-    current = refined(fit(model, np.zeros(len(model.parameters)), NEAR_ENOUGH), candidates, tell)
+    current = refined(fit(model, np.zeros(len(model.parameters)), NEAR_ENOUGH), candidates, model.parameters, tell)
     tell("scoring")
     first = scored(current, candidates)
     tell("looking for heat that no candidate explains")
@@ -139,8 +139,7 @@ def search(
         if best is None or best.log_bayes_factor <= max(threshold, rounds[-1].null) or len(accepted) == MOST_TERMS:
             break
         accepted.append((best.candidate, best.parameter))
-        tell("fitting the noise")
-        current = under_its_noise(best.fit, candidates)
+        current = refined(best.fit, candidates, model.parameters, tell)
         tell("scoring")
         left = [c for c in candidates if c not in [a for a, _ in accepted]]
         rounds.append(with_refits(scored(current, left), tell))

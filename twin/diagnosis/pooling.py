@@ -4,13 +4,16 @@ A file whose films are fits is off by tens of per cent in its exponents; one who
 far a family of numbers is off (all exponents, all conductances, all missing paths ...) is learnt from all its members
 together, so that one that stands out is seen. This is empirical Bayes: the scale of each family's prior is that of the
 largest evidence (D. J. C. MacKay, Neural Computation 4 (1992) 415, doi:10.1162/neco.1992.4.3.415), with a prior on the
-scale that counts as one member. Maps of losses are no family: one node's law may be twice as far off as all others and
-be healthy.
+scale that counts as one member. The form of
+the losses is a family in each region: iron whose loss falls with current may be three times as far from its file as a
+magnet's, and both be healthy. Capacities are none: how much of a thick lump follows depends on the pace, so the file's
+sd is none of theirs.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +26,8 @@ from twin.motor.network import NOBODY, Network
 
 Bools = NDArray[np.bool_]
 
-SMALLEST, LARGEST = 0.1, 1.0  # of the prior's own sd
+STATED = (0.1, 3.0)  # times the prior's own sd: what a file says of its numbers
+FORM = (1.0, 6.0)  # of how far the losses of a region are from the file's form, of which a file says nothing
 WEIGHT = 1.0  # well-determined members that the prior on a family's scale counts for, at the scale that it has
 ITERATIONS = 15
 POOLED_FROM = 5  # members: fewer say little of their family
@@ -40,43 +44,60 @@ def kinds(network: Network) -> list[str]:
     return found + ["losses" for source in network.sources for _ in source.terms]
 
 
-def family(parameter: Parameter, kind: Sequence[str]) -> str | None:
-    """The family of a healthy difference, `kind` of every term; None where it stands alone."""
+def regions(network: Network) -> list[str]:
+    """Of every term of the network the region where its loss arises; of links "" stands."""
+    region = {node.name: node.region for node in network.nodes}
+    links = [""] * sum(len(link.terms) for link in network.links)
+    return links + [region[source.node] for source in network.sources for _ in source.terms]
+
+
+@dataclass(frozen=True)
+class Family:
+    """Healthy differences that are as wide as each other: `name`, and what their prior sd is multiplied by at `least`
+    and at `most`."""
+
+    name: str
+    least: float
+    most: float
+
+
+def family(parameter: Parameter, kind: Sequence[str], region: Sequence[str]) -> Family | None:
+    """The family of a healthy difference, `kind` and `region` of every term; None where it stands alone."""
     match parameter.action:
         case actions.Scale(terms):
-            return kind[terms[0]] if len(terms) == 1 else f"{kind[terms[0]]} of both sides"
-        case actions.Capacity():
-            return "capacities"
+            return Family(kind[terms[0]] if len(terms) == 1 else f"{kind[terms[0]]} of both sides", *STATED)
+        case actions.Tent(terms):
+            return Family(f"form of the losses in {region[terms[0]]}", *FORM)
         case actions.Power():
-            return "exponents"
-        case actions.Added(places):
-            return "paths" if places[0].b != NOBODY else None
+            return Family("exponents", *STATED)
+        case actions.Added(places) if places[0].b != NOBODY:
+            return Family("paths", *STATED)
     return None
 
 
 def pooled_scales(
-    parameters: Sequence[Parameter], free: Bools, kind: Sequence[str], gram: Floats, right: Floats, more: Floats
+    parameters: Sequence[Parameter], free: Bools, network: Network, gram: Floats, right: Floats, more: Floats
 ) -> list[float]:
     """What to multiply the prior sd of every parameter by.
 
     `free` (p,) says which parameters have columns A: `gram` = A'A, `right` = A'e0, whitened. Behind them stand columns
-    of other terms, with the prior sds `more`. Parameters without columns take the scale of their family. `kind`: that
-    of every term of the network.
+    of other terms, with the prior sds `more`. Parameters without columns take the scale of their family.
     """
-    names = [family(p, kind) for p in parameters]
-    inside = [name for name, own in zip(names, free, strict=True) if own]
-    places = {name: np.array([i for i, other in enumerate(inside) if other == name]) for name in set(inside) if name}
-    families = {name: own for name, own in places.items() if len(own) >= POOLED_FROM}
+    kind, region = kinds(network), regions(network)
+    every = [family(p, kind, region) for p in parameters]
+    inside = [one for one, own in zip(every, free, strict=True) if own]
+    places = {one: np.array([i for i, other in enumerate(inside) if other == one]) for one in set(inside) if one}
+    families = {one: own for one, own in places.items() if len(own) >= POOLED_FROM}
     stated = np.array([p.sd for p, own in zip(parameters, free, strict=True) if own])
-    scale = dict.fromkeys(families, 1.0)
+    scale: dict[Family | None, float] = dict.fromkeys(families, 1.0)
     for _ in range(ITERATIONS):
-        sd = np.concatenate([stated * [scale.get(name or "", 1.0) for name in inside], more])
+        sd = np.concatenate([stated * [scale.get(one, 1.0) for one in inside], more])
         factor = cho_factor(gram + np.diag(1 / sd**2), lower=True)
         beta = cho_solve(factor, right)
         variance = np.diag(cho_solve(factor, np.eye(len(sd))))
-        for name, own in families.items():
+        for one, own in families.items():
             determined = float(np.sum(1 - variance[own] / sd[own] ** 2))
             square = float(np.sum((beta[own] / stated[own]) ** 2))
             fresh = np.sqrt((square + WEIGHT) / (determined + WEIGHT))
-            scale[name] = float(np.clip(fresh, SMALLEST, LARGEST))
-    return [scale.get(name or "", 1.0) for name in names]
+            scale[one] = float(np.clip(fresh, one.least, one.most))
+    return [scale.get(one, 1.0) for one in every]

@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.diagnosis.evidence import score
-from twin.diagnosis.pooling import kinds, pooled_scales
+from twin.diagnosis.pooling import pooled_scales
 from twin.diagnosis.posterior_mode import linearised, rises, slowest_mode_s, stacked
 from twin.diagnosis.reml import ObservedSeries, reml
 from twin.differences.candidates import Candidate
+from twin.fitting.actions import Parameter
 from twin.fitting.fit import LINEARISATIONS, NEAR_ENOUGH, Fit, fit
 from twin.fitting.model import Columns, Floats, Model
 from twin.fitting.noise import ChannelNoise
@@ -23,12 +24,14 @@ IN_DESIGN = 10  # leading candidates beside the parameters when the noise is fit
 ON_THE_WAY = 4  # linearisations of a fit that another follows under other noise or priors
 
 
-def refined(current: Fit, candidates: Sequence[Candidate], tell: Tell) -> Fit:
-    """The fit under learnt noise, then under learnt priors of families, then under noise that is learnt again."""
+def refined(current: Fit, candidates: Sequence[Candidate], stated: Sequence[Parameter], tell: Tell) -> Fit:
+    """The fit under learnt noise, then under learnt priors of families, then under noise that is learnt again.
+    `stated`: the healthy differences, first among the model's parameters, with the priors that the learnt ones are
+    multiples of."""
     tell("fitting the noise")
     current = under_its_noise(current, candidates, ON_THE_WAY)
     tell("fitting the priors of families")
-    current = fit(_with_pooled_priors(_design(current, candidates)), current.beta, NEAR_ENOUGH, ON_THE_WAY)
+    current = fit(_with_pooled_priors(_design(current, candidates), stated), current.beta, NEAR_ENOUGH, ON_THE_WAY)
     tell("fitting the noise")
     return under_its_noise(current, candidates)
 
@@ -76,9 +79,12 @@ def _fitted_noise(design: _Design) -> Mapping[str, ChannelNoise]:
     return reml(observed, precision, slowest_mode_s(current), rises(current.model))
 
 
-def _with_pooled_priors(design: _Design) -> Model:
-    model = design.current.model
+def _with_pooled_priors(design: _Design, stated: Sequence[Parameter]) -> Model:
+    """The model with healthy differences as wide as the data ask for; terms that were let in keep their priors."""
+    model, healthy = design.current.model, len(stated)
     columns = np.hstack([design.a, design.v])
-    kind, gram, right = kinds(model.network), columns.T @ columns, columns.T @ design.e0
-    scales = pooled_scales(model.parameters, design.free, kind, gram, right, design.sigma)
-    return model.with_priors([replace(p, sd=p.sd * s) for p, s in zip(model.parameters, scales, strict=True)])
+    gram, right = columns.T @ columns, columns.T @ design.e0
+    let_in = model.parameters[healthy:]
+    more = np.append(model.sd[healthy:][design.free[healthy:]], design.sigma)
+    scales = pooled_scales(stated, design.free[:healthy], model.network, gram, right, more)
+    return model.with_priors([*(replace(p, sd=p.sd * s) for p, s in zip(stated, scales, strict=True)), *let_in])

@@ -22,6 +22,8 @@ from twin.motor.paths import links_with_groups, missing, terms_of
 BOUND = math.log(4.0)
 EXPONENT_SHARE = 0.2  # sd of an exponent over the exponent: those of a lumped file are fits
 KNOTS = 5
+LEAST_LEFT = 0.1  # of a loss that a map may leave, where the tests go: no loss is negative
+CAPACITY_WIDER = 2.0  # than the file's sd: how much of a thick lump follows depends on the pace
 MAP_SD = 0.2  # of iron's and magnets' whole loss, of copper's part that grows with speed
 TILT_PER_K, FILM_TILT_PER_K, MOST_TILT_PER_K = 0.003, 0.002, 0.008
 STANDSTILL_SHARE = 0.002  # of the mean total loss: heat of the current's ripple in the rotor
@@ -38,7 +40,7 @@ ROTATING = ("rotor", "magnet")
 def everyday(network: Network, tests: Sequence[Test]) -> tuple[Parameter, ...]:
     """The parameters of a healthy motor on these tests."""
     return (
-        *laws(network),
+        *laws(network, CAPACITY_WIDER),
         *_common(network),
         *_exponents(network),
         *_film_slopes(network, tests),
@@ -84,12 +86,14 @@ def _cooled_by_flow(network: Network) -> set[str]:
     return {end for link in flowing for end in (link.a, link.b)} | {circuit.inlet for circuit in network.circuits}
 
 
-def laws(network: Network) -> Iterator[Parameter]:
+def laws(network: Network, capacity_wider: float = 1.0) -> Iterator[Parameter]:
     """Every coefficient and every capacity about the motor file's, with the file's sd of its logarithm."""
     for i, term in enumerate(features.terms(network)):
         yield Parameter(f"term{i}", actions.Scale((i,)), term.sd, low=-BOUND, high=BOUND)
     for i, node in enumerate(network.nodes):
-        yield Parameter(f"capacity.{node.name}", actions.Capacity((i,)), node.sd, low=-BOUND, high=BOUND)
+        yield Parameter(
+            f"capacity.{node.name}", actions.Capacity((i,)), capacity_wider * node.sd, low=-BOUND, high=BOUND
+        )
 
 
 def _common(network: Network) -> Iterator[Parameter]:
@@ -183,16 +187,28 @@ def _maps(network: Network, tests: Sequence[Test]) -> Iterator[Parameter]:
     speeds = tuple(np.linspace(0.0, top, KNOTS).tolist())
     currents = (False, True) if all("current" in t.inputs for t in tests) else (False,)
     for name, members in alike_sources(network).items():
-        copper = regions[members[0]] == "copper"  # what direct current loses there is known
-        shaped = tuple(i for node in members for i in sources[node] if terms[i].exponents.get("speed") or not copper)
-        if top > 0 and any(terms[i].exponents.get("speed") for i in shaped):
-            for knot in range(KNOTS):
+        every = tuple(i for node in members for i in sources[node])
+        fast = tuple(i for i in every if terms[i].exponents.get("speed"))
+        copper = regions[members[0]] == "copper"  # what direct current loses there is known: nothing is added at rest
+        shaped = fast if copper and fast else every
+        if top > 0 and (fast or copper):
+            for knot in range(0 if fast else 1, KNOTS):
                 for current in currents:
                     action = actions.Tent(shaped, speeds, knot, current)
-                    yield Parameter(f"map.{name}.{knot}{'i' if current else ''}", action, MAP_SD, low=-0.9, high=3.0)
+                    low = (LEAST_LEFT - 1) / max(_largest(action, tests), 1e-3)
+                    yield Parameter(f"map.{name}.{knot}{'i' if current else ''}", action, MAP_SD, low=low)
         at = [names.index(node) for node in members]
         about = [float(np.mean([t.initial[i] for t in tests])) for i in at]
         yield _tilt(f"loss.{name}", [(i,) for i in at], [sources[node] for node in members], about, TILT_PER_K)
+
+
+def _largest(tent: actions.Tent, tests: Sequence[Test]) -> float:
+    """The largest factor of the tent's number where the tests go."""
+    hats = [np.interp(t.inputs["speed"], tent.speeds, np.eye(len(tent.speeds))[tent.knot]) for t in tests]
+    by = [
+        np.abs(t.inputs["current"]) if tent.current else np.ones(len(hat)) for t, hat in zip(tests, hats, strict=True)
+    ]
+    return max(float((hat * own).max()) for hat, own in zip(hats, by, strict=True))
 
 
 def _standstill(network: Network, tests: Sequence[Test]) -> Iterator[Parameter]:
