@@ -4,10 +4,9 @@ A file whose films are fits is off by tens of per cent in its exponents; one who
 far a family of numbers is off (all exponents, all conductances, all missing paths ...) is learnt from all its members
 together, so that one that stands out is seen. This is empirical Bayes: the scale of each family's prior is that of the
 largest evidence (D. J. C. MacKay, Neural Computation 4 (1992) 415, doi:10.1162/neco.1992.4.3.415), with a prior on the
-scale that counts as one member. The form of
-the losses is a family in each region: iron whose loss falls with current may be three times as far from its file as a
-magnet's, and both be healthy. Capacities are none: how much of a thick lump follows depends on the pace, so the file's
-sd is none of theirs.
+scale that counts as one member. The form of the losses is a family in each region: iron whose loss falls with current
+may be three times as far from its file as a magnet's, and both be healthy. Capacities are never narrower than the file
+says, however many agree with it: how much of a thick lump follows depends on the pace.
 """
 
 from __future__ import annotations
@@ -28,6 +27,7 @@ Bools = NDArray[np.bool_]
 
 STATED = (0.1, 3.0)  # times the prior's own sd: what a file says of its numbers
 FORM = (1.0, 6.0)  # of how far the losses of a region are from the file's form, of which a file says nothing
+LUMPED = (1.0, 3.0)  # of a capacity, which is exact of the lump and not of the part of it that follows
 WEIGHT = 1.0  # well-determined members that the prior on a family's scale counts for, at the scale that it has
 ITERATIONS = 15
 POOLED_FROM = 5  # members: fewer say little of their family
@@ -68,6 +68,8 @@ def family(parameter: Parameter, kind: Sequence[str], region: Sequence[str]) -> 
             return Family(kind[terms[0]] if len(terms) == 1 else f"{kind[terms[0]]} of both sides", *STATED)
         case actions.Tent(terms):
             return Family(f"form of the losses in {region[terms[0]]}", *FORM)
+        case actions.Capacity():
+            return Family("capacities", *LUMPED)
         case actions.Power():
             return Family("exponents", *STATED)
         case actions.Added(places) if places[0].b != NOBODY:

@@ -23,8 +23,7 @@ BOUND = math.log(4.0)
 EXPONENT_SHARE = 0.2  # sd of an exponent over the exponent: those of a lumped file are fits
 KNOTS = 5
 LEAST_LEFT = 0.1  # of a loss that a map may leave, where the tests go: no loss is negative
-CAPACITY_WIDER = 2.0  # than the file's sd: how much of a thick lump follows depends on the pace
-MAP_SD = 0.2  # of iron's and magnets' whole loss, of copper's part that grows with speed
+MAP_SD = 0.2  # of the whole loss; of copper at top speed, for what direct current loses there is known
 TILT_PER_K, FILM_TILT_PER_K, MOST_TILT_PER_K = 0.003, 0.002, 0.008
 STANDSTILL_SHARE = 0.002  # of the mean total loss: heat of the current's ripple in the rotor
 PATH_SHARE, MOST_PATH = 0.1, 0.05  # of the smaller end's largest conductance; at most of the median over nodes of it
@@ -40,7 +39,7 @@ ROTATING = ("rotor", "magnet")
 def everyday(network: Network, tests: Sequence[Test]) -> tuple[Parameter, ...]:
     """The parameters of a healthy motor on these tests."""
     return (
-        *laws(network, CAPACITY_WIDER),
+        *laws(network),
         *_common(network),
         *_exponents(network),
         *_film_slopes(network, tests),
@@ -86,14 +85,12 @@ def _cooled_by_flow(network: Network) -> set[str]:
     return {end for link in flowing for end in (link.a, link.b)} | {circuit.inlet for circuit in network.circuits}
 
 
-def laws(network: Network, capacity_wider: float = 1.0) -> Iterator[Parameter]:
+def laws(network: Network) -> Iterator[Parameter]:
     """Every coefficient and every capacity about the motor file's, with the file's sd of its logarithm."""
     for i, term in enumerate(features.terms(network)):
         yield Parameter(f"term{i}", actions.Scale((i,)), term.sd, low=-BOUND, high=BOUND)
     for i, node in enumerate(network.nodes):
-        yield Parameter(
-            f"capacity.{node.name}", actions.Capacity((i,)), capacity_wider * node.sd, low=-BOUND, high=BOUND
-        )
+        yield Parameter(f"capacity.{node.name}", actions.Capacity((i,)), node.sd, low=-BOUND, high=BOUND)
 
 
 def _common(network: Network) -> Iterator[Parameter]:
@@ -178,7 +175,8 @@ def _tilt(
 
 
 def _maps(network: Network, tests: Sequence[Test]) -> Iterator[Parameter]:
-    """What losses may do over speed and current beside their laws, and with temperature."""
+    """What losses may do over speed and current beside their laws, and with temperature. Copper's share by alternating
+    current grows with speed^2, as eddy currents in thin wires do, and a file may lack it."""
     _, sources = terms_of(network)
     regions = {node.name: node.region for node in network.nodes}
     names = list(regions)
@@ -187,16 +185,15 @@ def _maps(network: Network, tests: Sequence[Test]) -> Iterator[Parameter]:
     speeds = tuple(np.linspace(0.0, top, KNOTS).tolist())
     currents = (False, True) if all("current" in t.inputs for t in tests) else (False,)
     for name, members in alike_sources(network).items():
-        every = tuple(i for node in members for i in sources[node])
-        fast = tuple(i for i in every if terms[i].exponents.get("speed"))
-        copper = regions[members[0]] == "copper"  # what direct current loses there is known: nothing is added at rest
-        shaped = fast if copper and fast else every
-        if top > 0 and (fast or copper):
-            for knot in range(0 if fast else 1, KNOTS):
+        shaped = tuple(i for node in members for i in sources[node])
+        copper = regions[members[0]] == "copper"
+        if top > 0 and (copper or any(terms[i].exponents.get("speed") for i in shaped)):
+            for knot in range(1 if copper else 0, KNOTS):
+                sd = MAP_SD * (speeds[knot] / top) ** 2 if copper else MAP_SD
                 for current in currents:
                     action = actions.Tent(shaped, speeds, knot, current)
                     low = (LEAST_LEFT - 1) / max(_largest(action, tests), 1e-3)
-                    yield Parameter(f"map.{name}.{knot}{'i' if current else ''}", action, MAP_SD, low=low)
+                    yield Parameter(f"map.{name}.{knot}{'i' if current else ''}", action, sd, low=low)
         at = [names.index(node) for node in members]
         about = [float(np.mean([t.initial[i] for t in tests])) for i in at]
         yield _tilt(f"loss.{name}", [(i,) for i in at], [sources[node] for node in members], about, TILT_PER_K)
