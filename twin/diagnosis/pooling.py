@@ -21,6 +21,7 @@ from scipy.linalg import cho_factor, cho_solve
 from twin.fitting import actions
 from twin.fitting.actions import Parameter
 from twin.fitting.model import Floats
+from twin.motor import sensor_laws
 from twin.motor.network import NOBODY, Network
 
 Bools = NDArray[np.bool_]
@@ -28,6 +29,7 @@ Bools = NDArray[np.bool_]
 STATED = (0.1, 3.0)  # times the prior's own sd: what a file says of its numbers
 FORM = (1.0, 6.0)  # of how far the losses of a region are from the file's form, of which a file says nothing
 LUMPED = (1.0, 3.0)  # of a capacity, which is exact of the lump and not of the part of it that follows
+BENCH = (0.3, 3.0)  # of what a bench and its sensors are off by: a few tests say little of what others may do
 WEIGHT = 1.0  # well-determined members that the prior on a family's scale counts for, at the scale that it has
 ITERATIONS = 15
 POOLED_FROM = 5  # members: fewer say little of their family
@@ -74,6 +76,12 @@ def family(parameter: Parameter, kind: Sequence[str], region: Sequence[str]) -> 
             return Family("exponents", *STATED)
         case actions.Added(places) if places[0].b != NOBODY:
             return Family("paths", *STATED)
+        case actions.Tilt(_, terms):
+            return Family(f"slopes of {kind[terms[0][0]]}", *BENCH)
+        case actions.Start():
+            return Family("starts", *BENCH)
+        case sensor_laws.Bias() | sensor_laws.Gain() | sensor_laws.Lag() as law:
+            return Family(f"{type(law).__name__.lower()} of {parameter.name.partition('.')[0]}s", *BENCH)
     return None
 
 
