@@ -25,7 +25,13 @@ HIDDEN = (
     Case(408, "sensor.rotor_surface.stuck", 0.4),
     Case(86, "sensor.teeth.swap_yoke", 1.0),
 )
-HEALTHY = (Case(300), Case(301))
+HEALTHY = (  # every form and every rule once
+    Case(300),
+    Case(301, form="weakened", rule="energy_weighted"),
+    Case(302, form="sprayed", rule="hand"),
+    Case(303, form="housed", rule="scaled"),
+    Case(304, form="section"),
+)
 IN_ITS_OWN_UNIT = (  # the motor file's form can say them exactly, so that sizes can be compared
     "conductance.endwinding_a_inner-coolant.constant",
     "sensor.magnet.lag",
@@ -58,9 +64,10 @@ def test_what_is_more_than_the_file_says_is_found_as_more(answers: Mapping[Case,
     assert {c.cause for c in more if answers[c].amplitude <= 0} == set()
 
 
-@pytest.mark.parametrize("case", HEALTHY, ids=lambda case: f"specimen {case.seed}")
+@pytest.mark.parametrize("case", HEALTHY, ids=lambda case: f"{case.form}-{case.rule}")
 def test_where_nothing_is_hidden_nothing_is_named(answers: Mapping[Case, Answer], case: Case) -> None:
     assert answers[case].first == "", answers[case]
+    assert answers[case].far == (), "a healthy motor is within the widths that its campaign sets, and within bounds"
 
 
 def test_what_the_data_cannot_tell_apart_is_of_the_same_place(answers: Mapping[Case, Answer]) -> None:

@@ -18,6 +18,7 @@ from ingest.facts.store import Store
 from ingest.intake.intake import take_in
 from ingest.intake.setup import prepare
 from plant import Effect, Plant, drives, points, sessions, write_campaign
+from plant.forms import FORMS
 from replay.engine.files.models import for_intake
 from replay.studies.characterise.calibrate import common_model
 from replay.studies.diagnosis.data_faults import data_faults
@@ -26,7 +27,7 @@ from twin.diagnosis.naming import THRESHOLD, search
 from twin.diagnosis.swaps import scan
 from twin.diagnosis.told_apart import told_apart
 from twin.differences.everyday import everyday
-from twin.fitting.fit import NEAR_ENOUGH, fit
+from twin.fitting.fit import NEAR_ENOUGH, Fit, fit
 from twin.fitting.model import Model
 
 LAYOUT = "six"
@@ -34,33 +35,41 @@ LAYOUT = "six"
 
 @dataclass(frozen=True)
 class Case:
-    """A specimen and what it hides, "" for nothing; `size` in the unit of its kind (plant/README.md)."""
+    """A specimen and what it hides, "" for nothing; `size` in the unit of its kind (plant/README.md); the form of its
+    motor (plant.forms) and the rule that its file was made by (plant.rules)."""
 
     seed: int
     cause: str = ""
     size: float = 0.0
+    form: str = "jacketed"
+    rule: str = "fitted"
 
 
 @dataclass(frozen=True)
 class Answer:
     """What enters first, "" for nothing; `same`: what the data cannot tell from it; ln BF against the model without
-    it; `amplitude` in the unit of its prior; `leading`: ln BF of all that were refitted."""
+    it; `amplitude` in the unit of its prior; `leading`: ln BF of all that were refitted; `far`: what a healthy motor
+    may differ in, where it does by more than 4 sd or is at its bound."""
 
     first: str
     same: tuple[str, ...] = ()
     log_bf: float = 0.0
     amplitude: float = 0.0
     leading: tuple[tuple[str, float], ...] = ()
+    far: tuple[str, ...] = ()
 
 
 def _campaign(case: Case) -> Campaign:
     """An S1 point, S2 pulses and a WLTC, as BLF with motor, bench and DBC file, ingested and read back as the verb
     reads them."""
-    plant = Plant(case.seed, Effect(case.cause, case.size)) if case.cause else Plant(case.seed)
-    plan = [points.s1(plant, 9000.0, 20.0, 0), points.s2(plant, 7000.0, 20.0, 1), drives.wltp(1)]
+    form = FORMS[case.form]
+    plant = Plant(case.seed, *([Effect(case.cause, case.size)] if case.cause else []), form=form)
+    top_rpm = form.machine.top_rpm
+    plan = [points.s1(plant, 0.5625 * top_rpm, 20.0, 0), points.s2(plant, 0.4375 * top_rpm, 20.0, 1)]
+    plan.append(drives.wltp(1, form.vehicle))
     with TemporaryDirectory() as name:
         folder = Path(name)
-        logs = write_campaign(folder, plant, sessions(plant, plan, LAYOUT), layout=LAYOUT)
+        logs = write_campaign(folder, plant, sessions(plant, plan, LAYOUT), layout=LAYOUT, rule=case.rule)
         setup = prepare(logs, folder / "bench.toml", [folder / "bench.dbc"], for_intake)
         with Store.open(folder / "store", create=True) as store:
             take_in(store, logs, setup, Override())
@@ -98,6 +107,12 @@ def _first_term(campaign: Campaign, model: Model) -> Answer:
         return Answer("unknown", log_bf=heat, leading=leading)
     best = found.best
     if best is None or best.log_bayes_factor <= max(THRESHOLD, found.null):
-        return Answer("", leading=leading)
+        return Answer("", leading=leading, far=_far(found.base))
     same = tuple(str(m.candidate.cause) for m in told_apart(found, best.candidate, heat).others)
     return Answer(str(best.candidate.cause), same, best.log_bayes_factor, best.amplitude, leading)
+
+
+def _far(healthy: Fit) -> tuple[str, ...]:
+    """What is beyond 4 sd or at its bound."""
+    far = ~healthy.free | (np.abs(healthy.beta) > 4 * healthy.model.sd)
+    return tuple(p.name for p, is_far in zip(healthy.model.parameters, far, strict=True) if is_far)
