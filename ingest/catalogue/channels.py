@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from ingest.facts.store import Store
 
 STALE_MEDIANS = 5.0  # a value is held for as many median intervals of its channel, not longer
+GAP_NS = 10_000_000_000  # a second in a shorter gap counts as measured: constancy is looked at in means of 10 s
 
 Array = NDArray[np.float64]
 _Entry = Mapping[str, Any]  # of DecodeCompleted.channels
@@ -149,10 +150,14 @@ def aligned(channels: Sequence[ChannelData]) -> Aligned:
     return Aligned(slowest.t_ns[known], dt_s[known], tuple(value[known] for value in values))
 
 
-def each_second(channels: Sequence[ChannelData]) -> list[Array]:
-    """Means over each second of the time that the channels span together, (N,) each; an empty second holds the last."""
+def each_second(channels: Sequence[ChannelData]) -> tuple[list[Array], NDArray[np.bool_]]:
+    """Means over each second of the time that the channels span together, (N,) each; an empty second holds the last.
+
+    And which of these seconds (N,) were measured: those that lie in no channel's gap, nor before or after it.
+    """
     span = (min(int(channel.t_ns[0]) for channel in channels), max(int(channel.t_ns[-1]) for channel in channels))
-    return [block_means(channel.t_ns, channel.value, span) for channel in channels]
+    means = [block_means(channel.t_ns, channel.value, span) for channel in channels]
+    return means, np.all([_measured(channel, span[0], len(means[0])) for channel in channels], axis=0)
 
 
 def block_means(t_ns: NDArray[np.int64], value: Array, span: tuple[int, int], block_s: float = 1.0) -> Array:
@@ -168,6 +173,15 @@ def block_means(t_ns: NDArray[np.int64], value: Array, span: tuple[int, int], bl
     last = np.maximum.accumulate(np.where(samples > 0, np.arange(count), 0))
     held: Array = mean[np.maximum(last, block[0])]
     return held
+
+
+def _measured(channel: ChannelData, start_ns: int, count: int) -> NDArray[np.bool_]:
+    """Which of `count` seconds from `start_ns` are neither in a gap of the channel nor before or after it."""
+    second = (channel.t_ns - start_ns) // 1_000_000_000
+    gap = np.diff(channel.t_ns) > max(STALE_MEDIANS * channel.median_ns, GAP_NS)
+    first, last = np.r_[second[0], second[1:][gap]], np.r_[second[:-1][gap], second[-1]]
+    edges = np.bincount(first, minlength=count + 1) - np.bincount(last + 1, minlength=count + 1)
+    return np.asarray(np.cumsum(edges)[:count] > 0)
 
 
 @dataclass(frozen=True)

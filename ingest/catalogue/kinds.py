@@ -32,15 +32,18 @@ WLTC_MATCH = 0.90  # correlation from which a speed is the trace; an FTP-75 reac
 WLTC_TAIL_s = 100  # of the trace's end that a log may lack
 
 Array = NDArray[np.float64]
+Bools = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
 class _Trace:
-    """|speed| [rpm] and |load| each second (N,); `load` in `unit`."""
+    """|speed| [rpm] and |load| each second (N,); `load` in `unit`. `measured` (N,): False in a gap, which holds the
+    values before it."""
 
     speed: Array
     load: Array
     unit: str
+    measured: Bools
 
     @property
     def top_speed(self) -> float:
@@ -64,8 +67,9 @@ def recognise(channels: Sequence[ChannelData]) -> tuple[str, str]:
     if speed is None or float(np.abs(speed.value).max()) < STANDSTILL_rpm:
         return _at_standstill(channels, "no speed is recorded" if speed is None else "nothing turns")
     load = find(channels, "torque") or current(channels)
-    n, *m = each_second([speed, load] if load else [speed])
-    trace = _Trace(np.abs(n), np.abs(m[0]) if load else np.zeros_like(n), "Nm" if find(channels, "torque") else "A")
+    (n, *m), measured = each_second([speed, load] if load else [speed])
+    amount, unit = np.abs(m[0]) if load else np.zeros_like(n), "Nm" if find(channels, "torque") else "A"
+    trace = _Trace(np.abs(n), amount, unit, measured)
     return _wltp(trace) or _s2(trace) or _s1(trace) or _drive(trace)
 
 
@@ -79,8 +83,8 @@ def wltc() -> Array:
 def _at_standstill(channels: Sequence[ChannelData], why: str) -> tuple[str, str]:
     flows = current(channels) or find(channels, "current_dc")
     if flows is not None:
-        (amps,) = each_second([flows])
-        on = np.abs(amps) > max(CURRENT_A, 0.5 * float(np.quantile(np.abs(amps), 0.995)))
+        (amps,), measured = each_second([flows])
+        on = measured & (np.abs(amps) > max(CURRENT_A, 0.5 * float(np.quantile(np.abs(amps), 0.995))))
         if on.any():
             return "dc_check", f"{np.median(np.abs(amps[on])):.0f} A for {seconds(on.sum())}, and {why}"
     temperatures = [channel for channel in channels if channel.spec.quantity == "temperature"]
@@ -90,8 +94,8 @@ def _at_standstill(channels: Sequence[ChannelData], why: str) -> tuple[str, str]
     peak = float(hottest.value.max())
     oven = [channel for channel in temperatures if (channel.spec.node or channel.spec.name).startswith("oven")]
     if oven or peak >= OVEN_degC:
-        (hot,) = each_second([hottest])
-        return "ageing", f"{seconds((hot > peak - 10).sum())} within 10 K of {peak:.0f} degC, and {why}"
+        (hot,), measured = each_second([hottest])
+        return "ageing", f"{seconds((measured & (hot > peak - 10)).sum())} within 10 K of {peak:.0f} degC, and {why}"
     return "other", f"temperatures only, none above {peak:.0f} degC, and {why}"
 
 
@@ -131,9 +135,9 @@ def _followed(speed: Array, cycle: Array) -> float:
 
 def _s2(trace: _Trace) -> tuple[str, str] | None:
     """At least 3 flat pulses of load at constant speed, that make up most of the loaded time."""
-    high = trace.load > 0.5 * trace.top_load
+    high = trace.measured & (trace.load > 0.5 * trace.top_load)
     flat = [(a, b) for a, b in _runs(high) if PULSE_s[0] <= b - a <= PULSE_s[1] and _flat(trace, a, b)]
-    if len(flat) < 3 or sum(b - a for a, b in flat) < 0.7 * high.sum() or high.mean() > 0.6:
+    if len(flat) < 3 or sum(b - a for a, b in flat) < 0.7 * high.sum() or high.sum() > 0.6 * trace.measured.sum():
         return None
     lengths = [b - a for a, b in flat]
     level, speed = (np.median([np.median(values[a:b]) for a, b in flat]) for values in (trace.load, trace.speed))
@@ -154,21 +158,26 @@ def _flat(trace: _Trace, start: int, end: int) -> bool:
 
 
 def _s1(trace: _Trace) -> tuple[str, str] | None:
-    """Speed and load constant for 15 min and more at a time, for most of the time that the motor is loaded."""
+    """Speed and load constant for 15 min and more at a time, for most of the time that the motor is loaded.
+
+    No hold goes on over a gap: nobody knows what the motor did meanwhile.
+    """
     if len(trace.speed) < S1_s + SMOOTH_s:
         return None
     speed, load = (
         np.convolve(values, np.full(SMOOTH_s, 1 / SMOOTH_s), "valid") for values in (trace.speed, trace.load)
     )
+    measured = sliding_window_view(trace.measured, SMOOTH_s).all(axis=1)
     n, m = sliding_window_view(speed, S1_s), sliding_window_view(load, S1_s)
     constant = (
         (np.ptp(n, axis=1) <= SPEED_CONSTANT * trace.top_speed)
         & (np.ptp(m, axis=1) <= LOAD_CONSTANT * trace.top_load)
         & (n.min(axis=1) > STANDSTILL_rpm)
         & (m.min(axis=1) > LOADED * trace.top_load)
+        & sliding_window_view(measured, S1_s).all(axis=1)
     )
     held = np.convolve(constant, np.ones(S1_s)) > 0.5  # every second of a window that is constant
-    loaded = load > LOADED * trace.top_load
+    loaded = measured & (load > LOADED * trace.top_load)
     if not held.any() or held.sum() < 0.5 * loaded.sum():
         return None
     runs = _runs(held)
@@ -179,14 +188,16 @@ def _s1(trace: _Trace) -> tuple[str, str] | None:
 
 
 def _drive(trace: _Trace) -> tuple[str, str]:
-    turning = trace.speed[trace.speed > STANDSTILL_rpm]
+    turning = trace.speed[trace.measured & (trace.speed > STANDSTILL_rpm)]
+    if not turning.size:
+        return "other", "speed and load are at no time recorded together while the motor turns"
     low, high = np.quantile(turning, (0.05, 0.95))
     if high - low > max(2 * SPEED_CONSTANT * trace.top_speed, SPREAD_rpm):
         return "drive", f"speed varies, {low:,.0f} to {high:,.0f} rpm for 90 % of {seconds(len(turning))} turning"
     return "other", f"constant speed ({np.median(turning):,.0f} rpm), the load neither held for 15 min nor in pulses"
 
 
-def _runs(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
+def _runs(flags: Bools) -> list[tuple[int, int]]:
     """(first index, one past the last) of each run of True."""
     edges = np.flatnonzero(np.diff(np.r_[False, flags, False])).tolist()
     return list(zip(edges[::2], edges[1::2], strict=True))

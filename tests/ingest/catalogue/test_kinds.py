@@ -88,6 +88,50 @@ def test_half_an_hour_at_one_point_is_s1_although_torque_is_trimmed() -> None:
     assert why.startswith("6,000 rpm and 121 Nm held for ") and why.endswith(" min")
 
 
+def with_a_gap(channels: list[ChannelData], first: int, length: int) -> list[ChannelData]:
+    """The channels, 1 Hz, without their samples from `first` on for `length` seconds."""
+    kept = [i for i in range(len(channels[0].value)) if not first <= i < first + length]
+    return [
+        channel(c.spec.name, c.spec.quantity, c.value[kept], t_s=np.array(kept, dtype=float), role=c.spec.role)
+        for c in channels
+    ]
+
+
+def test_a_gap_of_an_hour_is_no_hold() -> None:
+    point = drive(np.full(4800, 6000.0), np.full(4800, 80.0))
+    assert recognise(point)[0] == "s1"
+    kind, why = recognise(with_a_gap(point, 600, 3600))
+    assert kind == "other" and why.startswith("constant speed (6,000 rpm)")
+    kind, why = recognise(with_a_gap(drive(np.full(6600, 6000.0), np.full(6600, 80.0)), 2400, 3600))
+    assert (kind, why) == ("s1", "6,000 rpm and 80 Nm held for 40 min")
+
+
+def test_seconds_that_a_bus_lost_end_no_hold() -> None:
+    assert recognise(with_a_gap(drive(np.full(1200, 6000.0), np.full(1200, 80.0)), 600, 8))[0] == "s1"
+
+
+def test_a_load_that_is_no_longer_recorded_is_not_held_on() -> None:
+    speed, torque, _ = drive(np.full(2400, 6000.0), np.full(2400, 80.0))
+    short = channel("M", "torque", torque.value[:600])
+    assert recognise([speed, short])[0] == "other"
+
+
+def test_speed_and_load_that_are_never_there_together_are_other() -> None:
+    speed = channel("n", "speed", np.full(600, 6000.0))
+    torque = channel("M", "torque", np.full(600, 80.0), t_s=np.arange(1000.0, 1600.0))
+    assert recognise([speed, torque]) == (
+        "other",
+        "speed and load are at no time recorded together while the motor turns",
+    )
+
+
+def test_heat_is_counted_without_a_gap() -> None:
+    oven = channel("T1", "temperature", np.full(7200, 230.0), role="observed", node="winding_a")
+    assert recognise([oven])[1].startswith("2.0 h within 10 K")
+    (cut,) = with_a_gap([oven], 1200, 4800)
+    assert recognise([cut])[1].startswith("40 min within 10 K")
+
+
 def test_two_such_points_are_s1_too() -> None:
     speed = np.r_[np.full(1500, 3000.0), np.full(1500, 9000.0)]
     kind, why = recognise(drive(speed, np.full(3000, 80.0)))
