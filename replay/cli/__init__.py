@@ -15,6 +15,7 @@ from importlib import import_module
 from typing import NoReturn
 
 from replay.cli.answer import Answer, deliver, deliver_error, store_folder
+from replay.cli.encoding import fit_output
 from replay.cli.status import status
 
 VERBS: dict[str, str] = {
@@ -48,6 +49,7 @@ ROOTS = ("IngestError", "TwinError", "AnalyticsError", "ReplayError")
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Entry point of the `whyhot` command; returns the exit code."""
+    fit_output()
     words = _json_words(list(sys.argv[1:] if argv is None else argv))
     verb = next((word for word in words if not word.startswith("-")), None)
     try:

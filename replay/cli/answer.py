@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from replay.cli.encoding import takes_all
 from replay.cli.progress import tell
 
 if TYPE_CHECKING:
@@ -67,8 +68,9 @@ def deliver_error(args: argparse.Namespace, line: str) -> int:
 
 
 def _write_json(target: str, data: Mapping[str, Any]) -> None:
-    text = json.dumps(data, indent=2, ensure_ascii=False, allow_nan=False)
+    escaped = target == "-" and not takes_all()
+    text = json.dumps(data, indent=2, ensure_ascii=escaped, allow_nan=False)
     if target == "-":
         print(text)
     else:
-        Path(target).write_text(text + "\n", encoding="utf-8")
+        Path(target).write_text(text + "\n", encoding="utf-8", errors="backslashreplace")
