@@ -19,6 +19,7 @@ from ingest.formats import SUFFIXES
 from made.places import ROOT
 from made.rooms import below, docstring
 from replay.cli import VERBS, build_parser
+from replay.studies.diagnosis.question import LEAST_S
 
 PAGE = ROOT / "docs" / "cli.md"
 HEAD = """# The command line
@@ -143,3 +144,10 @@ def test_pages_speak_of_verbs_that_exist() -> None:
 if __name__ == "__main__":
     PAGE.write_text(page(), encoding="utf-8")
     ARCHITECTURE.write_text(architecture(), encoding="utf-8")
+
+
+def test_the_least_time_to_learn_from_is_one_number() -> None:
+    least = f"{LEAST_S / 60:.0f} min"
+    lines = ("least time to learn from | {}", "needs at least {} to learn from", "sessions to learn from, {} at least")
+    for page, line in zip(("how_it_decides", "limitations", "diagnosis"), lines, strict=True):
+        assert line.format(least) in (ROOT / "docs" / f"{page}.md").read_text(encoding="utf-8")

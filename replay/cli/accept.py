@@ -28,6 +28,7 @@ def run(args: argparse.Namespace) -> Answer:
             "model": event.model,
             "parent_bench": event.parent_bench,
             "bench": event.bench,
+            "benches": {one.parent_bench: one.bench for one in (event, *done.further) if one.bench},
             "written": not done.known,
             "provenance": provenance(store),
         }
@@ -42,11 +43,9 @@ def _text(data: Mapping[str, Any]) -> str:
     from replay.show.words.terminal import labelled
     from replay.show.words.words import joined, short
 
-    now = [
-        f"{what} {short(data[new])} in place of {short(data[old])}"
-        for what, new, old in (("model", "model", "parent"), ("bench file", "bench", "parent_bench"))
-        if data[new]
-    ]
+    models = {data["parent"]: data["model"]} if data["model"] else {}
+    pairs = [("model", one) for one in models.items()] + [("bench file", one) for one in data["benches"].items()]
+    now = [f"{what} {short(new)} in place of {short(old)}" for what, (old, new) in pairs]
     told = "is accepted" if data["written"] else "was accepted before: nothing was written"
     lines = labelled("Accepted" if data["written"] else "Nothing new", f"d-{short(data['diagnosis'])} {told}")
     lines += labelled("Causes", joined(data["causes"]))

@@ -159,7 +159,7 @@ def _by_iron(check: Loaded) -> ResistanceEstimate | str:
     if check.iron is None:
         return "no iron temperature: no channel is of region iron"
     if check.load_s < LEAST_S:
-        return f"loaded for {check.load_s / 60.0:.1f} min without a break, {LEAST_S / 60.0:.0f} min are needed"
+        return f"loaded for {check.load_s // 6.0 / 10.0:.1f} min without a break, {LEAST_S / 60.0:.0f} min are needed"
     on = check.on
     drop = check.copper[on] - check.iron[on]
     found = resistance_at_rest(check.t_s[on], drop, check.iron[on], check.power[on])
@@ -185,7 +185,7 @@ def _by_ambient(check: Loaded) -> ResistanceEstimate | str:
     if check.air is None:
         return "no ambient temperature"
     if check.load_s < LEAST_S:
-        return f"loaded for {check.load_s / 60.0:.1f} min without a break, {LEAST_S / 60.0:.0f} min are needed"
+        return f"loaded for {check.load_s // 6.0 / 10.0:.1f} min without a break, {LEAST_S / 60.0:.0f} min are needed"
     since = max(check.first - 1, 0)
     lead_K = abs(float(check.copper[since] - check.air[since]))
     if lead_K > MOST_LEAD_K:

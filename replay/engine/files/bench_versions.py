@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from ingest.facts.facts import Facts
 
-MADE = "benches"  # in the summary of a DiagnosisCompleted: {"parent": bench, "of_model": {model: bench}}
+MADE = "benches"  # in the summary of a DiagnosisCompleted: {"of_model": {model: {bench file: its version}}}
 
 
 def with_bench_of(facts: Facts, model: str) -> Facts:
@@ -15,7 +15,10 @@ def with_bench_of(facts: Facts, model: str) -> Facts:
     for completed in reversed(list(facts.diagnoses.values())):
         made = completed.summary.get(MADE, {})
         if model in made.get("of_model", {}):
-            parent, own = made["parent"], made["of_model"][model]
-            successors = {old: new for old, new in facts.successors.items() if old not in (parent, own)}
-            return replace(facts, successors=successors | ({parent: own} if own != parent else {}))
+            versions = made["of_model"][model]
+            if isinstance(versions, str):  # as it was written while all sessions had one bench file
+                versions = {made["parent"]: versions}
+            concerned = {*versions, *versions.values()}
+            successors = {old: new for old, new in facts.successors.items() if old not in concerned}
+            return replace(facts, successors=successors | {a: b for a, b in versions.items() if a != b})
     return facts

@@ -111,8 +111,9 @@ def write_diagnosis(
 def _difference(store: Store, diagnosis: Diagnosis) -> str:
     """What the extended motor and bench files say otherwise."""
     models = (diagnosis.recalibrated_model, diagnosis.extended_model)
-    benches = (diagnosis.recalibrated_bench, diagnosis.extended_bench)
-    parts = ((old, new) for old, new in (models, benches) if old and new)
+    before = diagnosis.recalibrated_benches
+    benches = ((before.get(parent, parent), new) for parent, new in diagnosis.extended_benches.items())
+    parts = ((old, new) for old, new in (models, *benches) if old and new)
     return "\n".join(text_diff(store.archive.read(old), store.archive.read(new)) for old, new in parts)
 
 

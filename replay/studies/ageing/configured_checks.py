@@ -188,7 +188,9 @@ class Rig:
             )
         loaded_s = (on[1] - on[0] + 1) * test.frame.step_s
         if loaded_s < LEAST_LOAD_S:
-            return f"loaded for {loaded_s / 60.0:.0f} min without a break, {LEAST_LOAD_S / 60.0:.0f} min are needed"
+            return (
+                f"loaded for {loaded_s // 6.0 / 10.0:.1f} min without a break, {LEAST_LOAD_S / 60.0:.0f} min are needed"
+            )
         return test
 
     def _fit(self, route: str, tests: Sequence[Test]) -> Sequence[ResistanceEstimate | str]:

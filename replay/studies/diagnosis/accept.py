@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 from ingest.facts import facts as ledger_facts
 from ingest.facts.events import CauseAccepted, DiagnosisCompleted, ModelExtended
@@ -19,10 +19,12 @@ SHORT = 12  # characters of an id, enough to name it by
 
 @dataclass(frozen=True)
 class Acceptance:
-    """The fact, and whether it held already (then nothing was written). `elsewhere`: name of a session of the diagnosis
-    -> the model that it goes on with, where its bench file names none that the accepted one replaces."""
+    """The fact, those of further bench files, and whether they held already (then nothing was written). `elsewhere`:
+    name of a session of the diagnosis -> the model that it goes on with, where its bench file names none that the
+    accepted one replaces."""
 
     event: CauseAccepted
+    further: Sequence[CauseAccepted]
     known: bool
     elsewhere: Mapping[str, str]
 
@@ -45,7 +47,7 @@ def find_diagnosis(facts: Facts, text: str) -> DiagnosisCompleted:
 
 
 def accept(store: Store, text: str) -> Acceptance:
-    """Make the extended model and bench file of a diagnosis the current ones; needs a store that may be written.
+    """Make the extended model and bench files of a diagnosis the current ones; needs a store that may be written.
 
     Raises ReplayDataError where there is no such diagnosis, or it has nothing to accept.
     """
@@ -53,12 +55,16 @@ def accept(store: Store, text: str) -> Acceptance:
     completed = find_diagnosis(facts, text)
     found = read(json.loads(store.archive.read(completed.artefact)))
     event = _event(store, completed.diagnosis, found)
-    replaced = ((event.parent, event.model), (event.parent_bench, event.bench))
+    more = found.extended_benches.items()
+    further = [
+        replace(event, parent=None, model=None, parent_bench=old, bench=new) for old, new in more if new != event.bench
+    ]
+    replaced = [(event.parent, event.model), *((one.parent_bench, one.bench) for one in (event, *further))]
     known = all(facts.successors.get(parent) == child for parent, child in replaced if parent and child)
     if not known:
-        store.ledger.append(f"diagnosis-{event.diagnosis}", event)
+        store.ledger.append_all([(f"diagnosis-{event.diagnosis}", one) for one in (event, *further)])
         facts = ledger_facts.at(store.ledger)
-    return Acceptance(event, known, _elsewhere(facts, found, event.model) if event.model else {})
+    return Acceptance(event, further, known, _elsewhere(facts, found, event.model) if event.model else {})
 
 
 def _event(store: Store, diagnosis: str, found: Diagnosis) -> CauseAccepted:

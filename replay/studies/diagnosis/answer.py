@@ -119,8 +119,8 @@ class Masked:
 class Diagnosis:
     """The whole answer. Models are ids: `model` as published, `recalibrated_model` without a new term (None where it is
     worse on the kept sessions than the file as published), `extended_model` with the improved causes (None where
-    nothing is to be added); `recalibrated_bench` and `extended_bench` are the versions of the bench file that go with
-    them (None where it stays as it is).
+    nothing is to be added); `recalibrated_benches` and `extended_benches` (bench file -> its version) go with them, of
+    those that change, and `recalibrated_bench` and `extended_bench` are the first of these (None without any).
 
     `candidates` tried, `steps` simulated once over training, `null_log_bayes_factor` the 95 % quantile of the best of
     them on data that hold none, `threshold` what a term must exceed; `log_score_gain` of kept sessions with its lower
@@ -156,6 +156,8 @@ class Diagnosis:
     next_test: str | None
     seconds: float
     recalibrated_bench: str | None = None
+    recalibrated_benches: dict[str, str] = field(default_factory=dict)
+    extended_benches: dict[str, str] = field(default_factory=dict)
     why_no_files: str | None = None  # what a file could not say, where that left the answer without its files
 
 

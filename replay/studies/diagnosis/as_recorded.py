@@ -41,11 +41,9 @@ def as_recorded(question: Question, version: Version, kept: Sequence[Test]) -> A
     """The kept sessions under a version's motor and bench file; `kept`: them as the bench file says that they were
     decoded with. Raises `DivergedError` where the motor runs away."""
     facts = question.facts
-    parent = facts.bench_of(question.train[0])
-    if parent is not None and version.bench is not None:
-        made = {version.bench: replace(parent, sha256=version.bench)}
-        successors = {**facts.successors, parent.sha256: version.bench}
-        facts = replace(facts, benches={**facts.benches, **made}, successors=successors)
+    made = {new: replace(question.benches[old], sha256=new) for old, new in version.benches.items()}
+    successors = {**facts.successors, **version.benches}
+    facts = replace(facts, benches={**facts.benches, **made}, successors=successors)
     motor = read_motor(question.store.archive.read(version.motor), facts.models[question.model].file)
     network = configured(motor, None)
     corrected = [test_of(question.store, facts, session, network, (), question.level) for session in question.kept]
@@ -91,9 +89,10 @@ def measured_as_recorded(
     was, now = (_mean(runs[when], right) for when in ("before", "after"))
     if now <= was:
         return kept
+    digits = next((n for n in range(2, 9) if round(was, n) != round(now, n)), 9)
     why = (
-        f"a replay against the readings as recorded gets worse ({was:.2f} -> {now:.2f} K): the gain is that of what "
-        "was learnt of the sensors"
+        f"a replay against the readings as recorded gets worse ({was:.{digits}f} -> {now:.{digits}f} K): the gain is "
+        "that of what was learnt of the sensors"
     )
     return replace(kept, improved=False, why=why)
 

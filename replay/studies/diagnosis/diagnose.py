@@ -29,6 +29,7 @@ from replay.studies.characterise.calibrate import common_model
 from replay.studies.diagnosis.answer import Diagnosis, calibration_is_worse, document, read
 from replay.studies.diagnosis.answer_parts import named, rivals, shown, suspected_test, unknown_heat
 from replay.studies.diagnosis.as_recorded import as_recorded, measured_as_recorded, said_wrong
+from replay.studies.diagnosis.comparable import comparable
 from replay.studies.diagnosis.data_faults import data_faults
 from replay.studies.diagnosis.extension import Version, version
 from replay.studies.diagnosis.named_faults import left_out, masked, named_fault, named_swap
@@ -89,10 +90,8 @@ def _answered(question: Question, identity: str, tell: Tell) -> Diagnosis:
     if lines := misread(model):
         raise ReplayDataError(lines[0])
     swaps = scan(model, campaign.candidates)
-    tests = kept_of(question, campaign)
-    if tests:  # a fact before anything is predicted: who stops here has looked all the same
-        opened = HeldOutOpened(diagnosis=identity, sessions=[s.session for s in question.kept])
-        question.store.ledger.append(f"diagnosis-{identity}", opened)
+    kept_at_all = comparable(question.kept, kept_of(question, campaign), campaign.tests)
+    question, tests = replace(question, kept=kept_at_all.sessions), list(kept_at_all.tests)
     found = find(campaign, model, swaps, tests, tell)
     naming = found.naming
     tell("writing the models")
@@ -132,11 +131,13 @@ def _answered(question: Question, identity: str, tell: Tell) -> Diagnosis:
         causes=causes,
         rivals=rivals(naming, found.refused),
         unknown=[unknown_heat(heat, network, naming.patchwork) for heat in found.unknown],
-        masked=[*masked(question, faults), *left_out(question, campaign)],
+        masked=[*masked(question, faults), *left_out(question, campaign), *kept_at_all.left_out],
         recalibrated_model=recalibrated.motor if recalibrated else None,
         recalibrated_bench=recalibrated.bench if recalibrated else None,
         extended_model=extended.motor if extended and extended.motor != question.model else None,
         extended_bench=extended.bench if extended else None,
+        recalibrated_benches=dict(recalibrated.benches) if recalibrated else {},
+        extended_benches=dict(extended.benches) if extended else {},
         gain=list(kept.gain) if kept else [],
         log_score_gain=kept.log_score_gain if kept else None,
         log_score_gain_lower=kept.log_score_gain_lower if kept else None,
@@ -182,17 +183,18 @@ def _extended(question: Question, campaign: Campaign, found: Found, identity: st
 def _keep(question: Question, answer: Diagnosis, key: dict[str, Any]) -> None:
     """Seal the answer and append its facts: what was named, extended, measured."""
     store, facts, name = question.store, question.facts, f"diagnosis-{answer.diagnosis}"
-    parent_bench = facts.bench_of(question.train[0])
     artefact = store.archive.seal(json.dumps(document(answer, {}), sort_keys=True).encode())
     facts_of: list[tuple[str, Event]] = []
+    if answer.held_out:  # with the answer: where there is none, nobody saw what the kept sessions say
+        facts_of.append((name, HeldOutOpened(diagnosis=answer.diagnosis, sessions=answer.held_out)))
     for model in dict.fromkeys(m for m in (answer.recalibrated_model, answer.extended_model) if m):
         if model not in facts.models:
             file = facts.models[question.model].file
             published = ModelPublished(model=model, motor=answer.motor, file=file, parent=question.model)
             facts_of.append((f"motor-{answer.motor}", published))
-    for bench in dict.fromkeys(b for b in (answer.recalibrated_bench, answer.extended_bench) if b):
-        if parent_bench and bench not in facts.benches:
-            facts_of.append((f"bench-{bench}", replace(parent_bench, sha256=bench)))
+    for old, new in dict.fromkeys([*answer.recalibrated_benches.items(), *answer.extended_benches.items()]):
+        if new not in facts.benches:
+            facts_of.append((f"bench-{new}", replace(question.benches[old], sha256=new)))
     for cause in answer.causes:
         one = CauseNamed(
             diagnosis=answer.diagnosis,
@@ -203,30 +205,33 @@ def _keep(question: Question, answer: Diagnosis, key: dict[str, Any]) -> None:
             probability=cause.probability,
         )
         facts_of.append((name, one))
-    if answer.extended_model or answer.extended_bench:
+    benches: list[tuple[str | None, str | None]] = [*answer.extended_benches.items()]
+    for number, (parent, bench) in enumerate(benches or [(None, None)] * bool(answer.extended_model)):
+        own = answer.extended_model if number == 0 else None  # the model stands in the first of them
         extended = ModelExtended(
             diagnosis=answer.diagnosis,
-            parent=question.model if answer.extended_model else None,
-            model=answer.extended_model,
-            parent_bench=parent_bench.sha256 if answer.extended_bench and parent_bench else None,
-            bench=answer.extended_bench,
+            parent=question.model if own else None,
+            model=own,
+            parent_bench=parent,
+            bench=bench,
         )
         facts_of.append((name, extended))
     if answer.gain:
         gain = [vars(one) for one in answer.gain]
         facts_of.append((name, GainMeasured(diagnosis=answer.diagnosis, gain=gain)))
     summary: dict[str, Any] = {"motor": answer.motor, "causes": [c.id for c in answer.causes]}
-    if parent_bench:
-        summary[MADE] = {"parent": parent_bench.sha256, "of_model": _benches(answer, parent_bench.sha256)}
+    if question.benches:
+        summary[MADE] = {"of_model": _benches(answer, question)}
     facts_of.append((name, DiagnosisCompleted(diagnosis=answer.diagnosis, key=key, artefact=artefact, summary=summary)))
     store.ledger.append_all(facts_of)
 
 
-def _benches(answer: Diagnosis, parent: str) -> dict[str, str]:
-    """Model -> the bench file that goes with it."""
-    made = {answer.model: parent}
+def _benches(answer: Diagnosis, question: Question) -> dict[str, dict[str, str]]:
+    """Model -> the versions of the bench files that go with it."""
+    as_they_were = {sha256: sha256 for sha256 in question.benches}
+    made = {answer.model: as_they_were}
     if answer.recalibrated_model:
-        made[answer.recalibrated_model] = answer.recalibrated_bench or parent
+        made[answer.recalibrated_model] = as_they_were | answer.recalibrated_benches
     if answer.extended_model:
-        made[answer.extended_model] = answer.extended_bench or parent
+        made[answer.extended_model] = as_they_were | answer.extended_benches
     return made

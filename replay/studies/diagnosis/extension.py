@@ -1,11 +1,13 @@
-"""New versions with a parent: the motor file and the bench file that say together what a diagnosis found."""
+"""New versions with a parent: the motor file and the bench files that say together what a diagnosis found."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import assert_never
 
+from ingest.bench.bench_file import Bench, read_bench
+from ingest.bench.channel import Channel
 from ingest.bench.corrections import in_order, spelt
 from replay.engine.files.bench_text import corrected
 from replay.engine.files.motor_text import written
@@ -28,18 +30,20 @@ DIGITS = 3  # of a healthy difference in a bench file
 
 @dataclass(frozen=True)
 class Version:
-    """SHA-256 of a motor file and of the bench file that goes with it; None where no bench file is known, or it says
-    all already."""
+    """SHA-256 of a motor file and of the bench files that go with it: `benches`, file as it was -> its new version, of
+    those that say something new; `bench`, the first of these versions, None without any."""
 
     motor: str
     bench: str | None
+    benches: Mapping[str, str] = field(default_factory=dict)
 
 
 def version(
     question: Question, campaign: Campaign, found: Fit, named: Sequence[Refit], swaps: Sequence[Swap], note: str
 ) -> Version:
-    """Motor and bench file with what a fit learnt, sealed: a replay of both gives what the fit gives, less what belongs
-    to one session. `named`: the fit's terms; `swaps`: channels that were exchanged for it; `note` stands in both."""
+    """Motor and bench files with what a fit learnt, sealed: a replay of them gives what the fit gives, less what
+    belongs to one session. Each bench file of the question says what was learnt of the signals that it has. `named`:
+    the fit's terms; `swaps`: channels that were exchanged for it; `note` stands in all files."""
     store, facts = question.store, question.facts
     driving = {i.bus for i in campaign.inputs}
     places = {place_of(found, refit): refit for refit in named}
@@ -47,55 +51,91 @@ def version(
     network = network_of(fit, campaign.monomials)
     data, name = store.archive.read(question.model), facts.models[question.model].file
     motor = store.archive.seal(written(data, name, network, note))
-    parent = facts.bench_of(question.train[0])
-    if parent is None:
-        return Version(motor, None)
     own = readings(fit, places)
     learnt = [replace(c, weights=own.weights.get(c.name, c.weights)) for c in campaign.observed]
-    sensors = _sensors(learnt, swaps)
-    amounts = {_exchange(swap, learnt): 1.0 for swap in swaps}
+    amounts: dict[actions.OnBench, float] = {}
     for place, refit in places.items():
         if refit.candidate.cause.kind not in OF_THE_MOTOR:
             action = fit.model.parameters[place].action
             assert isinstance(action, actions.OnBench)
-            amounts[_cause(action, network, campaign, sensors)] = size(fit, place, refit.candidate.unit).value
-    healthy = {_cause(action, network, campaign, sensors): amount for action, amount in own.errors.items()}
-    amounts |= {cause: float(f"{amount:.{DIGITS}g}") for cause, amount in healthy.items()}
-    before = store.archive.read(parent.sha256)
-    text = corrected(before, parent.name, in_order(amounts), note, own.weights)
-    return Version(motor, store.archive.seal(text) if text != before else None)
+            amounts[action] = size(fit, place, refit.candidate.unit).value
+    amounts |= {action: float(f"{amount:.{DIGITS}g}") for action, amount in own.errors.items()}
+    benches = {}
+    for sha256, parent in question.benches.items():
+        before = store.archive.read(sha256)
+        said = _Said(read_bench(before, parent.name), learnt, swaps, network, campaign.observed)
+        weights = {c: shares for c, shares in own.weights.items() if said.has(c)}
+        after = corrected(before, parent.name, in_order(said.corrections(amounts)), note, weights)
+        if after != before:
+            benches[sha256] = store.archive.seal(after)
+    return Version(motor, next(iter(benches.values()), None), benches)
 
 
-def _exchange(swap: Swap, learnt: Sequence[Sensor]) -> str:
-    """The id of the correction that exchanges two sensors, by the places that their channels have before."""
-    places = {c.name: sensor_place(c, learnt) for c in learnt}
-    return f"sensor.{places[swap.pair.channel]}.swap_{places[swap.pair.other]}"
+@dataclass(frozen=True)
+class _Said:
+    """What one bench file can say of what was learnt, and by which ids. `learnt`: the sensors with the weights that the
+    new bench file gives them, as a correction is found by what a sensor follows there."""
+
+    bench: Bench
+    learnt: Sequence[Sensor]
+    swaps: Sequence[Swap]
+    network: Network
+    observed: Sequence[Sensor]
+
+    def has(self, channel: str) -> bool:
+        return any(channel in (c.name, c.signal) for c in self._used)
+
+    @property
+    def _used(self) -> list[Channel]:
+        return [c for c in self.bench.channels if c.role != "ignored"]
+
+    def corrections(self, amounts: Mapping[actions.OnBench, float]) -> dict[str, float]:
+        """Cause id -> amount of what concerns this file."""
+        here = [c for c in self.learnt if self.has(c.name)]
+        swaps = [swap for swap in self.swaps if self.has(swap.pair.channel) and self.has(swap.pair.other)]
+        before = {c.name: self._place(c, here) for c in here}
+        found = {f"sensor.{before[s.pair.channel]}.swap_{before[s.pair.other]}": 1.0 for s in swaps}
+        crossed = _crossed(here, swaps)
+        sensors = {name: self._place(c, list(crossed.values())) for name, c in crossed.items()}
+        for action, amount in amounts.items():
+            if (cause := self._cause(action, sensors)) is not None:
+                found[cause] = amount
+        return found
+
+    def _place(self, sensor: Sensor, among: Sequence[Sensor]) -> str:
+        """Where a sensor is in ids; with its signal where the file has sensors there that nothing was learnt of."""
+        known = {c.name for c in among}
+        others = (c for c in self._used if c.quantity == "temperature" and not known & {c.name, c.signal})
+        if any(sensor.node in (c.node, *c.weights) for c in others):
+            return f"{sensor.node}@{spelt(sensor.name)}"
+        return sensor_place(sensor, among)
+
+    def _cause(self, action: actions.OnBench, sensors: Mapping[str, str]) -> str | None:
+        """The id of the correction that takes off what an action does; None where this file has nothing of it."""
+        match action:
+            case Misreading(channel) | Lag(channel):
+                return f"sensor.{sensors[channel]}.{action.law}" if channel in sensors else None
+            case actions.Late(channels):
+                bus = next(o.bus for o in self.observed if o.name in channels)
+                return f"clock.{spelt(bus)}.{action.law}" if any(self.has(c) for c in channels) else None
+            case actions.BoundaryBias(boundary):
+                name = self.network.boundaries[boundary].name
+                there = any(c.node == name and c.quantity == "temperature" for c in self._used)
+                return f"boundary.{name}.bias" if there else None
+            case actions.InputGain(name):
+                return f"input.{name}.gain" if self._gives(name) else None
+            case actions.InputBias(name):
+                return f"input.{name}.bias" if self._gives(name) else None
+            case _:
+                assert_never(action)
+
+    def _gives(self, name: str) -> bool:
+        return any(name in (c.quantity, c.name) or name.startswith(f"{c.quantity}_") for c in self._used if c.quantity)
 
 
-def _sensors(learnt: Sequence[Sensor], swaps: Sequence[Swap]) -> dict[str, str]:
-    """Channel -> place in the ids of corrections, below those of the exchanges: what was learnt of a sensor's place is
-    then read by the other channel. `learnt`: the sensors with the weights that the new bench file gives them, as a
-    correction is found by what a sensor follows there."""
+def _crossed(learnt: Sequence[Sensor], swaps: Sequence[Swap]) -> dict[str, Sensor]:
+    """Channel -> the sensor that it reads below the exchanges, by the name of the channel that has its place there."""
     other = {c.name: c.name for c in learnt}
     for swap in swaps:
         other |= {swap.pair.channel: swap.pair.other, swap.pair.other: swap.pair.channel}
-    crossed = {c.name: replace(c, name=other[c.name]) for c in learnt}
-    return {name: sensor_place(c, list(crossed.values())) for name, c in crossed.items()}
-
-
-def _cause(action: actions.OnBench, network: Network, campaign: Campaign, sensors: Mapping[str, str]) -> str:
-    """The id of the correction that takes off what an action does."""
-    match action:
-        case Misreading(channel) | Lag(channel):
-            return f"sensor.{sensors[channel]}.{action.law}"
-        case actions.Late(channels):
-            bus = next(o.bus for o in campaign.observed if o.name in channels)
-            return f"clock.{spelt(bus)}.{action.law}"
-        case actions.BoundaryBias(boundary):
-            return f"boundary.{network.boundaries[boundary].name}.bias"
-        case actions.InputGain(name):
-            return f"input.{name}.gain"
-        case actions.InputBias(name):
-            return f"input.{name}.bias"
-        case _:
-            assert_never(action)
+    return {c.name: replace(c, name=other[c.name]) for c in learnt}

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ingest.catalogue.channels import ChannelData, load
-from ingest.facts.events import SessionRecorded
+from ingest.facts.events import BenchRegistered, SessionRecorded
 from ingest.facts.facts import Facts
 from ingest.facts.store import Store
 from replay.engine.files.configurations import refuse_other_rigs
@@ -37,6 +37,12 @@ class Question:
     model: str
     level: str
 
+    @property
+    def benches(self) -> dict[str, BenchRegistered]:
+        """The bench files of all sessions, as they are current, by their SHA-256."""
+        found = (self.facts.bench_of(session) for session in (*self.train, *self.kept))
+        return {bench.sha256: bench for bench in found if bench is not None}
+
 
 def check(train: Sequence[SessionRecorded], kept: Sequence[SessionRecorded]) -> None:
     """Raises ReplayDataError where there is nothing to learn from, or what is learnt from is kept too."""
@@ -51,8 +57,9 @@ def check(train: Sequence[SessionRecorded], kept: Sequence[SessionRecorded]) -> 
     refuse_other_rigs([*train, *kept])
     length_s = sum(s.end_ns - s.start_ns for s in train) / 1e9
     if length_s < LEAST_S:
+        minutes, left_s = divmod(int(length_s), 60)  # rounded down: 899.9 s are not the 15 min that are needed
         raise ReplayDataError(
-            f"too little to tell: {length_s / 60:.0f} min to learn from, at least {LEAST_S / 60:.0f} are needed. "
+            f"too little to tell: {minutes} min {left_s} s to learn from, at least {LEAST_S / 60:.0f} min are needed. "
             "Add an S1 or S2 point or a drive cycle with --on."
         )
 

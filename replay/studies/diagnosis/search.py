@@ -38,8 +38,8 @@ def find(campaign: Campaign, model: Model, swaps: list[Swap], kept: list[Test], 
     """Search, drop terms that make the kept sessions worse, and ask whether an unknown heat explains more."""
     straight, straight_kept = campaign.tests, kept
     for swap in swaps:
-        straight = exchanged(straight, swap.pair.channel, swap.pair.other)
-        straight_kept = list(exchanged(straight_kept, swap.pair.channel, swap.pair.other))
+        both = exchanged([*straight, *straight_kept], swap.pair.channel, swap.pair.other)
+        straight, straight_kept = both[: len(straight)], list(both[len(straight) :])
     if swaps:
         model = Model(campaign.network, straight, everyday(campaign.network, straight))
     naming = search(model, campaign.candidates, tell)

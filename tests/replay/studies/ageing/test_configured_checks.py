@@ -295,7 +295,7 @@ def test_a_route_is_asked_only_where_its_data_are(rigged: Rigged) -> None:
     assert short is not None
     answers = [set(route.estimates([{}] * len(rigged.checks))) for route in short.routes()[1:]]
     assert answers[0] == {"fewer than 20 min recorded after switching on and off, or samples more than 60 s apart"}
-    assert answers[1] == {"loaded for 17 min without a break, 20 min are needed"}
+    assert answers[1] == {"loaded for 16.6 min without a break, 20 min are needed"}
 
 
 def test_the_answer_of_the_command_names_the_route_and_keeps_the_ratio(rigged: Rigged) -> None:

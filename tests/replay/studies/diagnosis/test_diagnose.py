@@ -58,6 +58,8 @@ ANSWER: dict[str, Any] = {
     "rivals": [{"id": str, "log_bayes_factor": float, "why_not": str}],
     "unknown": [{"node": str, "watts": NUMBERS, "when": dict, "goes_with": TEXTS}],
     "recalibrated_bench": (str, OR_NONE),
+    "recalibrated_benches": dict,
+    "extended_benches": dict,
     "extended_model": (str, OR_NONE),
     "extended_bench": (str, OR_NONE),
     "gain": [GAIN],
@@ -285,7 +287,7 @@ def small(tmp_path_factory: pytest.TempPathFactory) -> Path:
         (
             ["--on", "2_short"],
             (
-                f"too little to tell: 1 min to learn from, at least {LEAST_S / 60:.0f} are needed. "
+                f"too little to tell: 0 min 59 s to learn from, at least {LEAST_S / 60:.0f} min are needed. "
                 "Add an S1 or S2 point or a drive cycle with --on."
             ),
         ),

@@ -78,6 +78,9 @@ def test_a_gain_that_readings_as_recorded_do_not_show_is_none() -> None:
     assert winding.mae_recorded_K == pytest.approx({"published": 3.0, "before": 1.0, "after": 1.2})
     assert winding.reading_moved_K == -0.5
     assert not found.improved and "1.00 -> 1.20 K" in str(found.why)
+    kept, runs = _gained(published=3.0, before=1.0, after=-1.002)
+    why = measured_as_recorded(kept, [_test(0.5, 0.5)], runs, ()).why
+    assert "1.000 -> 1.002 K" in str(why), "as many digits as tell them apart"
     assert all(gain.mae_recorded_K == {} for gain in found.gain if gain.node != "winding"), "nothing was read there"
     assert measured_as_recorded(kept, [_test(0.5, 0.5)], runs, {"W_1"}).improved, "a reading that is known to be wrong"
     assert measured_as_recorded(kept, [_test(0.5, 0.5)], {}, ()).improved, "no file, no replay"

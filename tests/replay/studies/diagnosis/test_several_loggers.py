@@ -1,0 +1,204 @@
+"""Sessions of several loggers: other names for one sensor, another bench file, a channel more or less.
+
+The winding of `can_bench`'s motor reads 12 K too much in every log, and its magnets are hotter than the file says.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from ingest.bench.bench_file import read_bench
+from ingest.facts import facts as ledger_facts
+from ingest.facts.facts import Facts
+from ingest.facts.store import Store
+from made import can_bench
+from replay.cli import main
+from replay.studies.diagnosis import diagnose
+from twin.errors import DivergedError
+
+Capture = pytest.CaptureFixture[str]
+
+SESSIONS = {"1_a": (1000, 1), "2_b": (1000, 2), "3_c": (4000, 3)}
+PLAIN = ("TC_winding", "TC_yoke", "TC_magnet")
+OURS = ("T_Wickl", "T_Rücken", "T_Magnet")
+NODES = ("winding", "yoke", "magnet")
+TOO_MUCH_K = 12.0  # reading less truth at the winding
+
+
+def write_log(folder: Path, name: str, columns: Mapping[str, str]) -> Path:
+    """A table of 1 Hz; `columns`: name -> node that it reads."""
+    seconds, seed = SESSIONS[name]
+    speed, current = can_bench.drive(seconds, seed)
+    shown = can_bench.truth(speed, current, 30.0, magnet_loss=90.0)[:-1] + np.array([TOO_MUCH_K, 0.0, 0.0])
+    t_s = can_bench.START + np.arange(seconds) + 86_400.0 * seed
+    read = [shown[:, NODES.index(node)] for node in columns.values()]
+    table = np.column_stack([t_s, speed[::10], current[::10], np.full(seconds, 30.0), *read])
+    path = folder / f"{name}.csv"
+    header = ",".join(["epoch_s", "n", "I", "T_in", *columns])
+    np.savetxt(path, table, "%.2f", ",", header=header, comments="", encoding="utf-8")
+    return path
+
+
+def bench(*names: Mapping[str, str]) -> str:
+    """A bench file for tables with these columns of temperature."""
+    tables = ['schema = "whyhot.bench/1"\nmotor = "motor.toml"\nspecimen = "servo-01"\n[time]\ncolumn = "epoch_s"']
+    tables += [
+        f'[[channel]]\nsignal = "{name}"\nquantity = "{quantity}"\nunit = "{unit}"'
+        for name, quantity, unit in (("n", "speed", "rpm"), ("I", "current", "A"))
+    ]
+    for name, node in {"T_in": "coolant"}.items() | {c: n for some in names for c, n in some.items()}.items():
+        tables.append(f'[[channel]]\nsignal = "{name}"\nquantity = "temperature"\nunit = "degC"\nnode = "{node}"')
+    return "\n".join(tables) + "\n"
+
+
+def columns(names: tuple[str, ...] = PLAIN, but: Mapping[str, str | None] | None = None) -> dict[str, str]:
+    """Column -> node; `but`: node -> another name of its column, or None where there is none."""
+    found: dict[str, str | None] = {**dict(zip(NODES, names, strict=True)), **(but or {})}
+    return {name: node for node, name in found.items() if name}
+
+
+def ingested(folder: Path, logs: Mapping[str, Mapping[str, str]]) -> Path:
+    """A store of these sessions; those of one vocabulary come with one bench file."""
+    (folder / "motor.toml").write_text(can_bench.MOTOR, encoding="utf-8")
+    for number, (name, own) in enumerate(logs.items()):
+        path = folder / f"bench_{number}.toml"
+        path.write_text(bench(own), encoding="utf-8")
+        words = ["ingest", str(write_log(folder, name, own)), "--bench", str(path)]
+        assert main([*words, "--store", str(folder / "store")]) == 0
+    return folder / "store"
+
+
+def asked(store: Path, capsys: Capture, code: int = 0) -> dict[str, Any]:
+    capsys.readouterr()
+    words = ["diagnose", "--on", "1_a", "2_b", "--hold-out", "3_c", "--json", "--store", str(store)]
+    assert main(words) == code, capsys.readouterr().err
+    answer: dict[str, Any] = json.loads(capsys.readouterr().out)
+    return answer
+
+
+def facts_of(store: Path) -> Facts:
+    with Store.open(store) as opened:
+        return ledger_facts.at(opened.ledger)
+
+
+def corrections(store: Path, sha256: str) -> dict[str, float]:
+    with Store.open(store) as opened:
+        return {one.cause: one.amount for one in read_bench(opened.archive.read(sha256), "bench.toml").corrections}
+
+
+@pytest.mark.parametrize(
+    ("kept", "said"),
+    [
+        pytest.param(
+            columns(but={"yoke": "Yoke"}),
+            {
+                "Yoke is in no session that was learnt from: not compared",
+                "TC_yoke has no usable sample in this session: yoke is not compared",
+            },
+            id="another name",
+        ),
+        pytest.param(
+            columns() | {"Yoke": "yoke"}, {"Yoke is in no session that was learnt from: not compared"}, id="one more"
+        ),
+        pytest.param(
+            columns(but={"yoke": None}),
+            {"TC_yoke has no usable sample in this session: yoke is not compared"},
+            id="one fewer",
+        ),
+    ],
+)
+def test_a_kept_session_with_other_channels_is_compared_by_those_that_were_learnt_from(
+    tmp_path: Path, capsys: Capture, kept: Mapping[str, str], said: set[str]
+) -> None:
+    answer = asked(ingested(tmp_path, {"1_a": columns(), "2_b": columns(), "3_c": kept}), capsys)
+    assert [cause["id"] for cause in answer["causes"]] == ["sensor.winding.bias"]
+    assert {one["says"] for one in answer["masked"] if one["session_name"] == "3_c"} == said
+    yoke = "yoke" in {gain["node"] for gain in answer["gain"]}
+    assert yoke == ("TC_yoke" in kept)
+    assert {"winding", "magnet"} <= {gain["node"] for gain in answer["gain"]}
+
+
+def test_a_kept_session_of_which_nothing_was_learnt_is_no_kept_session(tmp_path: Path, capsys: Capture) -> None:
+    store = ingested(tmp_path, {"1_a": columns(), "2_b": columns(), "3_c": columns(OURS)})
+    answer = asked(store, capsys)
+    assert answer["held_out"] == [] and answer["gain"] == []
+    assert {one["channel"] for one in answer["masked"]} == {*PLAIN, *OURS}
+    assert not facts_of(store).opened, "nothing of it was looked at"
+
+
+def test_a_diagnosis_without_an_answer_spends_no_kept_session(
+    tmp_path: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    store = ingested(tmp_path, dict.fromkeys(SESSIONS, columns()))
+
+    def broken(*_: object) -> None:
+        raise DivergedError("temperatures run away")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(diagnose, "find", broken)
+        assert "temperatures run away" in asked(store, capsys, code=2)["error"]
+    assert not facts_of(store).opened
+    assert asked(store, capsys)["opened_before"] is False
+    assert list(facts_of(store).opened) == asked(store, capsys)["held_out"]
+
+
+def test_a_correction_is_written_to_every_bench_file_that_has_its_signal(tmp_path: Path, capsys: Capture) -> None:
+    other = columns(but={"yoke": "Yoke"})
+    store = ingested(tmp_path, {"1_a": columns(), "2_b": other, "3_c": other})
+    answer = asked(store, capsys)
+    assert answer["why_no_files"] is None
+    (cause,) = answer["causes"]
+    assert cause["id"] == "sensor.winding.bias" and cause["improved"]
+    benches = {s.name: facts_of(store).bench_of(s) for s in facts_of(store).sessions}
+    assert answer["extended_benches"].keys() == {one.sha256 for one in benches.values() if one}
+    for sha256 in answer["extended_benches"].values():
+        assert corrections(store, sha256)["sensor.winding.bias"] == pytest.approx(TOO_MUCH_K, abs=1.0)
+    assert main(["accept", f"d-{answer['diagnosis'][:8]}", "--store", str(store)]) == 0
+    now = {s.name: facts_of(store).bench_of(s) for s in facts_of(store).sessions}
+    assert {one.sha256 for one in now.values() if one} == set(answer["extended_benches"].values())
+    assert main(["verify", "--read", "--store", str(store)]) == 0
+
+
+def test_a_correction_stands_in_no_bench_file_without_its_signal(tmp_path: Path, capsys: Capture) -> None:
+    own = columns(but={"winding": None}) | {"T_Wickl": "winding"}
+    store = ingested(tmp_path, {"1_a": columns(), "2_b": own, "3_c": columns()})
+    answer = asked(store, capsys)
+    assert answer["why_no_files"] is None
+    files = {s.name: s.bench for s in facts_of(store).sessions}
+    said = {one: corrections(store, answer["extended_benches"].get(sha, sha)) for one, sha in files.items() if sha}
+    assert not any("TC_winding" in cause for cause in said["2_b"])
+    assert not any("T_Wickl" in cause for one in ("1_a", "3_c") for cause in said[one])
+
+
+def test_two_names_of_one_sensor_in_one_bench_file_are_learnt_from(tmp_path: Path, capsys: Capture) -> None:
+    logs = {"1_a": columns(), "2_b": columns(but={"yoke": "T_Rücken"}), "3_c": columns()}
+    (tmp_path / "motor.toml").write_text(can_bench.MOTOR, encoding="utf-8")
+    (tmp_path / "bench.toml").write_text(bench(*logs.values()), encoding="utf-8")
+    paths = [str(write_log(tmp_path, name, own)) for name, own in logs.items()]
+    store = tmp_path / "store"
+    assert main(["ingest", *paths, "--bench", str(tmp_path / "bench.toml"), "--store", str(store)]) == 0
+    answer = asked(store, capsys)
+    assert answer["why_no_files"] is None
+    assert [cause["id"] for cause in answer["causes"]] == ["sensor.winding.bias"]
+    assert answer["causes"][0]["improved"]
+
+
+def test_one_of_two_names_in_a_bench_file_is_called_by_its_signal(tmp_path: Path, capsys: Capture) -> None:
+    own = columns() | {"T_Rücken": "yoke", "T_Wickl": "winding"}
+    (tmp_path / "motor.toml").write_text(can_bench.MOTOR, encoding="utf-8")
+    (tmp_path / "bench.toml").write_text(bench(own), encoding="utf-8")
+    other = tmp_path / "other.csv"
+    other.write_text("epoch_s,T_Rücken,T_Wickl\n1.7e9,20,20\n1.7000001e9,20.1,20\n", encoding="utf-8")
+    paths = [str(write_log(tmp_path, name, columns())) for name in SESSIONS]
+    words = ["ingest", *paths, str(other), "--bench", str(tmp_path / "bench.toml"), "--store", str(tmp_path / "store")]
+    assert main(words) == 0
+    answer = asked(tmp_path / "store", capsys)
+    assert answer["why_no_files"] is None
+    ((_, sha256),) = answer["extended_benches"].items()
+    assert "sensor.winding@TC_winding.bias" in corrections(tmp_path / "store", sha256)
