@@ -8,7 +8,7 @@ def _columns(text: str = "", whole: str = "", number: str = "", truth: str = "")
     return {name: kind for names, kind in kinds for name in names.split()}
 
 
-VALUES = _columns(text="channel quantity unit node region", whole="t_ns record", number="value")
+VALUES = _columns(text="channel quantity unit node region", whole="t_ns record", number="value", truth="doubled")
 TEMPERATURES = _columns(text="node", whole="t_ns", number="temperature_degC")
 RESIDUALS = _columns(
     text="channel node file_id",

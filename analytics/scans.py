@@ -57,6 +57,8 @@ def name(value: str) -> str:
 
 def _values(connection: duckdb.DuckDBPyConnection) -> Iterable[str]:
     """One branch for each channel of each kind of file: same columns, same channels."""
+    _find_doubled(connection)
+    twice = set(connection.execute("SELECT DISTINCT file FROM base.doubled").fetchall())
     channels: dict[str, list[tuple[str, ...]]] = defaultdict(list)
     for file, *channel in connection.execute(
         "SELECT g.file, c.column_name, c.channel, c.quantity, c.unit, c.node, c.region "
@@ -64,13 +66,25 @@ def _values(connection: duckdb.DuckDBPyConnection) -> Iterable[str]:
         "ORDER BY g.file, c.place"
     ).fetchall():
         channels[file].append(tuple(channel))
-    for (schema, listed), files in _alike({file: (_schema(file), tuple(of)) for file, of in channels.items()}).items():
+    alike = _alike({file: (_schema(file), tuple(of), (file,) in twice) for file, of in channels.items()})
+    for (schema, listed, some), files in alike.items():
         columns, kinds = _columns(schema), dict(schema)
+        doubled = f"({name(FILE)}, record) IN (FROM base.doubled)" if some else "false"
         for column, *constants in listed:
             if "string" in kinds[column]:
                 continue
             fixed = ", ".join(text(constant) for constant in constants)
-            yield _branch(files, f"{fixed}, t_ns, record, {name(columns[column])}")
+            yield _branch(files, f"{fixed}, t_ns, record, {name(columns[column])}, {doubled}")
+
+
+def _find_doubled(connection: duckdb.DuckDBPyConnection) -> None:
+    """Fill `base.doubled`, of the files with stamps that come twice."""
+    for (file,) in connection.execute("SELECT file FROM base.groups WHERE doubled ORDER BY file").fetchall():
+        _schema(file)  # a file that is missing or damaged is refused in our words
+        connection.execute(
+            f"INSERT INTO base.doubled SELECT {text(file)}, record FROM read_parquet({text(file)}) "
+            "QUALIFY row_number() OVER (PARTITION BY t_ns ORDER BY record) > 1"
+        )
 
 
 def _temperatures(connection: duckdb.DuckDBPyConnection) -> Iterable[str]:

@@ -91,7 +91,12 @@ def _model(facts: Facts, session: SessionRecorded) -> dict[str, str | None]:
 
 def _groups(store: Store, facts: Facts, used: Iterable[str]) -> Rows:
     return [
-        {"decode": decode, "group_name": group["name"], "file": str((store.decoded(decode) / group["file"]).absolute())}
+        {
+            "decode": decode,
+            "group_name": group["name"],
+            "file": str((store.decoded(decode) / group["file"]).absolute()),
+            "doubled": group["name"] in facts.decodes[decode].settings.get("clock", {}).get("doubled", ()),
+        }
         for decode in sorted(used)
         for group in facts.decodes[decode].groups
     ]

@@ -12,7 +12,8 @@ SELECT
     v.value,
     s.file_id,
     v.record,
-    s.group_name
+    s.group_name,
+    v.doubled
 FROM base.values AS v
 JOIN base.segments AS s ON s.file = v.file
 -- as an expression: DuckDB would make a range join of BETWEEN, which takes as long as all the rest
@@ -34,3 +35,4 @@ COMMENT ON COLUMN samples.value IS 'The value in `unit`';
 COMMENT ON COLUMN samples.file_id IS 'SHA-256 of the raw log: the key into `files`';
 COMMENT ON COLUMN samples.record IS 'Position of the record (frame or row) in the raw log, from 0';
 COMMENT ON COLUMN samples.group_name IS 'Message of the bus that carried it, or `rows` of a table';
+COMMENT ON COLUMN samples.doubled IS 'True where the record repeats the stamp of one before it in its file: `WHERE NOT doubled` leaves one value a channel and time of each file';

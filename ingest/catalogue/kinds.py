@@ -25,6 +25,7 @@ SPREAD_rpm = 50.0  # less is noise of a motor that creeps
 OVEN_degC = 100.0  # no bench room is as warm
 CURRENT_A = 1.0  # less is offset of a probe
 S1_s = 900  # constant for this long; the time constants of stator and winding are 60 to 850 s
+YEAR_s = 365 * 86_400  # no log goes on for longer second by second
 SMOOTH_s = 10  # constancy is looked at in means of this
 SPEED_CONSTANT, LOAD_CONSTANT, LOADED = 0.03, 0.10, 0.20  # shares of the largest speed, load, load
 PULSE_s = (5, 120)
@@ -63,6 +64,8 @@ def recognise(channels: Sequence[ChannelData]) -> tuple[str, str]:
         return "dc_check", "holds thermal resistances that were evaluated elsewhere"
     if not any(quantities):
         return "other", "nothing says what its signals mean: give it a bench file"
+    if (years := _span_s(channels) / YEAR_s) > 1:
+        return "other", f"its stamps span {years:,.0f} years: a clock was set within it, or several logs are one file"
     speed = find(channels, "speed")
     if speed is None or float(np.abs(speed.value).max()) < STANDSTILL_rpm:
         return _at_standstill(channels, "no speed is recorded" if speed is None else "nothing turns")
@@ -71,6 +74,11 @@ def recognise(channels: Sequence[ChannelData]) -> tuple[str, str]:
     amount, unit = np.abs(m[0]) if load else np.zeros_like(n), "Nm" if find(channels, "torque") else "A"
     trace = _Trace(np.abs(n), amount, unit, measured)
     return _wltp(trace) or _s2(trace) or _s1(trace) or _drive(trace)
+
+
+def _span_s(channels: Sequence[ChannelData]) -> float:
+    there = [channel.t_ns for channel in channels if len(channel.t_ns)]
+    return (max(int(t[-1]) for t in there) - min(int(t[0]) for t in there)) / 1e9 if there else 0.0
 
 
 @lru_cache(maxsize=1)

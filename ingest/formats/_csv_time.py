@@ -7,6 +7,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from math import isnan
+from statistics import median
 from typing import Any
 
 import numpy as np
@@ -180,8 +181,8 @@ def _by_content(time: TimeSpec, column: str, dialect: Dialect) -> Clock | None:
     unit = time.unit or base_and_unit(column)[1] or dialect.units.get(column)
     candidates = [unit] if unit in UNITS_NS else ["s", "ms", "us", "ns"]
     for candidate in candidates:
-        scaled = [value * UNITS_NS[candidate] for value in _numbers(dialect, column)]
-        if EPOCH_NS[0] <= min(scaled) and max(scaled) <= EPOCH_NS[1]:
+        middle = median(_numbers(dialect, column)) * UNITS_NS[candidate]  # one absurd stamp takes nothing from the rest
+        if EPOCH_NS[0] <= middle <= EPOCH_NS[1]:
             says = f"{candidate} since 1970"
             return Counted(says=says, absolute=True, columns=(column,), unit_ns=UNITS_NS[candidate], step_ns=1000)
     says, start, unit_ns = f"{candidates[0]} from the start", time.start_ns, UNITS_NS[candidates[0]]
@@ -246,9 +247,11 @@ def _fits(pattern: str, dialect: Dialect, column: str) -> bool:
 
 
 def rises(values: NDArray[Any]) -> bool:
-    """Whether numbers (N,) go on as time does: at most one step in ten back, the last later than the first."""
-    back = int((np.diff(values) < 0).sum())
-    return len(values) == 1 or (len(values) > 1 and 10 * back <= len(values) and bool(values[-1] > values[0]))
+    """Whether numbers (N,) go on as time does: at most one step in ten back, the second half later than the first."""
+    if len(values) < 2:
+        return len(values) == 1
+    back, half = int((np.diff(values) < 0).sum()), len(values) // 2
+    return 10 * back <= len(values) and bool(np.median(values[half:]) > np.median(values[:half]))
 
 
 def is_time_name(name: str) -> bool:

@@ -17,6 +17,7 @@ from ingest.bench.signals import Signal
 from ingest.errors import UnreadableLogError
 from ingest.formats import Rows, TimeSpec
 from ingest.intake.setup import refuse_missing, signals_in
+from ingest.log import clock
 from ingest.log.databases import Database, load, merged
 from ingest.log.reading import LogReading, Reader
 from ingest.log.recording import id_text, read
@@ -37,13 +38,15 @@ class FoundSignal:
 
 @dataclass(frozen=True)
 class InspectedFile:
-    """One file. `reading` None where nothing can be read, `why` then says it; `ranges`: column -> (least, greatest)."""
+    """One file. `reading` None where nothing can be read, `why` then says it; `ranges`: column -> (least, greatest);
+    `stamps`: what is wrong with them, a line each."""
 
     path: Path
     reading: LogReading | None
     why: str | None
     note: str | None
     ranges: dict[str, tuple[float, float]]
+    stamps: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -103,7 +106,9 @@ def _look(reader: Reader, path: Path, folder: Path, time: TimeSpec, *, guessing:
         except UnreadableLogError:
             return InspectedFile(path, None, str(error), None, {})
         note = "no time column was recognised: looked at as one row a second"
-    return InspectedFile(path, reading, None, note, _ranges(recording))
+    flags = clock.findings(path.name, clock.look(recording).counted(), reading.absolute)
+    stamps = tuple(flag.says.removeprefix(f"{path.name}: ") for flag in flags)
+    return InspectedFile(path, reading, None, note, _ranges(recording), stamps)
 
 
 def _ranges(recording: Path) -> dict[str, tuple[float, float]]:

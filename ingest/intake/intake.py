@@ -24,6 +24,7 @@ from ingest.facts.store import Store
 from ingest.formats import Format, recognise
 from ingest.intake.grouping import group_files
 from ingest.intake.setup import Setup, keep_setup, kept_name, mend_setup, resolved, sealed_setup
+from ingest.log import clock
 from ingest.log.decode import RECORDING, decode_file, identity
 from ingest.log.reading import LogReading, Reader
 from ingest.log.specimens import Specimens
@@ -40,6 +41,7 @@ class Taken:
     decode: DecodeCompleted | None  # None where it was refused before anything was kept
     known: bool  # it was decoded so before
     refusal: str | None
+    flags: tuple[QualityFlagged, ...] = ()  # of its stamps
     anew: bool = False  # known, but its sessions are others now: by bench or motor file, specimen or another file
 
     @property
@@ -56,7 +58,7 @@ class Intake:
 
     files: tuple[Taken, ...]
     sessions: tuple[SessionRecorded, ...]
-    flags: tuple[tuple[str, QualityFlagged], ...]  # session name, flag
+    flags: tuple[tuple[str, QualityFlagged], ...]  # name of the session, or of the file that it is of; flag
 
     @property
     def refusals(self) -> list[str]:
@@ -111,11 +113,12 @@ def take_in(
     decodes = {one.raw: one.decode for one in files if one.decode}
     files = [replace(one, decode=decodes.get(one.raw)) for one in files]  # of a copy: that of the first
     kept = set(decodes)
-    flags = group_files(store, dict.fromkeys(kept, said) if said != Override() else {})
+    flags = [(one.name, flag) for one in files for flag in one.flags]
+    flags += group_files(store, dict.fromkeys(kept, said) if said != Override() else {})
     now = ledger_facts.at(store.ledger)
     touched = tuple(session for session in now.sessions if kept & {file["raw"] for file in session.files})
     new = {file["raw"] for session in touched if session not in known.sessions for file in session.files}
-    return Intake(tuple(replace(one, anew=one.known and one.raw in new) for one in files), touched, flags)
+    return Intake(tuple(replace(one, anew=one.known and one.raw in new) for one in files), touched, tuple(flags))
 
 
 def _again(known: Facts, found: Sequence[Taken | _Read]) -> dict[str, DecodeCompleted]:
@@ -184,14 +187,15 @@ def _keep(store: Store, known: Facts, one: _Read, setup: Setup, channels: Sequen
     if one.raw not in known.files or known.files[one.raw].name != name:
         events.append(RawFileSealed(sha256=one.raw, name=name, size=size, format=one.form.name))
     before = known.decodes.get(decode.decode)
+    flags = clock.findings(name, decode.settings.get("clock", {}), decode.absolute)
     if before is None or before.why != decode.why:
-        events.append(decode)
+        events += [decode, *flags]
     for twin in known.files.values():
         if twin.name == name and twin.sha256 != one.raw and one.raw not in known.files:
             says = f"{name}: another file of this name was ingested before, with other bytes ({twin.sha256[:12]})"
             events.append(QualityFlagged(flag="same_name_other_bytes", says=says, detail={"other": twin.sha256}))
     store.ledger.append_all([(f"file-{one.raw}", event) for event in events])
-    return Taken(name, size, one.form.holds, one.raw, decode, known=False, refusal=one.why)
+    return Taken(name, size, one.form.holds, one.raw, decode, known=False, refusal=one.why, flags=tuple(flags))
 
 
 def _decode(

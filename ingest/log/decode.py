@@ -19,9 +19,10 @@ from ingest.bench.bench_file import Bench
 from ingest.bench.resolving import ResolvedChannel
 from ingest.facts.durable import sha256_of
 from ingest.facts.events import DecodeCompleted
-from ingest.formats import Frames, Rows
-from ingest.log import held, recording, samples
+from ingest.formats import Frames, Rejected, Rows
+from ingest.log import clock, held, recording, samples
 from ingest.log.balance import Account, outcome
+from ingest.log.clock import DAY_NS
 from ingest.log.databases import Database, merged
 from ingest.log.frames import FrameBatch
 from ingest.log.plan import SignalGroup, groups_of, plan
@@ -69,14 +70,18 @@ def decode_file(
     said = {"databases": notes, "missing": plan(groups, channels, bench, texts)}
     specimens = Specimens(bench, reading.columns)
     work = _Work(groups, held.collect(path, groups), raw, folder)
+    faults = clock.look(path) if _is_long(reading) else None  # only in such a log can a stamp be far off
     for _, batch in batches:
-        specimens.add(batch)
-        work.add(batch)
+        placed = clock.without(batch, faults.strays) if faults else batch
+        specimens.add(placed)
+        work.add(placed)
     rows = work.close()
     written = [group for group in groups if group.name in rows]
+    if faults is None and not work.watch.rises:
+        faults = clock.look(path)
     return DecodeCompleted(
         **identity(raw, databases, bench, model),
-        **_outcome(reading, path, work.account, sum(rows.values()), said),
+        **_outcome(reading, path, work.account, sum(rows.values()), said, faults or clock.StampFaults(), written),
         groups=[group.entry(rows[group.name]) for group in written],
         channels=[output.channel for group in written for output in group.outputs if output.channel],
         products={name: sha256_of(folder / name) for name in [RECORDING, *(group.file for group in written)]},
@@ -91,21 +96,40 @@ def identity(raw: str, databases: Sequence[Database], bench: Bench | None, model
     return {"decode": decode, "decoder": DECODER, "raw": raw, "databases": shas, "bench": sha, "model": model}
 
 
+def _is_long(reading: LogReading) -> bool:
+    return reading.start_ns is not None and reading.end_ns is not None and reading.end_ns - reading.start_ns > DAY_NS
+
+
+def _clock(faults: clock.StampFaults, written: Sequence[SignalGroup]) -> dict[str, Any]:
+    """What the settings say of the stamps: counts, and the groups with stamps that come twice."""
+    streams = {group.name: (group.bus, group.message.can_id) if group.message else None for group in written}
+    doubled = [name for name, stream in streams.items() if stream in faults.doubled]
+    return faults.counted() | ({"doubled": doubled} if doubled else {})
+
+
 def _outcome(
-    reading: LogReading, path: Path, account: Account, decoded: int, said: Mapping[str, list[str]]
+    reading: LogReading,
+    path: Path,
+    account: Account,
+    decoded: int,
+    said: Mapping[str, list[str]],
+    faults: clock.StampFaults,
+    written: Sequence[SignalGroup],
 ) -> dict[str, Any]:
     """What the event says of the records. Raises IngestError where the balance does not hold."""
     account.refuse(recording.read_rejected(path) if reading.rejected else ())
+    account.refuse(Rejected(one, f"record {one + 1:,}", clock.STRAY) for one in faults.strays.tolist())
     balance = account.balance(reading, decoded)
     result, why = outcome(reading, account, balance)
     lengths = dict(sorted(account.wrong_length.items()))
-    notable = {**said, "wrong_length": lengths, "rejected": account.reasons()}
+    start_ns, end_ns = faults.span_ns or (reading.start_ns, reading.end_ns)
+    notable = {**said, "wrong_length": lengths, "rejected": account.reasons(), "clock": _clock(faults, written)}
     return {
         "outcome": result,
         "why": why,
         "absolute": reading.absolute,
-        "start_ns": reading.start_ns,
-        "end_ns": reading.end_ns,
+        "start_ns": start_ns,
+        "end_ns": end_ns,
         "balance": balance,
         "unknown_ids": dict(sorted(account.unknown_id.items())),
         "rejections": account.rejections(),
@@ -128,6 +152,7 @@ class _Work:
 
     def __init__(self, groups: Sequence[SignalGroup], others: held.Held, raw: str, folder: Path) -> None:
         self.account = Account()
+        self.watch = clock.Watch()
         self._groups = {(group.bus, group.message.can_id if group.message else None): group for group in groups}
         self._others, self._raw, self._folder = others, raw, folder
         self._writers: dict[str, samples.GroupWriter] = {}
@@ -170,6 +195,7 @@ class _Work:
         def signal(home: str, name: str) -> NDArray[Any]:
             return signals[name] if home == group.name else self._others.at((home, name), t_ns)
 
+        self.watch.add(group.name, t_ns)
         values = [output.values([signal(*source) for source in output.sources]) for output in group.outputs]
         if group.name not in self._writers:
             columns = [output.column for output in group.outputs]

@@ -43,6 +43,7 @@ def _file_json(one: InspectedFile) -> dict[str, Any]:
         "start_ns": reading.start_ns,
         "end_ns": reading.end_ns,
         "settings": dict(reading.settings),
+        "stamps": list(one.stamps),
         "ids": dict(reading.ids),
     }
 
@@ -94,6 +95,7 @@ def _file_lines(one: InspectedFile) -> list[str]:
     lines = [f"{one.path.name}   {reading.format}   {reading.found:,} {holds} in {duration(seconds)}, {clock}"]
     if one.note:
         lines.append(f"  {one.note}: say rate_hz or column under [time] of the bench file")
+    lines += [f"  {says}" for says in one.stamps]
     if reading.cut:
         lines.append(f"  {reading.cut}")
     if reading.rejected:

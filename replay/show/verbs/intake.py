@@ -104,7 +104,7 @@ def _flag_lines(intake: Intake) -> list[str]:
         else:
             entries.append((session, [(flag, home)]))
     told = ((session, _silence(m) if len(m) > 1 else m[0][0].says) for session, m in entries)
-    return [f"  {session}: {says}" for session, says in told]
+    return [f"  {says}" if says.startswith(f"{name}: ") else f"  {name}: {says}" for name, says in told]
 
 
 def _homes(intake: Intake) -> Mapping[tuple[str, str], Home]:

@@ -1,0 +1,170 @@
+"""What is wrong with the stamps of a log, of any format: found, counted, kept, and said."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import can
+import pytest
+
+from made import can_bench
+from replay.cli import main
+
+Capture = pytest.CaptureFixture[str]
+Record = tuple[float, float]  # seconds since the start, temperature
+
+START = 1_760_000_000.0
+GOOD: list[Record] = [(0.5 * i, 20 + i / 100) for i in range(400)]
+BENCH = """\
+schema = "whyhot.bench/1"
+[[channel]]
+signal = "TC_winding"
+quantity = "temperature"
+unit = "degC"
+node = "winding"
+"""
+
+
+def write_csv(path: Path, records: Sequence[Record]) -> None:
+    lines = [f"{START + t_s:.3f},{value:.2f}\n" for t_s, value in records]
+    path.write_text("epoch_s,TC_winding\n" + "".join(lines), encoding="utf-8")
+
+
+def write_can(path: Path, records: Sequence[Record]) -> None:
+    with can.Logger(str(path)) as log:
+        for t_s, value in records:
+            data = round(100 * value).to_bytes(2, "little") + bytes(6)
+            log.on_message_received(
+                can.Message(timestamp=START + t_s, arbitration_id=512, is_extended_id=False, data=data, channel=0)
+            )
+
+
+WRITERS: dict[str, Callable[[Path, Sequence[Record]], None]] = {"csv": write_csv, "blf": write_can, "asc": write_can}
+every_format = pytest.mark.parametrize("suffix", WRITERS)
+
+
+def answer(capsys: Capture, *words: str) -> dict[str, Any]:
+    capsys.readouterr()
+    assert main([*words, "--json"]) in (0, 1)
+    found: dict[str, Any] = json.loads(capsys.readouterr().out)
+    return found
+
+
+def said(folder: Path, capsys: Capture, suffix: str, records: Sequence[Record]) -> list[str]:
+    """What is said of the stamps: the same by `inspect`, `ingest` and `show`."""
+    (folder / "bench.toml").write_text(BENCH, encoding="utf-8")
+    (folder / "bench.dbc").write_text(can_bench.DBC, encoding="utf-8")
+    log, store = folder / f"log.{suffix}", ["--store", str(folder / "store")]
+    WRITERS[suffix](log, records)
+    dbc = [] if suffix == "csv" else ["--dbc", str(folder / "bench.dbc")]
+    (file,) = answer(capsys, "inspect", str(log), *dbc)["files"]
+    taken = answer(capsys, "ingest", str(log), "--bench", str(folder / "bench.toml"), *dbc, *store)
+    told = [flag["says"] for flag in taken["flags"] if flag["says"].startswith(log.name)]
+    assert told == [f"{log.name}: {says}" for says in file["stamps"]]
+    assert set(told) <= set(answer(capsys, "show", "log", *store)["findings"])
+    return list(file["stamps"])
+
+
+def rows(folder: Path, capsys: Capture, query: str) -> list[dict[str, Any]]:
+    return list(answer(capsys, "sql", query, "--store", str(folder / "store"))["rows"])
+
+
+@every_format
+def test_stamps_that_rise_have_no_finding(tmp_path: Path, capsys: Capture, suffix: str) -> None:
+    assert said(tmp_path, capsys, suffix, GOOD) == []
+    assert rows(tmp_path, capsys, "SELECT count(*) AS n FROM samples WHERE doubled") == [{"n": 0}]
+
+
+@every_format
+def test_a_clock_that_steps_back_is_said(tmp_path: Path, capsys: Capture, suffix: str) -> None:
+    late = [(t_s if i < 300 else t_s - 37.25, value) for i, (t_s, value) in enumerate(GOOD)]
+    assert said(tmp_path, capsys, suffix, late) == ["its clock steps back by 36.8 s"]
+
+
+@every_format
+def test_stamps_that_come_twice_are_counted_by_whether_their_values_are_equal(
+    tmp_path: Path, capsys: Capture, suffix: str
+) -> None:
+    doubled = [one for i, r in enumerate(GOOD) for one in ([r, r] if i % 40 == 3 else [r])]
+    assert said(tmp_path, capsys, suffix, [*doubled, (GOOD[-1][0], 30.0)]) == [
+        "10 records with stamp and values of another one",
+        "1 record with the stamp of another one and other values",
+    ]
+    counted = rows(
+        tmp_path,
+        capsys,
+        "SELECT count(*) FILTER (doubled) AS twice, count(*) AS n FROM samples WHERE channel = 'TC_winding'",
+    )
+    assert counted == [{"twice": 11, "n": 411}]
+    left = "SELECT count(*) - count(DISTINCT t_ns) AS more FROM samples WHERE NOT doubled AND channel = 'TC_winding'"
+    assert rows(tmp_path, capsys, left) == [{"more": 0}]
+
+
+@every_format
+def test_other_values_at_one_time_are_flagged_row_by_row(tmp_path: Path, capsys: Capture, suffix: str) -> None:
+    rounded = [(float(int(t_s)), value) for t_s, value in GOOD]  # two records a second
+    assert said(tmp_path, capsys, suffix, rounded) == ["200 records with the stamp of another one and other values"]
+    counts = rows(
+        tmp_path,
+        capsys,
+        "SELECT doubled, count(*) AS n FROM samples WHERE channel = 'TC_winding' GROUP BY ALL ORDER BY ALL",
+    )
+    assert counts == [{"doubled": False, "n": 200}, {"doubled": True, "n": 200}]
+
+
+@every_format
+def test_a_block_that_is_written_twice_is_no_step_of_the_clock(tmp_path: Path, capsys: Capture, suffix: str) -> None:
+    twice = [*GOOD[:200], *GOOD[150:200], *GOOD[200:]]
+    assert said(tmp_path, capsys, suffix, twice) == ["a block of 50 records in all stands in it twice"]
+    assert rows(tmp_path, capsys, "SELECT count(*) AS n FROM samples WHERE NOT doubled AND channel = 'TC_winding'") == [
+        {"n": len(GOOD)}
+    ]
+
+
+@every_format
+def test_a_clock_that_jumps_by_days_is_said(tmp_path: Path, capsys: Capture, suffix: str) -> None:
+    set_on = [(t_s if i < 300 else t_s + 3 * 86_400, value) for i, (t_s, value) in enumerate(GOOD)]
+    assert said(tmp_path, capsys, suffix, set_on) == ["its clock jumps on, or the log paused, by 3.0 days"]
+
+
+@pytest.mark.parametrize("stamp_s", [2.3e9, -1.7e9], ids=["2098", "1971"])
+@pytest.mark.parametrize("place", [0, 250, 399])
+def test_one_absurd_stamp_is_left_out_and_blocks_nothing(
+    tmp_path: Path, capsys: Capture, stamp_s: float, place: int
+) -> None:
+    records = [(stamp_s, value) if i == place else (t_s, value) for i, (t_s, value) in enumerate(GOOD)]
+    (says,) = said(tmp_path, capsys, "csv", records)
+    assert says.startswith("1 record with a stamp far off all others (") and says.endswith(" UTC): left out")
+    (file,) = rows(tmp_path, capsys, "SELECT found, decoded, rejected FROM files")
+    assert file == {"found": 400, "decoded": 399, "rejected": 1}
+    (session,) = answer(capsys, "sessions", "--store", str(tmp_path / "store"))["sessions"]
+    assert session["duration_s"] <= 200.0
+    write_csv(tmp_path / "next.csv", [(t_s + 86_400, value) for t_s, value in GOOD])
+    words = ["ingest", str(tmp_path / "next.csv"), "--bench", str(tmp_path / "bench.toml")]
+    assert main([*words, "--store", str(tmp_path / "store")]) == 0
+
+
+def test_an_absurd_stamp_of_a_bus_is_left_out(tmp_path: Path, capsys: Capture) -> None:
+    records = [(2.3e9, value) if i == 250 else (t_s, value) for i, (t_s, value) in enumerate(GOOD)]
+    (says,) = said(tmp_path, capsys, "blf", records)
+    assert says.startswith("1 record with a stamp far off all others (209")
+    assert rows(tmp_path, capsys, "SELECT decoded, rejected FROM files") == [{"decoded": 399, "rejected": 1}]
+
+
+def test_a_clock_that_was_set_within_the_log_blocks_nothing(tmp_path: Path, capsys: Capture) -> None:
+    """Half of the log is of the year 2000: nothing says which half is right, so both are kept."""
+    halves = [(t_s - 8e8 if i < 200 else t_s, value) for i, (t_s, value) in enumerate(GOOD)]
+    (says,) = said(tmp_path, capsys, "csv", halves)
+    assert says.startswith("its clock jumps on, or the log paused, by 9,259.")
+    (session,) = answer(capsys, "sessions", "--store", str(tmp_path / "store"))["sessions"]
+    assert session["kind"] == "other"
+    assert "its stamps span 25 years" in answer(capsys, "show", "log", "--store", str(tmp_path / "store"))["kind_why"]
+
+
+def test_a_table_with_a_row_a_check_has_no_strays(tmp_path: Path, capsys: Capture) -> None:
+    checks = [(86_400.0 * 40 * i, 20.0) for i in range(12)]
+    assert said(tmp_path, capsys, "csv", checks) == []
+    assert rows(tmp_path, capsys, "SELECT decoded FROM files") == [{"decoded": 12}]
