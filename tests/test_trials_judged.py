@@ -16,6 +16,7 @@ from made.motor import CHANNELS, SINGLE, every_law, pulses, recorded, truth
 from plant import Effect
 from replay.studies.diagnosis.search import Found
 from twin.diagnosis.evidence import log_bayes_factor
+from twin.diagnosis.evidence_split import EvidenceSplit
 from twin.diagnosis.free_heats import free_heats
 from twin.diagnosis.naming import Naming, Refit, Round, scored
 from twin.differences.candidates import InputChannel, added_monomials, generate
@@ -111,7 +112,7 @@ def test_a_lost_cause_is_told_by_the_last_step_that_it_came_to(mode: Fit, first:
         found = Found(replace(naming, **more), refused, [], [], None, mode)  # type: ignore[arg-type]
         return lost.lost_at(found, cause, CANDIDATES)
 
-    strong = Refit(candidate, parameter, mode, 20.0, parameter.sd, 1.0)
+    strong = Refit(candidate, parameter, mode, 20.0, parameter.sd, 1.0, EvidenceSplit(20.0, np.zeros(0), 0.0))
     bound = replace(parameter, low=-1.0)
     empty = replace(strong, parameter=bound, amplitude=-1.0)
     assert step(cause="loss.magnet.speed9") == lost.NOT_PROPOSED

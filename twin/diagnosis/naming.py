@@ -15,6 +15,7 @@ import numpy as np
 from scipy.special import log_ndtr
 
 from twin.diagnosis.evidence import Scores, null_quantile, score
+from twin.diagnosis.evidence_split import EvidenceSplit, split
 from twin.diagnosis.free_heats import free_heats
 from twin.diagnosis.patchwork import is_patchwork
 from twin.diagnosis.posterior_mode import linearised, stacked
@@ -43,7 +44,8 @@ def is_possible(parameter: Parameter, amplitude: float) -> bool:
 
 @dataclass(frozen=True)
 class Refit:
-    """A candidate after a full fit: ln BF against the model without it by Laplace, amplitude and its sd."""
+    """A candidate after a full fit: ln BF against the model without it by Laplace and where that comes from, amplitude
+    and its sd."""
 
     candidate: Candidate
     parameter: Parameter
@@ -51,6 +53,7 @@ class Refit:
     log_bayes_factor: float
     amplitude: float
     sd: float
+    evidence: EvidenceSplit
 
     @property
     def possible(self) -> bool:
@@ -214,7 +217,7 @@ def _compared(found: Fit, without: Fit, candidate: Candidate, parameter: Paramet
     gain = found.log_evidence - without.log_evidence
     if parameter.low == 0.0 or parameter.high == 0.0:
         gain += float(np.log(2) + log_ndtr(abs(amplitude) / sd))
-    return Refit(candidate, parameter, found, gain, amplitude, sd)
+    return Refit(candidate, parameter, found, gain, amplitude, sd, split(gain, found, without, place))
 
 
 def without_term(current: Fit, place: int, calm: Floats) -> Fit:
