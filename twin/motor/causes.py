@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from twin.errors import CauseError
@@ -238,15 +238,25 @@ _OWN_WORDS = {
 
 def says(cause: Cause) -> str:
     """The cause in plain words, one sentence without its full stop."""
-    place = " and ".join(_words(name) for name in cause.ends)
+    place = place_words(cause.place)
     if cause.law.startswith("swap_"):
         return f"the sensors at {place} and {_words(cause.law.removeprefix('swap_'))} are exchanged"
     if (cause.kind, cause.law) in _SAYS:
         return _SAYS[cause.kind, cause.law].format(place=place)
-    grows = " and ".join(_feature_words(feature) + _power(e) for feature, e in cause.exponents.items())
+    grows = product_words(cause.exponents)
     either_way = cause.kind == "ageing" or not set(BEYOND_FEATURES).isdisjoint(cause.exponents)
     subject = f"the heat path between {place}" if len(cause.ends) > 1 else f"{place} loss"
     return f"{subject} {'changes' if either_way else 'grows'} with {grows}"
+
+
+def place_words(place: str) -> str:
+    """A place in plain words: "rotor surface and teeth" of `rotor_surface-teeth`."""
+    return " and ".join(_words(name) for name in place.split("-"))
+
+
+def product_words(exponents: Mapping[str, float]) -> str:
+    """A product of features in plain words: "speed squared and current squared"."""
+    return " and ".join(_feature_words(feature) + _power(exponent) for feature, exponent in exponents.items())
 
 
 def _words(name: str) -> str:

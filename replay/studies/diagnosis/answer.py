@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from replay.engine.results.as_json import from_json, to_json
+from replay.engine.results.as_json import IF_SAID, from_json, to_json
 
 SCHEMA = "whyhot.diagnosis/1"
 
@@ -30,11 +30,50 @@ class Shown:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Unusual:
+    """What a healthy motor's freedom had to do beyond usual. `about`: "family" (a family of numbers is further from the
+    file than usual), "moved" (one number had to go far) or "bound" (one ended at its `bound`).
+    `when`: "before", recalibrated without a cause, or "after", with the causes. `kind` and `place` as in cause ids
+    (place None for a family), `says` what it is in words, `session` whose it is (None: of all).
+
+    `times_usual`: width of a family over the stated one; of one number its size over the stated sd, signed.
+    `log_evidence`: ln of how much more likely the sessions are with the family's width. `estimate` and `ci95` (of one
+    number) in `unit`, "1" for a share of what the file says. `sharper`: the test that would tell more."""
+
+    about: str
+    when: str
+    kind: str
+    place: str | None
+    says: str
+    session: str | None
+    times_usual: float
+    log_evidence: float | None
+    estimate: float | None
+    ci95: list[float]
+    unit: str
+    bound: str | None
+    sharper: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class EvidenceParts:
+    """Where a ln BF comes from, which is their sum: `fit`, closer to the readings; `priors_relieved`, what healthy
+    differences and other causes no longer have to do, by family in `relieved`, largest first; `rest`, what one more
+    term costs by its own prior and by how much narrower or wider the numbers have become."""
+
+    fit: float
+    priors_relieved: float
+    rest: float
+    relieved: dict[str, float]
+
+
+@dataclass(frozen=True, kw_only=True)
 class Named:
     """A cause that entered by evidence and survived being left out. `estimate`, `ci95` in `unit`; `typical_W` at the
     mean of the training sessions (None where the cause is no heat); `largest_effect_K` on the modelled
     `largest_effect_node`, in session `largest_effect_session` at `largest_effect_t_s`; `formula` of the term as the
-    extended file has it; `times_usual`: its size over the prior sd of such a cause."""
+    extended file has it; `times_usual`: its size over the prior sd of such a cause; `evidence`: where its ln BF comes
+    from (None for a fault of the data)."""
 
     id: str
     says: str
@@ -58,6 +97,7 @@ class Named:
     improved: bool
     why_not_improved: str | None
     times_usual: float = 1.0
+    evidence: EvidenceParts | None = field(default=None, metadata=IF_SAID)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,6 +108,7 @@ class Rival:
     says: str
     log_bayes_factor: float
     why_not: str
+    evidence: EvidenceParts | None = field(default=None, metadata=IF_SAID)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -159,6 +200,7 @@ class Diagnosis:
     recalibrated_benches: dict[str, str] = field(default_factory=dict)
     extended_benches: dict[str, str] = field(default_factory=dict)
     why_no_files: str | None = None  # what a file could not say, where that left the answer without its files
+    findings: list[Unusual] = field(default_factory=list)  # what is unusual before any cause, the strongest first
 
 
 def calibration_is_worse(gain: Sequence[KeptGain]) -> bool:

@@ -9,11 +9,12 @@ import numpy as np
 from ingest.facts.events import SessionRecorded
 from ingest.texts.quantities import column_suffix
 from replay.engine.results.residuals import where
-from replay.studies.diagnosis.answer import Named, Rival, Shown, UnnamedHeat
+from replay.studies.diagnosis.answer import EvidenceParts, Named, Rival, Shown, UnnamedHeat
 from replay.studies.diagnosis.formulas import formula
 from replay.studies.diagnosis.kept_sessions import Measured
 from twin.calibration.learned import size, term_of
 from twin.diagnosis.free_heats import Unknown
+from twin.diagnosis.in_words import Plain
 from twin.diagnosis.naming import MOST_TERMS, Naming, Refit, Round
 from twin.diagnosis.told_apart import separating_test, telling_test, told_apart
 from twin.differences.candidates import Candidate
@@ -26,6 +27,7 @@ from twin.motor.features import quantity, scale
 from twin.motor.network import Network
 
 RIVALS = 5
+OTHER_CAUSES, WORTH_TELLING = "other causes", 0.1  # families that are relieved by less, in ln, are not told
 
 
 def shown(model: Model, sessions: Sequence[SessionRecorded]) -> list[Shown]:
@@ -103,6 +105,24 @@ def named(naming: Naming, refit: Refit, train: Sequence[SessionRecorded], kept: 
         improved=improved,
         why_not_improved=None if improved else why or "what changes from session to session is said by no file",
         times_usual=abs(refit.amplitude) / refit.parameter.sd,
+        evidence=evidence_parts(naming, refit),
+    )
+
+
+def evidence_parts(naming: Naming, refit: Refit) -> EvidenceParts:
+    """Where the ln BF of a refitted candidate comes from, families by their names."""
+    base = naming.rounds[0].base.model
+    plain, split = Plain(base.network), refit.evidence
+    relieved = dict.fromkeys([*map(plain.group, base.parameters), OTHER_CAUSES], 0.0)
+    for i, value in enumerate(split.relieved.tolist()):
+        healthy = i < len(base.parameters)
+        relieved[plain.group(base.parameters[i]) if healthy else OTHER_CAUSES] += value
+    told = sorted(relieved.items(), key=lambda one: -one[1])
+    return EvidenceParts(
+        fit=split.fit,
+        priors_relieved=split.priors_relieved,
+        rest=split.rest,
+        relieved={name: value for name, value in told if abs(value) >= WORTH_TELLING},
     )
 
 
@@ -147,22 +167,25 @@ def rivals(naming: Naming, refused: Sequence[tuple[Refit, str]]) -> list[Rival]:
     chosen = {str(refit.candidate.cause) for refit in naming.accepted}
     found: dict[str, Rival] = {}
 
-    def add(candidate: Candidate, value: float, why: str) -> None:
+    def add(candidate: Candidate, value: float, why: str, refit: Refit | None = None) -> None:
         name = str(candidate.cause)
         if name not in chosen and name not in found:
-            found[name] = Rival(id=name, says=says(candidate.cause), log_bayes_factor=value, why_not=why)
+            evidence = evidence_parts(naming, refit) if refit else None
+            found[name] = Rival(
+                id=name, says=says(candidate.cause), log_bayes_factor=value, why_not=why, evidence=evidence
+            )
 
     for refit, reason in refused:
-        add(refit.candidate, refit.log_bayes_factor, reason)
+        add(refit.candidate, refit.log_bayes_factor, reason, refit)
     for refit in naming.patchwork:
         others = " and ".join(str(r.candidate.cause) for r in naming.patchwork if r is not refit)
         why = f"fits only together with {others}: none of them has the form of what is there"
-        add(refit.candidate, refit.log_bayes_factor, why)
+        add(refit.candidate, refit.log_bayes_factor, why, refit)
     for candidate, value in naming.left_out:
         add(candidate, value, "let in first; left out at the end, the fit is about as good")
     for one in naming.rounds:
         for refit in sorted(one.refits, key=lambda r: -r.log_bayes_factor):
-            add(refit.candidate, refit.log_bayes_factor, _why_not(naming, one, refit))
+            add(refit.candidate, refit.log_bayes_factor, _why_not(naming, one, refit), refit)
     return list(found.values())[:RIVALS]
 
 

@@ -29,6 +29,7 @@ from replay.studies.characterise.calibrate import common_model
 from replay.studies.diagnosis.answer import Diagnosis, calibration_is_worse, document, read
 from replay.studies.diagnosis.answer_parts import named, rivals, shown, suspected_test, unknown_heat
 from replay.studies.diagnosis.as_recorded import as_recorded, measured_as_recorded, said_wrong
+from replay.studies.diagnosis.beyond_usual import beyond_usual
 from replay.studies.diagnosis.comparable import comparable
 from replay.studies.diagnosis.data_faults import data_faults
 from replay.studies.diagnosis.extension import Version, version
@@ -150,6 +151,7 @@ def _answered(question: Question, identity: str, tell: Tell) -> Diagnosis:
         next_test=next((c.separating_test for c in causes if c.separating_test), None) or suspected_test(naming),
         seconds=0.0,
         why_no_files=why_no_files,
+        findings=beyond_usual(naming, [s.session for s in question.train]),
     )
 
 

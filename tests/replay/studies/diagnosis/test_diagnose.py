@@ -30,7 +30,9 @@ NUMBERS, TEXTS = [float], [str]
 OR_NONE = type(None)
 # Of every key of the answer: a type, a list with the type of its members or the keys of them, or the types that it
 # may have.
+EVIDENCE: dict[str, Any] = {**dict.fromkeys(("fit", "priors_relieved", "rest"), float), "relieved": dict}
 CAUSE: dict[str, Any] = {
+    "evidence": EVIDENCE,
     **dict.fromkeys(("id", "says", "unit"), str),
     **dict.fromkeys(("estimate", "largest_effect_K", "log_bayes_factor", "probability", "member_probability"), float),
     **dict.fromkeys(("significant", "identified", "improved"), bool),
@@ -50,7 +52,15 @@ GAIN: dict[str, Any] = {
     **dict.fromkeys(("mae_before_K", "mae_after_K", "published_mae_K", "outside_trained_share"), float),
     "ci95_K": NUMBERS,
 }
+FINDING: dict[str, Any] = {
+    **dict.fromkeys(("about", "when", "kind", "says", "unit", "sharper"), str),
+    **dict.fromkeys(("place", "session", "bound"), (str, OR_NONE)),
+    **dict.fromkeys(("log_evidence", "estimate"), (float, OR_NONE)),
+    "times_usual": float,
+    "ci95": NUMBERS,
+}
 ANSWER: dict[str, Any] = {
+    "findings": [FINDING],
     **dict.fromkeys(("schema", "diagnosis", "model"), str),
     **dict.fromkeys(("train", "held_out"), TEXTS),
     "shown": [SHOWN],
@@ -170,6 +180,18 @@ def test_the_answer_has_every_key_with_its_type_and_no_number_that_is_none(answe
     assert answer["shown"]
     assert answer["rivals"]
     assert answer["gain"]
+
+
+def test_every_ln_bf_after_a_refit_is_the_sum_of_what_it_comes_from(answer: Mapping[str, Any]) -> None:
+    refitted = [one for one in (*answer["causes"], *answer["rivals"]) if "evidence" in one]
+    assert refitted[0] == answer["causes"][0]
+    for one in refitted:
+        evidence = one["evidence"]
+        total = evidence["fit"] + evidence["priors_relieved"] + evidence["rest"]
+        assert total == pytest.approx(one["log_bayes_factor"], abs=1e-6), one["id"]
+        untold = evidence["priors_relieved"] - sum(evidence["relieved"].values())
+        assert abs(untold) < 0.1 * 20, "families of under 0.1 each are left out"
+        assert list(evidence["relieved"].values()) == sorted(evidence["relieved"].values(), reverse=True)
 
 
 def test_the_sessions_stand_in_the_answer_by_their_ids(diagnosed: Path, answer: Mapping[str, Any]) -> None:

@@ -1,0 +1,69 @@
+"""What is unusual in the calibrated motor, told before any cause: the twin's findings as the answer holds them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from replay.studies.diagnosis.answer import Unusual
+from twin.diagnosis.findings import Findings, Moved, Wide, findings
+from twin.diagnosis.in_words import Plain
+from twin.diagnosis.naming import Naming
+from twin.differences.everyday import everyday
+from twin.fitting.fit import Fit
+
+
+def beyond_usual(naming: Naming, train: Sequence[str]) -> list[Unusual]:
+    """What is unusual in the first fit, and in the one with the causes where there are any. `train`: the ids of the
+    sessions learnt from."""
+    fits = {"before": naming.rounds[0].base} | ({"after": naming.final} if naming.accepted else {})
+    return [one for when, fit in fits.items() for one in _of(fit, when, train, naming.threshold)]
+
+
+def _of(fit: Fit, when: str, train: Sequence[str], threshold: float) -> Iterator[Unusual]:
+    """Families first, then single numbers, in each the strongest first."""
+    found = findings(fit, everyday(fit.model.network, fit.model.tests), threshold)
+    plain = Plain(fit.model.network)
+    yield from (_wide(found, one, when, plain) for one in found.wide)
+    yield from (_moved(found, one, when, plain, train) for one in found.moved)
+
+
+def _wide(found: Findings, one: Wide, when: str, plain: Plain) -> Unusual:
+    parameter, *others = (found.fit.model.parameters[i] for i in one.members)
+    sharper = dict.fromkeys(map(plain.sharper, (parameter, *others)))  # losses of several regions have several
+    return Unusual(
+        about="family",
+        when=when,
+        kind=plain.kind_and_place(parameter)[0],
+        place=None,
+        says=plain.group(parameter),
+        session=None,
+        times_usual=one.times,
+        log_evidence=one.log_evidence,
+        estimate=None,
+        ci95=[],
+        unit="1",
+        bound=None,
+        sharper=", or ".join(sharper),
+    )
+
+
+def _moved(found: Findings, one: Moved, when: str, plain: Plain, train: Sequence[str]) -> Unusual:
+    parameter, value = found.fit.model.parameters[one.place], float(found.fit.beta[one.place])
+    kind, place = plain.kind_and_place(parameter)
+    estimate, unit = plain.amount(parameter, value)
+    band = [plain.amount(parameter, value + times * one.sd)[0] for times in (-1.96, 1.96)]
+    return Unusual(
+        about="bound" if one.held else "moved",
+        when=when,
+        kind=kind,
+        place=place,
+        says=plain.says(parameter),
+        session=None if parameter.test is None else train[parameter.test],
+        times_usual=one.usual,
+        log_evidence=None,
+        estimate=estimate,
+        ci95=band,
+        unit=unit,
+        bound=plain.bound(parameter) if one.held else None,
+        sharper=plain.sharper(parameter),
+    )
