@@ -10,7 +10,17 @@ import numpy as np
 
 from made.runs import made_run
 from replay.engine.results.run import Observed, Run
-from replay.studies.diagnosis.answer import Diagnosis, KeptGain, Masked, Named, Rival, Shown, UnnamedHeat
+from replay.studies.diagnosis.answer import (
+    Diagnosis,
+    EvidenceParts,
+    KeptGain,
+    Masked,
+    Named,
+    Rival,
+    Shown,
+    UnnamedHeat,
+    Unusual,
+)
 
 TRAIN, KEPT = ("1_s1", "2_s2", "3_wltp"), ("4_s1", "5_wltp")
 LEFT: Mapping[str, float] = {
@@ -287,6 +297,65 @@ TOO_LITTLE = replace(
     gain=[],
     next_test="S2 at 6,000 rpm, 60 s pulses of 300 A",
 )
+IRON = Unusual(
+    about="family",
+    when="before",
+    kind="loss",
+    place=None,
+    says="form of the losses in iron",
+    session=None,
+    times_usual=3.14,
+    log_evidence=34.2,
+    estimate=None,
+    ci95=[],
+    unit="1",
+    bound=None,
+    sharper="a no-load speed ladder",
+)
+PATH = replace(
+    IRON,
+    about="moved",
+    kind="conductance",
+    place="endwinding-coolant",
+    says="the heat path between endwinding and coolant",
+    times_usual=2.13,
+    log_evidence=None,
+    estimate=0.62,
+    ci95=[0.31, 1.0],
+    sharper="sensors at both ends",
+)
+BOUND = replace(
+    PATH,
+    about="bound",
+    place="housing-air",
+    says="the heat path between housing and air",
+    times_usual=-3.5,
+    estimate=-0.75,
+    ci95=[-0.8, -0.7],
+    bound="a factor of 4",
+)
+OFFSET = replace(
+    PATH,
+    kind="sensor",
+    place="EW_A_inner",
+    says="the offset of EW_A_inner",
+    session=session_id("3_wltp"),
+    times_usual=-2.2,
+    estimate=-1.03,
+    ci95=[-1.4, -0.66],
+    unit="K",
+    sharper="a session at standstill",
+)
+STRANGE = replace(ABSORBED, findings=[IRON, BOUND, PATH, OFFSET])
+EVIDENCE = EvidenceParts(
+    fit=120.4, priors_relieved=192.31, rest=-2.51, relieved={"form of the losses in magnet": 150.0, "films": 40.1}
+)
+EXPLAINED = replace(
+    NAMED,
+    causes=[replace(EDDY, evidence=EVIDENCE)],
+    rivals=[replace(RIVALS[0], evidence=replace(EVIDENCE, relieved={}))],
+    findings=[IRON, PATH, OFFSET, *(replace(one, when="after") for one in (BOUND, PATH))],
+)
 ALL: Mapping[str, Diagnosis] = {
     "named": NAMED,
     "several": SEVERAL,
@@ -297,4 +366,6 @@ ALL: Mapping[str, Diagnosis] = {
     "worse": WORSE,
     "unknown": UNKNOWN,
     "too_little": TOO_LITTLE,
+    "strange": STRANGE,
+    "explained": EXPLAINED,
 }

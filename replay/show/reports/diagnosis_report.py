@@ -11,7 +11,7 @@ from replay.engine.results.run import Run
 from replay.show.plots.compare import MODELS, compare, lines_drawn
 from replay.show.plots.error_maps import error_map
 from replay.show.plots.filter_plots import estimated_loss
-from replay.show.reports import kept_errors, sentences, verdict
+from replay.show.reports import beyond_usual, kept_errors, sentences, verdict
 from replay.show.reports.diagnosis_text import diagnosis_name, gain_notes, looked_at, next_commands
 from replay.show.reports.gain_plot import gain_bars
 from replay.show.reports.ranking import ranking
@@ -48,6 +48,9 @@ def write_diagnosis_report(
         diagnosis=diagnosis,
         name=diagnosis_name(diagnosis),
         verdict=verdict,
+        beyond_usual=beyond_usual,
+        unusual=beyond_usual.of_last_fit(diagnosis),
+        taken_away=beyond_usual.taken_away(diagnosis),
         answer=sentences.answer(diagnosis),
         gain_plot=gain_bars(diagnosis),
         gain_notes=gain_notes(diagnosis),

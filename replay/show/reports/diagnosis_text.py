@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from replay.show.reports import kept_errors, sentences, verdict
+from replay.show.reports import beyond_usual, kept_errors, sentences, verdict
 from replay.show.reports.verdict import Ending
 from replay.show.words import words
 from replay.show.words.terminal import labelled
@@ -18,6 +18,7 @@ def diagnosis_text(diagnosis: Diagnosis) -> str:
     lines = labelled("Answer", sentences.headline(diagnosis))
     lines += labelled("What is wrong", verdict.what_is_wrong(diagnosis))
     lines += _paragraphs("Left out", [f"{m.session_name}: {m.says}" for m in diagnosis.masked])
+    lines += _paragraphs("Beyond usual", list(beyond_usual.told(diagnosis)))
     for label, paragraphs in _ending(diagnosis):
         lines += _paragraphs(label, paragraphs)
     lines += _paragraphs("Gain, kept", list(_gain(diagnosis)))
@@ -56,6 +57,8 @@ def diagnosis_name(diagnosis: Diagnosis) -> str:
 def answer_markdown(diagnosis: Diagnosis) -> str:
     """The answer for the viewer's text panel: what, how much, what else it could be, what it gains, where to look."""
     lines = [f"# {sentences.answer(diagnosis)}", ""]
+    unusual = list(beyond_usual.told(diagnosis))
+    lines += ["## Beyond usual", *(f"- {line}" for line in unusual), ""] if unusual else []
     for cause in diagnosis.causes:
         lines += [f"## `{cause.id}`", f"{words.capital(cause.says)}.", ""]
         lines += [f"- {_evidence(diagnosis, cause)}", f"- {verdict.effect(diagnosis, cause)}"]
@@ -92,7 +95,9 @@ def _ending(diagnosis: Diagnosis) -> Iterator[tuple[str, Sequence[str]]]:
 
 
 def _cause(diagnosis: Diagnosis, cause: Named) -> Iterator[tuple[str, Sequence[str]]]:
-    named = [f"{cause.id}   {_evidence(diagnosis, cause)}", cause.says, verdict.effect(diagnosis, cause)]
+    named = [f"{cause.id}   {_evidence(diagnosis, cause)}"]
+    named += [f"of that ln BF {verdict.comes_from(cause.evidence)}"] if cause.evidence else []
+    named += [cause.says, verdict.effect(diagnosis, cause)]
     named += [cause.formula] if cause.formula else []
     yield "Named cause", named if cause.improved else [*named, verdict.whether_improved(diagnosis, cause)]
     told = [f"{other}: {says}" for other, says in verdict.rivals_left(cause)]
@@ -111,7 +116,8 @@ def _evidence(diagnosis: Diagnosis, cause: Named) -> str:
 
 def _rivals(diagnosis: Diagnosis) -> Iterator[str]:
     for rival in diagnosis.rivals[:RIVALS]:
-        yield f"{rival.id}: ln BF {verdict.figures(rival.log_bayes_factor)}, {rival.why_not}"
+        parts = f" ({verdict.fit_and_priors(rival.evidence)})" if rival.evidence else ""
+        yield f"{rival.id}: ln BF {verdict.figures(rival.log_bayes_factor)}{parts}, {rival.why_not}"
     if len(diagnosis.rivals) > RIVALS:
         yield f"and {len(diagnosis.rivals) - RIVALS} more in the report"
 

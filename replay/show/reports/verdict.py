@@ -9,13 +9,14 @@ from enum import Enum, auto
 
 from replay.show.reports import kept_errors
 from replay.show.words import words
-from replay.studies.diagnosis.answer import Diagnosis, Named, Shown, UnnamedHeat
+from replay.studies.diagnosis.answer import Diagnosis, EvidenceParts, Named, Shown, UnnamedHeat
 from twin.motor.causes import parse, says
 
 UNITS: Mapping[str, str] = {"degC": "°C", "lpm": "l/min"}  # as stored -> as people write it
 ON_THE_BENCH = ("sensor", "clock", "input", "boundary")  # kinds of cause that the bench file corrects
 NO_SIZE = ("hold", "stuck", "saturation", "dropout", "undersampled")  # faults that are there or not
 UNUSUAL = 4.0  # prior sd of a cause: one that is larger says so
+LEAST_SHARE = 0.5  # of ln BF: a family that is relieved by less is not told
 FAR = 2.0  # floors: a recalibrated model that stays further off on kept sessions lacks something
 
 
@@ -120,9 +121,14 @@ def size(cause: Named) -> str:
         return ""
     if law == "scale":  # its size multiplies what was there
         return f"factor {figures(cause.estimate)} ({figures(cause.ci95[0])} to {figures(cause.ci95[1])})"
-    scale, written = (100.0, "%") if cause.unit == "1" else (1.0, unit(cause.unit))
-    low, high = (figures(scale * end) for end in cause.ci95)
-    return f"{signed(scale * cause.estimate)} {written} ({low} to {high})"
+    return amount(cause.estimate, cause.ci95, cause.unit)
+
+
+def amount(estimate: float, ci95: Sequence[float], stored: str) -> str:
+    """ "+96 W (88 to 104)", "+3.1 % (2.8 to 3.4)" of a share, in the unit "1"."""
+    scale, written = (100.0, "%") if stored == "1" else (1.0, unit(stored))
+    low, high = (figures(scale * end) for end in ci95)
+    return f"{' '.join(filter(None, [signed(scale * estimate), written]))} ({low} to {high})"
 
 
 def probability(value: float) -> str:
@@ -209,6 +215,22 @@ def unexplained(heat: UnnamedHeat) -> str:
     if heat.patchwork:
         return f"{words.joined(heat.patchwork)} fit only together, so none of them is named."
     return "no candidate explains it."
+
+
+def comes_from(evidence: EvidenceParts) -> str:
+    """ "1.9 fit, 17.2 priors relieved (mostly form of the losses in iron, 12.1), −2.5 rest"."""
+    most = next(((name, value) for name, value in evidence.relieved.items() if value >= LEAST_SHARE), None)
+    family = f" (mostly {most[0]}, {_tenths(most[1])})" if most else ""
+    return f"{fit_and_priors(evidence)}{family}, {_tenths(evidence.rest)} rest"
+
+
+def fit_and_priors(evidence: EvidenceParts) -> str:
+    """ "1.9 fit, 17.2 priors relieved"."""
+    return f"{_tenths(evidence.fit)} fit, {_tenths(evidence.priors_relieved)} priors relieved"
+
+
+def _tenths(value: float) -> str:
+    return f"{value:.1f}".replace("-", "−")
 
 
 def against(diagnosis: Diagnosis) -> str:

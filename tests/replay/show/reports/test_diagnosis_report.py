@@ -14,11 +14,13 @@ from made.diagnoses import (
     ABSORBED,
     ALL,
     EDDY,
+    EXPLAINED,
     NAMED,
     NOT_IMPROVED,
     RIVALS,
     SEVERAL,
     SILENT,
+    STRANGE,
     TOLD_APART,
     TOO_LITTLE,
     UNKNOWN,
@@ -373,3 +375,16 @@ def test_a_filter_that_blames_the_right_node_is_not_contradicted() -> None:
     for diagnosis in (right, perhaps):
         plot = filter_section(run, diagnosis, 300)
         assert plot is not None and plot.title.startswith("The filter puts 40 W more loss at the rotor surface")
+
+
+def test_all_that_is_beyond_usual_stands_in_the_report_before_the_evidence(tmp_path: Path) -> None:
+    text = Tags(page(tmp_path, STRANGE, {})).text
+    at = text.index("What is beyond usual, before any cause")
+    assert text.index("What the model as published gets wrong") < at < text.index("Evidence")
+    assert "The offset of EW_A_inner in 3_wltp had to shrink by 2.2 sd: −1.03 K (−1.4 to −0.66)" in text
+    assert "a no-load speed ladder" in text
+    with_cause = Tags(page(tmp_path, EXPLAINED, {})).text
+    assert "what calibration had to do beside the cause" in with_cause
+    assert "No longer beyond usual with the cause: form of the losses in iron" in with_cause
+    assert "Of its ln BF 310: 120.4 fit, 192.3 priors relieved" in with_cause
+    assert "beyond usual" not in Tags(page(tmp_path, SILENT, {})).text

@@ -13,12 +13,14 @@ from made.diagnoses import (
     ALL,
     BIAS,
     EDDY,
+    EXPLAINED,
     GAIN,
     NAMED,
     NOT_IMPROVED,
     RIVALS,
     SEVERAL,
     SILENT,
+    STRANGE,
     TOLD_APART,
     TOO_LITTLE,
     UNKNOWN,
@@ -333,3 +335,39 @@ def test_a_cause_that_is_larger_than_usual_is_named_and_says_so() -> None:
     larger = flat(diagnosis_text(replace(NAMED, causes=[replace(NAMED.causes[0], times_usual=6.2)])))
     assert "; 6 times as large as such a cause usually is" in larger
     assert "usually is" not in flat(diagnosis_text(replace(NAMED, causes=[replace(NAMED.causes[0], times_usual=3.9)])))
+
+
+def test_what_is_beyond_usual_is_told_before_any_cause_in_a_few_lines() -> None:
+    lines = diagnosis_text(STRANGE).splitlines()
+    labels = [line[:18].rstrip() for line in lines if line[0] != " "]
+    assert labels[1:4] == ["What is wrong", "Beyond usual", "Named cause"]
+    text = flat("\n".join(lines))
+    for part in (
+        "Form of the losses in iron: 3.1 times as far from the file as usual (ln evidence +34.2). Sharper with a",
+        "The heat path between housing and air had to shrink by 3.5 sd: −75 % (−80 to −70). It ended at its bound,",
+        "a factor of 4. Sharper with sensors at both ends and 2 more in the report",
+    ):
+        assert part in text
+
+
+def test_with_a_cause_what_is_left_is_told_and_what_the_cause_took_away() -> None:
+    text = flat(diagnosis_text(EXPLAINED))
+    assert "endwinding and coolant had to grow by 2.1 sd: +62 % (31 to 100)" in text
+    assert text.count("sensors at both ends") == 1, "what sharpens two in a row is said once"
+    assert (
+        "No longer beyond usual with the cause: form of the losses in iron (3.1 times as far from the file as usual) "
+        "and the offset of EW_A_inner in 3_wltp (2.2 sd)"
+    ) in text
+    assert "Beyond usual" not in diagnosis_text(NAMED)
+
+
+def test_a_ln_bf_is_printed_as_fit_and_priors_relieved() -> None:
+    text = flat(diagnosis_text(EXPLAINED))
+    assert (
+        "of that ln BF 120.4 fit, 192.3 priors relieved (mostly form of the losses in magnet, 150.0), −2.5 rest"
+    ) in text
+    assert "loss.rotor_surface.speed3: ln BF 288 (120.4 fit, 192.3 priors relieved), 22 behind" in text
+
+
+def test_the_viewer_tells_what_is_beyond_usual_too() -> None:
+    assert "## Beyond usual\n- Form of the losses in iron" in answer_markdown(STRANGE)

@@ -1,0 +1,67 @@
+"""What is unusual in a calibrated motor, in sentences: what a reader should know before any cause."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from replay.show.reports import verdict
+from replay.show.words import words
+from replay.studies.diagnosis.answer import Diagnosis, Unusual
+
+SHOWN = 2  # findings at most, and as many that a cause took away
+
+
+def told(diagnosis: Diagnosis) -> Iterator[str]:
+    """The strongest findings with what would make them sharper, how many more there are, and what a cause took away."""
+    unusual = of_last_fit(diagnosis)
+    sharper = ""
+    for one in unusual[:SHOWN]:
+        yield f"{sentence(diagnosis, one)}{f'. Sharper with {one.sharper}' if one.sharper != sharper else ''}"
+        sharper = one.sharper
+    if len(unusual) > SHOWN:
+        yield f"and {len(unusual) - SHOWN} more in the report"
+    if gone := taken_away(diagnosis):
+        yield gone
+
+
+def of_last_fit(diagnosis: Diagnosis) -> list[Unusual]:
+    """What is unusual in the fit with the causes where there are any."""
+    when = "after" if diagnosis.causes else "before"
+    return [one for one in diagnosis.findings if one.when == when]
+
+
+def taken_away(diagnosis: Diagnosis) -> str:
+    """What is beyond usual without the causes and no longer with them; "" where nothing is."""
+    left = {(one.says, one.session) for one in of_last_fit(diagnosis)}
+    gone = [one for one in diagnosis.findings if one.when == "before" and (one.says, one.session) not in left]
+    names = [f"{_whose(diagnosis, one)} ({_how_far(one)})" for one in gone[:SHOWN]]
+    more = [f"{len(gone) - SHOWN} more"] if len(gone) > SHOWN else []
+    cause = "causes" if len(diagnosis.causes) > 1 else "cause"
+    return f"No longer beyond usual with the {cause}: {words.joined([*names, *more])}" if gone else ""
+
+
+def sentence(diagnosis: Diagnosis, one: Unusual) -> str:
+    """One finding with its size, without a full stop."""
+    subject = words.capital(_whose(diagnosis, one))
+    if one.log_evidence is not None:
+        return f"{subject}: {_how_far(one)} (ln evidence {verdict.signed(one.log_evidence)})"
+    size = f": {verdict.amount(one.estimate, one.ci95, one.unit)}" if one.estimate is not None else ""
+    bound = f". It ended at its bound, {one.bound}" if one.bound else ""
+    return f"{subject} had to {_verb(one)} by {_how_far(one)}{size}{bound}"
+
+
+def _whose(diagnosis: Diagnosis, one: Unusual) -> str:
+    where = f" in {verdict.session_name(diagnosis, one.session)}" if one.session else ""
+    return f"{one.says}{where}"
+
+
+def _verb(one: Unusual) -> str:
+    if one.says.startswith("how "):
+        return "change"
+    return "grow" if one.times_usual > 0 else "shrink"
+
+
+def _how_far(one: Unusual) -> str:
+    """ "3.1 times as far from the file as usual", "2.3 sd"."""
+    family = one.about == "family"
+    return f"{one.times_usual:.1f} times as far from the file as usual" if family else f"{abs(one.times_usual):.1f} sd"
