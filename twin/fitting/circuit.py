@@ -40,6 +40,8 @@ class Circuit:
             for node in one.action.nodes
         ]
         self.states = self.n + len(self.followers)
+        nodes = [node.name for node in network.nodes]
+        self.names = [*nodes, *(f"the mass behind {nodes[node]}" for _, node, _ in self.followers)]
         self.edges_s: Floats = np.arange(self.steps + 1, dtype=np.float64) * self.step_s
         self.drive = Drive(network, test, self.active)
         shape, values = described(network)
@@ -140,7 +142,8 @@ class Circuit:
         acting = {int(i) for own in (self.of_terms, self.of_features) for i in own.to[own.weights(beta) != 0]}
         affine = all(self.laws[i].affine for i in acting)
         physics = replace(self._values, capacities=capacity)
-        ran = sparse_march.run(self._program, affine, physics, self.step_s, carried.T, boundaries, self.start(beta))
+        start = self.start(beta)
+        ran = sparse_march.run(self._program, affine, physics, self.step_s, carried.T, boundaries, start, self.names)
         return CircuitRun(beta, prompt, tents, late_s, values, carried, boundaries, ran)
 
 

@@ -78,7 +78,7 @@ def block_columns(
     """
     shape, values, program, laws, table = laid_out(network)
     check_frame(network, frame, initial, shape.monomials)
-    affine = all(law.affine for law in laws)
+    affine, names = all(law.affine for law in laws), [node.name for node in network.nodes]
     size = len(values.coefficients)
     places = range(size + 2 * shape.n) if wanted is None else wanted
     node_of = np.array(places, dtype=np.int64) - size - shape.n  # whose start a column is, below 0 where of none
@@ -93,7 +93,7 @@ def block_columns(
     for first in range(0, whole, at_once):
         some = slice(first, min(first + at_once, whole))
         phi, around = frame.features[some], frame.boundaries[some]
-        ran = run(program, affine, values, frame.step_s, phi, around, initial)
+        ran = run(program, affine, values, frame.step_s, phi, around, initial, names)
         initial = ran.edges[-1]
         driven, _ = psi(table, ran.means, around)
         heats = np.concatenate([driven, 2 / frame.step_s * (ran.edges[:-1] - ran.means).T])

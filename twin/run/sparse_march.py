@@ -38,6 +38,7 @@ STRIP = 96  # columns at most that go through the steps together: what they need
 SETTLED_K = (
     1e-4  # heats that are linearised about what is so near are exact to 1e-8 K: what is left falls with the square
 )
+MELTED_DEGC = 1e4  # beyond, a run has diverged
 ROUNDS = 8  # of linearising steps about what the last round found
 
 
@@ -79,11 +80,13 @@ def run(
     features: Floats,
     boundaries: Floats,
     initial: Floats,
+    names: Sequence[str],
 ) -> MarchRun:
     """From `initial` (n,) on with `features` (N, m) and `boundaries` (N, b) [degC]. `affine`: whether all heats are
     linear in temperature, so that one round of linearising is exact.
 
-    Raises `DivergedError` where the temperatures leave the finite numbers or ten thousand degrees.
+    Raises `DivergedError` where the temperatures leave the finite numbers or ten thousand degrees, with the name of the
+    node, of the nodes' `names` (n,), that does so first.
     """
     steps, storage = len(features), 2 * values.capacities / step_s
     shares = np.empty((steps, program.n + 2 * len(program.edge_to)))
@@ -91,9 +94,20 @@ def run(
     edges[0] = initial
     constants = values.coefficients, values.copper, values.factors
     _run(program, affine, storage, *constants, _in_lanes(features), _in_lanes(boundaries), shares, edges, means)
-    if not (np.abs(edges[-1]) < 1e4).all():
-        raise DivergedError("temperatures run away: a loss grows faster with temperature than its links carry away")
+    if not (np.abs(edges[-1]) < MELTED_DEGC).all():
+        raise _ran_away(edges, names)
     return MarchRun(program, storage, shares, edges, means)
+
+
+def _ran_away(edges: Floats, names: Sequence[str]) -> DivergedError:
+    """Which node runs away, by the temperatures at the edges of the steps (N + 1, n): the one that is furthest off at
+    the first edge where one has melted."""
+    size = np.nan_to_num(np.abs(edges), nan=np.inf)
+    first = int(np.argmax((size >= MELTED_DEGC).any(axis=1)))
+    return DivergedError(
+        f'node "{names[int(size[first].argmax())]}" runs away: more heat comes in than its links carry away; check its '
+        "losses and their slopes with temperature, its links and its capacity"
+    )
 
 
 def _in_lanes(rows: Floats) -> Floats:

@@ -37,7 +37,8 @@ def _start(network: Network) -> Floats:
 
 def _march(network: Network, inputs: Frame, initial: Floats) -> Floats:
     _, values, program, _, _ = laid_out(network)
-    return run(program, False, values, inputs.step_s, inputs.features, inputs.boundaries, initial).edges
+    nodes = [node.name for node in network.nodes]
+    return run(program, False, values, inputs.step_s, inputs.features, inputs.boundaries, initial, nodes).edges
 
 
 @pytest.mark.parametrize("seed", range(6))

@@ -79,7 +79,8 @@ def test_what_comes_in_is_stored_in_a_march(seed: int, n: int, make_network: Mak
     frame = law_frame(network, seed, 1, STEP_S)
     _, p, program, _, _ = laid_out(network)
     start = np.random.default_rng(seed).uniform(25.0, 120.0, len(network.nodes))
-    ran = run(program, False, p, STEP_S, frame.features, frame.boundaries, start)
+    nodes = [node.name for node in network.nodes]
+    ran = run(program, False, p, STEP_S, frame.features, frame.boundaries, start, nodes)
     parts = _from_outside(_at(network, frame, ran.means[0]))
     assert p.capacities @ (ran.edges[1] - start) == pytest.approx(
         STEP_S * float(parts.sum()), abs=1e-9 * STEP_S * float(np.abs(parts).sum())

@@ -31,7 +31,7 @@ def _march(network: Network, drive: Mapping[str, Floats], step_s: float) -> Marc
     _, values, program, _, _ = laid_out(network)
     phi = evaluate(monomials(network), drive, len(drive["speed"]))
     around = np.tile([COOLANT_DEGC, AMBIENT_DEGC], (len(phi), 1))
-    return run(program, False, values, step_s, phi, around, INITIAL)
+    return run(program, False, values, step_s, phi, around, INITIAL, [node.name for node in network.nodes])
 
 
 @pytest.mark.parametrize(("drive", "near_K"), [(smooth(900.0), 0.05), (pulses(900.0), 0.15)])
@@ -113,10 +113,11 @@ def test_a_step_solves_its_system() -> None:
         )
 
 
-def test_temperatures_that_run_away_are_said() -> None:
+@pytest.mark.parametrize("node", ["winding", "case"])
+def test_the_node_that_runs_away_first_is_said(node: str) -> None:
     network = every_law()
-    hot = replace(network, sources=(*network.sources, Source("winding", (Term(40000.0, copper=True),))))
-    with pytest.raises(DivergedError, match="temperatures run away"):
+    hot = replace(network, sources=(*network.sources, Source(node, (Term(40000.0, copper=True),))))
+    with pytest.raises(DivergedError, match=f'node "{node}" runs away: more heat comes in'):
         _march(hot, pulses(600.0, step_s=2.0), 2.0)
 
 
@@ -147,7 +148,7 @@ def _run_of(
     copper = every_law().copper
     values = Parameters(np.ones(len(laws)), capacities, np.array([copper.alpha_per_K, copper.reference_degC]), factors)
     indices = program(Structure.of(4, len(laws), tuple(groups)), DEFAULT)
-    return run(indices, False, values, step_s, carried.T, around, initial)
+    return run(indices, False, values, step_s, carried.T, around, initial, [str(i) for i in range(len(initial))])
 
 
 def _random(step_s: float) -> MarchRun:

@@ -336,6 +336,21 @@ def test_a_question_that_cannot_be_answered_is_refused_in_one_line(
     assert position(small) == before
 
 
+def test_of_a_file_with_which_nothing_converges_the_node_is_said_in_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    can_bench.write_files(tmp_path)
+    crude = can_bench.MOTOR.replace("coefficient = 30.0, speed", "coefficient = 100000.0, speed")
+    (tmp_path / "motor.toml").write_text(crude, encoding="utf-8")
+    can_bench.write_log(tmp_path / "1.blf", LONG_S, 1)
+    words = ["--bench", str(tmp_path / "bench.toml"), "--dbc", str(tmp_path / "bench.dbc")]
+    assert main(["ingest", str(tmp_path / "1.blf"), *words, "--store", str(tmp_path / "store")]) == 0
+    capsys.readouterr()
+    assert main(["diagnose", "--on", "1", "--store", str(tmp_path / "store")]) == 2
+    *_, told = capsys.readouterr().err.splitlines()
+    assert re.fullmatch(r'diagnosis with model \w+: node "magnet" runs away: more heat comes in than .*', told)
+
+
 @pytest.mark.parametrize(
     ("step", "error", "why", "replayed"),
     [
