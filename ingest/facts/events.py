@@ -202,8 +202,8 @@ class CauseNamed(Event):
 
 
 class ModelExtended(Event):
-    """`diagnosis-<id>`: a motor or bench file with the causes that improved lies in the archive: `model` extends
-    `parent`, `bench` extends `parent_bench`, with which the diagnosis began; None where nothing was to be added."""
+    """`diagnosis-<id>`: a motor or bench file with the named causes lies in the archive: `model` extends `parent`,
+    `bench` extends `parent_bench`, with which the diagnosis began; None where nothing was to be added."""
 
     diagnosis: str
     parent: str | None  # SHA-256 of motor files
@@ -230,7 +230,7 @@ class DiagnosisCompleted(Event):
 
 
 class CauseAccepted(Event):
-    """`diagnosis-<id>`: a person took its improved causes: from here on `model` is current in place of `parent`, and
+    """`diagnosis-<id>`: a person took its causes: from here on `model` is current in place of `parent`, and
     `bench` in place of `parent_bench`; None where there is nothing of the kind."""
 
     diagnosis: str

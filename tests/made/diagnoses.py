@@ -16,9 +16,14 @@ from replay.studies.diagnosis.answer import (
     KeptGain,
     Masked,
     Named,
+    Relieved,
     Rival,
     Shown,
+    SteadyPoint,
+    Telling,
+    TwoModels,
     UnnamedHeat,
+    UnseenNode,
     Unusual,
 )
 
@@ -171,6 +176,25 @@ GAIN = [
     gain("rotor_surface", 5.2, 0.8, (3.4, 5.1), 7.7, recorded=(7.9, 5.3, 1.0)),
 ]
 
+NO_LOAD = "S1 at 12,000 rpm and 0 A, 60 min"
+APART = TwoModels(
+    over_kept=True,
+    relieved=[
+        Relieved(parameter="conductance jacket-coolant", before_sd=-2.3, after_sd=-0.2),
+        Relieved(parameter="loss of teeth near 8,000 rpm", before_sd=1.4, after_sd=0.4),
+    ],
+    inside=[
+        UnseenNode(node="rotor_core", mean_K=1.2, max_K=3.4, session=session_id("5_wltp"), t_s=1860.0),
+        UnseenNode(node="shaft", mean_K=0.3, max_K=0.9, session=session_id("4_s1"), t_s=600.0),
+    ],
+    points=[
+        SteadyPoint(says="S1 at 3,000 rpm and 0 A, 60 min", at={"speed_rpm": 3000.0}, node="shaft", differ_K=0.2),
+        SteadyPoint(says=NO_LOAD, at={"speed_rpm": 12000.0}, node="rotor_core", differ_K=-7.4),
+    ],
+    test=Telling(says=NO_LOAD, node="magnet", channel="MAG_1", differ_K=-5.9, times_sensor=11.8),
+    sensor=Telling(says=NO_LOAD, node="rotor_core", channel=None, differ_K=-7.4, times_sensor=14.8),
+)
+
 NAMED = Diagnosis(
     diagnosis="7f31beef" * 8,
     motor="reference-150kW",
@@ -200,8 +224,11 @@ NAMED = Diagnosis(
     threshold=8.0,
     next_test=None,
     seconds=14.2,
+    two_models=APART,
 )
-NOTHING_ADDED: dict[str, Any] = {"extended_model": None, "log_score_gain": None, "log_score_gain_lower": None}
+NOTHING_ADDED: dict[str, Any] = {
+    **dict.fromkeys(("extended_model", "log_score_gain", "log_score_gain_lower", "two_models")),
+}
 SEVERAL = replace(
     NAMED,
     causes=[EDDY, BIAS],
@@ -233,13 +260,19 @@ TOLD_APART = replace(
 )
 NOT_IMPROVED = replace(
     NAMED,
-    **NOTHING_ADDED,
     causes=[
         replace(EDDY, improved=False, why_not_improved="the lower bound of the log score's gain is below zero (-3.1)")
     ],
     gain=[
         gain("magnet", 0.61, 0.58, (-0.1, 0.15), 9.0, recorded=(9.2, 0.8, 0.8)),
         gain("rotor_surface", 0.5, 0.62, (-0.2, -0.05), 7.7, recorded=(7.6, 0.5, 0.6)),
+    ],
+)
+TAKEN = replace(
+    NOT_IMPROVED,
+    gain=[
+        gain("magnet", 0.2, 0.2, (-0.1, 0.1), 9.0, recorded=(9.2, 0.2, 0.2)),
+        gain("rotor_surface", 0.2, 0.2, (-0.1, 0.1), 6.5, recorded=(6.6, 0.2, 0.2)),
     ],
 )
 RIVALS_BELOW = [
@@ -361,6 +394,7 @@ ALL: Mapping[str, Diagnosis] = {
     "several": SEVERAL,
     "told_apart": TOLD_APART,
     "not_improved": NOT_IMPROVED,
+    "taken": TAKEN,
     "silent": SILENT,
     "absorbed": ABSORBED,
     "worse": WORSE,

@@ -11,7 +11,7 @@ from replay.engine.results.run import Run
 from replay.show.plots.compare import MODELS, compare, lines_drawn
 from replay.show.plots.error_maps import error_map
 from replay.show.plots.filter_plots import estimated_loss
-from replay.show.reports import beyond_usual, kept_errors, sentences, verdict
+from replay.show.reports import beyond_usual, kept_errors, sentences, two_models, verdict
 from replay.show.reports.diagnosis_text import diagnosis_name, gain_notes, looked_at, next_commands
 from replay.show.reports.gain_plot import gain_bars
 from replay.show.reports.ranking import ranking
@@ -57,6 +57,7 @@ def write_diagnosis_report(
         gains=kept_errors.furthest_first(diagnosis.gain),
         kept_errors=kept_errors,
         stages=kept_errors.stages(bool(diagnosis.causes)),
+        apart=two_models.paragraphs(diagnosis),
         looked_at=looked_at(diagnosis),
         commands=next_commands(diagnosis),
         sessions=_sessions(diagnosis, shown),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from replay.show.reports import beyond_usual, kept_errors, sentences, verdict
+from replay.show.reports import beyond_usual, kept_errors, sentences, two_models, verdict
 from replay.show.reports.verdict import Ending
 from replay.show.words import words
 from replay.show.words.terminal import labelled
@@ -22,6 +22,7 @@ def diagnosis_text(diagnosis: Diagnosis) -> str:
     for label, paragraphs in _ending(diagnosis):
         lines += _paragraphs(label, paragraphs)
     lines += _paragraphs("Gain, kept", list(_gain(diagnosis)))
+    lines += _paragraphs("Two models", two_models.paragraphs(diagnosis))
     lines += _paragraphs("Files", list(filter(None, [sentences.no_files(diagnosis)])))
     lines += labelled("Looked at", looked_at(diagnosis))
     if diagnosis.next_test is not None:
@@ -44,9 +45,8 @@ def looked_at(diagnosis: Diagnosis) -> str:
 def next_commands(diagnosis: Diagnosis) -> list[str]:
     """What to type next; the id as a person would type it."""
     name = diagnosis_name(diagnosis)
-    extended = diagnosis.extended_model is not None or diagnosis.extended_bench is not None
     seen = [*diagnosis.held_out_names, *diagnosis.train_names][:1]
-    return [f"whyhot accept {name}"] * extended + [f"whyhot view {session}" for session in seen]
+    return [f"whyhot accept {name}"] * diagnosis.offers + [f"whyhot view {session}" for session in seen]
 
 
 def diagnosis_name(diagnosis: Diagnosis) -> str:
@@ -68,6 +68,8 @@ def answer_markdown(diagnosis: Diagnosis) -> str:
         lines += [""]
     gain = list(_gain(diagnosis))
     lines += ["## Gain on kept sessions", *(f"- {line}" for line in gain), ""] if gain else []
+    apart = two_models.paragraphs(diagnosis)
+    lines += ["## Recalibrated or with the cause", *(f"- {line}" for line in apart), ""] if apart else []
     lines += [f"Most telling test: {diagnosis.next_test}", ""] if diagnosis.next_test is not None else []
     return "\n".join([*lines, f"Diagnosis {diagnosis_name(diagnosis)}: {looked_at(diagnosis)}.", ""])
 

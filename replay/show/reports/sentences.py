@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from replay.show.reports import kept_errors, verdict
+from replay.show.reports import kept_errors, two_models, verdict
 from replay.show.reports.verdict import Ending, against, ending, figures
 from replay.show.words import words
 from replay.studies.diagnosis.answer import Diagnosis, Named
@@ -62,7 +62,7 @@ def details(diagnosis: Diagnosis) -> str:
     told = [kept_errors.beside(diagnosis)]
     match ending(diagnosis):
         case Ending.NAMED:
-            told = [_sizes(diagnosis), *told, _without_gain(diagnosis)]
+            told = [_sizes(diagnosis), *told, two_models.without_gain(diagnosis)]
             told += [f"Beside that: s{verdict.unknown_sentence(heat)[1:]}" for heat in diagnosis.unknown[:1]]
         case Ending.UNKNOWN:
             first, *more = diagnosis.unknown
@@ -76,9 +76,13 @@ def details(diagnosis: Diagnosis) -> str:
 
 
 def no_files(diagnosis: Diagnosis) -> str:
-    """Why what was found is in no file; "" where there is no such reason."""
+    """Which files are not there, and why; "" where there is no such reason."""
     why = diagnosis.why_no_files
-    return f"No files were written: {why.rstrip('.')}." if why else ""
+    if not why:
+        return ""
+    there = {"recalibrated": diagnosis.recalibrated_model is not None, "extended": diagnosis.offers}
+    missing = [name for name, written in there.items() if not written] if any(there.values()) else []
+    return f"No {' and '.join(missing)}{' ' * bool(missing)}files were written: {why.rstrip('.')}."
 
 
 def _sizes(diagnosis: Diagnosis) -> str:
@@ -95,14 +99,6 @@ def _with_size(cause: Named) -> str:
     size, others = verdict.size(cause), len(cause.indistinguishable_from)
     apart = f", not told apart from {words.counted(others, 'other')}" if others else ""
     return f"{cause.says}{', ' + size if size else ''}{apart}"
-
-
-def _without_gain(diagnosis: Diagnosis) -> str:
-    if any(cause.improved for cause in diagnosis.causes):
-        return ""
-    if not diagnosis.held_out:
-        return "No session was kept to measure the gain on, so no file is changed."
-    return "The kept sessions are not predicted better with it, so no file is changed."
 
 
 def _best(diagnosis: Diagnosis) -> str:

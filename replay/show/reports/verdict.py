@@ -170,9 +170,12 @@ def rivals_left(cause: Named) -> list[tuple[str, str]]:
 
 def whether_improved(diagnosis: Diagnosis, cause: Named) -> str:
     """What became of a named cause."""
+    file = "bench" if parse(cause.id).kind in ON_THE_BENCH else "motor"
     if cause.improved and not diagnosis.why_no_files:
-        return f"corrected in the {'bench' if parse(cause.id).kind in ON_THE_BENCH else 'motor'} file"
+        return f"corrected in the {file} file"
     why = cause.why_not_improved or diagnosis.why_no_files or "the kept sessions are not predicted better with it"
+    if cause.sayable and diagnosis.offers:
+        return f"in the extended {file} file, which is offered though not improved: {why}"
     return f"named, but no file is changed for it: {why}"
 
 

@@ -69,25 +69,30 @@ def accept(store: Store, text: str) -> Acceptance:
 
 def _event(store: Store, diagnosis: str, found: Diagnosis) -> CauseAccepted:
     """What accepting this diagnosis says."""
-    improved = [cause.id for cause in found.causes if cause.improved]
-    if found.extended_model is None and found.extended_bench is None:
-        named = ", ".join(cause.id for cause in found.causes)
-        why = f"{named} did not make the kept sessions better" if named else "it named no cause"
-        why = f"{', '.join(improved)} changes neither motor nor bench file" if improved else why
-        raise ReplayDataError(
-            f"diagnosis d-{diagnosis[:SHORT]}: there is nothing to accept: {why}. Models stay as they are."
-        )
+    said = [cause.id for cause in found.causes if cause.sayable]
+    if not found.offers:
+        raise ReplayDataError(f"diagnosis d-{diagnosis[:SHORT]}: there is nothing to accept: {_why_nothing(found)}.")
     recorded = [one.event for one in store.ledger.events(ModelExtended, stream=f"diagnosis-{diagnosis}")]
     extended = (event for event in recorded if isinstance(event, ModelExtended))
     benches = [event.parent_bench for event in extended if event.bench == found.extended_bench]
     return CauseAccepted(
         diagnosis=diagnosis,
-        causes=improved,
+        causes=said,
         parent=found.model if found.extended_model else None,
         model=found.extended_model,
         parent_bench=benches[-1] if found.extended_bench else None,
         bench=found.extended_bench,
     )
+
+
+def _why_nothing(found: Diagnosis) -> str:
+    """Why a diagnosis has no extended files."""
+    named = ", ".join(cause.id for cause in found.causes)
+    if not named:
+        return "it named no cause. Models stay as they are"
+    said = any(cause.sayable for cause in found.causes)
+    why = found.why_no_files or f"{named} changes neither motor nor bench file"
+    return f"{why}. Models stay as they are" if said else f"no file can say {named}. Models stay as they are"
 
 
 def _elsewhere(facts: Facts, found: Diagnosis, model: str) -> dict[str, str]:

@@ -73,7 +73,8 @@ class Named:
     mean of the training sessions (None where the cause is no heat); `largest_effect_K` on the modelled
     `largest_effect_node`, in session `largest_effect_session` at `largest_effect_t_s`; `formula` of the term as the
     extended file has it; `times_usual`: its size over the prior sd of such a cause; `evidence`: where its ln BF comes
-    from (None for a fault of the data)."""
+    from (None for a fault of the data); `sayable`: a motor or bench file can have it, unlike a change from session to
+    session or a fault of the record."""
 
     id: str
     says: str
@@ -98,6 +99,7 @@ class Named:
     why_not_improved: str | None
     times_usual: float = 1.0
     evidence: EvidenceParts | None = field(default=None, metadata=IF_SAID)
+    sayable: bool = True
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -147,6 +149,65 @@ class KeptGain:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Relieved:
+    """A healthy difference, in words, that had to stand in for the cause: how far it moves in the recalibrated and in
+    the extended model, in its prior sd."""
+
+    parameter: str
+    before_sd: float
+    after_sd: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class UnseenNode:
+    """How far apart the two models are at a node without a sensor [K], in the mean over the sessions and at most, that
+    in `session` at `t_s`."""
+
+    node: str
+    mean_K: float
+    max_K: float
+    session: str
+    t_s: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class SteadyPoint:
+    """An hour at a constant point, `at`: quantity with unit -> value; the node that is furthest apart at its end, by
+    the extended less the recalibrated model [K]."""
+
+    says: str
+    at: dict[str, float]
+    node: str
+    differ_K: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Telling:
+    """What would tell which model is right: the test `says` ("" for more of the same sessions), and the `channel` that
+    shows it, or None for a sensor at `node` that is not there. `times_sensor`: over what such a sensor may be off."""
+
+    says: str
+    node: str
+    channel: str | None
+    differ_K: float
+    times_sensor: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class TwoModels:
+    """Recalibrated alone or with what was named: `relieved` of what had to stand in for it, most relieved first; nodes
+    without a sensor (`inside`), furthest apart first, `over_kept` sessions or else over those learnt from; operating
+    `points`; and the `test` and the `sensor` that would tell, None where none does."""
+
+    over_kept: bool
+    relieved: list[Relieved]
+    inside: list[UnseenNode]
+    points: list[SteadyPoint]
+    test: Telling | None
+    sensor: Telling | None
+
+
+@dataclass(frozen=True, kw_only=True)
 class Masked:
     """A data fault found before calibration and left out: a held, stuck, saturated or dead stretch of a channel."""
 
@@ -159,9 +220,10 @@ class Masked:
 @dataclass(frozen=True, kw_only=True)
 class Diagnosis:
     """The whole answer. Models are ids: `model` as published, `recalibrated_model` without a new term (None where it is
-    worse on the kept sessions than the file as published), `extended_model` with the improved causes (None where
-    nothing is to be added); `recalibrated_benches` and `extended_benches` (bench file -> its version) go with them, of
-    those that change, and `recalibrated_bench` and `extended_bench` are the first of these (None without any).
+    worse on the kept sessions than the file as published), `extended_model` with the named causes, improved or not
+    (None where nothing is to be added, or a replay with it runs away); `recalibrated_benches` and `extended_benches`
+    (bench file -> its version) go with them, of those that change, and `recalibrated_bench` and `extended_bench` are
+    the first of these (None without any).
 
     `candidates` tried, `steps` simulated once over training, `null_log_bayes_factor` the 95 % quantile of the best of
     them on data that hold none, `threshold` what a term must exceed; `log_score_gain` of kept sessions with its lower
@@ -199,8 +261,14 @@ class Diagnosis:
     recalibrated_bench: str | None = None
     recalibrated_benches: dict[str, str] = field(default_factory=dict)
     extended_benches: dict[str, str] = field(default_factory=dict)
-    why_no_files: str | None = None  # what a file could not say, where that left the answer without its files
+    why_no_files: str | None = None  # what a file could not say or a replay not stand, where that left files away
     findings: list[Unusual] = field(default_factory=list)  # what is unusual before any cause, the strongest first
+    two_models: TwoModels | None = None  # where something was named that a model can have
+
+    @property
+    def offers(self) -> bool:
+        """Whether there are extended files."""
+        return self.extended_model is not None or self.extended_bench is not None
 
 
 def calibration_is_worse(gain: Sequence[KeptGain]) -> bool:

@@ -105,6 +105,7 @@ def named(naming: Naming, refit: Refit, train: Sequence[SessionRecorded], kept: 
         improved=improved,
         why_not_improved=None if improved else why or "what changes from session to session is said by no file",
         times_usual=abs(refit.amplitude) / refit.parameter.sd,
+        sayable=not refit.candidate.repeated,
         evidence=evidence_parts(naming, refit),
     )
 

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ingest.facts.events import SessionRecorded
 from replay.engine.files.motor_file import read_motor
 from replay.studies.diagnosis.extension import Version
 from replay.studies.diagnosis.kept_sessions import Measured, node_of
@@ -37,19 +38,21 @@ class AsRecorded:
     moved: Mapping[str, float]
 
 
-def as_recorded(question: Question, version: Version, kept: Sequence[Test]) -> AsRecorded:
-    """The kept sessions under a version's motor and bench file; `kept`: them as the bench file says that they were
-    decoded with. Raises `DivergedError` where the motor runs away."""
+def as_recorded(
+    question: Question, version: Version, sessions: Sequence[SessionRecorded], tests: Sequence[Test]
+) -> AsRecorded:
+    """Sessions under a version's motor and bench file; `tests`: them as the bench file says that they were decoded
+    with. Raises `DivergedError` where the motor runs away."""
     facts = question.facts
     made = {new: replace(question.benches[old], sha256=new) for old, new in version.benches.items()}
     successors = {**facts.successors, **version.benches}
     facts = replace(facts, benches={**facts.benches, **made}, successors=successors)
     motor = read_motor(question.store.archive.read(version.motor), facts.models[question.model].file)
     network = configured(motor, None)
-    corrected = [test_of(question.store, facts, session, network, (), question.level) for session in question.kept]
+    corrected = [test_of(question.store, facts, session, network, (), question.level) for session in sessions]
     residual: defaultdict[str, list[Floats]] = defaultdict(list)
     moved: defaultdict[str, list[Floats]] = defaultdict(list)
-    for test, own in zip(corrected, kept, strict=True):
+    for test, own in zip(corrected, tests, strict=True):
         recorded = {c.name: c for c in own.channels}
         both = [c for c in test.channels if c.name in recorded]
         for c in both:

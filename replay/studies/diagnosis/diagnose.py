@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from ingest.errors import IngestError
 from ingest.facts.events import (
     CauseNamed,
     DiagnosisCompleted,
@@ -24,23 +23,23 @@ from ingest.facts.store import Store
 from replay.engine.files.bench_versions import MADE, with_bench_of
 from replay.engine.runs.identity import run_id
 from replay.engine.runs.sources import code_of
-from replay.errors import MotorFileError, ReplayDataError
+from replay.errors import ReplayDataError
 from replay.studies.characterise.calibrate import common_model
 from replay.studies.diagnosis.answer import Diagnosis, calibration_is_worse, document, read
 from replay.studies.diagnosis.answer_parts import named, rivals, shown, suspected_test, unknown_heat
-from replay.studies.diagnosis.as_recorded import as_recorded, measured_as_recorded, said_wrong
+from replay.studies.diagnosis.as_recorded import measured_as_recorded, said_wrong
 from replay.studies.diagnosis.beyond_usual import beyond_usual
 from replay.studies.diagnosis.comparable import comparable
 from replay.studies.diagnosis.data_faults import data_faults
-from replay.studies.diagnosis.extension import Version, version
 from replay.studies.diagnosis.named_faults import left_out, masked, named_fault, named_swap
-from replay.studies.diagnosis.question import Campaign, Question, campaign_of, check, kept_of, key_of
-from replay.studies.diagnosis.search import Found, find
+from replay.studies.diagnosis.offered import offered
+from replay.studies.diagnosis.question import Question, campaign_of, check, kept_of, key_of
+from replay.studies.diagnosis.search import find
+from replay.studies.diagnosis.two_models import two_models
 from replay.studies.sessions.fitting import fitting
 from twin.diagnosis.refined import Tell
 from twin.diagnosis.swaps import misread, scan
 from twin.differences.everyday import everyday
-from twin.errors import DivergedError, TwinError
 from twin.fitting.model import Model
 
 
@@ -96,27 +95,20 @@ def _answered(question: Question, identity: str, tell: Tell) -> Diagnosis:
     found = find(campaign, model, swaps, tests, tell)
     naming = found.naming
     tell("writing the models")
-    files, why_no_files = _files(question, campaign, found, identity)
+    files = offered(question, campaign, found, identity, tests)
     kept = found.kept
     if kept is not None:
-        runs = {}
-        for when, one in files.items():
-            try:
-                runs[when] = as_recorded(question, one, tests)
-            except DivergedError as error:
-                files, why_no_files = {}, why_no_files or f"in a replay {error}"
-                break
-        kept = measured_as_recorded(kept, tests, runs, said_wrong(found.base, naming.final))
-        if kept.improved and why_no_files is not None:
-            kept = replace(kept, improved=False, why=f"no file could be written: {why_no_files}")
+        kept = measured_as_recorded(kept, tests, files.runs, said_wrong(found.base, naming.final))
+        if kept.improved and files.why_none is not None and "after" not in files.files:
+            kept = replace(kept, improved=False, why=f"no file is offered: {files.why_none}")
     tell("weighing the data's own faults")
     faults = data_faults(naming.final, campaign.loaded, campaign.observed, naming.threshold)
     causes = [named(naming, refit, question.train, kept) for refit in naming.accepted]
     causes += [named_swap(swap, kept) for swap in swaps]
     causes += [named_fault(fault, kept) for fault in faults]
     causes.sort(key=lambda cause: -cause.log_bayes_factor)
-    recalibrated = None if kept and calibration_is_worse(kept.gain) else files.get("before")
-    extended = files.get("after") if kept and kept.improved else None
+    recalibrated = None if kept and calibration_is_worse(kept.gain) else files.files.get("before")
+    extended = files.files.get("after")
     last = naming.rounds[-1]
     return Diagnosis(
         diagnosis=identity,
@@ -150,36 +142,10 @@ def _answered(question: Question, identity: str, tell: Tell) -> Diagnosis:
         threshold=naming.threshold,
         next_test=next((c.separating_test for c in causes if c.separating_test), None) or suspected_test(naming),
         seconds=0.0,
-        why_no_files=why_no_files,
+        why_no_files=files.why_none,
         findings=beyond_usual(naming, [s.session for s in question.train]),
+        two_models=two_models(question, found, tests),
     )
-
-
-def _files(
-    question: Question, campaign: Campaign, found: Found, identity: str
-) -> tuple[dict[str, Version], str | None]:
-    """The versions as `published`, recalibrated (`before`), and with what was named (`after`), where a file can say
-    that; and why there are none of the last two, where it cannot: what was found is said all the same."""
-    files = {"published": Version(question.model, None)}
-    try:
-        note = f"Recalibrated by diagnosis {identity}."
-        files["before"] = version(question, campaign, found.base, (), (), note)
-        extended = _extended(question, campaign, found, identity)
-    except (IngestError, MotorFileError, TwinError) as error:
-        return files, str(error)
-    return (files | {"after": extended} if extended else files), None
-
-
-def _extended(question: Question, campaign: Campaign, found: Found, identity: str) -> Version | None:
-    """The extended motor and bench file, to be measured on the kept sessions."""
-    if found.kept is None:
-        return None
-    named = [str(refit.candidate.cause) for refit in found.naming.accepted if not refit.candidate.repeated]
-    named += [str(swap.candidate.cause) for swap in found.swaps]
-    if not named:  # what changes from session to session is said by no file
-        return None
-    note = f"Extended by diagnosis {identity}: {', '.join(named)}."
-    return version(question, campaign, found.naming.final, found.naming.accepted, found.swaps, note)
 
 
 def _keep(question: Question, answer: Diagnosis, key: dict[str, Any]) -> None:

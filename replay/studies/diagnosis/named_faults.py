@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -18,7 +19,7 @@ from twin.motor.causes import Cause, says
 def named_swap(swap: Swap, kept: Measured | None) -> Named:
     """Two exchanged channels, as a cause."""
     improved = kept is not None and kept.improved
-    return _named(swap.candidate.cause, 1.0, swap.log_bayes_factor, improved, kept)
+    return replace(_named(swap.candidate.cause, 1.0, swap.log_bayes_factor, improved, kept), sayable=True)
 
 
 def named_fault(fault: DataFault, kept: Measured | None) -> Named:
@@ -52,6 +53,7 @@ def _named(cause: Cause, estimate: float, log_bf: float, improved: bool, kept: M
         identified=True,
         improved=improved,
         why_not_improved=None if improved else why,
+        sayable=False,
     )
 
 

@@ -143,7 +143,14 @@ def test_added_and_removed_lines_of_the_file_are_marked_and_escaped(html: str) -
 def test_without_a_change_there_is_no_diff(tmp_path: Path) -> None:
     html = page(tmp_path, NOT_IMPROVED, {})
     assert "The change of the file" not in html
-    assert "no file is changed for it: the lower bound of the log score" in Tags(html).text
+    assert "offered though not improved: the lower bound of the log score" in Tags(html).text.lower()
+
+
+def test_where_the_two_models_differ_is_a_section_of_its_own(tmp_path: Path) -> None:
+    text = Tags(page(tmp_path, NAMED, {})).text
+    assert "Recalibrated or with the cause: where the two models differ" in text
+    assert "Without a sensor furthest apart: rotor core, 1.2" in text
+    assert "where the two models differ" not in Tags(page(tmp_path, ABSORBED, {})).text
 
 
 def test_without_replays_the_words_and_numbers_are_still_there(tmp_path: Path) -> None:

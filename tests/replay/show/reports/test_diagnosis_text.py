@@ -11,16 +11,19 @@ import pytest
 from made.diagnoses import (
     ABSORBED,
     ALL,
+    APART,
     BIAS,
     EDDY,
     EXPLAINED,
     GAIN,
     NAMED,
+    NO_LOAD,
     NOT_IMPROVED,
     RIVALS,
     SEVERAL,
     SILENT,
     STRANGE,
+    TAKEN,
     TOLD_APART,
     TOO_LITTLE,
     UNKNOWN,
@@ -31,6 +34,7 @@ from made.diagnoses import (
 from replay.show.reports.diagnosis_text import answer_markdown, diagnosis_text
 from replay.show.reports.kept_errors import change
 from replay.show.reports.sentences import answer, headline
+from replay.show.reports.two_models import paragraphs
 from replay.show.reports.verdict import Ending, active, ending, figures, probability, size, watts
 from replay.show.words.terminal import WIDTH
 from replay.studies.diagnosis.answer import Diagnosis
@@ -118,11 +122,51 @@ def test_causes_that_cannot_be_told_apart_are_listed_with_the_test_that_would() 
     assert "These sessions cannot tell it from: magnet loss grows with speed and current squared; the heat path" in told
 
 
-def test_a_cause_that_does_not_improve_kept_sessions_says_why_and_offers_nothing_to_accept() -> None:
+def test_a_cause_that_does_not_improve_kept_sessions_says_why_and_its_files_are_offered_all_the_same() -> None:
     text = flat(diagnosis_text(NOT_IMPROVED))
-    assert "no file is changed for it: the lower bound of the log score's gain is below zero (-3.1)" in text
-    assert "whyhot accept" not in text
-    assert "The kept sessions are not predicted better with it, so no file is changed." in answer(NOT_IMPROVED)
+    why = "the lower bound of the log score's gain is below zero (-3.1)"
+    assert f"in the extended motor file, which is offered though not improved: {why}" in text
+    assert "whyhot accept d-7f31beef" in text
+    worse = "With it the kept sessions get worse than recalibrated: rotor surface 0.5 -> 0.6 K (fitted 0.5 -> 0.6 K); "
+    assert f"{worse}the extended files are offered all the same." in answer(NOT_IMPROVED)
+
+
+def test_a_gain_that_recalibration_took_is_said_so() -> None:
+    taken = "The sensors see no gain from it, as recalibration alone takes their mean error from 7.9 K to 0.2 K; "
+    assert f"{taken}the extended files are offered all the same." in answer(TAKEN)
+    alone = replace(TAKEN, held_out=[], held_out_names=[], gain=[])
+    assert "No session was kept to measure the gain on; the extended files are offered all the same." in answer(alone)
+    ran_away = replace(TAKEN, extended_model=None, why_no_files='in a replay node "magnet" runs away')
+    assert "to 0.2 K; no file is changed." in answer(ran_away)
+    assert 'No extended files were written: in a replay node "magnet" runs away.' in answer(ran_away)
+
+
+def test_the_two_models_are_told_apart() -> None:
+    assert flat("\n".join(paragraphs(NAMED))) == (
+        "coefficients that it relieves: conductance jacket-coolant −2.3 sd without it, −0.2 sd with it; loss of teeth "
+        "near 8,000 rpm +1.4 sd without it, +0.4 sd with it "
+        "without a sensor furthest apart: rotor core, 1.2 K in the mean of the kept sessions, 3.4 K at most "
+        "(5_wltp 0:31:00) "
+        f"of 2 operating points furthest apart: {NO_LOAD}, rotor core −7.4 K with it "
+        f"would tell which is right: {NO_LOAD}, where MAG_1 reads −5.9 K with it, 12 times what it may be off; or a "
+        f"sensor at rotor core, 7.4 K apart in {NO_LOAD}, 15 times what one may be off"
+    )
+    assert paragraphs(ABSORBED) == []
+    assert "Two models coefficients that it relieves" in flat(diagnosis_text(NAMED))
+    assert "Two models" not in diagnosis_text(ABSORBED)
+    assert "- without a sensor furthest apart: rotor core" in answer_markdown(NAMED)
+
+
+def test_two_models_that_agree_say_so() -> None:
+    near = [replace(one, mean_K=0.04) for one in APART.inside]
+    points = [replace(one, differ_K=0.04) for one in APART.points]
+    same = replace(APART, over_kept=False, relieved=[], inside=near, points=points, test=None, sensor=None)
+    assert paragraphs(replace(NAMED, two_models=same)) == [
+        "it relieves no coefficient by half of its sd or more",
+        "at nodes without a sensor the two agree within 0.1 K in the mean of the sessions learnt from",
+        "at 2 operating points the two agree within 0.1 K",
+        "neither an operating point nor one more sensor would tell which is right",
+    ]
 
 
 def test_what_can_be_accepted_is_offered_first() -> None:

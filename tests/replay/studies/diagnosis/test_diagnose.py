@@ -19,7 +19,7 @@ from made import can_bench
 from plant.hidden_effect import EFFECT, KEEP, LEARN
 from replay.cli import main
 from replay.engine.files.motor_file import read_motor
-from replay.studies.diagnosis import diagnose
+from replay.studies.diagnosis import offered
 from replay.studies.diagnosis.question import LEAST_S
 from twin.errors import DivergedError
 from twin.motor.network import Network
@@ -59,6 +59,19 @@ FINDING: dict[str, Any] = {
     "times_usual": float,
     "ci95": NUMBERS,
 }
+TELLING: dict[str, Any] = {
+    **dict.fromkeys(("says", "node"), str),
+    **dict.fromkeys(("differ_K", "times_sensor"), float),
+    "channel": (str, OR_NONE),
+}
+TWO_MODELS: dict[str, Any] = {
+    "over_kept": bool,
+    "relieved": [{"parameter": str, "before_sd": float, "after_sd": float}],
+    "inside": [{"node": str, "mean_K": float, "max_K": float, "session": str, "t_s": float}],
+    "points": [{"says": str, "at": dict, "node": str, "differ_K": float}],
+    "test": TELLING,
+    "sensor": TELLING,
+}
 ANSWER: dict[str, Any] = {
     "findings": [FINDING],
     **dict.fromkeys(("schema", "diagnosis", "model"), str),
@@ -73,6 +86,7 @@ ANSWER: dict[str, Any] = {
     "extended_model": (str, OR_NONE),
     "extended_bench": (str, OR_NONE),
     "gain": [GAIN],
+    "two_models": TWO_MODELS,
     "provenance": dict,
 }
 
@@ -192,6 +206,25 @@ def test_every_ln_bf_after_a_refit_is_the_sum_of_what_it_comes_from(answer: Mapp
         untold = evidence["priors_relieved"] - sum(evidence["relieved"].values())
         assert abs(untold) < 0.1 * 20, "families of under 0.1 each are left out"
         assert list(evidence["relieved"].values()) == sorted(evidence["relieved"].values(), reverse=True)
+
+
+def test_where_recalibration_alone_stood_in_for_it_the_two_models_are_apart(answer: Mapping[str, Any]) -> None:
+    """The more air in the gap carries the faster it turns, the less a fit to slower tests knows of it."""
+    found = answer["two_models"]
+    assert found["over_kept"] is True
+    assert 1 <= len(found["relieved"]) <= 3
+    for one in found["relieved"]:
+        assert abs(one["before_sd"]) - abs(one["after_sd"]) > 0.5
+    seen = {row["node"] for row in answer["gain"]}
+    assert not seen & {one["node"] for one in found["inside"]}
+    assert {one["session"] for one in found["inside"]} <= set(answer["held_out"])
+    means = [one["mean_K"] for one in found["inside"]]
+    assert means == sorted(means, reverse=True) and all(one["max_K"] >= one["mean_K"] for one in found["inside"])
+    furthest = max(found["points"], key=lambda one: abs(one["differ_K"]))
+    assert furthest["at"]["speed_rpm"] == max(one["at"]["speed_rpm"] for one in found["points"])
+    assert furthest["node"] in ("rotor_surface", "magnet") and furthest["differ_K"] < -3
+    assert found["test"]["channel"] in ("RS", "MAG") and found["test"]["times_sensor"] > 3
+    assert found["sensor"]["channel"] is None and found["sensor"]["node"] not in seen
 
 
 def test_the_sessions_stand_in_the_answer_by_their_ids(diagnosed: Path, answer: Mapping[str, Any]) -> None:
@@ -372,7 +405,7 @@ def test_what_no_file_can_say_does_not_lose_the_answer(
         raise error
 
     shutil.copytree(campaign.store, tmp_path / "store")
-    monkeypatch.setattr(diagnose, step, refused)
+    monkeypatch.setattr(offered, step, refused)
     asked = ["diagnose", "--on", *LEARN[:2], "--hold-out", KEEP[0], "--store", str(tmp_path / "store")]
     assert main([*asked, "--json", str(tmp_path / "answer.json")]) == 0
     answer = json.loads((tmp_path / "answer.json").read_text(encoding="utf-8"))

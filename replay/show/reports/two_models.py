@@ -1,0 +1,121 @@
+"""The extended model beside the recalibrated one, in words: whether the sensors see a gain, what the coefficients no
+longer have to do, where the two are apart, and what would tell which is right."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from replay.show.reports import kept_errors, verdict
+from replay.show.words import words
+from replay.studies.diagnosis.answer import Diagnosis, KeptGain, Telling, TwoModels
+
+TAKEN = 0.5  # of the error as published: recalibration that leaves less has taken what a cause could gain
+TOLD_K = 0.1  # a place where the two models are less apart is not told
+
+
+def without_gain(diagnosis: Diagnosis) -> str:
+    """Why nothing improved, and what is offered all the same; "" where a cause did."""
+    if any(cause.improved for cause in diagnosis.causes):
+        return ""
+    offer = "the extended files are offered all the same" if diagnosis.offers else "no file is changed"
+    return f"{_no_gain(diagnosis)}; {offer}."
+
+
+def _no_gain(diagnosis: Diagnosis) -> str:
+    if not diagnosis.held_out:
+        return "No session was kept to measure the gain on"
+    if not diagnosis.gain:
+        return "The kept sessions are not predicted better with it"
+    worst = max(diagnosis.gain, key=_rise_K)
+    if _rise_K(worst) >= kept_errors.WORSE_K:
+        errors = kept_errors.errors(worst, ["before", "after"])
+        return f"With it the kept sessions get worse than recalibrated: {words.name(worst.node)} {errors}"
+    published, before = (_mean_K(diagnosis, stage) for stage in ("published", "before"))
+    if before <= TAKEN * published:
+        return (
+            "The sensors see no gain from it, as recalibration alone takes their mean error from "
+            f"{words.kelvin(published)} to {words.kelvin(before)}"
+        )
+    return "The kept sessions are not predicted better with it"
+
+
+def _rise_K(gain: KeptGain) -> float:
+    """How much larger the error is with the cause than recalibrated [K], told first or fitted: where it is more."""
+    told = [kept_errors.told_first(gain, True), kept_errors.fitted(gain)]
+    return max(one["after"] - one["before"] for one in told if {"before", "after"} <= one.keys())
+
+
+def _mean_K(diagnosis: Diagnosis, stage: str) -> float:
+    """Mean error over the nodes at a stage [K], told first where all have it."""
+    told = [kept_errors.told_first(gain, True) for gain in diagnosis.gain]
+    known = told if all(stage in one for one in told) else [kept_errors.fitted(gain) for gain in diagnosis.gain]
+    return sum(one[stage] for one in known) / len(known)
+
+
+def paragraphs(diagnosis: Diagnosis) -> list[str]:
+    """What is said of the two models, a paragraph each; [] where nothing was named that a model can have."""
+    found = diagnosis.two_models
+    return list(filter(None, _told(diagnosis, found))) if found else []
+
+
+def _told(diagnosis: Diagnosis, found: TwoModels) -> Iterator[str]:
+    yield _relieved(found)
+    yield _inside(diagnosis, found)
+    yield _at_points(found)
+    yield _telling(found)
+
+
+def _relieved(found: TwoModels) -> str:
+    """ "coefficients that it relieves: conductance jacket-coolant −2.3 sd without it, −0.2 sd with it; ..."."""
+    if not found.relieved:
+        return "it relieves no coefficient by half of its sd or more"
+    told = [f"{one.parameter} {_sd(one.before_sd)} without it, {_sd(one.after_sd)} with it" for one in found.relieved]
+    return f"coefficients that it relieves: {'; '.join(told)}"
+
+
+def _sd(value: float) -> str:
+    return f"{words.signed(value)} sd"
+
+
+def _inside(diagnosis: Diagnosis, found: TwoModels) -> str:
+    """The node without a sensor where the two are furthest apart."""
+    if not found.inside:
+        return "every node has a sensor"
+    one, where = found.inside[0], "kept sessions" if found.over_kept else "sessions learnt from"
+    if one.mean_K < TOLD_K:
+        return f"at nodes without a sensor the two agree within {words.kelvin(TOLD_K)} in the mean of the {where}"
+    at = f"{verdict.session_name(diagnosis, one.session)} {words.clock(one.t_s)}"
+    apart = f"{words.kelvin(one.mean_K)} in the mean of the {where}, {words.kelvin(one.max_K)} at most ({at})"
+    return f"without a sensor furthest apart: {words.name(one.node)}, {apart}"
+
+
+def _at_points(found: TwoModels) -> str:
+    """The operating point where the two are furthest apart."""
+    most = max(found.points, key=lambda point: abs(point.differ_K), default=None)
+    if most is None:
+        return ""
+    points = words.counted(len(found.points), "operating point")
+    if abs(most.differ_K) < TOLD_K:
+        return f"at {points} the two agree within {words.kelvin(TOLD_K)}"
+    return (
+        f"of {points} furthest apart: {most.says}, {words.name(most.node)} {words.signed_kelvin(most.differ_K)} with it"
+    )
+
+
+def _telling(found: TwoModels) -> str:
+    """The test and the sensor that would tell which is right."""
+    told = []
+    if found.test:
+        by = f"{found.test.channel} reads {words.signed_kelvin(found.test.differ_K)} with it"
+        told.append(f"{found.test.says}, where {by}, {_times(found.test)} it may be off")
+    if found.sensor:
+        when = found.sensor.says or "more such sessions"
+        apart = f"{words.kelvin(abs(found.sensor.differ_K))} apart in {when}"
+        told.append(f"a sensor at {words.name(found.sensor.node)}, {apart}, {_times(found.sensor)} one may be off")
+    if not told:
+        return "neither an operating point nor one more sensor would tell which is right"
+    return f"would tell which is right: {'; or '.join(told)}"
+
+
+def _times(one: Telling) -> str:
+    return f"{one.times_sensor:.0f} times what"
