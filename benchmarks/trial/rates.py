@@ -177,7 +177,7 @@ def _arrow(errors: dict[str, float | None]) -> str:
 def gains(results: Sequence[Result]) -> dict[str, dict[str, Any]]:
     """Errors at kept sensors and at nodes without one, as mean over motors, and in how many of them the extended model
     has a smaller error than the recalibrated one: of all motors, of those where something is named, of these with a
-    visible cause, and with kept sessions that got better, which alone are offered."""
+    visible cause, and with kept sessions that got better."""
     rows = {}
     for kind in ("healthy", "single", "many"):
         every = [r for r in results if r.case.kind == kind]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from replay.show.reports import beyond_usual, kept_errors, sentences, two_models, verdict
+from replay.show.reports import beyond_usual, doubts, kept_errors, sentences, two_models, verdict
 from replay.show.reports.verdict import Ending
 from replay.show.words import words
 from replay.show.words.terminal import labelled
@@ -19,6 +19,8 @@ def diagnosis_text(diagnosis: Diagnosis) -> str:
     lines += labelled("What is wrong", verdict.what_is_wrong(diagnosis))
     lines += _paragraphs("Left out", [f"{m.session_name}: {m.says}" for m in diagnosis.masked])
     lines += _paragraphs("Beyond usual", list(beyond_usual.told(diagnosis)))
+    lines += _paragraphs("Contradiction", doubts.contradictions(diagnosis))
+    lines += _paragraphs("Not judged", list(filter(None, [doubts.not_judged(diagnosis)])))
     for label, paragraphs in _ending(diagnosis):
         lines += _paragraphs(label, paragraphs)
     lines += _paragraphs("Gain, kept", list(_gain(diagnosis)))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from replay.show.reports import kept_errors, two_models, verdict
+from replay.show.reports import doubts, kept_errors, two_models, verdict
 from replay.show.reports.verdict import Ending, against, ending, figures
 from replay.show.words import words
 from replay.studies.diagnosis.answer import Diagnosis, Named
@@ -13,7 +13,8 @@ LONGEST = 45  # words of a first sentence: what is as long becomes two
 
 def answer(diagnosis: Diagnosis) -> str:
     """A few sentences that answer why the motor is hotter than the model says, or the test that would."""
-    told = " ".join(filter(None, [headline(diagnosis), details(diagnosis), no_files(diagnosis)]))
+    beside = [no_files(diagnosis), doubts.not_judged(diagnosis), *doubts.contradictions(diagnosis)]
+    told = " ".join(filter(None, [headline(diagnosis), details(diagnosis), *beside]))
     open_ended = ending(diagnosis) in (Ending.UNKNOWN, Ending.CANNOT_TELL)
     if not open_ended or diagnosis.next_test is None:
         return told

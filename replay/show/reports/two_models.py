@@ -53,7 +53,7 @@ def _mean_K(diagnosis: Diagnosis, stage: str) -> float:
 
 
 def paragraphs(diagnosis: Diagnosis) -> list[str]:
-    """What is said of the two models, a paragraph each; [] where nothing was named that a model can have."""
+    """What is said of the two models, a paragraph each; [] where nothing was named that a file can say."""
     found = diagnosis.two_models
     return list(filter(None, _told(diagnosis, found))) if found else []
 

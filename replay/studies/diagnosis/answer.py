@@ -218,6 +218,21 @@ class Masked:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Contradicting:
+    """Two sessions that ran alike up to the moments `t_s`, with the inputs `at` (quantity with unit -> value), and were
+    read differently: `channel` reads `differ_K` more in the first, where two such moments differ by `sd_K` (standard
+    deviation)."""
+
+    sessions: list[str]
+    t_s: list[float]
+    at: dict[str, float]
+    channel: str
+    node: str
+    differ_K: float
+    sd_K: float
+
+
+@dataclass(frozen=True, kw_only=True)
 class Diagnosis:
     """The whole answer. Models are ids: `model` as published, `recalibrated_model` without a new term (None where it is
     worse on the kept sessions than the file as published), `extended_model` with the named causes, improved or not
@@ -263,7 +278,8 @@ class Diagnosis:
     extended_benches: dict[str, str] = field(default_factory=dict)
     why_no_files: str | None = None  # what a file could not say or a replay not stand, where that left files away
     findings: list[Unusual] = field(default_factory=list)  # what is unusual before any cause, the strongest first
-    two_models: TwoModels | None = None  # where something was named that a model can have
+    contradicting: list[Contradicting] = field(default_factory=list)  # sessions learnt from, the worst first
+    two_models: TwoModels | None = None  # where something was named that a file can say
 
     @property
     def offers(self) -> bool:

@@ -82,6 +82,8 @@ def named(naming: Naming, refit: Refit, train: Sequence[SessionRecorded], kept: 
     others = [member.candidate for member in apart.others]
     improved = kept is not None and kept.improved and not refit.candidate.repeated
     why = kept.why if kept else "no session was kept: say --hold-out"
+    if refit.candidate.repeated:
+        why = "what changes from session to session is said by no file"
     return Named(
         id=str(cause),
         says=says(cause),
@@ -103,7 +105,7 @@ def named(naming: Naming, refit: Refit, train: Sequence[SessionRecorded], kept: 
         significant=True,
         identified=all((o.cause.kind, o.cause.place) == (cause.kind, cause.place) for o in others),
         improved=improved,
-        why_not_improved=None if improved else why or "what changes from session to session is said by no file",
+        why_not_improved=None if improved else why,
         times_usual=abs(refit.amplitude) / refit.parameter.sd,
         sayable=not refit.candidate.repeated,
         evidence=evidence_parts(naming, refit),

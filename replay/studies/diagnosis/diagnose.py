@@ -30,6 +30,7 @@ from replay.studies.diagnosis.answer_parts import named, rivals, shown, suspecte
 from replay.studies.diagnosis.as_recorded import measured_as_recorded, said_wrong
 from replay.studies.diagnosis.beyond_usual import beyond_usual
 from replay.studies.diagnosis.comparable import comparable
+from replay.studies.diagnosis.contradicting import contradicting
 from replay.studies.diagnosis.data_faults import data_faults
 from replay.studies.diagnosis.named_faults import left_out, masked, named_fault, named_swap
 from replay.studies.diagnosis.offered import offered
@@ -90,6 +91,7 @@ def _answered(question: Question, identity: str, tell: Tell) -> Diagnosis:
     if lines := misread(model):
         raise ReplayDataError(lines[0])
     swaps = scan(model, campaign.candidates)
+    contradictory = contradicting(model, question.train)
     kept_at_all = comparable(question.kept, kept_of(question, campaign), campaign.tests)
     question, tests = replace(question, kept=kept_at_all.sessions), list(kept_at_all.tests)
     found = find(campaign, model, swaps, tests, tell)
@@ -144,6 +146,7 @@ def _answered(question: Question, identity: str, tell: Tell) -> Diagnosis:
         seconds=0.0,
         why_no_files=files.why_none,
         findings=beyond_usual(naming, [s.session for s in question.train]),
+        contradicting=contradictory,
         two_models=two_models(question, found, tests),
     )
 

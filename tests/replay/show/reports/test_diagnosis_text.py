@@ -29,15 +29,17 @@ from made.diagnoses import (
     UNKNOWN,
     WORSE,
     gain,
+    session_id,
     shown,
 )
 from replay.show.reports.diagnosis_text import answer_markdown, diagnosis_text
+from replay.show.reports.doubts import not_judged
 from replay.show.reports.kept_errors import change
 from replay.show.reports.sentences import answer, headline
 from replay.show.reports.two_models import paragraphs
 from replay.show.reports.verdict import Ending, active, ending, figures, probability, size, watts
 from replay.show.words.terminal import WIDTH
-from replay.studies.diagnosis.answer import Diagnosis
+from replay.studies.diagnosis.answer import Contradicting, Diagnosis
 from twin.motor.causes import parse, says
 
 
@@ -313,10 +315,49 @@ def test_an_unknown_heat_beside_a_named_cause_is_told_too() -> None:
 def test_too_little_data_says_what_is_left_and_which_test_would_tell() -> None:
     assert answer(TOO_LITTLE) == (
         "These sessions cannot tell why. Magnet 6.1 K and rotor surface 5.2 K stay above the sensors' floor, and of "
-        "213 candidates none stands out: best ln BF 6.1 (null 4.6, threshold 8). Most telling next test: S2 at 6,000 "
-        "rpm, 60 s pulses of 300 A."
+        "213 candidates none stands out: best ln BF 6.1 (null 4.6, threshold 8). 1 session to learn from and none kept "
+        "cannot say whether an offset is the sensor's, the coolant's or the start's, what changes from session to "
+        "session, whether sessions contradict each other and what the extended model gains. Most telling next test: S2 "
+        "at 6,000 rpm, 60 s pulses of 300 A."
     )
     assert "1 session (1 to learn from, 0 kept)" in flat(diagnosis_text(TOO_LITTLE))
+
+
+@pytest.mark.parametrize(
+    ("learnt", "kept", "says"),
+    [
+        (2, 0, "2 sessions to learn from and none kept cannot say which is wrong where the two disagree, offsets that"),
+        (1, 1, "1 session to learn from and 1 kept cannot say whether an offset is the sensor's, the coolant's or the"),
+        (2, 1, ""),
+        (3, 0, ""),
+    ],
+)
+def test_what_fewer_than_three_sessions_cannot_say_is_said(learnt: int, kept: int, says: str) -> None:
+    few = replace(SILENT, train=list("abc")[:learnt], held_out=list("d")[:kept])
+    assert not_judged(few).startswith(says) and bool(not_judged(few)) == bool(says)
+    assert ("gains" in not_judged(few)) == (bool(says) and not kept)
+    assert ("Not judged " in flat(diagnosis_text(few))) == bool(says)
+
+
+def test_sessions_that_contradict_each_other_are_named_with_the_moments_and_by_how_much() -> None:
+    one = Contradicting(
+        sessions=[session_id("1_s1"), session_id("3_wltp")],
+        t_s=[2400.0, 1200.0],
+        at={"speed_rpm": 6000.0, "current_A": 100.0, "flow_lpm": 8.0},
+        channel="MAG_1",
+        node="magnet",
+        differ_K=-8.04,
+        sd_K=0.83,
+    )
+    says = (
+        "1_s1 (0:40:00) and 3_wltp (0:20:00) ran alike at 6,000 rpm and at 100 A, but MAG_1 (magnet) reads 8.0 K less "
+        "in the first, where 0.8 K (sd) is usual: one recording is wrong, or the motor changed between them."
+    )
+    more = replace(one, differ_K=8.04)
+    found = replace(ABSORBED, contradicting=[one, more])
+    assert f"Contradiction {says} 1_s1 (0:40:00)" in flat(diagnosis_text(found))
+    assert f"{says} {says.replace('less', 'more')}" in answer(found)
+    assert "Contradiction" not in diagnosis_text(ABSORBED)
 
 
 def test_without_a_channel_or_a_candidate_nothing_is_claimed() -> None:

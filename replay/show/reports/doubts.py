@@ -1,0 +1,47 @@
+"""What the sessions themselves leave in doubt, in words: those that contradict each other, and what so few of them
+cannot say."""
+
+from __future__ import annotations
+
+from replay.show.reports import verdict
+from replay.show.words import words
+from replay.studies.diagnosis.answer import Contradicting, Diagnosis
+
+ENOUGH = 3  # sessions: what fewer cannot say is told
+
+
+def contradictions(diagnosis: Diagnosis) -> list[str]:
+    """A sentence for each two sessions and channel, the worst first."""
+    return [_contradiction(diagnosis, one) for one in diagnosis.contradicting]
+
+
+def _contradiction(diagnosis: Diagnosis, one: Contradicting) -> str:
+    """ "1_s1 (0:40:00) and 3_s1 (0:40:00) ran alike at 6,000 rpm and at 100 A, but T_YOKE (yoke) reads 8.0 K less in
+    the first, where 0.8 K (sd) is usual: ..."."""
+    first, second = (
+        f"{verdict.session_name(diagnosis, session)} ({words.clock(t_s)})"
+        for session, t_s in zip(one.sessions, one.t_s, strict=True)
+    )
+    place = words.where({name: [value, value] for name, value in one.at.items()})
+    differ = f"{words.kelvin(abs(one.differ_K))} {'more' if one.differ_K > 0 else 'less'}"
+    return (
+        f"{first} and {second} ran alike {place}, but {one.channel} ({words.name(one.node)}) reads {differ} in the "
+        f"first, where {words.kelvin(one.sd_K)} (sd) is usual: one recording is wrong, or the motor changed between "
+        "them."
+    )
+
+
+def not_judged(diagnosis: Diagnosis) -> str:
+    """What fewer than three sessions cannot say, as one sentence; "" of more."""
+    learnt, kept = len(diagnosis.train), len(diagnosis.held_out)
+    if learnt + kept >= ENOUGH:
+        return ""
+    one = [
+        "whether an offset is the sensor's, the coolant's or the start's",
+        "what changes from session to session",
+        "whether sessions contradict each other",
+    ]
+    two = ["which is wrong where the two disagree", "offsets that all sessions share"]
+    none_kept = ["what the extended model gains"] * (not kept)
+    said = words.joined([*(one if learnt == 1 else two), *none_kept])
+    return f"{words.counted(learnt, 'session')} to learn from and {kept or 'none'} kept cannot say {said}."
