@@ -25,11 +25,11 @@ from twin.fitting.model import Columns, Model
 from twin.fitting.recorded import Floats, Test
 
 HELD_S, WINDOW_S = 900.0, 300.0  # inputs are constant for so long before a moment, and readings are means over so long
-CONSTANT = 0.02  # of an input's largest value: one that stays within so much is constant, two so near are equal
+CONSTANT = 0.02  # of the largest value of its kind: what stays within so much is constant, two so near are equal
 SAME_K = 5.0  # boundaries that differ by no more are about the same
 SETTLED_K = 0.5  # a residual that moves by more from one half of the window to the other has not settled
 LEFT_K, LEFT = 0.3, 0.05  # sd: an alike moment may differ by so much all the same, and by a share of the residual
-FAR = 5.0  # standard deviations
+FAR = 4.0  # standard deviations
 
 
 @dataclass(frozen=True)
@@ -83,9 +83,14 @@ def _compared(first: _Moment, second: _Moment) -> Iterator[Contradiction]:
 
 
 def _largest(tests: Sequence[Test]) -> dict[str, float]:
-    """Input -> its largest value over all tests."""
-    names = {name for test in tests for name in test.inputs}
-    return {n: max(float(np.abs(t.inputs[n]).max()) for t in tests if n in t.inputs) for n in names}
+    """Input -> the largest value of its kind over all tests: the parts of a current are small beside the whole."""
+    every = [(name, float(np.abs(values).max())) for test in tests for name, values in test.inputs.items()]
+    return {name: max(value for other, value in every if _kind(other) == _kind(name)) for name, _ in every}
+
+
+def _kind(name: str) -> str:
+    """`current` of `current_d`."""
+    return name.partition("_")[0]
 
 
 def _moments(model: Model, largest: Mapping[str, float]) -> Iterator[_Moment]:

@@ -54,6 +54,16 @@ def test_what_sensors_may_do_and_what_did_not_run_alike_is_no_contradiction(driv
     assert contradictions(model_of(ran(held(), 1), ran(drive, 2, off_K))) == []
 
 
+def test_a_part_of_the_current_that_is_nearly_none_need_not_be_constant() -> None:
+    noise = np.random.default_rng(4)
+    tests = []
+    for seed, off_K in ((1, 0.0), (2, OFF_K)):
+        test = ran(held(), seed, off_K)
+        part = noise.normal(0.0, 0.002, len(test.frame.features))
+        tests.append(replace(test, inputs={**test.inputs, "current_d": part}))
+    assert [one.channel for one in contradictions(model_of(*tests))] == ["Y_1"]
+
+
 def test_boundaries_of_other_temperatures_are_not_alike() -> None:
     warm = ran(held(), 2, OFF_K)
     frame = replace(warm.frame, boundaries=warm.frame.boundaries + 20.0)
