@@ -24,7 +24,7 @@ def diagnosis_text(diagnosis: Diagnosis) -> str:
     for label, paragraphs in _ending(diagnosis):
         lines += _paragraphs(label, paragraphs)
     lines += _paragraphs("Gain, kept", list(_gain(diagnosis)))
-    lines += _paragraphs("Two models", two_models.paragraphs(diagnosis))
+    lines += _paragraphs("Two models", [*two_models.notes(diagnosis), *two_models.paragraphs(diagnosis)])
     lines += _paragraphs("Files", list(filter(None, [sentences.no_files(diagnosis)])))
     lines += labelled("Looked at", looked_at(diagnosis))
     if diagnosis.next_test is not None:

@@ -63,7 +63,7 @@ def details(diagnosis: Diagnosis) -> str:
     told = [kept_errors.beside(diagnosis)]
     match ending(diagnosis):
         case Ending.NAMED:
-            told = [_sizes(diagnosis), *told, two_models.without_gain(diagnosis)]
+            told = [_sizes(diagnosis), *told, *two_models.notes(diagnosis)]
             told += [f"Beside that: s{verdict.unknown_sentence(heat)[1:]}" for heat in diagnosis.unknown[:1]]
         case Ending.UNKNOWN:
             first, *more = diagnosis.unknown

@@ -3,33 +3,50 @@ longer have to do, where the two are apart, and what would tell which is right."
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 
 from replay.show.reports import kept_errors, verdict
 from replay.show.words import words
 from replay.studies.diagnosis.answer import Diagnosis, KeptGain, Telling, TwoModels
 
 TAKEN = 0.5  # of the error as published: recalibration that leaves less has taken what a cause could gain
+ROSE_K = 0.02  # of the mean error over the nodes: less is no rise
 TOLD_K = 0.1  # a place where the two models are less apart is not told
 
 
-def without_gain(diagnosis: Diagnosis) -> str:
-    """Why nothing improved, and what is offered all the same; "" where a cause did."""
-    if any(cause.improved for cause in diagnosis.causes):
+def notes(diagnosis: Diagnosis) -> list[str]:
+    """What a reader must know before taking the extended files: a sentence where nothing improved, and one where they
+    are further off than the file as published."""
+    return list(filter(None, [_without_gain(diagnosis), _worse_than_published(diagnosis)]))
+
+
+def _without_gain(diagnosis: Diagnosis) -> str:
+    if not diagnosis.causes or any(cause.improved for cause in diagnosis.causes):
         return ""
     offer = "the extended files are offered all the same" if diagnosis.offers else "no file is changed"
     return f"{_no_gain(diagnosis)}; {offer}."
 
 
+def _worse_than_published(diagnosis: Diagnosis) -> str:
+    if not (diagnosis.gain and diagnosis.offers):
+        return ""
+    published, after = (_mean_K(diagnosis, stage) for stage in ("published", "after"))
+    if after <= published:
+        return ""
+    errors = f"{words.kelvin(after)} instead of {words.kelvin(published)} in the mean over the nodes"
+    return f"The extended model is further off on the kept sessions than the file as published: {errors}."
+
+
 def _no_gain(diagnosis: Diagnosis) -> str:
     if not diagnosis.held_out:
         return "No session was kept to measure the gain on"
-    if not diagnosis.gain:
+    rises = [_rises_K(gain) for gain in diagnosis.gain]
+    if not rises:
         return "The kept sessions are not predicted better with it"
-    worst = max(diagnosis.gain, key=_rise_K)
-    if _rise_K(worst) >= kept_errors.WORSE_K:
+    if max(map(_mean, zip(*rises, strict=True))) >= ROSE_K:
+        worst = max(diagnosis.gain, key=lambda gain: max(_rises_K(gain)))
         errors = kept_errors.errors(worst, ["before", "after"])
-        return f"With it the kept sessions get worse than recalibrated: {words.name(worst.node)} {errors}"
+        return f"With it the kept sessions get worse than recalibrated, most the {words.name(worst.node)}: {errors}"
     published, before = (_mean_K(diagnosis, stage) for stage in ("published", "before"))
     if before <= TAKEN * published:
         return (
@@ -39,17 +56,25 @@ def _no_gain(diagnosis: Diagnosis) -> str:
     return "The kept sessions are not predicted better with it"
 
 
-def _rise_K(gain: KeptGain) -> float:
-    """How much larger the error is with the cause than recalibrated [K], told first or fitted: where it is more."""
-    told = [kept_errors.told_first(gain, True), kept_errors.fitted(gain)]
-    return max(one["after"] - one["before"] for one in told if {"before", "after"} <= one.keys())
+def _rises_K(gain: KeptGain) -> tuple[float, float]:
+    """How much larger the error is with the cause than recalibrated [K]: told first, and fitted."""
+    told, fitted = _told_first(gain), kept_errors.fitted(gain)
+    return told["after"] - told["before"], fitted["after"] - fitted["before"]
+
+
+def _told_first(gain: KeptGain) -> Mapping[str, float]:
+    """As `kept_errors.told_first`; fitted where no file was replayed with the cause."""
+    told = kept_errors.told_first(gain, True)
+    return told if "after" in told else kept_errors.fitted(gain)
 
 
 def _mean_K(diagnosis: Diagnosis, stage: str) -> float:
-    """Mean error over the nodes at a stage [K], told first where all have it."""
-    told = [kept_errors.told_first(gain, True) for gain in diagnosis.gain]
-    known = told if all(stage in one for one in told) else [kept_errors.fitted(gain) for gain in diagnosis.gain]
-    return sum(one[stage] for one in known) / len(known)
+    """Mean error over the nodes at a stage [K]."""
+    return _mean([_told_first(gain)[stage] for gain in diagnosis.gain])
+
+
+def _mean(values: Sequence[float]) -> float:
+    return sum(values) / len(values)
 
 
 def paragraphs(diagnosis: Diagnosis) -> list[str]:

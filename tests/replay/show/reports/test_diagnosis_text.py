@@ -129,18 +129,35 @@ def test_a_cause_that_does_not_improve_kept_sessions_says_why_and_its_files_are_
     why = "the lower bound of the log score's gain is below zero (-3.1)"
     assert f"in the extended motor file, which is offered though not improved: {why}" in text
     assert "whyhot accept d-7f31beef" in text
-    worse = "With it the kept sessions get worse than recalibrated: rotor surface 0.5 -> 0.6 K (fitted 0.5 -> 0.6 K); "
-    assert f"{worse}the extended files are offered all the same." in answer(NOT_IMPROVED)
+    worse = "With it the kept sessions get worse than recalibrated, most the rotor surface: 0.5 -> 0.6 K (fitted 0.5"
+    for told in (answer(NOT_IMPROVED), text):
+        assert f"{worse} -> 0.6 K); the extended files are offered all the same." in told
 
 
 def test_a_gain_that_recalibration_took_is_said_so() -> None:
     taken = "The sensors see no gain from it, as recalibration alone takes their mean error from 7.9 K to 0.2 K; "
     assert f"{taken}the extended files are offered all the same." in answer(TAKEN)
+    assert f"Two models {taken}" in flat(diagnosis_text(TAKEN))
+    assert "The sensors see no gain" not in flat(diagnosis_text(ABSORBED) + diagnosis_text(NAMED))
     alone = replace(TAKEN, held_out=[], held_out_names=[], gain=[])
     assert "No session was kept to measure the gain on; the extended files are offered all the same." in answer(alone)
     ran_away = replace(TAKEN, extended_model=None, why_no_files='in a replay node "magnet" runs away')
     assert "to 0.2 K; no file is changed." in answer(ran_away)
     assert 'No extended files were written: in a replay node "magnet" runs away.' in answer(ran_away)
+
+
+def test_a_calibration_that_is_worse_says_so_first_and_an_extended_model_that_is_worse_too_says_that() -> None:
+    rose = [gain("rotor", 2.5, 2.0, (0.3, 0.7), 1.4, recorded=(1.6, 2.8, 2.1), moved=0.11)]
+    both = replace(NAMED, recalibrated_model=None, gain=rose)
+    says = (
+        "recalibration makes the kept sessions worse: rotor 1.6 -> 2.8 K (fitted 1.4 -> 2.5 K, reading moved by +0.1 K)"
+    )
+    assert headline(both).endswith(f"{says}; its files are not offered.")
+    further = (
+        "The extended model is further off on the kept sessions than the file as published: 2.1 K instead of 1.6 K"
+    )
+    assert further in answer(both) and "whyhot accept" in diagnosis_text(both)
+    assert further[:40] not in answer(NAMED) + answer(replace(both, extended_model=None))
 
 
 def test_the_two_models_are_told_apart() -> None:
