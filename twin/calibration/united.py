@@ -137,9 +137,11 @@ class United:
         r = self.rigs.index(rig)
         own, around = self._own[r], [b.name for b in self._own[r].boundaries]
         anywhere = float(test.initial.mean())
-        named = zip((node.name for node in own.nodes), test.initial, test.initial_sd, strict=True)
-        starts = {name: (start, sd) for name, start, sd in named}
-        starting = np.array([starts.get(node.name, (anywhere, ABSENT_SD_K)) for node in self.network.nodes])
+        at = {node.name: i for i, node in enumerate(own.nodes)}
+
+        def placed(values: Floats, elsewhere: float) -> Floats:
+            return np.array([values[at[node.name]] if node.name in at else elsewhere for node in self.network.nodes])
+
         steps = len(test.frame.features)
         outside = {name: test.frame.boundaries[:, i] for i, name in enumerate(around)}
         absent = np.full(steps, anywhere)
@@ -148,8 +150,9 @@ class United:
         return replace(
             test,
             frame=Frame(test.frame.step_s, self._features(test, r, factors or {}), edges),
-            initial=starting[:, 0].copy(),
-            initial_sd=starting[:, 1].copy(),
+            initial=placed(test.initial, anywhere),
+            initial_sd=placed(test.initial_sd, ABSENT_SD_K),
+            begins={channel: placed(moved, float(moved.mean())) for channel, moved in test.begins.items()},
         )
 
     def _features(self, test: Test, rig: int, factors: Mapping[AgeingPlace, float]) -> Floats:

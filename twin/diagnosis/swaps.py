@@ -121,8 +121,8 @@ def _crossed(recorded: Mapping[str, str], pair: Exchange) -> dict[str, str]:
 
 def exchanged(tests: Sequence[Test], channel: str, other: str) -> tuple[Test, ...]:
     """The tests with what two channels recorded exchanged: values, usable samples, their times, the step that they are
-    rounded to. Place, lag, noise and bias stay with the name, as these are the sensor's own. Where a test has only one
-    of the two, its record becomes the other's."""
+    rounded to, and the starts that they measured. Place, lag, noise and bias stay with the name, as these are the
+    sensor's own. Where a test has only one of the two, its record becomes the other's."""
     sheet = _sheet(tests)
     to = {channel: other, other: channel}
 
@@ -132,7 +132,10 @@ def exchanged(tests: Sequence[Test], channel: str, other: str) -> tuple[Test, ..
             name = to.get(c.name, c.name)
             yield _recorded(c, own[name]) if name in own else _recorded(sheet[name], c)
 
-    return tuple(replace(test, channels=tuple(crossed(test))) for test in tests)
+    def begins(test: Test) -> dict[str, Floats]:
+        return {to.get(name, name): moved for name, moved in test.begins.items()}
+
+    return tuple(replace(test, channels=tuple(crossed(test)), begins=begins(test)) for test in tests)
 
 
 def _sheet(tests: Sequence[Test]) -> dict[str, RecordedChannel]:

@@ -20,6 +20,7 @@ from twin.fitting.rows import Product, Products
 from twin.motor.heat_laws import source_law
 from twin.motor.network import NOBODY, Network
 from twin.motor.sensor import Sensor
+from twin.motor.sensor_laws import AMBIENT, Misreading, Seen
 from twin.run import sparse_march
 
 Floats = NDArray[np.float64]
@@ -113,12 +114,35 @@ class Circuit:
         """Temperatures at the start (states,)."""
         found = np.concatenate([self.test.initial, [self.test.initial[node] for _, node, _ in self.followers]])
         for p, action in self.active:
-            if isinstance(action, actions.Start):
-                found[self.moved_by_start(action.node)] += beta[p]
+            if (moved := self.start_moved_by(action)) is not None:
+                found += beta[p] * moved
         return found
 
-    def moved_by_start(self, node: int) -> list[int]:
-        return [node, *(self.n + i for i, (_, follows, _) in enumerate(self.followers) if follows == node)]
+    def start_moved_by(self, action: actions.Action) -> Floats | None:
+        """What a number of 1 adds to the start (states,); None where the action leaves it. A start that was measured is
+        as wrong as its sensor: where that reads too much, the motor is colder. To first order, about the `initial`
+        temperatures."""
+        match action:
+            case actions.Start(node):
+                nodes = np.zeros(self.n)
+                nodes[node] = 1.0
+            case Misreading(channel) | actions.Beside(channel) if channel in self.test.begins:
+                nodes = -self._reads_more(action) * self.test.begins[channel]
+            case _:
+                return None
+        return np.append(nodes, [nodes[follows] for _, follows, _ in self.followers])
+
+    def _reads_more(self, action: Misreading | actions.Beside) -> float:
+        """What a number of 1 adds to the first reading of the action's channel [K]."""
+        sensor = next(c.sensor for c in self.test.channels if c.name == action.channel)
+        followed = float(self.weights(sensor)[: self.n] @ self.test.initial)
+        if isinstance(action, actions.Beside):
+            return float(self.test.initial[action.node]) - followed
+        more = action.of_truth * followed
+        if action.of_ambient:
+            around = [boundary.name for boundary in self.network.boundaries].index(AMBIENT)
+            more += action.of_ambient * float(self.test.frame.boundaries[0, around])
+        return more + float(np.ravel(action.adds(1.0, Seen(np.array([followed]), np.zeros(1))))[0])
 
     def run(self, beta: Floats) -> CircuitRun:
         """One run. Raises `DivergedError`."""

@@ -36,11 +36,13 @@ Kind = Literal[
 class Heats:
     """Of `wanted` (column, action, its place in the circuit's own vector or NOBODY): made once, for any vector.
 
-    `columns` (C,): those that change temperatures, in rising order; the `loads` count them, and leave others out."""
+    `heated` (H,): columns that bring heat, in rising order; the `loads` count them, and leave others out. `started`
+    (S,): those that change the start alone; each is a mixture, by `shares` (K, S), of K starts that are marched for all
+    of them."""
 
     def __init__(self, circuit: Circuit, wanted: Sequence[tuple[int, Action, int]]) -> None:
         self.circuit = circuit
-        self.starts: dict[int, list[int]] = {}
+        self._starts: dict[int, Floats] = {}  # column -> what it adds to the start (states,)
         self._laws = {law: i for i, law in enumerate(circuit.laws)}
         self._rows: dict[tuple[int, int, int], int] = {}  # into, out of, column -> row of the loads
         self._entries: dict[Kind, list[Product]] = {}
@@ -50,8 +52,13 @@ class Heats:
             self._enter(column, action, place)
         self._products = {kind: Products.of(entries) for kind, entries in self._entries.items()}
         a, b, changed = np.array(list(self._rows), dtype=np.int64).reshape(-1, 3).T
-        self.columns = np.unique(np.concatenate([changed, np.array(list(self.starts), dtype=np.int64)]))
-        self.loads = Loads(a, b, np.searchsorted(self.columns, changed).astype(np.int64))
+        self.heated = np.unique(changed)
+        self.loads = Loads(a, b, np.searchsorted(self.heated, changed).astype(np.int64))
+        self.started = np.array(list(self._starts), dtype=np.int64)
+        own: Floats = np.array(list(self._starts.values())).reshape(-1, circuit.states).T
+        few = own.shape[1] < circuit.states
+        self._marched: Floats = own if few else np.eye(circuit.states)
+        self.shares: Floats = np.eye(own.shape[1]) if few else own
         self._table = Table.of(tuple(self._laws), circuit.network.copper)
 
     def _row(self, a: int, b: int, column: int) -> int:
@@ -69,6 +76,8 @@ class Heats:
         self._entries.setdefault(kind, []).append(Product(to, weight, first, second, parameter))
 
     def _enter(self, column: int, action: Action, at: int) -> None:
+        if (moved := self.circuit.start_moved_by(action)) is not None:
+            self._starts[column] = moved
         if isinstance(action, actions.OnTerms):
             self._enter_terms(column, action)
         elif isinstance(action, actions.OnTemperatures):
@@ -111,8 +120,8 @@ class Heats:
                 for node in nodes:
                     self._add("following", self._row(node, NOBODY, column), 1.0, len(self._followers))
                     self._followers.append((node, lag_s))
-            case actions.Start(node):
-                self.starts[column] = circuit.moved_by_start(node)
+            case actions.Start():
+                pass
             case actions.BoundaryBias(boundary):
                 for i, law in self._ending_at(boundary):
                     self._add("bounds", self._row(law.a, NOBODY, column), -1.0, i, i)
@@ -145,11 +154,8 @@ class Heats:
 
     @property
     def begin(self) -> Floats:
-        """What the temperatures at the start change by (states, C), per unit of the parameters of `columns`."""
-        found = np.zeros((self.circuit.states, len(self.columns)))
-        for column, nodes in self.starts.items():
-            found[nodes, np.searchsorted(self.columns, column)] = 1.0
-        return found
+        """Where what is marched begins (states, H + K): the heated columns, then the starts."""
+        return np.hstack([np.zeros((self.circuit.states, len(self.heated))), self._marched])
 
     def about(self, run: CircuitRun) -> Floats:
         """The heats (L, N) of all `loads` about a run [W per unit of each parameter]."""

@@ -95,7 +95,7 @@ class Metering:
             self._counted[boundary] = _Counted(self, every, boundary)
         own = self._counted[boundary]
         means = _sign(boundary) * self._means_of_heat(own.about(run), k)
-        yield from zip(own.columns[own.loads.column].tolist(), means, strict=True)
+        yield from zip(own.heated[own.loads.column].tolist(), means, strict=True)
 
     def _slopes(self, run: CircuitRun, boundary: int | None) -> Floats:
         """(states, N) [W/K]: what a meter's heats change by with the mean temperature of each state in a step."""

@@ -227,6 +227,9 @@ def _through_temperatures(ran: CircuitRun, readings: Sequence[Readings], heats: 
         for one, own, shown in zip(readings, strips, strip, strict=True):
             own.append(one.moved(shown))
     found = [np.zeros((len(own[0]), total)) for own in strips]
+    of_heat = len(heats.heated)
     for moved, own in zip(found, strips, strict=True):
-        moved[:, heats.columns] = np.hstack(own)[:, : len(heats.columns)]
+        marched = np.hstack(own)
+        moved[:, heats.heated] = marched[:, :of_heat]
+        moved[:, heats.started] = marched[:, of_heat : of_heat + len(heats.shares)] @ heats.shares
     return found

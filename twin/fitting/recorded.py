@@ -66,7 +66,8 @@ class RecordedMeter(RecordedChannel):
 class Test:
     """One recorded test in steps of `frame.step_s`, whole blocks only. `inputs`: feature -> (N,) dimensionless, step
     means; `features`: name of a product -> (N,) step means of it; `initial`, `initial_sd` (n,); `course`: what `Course`
-    multiplies with; `start_ns` of the first step."""
+    multiplies with; `start_ns` of the first step; `begins`: channel -> what 1 K of its reading adds to `initial` (n,)
+    [K/K], where the start was measured with it."""
 
     __test__ = False
 
@@ -81,6 +82,7 @@ class Test:
     course: Mapping[str, float] = field(default_factory=dict)
     start_ns: int = 0
     meters: tuple[RecordedMeter, ...] = ()
+    begins: Mapping[str, Floats] = field(default_factory=dict)
 
     @property
     def sensors(self) -> tuple[RecordedChannel, ...]:

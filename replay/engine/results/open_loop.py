@@ -24,22 +24,35 @@ FIRST_S = 10.0  # a channel that says nothing in this time sets no initial tempe
 def initial_temperatures(network: Network, frame: InputFrame, level: str) -> tuple[Floats, Floats]:
     """Temperatures (n,) [degC] at the first edge and their prior sd (n,) [K]: measured where a channel of this level
     is, elsewhere the network's steady interpolation (twin.run.initial)."""
-    measured, weights = _first_measured(frame, level)
+    measured, weights, _ = _first_measured(frame, level)
     return steady_interpolation(network, frame.features[0], frame.boundaries[0], measured, weights)
+
+
+def initial_by_reading(network: Network, frame: InputFrame, level: str) -> dict[str, Floats]:
+    """Channel -> what 1 K of its reading adds to the initial temperatures (n,) [K/K]; they are linear in it."""
+    measured, weights, names = _first_measured(frame, level)
+    found: dict[str, Floats] = {}
+    for node, channels in names.items():
+        one = {other: (float(other == node), sd) for other, (_, sd) in measured.items()}
+        moved, _ = steady_interpolation(network, frame.features[0], np.zeros_like(frame.boundaries[0]), one, weights)
+        found |= {channel: moved / len(channels) for channel in channels}
+    return found
 
 
 def _first_measured(
     frame: InputFrame, level: str
-) -> tuple[dict[str, tuple[float, float]], dict[str, dict[str, float]]]:
+) -> tuple[dict[str, tuple[float, float]], dict[str, dict[str, float]], dict[str, list[str]]]:
     """What the channels of a level say of the start: node -> (temperature, sd), means of the channels that follow it by
-    more than half; and node -> their weights, where they follow other nodes too."""
+    more than half; node -> their weights, where they follow other nodes too; and node -> their names."""
     steps = max(1, round(FIRST_S / frame.step_s))
     seen: dict[str, list[tuple[float, float, Mapping[str, float]]]] = {}
+    names: dict[str, list[str]] = {}
     for o in frame.observations:
         node, good = o.sensor.followed, np.flatnonzero(o.good[:steps])
         if node and good.size and level in ("testing", o.sensor.level):
             reading = (float(o.measured[good[0]]), float(np.hypot(o.sensor.noise, o.sensor.bias_sd)), o.sensor.weights)
             seen.setdefault(node, []).append(reading)
+            names.setdefault(node, []).append(o.sensor.name)
     measured = {
         node: (float(np.mean([v for v, _, _ in own])), float(np.mean([sd for _, sd, _ in own])) / len(own) ** 0.5)
         for node, own in seen.items()
@@ -48,7 +61,7 @@ def _first_measured(
         node: {other: sum(w.get(other, 0.0) for _, _, w in own) / len(own) for _, _, mixed in own for other in mixed}
         for node, own in seen.items()
     }
-    return measured, {node: own for node, own in weights.items() if len(own) > 1}
+    return measured, {node: own for node, own in weights.items() if len(own) > 1}, names
 
 
 def modelled(observation: Observation, frame: InputFrame, temperatures: Floats, nodes: tuple[str, ...]) -> Floats:

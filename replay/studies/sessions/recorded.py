@@ -18,7 +18,7 @@ from replay.engine.frame import frame as frames
 from replay.engine.frame.frame import InputFrame
 from replay.engine.frame.frame_of import as_fed
 from replay.engine.frame.observations import Observation
-from replay.engine.results.open_loop import initial_temperatures, referenced
+from replay.engine.results.open_loop import initial_by_reading, initial_temperatures, referenced
 from replay.engine.specimen.aged import hours_of
 from replay.errors import ReplayDataError
 from replay.studies.sessions.history import course_of
@@ -92,7 +92,8 @@ def _test(
             "nothing to learn from. Say node = ... in the bench file, or leave the session out."
         )
     named = {m.name: np.ascontiguousarray(frame.features[:steps, j]) for j, m in enumerate(every)}
-    initial, sd = initial_temperatures(network, replace(frame, features=frame.features[:, :own]), level)
+    of_network = replace(frame, features=frame.features[:, :own])
+    initial, sd = initial_temperatures(network, of_network, level)
     return Test(
         name=session.name,
         kind=session.kind,
@@ -107,6 +108,7 @@ def _test(
         initial_sd=sd,
         channels=tuple(_channel(o, frame, steps) for o in seen),
         start_ns=int(frame.t_ns[0]),
+        begins=initial_by_reading(network, of_network, level),
     )
 
 

@@ -145,6 +145,16 @@ def test_a_rig_alone_is_its_own_network() -> None:
     assert taken.meters == test.meters
 
 
+def test_a_reading_moves_the_start_of_the_rigs_own_nodes_as_it_does_on_the_rig() -> None:
+    united, (_, rig, _) = United(MOTOR, EVERY), EVERY
+    own = [node.name for node in configured(MOTOR, rig).nodes]
+    test = replace(_recorded(MOTOR, rig), begins={"W_1": np.linspace(1.0, 0.2, len(own))})
+    moved = dict(zip(united.network.names, united.test(test, rig).begins["W_1"], strict=False))
+    assert [moved[name] for name in own] == test.begins["W_1"].tolist()
+    absent = {moved[node.name] for node in united.network.nodes if node.name not in own}
+    assert absent == {test.begins["W_1"].mean()}, "they start at the mean of the others"
+
+
 def test_names_say_what_a_configuration_says_itself() -> None:
     names = United(MOTOR, EVERY).names
     assert "conductance.winding-yoke.constant" in names

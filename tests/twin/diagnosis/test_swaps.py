@@ -144,6 +144,14 @@ def test_an_exchange_leaves_place_and_lag_with_the_name_and_takes_the_record_alo
     np.testing.assert_array_equal(after["Y_1"].samples, before["W_1"].samples)
 
 
+def test_the_start_that_was_measured_goes_along_with_the_record() -> None:
+    first, second = _tests(made.every_law())
+    at_winding, at_yoke = np.array([1.0, 0.3, 0.1, 0.0]), np.array([0.0, 1.0, 0.4, 0.2])
+    measured = replace(first, begins={"W_1": at_winding, "Y_1": at_yoke})
+    found = swaps.exchanged((measured, second), "W_1", "R_1")[0].begins
+    assert found == {"R_1": at_winding, "Y_1": at_yoke}, "what is called R_1 now was read at the winding"
+
+
 def _showing(test: Test, channel: str, factor: float, offset: float) -> Test:
     return replace(
         test,

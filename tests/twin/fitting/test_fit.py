@@ -177,3 +177,20 @@ def test_a_start_from_which_the_run_leaves_the_numbers_is_said() -> None:
     runaway = Parameter("heat", actions.Added((Place(0),), "constant", 1.0, 1), 1.0)
     with pytest.raises(DivergedError):
         fit(Model(every_law(), [test], [runaway]), np.array([1e6]))
+
+
+def test_a_sensor_that_reads_too_much_takes_the_start_that_it_measured_along() -> None:
+    """5 K too much, and a start that is 5 K too hot for it: one fault, and not one more for the start of each test."""
+    network, evidence = every_law(), {}
+    tests = []
+    for seed in (1, 2, 3):
+        right = recorded(network, pulses(600.0, seed), INITIAL, seed=seed, white_sd=WHITE_SD, off_K={"W_1": 5.0})
+        tests.append(replace(right, initial=INITIAL + np.array([5.0, 0.0, 0.0, 0.0])))
+    begins = [replace(test, begins={"W_1": np.array([1.0, 0.0, 0.0, 0.0])}) for test in tests]
+    starts = [Parameter(f"start{i}", actions.Start(i), 3.0, s) for s in range(len(tests)) for i in range(4)]
+    for name, own in (("apart", tests), ("together", begins)):
+        for more in ((), (Parameter("bias", sensor_laws.Bias("W_1"), 3.0),)):
+            model = Model(network, own, [*starts, *more], QUIET)
+            evidence[name, len(more)] = fit(model, np.zeros(len(model.parameters))).log_evidence
+    gain = {name: evidence[name, 1] - evidence[name, 0] for name in ("apart", "together")}
+    assert gain["together"] > gain["apart"] + 3.0

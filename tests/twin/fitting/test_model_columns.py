@@ -50,15 +50,16 @@ MORE = (law(speed=2.0, current=2.0), law(current=2.0), law(speed=1.0))
 
 @pytest.fixture(scope="module")
 def tests() -> Sequence[Test]:
-    """Two tests: one smooth, one in pulses with samples that are not there."""
+    """Two tests: one smooth, one in pulses with samples that are not there, its start measured by its sensors."""
     initial = np.array([45.0, 42.0, 41.0, 35.0])
     steps = round(DURATION_S / 2)
     some = (np.random.default_rng(2).random(steps) < 0.7).astype(np.float64)
     some[100:120] = 0.0
-    return (
-        recorded(every_law(), smooth(DURATION_S), initial, more=MORE, seed=1),
-        recorded(every_law(), pulses(DURATION_S), initial, more=MORE, seed=2, samples={"Y_1": some, "R_1": some[::-1]}),
+    pulsed = recorded(
+        every_law(), pulses(DURATION_S), initial, more=MORE, seed=2, samples={"Y_1": some, "R_1": some[::-1]}
     )
+    begins = {"W_1": np.array([1.0, 0.0, 0.3, 0.1]), "Y_1": np.array([0.0, 0.8, 0.2, 0.4])}
+    return (recorded(every_law(), smooth(DURATION_S), initial, more=MORE, seed=1), replace(pulsed, begins=begins))
 
 
 def _modelled(model: Model, beta: Floats) -> Floats:
