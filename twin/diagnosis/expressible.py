@@ -1,7 +1,10 @@
 """A fit as motor and bench files can say it: some of its numbers are set to 0, and the others take over what those did.
 
 A number is set to 0 where no file can say it (a path that takes heat uphill), or where it is too small to be worth a
-line. A hundred small differences just left out would add up to kelvins, so the others take their part by the fit's own
+line. An error of the bench must be known, too: a thermal model has no reference for a gain of 1 %, so what it says of
+one is mostly its own error, and a reading that is moved by that is worse than the one recorded.
+
+A hundred small differences just left out would add up to kelvins, so the others take their part by the fit's own
 curvature H (Laplace's approximation): with d the entries set to 0 and f the others,
 
     beta_f = mode_f + H_ff^-1 H_fd mode_d,
@@ -26,25 +29,29 @@ from twin.motor.sensor_laws import Bias, Gain, Lag
 Bools = NDArray[np.bool_]
 
 WORTH_A_LINE = 0.1  # of its prior sd: a healthy difference below is not written
+SURE = 3.0  # standard deviations, by the posterior and over tests, from which on an error of the bench is known
 MOST_BESIDE = 0.9  # of what a sensor follows may be other nodes than its own
 COMMON_FROM = 3  # tests: from two nobody sees whether they agree
-COMMON = 3.0  # standard errors of the mean over tests that a common error is away from 0
 WORTH_A_CORRECTION = 0.3  # of its prior sd: a smaller common error is not written
 
 
 def expressible(found: Fit, named: Collection[int], driving: Collection[str]) -> Fit:
     """The fit again, its vector in the same places, with what files cannot say at 0: a path or a share of a sensor
-    below 0, the clock of a bus that drives the model, and healthy differences below `WORTH_A_LINE`.
+    below 0, the clock of a bus that drives the model, healthy differences below `WORTH_A_LINE`, and errors of the bench
+    that are less than `SURE`.
 
-    `named`: places in the vector that stay as they are; `driving`: channels on a bus that stamps inputs too. What
-    belongs to one test is no part of a file and stays free.
+    `named`: places in the vector that stay as they are; what is healthy of the same action is never too small;
+    `driving`: channels on a bus that stamps inputs too. What belongs to one test is no part of a file and stays free.
     """
     parameters, mode = found.model.parameters, found.beta
+    causes = {parameters[p].action for p in named}
     open_ = np.array([p not in named and one.test is None for p, one in enumerate(parameters)])
     unsayable = open_ & np.array([_is_common_drive(one, driving) for one in parameters])
     positive = open_ & np.array([_is_share(one) for one in parameters])
-    optional = open_ & np.array([_is_optional(one) for one in parameters])
-    least = WORTH_A_LINE * found.model.sd
+    optional = open_ & np.array([_is_optional(one) and one.action not in causes for one in parameters])
+    of_bench = np.array([isinstance(one.action, actions.OnBench) for one in parameters])
+    sd = np.sqrt(found.covariance_diagonal)
+    least = np.maximum(WORTH_A_LINE * found.model.sd, np.where(of_bench, SURE * sd, 0.0))
     held = (mode <= found.model.low) | (mode >= found.model.high) | np.isin(np.arange(mode.size), list(named))
     left_out, beta = unsayable, _given(found, unsayable, held)
     for smallest in (np.zeros_like(least), least):
@@ -109,39 +116,44 @@ class SensorChanges:
     errors: Mapping[actions.OnBench, float]
 
 
-def readings(found: Fit, named: Collection[int]) -> SensorChanges:
-    """What a fit says of sensors, clocks, inputs and boundaries. `named`: places in the vector of causes; the caller
-    writes them, together with the healthy differences of the same action, so these are left out."""
-    parameters = list(enumerate(found.model.parameters))
+def readings(found: Fit, said: Fit, named: Collection[int]) -> SensorChanges:
+    """What a fit, `said` as files can say it, says of sensors, clocks, inputs and boundaries. `named`: places in the
+    vector of causes; the caller writes them, together with the healthy differences of the same action, so these are
+    left out."""
+    parameters = list(enumerate(said.model.parameters))
     taken = {one.action for p, one in parameters if p in named}
-    meters = {meter.name for test in found.model.tests for meter in test.meters}
+    meters = {meter.name for test in said.model.tests for meter in test.meters}
     ours = [
-        (one, float(found.beta[p]))
+        (p, one)
         for p, one in parameters
         if p not in named and one.action not in taken and getattr(one.action, "channel", None) not in meters
     ]
     errors: dict[actions.OnBench, float] = {
-        one.action: value
-        for one, value in ours
-        if one.test is None and isinstance(one.action, Gain | Lag | actions.Late) and value
+        one.action: float(said.beta[p])
+        for p, one in ours
+        if one.test is None and isinstance(one.action, Gain | Lag | actions.Late) and said.beta[p]
     }
-    return SensorChanges(_weights(found), errors | _common(ours))
+    return SensorChanges(_weights(said), errors | _common(found, said, [p for p, _ in ours]))
 
 
-def _common(ours: Sequence[tuple[Parameter, float]]) -> dict[actions.OnBench, float]:
-    """Errors that the tests agree on well enough to be one error of the bench: the mean over the tests."""
-    by_action: dict[actions.OnBench, list[tuple[float, float]]] = {}
-    for one, value in ours:
+def _common(found: Fit, said: Fit, ours: Sequence[int]) -> dict[actions.OnBench, float]:
+    """Errors that the tests agree on well enough to be one error of the bench, and that the whole fit knows: an offset
+    that only takes over what a gain did is not known. The mean over the tests. `ours`: places in the vector."""
+    by_action: dict[actions.OnBench, list[int]] = {}
+    for p in ours:
+        one = found.model.parameters[p]
         if one.test is not None and isinstance(one.action, Bias | actions.BoundaryBias | actions.InputGain):
-            by_action.setdefault(one.action, []).append((value, one.sd))
-    found = {}
-    for action, values in by_action.items():
-        each = np.array([value for value, _ in values])
+            by_action.setdefault(one.action, []).append(p)
+    covariance = np.linalg.inv(found.hessian)
+    common = {}
+    for action, places in by_action.items():
+        each = found.beta[places]
         if each.size >= COMMON_FROM:
             mean, error = float(each.mean()), float(each.std(ddof=1)) / each.size**0.5
-            if abs(mean) > max(COMMON * error, WORTH_A_CORRECTION * values[0][1]):
-                found[action] = mean
-    return found
+            sd = float(np.sqrt(covariance[np.ix_(places, places)].mean()))
+            if abs(mean) > max(SURE * error, SURE * sd, WORTH_A_CORRECTION * found.model.sd[places[0]]):
+                common[action] = float(said.beta[places].mean())
+    return common
 
 
 def _weights(found: Fit) -> dict[str, dict[str, float]]:

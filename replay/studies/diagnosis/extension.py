@@ -51,7 +51,7 @@ def version(
     network = network_of(fit, campaign.monomials)
     data, name = store.archive.read(question.model), facts.models[question.model].file
     motor = store.archive.seal(written(data, name, network, note))
-    own = readings(fit, places)
+    own = readings(found, fit, places)
     learnt = [replace(c, weights=own.weights.get(c.name, c.weights)) for c in campaign.observed]
     amounts: dict[actions.OnBench, float] = {}
     for place, refit in places.items():

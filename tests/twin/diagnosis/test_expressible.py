@@ -3,6 +3,7 @@ line."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -35,12 +36,11 @@ def tests() -> list[Test]:
     return [recorded(NETWORK, pulses(600.0, seed=s), INITIAL, name=str(s)) for s in range(COMMON_FROM)]
 
 
-def fit_at(tests: list[Test], numbers: list[tuple[Parameter, float]], seed: int = 0) -> Fit:
-    """A fit whose mode and curvature are given: what follows from them needs no data."""
+def fit_at(tests: list[Test], numbers: list[tuple[Parameter, float]], known: float = 10.0) -> Fit:
+    """A fit whose mode and curvature are given, each number `known` so many times better than its prior: what follows
+    from them needs no data."""
     model = Model(NETWORK, tests, [parameter for parameter, _ in numbers])
-    rng = np.random.default_rng(seed)
-    root = rng.normal(size=(len(numbers), len(numbers))) / model.sd
-    hessian = root.T @ root + np.diag(1 / model.sd**2)
+    hessian = np.diag((known / model.sd) ** 2)
     return Fit(model, np.array([value for _, value in numbers]), 0.0, hessian, (), 0.0, True, 1)
 
 
@@ -112,6 +112,27 @@ def test_what_is_not_worth_a_line_goes_unless_it_is_named(fitted: Fit) -> None:
     assert found.beta[-1] == 0.0
 
 
+@pytest.mark.parametrize(("known", "named", "stays"), [(1.1, False, False), (10.0, False, True), (1.1, True, True)])
+def test_an_error_of_a_sensor_is_written_where_it_is_known(
+    tests: list[Test], known: float, named: bool, stays: bool
+) -> None:
+    """A gain of 1.5 prior sds, as far as most that a fit pushes its own errors into."""
+    healthy = Parameter("sensor.Y_1.gain", sensor_laws.Gain("Y_1"), 0.01)
+    cause = Parameter("named", sensor_laws.Gain("Y_1" if named else "W_1"), 0.05)
+    numbers = [(healthy, 0.015), (cause, 0.04), (Parameter("loss", actions.Scale((8,)), 0.1), 0.0)]
+    found = expressible(fit_at(tests, numbers, known), [1], ())
+    assert bool(found.beta[0]) == stays
+    assert found.beta[1] == 0.04
+
+
+def test_an_error_that_all_tests_share_may_still_be_the_models(tests: list[Test]) -> None:
+    biases = [Parameter("bias", sensor_laws.Bias("W_1"), 0.5, number) for number in range(COMMON_FROM)]
+    known, guessed = (fit_at(tests, [(one, 0.5) for one in biases], known) for known in (10.0, 1.2))
+    said = fit_at(tests, [(one, 0.6) for one in biases])
+    assert readings(known, said, ()).errors == {sensor_laws.Bias("W_1"): pytest.approx(0.6)}
+    assert readings(guessed, said, ()).errors == {}, "an offset that takes over what a gain did"
+
+
 def test_where_files_can_say_all_nothing_moves(tests: list[Test]) -> None:
     fit = fit_at(tests, [(Parameter("term0", actions.Scale((0,)), 0.4), 0.3)])
     assert expressible(fit, (), ()) is fit
@@ -119,20 +140,21 @@ def test_where_files_can_say_all_nothing_moves(tests: list[Test]) -> None:
 
 def test_shares_come_on_top_of_what_the_file_says_and_add_up(tests: list[Test]) -> None:
     beside = [(Parameter(f"beside{i}", actions.Beside("R_1", i), 0.1), share) for i, share in ((1, 0.1), (3, 0.2))]
-    weights = readings(fit_at(tests, beside), ()).weights
+    found = fit_at(tests, beside)
+    weights = readings(found, found, ()).weights
     assert weights == {"R_1": {"magnet": 0.49, "yoke": 0.1, "case": pytest.approx(0.41)}}
     assert sum(weights["R_1"].values()) == pytest.approx(1.0, abs=1e-9)
 
 
 def test_an_error_that_all_tests_share_is_one_of_the_bench(tests: list[Test]) -> None:
-    def fit(values: tuple[float, ...]) -> Fit:
-        return fit_at(
-            tests, [(Parameter("bias", sensor_laws.Bias("W_1"), 0.5, number), v) for number, v in enumerate(values)]
-        )
+    def errors(values: tuple[float, ...]) -> Mapping[actions.OnBench, float]:
+        biases = [Parameter("bias", sensor_laws.Bias("W_1"), 0.5, number) for number in range(len(values))]
+        found = fit_at(tests, list(zip(biases, values, strict=True)))
+        return readings(found, found, ()).errors
 
-    assert readings(fit((0.5, 0.52, 0.54)), ()).errors == {sensor_laws.Bias("W_1"): pytest.approx(0.52)}
+    assert errors((0.5, 0.52, 0.54)) == {sensor_laws.Bias("W_1"): pytest.approx(0.52)}
     for apart in ((0.5, -0.5, 0.6), (0.01, 0.011, 0.012), (0.2, 0.9, 0.1)):
-        assert readings(fit(apart), ()).errors == {}
+        assert errors(apart) == {}
 
 
 def test_what_a_named_cause_holds_already_is_not_said_twice(tests: list[Test]) -> None:
@@ -141,7 +163,8 @@ def test_what_a_named_cause_holds_already_is_not_said_twice(tests: list[Test]) -
         (Parameter("sensor.winding.lag", sensor_laws.Lag("W_1"), 20.0), 9.0),
         (Parameter("sensor.Y_1.lag", sensor_laws.Lag("Y_1"), 0.8), -0.25),
     ]
-    assert readings(fit_at(tests, numbers), [1]).errors == {sensor_laws.Lag("Y_1"): -0.25}
+    found = fit_at(tests, numbers)
+    assert readings(found, found, [1]).errors == {sensor_laws.Lag("Y_1"): -0.25}
 
 
 @pytest.mark.parametrize("place", [("winding",), ("yoke", "case"), ("case", "ambient"), ("yoke", "magnet")])
