@@ -19,7 +19,7 @@ from twin.motor.causes import groups
 from twin.motor.network import Network, Term
 from twin.motor.paths import links_with_groups, missing, terms_of
 
-BOUND = math.log(20.0)  # of a factor: further off, the file is of another motor
+BOUND = math.log(4.0)  # of a factor: beyond it a cause would be called a coefficient
 EXPONENT_SHARE = 0.2  # sd of an exponent over the exponent: those of a lumped file are fits
 KNOTS = 5
 LEAST_LEFT = 0.1  # of a loss that a map may leave, where the tests go: no loss is negative
