@@ -22,7 +22,7 @@ from plant.drives import Drive
 from plant.forms import FORMS
 from plant.geometry import NODES
 from plant.plant import Truth
-from plant.sensors import LAG_s, lagged, record, sensors
+from plant.sensors import LAG_s, Recording, lagged, record, sensors
 from plant.thermocouples import Sensor
 from replay.studies.characterise.calibrate import common_model
 from replay.studies.diagnosis import question
@@ -69,10 +69,11 @@ def planned(plant: Plant, sessions: int, longest_s: float) -> list[Drive]:
     """The drives of a campaign, those that are learnt from first; points are found on the plant itself."""
     kept = kept_count(sessions)
     chosen = [*LEARNT[: sessions - kept], *KEPT[:kept]]
-    return [_drive(plant, one, number).first(longest_s) for number, one in enumerate(chosen)]
+    return [drive_of(plant, one, number).first(longest_s) for number, one in enumerate(chosen)]
 
 
-def _drive(plant: Plant, session: Session, number: int) -> Drive:
+def drive_of(plant: Plant, session: Session, number: int) -> Drive:
+    """The drive of a session, the so manyth of its campaign."""
     kind, share, minutes = session
     if kind == "wltp":
         return drives.wltp(1, plant.form.vehicle, trailer=share)
@@ -87,19 +88,19 @@ def driven(case: Case, effects: Sequence[Effect], folder: Path) -> Behind:
     plant = Plant(case.seed, *effects, form=form)
     plan = planned(plant, case.sessions, case.longest_s)
     learnt = case.sessions - kept_count(case.sessions)
-    truths = logged(folder, case, plant, plan)
-    without = logged(folder / "healthy", case, Plant(case.seed, form=form), plan[:learnt]) if effects else []
+    truths = [one.truth for one in logged(folder, case, plant, plan)]
+    healthy = logged(folder / "healthy", case, Plant(case.seed, form=form), plan[:learnt]) if effects else []
+    without = [one.truth for one in healthy]
     moved = tuple(moved_by(effect, case, plan, without) for effect in effects)
     nodes = tuple({node: _mean(truth, plant, node) for node in NODES} for truth in truths[learnt:])
     return Behind(tuple(effects), learnt, moved, nodes)
 
 
-def logged(folder: Path, case: Case, plant: Plant, plan: Sequence[Drive]) -> list[Truth]:
+def logged(folder: Path, case: Case, plant: Plant, plan: Sequence[Drive]) -> list[Recording]:
     """Run and log a plant."""
-    truths = [plant.run(drive, number) for number, drive in enumerate(plan)]
-    recordings = [record(plant, truth, case.layout) for truth in truths]
+    recordings = [record(plant, plant.run(drive, number), case.layout) for number, drive in enumerate(plan)]
     write_campaign(folder, plant, recordings, layout=case.layout, rule=case.rule)
-    return truths
+    return recordings
 
 
 def moved_by(effect: Effect, case: Case, plan: Sequence[Drive], without: Sequence[Truth]) -> tuple[Course, ...]:

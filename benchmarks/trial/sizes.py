@@ -28,7 +28,7 @@ def strengths(reference: Case, causes: Sequence[str]) -> dict[str, float | None]
     plan = planned(plant, reference.sessions, reference.longest_s)
     with tempfile.TemporaryDirectory() as folder:
         learnt = plan[: reference.sessions - kept_count(reference.sessions)]
-        without = logged(Path(folder), reference, plant, learnt)
+        without = [one.truth for one in logged(Path(folder), reference, plant, learnt)]
         campaign = read(Path(folder))
     found: dict[str, float | None] = dict.fromkeys(causes)
     try:

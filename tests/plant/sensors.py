@@ -6,6 +6,7 @@ A recording is messages: stamps [ns since the epoch] and physical values as they
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -63,12 +64,14 @@ class Block:
 
 @dataclass(frozen=True)
 class Recording:
-    """What the bench recorded of a session, and the truth behind it."""
+    """What the bench recorded of a session, and the truth behind it. `errors`: signal -> the everyday gain [1] and bias
+    [K] of that sensor."""
 
     name: str
     kind: str
     blocks: tuple[Block, ...]
     truth: Truth
+    errors: Mapping[str, tuple[float, float]]
 
 
 DRIVE = Message(
@@ -107,7 +110,8 @@ def record(plant: Plant, truth: Truth, layout: str = "six") -> Recording:
     columns: dict[str, Floats] = {}
     times: dict[float, Floats] = {rate: np.arange(round(drive.seconds * rate)) / rate for rate in {fast, slow}}
     columns |= _inputs(plant, truth, random, times[fast], times[slow])
-    columns |= _temperatures(plant, truth, random, times[slow], layout)
+    readings, errors = _temperatures(plant, truth, random, times[slow], layout)
+    columns |= readings
     blocks = []
     for place, message in enumerate(messages(layout)):
         t = times[fast] if message in (DRIVE, SUPPLY) else times[slow]
@@ -117,7 +121,7 @@ def record(plant: Plant, truth: Truth, layout: str = "six") -> Recording:
         if message.name == "Telemetry":
             _hold(values, _silences(plant.roughness, random, t), t)
         blocks.append(_sent(plant, message, t, values, plant.random(7, truth.number, place), truth.number))
-    return Recording(drive.name, drive.kind, tuple(blocks), truth)
+    return Recording(drive.name, drive.kind, tuple(blocks), truth, errors)
 
 
 # ---- inputs --------------------------------------------------------------------------------------------------------
@@ -173,10 +177,14 @@ def _white(random: np.random.Generator, t: Floats) -> Floats:
 # ---- temperatures --------------------------------------------------------------------------------------------------
 
 
-def _temperatures(plant: Plant, truth: Truth, random: np.random.Generator, t: Floats, layout: str) -> dict[str, Floats]:
-    """Signal -> readings (M,). A specimen's sensors sit where its seed says, in every session."""
+def _temperatures(
+    plant: Plant, truth: Truth, random: np.random.Generator, t: Floats, layout: str
+) -> tuple[dict[str, Floats], dict[str, tuple[float, float]]]:
+    """Signal -> readings (M,), and -> everyday gain and bias. A specimen's sensors sit where its seed says, in every
+    session."""
     place, mine = plant.random(8), LAYOUTS[layout]
     readings: dict[str, Floats] = {}
+    errors: dict[str, tuple[float, float]] = {}
     for sensor in plant.form.sensors:  # all of them are drawn, so that a layout does not change the others
         cells, weights = _place(plant.mesh, sensor, place, plant.roughness)
         lag = LAG_s + plant.roughness * LAG_SD_s * float(place.standard_normal())
@@ -185,9 +193,10 @@ def _temperatures(plant: Plant, truth: Truth, random: np.random.Generator, t: Fl
         noise = _white(random, t)
         if sensor.signal in mine:
             effects = [e for e in plant.effects if e.kind == "sensor" and e.place == sensor.node]
+            errors[sensor.signal] = gain - 1.0, bias
             readings[sensor.signal] = _read(truth, truth.at(cells, weights), t, lag, gain, bias, effects) + noise
     _faults(plant.effects, {s.node: s for s in sensors(layout)}, readings, t, plant.random(9, truth.number))
-    return readings
+    return readings, errors
 
 
 def _place(
