@@ -5,8 +5,9 @@ from __future__ import annotations
 import json
 import re
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Any
+from unicodedata import normalize
 
 from ingest.bench.signals import Directory, Signal
 from ingest.errors import UnitError
@@ -15,6 +16,19 @@ from ingest.texts.quantities import PEAK, STORED_UNIT, converter
 
 _NOT_DRAFTED = ("counter", "state")  # not needed to replay a motor
 _LISTED = 200  # signals that nothing was guessed for
+
+_SPELT = str.maketrans({"ä": "ae", "ö": "oe", "ü": "ue", "ß": "ss"})
+_PLACE_WORDS = {  # place -> words for it, short ones, German and Italian
+    "coolant": "cool|coolant|kuehl(w|wasser|mittel)?|raffreddamento|refrigerante",
+    "ambient": "amb|umgebung|ambiente",
+    "oven": "ofen|forno",
+    "winding": "wdg|wndg|wickl|wicklung|avv|avvolg|avvolgimento",
+    "magnet": "mag|magnete?n?|magneti",
+    "bearing": "brg|lager|cusc|cuscinetto",
+    "housing": "hsg|gehaeuse|carcassa",
+    "yoke": "joch|giogo",
+    "tooth": "zahn|dente",
+}
 
 _HEAD = """\
 schema = "whyhot.bench/1"
@@ -35,8 +49,16 @@ and oven*, ambient* and coolant* are
 """
 
 
-def draft_bench(signals: Sequence[Signal], settings: Mapping[str, Any], name: str = "these logs") -> str:
+def draft_bench(
+    signals: Sequence[Signal],
+    settings: Mapping[str, Any],
+    name: str = "these logs",
+    at_once: Sequence[Collection[Signal]] = (),
+) -> str:
     """The text of a bench file that reads and resolves against `signals`; `name` of the logs, for its first comment.
+
+    `at_once`: signals that are recorded together, by logger; of others, two of a quantity are no rivals. Without it all
+    are.
 
     Where `settings` say `untimed`, the log is a table without a time column: `[time]` is there to be filled in.
     """
@@ -46,13 +68,22 @@ def draft_bench(signals: Sequence[Signal], settings: Mapping[str, Any], name: st
     known = {reference: quantity for reference, quantity in guessed.items() if quantity not in (None, *_NOT_DRAFTED)}
     inputs = [reference for reference, quantity in known.items() if quantity != "temperature"]
     places = [reference for reference, quantity in known.items() if quantity == "temperature"]
-    often = Counter(known.values())
+    rivals = _rivals({found[one]: str(quantity) for one, quantity in known.items()}, at_once or [signals])
     parts = [_HEAD.format(name=_comment(name)), _NO_TIME if settings.get("untimed") else ""]
-    parts += [_entry(found[one], one, str(known[one]), often[known[one]] > 1) for one in inputs]
+    parts += [_entry(found[one], one, str(known[one]), found[one] in rivals) for one in inputs]
     parts += [_NODES if places else ""]
     parts += [_entry(found[one], one, "temperature", False) for one in places]
     left = [signal for reference, signal in found.items() if reference not in known]
     return "".join([*parts, *_rest(left)])
+
+
+def _rivals(known: Mapping[Signal, str], at_once: Sequence[Collection[Signal]]) -> set[Signal]:
+    """Signals that another one of their quantity is recorded together with."""
+    found: set[Signal] = set()
+    for together in at_once:
+        often = Counter(known[one] for one in known if one in together)
+        found |= {one for one in known if one in together and often[known[one]] > 1}
+    return found
 
 
 def _reference(signal: Signal, directory: Directory) -> str | None:
@@ -91,13 +122,18 @@ def _unit(signal: Signal, quantity: str) -> tuple[str, bool, str]:
 
 
 def _node(name: str) -> str:
-    """ "T_EndWinding.A" -> "endwinding_a": a node name, from the words of a signal."""
-    ascii_only = words(name).encode("ascii", "ignore").decode()
-    kept = [word for word in ascii_only.split("_") if word]
+    """ "T_EndWinding.A" -> "endwinding_a", "T_Kühlw_ein" -> "coolant_ein": a node name, from the words of a signal."""
+    plain = normalize("NFKD", words(normalize("NFC", name)).translate(_SPELT)).encode("ascii", "ignore").decode()
+    kept = [word for word in plain.split("_") if word]
     if len(kept) > 1 and kept[0] in ("t", "tc", "temp", "tmp"):
         kept = kept[1:]
-    node = "_".join(kept)
+    node = "_".join(_place_of(word) for word in kept)
     return node if node and node[0].isalpha() else f"node_{node}".rstrip("_")
+
+
+def _place_of(word: str) -> str:
+    """The place as a motor file is likely to call it; a word that is none stays."""
+    return next((place for place, begins in _PLACE_WORDS.items() if re.fullmatch(begins, word)), word)
 
 
 def _rest(left: Sequence[Signal]) -> Iterator[str]:

@@ -51,11 +51,13 @@ class InspectedFile:
 
 @dataclass(frozen=True)
 class Inspection:
-    """Everything seen. `unknown_ids`: "can1:0x123" -> frames that no database explains."""
+    """Everything seen. `unknown_ids`: "can1:0x123" -> frames that no database explains; `at_once`: the signals of each
+    log and of those that run at the same time."""
 
     files: tuple[InspectedFile, ...]
     signals: tuple[FoundSignal, ...]
     unknown_ids: dict[str, int]
+    at_once: tuple[frozenset[Signal], ...] = ()
 
     @property
     def refusals(self) -> list[str]:
@@ -82,7 +84,22 @@ def inspect(files: Sequence[Path], databases: Sequence[Path], bench: Path | None
         )
         for signal in signals_in(loaded, readings)
     )
-    return Inspection(looked, seen, _unknown(loaded, readings))
+    return Inspection(looked, seen, _unknown(loaded, readings), _at_once(loaded, readings))
+
+
+def _at_once(databases: Sequence[Database], readings: Sequence[LogReading]) -> tuple[frozenset[Signal], ...]:
+    return tuple(
+        frozenset(signals_in(databases, [other for other in readings if other is one or _overlap(one, other)]))
+        for one in readings
+    )
+
+
+def _overlap(one: LogReading, other: LogReading) -> bool:
+    """Whether two logs run at the same time, as far as their stamps tell."""
+    if not (one.absolute and other.absolute):
+        return False
+    begin, end = max(one.start_ns or 0, other.start_ns or 0), min(one.end_ns or 0, other.end_ns or 0)
+    return begin <= end
 
 
 def draft(found: Inspection) -> str:
@@ -91,7 +108,7 @@ def draft(found: Inspection) -> str:
     untimed = any(one.note for one in found.files)
     logs = [one.path.name for one in found.files if one.reading]
     name = ", ".join(logs) if len(logs) <= NAMED else f"{len(logs)} logs"
-    return draft_bench([seen.signal for seen in found.signals], {**settings, "untimed": untimed}, name)
+    return draft_bench([seen.signal for seen in found.signals], {**settings, "untimed": untimed}, name, found.at_once)
 
 
 def _look(reader: Reader, path: Path, folder: Path, time: TimeSpec, *, guessing: bool) -> InspectedFile:

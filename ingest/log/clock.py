@@ -29,6 +29,7 @@ Stream = tuple[int, int] | None  # bus and identifier, None of a table
 
 SECOND_NS = 1_000_000_000
 DAY_NS = 86_400 * SECOND_NS
+JUMP_NS = 7 * DAY_NS  # shorter ones are gaps: a log that pauses over the weekend
 FAR_NS = 30 * DAY_NS  # a stamp so far off both its neighbours is no time of this log
 CLOSE_NS = 3600 * SECOND_NS  # between neighbours of a log that runs: a table with a row a check has no strays or jumps
 JITTER_NS = 1_000_000  # by which frames may come out of order
@@ -135,7 +136,8 @@ def findings(name: str, counted: Mapping[str, Any], absolute: bool) -> list[Qual
 
 def _steps(counted: Mapping[str, Any], what: str, says: str) -> str:
     times, largest_s = counted.get(f"{what}_steps", 0), counted.get(f"{what}_ns", 0) / SECOND_NS
-    by = f"{largest_s / 86_400:,.1f} days" if largest_s >= 86_400 else f"{largest_s:,.3g} s"
+    by = f"{largest_s:,.3g} s" if largest_s < 600 else f"{largest_s / 60:,.0f} min"
+    by = f"{largest_s / 86_400:,.1f} days" if largest_s >= 86_400 else by
     return "" if not times else f"{says} by {by}" if times == 1 else f"{says} {times:,} times, by up to {by}"
 
 
@@ -249,6 +251,6 @@ def _steps_of(found: StampFaults, t_ns: Ints, blocks: Sequence[int], jitter_ns: 
     back = -step[(step < -jitter_ns) & ~np.isin(np.arange(1, len(t_ns)), blocks)]
     found.back_steps = max(found.back_steps, len(back))
     found.back_ns = max(found.back_ns, int(back.max(initial=0)))
-    jump = step[step > DAY_NS] if len(step) and np.median(np.abs(step)) <= CLOSE_NS else step[:0]
+    jump = step[step > JUMP_NS] if len(step) and np.median(np.abs(step)) <= CLOSE_NS else step[:0]
     found.jump_steps = max(found.jump_steps, len(jump))
     found.jump_ns = max(found.jump_ns, int(jump.max(initial=0)))

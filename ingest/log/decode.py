@@ -22,7 +22,7 @@ from ingest.facts.events import DecodeCompleted
 from ingest.formats import Frames, Rejected, Rows
 from ingest.log import clock, held, recording, samples
 from ingest.log.balance import Account, outcome
-from ingest.log.clock import DAY_NS
+from ingest.log.clock import JUMP_NS
 from ingest.log.databases import Database, merged
 from ingest.log.frames import FrameBatch
 from ingest.log.plan import SignalGroup, groups_of, plan
@@ -97,7 +97,7 @@ def identity(raw: str, databases: Sequence[Database], bench: Bench | None, model
 
 
 def _is_long(reading: LogReading) -> bool:
-    return reading.start_ns is not None and reading.end_ns is not None and reading.end_ns - reading.start_ns > DAY_NS
+    return reading.start_ns is not None and reading.end_ns is not None and reading.end_ns - reading.start_ns > JUMP_NS
 
 
 def _clock(faults: clock.StampFaults, written: Sequence[SignalGroup]) -> dict[str, Any]:

@@ -45,6 +45,8 @@ _BY_NAME: Mapping[str, str] = {
 _PLACES = (  # of thermocouples whose column says no more than where they sit
     "wind|wdg|slot|yoke|tooth|teeth|stator|rotor|magnet|_pm_|bearing|housing|ambient|coolant|inlet|outlet|oven|endcap|water"
     "|terminal|wickl|lager|geh(ae|ä)use|k(ue|ü)hl|ofen|umgebung|wasser|avvolg|magnete|cuscinett|acqua|ambiente|forno"
+    "|_mag_|_amb_|_brg_|cool|_oil_|joch|zahn|r(ue|ü)cken|_nut_|blechpaket|vorlauf|r(ue|ü)cklauf|_(oe|ö)l_|_avv_|giogo"
+    "|_dente_|_cava_|statore|rotore|carcassa|raffredd|_olio_"
 )
 _NO_TEMPERATURE = "pos_|position|angle|winkel|press|druck|level|humid"
 _COMMAND = "_(ref|cmd|command|set|setpoint|req|request|demand|target|desired)_|soll"

@@ -52,7 +52,7 @@ def test_a_draft_guesses_quantity_unit_and_node() -> None:
         "n2": ("speed", "rpm", None, "input"),
         "Id": ("current_d", "Apk", None, "input"),
         "Torque": ("torque", "Nm", None, "input"),
-        "T_Wicklung_1": ("temperature", "°C", "wicklung_1", "observed"),
+        "T_Wicklung_1": ("temperature", "°C", "winding_1", "observed"),
         "ambient": ("temperature", "degC", "ambient", "input"),
         "TC_coolant": ("temperature", "degC", "coolant", "input"),
     }
@@ -90,3 +90,34 @@ def test_equal_names_are_written_with_message_or_bus() -> None:
 def test_a_name_of_a_log_cannot_leave_its_comment() -> None:
     text = draft_bench([Signal("Remark\n[[channel]]")], {}, "evil\nmotor = 3.csv")
     assert "# Draft for evil?motor = 3.csv:" in text and read_bench(text.encode(), "draft.toml").channels == ()
+
+
+@pytest.mark.parametrize(
+    ("name", "node"),
+    [
+        ("T_Rücken", "ruecken"),
+        ("T_Ru\u0308cken", "ruecken"),
+        ("T_Kühlwasser_ein", "coolant_ein"),
+        ("T_cool_in", "coolant_in"),
+        ("Twdg_A", "twdg_a"),
+        ("T_wdg_A", "winding_a"),
+        ("T_mag", "magnet"),
+        ("Umgebung", "ambient"),
+        ("T avvolgimento 2", "winding_2"),
+        ("Gehäuse", "housing"),
+    ],
+)
+def test_a_drafted_node_keeps_umlauts_and_knows_what_places_are_called(name: str, node: str) -> None:
+    assert f'node = "{node}"\n' in draft_bench([Signal(name, unit="°C")], {}, "a.csv")
+
+
+@pytest.mark.parametrize("name", ["Kühl_ein", "T_mag", "wdg_2", "cool_out", "Rücklauf", "Joch", "dente_3"])
+def test_a_place_without_a_unit_is_a_temperature(name: str) -> None:
+    assert 'quantity = "temperature"' in draft_bench([Signal(name)], {}, "a.csv")
+
+
+def test_signals_of_loggers_that_do_not_run_at_once_are_no_rivals() -> None:
+    ours, theirs = Signal("n_mot", unit="rpm"), Signal("Drehzahl", unit="U/min")
+    assert "keep one" in draft_bench([ours, theirs], {}, "logs")
+    assert "keep one" in draft_bench([ours, theirs], {}, "logs", [[ours, theirs]])
+    assert "keep one" not in draft_bench([ours, theirs], {}, "logs", [[ours], [theirs]])

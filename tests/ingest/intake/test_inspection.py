@@ -39,3 +39,13 @@ def test_a_column_of_several_tables_spans_them_all(tmp_path: Path) -> None:
 def test_a_draft_names_the_logs_that_it_is_for(tmp_path: Path, count: int, named: str) -> None:
     files = [csv(tmp_path / f"{i}.csv", 20.0, 21.0) for i in range(count)]
     assert f"# Draft for {named}: " in draft(inspect(files, [], None))
+
+
+@pytest.mark.parametrize(("start_s", "rivals"), [(1_760_000_050, True), (1_760_086_400, False)])
+def test_a_draft_knows_which_loggers_run_at_once(tmp_path: Path, start_s: int, rivals: bool) -> None:
+    logs = {"a.csv": ("n_mot [rpm]", 1_760_000_000), "b.csv": ("Drehzahl [rpm]", start_s)}
+    for name, (column, begin_s) in logs.items():
+        rows = "".join(f"{begin_s + i},{1000 + i}\n" for i in range(100))
+        (tmp_path / name).write_text(f"epoch_s,{column}\n{rows}", encoding="utf-8")
+    text = draft(inspect([tmp_path / name for name in logs], [], None))
+    assert ("keep one" in text) == rivals
