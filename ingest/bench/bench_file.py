@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from datetime import datetime
 from functools import lru_cache
 from zoneinfo import ZoneInfo, available_timezones
@@ -17,8 +17,9 @@ from zoneinfo import ZoneInfo, available_timezones
 from ingest.bench.channel import Channel
 from ingest.bench.corrections import Correction, read_corrections
 from ingest.bench.derating import DeratingRule, read_deratings
+from ingest.bench.signals import TABLE
 from ingest.errors import BenchFileError, ExpressionError, UnitError
-from ingest.formats import YEARS, TimeSpec, utc_ns
+from ingest.formats import FORMATS, YEARS, TimeSpec, utc_ns
 from ingest.texts.expressions import parse
 from ingest.texts.nearest import hint
 from ingest.texts.quantities import CONVENTIONS, STORED_UNIT, converter, known_quantity
@@ -51,7 +52,8 @@ ROOT_KEYS = (
     *("motor", "specimen", "specimen_column", "batch", "batch_column", "kind", "configuration", "attributes"),
     *("time", "channel", "derived", "correction", "derating"),
 )
-TIME_KEYS = ("column", "format", "unit", "zone", "rate_hz", "start", "join_gap_s")
+TIME_KEYS = ("column", "format", "unit", "zone", "rate_hz", "start", "skip_rows")
+OF_FORMAT = tuple(form.name for form in FORMATS)  # [time.csv]: of logs of that format
 COMMON_KEYS = (
     *("quantity", "unit", "node", "weights", "region", "level", "noise", "bias_sd", "resolution", "time_constant_s"),
     *("sensor", "card", "convention", "role", "gain_sd", "reference", "reference_degC", "slope_per_K", "bin_degC"),
@@ -60,7 +62,7 @@ CHANNEL_KEYS = ("signal", *COMMON_KEYS)
 DERIVED_KEYS = ("name", "expression", *COMMON_KEYS)
 
 _ABOVE = dict.fromkeys(ROOT_KEYS, "above the first [table] of the file")
-_UNDER_TIME = dict.fromkeys(TIME_KEYS, "under [time]")
+_UNDER_TIME = dict.fromkeys((*TIME_KEYS, "join_gap_s"), "under [time]")
 
 
 @dataclass(frozen=True)
@@ -78,6 +80,7 @@ class Bench:
     configuration: str | None = None
     attributes: Mapping[str, str] = field(default_factory=dict)
     time: TimeSpec = field(default_factory=TimeSpec)
+    time_of: Mapping[str, TimeSpec] = field(default_factory=dict)  # format -> what holds for its logs instead
     join_gap_s: float = 60.0
     channels: tuple[Channel, ...] = ()
     corrections: tuple[Correction, ...] = ()
@@ -97,9 +100,9 @@ def read_bench(data: bytes, name: str) -> Bench:
     channels = [_channel(table) for table in root.tables("channel")]
     channels += [_derived(table) for table in root.tables("derived")]
     _refuse_twice(name, channels)
-    time, join_gap_s = _time(root.table("time"))
-    if root.get("specimen_column", TEXT) and any(channel.quantity in EVALUATED for channel in channels):
-        time = replace(time, untimed=True)
+    stamps = root.table("time")
+    untimed = "specimen_column" in root and any(channel.quantity in EVALUATED for channel in channels)
+    gap = stamps.get("join_gap_s", NOT_NEGATIVE) if stamps else None
     return Bench(
         sha256=hashlib.sha256(data).hexdigest(),
         name=name,
@@ -111,8 +114,9 @@ def read_bench(data: bytes, name: str) -> Bench:
         kind=root.one_of("kind", KINDS),
         configuration=root.get("configuration", TEXT),
         attributes=root.get("attributes", NAMED_TEXTS) or {},
-        time=time,
-        join_gap_s=join_gap_s,
+        time=_time(stamps, ("join_gap_s", *OF_FORMAT), untimed),
+        time_of={name: _time(own, (), untimed) for name in OF_FORMAT if stamps and (own := stamps.table(name))},
+        join_gap_s=Bench.join_gap_s if gap is None else gap,
         channels=tuple(channels),
         corrections=read_corrections(root.tables("correction"), channels),
         deratings=read_deratings(root.tables("derating"), channels),
@@ -144,7 +148,8 @@ def _channel(table: TomlTable) -> Channel:
     table.only(CHANNEL_KEYS, {"name": "in [[derived]]", "expression": "in [[derived]]", **_ABOVE})
     signal = table.need("signal", TEXT)
     qualified = re.fullmatch(r"(?:can\d+:)?\w+\.(\w+)", signal)
-    return _common(table, name=qualified[1] if qualified else signal, signal=signal, expression=None)
+    name = qualified[1] if qualified else signal.removeprefix(f"{TABLE}.")
+    return _common(table, name=name, signal=signal, expression=None)
 
 
 def _derived(table: TomlTable) -> Channel:
@@ -283,24 +288,31 @@ def _slope(table: TomlTable) -> float | None:
     return slope
 
 
-def _time(table: TomlTable | None) -> tuple[TimeSpec, float]:
-    """What `[time]` says, and `join_gap_s`."""
+def _time(table: TomlTable | None, beside: Sequence[str], untimed: bool) -> TimeSpec:
+    """What `[time]`, or that of one format, says; keys `beside` it are read elsewhere."""
     if table is None:
-        return TimeSpec(), Bench.join_gap_s
-    table.only(TIME_KEYS, _ABOVE)
+        return TimeSpec(untimed=untimed)
+    table.only((*TIME_KEYS, *beside), {**_ABOVE, **_UNDER_TIME})
     _exclusive(table, "column", "rate_hz")
     _exclusive(table, "format", "unit", "rate_hz")
     zone = _zone(table)
-    gap = table.get("join_gap_s", NOT_NEGATIVE)
-    spec = TimeSpec(
+    return TimeSpec(
         column=table.get("column", TEXT),
         format=_format(table),
         unit=table.one_of("unit", TIME_UNITS),
         zone=zone,
         rate_hz=table.get("rate_hz", POSITIVE),
         start_ns=_start_ns(table, ZoneInfo(zone)),
+        untimed=untimed,
+        skip_rows=_skip_rows(table),
     )
-    return spec, Bench.join_gap_s if gap is None else gap
+
+
+def _skip_rows(table: TomlTable) -> int:
+    count = table.get("skip_rows", NOT_NEGATIVE) or 0.0
+    if count != int(count):
+        raise _refusal(table, "skip_rows", f"skip_rows is a count of lines above the header, not {count:g}.")
+    return int(count)
 
 
 def _zone(table: TomlTable) -> str:

@@ -88,7 +88,7 @@ def _rivals(known: Mapping[Signal, str], at_once: Sequence[Collection[Signal]]) 
 
 def _reference(signal: Signal, directory: Directory) -> str | None:
     """The shortest name that means this signal alone; None where none does, or none can be written."""
-    names = (signal.name, f"{signal.message}.{signal.name}", signal.qualified)
+    names = (signal.name, f"{signal.message}.{signal.name}", signal.alone)
     fits = (name for name in names if name.strip() and directory.find(name) == [signal])
     return next((name for name in fits if not re.search("[\ud800-\udfff]", name)), None)
 

@@ -144,7 +144,7 @@ def _only(name: str, found: list[Signal], channel: Channel, bench: Bench, direct
         advice = f"{directory.nearest(name)} {todo} or give the log that holds it in the same command."
         raise BenchFileError(f"{where} {what} is not in the logs.{advice}")
     if len({signal if signal.message else signal.name for signal in found}) > 1:  # a column of several tables is one
-        several = ", ".join(sorted({signal.qualified for signal in found}))
+        several = ", ".join(sorted({signal.alone for signal in found}))
         quotes = " in backquotes" if channel.expression else ""
         raise BenchFileError(f"{where} {what} is not unique: {several}. Write one of these{quotes}.")
     return found[0]

@@ -1,4 +1,5 @@
-"""The signals of a log and the ways a bench file may name them: `signal`, `message.signal`, `bus:message.signal`."""
+"""The signals of a log and the ways a bench file may name them: `signal`, `message.signal`, `bus:message.signal`; a
+column of a table `signal`, or `rows.signal` where a message has one of that name too."""
 
 from __future__ import annotations
 
@@ -7,6 +8,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from ingest.texts.nearest import nearest
+
+TABLE = "rows"  # what stands for a message where the signal is a column of a table
 
 
 @dataclass(frozen=True)
@@ -25,6 +28,11 @@ class Signal:
         """The longest name that a bench file may use for it."""
         full = f"{self.message}.{self.name}" if self.message else self.name
         return f"{self.bus}:{full}" if self.bus else full
+
+    @property
+    def alone(self) -> str:
+        """The name that means no signal of another kind of log."""
+        return self.qualified if self.message else f"{TABLE}.{self.name}"
 
     def __str__(self) -> str:
         """ "EW_A_3v (bench.dbc, TempA)"."""
@@ -66,3 +74,5 @@ def _names(signal: Signal) -> Iterator[str]:
         yield f"{signal.message}.{signal.name}"
         if signal.bus:
             yield signal.qualified
+    else:
+        yield signal.alone

@@ -70,6 +70,7 @@ class TimeSpec:
     rate_hz: float | None = None
     start_ns: int | None = None  # ns UTC that a relative time counts from
     untimed: bool = False  # rows may have no time at all, as in a table with a row a check
+    skip_rows: int = 0  # lines of a text file above the header of its table
 
     @property
     def local(self) -> ZoneInfo:

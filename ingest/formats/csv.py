@@ -80,7 +80,14 @@ class CsvLog(Log):
 
     def _begin(self, lines: Sequence[str]) -> int:
         """Recognise the table from its first lines; the number of lines before its first row."""
-        written = [place for place, line in enumerate(lines[: 2 * SAMPLE_ROWS]) if _is_row(line)]
+        above = self.time.skip_rows
+        shown = lines[above : above + 2 * SAMPLE_ROWS]
+        written = [place for place, line in enumerate(shown, above) if _is_row(line)]
+        if above and not written:
+            raise UnreadableLogError(
+                f"{self.path.name}: has no line below the {above:,} that skip_rows under [time] of the bench file "
+                "leaves out: correct that number."
+            )
         self._dialect = dialect = recognise_dialect([lines[place] for place in written], self.path.name)
         self._clock = recognise_clock(self.time, dialect, self.path.name)
         begin = written[1 if dialect.units_row else 0] + 1

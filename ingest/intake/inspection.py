@@ -6,7 +6,7 @@ import tempfile
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from contextlib import closing
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -15,8 +15,8 @@ from ingest.bench.bench_file import read_bench
 from ingest.bench.draft import draft_bench
 from ingest.bench.signals import Signal
 from ingest.errors import UnreadableLogError
-from ingest.formats import Rows, TimeSpec
-from ingest.intake.setup import refuse_missing, signals_in
+from ingest.formats import Rows, TimeSpec, recognise
+from ingest.intake.setup import Setup, refuse_missing, signals_in
 from ingest.log import clock
 from ingest.log.databases import Database, load, merged
 from ingest.log.reading import LogReading, Reader
@@ -69,9 +69,9 @@ def inspect(files: Sequence[Path], databases: Sequence[Path], bench: Path | None
     """Read logs in a temporary folder and say what they hold. Raises IngestError for a file that is not there."""
     refuse_missing(files)
     loaded = [load(path.read_bytes(), path.name) for path in databases]
-    time = read_bench(bench.read_bytes(), bench.name).time if bench else TimeSpec()
+    said = Setup(read_bench(bench.read_bytes(), bench.name), b"", (), None) if bench else None
     with tempfile.TemporaryDirectory() as folder, closing(Reader()) as reader:
-        looked = tuple(_look(reader, path, Path(folder), time, guessing=bench is None) for path in files)
+        looked = tuple(_look(reader, path, Path(folder), said) for path in files)
     readings = [one.reading for one in looked if one.reading]
     ranges: dict[str, tuple[float, float]] = {}
     for one in looked:
@@ -111,15 +111,15 @@ def draft(found: Inspection) -> str:
     return draft_bench([seen.signal for seen in found.signals], {**settings, "untimed": untimed}, name, found.at_once)
 
 
-def _look(reader: Reader, path: Path, folder: Path, time: TimeSpec, *, guessing: bool) -> InspectedFile:
+def _look(reader: Reader, path: Path, folder: Path, said: Setup | None) -> InspectedFile:
     recording = folder / "preview.mcap"
     try:
-        reading, note = reader.record(path, recording, time), None
+        reading, note = reader.record(path, recording, said.time(recognise(path)) if said else None), None
     except UnreadableLogError as error:
-        if not guessing:
+        if said:
             return InspectedFile(path, None, str(error), None, {})
         try:  # a table without a time column can be looked at all the same
-            reading = reader.record(path, recording, replace(time, rate_hz=1.0))
+            reading = reader.record(path, recording, TimeSpec(rate_hz=1.0))
         except UnreadableLogError:
             return InspectedFile(path, None, str(error), None, {})
         note = "no time column was recognised: looked at as one row a second"

@@ -171,7 +171,7 @@ def _read(reader: Reader, known: Facts, path: Path, setup: Setup, work: Path, be
 def _record(reader: Reader, path: Path, raw: str, form: Format, setup: Setup, work: Path) -> _Read:
     recording = work / f"{raw}.mcap"
     try:
-        reading = reader.record(path, recording, setup.time, setup.attachments(form))
+        reading = reader.record(path, recording, setup.time(form), setup.attachments(form))
         return _Read(path, raw, form, recording, reading, None)
     except UnreadableLogError as error:
         return _Read(path, raw, form, recording, None, str(error))

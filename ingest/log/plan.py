@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ingest.bench.bench_file import Bench
 from ingest.bench.resolving import ResolvedChannel
-from ingest.bench.signals import Signal
+from ingest.bench.signals import TABLE, Signal
 from ingest.errors import BenchFileError
 from ingest.log.databases import Message, signals_of
 from ingest.log.reading import LogReading
@@ -22,7 +22,6 @@ from ingest.texts.guessing import guess
 from ingest.texts.quantities import column_suffix
 from ingest.texts.units import normal_unit
 
-TABLE = "rows"
 Source = tuple[str, str]  # group name, name of a signal in it
 
 

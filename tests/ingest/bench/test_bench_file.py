@@ -594,7 +594,9 @@ def test_a_column_of_several_tables_is_one_signal_and_every_unit_row_counts() ->
     assert resolved(CHANNEL, [Signal("MAG_1"), Signal("MAG_1", unit="°C")]).name == "MAG_1"
     says = refusal(BenchFileError, CHANNEL, [Signal("MAG_1"), Signal("MAG_1", unit="°C"), Signal("MAG_1", unit="K")])
     assert 'which says "K"' in says
-    assert "is not unique: M.MAG_1, MAG_1." in refusal(BenchFileError, CHANNEL, [Signal("MAG_1"), Signal("MAG_1", "M")])
+    assert "is not unique: M.MAG_1, rows.MAG_1." in refusal(
+        BenchFileError, CHANNEL, [Signal("MAG_1"), Signal("MAG_1", "M")]
+    )
 
 
 def test_amplitudes_are_converted_with_their_noise() -> None:
@@ -662,7 +664,7 @@ def keys(schema: dict[str, Any]) -> set[str]:
 def test_the_schema_lists_exactly_the_keys_that_are_read() -> None:
     properties = SCHEMA["properties"]
     assert keys(SCHEMA) == {"schema", *bench_module.ROOT_KEYS}
-    assert keys(properties["time"]) == set(bench_module.TIME_KEYS)
+    assert keys(properties["time"]) == {*bench_module.TIME_KEYS, "join_gap_s", *bench_module.OF_FORMAT}
     assert keys(properties["channel"]["items"]) == set(bench_module.CHANNEL_KEYS)
     assert keys(properties["derived"]["items"]) == set(bench_module.DERIVED_KEYS)
     assert keys(properties["derating"]["items"]) == set(DERATING_KEYS)
