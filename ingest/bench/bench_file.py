@@ -58,7 +58,8 @@ COMMON_KEYS = (
     *("quantity", "unit", "node", "weights", "region", "level", "noise", "bias_sd", "resolution", "time_constant_s"),
     *("sensor", "card", "convention", "role", "gain_sd", "reference", "reference_degC", "slope_per_K", "bin_degC"),
 )
-CHANNEL_KEYS = ("signal", *COMMON_KEYS)
+CHANNEL_KEYS = ("signal", "value", *COMMON_KEYS)
+VALUE_KEYS = ("value", "quantity", "unit", "node")
 DERIVED_KEYS = ("name", "expression", *COMMON_KEYS)
 
 _ABOVE = dict.fromkeys(ROOT_KEYS, "above the first [table] of the file")
@@ -146,10 +147,25 @@ def _refuse_twice(name: str, channels: list[Channel]) -> None:
 
 def _channel(table: TomlTable) -> Channel:
     table.only(CHANNEL_KEYS, {"name": "in [[derived]]", "expression": "in [[derived]]", **_ABOVE})
+    if "value" in table:
+        return _valued(table)
     signal = table.need("signal", TEXT)
     qualified = re.fullmatch(r"(?:can\d+:)?\w+\.(\w+)", signal)
     name = qualified[1] if qualified else signal.removeprefix(f"{TABLE}.")
     return _common(table, name=name, signal=signal, expression=None)
+
+
+def _valued(table: TomlTable) -> Channel:
+    """A boundary that no log holds: its temperature as a number."""
+    table.only(VALUE_KEYS, dict.fromkeys(CHANNEL_KEYS, "beside a signal, not a value"))
+    quantity, unit, convention = _measure(table, None)
+    if quantity != "temperature":
+        raise _refusal(table, "value", f"value is the temperature of a boundary that is not measured, no {quantity}.")
+    node = table.need("node", NAME)
+    conversion = converter(unit, quantity, convention)
+    degC = conversion.scale * table.need("value", NUMBER) + conversion.offset
+    lines = {key: table.line(key) for key in table.values}
+    return Channel(node, quantity, unit, value=degC, node=node, role="input", line=table.line(), lines=lines)
 
 
 def _derived(table: TomlTable) -> Channel:

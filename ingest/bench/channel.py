@@ -12,7 +12,8 @@ from ingest.texts.expressions import parse
 class Channel:
     """One `[[channel]]` or `[[derived]]`. Numbers are in the *stored* unit of the quantity (quantities.STORED_UNIT).
 
-    Exactly one of `signal` (a name in the log) and `expression` (with `name`) is given. `node` is a node or a
+    Exactly one of `signal` (a name in the log), `expression` (with `name`) and `value` (of a boundary that no log
+    holds) is given. `node` is a node or a
     boundary of the motor file; `weights` a weighted mean of nodes.
     """
 
@@ -21,6 +22,7 @@ class Channel:
     unit: str  # in the file
     signal: str | None = None
     expression: str | None = None
+    value: float | None = None
     node: str | None = None
     weights: Mapping[str, float] = field(default_factory=dict)
     region: str | None = None
@@ -48,9 +50,13 @@ class Channel:
     @property
     def needs(self) -> tuple[str, ...]:
         """The signals that it is made of, as the bench file calls them."""
+        if self.value is not None:
+            return ()
         return parse(self.expression).names if self.expression else (str(self.signal),)
 
     @property
     def called(self) -> str:
         """How a message calls it: `signal "X"`, or `derived channel "X"`."""
+        if self.value is not None:
+            return f'the value of "{self.node}"'
         return f'derived channel "{self.name}"' if self.expression else f'signal "{self.signal}"'

@@ -95,6 +95,15 @@ def resolve(
     return resolved
 
 
+def valued(bench: Bench) -> list[ResolvedChannel]:
+    """The channels of `bench` that are a number for all its logs."""
+    return [
+        ResolvedChannel(**vars(channel), conversion=Conversion(), signals=())
+        for channel in bench.channels
+        if channel.value is not None
+    ]
+
+
 def check_nodes(bench: Bench, nodes: Collection[str], boundaries: Collection[str]) -> None:
     """Raises BenchFileError for a node that the motor file does not have, and for a boundary among weights."""
     known = [*nodes, *boundaries]
@@ -102,6 +111,11 @@ def check_nodes(bench: Bench, nodes: Collection[str], boundaries: Collection[str
         key = "weights" if "weights" in channel.lines else "node"
         where = f"{bench.name}:{channel.at(key)}:"
         for place in () if channel.role == "ignored" else _places(channel):
+            if channel.value is not None and place not in boundaries:
+                says = (
+                    f'node = "{place}" has a value, but is no boundary of the motor file: what a node has is computed.'
+                )
+                raise BenchFileError(f"{where} {says} Its boundaries: {', '.join(boundaries)}.")
             if place not in known:
                 advice = hint(place, known) or f" It has: {', '.join(known)}."
                 raise BenchFileError(f'{where} node "{place}" of {channel.called} is not in the motor file.{advice}')

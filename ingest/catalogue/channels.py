@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ingest.bench.bench_file import Bench, read_bench
 from ingest.bench.corrections import AMBIENT, Correction, correct, true_times, true_values
-from ingest.bench.resolving import ResolvedChannel, resolve
+from ingest.bench.resolving import ResolvedChannel, resolve, valued
 from ingest.bench.signals import Directory, Signal
 from ingest.errors import DamageError, UnitError
 from ingest.facts.events import DecodeCompleted, SessionRecorded
@@ -93,9 +93,11 @@ def load_each(store: Store, facts: Facts, sessions: Sequence[SessionRecorded]) -
     decoded: dict[str, _Decoded] = {}
     for session in sessions:
         pieces: dict[str, list[_Piece]] = {}
+        bench = None
         for file in session.files:
             name = file["decode"]
             one = decoded.pop(name) if name in decoded else _decoded(store, facts, facts.decodes[name])
+            bench = one.bench or bench
             for piece in _of_file(one, file):
                 moved = _on_time(piece, one.bench, one.stem, session.start_ns)
                 pieces.setdefault(piece.spec.name, []).append(moved)
@@ -103,7 +105,8 @@ def load_each(store: Store, facts: Facts, sessions: Sequence[SessionRecorded]) -
             if to_come[name]:
                 decoded[name] = one
         around = _ambient(pieces, session.start_ns)
-        yield [_joined(some, session.start_ns, around) for some in pieces.values()]
+        joined = [_joined(some, session.start_ns, around) for some in pieces.values()]
+        yield joined + [_throughout(spec, session, joined[0]) for spec in (valued(bench) if bench and joined else ())]
 
 
 def step_of(value: Array) -> float | None:
@@ -228,7 +231,7 @@ def _of_bench(bench: Bench, decode: DecodeCompleted) -> list[_Source]:
     here = [
         (channel, steps)
         for channel, steps in zip(corrected.channels, corrected.steps, strict=True)
-        if channel.quantity and all(directory.find(name) for name in channel.needs)
+        if channel.quantity and channel.needs and all(directory.find(name) for name in channel.needs)
     ]
     around = {entry["node"] for entry in decode.channels if entry["role"] == "input" and entry["node"]}
     specs = resolve(replace(bench, channels=tuple(channel for channel, _ in here)), signals, around)
@@ -339,6 +342,13 @@ def _joined(some: Sequence[_Piece], start_ns: int, around: _Around | None) -> Ch
         buses=tuple(str(piece.bus) for piece in pieces.values()),
         read=read if any(piece.steps for piece in some) else None,
     )
+
+
+def _throughout(spec: ResolvedChannel, session: SessionRecorded, beside: ChannelData) -> ChannelData:
+    """What the bench file gives as a number, from the start of a session to its end, by the clock of `beside`."""
+    t_ns = np.array([session.start_ns, max(session.end_ns, session.start_ns + 1)])
+    zeros, value = np.zeros(2, np.int64), np.full(2, spec.value, np.float64)
+    return ChannelData(spec, t_ns, value, zeros, zeros, beside.raws[:1], beside.buses[:1])
 
 
 def _true_values(piece: _Piece, start_ns: int, around: _Around | None) -> Array:
