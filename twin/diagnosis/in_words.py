@@ -4,6 +4,7 @@ it sharper."""
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 from twin.diagnosis.pooling import family, kinds, regions
 from twin.fitting import actions
@@ -20,18 +21,19 @@ KINDS_OF_GROUP = {  # kind of a healthy difference that is in no family -> what 
     "input": "readings of inputs",
     "boundary": "readings of boundaries",
 }
-LOSSES = "a no-load speed ladder, another current at one speed, or a measured loss (power balance)"
-COPPER = "direct current at standstill with the resistance measured, or a measured loss (power balance)"
-PATHS = "sensors at both ends, or a step of the coolant's flow or temperature"
-LAGS = "a step of load"
-SHARPER = {  # kind -> the test that would tell more of it
+MEASURED_LOSS = "a measured loss (power balance)"
+LOSSES = ("a no-load speed ladder", "another current at one speed", MEASURED_LOSS)
+COPPER = ("direct current at standstill with the resistance measured", MEASURED_LOSS)
+PATHS = ("sensors at both ends", "a step of the coolant's flow or temperature")
+LAGS = ("a step of load",)
+SHARPER = {  # kind -> the tests that would tell more of it, each alone
     "capacity": LAGS,
     "conductance": PATHS,
-    "sensor": "a session at standstill at ambient temperature, or a second sensor there",
-    "meter": "a second meter",
-    "clock": "a step that every logger records",
-    "input": "a second reading of it",
-    "boundary": "a second sensor of it",
+    "sensor": ("a session at standstill at ambient temperature", "a second sensor there"),
+    "meter": ("a second meter",),
+    "clock": ("a step that every logger records",),
+    "input": ("a second reading of it",),
+    "boundary": ("a second sensor of it",),
     "start": "a longer rest before the test",
 }
 
@@ -147,8 +149,12 @@ class Plain:
                 return "as no sensor is ahead of what it follows"
         return "as far as calibration lets it go"
 
-    def sharper(self, parameter: Parameter) -> str:
-        """The test that would tell more of it."""
+    def sharper(self, *parameters: Parameter) -> str:
+        """The tests that would tell more of them, any of which would do, each said once."""
+        *others, last = dict.fromkeys(test for one in parameters for test in self._sharper(one))
+        return ", ".join([*others, f"or {last}"]) if others else last
+
+    def _sharper(self, parameter: Parameter) -> Sequence[str]:
         kind, term = self.kind_and_place(parameter)[0], self._term(parameter)
         if isinstance(parameter.action, sensor_laws.Lag):
             return LAGS

@@ -143,17 +143,22 @@ def _gain(diagnosis: Diagnosis) -> Iterator[str]:
 
 
 def _before_and_after(gains: Sequence[KeptGain], of: Sequence[str]) -> Iterator[str]:
-    """The better first, then the worse, then those that the interval leaves unchanged on one line."""
-    by_verdict: dict[str, list[KeptGain]] = {}
-    for gain in gains:
-        by_verdict.setdefault(kept_errors.change(gain), []).append(gain)
+    """The node that the answer tells first, then the better, the worse, and on one line what the interval leaves
+    unchanged."""
+    first, *others = gains
+    yield _at(first, of, _change(first))
     for word in ("better", "worse"):
-        for gain in by_verdict.get(word, []):
-            ends = sorted(abs(end) for end in gain.ci95_K)
-            change = f"{abs(gain.mae_before_K - gain.mae_after_K):.1f} {word} ({ends[0]:.1f} to {ends[1]:.1f})"
-            yield _at(gain, of, change)
-    if same := by_verdict.get("unchanged"):
-        yield f"unchanged: {' · '.join(_at(gain, of[-1:]) for gain in same)}"
+        yield from (_at(gain, of, _change(gain)) for gain in others if kept_errors.change(gain) == word)
+    if same := [gain for gain in others if kept_errors.change(gain) == "unchanged"]:
+        yield f"unchanged by the cause: {' · '.join(_at(gain, of[-1:]) for gain in same)}"
+
+
+def _change(gain: KeptGain) -> str:
+    """ "0.2 better (0.1 to 0.4)": of the fitted errors with the cause, and its interval."""
+    word, ends = kept_errors.change(gain), sorted(abs(end) for end in gain.ci95_K)
+    if word == "unchanged":
+        return "unchanged by the cause"
+    return f"{abs(gain.mae_before_K - gain.mae_after_K):.1f} {word} ({ends[0]:.1f} to {ends[1]:.1f})"
 
 
 def _at(gain: KeptGain, of: Sequence[str], *more: str) -> str:

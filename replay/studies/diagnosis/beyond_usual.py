@@ -29,7 +29,6 @@ def _of(fit: Fit, when: str, train: Sequence[str], threshold: float) -> Iterator
 
 def _wide(found: Findings, one: Wide, when: str, plain: Plain) -> Unusual:
     parameter, *others = (found.fit.model.parameters[i] for i in one.members)
-    sharper = dict.fromkeys(map(plain.sharper, (parameter, *others)))  # losses of several regions have several
     return Unusual(
         about="family",
         when=when,
@@ -43,7 +42,7 @@ def _wide(found: Findings, one: Wide, when: str, plain: Plain) -> Unusual:
         ci95=[],
         unit="1",
         bound=None,
-        sharper=", or ".join(sharper),
+        sharper=plain.sharper(parameter, *others),  # losses of several regions have several tests
     )
 
 

@@ -89,7 +89,8 @@ np.testing.assert_allclose(filtered.temperatures, straight, rtol=0, atol=1e-10)
 
 # the march
 _, values, program, laws, table = laid_out(network)
-ran = run(program, False, values, h, frame.features, frame.boundaries, start)
+names = [node.name for node in network.nodes]
+ran = run(program, False, values, h, frame.features, frame.boundaries, start, names)
 np.testing.assert_allclose(ran.edges[-1], truth, rtol=0, atol=1e-3)
 of_step = psi(table, ran.means, frame.boundaries)[0]
 for law, found in zip(laws, of_step, strict=True):

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from made.motor import every_law, recorded, smooth
-from twin.diagnosis.in_words import COPPER, LAGS, LOSSES, PATHS, Plain
+from twin.diagnosis.in_words import COPPER, LAGS, LOSSES, MEASURED_LOSS, PATHS, Plain
 from twin.differences.everyday import everyday
 from twin.fitting.actions import Parameter
 from twin.fitting.model import Test
@@ -120,10 +120,12 @@ def test_what_is_held_says_where(plain: Plain, differences: dict[str, Parameter]
 def test_each_has_a_test_that_would_tell_more(plain: Plain, differences: dict[str, Parameter]) -> None:
     for one in differences.values():
         assert plain.sharper(one)
-    assert plain.sharper(differences["map.yoke.4i"]) == LOSSES
-    assert plain.sharper(differences["term9"]) == COPPER
-    assert plain.sharper(differences["sensor.W_1.lag"]) == plain.sharper(differences["capacity.case"]) == LAGS
-    assert plain.sharper(differences["conductance.yoke-coolant.flow"]) == PATHS
+    yoke, copper = differences["map.yoke.4i"], differences["term9"]
+    assert plain.sharper(copper) == f"{COPPER[0]}, or {MEASURED_LOSS}"
+    assert plain.sharper(yoke) == f"{LOSSES[0]}, {LOSSES[1]}, or {MEASURED_LOSS}"
+    assert plain.sharper(yoke, copper).count(MEASURED_LOSS) == 1
+    assert plain.sharper(differences["sensor.W_1.lag"]) == plain.sharper(differences["capacity.case"]) == LAGS[0]
+    assert plain.sharper(differences["conductance.yoke-coolant.flow"]) == ", or ".join(PATHS)
 
 
 def test_groups_are_families_where_there_is_one(plain: Plain, differences: dict[str, Parameter]) -> None:

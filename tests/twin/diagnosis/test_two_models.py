@@ -25,7 +25,8 @@ HEAT = Parameter("loss.case.speed2", Added((Place(CASE),), "speed2", 1.0), 30.0)
 def _true() -> Network:
     """The motor with a heat of 80 W at full speed in the case."""
     network = every_law()
-    return replace(network, sources=(*network.sources, Source("case", (Term(80.0, {"speed": 2.0}),))))
+    heat = Source("case", (Term(80.0, {"speed": 2.0}),))
+    return replace(network, name="with a heat", sources=(*network.sources, heat))
 
 
 @pytest.fixture(scope="module")

@@ -101,7 +101,7 @@ def test_the_gain_lists_better_worse_and_unchanged_nodes() -> None:
     assert (
         "magnet 10.1 -> 6.4 -> 2.3 K (fitted 9.0 -> 6.1 -> 0.9 K, 5.2 better (4.1 to 6.0), reading moved by −1.7 K)"
     ) in text
-    assert "unchanged: endwinding a outer 0.7 K (fitted 0.3 K)" in text
+    assert "unchanged by the cause: endwinding a outer 0.7 K (fitted 0.3 K)" in text
     assert "4_s1 and 5_wltp; 95 % intervals within these sessions; 8 % of the time outside trained points" in text
     worse = "rotor surface 7.6 -> 0.5 -> 0.6 K (fitted 7.7 -> 0.5 -> 0.6 K, 0.1 worse (0.1 to 0.2))"
     assert worse in flat(diagnosis_text(NOT_IMPROVED))
