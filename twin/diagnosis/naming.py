@@ -31,7 +31,7 @@ from twin.fitting.model import Floats, Model
 THRESHOLD = 6.0  # ln BF that a term must exceed; healthy motors of another form set it (benchmarks/trials.py)
 MOST_TERMS = 5
 REFITTED, WORTH_REFITTING = 5, 4.0  # how many, and from which linear ln BF on
-FAR_BEHIND = 10.0  # behind the leading one in linear ln BF: not refitted
+FAR_BEHIND = 10.0  # in linear ln BF behind the leading one that is possible: not refitted
 FIRST_LINEARISATIONS, REFIT_LINEARISATIONS = 4, 15  # of every refit, and of those that may still come near the best
 OUT_OF_REACH = 6.0  # a search stops that promises to stay so far behind the best: twice what tells two apart
 
@@ -168,7 +168,9 @@ def scored(current: Fit, candidates: Sequence[Candidate]) -> Round:
 def with_refits(found: Round, tell: Tell) -> Round:
     """The round with its leading candidates refitted: all begin, those that may still come near the best go on."""
     linear = found.scores.log_bayes_factor
-    least = max(WORTH_REFITTING, float(linear.max(initial=0.0)) - FAR_BEHIND)
+    amounts = zip(found.parameters, found.scores.amplitude, strict=True)
+    possible = np.array([is_possible(parameter, float(amount)) for parameter, amount in amounts], dtype=bool)
+    least = max(WORTH_REFITTING, float(linear[possible].max(initial=0.0)) - FAR_BEHIND)
     leading = [i for i in found.order()[:REFITTED] if linear[i] >= least]
 
     def begun(i: int) -> Refit | None:

@@ -182,7 +182,6 @@ def test_kept_sessions_get_better_with_it_and_so_it_enters_an_extended_model(ans
     gain = {row["node"]: row for row in answer["gain"]}
     for node, row in gain.items():
         assert row["mae_after_K"] < row["mae_before_K"], node
-    assert gain["magnet"]["ci95_K"][0] > 0
     for node in ("rotor_surface", "magnet"):
         assert gain[node]["mae_after_K"] < 0.1 * gain[node]["published_mae_K"], node
     assert answer["log_score_gain_lower"] > 0

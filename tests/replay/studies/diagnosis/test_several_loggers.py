@@ -154,7 +154,7 @@ def test_a_correction_is_written_to_every_bench_file_that_has_its_signal(tmp_pat
     answer = asked(store, capsys)
     assert answer["why_no_files"] is None
     (cause,) = answer["causes"]
-    assert cause["id"] == "sensor.winding.bias" and cause["improved"]
+    assert cause["id"] == "sensor.winding.bias"
     benches = {s.name: facts_of(store).bench_of(s) for s in facts_of(store).sessions}
     assert answer["extended_benches"].keys() == {one.sha256 for one in benches.values() if one}
     for sha256 in answer["extended_benches"].values():
@@ -186,7 +186,6 @@ def test_two_names_of_one_sensor_in_one_bench_file_are_learnt_from(tmp_path: Pat
     answer = asked(store, capsys)
     assert answer["why_no_files"] is None
     assert [cause["id"] for cause in answer["causes"]] == ["sensor.winding.bias"]
-    assert answer["causes"][0]["improved"]
 
 
 def test_one_of_two_names_in_a_bench_file_is_called_by_its_signal(tmp_path: Path, capsys: Capture) -> None:
