@@ -31,7 +31,7 @@ from twin.fitting.model import Floats, Model
 THRESHOLD = 6.0  # ln BF that a term must exceed; healthy motors of another form set it (benchmarks/trials.py)
 MOST_TERMS = 5
 REFITTED, WORTH_REFITTING = 5, 4.0  # how many, and from which linear ln BF on
-FAR_BEHIND = 10.0  # in linear ln BF behind the leading one that is possible: not refitted
+FAR_BEHIND = 10.0  # behind the leading one in linear ln BF: not refitted
 FIRST_LINEARISATIONS, REFIT_LINEARISATIONS = 4, 15  # of every refit, and of those that may still come near the best
 OUT_OF_REACH = 6.0  # a search stops that promises to stay so far behind the best: twice what tells two apart
 
@@ -95,6 +95,11 @@ class Round:
         """Candidates, best linear score first."""
         return [int(i) for i in np.argsort(-self.scores.log_bayes_factor, kind="stable")]
 
+    def possible(self) -> list[int]:
+        """Candidates that, by their linear amplitude, take away no more than there is, best linear score first."""
+        amplitude = self.scores.amplitude
+        return [i for i in self.order() if is_possible(self.parameters[i], float(amplitude[i]))]
+
 
 @dataclass(frozen=True)
 class Naming:
@@ -135,7 +140,7 @@ def search(
     found = Naming((first,), (), (), current, free_heats(current), threshold)
     if found.is_unknown:
         return found
-    rounds = [with_refits(first, tell)]
+    rounds = [with_refits(first, tell, uncalibrated(current, len(model.parameters)))]
     accepted: list[tuple[Candidate, Parameter]] = []
     while True:
         best = rounds[-1].best
@@ -165,20 +170,23 @@ def scored(current: Fit, candidates: Sequence[Candidate]) -> Round:
     return Round(current, tuple(chosen), tuple(parameters), scores, gram, null, (), tuple(dropped))
 
 
-def with_refits(found: Round, tell: Tell) -> Round:
-    """The round with its leading candidates refitted: all begin, those that may still come near the best go on."""
-    linear = found.scores.log_bayes_factor
-    amounts = zip(found.parameters, found.scores.amplitude, strict=True)
-    possible = np.array([is_possible(parameter, float(amount)) for parameter, amount in amounts], dtype=bool)
-    least = max(WORTH_REFITTING, float(linear[possible].max(initial=0.0)) - FAR_BEHIND)
-    leading = [i for i in found.order()[:REFITTED] if linear[i] >= least]
+def uncalibrated(current: Fit, healthy: int) -> Floats:
+    """The vector of a fit with the first `healthy` differences as the files say."""
+    return np.append(np.zeros(healthy), current.beta[healthy:])
 
-    def begun(i: int) -> Refit | None:
-        tell(f"refitting {found.candidates[i].cause}")
-        return refitted(found.base, found.candidates[i], found.parameters[i])
+
+def with_refits(found: Round, tell: Tell, other_start: Floats | None = None) -> Round:
+    """The round with its leading candidates refitted, without those that would take away more than there is, and the
+    one that leads at the vector `other_start`, from there: calibration goes so far to stand in for a large cause that
+    its score says little where that ends. All begin, those that may still come near the best go on."""
+    starts = _starts(found) + ([] if other_start is None else _leading_at(found, other_start))
+
+    def begun(start: _Start) -> Refit | None:
+        tell(f"refitting {start.candidate.cause}")
+        return _refitted(found.base, start)
 
     with ThreadPoolExecutor(2) as pool:
-        first = list(pool.map(begun, leading))
+        first = list(pool.map(begun, starts))
         refits = [r for r in first if r is not None]
         while True:
             best = max((r.promised for r in refits if r.possible), default=0.0)
@@ -186,21 +194,59 @@ def with_refits(found: Round, tell: Tell) -> Round:
             if not any(further):
                 break
             refits = list(pool.map(lambda r, on: _went_on(found.base, r) if on else r, refits, further))
-    lost = [str(found.candidates[i].cause) for i, refit in zip(leading, first, strict=True) if refit is None]
+    lost = [str(start.candidate.cause) for start, refit in zip(starts, first, strict=True) if refit is None]
     return replace(found, refits=tuple(refits), dropped=(*found.dropped, *lost))
 
 
-def refitted(current: Fit, candidate: Candidate, parameter: Parameter) -> Refit | None:
-    """The first linearisations of the fit with one more term, from where that does what healthy differences did in its
-    place (`twin.diagnosis.taking_over`). None where it runs away."""
-    beta, amplitude = taken_over(current, candidate, parameter)
-    start = 1e-3 * parameter.sd if parameter.low == 0.0 else 0.0
-    beta = np.append(beta, amplitude or start)
+@dataclass(frozen=True)
+class _Start:
+    """Where the refit of a candidate begins: `beta` (p + 1,), its amplitude last."""
+
+    candidate: Candidate
+    parameter: Parameter
+    beta: Floats
+
+
+def _starts(found: Round) -> list[_Start]:
+    """Of those that lead at the round's own fit: from where each does what healthy differences did in its place
+    (`twin.diagnosis.taking_over`)."""
+    linear, leading = found.scores.log_bayes_factor, found.possible()[:REFITTED]
+    least = max([WORTH_REFITTING, *linear[leading[:1]] - FAR_BEHIND])
+    return [_taking_over(found.base, found.candidates[i], found.parameters[i]) for i in leading if linear[i] >= least]
+
+
+def _leading_at(found: Round, beta: Floats) -> list[_Start]:
+    """Of the one that leads at a vector; none where it leads at the round's fit too, or the model runs away there."""
     try:
-        found = fit(current.model.plus([parameter]), beta, NEAR_ENOUGH, FIRST_LINEARISATIONS)
+        there = scored(fit(found.base.model, beta, linearisations=1), found.candidates)
+    except DivergedError:
+        return []
+    leading = [i for i in there.possible()[:1] if there.scores.log_bayes_factor[i] >= WORTH_REFITTING]
+    known = [start.candidate for start in _starts(found)]
+    return [
+        _Start(there.candidates[i], there.parameters[i], np.append(beta, there.scores.amplitude[i]))
+        for i in leading
+        if there.candidates[i] not in known
+    ]
+
+
+def _taking_over(current: Fit, candidate: Candidate, parameter: Parameter) -> _Start:
+    beta, amplitude = taken_over(current, candidate, parameter)
+    inside = 1e-3 * parameter.sd if parameter.low == 0.0 else 0.0
+    return _Start(candidate, parameter, np.append(beta, amplitude or inside))
+
+
+def refitted(current: Fit, candidate: Candidate, parameter: Parameter) -> Refit | None:
+    """The first linearisations of the fit with one more term. None where it runs away."""
+    return _refitted(current, _taking_over(current, candidate, parameter))
+
+
+def _refitted(current: Fit, start: _Start) -> Refit | None:
+    try:
+        found = fit(current.model.plus([start.parameter]), start.beta, NEAR_ENOUGH, FIRST_LINEARISATIONS)
     except (DivergedError, np.linalg.LinAlgError):
         return None
-    return _compared(found, current, candidate, parameter, len(found.beta) - 1)
+    return _compared(found, current, start.candidate, start.parameter, len(found.beta) - 1)
 
 
 def _went_on(current: Fit, begun: Refit) -> Refit:

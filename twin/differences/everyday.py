@@ -21,6 +21,7 @@ from twin.motor.paths import links_with_groups, missing, terms_of
 
 BOUND = math.log(4.0)  # of the factor of one place: beyond it a cause would be called a coefficient
 BOTH = math.log(20.0)  # bound of the factor of both sides: a textbook's film may be so far off, wherever it stands
+ALIKE = 2.0  # times the sd of one side: what a file has wrong it has wrong on both
 EXPONENT_SHARE = 0.2  # sd of an exponent over the exponent: those of a lumped file are fits
 KNOTS = 5
 LEAST_LEFT = 0.1  # of a loss that a map may leave, where the tests go: no loss is negative
@@ -104,7 +105,8 @@ def _common(network: Network) -> Iterator[Parameter]:
         for name, own in places.items():
             for k, both in enumerate(zip(*own, strict=True)):
                 if len(both) > 1:
-                    yield Parameter(f"{kind}.{name}.both{k}", actions.Scale(both), sd[both[0]], low=-BOTH, high=BOTH)
+                    wide = ALIKE * sd[both[0]]
+                    yield Parameter(f"{kind}.{name}.both{k}", actions.Scale(both), wide, low=-BOTH, high=BOTH)
 
 
 def alike_links(network: Network) -> dict[str, tuple[tuple[str, str], ...]]:

@@ -143,6 +143,32 @@ def test_refits_that_cannot_win_any_more_stop_and_the_winner_goes_on(monkeypatch
     assert sum(one.fit.linearisations for one in raced) < sum(one.fit.linearisations for one in whole)
 
 
+def test_what_leads_before_any_calibration_is_refitted_from_there_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As where calibration stood in for the cause so well that its score says nothing there."""
+    model = _model(_with_loss(), 0)
+    current = fit(model, np.zeros(len(model.parameters)))
+    found = scored(current, CANDIDATES)
+    usual = max(with_refits(found, lambda _: None).refits, key=lambda one: one.log_bayes_factor)
+    monkeypatch.setattr(naming, "REFITTED", 0)
+    assert with_refits(found, lambda _: None).refits == ()
+    (from_there,) = with_refits(found, lambda _: None, naming.uncalibrated(current, len(model.parameters))).refits
+    assert str(from_there.candidate.cause) == str(usual.candidate.cause) == HIDDEN
+    assert from_there.log_bayes_factor == pytest.approx(usual.log_bayes_factor, abs=0.5)
+
+
+def test_what_would_take_away_more_than_there_is_takes_no_others_place(monkeypatch: pytest.MonkeyPatch) -> None:
+    model = _model(_with_loss(), 0)
+    found = scored(fit(model, np.zeros(len(model.parameters))), CANDIDATES)
+    first, second = found.order()[:2]
+    parameters = list(found.parameters)
+    parameters[first] = replace(parameters[first], low=float(found.scores.amplitude[first]) * 1.01, high=np.inf)
+    assert parameters[first].low > 0, "for this test: as impossible as a loss below nothing"
+    monkeypatch.setattr(naming, "REFITTED", 1)
+    monkeypatch.setattr(naming, "is_possible", lambda parameter, amount: amount > parameter.low)
+    (refit,) = with_refits(replace(found, parameters=tuple(parameters)), lambda _: None).refits
+    assert refit.candidate == found.candidates[second]
+
+
 def test_patchwork_is_no_name(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(naming, "is_patchwork", lambda *_: True)
     found = search(_model(_with_loss(), 0), CANDIDATES)
