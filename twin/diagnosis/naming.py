@@ -27,6 +27,7 @@ from twin.errors import DivergedError
 from twin.fitting.actions import Parameter
 from twin.fitting.fit import NEAR_ENOUGH, Fit, fit
 from twin.fitting.model import Floats, Model
+from twin.motor.causes import Cause
 
 THRESHOLD = 6.0  # ln BF that a term must exceed; healthy motors of another form set it (benchmarks/trials.py)
 MOST_TERMS = 5
@@ -195,7 +196,15 @@ def with_refits(found: Round, tell: Tell, other_start: Floats | None = None) -> 
                 break
             refits = list(pool.map(lambda r, on: _went_on(found.base, r) if on else r, refits, further))
     lost = [str(start.candidate.cause) for start, refit in zip(starts, first, strict=True) if refit is None]
-    return replace(found, refits=tuple(refits), dropped=(*found.dropped, *lost))
+    return replace(found, refits=_each_once(refits), dropped=(*found.dropped, *lost))
+
+
+def _each_once(refits: Sequence[Refit]) -> tuple[Refit, ...]:
+    """Of a candidate that was refitted from two places, the better refit."""
+    better: dict[Cause, Refit] = {}
+    for one in sorted(refits, key=lambda refit: refit.log_bayes_factor):
+        better[one.candidate.cause] = one
+    return tuple(one for one in refits if better[one.candidate.cause] is one)
 
 
 @dataclass(frozen=True)
@@ -216,18 +225,14 @@ def _starts(found: Round) -> list[_Start]:
 
 
 def _leading_at(found: Round, beta: Floats) -> list[_Start]:
-    """Of the one that leads at a vector; none where it leads at the round's fit too, or the model runs away there."""
+    """Of the one that leads at a vector; none where the model runs away there."""
     try:
         there = scored(fit(found.base.model, beta, linearisations=1), found.candidates)
     except DivergedError:
         return []
     leading = [i for i in there.possible()[:1] if there.scores.log_bayes_factor[i] >= WORTH_REFITTING]
-    known = [start.candidate for start in _starts(found)]
-    return [
-        _Start(there.candidates[i], there.parameters[i], np.append(beta, there.scores.amplitude[i]))
-        for i in leading
-        if there.candidates[i] not in known
-    ]
+    amounts = there.scores.amplitude
+    return [_Start(there.candidates[i], there.parameters[i], np.append(beta, amounts[i])) for i in leading]
 
 
 def _taking_over(current: Fit, candidate: Candidate, parameter: Parameter) -> _Start:

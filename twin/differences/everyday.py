@@ -26,14 +26,14 @@ EXPONENT_SHARE = 0.2  # sd of an exponent over the exponent: those of a lumped f
 KNOTS = 5
 LEAST_LEFT = 0.1  # of a loss that a map may leave, where the tests go: no loss is negative
 MAP_SD = 0.2  # of the whole loss; of copper at top speed, for what direct current loses there is known
-TILT_PER_K, FILM_TILT_PER_K, MOST_TILT_PER_K = 0.003, 0.002, 0.008
-STANDSTILL_SHARE = 0.002  # of the mean total loss: heat of the current's ripple in the rotor
+TILT_PER_K, FILM_TILT_PER_K, MOST_TILT_PER_K = 0.0015, 0.002, 0.008
+STANDSTILL_SHARE = 0.0015  # of the mean total loss: heat of the current's ripple in the rotor
 PATH_SHARE, MOST_PATH = 0.1, 0.05  # of the smaller end's largest conductance; at most of the median over nodes of it
 COOLANT_K, AMBIENT_K = 0.2, 0.5
 INPUT_GAIN = {"current": 0.005, "current_d": 0.005, "current_q": 0.005, "torque": 0.005, "flow": 0.01}
 CHANNEL_GAIN, CHANNEL_LAG_S = 0.01, 0.8
 BESIDE = 0.1  # share of a neighbour in what a sensor follows: a lump is not the place of its sensor
-CLOCK_S, CLOCK_TEST_S, CLOCK_PPM = 0.5, 0.1, 30.0
+CLOCK_S, CLOCK_TEST_S, CLOCK_PPM = 0.25, 0.05, 15.0
 START_K = 3.0  # least sd of a start: a measured one is in the data already, and as wrong as its sensor
 ROTATING = ("rotor", "magnet")
 
