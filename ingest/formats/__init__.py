@@ -7,8 +7,12 @@ Nothing is decoded, converted or interpolated here. Every record of the file com
 
 from __future__ import annotations
 
+import codecs
+import re
+import zlib
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
 from importlib import import_module
@@ -23,6 +27,7 @@ from ingest.errors import UnreadableLogError
 
 EXTENDED = np.uint32(1 << 31)  # set in `Frames.can_id` for 29-bit identifiers
 REMOTE, FD, TRANSMIT = 2, 4, 8  # bits of `Frames.flags`
+GZIP = b"\x1f\x8b"
 EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 YEARS = (1971, 2200)  # of a log: in 1970 no clock was set, and int64 nanoseconds end in 2262
 
@@ -128,36 +133,65 @@ class Format:
 
     name: str
     holds: str  # "frames" or "rows"
-    suffixes: tuple[str, ...]  # lower case, with the dot; matched on the whole end of the name (".csv.gz")
+    suffixes: tuple[str, ...]  # usual ones, lower case, with the dot; they tell texts apart that look like no other
     magic: bytes  # the file begins so; b"" where it has no mark
     module: str
+    looks: bytes = b""  # a regular expression that is found in the first bytes of such a text
 
 
 FORMATS: tuple[Format, ...] = (
     Format("blf", "frames", (".blf",), b"LOGG", "ingest.formats.blf"),
-    Format("asc", "frames", (".asc", ".asc.gz"), b"", "ingest.formats.asc"),
+    Format("asc", "frames", (".asc", ".asc.gz"), b"", "ingest.formats.asc", rb"(?im)^base\s+(hex|dec)\s+timestamps"),
     Format("tdms", "rows", (".tdms",), b"TDSm", "ingest.formats.tdms"),
     Format("csv", "rows", (".csv", ".csv.gz", ".txt", ".tsv"), b"", "ingest.formats.csv"),
 )
+ANY_TEXT = FORMATS[-1]  # what a text is taken for that looks like no other
+HEAD = 4096  # bytes that tell what a file is
+CONTROLS = bytes({*range(32)} - set(b"\t\n\r\f"))  # which a text does not hold
+OTHERS: Mapping[bytes, str] = {  # first bytes -> what such a file is, and what to do
+    b"%PDF": "a PDF document. Export the table that is in it as CSV",
+    b"\xd0\xcf\x11\xe0": "an old Office file, or one with a password. Save it as XLSX without a password, or as CSV",
+    b"MATLAB 5.0 MAT": "a MATLAB file. Export the table with writetable(T, 'log.csv')",
+    b"\x89HDF": "an HDF5 file (also of MATLAB 7.3). Export the table as Parquet or CSV",
+    b"SQLite format 3\0": "an SQLite database. Export the table as CSV",
+    **dict.fromkeys((b"7z\xbc\xaf", b"Rar!", b"BZh", b"\xfd7zXZ"), "packed in a way that is not read. Unpack it first"),
+}
 SUFFIXES = " ".join(suffix for entry in FORMATS for suffix in entry.suffixes)  # as help and refusals list them
 
 
 def recognise(path: Path) -> Format:
-    """The format of `path`, by its first bytes where the format marks them, else by the end of its name.
+    """The format of `path`, by what it holds; the end of its name only tells texts apart that look like no other.
 
     Raises UnreadableLogError for an empty file and for one that no format claims.
     """
-    with path.open("rb") as file:
-        head = file.read(16)
+    head = _head(path)
     if not head:
         raise UnreadableLogError(f"{path.name}: is empty (0 bytes): nothing to read. Copy the file again.")
     for entry in FORMATS:
         if entry.magic and head.startswith(entry.magic):
             return entry
     for entry in FORMATS:
-        if path.name.lower().endswith(entry.suffixes) and not entry.magic:
+        if entry.looks and re.search(entry.looks, head):
             return entry
+    for magic, what in OTHERS.items():
+        if head.startswith(magic):
+            raise UnreadableLogError(f"{path.name}: is {what}.")
+    if 100 * len(head.translate(None, delete=CONTROLS)) >= 99 * len(head):
+        texts = (entry for entry in FORMATS if not entry.magic and path.name.lower().endswith(entry.suffixes))
+        return next(texts, ANY_TEXT)
     raise UnreadableLogError(f"{path.name}: is none of the known log formats ({SUFFIXES}). Export it as one of these.")
+
+
+def _head(path: Path) -> bytes:
+    """The first bytes of a file; of a packed text those of the text, in UTF-8."""
+    with path.open("rb") as file:
+        head = file.read(HEAD)
+    if head.startswith(GZIP):
+        with suppress(zlib.error):
+            head = zlib.decompressobj(wbits=31).decompress(head, HEAD)
+    if head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        head = head.decode("utf-16", errors="replace").encode()
+    return head
 
 
 def open_log(path: Path, time: TimeSpec | None = None) -> Log:

@@ -1,19 +1,25 @@
-"""How a table is written: recognised from its first rows, and refused in one line where it cannot be."""
+"""How a table is written: recognised from its first rows, and refused in one line where it cannot be.
+
+Loggers write lines of their own above the table: the header is the nearest line of names above the first row of data.
+"""
 
 from __future__ import annotations
 
 import csv
 import re
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 from ingest.errors import UnreadableLogError
 from ingest.formats import _csv_numbers
 from ingest.formats._csv_numbers import MISSING, Numerals
+from ingest.formats._csv_stamps import is_stamp
+from ingest.texts.units import normal_unit
 
 DELIMITERS = (",", ";", "\t")
 SAMPLE_ROWS = 200
+SAMPLE_BODY = 40  # rows that tell which columns hold values
 CODE = re.compile(r"0\d+", re.ASCII)  # 0417 is the name of something, no number
 EITHER = (Numerals("."), Numerals(","))
 UNIT_IN_NAME = re.compile(r"\[([^\[\]]*)\]\s*$")
@@ -21,7 +27,8 @@ UNIT_IN_NAME = re.compile(r"\[([^\[\]]*)\]\s*$")
 
 @dataclass(frozen=True)
 class Dialect:
-    """How a table is written. `names` are unique; `numeric`: which columns hold numbers, None: empty as yet."""
+    """How a table is written. `names` are unique; `numeric`: which columns hold numbers, None: empty as yet; `above`:
+    lines with text above the header; `rows` gives all rows of the table, cell by cell."""
 
     delimiter: str
     numerals: Numerals
@@ -31,6 +38,8 @@ class Dialect:
     units_row: bool
     renamed: dict[str, list[str]]  # as the header says it -> as it is called here
     sample: tuple[tuple[str, ...], ...]  # the first rows that fit, cell by cell
+    above: int = 0
+    rows: Callable[[], Iterable[Sequence[str]]] = tuple
 
 
 def cells(line: str, delimiter: str) -> list[str]:
@@ -44,14 +53,14 @@ def cells(line: str, delimiter: str) -> list[str]:
 
 
 def recognise_dialect(lines: Sequence[str], log: str) -> Dialect:
-    """From the first lines of a table, the header first; blank lines left out. Raises UnreadableLogError."""
+    """From the first lines of a table, blank lines left out. Raises UnreadableLogError where they are none."""
     if not lines:
         raise UnreadableLogError(f"{log}: holds no line with text: nothing to read. Copy the file again.")
     if len(lines) == 1:
         raise UnreadableLogError(f"{log}: holds one line and no row below it: nothing to read. Export the table again.")
-    delimiter = _delimiter(lines)
-    header = [cell.strip() for cell in cells(lines[0], delimiter)]
-    rows = [cells(line, delimiter) for line in lines[1 : SAMPLE_ROWS + 2]]
+    delimiter, above = _layout(lines)
+    header = [cell.strip() for cell in cells(lines[above], delimiter)]
+    rows = [cells(line, delimiter) for line in lines[above + 1 :][: SAMPLE_ROWS + 1]]
     if all(_open_end(row, header) for row in rows):
         header.append("")
     _check_header(header, rows, delimiter, log)
@@ -64,19 +73,61 @@ def recognise_dialect(lines: Sequence[str], log: str) -> Dialect:
         units |= {name: _bare(cell) for name, cell in zip(names, fitting[0], strict=True) if cell}
         fitting = fitting[1:]
     numeric = tuple(_is_numeric([row[i] for row in fitting], numerals) for i in range(len(names)))
-    return Dialect(delimiter, numerals, names, numeric, units, has_units, renamed, tuple(fitting[:SAMPLE_ROWS]))
+    return Dialect(delimiter, numerals, names, numeric, units, has_units, renamed, tuple(fitting[:SAMPLE_ROWS]), above)
 
 
-def _delimiter(lines: Sequence[str]) -> str:
-    """The delimiter that cuts most rows into as many cells as the header; of several, the one that makes most cells."""
+def _layout(lines: Sequence[str]) -> tuple[str, int]:
+    """(delimiter, lines above the header): the delimiter that cuts most rows into as many cells as the header; of
+    several, the one that makes most cells."""
 
-    def fit(delimiter: str) -> tuple[bool, int, int]:
-        header = cells(lines[0], delimiter)
-        rows = [cells(line, delimiter) for line in lines[1 : SAMPLE_ROWS + 2]]
+    def fit(layout: tuple[str, int]) -> tuple[bool, int, int]:
+        delimiter, above = layout
+        header = cells(lines[above], delimiter)
+        rows = [cells(line, delimiter) for line in lines[above + 1 :]]
         cuts = max(len(header), _usual(rows)) > 1
         return cuts, sum(len(row) - _open_end(row, header) == len(header) for row in rows), len(header)
 
-    return max(DELIMITERS, key=fit)
+    return max(((delimiter, _above_header(lines, delimiter)) for delimiter in DELIMITERS), key=fit)
+
+
+def _above_header(lines: Sequence[str], delimiter: str) -> int:
+    """How many lines stand above the header; 0 where no line below the first is one."""
+    table = [[cell.strip() for cell in cells(line, delimiter)] for line in lines]
+    usual = _usual(table[len(table) // 2 :])
+    fitting = [place for place, row in enumerate(table) if usual <= len(row) <= usual + (not row[-1])]
+    below = [table[place] for place in fitting[len(fitting) // 2 :][:SAMPLE_BODY]]
+    columns = zip(*(row[:usual] for row in below), strict=True)
+    valued = [i for i, column in enumerate(columns) if _holds_values(column)]
+    first = next((place for place in fitting if _is_data([table[place][i] for i in valued])), 0)
+    above = [place for place in fitting if place < first and any(table[place])]
+    names = [place for place in above if not any(map(_is_value, table[place]))]
+    if not names:
+        return 0
+    *_, before, last = [names[0], *names]
+    return before if last == before + 1 and (before == 0 or _is_units([table[last][i] for i in valued])) else last
+
+
+def _holds_values(column: Sequence[str]) -> bool:
+    """Whether a column holds numbers or stamps: more of them than texts."""
+    said = [cell for cell in column if cell not in MISSING]
+    return 2 * sum(cell == "1" or _is_value(cell) for cell in said) > len(said)
+
+
+def _is_value(cell: str) -> bool:
+    """Whether a cell is a number or a stamp, as rows of data hold them; 1 is a unit as well."""
+    return cell != "1" and (any(one.is_number(cell) for one in EITHER) or is_stamp(cell))
+
+
+def _is_data(row: Sequence[str]) -> bool:
+    """Whether the cells of columns with values are such, or missing."""
+    return any(map(_is_value, row)) and all(cell in MISSING or cell == "1" or _is_value(cell) for cell in row)
+
+
+def _is_units(row: Sequence[str]) -> bool:
+    """Whether cells are units, at least half of those that are not empty: loggers write "NO." and "Time" among them."""
+    said = [cell for cell in row if cell]
+    units = [cell for cell in said if _bare(cell) != cell or normal_unit(cell) is not None]
+    return 2 * len(units) >= len(said) > 0
 
 
 def _open_end(row: Sequence[str], header: Sequence[str]) -> bool:

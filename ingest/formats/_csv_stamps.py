@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 from itertools import pairwise
@@ -30,20 +31,23 @@ DIRECTIVES = {
     "p": r"(?P<p>[AaPp][Mm])", "z": r"(?P<z>Z|[+-]\d{2}:?\d{2})", "b": rf"(?P<b>{NAME}{{3}})",
     "B": rf"(?P<b>{NAME}{{3}}){NAME}*", "%": "%",
 }  # fmt: skip
-CLOCK = r"(?P<H>\d{1,2})[:.](?P<M>\d{2})(?:[:.](?P<S>\d{2})(?:[.,](?P<f>\d{1,9})\d*)?)?"
+CLOCK = r"(?P<H>\d{1,2})[:.](?P<M>\d{2})(?:[:.](?P<S>\d{2})(?:[.,](?P<f>\d{1,9})\d*)?)?(?:\s?(?P<p>[AaPp][Mm]))?"
 GAP = r"(?:T|,?\s{1,3})"  # between date and time of day
 YEAR = r"(?:(?P<Y>\d{4})|(?P<y>\d{2}))"
-SLASHED = "day/month/year"
+DAY_FIRST, MONTH_FIRST = "day/month/year", "month/day/year"  # one cell seldom tells them apart
 DATES = {
     "ISO 8601": r"(?P<Y>\d{4})-(?P<m>\d{2})-(?P<d>\d{2})",
+    "year/month/day": r"(?P<Y>\d{4})[/.](?P<m>\d{1,2})[/.](?P<d>\d{1,2})",
     "day.month.year": rf"(?P<d>\d{{1,2}})\.(?P<m>\d{{1,2}})\.{YEAR}",
-    SLASHED: rf"(?P<d>\d{{1,2}})/(?P<m>\d{{1,2}})/{YEAR}",
+    DAY_FIRST: rf"(?P<d>\d{{1,2}})/(?P<m>\d{{1,2}})/{YEAR}",
     "day month year": rf"(?P<d>\d{{1,2}})[-./ ]{{1,2}}(?P<b>{NAME}{{3}}){NAME}*[-./ ]{{1,2}}{YEAR}",
 }
 OFFSET = r"\s?(?P<z>Z|[+-]\d{2}:?\d{2})?"
 KNOWN = {says: rf"^{date}{GAP}{CLOCK}{OFFSET if says == 'ISO 8601' else ''}$" for says, date in DATES.items()}
+KNOWN_MONTH_FIRST = re.sub("<([dm])>", lambda group: {"d": "<m>", "m": "<d>"}[group[1]], KNOWN[DAY_FIRST])
 DATE_ALONE = "|".join(f"^{re.sub('[?]P<[A-Za-z]>', '?:', date)}$" for date in DATES.values())
 CLOCK_ALONE = f"^{CLOCK}$"
+_STAMP = re.compile("|".join(re.sub("[?]P<[A-Za-z]>", "?:", one) for one in (DATE_ALONE, CLOCK_ALONE, *KNOWN.values())))
 SECOND_NS, MINUTE_NS, DAY_NS = 1_000_000_000, 60_000_000_000, 86_400_000_000_000
 FALL_BACK_NS = 30 * MINUTE_NS  # a local clock that goes back by this much or more has been put back
 
@@ -67,12 +71,30 @@ def pattern_of(text: str, log: str) -> str:
     return pattern
 
 
-def day_first(cells: list[str]) -> bool | None:
-    """Whether dates such as 24/12/2025 begin with the day; None where no cell tells it from the month."""
-    found = [match for cell in cells if (match := re.match(KNOWN[SLASHED], cell))]
-    if any(int(match["m"]) > 12 for match in found):
-        return False
-    return True if any(int(match["d"]) > 12 for match in found) else None
+def day_first(cells: Iterable[str]) -> bool | None:
+    """Whether dates such as 24/12/2025 begin with the day: the first cell with a day above 12 tells; None without."""
+    for match in filter(None, map(re.compile(KNOWN[DAY_FIRST]).match, cells)):
+        one, other = int(match["d"]), int(match["m"])
+        if one <= 12 < other <= 31 or other <= 12 < one <= 31:
+            return other <= 12
+    return None
+
+
+def both_formats(cell: str) -> tuple[str, str]:
+    """The strptime formats, with the day first and with the month first, that a stamp such as 5/6/2025 7:01 PM has."""
+    match = re.match(KNOWN[DAY_FIRST], cell)
+    assert match
+    places = [(name, match.span(name)) for name in "YyHMSfp" if match[name]]
+    form = cell
+    for name, (begin, end) in sorted(places, key=lambda place: place[1], reverse=True):
+        form = f"{form[:begin]}%{'I' if name == 'H' and match['p'] else name}{form[end:]}"
+    rest = form[match.end("m") :]
+    return f"%d/%m{rest}", f"%m/%d{rest}"
+
+
+def is_stamp(cell: str) -> bool:
+    """Whether a cell is a date, a time of day or both, in a form that is known."""
+    return _STAMP.match(cell) is not None
 
 
 def fits(pattern: str, cells: list[str]) -> bool:
@@ -169,14 +191,20 @@ def _wall_ns(fields: dict[str, pa.Array], count: int) -> tuple[Ints, Flags]:
     day, hour, minute, second = number("d", 1), number("H", 0), number("M", 0), number("S", 0)
     if "I" in fields:
         hour = number("I", 0) % 12
-        if "p" in fields:
-            hour = hour + 12 * pc.equal(pc.utf8_lower(fields["p"]), "pm").to_numpy(zero_copy_only=False)
+    if "p" in fields:
+        hour = _of_half(hour, pc.utf8_lower(fields["p"]))
     possible = (year >= YEARS[0]) & (year <= YEARS[1]) & (month >= 1) & (month <= 12) & (day >= 1)
     months = np.where(possible, (year - 1970) * 12 + month - 1, 0).astype("M8[M]")
     days = months.astype("M8[D]") + (np.where(possible, day, 1) - 1).astype("m8[D]")
     right = possible & (days.astype("M8[M]") == months) & (hour < 24) & (minute < 60) & (second < 60)
     clock = (hour * 3600 + minute * 60 + second) * SECOND_NS + _fraction_ns(fields.get("f"), count)
     return days.astype(np.int64) * DAY_NS + clock, right
+
+
+def _of_half(hour: Ints, half: pa.Array) -> Ints:
+    """The hour of the day, by "am" or "pm" where `half` says one; 24, which is none, for 13 pm."""
+    said, pm = (flags.to_numpy(zero_copy_only=False) for flags in (pc.not_equal(half, ""), pc.equal(half, "pm")))
+    return np.where(said, np.where(hour > 12, 24, hour % 12 + 12 * pm), hour)
 
 
 def _month(names: pa.Array) -> Ints:

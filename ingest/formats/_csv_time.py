@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from math import isnan
 from statistics import median
@@ -20,9 +20,12 @@ from ingest.formats._csv_numbers import MISSING
 from ingest.formats._csv_stamps import (
     CLOCK_ALONE,
     DATE_ALONE,
+    DAY_FIRST,
     KNOWN,
-    SLASHED,
+    KNOWN_MONTH_FIRST,
+    MONTH_FIRST,
     LocalClock,
+    both_formats,
     day_first,
     fits,
     parse,
@@ -134,6 +137,8 @@ def _stated(time: TimeSpec, column: str, dialect: Dialect, log: str) -> Clock:
         says = f"{time.format} in {time.zone}"
         return Stamped(says=says, absolute=True, columns=(column,), pattern=pattern_of(time.format, log), local=local)
     clock = _by_content(time, column, dialect)
+    if clock is None and (asked := _asked(dialect)):
+        raise UnreadableLogError(f"{log}: {asked}")
     if clock is None:
         cell = next((cell for cell in _cells(dialect, column) if cell not in MISSING), "")
         raise UnreadableLogError(
@@ -164,10 +169,11 @@ def _found(time: TimeSpec, dialect: Dialect, log: str) -> Clock:
         return clock
     if time.untimed and not named:
         return Rate(says="rows without a time", absolute=False, rate_hz=1.0, origin_ns=0)
+    if asked := _asked(dialect):
+        raise UnreadableLogError(f"{log}: {asked}")
     texts = [name for name in named if dialect.numeric[dialect.names.index(name)] is False]
     seen = next((cell for name in texts for cell in _cells(dialect, name) if cell not in MISSING), None)
-    why = "may begin with the day or with the month" if seen and fits(KNOWN[SLASHED], [seen]) else "is no whole stamp"
-    holds = f' ("{texts[0]}" holds "{seen[:40]}", which {why})' if seen is not None else ""
+    holds = f' ("{texts[0]}" holds "{seen[:40]}", which is no whole stamp)' if seen is not None else ""
     raise UnreadableLogError(
         f"{log}: no column is recognised as its time{holds}. Under [time] of the bench file say rate_hz = 1.0 "
         '(rows at a fixed rate), or column = "..." with format or unit.'
@@ -193,6 +199,20 @@ def _stamped(time: TimeSpec, column: str, dialect: Dialect) -> Clock | None:
     return _of_cells(time, _known(time), (column,), dialect)
 
 
+def _asked(dialect: Dialect) -> str | None:
+    """What to say in the bench file where dates may begin with the day or with the month; None without such dates."""
+    columns: list[tuple[str, ...]] = [(name,) for name in dialect.names if _fits(KNOWN[DAY_FIRST], dialect, name)]
+    for names in [*columns, *_pairs(dialect)]:
+        cell = next(_said(dialect.sample, names, dialect), "")
+        if re.match(KNOWN[DAY_FIRST], cell):
+            day, month = both_formats(cell)
+            return (
+                f'"{" + ".join(names)}" holds "{cell}", which may begin with the day or with the month, and no '
+                f'row has a day above 12. Under [time] of the bench file say format = "{day}" or format = "{month}".'
+            )
+    return None
+
+
 def _known(time: TimeSpec) -> dict[str, str]:
     """The forms of stamps that are recognised unasked: in words -> pattern."""
     return {f"{says} in {time.zone}": pattern for says, pattern in KNOWN.items()}
@@ -200,30 +220,50 @@ def _known(time: TimeSpec) -> dict[str, str]:
 
 def _of_two(time: TimeSpec, patterns: Mapping[str, str], dialect: Dialect) -> Clock | None:
     """The clock of a table with a column of dates and one of times of day; None where there are no such two."""
-    days = [name for name in dialect.names if _fits(DATE_ALONE, dialect, name)]
-    clocks = [name for name in dialect.names if _fits(CLOCK_ALONE, dialect, name)]
-    for pair in ((day, clock) for day in days for clock in clocks if day != clock):
+    for pair in _pairs(dialect):
         stamps = joined(*(np.array(_cells(dialect, name), object) for name in pair))
         if (found := _of_cells(time, patterns, pair, dialect)) and not found.t_ns(stamps, NO_RECORD)[1].all():
             return found  # 24.12.25 has the form of a time of day, and 08.00.00 that of a date
     return None
 
 
+def _pairs(dialect: Dialect) -> list[tuple[str, str]]:
+    """Columns of dates, each with a column of times of day."""
+    days = [name for name in dialect.names if _fits(DATE_ALONE, dialect, name)]
+    clocks = [name for name in dialect.names if _fits(CLOCK_ALONE, dialect, name)]
+    return [(day, clock) for day in days for clock in clocks if day != clock]
+
+
 def _of_cells(time: TimeSpec, patterns: Mapping[str, str], columns: tuple[str, ...], dialect: Dialect) -> Clock | None:
     """The first of `patterns` that fits the cells of a column, or of two joined."""
-    said = [" ".join(row) for row in zip(*(_cells(dialect, name) for name in columns), strict=True)]
-    said = [cell for cell in said if cell.strip() not in MISSING]
-    for says, pattern in patterns.items():
-        if said and fits(pattern, said) and (pattern != KNOWN[SLASHED] or _is_day_first(said, dialect)):
-            local = LocalClock(time.local)
-            return Stamped(says=says, absolute=True, columns=columns, pattern=pattern, local=local)
-    return None
+    said = [*_said(dialect.sample, columns, dialect)]
+    says, pattern = next(((says, one) for says, one in patterns.items() if said and fits(one, said)), ("", ""))
+    if pattern == KNOWN[DAY_FIRST]:
+        order = _is_day_first(said, columns, dialect)
+        if order is None:
+            return None
+        if not order:
+            says, pattern = says.replace(DAY_FIRST, MONTH_FIRST), KNOWN_MONTH_FIRST
+    local = LocalClock(time.local)
+    return Stamped(says=says, absolute=True, columns=columns, pattern=pattern, local=local) if pattern else None
 
 
-def _is_day_first(cells: list[str], dialect: Dialect) -> bool:
-    """Whether dates begin with the day. 24/12 does; 05/06 does in a table with decimal commas or semicolons."""
-    told = day_first(cells)
-    return told if told is not None else dialect.numerals.decimal == "," or dialect.delimiter == ";"
+def _is_day_first(said: list[str], columns: tuple[str, ...], dialect: Dialect) -> bool | None:
+    """Whether dates begin with the day: 24/12 does wherever it stands in the table, 05/06 in one with decimal commas or
+    semicolons. None where nothing tells."""
+    told = day_first(said)
+    if told is None:
+        told = day_first(_said(dialect.rows(), columns, dialect))
+    european = (dialect.numerals.decimal == "," or dialect.delimiter == ";") and not said[0].upper().endswith("M")
+    return told if told is not None else european or None
+
+
+def _said(rows: Iterable[Sequence[str]], columns: tuple[str, ...], dialect: Dialect) -> Iterator[str]:
+    """The cells of a column, or of two as one stamp each, that are not missing."""
+    places = [dialect.names.index(name) for name in columns]
+    for row in rows:
+        if len(row) == len(dialect.names) and (cell := " ".join(row[i].strip() for i in places)).strip() not in MISSING:
+            yield cell
 
 
 def joined(day: NDArray[Any], clock: NDArray[Any]) -> NDArray[np.object_]:

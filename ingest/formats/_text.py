@@ -1,20 +1,23 @@
-"""Text files of any size in whole lines, packed with gzip or not, in bounded memory."""
+"""Text files of any size in whole lines, packed with gzip or not, UTF-16 made UTF-8, in bounded memory."""
 
 from __future__ import annotations
 
+import codecs
 import gzip
 import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 from typing import IO
 
 from ingest.errors import UnreadableLogError
+from ingest.formats import GZIP
 
 BLOCK = 4 << 20  # bytes that are read at once
 LONGEST_LINE = 1 << 20  # bytes
 RATIO, ALWAYS = 200, 256 << 20  # a packed file may unpack to this many times its size, or to this many bytes
-GZIP_MAGIC = b"\x1f\x8b"
+UTF_16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 
 
 @dataclass
@@ -25,11 +28,12 @@ class TextFile:
     ended: str | None = None
     open_line: bool = False
     packed: bool = False
+    utf_16: bool = False
 
     def blocks(self) -> Iterator[bytes]:
         """Whole lines with their line feeds; only the last line of the file may lack it."""
         rest = b""
-        for piece in self._pieces():
+        for piece in self._plain():
             lines, feed, tail = piece.rpartition(b"\n")
             if feed:
                 yield rest + lines + feed
@@ -43,9 +47,22 @@ class TextFile:
         if rest:
             yield rest
 
+    def _plain(self) -> Iterator[bytes]:
+        """The pieces of the file; of one in UTF-16 as UTF-8."""
+        pieces = self._pieces()
+        first = next(pieces, b"")
+        self.utf_16 = first.startswith(UTF_16)
+        if not self.utf_16:
+            yield from chain([first] if first else [], pieces)
+            return
+        decoder = codecs.getincrementaldecoder("utf-16")(errors="replace")
+        for piece in chain([first], pieces):
+            yield decoder.decode(piece).encode(errors="replace")
+        yield decoder.decode(b"", final=True).encode()
+
     def _pieces(self) -> Iterator[bytes]:
         with self.path.open("rb") as file:
-            self.packed = file.read(len(GZIP_MAGIC)) == GZIP_MAGIC
+            self.packed = file.read(len(GZIP)) == GZIP
             file.seek(0)
             if self.packed:
                 yield from self._unpacked(file)

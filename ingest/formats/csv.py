@@ -1,18 +1,19 @@
 """CSV: tables of text, packed with gzip or not.
 
-Delimiter, decimal sign, encoding, a row of units and the time are recognised from the first 200 rows and stored in
-`settings`. A line is a row: a quoted cell does not go on in the next. Blank lines are no rows. `columns` are those of
-the header without the one (or two: date, time of day) that holds the time; an empty name becomes `column_<place>`, a
-second `T` becomes `T_2` (`settings["renamed"]`). A row with too few or too many fields, with text where its column
-holds numbers, or without a time is rejected; a row whose time goes back is kept and counted. In a local zone, the
-hour that comes twice in autumn counts as the first until its stamps go back, then as the second
-(`settings["ambiguous_rows"]`), and a time in the hour that spring leaves out is none.
+Delimiter, decimal sign, encoding (UTF-8, UTF-16 with its mark, else cp1252), a row of units and the time are recognised
+from the first 200 rows and stored in `settings`; so are lines that a logger wrote above the header. Dates such as
+5/6/2025 have their order from a day above 12 anywhere in the table. A line is a row: a quoted cell does not go on in
+the next. Blank lines are no rows. `columns` are those of the header without the one (or two: date, time of day) that
+holds the time; an empty name becomes `column_<place>`, a second `T` becomes `T_2` (`settings["renamed"]`). A row with
+too few or too many fields, with text where its column holds numbers, or without a time is rejected; a row whose time
+goes back is kept and counted. In a local zone, the hour that comes twice in autumn counts as the first until its stamps
+go back, then as the second (`settings["ambiguous_rows"]`), and a time in the hour that spring leaves out is none.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -28,7 +29,8 @@ from ingest.formats._csv_time import Clock, joined, recognise_clock
 from ingest.formats._text import TextFile
 
 SINGLY = 64  # rows that are read one by one where they cannot be read together
-SHOWN = 64  # first bytes of a rejected row
+SHOWN = 64  # first bytes of a rejected row, or of a line above the header
+ABOVE = 20  # lines above the header that are kept as they stand
 
 
 @dataclass(frozen=True)
@@ -55,6 +57,8 @@ class CsvLog(Log):
         self.settings["encoding"] = "utf-8"
         text = TextFile(self.path)
         for number, block in enumerate(text.blocks()):
+            if text.utf_16:
+                self.settings["encoding"] = "utf-16"
             lines = self._decoded(block, first=number == 0).split("\n")
             lines = lines[:-1] if not lines[-1] else lines
             begin = self._begin(lines) if number == 0 else 0
@@ -70,8 +74,8 @@ class CsvLog(Log):
 
     def _decoded(self, block: bytes, *, first: bool) -> str:
         """A block as text: UTF-8, or cp1252 where it is not UTF-8."""
-        if first and (block.startswith((b"\xff\xfe", b"\xfe\xff")) or b"\0" in block[:4096]):
-            raise UnreadableLogError(f"{self.path.name}: is no table in UTF-8. Export it as CSV in UTF-8.")
+        if first and b"\0" in block[:4096]:
+            raise UnreadableLogError(f"{self.path.name}: holds bytes of no text. Export it as CSV in UTF-8.")
         try:
             return block.decode("utf-8-sig" if first else "utf-8").replace("\r\n", "\n")
         except UnicodeDecodeError:
@@ -88,10 +92,11 @@ class CsvLog(Log):
                 f"{self.path.name}: has no line below the {above:,} that skip_rows under [time] of the bench file "
                 "leaves out: correct that number."
             )
-        self._dialect = dialect = recognise_dialect([lines[place] for place in written], self.path.name)
+        dialect = recognise_dialect([lines[place] for place in written], self.path.name)
+        begin = written[dialect.above + dialect.units_row] + 1
+        self._dialect = dialect = replace(dialect, rows=lambda: self._all_rows(begin))
         self._clock = recognise_clock(self.time, dialect, self.path.name)
-        begin = written[1 if dialect.units_row else 0] + 1
-        self._numeric = self._kinds(begin)
+        self._numeric = self._kinds()
         self.absolute, self.units = self._clock.absolute, dialect.units
         self.settings.update(
             delimiter=dialect.delimiter,
@@ -100,28 +105,34 @@ class CsvLog(Log):
             time_column=" + ".join(self._clock.columns) or None,
             time=self._clock.says,
         )
+        if dialect.above:
+            self.settings["header_line"] = written[dialect.above] + 1
+            self.settings["above_header"] = [lines[place].strip()[:SHOWN] for place in written[: dialect.above]][:ABOVE]
         if dialect.numerals.group:
             self.settings["thousands"] = dialect.numerals.group
         if dialect.renamed:
             self.settings["renamed"] = dialect.renamed
         return begin
 
-    def _kinds(self, begin: int) -> tuple[bool, ...]:
-        """Which columns hold numbers; those empty at first are looked at further down, from line `begin` on."""
+    def _kinds(self) -> tuple[bool, ...]:
+        """Which columns hold numbers; those empty at first are looked at further down."""
         kinds = dict(enumerate(self._dialect.numeric))
         kinds |= {self._dialect.names.index(name): not self._clock.is_text for name in self._clock.columns}
         empty = {place for place, kind in kinds.items() if kind is None}
-        skip = begin
-        for block in TextFile(self.path).blocks() if empty else ():
-            for line in self._decoded(block, first=False).split("\n")[skip:]:
-                row = cells(line, self._dialect.delimiter)
-                for place in [place for place in empty if place < len(row) and row[place].strip() not in MISSING]:
-                    kinds[place] = self._dialect.numerals.value(row[place]) is not None
-                    empty.remove(place)
-            skip = 0
+        for row in self._dialect.rows() if empty else ():
+            for place in [place for place in empty if place < len(row) and row[place].strip() not in MISSING]:
+                kinds[place] = self._dialect.numerals.value(row[place]) is not None
+                empty.remove(place)
             if not empty:
                 break
         return tuple(kind is not False for kind in kinds.values())
+
+    def _all_rows(self, begin: int) -> Iterator[list[str]]:
+        """Every line of the file from line `begin` on, cell by cell."""
+        for block in TextFile(self.path).blocks():
+            for line in self._decoded(block, first=False).split("\n")[begin:]:
+                yield cells(line, self._dialect.delimiter)
+            begin = 0
 
     # ---- rows ------------------------------------------------------------------------------------------------------
 

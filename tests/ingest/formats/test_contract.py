@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from ingest.errors import UnreadableLogError
-from ingest.formats import FORMATS, Format, Frames, Log, Rows, open_log, recognise
+from ingest.formats import FORMATS, OTHERS, Format, Frames, Log, Rows, open_log, recognise
 from made.places import LOGS
 
 PATIENCE_S = 5.0  # for one damaged sample
@@ -159,9 +159,32 @@ def test_a_file_is_recognised_by_its_mark_before_its_name(tmp_path: Path) -> Non
 
 
 def test_a_file_of_no_known_format_is_refused_with_those_that_are(tmp_path: Path) -> None:
-    path = tmp_path / "report.pdf"
-    path.write_bytes(b"%PDF-1.7")
+    path = tmp_path / "photograph.csv"
+    path.write_bytes(b"\xff\xd8\xff\xe0\x00\x10JFIF\x00\x01" + bytes(100))
     with pytest.raises(
-        UnreadableLogError, match=r"report\.pdf: is none of the known log formats \(\.blf \.asc .*\.csv"
+        UnreadableLogError, match=r"photograph\.csv: is none of the known log formats \(\.blf \.asc .*\.csv"
     ):
         recognise(path)
+
+
+@pytest.mark.parametrize("magic", OTHERS)
+def test_a_file_that_is_known_and_no_log_is_refused_with_what_to_do(magic: bytes, tmp_path: Path) -> None:
+    path = tmp_path / "log.csv"
+    path.write_bytes(magic + b"\0" * 100)
+    with pytest.raises(UnreadableLogError, match=r"log\.csv: is .+\. ?(Export|Save|Unpack) .+"):
+        recognise(path)
+
+
+@pytest.mark.parametrize("entry", [one for one in FORMATS if one.magic or one.looks], ids=lambda one: one.name)
+@pytest.mark.parametrize("name", ["log", "log.csv", "log.bin", "log.blf"])
+def test_a_format_is_recognised_whatever_its_file_is_called(entry: Format, name: str, tmp_path: Path) -> None:
+    path = tmp_path / name
+    path.write_bytes(sample(entry).read_bytes())
+    assert recognise(path) == entry
+
+
+def test_a_text_that_looks_like_no_format_is_a_table(tmp_path: Path) -> None:
+    path = tmp_path / "log.dat"
+    for packed in (bytes, gzip.compress):
+        path.write_bytes(packed("t;T in °C\n0;20\n".encode("cp1252")))
+        assert recognise(path).name == "csv"

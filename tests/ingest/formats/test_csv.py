@@ -2,6 +2,7 @@
 
 import gzip
 import random
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -96,10 +97,72 @@ def test_encoding_is_recognised(tmp_path: Path, encoding: str, said: str) -> Non
     assert (log.settings["encoding"], columns["Öl [°C]"], log.units) == (said, [20, 21], {"Öl [°C]": "°C"})
 
 
-def test_utf_16_is_refused_with_what_to_do(tmp_path: Path) -> None:
-    path = table(tmp_path, "t;T\n0;20\n", encoding="utf-16")
-    with pytest.raises(UnreadableLogError, match=r"log\.csv: is no table in UTF-8\. Export it as CSV in UTF-8\."):
-        read(path)
+@pytest.mark.parametrize("encoding", ["utf-16-le", "utf-16-be"])
+@pytest.mark.parametrize("packed", [bytes, gzip.compress])
+@pytest.mark.parametrize("block", [1 << 20, 1001])  # of bytes: a character may be cut between two
+def test_utf_16_with_its_mark_is_read(
+    tmp_path: Path, encoding: str, packed: Callable[[bytes], bytes], block: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("ingest.formats._text.BLOCK", block)
+    path = tmp_path / "log.csv"
+    rows = "".join(f"{k};{k},5\r\n" for k in range(500))
+    path.write_bytes(packed(f"\ufeffZeit;Öl [°C]\r\n{rows}".encode(encoding)))
+    log, t_ns, columns = read(path)
+    assert t_ns == [k * S_NS for k in range(500)]
+    assert (columns, log.units) == ({"Öl [°C]": [k + 0.5 for k in range(500)]}, {"Öl [°C]": "°C"})
+    assert log.settings["encoding"] == "utf-16"
+
+
+def test_utf_16_that_ends_inside_a_character_keeps_its_whole_rows(tmp_path: Path) -> None:
+    path = tmp_path / "log.csv"
+    path.write_bytes("\ufefft;T\n0;20\n1;21\n2;22".encode("utf-16-le")[:-1])
+    log, t_ns, _ = read(path)
+    assert (t_ns, len(log.rejected)) == ([0, S_NS], 1)
+    assert log.cut and log.cut.startswith("ends inside line 4")
+
+
+def test_utf_16_without_its_mark_is_refused_with_what_to_do(tmp_path: Path) -> None:
+    with pytest.raises(UnreadableLogError, match=r"log\.csv: is none of the known log formats"):
+        read(table(tmp_path, "t;T\n0;20\n", encoding="utf-16-le"))
+    with pytest.raises(UnreadableLogError, match=r"log\.csv: holds bytes of no text\. Export it as CSV in UTF-8\."):
+        read(table(tmp_path, "t;T\n" + "0;20\n" * 200 + "\0\n"))
+
+
+PREAMBLES = {
+    "GRAPHTEC": "Vendor,GRAPHTEC Corporation\nModel,GL840\nSampling interval,1s\nTotal data points,3\n"
+    "AMP settings\nCH,Signal name,Input,Range,Filter\nCH1,Wicklung,TEMP,TC_K,Off\n\nData\n"
+    "Number,Date&Time,CH1,CH2\nNO.,Time,degC,degC\n",
+    "sections": "[Device]\nSerial;4711\nStart;24.12.2025 08:00:00\n\n[Data]\nZeit;T_mag;T_w\n;°C;°C\n",
+    "comments": "# bench 7, test 12; engineer: Öller\n# rate: 1 Hz\n#\nZeit;T_mag;T_w\n",
+    "as wide as the table": "Device;GL840;-\nSerial;1234;5678\nMode;fast;on\nZeit;T_mag;T_w\n[s];[°C];[°C]\n",
+    "long": "".join(f"Parameter {k}={k * k}\n" for k in range(150)) + "\nZeit;T_mag;T_w\n",
+}
+
+
+@pytest.mark.parametrize("above", PREAMBLES.values(), ids=list(PREAMBLES))
+def test_lines_that_a_logger_writes_above_the_header_are_found_and_kept(tmp_path: Path, above: str) -> None:
+    lines = above.splitlines()
+    place = next(i for i, line in enumerate(lines) if line.startswith(("Zeit", "Number")))
+    row = "{0},2025/12/24 08:00:0{0},20.5,80.5\n" if "," in lines[place] else "24.12.2025 08:00:0{};20,5;80,5\n"
+    rows = [row.format(k) for k in range(3)] * (200 if len(lines) > 100 else 1)
+    log, t_ns, columns = read(table(tmp_path, above + "".join(rows)))
+    first, second = lines[place].replace(",", ";").split(";")[-2:]
+    assert t_ns[:3] == [DECEMBER_NS + k * S_NS for k in range(3)] and len(t_ns) == len(rows)
+    assert (columns[first][:3], columns[second][:3]) == ([20.5] * 3, [80.5] * 3)
+    assert log.settings["header_line"] == place + 1
+    assert log.settings["above_header"] == [line[:64] for line in lines[:place] if line][:20]
+    assert log.settings["units_row"] == (place + 1 < len(lines)) == bool(log.units)
+
+
+def test_a_spoiled_row_below_the_header_is_no_header(tmp_path: Path) -> None:
+    log, t_ns, columns = read(table(tmp_path, "Bench 7\nt;T\n0;ERR\n1;21\n2;22\n"))
+    assert (t_ns, columns) == ([S_NS, 2 * S_NS], {"T": [21, 22]})
+    assert [one.where for one in log.rejected] == ["line 3, column T"]
+
+
+def test_a_table_without_lines_above_says_nothing_of_them(tmp_path: Path) -> None:
+    log, _, columns = read(table(tmp_path, "t,state,T\n0,on,1\n1,off,2\n2,on,3\n"))
+    assert "header_line" not in log.settings and columns["state"] == ["on", "off", "on"]
 
 
 @pytest.mark.parametrize(
@@ -161,10 +224,6 @@ def test_decimal_commas_between_commas_are_refused_with_what_to_do(tmp_path: Pat
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        (
-            "Bench 7\nt;T\n0;20\n1;21\n",
-            "log.csv: most rows hold 2 fields where line 1 holds 1: it is not their header.",
-        ),
         ("0,20.5\n1,21.5\n", "log.csv: line 1 holds numbers where the names of the columns should be."),
         ("t,T\n", "log.csv: holds one line and no row below it: nothing to read."),
         ("\n \n", "log.csv: holds no line with text: nothing to read."),
@@ -516,24 +575,72 @@ def test_a_row_without_its_time_of_day_is_rejected_and_a_stated_format_takes_bot
     ]
 
 
-def test_a_date_with_slashes_begins_with_the_day_where_the_table_is_european_or_shows_it(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("first", "later", "day"),
+    [
+        ("05/06/2025 08:00:00", "13/06/2025 08:00:00", "2025-06-05"),
+        ("05/06/2025 08:00:00", "06/13/2025 08:00:00", "2025-05-06"),
+        ("5/6/25 8:00 AM", "6/13/25 8:00 AM", "2025-05-06"),
+        ("05/06/2025 08:00:00 am", "45/06/2025 08:00:00 am", None),  # is no day
+    ],
+)
+@pytest.mark.parametrize("rows", [1, 500])  # of the first kind: more than are looked at to recognise all else
+def test_a_day_above_12_anywhere_tells_the_order_of_dates(
+    tmp_path: Path, first: str, later: str, day: str | None, rows: int
+) -> None:
+    path = table(tmp_path, "Time,T\n" + f"{first},1\n" * rows + f"{later},1\n")
+    if day is None:
+        with pytest.raises(UnreadableLogError, match="no row has a day above 12"):
+            read(path)
+        return
+    log, t_ns, _ = read(path)
+    assert (str(np.array(t_ns, "M8[ns]")[0])[:10], log.found, log.rejected) == (day, rows + 1, [])
+    assert log.settings["time"] == ("day/month/year in UTC" if day == "2025-06-05" else "month/day/year in UTC")
+
+
+def test_a_date_with_slashes_begins_with_the_day_in_a_european_table(tmp_path: Path) -> None:
     _, t_ns, _ = read(table(tmp_path, "Time;T\n05/06/2025 08:00:00;1,5\n"))
     assert str(np.array(t_ns, "M8[ns]")[0])[:10] == "2025-06-05"
-    _, t_ns, _ = read(table(tmp_path, "Time,T\n05/06/2025 08:00:00,1\n13/06/2025 08:00:00,1\n"))
-    assert str(np.array(t_ns, "M8[ns]")[0])[:10] == "2025-06-05"
+    with pytest.raises(UnreadableLogError, match="may begin with the day or with the month"):
+        read(table(tmp_path, "Time;T\n05/06/2025 08:00:00 AM;1.5\n"))
 
 
 @pytest.mark.parametrize(
-    ("stamp", "why"),
+    ("head", "stamp", "form"),
     [
-        ("05/06/2025 08:00:00", 'holds "05/06/2025 08:00:00", which may begin with the day or with the month'),
-        ("12/24/2025 08:00:00", 'holds "12/24/2025 08:00:00", which may begin with the day or with the month'),
-        ("12/24/2025 08:00:00 AM", "which is no whole stamp"),
+        ("Time", "05/06/2025 08:00:00", "{}/%Y %H:%M:%S"),
+        ("when", "5/6/25, 7:00 PM", "{}/%y, %I:%M %p"),
+        ("Time", "05/06/2025 08:00:00.250", "{}/%Y %H:%M:%S.%f"),
+        ("Date,Clock", "05/06/2025,08:00:00", "{}/%Y %H:%M:%S"),
     ],
 )
-def test_a_date_that_may_be_of_either_order_is_refused(tmp_path: Path, stamp: str, why: str) -> None:
-    with pytest.raises(UnreadableLogError, match=why):
-        read(table(tmp_path, f"Time,T\n{stamp},1.5\n{stamp},1.5\n"))
+def test_dates_that_may_be_of_either_order_are_asked_for_in_words_that_work(
+    tmp_path: Path, head: str, stamp: str, form: str
+) -> None:
+    quoted = stamp if "," in head else f'"{stamp}"'
+    path = table(tmp_path, f"{head},T\n{quoted},1.5\n{quoted},2.5\n")
+    with pytest.raises(UnreadableLogError) as refused:
+        read(path)
+    both = [form.format(order) for order in ("%d/%m", "%m/%d")]
+    name, cell = head.replace(",", " + "), stamp.replace("5,0", "5 0")
+    assert str(refused.value) == (
+        f'log.csv: "{name}" holds "{cell}", which may begin with the day or with the month, and no row has a day above '
+        f'12. Under [time] of the bench file say format = "{both[0]}" or format = "{both[1]}".'
+    )
+    days = [str(np.array(read(path, TimeSpec(format=one))[1], "M8[ns]")[0])[:10] for one in both]
+    assert days == ["2025-06-05", "2025-05-06"]
+
+
+@pytest.mark.parametrize(
+    ("clock", "wanted"),
+    [("8:00:01 AM", "08:00:01"), ("12:00:01 am", "00:00:01"), ("12:30 PM", "12:30:00"), ("11:59:59.5pm", "23:59:59.5")],
+)
+def test_a_clock_of_twelve_hours_is_read(tmp_path: Path, clock: str, wanted: str) -> None:
+    for date in ("2025-12-24", "12/24/2025", "24 Dec 2025", "2025/12/24"):
+        _, t_ns, _ = read(table(tmp_path, f"Time,T\n{date} {clock},1\n{date} {clock},1\n"))
+        assert str(np.array(t_ns, "M8[ns]")[0]).startswith(f"2025-12-24T{wanted}"), date
+    log, _, _ = read(table(tmp_path, "Time,T\n12/24/2025 1:00 PM,1\n12/24/2025 13:00 PM,1\n"))
+    assert [one.why for one in log.rejected] == ['"12/24/2025 13:00 PM" is no time (month/day/year in UTC)']
 
 
 # ---- size and packing -----------------------------------------------------------------------------------------------
