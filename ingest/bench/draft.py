@@ -38,8 +38,9 @@ Read every line, above all those marked CHECK.
 # specimen = "motor-01"
 """
 _NO_TIME = """
+# {why}
 [time]
-rate_hz = 1.0                  # CHECK: the log has no time column; how many rows a second?
+rate_hz = 1.0                  # CHECK: no time was recognised; how many rows a second?
 # start = 2024-03-01T08:00:00Z
 """
 _NODES = """
@@ -60,7 +61,7 @@ def draft_bench(
     `at_once`: signals that are recorded together, by logger; of others, two of a quantity are no rivals. Without it all
     are.
 
-    Where `settings` say `untimed`, the log is a table without a time column: `[time]` is there to be filled in.
+    Where `settings` say why a log is `untimed`, `[time]` is there to be filled in.
     """
     directory = Directory(signals)
     found = {reference: signal for signal in signals if (reference := _reference(signal, directory))}
@@ -69,7 +70,8 @@ def draft_bench(
     inputs = [reference for reference, quantity in known.items() if quantity != "temperature"]
     places = [reference for reference, quantity in known.items() if quantity == "temperature"]
     rivals = _rivals({found[one]: str(quantity) for one, quantity in known.items()}, at_once or [signals])
-    parts = [_HEAD.format(name=_comment(name)), _NO_TIME if settings.get("untimed") else ""]
+    why = settings.get("untimed")
+    parts = [_HEAD.format(name=_comment(name)), _NO_TIME.format(why=_comment(why)) if why else ""]
     parts += [_entry(found[one], one, str(known[one]), found[one] in rivals) for one in inputs]
     parts += [_NODES if places else ""]
     parts += [_entry(found[one], one, "temperature", False) for one in places]

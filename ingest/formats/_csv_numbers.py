@@ -1,4 +1,4 @@
-"""Numbers as tables write them: 1234.5, 1234,5, and with thousands 1.234,5, 1,234.5, 1 234,5 or 1'234.5."""
+"""Numbers as tables write them: 1234.5, 1234,5, + 23.1, and with thousands 1.234,5, 1,234.5, 1 234,5 or 1'234.5."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 from numpy.typing import NDArray
 
-MISSING = frozenset(("", "nan", "NaN", "NA", "N/A", "null", "-", "--", "---"))
+MISSING = frozenset(("", "nan", "NaN", "NA", "N/A", "null", "-", "--", "---", "#N/A", "#NV", "BURNOUT"))
 BLANKS = " \u00a0\u202f"  # that stand between thousands: plain, no-break, narrow no-break
 APOSTROPHES = "'’"
 OTHER = {".": ",", ",": "."}
@@ -68,19 +68,24 @@ class Numerals:
 
     @cached_property
     def _plain(self) -> re.Pattern[str]:
+        return re.compile(f"[+-]?{self._unsigned}")
+
+    @cached_property
+    def _unsigned(self) -> str:
         sign = re.escape(self.decimal)
-        return re.compile(rf"[+-]?(?:[0-9]+{sign}?[0-9]*|{sign}[0-9]+){EXPONENT}")
+        return rf"(?:[0-9]+{sign}?[0-9]*|{sign}[0-9]+){EXPONENT}"
 
     @cached_property
     def _sure(self) -> re.Pattern[str]:
-        """Numbers that surely have thousands: with a blank or apostrophe, both signs, or two groups of one sign."""
+        """Numbers that surely have thousands: with a blank or apostrophe, both signs, or two groups of one sign; and
+        those with blanks behind their sign, which are read as these are."""
         sign, other = re.escape(self.decimal), re.escape(OTHER[self.decimal])
         ends = [
             *(f"(?:{re.escape(one)}[0-9]{{3}})+(?:{sign}[0-9]*)?" for one in BLANKS + APOSTROPHES),
             rf"(?:{other}[0-9]{{3}})+{sign}[0-9]+",
             rf"(?:{other}[0-9]{{3}}){{2,}}",
         ]
-        return re.compile(f"[+-]?[1-9][0-9]{{0,2}}(?:{'|'.join(ends)})")
+        return re.compile(f"[+-] +{self._unsigned}|[+-]?[1-9][0-9]{{0,2}}(?:{'|'.join(ends)})")
 
     @cached_property
     def _grouped(self) -> re.Pattern[str]:

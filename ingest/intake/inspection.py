@@ -105,7 +105,7 @@ def _overlap(one: LogReading, other: LogReading) -> bool:
 def draft(found: Inspection) -> str:
     """A bench file for these logs, to be completed by a person."""
     settings = next((one.reading.settings for one in found.files if one.reading), {})
-    untimed = any(one.note for one in found.files)
+    untimed = next((one.note for one in found.files if one.note), None)
     logs = [one.path.name for one in found.files if one.reading]
     name = ", ".join(logs) if len(logs) <= NAMED else f"{len(logs)} logs"
     return draft_bench([seen.signal for seen in found.signals], {**settings, "untimed": untimed}, name, found.at_once)
@@ -122,7 +122,7 @@ def _look(reader: Reader, path: Path, folder: Path, said: Setup | None) -> Inspe
             reading = reader.record(path, recording, TimeSpec(rate_hz=1.0))
         except UnreadableLogError:
             return InspectedFile(path, None, str(error), None, {})
-        note = "no time column was recognised: looked at as one row a second"
+        note = f"{str(error).removeprefix(f'{path.name}: ')} Looked at as one row a second."
     flags = clock.findings(path.name, clock.look(recording).counted(), reading.absolute)
     stamps = tuple(flag.says.removeprefix(f"{path.name}: ") for flag in flags)
     return InspectedFile(path, reading, None, note, _ranges(recording), stamps)

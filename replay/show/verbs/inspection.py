@@ -94,7 +94,7 @@ def _file_lines(one: InspectedFile) -> list[str]:
     holds = reading.holds if reading.found != 1 else reading.holds.removesuffix("s")
     lines = [f"{one.path.name}   {reading.format}   {reading.found:,} {holds} in {duration(seconds)}, {clock}"]
     if one.note:
-        lines.append(f"  {one.note}: say rate_hz or column under [time] of the bench file")
+        lines.append(f"  {one.note}")
     lines += [f"  {says}" for says in one.stamps]
     if reading.cut:
         lines.append(f"  {reading.cut}")

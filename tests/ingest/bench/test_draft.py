@@ -71,10 +71,10 @@ def test_a_draft_says_where_a_person_must_decide(line: str) -> None:
 
 
 def test_a_table_without_a_time_column_gets_a_rate_to_fill_in() -> None:
-    without = draft_bench([Signal("speed")], {"untimed": True}, "a.csv")
-    assert "[time]\nrate_hz = 1.0                  # CHECK" in without
+    without = draft_bench([Signal("speed")], {"untimed": "no column is its time."}, "a.csv")
+    assert "# no column is its time.\n[time]\nrate_hz = 1.0                  # CHECK" in without
     assert read_bench(without.encode(), "draft.toml").time.rate_hz == 1.0
-    assert "[time]" not in draft_bench([Signal("speed")], {"untimed": False}, "a.csv")
+    assert "[time]" not in draft_bench([Signal("speed")], {"untimed": None}, "a.csv")
 
 
 def test_equal_names_are_written_with_message_or_bus() -> None:

@@ -143,7 +143,9 @@ PREAMBLES = {
 def test_lines_that_a_logger_writes_above_the_header_are_found_and_kept(tmp_path: Path, above: str) -> None:
     lines = above.splitlines()
     place = next(i for i, line in enumerate(lines) if line.startswith(("Zeit", "Number")))
-    row = "{0},2025/12/24 08:00:0{0},20.5,80.5\n" if "," in lines[place] else "24.12.2025 08:00:0{};20,5;80,5\n"
+    row = (
+        "{0},2025/12/24 08:00:0{0},+    20.5,+    80.5\n" if "," in lines[place] else "24.12.2025 08:00:0{};20,5;80,5\n"
+    )
     rows = [row.format(k) for k in range(3)] * (200 if len(lines) > 100 else 1)
     log, t_ns, columns = read(table(tmp_path, above + "".join(rows)))
     first, second = lines[place].replace(",", ";").split(";")[-2:]
@@ -479,6 +481,7 @@ def test_a_stamp_with_its_own_offset_exists_whatever_the_zone(tmp_path: Path) ->
         (["1'234.5", "998.25", "1'000"], [1234.5, 998.25, 1000.0], "'"),
         (["1,234.5", "998.25", "1,234"], [1234.5, 998.25, 1234.0], ","),
         (["1.234.567", "0,5", "--"], [1234567.0, 0.5, np.nan], "."),
+        (["+    23.1", "- 0.5", "+   998"], [23.1, -0.5, 998.0], " "),
         (["0.5", "1.234", "20.125"], [0.5, 1.234, 20.125], None),  # decimals, not thousands
     ],
 )

@@ -49,3 +49,12 @@ def test_a_draft_knows_which_loggers_run_at_once(tmp_path: Path, start_s: int, r
         (tmp_path / name).write_text(f"epoch_s,{column}\n{rows}", encoding="utf-8")
     text = draft(inspect([tmp_path / name for name in logs], [], None))
     assert ("keep one" in text) == rivals
+
+
+def test_dates_of_either_order_are_asked_for_in_words_and_in_the_draft(tmp_path: Path) -> None:
+    path = tmp_path / "us.csv"
+    path.write_text("Time,T_w\n5/6/2025 1:00 PM,20\n5/6/2025 1:01 PM,21\n", encoding="utf-8")
+    found = inspect([path], [], None)
+    asked = 'say format = "%d/%m/%Y %I:%M %p" or format = "%m/%d/%Y %I:%M %p".'
+    assert found.files[0].note and found.files[0].note.endswith(f"{asked} Looked at as one row a second.")
+    assert f"{asked} Looked at as one row a second.\n[time]\nrate_hz = 1.0" in draft(found)
