@@ -136,13 +136,15 @@ class Format:
     suffixes: tuple[str, ...]  # usual ones, lower case, with the dot; they tell texts apart that look like no other
     magic: bytes  # the file begins so; b"" where it has no mark
     module: str
-    looks: bytes = b""  # a regular expression that is found in the first bytes of such a text
+    looks: bytes = b""  # a regular expression that is found in the first bytes of such a file
 
 
 FORMATS: tuple[Format, ...] = (
     Format("blf", "frames", (".blf",), b"LOGG", "ingest.formats.blf"),
     Format("asc", "frames", (".asc", ".asc.gz"), b"", "ingest.formats.asc", rb"(?im)^base\s+(hex|dec)\s+timestamps"),
     Format("tdms", "rows", (".tdms",), b"TDSm", "ingest.formats.tdms"),
+    Format("parquet", "rows", (".parquet",), b"PAR1", "ingest.formats.parquet"),
+    Format("arrow", "rows", (".arrow", ".feather"), b"ARROW1", "ingest.formats.arrow", rb"\A\xff{4}..\0\0\x10\0\0\0"),
     Format("csv", "rows", (".csv", ".csv.gz", ".txt", ".tsv"), b"", "ingest.formats.csv"),
 )
 ANY_TEXT = FORMATS[-1]  # what a text is taken for that looks like no other
@@ -154,6 +156,8 @@ OTHERS: Mapping[bytes, str] = {  # first bytes -> what such a file is, and what 
     b"MATLAB 5.0 MAT": "a MATLAB file. Export the table with writetable(T, 'log.csv')",
     b"\x89HDF": "an HDF5 file (also of MATLAB 7.3). Export the table as Parquet or CSV",
     b"SQLite format 3\0": "an SQLite database. Export the table as CSV",
+    b"PARE": "an encrypted Parquet file. Export it without encryption",
+    b"FEA1": "a Feather file of version 1. Export it as version 2, or as Parquet",
     **dict.fromkeys((b"7z\xbc\xaf", b"Rar!", b"BZh", b"\xfd7zXZ"), "packed in a way that is not read. Unpack it first"),
 }
 SUFFIXES = " ".join(suffix for entry in FORMATS for suffix in entry.suffixes)  # as help and refusals list them

@@ -66,7 +66,7 @@ def recognise_dialect(lines: Sequence[str], log: str) -> Dialect:
     _check_header(header, rows, delimiter, log)
     fitting = [tuple(cell.strip() for cell in row) for row in rows if len(row) == len(header)]
     numerals = _csv_numbers.recognise((cell for row in fitting for cell in row), delimiter)
-    names, renamed = _unique(header)
+    names, renamed = unique(header)
     has_units = _is_units_row(fitting, numerals)
     units = {name: match[1] for name, text in zip(names, header, strict=True) if (match := UNIT_IN_NAME.search(text))}
     if has_units:
@@ -158,7 +158,7 @@ def _check_header(header: Sequence[str], rows: Sequence[Sequence[str]], delimite
     )
 
 
-def _unique(header: Sequence[str]) -> tuple[tuple[str, ...], dict[str, list[str]]]:
+def unique(header: Sequence[str]) -> tuple[tuple[str, ...], dict[str, list[str]]]:
     """Each name once: an empty one is called by its place, a second `T` is called `T_2`."""
     taken: dict[str, None] = {}
     called: dict[str, list[str]] = {}

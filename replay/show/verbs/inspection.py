@@ -93,6 +93,10 @@ def _file_lines(one: InspectedFile) -> list[str]:
     clock = "with absolute time" if reading.absolute else "time from its own start"
     holds = reading.holds if reading.found != 1 else reading.holds.removesuffix("s")
     lines = [f"{one.path.name}   {reading.format}   {reading.found:,} {holds} in {duration(seconds)}, {clock}"]
+    if "header_line" in reading.settings:
+        lines.append(f"  its header is line {reading.settings['header_line']:,}")
+    if "left_out" in reading.settings:
+        lines.append(f"  left out, neither numbers nor texts: {', '.join(reading.settings['left_out'])}")
     if one.note:
         lines.append(f"  {one.note}")
     lines += [f"  {says}" for says in one.stamps]

@@ -1,0 +1,213 @@
+"""Tables whose columns have types, as Arrow and Parquet files hold them: their rows, and the column that is their time.
+
+Numbers, truths and decimals become numbers, null a missing one; texts, dates and further stamps become texts. Columns
+of other types are left out (`settings["left_out"]`). The time is the first column of stamps (one that is called time
+before others), else the first of durations, else what a table of text would have as its time. Stamps without a zone are
+local ones. A row without a time is rejected.
+"""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from itertools import islice
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+from numpy.typing import NDArray
+from pyarrow import types
+
+from ingest.formats import EPOCH, YEARS, Log, Rejected, Rows, utc_ns
+from ingest.formats._csv_dialect import SAMPLE_ROWS, UNIT_IN_NAME, Dialect, unique
+from ingest.formats._csv_numbers import Numerals
+from ingest.formats._csv_stamps import LocalClock
+from ingest.formats._csv_time import LATEST_NS, UNITS_NS, Clock, Flags, Ints, is_time_name, joined, recognise_clock
+
+VALUES = 4_000_000  # of a batch, at most
+ROWS = 100_000  # of a batch, at most
+SHOWN = 64  # first bytes of a rejected row
+DAMAGE = (pa.ArrowException, OSError, ValueError, KeyError)  # pyarrow raises these for damaged bytes
+EARLIEST_NS, LATE_NS = (utc_ns(EPOCH.replace(year=year)) for year in YEARS)
+NO_TIME = np.iinfo(np.int64).min  # in place of a missing stamp or duration
+
+Table = Mapping[str, pa.Array]  # columns by name
+
+
+@dataclass(kw_only=True)
+class _Instants(Clock):
+    """Stamps [ns since 1970], by a local clock where they have no zone."""
+
+    local: LocalClock | None
+
+    def t_ns(self, cells: NDArray[Any], record: Ints) -> tuple[Ints, Flags]:
+        t_ns, bad = np.zeros(len(cells), np.int64), ~((cells >= EARLIEST_NS) & (cells < LATE_NS))
+        t_ns[~bad] = cells[~bad]
+        if self.local is not None:
+            t_ns[~bad], bad[~bad] = self.local.to_utc(t_ns[~bad])
+        return t_ns, bad
+
+
+@dataclass(kw_only=True)
+class _Durations(Clock):
+    """Durations [ns] since the origin."""
+
+    origin_ns: int
+
+    def t_ns(self, cells: NDArray[Any], record: Ints) -> tuple[Ints, Flags]:
+        bad = ~(np.abs(cells.astype(np.float64)) < LATEST_NS - self.origin_ns)
+        return self.origin_ns + np.where(bad, 0, cells), bad
+
+
+@dataclass
+class ArrowLog(Log):
+    """A table of typed columns, read batch by batch in bounded memory."""
+
+    _clock: Clock = field(init=False)
+    _back: int = 0  # steps of time that go back
+    _last_ns: int | None = None
+    _ended: str | None = None  # how the file ends before its end
+
+    @abstractmethod
+    def _tables(self) -> Iterator[pa.RecordBatch]:
+        """The table from its first row on, in batches. Says in `_ended` where it ends before its end."""
+
+    def batches(self) -> Iterator[Rows]:
+        """Rows in file order. Raises UnreadableLogError where none can be read, or their time not be recognised."""
+        for table in self._tables():
+            if not self.found and table.num_rows:
+                self._begin(table)
+            size = max(1, min(ROWS, VALUES // max(1, table.num_columns)))
+            for start in range(0, table.num_rows, size):
+                yield from self._rows(_kept(table.slice(start, size)))
+        if self.found:
+            self.settings.update(backward_steps=self._back, **self._clock.counted())
+        self.end_rows(self._ended, self.rejected[0].why if self.rejected else "it holds none")
+
+    def _begin(self, first: pa.RecordBatch) -> None:
+        """Recognise columns and time from the first rows."""
+        names, renamed = unique(first.schema.names)
+        kept = _kept(first)
+        self.units = {name: unit for name, one in zip(names, first.schema, strict=True) if (unit := _unit(one))}
+        self._clock = self._typed(kept) or self._as_text(kept)
+        self.absolute = self._clock.absolute
+        self.settings.update(time_column=" + ".join(self._clock.columns) or None, time=self._clock.says)
+        if renamed:
+            self.settings["renamed"] = renamed
+        if left := [name for name in names if name not in kept]:
+            self.settings["left_out"] = left
+
+    def _typed(self, table: Table) -> Clock | None:
+        """The clock of a column of stamps, or of durations; None without, and where `[time]` says something else."""
+        if self.time.rate_hz is not None or self.time.format is not None:
+            return None
+        stated = [name for name in table if self.time.column in (None, name)]
+        named = sorted(stated, key=lambda name: not is_time_name(name))
+        start = self.time.start_ns
+        for name in (name for name in named if types.is_timestamp(table[name].type)):
+            zone = table[name].type.tz
+            says = f"stamps in {'UTC' if zone else self.time.zone}"
+            local = None if zone else LocalClock(self.time.local)
+            return _Instants(says=says, absolute=True, columns=(name,), local=local)
+        for name in (name for name in named if types.is_duration(table[name].type)):
+            says, absolute = "durations from the start", start is not None
+            return _Durations(says=says, absolute=absolute, columns=(name,), origin_ns=start or 0)
+        return None
+
+    def _as_text(self, table: Table) -> Clock:
+        """The clock that a table of text would have. Raises UnreadableLogError."""
+        numeric = tuple(_is_number(column.type) for column in table.values())
+        head = tuple(map(tuple, islice(_texts(table), SAMPLE_ROWS)))
+        dialect = Dialect("\t", Numerals("."), tuple(table), numeric, self.units, False, {}, head, rows=self._all_rows)
+        return recognise_clock(self.time, dialect, self.path.name)
+
+    def _all_rows(self) -> Iterator[list[str]]:
+        return (row for table in self._tables() for row in _texts(_kept(table)))
+
+    # ---- rows ------------------------------------------------------------------------------------------------------
+
+    def _rows(self, table: Table) -> Iterator[Rows]:
+        count = len(next(iter(table.values()), ()))
+        record = self.found + np.arange(count)
+        self.found += count
+        first, *second = [self._time_cells(table[name]) for name in self._clock.columns] or [record]
+        cells = joined(first, second[0]) if second else first
+        t_ns, bad = self._clock.t_ns(cells, record)
+        columns = {name: _values(column) for name, column in table.items() if name not in self._clock.columns}
+        for i in np.flatnonzero(bad).tolist():
+            where = f"row {record[i] + 1:,}, column {' + '.join(self._clock.columns)}"
+            raw = " ".join(str(column[i]) for column in columns.values()).encode(errors="replace")[:SHOWN]
+            self.rejected.append(Rejected(int(record[i]), where, self._why(cells[i]), raw))
+        fine = np.flatnonzero(~bad)
+        if len(fine):
+            before = self._last_ns if self._last_ns is not None else int(t_ns[fine[0]])
+            self._back += int((np.diff(t_ns[fine], prepend=before) < 0).sum())
+            self._last_ns = int(t_ns[fine[-1]])
+            yield Rows(t_ns[fine], {name: values[fine] for name, values in columns.items()}, record[fine])
+
+    def _time_cells(self, column: pa.Array) -> NDArray[Any]:
+        return _nanoseconds(column) if isinstance(self._clock, _Instants | _Durations) else _values(column)
+
+    def _why(self, cell: Any) -> str:
+        missing = not cell.strip() if isinstance(cell, str) else cell == NO_TIME or np.isnan(cell)
+        return "no time" if missing else self._clock.why(str(cell))
+
+
+def checked(table: pa.RecordBatch) -> pa.RecordBatch:
+    """The table, where all of it is as its types say. Raises one of DAMAGE."""
+    table.validate(full=True)
+    assert all(isinstance(name, str) for name in table.schema.names)  # decodes them
+    return table
+
+
+def _kept(table: pa.RecordBatch) -> dict[str, pa.Array]:
+    """The columns of numbers, stamps, durations and texts; those of dictionaries as what they stand for."""
+    columns = (one.dictionary_decode() if types.is_dictionary(one.type) else one for one in table.columns)
+    named = zip(unique(table.schema.names)[0], columns, strict=True)
+    return {name: column for name, column in named if _is_number(column.type) or _is_text(column.type)}
+
+
+def _is_number(one: pa.DataType) -> bool:
+    are = (types.is_integer, types.is_floating, types.is_decimal, types.is_boolean, types.is_duration, types.is_null)
+    return any(is_one(one) for is_one in are)
+
+
+def _is_text(one: pa.DataType) -> bool:
+    texts = (types.is_string, types.is_large_string, types.is_string_view, types.is_date, types.is_time)
+    return types.is_timestamp(one) or any(is_one(one) for is_one in texts)
+
+
+def _texts(table: Table) -> Iterator[list[str]]:
+    """The rows as a table of text would have them."""
+    for row in zip(*(_values(column).tolist() for column in table.values()), strict=True):
+        yield [value if isinstance(value, str) else "" if np.isnan(value) else f"{value:.17g}" for value in row]
+
+
+def _values(column: pa.Array) -> NDArray[Any]:
+    """A column as numbers (durations in seconds), NaN where missing, or as texts, "" where missing (N,)."""
+    if types.is_duration(column.type):
+        since = _nanoseconds(column)
+        return np.where(since == NO_TIME, np.nan, since / 1e9)
+    if _is_number(column.type):
+        numbers = pc.cast(column, pa.int8()) if types.is_boolean(column.type) else column
+        return np.array(pc.fill_null(pc.cast(numbers, pa.float64(), safe=False), np.nan))
+    zone = types.is_timestamp(column.type) and column.type.tz
+    text = pc.cast(column.cast(pa.timestamp(column.type.unit)) if zone else column, pa.string())
+    return np.array([f"{one}{'Z' if zone else ''}" if one is not None else "" for one in text.to_pylist()], object)
+
+
+def _nanoseconds(column: pa.Array) -> Ints:
+    """Stamps since 1970, or durations, in nanoseconds (N,); NO_TIME where missing, or too large for one."""
+    size = int(UNITS_NS[column.type.unit])
+    counts = np.asarray(pc.fill_null(pc.cast(column, pa.int64()), NO_TIME).to_numpy(zero_copy_only=False))
+    fits = np.abs(counts.astype(np.float64)) < LATEST_NS / size
+    return np.where(fits, np.where(fits, counts, 0) * size, NO_TIME)
+
+
+def _unit(column: pa.Field) -> str | None:
+    """The unit that a column's metadata says, or its name (`T [degC]`)."""
+    said = next((value for key, value in (column.metadata or {}).items() if key.lower() in (b"unit", b"units")), b"")
+    named = UNIT_IN_NAME.search(column.name)
+    return said.decode(errors="replace").strip() or (named[1] if named else None)

@@ -1,0 +1,50 @@
+"""Parquet: tables of typed columns, as pandas, polars, Spark and MATLAB write them.
+
+What becomes of its columns says `ingest/formats/_arrow_rows.py`. Its index stands at its end: of a file that was cut
+nothing can be read. Format: https://parquet.apache.org/docs/file-format/
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pyarrow as pa
+import pyarrow.parquet
+
+from ingest.errors import UnreadableLogError
+from ingest.formats._arrow_rows import DAMAGE, ROWS, ArrowLog, checked
+
+MAGIC = b"PAR1"
+
+
+class ParquetLog(ArrowLog):
+    """A Parquet file, read in bounded memory, one group of rows after another."""
+
+    def _tables(self) -> Iterator[pa.RecordBatch]:
+        with self.path.open("rb") as stream:
+            stream.seek(-len(MAGIC), 2)
+            if stream.read() != MAGIC:
+                raise UnreadableLogError(
+                    f"{self.path.name}: was cut: the index of a Parquet file stands at its end, and is not there. "
+                    "Copy the file again."
+                )
+        try:
+            file = pa.parquet.ParquetFile(self.path, page_checksum_verification=True)
+        except DAMAGE as error:
+            raise self._damaged(error) from None
+        with file:
+            for number in range(file.num_row_groups):
+                try:
+                    yield from map(checked, file.iter_batches(ROWS, row_groups=[number], use_threads=False))
+                except DAMAGE as error:
+                    if number == 0:
+                        raise self._damaged(error) from None
+                    self._ended = f"is damaged in row group {number + 1} of {file.num_row_groups}"
+                    return
+
+    def _damaged(self, error: BaseException) -> UnreadableLogError:
+        says = " ".join(str(error).split())[:200]
+        return UnreadableLogError(f"{self.path.name}: is damaged ({says}): nothing of it is used. Copy the file again.")
+
+
+reader = ParquetLog
