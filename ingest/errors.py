@@ -1,6 +1,6 @@
 """Errors of the facts layer: one class a condition; the message is one line with what, where, why and what to do."""
 
-WITH_EXTRAS = "uv tool install '.[view,tdms]'"
+WITH_EXTRAS = "uv tool install '.[view,tdms,xlsx]'"
 
 
 class IngestError(Exception):

@@ -52,7 +52,7 @@ ROOT_KEYS = (
     *("motor", "specimen", "specimen_column", "batch", "batch_column", "kind", "configuration", "attributes"),
     *("time", "channel", "derived", "correction", "derating"),
 )
-TIME_KEYS = ("column", "format", "unit", "zone", "rate_hz", "start", "skip_rows")
+TIME_KEYS = ("column", "format", "unit", "zone", "rate_hz", "start", "skip_rows", "sheet")
 OF_FORMAT = tuple(form.name for form in FORMATS)  # [time.csv]: of logs of that format
 COMMON_KEYS = (
     *("quantity", "unit", "node", "weights", "region", "level", "noise", "bias_sd", "resolution", "time_constant_s"),
@@ -321,6 +321,7 @@ def _time(table: TomlTable | None, beside: Sequence[str], untimed: bool) -> Time
         start_ns=_start_ns(table, ZoneInfo(zone)),
         untimed=untimed,
         skip_rows=_skip_rows(table),
+        sheet=table.get("sheet", TEXT),
     )
 
 

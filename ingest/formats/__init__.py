@@ -76,6 +76,7 @@ class TimeSpec:
     start_ns: int | None = None  # ns UTC that a relative time counts from
     untimed: bool = False  # rows may have no time at all, as in a table with a row a check
     skip_rows: int = 0  # lines of a text file above the header of its table
+    sheet: str | None = None  # of a workbook
 
     @property
     def local(self) -> ZoneInfo:
@@ -145,6 +146,7 @@ FORMATS: tuple[Format, ...] = (
     Format("tdms", "rows", (".tdms",), b"TDSm", "ingest.formats.tdms"),
     Format("parquet", "rows", (".parquet",), b"PAR1", "ingest.formats.parquet"),
     Format("arrow", "rows", (".arrow", ".feather"), b"ARROW1", "ingest.formats.arrow", rb"\A\xff{4}..\0\0\x10\0\0\0"),
+    Format("xlsx", "rows", (".xlsx", ".xlsm"), b"PK\x03\x04", "ingest.formats.xlsx"),
     Format("csv", "rows", (".csv", ".csv.gz", ".txt", ".tsv"), b"", "ingest.formats.csv"),
 )
 ANY_TEXT = FORMATS[-1]  # what a text is taken for that looks like no other

@@ -99,8 +99,9 @@ def _above_header(lines: Sequence[str], delimiter: str) -> int:
     columns = zip(*(row[:usual] for row in below), strict=True)
     valued = [i for i, column in enumerate(columns) if _holds_values(column)]
     first = next((place for place in fitting if _is_data([table[place][i] for i in valued])), 0)
-    above = [place for place in fitting if place < first and any(table[place])]
-    names = [place for place in above if not any(map(_is_value, table[place]))]
+    above = [place for place in fitting if place < first]
+    named = [place for place in above if 2 * sum(bool(table[place][i]) for i in valued) > len(valued)]
+    names = [place for place in named if not any(map(_is_value, table[place]))]
     if not names:
         return 0
     *_, before, last = [names[0], *names]

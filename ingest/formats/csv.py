@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import pyarrow as pa
@@ -45,6 +45,7 @@ class _Part:
 class CsvLog(Log):
     """A table, read from front to back in bounded memory."""
 
+    line: ClassVar[str] = "line"  # what one row of the table is called
     _dialect: Dialect = field(init=False)
     _clock: Clock = field(init=False)
     _numeric: tuple[bool, ...] = ()
@@ -55,7 +56,7 @@ class CsvLog(Log):
     def batches(self) -> Iterator[Rows]:
         """Rows in file order. Raises UnreadableLogError where the table, or its time, cannot be recognised."""
         self.settings["encoding"] = "utf-8"
-        text = TextFile(self.path)
+        text = self._text()
         for number, block in enumerate(text.blocks()):
             if text.utf_16:
                 self.settings["encoding"] = "utf-16"
@@ -71,6 +72,10 @@ class CsvLog(Log):
                 "Copy the file again."
             )
         self._finish(text)
+
+    def _text(self) -> TextFile:
+        """The table as text."""
+        return TextFile(self.path)
 
     def _decoded(self, block: bytes, *, first: bool) -> str:
         """A block as text: UTF-8, or cp1252 where it is not UTF-8."""
@@ -129,7 +134,7 @@ class CsvLog(Log):
 
     def _all_rows(self, begin: int) -> Iterator[list[str]]:
         """Every line of the file from line `begin` on, cell by cell."""
-        for block in TextFile(self.path).blocks():
+        for block in self._text().blocks():
             for line in self._decoded(block, first=False).split("\n")[begin:]:
                 yield cells(line, self._dialect.delimiter)
             begin = 0
@@ -155,7 +160,7 @@ class CsvLog(Log):
             if len(fine):
                 yield Rows(t_ns[fine], columns, record[part.line][fine])
         for place, (column, why) in sorted(bad.items()):
-            where = f"line {self._lines + place + 1:,}" + (f", column {column}" if column else "")
+            where = f"{self.line} {self._lines + place + 1:,}" + (f", column {column}" if column else "")
             self.rejected.append(Rejected(int(record[place]), where, why, lines[place].encode()[:SHOWN]))
 
     def _parts(self, lines: list[str], places: list[int], bad: dict[int, tuple[str, str]]) -> Iterator[_Part]:
@@ -249,7 +254,7 @@ class CsvLog(Log):
         self.settings.update(gz=text.packed, backward_steps=self._back, **self._clock.counted())
         ended = text.ended
         if ended is None and text.open_line and self.rejected and self.rejected[-1].record == self.found - 1:
-            ended = f"ends inside line {self._lines:,}"
+            ended = f"ends inside {self.line} {self._lines:,}"
         first = self.rejected[0] if self.rejected else None
         self.end_rows(ended, f"{first.where}: {first.why}" if first else "there is none below its header")
 

@@ -32,7 +32,13 @@ SHOWN_REJECTIONS = 100  # of the first rejected records; the recording keeps all
 MIB = 1 << 20
 SMALL_BYTES = 8 * MIB  # a larger log has a child of its own: it may need all the memory, and the start is a small part
 LAST_WORDS_BYTES = 1 << 16  # kept of what a child complains of
-NO_MEMORY = (b"MemoryError", b"bad_alloc", b"failed to map segment", b"Cannot allocate memory")  # in its last words
+NO_MEMORY = (  # in its last words
+    b"MemoryError",
+    b"bad_alloc",
+    b"failed to map segment",
+    b"Cannot allocate memory",
+    b"memory allocation of",
+)
 
 
 @dataclass(frozen=True)

@@ -95,6 +95,9 @@ def _file_lines(one: InspectedFile) -> list[str]:
     lines = [f"{one.path.name}   {reading.format}   {reading.found:,} {holds} in {duration(seconds)}, {clock}"]
     if "header_line" in reading.settings:
         lines.append(f"  its header is line {reading.settings['header_line']:,}")
+    if "other_sheets" in reading.settings:
+        others = ", ".join(reading.settings["other_sheets"])
+        lines.append(f"  read of it: sheet {reading.settings['sheet']}, and not {others} ([time] sheet tells another)")
     if "left_out" in reading.settings:
         lines.append(f"  left out, neither numbers nor texts: {', '.join(reading.settings['left_out'])}")
     if one.note:

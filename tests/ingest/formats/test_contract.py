@@ -5,7 +5,9 @@ import json
 import random
 import time
 from collections.abc import Iterable
+from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,7 +18,16 @@ from made.places import LOGS
 
 PATIENCE_S = 5.0  # for one damaged sample
 
-each_format = pytest.mark.parametrize("entry", FORMATS, ids=[entry.name for entry in FORMATS])
+LIBRARIES = {"tdms": "nptdms", "xlsx": "python_calamine"}  # of formats that are an extra
+
+
+def with_its_library(entry: Format) -> Any:
+    """The format as a case, left out where the extra is not installed that reads it."""
+    missing = entry.name in LIBRARIES and find_spec(LIBRARIES[entry.name]) is None
+    return pytest.param(entry, id=entry.name, marks=pytest.mark.skipif(missing, reason="its extra is not installed"))
+
+
+each_format = pytest.mark.parametrize("entry", [with_its_library(entry) for entry in FORMATS])
 
 
 def sample(entry: Format) -> Path:

@@ -244,7 +244,7 @@ def test_a_missing_viewer_is_one_line_that_says_what_to_install(
 ) -> None:
     monkeypatch.setitem(sys.modules, "rerun", None)
     monkeypatch.setattr(layers, "find_spec", lambda name: None)
-    missing = r"^the rerun viewer is not installed: in a clone of whyhot, uv tool install '\.\[view,tdms\]' \(or pipx"
+    missing = r"^the rerun viewer is not installed: in a clone of whyhot, uv tool install '\.\[view,tdms,xlsx\]' \(or"
     with pytest.raises(ViewerError, match=missing):
         layers.write_measured(recorded(), channels(), tmp_path / "m.rrd")
     with pytest.raises(ViewerError, match=missing):

@@ -1,0 +1,159 @@
+"""XLSX: the sheet of a workbook that holds a table, read as the text of a table would be.
+
+python-calamine reads it: https://github.com/dimastbk/python-calamine (MIT, installed separately). Numbers, dates and
+times are those of the cells; what a text holds (numbers in German notation, stamps, units) is recognised as in CSV, the
+header too. Times of day alone, without a date in the sheet, count as seconds, as durations do. The sheet is the one
+that `[time] sheet` names, else the first with a table; the others are named in `settings["other_sheets"]`.
+"""
+
+from __future__ import annotations
+
+import zipfile
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from datetime import date, datetime, time, timedelta
+from itertools import islice
+from typing import Any, ClassVar
+
+from ingest.errors import UnreadableLogError, not_installed
+from ingest.formats import Rows, _csv_numbers
+from ingest.formats._csv_dialect import SAMPLE_ROWS, recognise_dialect
+from ingest.formats._csv_numbers import Numerals
+from ingest.formats._text import ALWAYS, RATIO, TextFile
+from ingest.formats.csv import CsvLog
+from ingest.texts.nearest import hint
+
+TOGETHER = 2000  # rows that are handed on at once
+OF_TEXT = ("encoding", "delimiter", "decimal", "gz")  # settings that a workbook does not have
+DAMAGE = Exception  # calamine's own, and what a damaged byte leads to beneath it
+
+
+@dataclass
+class _SheetText(TextFile):
+    """The rows of a sheet as lines, cells between tabs. Blank rows are blank lines: line 12 is row 12."""
+
+    sheet: Any = None
+    _numerals: Numerals = field(init=False)
+    _stamped: tuple[bool, ...] = ()  # which columns hold dates with a time of day
+    _dated: bool = False  # whether any does hold a date
+
+    def __post_init__(self) -> None:
+        head = list(islice(self.sheet.iter_rows(), 2 * SAMPLE_ROWS))
+        self._stamped = tuple(any(isinstance(cell, datetime) for cell in column) for column in zip(*head, strict=True))
+        self._dated = any(isinstance(cell, date) for row in head for cell in row)
+        self._numerals = _csv_numbers.recognise((cell for row in head for cell in row if isinstance(cell, str)), ";")
+
+    def _pieces(self) -> Iterator[bytes]:
+        rows = self.sheet.iter_rows()
+        while some := [self._line(row) for row in islice(rows, TOGETHER)]:
+            yield "".join(some).encode(errors="replace")
+
+    def _line(self, row: Sequence[Any]) -> str:
+        cells = [self._text(cell, stamped) for cell, stamped in zip(row, self._stamped, strict=True)]
+        return "\t".join(cells) + "\n" if any(cells) else "\n"
+
+    def _text(self, cell: Any, stamped: bool) -> str:
+        """A cell as a table with decimal points would have it."""
+        if isinstance(cell, str):
+            return self._written(" ".join(cell.split()))
+        if isinstance(cell, date):  # a datetime is one
+            return cell.isoformat() + (" 00:00:00" if stamped and not isinstance(cell, datetime) else "")
+        if isinstance(cell, time):
+            return cell.isoformat() if self._dated else self._text(_since_midnight(cell), stamped)
+        if isinstance(cell, timedelta):
+            return f"{cell.total_seconds():.9g}"
+        return f"{float(cell):.17g}"
+
+    def _written(self, text: str) -> str:
+        """A text as it is, a number in German notation with a decimal point."""
+        if self._numerals.decimal == "," and not text.isdecimal() and self._numerals.is_number(text):
+            return f"{self._numerals.value(text):.17g}"
+        quoted = text.replace('"', '""')
+        return f'"{quoted}"' if quoted != text else text
+
+
+@dataclass
+class XlsxLog(CsvLog):
+    """The table of a workbook."""
+
+    line: ClassVar[str] = "row"
+    _sheet: Any = None
+
+    def batches(self) -> Iterator[Rows]:
+        """Rows in the order of the sheet. Raises UnreadableLogError where it holds no table, or python-calamine is
+        missing."""
+        self._open()
+        yield from super().batches()
+        for name in OF_TEXT:
+            self.settings.pop(name, None)
+
+    def _text(self) -> TextFile:
+        return _SheetText(self.path, sheet=self._sheet)
+
+    def _open(self) -> None:
+        calamine = _library(self.path.name)
+        _check_size(self)
+        try:
+            book = calamine.load_workbook(str(self.path))
+            sheets = {name: book.get_sheet_by_name(name) for name in book.sheet_names}
+        except DAMAGE as error:
+            raise _damaged(self, error) from None
+        filled = {name: sheet for name, sheet in sheets.items() if sheet.height}
+        stated = self.time.sheet
+        if stated is not None and stated not in filled:
+            raise UnreadableLogError(
+                f'{self.path.name}: sheet = "{stated}" under [time] of the bench file is no sheet with cells.'
+                f"{hint(stated, filled)} Its sheets: {', '.join(filled)[:300]}."
+            )
+        if not filled:
+            raise UnreadableLogError(f"{self.path.name}: no sheet of it holds a cell: nothing to read. Save it again.")
+        name = stated or next((name for name, sheet in filled.items() if self._is_table(sheet)), next(iter(filled)))
+        self._sheet = filled.pop(name)
+        self.settings["sheet"] = name
+        if filled:
+            self.settings["other_sheets"] = list(filled)
+
+    def _is_table(self, sheet: Any) -> bool:
+        """Whether a sheet begins with a header and rows that hold numbers."""
+        lines = next(_SheetText(self.path, sheet=sheet).blocks()).decode().split("\n")
+        try:
+            dialect = recognise_dialect([line for line in lines if line][: 2 * SAMPLE_ROWS], self.path.name)
+        except UnreadableLogError:
+            return False
+        return True in dialect.numeric
+
+
+def _since_midnight(cell: time) -> timedelta:
+    return datetime.combine(date.min, cell) - datetime.min
+
+
+def _check_size(log: XlsxLog) -> None:
+    """Raises UnreadableLogError for a file that was cut, or that unpacks to more than any workbook does."""
+    limit = max(ALWAYS, RATIO * log.path.stat().st_size)
+    try:
+        with zipfile.ZipFile(log.path) as packed:
+            size = sum(one.file_size for one in packed.infolist())
+    except (zipfile.BadZipFile, OSError, ValueError) as error:
+        raise _damaged(log, error) from None
+    if size > limit:
+        raise UnreadableLogError(
+            f"{log.path.name}: unpacks to more than {limit:,} bytes: it is no workbook of a log. Export it as CSV."
+        )
+
+
+def _damaged(log: XlsxLog, error: BaseException) -> UnreadableLogError:
+    says = " ".join(str(error).split())[:200]
+    return UnreadableLogError(
+        f"{log.path.name}: is no whole workbook ({says}): nothing of it is used. Copy it again, or save it as CSV."
+    )
+
+
+def _library(log: str) -> Any:
+    try:
+        import python_calamine
+    except ImportError:
+        raise UnreadableLogError(f"{log}: {not_installed('the reader of XLSX files')}") from None
+    return python_calamine
+
+
+reader = XlsxLog
