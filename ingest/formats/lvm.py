@@ -1,0 +1,171 @@
+"""LVM: LabVIEW measurement files, packed with gzip or not, read as the table that they hold.
+
+A file is a header, and segments of a header, a line of names and rows each. The time of a row is the date and time of
+its segment, a local wall clock, and what its X column, or X0 and Delta_X, add to it. Units are those of the channels. A
+segment of other channels than the first one's ends what is read. Described at
+https://www.ni.com/en/support/documentation/supplemental/06/specification-for-the-labview-measurement-file---lvm-.html
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from datetime import datetime
+
+from ingest.errors import UnreadableLogError
+from ingest.formats import EPOCH, Rows, TimeSpec, utc_ns
+from ingest.formats._text import TextFile
+from ingest.formats.csv import CsvLog
+
+TIME = "time [s]"
+END = "***End_of_Header***"
+SECOND_NS = 1_000_000_000
+SINCE_1904_NS = utc_ns(EPOCH.replace(year=1904))
+LEAST_ABSOLUTE_S = 1e9  # of an X that counts from 1904
+OF_TEXT = ("delimiter", "decimal", "units_row", "time_column")  # settings that such a file does not have
+
+
+@dataclass
+class _LvmText(TextFile):
+    """The rows of all segments as one table: time, channels, comment, between tabs. Lines of headers are blank."""
+
+    time: TimeSpec = field(default_factory=TimeSpec)
+    units: dict[str, str] = field(default_factory=dict)
+    _said: dict[str, list[str]] = field(default_factory=dict)  # tag -> its values, of the file and of its last segment
+    _names: list[str] = field(default_factory=list)
+    _inside: str = "header"  # header, special, names or rows
+    _separator: str = "\t"
+    _row: int = 0  # of the segment
+    _lines: int = 0
+
+    def _pieces(self) -> Iterator[bytes]:
+        file = TextFile(self.path)
+        for block in file.blocks():
+            self.packed = file.packed
+            yield "\n".join(self._tables(_decoded(block).split("\n"))).encode(errors="replace")
+            if self.ended:
+                return
+        self.ended = file.ended
+
+    def _tables(self, lines: Sequence[str]) -> Iterator[str]:
+        for line in lines:
+            if line.startswith("Separator"):  # written as the line itself shows
+                self._separator = line.removeprefix("Separator")[:1] or self._separator
+            yield self._line(line.rstrip("\r").split(self._separator))
+            self._lines += 1
+            if self.ended:
+                return
+
+    def _line(self, cells: list[str]) -> str:
+        tag = cells[0].strip()
+        if tag in ("***Start_Special***", "***End_Special***"):
+            self._inside = "special" if tag == "***Start_Special***" else "rows" if self._names else "header"
+        elif tag == END:
+            self._inside = "names" if "Channels" in self._said else "header"
+        elif self._inside == "names":
+            return self._header(cells)
+        elif self._inside == "rows" and (not tag or tag[0] in "0123456789+-.,"):
+            return self._values(cells) if any(cells) else ""
+        elif tag and self._inside != "special":
+            if self._inside == "rows":  # the header of the next segment
+                self._said.pop("Channels", None)
+            self._inside = "header"
+            self._said[tag] = [cell.strip() for cell in cells[1:]]
+        return ""
+
+    def _value(self, tag: str) -> str:
+        return next(iter(self._said.get(tag, ())), "")
+
+    def _header(self, cells: Sequence[str]) -> str:
+        """The line of names, of the first segment; of others none."""
+        names = [cell.strip().replace('"', "'") for cell in cells[1:]]
+        names = [*names[: names.index("Comment") if "Comment" in names else None], "Comment"]
+        self._inside, self._row = "rows", 0
+        if self._value("X_Columns").lower() == "multi":
+            raise UnreadableLogError(
+                f"{self.path.name}: has a column of times for each channel (X_Columns Multi). Write it with one."
+            )
+        if (dimension := self._value("X_Dimension")) and dimension.lower() not in ("time", "zeit"):
+            raise UnreadableLogError(
+                f"{self.path.name}: its X is {dimension} and not time: it is no log. Write the measured signals."
+            )
+        if self._names:
+            if names != self._names:
+                self.ended = f"goes on with other channels at line {self._lines + 1:,}"
+            return ""
+        self._names = names
+        units = zip(names, self._said.get("Y_Unit_Label", ()), strict=False)
+        self.units = {name: unit for name, unit in units if unit}
+        return "\t".join([TIME, *names])
+
+    def _values(self, cells: list[str]) -> str:
+        """A row with its time and decimal points."""
+        numbers = [cell.replace(",", ".") if self._separator == "\t" else cell for cell in cells]
+        time, self._row = self._time(numbers[0].strip()), self._row + 1
+        values, comment = numbers[1 : len(self._names)], " ".join(cells[len(self._names) :]).strip()
+        return "\t".join([time, *values, *([comment.replace('"', "'")] if len(values) == len(self._names) - 1 else [])])
+
+    def _time(self, cell: str) -> str:
+        """The time of a row in seconds; its cell where this is no number."""
+        try:
+            if self._value("X_Columns").lower() == "no":
+                x = _number(self._value("X0") or "0") + self._row * _number(self._value("Delta_X") or "nan")
+            else:
+                x = _number(cell)
+            since = round(x * SECOND_NS)
+        except (ValueError, OverflowError):
+            return cell
+        if self._value("Time_Pref").lower() == "absolute" and x > LEAST_ABSOLUTE_S:
+            since += SINCE_1904_NS
+        else:
+            since += self._begun() or 0
+        return f"{'-' if since < 0 else ''}{abs(since) // SECOND_NS}.{abs(since) % SECOND_NS:09d}"
+
+    def _begun(self) -> int | None:
+        """Nanoseconds UTC of the segment's date and time; None where it has none."""
+        clock, _, fraction = self._value("Time").replace(",", ".").partition(".")
+        date = self._value("Date").replace("-", "/").replace(".", "/")
+        try:
+            stamp = datetime.strptime(f"{date} {clock}", "%Y/%m/%d %H:%M:%S")
+            begun = self.time.wall_ns(stamp)
+            return None if begun is None else begun + int(f"{fraction[:9]:0<9}")
+        except ValueError:
+            return None
+
+
+def _number(text: str) -> float:
+    return float(text.replace(",", "."))
+
+
+def _decoded(block: bytes) -> str:
+    try:
+        return block.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return block.decode("cp1252", errors="replace")
+
+
+@dataclass
+class LvmLog(CsvLog):
+    """A LabVIEW measurement file, read from front to back in bounded memory."""
+
+    _file: _LvmText = field(init=False)
+
+    def batches(self) -> Iterator[Rows]:
+        """Rows in file order. Raises UnreadableLogError where the file holds no row with a time."""
+        yield from super().batches()
+        for name in OF_TEXT:
+            self.settings.pop(name, None)
+
+    def _text(self) -> TextFile:
+        self._file = _LvmText(self.path, time=self.time)
+        return self._file
+
+    def _begin(self, lines: Sequence[str]) -> int:
+        file = self._file
+        begin = super()._begin(lines)
+        self.units.pop(TIME, None)
+        self.units |= file.units
+        return begin
+
+
+reader = LvmLog
