@@ -28,6 +28,7 @@ from ingest.errors import UnreadableLogError
 EXTENDED = np.uint32(1 << 31)  # set in `Frames.can_id` for 29-bit identifiers
 REMOTE, FD, TRANSMIT = 2, 4, 8  # bits of `Frames.flags`
 GZIP = b"\x1f\x8b"
+RATIO, ALWAYS = 200, 256 << 20  # a packed file may unpack to this many times its size, or to this many bytes
 EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 YEARS = (1971, 2200)  # of a log: in 1970 no clock was set, and int64 nanoseconds end in 2262
 
@@ -171,7 +172,7 @@ def recognise(path: Path) -> Format:
 
     Raises UnreadableLogError for an empty file and for one that no format claims.
     """
-    head = _head(path)
+    head = head_of(path)
     if not head:
         raise UnreadableLogError(f"{path.name}: is empty (0 bytes): nothing to read. Copy the file again.")
     for entry in FORMATS:
@@ -183,13 +184,18 @@ def recognise(path: Path) -> Format:
     for magic, what in OTHERS.items():
         if head.startswith(magic):
             raise UnreadableLogError(f"{path.name}: is {what}.")
-    if 100 * len(head.translate(None, delete=CONTROLS)) >= 99 * len(head):
+    if is_text(head):
         texts = (entry for entry in FORMATS if not entry.magic and path.name.lower().endswith(entry.suffixes))
         return next(texts, ANY_TEXT)
     raise UnreadableLogError(f"{path.name}: is none of the known log formats ({SUFFIXES}). Export it as one of these.")
 
 
-def _head(path: Path) -> bytes:
+def is_text(head: bytes) -> bool:
+    """Whether the first bytes of a file are those of a text: at most one in a hundred is none."""
+    return 100 * len(head.translate(None, delete=CONTROLS)) >= 99 * len(head)
+
+
+def head_of(path: Path) -> bytes:
     """The first bytes of a file; of a packed text those of the text, in UTF-8."""
     with path.open("rb") as file:
         head = file.read(HEAD)
@@ -199,6 +205,11 @@ def _head(path: Path) -> bytes:
     if head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         head = head.decode("utf-16", errors="replace").encode()
     return head
+
+
+def is_table(path: Path) -> bool:
+    """Whether a text that looks like no other format begins as a table does."""
+    return bool(import_module(ANY_TEXT.module).is_table(path))
 
 
 def open_log(path: Path, time: TimeSpec | None = None) -> Log:

@@ -76,6 +76,14 @@ def recognise_dialect(lines: Sequence[str], log: str) -> Dialect:
     return Dialect(delimiter, numerals, names, numeric, units, has_units, renamed, tuple(fitting[:SAMPLE_ROWS]), above)
 
 
+def holds_table(lines: Sequence[str]) -> bool:
+    """Whether the first lines of a text, blank ones left out, are a header and rows that hold numbers."""
+    try:
+        return True in recognise_dialect(lines, "").numeric
+    except UnreadableLogError:
+        return False
+
+
 def _layout(lines: Sequence[str]) -> tuple[str, int]:
     """(delimiter, lines above the header): the delimiter that cuts most rows into as many cells as the header; of
     several, the one that makes most cells."""

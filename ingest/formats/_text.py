@@ -12,11 +12,10 @@ from pathlib import Path
 from typing import IO
 
 from ingest.errors import UnreadableLogError
-from ingest.formats import GZIP
+from ingest.formats import ALWAYS, GZIP, RATIO
 
 BLOCK = 4 << 20  # bytes that are read at once
 LONGEST_LINE = 1 << 20  # bytes
-RATIO, ALWAYS = 200, 256 << 20  # a packed file may unpack to this many times its size, or to this many bytes
 UTF_16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 
 

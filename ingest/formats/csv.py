@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
@@ -23,7 +24,7 @@ from numpy.typing import NDArray
 
 from ingest.errors import UnreadableLogError
 from ingest.formats import Log, Rejected, Rows
-from ingest.formats._csv_dialect import SAMPLE_ROWS, Dialect, cells, recognise_dialect
+from ingest.formats._csv_dialect import SAMPLE_ROWS, Dialect, cells, holds_table, recognise_dialect
 from ingest.formats._csv_numbers import MISSING
 from ingest.formats._csv_time import Clock, joined, recognise_clock
 from ingest.formats._text import TextFile
@@ -257,6 +258,13 @@ class CsvLog(Log):
             ended = f"ends inside {self.line} {self._lines:,}"
         first = self.rejected[0] if self.rejected else None
         self.end_rows(ended, f"{first.where}: {first.why}" if first else "there is none below its header")
+
+
+def is_table(path: Path) -> bool:
+    """Whether a text begins as a table does: with a header and rows that hold numbers."""
+    block = next(TextFile(path).blocks(), b"")
+    lines = block.decode("utf-8-sig", errors="replace").replace("\r\n", "\n").split("\n")
+    return holds_table([line for line in lines if _is_row(line)][: 2 * SAMPLE_ROWS])
 
 
 def _is_row(line: str) -> bool:

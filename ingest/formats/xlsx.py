@@ -16,10 +16,10 @@ from itertools import islice
 from typing import Any, ClassVar
 
 from ingest.errors import UnreadableLogError, not_installed
-from ingest.formats import Rows, _csv_numbers
-from ingest.formats._csv_dialect import SAMPLE_ROWS, recognise_dialect
+from ingest.formats import ALWAYS, RATIO, Rows, _csv_numbers
+from ingest.formats._csv_dialect import SAMPLE_ROWS, holds_table
 from ingest.formats._csv_numbers import Numerals
-from ingest.formats._text import ALWAYS, RATIO, TextFile
+from ingest.formats._text import TextFile
 from ingest.formats.csv import CsvLog
 from ingest.texts.nearest import hint
 
@@ -116,11 +116,7 @@ class XlsxLog(CsvLog):
     def _is_table(self, sheet: Any) -> bool:
         """Whether a sheet begins with a header and rows that hold numbers."""
         lines = next(_SheetText(self.path, sheet=sheet).blocks()).decode().split("\n")
-        try:
-            dialect = recognise_dialect([line for line in lines if line][: 2 * SAMPLE_ROWS], self.path.name)
-        except UnreadableLogError:
-            return False
-        return True in dialect.numeric
+        return holds_table([line for line in lines if line][: 2 * SAMPLE_ROWS])
 
 
 def _since_midnight(cell: time) -> timedelta:

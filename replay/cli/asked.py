@@ -81,7 +81,8 @@ def picture_note(target: Path) -> str:
 def ask_logs(parser: argparse.ArgumentParser) -> None:
     from ingest.formats import SUFFIXES
 
-    parser.add_argument("files", metavar="FILE", nargs="+", type=Path, help=f"log files ({SUFFIXES})")
+    says = f"log files ({SUFFIXES}), folders, patterns or archives (.zip .gz .zst) of them"
+    parser.add_argument("files", metavar="FILE", nargs="+", type=Path, help=says)
 
 
 def ask_databases(parser: argparse.ArgumentParser) -> None:

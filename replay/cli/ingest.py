@@ -23,16 +23,21 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> Answer:
     from ingest.facts.sessions import Override
     from ingest.facts.store import Store
+    from ingest.intake.given import opened
     from ingest.intake.intake import take_in
     from ingest.intake.setup import prepare
     from replay.cli.progress import tell
     from replay.engine.files.models import for_intake
     from replay.show.verbs.intake import intake_json, intake_text
 
-    setup = prepare(args.files, args.bench, args.dbc, for_intake)
-    with Store.open(store_folder(args), create=True, write=True) as store:
-        intake = take_in(store, args.files, setup, Override(args.specimen, args.batch, args.kind), tell)
-        store.ledger.seal()
-        data = {**intake_json(intake), "provenance": provenance(store, bench=str(args.bench) if args.bench else None)}
+    with opened(args.files) as given:
+        logs = [*given.logs]
+        setup = prepare(logs, args.bench, args.dbc, for_intake)
+        with Store.open(store_folder(args), create=True, write=True) as store:
+            intake = take_in(store, logs, setup, Override(args.specimen, args.batch, args.kind), tell)
+            store.ledger.seal()
+            said = provenance(store, bench=str(args.bench) if args.bench else None)
+    data = {**intake_json(intake), "skipped": given.skipped, "refused": given.refused, "provenance": said}
     nothing = not any(one.decode for one in intake.files)
-    return Answer(data, "" if nothing else intake_text(intake), 1 if intake.refusals else 0, intake.refusals)
+    refusals = [*given.refused, *intake.refusals]
+    return Answer(data, "" if nothing else intake_text(intake), 1 if refusals else 0, [*given.skipped, *refusals])

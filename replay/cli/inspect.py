@@ -17,11 +17,13 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> Answer:
+    from ingest.intake.given import opened
     from ingest.intake.inspection import draft, inspect
     from replay.show.verbs.inspection import inspection_json, inspection_text, next_step, nothing_to_draft
 
-    found = inspect(args.files, args.dbc, args.bench)
-    notes, wanted, lines = found.refusals, args.bench_draft, [inspection_text(found)]
+    with opened(args.files) as given:
+        found = inspect([*given.logs], args.dbc, args.bench)
+    notes, wanted, lines = [*given.refused, *found.refusals], args.bench_draft, [inspection_text(found)]
     empty = nothing_to_draft(found, args.dbc, wanted) if wanted else None
     if empty:
         notes.append(empty)
@@ -29,8 +31,9 @@ def run(args: argparse.Namespace) -> Answer:
         wanted.parent.mkdir(parents=True, exist_ok=True)
         wanted.write_text(draft(found), encoding="utf-8")
         lines.append(f"draft bench file: {wanted}")
-    lines.append(f"next: {next_step(found, args.dbc, args.bench, wanted)}")
+    readable = list(dict.fromkeys(str(given.logs[one.path]) for one in found.files if one.reading))
+    lines.append(f"next: {next_step(found, readable, args.dbc, args.bench, wanted)}")
     written = str(wanted) if wanted and not empty else None
-    data = {**inspection_json(found), "bench_draft": written, "provenance": provenance(None)}
-    readable = any(one.reading for one in found.files)
-    return Answer(data, "\n".join(lines) if readable else "", 1 if notes else 0, notes)
+    lists = {"skipped": given.skipped, "refused": given.refused, "bench_draft": written}
+    data = {**inspection_json(found), **lists, "provenance": provenance(None)}
+    return Answer(data, "\n".join(lines) if readable else "", 1 if notes else 0, [*given.skipped, *notes])

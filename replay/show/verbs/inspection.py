@@ -69,9 +69,10 @@ def nothing_to_draft(found: Inspection, databases: Sequence[Path], draft: Path) 
     return f"{draft}: no draft was written: no signal was found in these logs. Give logs that hold some."
 
 
-def next_step(found: Inspection, databases: Sequence[Path], bench: Path | None, draft: Path | None) -> str:
-    """What to do after `whyhot inspect` with these --dbc, --bench and --bench-draft."""
-    logs = [str(one.path) for one in found.files if one.reading]
+def next_step(
+    found: Inspection, logs: Sequence[str], databases: Sequence[Path], bench: Path | None, draft: Path | None
+) -> str:
+    """What to do after `whyhot inspect` of `logs`, those that can be read, with these --dbc, --bench, --bench-draft."""
     explained = bool(databases) or not _frames(found)
     dbc = [word for path in databases for word in ("--dbc", str(path))] if explained else ["--dbc", "FILE.dbc"]
     if draft and found.signals and explained:

@@ -58,13 +58,13 @@ def test_a_draft_of_frames_without_a_database_is_refused_in_one_line(logs: Path,
 
 
 @pytest.mark.parametrize("verb", ["inspect", "ingest"])
-def test_a_log_that_is_not_there_is_told_from_a_folder(verb: str, logs: Path, capsys: Capture) -> None:
+def test_a_log_that_is_not_there_is_told_from_a_folder_without_logs(verb: str, logs: Path, capsys: Capture) -> None:
     Path("monday").mkdir()
-    for name, says in (
-        ("tcc.csv", "tcc.csv: there is no such file: correct the path."),
-        ("monday", "monday: is a folder: name the log files in it."),
+    for name, says, code in (
+        ("tcc.csv", "tcc.csv: there is no such file: correct the path.", 2),
+        ("monday", "monday: holds no log: correct the path, or name the files.", 1),
     ):
-        assert main([verb, "tc.csv", name]) == 2
+        assert main([verb, "tc.csv", name]) == code
         assert capsys.readouterr().err.strip() == says
 
 
@@ -78,3 +78,19 @@ def test_the_folders_of_a_draft_are_made(logs: Path, capsys: Capture) -> None:
     assert main(["inspect", "tc.csv", "--bench-draft", "new/folder/d.toml"]) == 0
     assert "draft bench file: new/folder/d.toml" in capsys.readouterr().out.splitlines()
     assert read_bench(Path("new/folder/d.toml").read_bytes(), "d.toml").channels[0].node == "winding"
+
+
+@pytest.mark.parametrize("verb", ["inspect", "ingest"])
+def test_a_folder_is_read_and_what_is_no_log_in_it_is_named(verb: str, logs: Path, capsys: Capture) -> None:
+    folder = logs / "monday"
+    folder.mkdir()
+    (logs / "tc.csv").rename(folder / "tc.csv")
+    (folder / "notes.txt").write_text("all well\n", encoding="utf-8")
+    assert main([verb, "monday", "--json", "answer.json"]) == 0
+    printed = capsys.readouterr()
+    assert printed.err == "notes.txt: is a text that holds no table. Skipped.\n"
+    answer = json.loads(Path("answer.json").read_text(encoding="utf-8"))
+    assert [one["name"] for one in answer["files"]] == ["tc.csv"]
+    assert (answer["skipped"], answer["refused"]) == ([printed.err.strip()], [])
+    if verb == "inspect":
+        assert printed.out.splitlines()[-1] == "next: whyhot inspect monday --bench-draft bench.toml"

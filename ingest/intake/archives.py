@@ -1,0 +1,101 @@
+"""Archives: the logs in a zip file, and what gzip or zstd packed, each unpacked into a file of its own.
+
+A file in an archive is called `S1.blf in night.zip`. Texts that are packed with gzip are no archives: their readers
+unpack them. An archive that would unpack to far more than logs do is refused before it fills the disk.
+"""
+
+from __future__ import annotations
+
+import gzip
+import re
+import zipfile
+import zlib
+from collections.abc import Callable, Iterator
+from functools import partial
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+import pyarrow as pa
+
+from ingest.errors import UnreadableLogError
+from ingest.formats import ALWAYS, GZIP, RATIO, head_of, is_text
+
+WORKBOOK = rb"\[Content_Types\]|_rels/|docProps/|xl/|customXml/"  # how the first file in one is called
+ZIP = re.compile(rb"PK(?:\x05\x06|\x03\x04.{26}(?!" + WORKBOOK + rb"))", re.DOTALL)
+ZSTD = b"\x28\xb5\x2f\xfd"
+BLOCK = 4 << 20  # bytes that are unpacked at once
+MEMBERS = 10_000  # files in an archive, at most
+DAMAGE = (zipfile.BadZipFile, zlib.error, pa.ArrowException, OSError, EOFError, ValueError, NotImplementedError)
+
+
+def is_archive(path: Path) -> bool:
+    """Whether a file is an archive, and neither a workbook nor a text that its reader unpacks."""
+    with path.open("rb") as file:
+        head = file.read(64)
+    if head.startswith(GZIP):
+        return not is_text(head_of(path))
+    return head.startswith(ZSTD) or ZIP.match(head) is not None
+
+
+def unpacked(path: Path, folder: Path) -> tuple[list[Path], list[str]]:
+    """(the files of an archive, in its order; a line for each that is not, or not whole, among them). They lie in
+    `folder`. Raises UnreadableLogError where nothing of the archive can be used."""
+    files, lines, left = list[Path](), list[str](), _limit(path)
+    try:
+        for number, (name, opened) in enumerate(_members(path)):
+            target = folder / str(number) / f"{name} in {path.name}"
+            target.parent.mkdir(parents=True)
+            try:
+                left -= _copy(opened, target, left)
+            except DAMAGE as error:
+                lines.append(f"{target.name}: {_wrong(error, target)}")
+            except RuntimeError:  # what zipfile raises for it
+                lines.append(f"{target.name}: has a password. Unpack it first.")
+            files += [target] if target.is_file() else []
+            if left < 0 or number == MEMBERS:
+                what = f"unpacks to more than {_limit(path):,} bytes" if left < 0 else f"holds over {MEMBERS:,} files"
+                raise UnreadableLogError(f"{path.name}: {what}: nothing of it is used. Unpack the logs in it first.")
+    except DAMAGE as error:
+        raise UnreadableLogError(f"{path.name}: is no whole archive ({error}). Copy it again.") from None
+    return files, lines
+
+
+def _limit(path: Path) -> int:
+    """Bytes that an archive may unpack to, in all."""
+    return max(ALWAYS, RATIO * path.stat().st_size)
+
+
+def _members(path: Path) -> Iterator[tuple[str, Callable[[], Any]]]:
+    """(name, what opens it) of each file in an archive; hidden ones left out."""
+    with path.open("rb") as file:
+        magic = file.read(len(ZSTD))
+    if magic.startswith(GZIP):
+        yield path.stem, partial(gzip.open, path)
+    elif magic == ZSTD:
+        yield path.stem, lambda: pa.CompressedInputStream(pa.OSFile(str(path)), "zstd")
+    else:
+        with zipfile.ZipFile(path) as packed:
+            for one in packed.infolist():
+                place = PurePosixPath(one.filename.replace("\\", "/"))
+                if not one.is_dir() and not any(part.startswith((".", "__MACOSX")) for part in place.parts):
+                    yield place.name, partial(packed.open, one)
+
+
+def _copy(opened: Callable[[], Any], target: Path, most: int) -> int:
+    """Unpack a file; the bytes that it has, or a few more than `most` where it has more."""
+    size = 0
+    with opened() as source, target.open("wb") as file:
+        while size <= most and (block := source.read(BLOCK)):
+            size += file.write(block)
+    return size
+
+
+def _wrong(error: BaseException, target: Path) -> str:
+    """What is wrong with a file in an archive. Where its packed contents end early, what was unpacked is kept."""
+    if isinstance(error, NotImplementedError):
+        target.unlink(missing_ok=True)
+        return "is packed in a way that is not read. Unpack it first."
+    if isinstance(error, EOFError) or "Truncated" in str(error):
+        return "was cut inside its packed contents: what comes before is used. Copy the archive again."
+    target.unlink(missing_ok=True)
+    return f"is damaged ({error}): nothing of it is used. Copy the archive again."
