@@ -162,8 +162,8 @@ def _check_header(header: Sequence[str], rows: Sequence[Sequence[str]], delimite
             'sign as well as the delimiter. Export it with decimal points, or with ";" between the columns.'
         )
     raise UnreadableLogError(
-        f"{log}: most rows hold {usual} fields where line 1 holds {len(header)}: it is not their header. Remove what "
-        "stands above the header, or export the table again."
+        f"{log}: most rows hold {usual} fields where line 1 holds {len(header)}: it is not their header. Under "
+        "[time] of the bench file say how many lines stand above it (skip_rows = 1), or export the table again."
     )
 
 

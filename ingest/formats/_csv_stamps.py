@@ -31,7 +31,7 @@ DIRECTIVES = {
     "p": r"(?P<p>[AaPp][Mm])", "z": r"(?P<z>Z|[+-]\d{2}:?\d{2})", "b": rf"(?P<b>{NAME}{{3}})",
     "B": rf"(?P<b>{NAME}{{3}}){NAME}*", "%": "%",
 }  # fmt: skip
-CLOCK = r"(?P<H>\d{1,2})[:.](?P<M>\d{2})(?:[:.](?P<S>\d{2})(?:[.,](?P<f>\d{1,9})\d*)?)?(?:\s?(?P<p>[AaPp][Mm]))?"
+CLOCK = r"(?P<H>\d{1,2})[:.](?P<M>\d{2})(?:[:.](?P<S>\d{2})(?:[.,:](?P<f>\d{1,9})\d*)?)?(?:\s?(?P<p>[AaPp][Mm]))?"
 GAP = r"(?:T|,?\s{1,3})"  # between date and time of day
 YEAR = r"(?:(?P<Y>\d{4})|(?P<y>\d{2}))"
 DAY_FIRST, MONTH_FIRST = "day/month/year", "month/day/year"  # one cell seldom tells them apart

@@ -133,6 +133,8 @@ PREAMBLES = {
     "AMP settings\nCH,Signal name,Input,Range,Filter\nCH1,Wicklung,TEMP,TC_K,Off\n\nData\n"
     "Number,Date&Time,CH1,CH2\nNO.,Time,degC,degC\n",
     "sections": "[Device]\nSerial;4711\nStart;24.12.2025 08:00:00\n\n[Data]\nZeit;T_mag;T_w\n;°C;°C\n",
+    "sep=": "sep=;\nZeit;T_mag;T_w\n",
+    "padded": "Bench 7;;\nEngineer;Öller;\n;;\nZeit;T_mag;T_w\ns;°C;°C\n",
     "comments": "# bench 7, test 12; engineer: Öller\n# rate: 1 Hz\n#\nZeit;T_mag;T_w\n",
     "as wide as the table": "Device;GL840;-\nSerial;1234;5678\nMode;fast;on\nZeit;T_mag;T_w\n[s];[°C];[°C]\n",
     "long": "".join(f"Parameter {k}={k * k}\n" for k in range(150)) + "\nZeit;T_mag;T_w\n",
@@ -328,6 +330,7 @@ def test_rows_read_together_equal_rows_read_one_by_one(
         ("timestamp", ["1709280000", "1709280000.25"], [MARCH_NS, MARCH_NS + S_NS // 4], True),
         ("timestamp", ["1709280000000", "1709280000250"], [MARCH_NS, MARCH_NS + S_NS // 4], True),
         ("when", ["2024-03-01 08:00:00", "2024-03-01 08:00:00.25"], [MARCH_NS, MARCH_NS + S_NS // 4], True),
+        ("when", ["2024/03/01 08:00:00:250", "2024/3/1 08:00"], [MARCH_NS + S_NS // 4, MARCH_NS], True),
         ("when", ["2024-03-01T08:00:00Z", "2024-03-01T09:00:00+01:00"], [MARCH_NS, MARCH_NS], True),
         ("DateTime", ["01.03.2024 08:00:00,25", "01.03.2024 08:00"], [MARCH_NS + S_NS // 4, MARCH_NS], True),
     ],
