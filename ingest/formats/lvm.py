@@ -8,8 +8,9 @@ https://www.ni.com/en/support/documentation/supplemental/06/specification-for-th
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import datetime
 
 from ingest.errors import UnreadableLogError
@@ -21,7 +22,8 @@ TIME = "time [s]"
 END = "***End_of_Header***"
 SECOND_NS = 1_000_000_000
 SINCE_1904_NS = utc_ns(EPOCH.replace(year=1904))
-LEAST_ABSOLUTE_S = 1e9  # of an X that counts from 1904
+LEAST_ABSOLUTE_S, LATEST_S = 1e9, 9e9  # of an X that counts from 1904, and of any
+ROW_BEGINS = tuple("0123456789+-.,\t ")
 OF_TEXT = ("delimiter", "decimal", "units_row", "time_column")  # settings that such a file does not have
 
 
@@ -35,6 +37,8 @@ class _LvmText(TextFile):
     _names: list[str] = field(default_factory=list)
     _inside: str = "header"  # header, special, names or rows
     _separator: str = "\t"
+    _begun_ns: int = 0  # of the segment
+    _step_s: tuple[float, float] | None = None  # X0 and Delta_X where there is no X column
     _row: int = 0  # of the segment
     _lines: int = 0
 
@@ -49,46 +53,35 @@ class _LvmText(TextFile):
 
     def _tables(self, lines: Sequence[str]) -> Iterator[str]:
         for line in lines:
-            if line.startswith("Separator"):  # written as the line itself shows
-                self._separator = line.removeprefix("Separator")[:1] or self._separator
-            yield self._line(line.rstrip("\r").split(self._separator))
+            yield self._line(line.rstrip("\r"))
             self._lines += 1
             if self.ended:
                 return
 
-    def _line(self, cells: list[str]) -> str:
-        tag = cells[0].strip()
+    def _line(self, line: str) -> str:
+        if self._inside == "rows" and line.startswith(ROW_BEGINS):
+            return self._values(line) if line.strip(self._separator) else ""
+        if line.startswith("Separator"):  # written as the line itself shows
+            self._separator = line.removeprefix("Separator")[:1] or self._separator
+        tag, *values = (cell.strip() for cell in line.split(self._separator))
         if tag in ("***Start_Special***", "***End_Special***"):
             self._inside = "special" if tag == "***Start_Special***" else "rows" if self._names else "header"
         elif tag == END:
             self._inside = "names" if "Channels" in self._said else "header"
         elif self._inside == "names":
-            return self._header(cells)
-        elif self._inside == "rows" and (not tag or tag[0] in "0123456789+-.,"):
-            return self._values(cells) if any(cells) else ""
+            return self._header(values)
         elif tag and self._inside != "special":
             if self._inside == "rows":  # the header of the next segment
                 self._said.pop("Channels", None)
             self._inside = "header"
-            self._said[tag] = [cell.strip() for cell in cells[1:]]
+            self._said[tag] = values
         return ""
-
-    def _value(self, tag: str) -> str:
-        return next(iter(self._said.get(tag, ())), "")
 
     def _header(self, cells: Sequence[str]) -> str:
         """The line of names, of the first segment; of others none."""
-        names = [cell.strip().replace('"', "'") for cell in cells[1:]]
+        names = [cell.replace('"', "'") for cell in cells]
         names = [*names[: names.index("Comment") if "Comment" in names else None], "Comment"]
-        self._inside, self._row = "rows", 0
-        if self._value("X_Columns").lower() == "multi":
-            raise UnreadableLogError(
-                f"{self.path.name}: has a column of times for each channel (X_Columns Multi). Write it with one."
-            )
-        if (dimension := self._value("X_Dimension")) and dimension.lower() not in ("time", "zeit"):
-            raise UnreadableLogError(
-                f"{self.path.name}: its X is {dimension} and not time: it is no log. Write the measured signals."
-            )
+        self._begin_segment()
         if self._names:
             if names != self._names:
                 self.ended = f"goes on with other channels at line {self._lines + 1:,}"
@@ -98,43 +91,62 @@ class _LvmText(TextFile):
         self.units = {name: unit for name, unit in units if unit}
         return "\t".join([TIME, *names])
 
-    def _values(self, cells: list[str]) -> str:
-        """A row with its time and decimal points."""
-        numbers = [cell.replace(",", ".") if self._separator == "\t" else cell for cell in cells]
-        time, self._row = self._time(numbers[0].strip()), self._row + 1
-        values, comment = numbers[1 : len(self._names)], " ".join(cells[len(self._names) :]).strip()
-        return "\t".join([time, *values, *([comment.replace('"', "'")] if len(values) == len(self._names) - 1 else [])])
+    def _begin_segment(self) -> None:
+        """What its header says of the time. Raises UnreadableLogError where X is none, or there are several."""
+        columns, dimension = self._value("X_Columns").lower(), self._value("X_Dimension")
+        if columns == "multi":
+            raise UnreadableLogError(
+                f"{self.path.name}: has a column of times for each channel (X_Columns Multi). Write it with one."
+            )
+        if dimension.lower() not in ("", "time", "zeit"):
+            raise UnreadableLogError(
+                f"{self.path.name}: its X is {dimension} and not time: it is no log. Write the measured signals."
+            )
+        step = (_number(self._value("X0") or "0"), _number(self._value("Delta_X")))
+        self._step_s = step if columns == "no" else None
+        self._inside, self._row, self._begun_ns = "rows", 0, self._date_ns() or 0
 
-    def _time(self, cell: str) -> str:
-        """The time of a row in seconds; its cell where this is no number."""
-        try:
-            if self._value("X_Columns").lower() == "no":
-                x = _number(self._value("X0") or "0") + self._row * _number(self._value("Delta_X") or "nan")
-            else:
-                x = _number(cell)
-            since = round(x * SECOND_NS)
-        except (ValueError, OverflowError):
-            return cell
-        if self._value("Time_Pref").lower() == "absolute" and x > LEAST_ABSOLUTE_S:
-            since += SINCE_1904_NS
-        else:
-            since += self._begun() or 0
-        return f"{'-' if since < 0 else ''}{abs(since) // SECOND_NS}.{abs(since) % SECOND_NS:09d}"
+    def _value(self, tag: str) -> str:
+        return next(iter(self._said.get(tag, ())), "")
 
-    def _begun(self) -> int | None:
+    def _date_ns(self) -> int | None:
         """Nanoseconds UTC of the segment's date and time; None where it has none."""
         clock, _, fraction = self._value("Time").replace(",", ".").partition(".")
         date = self._value("Date").replace("-", "/").replace(".", "/")
         try:
-            stamp = datetime.strptime(f"{date} {clock}", "%Y/%m/%d %H:%M:%S")
-            begun = self.time.wall_ns(stamp)
+            begun = self.time.wall_ns(datetime.strptime(f"{date} {clock}", "%Y/%m/%d %H:%M:%S"))
             return None if begun is None else begun + int(f"{fraction[:9]:0<9}")
         except ValueError:
             return None
 
+    def _values(self, line: str) -> str:
+        """A row with its time, and with decimal points."""
+        x, _, rest = line.replace('"', "'").partition(self._separator)
+        cells = rest.split(self._separator)
+        channels = len(self._names) - 1
+        if self._separator == "\t" and "," in rest:
+            cells[:channels] = [cell.replace(",", ".") for cell in cells[:channels]]
+        if len(cells) >= channels:  # the comment, most often none
+            cells[channels:] = [" ".join(cells[channels:]).strip()]
+        time, self._row = self._time(x), self._row + 1
+        return "\t".join([time, *cells])
+
+    def _time(self, x: str) -> str:
+        """The time of a row in seconds; its cell where this is no number."""
+        since_s = _number(x) if self._step_s is None else self._step_s[0] + self._row * self._step_s[1]
+        if not abs(since_s) < LATEST_S:
+            return x
+        absolute = since_s > LEAST_ABSOLUTE_S and self._value("Time_Pref").lower() == "absolute"
+        t_ns = (SINCE_1904_NS if absolute else self._begun_ns) + round(since_s * SECOND_NS)
+        return f"{'-' if t_ns < 0 else ''}{abs(t_ns) // SECOND_NS}.{abs(t_ns) % SECOND_NS:09d}"
+
 
 def _number(text: str) -> float:
-    return float(text.replace(",", "."))
+    """The number in a cell; NaN where it is none."""
+    try:
+        return float(text.replace(",", "."))
+    except ValueError:
+        return math.nan
 
 
 def _decoded(block: bytes) -> str:
@@ -159,6 +171,10 @@ class LvmLog(CsvLog):
     def _text(self) -> TextFile:
         self._file = _LvmText(self.path, time=self.time)
         return self._file
+
+    def _kinds(self) -> tuple[bool, ...]:
+        self._dialect = replace(self._dialect, numeric=(*self._dialect.numeric[:-1], False))  # a comment, if it has any
+        return super()._kinds()
 
     def _begin(self, lines: Sequence[str]) -> int:
         file = self._file
