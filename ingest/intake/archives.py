@@ -6,6 +6,7 @@ unpack them. An archive that would unpack to far more than logs do is refused be
 
 from __future__ import annotations
 
+import errno
 import gzip
 import re
 import zipfile
@@ -17,7 +18,7 @@ from typing import Any
 
 import pyarrow as pa
 
-from ingest.errors import UnreadableLogError
+from ingest.errors import IngestError, UnreadableLogError
 from ingest.formats import ALWAYS, GZIP, RATIO, head_of, is_text
 
 WORKBOOK = rb"\[Content_Types\]|_rels/|docProps/|xl/|customXml/"  # how the first file in one is called
@@ -39,7 +40,7 @@ def is_archive(path: Path) -> bool:
 
 def unpacked(path: Path, folder: Path) -> tuple[list[Path], list[str]]:
     """(the files of an archive, in its order; a line for each that is not, or not whole, among them). They lie in
-    `folder`. Raises UnreadableLogError where nothing of the archive can be used."""
+    `folder`. Raises UnreadableLogError where nothing of the archive can be used, IngestError for a full disk."""
     files, lines, left = list[Path](), list[str](), _limit(path)
     try:
         for number, (name, opened) in enumerate(_members(path)):
@@ -48,6 +49,8 @@ def unpacked(path: Path, folder: Path) -> tuple[list[Path], list[str]]:
             try:
                 left -= _copy(opened, target, left)
             except DAMAGE as error:
+                if getattr(error, "errno", None) == errno.ENOSPC:
+                    raise IngestError(f"{path.name}: there is no room to unpack it in {folder}: make some.") from None
                 lines.append(f"{target.name}: {_wrong(error, target)}")
             except RuntimeError:  # what zipfile raises for it
                 lines.append(f"{target.name}: has a password. Unpack it first.")

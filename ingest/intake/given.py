@@ -1,7 +1,7 @@
 """What was given: log files, folders, patterns and archives become log files; what is no log in them is named.
 
-A folder counts with all that lies in it, a pattern (`night/*.blf`) with all that it fits, hidden files left out. A file
-that was named itself is a log whatever it holds: its reader says why it is none.
+A folder counts with all that lies in it, a pattern (`night/*.blf`) with all that it fits; hidden files and stores of
+whyhot are left out. A file that was named itself is a log whatever it holds: its reader says why it is none.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from pathlib import Path
 
 from ingest.errors import IngestError, UnreadableLogError
 from ingest.facts.sessions import natural
+from ingest.facts.store import MARK
 from ingest.formats import ANY_TEXT, is_table, recognise
 from ingest.intake.archives import is_archive, unpacked
 from ingest.intake.setup import kept_name
@@ -54,7 +55,7 @@ def _add(given: GivenLogs, argument: Path, folder: Path) -> None:
 
 
 def _files(argument: Path) -> list[Path]:
-    """The file that was named, or those of a folder, of those in it, or of a pattern."""
+    """The file that was named, or those of a folder, of those in it, or of a pattern; not those of a store."""
     if argument.is_file():
         return [argument]
     pattern = str(argument)
@@ -63,15 +64,19 @@ def _files(argument: Path) -> list[Path]:
     elif not glob.has_magic(pattern):
         raise IngestError(f"{argument}: there is no such file: correct the path.")
     found = map(Path, glob.iglob(pattern, recursive=True))  # noqa: PTH207 (a pattern may begin at the root)
-    return sorted((path for path in found if path.is_file()), key=lambda path: natural(str(path)))
+    files = sorted((path for path in found if path.is_file()), key=lambda path: natural(str(path)))
+    stores = {path.parent for path in files if path.name == MARK}
+    return [path for path in files if stores.isdisjoint(path.parents)]
 
 
 def _members(given: GivenLogs, path: Path, folder: Path) -> list[Path]:
     """The files of an archive, unpacked into `folder`; any other file as it is."""
-    if not is_archive(path):
-        return [path]
     try:
+        if not is_archive(path):
+            return [path]
         files, lines = unpacked(path, folder)
+    except OSError:  # the one that reads it says so
+        return [path]
     except UnreadableLogError as error:
         files, lines = [], [str(error)]
     given.refused += lines
@@ -87,4 +92,6 @@ def _no_log(path: Path) -> str | None:
             return f"{kept_name(path)}: is a text that holds no table."
     except UnreadableLogError as error:
         return str(error)
+    except OSError as error:
+        return f"{kept_name(path)}: cannot be opened ({error.strerror})."
     return None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import gzip
 import os
 import zipfile
@@ -11,7 +12,7 @@ from pathlib import Path
 import pytest
 import zstandard
 
-from ingest.errors import UnreadableLogError
+from ingest.errors import IngestError, UnreadableLogError
 from ingest.intake.archives import is_archive, unpacked
 from made.places import LOGS
 
@@ -141,4 +142,15 @@ def test_an_archive_of_too_many_files_is_one_line(tmp_path: Path, monkeypatch: p
     monkeypatch.setattr("ingest.intake.archives.MEMBERS", 5)
     path = zipped(tmp_path / "many.zip", **{f"a{k}": CSV for k in range(9)})
     with pytest.raises(UnreadableLogError, match=r"^many\.zip: holds over 5 files: nothing of it is used\."):
+        unpacked(path, tmp_path / "work")
+
+
+def test_a_full_disk_is_no_damage_of_the_archive(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = zipped(tmp_path / "night.zip", a=CSV)
+
+    def full(*_: object) -> int:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr("ingest.intake.archives._copy", full)
+    with pytest.raises(IngestError, match=r"^night\.zip: there is no room to unpack it in "):
         unpacked(path, tmp_path / "work")

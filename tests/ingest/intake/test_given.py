@@ -105,6 +105,15 @@ def test_no_file_of_this_project_but_its_recordings_is_taken_for_a_log() -> None
     assert given.refused == [f"{one}: holds no log: correct the path, or name the files." for one in folders]
 
 
+def test_a_file_that_cannot_be_opened_is_named(night: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def shut(path: Path) -> bool:
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr("ingest.intake.given.is_archive", shut)
+    with opened([night / "sub"]) as given:
+        assert (given.logs, given.skipped) == ({}, ["S3: cannot be opened (Permission denied). Skipped."])
+
+
 def _no_motor(path: Path) -> MotorFile:
     raise AssertionError(path)
 
@@ -116,6 +125,8 @@ def test_logs_of_an_archive_are_facts_of_their_own_and_are_made_again_from_them(
     ((name, decode),) = ((one.name, one.decode) for one in taken.files)
     assert name == "S4.csv in more.zip" and decode and decode.balance["found"] == 3
     assert [session.name for session in taken.sessions] == ["S4"]
+    with opened([tmp_path]) as given:
+        assert not any("store" in path.parts for path in given.logs)
     shutil.rmtree(night)
     shutil.rmtree(tmp_path / "store" / "decoded")
     with Store.open(tmp_path / "store", write=True) as store:
