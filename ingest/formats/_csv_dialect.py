@@ -99,21 +99,23 @@ def _layout(lines: Sequence[str]) -> tuple[str, int]:
 
 
 def _above_header(lines: Sequence[str], delimiter: str) -> int:
-    """How many lines stand above the header; 0 where no line below the first is one."""
+    """How many lines stand above the header: the line above that of the units, the first line of all, or else the last
+    line of names above the first row of data. 0 where there is none."""
     table = [[cell.strip() for cell in cells(line, delimiter)] for line in lines]
     usual = _usual(table[len(table) // 2 :])
     fitting = [place for place, row in enumerate(table) if usual <= len(row) <= usual + (not row[-1])]
     below = [table[place] for place in fitting[len(fitting) // 2 :][:SAMPLE_BODY]]
     columns = zip(*(row[:usual] for row in below), strict=True)
     valued = [i for i, column in enumerate(columns) if _holds_values(column)]
-    first = next((place for place in fitting if _is_data([table[place][i] for i in valued])), 0)
-    above = [place for place in fitting if place < first]
-    named = [place for place in above if 2 * sum(bool(table[place][i]) for i in valued) > len(valued)]
-    names = [place for place in named if not any(map(_is_value, table[place]))]
-    if not names:
-        return 0
-    *_, before, last = [names[0], *names]
-    return before if last == before + 1 and (before == 0 or _is_units([table[last][i] for i in valued])) else last
+    of_values = {place: [table[place][i] for i in valued] for place in fitting}
+    first = next((place for place in fitting if _is_data(of_values[place])), 0)
+    above = [place for place in fitting if place < first and not any(map(_is_value, table[place]))]
+    names = [place for place in above if 2 * sum(map(bool, of_values[place])) > len(valued)]
+    together = [place for place in names if set(range(place, names[-1])) <= set(names)]
+    units = next((place for place in together[1:] if _is_units(of_values[place])), None)
+    if units is not None:
+        return units - 1
+    return 0 if not together or together[0] == 0 else together[-1]
 
 
 def _holds_values(column: Sequence[str]) -> bool:

@@ -164,6 +164,12 @@ def test_a_spoiled_row_below_the_header_is_no_header(tmp_path: Path) -> None:
     assert [one.where for one in log.rejected] == ["line 3, column T"]
 
 
+def test_rows_of_text_below_the_units_are_no_header(tmp_path: Path) -> None:
+    log, t_ns, columns = read(table(tmp_path, "t;T;n\ns;°C;rpm\noff;off;off\n0;20;1\n1;21;1\n"))
+    assert (t_ns, columns["T"], log.units["T"]) == ([0, S_NS], [20, 21], "°C")
+    assert [one.where for one in log.rejected] == ["line 3, column t"] and "header_line" not in log.settings
+
+
 def test_a_table_without_lines_above_says_nothing_of_them(tmp_path: Path) -> None:
     log, _, columns = read(table(tmp_path, "t,state,T\n0,on,1\n1,off,2\n2,on,3\n"))
     assert "header_line" not in log.settings and columns["state"] == ["on", "off", "on"]
