@@ -24,7 +24,7 @@ from ingest.formats import ALWAYS, GZIP, RATIO, head_of, is_text
 WORKBOOK = rb"\[Content_Types\]|_rels/|docProps/|xl/|customXml/"  # how the first file in one is called
 ZIP = re.compile(rb"PK(?:\x05\x06|\x03\x04.{26}(?!" + WORKBOOK + rb"))", re.DOTALL)
 ZSTD = b"\x28\xb5\x2f\xfd"
-BLOCK = 4 << 20  # bytes that are unpacked at once
+BLOCK = 1 << 16  # bytes that are unpacked at once: at most so many are lost before a cut
 MEMBERS = 10_000  # files in an archive, at most
 DAMAGE = (zipfile.BadZipFile, zlib.error, pa.ArrowException, OSError, EOFError, ValueError, NotImplementedError)
 
@@ -88,7 +88,7 @@ def _copy(opened: Callable[[], Any], target: Path, most: int) -> int:
     """Unpack a file; the bytes that it has, or a few more than `most` where it has more."""
     size = 0
     with opened() as source, target.open("wb") as file:
-        while size <= most and (block := source.read(BLOCK)):
+        while size <= most and (block := source.read1(BLOCK)):
             size += file.write(block)
     return size
 
