@@ -21,10 +21,11 @@ from numpy.typing import NDArray
 from pyarrow import types
 
 from ingest.formats import EPOCH, YEARS, Log, Rejected, Rows, utc_ns
+from ingest.formats._csv_clocks import LATEST_NS, UNITS_NS, Clock, Flags, Ints
 from ingest.formats._csv_dialect import SAMPLE_ROWS, UNIT_IN_NAME, Dialect, unique
 from ingest.formats._csv_numbers import Numerals
 from ingest.formats._csv_stamps import LocalClock
-from ingest.formats._csv_time import LATEST_NS, UNITS_NS, Clock, Flags, Ints, is_time_name, joined, recognise_clock
+from ingest.formats._csv_time import is_time_name, joined, recognise_clock
 
 VALUES = 4_000_000  # of a batch, at most
 ROWS = 100_000  # of a batch, at most

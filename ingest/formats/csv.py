@@ -24,9 +24,10 @@ from numpy.typing import NDArray
 
 from ingest.errors import UnreadableLogError
 from ingest.formats import Log, Rejected, Rows
+from ingest.formats._csv_clocks import Clock
 from ingest.formats._csv_dialect import SAMPLE_ROWS, Dialect, cells, holds_table, recognise_dialect
 from ingest.formats._csv_numbers import MISSING
-from ingest.formats._csv_time import Clock, joined, recognise_clock
+from ingest.formats._csv_time import joined, recognise_clock
 from ingest.formats._text import TextFile
 
 SINGLY = 64  # rows that are read one by one where they cannot be read together

@@ -21,7 +21,8 @@ from numpy.typing import NDArray
 
 from ingest.errors import UnreadableLogError
 from ingest.formats import EPOCH, YEARS, Log, Rejected, Rows, utc_ns
-from ingest.formats._csv_time import LATEST_NS, UNITS_NS, base_and_unit, is_time_name, rises
+from ingest.formats._csv_clocks import LATEST_NS, UNITS_NS
+from ingest.formats._csv_time import base_and_unit, is_time_name, rises
 from ingest.formats._tdms_file import (
     TdmsFile,
     is_number,
