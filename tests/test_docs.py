@@ -84,7 +84,7 @@ def test_the_formats_that_pages_list_are_those_that_are_read() -> None:
     page = (ROOT / "docs" / "limitations.md").read_text(encoding="utf-8")
     listed = re.search(r"\*\*Read:\*\*(.*?)\*\*Not yet:", page, flags=re.DOTALL)
     assert listed
-    assert re.findall(r"`(\.[a-z.]+)`", listed[1]) == SUFFIXES.split()
+    assert re.findall(r"`(\.[a-z0-9.]+)`", listed[1]) == SUFFIXES.split()
 
 
 @pytest.mark.parametrize("verb", sorted(VERBS))

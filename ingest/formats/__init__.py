@@ -144,12 +144,17 @@ class Format:
 FORMATS: tuple[Format, ...] = (
     Format("blf", "frames", (".blf",), b"LOGG", "ingest.formats.blf"),
     Format("asc", "frames", (".asc", ".asc.gz"), b"", "ingest.formats.asc", rb"(?im)^base\s+(hex|dec)\s+timestamps"),
+    Format("trc", "frames", (".trc",), b"", "ingest.formats.trc", rb"(?m)^;\$FILEVERSION=|^;-+\+-.*\n *\d+\) +\d"),
+    Format("candump", "frames", (), b"", "ingest.formats.candump", rb"(?m)^\(\d+\.\d+\)\s+\S+\s+[0-9A-Fa-f]{3,8}#"),
+    Format("gvret", "frames", (), b"", "ingest.formats.gvret", rb"(?im)^time stamp,id,extended,"),
+    Format("can_csv", "frames", (), b"", "ingest.formats.can_csv", rb"(?m)^timestamp,arbitration_id,extended,remote"),
+    Format("can_db", "frames", (".db",), b"SQLite format 3\0", "ingest.formats.can_db"),
     Format("tdms", "rows", (".tdms",), b"TDSm", "ingest.formats.tdms"),
     Format("parquet", "rows", (".parquet",), b"PAR1", "ingest.formats.parquet"),
     Format("arrow", "rows", (".arrow", ".feather"), b"ARROW1", "ingest.formats.arrow", rb"\A\xff{4}..\0\0\x10\0\0\0"),
     Format("lvm", "rows", (".lvm",), b"LabVIEW Measurement", "ingest.formats.lvm"),
     Format("xlsx", "rows", (".xlsx", ".xlsm"), b"PK\x03\x04", "ingest.formats.xlsx"),
-    Format("csv", "rows", (".csv", ".csv.gz", ".txt", ".tsv"), b"", "ingest.formats.csv"),
+    Format("csv", "rows", (".csv", ".csv.gz", ".txt", ".tsv", ".log"), b"", "ingest.formats.csv"),
 )
 ANY_TEXT = FORMATS[-1]  # what a text is taken for that looks like no other
 HEAD = 4096  # bytes that tell what a file is
@@ -159,7 +164,6 @@ OTHERS: Mapping[bytes, str] = {  # first bytes -> what such a file is, and what 
     b"\xd0\xcf\x11\xe0": "an old Office file, or one with a password. Save it as XLSX without a password, or as CSV",
     b"MATLAB 5.0 MAT": "a MATLAB file. Export the table with writetable(T, 'log.csv')",
     b"\x89HDF": "an HDF5 file (also of MATLAB 7.3). Export the table as Parquet or CSV",
-    b"SQLite format 3\0": "an SQLite database. Export the table as CSV",
     b"PARE": "an encrypted Parquet file. Export it without encryption",
     b"FEA1": "a Feather file of version 1. Export it as version 2, or as Parquet",
     **dict.fromkeys((b"7z\xbc\xaf", b"Rar!", b"BZh", b"\xfd7zXZ"), "packed in a way that is not read. Unpack it first"),

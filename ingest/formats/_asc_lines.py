@@ -8,9 +8,8 @@ from datetime import datetime
 from itertools import takewhile
 
 from ingest.formats import EXTENDED, FD, REMOTE, TRANSMIT
+from ingest.formats._frame_lines import ERROR_FRAME, FD_LENGTHS, HIGHEST_BUS, HIGHEST_ID, LONGEST_CLASSIC, LONGEST_FD
 
-LONGEST_CLASSIC, LONGEST_FD, HIGHEST_BUS, HIGHEST_ID = 8, 64, 255, 0x1FFF_FFFF
-FD_LENGTHS = (0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64)  # bytes, by data length code (ISO 11898-1)
 RTR_BIT = 1 << 4  # of the flags at the end of a CANFD line
 MONTHS = {name: number for number, names in enumerate(
     ("jan", "feb", "mar mär mrz", "apr", "may mai", "jun", "jul", "aug", "sep", "oct okt", "nov", "dec dez"), 1
@@ -69,7 +68,7 @@ def parse_date(text: str) -> datetime | None:
 def parse_line(line: str, base: int) -> Line | str | None:
     """The frame in `line`, or why it is none that can be read; None for another event, a comment or an empty line."""
     if ERROR_LINE.match(line):
-        return "error frame"
+        return ERROR_FRAME
     if FRAME_LINE.match(line) and STAMP.match(line):
         return _frame(line, base)
     if not line or OTHER_LINE.match(line):

@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 
 from ingest.errors import UnreadableLogError
 from ingest.formats import EXTENDED, TRANSMIT, Frames, Log, Rejected
-from ingest.formats._asc_lines import HIGHEST_BUS, HIGHEST_ID, STAMP, Line, parse_date, parse_line
+from ingest.formats._asc_lines import STAMP, Line, parse_date, parse_line
+from ingest.formats._frame_lines import HIGHEST_BUS, HIGHEST_ID
 from ingest.formats._text import TextFile
 
 # A data frame as most lines hold it (hexadecimal, one blank between two bytes), or else any line: one match a line.

@@ -1,4 +1,4 @@
-"""What every row of FORMATS keeps, unasked. A new format brings one file: `files/sample` with its first suffix."""
+"""What every row of FORMATS keeps, unasked. A new format brings one file: `files/sample.` with its name."""
 
 import gzip
 import json
@@ -31,7 +31,7 @@ each_format = pytest.mark.parametrize("entry", [with_its_library(entry) for entr
 
 
 def sample(entry: Format) -> Path:
-    return LOGS / f"sample{entry.suffixes[0]}"
+    return LOGS / f"sample.{entry.name}"
 
 
 def read(path: Path) -> tuple[Log, list[Frames | Rows]]:
@@ -112,7 +112,7 @@ def test_a_log_read_twice_gives_the_same(entry: Format) -> None:
 
 @each_format
 def test_an_empty_file_is_refused_with_what_to_do(entry: Format, tmp_path: Path) -> None:
-    path = tmp_path / f"nothing{entry.suffixes[0]}"
+    path = tmp_path / f"nothing.{entry.name}"
     path.touch()
     with pytest.raises(UnreadableLogError, match=r"is empty \(0 bytes\): nothing to read\. Copy the file again\."):
         open_log(path)
@@ -157,7 +157,7 @@ def test_a_packed_sample_that_is_damaged_at_its_beginning_is_read_or_refused(ent
 
 @each_format
 def test_a_file_of_random_bytes_is_read_or_refused(entry: Format, tmp_path: Path) -> None:
-    path = tmp_path / f"noise{entry.suffixes[0]}"
+    path = tmp_path / f"noise.{entry.name}"
     for seed in range(10):
         path.write_bytes(entry.magic + random.Random(seed).randbytes(20_000))
         read_damaged(path)

@@ -1,0 +1,125 @@
+"""SQLite: the database that python-can's logger writes (`can_logger -f log.db`).
+
+A row of the table is a frame: ts [s], arbitration_id, extended, remote, error, dlc, data. The table may have any name.
+It tells no bus: all is bus 1. Nor does it tell direction or CAN FD; a frame of more than 8 bytes is one of CAN FD.
+Described in https://python-can.readthedocs.io/en/stable/file_io.html#sqlite-database
+"""
+
+from __future__ import annotations
+
+import math
+import sqlite3
+from collections.abc import Iterator
+from contextlib import closing
+from dataclasses import dataclass
+from typing import Any
+
+from ingest.errors import UnreadableLogError
+from ingest.formats import FD, REMOTE, Frames, Log, Rejected
+from ingest.formats._frame_lines import (
+    EARLIEST_NS,
+    ERROR_FRAME,
+    LATEST_NS,
+    LONGEST_CLASSIC,
+    LONGEST_FD,
+    ONLY_BUS,
+    SHOWN,
+    OneFrame,
+    as_arrays,
+    frame_of,
+    identifier,
+    nanoseconds,
+)
+
+COLUMNS = ("ts", "arbitration_id", "extended", "remote", "error", "dlc", "data")
+DAMAGE = (sqlite3.Error, UnicodeDecodeError)  # the latter where its words for the damage hold damaged bytes
+BATCH = 100_000  # rows that are read at once
+LATEST_S = LATEST_NS / 1e9
+
+
+@dataclass
+class CanDbLog(Log):
+    """A database of python-can."""
+
+    def batches(self) -> Iterator[Frames]:
+        """Frames in the order of the table. Raises UnreadableLogError where there is no such table, or no row."""
+        ended = None
+        with closing(sqlite3.connect(f"{self.path.absolute().as_uri()}?mode=ro&immutable=1", uri=True)) as database:
+            database.text_factory = bytes
+            try:
+                rows = self._rows(database)
+                while some := rows.fetchmany(BATCH):
+                    yield from self._batch(some)
+            except DAMAGE:
+                ended = f"is damaged behind row {self.found:,}"
+        self.absolute |= self.time.start_ns is not None
+        kept = self.found - len(self.rejected)
+        if not kept and all(one.why != ERROR_FRAME for one in self.rejected):
+            raise UnreadableLogError(
+                f"{self.path.name}: {f'{ended}: ' if ended else ''}no CAN frame is in it. Copy the file again, once "
+                "the program that wrote it has closed it."
+            )
+        if ended:
+            self.mark_cut(ended, f"{kept:,} frames")
+
+    def _rows(self, database: sqlite3.Connection) -> sqlite3.Cursor:
+        database.execute("PRAGMA trusted_schema = OFF")  # nothing that the file says is run
+        tables = database.execute("SELECT name FROM sqlite_schema WHERE type = 'table' AND rootpage > 0").fetchall()
+        for (name,) in tables:
+            quoted = '"' + name.decode(errors="replace").replace('"', '""') + '"'
+            if [row[1] for row in database.execute(f"PRAGMA table_info({quoted})")] == [
+                one.encode() for one in COLUMNS
+            ]:
+                self.settings["table"] = name.decode(errors="replace")
+                return database.execute(f"SELECT {', '.join(COLUMNS)} FROM {quoted}")
+        raise UnreadableLogError(
+            f"{self.path.name}: is an SQLite database without a table of CAN frames (columns {', '.join(COLUMNS)}), as "
+            "python-can writes it. Export it as CSV."
+        )
+
+    def _batch(self, rows: list[tuple[Any, ...]]) -> Iterator[Frames]:
+        frames: list[OneFrame] = []
+        record: list[int] = []
+        for row in rows:
+            frame = self._placed(row)
+            if isinstance(frame, OneFrame):
+                frames.append(frame)
+                record.append(self.found)
+            else:
+                raw = repr(row).encode()[:SHOWN]
+                self.rejected.append(Rejected(self.found, f"row {self.found + 1:,}", frame, raw))
+            self.found += 1
+        if frames:
+            yield as_arrays(frames, record)
+
+    def _placed(self, row: tuple[Any, ...]) -> OneFrame | str:
+        """The frame in a row with its time, or why it cannot be read."""
+        frame = _frame(*row)
+        if isinstance(frame, str) or frame.t_ns >= EARLIEST_NS:
+            self.absolute |= not isinstance(frame, str)
+            return frame
+        return frame._replace(t_ns=frame.t_ns + (self.time.start_ns or 0))
+
+
+def _frame(ts: Any, number: Any, extended: Any, remote: Any, error: Any, length: Any, data: Any) -> OneFrame | str:
+    if error:
+        return ERROR_FRAME
+    if not isinstance(ts, int | float) or not math.isfinite(ts) or not 0 <= ts < LATEST_S:
+        return "has no stamp, or one that no log can reach"
+    if not isinstance(number, int) or number < 0:
+        return "has no identifier"
+    payload = b"" if remote else _payload(data, length)
+    flags = (REMOTE if remote else 0) | (FD if len(payload) > LONGEST_CLASSIC else 0)
+    return frame_of(nanoseconds(repr(ts)), ONLY_BUS, identifier(number, bool(extended)), flags, payload)
+
+
+def _payload(data: Any, length: Any) -> bytes | str:
+    if not isinstance(data, bytes | None) or not isinstance(length, int):
+        return "holds no bytes"
+    found = data or b""
+    if len(found) != length:
+        return f"holds {len(found)} of its {length} bytes"
+    return found if length <= LONGEST_FD else f"says it holds {length} bytes, more than the {LONGEST_FD} of a frame"
+
+
+reader = CanDbLog

@@ -1,0 +1,86 @@
+"""candump: what `candump -l` of Linux' can-utils writes, packed with gzip or not.
+
+`(1436509052.249713) vcan0 044#2A366C2BBA` is a frame; `##` marks CAN FD, `#R` a remote frame, and ` T` at the end one
+that was sent. The number at the end of a bus's name is its number, `can1` is bus 1; a name without one, or with that of
+another name, gets the least from 100 on that is free (`settings["buses"]`). A line does not say how long its frame is:
+a last line without its line feed is rejected. Described in https://github.com/linux-can/can-utils, lib.h.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field
+from itertools import chain, count
+
+from ingest.formats import FD, REMOTE, TRANSMIT
+from ingest.formats._frame_lines import (
+    ERROR_FRAME,
+    LONGEST_CLASSIC,
+    LONGEST_FD,
+    FrameLines,
+    OneFrame,
+    frame_of,
+    identifier,
+    nanoseconds,
+)
+
+LINE = re.compile(
+    r"\((\d{1,12}\.\d{1,9})\)\s+(\S+)\s+([0-9A-Fa-f]{3}|[0-9A-Fa-f]{8})#(\S*)(?:\s+([RT]))?", re.ASCII | re.IGNORECASE
+)
+XL_LINE = re.compile(r"\(\d+\.\d+\)\s+\S+\s+[0-9A-Fa-f]{3,5}#[0-9A-Fa-f]{2}:")
+NUMBER_AT_END = re.compile(r"\d{1,3}$")
+ERROR_BIT = 0x2000_0000  # of an identifier of 8 digits
+EXTENDED_DIGITS = 8
+FIRST_UNSAID = 100  # number of a bus whose name says none
+
+
+@dataclass
+class CandumpLog(FrameLines):
+    """A log of candump."""
+
+    called = "a log of candump -l"
+    tells_length = False
+    _buses: dict[str, int] = field(default_factory=dict)
+
+    def parse(self, line: str) -> OneFrame | str | None:
+        """See `FrameLines.parse`."""
+        if line.startswith("#"):
+            return None
+        match = LINE.fullmatch(line)
+        if match is None:
+            return "is a CAN XL frame" if XL_LINE.match(line) else "is no line of a candump log"
+        stamp, name, digits, body, way = match.groups()
+        number, extended = int(digits, 16), len(digits) == EXTENDED_DIGITS
+        if extended and number & ERROR_BIT:
+            return ERROR_FRAME
+        flags, data = _payload(body)
+        flags |= TRANSMIT if way in ("T", "t") else 0
+        return frame_of(nanoseconds(stamp), self._bus(name), identifier(number, extended), flags, data)
+
+    def _bus(self, name: str) -> int:
+        if name not in self._buses:
+            said, taken = NUMBER_AT_END.search(name), self._buses.values()
+            numbers = chain([int(said[0])] if said else [], count(FIRST_UNSAID))
+            self._buses[name] = next(number for number in numbers if number not in taken)
+            self.settings["buses"] = dict(self._buses)
+        return self._buses[name]
+
+
+def _payload(body: str) -> tuple[int, bytes | str]:
+    """(flags, payload) of what stands behind the first `#`; or instead of the payload why there is none."""
+    if body[:1] in ("R", "r"):
+        return REMOTE, b""
+    fd = body.startswith("#")
+    text = body[2:] if fd else body.partition("_")[0]  # behind _ stands a data length code above 8
+    longest = LONGEST_FD if fd else LONGEST_CLASSIC
+    flags = FD if fd else 0
+    try:
+        data = bytes.fromhex(text.replace(".", ""))
+    except ValueError:
+        return flags, "its data are no bytes of two hexadecimal digits each"
+    if len(data) > longest:
+        return flags, f"holds {len(data)} bytes, more than the {longest} of a frame"
+    return flags, data
+
+
+reader = CandumpLog

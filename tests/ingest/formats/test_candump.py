@@ -1,0 +1,112 @@
+"""candump: equal to what python-can wrote, and every line that is no frame accounted for."""
+
+import gzip
+from pathlib import Path
+
+import can
+import pytest
+
+from ingest.errors import UnreadableLogError
+from ingest.formats import EXTENDED, FD, REMOTE, TRANSMIT, TimeSpec, recognise
+from made.frames import as_frames, messages, read, write
+from made.places import LOGS
+
+FIRST = "(1436509052.249713) can1 044#2A366C2BBA\n"
+
+
+def log_of(folder: Path, text: str) -> Path:
+    path = folder / "log.txt"
+    path.write_text(text, encoding="utf-8", newline="")
+    return path
+
+
+def test_the_sample_gives_every_kind_of_frame() -> None:
+    log, frames = read(LOGS / "sample.candump")
+    assert frames == [
+        (1436509052249713000, 1, 0x44, 0, "2a366c2bba"),
+        (1436509052449847000, 1, 0xF6, TRANSMIT, "7adfe07bd2"),
+        (1436509052650004000, 100, 0x18EBFF00 | int(EXTENDED), 0, "01a00fa6603bd140"),
+        (1436509052850119000, 0, 0x123, REMOTE, ""),
+        (1436509053050257000, 1, 0x123, FD, "112233445566778899aabbcc"),
+        (1436509053250390000, 1, 0xC3, 0, "d7"),
+    ]
+    assert [(one.where, one.why) for one in log.rejected] == [
+        ("line 4", "error frame"),
+        ("line 8", "its data are no bytes of two hexadecimal digits each"),
+    ]
+    assert log.settings["buses"] == {"can1": 1, "vcan1": 100, "can0": 0}
+    assert log.absolute and log.cut is None
+
+
+def test_frames_equal_those_that_python_can_wrote(tmp_path: Path) -> None:
+    path, some = tmp_path / "log.log", messages(400)
+    write(can.CanutilsLogWriter(path), some)
+    log, frames = read(path)
+    assert frames == as_frames(some)
+    assert len(log.rejected) == 8 and {one.why for one in log.rejected} == {"error frame"}
+
+
+@pytest.mark.parametrize(
+    ("frame", "found"),
+    [
+        ("5A1#11.2233.44556677.88", (0x5A1, 0, "1122334455667788")),
+        ("5AA#", (0x5AA, 0, "")),
+        ("1F334455#1122334455667788_B", (0x1F334455 | int(EXTENDED), 0, "1122334455667788")),
+        ("00000123#R3", (0x123 | int(EXTENDED), REMOTE, "")),
+        ("333#R8_E", (0x333, REMOTE, "")),
+        ("123##1", (0x123, FD, "")),
+        ("213##311223344", (0x213, FD, "11223344")),
+    ],
+)
+def test_frames_are_read_as_can_utils_describe_them(tmp_path: Path, frame: str, found: tuple[int, int, str]) -> None:
+    _, frames = read(log_of(tmp_path, f"{FIRST}(1436509052.300000) can0 {frame}\n"))
+    assert frames[1][2:] == found
+
+
+@pytest.mark.parametrize(
+    ("line", "why"),
+    [
+        ("(1436509052.3) can0 123#11223344556677889", "its data are no bytes of two hexadecimal digits each"),
+        ("(1436509052.3) can0 123#112233445566778899", "holds 9 bytes, more than the 8 of a frame"),
+        ("(1436509052.3) can0 123##1" + "00" * 65, "holds 65 bytes, more than the 64 of a frame"),
+        ("(1436509052.3) can0 8FF#00", 'has the identifier "8FF", which is no number of 11 bits'),
+        ("(1436509052.3) can0 45123#81:00:12345678#11223344", "is a CAN XL frame"),
+        ("(99999999999.3) can0 123#00", "has a stamp that no log can reach"),
+        ("(1436509052.3) can256 123#00", "its channel is above 255"),
+        ("(1436509052.3) can0 1", "is no line of a candump log"),
+        ("¤%&/ 12", "is no line of a candump log"),
+    ],
+)
+def test_a_line_that_cannot_be_read_is_rejected_with_its_number(tmp_path: Path, line: str, why: str) -> None:
+    log, frames = read(log_of(tmp_path, f"{FIRST}{line}\r\n\r\n{FIRST}"))
+    assert len(frames) == 2
+    assert [(one.record, one.where, one.why) for one in log.rejected] == [(1, "line 2", why)]
+
+
+def test_a_last_line_without_its_end_is_cut(tmp_path: Path) -> None:
+    log, frames = read(log_of(tmp_path, FIRST + FIRST[:-3]))
+    assert len(frames) == 1
+    assert log.cut == "ends inside line 2: 1 frames were read and kept; copy the file again if the original is whole."
+
+
+def test_stamps_without_a_date_count_from_the_stated_start(tmp_path: Path) -> None:
+    path = log_of(tmp_path, "(000.000001) can0 123#00\n")
+    log, frames = read(path)
+    assert (log.absolute, frames[0][0]) == (False, 1000)
+    log, frames = read(path, TimeSpec(start_ns=5_000_000_000))
+    assert (log.absolute, frames[0][0]) == (True, 5_000_001_000)
+
+
+def test_a_log_is_known_by_its_lines_whatever_it_is_called_and_packed(tmp_path: Path) -> None:
+    path = tmp_path / "night.csv"
+    path.write_bytes(gzip.compress((LOGS / "sample.candump").read_bytes()))
+    assert recognise(path).name == "candump"
+    assert read(path)[1] == read(LOGS / "sample.candump")[1]
+
+
+def test_a_log_without_one_frame_is_refused(tmp_path: Path) -> None:
+    path = log_of(tmp_path, "(1436509052.300000) can0 123#0\n" * 1000)
+    with pytest.raises(
+        UnreadableLogError, match=r"^log\.txt: no CAN frame is in it \(1,000 lines read\)\. Copy the file"
+    ):
+        read(path)
