@@ -207,6 +207,7 @@ def head_of(path: Path) -> bytes:
     if head.startswith(GZIP):
         with suppress(zlib.error):
             head = zlib.decompressobj(wbits=31).decompress(head, HEAD)
+    head = head.removeprefix(codecs.BOM_UTF8)
     if head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         head = head.decode("utf-16", errors="replace").encode()
     return head

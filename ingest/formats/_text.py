@@ -49,7 +49,7 @@ class TextFile:
     def _plain(self) -> Iterator[bytes]:
         """The pieces of the file; of one in UTF-16 as UTF-8."""
         pieces = self._pieces()
-        first = next(pieces, b"")
+        first = next(pieces, b"").removeprefix(codecs.BOM_UTF8)
         self.utf_16 = first.startswith(UTF_16)
         if not self.utf_16:
             yield from chain([first] if first else [], pieces)

@@ -60,13 +60,25 @@ class Mf4:
         head = struct.pack("<2sBxIQQ", b"DT", int(columns > 0), columns, len(content), len(small))
         return self.block(b"DZ", (), head + small)
 
-    def group(self, parts: Sequence[Part], count: int, *, number: int = 0, size: int = SIZE, values_at: int = 0) -> int:
-        """A channel group."""
-        linear = struct.pack("<BBHHHdddd", 1, 0, 0, 0, 2, 0.0, 0.0, 0.0, 1e-6)
+    def linear(self, offset: float, factor: float) -> int:
+        """A conversion."""
+        return self.block(b"CC", (0,) * 4, struct.pack("<BBHHHdddd", 1, 0, 0, 0, 2, 0.0, 0.0, offset, factor))
+
+    def group(
+        self,
+        parts: Sequence[Part],
+        count: int,
+        *,
+        number: int = 0,
+        size: int = SIZE,
+        values_at: int = 0,
+        constant: float = 0.0,
+    ) -> int:
+        """A channel group; `constant`: the value of its virtual channels."""
         first = 0
         for name, kind, byte, bit, bits in reversed(parts):
             called = self.block(b"TX", (), name.encode() + b"\0")
-            convert = self.block(b"CC", (0, 0, 0, 0), linear) if kind == TIME else 0
+            convert = self.linear(0.0, 1e-6) if kind == TIME else self.linear(constant, 0.0) if kind == VIRTUAL else 0
             form = BYTES if name.endswith(("DataBytes", "Frame")) else UNSIGNED
             body = struct.pack("<BBBBIIII", kind, int(kind == TIME), form, bit, byte, bits, 0, 0) + bytes(52)
             links = (first, 0, called, 0, convert, values_at if kind == VARIABLE else 0, 0, 0)

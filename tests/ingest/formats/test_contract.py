@@ -194,6 +194,18 @@ def test_a_format_is_recognised_whatever_its_file_is_called(entry: Format, name:
     assert recognise(path) == entry
 
 
+@pytest.mark.parametrize(
+    "entry", [one for one in FORMATS if one.holds == "frames" and not one.magic], ids=lambda one: one.name
+)
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16"])
+def test_a_text_of_frames_is_read_as_an_editor_saves_it(entry: Format, encoding: str, tmp_path: Path) -> None:
+    path = tmp_path / "log"
+    path.write_bytes(sample(entry).read_bytes().decode().encode(encoding))
+    (saved, some), (log, others) = read(path), read(sample(entry))
+    assert (saved.found, len(saved.rejected)) == (log.found, len(log.rejected))
+    np.testing.assert_array_equal(some[0].t_ns, others[0].t_ns)
+
+
 def test_a_text_that_looks_like_no_format_is_a_table(tmp_path: Path) -> None:
     path = tmp_path / "log.dat"
     for packed in (bytes, gzip.compress):

@@ -12,7 +12,7 @@ import pytest
 from ingest.errors import UnreadableLogError
 from ingest.formats import EXTENDED, FD, TRANSMIT, TimeSpec, recognise
 from made.frames import Frame, as_frames, messages, read
-from made.mf4 import ELSEWHERE, FIXED, IN_RECORD, PARTS, SIZE, TIME, Mf4, record
+from made.mf4 import ELSEWHERE, FIXED, IN_RECORD, PARTS, SIZE, TIME, VIRTUAL, Mf4, record
 from made.places import LOGS
 
 START_NS = 1_700_000_000_000_000_000
@@ -105,6 +105,36 @@ def test_unsorted_records_with_payloads_of_their_own_are_read(open_parts: int, t
     ]
     assert log.settings == {"version": "4.11", "finalised": not open_parts, "other_records": {"LIN_Frame": 3}}
     assert log.cut is None
+
+
+@pytest.mark.parametrize("is_packed", [False, True])
+def test_payloads_in_a_block_of_their_own_are_read(is_packed: bool, tmp_path: Path) -> None:
+    """Sorted records name the place of their payload; a place where there is none is one record's loss."""
+    payloads = [b"\1\2\3", bytes(range(48))]
+    content = b"".join(struct.pack("<I", len(payload)) + payload for payload in payloads)
+    places = (0, 7, 999)
+    records = [
+        record(i, 0x100 + i, struct.pack("<Q", place), bits=4, length=(3, 48, 1)[i]) for i, place in enumerate(places)
+    ]
+    file = Mf4()
+    values_at = file.packed(content) if is_packed else file.block(b"SD", (), content)
+    group = file.group((*PARTS, ELSEWHERE), 3, values_at=values_at)
+    path = file.save(tmp_path / "log.mf4", file.data_group(group, file.block(b"DT", (), b"".join(records))))
+    log, frames = read(path)
+    assert [frame[4] for frame in frames] == [payload.hex() for payload in payloads]
+    assert [one.why for one in log.rejected] == ["holds fewer bytes than it says"]
+
+
+def test_what_is_the_same_for_all_frames_may_stand_in_no_record(tmp_path: Path) -> None:
+    """A virtual channel: its value is what its conversion says; and lengths are told by their code alone."""
+    bus = ("CAN_DataFrame.BusChannel", VIRTUAL, 0, 0, 0)
+    code = ("CAN_DataFrame.DLC", FIXED, 10, 0, 4)
+    parts = [part for part in PARTS if not part[0].endswith(("BusChannel", "DataLength"))]
+    file = Mf4()
+    group = file.group((*parts, bus, code, IN_RECORD), 1, constant=9)
+    records = record(1_000, 0x100, bytes(range(8)), length=0xF)  # of a classic frame this code is 8 bytes
+    _, frames = read(file.save(tmp_path / "log.mf4", file.data_group(group, file.block(b"DT", (), records))))
+    assert frames == [(1_000_000, 9, 0x100, 0, bytes(range(8)).hex())]
 
 
 @pytest.mark.parametrize("lost", [10, 13])
