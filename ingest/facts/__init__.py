@@ -1,6 +1,7 @@
 """Events in a hash-chained ledger, sealed bytes under their SHA-256, and what both say is true now.
 
 `store` is the folder, `ledger` its facts (`events`, each in a `ledger_row`, chained by `chain`), `archive` its sealed
-bytes. `facts` folds the events into what is true now or was at a time; `sessions` groups files. `ledger_audit` and
-`store_check` look for damage.
+bytes. `facts` folds the events into what is true now or was at a time; `sessions` groups files. Each row is checked
+against all before it (`ledger_history`) whenever it is read; `ledger_audit` and `store_check` list all damage, and
+`cited` says what stands on it.
 """

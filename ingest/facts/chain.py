@@ -46,6 +46,9 @@ class Head:
     position: int
     root: str
 
+    def __str__(self) -> str:
+        return f"{self.position}:{self.root}"
+
 
 class Tree:
     """A Merkle tree that only grows; keeps one hash for each whole subtree (log2 of the number of entries)."""

@@ -24,9 +24,10 @@ from eventsourcing.persistence import (
     TrackingRecorder,
 )
 
-from ingest.errors import LedgerError
-from ingest.facts.chain import Head, Tree, entry
+from ingest.errors import DamageError, LedgerError
+from ingest.facts.chain import Head
 from ingest.facts.events import Event, LedgerSealed
+from ingest.facts.ledger_history import LedgerHistory
 from ingest.facts.ledger_lock import WriterLock, reading_uri
 from ingest.facts.ledger_row import Recorded, decode, encode, utc_text
 
@@ -35,8 +36,9 @@ Factory = InfrastructureFactory[TrackingRecorder]
 Connection = tuple[Factory, ApplicationRecorder]
 FOR_EVER = "9999"  # after every recorded time
 PAGE = 1000  # rows read at once
-# What a damaged database makes Python raise; the last two where names in its schema are no UTF-8, or other columns.
-DATABASE_ERRORS = (EventSourcingError, sqlite3.Error, OSError, UnicodeError, LookupError)
+# What a damaged database makes Python raise; the last three where names in its schema are no UTF-8, or other columns,
+# or numbers are too large.
+DATABASE_ERRORS = (EventSourcingError, sqlite3.Error, OSError, UnicodeError, LookupError, OverflowError)
 
 
 class Ledger:
@@ -48,8 +50,8 @@ class Ledger:
     def __init__(self, folder: Path, *, write: bool = False, create: bool = False) -> None:
         self.path = folder.absolute() / "ledger.sqlite"
         self._lock = WriterLock(folder / "ledger.lock") if write else None
-        self._tree, self._position = Tree(), 0  # over the rows that this object has seen
         self._env = _environment(self.path, write, create)
+        self._seen = LedgerHistory(self.is_file)
         self._connection: Connection | None = None
         try:
             with self._plain_words():
@@ -92,30 +94,37 @@ class Ledger:
         """The events in order: of `types` (all where none is given), of `stream`, as they were at `as_of`.
 
         `as_of` is a position, or an ISO 8601 time (UTC where it names no zone): what was recorded up to then.
-        Raises DamageError where a row is not what was written, LedgerError for an `as_of` that is neither.
+        Raises DamageError where the ledger up to there is not what was written, LedgerError for an `as_of` that is
+        neither.
         """
         stop, moment = self._as_of(as_of)
-        recorded = (decode(row, row.id) for row in self.rows(stop=stop, topics=[kind.TOPIC for kind in types]))
-        return [one for one in recorded if stream in (None, one.stream) and one.recorded <= moment]
+        self._read(stop)
+        return [
+            one
+            for one in self._seen.recorded
+            if isinstance(one.event, types or Event)
+            and stream in (None, one.stream)
+            and one.recorded <= moment
+            and (stop is None or one.position <= stop)
+        ]
 
-    def rows(
-        self, start: int = 1, stop: int | None = None, topics: Sequence[str] = (), at_once: int = PAGE
-    ) -> Iterator[Notification]:
-        """The stored rows from position `start` to `stop`, unchecked, read `at_once`. Raises LedgerError."""
+    def rows(self, start: int | None = None, stop: int | None = None, at_once: int = PAGE) -> Iterator[Notification]:
+        """The stored rows from position `start` (None: the first) to `stop`, unchecked, read `at_once`.
+
+        Raises LedgerError.
+        """
         while True:
             with self._plain_words():
-                page = self._recorder().select_notifications(start, at_once, stop, topics)
+                page = self._recorder().select_notifications(start, at_once, stop)
             yield from page
             if len(page) < at_once:
                 return
             start = page[-1].id + 1
 
     def head(self) -> Head:
-        """Position of the last event and Merkle root over all rows up to it. Raises as `rows`."""
-        for row in self.rows(self._position + 1):
-            self._tree.add(entry(row.id, str(row.originator_id), row.originator_version, row.topic, row.state))
-            self._position = row.id
-        return Head(self._position, self._tree.root)
+        """Position of the last event and Merkle root over all rows up to it. Raises DamageError, and as `rows`."""
+        self._read()
+        return self._seen.head
 
     def seal(self) -> Recorded | None:
         """Record the head as an event, so that what is before cannot change unseen. None where nothing is new."""
@@ -131,6 +140,16 @@ class Ledger:
         if self._lock is not None:
             self._lock.close()
             self._lock = None
+
+    def _read(self, stop: int | None = None) -> None:
+        """See the rows up to `stop` that were not seen yet."""
+        seen = self._seen
+        for row in self.rows(seen.position + 1 if seen.position else None, stop):
+            seen.add(row)
+            if seen.findings:
+                break
+        if seen.findings:
+            raise DamageError(f"{seen.findings[0].says}; `whyhot verify` lists all damage")
 
     def _recorder(self) -> ApplicationRecorder:
         """The rows, over a connection that is made where there is none. Raises what the database complains of."""

@@ -4,111 +4,68 @@ from __future__ import annotations
 
 import sqlite3
 from contextlib import closing
-from dataclasses import dataclass, field
-
-from eventsourcing.persistence import Notification
 
 from ingest.errors import IngestError
-from ingest.facts.chain import Head, Tree, entry
-from ingest.facts.events import LedgerSealed
+from ingest.facts.chain import Head
 from ingest.facts.ledger import DATABASE_ERRORS, PAGE, Ledger
+from ingest.facts.ledger_history import Flaw, LedgerHistory
 from ingest.facts.ledger_lock import reading_uri
-from ingest.facts.ledger_row import Recorded, decode
 
 
-@dataclass
-class Audit:
-    """`findings`: what is wrong, one line each, in the order of the ledger. `recorded`: the events that are whole."""
-
-    gapless: bool  # positions count 1, 2, 3 ... (a database server may leave numbers out)
-    since: Head | None = None
-    findings: list[str] = field(default_factory=list)
-    recorded: list[Recorded] = field(default_factory=list)
-    _tree: Tree = field(default_factory=Tree)
-    position: int = 0  # of the last row that could be read
-    _moment: str = ""
-    _tails: dict[str, tuple[int, str | None]] = field(default_factory=dict)  # stream -> version, digest where known
-
-    def add(self, row: Notification) -> None:
-        """Check the next row against itself and all rows before it."""
-        where = f"event {row.id} ({row.originator_id!r} version {row.originator_version!r})"
-        if self.gapless and row.id != self.position + 1:
-            self._find(f"events {self.position + 1} to {row.id - 1} are missing")
-        try:
-            one = decode(row, row.id)
-        except IngestError as error:
-            self._find(str(error))
-            if isinstance(row.originator_version, int):
-                self._tails[str(row.originator_id)] = (row.originator_version, None)
-        else:
-            self._chain(one, where)
-            self._seal(one, where)
-            self.recorded.append(one)
-        self._grow(row)
-
-    def end(self) -> None:
-        """Check what can be said only at the end."""
-        if self.since and self.since.position > self.position:
-            end = f"the ledger ends at event {self.position}, the head given was {self.since.position}"
-            self._find(f"{end}: the end is missing")
-
-    def _chain(self, one: Recorded, where: str) -> None:
-        version, digest = self._tails.get(one.stream, (0, None))
-        if one.version != version + 1:
-            self._find(f"{where}: follows version {version} of its stream: events are missing or in another order")
-        elif one.previous != digest and (digest or version == 0):
-            self._find(f"{where}: does not follow the event before it in its stream, which is another one now")
-        if one.recorded <= self._moment:
-            self._find(f"{where}: was recorded before the event in front of it: the order was changed")
-        self._tails[one.stream] = (one.version, one.digest)
-        self._moment = one.recorded
-
-    def _seal(self, one: Recorded, where: str) -> None:
-        sealed = one.event
-        if isinstance(sealed, LedgerSealed) and (sealed.position, sealed.root) != (self.position, self._tree.root):
-            self._find(
-                f"{where}: the seal does not fit: something in events 1 to {self.position} was changed since then"
-            )
-
-    def _grow(self, row: Notification) -> None:
-        try:
-            self._tree.add(entry(row.id, str(row.originator_id), row.originator_version, row.topic, row.state))
-        except (IngestError, TypeError):
-            self._tree.add(b"")  # a column of another type, already found; no root fits any more
-        self.position = row.id
-        if self.since and self.since.position == row.id and self.since.root != self._tree.root:
-            self._find(f"event {row.id}: the root differs from the head given: the history up to here was changed")
-
-    def _find(self, says: str) -> None:
-        self.findings.append(says)
-
-
-def audit(ledger: Ledger, since: Head | None = None) -> Audit:
+def audit(ledger: Ledger, since: Head | None = None) -> LedgerHistory:
     """Read the whole of `ledger`; `since` is a head that was noted down before.
 
     Without it, a history that was rewritten whole, or cut off after its last seal, cannot be told from a true one.
     """
-    result = Audit(ledger.is_file, since)
+    seen = LedgerHistory(ledger.is_file)
     if ledger.is_file:
-        result.findings += _integrity(ledger)
-    for at_once in (PAGE, 1):  # one by one where a page cannot be read, up to the row that is the reason
-        try:
-            for row in ledger.rows(result.position + 1, at_once=at_once):
-                result.add(row)
-            break
-        except IngestError as error:
-            reason = f"{error}: what follows event {result.position} could not be checked"
-    else:
-        result.findings.append(reason)
-    result.end()
-    return result
+        seen.findings += _integrity(ledger)
+    if _read(ledger, seen, since, PAGE):
+        _read_around(ledger, seen, since)
+    if since and since.position > seen.position:
+        end = f"the ledger ends at event {seen.position}, the head given was {since.position}"
+        seen.findings.append(Flaw(f"{end}: the end is missing"))
+    return seen
 
 
-def _integrity(ledger: Ledger) -> list[str]:
+def _read(ledger: Ledger, seen: LedgerHistory, since: Head | None, at_once: int) -> str | None:
+    """Add the rows behind those that were seen. Returns why the next one cannot be read; None at the end."""
+    try:
+        for row in ledger.rows(seen.position + 1 if seen.position else None, at_once=at_once):
+            seen.add(row)
+            if since and since.position == row.id and since != seen.head:
+                says = f"event {row.id}: the root differs from the head given: the history up to here was changed"
+                seen.findings.append(Flaw(says))
+    except IngestError as error:
+        return str(error)
+    return None
+
+
+def _read_around(ledger: Ledger, seen: LedgerHistory, since: Head | None) -> None:
+    """Read row by row, past those that cannot be read, until PAGE of them lie side by side."""
+    while why := _read(ledger, seen, since, at_once=1):
+        first = seen.position + 1
+        behind = next((place for place in range(first + 1, first + PAGE) if _is_readable(ledger, place)), None)
+        if behind is None:
+            seen.findings.append(Flaw(f"{why}: what follows event {seen.position} could not be checked"))
+            return
+        lost = f"event {first}" if behind == first + 1 else f"events {first} to {behind - 1}"
+        seen.findings.append(Flaw(f"{why}: {lost} could not be read"))
+        seen.position = behind - 1
+
+
+def _is_readable(ledger: Ledger, position: int) -> bool:
+    try:
+        return next(ledger.rows(position, at_once=1), None) is not None
+    except IngestError:
+        return False
+
+
+def _integrity(ledger: Ledger) -> list[Flaw]:
     """What SQLite itself finds: pages, indexes, types. It does not see most changed bytes."""
     try:
         with closing(sqlite3.connect(reading_uri(ledger.path), uri=True)) as connection:
             lines = [line for (line,) in connection.execute("PRAGMA integrity_check")]
     except DATABASE_ERRORS as error:
         lines = [str(error)]
-    return [f"{ledger.path}: SQLite: {' '.join(line.split())}" for line in lines if line != "ok"]
+    return [Flaw(f"{ledger.path}: SQLite: {' '.join(line.split())}") for line in lines if line != "ok"]

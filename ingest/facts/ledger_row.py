@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import cache
 from importlib.metadata import version
-from typing import Any
+from types import UnionType
+from typing import Any, ClassVar, get_args, get_origin, get_type_hints
 
 from eventsourcing.persistence import StoredEvent
 
@@ -15,6 +17,7 @@ from ingest.errors import DamageError, LedgerError
 from ingest.facts.chain import canonical, digest
 from ingest.facts.events import EVENTS, Event
 
+TIME = re.compile(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d\.\d{6}Z")  # as `utc_text` writes it
 KEYS = {"v", "happened", "recorded", "code", "caused_by", "previous", "digest", "body"}
 
 
@@ -79,15 +82,17 @@ def decode(row: StoredEvent, position: int) -> Recorded:
         raise DamageError(f"{where}: a column has another type than was written: restore the ledger from a backup")
     envelope = _parse(state)
     proof = envelope["digest"] if envelope else ""
-    if envelope is None or proof != digest(stream, number, topic, without_digest(state, proof)):
+    try:
+        true = envelope is not None and proof == digest(stream, number, topic, without_digest(state, proof))
+    except LedgerError:  # text that is no UTF-8
+        true = False
+    if envelope is None or not true:
         raise DamageError(f"{where}: is not what was written, its digest differs: restore the ledger from a backup")
-    return Recorded(
-        position=position,
-        stream=stream,
-        version=number,
-        event=_event(topic, envelope, where),
-        **{key: envelope[key] for key in KEYS - {"v", "body"}},
-    )
+    event = _event(topic, envelope, where)
+    beside = {key: envelope[key] for key in KEYS - {"v", "body"}}
+    if not _fits(beside, Recorded) or not TIME.fullmatch(beside["recorded"]):
+        raise DamageError(f"{where}: what is stored beside it is nothing that whyhot writes: it was forged")
+    return Recorded(position=position, stream=stream, version=number, event=event, **beside)
 
 
 def without_digest(state: bytes, proof: str) -> bytes:
@@ -111,7 +116,7 @@ def _event(topic: str, envelope: dict[str, Any], where: str) -> Event:
     if kind is None:
         raise LedgerError(f"{where}: {topic!r} is not an event of this whyhot: it was forged, or a newer one wrote it")
     try:
-        if envelope["v"] != kind.VERSION:
+        if envelope["v"] != kind.VERSION or not _fits(envelope["body"], kind):
             raise TypeError
         return kind(**envelope["body"])
     except TypeError:
@@ -119,3 +124,32 @@ def _event(topic: str, envelope: dict[str, Any], where: str) -> Event:
             f"{where}: {topic} version {envelope['v']!r} does not fit this whyhot (it knows {kind.VERSION}): "
             "update whyhot"
         ) from None
+
+
+def _fits(values: Any, kind: type) -> bool:
+    """Whether `values` are named and typed as fields of `kind` are."""
+    fields = _fields(kind)
+    return isinstance(values, dict) and all(
+        name in fields and _is_of(value, fields[name]) for name, value in values.items()
+    )
+
+
+@cache
+def _fields(kind: type) -> dict[str, Any]:
+    """Types of the fields of a dataclass."""
+    return {name: hint for name, hint in get_type_hints(kind).items() if get_origin(hint) is not ClassVar}
+
+
+def _is_of(value: Any, hint: Any) -> bool:
+    """Whether a JSON value is of an annotated type: str, int (64 bits), float, bool, X | None, list[X], dict[str, X],
+    Any."""
+    match get_origin(hint), get_args(hint):
+        case (origin, kinds) if origin is UnionType:
+            return any(_is_of(value, one) for one in kinds)
+        case (origin, (kind,)) if origin is list:
+            return isinstance(value, list) and all(_is_of(one, kind) for one in value)
+        case (origin, (_, kind)) if origin is dict:
+            return isinstance(value, dict) and all(_is_of(one, kind) for one in value.values())
+    if hint is int:
+        return type(value) is int and -(2**63) <= value < 2**63
+    return hint is Any or type(value) is hint or (hint is float and type(value) is int)

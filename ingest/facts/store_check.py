@@ -1,115 +1,180 @@
-"""Is everything that the facts cite in the store, and is it what was sealed?"""
+"""Is everything that the facts cite in the store, and is it what was sealed? All damage is found, and read twice."""
 
 from __future__ import annotations
 
+import os
 import sqlite3
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 from ingest.facts.archive import Archive
 from ingest.facts.chain import Head
+from ingest.facts.cited import BACKUP, Cited, cited, sessions_on
 from ingest.facts.durable import sha256_of
-from ingest.facts.events import (
-    AgeingAssessed,
-    BenchRegistered,
-    CalibrationCompleted,
-    DecodeCompleted,
-    DiagnosisCompleted,
-    Event,
-    InspectionRecorded,
-    ModelExtended,
-    ModelPublished,
-    RawFileSealed,
-    ReplayCompleted,
-    SignalDatabaseRegistered,
-)
+from ingest.facts.events import DecodeCompleted
+from ingest.facts.facts import fold
 from ingest.facts.ledger_audit import audit
+from ingest.facts.ledger_history import Flaw, LedgerHistory
 from ingest.facts.ledger_lock import has_wal_reset_bug
-from ingest.facts.ledger_row import Recorded
 from ingest.facts.store import Store
 
 AGAIN = "`whyhot rebuild` makes it again"
+READ_WRONG = "was read wrong at first and right after: check the memory and disk of this machine"
+LEDGER = "put ledger.sqlite back from a backup, or ingest the original logs into a new store (--store NEW)"
+
+
+@dataclass(frozen=True)
+class Damage:
+    """What is not as it was written: `says` in one line; `affects`: names of sessions; `mend`: the next command."""
+
+    says: str
+    affects: tuple[str, ...]
+    mend: str
+
+
+@dataclass
+class StoreCheck:
+    """What a check found. `hints`: what is no damage but good to know, one line each. `whole`: what ("sealed files")
+    -> how many are as they were written, and of how many; `sessions`: names of those that no damage affects. `head`:
+    None where the ledger is damaged."""
+
+    damages: list[Damage] = field(default_factory=list)
+    hints: list[str] = field(default_factory=list)
+    whole: dict[str, tuple[int, int]] = field(default_factory=dict)
+    sessions: list[str] = field(default_factory=list)
+    head: Head | None = None
+
+    def twice(self, path: Path, look: Callable[[], str | None]) -> str | None:
+        """What `look` finds at `path`, where it finds something a second time too; else that is a hint."""
+        first = look()
+        if first is None:
+            return None
+        _from_disk(path)
+        if look() is not None:
+            return first
+        self.hints.append(f"{path}: {READ_WRONG}")
+        return None
+
+
+def check(store: Store, read: bool = True, since: Head | None = None) -> StoreCheck:
+    """Check the ledger of `store` and all that it cites; with `read` every sealed byte and product is hashed again.
+
+    `since` is a head that was noted down before.
+    """
+    found = StoreCheck()
+    seen = audit(store.ledger, since)
+    if seen.findings:
+        _from_disk(store.ledger.path)
+        first, seen = seen, audit(store.ledger, since)
+        if not seen.findings:
+            found.hints.append(
+                f"{store.ledger.path}: was read wrong at first and right after: {first.findings[0].says}"
+            )
+    _check_files(found, store.folder, store.archive, seen, read)
+    found.head = None if seen.findings else seen.head
+    return found
+
+
+def check_without_ledger(folder: Path, why: str, read: bool = True) -> StoreCheck:
+    """Check the store in `folder`, whose ledger cannot be opened (`why`): each sealed file against its name."""
+    found = StoreCheck()
+    unread = LedgerHistory(gapless=True, findings=[Flaw(why)])
+    _check_files(found, folder, Archive(folder / "archive", None), unread, read)
+    return found
 
 
 def damage(store: Store, read: bool = True, since: Head | None = None) -> list[str]:
-    """What is not as it was written in the ledger and in what it cites, one line each; missing products: see `hints`.
-
-    With `read` every sealed byte and product is hashed again. `since` is a head that was noted down before.
-    """
-    checked = audit(store.ledger, since)
-    changed = _changed_products(store, checked.recorded) if read else ()
-    return [*checked.findings, *_damaged_blobs(store.archive, _cited(checked.recorded), read), *changed]
+    """The damage that `check` finds, one line each."""
+    return [one.says for one in check(store, read, since).damages]
 
 
 def hints(store: Store) -> list[str]:
-    """What is no damage but good to know, one line each. Raises as `Ledger.events`."""
-    recorded = store.ledger.events()
-    missing = [f"{path}: is missing: {AGAIN}" for path, _ in _products(store, recorded) if not path.is_file()]
-    return [*missing, *_strays(store, recorded), *_sqlite()]
+    """The hints of a check that reads no sealed bytes."""
+    return check(store, read=False).hints
 
 
-def _cited(recorded: Iterable[Recorded]) -> dict[str, str]:
-    """SHA-256 of each sealed file that an event cites -> which event and what it is."""
-    return {sha256: f"event {one.position}: {what}" for one in recorded for sha256, what in _cites(one.event)}
+def _check_files(found: StoreCheck, folder: Path, archive: Archive, seen: LedgerHistory, read: bool) -> None:
+    facts, files = fold(seen.recorded), cited(seen.recorded)
+    for says, stream in seen.findings:
+        key = stream.partition("-")[2] if stream else ""
+        found.damages.append(Damage(says, sessions_on(facts, key), LEDGER))
+    _check_sealed(found, archive, files, read, partial(sessions_on, facts))
+    _check_products(found, folder, list(facts.decodes.values()), read, partial(sessions_on, facts))
+    if not seen.findings:
+        found.hints += _strays(folder, archive, files, set(facts.decodes))
+    found.hints += _sqlite()
+    affected = {name for one in found.damages for name in one.affects}
+    found.sessions = [session.name for session in facts.sessions if session.name not in affected]
 
 
-def _cites(event: Event) -> Iterator[tuple[str, str]]:
-    match event:
-        case RawFileSealed() | SignalDatabaseRegistered():
-            yield event.sha256, event.name
-        case BenchRegistered():
-            yield event.sha256, event.name
-            if event.model:
-                yield event.model, f"motor file of {event.name}"
-        case ModelPublished():
-            yield event.model, event.file
-        case ReplayCompleted():
-            for name, sha256 in event.artefacts.items():
-                yield sha256, f"{name} of run {event.run}"
-        case CalibrationCompleted() if event.covariance is not None:
-            yield event.covariance, f"covariance of calibration {event.calibration}"
-        case DiagnosisCompleted():
-            yield event.artefact, f"document of diagnosis {event.diagnosis}"
-        case InspectionRecorded():
-            yield event.sha256, f"{event.name} of specimen {event.specimen}"
-        case AgeingAssessed():
-            yield event.answer, f"document of ageing assessment {event.assessment}"
-            for name, sha256 in event.artefacts.items():
-                yield sha256, f"{name} of ageing assessment {event.assessment}"
-        case ModelExtended():
-            yield from ((one, f"extension by diagnosis {event.diagnosis}") for one in (event.model, event.bench) if one)
+def _check_sealed(
+    found: StoreCheck,
+    archive: Archive,
+    files: Mapping[str, Cited],
+    read: bool,
+    affects: Callable[[str], tuple[str, ...]],
+) -> None:
+    names, bad = sorted({*archive, *files}), 0
+    for sha256 in names:
+        path = archive.folder / sha256[:2] / sha256
+        if says := found.twice(path, partial(archive.damage, sha256, read)):
+            file = files.get(sha256, Cited(sha256, "no event cites it", "delete it: no event cites it"))
+            found.damages.append(Damage(f"{says} ({file.what})", affects(file.run or sha256), file.mend))
+            bad += 1
+    found.whole["sealed files"] = len(names) - bad, len(names)
 
 
-def _damaged_blobs(archive: Archive, cited: Mapping[str, str], read: bool) -> Iterator[str]:
-    for sha256 in sorted({*archive, *cited}):
-        if says := archive.damage(sha256, read):
-            yield f"{says} ({cited.get(sha256, 'no event cites it')})"
-
-
-def _products(store: Store, recorded: Iterable[Recorded]) -> Iterator[tuple[Path, str]]:
-    """Every file that a decode made: its path and SHA-256."""
-    decodes = {one.event.decode: one.event for one in recorded if isinstance(one.event, DecodeCompleted)}
-    for decode in decodes.values():
+def _check_products(
+    found: StoreCheck,
+    folder: Path,
+    decodes: list[DecodeCompleted],
+    read: bool,
+    affects: Callable[[str], tuple[str, ...]],
+) -> None:
+    """A product that is missing is a hint: it is made again; one that is not what the decode gave is damage."""
+    count = bad = 0
+    for decode in decodes:
         for name, sha256 in decode.products.items():
-            yield store.decoded(decode.decode) / Path(name).name, sha256
+            path = folder / "decoded" / decode.decode / Path(name).name
+            count += 1
+            if not decode.decode.isalnum():
+                says: str | None = f"{folder}: {decode.decode!r} is not the id of a decode: it was forged"
+                found.damages.append(Damage(str(says), affects(decode.decode), BACKUP))
+            elif not path.is_file():
+                says = f"{path}: is missing: {AGAIN}"
+                found.hints.append(says)
+            elif says := found.twice(path, partial(_changed, path, sha256, read)):
+                found.damages.append(Damage(says, affects(decode.decode), "whyhot rebuild"))
+            bad += says is not None
+    found.whole["decoded files"] = count - bad, count
 
 
-def _changed_products(store: Store, recorded: Iterable[Recorded]) -> Iterator[str]:
-    for path, sha256 in _products(store, recorded):
-        if path.is_file() and sha256_of(path) != sha256:
-            yield f"{path}: is damaged, its bytes are not those that the decode gave: {AGAIN}"
+def _changed(path: Path, sha256: str, read: bool) -> str | None:
+    try:
+        if not read or sha256_of(path) == sha256:
+            return None
+    except OSError as error:
+        return f"{path}: cannot be read ({error.strerror}): {AGAIN}"
+    return f"{path}: is damaged, its bytes are not those that the decode gave: {AGAIN}"
 
 
-def _strays(store: Store, recorded: Iterable[Recorded]) -> Iterator[str]:
+def _from_disk(path: Path) -> None:
+    """Let what is read next come from the disk and not from memory, where the system can do that."""
+    with suppress(OSError, AttributeError), path.open("rb") as file:
+        os.posix_fadvise(file.fileno(), 0, 0, os.POSIX_FADV_DONTNEED)
+
+
+def _strays(folder: Path, archive: Archive, files: Mapping[str, Cited], decodes: set[str]) -> Iterator[str]:
     """What a command that was stopped leaves behind: bytes without an event. They do no harm."""
-    cited = _cited(recorded)
-    for sha256 in store.archive:
-        if sha256 not in cited:
-            yield f"{store.archive.path(sha256)}: no event cites it: a stopped command left it, it may stay"
-    known = {one.event.decode for one in recorded if isinstance(one.event, DecodeCompleted)}
-    for folder in sorted((store.folder / "decoded").glob("*")):
-        if folder.name not in known:
-            yield f"{folder}: no event names it: a stopped command left it, it may be deleted"
+    for sha256 in archive:
+        if sha256 not in files:
+            yield f"{archive.path(sha256)}: no event cites it: a stopped command left it, it may stay"
+    for made in sorted((folder / "decoded").glob("*")):
+        if made.name not in decodes:
+            yield f"{made}: no event names it: a stopped command left it, it may be deleted"
 
 
 def _sqlite() -> Iterator[str]:

@@ -17,4 +17,4 @@ def run(args: argparse.Namespace) -> Answer:
     with Store.open(store_folder(args)) as store:
         head = store.ledger.head()
         data = {"schema": "whyhot.head/1", **vars(head), "provenance": provenance(store)}
-    return Answer(data, f"{head.position}:{head.root}")
+    return Answer(data, str(head))

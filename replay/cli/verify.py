@@ -9,6 +9,7 @@ from replay.cli.answer import Answer, provenance, store_folder
 
 if TYPE_CHECKING:
     from ingest.facts.chain import Head
+    from ingest.facts.store_check import Damage, StoreCheck
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -18,19 +19,57 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> Answer:
+    from ingest.errors import LedgerError
     from ingest.facts import store_check
     from ingest.facts.store import Store
 
-    with Store.open(store_folder(args)) as store:
-        findings = store_check.damage(store, read=args.read, since=_head(args.since))
-        hints = store_check.hints(store)
-        head = store.ledger.head()
-        made_from = provenance(store, read=args.read, since=args.since)
-    data = {"schema": "whyhot.verify/1", "findings": findings, "hints": hints, "provenance": made_from}
-    if findings:
-        return Answer(data, f"{len(findings)} finding{'s' * (len(findings) != 1)}", code=1, notes=[*findings, *hints])
+    folder, since = store_folder(args), _head(args.since)
+    try:
+        with Store.open(folder) as store:
+            found = store_check.check(store, args.read, since)
+    except LedgerError as error:
+        found = store_check.check_without_ledger(folder, str(error), args.read)
+    head = vars(found.head) if found.head else None
+    data = {
+        "schema": "whyhot.verify/1",
+        "findings": [one.says for one in found.damages],
+        "damages": [vars(one) for one in found.damages],
+        "whole": {what: {"whole": good, "of": of} for what, (good, of) in found.whole.items()},
+        "sessions_whole": found.sessions,
+        "next": _next(found),
+        "hints": found.hints,
+        "provenance": {**provenance(None, read=args.read, since=args.since), "store_head": head},
+    }
+    if found.damages:
+        return Answer(data, _text(found), code=1, notes=[*map(_line, found.damages), *found.hints])
     depth = "every event and every sealed byte" if args.read else "every event (sealed bytes too with --read)"
-    return Answer(data, f"intact: {depth}; head {head.position}:{head.root}", notes=hints)
+    return Answer(data, f"intact: {depth}; head {found.head}", notes=found.hints)
+
+
+def _line(one: Damage) -> str:
+    return one.says + (f"; affects {', '.join(one.affects)}" if one.affects else "")
+
+
+def _text(found: StoreCheck) -> str:
+    """How much is damaged, what it affects, what is good and what to do now."""
+    from replay.show.words.terminal import labelled
+    from replay.show.words.words import counted, joined
+
+    affected = sorted({name for one in found.damages for name in one.affects})
+    files = [f"{good:,} of {of:,} {what}" for what, (good, of) in found.whole.items()]
+    whole = f"{joined(files)}; sessions that no damage affects: {', '.join(found.sessions) or 'none'}"
+    lines = [f"{counted(len(found.damages), 'finding')}, each read twice, in the lines above", ""]
+    lines += labelled("Affected", ", ".join(affected) or "no session by name")
+    lines += labelled("Whole", whole)
+    for i, step in enumerate(_next(found)):
+        lines += labelled("Then" if i else "Next", step)
+    return "\n".join(lines)
+
+
+def _next(found: StoreCheck) -> list[str]:
+    """What mends the damage, each step once, in the order in which it is to be done."""
+    steps = list(dict.fromkeys(one.mend for one in found.damages))
+    return [*steps, "whyhot verify --read"] if steps else []
 
 
 def _head(text: str | None) -> Head | None:

@@ -93,10 +93,11 @@ def _work(job: Job) -> Completed | str:
 def _append(store: Store, session: SessionRecorded, done: Completed | str, work: Path) -> Outcome:
     if isinstance(done, str):
         return Outcome(session, None, done)
-    if not done.known:
-        if isinstance(done.event, ReplayCompleted):
-            for sha256 in done.event.artefacts.values():
+    if isinstance(done.event, ReplayCompleted):
+        for sha256 in done.event.artefacts.values():
+            if (work / sha256).is_file():  # of a run that is known too: what was damaged or lost of it is mended
                 store.archive.seal(work / sha256)
+    if not done.known:
         store.ledger.append(f"run-{done.event.run}", done.event)
     if isinstance(done.event, ReplayDiverged):
         place = f"first at {done.event.t_s} s in {done.event.field}" if done.event.field else "in no stored field"

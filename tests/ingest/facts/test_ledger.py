@@ -68,7 +68,7 @@ def stored(folder: Path) -> list[Row]:
 
 def findings(folder: Path, since: Head | None = None) -> list[str]:
     with closing(Ledger(folder)) as ledger:
-        return audit(ledger, since).findings
+        return [one.says for one in audit(ledger, since).findings]
 
 
 def head_of(folder: Path) -> Head:
@@ -492,6 +492,54 @@ def test_an_older_copy_of_the_ledger_is_found_against_a_head_noted_before(writte
     assert len(findings(written, head)) == 1
 
 
+@pytest.mark.parametrize(
+    "statement",
+    [
+        "DELETE FROM stored_events WHERE rowid=3",
+        "UPDATE stored_events SET rowid=rowid+100 WHERE rowid>4",
+        "UPDATE stored_events SET rowid=-5 WHERE rowid=3",
+        "UPDATE stored_events SET rowid=0 WHERE rowid=1",
+        "UPDATE stored_events SET rowid=9223372036854775807 WHERE rowid=9",
+    ],
+)
+def test_a_history_with_missing_or_renumbered_events_is_found_and_never_read(written: Path, statement: str) -> None:
+    change(written, statement)
+    assert any("missing" in line or "number was changed" in line for line in findings(written))
+    for read in (Ledger.events, Ledger.head):
+        with closing(Ledger(written)) as ledger, pytest.raises(DamageError, match="; `whyhot verify` lists all damage"):
+            read(ledger)
+
+
+@pytest.mark.parametrize(
+    ("part", "edits"),
+    [
+        ("body", {"size": None}),
+        ("body", {"size": "long"}),
+        ("body", {"size": 2**70}),
+        ("body", {"name": ["a"]}),
+        ("body", {"name": 7}),
+        ("body", {"format": {}}),
+        (None, {"body": None}),
+        (None, {"body": []}),
+        (None, {"recorded": "soon"}),
+        (None, {"recorded": None}),
+        (None, {"code": 1}),
+        (None, {"happened": [1]}),
+    ],
+)
+def test_a_forged_payload_of_another_type_is_damage_even_with_a_digest_that_fits(
+    written: Path, part: str | None, edits: dict[str, Any]
+) -> None:
+    position, stream, version, topic, state = stored(written)[0]
+    envelope = json.loads(state)
+    (envelope[part] if part else envelope).update(edits)
+    forged = canonical(resealed(stream, version, topic, envelope))
+    change(written, "UPDATE stored_events SET state=? WHERE rowid=?", forged, position)
+    assert any(line.startswith("event 1 ") for line in findings(written))
+    with closing(Ledger(written)) as ledger, pytest.raises(DamageError, match="event 1 "):
+        ledger.events()
+
+
 @pytest.mark.parametrize(("one", "two"), [(1, 2), (2, 3), (4, 5), (8, 9), (1, 9)])
 def test_rows_that_changed_places_are_found(written: Path, one: int, two: int) -> None:
     for old, new in ((one, 100), (two, one), (100, two)):
@@ -513,7 +561,7 @@ def test_a_topic_that_is_not_ours_is_found_and_never_imported(written: Path, tmp
     change(written, "UPDATE stored_events SET topic=?, state=? WHERE rowid=?", topic, canonical(envelope), position)
     says = "'antigravity:fly' is not an event of this whyhot: it was forged, or a newer one wrote it"
     assert any(says in line for line in findings(written))
-    with closing(Ledger(written)) as ledger, pytest.raises(LedgerError, match="antigravity:fly"):
+    with closing(Ledger(written)) as ledger, pytest.raises(DamageError, match="antigravity:fly"):
         ledger.events()
     assert "antigravity" not in sys.modules
 
@@ -544,13 +592,22 @@ def test_a_version_left_out_is_found_even_where_the_digests_fit(written: Path) -
     assert found.endswith("follows version 1 of its stream: events are missing or in another order")
 
 
-def test_rows_before_one_that_cannot_be_read_at_all_are_still_checked(written: Path) -> None:
-    change(written, "UPDATE stored_events SET topic='whyhot:Other' WHERE rowid=2")
+def test_rows_on_both_sides_of_one_that_cannot_be_read_at_all_are_still_checked(written: Path) -> None:
+    for position in (2, 8):
+        change(written, "UPDATE stored_events SET topic='whyhot:Other' WHERE rowid=?", position)
     change(written, "UPDATE stored_events SET topic=CAST(x'ff' AS TEXT) WHERE rowid=6")
     found = findings(written)
-    assert any(line.startswith("event 2 ") for line in found)
-    assert "Could not decode to UTF-8" in found[-1]
-    assert found[-1].endswith("what follows event 5 could not be checked")
+    for position in (2, 8):
+        assert any(line.startswith(f"event {position} ") for line in found)
+    (unread,) = [line for line in found if "Could not decode to UTF-8" in line]
+    assert unread.endswith("event 6 could not be read")
+    assert not any("are missing" in line for line in found)
+
+
+def test_the_last_row_that_cannot_be_read_is_said(written: Path) -> None:
+    change(written, "UPDATE stored_events SET topic=CAST(x'ff' AS TEXT) WHERE rowid=9")
+    (found,) = findings(written)
+    assert found.endswith("what follows event 8 could not be checked")
 
 
 def test_a_whole_chain_recomputed_is_found_by_the_seals(written: Path) -> None:

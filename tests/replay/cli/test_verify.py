@@ -1,0 +1,167 @@
+"""`whyhot verify` on damaged stores, and what other verbs say of them."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import sqlite3
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+
+from ingest.facts import facts, store_check
+from ingest.facts.store import Store
+from made import can_bench
+from replay.cli import main
+
+Capture = pytest.CaptureFixture[str]
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two ingested logs, one of them replayed."""
+    folder = tmp_path_factory.mktemp("bench")
+    can_bench.write_files(folder)
+    can_bench.write_log(folder / "1_s1.blf", seconds=60, seed=1)
+    can_bench.write_log(folder / "2_drive.asc", seconds=60, seed=2, start=can_bench.START + 86_400)
+    logs = [str(folder / name) for name in ("1_s1.blf", "2_drive.asc")]
+    words = ["ingest", *logs, "--bench", str(folder / "bench.toml"), "--dbc", str(folder / "bench.dbc")]
+    store = ["--store", str(folder / "store")]
+    assert main([*words, *store]) == 0
+    assert main(["replay", "1_s1", *store]) == 0
+    return folder
+
+
+@pytest.fixture
+def bench(made: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture) -> Path:
+    """A copy of that store, as the current folder's."""
+    shutil.copytree(made, tmp_path, dirs_exist_ok=True)
+    monkeypatch.setenv("WHYHOT_STORE", "store")
+    monkeypatch.chdir(tmp_path)
+    capsys.readouterr()
+    return tmp_path
+
+
+def _change(*statements: str) -> None:
+    with closing(sqlite3.connect("store/ledger.sqlite")) as connection, connection:
+        for statement in statements:
+            connection.execute(statement)
+
+
+def _spoil(path: Path) -> None:
+    path.chmod(0o644)
+    path.write_bytes(path.read_bytes()[:-1] + b"?")
+
+
+def _sealed(what: str) -> Path:
+    """Where the bytes of a log, or of an artefact of the run, lie."""
+    with Store.open(Path("store")) as store:
+        known = facts.at(store.ledger)
+        (run,) = known.runs.values()
+        names = {one.name: sha256 for sha256, one in known.files.items()} | dict(run.artefacts)
+        return store.archive.path(names[what])
+
+
+def _verify(capsys: Capture, *words: str) -> tuple[int, dict[str, object], list[str]]:
+    code = main(["verify", *words, "--json"])
+    said = capsys.readouterr()
+    return code, json.loads(said.out), said.err.splitlines()
+
+
+def test_three_changed_events_are_three_findings_and_exit_code_1(bench: Path, capsys: Capture) -> None:
+    _change("UPDATE stored_events SET state = CAST(replace(state, 'e', 'f') AS BLOB) WHERE rowid IN (2, 5, 8)")
+    code, answer, lines = _verify(capsys)
+    assert code == 1
+    findings = answer["findings"]
+    assert isinstance(findings, list)
+    for position in (2, 5, 8):
+        assert any(line.startswith(f"event {position} ") for line in findings)
+        assert any(line.startswith(f"event {position} ") for line in lines)
+    assert answer["whole"]["sealed files"] == {"whole": 10, "of": 10}  # type: ignore[index]
+    assert answer["next"] == [store_check.LEDGER, "whyhot verify --read"]
+
+
+def test_damage_says_what_it_affects_what_is_good_and_what_to_do(bench: Path, capsys: Capture) -> None:
+    _spoil(_sealed("2_drive.asc"))
+    _spoil(_sealed("frame"))
+    assert main(["verify", "--read"]) == 1
+    said = capsys.readouterr()
+    assert sum("affects 2_drive" in line for line in said.err.splitlines()) == 1
+    assert sum("affects 1_s1" in line for line in said.err.splitlines()) == 1
+    assert said.out.startswith("2 findings")
+    assert "8 of 10 sealed files" in said.out
+    assert "6 of 6 decoded files" in said.out
+    assert "whyhot ingest 2_drive.asc" in said.out
+    assert main(["ingest", "2_drive.asc", "--bench", "bench.toml", "--dbc", "bench.dbc"]) == 0
+    assert main(["replay", "1_s1"]) == 0
+    assert main(["verify", "--read"]) == 0, "the steps that were said mend it"
+
+
+def test_a_damaged_product_affects_its_session_and_a_rebuild_mends_it(bench: Path, capsys: Capture) -> None:
+    _spoil(next(Path("store/decoded").glob("*/can*.parquet"), next(Path("store/decoded").glob("*/*.parquet"))))
+    code, answer, _ = _verify(capsys, "--read")
+    assert code == 1
+    assert len(answer["sessions_whole"]) == 1  # type: ignore[arg-type]
+    assert answer["next"] == ["whyhot rebuild", "whyhot verify --read"]
+    assert main(["rebuild"]) == 0
+    assert main(["verify", "--read"]) == 0
+
+
+@pytest.mark.parametrize("harm", ["cut", "empty", "gone"])
+def test_sealed_files_are_checked_without_a_ledger_too(bench: Path, capsys: Capture, harm: str) -> None:
+    log, path = _sealed("1_s1.blf"), Path("store/ledger.sqlite")
+    _spoil(log)
+    whole = path.read_bytes()
+    path.write_bytes(whole[:1000] if harm == "cut" else b"")
+    if harm == "gone":
+        path.unlink()
+    code, answer, lines = _verify(capsys, "--read")
+    assert code == 1
+    assert answer["whole"]["sealed files"] == {"whole": 9, "of": 10}  # type: ignore[index]
+    assert any(log.name in line for line in lines)
+    assert any("ledger.sqlite" in line for line in lines)
+
+
+def test_what_is_wrong_only_at_first_reading_is_no_alarm(bench: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from ingest.facts.archive import Archive
+
+    real, seen = Archive.damage, set()
+
+    def flaky(archive: Archive, sha256: str, read: bool = True) -> str | None:
+        if sha256 in seen:
+            return real(archive, sha256, read)
+        seen.add(sha256)
+        return f"{sha256}: is damaged"
+
+    monkeypatch.setattr(Archive, "damage", flaky)
+    with Store.open(Path("store")) as store:
+        found = store_check.check(store)
+    assert found.damages == []
+    assert sum("was read wrong at first and right after" in line for line in found.hints) == 10
+
+
+@pytest.mark.parametrize(
+    "statement",
+    [
+        "UPDATE stored_events SET state=NULL WHERE rowid=3",
+        "UPDATE stored_events SET state='text' WHERE rowid=3",
+        "UPDATE stored_events SET originator_version='x' WHERE rowid=3",
+        "UPDATE stored_events SET topic=x'ff' WHERE rowid=3",
+        "UPDATE stored_events SET state=CAST('{\"v\": 1}' AS BLOB) WHERE rowid=3",
+        "UPDATE stored_events SET state=NULL WHERE rowid=(SELECT max(rowid) FROM stored_events)",
+        "DELETE FROM stored_events WHERE rowid=3",
+        "UPDATE stored_events SET rowid=rowid+1000 WHERE rowid>4",
+        "UPDATE stored_events SET rowid=9223372036854775807 WHERE rowid=(SELECT max(rowid) FROM stored_events)",
+    ],
+)
+def test_no_verb_reads_a_damaged_ledger_and_each_says_so_in_a_line(
+    bench: Path, capsys: Capture, statement: str
+) -> None:
+    _change(statement)
+    for words in (["head"], ["sessions"], ["sql", "FROM events"], ["ingest", "1_s1.blf"], ["show", "1_s1"], ["replay"]):
+        assert main(words) == 2, words
+        said = capsys.readouterr()
+        assert len(said.err.splitlines()) == 1, words
+        assert "`whyhot verify` lists all damage" in said.err or "restore" in said.err, words
+    assert main(["verify"]) == 1
