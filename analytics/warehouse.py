@@ -83,9 +83,12 @@ def build(store: Store, facts: Facts, target: Path, source: Mapping[str, str] | 
             made = Path(folder) / target.name
             with duckdb.connect(str(made), config={"default_block_size": BLOCK}) as connection:
                 fill(connection, rows, source)
+                connection.execute("CHECKPOINT")  # what fails only when it is closed, DuckDB does not say
             made.replace(target)
     except (OSError, duckdb.Error) as error:
-        raise WarehouseError(f"{target}: cannot be made ({_line(error)}): see that the folder may be written") from None
+        raise WarehouseError(
+            f"{target}: cannot be made ({_line(error)}): see that the folder may be written and the disk has space"
+        ) from None
 
 
 def refresh(store: Store, as_of: str | None = None) -> Warehouse:
@@ -107,7 +110,10 @@ def refresh(store: Store, as_of: str | None = None) -> Warehouse:
         except _Broken as error:
             notes = (_set_aside(path, str(error)),)
     build(store, fold_at(store.ledger), path, source)
-    return Warehouse(_open(path), notes)
+    try:
+        return Warehouse(_open(path), notes)
+    except _Broken as error:
+        raise WarehouseError(f"{path}: was made and cannot be read ({error}): see that the disk has space") from None
 
 
 def connect(folder: str | Path, as_of: str | None = None) -> duckdb.DuckDBPyConnection:

@@ -7,15 +7,16 @@ Exit codes: 0 done; 1 done with something refused or quarantined; 2 could not st
 from __future__ import annotations
 
 import argparse
-import errno
 import os
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
 from importlib import import_module
-from typing import NoReturn
+from typing import NoReturn, TextIO
 
 from replay.cli.answer import Answer, deliver, deliver_error, store_folder
 from replay.cli.encoding import fit_output
+from replay.cli.refusal import of_machine, refusal
 from replay.cli.status import status
 
 VERBS: dict[str, str] = {
@@ -43,14 +44,31 @@ VERBS: dict[str, str] = {
     "doctor": "versions, SQLite safety, store and disk: what a problem report needs",
 }
 
-# By name, so that a refusal is worded without importing the package that raised it (analytics may not be there).
-ROOTS = ("IngestError", "TwinError", "AnalyticsError", "ReplayError")
-
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Entry point of the `whyhot` command; returns the exit code."""
     fit_output()
-    words = _json_words(list(sys.argv[1:] if argv is None else argv))
+    try:
+        code = _answer(_json_words(list(sys.argv[1:] if argv is None else argv)))
+        sys.stdout.flush()
+        return code
+    except BrokenPipeError:  # `whyhot ... | head`: nobody reads on
+        _drop(sys.stdout)
+        return 0
+    except OSError as error:  # of what was to be said, not of what was asked for
+        _drop(sys.stdout)
+        try:
+            print(of_machine(error, "the answer cannot be written"), file=sys.stderr, flush=True)
+        except OSError:
+            _drop(sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print("interrupted: what was finished is kept; the same command goes on from there.", file=sys.stderr)
+        return 130
+
+
+def _answer(words: list[str]) -> int:
+    """What the words ask for, delivered. Raises OSError where it cannot be written."""
     verb = next((word for word in words if not word.startswith("-")), None)
     try:
         parser = build_parser(verb)
@@ -60,21 +78,23 @@ def main(argv: Sequence[str] | None = None) -> int:
     args = parser.parse_args(words)
     try:
         if args.verb is None:
-            print(status(store_folder(args)) or parser.format_help())
-            return 0
-        answer: Answer = import_module(f"replay.cli.{args.verb}").run(args)
-        return deliver(args, answer)
-    except BrokenPipeError:  # `whyhot ... | head`: nobody reads on
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 0
-    except KeyboardInterrupt:
-        print("interrupted: what was finished is kept; the same command goes on from there.", file=sys.stderr)
-        return 130
+            answer = Answer({}, status(store_folder(args)) or parser.format_help())
+        else:
+            answer = import_module(f"replay.cli.{args.verb}").run(args)
+    except BrokenPipeError:
+        raise
     except Exception as error:
-        line = _refusal(error, args)
+        line = refusal(error, args)
         if line is None:
             raise
         return deliver_error(args, line)
+    return deliver(args, answer)
+
+
+def _drop(stream: TextIO) -> None:
+    """Let what could not be written go nowhere, so that it is not tried again at the end of the process."""
+    with suppress(OSError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
 class _Parser(argparse.ArgumentParser):
@@ -116,20 +136,3 @@ def _json_words(words: list[str]) -> list[str]:
             word = f"--json={left.pop() if left and left[-1].endswith('.json') else '-'}"
         joined.append(word)
     return joined
-
-
-def _refusal(error: Exception, args: argparse.Namespace) -> str | None:
-    """The one line of an error that a file, a flag or the machine caused; None for a defect of ours."""
-    if any(base.__name__ in ROOTS for base in type(error).__mro__):
-        return str(error)
-    if isinstance(error, ImportError) and error.name is not None:
-        from whyhot.installation import ADVICE
-
-        missing = error.name.partition(".")[0]
-        return f"whyhot {args.verb} needs the package {missing}, which is missing here or another's: {ADVICE}."
-    if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT):
-        folder = store_folder(args)
-        return f"{folder}: the disk is full: nothing half-written was kept. Free some space and run it again."
-    if isinstance(error, OSError) and error.filename is not None:
-        return f"{error.filename}: {(error.strerror or 'cannot be used').lower()}. Check the path and its permissions."
-    return None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import random
+import sys
 import tempfile
 import time
 from collections.abc import Callable
@@ -359,3 +360,26 @@ def test_the_digest_tells_other_rows_but_not_another_order() -> None:
             digests.append(warehouse._digest(connection, "t"))
     assert digests[0] == digests[1]
     assert len(set(digests)) == 3
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs file size limits")
+def test_a_disk_that_fills_up_at_any_moment_is_said_in_a_line_and_leaves_no_broken_warehouse(store: Store) -> None:
+    import resource
+
+    path, refused = store.folder / "warehouse.duckdb", 0
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    for room in range(0, 600_000, 50_000):
+        path.unlink(missing_ok=True)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (room, hard))
+        try:
+            warehouse.refresh(store).connection.close()
+        except WarehouseError as error:
+            refused += 1
+            assert "\n" not in str(error)
+            assert "cannot be made" in str(error)
+            assert not path.exists()
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert refused >= 2
+    with warehouse.refresh(store) as opened:
+        assert opened.notes == ()

@@ -1,0 +1,81 @@
+"""What the machine refuses is one line and exit code 2: reading, writing, and saying the answer."""
+
+from __future__ import annotations
+
+import errno
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import duckdb
+import pyarrow as pa
+import pytest
+
+from ingest.facts.store import Store
+from replay.cli import main
+
+Capture = pytest.CaptureFixture[str]
+
+
+@pytest.fixture
+def store(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    Store.open(tmp_path / "store", create=True).close()
+    monkeypatch.setenv("WHYHOT_STORE", str(tmp_path / "store"))
+    return tmp_path / "store"
+
+
+def _os_error(number: int, name: str | None = None) -> OSError:
+    return OSError(number, os.strerror(number), name) if name else OSError(number, os.strerror(number))
+
+
+@pytest.mark.parametrize(
+    ("error", "says"),
+    [
+        (_os_error(errno.EIO), "input/output error"),
+        (_os_error(errno.EIO, "recording.mcap"), "recording.mcap: input/output error"),
+        (_os_error(errno.ESTALE), "stale file handle"),
+        (_os_error(errno.EMFILE), "too many files are open"),
+        (_os_error(errno.EMFILE, "a.blf"), "a.blf: too many files are open"),
+        (_os_error(errno.EROFS), "Read-only file system"),
+        (_os_error(errno.ENOSPC), "the disk is full"),
+        (OSError("Couldn't deserialize thrift: TProtocolException"), "Couldn't deserialize thrift"),
+        (OSError("[Errno 28] Error writing bytes to file. Detail: No space left on device"), "the disk is full"),
+        (pa.ArrowInvalid("Parquet magic bytes not found in footer.\nEither the file is corrupted"), "magic bytes"),
+        (duckdb.IOException("IO Error: could not read"), "could not read"),
+        (MemoryError(), "too little memory"),
+    ],
+)
+def test_what_the_machine_refuses_is_one_line(
+    store: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch, error: Exception, says: str
+) -> None:
+    def fail(*_: object) -> None:
+        raise error
+
+    monkeypatch.setattr("ingest.facts.facts.at", fail)
+    assert main(["sessions"]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert says in line
+    assert line.endswith((".", "again", "checks"))
+
+
+def test_a_defect_of_ours_keeps_its_traceback(store: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*_: object) -> None:
+        raise KeyError("x")
+
+    monkeypatch.setattr("ingest.facts.facts.at", fail)
+    with pytest.raises(KeyError):
+        main(["sessions"])
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a device that is always full")
+@pytest.mark.parametrize("words", [["sessions"], ["sessions", "--json"], ["show", "none", "--json"]])
+def test_an_answer_that_cannot_be_written_is_one_line(store: Path, words: list[str]) -> None:
+    command = [sys.executable, "-c", "import sys; from replay.cli import main; sys.exit(main(sys.argv[1:]))", *words]
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
+        unsaid = subprocess.run(command, stdout=full, stderr=full, check=False)
+    assert done.returncode == unsaid.returncode == 2
+    lines = done.stderr.splitlines()
+    assert "the disk is full" in lines[-1]
+    assert len(lines) == 1 + (words[0] == "show")
