@@ -11,6 +11,7 @@ import math
 from typing import Any
 
 from analytics.query import QueryResult
+from ingest.texts.plain import plain_line
 
 NUMBERS = ("BIGINT", "DECIMAL", "DOUBLE", "FLOAT", "HUGEINT", "INTEGER", "SMALLINT", "TINYINT", "UBIGINT")
 PLAN = ("explain_key", "explain_value")  # the columns of EXPLAIN: a drawing of many lines
@@ -23,14 +24,16 @@ def to_text(result: QueryResult, width: int = 100) -> str:
     if result.columns == PLAN:
         return "\n".join(str(value) for _, value in result.rows).rstrip()
     cells = [[_cell(value) for value in row] for row in result.rows]
-    widths = [max([len(name), *(len(row[i]) for row in cells)]) for i, name in enumerate(map(_plain, result.columns))]
+    widths = [
+        max([len(name), *(len(row[i]) for row in cells)]) for i, name in enumerate(map(plain_line, result.columns))
+    ]
     right = [kind.startswith(NUMBERS) for kind in result.types]
     whole = [kind.startswith((*NUMBERS, "TIME", "DATE")) for kind in result.types]  # half a number is another number
     least = [wide if keep else min(wide, NARROWEST) for wide, keep in zip(widths, whole, strict=True)]
     widths = _fit(widths, least, width)
     lines = [
         GAP.join(map(_set, row, widths, right)).rstrip()
-        for row in [[_plain(name) for name in result.columns], ["-" * wide for wide in widths], *cells]
+        for row in [[plain_line(name) for name in result.columns], ["-" * wide for wide in widths], *cells]
     ]
     count = f"the first {len(cells):,} rows" if result.more else f"{len(cells):,} row{'s' * (len(cells) != 1)}"
     return "\n".join([*lines, f"({count})"])
@@ -80,12 +83,7 @@ def _cell(value: Any) -> str:
     if isinstance(value, float):
         text = f"{value:.7g}"
         return text if set(text) & set(".en") else f"{text}.0"  # 0.0 beside 3.5; 1e+20, inf and nan stay
-    return _plain(str(value))
-
-
-def _plain(text: str) -> str:
-    """`text` on one line; characters that would move a terminal's cursor or change its colours are written out."""
-    return "".join(one if one.isprintable() else one.encode("unicode_escape").decode() for one in text)
+    return plain_line(str(value))
 
 
 def _json(value: Any, kind: str) -> Any:

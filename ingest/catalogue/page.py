@@ -11,6 +11,7 @@ from ingest.catalogue.description import ChannelDescription, SessionDescription
 from ingest.catalogue.power import PowerBalance
 from ingest.catalogue.quality import seconds
 from ingest.facts.events import COUNTS
+from ingest.texts.plain import plain_line
 
 NONE = "–"
 SHORT = 12  # characters of a hash that are shown
@@ -56,7 +57,7 @@ def render(description: SessionDescription, width: int = 100) -> str:
 
 def table(head: Sequence[str], rows: Iterable[Sequence[str]], width: int, right: Sequence[int] = ()) -> list[str]:
     """Rows under a heading, two blanks between columns, those of `right` flush right; too wide ones lose their ends."""
-    cells = [tuple(head), *(tuple(row) for row in rows)]
+    cells = [tuple(head), *(tuple(map(plain_line, row)) for row in rows)]
     widths = [max(len(row[i]) for row in cells) for i in range(len(head))]
     while sum(widths) + 2 * (len(widths) - 1) > width and max(widths) > 6:
         widths[widths.index(max(widths))] -= 1

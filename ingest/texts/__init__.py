@@ -1,5 +1,6 @@
 """What people write, read strictly: TOML, units, quantities, formulas; and the names that they probably meant.
 
 `toml_file` over `toml_lines` refuses with file and line, `quantities` over `units` knows units, `expressions` over
-`powers` derived channels, `nearest` what was probably meant, `guessing` what a signal probably is.
+`powers` derived channels, `nearest` what was probably meant, `guessing` what a signal probably is; `plain` writes
+names so that they steer no terminal.
 """

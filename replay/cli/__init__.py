@@ -14,8 +14,9 @@ from contextlib import suppress
 from importlib import import_module
 from typing import NoReturn, TextIO
 
+from ingest.texts.plain import plain_line
 from replay.cli.answer import Answer, deliver, deliver_error, store_folder
-from replay.cli.encoding import fit_output
+from replay.cli.encoding import fit_output, say
 from replay.cli.refusal import of_machine, refusal
 from replay.cli.status import status
 
@@ -58,12 +59,13 @@ def main(argv: Sequence[str] | None = None) -> int:
     except OSError as error:  # of what was to be said, not of what was asked for
         _drop(sys.stdout)
         try:
-            print(of_machine(error, "the answer cannot be written"), file=sys.stderr, flush=True)
+            say(of_machine(error, "the answer cannot be written"), sys.stderr)
+            sys.stderr.flush()
         except OSError:
             _drop(sys.stderr)
         return 2
     except KeyboardInterrupt:
-        print("interrupted: what was finished is kept; the same command goes on from there.", file=sys.stderr)
+        say("interrupted: what was finished is kept; the same command goes on from there.", sys.stderr)
         return 130
 
 
@@ -73,7 +75,7 @@ def _answer(words: list[str]) -> int:
     try:
         parser = build_parser(verb)
     except ImportError as error:  # another module hides one of ours, or a part is not installed
-        print(f"whyhot: {error}", file=sys.stderr)
+        say(f"whyhot: {error}", sys.stderr)
         return 2
     args = parser.parse_args(words)
     try:
@@ -101,7 +103,7 @@ class _Parser(argparse.ArgumentParser):
     """Refuses wrong words in one line, as every other refusal."""
 
     def error(self, message: str) -> NoReturn:
-        self.exit(2, f"{self.prog}: {message}. See {self.prog} --help\n")
+        self.exit(2, plain_line(f"{self.prog}: {message}. See {self.prog} --help") + "\n")
 
 
 def build_parser(verb: str | None) -> argparse.ArgumentParser:

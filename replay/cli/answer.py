@@ -11,7 +11,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from replay.cli.encoding import takes_all
+from ingest.texts.plain import plain_line
+from replay.cli.encoding import say, takes_all
 from replay.cli.progress import tell
 
 if TYPE_CHECKING:
@@ -50,18 +51,18 @@ def deliver(args: argparse.Namespace, answer: Answer) -> int:
     """Print or write the answer; returns its exit code."""
     tell("")
     for note in answer.notes:
-        print(note, file=sys.stderr)
+        say(plain_line(note), sys.stderr)
     if args.json is not None:
         _write_json(args.json, answer.data)
     if args.json != "-" and answer.text:
-        print(answer.text)
+        say(answer.text)
     return answer.code
 
 
 def deliver_error(args: argparse.Namespace, line: str) -> int:
     """A refusal: one line on standard error and, with --json, `{"schema", "error"}`. Exit code 2."""
     tell("")
-    print(line, file=sys.stderr)
+    say(plain_line(line), sys.stderr)
     if args.json is not None:
         _write_json(args.json, {"schema": f"whyhot.{args.verb}/1", "error": line, "provenance": provenance(None)})
     return 2
@@ -71,6 +72,6 @@ def _write_json(target: str, data: Mapping[str, Any]) -> None:
     escaped = target == "-" and not takes_all()
     text = json.dumps(data, indent=2, ensure_ascii=escaped, allow_nan=False)
     if target == "-":
-        print(text)
+        say(text)
     else:
         Path(target).write_text(text + "\n", encoding="utf-8", errors="backslashreplace")

@@ -5,6 +5,9 @@ from __future__ import annotations
 import codecs
 import sys
 from io import TextIOWrapper
+from typing import TextIO
+
+from ingest.texts.plain import plain
 
 INSTEAD = {
     "−": "-",
@@ -32,6 +35,11 @@ def fit_output() -> None:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, TextIOWrapper):
             stream.reconfigure(errors="whyhot")
+
+
+def say(text: str, stream: TextIO | None = None) -> None:
+    """Print `text` to standard output, or to `stream`: the one door to the terminal, which no name can steer."""
+    print(plain(text), file=stream or sys.stdout)
 
 
 def takes_all() -> bool:

@@ -5,8 +5,10 @@ from __future__ import annotations
 import os
 import sys
 
+from ingest.texts.plain import plain_line
+
 
 def tell(line: str) -> None:
     """Show what is being done now; the empty line clears it."""
     if sys.stderr.isatty() and os.environ.get("TERM") != "dumb":
-        print(f"\r\033[K{line[:99]}", end="", file=sys.stderr, flush=True)
+        print(f"\r\033[K{plain_line(line)[:99]}", end="", file=sys.stderr, flush=True)

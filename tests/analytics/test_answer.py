@@ -70,7 +70,7 @@ def test_text_draws_a_plan_as_it_is() -> None:
 
 def test_text_shows_what_a_terminal_would_obey() -> None:
     text = to_text(QueryResult(("a\x1b[2J",), ("VARCHAR",), [("\x1b[31mred\nnext\x07\u202e",)]))
-    assert text == "a\\x1b[2J\n---------------------------\n\\x1b[31mred\\nnext\\x07\\u202e\n(1 row)"
+    assert text == "a\\u001b[2J\n-------------------------------\n\\u001b[31mred\\nnext\\u0007\\u202e\n(1 row)"
 
 
 def test_json_holds_plain_values_only() -> None:

@@ -21,7 +21,7 @@ from replay.engine.files.motor_file import SCALES
 from replay.errors import MotorFileError
 from replay.show.plots.network_places import places_of_boxes, places_of_dots, slice_of
 from replay.show.words import words
-from replay.show.words.figure import style
+from replay.show.words.figure import save_svg, style
 from replay.show.words.layout import without_overlap
 from replay.show.words.palette import INK, PAPER, SERIES, SOFT
 from twin.motor.features import evaluate, monomial, monomials, quantity, stream_places
@@ -106,7 +106,7 @@ def draw_network(network: Network, point: Mapping[str, float], target: Path) -> 
             _draw_dots(axes, network, at)
         figure.text(MARGIN / width, 1 - 0.3 / (height + head + foot), _title(network, sizes, point), fontsize=10)
         _draw_legend(figure, network, sizes)
-        figure.savefig(target, format="svg", metadata={"Date": None})
+        save_svg(figure, target)
 
 
 def _sizes(network: Network, point: Mapping[str, float]) -> _Sizes:

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, NullLocator
 
 from replay.show.words import words
-from replay.show.words.figure import style
+from replay.show.words.figure import save_svg, style
 from replay.show.words.palette import COLOURS, DASHES, INK, PAPER, SOFT
 
 SMALLER = 0.92  # a row of the table has at most this share of the nodes of the row above
@@ -92,4 +92,4 @@ def draw_curve(data: Mapping[str, Any], target: Path) -> None:
         error, where = (at["kept"] or at["trained"])["mean_K"], "kept sessions" if at["kept"] else "its own sessions"
         title = f"{data['motor']}: {data['nodes']} of {sizes[0]} nodes are {error:.2f} K off on {where}"
         axes.set_title(title, loc="left", fontsize=9.5)
-        figure.savefig(target, format="svg", metadata={"Date": None})
+        save_svg(figure, target)

@@ -18,6 +18,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy.optimize import isotonic_regression
 
+from ingest.texts.plain import plain
 from replay.show.words.palette import INK, SOFT, with_variables
 
 STYLE: Any = {
@@ -96,16 +97,26 @@ def panels(width: float, heights: Sequence[float], top: float = 0.28) -> tuple[F
 
 def save(figure: Figure, target: Path) -> None:
     """As `target` with the suffixes .svg and .png; the same figure gives the same bytes."""
-    figure.savefig(target.with_suffix(".svg"), metadata={"Date": None})
+    save_svg(figure, target.with_suffix(".svg"))
     figure.savefig(target.with_suffix(".png"), dpi=200, metadata={"Software": None})
+
+
+def _svg(figure: Figure, metadata: dict[str, None]) -> str:
+    """The text of the figure as SVG; no name in it steers who reads it, or is what XML does not take."""
+    buffer = io.StringIO()
+    figure.savefig(buffer, format="svg", metadata=metadata)
+    return plain(buffer.getvalue())
+
+
+def save_svg(figure: Figure, target: Path) -> None:
+    """The same figure gives the same bytes."""
+    target.write_bytes(_svg(figure, {"Date": None}).encode())
 
 
 def inline_svg(figure: Figure, label: str) -> str:
     """The figure as an `<svg>` element for a page, in its font and colours: no prolog, two decimals, no ids but those
     it refers to."""
-    buffer = io.StringIO()
-    figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None, "Type": None, "Format": None})
-    text = buffer.getvalue()
+    text = _svg(figure, {"Date": None, "Creator": None, "Type": None, "Format": None})
     text = text[text.index("<svg") :]
     referred = set(re.findall(r"#\w+", text))
     text = re.sub(r"\s*<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
@@ -114,7 +125,7 @@ def inline_svg(figure: Figure, label: str) -> str:
     text = text.replace("xlink:href", "href").replace("'DejaVu Sans'", "system-ui").replace("\n", " ")
     box = re.search(r"viewBox=\"[^\"]*\"", text)
     assert box is not None, "matplotlib writes a viewBox"
-    opening = f'<svg {box[0]} role="img" aria-label="{html.escape(label)}">'
+    opening = f'<svg {box[0]} role="img" aria-label="{html.escape(plain(label))}">'
     return with_variables(opening + re.sub(r" {2,}", " ", text[text.index(">") + 1 :]))
 
 

@@ -7,6 +7,7 @@ import re
 from jinja2 import Environment, PackageLoader, StrictUndefined, Template
 from markupsafe import Markup
 
+from ingest.texts.plain import plain
 from replay.show.words import heat_words, words
 from replay.show.words.palette import variables
 
@@ -16,6 +17,7 @@ def template(name: str) -> Template:
     environment = Environment(
         loader=PackageLoader("replay.show", ""),
         autoescape=True,
+        finalize=_plain,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
@@ -34,6 +36,11 @@ def template(name: str) -> Template:
         svg=Markup,  # drawn by us, with every name escaped
     )
     return environment.get_template(name)
+
+
+def _plain(value: object) -> object:
+    """What a page writes, which no name can steer; what was drawn by us is plain already."""
+    return plain(value) if type(value) is str else value
 
 
 def _unbroken(text: str) -> str:

@@ -1,0 +1,99 @@
+"""Names that would steer a terminal, or hide other text, are written out wherever they are shown."""
+
+from __future__ import annotations
+
+import ast
+import json
+from pathlib import Path
+
+import pytest
+
+from ingest.texts.plain import STEERING, plain, plain_line
+from made import can_bench
+from made.places import ROOT
+from replay.cli import main
+
+Capture = pytest.CaptureFixture[str]
+NASTY = "\x1b[2J\x9b31m\u202egnp\u2028\x07"
+SIGNALS = ("MotorSpeed", "PhaseCurrent", "TC_winding", "TC_yoke", "TC_magnet", "TC_coolant")
+
+
+def test_json_stays_the_same_json() -> None:
+    value = {NASTY: [NASTY, "\t\n", "Ω − \N{NO-BREAK SPACE}°"]}
+    text = plain(json.dumps(value, ensure_ascii=False))
+    assert not STEERING.search(text)
+    assert json.loads(text) == value
+    assert plain("Ω − \N{NO-BREAK SPACE}°\n\t") == "Ω − \N{NO-BREAK SPACE}°\n\t"
+    assert plain_line("a\nb\tc\x1b") == "a\\nb\\tc\\u001b"
+
+
+@pytest.fixture
+def bench(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A table, a bench file and a specimen, all of whose names are nasty."""
+    monkeypatch.chdir(tmp_path)
+    can_bench.write_files(tmp_path)
+    text = can_bench.BENCH.replace("servo-01", json.dumps(NASTY)[1:-1])
+    text = text.replace('[[channel]]\nsignal = "MotorTorque"\nquantity = "torque"\nunit = "Nm"\n', "")
+    for name in SIGNALS:
+        text = text.replace(f'signal = "{name}"', f"signal = {json.dumps(name + NASTY)}")
+    attributes = f"attributes = {{inverter = {json.dumps(NASTY)}}}\n"
+    Path(f"b{NASTY}.toml").write_text(text.replace("[[channel]]", attributes + "[[channel]]", 1), encoding="utf-8")
+    speed, current = can_bench.drive(120, 1)
+    temperatures = can_bench.truth(speed, current, 30.0)
+    rows = [f"{k},{speed[10 * k]},{current[10 * k]},{','.join(map(str, temperatures[k]))},30" for k in range(120)]
+    head = ",".join(["time", *(f"{name}{NASTY}" for name in SIGNALS)])
+    with Path(f"1{NASTY}.csv").open("w", encoding="utf-8", newline="\n") as file:
+        file.write("\n".join([head, *rows]) + "\n")
+    return tmp_path
+
+
+def test_names_are_shown_escaped_on_the_terminal_and_in_the_report(
+    bench: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    log, name = f"1{NASTY}.csv", f"1{NASTY}"
+    said = ""
+    for code, words in (
+        (0, ["inspect", log]),
+        (0, ["ingest", log, "--bench", f"b{NASTY}.toml"]),
+        (0, ["sessions"]),
+        (0, ["sessions", "--json"]),
+        (0, ["show", name]),
+        (0, ["show", name, "--json"]),
+        (0, ["attach", "motor.toml", "--specimen", NASTY, "--finding", NASTY]),
+        (0, ["replay", name]),
+        (0, ["report", name]),
+        (0, ["sql", "SELECT * FROM channels"]),
+        (0, ["sql", "SELECT * FROM channels", "--csv"]),
+        (2, ["show", f"nothing{NASTY}"]),
+        (2, ["sql", f"FROM nothing{NASTY}"]),
+        (2, ["ingest", f"nothing{NASTY}.csv"]),
+    ):
+        assert main(words) == code, words
+        out, err = capfd.readouterr()
+        assert not STEERING.search(out + err), (words, STEERING.search(out + err))
+        said += out + err
+    assert "\\u001b[2J" in said
+    page = (bench / "report.html").read_text(encoding="utf-8")
+    assert not STEERING.search(page)
+    assert "\\u001b[2J" in page
+
+
+def test_what_the_command_line_and_a_motor_file_hold_is_escaped_in_their_refusals(
+    bench: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    Path("m.toml").write_text(can_bench.MOTOR.replace('"magnet"', json.dumps(f"m{NASTY}")), encoding="utf-8")
+    assert main(["motor", "check", "m.toml"]) == 2
+    with pytest.raises(SystemExit):
+        main([f"verb{NASTY}"])
+    out, err = capfd.readouterr()
+    assert not STEERING.search(out + err)
+    assert len(err.splitlines()) == 2
+
+
+def test_there_is_one_door_to_the_terminal() -> None:
+    doors = set()
+    for path in sorted((ROOT / "replay").rglob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "print":
+                doors.add(path.name)
+    assert doors == {"encoding.py", "progress.py"}
