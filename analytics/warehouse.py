@@ -26,6 +26,7 @@ import pyarrow as pa
 
 from analytics import scans, tables
 from analytics.errors import WarehouseError
+from ingest.facts.alias import is_misread
 from ingest.facts.facts import at as fold_at
 
 if TYPE_CHECKING:
@@ -94,10 +95,11 @@ def build(store: Store, facts: Facts, target: Path, source: Mapping[str, str] | 
 def refresh(store: Store, as_of: str | None = None) -> Warehouse:
     """The warehouse of the store as it is now; made anew where the ledger, this package or DuckDB has changed.
 
-    With `as_of` (event number or ISO 8601 time) it is made in memory and the file stays. A file that is not whole is
+    With `as_of` (event number or ISO 8601 time), or in a folder whose name DuckDB misreads, it is made in memory and no
+    file is written. A file that is not whole is
     moved aside, made again and told in `notes`. Raises WarehouseError as `build`, LedgerError for a bad `as_of`.
     """
-    if as_of is not None:
+    if as_of is not None or is_misread(store.folder.resolve()):
         return Warehouse(_in_memory(store, as_of))
     path = store.folder.absolute() / FILE
     source = _source(store)
@@ -193,7 +195,7 @@ def _sweep(folder: Path) -> None:
             shutil.rmtree(old, ignore_errors=True)
 
 
-def _in_memory(store: Store, as_of: str) -> duckdb.DuckDBPyConnection:
+def _in_memory(store: Store, as_of: str | None) -> duckdb.DuckDBPyConnection:
     with contextlib.ExitStack() as unless_done:
         connection = unless_done.enter_context(duckdb.connect(":memory:"))
         fill(connection, tables.rows(store, fold_at(store.ledger, as_of), store.ledger.events(as_of=as_of)))

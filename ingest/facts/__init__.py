@@ -3,5 +3,5 @@
 `store` is the folder, `ledger` its facts (`events`, each in a `ledger_row`, chained by `chain`), `archive` its sealed
 bytes. `facts` folds the events into what is true now or was at a time; `sessions` groups files. Each row is checked
 against all before it (`ledger_history`) whenever it is read; `ledger_audit` and `store_check` list all damage, and
-`cited` says what stands on it.
+`cited` says what stands on it. `alias` names a folder as other libraries take it.
 """

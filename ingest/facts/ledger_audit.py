@@ -13,7 +13,7 @@ from ingest.facts.ledger_lock import reading_uri
 
 
 def audit(ledger: Ledger, since: Head | None = None) -> LedgerHistory:
-    """Read the whole of `ledger`; `since` is a head that was noted down before.
+    """Read the whole of `ledger`; `since` is a head that was noted down before, or its beginning.
 
     Without it, a history that was rewritten whole, or cut off after its last seal, cannot be told from a true one.
     """
@@ -33,7 +33,7 @@ def _read(ledger: Ledger, seen: LedgerHistory, since: Head | None, at_once: int)
     try:
         for row in ledger.rows(seen.position + 1 if seen.position else None, at_once=at_once):
             seen.add(row)
-            if since and since.position == row.id and since != seen.head:
+            if since and since.position == row.id and not seen.head.root.startswith(since.root):
                 says = f"event {row.id}: the root differs from the head given: the history up to here was changed"
                 seen.findings.append(Flaw(says))
     except IngestError as error:

@@ -10,6 +10,7 @@ from typing import Self
 from uuid import uuid4
 
 from ingest.errors import StoreError
+from ingest.facts.alias import reachable
 from ingest.facts.archive import Archive
 from ingest.facts.durable import sync_folder, sync_tree, write_file
 from ingest.facts.ledger import Ledger
@@ -45,6 +46,7 @@ class Store:
                 folder.mkdir(parents=True, exist_ok=True)
             else:
                 _check_mark(folder)
+            folder = reachable(folder)
             ledger = Ledger(folder, write=write, create=new)
             try:
                 store = cls(folder, ledger, write=write, new=new)
@@ -73,7 +75,7 @@ class Store:
         finally:
             self.close()
             if unused:  # what failed at once leaves no store behind
-                shutil.rmtree(self.folder, ignore_errors=True)
+                shutil.rmtree(self.folder.resolve(), ignore_errors=True)
 
     def close(self) -> None:
         """Let the next writer in."""

@@ -30,7 +30,8 @@ FD_LINE = re.compile(
     r"(?P<dlc>[0-9A-Fa-f])\s+(?P<length>\d+)(?=\s|$)(?P<rest>.*)",
     re.ASCII,
 )
-OCTETS = re.compile(r"(?:\s+[0-9A-Fa-f]{2}(?!\S))*")
+OCTETS = re.compile(r"(?:\s+[0-9A-Fa-f]{2}(?!\S))*", re.ASCII)
+LONGEST_NUMBER = 20  # digits; one that is longer is damaged, and Python takes long for it or refuses it
 ERROR_LINE = re.compile(r"\S+\s+(?:\d+|CANFD\s+\d+\s+(?:Rx|Tx))\s+ErrorFrame\b", re.IGNORECASE)
 FRAME_LINE = re.compile(r"\S+\s+(?:\d+\s+\S+\s+(?:Rx|Tx)\s|CANFD\s)", re.ASCII)
 OTHER_LINE = re.compile(
@@ -85,14 +86,15 @@ def _frame(line: str, base: int) -> Line | str:
     can_id = _number(match["id"].removesuffix("x"), base)
     if can_id is None or can_id > HIGHEST_ID:
         return f'has the identifier "{match["id"][:20]}", which is no number of 29 bits'
-    if int(match["bus"]) > HIGHEST_BUS:
+    bus = _number(match["bus"], 10)
+    if bus is None or bus > HIGHEST_BUS:
         return "its channel is above 255"
     can_id |= int(EXTENDED) if match["id"].endswith("x") else 0
     flags = TRANSMIT if match["way"] == "Tx" else 0
     payload = _fd_payload(match, base) if fd else _classic_payload(match, base)
     if isinstance(payload, str):
         return payload
-    return Line(int(match["bus"]), can_id, flags | payload[0], payload[1])
+    return Line(bus, can_id, flags | payload[0], payload[1])
 
 
 def _classic_payload(match: re.Match[str], base: int) -> tuple[int, bytes] | str:
@@ -106,7 +108,7 @@ def _classic_payload(match: re.Match[str], base: int) -> tuple[int, bytes] | str
         return (0, data[:length]) if len(data) >= length else f"holds {len(data)} of its {length} bytes"
     meant = {meaning for radix in (10, 16) for meaning in _lengths(_number(code, radix))}
     if len(data) not in meant:
-        return f'holds {len(data)} bytes, which does not fit its data length code "{code}"'
+        return f'holds {len(data)} bytes, which does not fit its data length code "{code[:LONGEST_NUMBER]}"'
     return (FD if len(data) > LONGEST_CLASSIC else 0), data
 
 
@@ -118,9 +120,9 @@ def _lengths(code: int | None) -> tuple[int, ...]:
 
 
 def _fd_payload(match: re.Match[str], base: int) -> tuple[int, bytes] | str:
-    length = int(match["length"])
-    if length > LONGEST_FD:
-        return f"says it holds {length} bytes, more than the {LONGEST_FD} of a frame"
+    length = _number(match["length"], 10)
+    if length is None or length > LONGEST_FD:
+        return f"says it holds {match['length'][:LONGEST_NUMBER]} bytes, more than the {LONGEST_FD} of a frame"
     words = match["rest"].split()
     bits = _number(words[length + 2], 16) if len(words) > length + 2 else None
     data = _octets(match["rest"], base)[:length]
@@ -140,4 +142,4 @@ def _octets(text: str, base: int) -> bytes:
 
 def _number(word: str, base: int) -> int | None:
     digits = "0123456789abcdef"[:base]
-    return int(word, base) if word and not word.lower().strip(digits) else None
+    return int(word, base) if 0 < len(word) <= LONGEST_NUMBER and not word.lower().strip(digits) else None

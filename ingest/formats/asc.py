@@ -33,6 +33,7 @@ BLOCK_ENDS = re.compile(r"end\s+triggerblock", re.IGNORECASE)
 HEADER_LINE = re.compile(r"(date|base|//|$|(?:no\s+)?internal\s+events)", re.IGNORECASE)
 BASE_LINE = re.compile(r"base\s+(hex|dec)(?:\s+timestamps\s+(absolute|relative))?", re.IGNORECASE)
 LONGEST_S = 1e9  # of a stamp; one that is longer is damaged
+LONGEST_STEP_S = 1e7  # from one line to the next, where stamps are relative: a damaged one would move all that follow
 SHOWN = 64  # first bytes of a rejected line
 
 
@@ -50,7 +51,9 @@ class _Clock:
     def place(self, stamps: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
         """(t_ns, late) of the stamps (N,) [s] of consecutive lines; NaN where a line has none. Late: beyond any log."""
         seconds = np.nan_to_num(stamps)
-        late = (np.cumsum(seconds) if self.relative else seconds) > LONGEST_S
+        late = seconds > (LONGEST_STEP_S if self.relative else LONGEST_S)
+        if self.relative:
+            late |= np.cumsum(np.where(late, 0.0, seconds)) > LONGEST_S
         ticks = np.rint(np.where(late, 0.0, seconds) * 1e9).astype(np.int64)
         timed = np.flatnonzero(~np.isnan(stamps) & ~late)
         if len(timed):

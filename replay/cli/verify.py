@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import re
 from typing import TYPE_CHECKING
 
 from replay.cli.answer import Answer, provenance, store_folder
@@ -11,10 +12,12 @@ if TYPE_CHECKING:
     from ingest.facts.chain import Head
     from ingest.facts.store_check import Damage, StoreCheck
 
+HEAD = re.compile("([0-9]{1,18})[: ]([0-9a-f]{12,64})")  # older reports and the status show the root's beginning
+
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--read", action="store_true", help="read and hash every sealed file and product too")
-    says = "a head noted earlier (whyhot head): nothing before it may have changed"
+    says = "a head noted earlier (from whyhot head or a report): nothing before it may have changed"
     parser.add_argument("--since", metavar="POSITION:ROOT", help=says)
 
 
@@ -78,7 +81,7 @@ def _head(text: str | None) -> Head | None:
 
     if text is None:
         return None
-    position, _, root = text.partition(":")
-    if not position.isdecimal() or len(root) != 64:
-        raise LedgerError(f"--since {text}: is no head: give POSITION:ROOT as `whyhot head` printed it.")
-    return Head(int(position), root)
+    found = HEAD.fullmatch(text.strip())
+    if found is None:
+        raise LedgerError(f"--since {text}: is no head: give POSITION:ROOT as `whyhot head` or a report printed it.")
+    return Head(int(found[1]), found[2])

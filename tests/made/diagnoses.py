@@ -223,7 +223,6 @@ NAMED = Diagnosis(
     null_log_bayes_factor=4.6,
     threshold=8.0,
     next_test=None,
-    seconds=14.2,
     two_models=APART,
 )
 NOTHING_ADDED: dict[str, Any] = {

@@ -34,11 +34,10 @@ def diagnosis_text(diagnosis: Diagnosis) -> str:
 
 
 def looked_at(diagnosis: Diagnosis) -> str:
-    """ "213 candidates, 5 sessions (3 to learn from, 2 kept), 68,000 steps, 14 s"."""
+    """ "213 candidates, 5 sessions (3 to learn from, 2 kept), 68,000 steps"."""
     learnt, kept = len(diagnosis.train), len(diagnosis.held_out)
     sessions = f"{words.counted(learnt + kept, 'session')} ({learnt} to learn from, {kept} kept)"
-    took = f"{diagnosis.steps:,} steps, {words.duration(diagnosis.seconds)}"
-    text = f"{diagnosis.candidates:,} candidates, {sessions}, {took}"
+    text = f"{diagnosis.candidates:,} candidates, {sessions}, {diagnosis.steps:,} steps"
     if diagnosis.dropped:
         text += f"; left out because the model became unstable with them: {', '.join(diagnosis.dropped)}"
     return text

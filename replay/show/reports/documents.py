@@ -121,7 +121,7 @@ def context(store: Store, command: str) -> ReportContext:
     head = store.ledger.head()
     return ReportContext(
         command=command.strip(),
-        store_head=f"{head.position} {head.root[:16]}",
+        store_head=str(head),
         versions={name: version(name) for name in NAMED},
     )
 

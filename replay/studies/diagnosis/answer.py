@@ -272,7 +272,6 @@ class Diagnosis:
     null_log_bayes_factor: float
     threshold: float
     next_test: str | None
-    seconds: float
     recalibrated_bench: str | None = None
     recalibrated_benches: dict[str, str] = field(default_factory=dict)
     extended_benches: dict[str, str] = field(default_factory=dict)

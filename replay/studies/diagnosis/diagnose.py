@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -73,10 +72,8 @@ def diagnose(
     identity = run_id(key)
     if identity in facts.diagnoses:
         return Result(read(json.loads(store.archive.read(facts.diagnoses[identity].artefact))), True)
-    started = time.monotonic()
     with fitting(f"diagnosis with model {question.model[:12]}"):
         answer = _answered(question, identity, tell)
-    answer = replace(answer, seconds=round(time.monotonic() - started, 1))
     _keep(question, answer, key)
     return Result(answer, False)
 
@@ -143,7 +140,6 @@ def _answered(question: Question, identity: str, tell: Tell) -> Diagnosis:
         null_log_bayes_factor=last.null,
         threshold=naming.threshold,
         next_test=next((c.separating_test for c in causes if c.separating_test), None) or suspected_test(naming),
-        seconds=0.0,
         why_no_files=files.why_none,
         findings=beyond_usual(naming, [s.session for s in question.train]),
         contradicting=contradictory,

@@ -238,3 +238,27 @@ def test_a_text_that_is_no_log_is_refused(tmp_path: Path) -> None:
         UnreadableLogError, match=r"^log\.asc: no CAN frame is in it \(2,000 lines read\)\. Copy the file"
     ):
         read(path)
+
+
+@pytest.mark.parametrize("stamps", ["absolute", "relative"])
+@pytest.mark.parametrize(
+    "damaged",
+    [
+        f"1.0 {'9' * 5000} 100 Rx d 1 AA",
+        f"1.0 1 100 Rx d {'9' * 5000} AA",
+        f"1.0 CANFD 1 Rx 100 1 0 8 {'9' * 5000} AA",
+        f"1.0 CANFD {'9' * 5000} Rx 100 1 0 8 8 AA",
+        "1.0 1 100 Rx d 2 AA\N{NO-BREAK SPACE}00",
+        "1.0 1 100 Rx d 1 AA\N{NO-BREAK SPACE}",
+        "999999999.5 1 100 Rx d 8 AA",
+        "999999999.5 1 100 Rx d 1 AA",
+        f"{'9' * 400}.0 1 100 Rx d 1 AA",
+    ],
+)
+def test_a_damaged_line_costs_one_record_and_not_the_log(tmp_path: Path, damaged: str, stamps: str) -> None:
+    whole = "".join(f"0.5 1 100 Rx d 1 {k:02X}\n" for k in range(10))
+    head = HEAD.replace("absolute", stamps)
+    log, frames = read(asc(tmp_path, f"{head}{whole}{damaged}\n{whole}"))
+    kept = [frame[4] for frame in frames if frame[0] < HEAD_NS + 10**17 and not frame[4].startswith("aa")]
+    assert kept == [f"{k:02x}" for k in range(10)] * 2
+    assert len(frames) + len(log.rejected) == log.found <= 21

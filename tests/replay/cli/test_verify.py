@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import json
+import os
+import re
 import shutil
 import sqlite3
+import sys
 from contextlib import closing
 from pathlib import Path
 
@@ -165,3 +168,34 @@ def test_no_verb_reads_a_damaged_ledger_and_each_says_so_in_a_line(
         assert len(said.err.splitlines()) == 1, words
         assert "`whyhot verify` lists all damage" in said.err or "restore" in said.err, words
     assert main(["verify"]) == 1
+
+
+def test_the_head_of_a_report_is_what_verify_takes(bench: Path, capsys: Capture) -> None:
+    assert main(["report", "1_s1"]) == 0
+    page = Path("report.html").read_text(encoding="utf-8")
+    (head,) = set(re.findall(r"[0-9]+:[0-9a-f]{64}", page))
+    position, _, root = head.partition(":")
+    for since in (head, f"{position} {root[:16]}", f"{position}:{root[:12]}"):
+        assert main(["verify", "--since", since]) == 0, since
+        assert main(["verify", "--since", since.replace(root[:12], "0" * 12)]) == 1, since
+    assert main(["verify", "--since", f"{position}:{root[:8]}"]) == 2
+    assert main(["verify", "--since", f"{position}:{root}0"]) == 2
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="names of folders that only Linux takes")
+@pytest.mark.parametrize("name", ["a?b", "a\\b", "a*[1]{2}", "a'b#%41", os.fsdecode(b"a\xe9b")])
+def test_a_store_works_under_any_path(bench: Path, capsys: Capture, name: str) -> None:
+    Path("odd").mkdir()
+    store = ["--store", f"odd/{name}"]
+    for words in (
+        ["ingest", "1_s1.blf", "--bench", "bench.toml", "--dbc", "bench.dbc"],
+        ["sessions", "--json"],
+        ["show", "1_s1"],
+        ["replay", "1_s1"],
+        ["report", "1_s1"],
+        ["sql", "SELECT count(*) FROM samples"],
+        ["rebuild", "--verify"],
+        ["verify", "--read"],
+    ):
+        assert main([*words, *store]) == 0, (words, capsys.readouterr().err)
+    assert [path.name for path in Path("odd").iterdir()] == [name]

@@ -120,7 +120,6 @@ def diagnosed(
             null_log_bayes_factor=3.0,
             threshold=6.0,
             next_test=None,
-            seconds=1.0,
         )
         artefact = store.archive.seal(json.dumps(document(found, {})).encode())
         stream = f"diagnosis-{number}"

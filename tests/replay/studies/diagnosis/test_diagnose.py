@@ -195,6 +195,13 @@ def test_the_answer_has_every_key_with_its_type_and_no_number_that_is_none(answe
     assert answer["gain"]
 
 
+def test_no_clock_is_sealed_with_an_answer(diagnosed: Path, answer: Mapping[str, Any]) -> None:
+    assert "seconds" not in answer
+    with Store.open(diagnosed) as store:
+        for event in ledger_facts.at(store.ledger).diagnoses.values():
+            assert "seconds" not in json.loads(store.archive.read(event.artefact))
+
+
 def test_every_ln_bf_after_a_refit_is_the_sum_of_what_it_comes_from(answer: Mapping[str, Any]) -> None:
     refitted = [one for one in (*answer["causes"], *answer["rivals"]) if "evidence" in one]
     assert refitted[0] == answer["causes"][0]
