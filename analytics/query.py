@@ -11,7 +11,10 @@ from __future__ import annotations
 
 import json
 import re
+import threading
+import time
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
@@ -21,6 +24,8 @@ from analytics.errors import AnalyticsError, QueryError, RefusedQueryError
 from analytics.warehouse import MACROS, MEMORY, VIEWS
 from ingest.texts.nearest import nearest
 
+ROWS, SECONDS = 1_000_000, 60.0  # what the command line allows a question unless it is told otherwise
+BLOCK = 10_000  # rows fetched at once
 LONGEST = 100_000  # characters; the parser takes seconds for a megabyte of brackets
 READING_NODES = {"SELECT_NODE", "SET_OPERATION_NODE", "RECURSIVE_CTE_NODE", "CTE_NODE"}
 TABLE_FUNCTIONS = {
@@ -45,16 +50,24 @@ class QueryResult:
     more: bool = False
 
 
-def run(connection: duckdb.DuckDBPyConnection, sql: str, limit: int | None = None) -> QueryResult:
-    """The answer to one statement, at most `limit` rows of it.
+def run(
+    connection: duckdb.DuckDBPyConnection, sql: str, limit: int | None = None, seconds: float | None = None
+) -> QueryResult:
+    """The answer to one statement, at most `limit` rows of it, within `seconds`; no more rows are made than are given.
 
-    Raises RefusedQueryError for anything that does more than read, QueryError for what DuckDB cannot answer.
+    Raises RefusedQueryError for anything that does more than read, QueryError for what DuckDB cannot answer in time.
     """
-    check(connection, sql)
     try:
-        connection.execute(_described(sql))
-        columns = [(str(column[0]), str(column[1])) for column in connection.description or ()]
-        rows = connection.fetchall() if limit is None else connection.fetchmany(limit + 1)
+        with _within(connection, seconds) as deadline:
+            check(connection, sql)
+            connection.execute(_described(sql))
+            columns = [(str(column[0]), str(column[1])) for column in connection.description or ()]
+            rows = _fetched(connection, None if limit is None else limit + 1, deadline)
+    except (duckdb.InterruptException, TimeoutError):
+        raise QueryError(
+            f"SQL: took longer than the {seconds:g} s that a query gets: select fewer rows or columns, or allow more "
+            "with --seconds"
+        ) from None
     except duckdb.Error as error:
         raise _explained(connection, error) from None
     return QueryResult(
@@ -63,6 +76,34 @@ def run(connection: duckdb.DuckDBPyConnection, sql: str, limit: int | None = Non
         rows=rows[:limit],
         more=limit is not None and len(rows) > limit,
     )
+
+
+@contextmanager
+def _within(connection: duckdb.DuckDBPyConnection, seconds: float | None) -> Iterator[float | None]:
+    """Interrupt what runs in here after `seconds`; gives the time at which that is."""
+    if seconds is None:
+        yield None
+        return
+    timer = threading.Timer(seconds, connection.interrupt)
+    timer.daemon = True
+    timer.start()
+    try:
+        yield time.monotonic() + seconds
+    finally:
+        timer.cancel()
+
+
+def _fetched(connection: duckdb.DuckDBPyConnection, most: int | None, deadline: float | None) -> list[tuple[Any, ...]]:
+    """The first `most` rows, block by block: DuckDB makes no more of them. Raises TimeoutError after `deadline`."""
+    rows: list[tuple[Any, ...]] = []
+    while most is None or len(rows) < most:
+        block = connection.fetchmany(BLOCK if most is None else min(BLOCK, most - len(rows)))
+        if not block:
+            break
+        rows += block
+        if deadline is not None and time.monotonic() > deadline:
+            raise TimeoutError
+    return rows
 
 
 def _described(sql: str) -> str:
@@ -107,6 +148,8 @@ def _tree(connection: duckdb.DuckDBPyConnection, sql: str) -> dict[str, Any]:
             raise RefusedQueryError(f"SQL: holds {count} statements: give one at a time")
         found = connection.execute("SELECT json_serialize_sql(?::VARCHAR)", [sql]).fetchone()
         tree: dict[str, Any] = json.loads(found[0]) if found else {"error": True}
+    except duckdb.InterruptException:
+        raise
     except duckdb.Error as error:
         raise _explained(connection, error) from None
     except RecursionError:

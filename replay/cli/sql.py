@@ -12,7 +12,17 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     says = 'one statement, e.g. "SELECT * FROM sessions"; views: whyhot sql "SHOW TABLES"'
     parser.add_argument("query", metavar="SQL", help=says)
     parser.add_argument("--csv", action="store_true", help="comma-separated instead of a table")
+    says = "give at most so many rows (default 1,000,000)"
+    parser.add_argument("--rows", metavar="N", type=_count, help=says)
+    says = "stop after so many seconds (default 60)"
+    parser.add_argument("--seconds", metavar="S", type=_count, help=says)
     ask_as_of(parser)
+
+
+def _count(text: str) -> int:
+    if not text.isdecimal() or not 1 <= int(text[:13]) <= 10**12:
+        raise argparse.ArgumentTypeError(f"{text[:20]} is none: give a whole number of 1 or more")
+    return int(text[:13])
 
 
 def run(args: argparse.Namespace) -> Answer:
@@ -20,7 +30,9 @@ def run(args: argparse.Namespace) -> Answer:
     from ingest.facts.store import Store
 
     with Store.open(store_folder(args)) as store, warehouse.refresh(store, args.as_of) as opened:
-        result = query.run(opened.connection, args.query)
+        rows = args.rows or query.ROWS
+        result = query.run(opened.connection, args.query, rows, args.seconds or query.SECONDS)
         data = {"schema": "whyhot.sql/1", **answer.to_json(result), "provenance": provenance(store, as_of=args.as_of)}
         text = answer.to_csv(result).rstrip("\n") if args.csv else answer.to_text(result)
-        return Answer(data, text, notes=opened.notes)
+    more = [f"SQL: these are the first {rows:,} rows, there are more: allow more with --rows"] if result.more else []
+    return Answer(data, text, 1 if more and args.rows is None else 0, [*opened.notes, *more])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -283,6 +284,29 @@ def test_too_little_memory_is_one_line(store: Store, monkeypatch: pytest.MonkeyP
 def test_a_limit_says_that_there_is_more(connection: duckdb.DuckDBPyConnection) -> None:
     assert [len(run(connection, "FROM sessions", limit=n).rows) for n in (2, 3, 4)] == [2, 3, 3]
     assert [run(connection, "FROM sessions", limit=n).more for n in (2, 3, 4)] == [True, False, False]
+
+
+@pytest.mark.parametrize(
+    "sql",
+    [
+        "SELECT count(*) FROM range(100000000) a, range(100000) b WHERE a.range * b.range = 7",
+        "FROM range(100000000000)",
+    ],
+)
+def test_a_query_that_takes_too_long_is_stopped_with_the_limit_named(
+    connection: duckdb.DuckDBPyConnection, sql: str
+) -> None:
+    started = time.monotonic()
+    with pytest.raises(QueryError, match=r"took longer than the 0\.5 s that a query gets: .* --seconds"):
+        run(connection, sql, seconds=0.5)
+    assert time.monotonic() - started < 20
+    assert run(connection, "FROM sessions", seconds=60).rows, "the connection is as good as before"
+
+
+def test_no_more_rows_are_made_than_are_given(connection: duckdb.DuckDBPyConnection) -> None:
+    result = run(connection, "FROM range(100000000000)", limit=25_000, seconds=60)
+    assert len(result.rows) == 25_000
+    assert result.more
 
 
 def test_columns_of_the_same_name_are_told_apart(connection: duckdb.DuckDBPyConnection) -> None:

@@ -26,6 +26,7 @@ from twin.motor.heat_laws import NAMED
 from twin.motor.network import Link, Map, Network, Property, Shape, Source, Term
 
 NAME = re.compile(r"[a-z][a-z0-9_]*")
+LEAST, MOST = 1e-30, 1e30  # of a positive constant: beyond, rates overflow or lose their digits
 MOST_CURRENT = 1.5  # up to this, in units of the scale, a shape must leave a loss its sign: short peaks go beyond 1
 
 
@@ -95,6 +96,8 @@ def _check_constants(network: Network) -> None:
 def _positive(entry: Entry, key: str, value: float, what: str) -> None:
     if not (math.isfinite(value) and value > 0):
         raise BadValueError(entry, f"{key} {value:g} is not above 0: give {what}")
+    if not LEAST <= value <= MOST:
+        raise BadValueError(entry, f"{key} {value:g} is beyond any motor ({LEAST:g} to {MOST:g}): give {what}")
 
 
 def _check_links(network: Network, nodes: Sequence[str], boundaries: Sequence[str]) -> None:
@@ -185,7 +188,7 @@ def _check_terms(network: Network, entry: Entry, place: Link | Source, nodes: Se
 
 def _check_coefficient(entry: Entry, number: int, term: Term, in_link: bool) -> None:
     where = f"term {number}: coefficient {term.coefficient:g}"
-    if not math.isfinite(term.coefficient) or term.coefficient == 0:
+    if not 0 < abs(term.coefficient) <= MOST:
         raise BadValueError(entry, f"{where} is not a number other than 0: give W{'/K' * in_link} at features of 1")
     if in_link and term.coefficient < 0:
         raise BadValueError(entry, f"{where} is negative: a conductance in W/K is above 0")

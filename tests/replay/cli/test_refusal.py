@@ -79,3 +79,12 @@ def test_an_answer_that_cannot_be_written_is_one_line(store: Path, words: list[s
     lines = done.stderr.splitlines()
     assert "the disk is full" in lines[-1]
     assert len(lines) == 1 + (words[0] == "show")
+
+
+def test_an_answer_that_a_limit_cuts_says_so(store: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("analytics.query.ROWS", 5)
+    for code, words in ((1, []), (0, ["--rows", "5"]), (0, ["--rows", "7"])):
+        assert main(["sql", "FROM range(6)", "--csv", *words]) == code
+        assert ("the first 5 rows, there are more: allow more with --rows" in capsys.readouterr().err) == (
+            words != ["--rows", "7"]
+        )

@@ -45,6 +45,9 @@ REFUSED: dict[str, tuple[Change, type[errors.NetworkError], str]] = {
     ),
     "cut off": (_node(), errors.CutOffError, 'node "shaft": no path of links or circuits leads to a boundary'),
     "capacity": (_node(capacity=-3.0), errors.BadValueError, 'node "shaft": capacity -3 is not above 0'),
+    "capacity denormal": (_node(capacity=1e-320), errors.BadValueError, "is beyond any motor (1e-30 to 1e+30): give"),
+    "capacity huge": (_node(capacity=1e308), errors.BadValueError, "capacity 1e+308 is beyond any motor"),
+    "coefficient huge": (_link(coefficient=1e308), errors.BadValueError, "1e+308"),
     "capacity nan": (_node(capacity=float("nan")), errors.BadValueError, "capacity nan is not above 0"),
     "scale": (
         lambda n: replace(n, scale={"speed": 0.0}),
