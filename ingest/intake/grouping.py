@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from itertools import combinations
 
 from ingest.bench.bench_file import read_bench
 from ingest.catalogue import kinds, quality
-from ingest.catalogue.channels import load_each
+from ingest.catalogue.channels import ChannelData, load_each
+from ingest.errors import IngestError
 from ingest.facts import facts as ledger_facts
 from ingest.facts import sessions
 from ingest.facts.events import Event, QualityFlagged, SessionRecorded, SessionRegrouped
@@ -19,34 +20,61 @@ from ingest.facts.store import Store
 FEW_RECORDS = 3  # quality has no finding in so few: a gap takes four samples, a stretch seven
 
 
-def group_files(store: Store, said: Mapping[str, Override]) -> tuple[tuple[str, QualityFlagged], ...]:
-    """Group all files into sessions, append what is new, and say what a person should look at in new ones."""
+@dataclass
+class Grouped:
+    """What a person should look at in new sessions, by name; and a line for each that is left for the next ingest."""
+
+    flags: list[tuple[str, QualityFlagged]] = field(default_factory=list)
+    left: list[str] = field(default_factory=list)
+
+
+def group_files(store: Store, said: Mapping[str, Override]) -> Grouped:
+    """Group all files into sessions and append what is new; one whose samples cannot be read stops no other."""
     known = ledger_facts.at(store.ledger)
     benches = {sha: read_bench(store.archive.read(sha), one.name) for sha, one in known.benches.items()}
     names = {sha: one.name for sha, one in known.files.items()}
     overrides = {**sessions.overrides_of(known.sessions, benches), **said}
     new = sessions.group(list(known.decodes.values()), benches, names, overrides)
-    flags: list[tuple[str, QualityFlagged]] = []
+    grouped = Grouped()
     events: list[tuple[str, Event]] = []
     changes = sessions.regroup(known.sessions, new)
     read = [one for one in changes if isinstance(one, SessionRecorded) and _is_read(one)]
-    channels_of = load_each(store, known, read)
+    channels_of = _channels(store, known, read)
+    unread: set[str] = set()
     for event in changes:
         if isinstance(event, SessionRegrouped):
-            events.append((f"session-{event.session}", event))
+            if event.into not in unread:
+                events.append((f"session-{event.session}", event))
             continue
         found = _overlaps(known, event)
         if _is_read(event):
             channels = next(channels_of)
+            if isinstance(channels, IngestError):
+                unread.add(event.session)
+                grouped.left.append(f"session {event.name}: is left for the next ingest: {channels}")
+                continue
             if not event.kind:
                 kind, why = kinds.recognise(channels)
                 event = replace(event, kind=kind, kind_why=why)
             found += quality.findings(quality.assess(channels))
         stream = f"session-{event.session}"
         events += [(stream, event), *((stream, flag) for flag in found)]
-        flags += [(event.name, flag) for flag in found]
+        grouped.flags += [(event.name, flag) for flag in found]
     store.ledger.append_all(events)  # all or none: one wait for the disk, however many sessions a table holds
-    return tuple(flags)
+    return grouped
+
+
+def _channels(store: Store, known: Facts, read: Sequence[SessionRecorded]) -> Iterator[list[ChannelData] | IngestError]:
+    """The channels of each of these sessions in turn, or why they cannot be read."""
+    left = list(read)
+    while left:
+        try:
+            for channels in load_each(store, known, left):
+                left = left[1:]
+                yield channels
+        except IngestError as error:
+            left = left[1:]
+            yield error
 
 
 def _is_read(session: SessionRecorded) -> bool:

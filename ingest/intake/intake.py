@@ -59,11 +59,12 @@ class Intake:
     files: tuple[Taken, ...]
     sessions: tuple[SessionRecorded, ...]
     flags: tuple[tuple[str, QualityFlagged], ...]  # name of the session, or of the file that it is of; flag
+    left: tuple[str, ...] = ()  # a line for each session that cannot be recorded yet
 
     @property
     def refusals(self) -> list[str]:
-        """What was refused, quarantined, cut or not decoded, one line a file."""
-        return [one.line for one in self.files if one.line]
+        """What was refused, quarantined, cut or not decoded, one line a file, and the sessions that were left."""
+        return [*(one.line for one in self.files if one.line), *self.left]
 
 
 @dataclass(frozen=True)
@@ -114,11 +115,16 @@ def take_in(
     files = [replace(one, decode=decodes.get(one.raw)) for one in files]  # of a copy: that of the first
     kept = set(decodes)
     flags = [(one.name, flag) for one in files for flag in one.flags]
-    flags += group_files(store, dict.fromkeys(kept, said) if said != Override() else {})
+    grouped = group_files(store, dict.fromkeys(kept, said) if said != Override() else {})
     now = ledger_facts.at(store.ledger)
     touched = tuple(session for session in now.sessions if kept & {file["raw"] for file in session.files})
     new = {file["raw"] for session in touched if session not in known.sessions for file in session.files}
-    return Intake(tuple(replace(one, anew=one.known and one.raw in new) for one in files), touched, tuple(flags))
+    return Intake(
+        tuple(replace(one, anew=one.known and one.raw in new) for one in files),
+        touched,
+        (*flags, *grouped.flags),
+        tuple(grouped.left),
+    )
 
 
 def _again(known: Facts, found: Sequence[Taken | _Read]) -> dict[str, DecodeCompleted]:

@@ -99,6 +99,29 @@ def test_sessions_are_kept_all_or_none_and_the_same_command_finishes_what_was_st
         assert damage(store) == []
 
 
+def test_a_session_whose_samples_cannot_be_read_stops_no_other_and_heals_at_a_later_ingest(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def stopped(*_: object) -> Iterator[list[ChannelData]]:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+        patch.setattr(grouping, "load_each", stopped)
+        take(tmp_path, ["S0"] * 4, BENCH)
+    (product,) = (tmp_path / "s" / "decoded").glob("*/*.parquet")
+    whole = product.read_bytes()
+    product.chmod(0o644)
+    product.write_bytes(b"damaged")
+    done = take(tmp_path, ["S1"] * 4, BENCH)
+    assert [session.specimen for session in done.sessions] == ["S1"]
+    (line,) = done.refusals
+    assert line.startswith("session checks: is left for the next ingest: ")
+    assert "whyhot rebuild" in line
+    product.write_bytes(whole)
+    assert take(tmp_path, ["S2"] * 4, BENCH).refusals == []
+    assert {session.specimen for session in now(tmp_path).sessions} == {"S0", "S1", "S2"}
+
+
 def test_samples_are_read_where_the_kind_is_to_be_told_or_a_finding_is_possible(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
