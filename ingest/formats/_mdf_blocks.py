@@ -32,7 +32,7 @@ PLAIN_MARKS = (b"##DT", b"##SD")
 Bytes = NDArray[np.uint8]
 
 
-class Damage(Exception):
+class BrokenBlock(Exception):
     """A block is not what it should be. `str` says it as a clause: "is damaged at byte 1,234"."""
 
 
@@ -89,37 +89,37 @@ class Mdf:
         self._file, self._size, self.open_parts = file, size, open_parts
 
     def block(self, at: int, *marks: bytes) -> Block:
-        """The block at `at`, which must have one of `marks`. Raises Damage."""
+        """The block at `at`, which must have one of `marks`. Raises BrokenBlock."""
         mark, length, count = self._head(at)
         if mark not in marks or length > LONGEST_BLOCK or HEAD.size + 8 * count > length or at + length > self._size:
-            raise Damage(f"is damaged at byte {at:,}")
+            raise BrokenBlock(f"is damaged at byte {at:,}")
         body = self._read(at + HEAD.size, length - HEAD.size)
         return Block(at, mark, struct.unpack_from(f"<{count}Q", body), body[8 * count :])
 
     def chain(self, at: int, mark: bytes) -> Iterator[Block]:
-        """A block and those that follow it, each named by the first link of the one before. Raises Damage."""
+        """A block and those that follow it, each named by the first link of the one before. Raises BrokenBlock."""
         seen = set[int]()
         while at:
             if at in seen:
-                raise Damage(f"is damaged at byte {at:,}")
+                raise BrokenBlock(f"is damaged at byte {at:,}")
             seen.add(at)
             block = self.block(at, mark)
             yield block
             at = _link(block, 0)
 
     def text(self, at: int) -> str:
-        """The text at `at`, empty where there is none. Raises Damage."""
+        """The text at `at`, empty where there is none. Raises BrokenBlock."""
         data = self.block(at, b"##TX", b"##MD").data if at else b""
         return data.split(b"\0", 1)[0].decode(errors="replace")
 
     def groups(self, data_group: Block) -> tuple[MdfGroup, ...]:
-        """The channel groups of a data group. Raises Damage."""
+        """The channel groups of a data group. Raises BrokenBlock."""
         return tuple(self._group(block) for block in self.chain(_link(data_group, 1), b"##CG"))
 
     def _group(self, block: Block) -> MdfGroup:
         record_id, declared, flags, _, size, invalid = _unpack(CHANNEL_GROUP, block)
         if size + invalid > LONGEST_RECORD:
-            raise Damage(f"is damaged at byte {block.at:,}")
+            raise BrokenBlock(f"is damaged at byte {block.at:,}")
         channels = () if flags & VLSD_GROUP else tuple(self._channels(_link(block, 1)))
         return MdfGroup(block.at, record_id, declared, flags, size + invalid, channels)
 
@@ -140,7 +140,7 @@ class Mdf:
         block = self.block(at, b"##CC")
         kind, _, _, _, count, _, _ = _unpack(CONVERSION, block)
         if len(block.data) < CONVERSION.size + 8 * count:
-            raise Damage(f"is damaged at byte {at:,}")
+            raise BrokenBlock(f"is damaged at byte {at:,}")
         values = np.frombuffer(block.data, "<f8", count, CONVERSION.size)
         if kind == 1 and count == 2:
             return lambda raw: values[0] + values[1] * raw
@@ -151,11 +151,11 @@ class Mdf:
     # ---- bytes of records ------------------------------------------------------------------------------------------
 
     def records(self, data_group: Block) -> Records:
-        """All records of a data group. Raises Damage where its description is none."""
+        """All records of a data group. Raises BrokenBlock where its description is none."""
         groups = self.groups(data_group)
         (id_size,) = _unpack(DATA_GROUP, data_group)
         if id_size not in (0, 1, 2, 4, 8) or (id_size == 0 and len(groups) > 1):
-            raise Damage(f"is damaged at byte {data_group.at:,}")
+            raise BrokenBlock(f"is damaged at byte {data_group.at:,}")
         if not any(group.channels for group in groups) or not _link(data_group, 2):
             return Records(groups, {}, {}, None)
         data, ended = self.values(_link(data_group, 2))
@@ -182,8 +182,8 @@ class Mdf:
         try:
             for piece in self._pieces(at):
                 found += piece
-        except Damage as damage:
-            ended = str(damage)
+        except BrokenBlock as broken:
+            ended = str(broken)
         return bytes(found), ended
 
     def _pieces(self, at: int) -> Iterator[bytes]:
@@ -203,33 +203,33 @@ class Mdf:
             yield self._unpacked(at, length)
             return
         if mark not in PLAIN_MARKS or length < HEAD.size:
-            raise Damage(f"is damaged at byte {at:,}")
+            raise BrokenBlock(f"is damaged at byte {at:,}")
         end = at + length
         if self.open_parts & OPEN_LENGTH and mark == b"##DT" and self._read(end, 2) != b"##":
             end = self._size
         yield self._read(at + HEAD.size, min(end, self._size) - at - HEAD.size)
         if end > self._size:
-            raise Damage(f"ends at byte {self._size:,} of {end:,}")
+            raise BrokenBlock(f"ends at byte {self._size:,} of {end:,}")
 
     def _unpacked(self, at: int, length: int) -> bytes:
         if at + length > self._size or length < HEAD.size + PACKED.size:
-            raise Damage(f"ends inside a packed block at byte {at:,}")
+            raise BrokenBlock(f"ends inside a packed block at byte {at:,}")
         body = self._read(at + HEAD.size, length - HEAD.size)
         _, method, columns, size, packed = PACKED.unpack_from(body)
         if method > 1 or size > RATIO * max(1, packed) or packed > len(body) - PACKED.size:
-            raise Damage(f"is damaged, or packed in a way that is not read, at byte {at:,}")
+            raise BrokenBlock(f"is damaged, or packed in a way that is not read, at byte {at:,}")
         try:
             data = zlib.decompressobj().decompress(body[PACKED.size : PACKED.size + packed], size + 1)
         except zlib.error:
             data = b""
         if len(data) != size:
-            raise Damage(f"is damaged at byte {at:,}")
+            raise BrokenBlock(f"is damaged at byte {at:,}")
         return _upright(data, columns) if method else data
 
     def _head(self, at: int) -> tuple[bytes, int, int]:
         head = self._read(at, HEAD.size)
         if len(head) < HEAD.size:
-            raise Damage(f"ends before byte {at:,}")
+            raise BrokenBlock(f"ends before byte {at:,}")
         mark, length, count = HEAD.unpack(head)
         return mark, length, count
 
@@ -298,5 +298,5 @@ def _link(block: Block, number: int) -> int:
 
 def _unpack(form: struct.Struct, block: Block) -> tuple[Any, ...]:
     if len(block.data) < form.size:
-        raise Damage(f"is damaged at byte {block.at:,}")
+        raise BrokenBlock(f"is damaged at byte {block.at:,}")
     return form.unpack_from(block.data)

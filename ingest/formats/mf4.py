@@ -33,7 +33,17 @@ from ingest.formats._frame_lines import (
     LONGEST_FD,
     SHOWN,
 )
-from ingest.formats._mdf_blocks import LENGTH, OPEN_OFFSETS, Block, Damage, Mdf, MdfChannel, MdfGroup, Records, gathered
+from ingest.formats._mdf_blocks import (
+    LENGTH,
+    OPEN_OFFSETS,
+    Block,
+    BrokenBlock,
+    Mdf,
+    MdfChannel,
+    MdfGroup,
+    Records,
+    gathered,
+)
 
 FILE_HEAD = struct.Struct("<8s8s8s4xH30xHH")  # mark, version, program, version, what is not written yet
 START = struct.Struct("<QhhB")  # ns, offsets [min], flags
@@ -125,8 +135,8 @@ class Mf4Log(Log):
             self._take_start(header.data)
             for data_group in mdf.chain(header.links[0] if header.links else 0, b"##DG"):
                 yield from self._group_parts(mdf, data_group)
-        except Damage as damage:
-            self._problems.append(str(damage))
+        except BrokenBlock as broken:
+            self._problems.append(str(broken))
 
     def _take_start(self, data: bytes) -> None:
         start_ns, _, _, flags = START.unpack_from(data.ljust(START.size, b"\0"))
@@ -149,8 +159,8 @@ class Mf4Log(Log):
                     self._other[kind] += len(table)
             if records.ended:
                 self._problems.append(records.ended)
-        except Damage as damage:
-            self._problems.append(str(damage))
+        except BrokenBlock as broken:
+            self._problems.append(str(broken))
 
     def _part(
         self, mdf: Mdf, records: Records, group: MdfGroup, kind: str, channels: Mapping[str, MdfChannel]
@@ -306,7 +316,7 @@ def _values(table: NDArray[np.uint8], channel: MdfChannel) -> NDArray[Any]:
         return channel.convert(np.arange(len(table)))
     width = (channel.bit + channel.bits + 7) // 8
     if not 0 < width <= 8 or channel.byte + width > table.shape[1]:
-        raise Damage(f'is damaged: channel "{channel.name[:SHOWN]}" lies outside its records')
+        raise BrokenBlock(f'is damaged: channel "{channel.name[:SHOWN]}" lies outside its records')
     octets = table[:, channel.byte : channel.byte + width]
     octets = octets[:, ::-1] if channel.form % 2 and channel.form < TEXTS else octets
     whole = np.zeros((len(table), 8), np.uint8)

@@ -63,7 +63,9 @@ def _files(argument: Path) -> list[Path]:
         pattern = str(Path(glob.escape(pattern)) / "**")
     elif not glob.has_magic(pattern):
         raise IngestError(f"{argument}: there is no such file: correct the path.")
-    found = map(Path, glob.iglob(pattern, recursive=True))  # noqa: PTH207 (a pattern may begin at the root)
+    found = [Path(path) for path in glob.iglob(pattern, recursive=True)]  # noqa: PTH207 (it may begin at the root)
+    if not found:
+        raise IngestError(f"{argument}: nothing fits this pattern: correct the path.")
     files = sorted((path for path in found if path.is_file()), key=lambda path: natural(str(path)))
     stores = {path.parent for path in files if path.name == MARK}
     return [path for path in files if stores.isdisjoint(path.parents)]

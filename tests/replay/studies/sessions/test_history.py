@@ -18,7 +18,7 @@ from replay.cli import main
 from replay.engine.files.models import model_of
 from replay.studies.diagnosis.question import Campaign, Question, campaign_of
 from replay.studies.sessions.history import course_of
-from twin.diagnosis.naming import THRESHOLD, refitted, scored
+from twin.diagnosis.naming import THRESHOLD, scored, uncalibrated, with_refits
 from twin.diagnosis.posterior_mode import linearised
 from twin.diagnosis.refined import under_its_noise
 from twin.differences.everyday import everyday
@@ -93,11 +93,9 @@ def test_ageing_is_found_from_three_sessions_of_one_kind(campaign: Campaign) -> 
         model = _model(campaign, campaign.tests)
         current = fit(model, np.zeros(len(model.parameters)), NEAR_ENOUGH)
         found = scored(under_its_noise(current, campaign.candidates), campaign.candidates)
-        first = found.order()[0]
-        refit = refitted(found.base, found.candidates[first], found.parameters[first])
-    assert str(found.candidates[first].cause) == HIDDEN
+        refit = with_refits(found, lambda _: None, uncalibrated(found.base, len(model.parameters))).best
     assert refit is not None
-    assert refit.possible
+    assert str(refit.candidate.cause) == HIDDEN
     assert refit.log_bayes_factor > THRESHOLD
     assert refit.amplitude < 0  # it conducts less
 
