@@ -98,6 +98,9 @@ def utc_ns(stamp: datetime) -> int:
     return (stamp - EPOCH) // timedelta(microseconds=1) * 1000
 
 
+EARLIEST_NS, LATE_NS = (utc_ns(EPOCH.replace(year=year)) for year in YEARS)  # a log is from the first on
+
+
 @dataclass
 class Log(ABC):
     """An opened log. The counters are final once `batches()` is exhausted."""

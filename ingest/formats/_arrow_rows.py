@@ -20,7 +20,7 @@ import pyarrow.compute as pc
 from numpy.typing import NDArray
 from pyarrow import types
 
-from ingest.formats import EPOCH, YEARS, Log, Rejected, Rows, utc_ns
+from ingest.formats import EARLIEST_NS, LATE_NS, Log, Rejected, Rows
 from ingest.formats._csv_clocks import LATEST_NS, UNITS_NS, Clock, Flags, Ints
 from ingest.formats._csv_dialect import SAMPLE_ROWS, UNIT_IN_NAME, Dialect, unique
 from ingest.formats._csv_numbers import Numerals
@@ -31,7 +31,6 @@ VALUES = 4_000_000  # of a batch, at most
 ROWS = 100_000  # of a batch, at most
 SHOWN = 64  # first bytes of a rejected row
 DAMAGE = (pa.ArrowException, OSError, ValueError, KeyError)  # pyarrow raises these for damaged bytes
-EARLIEST_NS, LATE_NS = (utc_ns(EPOCH.replace(year=year)) for year in YEARS)
 NO_TIME = np.iinfo(np.int64).min  # in place of a missing stamp or duration
 
 Table = Mapping[str, pa.Array]  # columns by name

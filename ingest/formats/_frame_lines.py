@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import re
 from abc import abstractmethod
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from decimal import Decimal
 from typing import ClassVar, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ingest.errors import UnreadableLogError
-from ingest.formats import EPOCH, EXTENDED, YEARS, Frames, Log, Rejected, utc_ns
+from ingest.formats import EARLIEST_NS, EXTENDED, LATE_NS, Frames, Log, Rejected
 from ingest.formats._text import TextFile
 
 LONGEST_CLASSIC, LONGEST_FD, HIGHEST_BUS = 8, 64, 255
@@ -23,7 +24,9 @@ ONLY_BUS = 1  # of a log that does not say on which bus its frames were
 SHOWN = 64  # first bytes of a rejected line
 OCTETS = re.compile(r"(?:[0-9A-Fa-f]{2}(?: |$))*")
 SECOND_DIGITS = 9  # of a second in nanoseconds
-EARLIEST_NS, LATEST_NS = (utc_ns(EPOCH.replace(year=year)) for year in YEARS)
+
+
+Ints = NDArray[np.int64]
 
 
 class OneFrame(NamedTuple):
@@ -130,18 +133,16 @@ class FrameLines(Log):
             return "has no end"
         if frame.bus > HIGHEST_BUS:
             return "its channel is above 255"
-        if self.dated and EARLIEST_NS <= frame.t_ns < LATEST_NS:
+        if self.dated and EARLIEST_NS <= frame.t_ns < LATE_NS:
             self.absolute = True
         elif self._start_ns:
             frame = frame._replace(t_ns=self._start_ns + frame.t_ns)
-        return frame if frame.t_ns < LATEST_NS else "has a stamp that no log can reach"
+        return frame if frame.t_ns < LATE_NS else "has a stamp that no log can reach"
 
     def _finish(self, text: TextFile) -> None:
         self.absolute |= self._start_ns is not None
         self.settings.update(other_lines=self._other, gz=text.packed)
-        says = text.ended
-        if says is None and text.open_line and self.rejected and self.rejected[-1].where == f"line {self._lines:,}":
-            says = f"ends inside line {self._lines:,}"
+        says = text.ended or cut_line(text, self.rejected, self._lines)
         if not self._frames + self._errors:
             raise UnreadableLogError(
                 f"{self.path.name}: {f'{says}: ' if says else ''}no CAN frame is in it ({self._lines:,} lines read). "
@@ -149,6 +150,18 @@ class FrameLines(Log):
             )
         if says:
             self.mark_cut(says, f"{self._frames:,} frames")
+
+
+def cut_line(text: TextFile, rejected: Sequence[Rejected], lines: int) -> str | None:
+    """How a text of so many lines says that it ends inside the last one, which is no record; None where it does not."""
+    where = f"line {lines:,}"
+    return f"ends inside {where}" if text.open_line and rejected and rejected[-1].where == where else None
+
+
+def payloads(data: NDArray[np.uint8], source: Ints, length: Ints) -> tuple[Ints, NDArray[np.uint8]]:
+    """`Frames.offsets` and `Frames.data` of payloads that begin at `source` (N,) in `data`, of `length` (N,) bytes."""
+    offsets = np.concatenate([np.zeros(1, np.int64), np.cumsum(length)])
+    return offsets, data[np.repeat(source - offsets[:-1], length) + np.arange(offsets[-1])]
 
 
 def as_arrays(frames: list[OneFrame], record: list[int]) -> Frames:

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from ingest.errors import UnreadableLogError
 from ingest.formats import EXTENDED, TRANSMIT, Frames, Log, Rejected
 from ingest.formats._asc_lines import STAMP, Line, parse_date, parse_line
-from ingest.formats._frame_lines import HIGHEST_BUS, HIGHEST_ID
+from ingest.formats._frame_lines import ERROR_FRAME, HIGHEST_BUS, HIGHEST_ID, cut_line, payloads
 from ingest.formats._text import TextFile
 
 # A data frame as most lines hold it (hexadecimal, one blank between two bytes), or else any line: one match a line.
@@ -169,9 +169,8 @@ class AscLog(Log):
         says = text.ended
         if says is None and self._inside:
             says = f"ends in line {self._lines:,}, before the end of its trigger block"
-        if says is None and text.open_line and self.rejected and self.rejected[-1].where == f"line {self._lines:,}":
-            says = f"ends inside line {self._lines:,}"
-        if not self._frames and all(entry.why != "error frame" for entry in self.rejected):
+        says = says or cut_line(text, self.rejected, self._lines)
+        if not self._frames and all(entry.why != ERROR_FRAME for entry in self.rejected):
             raise UnreadableLogError(
                 f"{self.path.name}: {f'{says}: ' if says else ''}no CAN frame is in it ({self._lines:,} lines read). "
                 "Copy the file again, or export it as an ASC log of CAN frames."
@@ -226,10 +225,7 @@ class _Table:
 
     def frames(self, at: NDArray[np.int64], t_ns: NDArray[np.int64], record: NDArray[np.int64]) -> Frames:
         """The frames of the lines `at`."""
-        length = self.length[at]
-        offsets = np.concatenate([np.zeros(1, np.int64), np.cumsum(length)])
-        octets = np.repeat(self.source[at] - offsets[:-1], length) + np.arange(offsets[-1])
-        data = np.frombuffer(bytes(self.data), np.uint8)[octets]
+        offsets, data = payloads(np.frombuffer(bytes(self.data), np.uint8), self.source[at], self.length[at])
         return Frames(t_ns, self.bus[at], self.can_id[at], self.flags[at], offsets, data, record)
 
 

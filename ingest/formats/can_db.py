@@ -15,11 +15,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from ingest.errors import UnreadableLogError
-from ingest.formats import FD, REMOTE, Frames, Log, Rejected
+from ingest.formats import EARLIEST_NS, FD, LATE_NS, REMOTE, Frames, Log, Rejected
 from ingest.formats._frame_lines import (
-    EARLIEST_NS,
     ERROR_FRAME,
-    LATEST_NS,
     LONGEST_CLASSIC,
     LONGEST_FD,
     ONLY_BUS,
@@ -34,7 +32,7 @@ from ingest.formats._frame_lines import (
 COLUMNS = ("ts", "arbitration_id", "extended", "remote", "error", "dlc", "data")
 DAMAGE = (sqlite3.Error, UnicodeDecodeError)  # the latter where its words for the damage hold damaged bytes
 BATCH = 100_000  # rows that are read at once
-LATEST_S = LATEST_NS / 1e9
+LATEST_S = LATE_NS / 1e9
 
 
 @dataclass

@@ -48,6 +48,7 @@ class CsvLog(Log):
     """A table, read from front to back in bounded memory."""
 
     line: ClassVar[str] = "line"  # what one row of the table is called
+    unsaid: ClassVar[tuple[str, ...]] = ()  # settings of a text that such a file does not have
     _dialect: Dialect = field(init=False)
     _clock: Clock = field(init=False)
     _numeric: tuple[bool, ...] = ()
@@ -254,6 +255,8 @@ class CsvLog(Log):
 
     def _finish(self, text: TextFile) -> None:
         self.settings.update(gz=text.packed, backward_steps=self._back, **self._clock.counted())
+        for name in self.unsaid:
+            self.settings.pop(name, None)
         ended = text.ended
         if ended is None and text.open_line and self.rejected and self.rejected[-1].record == self.found - 1:
             ended = f"ends inside {self.line} {self._lines:,}"

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 from datetime import datetime
 
 from ingest.errors import UnreadableLogError
-from ingest.formats import EPOCH, Rows, TimeSpec, utc_ns
+from ingest.formats import EPOCH, TimeSpec, utc_ns
 from ingest.formats._text import TextFile
 from ingest.formats.csv import CsvLog
 
@@ -24,7 +24,6 @@ SECOND_NS = 1_000_000_000
 SINCE_1904_NS = utc_ns(EPOCH.replace(year=1904))
 LEAST_ABSOLUTE_S, LATEST_S = 1e9, 9e9  # of an X that counts from 1904, and of any
 ROW_BEGINS = tuple("0123456789+-.,\t ")
-OF_TEXT = ("delimiter", "decimal", "units_row", "time_column")  # settings that such a file does not have
 
 
 @dataclass
@@ -160,13 +159,8 @@ def _decoded(block: bytes) -> str:
 class LvmLog(CsvLog):
     """A LabVIEW measurement file, read from front to back in bounded memory."""
 
+    unsaid = ("delimiter", "decimal", "units_row", "time_column")
     _file: _LvmText = field(init=False)
-
-    def batches(self) -> Iterator[Rows]:
-        """Rows in file order. Raises UnreadableLogError where the file holds no row with a time."""
-        yield from super().batches()
-        for name in OF_TEXT:
-            self.settings.pop(name, None)
 
     def _text(self) -> TextFile:
         self._file = _LvmText(self.path, time=self.time)

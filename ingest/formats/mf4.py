@@ -20,18 +20,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ingest.errors import UnreadableLogError
-from ingest.formats import EPOCH, EXTENDED, FD, REMOTE, TRANSMIT, Frames, Log, Rejected
+from ingest.formats import EARLIEST_NS, EPOCH, EXTENDED, FD, LATE_NS, REMOTE, TRANSMIT, Frames, Log, Rejected
 from ingest.formats._frame_lines import (
-    EARLIEST_NS,
     ERROR_FRAME,
     FD_LENGTHS,
     HIGHEST_BUS,
     HIGHEST_ID,
     HIGHEST_STANDARD,
-    LATEST_NS,
     LONGEST_CLASSIC,
     LONGEST_FD,
     SHOWN,
+    Ints,
+    payloads,
 )
 from ingest.formats._mdf_blocks import (
     LENGTH,
@@ -59,8 +59,6 @@ TIMES = (2, 3)  # kinds of a channel of time
 VIRTUAL = (3, 6)  # kinds of a channel that lies in no record
 VARIABLE = 1
 FARTHEST_S = 1e9
-
-Ints = NDArray[np.int64]
 
 
 WHY = (
@@ -140,9 +138,9 @@ class Mf4Log(Log):
 
     def _take_start(self, data: bytes) -> None:
         start_ns, _, _, flags = START.unpack_from(data.ljust(START.size, b"\0"))
-        if flags & LOCAL_TIME and start_ns < LATEST_NS:
+        if flags & LOCAL_TIME and start_ns < LATE_NS:
             start_ns = self.time.wall_ns((EPOCH + timedelta(microseconds=start_ns // 1000)).replace(tzinfo=None)) or 0
-        dated = EARLIEST_NS <= start_ns < LATEST_NS
+        dated = EARLIEST_NS <= start_ns < LATE_NS
         self.absolute = dated or self.time.start_ns is not None
         self._start_ns = self.time.start_ns if self.time.start_ns is not None else start_ns if dated else 0
 
@@ -197,7 +195,7 @@ class Mf4Log(Log):
         seconds = _values(table, channel).astype(np.float64) if channel else np.full(len(table), np.nan)
         late = ~(np.abs(seconds) < FARTHEST_S)
         t_ns = self._start_ns + np.rint(np.where(late, 0.0, seconds) * 1e9).astype(np.int64)
-        return t_ns, late | (t_ns < 0) | (t_ns >= LATEST_NS)
+        return t_ns, late | (t_ns < 0) | (t_ns >= LATE_NS)
 
     def _ordered(self, parts: list[_Part]) -> Iterator[Frames]:
         """The frames of all groups, each group's in its own order, groups one among the other by time."""
@@ -230,16 +228,14 @@ def _joined(parts: list[_Part]) -> _Part:
 
 def _frames(whole: _Part, at: Ints, record: Ints) -> Frames:
     """The frames `at` (M,)."""
-    length = whole.length[at]
-    offsets = np.concatenate([np.zeros(1, np.int64), np.cumsum(length)])
-    octets = np.repeat(whole.source[at] - offsets[:-1], length) + np.arange(offsets[-1])
+    offsets, data = payloads(whole.data, whole.source[at], whole.length[at])
     return Frames(
         whole.t_ns[at],
         whole.bus[at].astype(np.uint8),
         whole.can_id[at].astype(np.uint32),
         whole.flags[at].astype(np.uint8),
         offsets,
-        whole.data[octets],
+        data,
         record,
     )
 

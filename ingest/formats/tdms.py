@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ingest.errors import UnreadableLogError
-from ingest.formats import EPOCH, YEARS, Log, Rejected, Rows, utc_ns
+from ingest.formats import EARLIEST_NS, EPOCH, LATE_NS, Log, Rejected, Rows, utc_ns
 from ingest.formats._csv_clocks import LATEST_NS, UNITS_NS
 from ingest.formats._csv_time import base_and_unit, is_time_name, rises
 from ingest.formats._tdms_file import (
@@ -42,7 +42,6 @@ SHOWN = 64  # first bytes of a rejected row
 SECOND_NS = 1_000_000_000
 SINCE_1904_S = (2.9e9, 4.3e9)  # a column of seconds between these counts from 1904, as LabVIEW does: years 1995 to 2040
 SINCE_1970_S = (1e9, 2.9e9)  # and between these from 1970
-EARLIEST_NS, LATE_NS = (utc_ns(EPOCH.replace(year=year)) for year in YEARS)
 
 Ints = NDArray[np.int64]
 Flags = NDArray[np.bool_]

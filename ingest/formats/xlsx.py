@@ -13,7 +13,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from datetime import date, datetime, time, timedelta
 from itertools import islice
-from typing import Any, ClassVar
+from typing import Any
 
 from ingest.errors import UnreadableLogError, not_installed
 from ingest.formats import ALWAYS, RATIO, Rows, _csv_numbers
@@ -24,7 +24,6 @@ from ingest.formats.csv import CsvLog
 from ingest.texts.nearest import hint
 
 TOGETHER = 2000  # rows that are handed on at once
-OF_TEXT = ("encoding", "delimiter", "decimal", "gz")  # settings that a workbook does not have
 DAMAGE = Exception  # calamine's own, and what a damaged byte leads to beneath it
 
 
@@ -76,7 +75,8 @@ class _SheetText(TextFile):
 class XlsxLog(CsvLog):
     """The table of a workbook."""
 
-    line: ClassVar[str] = "row"
+    line = "row"
+    unsaid = ("encoding", "delimiter", "decimal", "gz")
     _sheet: Any = None
 
     def batches(self) -> Iterator[Rows]:
@@ -84,8 +84,6 @@ class XlsxLog(CsvLog):
         missing."""
         self._open()
         yield from super().batches()
-        for name in OF_TEXT:
-            self.settings.pop(name, None)
 
     def _text(self) -> TextFile:
         return _SheetText(self.path, sheet=self._sheet)

@@ -4,7 +4,7 @@ it sharper."""
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping
 
 from twin.diagnosis.pooling import family, kinds, regions
 from twin.fitting import actions
@@ -26,7 +26,7 @@ LOSSES = ("a no-load speed ladder", "another current at one speed", MEASURED_LOS
 COPPER = ("direct current at standstill with the resistance measured", MEASURED_LOSS)
 PATHS = ("sensors at both ends", "a step of the coolant's flow or temperature")
 LAGS = ("a step of load",)
-SHARPER = {  # kind -> the tests that would tell more of it, each alone
+SHARPER: Mapping[str, tuple[str, ...]] = {  # kind -> the tests that would tell more of it, each alone
     "capacity": LAGS,
     "conductance": PATHS,
     "sensor": ("a session at standstill at ambient temperature", "a second sensor there"),
@@ -34,7 +34,7 @@ SHARPER = {  # kind -> the tests that would tell more of it, each alone
     "clock": ("a step that every logger records",),
     "input": ("a second reading of it",),
     "boundary": ("a second sensor of it",),
-    "start": "a longer rest before the test",
+    "start": ("a longer rest before the test",),
 }
 
 
@@ -154,7 +154,7 @@ class Plain:
         *others, last = dict.fromkeys(test for one in parameters for test in self._sharper(one))
         return ", ".join([*others, f"or {last}"]) if others else last
 
-    def _sharper(self, parameter: Parameter) -> Sequence[str]:
+    def _sharper(self, parameter: Parameter) -> tuple[str, ...]:
         kind, term = self.kind_and_place(parameter)[0], self._term(parameter)
         if isinstance(parameter.action, sensor_laws.Lag):
             return LAGS

@@ -2,7 +2,8 @@
 
 The motor is calibrated under broad noise, then under fitted noise. Every candidate is scored with all else integrated
 out; where a free heat at one node explains more than any of them, nothing is named. Else the leading ones are refitted
-in full, the best enters where it beats the threshold, and at the end every one that entered is left out once.
+in full, and the one that leads at the file's own values, from there; the best enters where it beats the threshold, and
+at the end every one that entered is left out once.
 """
 
 from __future__ import annotations
@@ -27,7 +28,6 @@ from twin.errors import DivergedError
 from twin.fitting.actions import Parameter
 from twin.fitting.fit import NEAR_ENOUGH, Fit, fit
 from twin.fitting.model import Floats, Model
-from twin.motor.causes import Cause
 
 THRESHOLD = 6.0  # ln BF that a term must exceed; healthy motors of another form set it (benchmarks/trials.py)
 MOST_TERMS = 5
@@ -180,14 +180,14 @@ def with_refits(found: Round, tell: Tell, other_start: Floats | None = None) -> 
     """The round with its leading candidates refitted, without those that would take away more than there is, and the
     one that leads at the vector `other_start`, from there: calibration goes so far to stand in for a large cause that
     its score says little where that ends. All begin, those that may still come near the best go on."""
-    starts = _starts(found) + ([] if other_start is None else _leading_at(found, other_start))
+    leading = _leading(found) + ([] if other_start is None else _leading_at(found, other_start))
 
-    def begun(start: _Start) -> Refit | None:
-        tell(f"refitting {start.candidate.cause}")
-        return _refitted(found.base, start)
+    def begun(one: _Leading) -> Refit | None:
+        tell(f"refitting {one[0].cause}")
+        return refitted(found.base, *one)
 
     with ThreadPoolExecutor(2) as pool:
-        first = list(pool.map(begun, starts))
+        first = list(pool.map(begun, leading))
         refits = [r for r in first if r is not None]
         while True:
             best = max((r.promised for r in refits if r.possible), default=0.0)
@@ -195,63 +195,49 @@ def with_refits(found: Round, tell: Tell, other_start: Floats | None = None) -> 
             if not any(further):
                 break
             refits = list(pool.map(lambda r, on: _went_on(found.base, r) if on else r, refits, further))
-    lost = [str(start.candidate.cause) for start, refit in zip(starts, first, strict=True) if refit is None]
+    lost = [str(candidate.cause) for (candidate, *_), refit in zip(leading, first, strict=True) if refit is None]
     return replace(found, refits=_each_once(refits), dropped=(*found.dropped, *lost))
 
 
 def _each_once(refits: Sequence[Refit]) -> tuple[Refit, ...]:
     """Of a candidate that was refitted from two places, the better refit."""
-    better: dict[Cause, Refit] = {}
-    for one in sorted(refits, key=lambda refit: refit.log_bayes_factor):
-        better[one.candidate.cause] = one
+    better = {one.candidate.cause: one for one in sorted(refits, key=lambda refit: refit.log_bayes_factor)}
     return tuple(one for one in refits if better[one.candidate.cause] is one)
 
 
-@dataclass(frozen=True)
-class _Start:
-    """Where the refit of a candidate begins: `beta` (p + 1,), its amplitude last."""
-
-    candidate: Candidate
-    parameter: Parameter
-    beta: Floats
+_Leading = tuple[Candidate, Parameter, Floats | None]  # and where its refit starts, as in `refitted`
 
 
-def _starts(found: Round) -> list[_Start]:
-    """Of those that lead at the round's own fit: from where each does what healthy differences did in its place
-    (`twin.diagnosis.taking_over`)."""
+def _leading(found: Round) -> list[_Leading]:
     linear, leading = found.scores.log_bayes_factor, found.possible()[:REFITTED]
     least = max([WORTH_REFITTING, *linear[leading[:1]] - FAR_BEHIND])
-    return [_taking_over(found.base, found.candidates[i], found.parameters[i]) for i in leading if linear[i] >= least]
+    return [(found.candidates[i], found.parameters[i], None) for i in leading if linear[i] >= least]
 
 
-def _leading_at(found: Round, beta: Floats) -> list[_Start]:
-    """Of the one that leads at a vector; none where the model runs away there."""
+def _leading_at(found: Round, beta: Floats) -> list[_Leading]:
+    """The one that leads at a vector; none where the model runs away there."""
     try:
         there = scored(fit(found.base.model, beta, linearisations=1), found.candidates)
     except DivergedError:
         return []
     leading = [i for i in there.possible()[:1] if there.scores.log_bayes_factor[i] >= WORTH_REFITTING]
     amounts = there.scores.amplitude
-    return [_Start(there.candidates[i], there.parameters[i], np.append(beta, amounts[i])) for i in leading]
+    return [(there.candidates[i], there.parameters[i], np.append(beta, amounts[i])) for i in leading]
 
 
-def _taking_over(current: Fit, candidate: Candidate, parameter: Parameter) -> _Start:
-    beta, amplitude = taken_over(current, candidate, parameter)
-    inside = 1e-3 * parameter.sd if parameter.low == 0.0 else 0.0
-    return _Start(candidate, parameter, np.append(beta, amplitude or inside))
-
-
-def refitted(current: Fit, candidate: Candidate, parameter: Parameter) -> Refit | None:
-    """The first linearisations of the fit with one more term. None where it runs away."""
-    return _refitted(current, _taking_over(current, candidate, parameter))
-
-
-def _refitted(current: Fit, start: _Start) -> Refit | None:
+def refitted(current: Fit, candidate: Candidate, parameter: Parameter, start: Floats | None = None) -> Refit | None:
+    """The first linearisations of the fit with one more term, from the vector `start` (p + 1,), its amplitude last, or
+    else from where the term does what healthy differences did in its place (`twin.diagnosis.taking_over`). None where
+    it runs away."""
+    if start is None:
+        beta, amplitude = taken_over(current, candidate, parameter)
+        inside = 1e-3 * parameter.sd if parameter.low == 0.0 else 0.0
+        start = np.append(beta, amplitude or inside)
     try:
-        found = fit(current.model.plus([start.parameter]), start.beta, NEAR_ENOUGH, FIRST_LINEARISATIONS)
+        found = fit(current.model.plus([parameter]), start, NEAR_ENOUGH, FIRST_LINEARISATIONS)
     except (DivergedError, np.linalg.LinAlgError):
         return None
-    return _compared(found, current, start.candidate, start.parameter, len(found.beta) - 1)
+    return _compared(found, current, candidate, parameter, len(found.beta) - 1)
 
 
 def _went_on(current: Fit, begun: Refit) -> Refit:
