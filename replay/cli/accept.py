@@ -11,6 +11,7 @@ from replay.cli.answer import Answer, provenance, store_folder
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("diagnosis", metavar="DIAGNOSIS", help="id of a diagnosis, or its beginning, as d-4f0c")
+    parser.add_argument("--steps", type=int, metavar="N", help="the first N steps of its chain alone")
 
 
 def run(args: argparse.Namespace) -> Answer:
@@ -18,7 +19,7 @@ def run(args: argparse.Namespace) -> Answer:
     from replay.studies.diagnosis.accept import accept
 
     with Store.open(store_folder(args), write=True) as store:
-        done = accept(store, args.diagnosis)
+        done = accept(store, args.diagnosis, args.steps)
         event = done.event
         data = {
             "schema": "whyhot.acceptance/1",

@@ -34,11 +34,12 @@ from replay.studies.diagnosis.answer import Diagnosis, document, read
 from replay.studies.diagnosis.diagnose import diagnose
 
 INTRO = """\
-Five bench recordings of a water-cooled interior-magnet motor, and the thermal network that its authors published for it
+Eleven bench recordings of a water-cooled interior-magnet motor, and the thermal network that its authors published
 (IEEE Trans. Power Electronics 2024, DOI 10.1109/TPEL.2024.3409388; data under MIT licence, examples/hust_motor)."""
 
-WHY = "Why? Learnt from id_3 and id_9, kept id_1, id_10 and id_12:"
-LEARN, KEEP = ("id_3", "id_9"), ("id_1", "id_10", "id_12")
+WHY = "Why? Learnt from the first eight, id_0 to id_9, kept id_10, id_12 and id_14:"
+LEARN = ("id_0", "id_1", "id_2", "id_3", "id_4", "id_6", "id_7", "id_9")
+KEEP = ("id_10", "id_12", "id_14")
 
 HIDDEN = """\
 And a campaign with a hidden effect: CAN logs of a simulated 150 kW motor that differs from its motor file in \
@@ -81,7 +82,7 @@ def run_demo(folder: Path, store_folder: Path) -> Demo:
 
 
 def _real_motor(folder: Path, store_folder: Path) -> Demo:
-    """The first half: five recordings of a real motor."""
+    """The first half: eleven recordings of a real motor."""
     motor = example("hust_motor")
     if store_folder == folder / "store":
         shutil.rmtree(store_folder, ignore_errors=True)

@@ -11,6 +11,7 @@ import numpy as np
 from made.runs import made_run
 from replay.engine.results.run import Observed, Run
 from replay.studies.diagnosis.answer import (
+    ChainStep,
     Diagnosis,
     EvidenceParts,
     KeptGain,
@@ -228,9 +229,34 @@ NAMED = Diagnosis(
 NOTHING_ADDED: dict[str, Any] = {
     **dict.fromkeys(("extended_model", "log_score_gain", "log_score_gain_lower", "two_models")),
 }
+
+
+def step(number: int, cause: Named | None, better: int, left_out: float, kept: float) -> ChainStep:
+    """A step of a chain with errors at two nodes, the second twice the first."""
+    return ChainStep(
+        step=number,
+        id=cause.id if cause else None,
+        told_together=[],
+        formula=cause.formula if cause else "",
+        log_bayes_factor=cause.log_bayes_factor if cause else None,
+        sessions_better=better,
+        sessions=3,
+        left_out_mae_K={"magnet": left_out, "rotor_surface": 2 * left_out},
+        kept_mae_K={"magnet": kept, "rotor_surface": 2 * kept} if kept else {},
+        model="9ac1f00d" * 8,
+        bench=None,
+    )
+
+
 SEVERAL = replace(
     NAMED,
     causes=[EDDY, BIAS],
+    chain=[
+        step(-1, None, 0, 6.0, 5.0),
+        step(0, None, 3, 4.0, 3.4),
+        step(1, EDDY, 2, 1.0, 1.2),
+        step(2, BIAS, 3, 0.6, 0.8),
+    ],
     extended_bench="be4c4000" * 8,
     masked=[
         Masked(

@@ -4,6 +4,12 @@ The motor is calibrated under broad noise, then under fitted noise. Every candid
 out; where a free heat at one node explains more than any of them, nothing is named. Else the leading ones are refitted
 in full, and the one that leads at the file's own values, from there; the best enters where it beats the threshold, and
 at the end every one that entered is left out once.
+
+Where what is left is no larger than a lumped model's own error, evidence judges alone: a session left out is another
+kind of test, which any freer law helps. Where it is far above that, the file's form is wrong, and the same samples that
+make evidence do not make truth: there a term enters only where each session, predicted from the others, allows it and
+all together ask for it, and of several the one that they ask for most. Fewer than four sessions cannot say that; there
+the leading term is the only one.
 """
 
 from __future__ import annotations
@@ -15,12 +21,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import log_ndtr
 
-from twin.diagnosis.evidence import Scores, null_quantile, score
+from twin.diagnosis.evidence import TOLD_APART, Scores, null_quantile, score
 from twin.diagnosis.evidence_split import EvidenceSplit, split
 from twin.diagnosis.free_heats import free_heats
+from twin.diagnosis.left_out import LeftOut, left_out
 from twin.diagnosis.patchwork import is_patchwork
-from twin.diagnosis.posterior_mode import linearised, stacked
+from twin.diagnosis.posterior_mode import linearised, rises, stacked
 from twin.diagnosis.refined import Tell, refined
+from twin.diagnosis.reml import is_wrong_in_form
 from twin.diagnosis.taking_over import taken_over
 from twin.diagnosis.unknown import FreeHeat
 from twin.differences.candidates import Candidate
@@ -30,8 +38,10 @@ from twin.fitting.fit import NEAR_ENOUGH, Fit, fit
 from twin.fitting.model import Floats, Model
 
 THRESHOLD = 6.0  # ln BF that a term must exceed; healthy motors of another form set it (benchmarks/trials.py)
-MOST_TERMS = 5
+MOST_TERMS = 5  # by evidence alone
+ENOUGH_SESSIONS = 4  # of a file whose form is wrong: fewer do not say what holds on a session left out
 REFITTED, WORTH_REFITTING = 5, 4.0  # how many, and from which linear ln BF on
+ASKED_ABOUT = 8  # of them, where sessions left out judge
 FAR_BEHIND = 10.0  # behind the leading one in linear ln BF: not refitted
 FIRST_LINEARISATIONS, REFIT_LINEARISATIONS = 4, 15  # of every refit, and of those that may still come near the best
 OUT_OF_REACH = 6.0  # a search stops that promises to stay so far behind the best: twice what tells two apart
@@ -46,7 +56,7 @@ def is_possible(parameter: Parameter, amplitude: float) -> bool:
 @dataclass(frozen=True)
 class Refit:
     """A candidate after a full fit: ln BF against the model without it by Laplace and where that comes from, amplitude
-    and its sd."""
+    and its sd. `left_out`: what it says of sessions left out, where these judge and evidence would let it in."""
 
     candidate: Candidate
     parameter: Parameter
@@ -55,6 +65,7 @@ class Refit:
     amplitude: float
     sd: float
     evidence: EvidenceSplit
+    left_out: LeftOut | None = None
 
     @property
     def possible(self) -> bool:
@@ -76,7 +87,8 @@ class Refit:
 class Round:
     """One search for one more term at the fit `base` without it: all `candidates` with their `parameters`, `scores`,
     and `gram` (m, m) V'P V; `null`, the 95 % quantile of the best ln BF by chance; `refits` of the leading ones; ids of
-    those that are `dropped` as the model runs away with them."""
+    those that are `dropped` as the model runs away with them; what the base says of sessions left out (`left_out`),
+    where these judge."""
 
     base: Fit
     candidates: tuple[Candidate, ...]
@@ -86,11 +98,29 @@ class Round:
     null: float
     refits: tuple[Refit, ...]
     dropped: tuple[str, ...]
+    left_out: LeftOut | None = None
 
     @property
     def best(self) -> Refit | None:
-        """The best of the refits that are possible."""
-        return max((r for r in self.refits if r.possible), key=lambda r: r.log_bayes_factor, default=None)
+        """The best of the refits that are possible: by evidence, or of those that hold by sessions left out."""
+        possible = [r for r in self.refits if r.possible]
+        if self.left_out is None:
+            return max(possible, key=lambda r: r.log_bayes_factor, default=None)
+        return max(filter(self.holds, possible), key=lambda r: float(self.gained(r).sum()), default=None)
+
+    def gained(self, refit: Refit) -> Floats:
+        """(s,) by how much ln density each session left out gains by a refit that evidence would let in."""
+        assert self.left_out is not None and refit.left_out is not None, "sessions left out do not judge this refit"
+        return refit.left_out.gained(self.left_out)
+
+    def holds(self, refit: Refit) -> bool:
+        """Whether sessions left out ask for a refit as evidence must, with a smaller error, and none speaks against
+        it."""
+        if self.left_out is None or refit.left_out is None:
+            return False
+        said = self.gained(refit)
+        nearer = refit.left_out.mean_K() < self.left_out.mean_K()
+        return nearer and bool(said.sum() > THRESHOLD and said.min() > -TOLD_APART)
 
     def order(self) -> list[int]:
         """Candidates, best linear score first."""
@@ -107,7 +137,7 @@ class Naming:
     """`rounds` in the order of the search; the last one found nothing more, or the most terms were reached. `accepted`:
     the terms that survived, with ln BF of leaving each out; `final`: the fit with them; `left_out`: terms that did not
     survive, with theirs; `heats`: free heats about the first fit, highest ln BF first; `patchwork`: terms that survived
-    only together, none of them named."""
+    only together, none of them named; whether what is left says that the file's form is wrong (`wrong_in_form`)."""
 
     rounds: tuple[Round, ...]
     accepted: tuple[Refit, ...]
@@ -116,6 +146,17 @@ class Naming:
     heats: tuple[FreeHeat, ...]
     threshold: float
     patchwork: tuple[Refit, ...] = ()
+    wrong_in_form: bool = False
+
+    @property
+    def judged(self) -> bool:
+        """Whether sessions left out had to hold for each term."""
+        return self.wrong_in_form and not self.few_sessions
+
+    @property
+    def few_sessions(self) -> bool:
+        """Whether the file's form is wrong and sessions are too few to leave any out."""
+        return self.wrong_in_form and len(self.final.model.tests) < ENOUGH_SESSIONS
 
     @property
     def is_unknown(self) -> bool:
@@ -138,23 +179,26 @@ def search(
     tell("scoring")
     first = scored(current, candidates)
     tell("looking for heat that no candidate explains")
-    found = Naming((first,), (), (), current, free_heats(current), threshold)
+    wrong_in_form = is_wrong_in_form(current.model.noise, rises(model))
+    found = Naming((first,), (), (), current, free_heats(current), threshold, wrong_in_form=wrong_in_form)
     if found.is_unknown:
         return found
-    rounds = [with_refits(first, tell, uncalibrated(current, len(model.parameters)))]
+    judging = found.judged
+    most = 1 if found.few_sessions else len(candidates) if judging else MOST_TERMS
+    rounds = [with_refits(first, tell, uncalibrated(current, len(model.parameters)), judging)]
     accepted: list[tuple[Candidate, Parameter]] = []
     while True:
         best = rounds[-1].best
-        if best is None or best.log_bayes_factor <= max(threshold, rounds[-1].null) or len(accepted) == MOST_TERMS:
+        if best is None or best.log_bayes_factor <= max(threshold, rounds[-1].null) or len(accepted) == most:
             break
         accepted.append((best.candidate, best.parameter))
         current = refined(best.fit, candidates, model.parameters, tell)
         tell("scoring")
         left = [c for c in candidates if c not in [a for a, _ in accepted]]
-        rounds.append(with_refits(scored(current, left), tell))
+        rounds.append(with_refits(scored(current, left), tell, judging=judging))
     tell("leaving out")
     found = _eliminated(replace(found, rounds=tuple(rounds), final=current), accepted, model)
-    if is_patchwork([(r.candidate, r.log_bayes_factor) for r in found.accepted], model.network):
+    if not judging and is_patchwork([(r.candidate, r.log_bayes_factor) for r in found.accepted], model.network):
         return replace(found, accepted=(), patchwork=found.accepted, final=first.base)
     return found
 
@@ -176,11 +220,12 @@ def uncalibrated(current: Fit, healthy: int) -> Floats:
     return np.append(np.zeros(healthy), current.beta[healthy:])
 
 
-def with_refits(found: Round, tell: Tell, other_start: Floats | None = None) -> Round:
+def with_refits(found: Round, tell: Tell, other_start: Floats | None = None, judging: bool = False) -> Round:
     """The round with its leading candidates refitted, without those that would take away more than there is, and the
     one that leads at the vector `other_start`, from there: calibration goes so far to stand in for a large cause that
-    its score says little where that ends. All begin, those that may still come near the best go on."""
-    leading = _leading(found) + ([] if other_start is None else _leading_at(found, other_start))
+    its score says little where that ends. All begin, those that may still come near the best go on. Where sessions left
+    out are `judging`, evidence says only which candidates they are asked about: none is far behind or out of reach."""
+    leading = _leading(found, judging) + ([] if other_start is None else _leading_at(found, other_start))
 
     def begun(one: _Leading) -> Refit | None:
         tell(f"refitting {one[0].cause}")
@@ -191,12 +236,20 @@ def with_refits(found: Round, tell: Tell, other_start: Floats | None = None) -> 
         refits = [r for r in first if r is not None]
         while True:
             best = max((r.promised for r in refits if r.possible), default=0.0)
-            further = [not r.ended and r.promised > best - OUT_OF_REACH for r in refits]
+            further = [not r.ended and (judging or r.promised > best - OUT_OF_REACH) for r in refits]
             if not any(further):
                 break
             refits = list(pool.map(lambda r, on: _went_on(found.base, r) if on else r, refits, further))
     lost = [str(candidate.cause) for (candidate, *_), refit in zip(leading, first, strict=True) if refit is None]
-    return replace(found, refits=_each_once(refits), dropped=(*found.dropped, *lost))
+    found = replace(found, refits=_each_once(refits), dropped=(*found.dropped, *lost))
+    return judged(found) if judging else found
+
+
+def judged(found: Round) -> Round:
+    """The round with what sessions left out say of its base and of every refit that evidence would let in."""
+    let_in = [refit.log_bayes_factor > THRESHOLD for refit in found.refits]
+    said = [replace(r, left_out=left_out(r.fit)) if ok else r for r, ok in zip(found.refits, let_in, strict=True)]
+    return replace(found, refits=tuple(said), left_out=left_out(found.base))
 
 
 def _each_once(refits: Sequence[Refit]) -> tuple[Refit, ...]:
@@ -208,9 +261,9 @@ def _each_once(refits: Sequence[Refit]) -> tuple[Refit, ...]:
 _Leading = tuple[Candidate, Parameter, Floats | None]  # and where its refit starts, as in `refitted`
 
 
-def _leading(found: Round) -> list[_Leading]:
-    linear, leading = found.scores.log_bayes_factor, found.possible()[:REFITTED]
-    least = max([WORTH_REFITTING, *linear[leading[:1]] - FAR_BEHIND])
+def _leading(found: Round, judging: bool) -> list[_Leading]:
+    linear, leading = found.scores.log_bayes_factor, found.possible()[: ASKED_ABOUT if judging else REFITTED]
+    least = WORTH_REFITTING if judging else max([WORTH_REFITTING, *linear[leading[:1]] - FAR_BEHIND])
     return [(found.candidates[i], found.parameters[i], None) for i in leading if linear[i] >= least]
 
 

@@ -33,6 +33,8 @@ BOUNDS_K = (1e-3, 5.0)
 DRAWS = 16
 FIRST_PASS, SECOND_PASS = 2, 10  # steps of expectation maximisation
 CONVERGED = 0.01  # largest change of ln sd
+WRONG_IN_FORM = 2.0  # times the floor of the slow part: from there on a channel says that the model's form is wrong
+FORM_TAU_S = 60.0  # of the fast part of what a wrong form leaves
 
 
 @dataclass(frozen=True)
@@ -60,8 +62,7 @@ def reml(
     """
     _check(observed, precision, rise_K)
     channels = dict.fromkeys(o.series.channel for o in observed)
-    least_K = BOUNDS_K[0]
-    floors = {c: (max(least_K, AR_FLOOR_SHARE * rise_K[c]), max(least_K, OU_FLOOR_SHARE * rise_K[c])) for c in channels}
+    floors = {c: floor(rise_K[c]) for c in channels}
     z = _orthogonal_draws(len(precision))
     tried: list[dict[str, ChannelNoise]] = []
     for tau_a, share in itertools.product(AR_TAUS_S, OU_SHARES):
@@ -72,6 +73,31 @@ def reml(
         tried.append(_climb(observed, precision, start, floors, z, FIRST_PASS))
     best = max(tried, key=lambda noise: log_evidence(observed, precision, noise))
     return _climb(observed, precision, best, floors, z, SECOND_PASS)
+
+
+def floor(rise_K: float) -> tuple[float, float]:
+    """Least fast and slow sd [K] of a channel that rises so far."""
+    return max(BOUNDS_K[0], AR_FLOOR_SHARE * rise_K), max(BOUNDS_K[0], OU_FLOOR_SHARE * rise_K)
+
+
+def is_wrong_in_form(noise: Noise, rise_K: Mapping[str, float]) -> bool:
+    """Whether any channel is so far off that the model's form must be wrong, not its numbers."""
+    return any(own.ou_sd > WRONG_IN_FORM * floor(rise_K[channel])[1] for channel, own in noise.items())
+
+
+def as_fast_as_slow(noise: Noise, rise_K: Mapping[str, float]) -> dict[str, ChannelNoise]:
+    """The noise with each channel's fast part at least as large as its slow one is beyond the floor.
+
+    A slow discrepancy above its floor is the form of the model that is wrong, and a wrong form is wrong at every step
+    of an input too. Likelihood sees little of that, as steps are few among quiet hours, and would let tenths of a
+    kelvin at a stop outweigh kelvins that are held for an hour.
+    """
+    return {channel: _with_fast(own, floor(rise_K[channel])[1]) for channel, own in noise.items()}
+
+
+def _with_fast(noise: ChannelNoise, slow_floor: float) -> ChannelNoise:
+    of_form = float(np.sqrt(max(0.0, noise.ou_sd**2 - slow_floor**2)))
+    return noise if of_form <= noise.ar_sd else replace(noise, ar_sd=of_form, ar_tau_s=FORM_TAU_S)
 
 
 def _check(observed: Every, precision: Array, rise_K: Mapping[str, float]) -> None:

@@ -49,12 +49,16 @@ def told_apart(found: Round, leader: Candidate, log_bf_unknown: float) -> ToldAp
 
 
 def _refitted(found: Round) -> tuple[Floats, Floats, NDArray[np.bool_]]:
-    """ln BF and amplitude of every candidate, of its refit where it has one, and whether it has."""
+    """ln BF and amplitude of every candidate, of its refit where it has one, and whether it has. Where sessions left
+    out judge, a refit is worth no more than they ask for it, and nothing where they do not."""
     log_bf, amplitude = found.scores.log_bayes_factor.copy(), found.scores.amplitude.copy()
     refitted = np.zeros(len(log_bf), dtype=np.bool_)
     for refit in found.refits:
         i = found.candidates.index(refit.candidate)
         log_bf[i], amplitude[i], refitted[i] = refit.log_bayes_factor, refit.amplitude, True
+        if refit.left_out is not None:
+            asked = float(found.gained(refit).sum()) if found.holds(refit) else 0.0
+            log_bf[i] = min(asked, refit.log_bayes_factor)
         if not refit.possible:
             log_bf[i] = min(0.0, refit.log_bayes_factor)  # it fits, and is not what its name says
     return log_bf, amplitude, refitted

@@ -80,7 +80,7 @@ _BOTH = ("speed_current", "speed_current2", "speed2_current", "speed2_current2")
 _ROTATING = ("constant", "speed", "speed2", "speed3", "current2", *_BOTH)
 LOSS_LAWS = {  # region -> laws of a heat there that some mechanism follows
     # contacts, AC, rotor field
-    "copper": ("constant", "current", "current2", "speed2", "speed_current2", "speed2_current2"),
+    "copper": ("constant", "current", "current2", "speed", "speed1.5", "speed2", "speed_current2", "speed2_current2"),
     # PWM ripple at standstill, hysteresis, eddies, load
     "iron": ("constant", "speed", "speed1.5", "speed2", "current2", *_BOTH),
     "magnet": _ROTATING,

@@ -32,6 +32,7 @@ PATH_SHARE, MOST_PATH = 0.1, 0.05  # of the smaller end's largest conductance; a
 COOLANT_K, AMBIENT_K = 0.2, 0.5
 INPUT_GAIN = {"current": 0.005, "current_d": 0.005, "current_q": 0.005, "torque": 0.005, "flow": 0.01}
 CHANNEL_GAIN, CHANNEL_LAG_S = 0.01, 0.8
+LUMPS = 21  # of a motor whose channels lag by that: larger lumps are slower, as heat goes through them
 BESIDE = 0.1  # share of a neighbour in what a sensor follows: a lump is not the place of its sensor
 CLOCK_S, CLOCK_TEST_S, CLOCK_PPM = 0.25, 0.05, 15.0
 START_K = 3.0  # least sd of a start: a measured one is in the data already, and as wrong as its sensor
@@ -48,7 +49,7 @@ def everyday(network: Network, tests: Sequence[Test]) -> tuple[Parameter, ...]:
         *_maps(network, tests),
         *_standstill(network, tests),
         *_paths(network, tests),
-        *_sensors(tests),
+        *_sensors(network, tests),
         *_beside(network, tests),
         *(p for number, test in enumerate(tests) for p in of_test(network, test, number)),
     )
@@ -236,10 +237,18 @@ def _paths(network: Network, tests: Sequence[Test]) -> Iterator[Parameter]:
         yield Parameter(f"conductance.{a}-{b}", actions.Added((place,), "constant", 1.0), sd, low=-sd)
 
 
-def _sensors(tests: Sequence[Test]) -> Iterator[Parameter]:
+def lag_sd(network: Network) -> float:
+    """What a reading may be late by, beyond its sensor's own lag [s]: heat goes through a lump in a time that grows
+    with the square of its length, and a motor in few lumps has large ones."""
+    return float(CHANNEL_LAG_S * max(1.0, LUMPS / len(network.nodes)) ** (2 / 3))
+
+
+def _sensors(network: Network, tests: Sequence[Test]) -> Iterator[Parameter]:
     for name, channel in {c.name: c for test in tests for c in test.channels}.items():
         yield Parameter(f"sensor.{name}.gain", sensor_laws.Gain(name), CHANNEL_GAIN)
-        yield Parameter(f"sensor.{name}.lag", sensor_laws.Lag(name), CHANNEL_LAG_S, low=-channel.sensor.time_constant_s)
+        yield Parameter(
+            f"sensor.{name}.lag", sensor_laws.Lag(name), lag_sd(network), low=-channel.sensor.time_constant_s
+        )
     for name, sd in {m.name: m.what.gain_sd for test in tests for m in test.meters if m.what.gain_sd}.items():
         yield Parameter(f"meter.{name}.gain", sensor_laws.Gain(name), sd)
     for bus, own in _buses(tests).items():

@@ -108,9 +108,11 @@ class Model:
 
     def residuals(self, beta: Floats) -> list[Series]:
         """Measured minus modelled of every test and channel. Raises `DivergedError`."""
-        return [
-            series for found in self._each(lambda s: self._marches[s].series(self._run(s, beta))) for series in found
-        ]
+        return [series for found in self._each(lambda s: self.residuals_of(s, beta)) for series in found]
+
+    def residuals_of(self, test: int, beta: Floats) -> list[Series]:
+        """Measured minus modelled of one test, every channel. Raises `DivergedError`."""
+        return self._marches[test].series(self._run(test, beta))
 
     def linearise(self, beta: Floats, extra: Sequence[Parameter] = ()) -> list[Columns]:
         """Residuals and columns of every test and channel. Raises `DivergedError`."""

@@ -12,6 +12,7 @@ from replay.show.plots.compare import MODELS, compare, lines_drawn
 from replay.show.plots.error_maps import error_map
 from replay.show.plots.filter_plots import estimated_loss
 from replay.show.reports import beyond_usual, kept_errors, sentences, two_models, verdict
+from replay.show.reports.chain_plot import chain_bars
 from replay.show.reports.diagnosis_text import diagnosis_name, gain_notes, looked_at, next_commands
 from replay.show.reports.gain_plot import gain_bars
 from replay.show.reports.ranking import ranking
@@ -52,6 +53,7 @@ def write_diagnosis_report(
         unusual=beyond_usual.of_last_fit(diagnosis),
         taken_away=beyond_usual.taken_away(diagnosis),
         answer=sentences.answer(diagnosis),
+        chain_plot=chain_bars(diagnosis),
         gain_plot=gain_bars(diagnosis),
         gain_notes=gain_notes(diagnosis),
         gains=kept_errors.furthest_first(diagnosis.gain),

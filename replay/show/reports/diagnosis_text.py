@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from replay.show.reports import beyond_usual, doubts, kept_errors, sentences, two_models, verdict
+from replay.show.reports import beyond_usual, doubts, kept_errors, sentences, steps, two_models, verdict
 from replay.show.reports.verdict import Ending
 from replay.show.words import words
 from replay.show.words.terminal import labelled
@@ -23,6 +23,7 @@ def diagnosis_text(diagnosis: Diagnosis) -> str:
     lines += _paragraphs("Not judged", list(filter(None, [doubts.not_judged(diagnosis)])))
     for label, paragraphs in _ending(diagnosis):
         lines += _paragraphs(label, paragraphs)
+    lines += _paragraphs("Step by step", list(steps.told(diagnosis)))
     lines += _paragraphs("Gain, kept", list(_gain(diagnosis)))
     lines += _paragraphs("Two models", [*two_models.notes(diagnosis), *two_models.paragraphs(diagnosis)])
     lines += _paragraphs("Files", list(filter(None, [sentences.no_files(diagnosis)])))

@@ -46,16 +46,18 @@ def find_diagnosis(facts: Facts, text: str) -> DiagnosisCompleted:
     )
 
 
-def accept(store: Store, text: str) -> Acceptance:
-    """Make the extended model and bench files of a diagnosis the current ones; needs a store that may be written.
+def accept(store: Store, text: str, steps: int | None = None) -> Acceptance:
+    """Make the extended model and bench files of a diagnosis the current ones, or those of its first so many `steps`;
+    needs a store that may be written.
 
-    Raises ReplayDataError where there is no such diagnosis, or it has nothing to accept.
+    Raises ReplayDataError where there is no such diagnosis or step, or it has nothing to accept.
     """
     facts = ledger_facts.at(store.ledger)
     completed = find_diagnosis(facts, text)
     found = read(json.loads(store.archive.read(completed.artefact)))
-    event = _event(store, completed.diagnosis, found)
-    more = found.extended_benches.items()
+    whole = _event(store, completed.diagnosis, found)
+    event, benches = (whole, found.extended_benches) if steps is None else _first(whole, found, steps)
+    more = benches.items()
     further = [
         replace(event, parent=None, model=None, parent_bench=old, bench=new) for old, new in more if new != event.bench
     ]
@@ -65,6 +67,29 @@ def accept(store: Store, text: str) -> Acceptance:
         store.ledger.append_all([(f"diagnosis-{event.diagnosis}", one) for one in (event, *further)])
         facts = ledger_facts.at(store.ledger)
     return Acceptance(event, further, known, _elsewhere(facts, found, event.model) if event.model else {})
+
+
+def _first(whole: CauseAccepted, found: Diagnosis, steps: int) -> tuple[CauseAccepted, Mapping[str, str]]:
+    """What accepting the first steps of the chain says, and its bench files."""
+    terms = [step for step in found.chain if step.step > 0]
+    there = {step.step: step for step in terms if step.model or step.bench}
+    if steps not in there:
+        known = ", ".join(map(str, there)) or "none"
+        raise ReplayDataError(
+            f"diagnosis d-{whole.diagnosis[:SHORT]}: no files of {steps} steps; steps with files: {known}."
+        )
+    step = there[steps]
+    model = step.model if step.model != found.model else None
+    parents = [old for old, new in step.benches.items() if new == step.bench]
+    event = replace(
+        whole,
+        causes=[one.id for one in terms[:steps] if one.id],
+        parent=found.model if model else None,
+        model=model,
+        parent_bench=parents[0] if parents else None,
+        bench=step.bench,
+    )
+    return event, step.benches
 
 
 def _event(store: Store, diagnosis: str, found: Diagnosis) -> CauseAccepted:

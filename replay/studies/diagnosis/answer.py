@@ -233,6 +233,30 @@ class Contradicting:
 
 
 @dataclass(frozen=True, kw_only=True)
+class ChainStep:
+    """What one more term brought. `step` -1: the file as published, 0: recalibrated alone (`id` None of both), then the
+    terms in the order of entry; `told_together`: what these sessions cannot tell it from. Of each training session
+    predicted from the others, `left_out_mae_K`: node -> mean error, and how many of the `sessions` got better than in
+    the step before (`sessions_better`); as published nothing is learnt, so nothing is left out. `kept_mae_K`: node ->
+    mean error of the kept sessions, replayed against readings as recorded; empty where a replay runs away. `model` and
+    `bench`: the files of the step (None where there are none or they do not change), `benches`: each bench file as it
+    was -> its version."""
+
+    step: int
+    id: str | None
+    told_together: list[str]
+    formula: str
+    log_bayes_factor: float | None
+    sessions_better: int
+    sessions: int
+    left_out_mae_K: dict[str, float]
+    kept_mae_K: dict[str, float]
+    model: str | None
+    bench: str | None
+    benches: dict[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, kw_only=True)
 class Diagnosis:
     """The whole answer. Models are ids: `model` as published, `recalibrated_model` without a new term (None where it is
     worse on the kept sessions than the file as published), `extended_model` with the named causes, improved or not
@@ -279,6 +303,8 @@ class Diagnosis:
     findings: list[Unusual] = field(default_factory=list)  # what is unusual before any cause, the strongest first
     contradicting: list[Contradicting] = field(default_factory=list)  # sessions learnt from, the worst first
     two_models: TwoModels | None = None  # where something was named that a file can say
+    chain: list[ChainStep] = field(default_factory=list)  # none where channels are exchanged
+    judged_by: str = "evidence"  # or "sessions left out", or "few sessions", which let in one term alone
 
     @property
     def offers(self) -> bool:

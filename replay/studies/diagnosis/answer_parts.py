@@ -13,9 +13,10 @@ from replay.studies.diagnosis.answer import EvidenceParts, Named, Rival, Shown, 
 from replay.studies.diagnosis.formulas import formula
 from replay.studies.diagnosis.kept_sessions import Measured
 from twin.calibration.learned import size, term_of
+from twin.diagnosis.evidence import TOLD_APART
 from twin.diagnosis.free_heats import Unknown
 from twin.diagnosis.in_words import Plain
-from twin.diagnosis.naming import MOST_TERMS, Naming, Refit, Round
+from twin.diagnosis.naming import ENOUGH_SESSIONS, MOST_TERMS, THRESHOLD, Naming, Refit, Round
 from twin.diagnosis.told_apart import separating_test, telling_test, told_apart
 from twin.differences.candidates import Candidate
 from twin.fitting.actions import Added
@@ -27,6 +28,7 @@ from twin.motor.features import quantity, scale
 from twin.motor.network import Network
 
 RIVALS = 5
+ONE_ALONE = f"with fewer than {ENOUGH_SESSIONS} sessions none can be left out to say whether a second term holds"
 OTHER_CAUSES, WORTH_TELLING = "other causes", 0.1  # families that are relieved by less, in ln, are not told
 
 
@@ -200,11 +202,32 @@ def _why_not(naming: Naming, one: Round, refit: Refit) -> str:
         return f"its search was stopped where it promised to stay {ahead - refit.promised:.1f} behind in ln BF"
     if not refit.possible:
         return "it would have to take away more than there is"
+    if refit.left_out is not None:
+        return _said_by_sessions(one, refit)
     if last and refit.log_bayes_factor > naming.threshold:
-        return f"{MOST_TERMS} terms are the most that are named"
+        return ONE_ALONE if naming.few_sessions else f"{MOST_TERMS} terms are the most that are named"
     if last:
         return f"under the threshold of {naming.threshold:.0f}"
     return f"{ahead - refit.log_bayes_factor:.1f} behind in ln BF after both were refitted"
+
+
+def _said_by_sessions(one: Round, refit: Refit) -> str:
+    """Why sessions left out did not let a candidate in."""
+    assert one.left_out is not None and refit.left_out is not None, "sessions left out judged it"
+    said, errors = one.gained(refit), (one.left_out.mean_K(), refit.left_out.mean_K())
+    if said.min() < -TOLD_APART:
+        return f"a session left out speaks against it, by {-said.min():.1f} in ln density"
+    if errors[1] >= errors[0]:
+        return f"sessions left out are no nearer with it ({errors[0]:.2f} -> {errors[1]:.2f} K)"
+    if one.holds(refit) and one.best is not None:
+        ahead = one.gained(one.best).sum() - said.sum()
+        return f"sessions left out ask for it less than for the one that was let in, by {ahead:.1f} in ln density"
+    return f"sessions left out ask for it by {said.sum():.1f} in ln density, and {THRESHOLD:.0f} is needed"
+
+
+def judged_by(naming: Naming) -> str:
+    """What let terms in, as the answer says it."""
+    return "few sessions" if naming.few_sessions else "sessions left out" if naming.judged else "evidence"
 
 
 def suspected_test(naming: Naming) -> str | None:

@@ -25,9 +25,10 @@ from replay.engine.runs.sources import code_of
 from replay.errors import ReplayDataError
 from replay.studies.characterise.calibrate import common_model
 from replay.studies.diagnosis.answer import Diagnosis, calibration_is_worse, document, read
-from replay.studies.diagnosis.answer_parts import named, rivals, shown, suspected_test, unknown_heat
+from replay.studies.diagnosis.answer_parts import judged_by, named, rivals, shown, suspected_test, unknown_heat
 from replay.studies.diagnosis.as_recorded import measured_as_recorded, said_wrong
 from replay.studies.diagnosis.beyond_usual import beyond_usual
+from replay.studies.diagnosis.chain import chain
 from replay.studies.diagnosis.comparable import comparable
 from replay.studies.diagnosis.contradicting import contradicting
 from replay.studies.diagnosis.data_faults import data_faults
@@ -144,6 +145,8 @@ def _answered(question: Question, identity: str, tell: Tell) -> Diagnosis:
         findings=beyond_usual(naming, [s.session for s in question.train]),
         contradicting=contradictory,
         two_models=two_models(question, found, tests),
+        chain=chain(question, campaign, found, files, causes, tests, identity),
+        judged_by=judged_by(naming),
     )
 
 
@@ -154,12 +157,14 @@ def _keep(question: Question, answer: Diagnosis, key: dict[str, Any]) -> None:
     facts_of: list[tuple[str, Event]] = []
     if answer.held_out:  # with the answer: where there is none, nobody saw what the kept sessions say
         facts_of.append((name, HeldOutOpened(diagnosis=answer.diagnosis, sessions=answer.held_out)))
-    for model in dict.fromkeys(m for m in (answer.recalibrated_model, answer.extended_model) if m):
+    offers = [answer.recalibrated_model, answer.extended_model, *(step.model for step in answer.chain)]
+    for model in dict.fromkeys(m for m in offers if m):
         if model not in facts.models:
             file = facts.models[question.model].file
             published = ModelPublished(model=model, motor=answer.motor, file=file, parent=question.model)
             facts_of.append((f"motor-{answer.motor}", published))
-    for old, new in dict.fromkeys([*answer.recalibrated_benches.items(), *answer.extended_benches.items()]):
+    stepwise = [pair for step in answer.chain for pair in step.benches.items()]
+    for old, new in dict.fromkeys([*answer.recalibrated_benches.items(), *answer.extended_benches.items(), *stepwise]):
         if new not in facts.benches:
             facts_of.append((f"bench-{new}", replace(question.benches[old], sha256=new)))
     for cause in answer.causes:

@@ -35,7 +35,8 @@ class Found:
 
 
 def find(campaign: Campaign, model: Model, swaps: list[Swap], kept: list[Test], tell: Tell) -> Found:
-    """Search, drop terms that make the kept sessions worse, and ask whether an unknown heat explains more."""
+    """Search, drop terms that make the kept sessions worse, and ask whether an unknown heat explains more. Where
+    sessions left out judged each term, the kept ones are opened once, and none is dropped."""
     straight, straight_kept = campaign.tests, kept
     for swap in swaps:
         both = exchanged([*straight, *straight_kept], swap.pair.channel, swap.pair.other)
@@ -49,7 +50,7 @@ def find(campaign: Campaign, model: Model, swaps: list[Swap], kept: list[Test], 
     while kept:
         tell("predicting the kept sessions")
         result = measured(base, naming.final, straight, straight_kept, bool(naming.accepted))
-        if not naming.accepted or not result.worse:
+        if not naming.accepted or not result.worse or naming.judged:
             break
         weakest = min(naming.accepted, key=lambda r: r.log_bayes_factor)
         refused.append((weakest, "it makes the kept sessions worse: form error of the sessions learnt from"))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from twin.diagnosis.reml import ObservedSeries, log_evidence, reml
+from twin.diagnosis.reml import ObservedSeries, as_fast_as_slow, floor, is_wrong_in_form, log_evidence, reml
 from twin.errors import EvidenceError
 from twin.fitting.noise import Array, ChannelNoise, Series, floor_variance, log_det, whiten
 
@@ -166,3 +166,24 @@ def test_series_that_do_not_fit_their_parameters_are_refused() -> None:
         reml(broken, np.ones(12), 600.0, {"teeth": 50.0})
     with pytest.raises(EvidenceError, match="a parameter has no prior"):
         reml(observed, np.zeros(12), 600.0, {"teeth": 50.0})
+
+
+def test_a_wrong_form_is_as_wrong_fast_as_it_is_slow() -> None:
+    rise = {"A": 100.0, "B": 100.0, "C": 100.0}
+    slow = floor(100.0)[1]
+    noise = {
+        "A": ChannelNoise(0.05, 20.0, slow, 600.0),
+        "B": ChannelNoise(0.05, 20.0, 1.0, 600.0),
+        "C": ChannelNoise(2.0, 20.0, 1.0, 600.0),
+    }
+    found = as_fast_as_slow(noise, rise)
+    assert found["A"] == noise["A"], "as slow as its floor: a lumped model is no better than that"
+    assert found["B"] == ChannelNoise(np.sqrt(1.0 - slow**2), 60.0, 1.0, 600.0)
+    assert found["C"] == noise["C"], "faster already"
+
+
+def test_the_form_is_wrong_where_one_channel_is_beyond_twice_its_floor() -> None:
+    slow = floor(100.0)[1]
+    calm, wild = (ChannelNoise(0.05, 20.0, times * slow, 600.0) for times in (1.9, 2.1))
+    assert not is_wrong_in_form({"A": calm, "B": calm}, {"A": 100.0, "B": 100.0})
+    assert is_wrong_in_form({"A": calm, "B": wild}, {"A": 100.0, "B": 100.0})

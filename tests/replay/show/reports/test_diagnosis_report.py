@@ -29,6 +29,7 @@ from made.diagnoses import (
 )
 from replay.engine.results.run import Filtered, Run
 from replay.show.plots.compare import compare
+from replay.show.reports.chain_plot import chain_bars
 from replay.show.reports.diagnosis_report import filter_section, write_diagnosis_report
 from replay.show.reports.gain_plot import gain_bars
 from replay.show.reports.ranking import SHOWN, ranking
@@ -395,3 +396,16 @@ def test_all_that_is_beyond_usual_stands_in_the_report_before_the_evidence(tmp_p
     assert "No longer beyond usual with the cause: form of the losses in iron" in with_cause
     assert "Of its ln BF 310: 120.4 fit, 192.3 priors relieved" in with_cause
     assert "beyond usual" not in Tags(page(tmp_path, SILENT, {})).text
+
+
+def test_the_chain_falls_step_by_step_in_bars_and_in_a_table() -> None:
+    plot = chain_bars(SEVERAL)
+    assert plot is not None
+    assert plot.title == "Predicted from the others, sessions go from 9.0 to 0.9 K with 2 terms"
+    assert plot.table.rows[0][:3] == ("As published", "–", "–")
+    assert plot.table.rows[-1] == ("+ sensor.endwinding_b_outer.gain", "41", "3 of 3", "0.60", "1.20", "0.80", "1.60")
+    for text in ("9.00", "5.10", "+ loss.magnet.speed2_current2", ">kept<", ">predicted from the others<"):
+        assert text in plot.svg
+    alone = chain_bars(replace(SEVERAL, chain=[replace(one, kept_mae_K={}) for one in SEVERAL.chain]))
+    assert alone is not None and ">kept<" not in alone.svg and len(alone.table.head) == 5
+    assert chain_bars(replace(SEVERAL, chain=SEVERAL.chain[:2])) is None and chain_bars(NAMED) is None

@@ -473,3 +473,21 @@ def test_a_ln_bf_is_printed_as_fit_and_priors_relieved() -> None:
 
 def test_the_viewer_tells_what_is_beyond_usual_too() -> None:
     assert "## Beyond usual\n- Form of the losses in iron" in answer_markdown(STRANGE)
+
+
+def test_several_terms_are_told_step_by_step() -> None:
+    told = flat(diagnosis_text(SEVERAL))
+    assert "Step by step mean error over the nodes of each session predicted from the others, then of kept" in told
+    assert "as published: 9.00 K (magnet 6.0, rotor surface 12.0); kept 7.50 K" in told
+    assert "recalibrated: 6.00 K (magnet 4.0, rotor surface 8.0), 3 of 3 sessions better; kept 5.10 K" in told
+    assert "2 sensor.endwinding_b_outer.gain (ln BF 41): 0.90 K (magnet 0.6, rotor surface 1.2), 3 of 3" in told
+    alone = replace(SEVERAL, chain=[replace(one, kept_mae_K={}) for one in SEVERAL.chain])
+    assert "predicted from the others as published: 9.00 K" in flat(diagnosis_text(alone))
+    assert "Step by step" not in diagnosis_text(NAMED), "one term by evidence is told as the cause"
+
+
+@pytest.mark.parametrize("judge", ["sessions left out", "few sessions"])
+def test_what_let_terms_in_is_said_where_it_was_not_evidence_alone(judge: str) -> None:
+    told = flat(diagnosis_text(replace(SEVERAL, causes=[EDDY], chain=SEVERAL.chain[:3], judged_by=judge)))
+    assert "Step by step what is left is far above a lumped model's own error, so the file's form is wrong" in told
+    assert ("fewer than 4 sessions" in told) == (judge == "few sessions")

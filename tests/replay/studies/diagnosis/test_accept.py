@@ -18,7 +18,7 @@ from made import can_bench
 from replay.cli import main
 from replay.engine.files.bench_text import corrected
 from replay.engine.files.models import model_of
-from replay.studies.diagnosis.answer import Diagnosis, Named, document
+from replay.studies.diagnosis.answer import ChainStep, Diagnosis, Named, document
 
 CAUSES = {"loss.magnet.speed2": True, "sensor.magnet.bias": True, "input.current.gain": False}
 UNSAYABLE = "sensor.magnet.hold"  # a fault of the record
@@ -120,6 +120,7 @@ def diagnosed(
             null_log_bayes_factor=3.0,
             threshold=6.0,
             next_test=None,
+            chain=_chain(store, list(causes), extended),
         )
         artefact = store.archive.seal(json.dumps(document(found, {})).encode())
         stream = f"diagnosis-{number}"
@@ -136,6 +137,31 @@ def diagnosed(
         completed = DiagnosisCompleted(diagnosis=number, key={}, artefact=artefact, summary={})
         store.ledger.append(stream, completed)
         return extended
+
+
+def _chain(store: Store, causes: list[str], extended: dict[str, str | None]) -> list[ChainStep]:
+    """A step a cause: motor files of their own up to the last, which has the extended files."""
+
+    def step(number: int, model: str | None, bench: str | None) -> ChainStep:
+        benches = {str(extended["parent_bench"]): bench} if bench else {}
+        return ChainStep(
+            step=number,
+            id=causes[number - 1] if number > 0 else None,
+            told_together=[],
+            formula="",
+            log_bayes_factor=None,
+            sessions_better=0,
+            sessions=1,
+            left_out_mae_K={"magnet": 1.0},
+            kept_mae_K={},
+            model=model,
+            bench=bench,
+            benches=benches,
+        )
+
+    between = [store.archive.seal(f"# {number} steps\n".encode()) for number in range(len(causes))]
+    steps = [step(number, model, None) for number, model in enumerate(between)]
+    return [*steps, step(len(causes), extended["model"], extended["bench"])]
 
 
 def accept(folder: Path, capsys: pytest.CaptureFixture[str], text: str, code: int = 0) -> dict[str, Any]:
@@ -234,6 +260,24 @@ def test_only_what_was_extended_changes(store_folder: Path, capsys: pytest.Captu
     of_model = diagnosed(store_folder, "bbbb000000000002", {"loss.magnet.speed2": True}, bench=False)
     assert accept(store_folder, capsys, "d-bbbb")["bench"] is None
     assert current(store_folder) == (of_model["model"], of_bench["bench"])
+
+
+def test_the_first_steps_of_a_chain_can_be_accepted_alone(
+    store_folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    made = diagnosed(store_folder, "4f0cbeef00000001", CAUSES)
+    bench = current(store_folder)[1]
+    assert main(["accept", "d-4f0c", "--steps", "2", "--json", "--store", str(store_folder)]) == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert answer["causes"] == list(CAUSES)[:2] and answer["bench"] is None
+    assert answer["model"] != made["model"] and current(store_folder) == (answer["model"], bench)
+    assert main(["accept", "d-4f0c", "--steps", "3", "--store", str(store_folder)]) == 0
+    assert current(store_folder) == (made["model"], made["bench"])
+    for steps in ("0", "4"):
+        capsys.readouterr()
+        assert main(["accept", "d-4f0c", "--steps", steps, "--store", str(store_folder)]) == 2
+        says = f"diagnosis d-4f0cbeef0000: no files of {steps} steps; steps with files: 1, 2, 3.\n"
+        assert capsys.readouterr().err == says
 
 
 def test_sessions_that_go_on_with_another_model_are_said(

@@ -1,0 +1,152 @@
+"""The chain of a diagnosis: what each term that was let in brought, on sessions left out and on kept ones, and the
+files of the motor up to there."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ingest.errors import IngestError
+from replay.errors import MotorFileError
+from replay.studies.diagnosis.answer import ChainStep, Named
+from replay.studies.diagnosis.answer_parts import place_of
+from replay.studies.diagnosis.as_recorded import AsRecorded, as_recorded
+from replay.studies.diagnosis.extension import Version, version
+from replay.studies.diagnosis.kept_sessions import node_of
+from replay.studies.diagnosis.offered import Offered
+from replay.studies.diagnosis.question import Campaign, Question
+from replay.studies.diagnosis.search import Found
+from twin.diagnosis.left_out import LeftOut, left_out
+from twin.diagnosis.naming import Refit, without_term
+from twin.errors import DivergedError, TwinError
+from twin.fitting.fit import Fit, fit
+from twin.fitting.model import Model, Test
+
+PUBLISHED, RECALIBRATED = -1, 0  # steps before the first term
+
+
+def chain(
+    question: Question,
+    campaign: Campaign,
+    found: Found,
+    files: Offered,
+    causes: Sequence[Named],
+    kept: Sequence[Test],
+    identity: str,
+) -> list[ChainStep]:
+    """The steps, the file as published first. `kept`: the kept tests as recorded."""
+    if found.swaps:  # as published and with channels exchanged back, the sessions are not the same
+        return []
+    build = _Build(question, campaign, kept, _nodes(campaign.tests))
+    terms = found.naming.accepted
+    before = left_out(_as_published(found.base))
+    steps = [build.step(PUBLISHED, before, None, Version(question.model, None), files.runs.get("published"))]
+    for number, reached in enumerate(_fits(found)):
+        after = left_out(reached)
+        named = terms[:number]
+        files_of, ran = _known(files, number, len(terms))
+        if files_of is None and number:
+            files_of = build.version(reached, named, identity)
+        steps.append(build.step(number, after, before, files_of, ran, _cause(named, causes)))
+        before = after
+    return steps
+
+
+def _as_published(base: Fit) -> Fit:
+    """The file with nothing learnt."""
+    model = Model(base.model.network, base.model.tests, (), base.model.noise)
+    return fit(model, np.zeros(0))
+
+
+def _fits(found: Found) -> list[Fit]:
+    """Recalibrated alone, then with each term more, all under the noise and the priors of the last."""
+    naming = found.naming
+    calm = naming.rounds[0].base.beta
+    fits = [naming.final] if naming.accepted else []
+    for refit in reversed(naming.accepted[1:]):
+        fits.append(without_term(fits[-1], place_of(fits[-1], refit), calm))
+    return [found.base, *reversed(fits)]
+
+
+def _known(files: Offered, number: int, last: int) -> tuple[Version | None, AsRecorded | None]:
+    """The version of a step and its replays where the diagnosis offers it."""
+    when = "before" if number == RECALIBRATED else "after" if number == last else None
+    return (files.files.get(when), files.runs.get(when)) if when else (None, None)
+
+
+def _cause(named: Sequence[Refit], causes: Sequence[Named]) -> Named | None:
+    """The answer's words for the last of the terms."""
+    ids = [str(refit.candidate.cause) for refit in named[-1:]]
+    return next((cause for cause in causes if [cause.id] == ids), None)
+
+
+def _nodes(tests: Iterable[Test]) -> dict[str, str]:
+    """Channel -> its node."""
+    return {channel.name: node_of(channel) for test in tests for channel in test.channels}
+
+
+@dataclass(frozen=True)
+class _Build:
+    """What every step of one chain shares."""
+
+    question: Question
+    campaign: Campaign
+    kept: Sequence[Test]
+    nodes: Mapping[str, str]
+
+    def step(
+        self,
+        number: int,
+        after: LeftOut,
+        before: LeftOut | None,
+        files: Version | None,
+        ran: AsRecorded | None,
+        cause: Named | None = None,
+    ) -> ChainStep:
+        """One step in the words of the answer."""
+        if ran is None and files is not None and self.kept:
+            ran = self._ran(files)
+        better = 0 if before is None else int(np.sum(after.by_session_K() < before.by_session_K()))
+        errors = {
+            channel: float(np.abs(residual).mean()) for channel, residual in (ran.residual if ran else {}).items()
+        }
+        return ChainStep(
+            step=number,
+            id=cause.id if cause else None,
+            told_together=list(cause.indistinguishable_from) if cause else [],
+            formula=cause.formula if cause else "",
+            log_bayes_factor=cause.log_bayes_factor if cause else None,
+            sessions_better=better,
+            sessions=len(self.campaign.tests),
+            left_out_mae_K=self._by_node(after.by_channel_K()),
+            kept_mae_K=self._by_node(errors),
+            model=files.motor if files else None,
+            bench=files.bench if files else None,
+            benches=dict(files.benches) if files else {},
+        )
+
+    def version(self, reached: Fit, named: Sequence[Refit], identity: str) -> Version | None:
+        """The files with the first terms; None where a file cannot say them."""
+        said = ", ".join(str(refit.candidate.cause) for refit in named)
+        note = f"The first {len(named)} of diagnosis {identity}: {said}."
+        try:
+            return version(self.question, self.campaign, reached, named, (), note)
+        except (IngestError, MotorFileError, TwinError):
+            return None
+
+    def _ran(self, files: Version) -> AsRecorded | None:
+        try:
+            return as_recorded(self.question, files, self.question.kept, self.kept)
+        except DivergedError:
+            return None
+
+    def _by_node(self, of_channel: Mapping[str, float]) -> dict[str, float]:
+        """Mean over the channels of each node; meters have none."""
+        found: defaultdict[str, list[float]] = defaultdict(list)
+        for channel, error in of_channel.items():
+            if channel in self.nodes:
+                found[self.nodes[channel]].append(error)
+        return {node: float(np.mean(errors)) for node, errors in found.items()}

@@ -1,0 +1,60 @@
+"""The shipped recordings of a real motor: from three sessions the one thing that is known to be wrong in its file is
+named, each step has its files, and what three sessions cannot say is said."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from made.places import EXAMPLES
+from replay.cli import main
+
+LEARN, KEEP = ("id_3", "id_10", "id_12"), ("id_9",)
+
+
+@pytest.fixture(scope="module")
+def store(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder, motor = tmp_path_factory.mktemp("real"), EXAMPLES / "hust_motor"
+    logs = [str(motor / f"{name}.csv.gz") for name in (*LEARN, *KEEP)]
+    assert main(["ingest", *logs, "--bench", str(motor / "bench.toml"), "--store", str(folder / "store")]) == 0
+    return folder / "store"
+
+
+@pytest.fixture(scope="module")
+def answer(store: Path) -> dict[str, Any]:
+    path = store.parent / "answer.json"
+    words = ["diagnose", "--on", *LEARN, "--hold-out", *KEEP, "--store", str(store), "--json", str(path)]
+    assert main(words) == 0
+    found: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    return found
+
+
+def test_the_rotor_is_cooled_with_speed(answer: dict[str, Any]) -> None:
+    (cause,) = answer["causes"]  # the authors' code divides the speed by its scale twice, so that it hardly counts
+    assert cause["id"].startswith("conductance.stator-rotor.speed") and cause["log_bayes_factor"] > 10
+    assert 1.5 < cause["estimate"] < 10.0
+
+
+def test_the_chain_says_what_each_step_brought(answer: dict[str, Any]) -> None:
+    published, recalibrated, extended = answer["chain"]
+    assert [published["id"], recalibrated["id"]] == [None, None] and extended["id"] == answer["causes"][0]["id"]
+    assert [one["step"] for one in answer["chain"]] == [-1, 0, 1]
+    assert published["model"] == answer["model"] and extended["model"] == answer["extended_model"]
+    for node in ("winding", "stator", "rotor"):
+        assert extended["kept_mae_K"][node] < published["kept_mae_K"][node]
+        gain = next(one for one in answer["gain"] if one["node"] == node)
+        for step, stage in zip(answer["chain"], ("published", "before", "after"), strict=True):
+            assert step["kept_mae_K"][node] == pytest.approx(gain["mae_recorded_K"][stage], abs=1e-9)
+
+
+def test_three_sessions_say_that_none_could_be_left_out(
+    store: Path, answer: dict[str, Any], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert answer["judged_by"] == "few sessions"
+    assert main(["diagnose", "--on", *LEARN, "--hold-out", *KEEP, "--store", str(store)]) == 0
+    told = " ".join(capsys.readouterr().out.split())
+    assert "the file's form is wrong; fewer than 4 sessions to learn from cannot be left out in turn" in told
+    assert "1 conductance.stator-rotor.speed" in told
