@@ -142,6 +142,7 @@ class Format:
     magic: bytes  # the file begins so; b"" where it has no mark
     module: str
     looks: bytes = b""  # a regular expression that is found in the first bytes of such a file
+    claims: bool = False  # several formats have its mark: `module.claims(path)` says whether a file is of this one
 
 
 FORMATS: tuple[Format, ...] = (
@@ -151,7 +152,8 @@ FORMATS: tuple[Format, ...] = (
     Format("candump", "frames", (), b"", "ingest.formats.candump", rb"(?m)^\(\d+\.\d+\)\s+\S+\s+[0-9A-Fa-f]{3,8}#"),
     Format("gvret", "frames", (), b"", "ingest.formats.gvret", rb"(?im)^time stamp,id,extended,"),
     Format("can_csv", "frames", (), b"", "ingest.formats.can_csv", rb"(?m)^timestamp,arbitration_id,extended,remote"),
-    Format("mf4", "frames", (".mf4",), b"MDF     4", "ingest.formats.mf4", rb"\AUnFinMF 4"),
+    Format("mf4", "frames", (".mf4",), b"MDF     4", "ingest.formats.mf4", rb"\AUnFinMF 4", claims=True),
+    Format("mdf", "rows", (".mf4", ".mdf"), b"MDF     4", "ingest.formats.mdf", rb"\AUnFinMF 4"),
     Format("can_db", "frames", (".db",), b"SQLite format 3\0", "ingest.formats.can_db"),
     Format("tdms", "rows", (".tdms",), b"TDSm", "ingest.formats.tdms"),
     Format("parquet", "rows", (".parquet",), b"PAR1", "ingest.formats.parquet"),
@@ -172,7 +174,8 @@ OTHERS: Mapping[bytes, str] = {  # first bytes -> what such a file is, and what 
     b"FEA1": "a Feather file of version 1. Export it as version 2, or as Parquet",
     **dict.fromkeys((b"7z\xbc\xaf", b"Rar!", b"BZh", b"\xfd7zXZ"), "packed in a way that is not read. Unpack it first"),
 }
-SUFFIXES = " ".join(suffix for entry in FORMATS for suffix in entry.suffixes)  # as help and refusals list them
+ENDS = dict.fromkeys(suffix for entry in FORMATS for suffix in entry.suffixes)  # of names, each once
+SUFFIXES = " ".join(ENDS)  # as help and refusals list them
 
 
 def recognise(path: Path) -> Format:
@@ -184,10 +187,10 @@ def recognise(path: Path) -> Format:
     if not head:
         raise UnreadableLogError(f"{path.name}: is empty (0 bytes): nothing to read. Copy the file again.")
     for entry in FORMATS:
-        if entry.magic and head.startswith(entry.magic):
+        if entry.magic and head.startswith(entry.magic) and _claimed(entry, path):
             return entry
     for entry in FORMATS:
-        if entry.looks and re.search(entry.looks, head):
+        if entry.looks and re.search(entry.looks, head) and _claimed(entry, path):
             return entry
     for magic, what in OTHERS.items():
         if head.startswith(magic):
@@ -196,6 +199,10 @@ def recognise(path: Path) -> Format:
         texts = (entry for entry in FORMATS if not entry.magic and path.name.lower().endswith(entry.suffixes))
         return next(texts, ANY_TEXT)
     raise UnreadableLogError(f"{path.name}: is none of the known log formats ({SUFFIXES}). Export it as one of these.")
+
+
+def _claimed(entry: Format, path: Path) -> bool:
+    return not entry.claims or bool(import_module(entry.module).claims(path))
 
 
 def is_text(head: bytes) -> bool:

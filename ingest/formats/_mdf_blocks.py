@@ -7,19 +7,26 @@ checked. Described in https://www.asam.net/standards/detail/mdf/wiki/
 
 from __future__ import annotations
 
+import re
 import struct
 import zlib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import IO, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ingest.formats._mdf_conversions import FORMULA, RANGE_TEXTS, TEXTS, MdfConversion, Named, as_stored, conversion
+
 HEAD = struct.Struct("<4s4xQQ")  # mark, length, number of links
 DATA_GROUP, CHANNEL_GROUP = struct.Struct("<B"), struct.Struct("<QQHH4xII")
 CHANNEL = struct.Struct("<BBBBIIII")
 CONVERSION = struct.Struct("<BBHHHdd")
+NEVER_VALID, MAY_BE_INVALID = 1, 2  # flags of a channel
+DEEPEST = 8  # parts of parts, conversions within conversions
+MOST_TEXTS = 4096  # of a conversion
+XML_TEXT = re.compile(r"<TX[^>]*>([^<]*)")
 PACKED = struct.Struct("<2sBxIQQ")
 LENGTH = struct.Struct("<I")  # before each value of variable length
 LONGEST_BLOCK = 1 << 20  # bytes of a block that describes
@@ -48,22 +55,28 @@ class Block:
 
 @dataclass(frozen=True)
 class MdfChannel:
-    """One channel: where its value lies in a record. `kind`: 0 fixed, 1 of variable length, 2 time, 3 and 6 virtual."""
+    """One channel: where its value lies in a record. `kind`: 0 fixed, 1 of variable length, 2 master, 3, 6 virtual."""
 
     name: str
     kind: int
+    sync: int  # 1 where a master is the time, 2 an angle, 3 a distance, 4 a number
     form: int  # 0, 1: unsigned, 2, 3: signed, 4, 5: float (little, big endian), above: text or bytes
     bit: int
     byte: int
     bits: int
     values_at: int  # the block of values of variable length
-    convert: Callable[[NDArray[Any]], NDArray[Any]]
+    conversion: MdfConversion
+    unit: str = ""
+    is_array: bool = False
+    never_valid: bool = False
+    invalid_bit: int | None = None  # of a record, which is set where the value is none
 
 
 @dataclass(frozen=True)
 class MdfGroup:
     """The records of one kind."""
 
+    name: str
     at: int
     record_id: int
     declared: int  # number of records
@@ -87,6 +100,8 @@ class Mdf:
 
     def __init__(self, file: IO[bytes], size: int, open_parts: int) -> None:
         self._file, self._size, self.open_parts = file, size, open_parts
+        self._texts: dict[int, str] = {}
+        self._conversions: dict[int, tuple[MdfConversion, str]] = {}
 
     def block(self, at: int, *marks: bytes) -> Block:
         """The block at `at`, which must have one of `marks`. Raises BrokenBlock."""
@@ -109,44 +124,79 @@ class Mdf:
 
     def text(self, at: int) -> str:
         """The text at `at`, empty where there is none. Raises BrokenBlock."""
-        data = self.block(at, b"##TX", b"##MD").data if at else b""
-        return data.split(b"\0", 1)[0].decode(errors="replace")
+        if at and at not in self._texts:
+            block = self.block(at, b"##TX", b"##MD")
+            text = block.data.split(b"\0", 1)[0].decode(errors="replace")
+            inner = XML_TEXT.search(text) if block.mark == b"##MD" else None
+            self._texts[at] = inner[1] if inner else text
+        return self._texts[at] if at else ""
 
     def groups(self, data_group: Block) -> tuple[MdfGroup, ...]:
         """The channel groups of a data group. Raises BrokenBlock."""
-        return tuple(self._group(block) for block in self.chain(_link(data_group, 1), b"##CG"))
+        return tuple(self._group(block) for block in self.channel_groups(data_group))
+
+    def channel_groups(self, data_group: Block) -> Iterator[Block]:
+        """Its channel groups as they stand in the file. Raises BrokenBlock."""
+        return self.chain(_link(data_group, 1), b"##CG")
 
     def _group(self, block: Block) -> MdfGroup:
         record_id, declared, flags, _, size, invalid = _unpack(CHANNEL_GROUP, block)
         if size + invalid > LONGEST_RECORD:
             raise BrokenBlock(f"is damaged at byte {block.at:,}")
-        channels = () if flags & VLSD_GROUP else tuple(self._channels(_link(block, 1)))
-        return MdfGroup(block.at, record_id, declared, flags, size + invalid, channels)
+        channels = () if flags & VLSD_GROUP else tuple(self._channels(_link(block, 1), size))
+        name = self.text(_link(block, 2))
+        return MdfGroup(name, block.at, record_id, declared, flags, size + invalid, channels)
 
-    def _channels(self, at: int, *, parts: bool = True) -> Iterator[MdfChannel]:
-        """The channels of a chain, each before its `parts`."""
+    def names(self, group: Block) -> Iterator[str]:
+        """The names of the channels of a group, but of parts. Raises BrokenBlock."""
+        return (self.text(_link(block, 2)) for block in self.chain(_link(group, 1), b"##CN"))
+
+    def _channels(self, at: int, size: int, depth: int = 0) -> Iterator[MdfChannel]:
+        """The channels of a chain, each before its parts. `size`: of a record before its invalidation bits."""
         for block in self.chain(at, b"##CN"):
-            kind, _, form, bit, byte, bits, *_ = _unpack(CHANNEL, block)
-            convert = self._conversion(_link(block, 4))
-            yield MdfChannel(self.text(_link(block, 2)), kind, form, bit, byte, bits, _link(block, 5), convert)
-            part = _link(block, 1) if parts else 0
-            if part and self._head(part)[0] == b"##CN":
-                yield from self._channels(part, parts=False)
+            kind, sync, form, bit, byte, bits, flags, invalid = _unpack(CHANNEL, block)
+            law, unit = self._conversion(_link(block, 4))
+            part = _link(block, 1)
+            mark = self._head(part)[0] if part else b""
+            yield MdfChannel(
+                name=self.text(_link(block, 2)),
+                kind=kind,
+                sync=sync,
+                form=form,
+                bit=bit,
+                byte=byte,
+                bits=bits,
+                values_at=_link(block, 5),
+                conversion=law,
+                unit=self.text(_link(block, 6)) or unit,
+                is_array=mark == b"##CA",
+                never_valid=bool(flags & NEVER_VALID),
+                invalid_bit=8 * size + invalid if flags & MAY_BE_INVALID else None,
+            )
+            if mark == b"##CN" and depth < DEEPEST:
+                yield from self._channels(part, size, depth + 1)
 
-    def _conversion(self, at: int) -> Callable[[NDArray[Any]], NDArray[Any]]:
-        """Linear ones and tables of numbers; of any other kind the value as it is stored."""
+    def _conversion(self, at: int, depth: int = 0) -> tuple[MdfConversion, str]:
+        """The conversion at `at`, and its unit. Raises BrokenBlock."""
         if not at:
-            return lambda raw: raw
-        block = self.block(at, b"##CC")
-        kind, _, _, _, count, _, _ = _unpack(CONVERSION, block)
-        if len(block.data) < CONVERSION.size + 8 * count:
-            raise BrokenBlock(f"is damaged at byte {at:,}")
-        values = np.frombuffer(block.data, "<f8", count, CONVERSION.size)
-        if kind == 1 and count == 2:
-            return lambda raw: values[0] + values[1] * raw
-        if kind in (4, 5) and count >= 2 and (np.diff(values[:-1:2]) > 0).all():
-            return lambda raw: np.asarray(np.interp(raw, values[:-1:2], values[1::2]))
-        return lambda raw: raw
+            return as_stored(), ""
+        if at not in self._conversions:
+            block = self.block(at, b"##CC")
+            kind, _, _, names, count, _, _ = _unpack(CONVERSION, block)
+            if len(block.data) < CONVERSION.size + 8 * count or depth > DEEPEST or names > MOST_TEXTS:
+                raise BrokenBlock(f"is damaged at byte {at:,}")
+            values = np.frombuffer(block.data, "<f8", count, CONVERSION.size)
+            links = block.links[4 : 4 + names]
+            named = [self._named(link, depth + 1) for link in links] if kind in (TEXTS, RANGE_TEXTS) else []
+            formula = self.text(links[0]) if kind == FORMULA and links else ""
+            self._conversions[at] = conversion(kind, values, named, formula), self.text(_link(block, 1))
+        return self._conversions[at]
+
+    def _named(self, at: int, depth: int) -> Named:
+        """What an entry of a table of texts stands for."""
+        if not at:
+            return None
+        return self._conversion(at, depth)[0] if self._head(at)[0] == b"##CC" else self.text(at)
 
     # ---- bytes of records ------------------------------------------------------------------------------------------
 

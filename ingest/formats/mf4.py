@@ -3,24 +3,25 @@
 Sorted or not, packed or not, finalised or not: a logger that lost its power leaves a file that is read up to there. The
 start is UTC; where the file says that it is local time, `[time] zone` tells which. Frames of several groups come in the
 order of time. Error frames are found and rejected, remote frames have no payload; records of other buses (LIN ...) are
-counted in `settings["other_records"]`. Files of measured or decoded channels hold no frames, and are refused.
+counted in `settings["other_records"]`. A file without frames is one of measured or decoded channels: `mdf`.
 """
 
 from __future__ import annotations
 
 import re
-import struct
 from collections import Counter
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from datetime import timedelta
-from typing import IO, Any
+from itertools import islice
+from pathlib import Path
+from typing import IO
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ingest.errors import UnreadableLogError
-from ingest.formats import EARLIEST_NS, EPOCH, EXTENDED, FD, LATE_NS, REMOTE, TRANSMIT, Frames, Log, Rejected
+from ingest.formats import EXTENDED, FD, LATE_NS, REMOTE, TRANSMIT, Frames, Rejected
 from ingest.formats._frame_lines import (
     ERROR_FRAME,
     FD_LENGTHS,
@@ -36,7 +37,6 @@ from ingest.formats._frame_lines import (
 from ingest.formats._mdf_blocks import (
     LENGTH,
     OPEN_OFFSETS,
-    Block,
     BrokenBlock,
     Mdf,
     MdfChannel,
@@ -44,19 +44,14 @@ from ingest.formats._mdf_blocks import (
     Records,
     gathered,
 )
+from ingest.formats._mdf_log import HEADER_AT, MdfLog
+from ingest.formats._mdf_values import TEXTS, TIMES, VIRTUAL, values
 
-FILE_HEAD = struct.Struct("<8s8s8s4xH30xHH")  # mark, version, program, version, what is not written yet
-START = struct.Struct("<QhhB")  # ns, offsets [min], flags
-HEADER_AT = 64
-LOCAL_TIME = 1  # flag of a start
 EXTENDED_BIT = 31  # of an identifier of 32 bits
-UNFINISHED = b"UnFinMF "
 NAME = re.compile(r"(?:^|\.)(CAN_(?:Data|Remote|Error)Frame|[A-Z]+_\w+?)(?:\.(\w+))?$")
-DATA, REMOTES, ERRORS = "CAN_DataFrame", "CAN_RemoteFrame", "CAN_ErrorFrame"
+FRAMES = DATA, REMOTES, ERRORS = "CAN_DataFrame", "CAN_RemoteFrame", "CAN_ErrorFrame"
+MOST_NAMES = 200  # of a group are looked at: frames begin theirs with their time and themselves
 BATCH = 100_000
-TEXTS = 6  # forms from here on are texts or bytes
-TIMES = (2, 3)  # kinds of a channel of time
-VIRTUAL = (3, 6)  # kinds of a channel that lies in no record
 VARIABLE = 1
 FARTHEST_S = 1e9
 
@@ -88,75 +83,34 @@ class _Part:
 
 
 @dataclass
-class Mf4Log(Log):
+class Mf4Log(MdfLog):
     """An MF4 file, read as a whole."""
 
-    _start_ns: int = 0
-    _problems: list[str] = field(default_factory=list)
     _other: Counter[str] = field(default_factory=Counter)
 
     def batches(self) -> Iterator[Frames]:
         """Frames in the order of time. Raises UnreadableLogError where the file holds none."""
         with self.path.open("rb") as file:
-            parts = list(self._parts(file))
+            parts = [part for mdf, records in self._records(file) for part in self._parts(mdf, records)]
         self.settings["other_records"] = dict(sorted(self._other.items()))
         self.found = sum(len(part.t_ns) for part in parts)
         if not self.found:
-            self._refuse()
+            why = self._problems[0] if self._problems else "its groups of frames hold no record"
+            raise UnreadableLogError(f"{self.path.name}: {why}: no CAN frame of it can be read. Copy the file again.")
         yield from self._ordered(parts)
         if self._problems:
             self.mark_cut("; ".join(self._problems[:3]), f"{self.found - len(self.rejected):,} frames")
 
-    def _refuse(self) -> None:
-        if self._problems:
-            raise UnreadableLogError(
-                f"{self.path.name}: {self._problems[0]}: no CAN frame of it can be read. Copy the file again."
-            )
-        raise UnreadableLogError(
-            f"{self.path.name}: is an MF4 file without CAN frames ({self._other.total():,} records of other kinds): "
-            "measured or decoded channels in MF4 are not read. Export them as CSV with the program that wrote them, or "
-            f"with asammdf: MDF('{self.path.name}').export('csv')."
-        )
-
-    def _parts(self, file: IO[bytes]) -> Iterator[_Part]:
-        size = self.path.stat().st_size
-        head = file.read(FILE_HEAD.size)
-        if len(head) < FILE_HEAD.size:
-            self._problems.append(f"ends inside its header ({size:,} bytes)")
-            return
-        mark, version, _, _, open_parts, _ = FILE_HEAD.unpack(head)
-        self.settings["version"] = version.split(b"\0")[0].decode("latin-1").strip()
-        self.settings["finalised"] = mark != UNFINISHED
-        mdf = Mdf(file, size, open_parts if mark == UNFINISHED else 0)
+    def _parts(self, mdf: Mdf, records: Records) -> Iterator[_Part]:
+        """The frames of a data group; what is damaged in it is noted."""
         try:
-            header = mdf.block(HEADER_AT, b"##HD")
-            self._take_start(header.data)
-            for data_group in mdf.chain(header.links[0] if header.links else 0, b"##DG"):
-                yield from self._group_parts(mdf, data_group)
-        except BrokenBlock as broken:
-            self._problems.append(str(broken))
-
-    def _take_start(self, data: bytes) -> None:
-        start_ns, _, _, flags = START.unpack_from(data.ljust(START.size, b"\0"))
-        if flags & LOCAL_TIME and start_ns < LATE_NS:
-            start_ns = self.time.wall_ns((EPOCH + timedelta(microseconds=start_ns // 1000)).replace(tzinfo=None)) or 0
-        dated = EARLIEST_NS <= start_ns < LATE_NS
-        self.absolute = dated or self.time.start_ns is not None
-        self._start_ns = self.time.start_ns if self.time.start_ns is not None else start_ns if dated else 0
-
-    def _group_parts(self, mdf: Mdf, data_group: Block) -> Iterator[_Part]:
-        """The frames of a data group; one that is damaged is noted, and the next is read."""
-        try:
-            records = mdf.records(data_group)
             for group in records.groups:
                 kind, channels = _bus_channels(group)
                 table = records.of.get(group.at, ())
-                if kind in (DATA, REMOTES, ERRORS) and len(table):
+                if kind in FRAMES and len(table):
                     yield self._part(mdf, records, group, kind, channels)
                 elif group.channels and len(table):
                     self._other[kind] += len(table)
-            if records.ended:
-                self._problems.append(records.ended)
         except BrokenBlock as broken:
             self._problems.append(str(broken))
 
@@ -192,7 +146,7 @@ class Mf4Log(Log):
 
     def _times(self, table: NDArray[np.uint8], channel: MdfChannel | None) -> tuple[Ints, NDArray[np.bool_]]:
         """(t_ns, whether there is none) of each record (N,)."""
-        seconds = _values(table, channel).astype(np.float64) if channel else np.full(len(table), np.nan)
+        seconds = values(table, channel).astype(np.float64) if channel else np.full(len(table), np.nan)
         late = ~(np.abs(seconds) < FARTHEST_S)
         t_ns = self._start_ns + np.rint(np.where(late, 0.0, seconds) * 1e9).astype(np.int64)
         return t_ns, late | (t_ns < 0) | (t_ns >= LATE_NS)
@@ -268,14 +222,14 @@ def _payload(
     if channel.kind != VARIABLE:
         held = min(channel.bits // 8, max(0, size - channel.byte))
         return table.reshape(-1), np.arange(count) * size + channel.byte, np.full(count, held)
-    values = records.values.get(channel.values_at)
-    if values is None:
-        values = mdf.values(channel.values_at)[0] if channel.values_at else b""
+    apart = records.values.get(channel.values_at)
+    if apart is None:
+        apart = mdf.values(channel.values_at)[0] if channel.values_at else b""
     offsets = _integers(table, channel)
     if mdf.open_parts & OPEN_OFFSETS:
-        offsets = _in_turn(values, count)
-    starts, lengths = gathered(values, offsets)
-    return np.frombuffer(values, np.uint8), starts, lengths
+        offsets = _in_turn(apart, count)
+    starts, lengths = gathered(apart, offsets)
+    return np.frombuffer(apart, np.uint8), starts, lengths
 
 
 def _in_turn(values: bytes, count: int) -> Ints:
@@ -300,30 +254,26 @@ def _sent(table: NDArray[np.uint8], channel: MdfChannel | None) -> NDArray[np.bo
 
 
 def _integers(table: NDArray[np.uint8], channel: MdfChannel) -> Ints:
-    values = _values(table, channel)
-    if values.dtype.kind == "f":
-        values = np.where(np.abs(values) < 1 << 62, np.nan_to_num(values), -1.0)
-    return values.astype(np.int64)
+    found = values(table, channel)
+    if found.dtype.kind == "f":
+        found = np.where(np.abs(found) < 1 << 62, np.nan_to_num(found), -1.0)
+    return found.astype(np.int64)
 
 
-def _values(table: NDArray[np.uint8], channel: MdfChannel) -> NDArray[Any]:
-    """The values (N,) of a channel, converted."""
-    if channel.kind in VIRTUAL:
-        return channel.convert(np.arange(len(table)))
-    width = (channel.bit + channel.bits + 7) // 8
-    if not 0 < width <= 8 or channel.byte + width > table.shape[1]:
-        raise BrokenBlock(f'is damaged: channel "{channel.name[:SHOWN]}" lies outside its records')
-    octets = table[:, channel.byte : channel.byte + width]
-    octets = octets[:, ::-1] if channel.form % 2 and channel.form < TEXTS else octets
-    whole = np.zeros((len(table), 8), np.uint8)
-    whole[:, :width] = octets
-    raw = whole.view("<u8")[:, 0]
-    if channel.form in (4, 5):
-        return channel.convert(raw.view(np.float64) if width == 8 else raw.astype(np.uint32).view(np.float32))
-    raw = raw >> np.uint64(channel.bit)
-    if channel.bits < 64:
-        raw &= np.uint64((1 << channel.bits) - 1)
-    return channel.convert(raw.astype(np.int64))
+def claims(path: Path) -> bool:
+    """Whether an MF4 file says that it holds frames."""
+    with path.open("rb") as file:
+        return any(name.endswith(FRAMES) for name in _names(file, path.stat().st_size))
+
+
+def _names(file: IO[bytes], size: int) -> Iterator[str]:
+    """The first names in each group of channels, up to damage."""
+    mdf = Mdf(file, size, 0)
+    with suppress(BrokenBlock):
+        header = mdf.block(HEADER_AT, b"##HD")
+        for data_group in mdf.chain(header.links[0] if header.links else 0, b"##DG"):
+            for group in mdf.channel_groups(data_group):
+                yield from islice(mdf.names(group), MOST_NAMES)
 
 
 reader = Mf4Log

@@ -101,6 +101,11 @@ def _file_lines(one: InspectedFile) -> list[str]:
         lines.append(f"  read of it: sheet {reading.settings['sheet']}, and not {others} ([time] sheet tells another)")
     if "left_out" in reading.settings:
         lines.append(f"  left out, neither numbers nor texts: {', '.join(reading.settings['left_out'])}")
+    for name, why in reading.settings.get("unconverted", {}).items():
+        lines.append(f"  left out: {name}: {why}")
+    for what, says in (("texts", "a text in place of a number"), ("invalid", "marked invalid")):
+        if counts := reading.settings.get(what):
+            lines.append(f"  missing, {says}: {', '.join(f'{name} ({n:,})' for name, n in counts.items())}")
     if one.note:
         lines.append(f"  {one.note}")
     lines += [f"  {says}" for says in one.stamps]

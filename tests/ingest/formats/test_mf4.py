@@ -208,19 +208,6 @@ def test_a_file_without_a_start_counts_from_zero(tmp_path: Path) -> None:
     assert (log.absolute, frames[0][0]) == (False, 1_000_000)
 
 
-def test_measured_channels_are_refused_with_what_to_do(tmp_path: Path) -> None:
-    file = Mf4()
-    group = file.group((("t", TIME, 0, 0, 32), ("T_winding", FIXED, 4, 0, 32)), 2, size=8)
-    path = file.save(tmp_path / "log.mf4", file.data_group(group, file.block(b"DT", (), bytes(16))))
-    with pytest.raises(UnreadableLogError) as refused:
-        read(path)
-    assert str(refused.value) == (
-        "log.mf4: is an MF4 file without CAN frames (2 records of other kinds): measured or decoded channels in MF4 "
-        "are not read. Export them as CSV with the program that wrote them, or with asammdf: "
-        "MDF('log.mf4').export('csv')."
-    )
-
-
 def test_a_file_that_packs_more_than_it_can_hold_is_refused(tmp_path: Path) -> None:
     file = Mf4()
     at = file.packed(bytes(1000))
