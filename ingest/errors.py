@@ -24,7 +24,7 @@ class ExpressionError(IngestError):
 
 
 class DatabaseError(IngestError):
-    """A signal database (DBC) cannot be read."""
+    """A signal database (DBC, KCD, SYM, ARXML) cannot be read."""
 
 
 class UnreadableLogError(IngestError):

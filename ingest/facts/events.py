@@ -34,7 +34,7 @@ class RawFileSealed(Event):
 
 
 class SignalDatabaseRegistered(Event):
-    """`database-<sha256>`: a DBC lies in the archive."""
+    """`database-<sha256>`: a signal database lies in the archive."""
 
     sha256: str
     name: str

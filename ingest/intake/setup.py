@@ -65,7 +65,7 @@ class Setup:
 
     def attachments(self, form: Format) -> list[Attachment]:
         """What the recording of a log carries with it."""
-        files = [Attachment(d.name, d.data, "text/x-dbc") for d in self.databases_of(form)]
+        files = [Attachment(d.name, d.data, f"text/x-{d.kind.lower()}") for d in self.databases_of(form)]
         return files + ([Attachment(self.bench.name, self.bench_data, "application/toml")] if self.bench else [])
 
 

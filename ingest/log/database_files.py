@@ -1,0 +1,116 @@
+"""Files of signal databases, told by what they hold: DBC, KCD, SYM 6.0 and ARXML. cantools reads them.
+
+What is not read as strictly as cantools would have it is noted; a refusal is one line with file and line.
+"""
+
+from __future__ import annotations
+
+import codecs
+import re
+from collections.abc import Mapping
+from importlib import import_module
+from typing import Any
+from xml.etree.ElementTree import ParseError
+
+from ingest.errors import DatabaseError
+
+DBC, KCD, SYM, ARXML = "DBC", "KCD", "SYM", "ARXML"
+LOOKS: Mapping[str, str] = {  # kind -> what is found in such a file, up to LOOKED characters
+    KCD: r"<[\w:-]*NetworkDefinition\b",
+    ARXML: r"<[\w:-]*AUTOSAR",
+    SYM: r"(?m)^\s*FormatVersion\s*=",
+}
+DECLARES = r"<!DOCTYPE|<!ENTITY"  # what makes a small XML file a large one
+OTHERS: Mapping[str, str] = {  # what is found in files that are no such database -> what these are
+    r"<CANDELA\b": "is a CDD: it describes diagnostics, not frames",
+    DECLARES: "holds XML declarations that no signal database needs",
+    r"LIN_description_file": "is an LDF: it describes a LIN bus, and LIN is not read",
+    r"\A\s*<": "is XML, but neither KCD nor ARXML",
+}
+LOOKED = 1 << 16
+BEGINS: Mapping[str, str] = {  # where the message {} begins in the text
+    DBC: r"^[ \t]*BO_\s+\d+\s+{}\s*:",
+    KCD: r'<Message\b[^>]*\bname="{}"',
+    SYM: r'^\["?{}"?\]',
+    ARXML: r"<SHORT-NAME>{}<",
+}
+
+
+def messages_in(data: bytes, name: str, notes: list[str]) -> tuple[str, list[Any]]:
+    """(kind, cantools' messages) of a database; what cantools refuses only when strict becomes a note.
+
+    Raises DatabaseError.
+    """
+    from cantools.database.errors import Error
+
+    text = _text(data)
+    kind = _kind(text, name)
+    try:
+        return kind, _cantools(kind, text, name, strict=True)
+    except Error as error:
+        why = str(error)
+    try:
+        messages = _cantools(kind, text, name, strict=False)
+    except Error as error:
+        raise _refused(kind, text, name, error) from error
+    notes.append(f"{name}{_line_of(kind, text, why)}: {why.rstrip('.')}: read all the same")
+    return kind, messages
+
+
+def _text(data: bytes) -> str:
+    """UTF-8, UTF-16 with its mark, or else Windows-1252."""
+    try:
+        marked = data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
+        text = data.decode("utf-16" if marked else "utf-8-sig")
+    except UnicodeDecodeError:
+        text = data.decode("cp1252", errors="replace")
+    return text.replace("\r\n", "\n")
+
+
+def _kind(text: str, name: str) -> str:
+    """What kind of database a text is: DBC where it looks like no other. Raises DatabaseError."""
+    head = text[:LOOKED]
+    found = next((kind for kind, looks in LOOKS.items() if re.search(looks, head)), None)
+    no_database = [DECLARES] if found in (KCD, ARXML) else OTHERS if found is None else []
+    for looks in no_database:
+        if re.search(looks, head):
+            raise DatabaseError(f"{name}: {OTHERS[looks]}. Name a DBC, KCD, SYM or ARXML.")
+    return found or DBC
+
+
+def _cantools(kind: str, text: str, name: str, strict: bool) -> list[Any]:
+    import textparser
+    from cantools.database.errors import Error
+
+    loader = import_module(f"cantools.database.can.formats.{kind.lower()}")
+    try:
+        return list(loader.load_string(text, strict=strict).messages)
+    except Error as error:
+        if type(error) is not Error:  # not of a message: its text cannot be parsed
+            raise _refused(kind, text, name, error) from error
+        raise
+    except textparser.ParseError as error:
+        raise DatabaseError(_not_one(kind, text, name, error.line, error.column)) from error
+    except ParseError as error:
+        raise DatabaseError(_not_one(kind, text, name, *error.position)) from error
+    except Exception as error:  # a foreign parser on foreign bytes: whatever it trips over is the file's
+        raise _refused(kind, text, name, error) from error
+
+
+def _refused(kind: str, text: str, name: str, error: Exception) -> DatabaseError:
+    says = " ".join(str(error).split())[:300].rstrip(".") or type(error).__name__
+    return DatabaseError(f"{name}{_line_of(kind, text, says)}: {says}. Correct the {kind}, then give it again.")
+
+
+def _not_one(kind: str, text: str, name: str, line: int, column: int) -> str:
+    lines = text.split("\n")
+    says = lines[line - 1].strip()[:60] if line <= len(lines) else ""
+    what = f'"{says}" is not {kind} at column {column}' if says else f"the {kind} ends before its end"
+    return f"{name}:{line}: {what}. Export the database again, or correct the line."
+
+
+def _line_of(kind: str, text: str, says: str) -> str:
+    """ ":12" where the message that an error names begins, nothing where it names none."""
+    named = re.search(r"message (\w+)", says)
+    begins = named and re.search(BEGINS[kind].format(named[1]), text, re.MULTILINE)
+    return f":{text.count(chr(10), 0, begins.start()) + 1}" if begins else ""
