@@ -19,8 +19,9 @@ from ingest.formats import Rows, TimeSpec, recognise
 from ingest.intake.setup import Setup, refuse_missing, signals_in
 from ingest.log import clock
 from ingest.log.databases import Database, load, merged
+from ingest.log.j1939 import explained
 from ingest.log.reading import LogReading, Reader
-from ingest.log.recording import id_text, read
+from ingest.log.recording import identifier_in, identifiers, read
 from ingest.texts.guessing import guess
 
 NAMED = 3  # logs in the first comment of a draft; more are counted
@@ -146,9 +147,10 @@ def _widen(spans: dict[str, tuple[float, float]], more: Mapping[str, tuple[float
 
 
 def _unknown(databases: Sequence[Database], readings: Sequence[LogReading]) -> dict[str, int]:
-    messages, _ = merged(databases)
-    known = {id_text(bus, can_id) for one in readings for bus in one.buses for can_id in messages}
+    means = explained(merged(databases)[0], {can_id for one in readings for _, can_id in identifiers(one)})
     counts: Counter[str] = Counter()
     for one in readings:
-        counts.update({key: count for key, count in one.ids.items() if key not in known})
+        announced = one.settings.get("announced", {}) if means.transport else {}
+        seen = {key: (identifier_in(key)[1], count) for key, count in (*one.ids.items(), *announced.items())}
+        counts.update({key: count for key, (can_id, count) in seen.items() if not means.knows(can_id)})
     return dict(counts)

@@ -24,7 +24,7 @@ from ingest.facts.store import Store
 from ingest.formats import Format, recognise
 from ingest.intake.grouping import group_files
 from ingest.intake.setup import Setup, keep_setup, kept_name, mend_setup, resolved, sealed_setup
-from ingest.log import clock
+from ingest.log import clock, j1939
 from ingest.log.decode import RECORDING, decode_file, identity
 from ingest.log.reading import LogReading, Reader
 from ingest.log.specimens import Specimens
@@ -193,7 +193,9 @@ def _keep(store: Store, known: Facts, one: _Read, setup: Setup, channels: Sequen
     if one.raw not in known.files or known.files[one.raw].name != name:
         events.append(RawFileSealed(sha256=one.raw, name=name, size=size, format=one.form.name))
     before = known.decodes.get(decode.decode)
-    flags = clock.findings(name, decode.settings.get("clock", {}), decode.absolute)
+    flags = clock.findings(name, decode.settings.get("clock", {}), decode.absolute) + j1939.findings(
+        name, decode.settings
+    )
     if before is None or before.why != decode.why:
         events += [decode, *flags]
     for twin in known.files.values():

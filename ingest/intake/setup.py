@@ -24,8 +24,9 @@ from ingest.facts.store import Store
 from ingest.formats import Format, TimeSpec
 from ingest.log.databases import Database, merged, signals_of
 from ingest.log.databases import load as load_database
+from ingest.log.j1939 import explained
 from ingest.log.reading import LogReading
-from ingest.log.recording import Attachment, bus_name, id_text
+from ingest.log.recording import Attachment, bus_name, identifiers
 from ingest.texts.nearest import hint
 
 
@@ -162,12 +163,11 @@ def signals_in(databases: Sequence[Database], readings: Sequence[LogReading]) ->
     """Every signal that these logs hold or that their databases know: of a seen message on its bus, else on none."""
     found = [Signal(name, unit=one.units.get(name)) for one in readings for name in one.columns]
     if any(one.holds == "frames" for one in readings):
-        messages, _ = merged(databases)
-        seen = {(bus, key) for one in readings for bus in one.buses for key in one.ids}
-        for message in messages.values():
-            buses: Sequence[str | None] = sorted(
-                bus_name(bus) for bus, key in seen if key == id_text(bus, message.can_id)
-            )
+        seen = {one for reading in readings for one in identifiers(reading)}
+        means = explained(merged(databases)[0], {can_id for _, can_id in seen})
+        there = means.there(seen)
+        for message in means.messages.values():
+            buses: Sequence[str | None] = sorted(bus_name(bus) for bus, can_id in there if can_id == message.can_id)
             found += [signal for bus in buses or [None] for signal in signals_of(message, bus)]
     return list(dict.fromkeys(found))
 

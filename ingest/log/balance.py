@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -11,6 +11,7 @@ from ingest.errors import IngestError
 from ingest.facts.events import COUNTS
 from ingest.formats import Rejected
 from ingest.log.frames import FrameBatch
+from ingest.log.parameter_groups import BROKEN
 from ingest.log.reading import LogReading
 from ingest.log.recording import id_text
 
@@ -20,7 +21,7 @@ TO_DO = {
     "frames": "copy the file again if the original is whole",
 }
 REMOTE_FRAME = "remote frame, no data"
-NO_DATA = ("error frame", REMOTE_FRAME)  # reasons that are the bus's way, not damage of the log
+NO_DATA = ("error frame", REMOTE_FRAME, BROKEN)  # reasons that are the bus's way, not damage of the log
 
 
 @dataclass
@@ -32,6 +33,9 @@ class Account:
     rejected: Counter[str] = field(default_factory=Counter)  # by reason
     first_rejected: list[Rejected] = field(default_factory=list)
     first_unreadable: Rejected | None = None
+    not_available: Counter[str] = field(default_factory=Counter)  # "message.signal" of J1939 -> how often it says so
+    errors: Counter[str] = field(default_factory=Counter)  # and how often that there is an error
+    carried: int = 0  # frames that were decoded, beyond one for each row: packets of longer messages
 
     def refuse(self, refused: Iterable[Rejected]) -> None:
         """Count what the reader of the log refused."""
@@ -51,6 +55,18 @@ class Account:
             self.first_rejected.append(Rejected(int(frames.record[i]), where, REMOTE_FRAME))
         self.first_rejected = sorted(self.first_rejected, key=lambda entry: entry.record)[:SHOWN]
 
+    def break_off(self, broken: Mapping[int, int]) -> None:
+        """Count the frames of messages that are not whole: first record -> frames."""
+        for i, (record, frames) in enumerate(broken.items()):
+            self.rejected[BROKEN] += frames
+            if i < SHOWN:
+                self.first_rejected.append(Rejected(record, f"record {record + 1:,}", BROKEN))
+
+    def missing(self, batch: FrameBatch) -> None:
+        """Count the values of a batch that say that there is none."""
+        self.not_available += batch.not_available
+        self.errors += batch.errors
+
     def rejections(self) -> list[dict[str, Any]]:
         """The first rejected records, in the order of the log."""
         entries = sorted(self.first_rejected, key=lambda entry: entry.record)[:SHOWN]
@@ -63,7 +79,7 @@ class Account:
     def balance(self, reading: LogReading, decoded: int) -> dict[str, int]:
         """The balance of the log. `decoded` are the rows written. Raises IngestError where it does not hold."""
         others = (self.unknown_id.total(), self.wrong_length.total(), self.rejected.total())
-        counted = dict(zip(COUNTS, (decoded, *others), strict=True))
+        counted = dict(zip(COUNTS, (decoded + self.carried, *others), strict=True))
         if reading.found != sum(counted.values()):
             parts = " + ".join(f"{name} {count:,}" for name, count in counted.items())
             raise IngestError(

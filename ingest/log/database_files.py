@@ -9,7 +9,7 @@ import codecs
 import re
 from collections.abc import Mapping
 from importlib import import_module
-from typing import Any
+from typing import Any, NamedTuple
 from xml.etree.ElementTree import ParseError
 
 from ingest.errors import DatabaseError
@@ -28,6 +28,7 @@ OTHERS: Mapping[str, str] = {  # what is found in files that are no such databas
     r"\A\s*<": "is XML, but neither KCD nor ARXML",
 }
 LOOKED = 1 << 16
+J1939 = r'(?m)^\s*BA_(?:DEF_DEF_)?\s+"ProtocolType"\s+"J1939"'
 BEGINS: Mapping[str, str] = {  # where the message {} begins in the text
     DBC: r"^[ \t]*BO_\s+\d+\s+{}\s*:",
     KCD: r'<Message\b[^>]*\bname="{}"',
@@ -36,8 +37,16 @@ BEGINS: Mapping[str, str] = {  # where the message {} begins in the text
 }
 
 
-def messages_in(data: bytes, name: str, notes: list[str]) -> tuple[str, list[Any]]:
-    """(kind, cantools' messages) of a database; what cantools refuses only when strict becomes a note.
+class DatabaseFile(NamedTuple):
+    """A database as cantools reads it. `is_j1939`: it says so of all its messages with 29-bit identifiers."""
+
+    kind: str
+    messages: list[Any]
+    is_j1939: bool
+
+
+def read_database(data: bytes, name: str, notes: list[str]) -> DatabaseFile:
+    """A database; what cantools refuses only when strict becomes a note.
 
     Raises DatabaseError.
     """
@@ -45,8 +54,9 @@ def messages_in(data: bytes, name: str, notes: list[str]) -> tuple[str, list[Any
 
     text = _text(data)
     kind = _kind(text, name)
+    is_j1939 = kind == DBC and re.search(J1939, text) is not None
     try:
-        return kind, _cantools(kind, text, name, strict=True)
+        return DatabaseFile(kind, _cantools(kind, text, name, strict=True), is_j1939)
     except Error as error:
         why = str(error)
     try:
@@ -54,7 +64,7 @@ def messages_in(data: bytes, name: str, notes: list[str]) -> tuple[str, list[Any
     except Error as error:
         raise _refused(kind, text, name, error) from error
     notes.append(f"{name}{_line_of(kind, text, why)}: {why.rstrip('.')}: read all the same")
-    return kind, messages
+    return DatabaseFile(kind, messages, is_j1939)
 
 
 def _text(data: bytes) -> str:

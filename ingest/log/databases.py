@@ -1,7 +1,7 @@
 """Signal databases: which message an identifier is, and where its signals lie.
 
 cantools reads the files (`ingest/log/database_files.py`); what decoding needs is kept in a small model of our own.
-Identifiers match exactly, 29-bit ones too: J1939 source addresses and priorities are not masked.
+Identifiers match exactly, but for those of J1939 (`ingest/log/j1939.py`).
 """
 
 from __future__ import annotations
@@ -14,7 +14,9 @@ from typing import Any
 from ingest.bench.signals import Signal
 from ingest.formats import EXTENDED
 from ingest.log.bits import FLOATS, Layout
-from ingest.log.database_files import DBC, messages_in
+from ingest.log.database_files import DBC, read_database
+
+ANY_SOURCE = 0xFE  # source address of J1939 in databases: whoever sends it
 
 
 @dataclass(frozen=True)
@@ -37,6 +39,7 @@ class Message:
     length: int  # of the payload [bytes]
     signals: tuple[MessageSignal, ...]
     source: str = field(default="", compare=False)  # name of the database's file
+    is_j1939: bool = False  # its identifier means its parameter group, whatever priority and sender
 
 
 @dataclass(frozen=True)
@@ -72,14 +75,14 @@ def load(data: bytes, name: str) -> Database:
     Signals that overlap or leave their message are noted and read all the same. Raises DatabaseError (file and line).
     """
     notes: list[str] = []
-    kind, entries = messages_in(data, name, notes)
+    file = read_database(data, name, notes)
     messages: dict[int, Message] = {}
-    for entry in entries:
-        message = _message(entry, name, notes)
+    for entry in file.messages:
+        message = _message(entry, name, notes, file.is_j1939)
         if messages.setdefault(message.can_id, message) is not message:
             kept = messages[message.can_id].name
             notes.append(f"{name}: {message.name} has the identifier of {kept}: {kept}, the first, is used")
-    return Database(hashlib.sha256(data).hexdigest(), name, messages, data, tuple(notes), kind)
+    return Database(hashlib.sha256(data).hexdigest(), name, messages, data, tuple(notes), file.kind)
 
 
 def merged(databases: Iterable[Database]) -> tuple[dict[int, Message], list[str]]:
@@ -98,7 +101,7 @@ def merged(databases: Iterable[Database]) -> tuple[dict[int, Message], list[str]
     return {can_id: message for can_id, (message, _) in messages.items()}, notes
 
 
-def _message(entry: Any, name: str, notes: list[str]) -> Message:
+def _message(entry: Any, name: str, notes: list[str], is_j1939: bool) -> Message:
     can_id = entry.frame_id | (int(EXTENDED) if entry.is_extended_frame else 0)
     if entry.is_container:
         notes.append(f"{name}: {entry.name} holds other messages in itself: these are not read")
@@ -111,7 +114,8 @@ def _message(entry: Any, name: str, notes: list[str]) -> Message:
         when = tuple(signal.multiplexer_ids or ())
         one = MessageSignal(signal.name, layout, signal.unit or None, signal.multiplexer_signal, when)
         _add(signals, one, f"{name}: {entry.name}", notes)
-    return Message(entry.name, can_id, entry.length, tuple(signals.values()), name)
+    j1939 = entry.is_extended_frame and (is_j1939 or entry.protocol == "j1939" or entry.frame_id & 0xFF == ANY_SOURCE)
+    return Message(entry.name, can_id, entry.length, tuple(signals.values()), name, j1939)
 
 
 def _add(signals: dict[str, MessageSignal], one: MessageSignal, where: str, notes: list[str]) -> None:

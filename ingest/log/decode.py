@@ -25,11 +25,13 @@ from ingest.log.balance import Account, outcome
 from ingest.log.clock import JUMP_NS
 from ingest.log.databases import Database, merged
 from ingest.log.frames import FrameBatch
+from ingest.log.j1939 import Explained, explained
 from ingest.log.plan import SignalGroup, groups_of, plan
 from ingest.log.reading import LogReading
-from ingest.log.recording import id_text
+from ingest.log.recording import id_text, identifiers
 from ingest.log.samples import Samples
 from ingest.log.specimens import Specimens
+from ingest.log.transport import Unpacked
 
 DECODER = "whyhot-decoder/2"
 RECORDING = "recording.mcap"
@@ -66,10 +68,11 @@ def decode_file(
     path = folder / RECORDING
     messages, notes = merged(databases)
     batches, texts = _texts(recording.read(path))
-    groups = groups_of(reading, messages)
+    means = explained(messages, {can_id for _, can_id in identifiers(reading)})
+    groups = groups_of(reading, means)
     said = {"databases": notes, "missing": plan(groups, channels, bench, texts)}
     specimens = Specimens(bench, reading.columns)
-    work = _Work(groups, held.collect(path, groups), raw, folder)
+    work = _Work(groups, held.collect(path, groups, means), raw, folder, means)
     faults = clock.look(path) if _is_long(reading) else None  # only in such a log can a stamp be far off
     for _, batch in batches:
         placed = clock.without(batch, faults.strays) if faults else batch
@@ -124,6 +127,7 @@ def _outcome(
     lengths = dict(sorted(account.wrong_length.items()))
     start_ns, end_ns = faults.span_ns or (reading.start_ns, reading.end_ns)
     notable = {**said, "wrong_length": lengths, "rejected": account.reasons(), "clock": _clock(faults, written)}
+    notable |= {name: dict(sorted(getattr(account, name).items())) for name in ("not_available", "errors")}
     return {
         "outcome": result,
         "why": why,
@@ -150,40 +154,57 @@ def _texts(batches: Iterable[Batch]) -> tuple[Iterator[Batch], set[str]]:
 class _Work:
     """Decodes batch after batch into the files of the groups, and keeps account of what could not be decoded."""
 
-    def __init__(self, groups: Sequence[SignalGroup], others: held.Held, raw: str, folder: Path) -> None:
+    def __init__(
+        self, groups: Sequence[SignalGroup], others: held.Held, raw: str, folder: Path, means: Explained
+    ) -> None:
         self.account = Account()
         self.watch = clock.Watch()
         self._groups = {(group.bus, group.message.can_id if group.message else None): group for group in groups}
         self._others, self._raw, self._folder = others, raw, folder
         self._writers: dict[str, samples.GroupWriter] = {}
+        self._unpacked = Unpacked(means)
 
     def add(self, batch: Frames | Rows) -> None:
         """Decode a batch of frames or rows."""
         if isinstance(batch, Rows):
             self._write(self._groups[None, None], batch.t_ns, batch.record, batch.columns)
         else:
-            self._add_frames(FrameBatch(batch))
+            for part in self._unpacked.parts(batch):
+                self._add_frames(FrameBatch(part.frames), part.carried)
         if sum(writer.waiting for writer in self._writers.values()) > WAITING_VALUES:
             for writer in self._writers.values():
                 writer.flush()
 
     def close(self) -> dict[str, int]:
         """Finish the files: group name -> rows, as the file itself says."""
+        self._unpacked.finish()
+        self.account.break_off(self._unpacked.broken)
         return {name: writer.close() for name, writer in self._writers.items()}
 
-    def _add_frames(self, batch: FrameBatch) -> None:
+    def _add_frames(self, batch: FrameBatch, carried: NDArray[np.int64] | None) -> None:
+        """Decode frames. `carried` (N,): how many frames of the log each is, None where each is one."""
+
+        def frames(at: NDArray[np.intp]) -> int:
+            return len(at) if carried is None else int(carried[at].sum())
+
         self.account.reject(batch)
         for bus, can_id, at in batch.by_identifier():
             group = self._groups.get((bus, can_id))
             if group is None or group.message is None:
-                self.account.unknown_id[id_text(bus, can_id)] += len(at)
+                self.account.unknown_id[id_text(bus, can_id)] += frames(at)
                 continue
+            if carried is not None:  # those without data managed messages: decoded in these
+                self.account.carried += frames(at[batch.lengths[at] == 0])
+                at = at[batch.lengths[at] > 0]
             whole = batch.long_enough(group.message, at)
             if len(whole) < len(at):
-                self.account.wrong_length[f"{id_text(bus, can_id)} {group.message.name}"] += len(at) - len(whole)
+                short = frames(at) - frames(whole)
+                self.account.wrong_length[f"{id_text(bus, can_id)} {group.message.name}"] += short
+            self.account.carried += frames(whole) - len(whole)
             if len(whole):
                 signals = batch.signals(group.message, whole)
                 self._write(group, batch.frames.t_ns[whole], batch.frames.record[whole], signals)
+        self.account.missing(batch)
 
     def _write(
         self,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Collection, Iterator
 from functools import cache
 
@@ -10,8 +11,9 @@ from numpy.typing import NDArray
 
 from ingest.formats import REMOTE, Frames
 from ingest.log.arrow import from_numpy, to_numpy
-from ingest.log.bits import Payloads, extract, padded, raw
+from ingest.log.bits import Payloads, Words, extract, padded, raw
 from ingest.log.databases import Message
+from ingest.log.j1939 import no_numbers
 
 Positions = NDArray[np.intp]
 
@@ -22,7 +24,9 @@ class FrameBatch:
     def __init__(self, frames: Frames) -> None:
         self.frames = frames
         self.remote = np.flatnonzero(frames.flags & REMOTE)
-        self._lengths = np.diff(frames.offsets)  # of the payloads [bytes]
+        self.lengths = np.diff(frames.offsets)  # of the payloads [bytes]
+        self.not_available: Counter[str] = Counter()  # "message.signal" of J1939 -> how often it says so
+        self.errors: Counter[str] = Counter()  # and how often that there is an error
         self._data = padded(frames.data)
 
     def by_identifier(self) -> Iterator[tuple[int, int, Positions]]:
@@ -37,7 +41,7 @@ class FrameBatch:
 
     def long_enough(self, message: Message, at: Positions) -> Positions:
         """Those of the frames `at` that are as long as `message`, or longer."""
-        return at[self._lengths[at] >= message.length]
+        return at[self.lengths[at] >= message.length]
 
     def signals(
         self, message: Message, at: Positions, only: Collection[str] | None = None
@@ -46,7 +50,7 @@ class FrameBatch:
 
         NaN where a frame does not hold a signal: by its multiplexer, or because the signal lies behind the frame's end.
         """
-        payloads, lengths = Payloads(self._data, self.frames.offsets[at]), self._lengths[at]
+        payloads, lengths = Payloads(self._data, self.frames.offsets[at]), self.lengths[at]
         by_name = {signal.name: signal for signal in message.signals}
 
         @cache
@@ -64,6 +68,17 @@ class FrameBatch:
             if not there.any():
                 return np.full(len(at), np.nan)
             found = extract(payloads, by_name[name].layout)
+            if message.is_j1939:
+                there = there & self._is_number(message, name, there, raw(payloads, by_name[name].layout))
             return found if there.all() else np.where(there, found, np.nan)
 
         return {name: values(name) for name in by_name if only is None or name in only}
+
+    def _is_number(self, message: Message, name: str, there: NDArray[np.bool_], bits: Words) -> NDArray[np.bool_]:
+        """Whether the bits (M,) of a signal of J1939 are a number; counts those that are none."""
+        layout = next(signal.layout for signal in message.signals if signal.name == name)
+        error, not_available = no_numbers(bits, layout)
+        for counts, said in ((self.errors, error), (self.not_available, not_available)):
+            if count := int((said & there).sum()):
+                counts[f"{message.name}.{name}"] += count
+        return ~(error | not_available)

@@ -12,7 +12,9 @@ from numpy.typing import NDArray
 from ingest.formats import Frames
 from ingest.log import recording
 from ingest.log.frames import FrameBatch
+from ingest.log.j1939 import Explained
 from ingest.log.plan import SignalGroup, Source
+from ingest.log.transport import Unpacked
 
 Series = tuple[NDArray[np.int64], NDArray[np.float64]]
 
@@ -35,7 +37,7 @@ class Held:
         return np.concatenate([[np.nan], values])[at]
 
 
-def collect(path: Path, groups: Sequence[SignalGroup]) -> Held:
+def collect(path: Path, groups: Sequence[SignalGroup], means: Explained) -> Held:
     """What derived channels need of other groups, from a pass of its own over the recording at `path`.
 
     It takes 16 bytes of memory for each sample; where no group needs anything there is no pass. Raises DamageError.
@@ -43,8 +45,10 @@ def collect(path: Path, groups: Sequence[SignalGroup]) -> Held:
     foreign = set().union(*(group.foreign for group in groups))
     sought = {(g.bus, g.message.can_id): g for g in groups if g.message and any(g.name == home for home, _ in foreign)}
     series: defaultdict[Source, list[Series]] = defaultdict(list)
-    batches = (FrameBatch(batch) for _, batch in recording.read(path) if isinstance(batch, Frames))
-    for batch in batches if foreign else ():
+    unpacked = Unpacked(means)
+    frames = (batch for _, batch in recording.read(path) if isinstance(batch, Frames))
+    parts = (FrameBatch(part.frames) for batch in frames for part in unpacked.parts(batch))
+    for batch in parts if foreign else ():
         for bus, can_id, at in batch.by_identifier():
             group = sought.get((bus, can_id))
             if group is None or group.message is None:

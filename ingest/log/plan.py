@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -15,8 +15,9 @@ from ingest.bench.resolving import ResolvedChannel
 from ingest.bench.signals import TABLE, Signal
 from ingest.errors import BenchFileError
 from ingest.log.databases import Message, signals_of
+from ingest.log.j1939 import Explained
 from ingest.log.reading import LogReading
-from ingest.log.recording import bus_name, id_text
+from ingest.log.recording import bus_name, id_text, identifiers
 from ingest.log.samples import FIXED, Column
 from ingest.texts.guessing import guess
 from ingest.texts.quantities import column_suffix
@@ -70,17 +71,15 @@ class SignalGroup:
         return {source for output in self.outputs for source in output.sources if source[0] != self.name}
 
 
-def groups_of(reading: LogReading, messages: Mapping[int, Message]) -> list[SignalGroup]:
+def groups_of(reading: LogReading, means: Explained) -> list[SignalGroup]:
     """The groups of a log, without outputs: every message that was seen on a bus, or the table."""
     if reading.holds == "rows":
         return [
             SignalGroup(TABLE, signals=tuple(Signal(name, unit=reading.units.get(name)) for name in reading.columns))
         ]
+    there = means.there(identifiers(reading))
     seen = [
-        (bus, message)
-        for bus in reading.buses
-        for can_id, message in messages.items()
-        if id_text(bus, can_id) in reading.ids
+        (bus, message) for bus in reading.buses for can_id, message in means.messages.items() if (bus, can_id) in there
     ]
     return [
         SignalGroup(name, message, bus, tuple(signals_of(message, bus_name(bus))))

@@ -30,6 +30,7 @@ from numpy.typing import NDArray
 from ingest.errors import DamageError
 from ingest.formats import EXTENDED, REMOTE, Frames, Log, Rejected, Rows
 from ingest.log.arrow import from_numpy, to_numpy
+from ingest.log.parameter_groups import announced
 
 CHUNK_BYTES = 1 << 20
 BLOCK_RECORDS = 65_536  # a block is cut here where a second (or a stopped clock) holds more
@@ -84,6 +85,17 @@ def bus_name(bus: int) -> str:
     return f"can{bus}"
 
 
+def identifiers(reading: Contents) -> set[tuple[int, int]]:
+    """(bus, can_id) of all frames with data, and of the messages of several packets that some of them announce."""
+    return {identifier_in(text) for text in (*reading.ids, *reading.settings.get("announced", ()))}
+
+
+def identifier_in(text: str) -> tuple[int, int]:
+    """(bus, can_id) of what `id_text` wrote."""
+    bus, _, number = text.removeprefix("can").partition(":0x")
+    return int(bus), int(number, 16) | (int(EXTENDED) if len(number) == 8 else 0)
+
+
 def id_text(bus: int, can_id: int) -> str:
     """`can1:0x123`; a 29-bit identifier (bit 31 set) is written with eight digits: `can1:0x00000123`."""
     plain = can_id & ~int(EXTENDED)
@@ -121,6 +133,7 @@ class _Blocks:
         self.open: dict[str, pa.RecordBatch] = {}  # topic -> records of the block that is not complete yet
         self.channels: dict[tuple[str, bytes], int] = {}
         self.ids: Counter[str] = Counter()
+        self.announced: Counter[str] = Counter()
         self.columns: dict[str, None] = {}
         self.buses: set[int] = set()
         self.written = 0
@@ -182,6 +195,7 @@ class _Blocks:
         keys = (batch.bus[with_data].astype(np.uint64) << np.uint64(32)) | batch.can_id[with_data]
         for key, frames in zip(*np.unique(keys, return_counts=True), strict=True):
             self.ids[id_text(int(key) >> 32, int(key) & 0xFFFFFFFF)] += int(frames)
+        self.announced.update(id_text(bus, can_id) for bus, can_id in announced(batch))
 
     def contents(self, log: Log) -> Contents:
         """What was written, with what `log` counted."""
@@ -197,7 +211,7 @@ class _Blocks:
             ids=dict(sorted(self.ids.items())),
             columns=tuple(self.columns),
             units=log.units,
-            settings=log.settings,
+            settings=log.settings | ({"announced": dict(sorted(self.announced.items()))} if self.announced else {}),
         )
 
 

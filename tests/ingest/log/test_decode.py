@@ -19,6 +19,7 @@ from ingest.formats import EXTENDED, REMOTE, Frames, Log, Rejected, Rows, TimeSp
 from ingest.log import recording, samples
 from ingest.log.databases import Database, load
 from ingest.log.decode import RECORDING, decode_file, decode_id
+from ingest.log.j1939 import Explained
 from ingest.log.plan import groups_of
 from ingest.log.reading import LogReading
 
@@ -124,7 +125,7 @@ def decoded(
 
 def channels(reading: LogReading, databases: Sequence[Database], bench: Bench | None) -> list[Any]:
     messages = {can_id: message for database in databases for can_id, message in database.messages.items()}
-    signals = [signal for group in groups_of(reading, messages) for signal in group.signals]
+    signals = [signal for group in groups_of(reading, Explained(messages)) for signal in group.signals]
     return resolve(bench, signals) if bench else []
 
 
