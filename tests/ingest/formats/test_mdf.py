@@ -134,7 +134,7 @@ def test_a_text_among_numbers_is_a_missing_number_and_counted(tmp_path: Path) ->
     log, found = converted(tmp_path, law, [1, 255, 2, 254, 255])
     nan = float("nan")
     assert same(found, [2, nan, 4, nan, nan])
-    assert log.settings["texts"] == {"x": 3}
+    assert log.settings["texts"] == {"g/x": 3}
 
 
 @pytest.mark.parametrize(
@@ -192,7 +192,7 @@ def test_values_that_the_file_calls_invalid_are_missing_and_counted(tmp_path: Pa
     group = file.data_group(file.measured("g", some, 3, 9, invalid=2), file.block(b"DT", (), content))
     log, columns = table(file.save(tmp_path / "log", group, start_ns=START_NS))
     assert same(columns["x"], [7, float("nan"), 7]) and same(columns["never"], [float("nan")] * 3)
-    assert log.settings["invalid"] == {"never": 3, "x": 1}
+    assert log.settings["invalid"] == {"g/never": 3, "g/x": 1}
 
 
 def unsorted(file: Mdf4) -> int:
@@ -355,5 +355,5 @@ def test_a_channel_that_goes_missing_is_said_before_anything_is_stored(tmp_path:
     path = file.save(tmp_path / "log.mf4", file.stored("g", some, records((0, 5), (1, 6)), 10), start_ns=START_NS)
     text = inspection_text(inspect([path], [], None))
     assert "log.mf4   mdf   2 rows in" in text
-    assert "missing, a text in place of a number: x (1)" in text
+    assert "missing, a text in place of a number: g/x (1)" in text
     assert 'left out: g/odd: expression "ln(X)", position 1: "ln" is no function' in text

@@ -1,0 +1,175 @@
+"""MCAP of other recorders: the numbers in messages of JSON, of ROS 1 and of ROS 2 (CDR), by the schemas in the file.
+
+A topic is a table with the time at which its messages were logged; a row is what all topics say at one time. A column
+is `topic.field` (`/motor.winding.T`, `/cells.voltage[3]`). Texts, long lists and topics without numbers are left out
+and named (`settings["left_out"]`). A message that cannot be read is rejected. Format: https://mcap.dev/spec
+"""
+
+from __future__ import annotations
+
+import struct
+from array import array
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from functools import cache
+from typing import IO, Any, cast
+
+import numpy as np
+import zstandard
+from mcap.exceptions import McapError
+from mcap.reader import NonSeekingReader
+from numpy.typing import NDArray
+
+from ingest.errors import UnreadableLogError
+from ingest.formats import EARLIEST_NS, LATE_NS, Rows
+from ingest.formats import _cdr as cdr
+from ingest.formats._flattened import NotRead, Numbers, decoded_json
+from ingest.formats._joined_tables import JoinedTables, OwnTimes, counted
+
+DAMAGE = (McapError, ValueError, KeyError, AssertionError, EOFError, struct.error, RuntimeError, zstandard.ZstdError)
+OURS = "arrow"  # encoding of the recordings that whyhot writes
+MOST_COLUMNS = 5000
+SHOWN = 64  # first bytes of a message that is rejected
+WAYS_OUT = {
+    "protobuf": "protobuf is not read. Export it as JSON in Foxglove, or as CSV",
+    "flatbuffer": "flatbuffer is not read. Export it as JSON in Foxglove, or as CSV",
+}
+
+Decoder = Callable[[bytes], Numbers]
+
+
+@dataclass
+class _Topic:
+    """The messages of one topic, N so far. `columns`: name -> (places, values) of the messages that have it."""
+
+    name: str
+    t_ns: list[int] = field(default_factory=list)
+    why: dict[int, tuple[str, bytes]] = field(default_factory=dict)  # of those that cannot be read, first bytes beside
+    columns: dict[str, tuple[array[int], array[float]]] = field(default_factory=dict)
+    no_numbers: dict[str, int] = field(default_factory=dict)  # fields that are something else -> how often
+
+
+@dataclass
+class McapLog(JoinedTables):
+    """An MCAP file, read from front to back up to damage."""
+
+    _topics: dict[str, _Topic] = field(default_factory=dict)
+    _beyond: set[str] = field(default_factory=set)  # columns that are too many
+
+    def batches(self) -> Iterator[Rows]:
+        """Rows in the order of time. Raises UnreadableLogError where no message can be read."""
+        ended = self._read()
+        topics = [one for one in self._topics.values() if one.columns or one.why]
+        left = [f"{one.name} ({len(one.t_ns):,} messages)" for one in self._topics.values() if one not in topics]
+        left += [f"{name}.{one} ({n:,})" for name, topic in self._topics.items() for one, n in topic.no_numbers.items()]
+        if self._beyond:
+            left.append(f"{len(self._beyond):,} columns more than {MOST_COLUMNS:,}")
+        if left:
+            self.settings["left_out"] = left
+        stamps = [min(one.t_ns) for one in topics]
+        dated = all(EARLIEST_NS <= one < LATE_NS for one in stamps)
+        self.absolute = dated or self.time.start_ns is not None
+        tables = [_table(one, 0 if dated else self.time.start_ns or 0) for one in topics]
+        self.settings["groups"] = counted(tables)
+        yield from self._joined(tables)
+        why = self.rejected[0].why if self.rejected else ended or "it holds no message with a number"
+        self.end_rows(ended, why)
+
+    def _read(self) -> str | None:
+        """Read the messages; how the file ends before its end."""
+        count, size = 0, self.path.stat().st_size
+        with self.path.open("rb") as file:
+            try:
+                reader = NonSeekingReader(
+                    cast(IO[bytes], _Rest(file, size)), validate_crcs=True, record_size_limit=size
+                )
+                for schema, channel, message in reader.iter_messages(log_time_order=False):
+                    if channel.message_encoding == OURS:
+                        raise UnreadableLogError(
+                            f"{self.path.name}: is a recording that whyhot wrote. Name the log that it was made of."
+                        )
+                    self._take(schema, channel, message)
+                    count += 1
+            except DAMAGE as error:
+                says = " ".join(str(error).split())[:120] or type(error).__name__
+                return f"is cut or damaged behind message {count:,} ({says})"
+        return None
+
+    def _take(self, schema: Any, channel: Any, message: Any) -> None:
+        topic = self._topics.setdefault(channel.topic, _Topic(channel.topic))
+        place = len(topic.t_ns)
+        topic.t_ns.append(message.log_time)
+        told = (schema.encoding, schema.data) if schema else ("", b"")
+        try:
+            numbers = _decoder(channel.message_encoding, *told)(message.data)
+        except NotRead as error:
+            topic.why[place] = str(error), message.data[:SHOWN] or channel.topic.encode() or b"\0"
+            return
+        for name, value in numbers.items():
+            if value is None:
+                topic.no_numbers[name] = topic.no_numbers.get(name, 0) + 1
+            elif name in topic.columns or self._is_room(f"{topic.name}.{name}"):
+                places, values = topic.columns.setdefault(name, (array("q"), array("d")))
+                places.append(place)
+                values.append(value)
+
+    def _is_room(self, column: str) -> bool:
+        if sum(len(topic.columns) for topic in self._topics.values()) < MOST_COLUMNS:
+            return True
+        self._beyond.add(column)
+        return False
+
+
+@dataclass(frozen=True)
+class _Rest:
+    """A file of which no more can be asked than it has: a damaged length is no reason to ask for all memory."""
+
+    file: IO[bytes]
+    size: int
+
+    def read(self, count: int) -> bytes:
+        return self.file.read(min(count, self.size - self.file.tell()))
+
+
+@cache
+def _decoder(encoding: str, schema_encoding: str, schema: bytes) -> Decoder:
+    """What reads messages of an encoding and a schema. Raises NotRead where nothing does."""
+    if encoding == "json":
+        return decoded_json
+    ros1 = encoding == "ros1" and schema_encoding == "ros1msg"
+    if ros1 or (encoding == "cdr" and schema_encoding == "ros2msg"):
+        known = cdr.definitions(schema.decode("utf-8", errors="replace"))
+        return lambda data: cdr.decoded(known, data, ros1=ros1)
+    told = f"{encoding} with a schema of {schema_encoding}" if encoding == "cdr" else encoding[:60] or "no encoding"
+    raise NotRead(WAYS_OUT.get(encoding, f"its encoding is not read ({told}). Export it as JSON"))
+
+
+def _table(topic: _Topic, origin_ns: int) -> OwnTimes:
+    stamps = np.array([min(one, LATE_NS) for one in topic.t_ns], np.int64)
+    bad = stamps + origin_ns >= LATE_NS
+    bad[list(topic.why)] = True
+    names = list(topic.columns)
+
+    def cells(place: int, start: int, stop: int) -> NDArray[Any]:
+        places, values = (np.asarray(one) for one in topic.columns[names[place]])
+        some = slice(*np.searchsorted(places, [start, stop]).tolist())
+        found = np.full(stop - start, np.nan)
+        found[places[some].astype(np.int64) - start] = values[some]
+        return found
+
+    def why(i: int) -> tuple[str, bytes]:
+        return topic.why.get(i, ("has a stamp that no log can reach", topic.name.encode() or b"\0"))
+
+    return OwnTimes(
+        name=topic.name,
+        columns=tuple(f"{topic.name}.{name}" if name else topic.name for name in names),
+        units=("",) * len(names),
+        t_ns=stamps + origin_ns,
+        bad=bad,
+        cells=cells,
+        raw=lambda i: why(i)[1],
+        why=lambda i: why(i)[0],
+    )
+
+
+reader = McapLog
