@@ -153,7 +153,7 @@ FORMATS: tuple[Format, ...] = (
     Format("gvret", "frames", (), b"", "ingest.formats.gvret", rb"(?im)^time stamp,id,extended,"),
     Format("can_csv", "frames", (), b"", "ingest.formats.can_csv", rb"(?m)^timestamp,arbitration_id,extended,remote"),
     Format("mf4", "frames", (".mf4",), b"MDF     4", "ingest.formats.mf4", rb"\AUnFinMF 4", claims=True),
-    Format("mdf", "rows", (".mf4", ".mdf"), b"MDF     4", "ingest.formats.mdf", rb"\AUnFinMF 4"),
+    Format("mdf", "rows", (".mf4", ".mdf"), b"MDF     ", "ingest.formats.mdf", rb"\AUnFinMF "),
     Format("can_db", "frames", (".db",), b"SQLite format 3\0", "ingest.formats.can_db"),
     Format("tdms", "rows", (".tdms",), b"TDSm", "ingest.formats.tdms"),
     Format("parquet", "rows", (".parquet",), b"PAR1", "ingest.formats.parquet"),

@@ -196,7 +196,9 @@ class Mdf:
         """What an entry of a table of texts stands for."""
         if not at:
             return None
-        return self._conversion(at, depth)[0] if self._head(at)[0] == b"##CC" else self.text(at)
+        if self._head(at)[0] == b"##CC":
+            return self._conversion(at, depth)[0]
+        return self.text(at) or None
 
     # ---- bytes of records ------------------------------------------------------------------------------------------
 
@@ -209,7 +211,7 @@ class Mdf:
         if not any(group.channels for group in groups) or not _link(data_group, 2):
             return Records(groups, {}, {}, None)
         data, ended = self.values(_link(data_group, 2))
-        found = _unsorted(groups, data, id_size, ended) if id_size else self._sorted(groups, data, ended)
+        found = unsorted_records(groups, data, id_size, ended) if id_size else self._sorted(groups, data, ended)
         lacking = sum(max(0, group.declared - len(found.of[group.at])) for group in groups if group.channels)
         if lacking and not self.open_parts and found.ended is None:
             return replace(found, ended=f"holds {lacking:,} records fewer than it says")
@@ -302,7 +304,7 @@ def gathered(values: bytes, offsets: NDArray[np.int64]) -> tuple[NDArray[np.int6
     return starts, lengths
 
 
-def _unsorted(groups: tuple[MdfGroup, ...], data: bytes, id_size: int, ended: str | None) -> Records:
+def unsorted_records(groups: tuple[MdfGroup, ...], data: bytes, id_size: int, ended: str | None) -> Records:
     """Records of several kinds, each with the number of its kind before it."""
     sizes = {group.record_id: None if group.flags & VLSD_GROUP else group.size for group in groups}
     starts: dict[int, list[int]] = {group.record_id: [] for group in groups}

@@ -1,14 +1,15 @@
-"""What all logs in MF4 files have in common: their head, their start, and one data group after another up to damage."""
+"""What all logs in MDF files have in common: their head, their start, and one data group after another up to damage."""
 
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from datetime import timedelta
-from typing import IO
+from typing import IO, TypeVar
 
 from ingest.formats import EARLIEST_NS, EPOCH, LATE_NS, Log
+from ingest.formats._mdf3_blocks import Mdf3
 from ingest.formats._mdf_blocks import BrokenBlock, Mdf, Records
 
 FILE_HEAD = struct.Struct("<8s8s8s4xH30xHH")  # mark, version, program, version, what is not written yet
@@ -17,15 +18,17 @@ HEADER_AT = 64
 LOCAL_TIME = 1  # flag of a start
 UNFINISHED = b"UnFinMF "
 
+DataGroup = TypeVar("DataGroup")
+
 
 @dataclass
 class MdfLog(Log):
-    """An MF4 file. `_problems`: what is wrong with it, a clause each."""
+    """An MDF file. `_problems`: what is wrong with it, a clause each."""
 
     _start_ns: int = 0
     _problems: list[str] = field(default_factory=list)
 
-    def _records(self, file: IO[bytes]) -> Iterator[tuple[Mdf, Records]]:
+    def _records(self, file: IO[bytes]) -> Iterator[tuple[Mdf | Mdf3, Records]]:
         """The records of each data group; one that is damaged is noted, and the next is read."""
         size = self.path.stat().st_size
         head = file.read(FILE_HEAD.size)
@@ -35,26 +38,43 @@ class MdfLog(Log):
         mark, version, _, _, open_parts, _ = FILE_HEAD.unpack(head)
         self.settings["version"] = version.split(b"\0")[0].decode("latin-1").strip()
         self.settings["finalised"] = mark != UNFINISHED
-        mdf = Mdf(file, size, open_parts if mark == UNFINISHED else 0)
         try:
-            header = mdf.block(HEADER_AT, b"##HD")
-            self._take_start(header.data)
-            for data_group in mdf.chain(header.links[0] if header.links else 0, b"##DG"):
-                try:
-                    records = mdf.records(data_group)
-                except BrokenBlock as broken:
-                    self._problems.append(str(broken))
-                    continue
-                yield mdf, records
-                if records.ended:
-                    self._problems.append(records.ended)
+            if self.settings["version"] < "4":
+                yield from self._of_version_3(Mdf3(file, size))
+            else:
+                yield from self._of_version_4(Mdf(file, size, open_parts if mark == UNFINISHED else 0))
         except BrokenBlock as broken:
             self._problems.append(str(broken))
 
-    def _take_start(self, data: bytes) -> None:
+    def _of_version_4(self, mdf: Mdf) -> Iterator[tuple[Mdf, Records]]:
+        header = mdf.block(HEADER_AT, b"##HD")
+        self._take_start(self._start_of(header.data))
+        groups = mdf.chain(header.links[0] if header.links else 0, b"##DG")
+        yield from ((mdf, records) for records in self._each(groups, mdf.records))
+
+    def _of_version_3(self, mdf: Mdf3) -> Iterator[tuple[Mdf3, Records]]:
+        self._take_start(mdf.start_ns(self.time))
+        yield from ((mdf, records) for records in self._each(mdf.data_groups(), mdf.records))
+
+    def _each(self, groups: Iterator[DataGroup], records_of: Callable[[DataGroup], Records]) -> Iterator[Records]:
+        """The records of data groups; one that is damaged is noted, and the next is read."""
+        for data_group in groups:
+            try:
+                records = records_of(data_group)
+            except BrokenBlock as broken:
+                self._problems.append(str(broken))
+                continue
+            yield records
+            if records.ended:
+                self._problems.append(records.ended)
+
+    def _start_of(self, data: bytes) -> int:
         start_ns, _, _, flags = START.unpack_from(data.ljust(START.size, b"\0"))
         if flags & LOCAL_TIME and start_ns < LATE_NS:
             start_ns = self.time.wall_ns((EPOCH + timedelta(microseconds=start_ns // 1000)).replace(tzinfo=None)) or 0
+        return int(start_ns)
+
+    def _take_start(self, start_ns: int) -> None:
         dated = EARLIEST_NS <= start_ns < LATE_NS
         self.absolute = dated or self.time.start_ns is not None
         self._start_ns = self.time.start_ns if self.time.start_ns is not None else start_ns if dated else 0

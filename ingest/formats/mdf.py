@@ -1,4 +1,4 @@
-"""MDF of measured or decoded channels: MF4 of INCA, CANape, CANoe, asammdf and others.
+"""MDF of measured or decoded channels, of version 2, 3 and 4: of INCA, CANape, CANoe, asammdf and others.
 
 A row is what the channels of all groups say at one time; a column is empty where its group has no record then. Each
 group has its own time, and its records come in their own order. Columns are named as the channels, with the group

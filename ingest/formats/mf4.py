@@ -91,7 +91,8 @@ class Mf4Log(MdfLog):
     def batches(self) -> Iterator[Frames]:
         """Frames in the order of time. Raises UnreadableLogError where the file holds none."""
         with self.path.open("rb") as file:
-            parts = [part for mdf, records in self._records(file) for part in self._parts(mdf, records)]
+            groups = ((mdf, records) for mdf, records in self._records(file) if isinstance(mdf, Mdf))
+            parts = [part for mdf, records in groups for part in self._parts(mdf, records)]
         self.settings["other_records"] = dict(sorted(self._other.items()))
         self.found = sum(len(part.t_ns) for part in parts)
         if not self.found:
