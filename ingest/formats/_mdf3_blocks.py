@@ -16,7 +16,7 @@ from typing import IO, Any
 import numpy as np
 
 from ingest.formats import TimeSpec
-from ingest.formats._mdf_blocks import BrokenBlock, MdfChannel, MdfGroup, Records, unsorted_records
+from ingest.formats._mdf_blocks import BrokenBlock, MdfChannel, MdfGroup
 from ingest.formats._mdf_conversions import (
     FORMULA,
     IDENTITY,
@@ -31,6 +31,7 @@ from ingest.formats._mdf_conversions import (
     as_stored,
     conversion,
 )
+from ingest.formats._mdf_records import Records, unsorted_records
 
 HEADER_AT = 64
 ORDER_AT = 24  # of the file: 0 where numbers begin with their lowest byte

@@ -10,7 +10,8 @@ from typing import IO, TypeVar
 
 from ingest.formats import EARLIEST_NS, EPOCH, LATE_NS, Log
 from ingest.formats._mdf3_blocks import Mdf3
-from ingest.formats._mdf_blocks import BrokenBlock, Mdf, Records
+from ingest.formats._mdf_blocks import BrokenBlock
+from ingest.formats._mdf_records import Mdf, Records
 
 FILE_HEAD = struct.Struct("<8s8s8s4xH30xHH")  # mark, version, program, version, what is not written yet
 START = struct.Struct("<QhhB")  # ns, offsets [min], flags

@@ -15,7 +15,6 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from itertools import islice
 from pathlib import Path
-from typing import IO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,23 +33,16 @@ from ingest.formats._frame_lines import (
     Ints,
     payloads,
 )
-from ingest.formats._mdf_blocks import (
-    LENGTH,
-    OPEN_OFFSETS,
-    BrokenBlock,
-    Mdf,
-    MdfChannel,
-    MdfGroup,
-    Records,
-    gathered,
-)
+from ingest.formats._mdf_blocks import Block, BrokenBlock, MdfChannel, MdfGroup
 from ingest.formats._mdf_log import HEADER_AT, MdfLog
+from ingest.formats._mdf_records import LENGTH, OPEN_OFFSETS, Mdf, Records, gathered
 from ingest.formats._mdf_values import TEXTS, TIMES, VIRTUAL, values
 
 EXTENDED_BIT = 31  # of an identifier of 32 bits
 NAME = re.compile(r"(?:^|\.)(CAN_(?:Data|Remote|Error)Frame|[A-Z]+_\w+?)(?:\.(\w+))?$")
 FRAMES = DATA, REMOTES, ERRORS = "CAN_DataFrame", "CAN_RemoteFrame", "CAN_ErrorFrame"
-MOST_NAMES = 200  # of a group are looked at: frames begin theirs with their time and themselves
+MOST_NAMES = 20  # of a group are looked at: frames begin theirs with their time and themselves
+MOST_GROUPS = 10_000  # are looked at
 BATCH = 100_000
 VARIABLE = 1
 FARTHEST_S = 1e9
@@ -263,18 +255,18 @@ def _integers(table: NDArray[np.uint8], channel: MdfChannel) -> Ints:
 
 def claims(path: Path) -> bool:
     """Whether an MF4 file says that it holds frames."""
-    with path.open("rb") as file:
-        return any(name.endswith(FRAMES) for name in _names(file, path.stat().st_size))
+    with path.open("rb") as file, suppress(BrokenBlock):
+        mdf = Mdf(file, path.stat().st_size, 0)
+        groups = islice(_groups(mdf), MOST_GROUPS)
+        names = (name for group in groups for name in islice(mdf.names(group), MOST_NAMES))
+        return any((match := NAME.search(name)) and match[1] in FRAMES for name in names)
+    return False
 
 
-def _names(file: IO[bytes], size: int) -> Iterator[str]:
-    """The first names in each group of channels, up to damage."""
-    mdf = Mdf(file, size, 0)
-    with suppress(BrokenBlock):
-        header = mdf.block(HEADER_AT, b"##HD")
-        for data_group in mdf.chain(header.links[0] if header.links else 0, b"##DG"):
-            for group in mdf.channel_groups(data_group):
-                yield from islice(mdf.names(group), MOST_NAMES)
+def _groups(mdf: Mdf) -> Iterator[Block]:
+    header = mdf.block(HEADER_AT, b"##HD")
+    for data_group in mdf.chain(header.links[0] if header.links else 0, b"##DG"):
+        yield from mdf.channel_groups(data_group)
 
 
 reader = Mf4Log

@@ -1,6 +1,7 @@
 """MDF of measured channels: files laid out by hand, with the values that the standard's formulas give by hand."""
 
 import struct
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -318,6 +319,19 @@ def test_a_channel_outside_its_record_is_said_and_the_others_are_read(tmp_path: 
     log, columns = table(file.save(tmp_path / "log", group, start_ns=START_NS))
     assert columns == {"t": [0], "x": [1]}
     assert log.cut is not None and log.cut.startswith('is damaged: channel "far" lies outside its records: 1 rows')
+
+
+def test_a_file_of_groups_over_and_over_is_told_at_once(tmp_path: Path) -> None:
+    """Ten thousand data groups that all name the same ten thousand groups of channels."""
+    file, group, data_group = Mdf4(), 0, 0
+    for _ in range(10_000):
+        group = file.block(b"CG", (group, 0, 0, 0, 0, 0), bytes(32))
+    for _ in range(10_000):
+        data_group = file.data_group(group, 0, after=data_group)
+    path = file.save(tmp_path / "log", data_group)
+    began = time.monotonic()
+    assert recognise(path).name == "mdf"
+    assert time.monotonic() - began < 5
 
 
 def test_a_file_without_channels_of_numbers_is_refused(tmp_path: Path) -> None:

@@ -1,0 +1,164 @@
+"""The records of an MF4 file: their bytes, packed or not, in one piece or many, sorted or not."""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ingest.formats._mdf_blocks import HEAD, VLSD_GROUP, Block, BrokenBlock, MdfBlocks, MdfGroup, link, unpack
+
+DATA_GROUP = struct.Struct("<B")
+PACKED = struct.Struct("<2sBxIQQ")
+LENGTH = struct.Struct("<I")  # before each value of variable length
+RATIO = 1100  # which deflate cannot exceed
+OPEN_LENGTH, OPEN_OFFSETS = 1 << 2, 1 << 6  # of a file that was not finalised: what in it is not written yet
+PLAIN_MARKS = (b"##DT", b"##SD")
+
+Bytes = NDArray[np.uint8]
+
+
+@dataclass(frozen=True)
+class Records:
+    """Records of a data group: `of` by the place of their group, each (N, size); `ended`: why they are not whole."""
+
+    groups: tuple[MdfGroup, ...]
+    of: Mapping[int, Bytes]
+    values: Mapping[int, bytes]  # of variable length, by the place of their group
+    ended: str | None
+
+
+class Mdf(MdfBlocks):
+    """An open file with its records."""
+
+    def records(self, data_group: Block) -> Records:
+        """All records of a data group. Raises BrokenBlock where its description is none."""
+        groups = self.groups(data_group)
+        (id_size,) = unpack(DATA_GROUP, data_group)
+        if id_size not in (0, 1, 2, 4, 8) or (id_size == 0 and len(groups) > 1):
+            raise BrokenBlock(f"is damaged at byte {data_group.at:,}")
+        if not any(group.channels for group in groups) or not link(data_group, 2):
+            return Records(groups, {}, {}, None)
+        data, ended = self.values(link(data_group, 2))
+        found = unsorted_records(groups, data, id_size, ended) if id_size else self._sorted(groups, data, ended)
+        lacking = sum(max(0, group.declared - len(found.of[group.at])) for group in groups if group.channels)
+        if lacking and not self.open_parts and found.ended is None:
+            return replace(found, ended=f"holds {lacking:,} records fewer than it says")
+        return found
+
+    def _sorted(self, groups: tuple[MdfGroup, ...], data: bytes, ended: str | None) -> Records:
+        """Records of one kind; what stands behind those that a finalised file says it has is none."""
+        (group,) = groups
+        count = len(data) // group.size if group.size else 0
+        if self.open_parts and count * group.size < len(data):
+            ended = ended or "ends inside a record"
+        if group.declared and not self.open_parts:
+            count = min(count, group.declared)
+        table = np.frombuffer(data, np.uint8, count * group.size).reshape(count, group.size)
+        return Records(groups, {group.at: table}, {}, ended)
+
+    def values(self, at: int) -> tuple[bytes, str | None]:
+        """The bytes in the data blocks that begin at `at`, and why they are not whole."""
+        found, ended = bytearray(), None
+        try:
+            for piece in self._pieces(at):
+                found += piece
+        except BrokenBlock as broken:
+            ended = str(broken)
+        return bytes(found), ended
+
+    def _pieces(self, at: int) -> Iterator[bytes]:
+        mark, length, _ = self.head(at)
+        if mark == b"##HL":
+            at = link(self.block(at, mark), 0)
+            mark, length, _ = self.head(at)
+        if mark == b"##DL":
+            for block in self.chain(at, mark):
+                for part in filter(None, block.links[1:]):
+                    yield from self._piece(part, *self.head(part)[:2])
+        else:
+            yield from self._piece(at, mark, length)
+
+    def _piece(self, at: int, mark: bytes, length: int) -> Iterator[bytes]:
+        if mark == b"##DZ":
+            yield self._unpacked(at, length)
+            return
+        if mark not in PLAIN_MARKS or length < HEAD.size:
+            raise BrokenBlock(f"is damaged at byte {at:,}")
+        end = at + length
+        if self.open_parts & OPEN_LENGTH and mark == b"##DT" and self.read(end, 2) != b"##":
+            end = self._size
+        yield self.read(at + HEAD.size, min(end, self._size) - at - HEAD.size)
+        if end > self._size:
+            raise BrokenBlock(f"ends at byte {self._size:,} of {end:,}")
+
+    def _unpacked(self, at: int, length: int) -> bytes:
+        if at + length > self._size or length < HEAD.size + PACKED.size:
+            raise BrokenBlock(f"ends inside a packed block at byte {at:,}")
+        body = self.read(at + HEAD.size, length - HEAD.size)
+        _, method, columns, size, packed = PACKED.unpack_from(body)
+        if method > 1 or size > RATIO * max(1, packed) or packed > len(body) - PACKED.size:
+            raise BrokenBlock(f"is damaged, or packed in a way that is not read, at byte {at:,}")
+        try:
+            data = zlib.decompressobj().decompress(body[PACKED.size : PACKED.size + packed], size + 1)
+        except zlib.error:
+            data = b""
+        if len(data) != size:
+            raise BrokenBlock(f"is damaged at byte {at:,}")
+        return _upright(data, columns) if method else data
+
+
+def gathered(values: bytes, offsets: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """(starts, lengths) in `values` of those of variable length at `offsets` (N,); length -1 where there is none."""
+    octets = np.frombuffer(values, np.uint8)
+    fine = (offsets >= 0) & (offsets <= len(octets) - LENGTH.size)
+    lengths = np.full(len(offsets), -1, np.int64)
+    heads = octets[offsets[fine][:, None] + np.arange(LENGTH.size)]
+    lengths[fine] = heads.astype(np.int64) @ (1 << 8 * np.arange(LENGTH.size))
+    starts = offsets + LENGTH.size
+    lengths[starts + lengths > len(octets)] = -1
+    return starts, lengths
+
+
+def unsorted_records(groups: tuple[MdfGroup, ...], data: bytes, id_size: int, ended: str | None) -> Records:
+    """Records of several kinds, each with the number of its kind before it."""
+    sizes = {group.record_id: None if group.flags & VLSD_GROUP else group.size for group in groups}
+    starts: dict[int, list[int]] = {group.record_id: [] for group in groups}
+    pieces: dict[int, list[bytes]] = {group.record_id: [] for group in groups}
+    at, end = 0, len(data)
+    while at + id_size <= end:
+        kind = int.from_bytes(data[at : at + id_size], "little")
+        if kind not in sizes:
+            ended = ended or f"is damaged behind {at:,} bytes of records"
+            break
+        at += id_size
+        size = sizes[kind]
+        if size is None:
+            size = LENGTH.size + (LENGTH.unpack_from(data, at)[0] if at + LENGTH.size <= end else end)
+            pieces[kind].append(data[at : at + size])
+        else:
+            starts[kind].append(at)
+        at += size
+    if at > end:
+        ended = ended or "ends inside a record"
+    octets = np.frombuffer(data, np.uint8)
+    of, values = dict[int, Bytes](), dict[int, bytes]()
+    for group in groups:
+        own = np.array(starts[group.record_id], np.int64)
+        own = own[own + group.size <= end]
+        of[group.at] = octets[own[:, None] + np.arange(group.size)]
+        values[group.at] = b"".join(pieces[group.record_id])
+    return Records(groups, of, values, ended)
+
+
+def _upright(data: bytes, columns: int) -> bytes:
+    """Bytes that were stored column by column."""
+    if not 0 < columns <= len(data):
+        return data
+    lines = len(data) // columns
+    table = np.frombuffer(data, np.uint8, lines * columns).reshape(columns, lines)
+    return table.T.tobytes() + data[lines * columns :]
