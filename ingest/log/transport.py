@@ -62,9 +62,8 @@ class Unpacked:
 
     def parts(self, frames: Frames) -> Iterator[Decodable]:
         """The frames of one bus, next in the order of the log, and what they complete."""
-        second = frames.can_id >> np.uint32(16) & np.uint32(0xFF)
-        packed = np.isin(second, (MANAGEMENT, DATA)) & (frames.can_id >= EXTENDED) & (frames.flags & REMOTE == 0)
-        if not self._means.transport or not packed.any():
+        packed = _packets(frames) if self._means.transport else np.zeros(0, np.bool_)
+        if not packed.any():
             yield Decodable(self._means.renamed(frames))
             return
         yield Decodable(self._means.renamed(_taken(frames, np.flatnonzero(~packed))))
@@ -141,6 +140,12 @@ class Unpacked:
             data=np.frombuffer(b"".join(whole), np.uint8),
         )
         return Decodable(self._means.renamed(joined), np.array([message.frames for _, message in done]))
+
+
+def _packets(frames: Frames) -> NDArray[np.bool_]:
+    """Which frames (N,) are the protocol's."""
+    second = frames.can_id >> np.uint32(16) & np.uint32(0xFF)
+    return np.asarray(np.isin(second, (MANAGEMENT, DATA)) & (frames.can_id >= EXTENDED) & (frames.flags & REMOTE == 0))
 
 
 def _taken(frames: Frames, at: NDArray[np.intp]) -> Frames:
