@@ -41,9 +41,9 @@ class Mdf(MdfBlocks):
         (id_size,) = unpack(DATA_GROUP, data_group)
         if id_size not in (0, 1, 2, 4, 8) or (id_size == 0 and len(groups) > 1):
             raise BrokenBlock(f"is damaged at byte {data_group.at:,}")
-        if not any(group.channels for group in groups) or not link(data_group, 2):
+        if not any(group.channels for group in groups):
             return Records(groups, {}, {}, None)
-        data, ended = self.values(link(data_group, 2))
+        data, ended = self.values(link(data_group, 2)) if link(data_group, 2) else (b"", None)
         found = unsorted_records(groups, data, id_size, ended) if id_size else self._sorted(groups, data, ended)
         lacking = sum(max(0, group.declared - len(found.of[group.at])) for group in groups if group.channels)
         if lacking and not self.open_parts and found.ended is None:

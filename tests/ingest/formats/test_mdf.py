@@ -321,6 +321,15 @@ def test_a_channel_outside_its_record_is_said_and_the_others_are_read(tmp_path: 
     assert log.cut is not None and log.cut.startswith('is damaged: channel "far" lies outside its records: 1 rows')
 
 
+def test_records_that_a_group_says_it_has_and_that_lie_nowhere_are_said(tmp_path: Path) -> None:
+    file = Mdf4()
+    lost = file.data_group(file.measured("lost", (SECONDS, Channel("y", SIGNED, 8, 16)), 7, 10), 0)
+    group = file.stored("g", (SECONDS, RAW), records((0, 5)), 10, after=lost)
+    log, columns = table(file.save(tmp_path / "log", group, start_ns=START_NS))
+    assert columns == {"t": [0], "x": [5]}
+    assert log.cut is not None and log.cut.startswith("holds 7 records fewer than it says: 1 rows were read")
+
+
 def test_a_file_of_groups_over_and_over_is_told_at_once(tmp_path: Path) -> None:
     """Ten thousand data groups that all name the same ten thousand groups of channels."""
     file, group, data_group = Mdf4(), 0, 0
