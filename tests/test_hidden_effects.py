@@ -14,7 +14,7 @@ import pytest
 
 from benchmarks.trial.audit import together
 from made.hidden_cases import Answer, Case, diagnosed
-from twin.diagnosis.naming import THRESHOLD
+from twin.diagnosis.rounds import THRESHOLD
 
 HIDDEN = (
     Case(83, "loss.rotor_surface.speed2_current2", 1500.0),

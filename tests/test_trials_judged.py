@@ -18,7 +18,8 @@ from replay.studies.diagnosis.search import Found
 from twin.diagnosis.evidence import log_bayes_factor
 from twin.diagnosis.evidence_split import EvidenceSplit
 from twin.diagnosis.free_heats import free_heats
-from twin.diagnosis.naming import Naming, Refit, Round, scored
+from twin.diagnosis.naming import Naming
+from twin.diagnosis.rounds import Refit, Round, scored
 from twin.differences.candidates import InputChannel, added_monomials, generate
 from twin.differences.everyday import everyday
 from twin.fitting.fit import Fit, fit

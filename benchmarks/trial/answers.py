@@ -17,7 +17,8 @@ from benchmarks.trial.lost import lost_at
 from benchmarks.trial.visibility import VISIBLE, Seen
 from replay.studies.diagnosis.question import Campaign
 from replay.studies.diagnosis.search import find
-from twin.diagnosis.naming import Naming, Refit
+from twin.diagnosis.naming import Naming
+from twin.diagnosis.rounds import Refit
 from twin.diagnosis.swaps import scan
 from twin.diagnosis.told_apart import told_apart
 from twin.differences.everyday import everyday

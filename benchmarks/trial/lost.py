@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from benchmarks.trial.cases import either_way
 from replay.studies.diagnosis.search import Found
-from twin.diagnosis.naming import Naming, Refit
+from twin.diagnosis.naming import Naming
+from twin.diagnosis.rounds import Refit
 from twin.differences.candidates import Candidate
 
 NOT_PROPOSED = "not proposed"  # no candidate says this

@@ -25,7 +25,8 @@ from replay.engine.files.models import for_intake
 from replay.studies.characterise.calibrate import common_model
 from replay.studies.diagnosis.data_faults import data_faults
 from replay.studies.diagnosis.question import Campaign, Question, campaign_of
-from twin.diagnosis.naming import THRESHOLD, search
+from twin.diagnosis.naming import search
+from twin.diagnosis.rounds import THRESHOLD
 from twin.diagnosis.swaps import scan
 from twin.diagnosis.told_apart import told_apart
 from twin.differences.everyday import everyday

@@ -20,8 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cholesky, solve_triangular
 
-from twin.diagnosis.naming import scored
 from twin.diagnosis.next_tests import read_throughout
+from twin.diagnosis.rounds import scored
 from twin.differences.candidates import Candidate
 from twin.errors import DivergedError
 from twin.fitting.fit import NEAR_ENOUGH, Fit, fit

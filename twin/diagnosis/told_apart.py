@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.diagnosis.evidence import TOLD_APART, posterior, prior_masses, separation, told_apart_class
-from twin.diagnosis.naming import Round, is_possible
 from twin.diagnosis.next_tests import Proposed, as_test, menu
+from twin.diagnosis.rounds import Round, is_possible
 from twin.differences.candidates import Candidate
 from twin.differences.everyday import of_test
 from twin.errors import DivergedError

@@ -16,7 +16,8 @@ from twin.calibration.learned import size, term_of
 from twin.diagnosis.evidence import TOLD_APART
 from twin.diagnosis.free_heats import Unknown
 from twin.diagnosis.in_words import Plain
-from twin.diagnosis.naming import ENOUGH_SESSIONS, MOST_TERMS, THRESHOLD, Naming, Refit, Round
+from twin.diagnosis.naming import ENOUGH_SESSIONS, MOST_TERMS, Naming
+from twin.diagnosis.rounds import THRESHOLD, Refit, Round
 from twin.diagnosis.told_apart import separating_test, telling_test, told_apart
 from twin.differences.candidates import Candidate
 from twin.fitting.actions import Added

@@ -20,7 +20,8 @@ from replay.studies.diagnosis.offered import Offered
 from replay.studies.diagnosis.question import Campaign, Question
 from replay.studies.diagnosis.search import Found
 from twin.diagnosis.left_out import LeftOut, left_out
-from twin.diagnosis.naming import Refit, without_term
+from twin.diagnosis.naming import without_term
+from twin.diagnosis.rounds import Refit
 from twin.errors import DivergedError, TwinError
 from twin.fitting.fit import Fit, fit
 from twin.fitting.model import Model, Test

@@ -15,7 +15,7 @@ from replay.studies.diagnosis.answer_parts import place_of
 from replay.studies.diagnosis.question import Campaign, Question
 from twin.calibration.learned import network_of, size
 from twin.diagnosis.expressible import expressible, readings
-from twin.diagnosis.naming import Refit
+from twin.diagnosis.rounds import Refit
 from twin.diagnosis.swaps import Swap
 from twin.differences.candidates import sensor_place
 from twin.fitting import actions

@@ -10,9 +10,10 @@ from replay.studies.diagnosis.answer_parts import place_of
 from replay.studies.diagnosis.kept_sessions import Measured, measured
 from replay.studies.diagnosis.question import Campaign
 from twin.diagnosis.free_heats import Unknown, describe, free_heats
-from twin.diagnosis.naming import Naming, Refit, search, without_term
+from twin.diagnosis.naming import Naming, search, without_term
 from twin.diagnosis.patchwork import nodes_of
 from twin.diagnosis.refined import Tell
+from twin.diagnosis.rounds import Refit
 from twin.diagnosis.swaps import Swap, exchanged
 from twin.diagnosis.unknown import FreeHeat
 from twin.differences.everyday import everyday

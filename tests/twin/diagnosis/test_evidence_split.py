@@ -12,8 +12,9 @@ from scipy.special import log_ndtr
 from threadpoolctl import threadpool_limits
 
 from made.motor import CHANNELS, SINGLE, every_law, pulses, recorded
-from twin.diagnosis import naming
-from twin.diagnosis.naming import Naming, Refit
+from twin.diagnosis import naming, rounds
+from twin.diagnosis.naming import Naming
+from twin.diagnosis.rounds import Refit
 from twin.differences.candidates import InputChannel, added_monomials, generate
 from twin.differences.everyday import everyday
 from twin.differences.proposals import Proposals
@@ -55,7 +56,7 @@ def base() -> Fit:
 
 def _refit(base: Fit, cause: str) -> Refit:
     parameter = Proposals(base.model, base.beta).parameter(CANDIDATES[cause])
-    found = naming.refitted(base, CANDIDATES[cause], parameter)
+    found = rounds.refitted(base, CANDIDATES[cause], parameter)
     assert found is not None
     return found
 
@@ -91,8 +92,8 @@ def test_a_term_that_is_left_out_splits_alike_wherever_it_stands(base: Fit) -> N
     two = _refit(_refit(base, FALSE).fit, HIDDEN).fit
     place = len(base.model.parameters)
     accepted = [(CANDIDATES[p.name], p) for p in two.model.parameters[place:]]
-    rounds = (naming.scored(base, [CANDIDATES[FALSE]]),)
-    found = naming._eliminated(Naming(rounds, (), (), two, (), -np.inf), accepted, base.model)
+    searched = (rounds.scored(base, [CANDIDATES[FALSE]]),)
+    found = naming._eliminated(Naming(searched, (), (), two, (), -np.inf), accepted, base.model)
     first = found.accepted[0]
     without = naming.without_term(two, place, base.beta)
     split = first.evidence

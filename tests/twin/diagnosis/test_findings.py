@@ -13,8 +13,8 @@ from threadpoolctl import threadpool_limits
 from made.motor import every_law, pulses, recorded
 from twin.diagnosis.findings import FAR, Findings, findings, log_evidence
 from twin.diagnosis.in_words import Plain
-from twin.diagnosis.naming import THRESHOLD
 from twin.diagnosis.refined import refined
+from twin.diagnosis.rounds import THRESHOLD
 from twin.differences.everyday import everyday
 from twin.fitting.fit import NEAR_ENOUGH, fit
 from twin.fitting.model import Model

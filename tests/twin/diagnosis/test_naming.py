@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from made.motor import AMBIENT_DEGC, CHANNELS, COOLANT_DEGC, SINGLE, every_law, pulses, recorded
-from twin.diagnosis import naming
-from twin.diagnosis.naming import Naming, scored, search, with_refits
+from twin.diagnosis import naming, rounds
+from twin.diagnosis.naming import Naming, search
 from twin.diagnosis.posterior_mode import rises, slowest_mode_s
+from twin.diagnosis.rounds import scored, with_refits
 from twin.differences.candidates import Candidate, InputChannel, added_monomials, generate
 from twin.differences.everyday import everyday
 from twin.differences.proposals import Proposals
@@ -128,11 +129,11 @@ def test_refits_that_cannot_win_any_more_stop_and_the_winner_goes_on(monkeypatch
     model = _model(_with_loss(), 0)
     current = fit(model, np.zeros(len(model.parameters)))
     leading = [c for c in CANDIDATES if c.cause.place == "magnet" and c.cause.kind == "loss"]
-    monkeypatch.setattr(naming, "FAR_BEHIND", np.inf)
-    monkeypatch.setattr(naming, "OUT_OF_REACH", np.inf)
+    monkeypatch.setattr(rounds, "FAR_BEHIND", np.inf)
+    monkeypatch.setattr(rounds, "OUT_OF_REACH", np.inf)
     whole = with_refits(scored(current, leading), lambda _: None).refits
-    monkeypatch.setattr(naming, "OUT_OF_REACH", 0.1)
-    monkeypatch.setattr(naming, "FIRST_LINEARISATIONS", 1)
+    monkeypatch.setattr(rounds, "OUT_OF_REACH", 0.1)
+    monkeypatch.setattr(rounds, "FIRST_LINEARISATIONS", 1)
     raced = with_refits(scored(current, leading), lambda _: None).refits
     assert all(one.ended for one in whole)
     assert any(not one.ended for one in raced)
@@ -149,9 +150,9 @@ def test_what_leads_before_any_calibration_is_refitted_from_there_too(monkeypatc
     current = fit(model, np.zeros(len(model.parameters)))
     found = scored(current, CANDIDATES)
     usual = max(with_refits(found, lambda _: None).refits, key=lambda one: one.log_bayes_factor)
-    monkeypatch.setattr(naming, "REFITTED", 0)
+    monkeypatch.setattr(rounds, "REFITTED", 0)
     assert with_refits(found, lambda _: None).refits == ()
-    (from_there,) = with_refits(found, lambda _: None, naming.uncalibrated(current, len(model.parameters))).refits
+    (from_there,) = with_refits(found, lambda _: None, rounds.uncalibrated(current, len(model.parameters))).refits
     assert str(from_there.candidate.cause) == str(usual.candidate.cause) == HIDDEN
     assert from_there.log_bayes_factor == pytest.approx(usual.log_bayes_factor, abs=0.5)
 
@@ -163,8 +164,8 @@ def test_what_would_take_away_more_than_there_is_takes_no_others_place(monkeypat
     parameters = list(found.parameters)
     parameters[first] = replace(parameters[first], low=float(found.scores.amplitude[first]) * 1.01, high=np.inf)
     assert parameters[first].low > 0, "for this test: as impossible as a loss below nothing"
-    monkeypatch.setattr(naming, "REFITTED", 1)
-    monkeypatch.setattr(naming, "is_possible", lambda parameter, amount: amount > parameter.low)
+    monkeypatch.setattr(rounds, "REFITTED", 1)
+    monkeypatch.setattr(rounds, "is_possible", lambda parameter, amount: amount > parameter.low)
     (refit,) = with_refits(replace(found, parameters=tuple(parameters)), lambda _: None).refits
     assert refit.candidate == found.candidates[second]
 
@@ -201,10 +202,10 @@ def test_a_refit_that_runs_away_is_no_refit(calibrated: Fit, monkeypatch: pytest
     def runs_away(*_: object, **__: object) -> Fit:
         raise DivergedError("temperatures run away")
 
-    monkeypatch.setattr(naming, "fit", runs_away)
+    monkeypatch.setattr(rounds, "fit", runs_away)
     candidate: Candidate = CANDIDATES[0]
     parameter = Proposals(calibrated.model, calibrated.beta).parameter(candidate)
-    assert naming.refitted(calibrated, candidate, parameter) is None
+    assert rounds.refitted(calibrated, candidate, parameter) is None
 
 
 def test_the_slowest_mode_and_the_rises_are_those_of_the_motor(calibrated: Fit) -> None:
@@ -218,7 +219,7 @@ def test_the_slowest_mode_and_the_rises_are_those_of_the_motor(calibrated: Fit) 
 def test_what_takes_away_more_than_there_is_is_not_possible() -> None:
     """It ends at its bound; a cause that has a sign may end at 0, and one that is larger than usual is possible too."""
     cooling = Parameter("p", sensor_laws.Bias("W_1"), 1.0, low=-2.0)
-    assert naming.is_possible(cooling, -1.9)
-    assert not naming.is_possible(cooling, -2.0)
-    assert naming.is_possible(cooling, 9.0)
-    assert naming.is_possible(Parameter("p", sensor_laws.Bias("W_1"), 1.0, low=0.0), 0.0)
+    assert rounds.is_possible(cooling, -1.9)
+    assert not rounds.is_possible(cooling, -2.0)
+    assert rounds.is_possible(cooling, 9.0)
+    assert rounds.is_possible(Parameter("p", sensor_laws.Bias("W_1"), 1.0, low=0.0), 0.0)

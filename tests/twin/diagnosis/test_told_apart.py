@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from made import motor as made
 from twin.diagnosis.evidence import Scores, log_bayes_factor, posterior, prior_masses
-from twin.diagnosis.naming import Refit, Round
 from twin.diagnosis.next_tests import as_test, menu
 from twin.diagnosis.posterior_mode import stacked
+from twin.diagnosis.rounds import Refit, Round
 from twin.diagnosis.told_apart import STANDS_OUT, _Recorded, separating_test, telling_test, told_apart
 from twin.differences.candidates import Candidate, InputChannel, added_monomials, generate
 from twin.differences.everyday import everyday, of_test

@@ -95,6 +95,12 @@ def test_the_power_balance_says_what_the_difference_may_be(loss: float, heat: fl
     assert says in power_balance([summary])[0]
 
 
+def test_of_many_sessions_three_balances_are_told() -> None:
+    one = replace(made_run().summary, electrical_minus_mechanical_W=1000.0, network_heat_W=400.0)
+    (told,) = power_balance([replace(one, session_name=f"s{i}") for i in range(5)])
+    assert "s2 1,000 W against 400 W (2.5 times) and 2 more. What" in told and "s3" not in told
+
+
 def test_without_recorded_power_there_is_no_balance() -> None:
     assert power_balance([replace(made_run().summary, electrical_minus_mechanical_W=None)]) == []
 

@@ -15,7 +15,8 @@ from replay.studies.diagnosis.answer import EvidenceParts, Unusual
 from replay.studies.diagnosis.answer_parts import OTHER_CAUSES, evidence_parts
 from replay.studies.diagnosis.beyond_usual import beyond_usual
 from twin.diagnosis.in_words import PATHS
-from twin.diagnosis.naming import Naming, Refit, refitted, scored
+from twin.diagnosis.naming import Naming
+from twin.diagnosis.rounds import Refit, refitted, scored
 from twin.differences.candidates import Candidate, InputChannel, added_monomials, generate
 from twin.differences.everyday import everyday
 from twin.differences.proposals import Proposals

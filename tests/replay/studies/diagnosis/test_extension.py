@@ -27,7 +27,7 @@ from replay.studies.diagnosis.extension import version
 from replay.studies.diagnosis.question import Question, campaign_of
 from twin.diagnosis.evidence_split import EvidenceSplit
 from twin.diagnosis.expressible import expressible
-from twin.diagnosis.naming import Refit
+from twin.diagnosis.rounds import Refit
 from twin.diagnosis.swaps import Swap, exchanged
 from twin.fitting import actions
 from twin.fitting.actions import Parameter

@@ -18,9 +18,9 @@ from replay.cli import main
 from replay.engine.files.models import model_of
 from replay.studies.diagnosis.question import Campaign, Question, campaign_of
 from replay.studies.sessions.history import course_of
-from twin.diagnosis.naming import THRESHOLD, scored, uncalibrated, with_refits
 from twin.diagnosis.posterior_mode import linearised
 from twin.diagnosis.refined import under_its_noise
+from twin.diagnosis.rounds import THRESHOLD, scored, uncalibrated, with_refits
 from twin.differences.everyday import everyday
 from twin.fitting.fit import NEAR_ENOUGH, fit
 from twin.fitting.model import Model, Test

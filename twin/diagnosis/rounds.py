@@ -1,0 +1,226 @@
+"""One round of the search for causes: every candidate scored, the leading ones refitted in full, the best of them.
+
+Evidence judges, or where the file's form is wrong sessions left out do (`twin.diagnosis.naming`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.special import log_ndtr
+
+from twin.diagnosis.evidence import TOLD_APART, Scores, null_quantile, score
+from twin.diagnosis.evidence_split import EvidenceSplit, split
+from twin.diagnosis.left_out import LeftOut, left_out
+from twin.diagnosis.posterior_mode import linearised, stacked
+from twin.diagnosis.refined import Tell
+from twin.diagnosis.taking_over import taken_over
+from twin.differences.candidates import Candidate
+from twin.errors import DivergedError
+from twin.fitting.actions import Parameter
+from twin.fitting.fit import NEAR_ENOUGH, Fit, fit
+from twin.fitting.model import Floats
+
+THRESHOLD = 6.0  # ln BF that a term must exceed; healthy motors of another form set it (benchmarks/trials.py)
+REFITTED, WORTH_REFITTING = 5, 4.0  # how many, and from which linear ln BF on
+ASKED_ABOUT = 8  # of them, where sessions left out judge
+FAR_BEHIND = 10.0  # behind the leading one in linear ln BF: not refitted
+FIRST_LINEARISATIONS, REFIT_LINEARISATIONS = 4, 15  # of every refit, and of those that may still come near the best
+OUT_OF_REACH = 6.0  # a search stops that promises to stay so far behind the best: twice what tells two apart
+
+
+def is_possible(parameter: Parameter, amplitude: float) -> bool:
+    """Whether a cause can have this amplitude: it takes no more away than is there. One that is larger than usual stays
+    a cause: the evidence has paid for that."""
+    return not (parameter.low < 0.0 and amplitude <= parameter.low)
+
+
+@dataclass(frozen=True)
+class Refit:
+    """A candidate after a full fit: ln BF against the model without it by Laplace and where that comes from, amplitude
+    and its sd. `left_out`: what it says of sessions left out, where these judge and evidence would let it in."""
+
+    candidate: Candidate
+    parameter: Parameter
+    fit: Fit
+    log_bayes_factor: float
+    amplitude: float
+    sd: float
+    evidence: EvidenceSplit
+    left_out: LeftOut | None = None
+
+    @property
+    def possible(self) -> bool:
+        """Whether such a cause can have the amplitude that the data want."""
+        return is_possible(self.parameter, self.amplitude)
+
+    @property
+    def ended(self) -> bool:
+        """Whether its search is over, at the mode or not."""
+        return self.fit.converged or self.fit.linearisations >= REFIT_LINEARISATIONS
+
+    @property
+    def promised(self) -> float:
+        """ln BF, plus what a search that is not over may still gain by its quadratic model."""
+        return self.log_bayes_factor + (0.0 if self.ended else self.fit.left)
+
+
+@dataclass(frozen=True)
+class Round:
+    """One search for one more term at the fit `base` without it: all `candidates` with their `parameters`, `scores`,
+    and `gram` (m, m) V'P V; `null`, the 95 % quantile of the best ln BF by chance; `refits` of the leading ones; ids of
+    those that are `dropped` as the model runs away with them; what the base says of sessions left out (`left_out`),
+    where these judge."""
+
+    base: Fit
+    candidates: tuple[Candidate, ...]
+    parameters: tuple[Parameter, ...]
+    scores: Scores
+    gram: Floats
+    null: float
+    refits: tuple[Refit, ...]
+    dropped: tuple[str, ...]
+    left_out: LeftOut | None = None
+
+    @property
+    def best(self) -> Refit | None:
+        """The best of the refits that are possible: by evidence, or of those that hold by sessions left out."""
+        possible = [r for r in self.refits if r.possible]
+        if self.left_out is None:
+            return max(possible, key=lambda r: r.log_bayes_factor, default=None)
+        return max(filter(self.holds, possible), key=lambda r: float(self.gained(r).sum()), default=None)
+
+    def gained(self, refit: Refit) -> Floats:
+        """(s,) by how much ln density each session left out gains by a refit that evidence would let in."""
+        assert self.left_out is not None and refit.left_out is not None, "sessions left out do not judge this refit"
+        return refit.left_out.gained(self.left_out)
+
+    def holds(self, refit: Refit) -> bool:
+        """Whether sessions left out ask for a refit as evidence must, with a smaller error, and none speaks against
+        it."""
+        if self.left_out is None or refit.left_out is None:
+            return False
+        said = self.gained(refit)
+        nearer = refit.left_out.mean_K() < self.left_out.mean_K()
+        return nearer and bool(said.sum() > THRESHOLD and said.min() > -TOLD_APART)
+
+    def order(self) -> list[int]:
+        """Candidates, best linear score first."""
+        return [int(i) for i in np.argsort(-self.scores.log_bayes_factor, kind="stable")]
+
+    def possible(self) -> list[int]:
+        """Candidates that, by their linear amplitude, take away no more than there is, best linear score first."""
+        amplitude = self.scores.amplitude
+        return [i for i in self.order() if is_possible(self.parameters[i], float(amplitude[i]))]
+
+
+def scored(current: Fit, candidates: Sequence[Candidate]) -> Round:
+    """The score of every candidate at a fit, none refitted yet."""
+    chosen, parameters, parts, dropped = linearised(current, candidates)
+    projector, v, e0 = stacked(current, parts)
+    sigma = np.array([p.sd for p in parameters])
+    sign = np.array([c.sign for c in chosen], dtype=np.float64)
+    scores = score(v, e0, projector, sigma, sign)
+    gram = projector.inner(v, v)
+    null = null_quantile(gram, sigma, sign)
+    return Round(current, tuple(chosen), tuple(parameters), scores, gram, null, (), tuple(dropped))
+
+
+def uncalibrated(current: Fit, healthy: int) -> Floats:
+    """The vector of a fit with the first `healthy` differences as the files say."""
+    return np.append(np.zeros(healthy), current.beta[healthy:])
+
+
+def with_refits(found: Round, tell: Tell, other_start: Floats | None = None, judging: bool = False) -> Round:
+    """The round with its leading candidates refitted, without those that would take away more than there is, and the
+    one that leads at the vector `other_start`, from there: calibration goes so far to stand in for a large cause that
+    its score says little where that ends. All begin, those that may still come near the best go on. Where sessions left
+    out are `judging`, evidence says only which candidates they are asked about: none is far behind or out of reach."""
+    leading = _leading(found, judging) + ([] if other_start is None else _leading_at(found, other_start))
+
+    def begun(one: _Leading) -> Refit | None:
+        tell(f"refitting {one[0].cause}")
+        return refitted(found.base, *one)
+
+    with ThreadPoolExecutor(2) as pool:
+        first = list(pool.map(begun, leading))
+        refits = [r for r in first if r is not None]
+        while True:
+            best = max((r.promised for r in refits if r.possible), default=0.0)
+            further = [not r.ended and (judging or r.promised > best - OUT_OF_REACH) for r in refits]
+            if not any(further):
+                break
+            refits = list(pool.map(lambda r, on: _went_on(found.base, r) if on else r, refits, further))
+    lost = [str(candidate.cause) for (candidate, *_), refit in zip(leading, first, strict=True) if refit is None]
+    found = replace(found, refits=_each_once(refits), dropped=(*found.dropped, *lost))
+    return judged(found) if judging else found
+
+
+def judged(found: Round) -> Round:
+    """The round with what sessions left out say of its base and of every refit that evidence would let in."""
+    let_in = [refit.log_bayes_factor > THRESHOLD for refit in found.refits]
+    said = [replace(r, left_out=left_out(r.fit)) if ok else r for r, ok in zip(found.refits, let_in, strict=True)]
+    return replace(found, refits=tuple(said), left_out=left_out(found.base))
+
+
+def _each_once(refits: Sequence[Refit]) -> tuple[Refit, ...]:
+    """Of a candidate that was refitted from two places, the better refit."""
+    better = {one.candidate.cause: one for one in sorted(refits, key=lambda refit: refit.log_bayes_factor)}
+    return tuple(one for one in refits if better[one.candidate.cause] is one)
+
+
+_Leading = tuple[Candidate, Parameter, Floats | None]  # and where its refit starts, as in `refitted`
+
+
+def _leading(found: Round, judging: bool) -> list[_Leading]:
+    linear, leading = found.scores.log_bayes_factor, found.possible()[: ASKED_ABOUT if judging else REFITTED]
+    least = WORTH_REFITTING if judging else max([WORTH_REFITTING, *linear[leading[:1]] - FAR_BEHIND])
+    return [(found.candidates[i], found.parameters[i], None) for i in leading if linear[i] >= least]
+
+
+def _leading_at(found: Round, beta: Floats) -> list[_Leading]:
+    """The one that leads at a vector; none where the model runs away there."""
+    try:
+        there = scored(fit(found.base.model, beta, linearisations=1), found.candidates)
+    except DivergedError:
+        return []
+    leading = [i for i in there.possible()[:1] if there.scores.log_bayes_factor[i] >= WORTH_REFITTING]
+    amounts = there.scores.amplitude
+    return [(there.candidates[i], there.parameters[i], np.append(beta, amounts[i])) for i in leading]
+
+
+def refitted(current: Fit, candidate: Candidate, parameter: Parameter, start: Floats | None = None) -> Refit | None:
+    """The first linearisations of the fit with one more term, from the vector `start` (p + 1,), its amplitude last, or
+    else from where the term does what healthy differences did in its place (`twin.diagnosis.taking_over`). None where
+    it runs away."""
+    if start is None:
+        beta, amplitude = taken_over(current, candidate, parameter)
+        inside = 1e-3 * parameter.sd if parameter.low == 0.0 else 0.0
+        start = np.append(beta, amplitude or inside)
+    try:
+        found = fit(current.model.plus([parameter]), start, NEAR_ENOUGH, FIRST_LINEARISATIONS)
+    except (DivergedError, np.linalg.LinAlgError):
+        return None
+    return compared(found, current, candidate, parameter, len(found.beta) - 1)
+
+
+def _went_on(current: Fit, begun: Refit) -> Refit:
+    """The refit from where it stopped to its end."""
+    so_far = begun.fit.linearisations
+    found = fit(begun.fit.model, begun.fit.beta, NEAR_ENOUGH, REFIT_LINEARISATIONS - so_far)
+    used = so_far + found.linearisations if found.converged else REFIT_LINEARISATIONS
+    whole = replace(found, linearisations=used)
+    return compared(whole, current, begun.candidate, begun.parameter, len(found.beta) - 1)
+
+
+def compared(found: Fit, without: Fit, candidate: Candidate, parameter: Parameter, place: int) -> Refit:
+    """The refit of a term: ln BF by Laplace's approximation of both fits, a half-normal prior where it has a sign."""
+    sd = float(np.sqrt(np.linalg.inv(found.hessian)[place, place]))
+    amplitude = float(found.beta[place])
+    gain = found.log_evidence - without.log_evidence
+    if parameter.low == 0.0 or parameter.high == 0.0:
+        gain += float(np.log(2) + log_ndtr(abs(amplitude) / sd))
+    return Refit(candidate, parameter, found, gain, amplitude, sd, split(gain, found, without, place))
