@@ -5,30 +5,28 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ingest.bench.bench_file import Bench, read_bench
-from ingest.bench.corrections import AMBIENT, Correction, correct, true_times, true_values
-from ingest.bench.resolving import ResolvedChannel, resolve, valued
-from ingest.bench.signals import Directory, Signal
-from ingest.errors import DamageError, UnitError
-from ingest.facts.events import DecodeCompleted, SessionRecorded
+from ingest.bench.corrections import AMBIENT, Correction, true_values
+from ingest.bench.resolving import ResolvedChannel, valued
+from ingest.catalogue.decoded import DecodedFile, Table, decoded_file
+from ingest.facts.events import SessionRecorded
 from ingest.facts.facts import Facts
 from ingest.texts.powers import hypot
-from ingest.texts.quantities import STORED_UNIT, Conversion, converter
+from ingest.texts.quantities import STORED_UNIT
 
 if TYPE_CHECKING:
     from ingest.facts.store import Store
+    from ingest.log.samples import RowGroup
 
+MOST_VALUES = 4_000_000  # of channels that are held at once: about 400 MB with what is computed of them
 STALE_MEDIANS = 5.0  # a value is held for as many median intervals of its channel, not longer
 GAP_NS = 10_000_000_000  # a second in a shorter gap counts as measured: constancy is looked at in means of 10 s
 
 Array = NDArray[np.float64]
-_Entry = Mapping[str, Any]  # of DecodeCompleted.channels
 _Around = Callable[[NDArray[np.int64]], Array]  # stamps (N,) -> temperatures (N,) [degC]
 
 
@@ -61,6 +59,11 @@ class ChannelData:
         weights = " + ".join(f"{share:g} {node}" for node, share in self.spec.weights.items())
         return self.spec.node or weights or None
 
+    def samples(self, which: slice) -> ChannelData:
+        """The channel with some of its samples."""
+        names = ("t_ns", "value", "record", "raw", *(() if self.read is None else ("read",)))
+        return replace(self, **{name: getattr(self, name)[which] for name in names})
+
     @property
     def median_ns(self) -> float:
         """Median interval between samples [ns]; 0 with fewer than two."""
@@ -90,23 +93,55 @@ def load(store: Store, facts: Facts, session: SessionRecorded) -> list[ChannelDa
 def load_each(store: Store, facts: Facts, sessions: Sequence[SessionRecorded]) -> Iterator[list[ChannelData]]:
     """What `load` gives for each of these sessions, in turn; a file that several of them share is read once."""
     to_come = Counter(file["decode"] for session in sessions for file in session.files)
-    decoded: dict[str, _Decoded] = {}
+    kept: dict[str, tuple[DecodedFile, Mapping[str, Table]]] = {}
     for session in sessions:
-        pieces: dict[str, list[_Piece]] = {}
-        bench = None
+        files = []
         for file in session.files:
             name = file["decode"]
-            one = decoded.pop(name) if name in decoded else _decoded(store, facts, facts.decodes[name])
-            bench = one.bench or bench
-            for piece in _of_file(one, file):
-                moved = _on_time(piece, one.bench, one.stem, session.start_ns)
-                pieces.setdefault(piece.spec.name, []).append(moved)
+            one, tables = kept.pop(name) if name in kept else _read(store, facts, file)
+            files.append((one, tables, file))
             to_come[name] -= 1
-            if to_come[name]:
-                decoded[name] = one
-        around = _ambient(pieces, session.start_ns)
-        joined = [_joined(some, session.start_ns, around) for some in pieces.values()]
-        yield joined + [_throughout(spec, session, joined[0]) for spec in (valued(bench) if bench and joined else ())]
+            if to_come[name] and one.values <= MOST_VALUES:
+                kept[name] = one, tables
+        yield _channels(session, files)
+
+
+def _read(store: Store, facts: Facts, file: Mapping[str, Any]) -> tuple[DecodedFile, Mapping[str, Table]]:
+    """A file of a session with all its samples, or with those about the session's records where it holds too many."""
+    one = decoded_file(store, facts, facts.decodes[file["decode"]])
+    return one, one.tables(None if one.values <= MOST_VALUES else lambda _, rows: rows.is_of(file))
+
+
+def load_within(session: SessionRecorded, files: Sequence[DecodedFile], span: tuple[int, int]) -> list[ChannelData]:
+    """What `load` gives of the samples from `span[0]` up to `span[1]` [ns], which is left out.
+
+    `files`: those of the session, in its order. Row groups without such samples are not read.
+    """
+    read = []
+    for one, file in zip(files, session.files, strict=True):
+
+        def wanted(group: str, rows: RowGroup, one: DecodedFile = one, file: Mapping[str, Any] = file) -> bool:
+            first, last = one.on_time(group, np.array(rows.t_ns), session.start_ns).tolist()
+            return rows.is_of(file) and bool(first < span[1] and last >= span[0])
+
+        read.append((one, one.tables(wanted), file))
+    return _channels(session, read, span)
+
+
+def _channels(
+    session: SessionRecorded,
+    files: Sequence[tuple[DecodedFile, Mapping[str, Table], Mapping[str, Any]]],
+    span: tuple[int, int] | None = None,
+) -> list[ChannelData]:
+    pieces: dict[str, list[_Piece]] = {}
+    bench = None
+    for one, tables, file in files:
+        bench = one.bench or bench
+        for piece in _of_file(one, tables, file, session.start_ns, span):
+            pieces.setdefault(piece.spec.name, []).append(piece)
+    around = _ambient(pieces, session.start_ns)
+    joined = [_joined(some, session.start_ns, around) for some in pieces.values()]
+    return joined + [_throughout(spec, session, joined[0]) for spec in (valued(bench) if bench and joined else ())]
 
 
 def step_of(value: Array) -> float | None:
@@ -153,14 +188,16 @@ def aligned(channels: Sequence[ChannelData]) -> Aligned:
     return Aligned(slowest.t_ns[known], dt_s[known], tuple(value[known] for value in values))
 
 
-def each_second(channels: Sequence[ChannelData]) -> tuple[list[Array], NDArray[np.bool_]]:
+def each_second(channels: Sequence[ChannelData], block_s: int = 1) -> tuple[list[Array], NDArray[np.bool_]]:
     """Means over each second of the time that the channels span together, (N,) each; an empty second holds the last.
 
-    And which of these seconds (N,) were measured: those that lie in no channel's gap, nor before or after it.
+    And which of these seconds (N,) were measured: those that lie in no channel's gap, nor before or after it. With
+    `block_s` of each stretch of so many seconds.
     """
     span = (min(int(channel.t_ns[0]) for channel in channels), max(int(channel.t_ns[-1]) for channel in channels))
-    means = [block_means(channel.t_ns, channel.value, span) for channel in channels]
-    return means, np.all([_measured(channel, span[0], len(means[0])) for channel in channels], axis=0)
+    means = [block_means(channel.t_ns, channel.value, span, block_s) for channel in channels]
+    measured = [_measured(channel, span[0], len(means[0]), block_s) for channel in channels]
+    return means, np.all(measured, axis=0)
 
 
 def block_means(t_ns: NDArray[np.int64], value: Array, span: tuple[int, int], block_s: float = 1.0) -> Array:
@@ -178,119 +215,43 @@ def block_means(t_ns: NDArray[np.int64], value: Array, span: tuple[int, int], bl
     return held
 
 
-def _measured(channel: ChannelData, start_ns: int, count: int) -> NDArray[np.bool_]:
-    """Which of `count` seconds from `start_ns` are neither in a gap of the channel nor before or after it."""
-    second = (channel.t_ns - start_ns) // 1_000_000_000
+def _measured(channel: ChannelData, start_ns: int, count: int, block_s: int) -> NDArray[np.bool_]:
+    """Which of `count` blocks from `start_ns` are neither in a gap of the channel nor before or after it."""
+    second = (channel.t_ns - start_ns) // (block_s * 1_000_000_000)
     gap = np.diff(channel.t_ns) > max(STALE_MEDIANS * channel.median_ns, GAP_NS)
     first, last = np.r_[second[0], second[1:][gap]], np.r_[second[:-1][gap], second[-1]]
     edges = np.bincount(first, minlength=count + 1) - np.bincount(last + 1, minlength=count + 1)
     return np.asarray(np.cumsum(edges)[:count] > 0)
 
 
-@dataclass(frozen=True)
-class _Source:
-    """A channel as one decode holds it: its entry there, its description, and what is to be taken off its values."""
-
-    entry: _Entry
-    spec: ResolvedChannel
-    steps: tuple[Correction, ...] = ()
-
-
-@dataclass(frozen=True, eq=False)
-class _Decoded:
-    """All that a decode holds of its channels: group -> column -> samples. `stem` of the log's name."""
-
-    decode: DecodeCompleted
-    stem: str
-    bench: Bench | None
-    sources: Sequence[_Source]
-    tables: Mapping[str, Mapping[str, NDArray[Any]]]
-
-
 @dataclass(frozen=True, eq=False)
 class _Piece:
-    """The samples of a channel in one file (N,), values as they were read. `bus` as in the file, None of a table."""
+    """The samples of a channel in one file (N,), values as they were read; `bus`: what stamped them."""
 
     spec: ResolvedChannel
     steps: tuple[Correction, ...]
     raw: str
-    bus: str | None
+    bus: str
     t_ns: NDArray[np.int64]
     record: NDArray[np.int64]
     value: Array
 
 
-def _of_bench(bench: Bench, decode: DecodeCompleted) -> list[_Source]:
-    """What a decode recorded of each channel of its bench file, and the channel, resolved again from the sealed file.
-
-    The samples are converted already; which nodes are boundaries was known then, when the motor file was at hand.
-    """
-    signals = [Signal(**entry["signal"]) for entry in decode.channels if entry["signal"]]
-    directory = Directory(signals)
-    corrected = correct(bench.name, bench.channels, bench.corrections)
-    here = [
-        (channel, steps)
-        for channel, steps in zip(corrected.channels, corrected.steps, strict=True)
-        if channel.quantity and channel.needs and all(directory.find(name) for name in channel.needs)
-    ]
-    around = {entry["node"] for entry in decode.channels if entry["role"] == "input" and entry["node"]}
-    specs = resolve(replace(bench, channels=tuple(channel for channel, _ in here)), signals, around)
-    found = [(spec, steps) for spec, (_, steps) in zip(specs, here, strict=True)]
-    derived = {one[0].name: one for one in found if one[0].derived}
-    plain = {one[0].signals[0]: one for one in found if not one[0].derived}
-    matched = [
-        (entry, plain.get(Signal(**entry["signal"])) if entry["signal"] else derived.get(entry["name"]))
-        for entry in decode.channels
-    ]
-    return [
-        _Source(entry, replace(one[0], name=entry["name"], region=entry.get("region", one[0].region)), one[1])
-        for entry, one in matched
-        if one
-    ]
-
-
-def _guess(entry: _Entry) -> ResolvedChannel:
-    """A signal that no bench file speaks of: of the guessed quantity where the file's unit fits that, else of none."""
-    quantity, unit = entry["quantity"] or "", entry["unit"] or ""
-    try:
-        conversion = converter(unit, quantity)
-    except UnitError:
-        quantity, conversion = "", Conversion()
-    return ResolvedChannel(entry["name"], quantity, unit, conversion=conversion, signals=(), role=entry["role"])
-
-
-def _decoded(store: Store, facts: Facts, decode: DecodeCompleted) -> _Decoded:
-    sha = facts.current(decode.bench) if decode.bench else None
-    bench = read_bench(store.archive.read(sha), facts.benches[sha].name) if sha else None
-    sources = _of_bench(bench, decode) if bench else [_Source(entry, _guess(entry)) for entry in decode.channels]
-    folder = store.decoded(decode.decode)
-    tables = {
-        group["name"]: _read(
-            folder / group["file"], [one.entry["column"] for one in sources if one.entry["group"] == group["name"]]
-        )
-        for group in decode.groups
-    }
-    return _Decoded(decode, facts.files[decode.raw].name.split(".")[0], bench, sources, tables)
-
-
-def _of_file(one: _Decoded, file: Mapping[str, Any]) -> Iterator[_Piece]:
-    """The samples of each channel in the records of one file that belong to the session."""
-    decode, tables = one.decode, one.tables
-    buses = {entry["group"]: entry["signal"]["bus"] for entry in decode.channels if entry["signal"]}
+def _of_file(
+    one: DecodedFile, tables: Mapping[str, Table], file: Mapping[str, Any], start_ns: int, span: tuple[int, int] | None
+) -> Iterator[_Piece]:
+    """The samples of each channel in the records of one file that belong to the session, with their true stamps."""
     for source in one.sources:
         group = source.entry["group"]
         record, value = tables[group]["record"], tables[group][source.entry["column"]]
         kept = (record >= file["first_record"]) & (record <= file["last_record"]) & np.isfinite(value)
-        if kept.any():
-            stored = value[kept] if decode.bench else source.spec.conversion(value[kept])
-            t_ns = tables[group]["t_ns"][kept]
-            yield _Piece(source.spec, source.steps, decode.raw, buses.get(group), t_ns, record[kept], stored)
-
-
-def _on_time(piece: _Piece, bench: Bench | None, stem: str, start_ns: int) -> _Piece:
-    """A piece with its true stamps, and the bus whose clock these go by: the table itself where it names none."""
-    bus = piece.bus or stem
-    return replace(piece, bus=bus, t_ns=true_times(piece.t_ns, bench.corrections if bench else (), bus, start_ns))
+        t_ns = one.on_time(group, tables[group]["t_ns"][kept], start_ns)
+        if span is not None:
+            inside = (t_ns >= span[0]) & (t_ns < span[1])
+            kept[kept], t_ns = inside, t_ns[inside]
+        if len(t_ns):
+            stored = value[kept] if one.decode.bench else source.spec.conversion(value[kept])
+            yield _Piece(source.spec, source.steps, one.decode.raw, one.clocks[group], t_ns, record[kept], stored)
 
 
 def _ambient(pieces: Mapping[str, Sequence[_Piece]], start_ns: int) -> _Around | None:
@@ -305,19 +266,6 @@ def _ambient(pieces: Mapping[str, Sequence[_Piece]], start_ns: int) -> _Around |
     if not found:
         return None
     return lambda t_ns: np.asarray(np.mean([np.interp(t_ns, one.t_ns, one.value) for one in found], axis=0))
-
-
-def _read(path: Path, columns: Sequence[str]) -> dict[str, NDArray[Any]]:
-    from ingest.log import samples
-
-    if not columns:
-        return {}
-    try:
-        table = samples.read(path, list(dict.fromkeys(["t_ns", "record", *columns])))
-    except FileNotFoundError:
-        says = f"{path}: the samples are not there. Make them again from the archive with `whyhot rebuild`."
-        raise DamageError(says) from None
-    return {name: table.column(name).to_numpy() for name in table.column_names}
 
 
 def _joined(some: Sequence[_Piece], start_ns: int, around: _Around | None) -> ChannelData:
@@ -339,7 +287,7 @@ def _joined(some: Sequence[_Piece], start_ns: int, around: _Around | None) -> Ch
         record=record[order],
         raw=raw[order],
         raws=raws,
-        buses=tuple(str(piece.bus) for piece in pieces.values()),
+        buses=tuple(piece.bus for piece in pieces.values()),
         read=read if any(piece.steps for piece in some) else None,
     )
 

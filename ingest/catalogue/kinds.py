@@ -26,6 +26,7 @@ OVEN_degC = 100.0  # no bench room is as warm
 CURRENT_A = 1.0  # less is offset of a probe
 S1_s = 900  # constant for this long; the time constants of stator and winding are 60 to 850 s
 YEAR_s = 365 * 86_400  # no log goes on for longer second by second
+LONGEST_s = 4_000_000  # of a drive: what a session was is told from its first 46 days; memory holds no more
 SMOOTH_s = 10  # constancy is looked at in means of this
 SPEED_CONSTANT, LOAD_CONSTANT, LOADED = 0.03, 0.10, 0.20  # shares of the largest speed, load, load
 PULSE_s = (5, 120)
@@ -70,7 +71,7 @@ def recognise(channels: Sequence[ChannelData]) -> tuple[str, str]:
     if speed is None or float(np.abs(speed.value).max()) < STANDSTILL_rpm:
         return _at_standstill(channels, "no speed is recorded" if speed is None else "nothing turns")
     load = find(channels, "torque") or current(channels)
-    (n, *m), measured = each_second([speed, load] if load else [speed])
+    (n, *m), measured = each_second(_begun([speed, load] if load else [speed]))
     amount, unit = np.abs(m[0]) if load else np.zeros_like(n), "Nm" if find(channels, "torque") else "A"
     trace = _Trace(np.abs(n), amount, unit, measured)
     return _wltp(trace) or _s2(trace) or _s1(trace) or _drive(trace)
@@ -79,6 +80,17 @@ def recognise(channels: Sequence[ChannelData]) -> tuple[str, str]:
 def _span_s(channels: Sequence[ChannelData]) -> float:
     there = [channel.t_ns for channel in channels if len(channel.t_ns)]
     return (max(int(t[-1]) for t in there) - min(int(t[0]) for t in there)) / 1e9 if there else 0.0
+
+
+def _block_s(channels: Sequence[ChannelData]) -> int:
+    """Seconds, of which there are few enough for memory."""
+    return 1 + int(_span_s(channels) / LONGEST_s)
+
+
+def _begun(channels: Sequence[ChannelData]) -> list[ChannelData]:
+    """The channels up to LONGEST_s after the last of them began."""
+    end_ns = max(int(one.t_ns[0]) for one in channels) + LONGEST_s * 1_000_000_000
+    return [one.samples(slice(int(np.searchsorted(one.t_ns, end_ns)))) for one in channels]
 
 
 @lru_cache(maxsize=1)
@@ -91,10 +103,11 @@ def wltc() -> Array:
 def _at_standstill(channels: Sequence[ChannelData], why: str) -> tuple[str, str]:
     flows = current(channels) or find(channels, "current_dc")
     if flows is not None:
-        (amps,), measured = each_second([flows])
+        block_s = _block_s([flows])
+        (amps,), measured = each_second([flows], block_s)
         on = measured & (np.abs(amps) > max(CURRENT_A, 0.5 * float(np.quantile(np.abs(amps), 0.995))))
         if on.any():
-            return "dc_check", f"{np.median(np.abs(amps[on])):.0f} A for {seconds(on.sum())}, and {why}"
+            return "dc_check", f"{np.median(np.abs(amps[on])):.0f} A for {seconds(on.sum() * block_s)}, and {why}"
     temperatures = [channel for channel in channels if channel.spec.quantity == "temperature"]
     if not temperatures:
         return "other", f"{why}, and neither current nor temperature is recorded"
@@ -102,8 +115,12 @@ def _at_standstill(channels: Sequence[ChannelData], why: str) -> tuple[str, str]
     peak = float(hottest.value.max())
     oven = [channel for channel in temperatures if (channel.spec.node or channel.spec.name).startswith("oven")]
     if oven or peak >= OVEN_degC:
-        (hot,), measured = each_second([hottest])
-        return "ageing", f"{seconds((measured & (hot > peak - 10)).sum())} within 10 K of {peak:.0f} degC, and {why}"
+        block_s = _block_s([hottest])
+        (hot,), measured = each_second([hottest], block_s)
+        return (
+            "ageing",
+            f"{seconds((measured & (hot > peak - 10)).sum() * block_s)} within 10 K of {peak:.0f} degC, and {why}",
+        )
     return "other", f"temperatures only, none above {peak:.0f} degC, and {why}"
 
 

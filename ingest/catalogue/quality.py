@@ -131,9 +131,7 @@ def noise_of(value: NDArray[np.float64]) -> float | None:
 
 def _assess(channel: ChannelData, channels: Sequence[ChannelData], least: Sequence[float | None]) -> ChannelQuality:
     t_ns, value = channel.t_ns, channel.value
-    interval = np.diff(t_ns)
-    median = float(np.median(interval)) if len(interval) else 0.0
-    wide = interval > max(GAP_MEDIANS * median, GAP_NS)
+    median = channel.median_ns
     held = _held(channel, channels, least)
     good = np.ones(len(value), dtype=np.bool_)
     for stretch in held if channel.spec.role != "input" else ():
@@ -147,10 +145,24 @@ def _assess(channel: ChannelData, channels: Sequence[ChannelData], least: Sequen
         high=float(value.max()) if len(value) else None,
         noise=noise_of(value),
         resolution=step_of(channel.recorded),
-        gaps=tuple(Lapse(int(t_ns[i]), int(t_ns[i + 1])) for i in np.flatnonzero(wide)),
+        gaps=gaps_of(t_ns, median),
         stretches=tuple(held),
         good=good,
     )
+
+
+def gaps_of(t_ns: NDArray[np.int64], median_ns: float) -> tuple[Lapse, ...]:
+    """Where stamps (N,) [ns] in the order of time are wide apart, for a channel of this median interval [ns]."""
+    wide = np.flatnonzero(np.diff(t_ns) > max(GAP_MEDIANS * median_ns, GAP_NS))
+    return tuple(Lapse(int(t_ns[i]), int(t_ns[i + 1])) for i in wide)
+
+
+def sticking(found: Sequence[RepeatedSamples], role: str) -> list[RepeatedSamples]:
+    """The stretches of a channel; those at a value that it is held at three times or more are saturated."""
+    if role == "input":
+        return list(found)
+    often = {value for value, times in Counter(one.value for one in found).items() if times >= STICKS}
+    return [replace(one, kind="saturated") if one.value in often else one for one in found]
 
 
 def _least_movement(channel: ChannelData) -> float | None:
@@ -177,10 +189,7 @@ def _held(
                 kind = "saturated" if clipped else "stuck" if lasting else "held"
                 a, b = int(index[first]), int(index[last])
                 found.append(RepeatedSamples(int(span.start), int(span.stop), kind, a, b, float(value[first])))
-    if channel.spec.role == "input":
-        return found
-    often = {value for value, times in Counter(one.value for one in found).items() if times >= STICKS}
-    return [replace(one, kind="saturated") if one.value in often else one for one in found]
+    return sticking(found, channel.spec.role)
 
 
 def _improbable(t_ns: NDArray[np.int64], value: NDArray[np.float64]) -> list[tuple[int, int]]:

@@ -7,8 +7,9 @@ from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
 from ingest.catalogue import operating_points, power, quality
-from ingest.catalogue.channels import ChannelData, load
+from ingest.catalogue.channels import ChannelData
 from ingest.catalogue.description import ChannelDescription, Repeats, SessionDescription, SourceDescription
+from ingest.catalogue.looked import look
 from ingest.catalogue.quality import ChannelQuality
 from ingest.facts.events import COUNTS, SessionRecorded
 from ingest.facts.facts import Facts
@@ -19,8 +20,8 @@ if TYPE_CHECKING:
 
 def describe(store: Store, facts: Facts, session: SessionRecorded) -> SessionDescription:
     """Look through the samples of a session. Raises DamageError where they are damaged or missing."""
-    channels = load(store, facts, session)
-    qualities = quality.assess(channels)
+    samples = look(store, facts, session)
+    channels, qualities = samples.channels, samples.qualities
     balance = power.balance(channels)
     bench = facts.bench_of(session)
     flagged = [flag.says for file in session.files for flag in facts.flags.get(f"file-{file['raw']}", ())]

@@ -8,7 +8,8 @@ from itertools import combinations
 
 from ingest.bench.bench_file import read_bench
 from ingest.catalogue import kinds, quality
-from ingest.catalogue.channels import ChannelData, load_each
+from ingest.catalogue.channels import load_each
+from ingest.catalogue.looked import Looked, is_long, look, looked
 from ingest.errors import IngestError
 from ingest.facts import facts as ledger_facts
 from ingest.facts import sessions
@@ -39,7 +40,7 @@ def group_files(store: Store, said: Mapping[str, Override]) -> Grouped:
     events: list[tuple[str, Event]] = []
     changes = sessions.regroup(known.sessions, new)
     read = [one for one in changes if isinstance(one, SessionRecorded) and _is_read(one)]
-    channels_of = _channels(store, known, read)
+    looked_at = _looked(store, known, read)
     unread: set[str] = set()
     for event in changes:
         if isinstance(event, SessionRegrouped):
@@ -48,15 +49,15 @@ def group_files(store: Store, said: Mapping[str, Override]) -> Grouped:
             continue
         found = _overlaps(known, event)
         if _is_read(event):
-            channels = next(channels_of)
-            if isinstance(channels, IngestError):
+            seen = next(looked_at)
+            if isinstance(seen, IngestError):
                 unread.add(event.session)
-                grouped.left.append(f"session {event.name}: is left for the next ingest: {channels}")
+                grouped.left.append(f"session {event.name}: is left for the next ingest: {seen}")
                 continue
             if not event.kind:
-                kind, why = kinds.recognise(channels)
+                kind, why = kinds.recognise(seen.channels)
                 event = replace(event, kind=kind, kind_why=why)
-            found += quality.findings(quality.assess(channels))
+            found += quality.findings(seen.qualities)
         stream = f"session-{event.session}"
         events += [(stream, event), *((stream, flag) for flag in found)]
         grouped.flags += [(event.name, flag) for flag in found]
@@ -64,14 +65,16 @@ def group_files(store: Store, said: Mapping[str, Override]) -> Grouped:
     return grouped
 
 
-def _channels(store: Store, known: Facts, read: Sequence[SessionRecorded]) -> Iterator[list[ChannelData] | IngestError]:
-    """The channels of each of these sessions in turn, or why they cannot be read."""
+def _looked(store: Store, known: Facts, read: Sequence[SessionRecorded]) -> Iterator[Looked | IngestError]:
+    """What is seen of each of these sessions in turn, or why it cannot be read."""
     left = list(read)
     while left:
         try:
-            for channels in load_each(store, known, left):
+            short = load_each(store, known, [one for one in left if not is_long(known, one)])
+            while left:
+                seen = look(store, known, left[0]) if is_long(known, left[0]) else looked(next(short))
                 left = left[1:]
-                yield channels
+                yield seen
         except IngestError as error:
             left = left[1:]
             yield error

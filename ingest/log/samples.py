@@ -7,7 +7,8 @@ Format: https://parquet.apache.org/docs/file-format/
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -116,13 +117,50 @@ class GroupWriter:
         return int(pq.read_metadata(self.path).num_rows)
 
 
-def read(path: Path, columns: Sequence[str] | None = None) -> pa.Table:
-    """The group at `path`, or some of its columns; every page read is checked against its CRC. Raises DamageError."""
-    try:
+@dataclass(frozen=True)
+class RowGroup:
+    """A row group of a file, as the file says it: rows, and the least and greatest of their stamps and records."""
+
+    rows: int
+    t_ns: tuple[int, int]
+    record: tuple[int, int]
+
+    def is_of(self, file: Mapping[str, Any]) -> bool:
+        """Whether it may hold records of a session's `file`: from its `first_record` to its `last_record`."""
+        return bool(self.record[0] <= file["last_record"] and self.record[1] >= file["first_record"])
+
+
+def row_groups(path: Path) -> list[RowGroup]:
+    """What each row group of the group at `path` holds; nothing of its pages is read. Raises DamageError."""
+    with _reading(path), pq.ParquetFile(path) as file:
+        names = file.schema_arrow.names
+        at = [names.index("t_ns"), names.index("record")]
+        found = [file.metadata.row_group(i) for i in range(file.num_row_groups)]
+        return [RowGroup(one.num_rows, *(_span(one.column(i).statistics) for i in at)) for one in found]
+
+
+def _span(statistics: Any) -> tuple[int, int]:
+    if statistics is None or not statistics.has_min_max:
+        raise ValueError("a row group does not say what it holds")
+    return int(statistics.min), int(statistics.max)
+
+
+def read(path: Path, columns: Sequence[str] | None = None, groups: Sequence[int] | None = None) -> pa.Table:
+    """The group at `path`, or some of its columns, or some of its row groups; every page read is checked against its
+    CRC. Raises DamageError."""
+    with _reading(path):
         with pq.ParquetFile(path, page_checksum_verification=True) as file:
-            table = file.read(columns=None if columns is None else list(columns))
+            asked = None if columns is None else list(columns)
+            table = file.read(asked) if groups is None else file.read_row_groups(list(groups), asked)
         table.validate(full=True)  # page headers are outside the CRCs
         return table
+
+
+@contextmanager
+def _reading(path: Path) -> Iterator[None]:
+    """What goes wrong in a file that is there is damage, and said so."""
+    try:
+        yield
     except (pa.ArrowException, OSError, ValueError, MemoryError) as error:
         if isinstance(error, FileNotFoundError):
             raise

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -208,3 +209,20 @@ def test_the_shipped_recordings_are_called_what_they_are(name: str, kind: str) -
         data = np.genfromtxt(file, delimiter=",", names=True)
     channels = [channel("speed", "speed", data["speed"]), channel("Torque", "torque", data["Torque"])]
     assert recognise(channels)[0] == kind
+
+
+def test_a_year_in_an_oven_takes_no_more_memory_than_it_has_samples_for() -> None:
+    hours = np.arange(360 * 24)
+    oven = channel("oven_air", "temperature", 180.0 + np.sin(hours), t_s=hours * 3600.0)
+    tracemalloc.start()
+    try:
+        assert recognise([oven]) == ("ageing", "8639.0 h within 10 K of 181 degC, and no speed is recorded")
+        assert tracemalloc.get_traced_memory()[1] < 400e6
+    finally:
+        tracemalloc.stop()
+
+
+def test_a_drive_of_months_is_told_from_its_first_weeks(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("ingest.catalogue.kinds.LONGEST_s", 2000)
+    speed = np.r_[np.full(2000, 3000.0), 1500 + 1400 * np.sin(np.arange(6000) / 30)]
+    assert recognise(drive(speed, np.full(8000, 100.0))) == ("s1", "3,000 rpm and 100 Nm held for 33 min")

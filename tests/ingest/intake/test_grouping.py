@@ -149,9 +149,9 @@ def test_sessions_of_one_table_read_it_once_and_hold_what_each_alone_holds(
     read: list[Path] = []
     whole = samples.read
 
-    def counted(path: Path, columns: Sequence[str] | None = None) -> pa.Table:
+    def counted(path: Path, columns: Sequence[str] | None = None, groups: Sequence[int] | None = None) -> pa.Table:
         read.append(path)
-        return whole(path, columns)
+        return whole(path, columns, groups)
 
     with Store.open(tmp_path / "s") as store:
         alone = [load(store, known, session) for session in known.sessions]
