@@ -17,7 +17,7 @@ from ingest.bench.signals import Signal
 from ingest.errors import UnreadableLogError
 from ingest.formats import Rows, TimeSpec, recognise
 from ingest.intake.setup import Setup, refuse_missing, signals_in
-from ingest.log import clock
+from ingest.log import clock, stamps
 from ingest.log.databases import Database, load, merged
 from ingest.log.j1939 import explained
 from ingest.log.reading import LogReading, Reader
@@ -124,9 +124,9 @@ def _look(reader: Reader, path: Path, folder: Path, said: Setup | None) -> Inspe
         except UnreadableLogError:
             return InspectedFile(path, None, str(error), None, {})
         note = f"{str(error).removeprefix(f'{path.name}: ')} Looked at as one row a second."
-    flags = clock.findings(path.name, clock.look(recording).counted(), reading.absolute)
-    stamps = tuple(flag.says.removeprefix(f"{path.name}: ") for flag in flags)
-    return InspectedFile(path, reading, None, note, _ranges(recording), stamps)
+    flags = clock.findings(path.name, stamps.look(recording).counted(), reading.absolute)
+    said_of = tuple(flag.says.removeprefix(f"{path.name}: ") for flag in flags)
+    return InspectedFile(path, reading, None, note, _ranges(recording), said_of)
 
 
 def _ranges(recording: Path) -> dict[str, tuple[float, float]]:

@@ -20,7 +20,7 @@ from ingest.bench.resolving import ResolvedChannel
 from ingest.facts.durable import sha256_of
 from ingest.facts.events import DecodeCompleted
 from ingest.formats import Frames, Rejected, Rows
-from ingest.log import clock, held, recording, samples
+from ingest.log import clock, held, recording, samples, stamps
 from ingest.log.balance import Account, outcome
 from ingest.log.clock import JUMP_NS
 from ingest.log.databases import Database, merged
@@ -73,7 +73,7 @@ def decode_file(
     said = {"databases": notes, "missing": plan(groups, channels, bench, texts)}
     specimens = Specimens(bench, reading.columns)
     work = _Work(groups, held.collect(path, groups, means), raw, folder, means)
-    faults = clock.look(path) if _is_long(reading) else None  # only in such a log can a stamp be far off
+    faults = stamps.look(path) if _is_long(reading) else None  # only in such a log can a stamp be far off
     for _, batch in batches:
         placed = clock.without(batch, faults.strays) if faults else batch
         specimens.add(placed)
@@ -81,7 +81,7 @@ def decode_file(
     rows = work.close()
     written = [group for group in groups if group.name in rows]
     if faults is None and not work.watch.rises:
-        faults = clock.look(path)
+        faults = stamps.look(path)
     return DecodeCompleted(
         **identity(raw, databases, bench, model),
         **_outcome(reading, path, work.account, sum(rows.values()), said, faults or clock.StampFaults(), written),
