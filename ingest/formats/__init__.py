@@ -93,6 +93,11 @@ class TimeSpec:
         return utc_ns(stamp.replace(tzinfo=zone)) if YEARS[0] <= stamp.year <= YEARS[1] else None
 
 
+def most_unpacked(size: int) -> int:
+    """Bytes that a packed file of `size` bytes may unpack to, in all: what holds more is no log."""
+    return max(ALWAYS, RATIO * size)
+
+
 def utc_ns(stamp: datetime) -> int:
     """Nanoseconds since 1970 of a stamp with a zone."""
     return (stamp - EPOCH) // timedelta(microseconds=1) * 1000

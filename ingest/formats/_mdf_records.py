@@ -6,10 +6,12 @@ import struct
 import zlib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from typing import IO
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ingest.formats import most_unpacked
 from ingest.formats._mdf_blocks import HEAD, VLSD_GROUP, Block, BrokenBlock, MdfBlocks, MdfGroup, link, unpack
 
 DATA_GROUP = struct.Struct("<B")
@@ -34,6 +36,10 @@ class Records:
 
 class Mdf(MdfBlocks):
     """An open file with its records."""
+
+    def __init__(self, file: IO[bytes], size: int, open_parts: int) -> None:
+        super().__init__(file, size, open_parts)
+        self._left = most_unpacked(size)
 
     def records(self, data_group: Block) -> Records:
         """All records of a data group. Raises BrokenBlock where its description is none."""
@@ -103,6 +109,9 @@ class Mdf(MdfBlocks):
         _, method, columns, size, packed = PACKED.unpack_from(body)
         if method > 1 or size > RATIO * max(1, packed) or packed > len(body) - PACKED.size:
             raise BrokenBlock(f"is damaged, or packed in a way that is not read, at byte {at:,}")
+        self._left -= size
+        if self._left < 0:
+            raise BrokenBlock(f"unpacks to more than {most_unpacked(self._size):,} bytes, from byte {at:,} on")
         try:
             data = zlib.decompressobj().decompress(body[PACKED.size : PACKED.size + packed], size + 1)
         except zlib.error:

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import IO
 
 from ingest.errors import UnreadableLogError
-from ingest.formats import ALWAYS, GZIP, RATIO
+from ingest.formats import GZIP, most_unpacked
 
 BLOCK = 4 << 20  # bytes that are read at once
 LONGEST_LINE = 1 << 20  # bytes
@@ -69,7 +69,7 @@ class TextFile:
                 yield from iter(lambda: file.read(BLOCK), b"")
 
     def _unpacked(self, file: IO[bytes]) -> Iterator[bytes]:
-        limit = max(ALWAYS, RATIO * self.path.stat().st_size)
+        limit = most_unpacked(self.path.stat().st_size)
         total, pieces = 0, gzip.GzipFile(fileobj=file)
         try:
             while piece := pieces.read1(BLOCK):

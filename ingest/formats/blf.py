@@ -19,7 +19,7 @@ from typing import IO
 import numpy as np
 
 from ingest.errors import UnreadableLogError
-from ingest.formats import Frames, Log
+from ingest.formats import Frames, Log, most_unpacked
 from ingest.formats._blf_containers import parts
 from ingest.formats._blf_objects import ERROR_TYPES, FRAME_TYPES, MARGIN, Objects, read_frames, split
 
@@ -75,7 +75,12 @@ class BlfLog(Log):
         with self.path.open("rb") as file:
             first = self._read_header(file, size)
             stream = _Stream()
+            left = most = most_unpacked(size)
             for part in parts(file, first, size):
+                left -= len(part.data)
+                if left < 0:
+                    self._problems.append(f"unpacks to more than {most:,} bytes, from byte {part.at:,} on")
+                    break
                 for piece in range(0, len(part.data), BATCH):
                     stream.add(part.at, part.data[piece : piece + BATCH])
                     if len(stream.data) >= max(BATCH, stream.wanted):

@@ -16,7 +16,7 @@ from itertools import islice
 from typing import Any
 
 from ingest.errors import UnreadableLogError, not_installed
-from ingest.formats import ALWAYS, RATIO, Rows, _csv_numbers
+from ingest.formats import Rows, _csv_numbers, most_unpacked
 from ingest.formats._csv_dialect import SAMPLE_ROWS, holds_table
 from ingest.formats._csv_numbers import Numerals
 from ingest.formats._text import TextFile
@@ -123,7 +123,7 @@ def _since_midnight(cell: time) -> timedelta:
 
 def _check_size(log: XlsxLog) -> None:
     """Raises UnreadableLogError for a file that was cut, or that unpacks to more than any workbook does."""
-    limit = max(ALWAYS, RATIO * log.path.stat().st_size)
+    limit = most_unpacked(log.path.stat().st_size)
     try:
         with zipfile.ZipFile(log.path) as packed:
             size = sum(one.file_size for one in packed.infolist())

@@ -19,7 +19,7 @@ from typing import Any
 import pyarrow as pa
 
 from ingest.errors import IngestError, UnreadableLogError
-from ingest.formats import ALWAYS, GZIP, RATIO, head_of, is_text
+from ingest.formats import GZIP, head_of, is_text, most_unpacked
 
 WORKBOOK = rb"\[Content_Types\]|_rels/|docProps/|xl/|customXml/"  # how the first file in one is called
 ZIP = re.compile(rb"PK(?:\x05\x06|\x03\x04.{26}(?!" + WORKBOOK + rb"))", re.DOTALL)
@@ -41,7 +41,8 @@ def is_archive(path: Path) -> bool:
 def unpacked(path: Path, folder: Path) -> tuple[list[Path], list[str]]:
     """(the files of an archive, in its order; a line for each that is not, or not whole, among them). They lie in
     `folder`. Raises UnreadableLogError where nothing of the archive can be used, IngestError for a full disk."""
-    files, lines, left = list[Path](), list[str](), _limit(path)
+    files, lines = list[Path](), list[str]()
+    left = most = most_unpacked(path.stat().st_size)
     try:
         for number, (name, opened) in enumerate(_members(path)):
             target = folder / str(number) / f"{name} in {path.name}"
@@ -56,16 +57,11 @@ def unpacked(path: Path, folder: Path) -> tuple[list[Path], list[str]]:
                 lines.append(f"{target.name}: has a password. Unpack it first.")
             files += [target] if target.is_file() else []
             if left < 0 or number == MEMBERS:
-                what = f"unpacks to more than {_limit(path):,} bytes" if left < 0 else f"holds over {MEMBERS:,} files"
+                what = f"unpacks to more than {most:,} bytes" if left < 0 else f"holds over {MEMBERS:,} files"
                 raise UnreadableLogError(f"{path.name}: {what}: nothing of it is used. Unpack the logs in it first.")
     except DAMAGE as error:
         raise UnreadableLogError(f"{path.name}: is no whole archive ({error}). Copy it again.") from None
     return files, lines
-
-
-def _limit(path: Path) -> int:
-    """Bytes that an archive may unpack to, in all."""
-    return max(ALWAYS, RATIO * path.stat().st_size)
 
 
 def _members(path: Path) -> Iterator[tuple[str, Callable[[], Any]]]:

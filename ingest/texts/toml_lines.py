@@ -9,11 +9,13 @@ from collections.abc import Iterator
 Path = tuple[str | int, ...]  # ("channel", 2, "signal"): the third [[channel]], its key `signal`
 DEEPEST = 32
 
+# A text that nothing ends is one token to the end, and `tomllib` refuses it: looked for again from each of its quotes,
+# it would take time by the square of its length.
 _TOKEN = re.compile(
-    r'"""(?:\\.|[^\\])*?"{3,5}'
-    r"|'''.*?'{3,5}"
-    r'|"(?:\\.|[^"\\\n])*"'
-    r"|'[^'\n]*'"
+    r'"""(?:\\.|[^\\])*?(?:"{3,5}|\\?\Z)'
+    r"|'''.*?(?:'{3,5}|\Z)"
+    r'|"(?:\\.|[^"\\\n])*(?:"|(?=\n)|\\?\Z)'
+    r"|'[^'\n]*(?:'|(?=\n)|\Z)"
     r"|\#[^\n]*|\n|[\[\]{}=,.]|[^\s\[\]{}=,.\#\"']+",
     re.DOTALL,
 )

@@ -332,3 +332,15 @@ def test_frames_before_the_damage_are_always_kept(tmp_path: Path, at: int, remov
     before = [frame[2] for frame in frames[: 16 * whole]]
     assert before == list(range(16 * whole))
     assert log.found == len(frames) + len(log.rejected)
+
+
+def test_what_unpacks_to_far_more_than_any_log_is_read_up_to_there(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("ingest.formats.ALWAYS", 1 << 20)
+    bomb = container(item(65, bytes(1 << 19)))
+    path = blf(tmp_path / "bomb.blf", container(classic(1)), bomb, bomb, bomb, container(classic(2)))
+    log, frames = read(path)
+    stopped = f"unpacks to more than 1,048,576 bytes, from byte {144 + len(container(classic(1))) + len(bomb):,} on"
+    assert [frame[2] for frame in frames] == [1]
+    assert log.cut == f"{stopped}: 1 frames were read and kept{COPY_AGAIN}"

@@ -227,3 +227,17 @@ def test_blocks_that_name_each_other_in_a_circle_are_refused(tmp_path: Path) -> 
         log.cut
         == f"is damaged at byte {group:,}: 3 frames were read and kept; copy the file again if the original is whole."
     )
+
+
+def test_what_unpacks_to_far_more_than_any_log_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("ingest.formats.ALWAYS", 1 << 20)
+    file = Mf4()
+    piece = file.packed(bytes(1 << 18))
+    pieces = file.block(b"DL", (0, *[piece] * 9), struct.pack("<B3xI9Q", 0, 9, *range(9)))
+    path = file.save(tmp_path / "log.mf4", file.data_group(file.group((*PARTS, IN_RECORD), 3), pieces))
+    says = None
+    try:
+        says = read(path)[0].cut
+    except UnreadableLogError as error:
+        says = str(error)
+    assert says and f"unpacks to more than 1,048,576 bytes, from byte {piece:,} on" in says

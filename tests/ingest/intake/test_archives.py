@@ -120,7 +120,7 @@ def test_a_file_with_a_password_is_named(tmp_path: Path) -> None:
 def test_what_unpacks_to_far_more_than_logs_do_is_one_line(
     tmp_path: Path, suffix: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("ingest.intake.archives.ALWAYS", 1 << 20)
+    monkeypatch.setattr("ingest.formats.ALWAYS", 1 << 20)
     monkeypatch.setattr("ingest.intake.archives.BLOCK", 1 << 18)
     path, zeros = tmp_path / f"bomb.{suffix}", bytes(30 << 20)
     if suffix == "zip":

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from datetime import datetime
 from pathlib import Path
+from time import process_time
 from typing import Any
 
 import pytest
@@ -219,6 +220,15 @@ def test_tables_that_are_none_are_refused() -> None:
 )
 def test_what_is_not_toml_is_refused_at_its_line(text: str, says: str) -> None:
     assert says in refusal(lambda: read(text))
+
+
+@pytest.mark.parametrize("begin", ['a = "', 'a = """', "a = '''"])
+@pytest.mark.parametrize("end", ["", "\\"])
+def test_a_text_that_nothing_ends_is_refused_at_once(begin: str, end: str) -> None:
+    text = begin + r"\"" * 100_000 + end
+    begun = process_time()  # it took half a minute, and by the square of its length more
+    assert "is not TOML" in refusal(lambda: read(text))
+    assert process_time() - begun < 5
 
 
 @pytest.mark.parametrize(
