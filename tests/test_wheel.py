@@ -45,7 +45,9 @@ def installed(wheel: Path) -> Path:
         if uv
         else [python, "-m", "pip", "install", "-q", "--no-compile"]
     )
-    _run(*install, wheel, "-c", ROOT / "requirements.lock", cwd=wheel.parent)
+    pinned = re.findall(r"^\w.*?==.*?(?= \\$)", (ROOT / "requirements.lock").read_text(encoding="utf-8"), re.MULTILINE)
+    (wheel.parent / "versions").write_text("\n".join(pinned))  # with hashes pip would ask for one of the wheel too
+    _run(*install, wheel, "-c", wheel.parent / "versions", cwd=wheel.parent)
     return python.parent
 
 
