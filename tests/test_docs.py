@@ -96,7 +96,7 @@ def test_every_verb_is_one_file_with_arguments_and_run(verb: str) -> None:
 
 
 PAGES = [
-    *(ROOT / f"{name}.md" for name in ("README", "ARCHITECTURE", "CONTRIBUTING")),
+    *(ROOT / f"{name}.md" for name in ("README", "ARCHITECTURE", "CONTRIBUTING", "SECURITY")),
     *sorted((ROOT / "docs").glob("*.md")),
 ]
 HOUSE = ("twin", "ingest", "analytics", "replay", "whyhot", "tests", "benchmarks", "notebooks", "examples")
