@@ -8,16 +8,21 @@ Nothing is decoded, converted or interpolated here. Every record of the file com
 from __future__ import annotations
 
 import codecs
+import json
+import os
 import re
+import weakref
 import zlib
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
 from importlib import import_module
+from itertools import islice
 from pathlib import Path
-from typing import Any
+from tempfile import TemporaryFile
+from typing import IO, Any, overload
 from zoneinfo import ZoneInfo
 
 import numpy as np
@@ -63,6 +68,59 @@ class Rejected:
     where: str
     why: str
     raw: bytes = b""
+
+
+class Rejections(Sequence[Rejected]):
+    """Records that could not be read, in the order in which they came; the last HELD in memory, others in a file."""
+
+    HELD = 10_000
+
+    def __init__(self) -> None:
+        self._count = 0
+        self._last: list[Rejected] = []
+        self._file: IO[str] | None = None
+
+    def append(self, entry: Rejected) -> None:
+        """Add one. Raises OSError where the disk is full."""
+        if len(self._last) == self.HELD:
+            if self._file is None:
+                self._file = TemporaryFile("w+")  # noqa: SIM115 -- closed when nobody has these records any more
+                weakref.finalize(self, self._file.close)
+            self._file.seek(0, os.SEEK_END)
+            self._file.writelines(json.dumps(vars(one) | {"raw": one.raw.hex()}) + "\n" for one in self._last)
+            self._last.clear()
+        self._last.append(entry)
+        self._count += 1
+
+    def extend(self, entries: Iterable[Rejected]) -> None:
+        """Add several."""
+        for entry in entries:
+            self.append(entry)
+
+    def __len__(self) -> int:
+        return self._count
+
+    def __iter__(self) -> Iterator[Rejected]:
+        if self._file is not None:
+            self._file.seek(0)
+            for line in self._file:
+                one = json.loads(line)
+                yield Rejected(**one | {"raw": bytes.fromhex(one["raw"])})
+        yield from self._last
+
+    @overload
+    def __getitem__(self, which: int) -> Rejected: ...
+    @overload
+    def __getitem__(self, which: slice) -> list[Rejected]: ...
+    def __getitem__(self, which: int | slice) -> Rejected | list[Rejected]:
+        if isinstance(which, slice):
+            return [*islice(self, *which.indices(self._count))]
+        if which == -1:
+            return self._last[-1]
+        return next(islice(self, range(self._count)[which], None))
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Sequence) and list(self) == list(other)
 
 
 @dataclass(frozen=True)
@@ -116,7 +174,7 @@ class Log(ABC):
     units: dict[str, str] = field(default_factory=dict)  # column -> unit text, where the file says it
     settings: dict[str, Any] = field(default_factory=dict)  # what was recognised: delimiter, decimal, encoding ...
     found: int = 0  # records in the file, counted apart from what became of them
-    rejected: list[Rejected] = field(default_factory=list)
+    rejected: Rejections = field(default_factory=Rejections)
     cut: str | None = None  # the file ends before its end: one clause, where, how much is missing, and what to do
 
     @abstractmethod

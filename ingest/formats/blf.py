@@ -122,7 +122,7 @@ class BlfLog(Log):
         objects = split(data, aligned=stream.aligned)
         frames, rejected = read_frames(data, objects, self._start_ns, self.found, stream.where)
         self.found += len(frames.record) + len(rejected)
-        self.rejected += rejected
+        self.rejected.extend(rejected)
         kinds, counts = np.unique(objects.head["type"], return_counts=True)
         known = (*FRAME_TYPES, *ERROR_TYPES)
         self._other.update({int(k): int(n) for k, n in zip(kinds, counts, strict=True) if k not in known})

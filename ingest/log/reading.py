@@ -16,6 +16,7 @@ import os
 import signal
 import subprocess
 import sys
+import tempfile
 import threading
 import time as clock
 from collections.abc import Mapping, Sequence
@@ -259,6 +260,7 @@ def _answer(request: dict[str, Any]) -> dict[str, Any]:
 
 
 def _read(path: Path, target: Path, time: TimeSpec, attached: Sequence[dict[str, str]]) -> dict[str, Any]:
+    tempfile.tempdir = str(target.parent)  # of what waits in files
     log = open_log(path, time)
     attachments = [Attachment(one["name"], base64.b64decode(one["data"]), one["media_type"]) for one in attached]
     contents = write(target, log, attachments)

@@ -4,6 +4,7 @@ import gzip
 import json
 import random
 import time
+import tracemalloc
 from collections.abc import Iterable
 from importlib.util import find_spec
 from pathlib import Path
@@ -13,7 +14,7 @@ import numpy as np
 import pytest
 
 from ingest.errors import UnreadableLogError
-from ingest.formats import FORMATS, OTHERS, Format, Frames, Log, Rows, open_log, recognise
+from ingest.formats import FORMATS, OTHERS, Format, Frames, Log, Rejected, Rejections, Rows, open_log, recognise
 from made.places import LOGS
 
 PATIENCE_S = 5.0  # for one damaged sample
@@ -211,3 +212,29 @@ def test_a_text_that_looks_like_no_format_is_a_table(tmp_path: Path) -> None:
     for packed in (bytes, gzip.compress):
         path.write_bytes(packed("t;T in °C\n0;20\n".encode("cp1252")))
         assert recognise(path).name == "csv"
+
+
+def test_rejected_records_are_as_they_were_however_many_there_are(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Rejections, "HELD", 4)
+    entries = [Rejected(i, f"line {i}", "no time \ud800", bytes([i, 255])) for i in range(11)]
+    found = Rejections()
+    for i, entry in enumerate(entries, 1):
+        found.append(entry)
+        assert len(found) == i and list(found) == entries[:i]
+    assert found == entries and found != entries[:-1]
+    assert (found[0], found[6], found[-1], found[:5]) == (entries[0], entries[6], entries[-1], entries[:5])
+    with pytest.raises(IndexError):
+        found[11]
+    assert not Rejections() and Rejections()[:3] == []
+
+
+def test_memory_hardly_grows_with_the_records_that_are_rejected() -> None:
+    peaks = []
+    for count in (50_000, 200_000):
+        tracemalloc.start()
+        found = Rejections()
+        found.extend(Rejected(i, f"byte {i:,}", "error frame", bytes(64)) for i in range(count))
+        assert sum(entry.record for entry in found) == count * (count - 1) // 2
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+    assert (peaks[1] - peaks[0]) / 150_000 < 5, f"bytes a record, at peaks of {peaks}"

@@ -606,7 +606,7 @@ def test_a_day_above_12_anywhere_tells_the_order_of_dates(
             read(path)
         return
     log, t_ns, _ = read(path)
-    assert (str(np.array(t_ns, "M8[ns]")[0])[:10], log.found, log.rejected) == (day, rows + 1, [])
+    assert (str(np.array(t_ns, "M8[ns]")[0])[:10], log.found, list(log.rejected)) == (day, rows + 1, [])
     assert log.settings["time"] == ("day/month/year in UTC" if day == "2025-06-05" else "month/day/year in UTC")
 
 

@@ -120,7 +120,7 @@ def test_each_segment_has_its_own_clock_and_its_header_is_no_row(tmp_path: Path)
     log, t_ns, columns = read(lvm(tmp_path, header(multi="Yes") + "".join(parts)))
     assert t_ns == [JULY_NS + round(one * S_NS) for one in (0, 0.5, 102, 102.5)]
     assert (columns["T_w"], columns["Comment"][-1]) == ([1, 1.5, 3, 3.5], "end")
-    assert (log.found, log.rejected, log.cut) == (4, [], None)
+    assert (log.found, list(log.rejected), log.cut) == (4, [], None)
 
 
 def test_a_segment_of_other_channels_ends_what_is_read_and_says_so(tmp_path: Path) -> None:

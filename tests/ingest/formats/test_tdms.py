@@ -112,7 +112,7 @@ def test_channels_of_one_start_and_increment_are_columns_of_one_row_whatever_the
     np.testing.assert_array_equal(columns["Oven/T1"], [1, 2, 3])
     np.testing.assert_array_equal(columns["T2"], [4, 5, np.nan])
     np.testing.assert_array_equal(columns["Iron/T1"], [7, 8, 9])
-    assert (log.found, log.rejected) == (3, [])
+    assert (log.found, list(log.rejected)) == (3, [])
 
 
 def test_each_rate_is_a_base_of_its_own(tmp_path: Path) -> None:

@@ -131,7 +131,7 @@ def test_numbers_are_kept_to_the_last_digit_and_texts_and_codes_stay_what_they_a
     assert columns["x"] == [0.123456789012345, 1e-300, 2**53 - 1]
     assert (columns["serial"], columns["on"]) == (["0417", "0418", "0419"], [1, 0, 1])
     assert columns["note"] == ['say "a" b c', "it's", ""]
-    assert (columns["R"], log.rejected) == ([1234.5, 998.25, 7.5], [])
+    assert (columns["R"], list(log.rejected)) == ([1234.5, 998.25, 7.5], [])
 
 
 def test_a_sheet_is_the_first_with_a_table_or_the_one_that_is_told(tmp_path: Path) -> None:
