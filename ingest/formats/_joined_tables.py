@@ -79,7 +79,7 @@ class JoinedTables(Log):
                 column = np.full(end - first, "" if cells.dtype == object else np.nan, cells.dtype)
                 column[at] = cells
                 columns[next(name)] = column
-        self.rejected += sorted(rejected, key=lambda one: one.record)
+        self.rejected.extend(sorted(rejected, key=lambda one: one.record))
         kept = np.flatnonzero(fine)
         if len(kept):
             yield Rows(t_ns[kept], {name: cells[kept] for name, cells in columns.items()}, first + kept)

@@ -86,7 +86,7 @@ def test_a_row_is_what_all_groups_say_at_one_time(tmp_path: Path) -> None:
     assert columns["t"] == [0, 1, 2]
     assert columns["Oven/x"] == [0, 0.5, 1]
     assert same(columns["slow/x"], [1, nan, 2]) and same(columns["slow_only"], [1, nan, 2])
-    assert (log.found, log.rejected, log.cut, log.absolute) == (3, [], None, True)
+    assert (log.found, list(log.rejected), log.cut, log.absolute) == (3, [], None, True)
     assert log.units == {"Oven/x": "degC"}
     assert log.settings["groups"] == {"Oven": 3, "slow": 2}
 
