@@ -16,6 +16,7 @@ on a grid, for each specimen over the one that the others make.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import product
 
@@ -34,6 +35,7 @@ CELLS = np.arange(-3.5, 6.0 + CELL / 2, CELL)
 SHARES = np.exp(-(CELLS**2) / (1.0 - CELL**2 / 4.0) / 2.0)
 SHARES /= SHARES.sum()
 IGNORED = 0.01  # of the highest weight: points of the grid that are left out
+AT_ONCE = 30_000  # numbers of an array on the way
 
 
 @dataclass(frozen=True)
@@ -63,8 +65,7 @@ class HealthySlopes:
         return HealthySlopes(self.shift, self.tau, self.g, self.ln_weight - self.ln_brought[:, place], rest)
 
     def _quantiles(self, off: Floats, variance: Floats, ln_weight: Floats) -> Floats:
-        points = zip(self.shift, self.tau, self.g, strict=True)
-        ln_beyond = np.array([_ln_beyond(off, variance, *point) for point in points])
+        ln_beyond = _of_points(_ln_beyond, off, variance, np.column_stack([self.shift, self.tau, self.g]))
         ln_p = logsumexp(ln_beyond + ln_weight, axis=0) - logsumexp(ln_weight, axis=0)
         return np.asarray(-ndtri_exp(np.minimum(ln_p, -1e-15)), np.float64)
 
@@ -78,7 +79,7 @@ def healthy_slopes(
     points = np.array(_grid(tau, tau / max(abs(centre), 1e-6 * tau)))
     wide = WIDTH * np.sqrt(tau**2 + variance)
     outlying = STANDS_OUT / (math.pi * wide * (1.0 + (off / wide) ** 2))
-    each = np.array([np.log((1.0 - STANDS_OUT) * _density(off, variance, *point) + outlying) for point in points])
+    each = np.log((1.0 - STANDS_OUT) * _of_points(_density, off, variance, points) + outlying)
     each *= takes_part
     ln_weight = each.sum(axis=1) - weight * (np.log(points[:, 1]) + (usual / points[:, 1]) ** 2 / 2.0)
     kept = ln_weight > ln_weight.max() + math.log(IGNORED)
@@ -94,21 +95,29 @@ def _grid(tau: float, share: float) -> list[tuple[float, float, float]]:
     ]
 
 
-def _cells(off: Floats, variance: Floats, shift: float, tau: float, g: float) -> tuple[Floats, Floats]:
-    """By how many standard deviations each of m slopes is above each cell (m, cells), and these (m, cells)."""
-    middle = shift + tau * (np.expm1(g * CELLS) / g if g > 0.0 else CELLS)
-    sd = np.sqrt(variance[:, None] + (CELL / 2.0 * tau * np.exp(g * CELLS)) ** 2)
-    return (off[:, None] - middle) / sd, sd
+def _of_points(what: Callable[[Floats, Floats], Floats], off: Floats, variance: Floats, points: Floats) -> Floats:
+    """`what` (k, m) at each of k points (k, 3) of m slopes, as many points at a time as fit into the cache."""
+    at_once = max(1, AT_ONCE // max(1, off.size * CELLS.size))
+    parts = [points[first : first + at_once] for first in range(0, len(points), at_once)]
+    return np.concatenate([what(*_cells(off, variance, part)) for part in parts])
 
 
-def _density(off: Floats, variance: Floats, shift: float, tau: float, g: float) -> Floats:
-    z, sd = _cells(off, variance, shift, tau, g)
+def _cells(off: Floats, variance: Floats, points: Floats) -> tuple[Floats, Floats]:
+    """At each point, by how many standard deviations each of m slopes is above each cell (k, m, cells), and these
+    (k, m, cells)."""
+    shift, tau, g = points.T[:, :, None]
+    middle = shift + tau * np.where(g > 0.0, np.expm1(g * CELLS) / np.where(g > 0.0, g, 1.0), CELLS)
+    own = (CELL / 2.0 * tau * np.exp(g * CELLS)) ** 2
+    sd = np.sqrt(variance[:, None] + own[:, None, :])
+    return (off[:, None] - middle[:, None, :]) / sd, sd
+
+
+def _density(z: Floats, sd: Floats) -> Floats:
     return np.asarray((np.exp(-(z**2) / 2.0) / sd) @ SHARES / math.sqrt(2.0 * math.pi), np.float64)
 
 
-def _ln_beyond(off: Floats, variance: Floats, shift: float, tau: float, g: float) -> Floats:
+def _ln_beyond(z: Floats, _: Floats) -> Floats:
     """ln of the probability of a healthy slope that is further off than each."""
-    z, _ = _cells(off, variance, shift, tau, g)
     ln_each = log_ndtr(-z) + np.log(SHARES)
-    top = ln_each.max(axis=1)
-    return np.asarray(top + np.log(np.exp(ln_each - top[:, None]).sum(axis=1)), np.float64)
+    top = ln_each.max(axis=-1)
+    return np.asarray(top + np.log(np.exp(ln_each - top[..., None]).sum(axis=-1)), np.float64)

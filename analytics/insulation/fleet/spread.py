@@ -61,13 +61,15 @@ def spread(
 def _tau_square(off: Floats, variance: Floats, group: Ints, groups: int, usual: float, weight: float) -> float:
     """tau^2: the root of the score, between a millionth of the largest value it could have and that value."""
 
+    off_square = off**2
+
     def score(tau_square: float) -> float:
         a = 1.0 / (tau_square + variance)
         free = 1.0 - a / np.bincount(group, a, groups)[group]
-        square = np.minimum(off**2 * a, CUT**2) / CUT_SQUARE
+        square = np.minimum(off_square * a, CUT**2) / CUT_SQUARE
         return float((a * (square - free)).sum()) + weight * (usual / tau_square - 1.0) / tau_square
 
-    high = 10.0 * max(usual, float((off**2).max()))
+    high = 10.0 * max(usual, float(off_square.max()))
     low = min(usual, high) * 1e-6
     for _ in range(HALVINGS):
         middle = float(np.sqrt(low * high))
