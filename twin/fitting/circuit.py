@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -113,10 +114,15 @@ class Circuit:
     def start(self, beta: Floats) -> Floats:
         """Temperatures at the start (states,)."""
         found = np.concatenate([self.test.initial, [self.test.initial[node] for _, node, _ in self.followers]])
-        for p, action in self.active:
-            if (moved := self.start_moved_by(action)) is not None:
-                found += beta[p] * moved
+        for p, moved in self._starts:
+            found += beta[p] * moved
         return found
+
+    @cached_property
+    def _starts(self) -> list[tuple[int, Floats]]:
+        """The places in the vector of what moves the start, and what a number of 1 adds to it (states,)."""
+        moved = [(p, self.start_moved_by(action)) for p, action in self.active]
+        return [(p, start) for p, start in moved if start is not None]
 
     def start_moved_by(self, action: actions.Action) -> Floats | None:
         """What a number of 1 adds to the start (states,); None where the action leaves it. A start that was measured is
