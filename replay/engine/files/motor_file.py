@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from functools import lru_cache
 
 from ingest.errors import TomlError
 from ingest.texts.toml_file import BOOLEAN, NOT_NEGATIVE, NUMBER, POSITIVE, TEXT, TEXTS, Kind, TomlTable, read
@@ -102,6 +103,7 @@ _PERCENT = Kind("a number above -100, such as -3.1", _percent)
 _PROPERTY = Kind("a number above 0, or a table {degC = [20, 90], value = [1050, 1005]}", POSITIVE.read)
 
 
+@lru_cache(maxsize=16)  # a report asks for each file many times
 def read_motor(data: bytes, name: str) -> Network:
     """The network of a motor file's bytes; `name` as in messages. Raises MotorFileError with file, line, entry, what is
     wrong and what to do."""
