@@ -84,11 +84,15 @@ class Mesh:
     joints: list[Joint] = field(default_factory=list)
     stations: list[Station] = field(default_factory=list)
     halves: dict[str, str] = field(default_factory=dict)
+    _index: dict[str, int] = field(default_factory=dict, repr=False, compare=False)
 
     @property
     def index(self) -> dict[str, int]:
         """Place of each cell and boundary; boundaries are behind the cells."""
-        return {name: i for i, name in enumerate([*(c.name for c in self.cells), *BOUNDARIES])}
+        names = len(self.cells) + len(BOUNDARIES)
+        if len(self._index) != names:  # made anew after cells were added
+            self._index = {name: i for i, name in enumerate([*(c.name for c in self.cells), *BOUNDARIES])}
+        return self._index
 
     @property
     def coolant(self) -> tuple[str, ...]:

@@ -169,8 +169,9 @@ class Plant:
 
         speed, current2 = drive.speed_rpm, point.current**2
         laws = self.everyday.losses
-        heat = mean(losses.heats(laws, point, speed, drive.inverter)) @ losses.shares(self.mesh)
-        ac = mean(losses.alternating(laws, self.mesh, current2, speed)) @ losses.alternating_shares(self.mesh)
+        shares, ac_shares = self._shares
+        heat = mean(losses.heats(laws, point, speed, drive.inverter)) @ shares
+        ac = mean(losses.alternating(laws, self.mesh, current2, speed)) @ ac_shares
         for effect in self.effects:
             if effect.kind == "loss" and effect.law == "scale":
                 heat[:, self._cells(effect)] *= effect.size
@@ -179,6 +180,11 @@ class Plant:
         flow = mean(drive.flow_lpm) * LITRE_PER_MIN * self.form.coolant.density * self.form.coolant.heat_capacity
         outside = np.stack([mean(drive.inlet_degC), mean(drive.ambient_degC)], axis=1)
         return solver.Loads(self._films(system, drive, point, mean, number), flow, outside, mean(current2), ac, heat)
+
+    @cached_property
+    def _shares(self) -> tuple[Floats, Floats]:
+        """How the losses' groups, and the AC loss of each layer, spread over the cells."""
+        return losses.shares(self.mesh), losses.alternating_shares(self.mesh)
 
     def _films(self, system: solver.System, drive: Drive, point: Point, mean, number: int) -> Floats:  # type: ignore[no-untyped-def]
         courses = films(self.everyday.films, self.geometry, drive.speed_rpm, drive.flow_lpm)

@@ -9,6 +9,7 @@ of least degree: the matrix is an M-matrix, diagonally dominant.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -40,7 +41,8 @@ class Elimination(NamedTuple):
     place: dict[tuple[int, int], int]
 
 
-def eliminate(n: int, pairs: set[tuple[int, int]]) -> Elimination:
+@cache
+def eliminate(n: int, pairs: frozenset[tuple[int, int]]) -> Elimination:
     """The elimination of a matrix, in an order of least degree. `pairs`: (i, j), both ways, of its entries."""
     near: list[set[int]] = [set() for _ in range(n)]
     for i, j in pairs:
@@ -146,7 +148,7 @@ def system(mesh: Mesh, capacity: Floats, scale: Floats, dc: Floats, slope: Float
     stations = [(index[s.cell], index[s.before] if s.before else -1, s.share) for s in mesh.stations]
     pairs = {(int(i), int(j)) for i, j in zip(a, b, strict=True) if j < n}
     pairs |= {(i, before) for i, before, _ in stations if before >= 0}
-    program = eliminate(n, pairs)
+    program = eliminate(n, frozenset(pairs))
     at = [
         (program.place[i, j], program.place[j, i]) if j < n else (-1, -1)
         for i, j in zip(a.tolist(), b.tolist(), strict=True)
@@ -300,8 +302,10 @@ def _march(t0, dt, capacity, joints, at, coolant, dc, slope, alpha, program, siz
     film, streams, outsides, current2, ac, heat = loads
     steps, n = len(streams), len(t0)
     out, counted = np.empty((steps + 1, n)), np.empty((steps, 3))
-    out[0] = t0
     v, g, s, own = np.empty(size), np.empty(len(a)), np.empty(n), np.empty(n)
+    y, z = np.empty(n), np.empty(n)
+    for i in range(n):  # here and below cell by cell: numba takes seconds to compile the assignment of a row
+        out[0, i] = t0[i]
     weight = GAMMA * dt
     for k in range(steps):
         t, outside, stream = out[k], outsides[k], streams[k]
@@ -309,13 +313,16 @@ def _march(t0, dt, capacity, joints, at, coolant, dc, slope, alpha, program, siz
         _sources(t, current2[k], ac[k], heat[k], dc, slope, alpha, s, own)
         _matrix(v, capacity, weight, g, a, b, at, own, stream, coolant)
         _factor(v, order, start, lower, upper, update)
-        y = capacity * t
+        for i in range(n):
+            y[i] = capacity[i] * t[i]
         _right(y, s, weight, g, a, b, outside, stream, coolant)
         _solve(v, y, order, start, row, lower, upper)
-        z = capacity * (t + (1.0 - GAMMA) / GAMMA * (y - t))
+        for i in range(n):
+            z[i] = capacity[i] * (t[i] + (1.0 - GAMMA) / GAMMA * (y[i] - t[i]))
         _right(z, s, weight, g, a, b, outside, stream, coolant)
         _solve(v, z, order, start, row, lower, upper)
-        out[k + 1] = z
+        for i in range(n):
+            out[k + 1, i] = z[i]
         for part, share in ((y, 1.0 - GAMMA), (z, GAMMA)):
             made, to_coolant, ambient = _count(part, s, own, outside, g, a, b, stream, coolant)
             first = part is y
