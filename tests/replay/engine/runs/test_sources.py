@@ -6,7 +6,6 @@ import json
 import shutil
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Protocol
 
 import pytest
 
@@ -14,7 +13,6 @@ from ingest.facts import facts as ledger_facts
 from ingest.facts.store import Store
 from made import can_bench
 from made.places import ROOT
-from plant.hidden_effect import KEEP, LEARN
 from replay.cli import main
 from replay.engine.runs import sources
 from replay.studies.diagnosis.diagnose import diagnose
@@ -26,13 +24,6 @@ DOORS = (
     "replay.studies.ageing.assess",
 )
 Touch = Callable[[str], None]
-
-
-class Campaign(Protocol):
-    """The shipped campaign, diagnosed once."""
-
-    @property
-    def store(self) -> Path: ...
 
 
 @pytest.fixture
@@ -54,6 +45,15 @@ def touch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Touch]:
 
     yield added
     sources.code_of.cache_clear()
+
+
+def stored(folder: Path, seconds: int) -> Path:
+    """A store of one drive of a small motor."""
+    can_bench.write_files(folder)
+    can_bench.write_log(folder / "1_drive.blf", seconds, 1)
+    bench = ["--bench", str(folder / "bench.toml"), "--dbc", str(folder / "bench.dbc")]
+    assert main(["ingest", str(folder / "1_drive.blf"), *bench, "--store", str(folder / "store")]) == 0
+    return folder / "store"
 
 
 def test_the_generator_of_kernels_is_in_every_key(touch: Touch) -> None:
@@ -89,11 +89,7 @@ def test_each_study_is_in_its_own_key_alone(touch: Touch) -> None:
 def test_a_replay_is_known_until_code_changes_that_computes_it(
     touch: Touch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    can_bench.write_files(tmp_path)
-    can_bench.write_log(tmp_path / "1_drive.blf", 60, 1)
-    store = ["--store", str(tmp_path / "store")]
-    bench = ["--bench", str(tmp_path / "bench.toml"), "--dbc", str(tmp_path / "bench.dbc")]
-    assert main(["ingest", str(tmp_path / "1_drive.blf"), *bench, *store]) == 0
+    store = ["--store", str(stored(tmp_path, 60))]
 
     def run() -> tuple[str, str]:
         capsys.readouterr()
@@ -112,7 +108,7 @@ def test_a_replay_is_known_until_code_changes_that_computes_it(
 
 
 def test_a_diagnosis_is_read_back_until_code_changes_that_computes_it(
-    campaign: Campaign, touch: Touch, monkeypatch: pytest.MonkeyPatch
+    touch: Touch, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     class SearchedError(Exception):
         pass
@@ -120,13 +116,14 @@ def test_a_diagnosis_is_read_back_until_code_changes_that_computes_it(
     def searched(*_: object) -> None:
         raise SearchedError
 
+    where = ["--store", str(stored(tmp_path, 1000))]
+    assert main(["diagnose", "--on", "1_drive", *where]) == 0
     monkeypatch.setattr("replay.studies.diagnosis.diagnose._answered", searched)
-    with Store.open(campaign.store) as store:
+    with Store.open(tmp_path / "store") as store:
         facts = ledger_facts.at(store.ledger)
 
         def asked() -> bool:
-            train, kept = ([facts.session(name) for name in names] for names in (LEARN, KEEP))
-            return diagnose(store, facts, train, kept, None, "testing").known
+            return diagnose(store, facts, [facts.session("1_drive")], [], None, "testing").known
 
         assert asked()
         touch("twin/paper/form.py")
