@@ -2,7 +2,8 @@
 
 A number is set to 0 where no file can say it (a path that takes heat uphill), or where it is too small to be worth a
 line. An error of the bench must be known, too: a thermal model has no reference for a gain of 1 %, so what it says of
-one is mostly its own error, and a reading that is moved by that is worse than the one recorded.
+one is mostly its own error, and a reading that is moved by that is worse than the one recorded. Where the form of the
+file is wrong, none of a reading is known, unless it is named: a lump that is no point looks like a gain.
 
 A hundred small differences just left out would add up to kelvins, so the others take their part by the fit's own
 curvature H (Laplace's approximation): with d the entries set to 0 and f the others,
@@ -20,11 +21,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.diagnosis.posterior_mode import rises
+from twin.diagnosis.reml import is_wrong_in_form
 from twin.fitting import actions
 from twin.fitting.actions import Parameter
 from twin.fitting.fit import NEAR_ENOUGH, Fit, Floats, fit
 from twin.motor.network import NOBODY
-from twin.motor.sensor_laws import Bias, Gain, Lag
+from twin.motor.sensor_laws import Bias, Gain, Lag, Misreading
 
 Bools = NDArray[np.bool_]
 
@@ -46,7 +49,9 @@ def expressible(found: Fit, named: Collection[int], driving: Collection[str]) ->
     parameters, mode = found.model.parameters, found.beta
     causes = {parameters[p].action for p in named}
     open_ = np.array([p not in named and one.test is None for p, one in enumerate(parameters)])
+    moves_readings = np.array([isinstance(one.action, Misreading) for one in parameters])
     unsayable = open_ & np.array([_is_common_drive(one, driving) for one in parameters])
+    unsayable |= open_ & moves_readings & _is_wrong_in_form(found)
     positive = open_ & np.array([_is_share(one) for one in parameters])
     optional = open_ & np.array([_is_optional(one) and one.action not in causes for one in parameters])
     of_bench = np.array([isinstance(one.action, actions.OnBench) for one in parameters])
@@ -83,6 +88,10 @@ def _given(found: Fit, left_out: Bools, held: Bools) -> Floats:
     beta = np.where(left_out, 0.0, mode)
     beta[free] += np.linalg.solve(h[np.ix_(free, free)], h[np.ix_(free, left_out)] @ mode[left_out])
     return np.clip(beta, model.low, model.high)
+
+
+def _is_wrong_in_form(found: Fit) -> bool:
+    return is_wrong_in_form(found.model.noise, rises(found.model))
 
 
 def _is_common_drive(one: Parameter, driving: Collection[str]) -> bool:
@@ -145,6 +154,8 @@ def _common(found: Fit, said: Fit, ours: Sequence[int]) -> dict[actions.OnBench,
         if one.test is not None and isinstance(one.action, Bias | actions.BoundaryBias | actions.InputGain):
             by_action.setdefault(one.action, []).append(p)
     covariance = np.linalg.inv(found.hessian)
+    if _is_wrong_in_form(found):
+        by_action = {action: places for action, places in by_action.items() if not isinstance(action, Misreading)}
     common = {}
     for action, places in by_action.items():
         each = found.beta[places]

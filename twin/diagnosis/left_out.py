@@ -54,8 +54,9 @@ class LeftOut:
         return np.where(known, self.log_scores - np.where(known, before.log_scores, 0.0), 0.0)
 
 
-def left_out(found: Fit) -> LeftOut:
-    """Every session of a fit, predicted from the others."""
+def left_out(found: Fit, reading: int | None = None) -> LeftOut:
+    """Every session of a fit, predicted from the others. `reading`: the place in the vector of what a sensor is said to
+    get wrong; errors are then of its readings as they were recorded, for a ruler that is moved proves nothing."""
     sessions = len(found.model.tests)
     channels = dict.fromkeys(part.series.channel for part in found.parts)
     errors = {channel: np.full(sessions, np.nan) for channel in channels}
@@ -63,7 +64,7 @@ def left_out(found: Fit) -> LeftOut:
     for session in range(sessions):
         own = [part for part in found.parts if part.series.session == session]
         try:
-            scores[session], of_session = _predicted(found, session, own)
+            scores[session], of_session = _predicted(found, session, own, reading)
         except (DivergedError, np.linalg.LinAlgError):
             continue
         for channel, error in of_session.items():
@@ -71,7 +72,7 @@ def left_out(found: Fit) -> LeftOut:
     return LeftOut(scores, errors)
 
 
-def _predicted(found: Fit, session: int, own: Sequence[Columns]) -> tuple[float, dict[str, float]]:
+def _predicted(found: Fit, session: int, own: Sequence[Columns], reading: int | None) -> tuple[float, dict[str, float]]:
     """The log score of one session and the mean size of its errors by channel."""
     model, at, free = found.model, own[0].at, found.free
     white = np.concatenate([model.whitened(p.series, np.column_stack([p.series.y, p.columns])) for p in own])
@@ -92,6 +93,9 @@ def _predicted(found: Fit, session: int, own: Sequence[Columns]) -> tuple[float,
     inside = free[at]
     score = _log_density(error, columns[:, inside], covariance[np.ix_(at[inside], at[inside])])
     volume = sum(log_det(s, model.noise_of(s.channel)) for s in ran)
+    if reading is not None:
+        without[reading] = 0.0
+        ran = model.residuals_of(session, without)
     return score - volume / 2, {s.channel: float(np.abs(s.y).mean()) for s in ran}
 
 

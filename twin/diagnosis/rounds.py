@@ -23,6 +23,7 @@ from twin.errors import DivergedError
 from twin.fitting.actions import Parameter
 from twin.fitting.fit import NEAR_ENOUGH, Fit, fit
 from twin.fitting.model import Floats
+from twin.motor.sensor_laws import Misreading
 
 THRESHOLD = 6.0  # ln BF that a term must exceed; healthy motors of another form set it (benchmarks/trials.py)
 REFITTED, WORTH_REFITTING = 5, 4.0  # how many, and from which linear ln BF on
@@ -161,9 +162,14 @@ def with_refits(found: Round, tell: Tell, other_start: Floats | None = None, jud
 
 def judged(found: Round) -> Round:
     """The round with what sessions left out say of its base and of every refit that evidence would let in."""
-    let_in = [refit.log_bayes_factor > THRESHOLD for refit in found.refits]
-    said = [replace(r, left_out=left_out(r.fit)) if ok else r for r, ok in zip(found.refits, let_in, strict=True)]
-    return replace(found, refits=tuple(said), left_out=left_out(found.base))
+
+    def said(refit: Refit) -> Refit:
+        if refit.log_bayes_factor <= THRESHOLD:
+            return refit
+        reading = len(refit.fit.beta) - 1 if isinstance(refit.parameter.action, Misreading) else None
+        return replace(refit, left_out=left_out(refit.fit, reading))
+
+    return replace(found, refits=tuple(map(said, found.refits)), left_out=left_out(found.base))
 
 
 def _each_once(refits: Sequence[Refit]) -> tuple[Refit, ...]:

@@ -27,6 +27,7 @@ from twin.fitting.noise import floor_variance
 from twin.motor.causes import says
 from twin.motor.features import quantity, scale
 from twin.motor.network import Network
+from twin.motor.sensor_laws import Misreading
 
 RIVALS = 5
 ONE_ALONE = f"with fewer than {ENOUGH_SESSIONS} sessions none can be left out to say whether a second term holds"
@@ -219,7 +220,8 @@ def _said_by_sessions(one: Round, refit: Refit) -> str:
     if said.min() < -TOLD_APART:
         return f"a session left out speaks against it, by {-said.min():.1f} in ln density"
     if errors[1] >= errors[0]:
-        return f"sessions left out are no nearer with it ({errors[0]:.2f} -> {errors[1]:.2f} K)"
+        ruler = ", against readings as recorded" * isinstance(refit.parameter.action, Misreading)
+        return f"sessions left out are no nearer with it ({errors[0]:.2f} -> {errors[1]:.2f} K{ruler})"
     if one.holds(refit) and one.best is not None:
         ahead = one.gained(one.best).sum() - said.sum()
         return f"sessions left out ask for it less than for the one that was let in, by {ahead:.1f} in ln density"

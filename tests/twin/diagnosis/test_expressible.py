@@ -17,6 +17,7 @@ from twin.fitting import actions
 from twin.fitting.actions import Parameter, Place
 from twin.fitting.fit import NEAR_ENOUGH, Fit, fit
 from twin.fitting.model import Model, Test
+from twin.fitting.noise import ChannelNoise
 from twin.motor import sensor_laws
 from twin.motor.features import terms
 
@@ -123,6 +124,19 @@ def test_an_error_of_a_sensor_is_written_where_it_is_known(
     found = expressible(fit_at(tests, numbers, known), [1], ())
     assert bool(found.beta[0]) == stays
     assert found.beta[1] == 0.04
+
+
+def test_where_the_form_is_wrong_only_a_named_error_of_a_reading_is_written(tests: list[Test]) -> None:
+    gain = Parameter("sensor.W_1.gain", sensor_laws.Gain("W_1"), 0.01)
+    named = Parameter("sensor.Y_1.gain", sensor_laws.Gain("Y_1"), 0.05)
+    lag = Parameter("sensor.W_1.lag", sensor_laws.Lag("W_1"), 0.8)
+    shared = [(Parameter("b", sensor_laws.Bias("R_1"), 0.3, number), 0.5 + 0.01 * number) for number in range(3)]
+    known = fit_at(tests, [(gain, 0.02), (named, 0.1), (lag, 2.0), *shared], 100.0)
+    far = replace(known, model=known.model.with_noise({"W_1": ChannelNoise(1.0, 60.0, 5.0, 600.0)}))
+    for found, written in ((known, {gain.action, lag.action, sensor_laws.Bias("R_1")}), (far, {lag.action})):
+        said = expressible(found, [1], ())
+        assert set(readings(found, said, [1]).errors) == written
+        assert said.beta[1] == 0.1, "what is named stays"
 
 
 def test_an_error_that_all_tests_share_may_still_be_the_models(tests: list[Test]) -> None:

@@ -124,6 +124,16 @@ def test_one_session_against_it_or_a_larger_error_keeps_a_term_out(said: Round) 
     assert not said.holds(replace(best, left_out=None)), "evidence did not let it in"
 
 
+def test_errors_of_what_a_sensor_is_said_to_get_wrong_are_of_its_readings_as_recorded(found: Fit) -> None:
+    place = next(i for i, p in enumerate(found.model.parameters) if p.name == "sensor.W_1.gain")
+    far = replace(found, beta=np.where(np.arange(found.beta.size) == place, 0.1, found.beta))
+    corrected, recorded = left_out(far), left_out(far, place)
+    np.testing.assert_array_equal(corrected.log_scores, recorded.log_scores)
+    assert corrected.by_channel_K()["W_1"] > 1.0 + recorded.by_channel_K()["W_1"], "a tenth too much is kelvins"
+    for channel in ("Y_1", "R_1"):
+        np.testing.assert_allclose(corrected.errors_K[channel], recorded.errors_K[channel], atol=1e-9)
+
+
 def test_a_model_that_runs_away_without_a_session_says_nothing_before_and_all_after(
     found: Fit, monkeypatch: pytest.MonkeyPatch
 ) -> None:
