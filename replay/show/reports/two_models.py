@@ -43,7 +43,7 @@ def _no_gain(diagnosis: Diagnosis) -> str:
     rises = [_rises_K(gain) for gain in diagnosis.gain]
     if not rises:
         return "The kept sessions are not predicted better with it"
-    if max(map(_mean, zip(*rises, strict=True))) >= ROSE_K:
+    if max(map(_mean, zip(*rises, strict=True))) >= ROSE_K and max(map(max, rises)) >= kept_errors.WORSE_K:
         worst = max(diagnosis.gain, key=lambda gain: max(_rises_K(gain)))
         errors = kept_errors.errors(worst, ["before", "after"])
         return f"With it the kept sessions get worse than recalibrated, most the {words.name(worst.node)}: {errors}"
