@@ -39,6 +39,7 @@ NO_MEMORY = (  # in its last words
     b"failed to map segment",
     b"Cannot allocate memory",
     b"memory allocation of",
+    b"ValueError: field '",  # ... "is required for": from Python's compiler, of an import that memory ended in
 )
 
 

@@ -229,6 +229,13 @@ def test_a_reader_that_needs_too_much_memory_is_stopped(tmp_path: Path) -> None:
         record(path, tmp_path / "x.mcap", limits=Limits(memory_bytes=150 << 20))
 
 
+def test_memory_that_ends_inside_an_import_is_memory(tmp_path: Path, at_open: Callable[[str, str], None]) -> None:
+    at_open("late.csv", "raise ValueError(\"field 'target' is required for AnnAssign\")")
+    (tmp_path / "late.csv").write_bytes((LOGS / "sample.csv").read_bytes())
+    with pytest.raises(UnreadableLogError, match=r"^late\.csv: reading it needs more than 4,?096 MiB of memory"):
+        record(tmp_path / "late.csv", tmp_path / "x.mcap")
+
+
 def test_an_interrupt_ends_the_child_as_well(tmp_path: Path, children: list[subprocess.Popen[bytes]]) -> None:
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     timer = threading.Timer(1.0, os.kill, (os.getpid(), signal.SIGINT))
