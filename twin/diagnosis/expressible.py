@@ -21,7 +21,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.diagnosis.posterior_mode import rises
+from twin.diagnosis.posterior_mode import channel_rises
 from twin.diagnosis.reml import is_wrong_in_form
 from twin.fitting import actions
 from twin.fitting.actions import Parameter
@@ -91,7 +91,7 @@ def _given(found: Fit, left_out: Bools, held: Bools) -> Floats:
 
 
 def _is_wrong_in_form(found: Fit) -> bool:
-    return is_wrong_in_form(found.model.noise, rises(found.model))
+    return is_wrong_in_form(found.model.noise, channel_rises(found.model))
 
 
 def _is_common_drive(one: Parameter, driving: Collection[str]) -> bool:

@@ -63,11 +63,15 @@ def slowest_mode_s(current: Fit) -> float:
 
 def rises(model: Model) -> dict[str, float]:
     """Channel -> how far it rises over the coldest boundary, at least 1 K; of a meter in its rows' unit, all of it."""
+    return channel_rises(model) | {meter.name: 1 / METER_SHARE for test in model.tests for meter in test.meters}
+
+
+def channel_rises(model: Model) -> dict[str, float]:
+    """As `rises`, of thermometers alone."""
     rise: dict[str, float] = {}
     for test in model.tests:
         coldest = float(test.frame.boundaries.mean(axis=0).min())
         for channel in test.channels:
             hottest = channel.measured[channel.samples > 0].max(initial=coldest)
             rise[channel.name] = max(rise.get(channel.name, 1.0), float(hottest) - coldest)
-        rise |= {meter.name: 1 / METER_SHARE for meter in test.meters}
     return rise

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from twin.diagnosis.evidence import score
 from twin.diagnosis.pooling import pooled_scales
-from twin.diagnosis.posterior_mode import linearised, rises, slowest_mode_s, stacked
+from twin.diagnosis.posterior_mode import channel_rises, linearised, rises, slowest_mode_s, stacked
 from twin.diagnosis.reml import ObservedSeries, as_fast_as_slow, reml
 from twin.differences.candidates import Candidate
 from twin.fitting.actions import Parameter
@@ -76,8 +76,8 @@ def _fitted_noise(design: _Design) -> Mapping[str, ChannelNoise]:
         own = np.column_stack([columns[:, free], part.extra])
         observed.append(ObservedSeries(part.series, part.series.y + columns[:, free] @ current.beta[free], own))
     precision = 1 / np.concatenate([current.model.sd[free], design.sigma]) ** 2
-    rise_K = rises(current.model)
-    return as_fast_as_slow(reml(observed, precision, slowest_mode_s(current), rise_K), rise_K)
+    found = reml(observed, precision, slowest_mode_s(current), rises(current.model))
+    return as_fast_as_slow(found, channel_rises(current.model))
 
 
 def _with_pooled_priors(design: _Design, stated: Sequence[Parameter]) -> Model:

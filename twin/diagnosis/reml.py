@@ -81,18 +81,20 @@ def floor(rise_K: float) -> tuple[float, float]:
 
 
 def is_wrong_in_form(noise: Noise, rise_K: Mapping[str, float]) -> bool:
-    """Whether any channel is so far off that the model's form must be wrong, not its numbers."""
-    return any(own.ou_sd > WRONG_IN_FORM * floor(rise_K[channel])[1] for channel, own in noise.items())
+    """Whether any channel of `rise_K` is so far off that the model's form must be wrong, not its numbers."""
+    known = rise_K.keys() & noise.keys()  # a channel without samples has no noise
+    return any(noise[channel].ou_sd > WRONG_IN_FORM * floor(rise_K[channel])[1] for channel in known)
 
 
 def as_fast_as_slow(noise: Noise, rise_K: Mapping[str, float]) -> dict[str, ChannelNoise]:
-    """The noise with each channel's fast part at least as large as its slow one is beyond the floor.
+    """The noise with the fast part of each channel of `rise_K` at least as large as its slow one is beyond the floor.
 
     A slow discrepancy above its floor is the form of the model that is wrong, and a wrong form is wrong at every step
     of an input too. Likelihood sees little of that, as steps are few among quiet hours, and would let tenths of a
     kelvin at a stop outweigh kelvins that are held for an hour.
     """
-    return {channel: _with_fast(own, floor(rise_K[channel])[1]) for channel, own in noise.items()}
+    rises = {channel: rise_K[channel] for channel in noise if channel in rise_K}
+    return {**noise, **{channel: _with_fast(noise[channel], floor(rise)[1]) for channel, rise in rises.items()}}
 
 
 def _with_fast(noise: ChannelNoise, slow_floor: float) -> ChannelNoise:

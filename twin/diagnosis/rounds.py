@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import log_ndtr
 
-from twin.diagnosis.evidence import TOLD_APART, Scores, null_quantile, score
+from twin.diagnosis.evidence import TOLD_APART, Projector, Scores, null_quantile, score
 from twin.diagnosis.evidence_split import EvidenceSplit, split
 from twin.diagnosis.left_out import LeftOut, left_out
 from twin.diagnosis.posterior_mode import linearised, stacked
@@ -110,24 +110,50 @@ class Round:
 
     def order(self) -> list[int]:
         """Candidates, best linear score first."""
-        return [int(i) for i in np.argsort(-self.scores.log_bayes_factor, kind="stable")]
+        return _order(self.scores)
 
     def possible(self) -> list[int]:
         """Candidates that, by their linear amplitude, take away no more than there is, best linear score first."""
-        amplitude = self.scores.amplitude
-        return [i for i in self.order() if is_possible(self.parameters[i], float(amplitude[i]))]
+        return _possible(self.parameters, self.scores)
+
+
+def _order(scores: Scores) -> list[int]:
+    return [int(i) for i in np.argsort(-scores.log_bayes_factor, kind="stable")]
+
+
+def _possible(parameters: Sequence[Parameter], scores: Scores) -> list[int]:
+    return [i for i in _order(scores) if is_possible(parameters[i], float(scores.amplitude[i]))]
 
 
 def scored(current: Fit, candidates: Sequence[Candidate]) -> Round:
     """The score of every candidate at a fit, none refitted yet."""
+    found = weighed(current, candidates)
+    gram = found.projector.inner(found.columns, found.columns)
+    null = null_quantile(gram, found.scores.sigma, found.scores.sign)
+    return Round(current, found.candidates, found.parameters, found.scores, gram, null, (), found.dropped)
+
+
+@dataclass(frozen=True)
+class Weighed:
+    """Candidates that move a reading, their parameters and scores at a fit; their whitened `columns` (N, m) beside
+    its projector; and ids of those that are `dropped` as the model runs away with them."""
+
+    candidates: tuple[Candidate, ...]
+    parameters: tuple[Parameter, ...]
+    scores: Scores
+    projector: Projector
+    columns: Floats
+    dropped: tuple[str, ...]
+
+
+def weighed(current: Fit, candidates: Sequence[Candidate]) -> Weighed:
+    """The scores alone, where nobody asks what chance would make of them."""
     chosen, parameters, parts, dropped = linearised(current, candidates)
-    projector, v, e0 = stacked(current, parts)
+    projector, columns, e0 = stacked(current, parts)
     sigma = np.array([p.sd for p in parameters])
     sign = np.array([c.sign for c in chosen], dtype=np.float64)
-    scores = score(v, e0, projector, sigma, sign)
-    gram = projector.inner(v, v)
-    null = null_quantile(gram, sigma, sign)
-    return Round(current, tuple(chosen), tuple(parameters), scores, gram, null, (), tuple(dropped))
+    scores = score(columns, e0, projector, sigma, sign)
+    return Weighed(tuple(chosen), tuple(parameters), scores, projector, columns, tuple(dropped))
 
 
 def uncalibrated(current: Fit, healthy: int) -> Floats:
@@ -190,10 +216,11 @@ def _leading(found: Round, judging: bool) -> list[_Leading]:
 def _leading_at(found: Round, beta: Floats) -> list[_Leading]:
     """The one that leads at a vector; none where the model runs away there."""
     try:
-        there = scored(fit(found.base.model, beta, linearisations=1), found.candidates)
+        there = weighed(fit(found.base.model, beta, linearisations=1), found.candidates)
     except DivergedError:
         return []
-    leading = [i for i in there.possible()[:1] if there.scores.log_bayes_factor[i] >= WORTH_REFITTING]
+    possible = _possible(there.parameters, there.scores)
+    leading = [i for i in possible[:1] if there.scores.log_bayes_factor[i] >= WORTH_REFITTING]
     amounts = there.scores.amplitude
     return [(there.candidates[i], there.parameters[i], np.append(beta, amounts[i])) for i in leading]
 

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from scipy.linalg import cholesky, solve_triangular
 
 from twin.diagnosis.next_tests import read_throughout
-from twin.diagnosis.rounds import scored
+from twin.diagnosis.rounds import weighed
 from twin.differences.candidates import Candidate
 from twin.errors import DivergedError
 from twin.fitting.fit import NEAR_ENOUGH, Fit, fit
@@ -100,7 +100,7 @@ def _stands_out_calibrated(model: Model, pair: Exchange, candidates: Sequence[Ca
     ahead = crossed.log_evidence - as_recorded.log_evidence
     others = [c for c in candidates if not c.discrete]
     if ahead > MARGIN and others:
-        ahead -= float(scored(as_recorded, others).scores.log_bayes_factor.max(initial=0.0))
+        ahead -= float(weighed(as_recorded, others).scores.log_bayes_factor.max(initial=0.0))
     return ahead > MARGIN
 
 

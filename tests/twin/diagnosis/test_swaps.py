@@ -185,7 +185,7 @@ def test_what_another_cause_explains_better_is_no_exchange(monkeypatch: pytest.M
     def explains_all(*_: object) -> SimpleNamespace:
         return SimpleNamespace(scores=SimpleNamespace(log_bayes_factor=np.array([1e6])))
 
-    monkeypatch.setattr(swaps, "scored", explains_all)
+    monkeypatch.setattr(swaps, "weighed", explains_all)
     assert swaps.scan(_model(network, tests), (*PAIRS, other)) == []
 
 

@@ -176,7 +176,8 @@ def test_a_wrong_form_is_as_wrong_fast_as_it_is_slow() -> None:
         "B": ChannelNoise(0.05, 20.0, 1.0, 600.0),
         "C": ChannelNoise(2.0, 20.0, 1.0, 600.0),
     }
-    found = as_fast_as_slow(noise, rise)
+    found = as_fast_as_slow(noise | {"P": noise["B"]}, rise | {"without samples": 100.0})
+    assert found.keys() == noise.keys() | {"P"} and found["P"] == noise["B"], "a meter is no thermometer"
     assert found["A"] == noise["A"], "as slow as its floor: a lumped model is no better than that"
     assert found["B"] == ChannelNoise(np.sqrt(1.0 - slow**2), 60.0, 1.0, 600.0)
     assert found["C"] == noise["C"], "faster already"
@@ -187,3 +188,4 @@ def test_the_form_is_wrong_where_one_channel_is_beyond_twice_its_floor() -> None
     calm, wild = (ChannelNoise(0.05, 20.0, times * slow, 600.0) for times in (1.9, 2.1))
     assert not is_wrong_in_form({"A": calm, "B": calm}, {"A": 100.0, "B": 100.0})
     assert is_wrong_in_form({"A": calm, "B": wild}, {"A": 100.0, "B": 100.0})
+    assert not is_wrong_in_form({"A": calm, "P": wild}, {"A": 100.0, "without samples": 100.0})
