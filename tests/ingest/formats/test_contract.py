@@ -230,11 +230,11 @@ def test_rejected_records_are_as_they_were_however_many_there_are(monkeypatch: p
 
 def test_memory_hardly_grows_with_the_records_that_are_rejected() -> None:
     peaks = []
-    for count in (50_000, 200_000):
+    for count in (20_000, 60_000):
         tracemalloc.start()
         found = Rejections()
         found.extend(Rejected(i, f"byte {i:,}", "error frame", bytes(64)) for i in range(count))
         assert sum(entry.record for entry in found) == count * (count - 1) // 2
         peaks.append(tracemalloc.get_traced_memory()[1])
         tracemalloc.stop()
-    assert (peaks[1] - peaks[0]) / 150_000 < 5, f"bytes a record, at peaks of {peaks}"
+    assert (peaks[1] - peaks[0]) / 40_000 < 5, f"bytes a record, at peaks of {peaks}"
