@@ -14,6 +14,7 @@ doi:10.1080/00401706.1977.10489493; log predictive densities to choose by: S. Ge
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -36,17 +37,19 @@ class LeftOut:
     errors_K: Mapping[str, Floats]
 
     def by_channel_K(self) -> dict[str, float]:
-        """Channel -> mean error over its sessions."""
-        return {channel: float(np.nanmean(errors)) for channel, errors in self.errors_K.items()}
+        """Channel -> mean error over its sessions; none where the model runs away without any of them."""
+        known = {channel: errors[np.isfinite(errors)] for channel, errors in self.errors_K.items()}
+        return {channel: float(errors.mean()) for channel, errors in known.items() if errors.size}
 
     def by_session_K(self) -> Floats:
-        """(s,) mean error over the channels of each session."""
-        found: Floats = np.nanmean(np.array(list(self.errors_K.values())), axis=0)
-        return found
+        """(s,) mean error over the channels of each session; not a number where the model runs away without it."""
+        errors = np.ma.masked_invalid(np.array(list(self.errors_K.values())))
+        return np.asarray(errors.mean(axis=0).filled(np.nan), np.float64)
 
     def mean_K(self) -> float:
-        """Mean error over channels."""
-        return float(np.mean(list(self.by_channel_K().values())))
+        """Mean error over channels; infinite where there is none."""
+        errors = list(self.by_channel_K().values())
+        return float(np.mean(errors)) if errors else math.inf
 
     def gained(self, before: LeftOut) -> Floats:
         """(s,) ln density that each session gained over `before`; nothing where the model ran away before."""

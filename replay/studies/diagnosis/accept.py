@@ -55,8 +55,11 @@ def accept(store: Store, text: str, steps: int | None = None) -> Acceptance:
     facts = ledger_facts.at(store.ledger)
     completed = find_diagnosis(facts, text)
     found = read(json.loads(store.archive.read(completed.artefact)))
-    whole = _event(store, completed.diagnosis, found)
-    event, benches = (whole, found.extended_benches) if steps is None else _first(whole, found, steps)
+    benches: Mapping[str, str]
+    if steps is None:
+        event, benches = _event(store, completed.diagnosis, found), found.extended_benches
+    else:
+        event, benches = _first(completed.diagnosis, found, steps)
     more = benches.items()
     further = [
         replace(event, parent=None, model=None, parent_bench=old, bench=new) for old, new in more if new != event.bench
@@ -69,24 +72,21 @@ def accept(store: Store, text: str, steps: int | None = None) -> Acceptance:
     return Acceptance(event, further, known, _elsewhere(facts, found, event.model) if event.model else {})
 
 
-def _first(whole: CauseAccepted, found: Diagnosis, steps: int) -> tuple[CauseAccepted, Mapping[str, str]]:
+def _first(diagnosis: str, found: Diagnosis, steps: int) -> tuple[CauseAccepted, Mapping[str, str]]:
     """What accepting the first steps of the chain says, and its bench files."""
     terms = [step for step in found.chain if step.step > 0]
     there = {step.step: step for step in terms if step.model or step.bench}
     if steps not in there:
         known = ", ".join(map(str, there)) or "none"
-        raise ReplayDataError(
-            f"diagnosis d-{whole.diagnosis[:SHORT]}: no files of {steps} steps; steps with files: {known}."
-        )
-    step = there[steps]
+        raise ReplayDataError(f"diagnosis d-{diagnosis[:SHORT]}: no files of {steps} steps; steps with files: {known}.")
+    step, sayable = there[steps], {cause.id for cause in found.causes if cause.sayable}
     model = step.model if step.model != found.model else None
-    parents = [old for old, new in step.benches.items() if new == step.bench]
-    event = replace(
-        whole,
-        causes=[one.id for one in terms[:steps] if one.id],
+    event = CauseAccepted(
+        diagnosis=diagnosis,
+        causes=[one.id for one in terms[:steps] if one.id in sayable],
         parent=found.model if model else None,
         model=model,
-        parent_bench=parents[0] if parents else None,
+        parent_bench=next((old for old, new in step.benches.items() if new == step.bench), None),
         bench=step.bench,
     )
     return event, step.benches

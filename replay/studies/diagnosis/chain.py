@@ -48,9 +48,11 @@ def chain(
     for number, reached in enumerate(_fits(found)):
         after = left_out(reached)
         named = terms[:number]
-        files_of, ran = _known(files, number, len(terms))
-        if files_of is None and number:
-            files_of = build.version(reached, named, identity)
+        if number in (RECALIBRATED, len(terms)):
+            when = "after" if number else "before"
+            files_of, ran = files.files.get(when), files.runs.get(when)
+        else:
+            files_of, ran = build.files(reached, named, identity)
         steps.append(build.step(number, after, before, files_of, ran, _cause(named, causes)))
         before = after
     return steps
@@ -70,12 +72,6 @@ def _fits(found: Found) -> list[Fit]:
     for refit in reversed(naming.accepted[1:]):
         fits.append(without_term(fits[-1], place_of(fits[-1], refit), calm))
     return [found.base, *reversed(fits)]
-
-
-def _known(files: Offered, number: int, last: int) -> tuple[Version | None, AsRecorded | None]:
-    """The version of a step and its replays where the diagnosis offers it."""
-    when = "before" if number == RECALIBRATED else "after" if number == last else None
-    return (files.files.get(when), files.runs.get(when)) if when else (None, None)
 
 
 def _cause(named: Sequence[Refit], causes: Sequence[Named]) -> Named | None:
@@ -129,18 +125,24 @@ class _Build:
             benches=dict(files.benches) if files else {},
         )
 
-    def version(self, reached: Fit, named: Sequence[Refit], identity: str) -> Version | None:
-        """The files with the first terms; None where a file cannot say them."""
+    def files(self, reached: Fit, named: Sequence[Refit], identity: str) -> tuple[Version | None, AsRecorded | None]:
+        """The files with the first terms, and the kept sessions replayed with them, where there are such; no files
+        where these cannot say the terms, or a replay with them runs away."""
         said = ", ".join(str(refit.candidate.cause) for refit in named)
         note = f"The first {len(named)} of diagnosis {identity}: {said}."
         try:
-            return version(self.question, self.campaign, reached, named, (), note)
+            made = version(self.question, self.campaign, reached, named, (), note)
         except (IngestError, MotorFileError, TwinError):
-            return None
+            return None, None
+        ran = self._ran(made)
+        return (None, None) if ran is None else (made, ran if self.kept else None)
 
     def _ran(self, files: Version) -> AsRecorded | None:
+        """The kept sessions replayed, without any those that were learnt from; None where the motor runs away."""
+        question = self.question
+        sessions, tests = (question.kept, self.kept) if self.kept else (question.train, self.campaign.tests)
         try:
-            return as_recorded(self.question, files, self.question.kept, self.kept)
+            return as_recorded(question, files, sessions, tests)
         except DivergedError:
             return None
 

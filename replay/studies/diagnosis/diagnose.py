@@ -157,13 +157,14 @@ def _keep(question: Question, answer: Diagnosis, key: dict[str, Any]) -> None:
     facts_of: list[tuple[str, Event]] = []
     if answer.held_out:  # with the answer: where there is none, nobody saw what the kept sessions say
         facts_of.append((name, HeldOutOpened(diagnosis=answer.diagnosis, sessions=answer.held_out)))
-    offers = [answer.recalibrated_model, answer.extended_model, *(step.model for step in answer.chain)]
+    terms = [step for step in answer.chain if step.step > 0]  # the files before these are offered as recalibrated
+    offers = [answer.recalibrated_model, answer.extended_model, *(step.model for step in terms)]
     for model in dict.fromkeys(m for m in offers if m):
         if model not in facts.models:
             file = facts.models[question.model].file
             published = ModelPublished(model=model, motor=answer.motor, file=file, parent=question.model)
             facts_of.append((f"motor-{answer.motor}", published))
-    stepwise = [pair for step in answer.chain for pair in step.benches.items()]
+    stepwise = [pair for step in terms for pair in step.benches.items()]
     for old, new in dict.fromkeys([*answer.recalibrated_benches.items(), *answer.extended_benches.items(), *stepwise]):
         if new not in facts.benches:
             facts_of.append((f"bench-{new}", replace(question.benches[old], sha256=new)))

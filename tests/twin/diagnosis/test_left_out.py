@@ -155,6 +155,10 @@ def test_means_are_over_the_sessions_that_have_a_channel() -> None:
     one = LeftOut(np.zeros(2), {"A": np.array([1.0, 3.0]), "B": np.array([np.nan, 4.0])})
     assert one.by_channel_K() == {"A": 2.0, "B": 4.0} and one.mean_K() == 3.0
     np.testing.assert_array_equal(one.by_session_K(), [1.0, 3.5])
+    away = LeftOut(np.full(2, -np.inf), {"A": np.full(2, np.nan), "B": np.array([np.nan, 4.0])})
+    assert away.by_channel_K() == {"B": 4.0}
+    np.testing.assert_array_equal(away.by_session_K(), [np.nan, 4.0])
+    assert LeftOut(np.full(1, -np.inf), {"A": np.full(1, np.nan)}).mean_K() == np.inf
 
 
 def test_only_what_evidence_would_let_in_is_judged(said: Round) -> None:

@@ -280,6 +280,18 @@ def test_the_first_steps_of_a_chain_can_be_accepted_alone(
         assert capsys.readouterr().err == says
 
 
+def test_steps_can_be_accepted_where_the_whole_chain_has_no_files(
+    store_folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    diagnosed(store_folder, "4f0cbeef00000001", {UNSAYABLE: True} | CAUSES, model=False, bench=False)
+    assert main(["accept", "d-4f0c", "--store", str(store_folder)]) == 2
+    capsys.readouterr()
+    assert main(["accept", "d-4f0c", "--steps", "2", "--json", "--store", str(store_folder)]) == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert answer["causes"] == list(CAUSES)[:1], "a fault of the record is in no file"
+    assert current(store_folder)[0] == answer["model"]
+
+
 def test_sessions_that_go_on_with_another_model_are_said(
     store_folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
