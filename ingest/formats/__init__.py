@@ -50,6 +50,20 @@ class Frames:
     data: NDArray[np.uint8]
     record: NDArray[np.int64]  # position among the file's frames, from 0
 
+    def taken(self, at: NDArray[np.intp]) -> Frames:
+        """The frames at these positions."""
+        offsets, data = payloads(self.data, self.offsets[:-1][at], np.diff(self.offsets)[at])
+        names = ("t_ns", "bus", "can_id", "flags", "record")
+        return Frames(**{name: getattr(self, name)[at] for name in names}, offsets=offsets, data=data)
+
+
+def payloads(
+    data: NDArray[np.uint8], source: NDArray[np.int64], length: NDArray[np.int64]
+) -> tuple[NDArray[np.int64], NDArray[np.uint8]]:
+    """`Frames.offsets` and `Frames.data` of payloads that begin at `source` (N,) in `data`, of `length` (N,) bytes."""
+    offsets = np.concatenate([np.zeros(1, np.int64), np.cumsum(length)])
+    return offsets, data[np.repeat(source - offsets[:-1], length) + np.arange(offsets[-1])]
+
 
 @dataclass(frozen=True)
 class Rows:

@@ -158,12 +158,6 @@ def cut_line(text: TextFile, rejected: Sequence[Rejected], lines: int) -> str | 
     return f"ends inside {where}" if text.open_line and rejected and rejected[-1].where == where else None
 
 
-def payloads(data: NDArray[np.uint8], source: Ints, length: Ints) -> tuple[Ints, NDArray[np.uint8]]:
-    """`Frames.offsets` and `Frames.data` of payloads that begin at `source` (N,) in `data`, of `length` (N,) bytes."""
-    offsets = np.concatenate([np.zeros(1, np.int64), np.cumsum(length)])
-    return offsets, data[np.repeat(source - offsets[:-1], length) + np.arange(offsets[-1])]
-
-
 def as_arrays(frames: list[OneFrame], record: list[int]) -> Frames:
     """One or more frames (N,) as arrays."""
     t_ns, bus, can_id, flags, data = zip(*frames, strict=True)

@@ -17,9 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ingest.errors import UnreadableLogError
-from ingest.formats import EXTENDED, TRANSMIT, Frames, Log, Rejected
+from ingest.formats import EXTENDED, TRANSMIT, Frames, Log, Rejected, payloads
 from ingest.formats._asc_lines import STAMP, Line, parse_date, parse_line
-from ingest.formats._frame_lines import ERROR_FRAME, HIGHEST_BUS, HIGHEST_ID, cut_line, payloads
+from ingest.formats._frame_lines import ERROR_FRAME, HIGHEST_BUS, HIGHEST_ID, cut_line
 from ingest.formats._text import TextFile
 
 # A data frame as most lines hold it (hexadecimal, one blank between two bytes), or else any line: one match a line.

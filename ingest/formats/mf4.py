@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ingest.errors import UnreadableLogError
-from ingest.formats import EXTENDED, FD, LATE_NS, REMOTE, TRANSMIT, Frames, Rejected
+from ingest.formats import EXTENDED, FD, LATE_NS, REMOTE, TRANSMIT, Frames, Rejected, payloads
 from ingest.formats._frame_lines import (
     ERROR_FRAME,
     FD_LENGTHS,
@@ -31,7 +31,6 @@ from ingest.formats._frame_lines import (
     LONGEST_FD,
     SHOWN,
     Ints,
-    payloads,
 )
 from ingest.formats._mdf_blocks import Block, BrokenBlock, MdfChannel, MdfGroup
 from ingest.formats._mdf_log import HEADER_AT, MdfLog

@@ -76,16 +76,7 @@ def without(batch: Frames | Rows, records: Ints) -> Frames | Rows:
     if isinstance(batch, Rows):
         columns = {name: values[kept] for name, values in batch.columns.items()}
         return Rows(batch.t_ns[kept], columns, batch.record[kept])
-    sizes = np.diff(batch.offsets)
-    return Frames(
-        t_ns=batch.t_ns[kept],
-        bus=batch.bus[kept],
-        can_id=batch.can_id[kept],
-        flags=batch.flags[kept],
-        offsets=np.concatenate([[0], np.cumsum(sizes[kept])]).astype(np.int64),
-        data=batch.data[batch.offsets[0] : batch.offsets[-1]][np.repeat(kept, sizes)],
-        record=batch.record[kept],
-    )
+    return batch.taken(np.flatnonzero(kept))
 
 
 def findings(name: str, counted: Mapping[str, Any], absolute: bool) -> list[QualityFlagged]:

@@ -66,7 +66,7 @@ class Unpacked:
         if not packed.any():
             yield Decodable(self._means.renamed(frames))
             return
-        yield Decodable(self._means.renamed(_taken(frames, np.flatnonzero(~packed))))
+        yield Decodable(self._means.renamed(frames.taken(np.flatnonzero(~packed))))
         done = [one for i in np.flatnonzero(packed).tolist() if (one := self._take(frames, i))]
         if done:
             yield self._joined(frames, done)
@@ -134,7 +134,7 @@ class Unpacked:
         """Messages as frames, each at the time of its last packet."""
         whole = [bytes(message.data[: message.size]) for _, message in done]
         joined = replace(
-            _taken(frames, np.array([i for i, _ in done])),
+            frames.taken(np.array([i for i, _ in done])),
             can_id=np.array([message.can_id for _, message in done], np.uint32),
             offsets=np.cumsum([0, *map(len, whole)]),
             data=np.frombuffer(b"".join(whole), np.uint8),
@@ -146,12 +146,3 @@ def _packets(frames: Frames) -> NDArray[np.bool_]:
     """Which frames (N,) are the protocol's."""
     second = frames.can_id >> np.uint32(16) & np.uint32(0xFF)
     return np.asarray(np.isin(second, (MANAGEMENT, DATA)) & (frames.can_id >= EXTENDED) & (frames.flags & REMOTE == 0))
-
-
-def _taken(frames: Frames, at: NDArray[np.intp]) -> Frames:
-    """The frames `at`; their payloads lie where they lay."""
-    sizes = np.diff(frames.offsets)[at]
-    offsets = np.concatenate([[0], np.cumsum(sizes)])
-    place = np.arange(offsets[-1]) + np.repeat(frames.offsets[at] - offsets[:-1], sizes)
-    names = ("t_ns", "bus", "can_id", "flags", "record")
-    return Frames(**{name: getattr(frames, name)[at] for name in names}, offsets=offsets, data=frames.data[place])

@@ -3,18 +3,20 @@
 import json
 import struct
 from collections.abc import Sequence
+from functools import partial
 from io import BytesIO
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 from mcap.writer import CompressionType, Writer
 
 from ingest.errors import UnreadableLogError
-from ingest.formats import Log, Rows, TimeSpec, open_log, recognise
+from ingest.formats import TimeSpec
+from made.tables import START_NS, columns_of, same
 
-START_NS = 1_700_000_000_000_000_000
+read = partial(columns_of, "mcap")
+
 Message = tuple[str, float, bytes]  # topic, seconds, payload
 NAN = float("nan")
 
@@ -33,22 +35,6 @@ def write(path: Path, some: Sequence[Message], encoding: str = "json", schema: t
             writer.add_message(channels[topic], stamp, data, publish_time=stamp)
         writer.finish()  # type: ignore[no-untyped-call]
     return path
-
-
-def read(path: Path, spec: TimeSpec | None = None) -> tuple[Log, dict[str, list[Any]]]:
-    assert recognise(path).name == "mcap"
-    log = open_log(path, spec)
-    found: dict[str, list[Any]] = {"t": []}
-    for batch in log.batches():
-        assert isinstance(batch, Rows)
-        found["t"] += [(t_ns - START_NS) / 1e9 for t_ns in batch.t_ns.tolist()]
-        for name, cells in batch.columns.items():
-            found.setdefault(name, []).extend(cells.tolist())
-    return log, found
-
-
-def same(found: Any, expected: Any) -> bool:
-    return np.array_equal(np.array(found, float), np.array(expected, float), equal_nan=True)
 
 
 def test_numbers_of_json_become_columns_of_their_topic(tmp_path: Path) -> None:

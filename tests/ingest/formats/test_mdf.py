@@ -3,14 +3,14 @@
 import struct
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
 from ingest.errors import UnreadableLogError
-from ingest.formats import Log, Rows, open_log, recognise
+from ingest.formats import Log, open_log, recognise
 from ingest.intake.inspection import inspect
 from made.mdf import (
     FLOAT,
@@ -38,28 +38,17 @@ from made.mdf import (
 )
 from made.mf4 import IN_RECORD, PARTS, record
 from made.places import LOGS
+from made.tables import START_NS, columns_of, same
 from replay.show.verbs.inspection import inspection_text
 
-START_NS = 1_700_000_000_000_000_000
+table = partial(columns_of, "mdf")
+
 RAW = Channel("x", SIGNED, 8, 16)
 
 
 def records(*rows: tuple[float, int]) -> bytes:
     """Records of `SECONDS` and `RAW`."""
     return b"".join(struct.pack("<dh", *row) for row in rows)
-
-
-def table(path: Path) -> tuple[Log, dict[str, list[Any]]]:
-    """The log at `path`, and its columns with `t`, seconds since the start."""
-    assert recognise(path).name == "mdf"
-    log = open_log(path)
-    found: dict[str, list[Any]] = {"t": []}
-    for batch in log.batches():
-        assert isinstance(batch, Rows)
-        found["t"] += [round((t_ns - START_NS) / 1e9, 9) for t_ns in batch.t_ns.tolist()]
-        for name, cells in batch.columns.items():
-            found.setdefault(name, []).extend(cells.tolist())
-    return log, found
 
 
 def converted(tmp_path: Path, law: Callable[[Mdf4], int], raw: list[int]) -> tuple[Log, list[Any]]:
@@ -69,10 +58,6 @@ def converted(tmp_path: Path, law: Callable[[Mdf4], int], raw: list[int]) -> tup
     group = file.stored("g", (SECONDS, channel), records(*enumerate(raw)), 10)
     log, columns = table(file.save(tmp_path / "log.mf4", group, start_ns=START_NS))
     return log, columns["x"]
-
-
-def same(found: list[float], expected: list[float]) -> bool:
-    return np.array_equal(np.array(found, float), np.array(expected, float), equal_nan=True)
 
 
 def test_a_row_is_what_all_groups_say_at_one_time(tmp_path: Path) -> None:

@@ -2,14 +2,13 @@
 
 import struct
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
-from typing import Any
 
-import numpy as np
 import pytest
 
 from ingest.errors import UnreadableLogError
-from ingest.formats import Log, Rows, TimeSpec, open_log, recognise
+from ingest.formats import TimeSpec
 from made.mdf3 import (
     DOUBLE,
     FLOAT,
@@ -22,22 +21,12 @@ from made.mdf3 import (
     Channel3,
     Mdf3File,
 )
+from made.tables import START_NS, columns_of, same
 
-START_NS = 1_700_000_000_000_000_000
+table = partial(columns_of, "mdf")
+
 NAN = float("nan")
 RAW = Channel3("x", SIGNED, 64, 16)
-
-
-def table(path: Path, spec: TimeSpec | None = None) -> tuple[Log, dict[str, list[Any]]]:
-    assert recognise(path).name == "mdf"
-    log = open_log(path, spec)
-    found: dict[str, list[Any]] = {"t": []}
-    for batch in log.batches():
-        assert isinstance(batch, Rows)
-        found["t"] += [(t_ns - START_NS) / 1e9 for t_ns in batch.t_ns.tolist()]
-        for name, cells in batch.columns.items():
-            found.setdefault(name, []).extend(cells.tolist())
-    return log, found
 
 
 def records(file: Mdf3File, *rows: tuple[float, int]) -> bytes:
@@ -47,10 +36,6 @@ def records(file: Mdf3File, *rows: tuple[float, int]) -> bytes:
 def one_group(file: Mdf3File, channel: Channel3, *raw: int) -> int:
     rows = records(file, *enumerate(raw))
     return file.data_group(file.group("Engine", (SECONDS, channel), len(raw), 10), rows)
-
-
-def same(found: Any, expected: Any) -> bool:
-    return np.array_equal(np.array(found, float), np.array(expected, float), equal_nan=True)
 
 
 @pytest.mark.parametrize("order", ["<", ">"])

@@ -1,0 +1,30 @@
+"""A log of rows as its columns, for the tests of formats."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ingest.formats import Log, Rows, TimeSpec, open_log, recognise
+
+START_NS = 1_700_000_000_000_000_000
+
+
+def columns_of(name: str, path: Path, spec: TimeSpec | None = None) -> tuple[Log, dict[str, list[Any]]]:
+    """The log at `path`, which is of the format of this name, and its columns, with `t`, seconds since `START_NS`."""
+    assert recognise(path).name == name
+    log = open_log(path, spec)
+    found: dict[str, list[Any]] = {"t": []}
+    for batch in log.batches():
+        assert isinstance(batch, Rows)
+        found["t"] += [round((t_ns - START_NS) / 1e9, 9) for t_ns in batch.t_ns.tolist()]
+        for column, cells in batch.columns.items():
+            found.setdefault(column, []).extend(cells.tolist())
+    return log, found
+
+
+def same(found: Any, expected: Any) -> bool:
+    """Whether numbers are equal; one that is missing equals one that is."""
+    return np.array_equal(np.array(found, float), np.array(expected, float), equal_nan=True)
