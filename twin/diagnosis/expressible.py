@@ -21,8 +21,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.diagnosis.posterior_mode import channel_rises
-from twin.diagnosis.reml import is_wrong_in_form
+from twin.diagnosis.posterior_mode import is_wrong_in_form
 from twin.fitting import actions
 from twin.fitting.actions import Parameter
 from twin.fitting.fit import NEAR_ENOUGH, Fit, Floats, fit
@@ -51,7 +50,7 @@ def expressible(found: Fit, named: Collection[int], driving: Collection[str]) ->
     open_ = np.array([p not in named and one.test is None for p, one in enumerate(parameters)])
     moves_readings = np.array([isinstance(one.action, Misreading) for one in parameters])
     unsayable = open_ & np.array([_is_common_drive(one, driving) for one in parameters])
-    unsayable |= open_ & moves_readings & _is_wrong_in_form(found)
+    unsayable |= open_ & moves_readings & is_wrong_in_form(found.model)
     positive = open_ & np.array([_is_share(one) for one in parameters])
     optional = open_ & np.array([_is_optional(one) and one.action not in causes for one in parameters])
     of_bench = np.array([isinstance(one.action, actions.OnBench) for one in parameters])
@@ -88,10 +87,6 @@ def _given(found: Fit, left_out: Bools, held: Bools) -> Floats:
     beta = np.where(left_out, 0.0, mode)
     beta[free] += np.linalg.solve(h[np.ix_(free, free)], h[np.ix_(free, left_out)] @ mode[left_out])
     return np.clip(beta, model.low, model.high)
-
-
-def _is_wrong_in_form(found: Fit) -> bool:
-    return is_wrong_in_form(found.model.noise, channel_rises(found.model))
 
 
 def _is_common_drive(one: Parameter, driving: Collection[str]) -> bool:
@@ -148,14 +143,14 @@ def readings(found: Fit, said: Fit, named: Collection[int]) -> SensorChanges:
 def _common(found: Fit, said: Fit, ours: Sequence[int]) -> dict[actions.OnBench, float]:
     """Errors that the tests agree on well enough to be one error of the bench, and that the whole fit knows: an offset
     that only takes over what a gain did is not known. The mean over the tests. `ours`: places in the vector."""
+    kinds: tuple[type[actions.OnBench], ...] = (actions.BoundaryBias, actions.InputGain)
+    kinds += () if is_wrong_in_form(found.model) else (Bias,)
     by_action: dict[actions.OnBench, list[int]] = {}
     for p in ours:
         one = found.model.parameters[p]
-        if one.test is not None and isinstance(one.action, Bias | actions.BoundaryBias | actions.InputGain):
+        if one.test is not None and isinstance(one.action, kinds):
             by_action.setdefault(one.action, []).append(p)
     covariance = np.linalg.inv(found.hessian)
-    if _is_wrong_in_form(found):
-        by_action = {action: places for action, places in by_action.items() if not isinstance(action, Misreading)}
     common = {}
     for action, places in by_action.items():
         each = found.beta[places]

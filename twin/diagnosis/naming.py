@@ -21,9 +21,8 @@ import numpy as np
 
 from twin.diagnosis.free_heats import free_heats
 from twin.diagnosis.patchwork import is_patchwork
-from twin.diagnosis.posterior_mode import channel_rises
+from twin.diagnosis.posterior_mode import is_wrong_in_form
 from twin.diagnosis.refined import Tell, refined
-from twin.diagnosis.reml import is_wrong_in_form
 from twin.diagnosis.rounds import THRESHOLD, Refit, Round, compared, scored, uncalibrated, with_refits
 from twin.diagnosis.unknown import FreeHeat
 from twin.differences.candidates import Candidate
@@ -83,8 +82,8 @@ def search(
     tell("scoring")
     first = scored(current, candidates)
     tell("looking for heat that no candidate explains")
-    wrong_in_form = is_wrong_in_form(current.model.noise, channel_rises(model))
-    found = Naming((first,), (), (), current, free_heats(current), threshold, wrong_in_form=wrong_in_form)
+    wrong = is_wrong_in_form(current.model)
+    found = Naming((first,), (), (), current, free_heats(current), threshold, wrong_in_form=wrong)
     if found.is_unknown:
         return found
     judging = found.judged

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from twin.diagnosis.evidence import Projector
+from twin.diagnosis.reml import says_wrong_form
 from twin.differences.candidates import Candidate
 from twin.differences.proposals import Proposals
 from twin.fitting.actions import Parameter
@@ -59,6 +60,11 @@ def stacked(current: Fit, parts: Sequence[Columns]) -> tuple[Projector, Floats, 
 def slowest_mode_s(current: Fit) -> float:
     """The longest time constant of the fitted network at the mean of its tests [s]."""
     return max(current.model.slowest_s(s, current.beta) for s in range(len(current.model.tests)))
+
+
+def is_wrong_in_form(model: Model) -> bool:
+    """Whether what a model leaves of any thermometer says that its form is wrong (`twin.diagnosis.reml`)."""
+    return says_wrong_form(model.noise, channel_rises(model))
 
 
 def rises(model: Model) -> dict[str, float]:

@@ -80,7 +80,7 @@ def floor(rise_K: float) -> tuple[float, float]:
     return max(BOUNDS_K[0], AR_FLOOR_SHARE * rise_K), max(BOUNDS_K[0], OU_FLOOR_SHARE * rise_K)
 
 
-def is_wrong_in_form(noise: Noise, rise_K: Mapping[str, float]) -> bool:
+def says_wrong_form(noise: Noise, rise_K: Mapping[str, float]) -> bool:
     """Whether any channel of `rise_K` is so far off that the model's form must be wrong, not its numbers."""
     known = rise_K.keys() & noise.keys()  # a channel without samples has no noise
     return any(noise[channel].ou_sd > WRONG_IN_FORM * floor(rise_K[channel])[1] for channel in known)

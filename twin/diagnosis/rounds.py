@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from enum import Enum, auto
 
 import numpy as np
 from scipy.special import log_ndtr
@@ -69,6 +70,14 @@ class Refit:
         return self.log_bayes_factor + (0.0 if self.ended else self.fit.left)
 
 
+class Against(Enum):
+    """What sessions left out have against a term."""
+
+    ONE = auto()
+    NO_NEARER = auto()
+    TOO_LITTLE = auto()
+
+
 @dataclass(frozen=True)
 class Round:
     """One search for one more term at the fit `base` without it: all `candidates` with their `parameters`, `scores`,
@@ -100,13 +109,19 @@ class Round:
         return refit.left_out.gained(self.left_out)
 
     def holds(self, refit: Refit) -> bool:
-        """Whether sessions left out ask for a refit as evidence must, with a smaller error, and none speaks against
-        it."""
-        if self.left_out is None or refit.left_out is None:
-            return False
+        """Whether evidence would let a refit in, and sessions left out do."""
+        return refit.left_out is not None and self.against(refit) is None
+
+    def against(self, refit: Refit) -> Against | None:
+        """What sessions left out have against a refit that evidence would let in: one of them speaks against it, they
+        are no nearer with it, or together they ask for it by less than evidence must. None where they let it in."""
+        assert self.left_out is not None and refit.left_out is not None, "sessions left out do not judge this refit"
         said = self.gained(refit)
-        nearer = refit.left_out.mean_K() < self.left_out.mean_K()
-        return nearer and bool(said.sum() > THRESHOLD and said.min() > -TOLD_APART)
+        if not said.min() > -TOLD_APART:
+            return Against.ONE
+        if not refit.left_out.mean_K() < self.left_out.mean_K():
+            return Against.NO_NEARER
+        return None if said.sum() > THRESHOLD else Against.TOO_LITTLE
 
     def order(self) -> list[int]:
         """Candidates, best linear score first."""

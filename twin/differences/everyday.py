@@ -237,7 +237,7 @@ def _paths(network: Network, tests: Sequence[Test]) -> Iterator[Parameter]:
         yield Parameter(f"conductance.{a}-{b}", actions.Added((place,), "constant", 1.0), sd, low=-sd)
 
 
-def lag_sd(network: Network) -> float:
+def _lag_sd(network: Network) -> float:
     """What a reading may be late by, beyond its sensor's own lag [s]: heat goes through a lump in a time that grows
     with the square of its length, and a motor in few lumps has large ones."""
     return float(CHANNEL_LAG_S * max(1.0, LUMPS / len(network.nodes)) ** (2 / 3))
@@ -247,7 +247,7 @@ def _sensors(network: Network, tests: Sequence[Test]) -> Iterator[Parameter]:
     for name, channel in {c.name: c for test in tests for c in test.channels}.items():
         yield Parameter(f"sensor.{name}.gain", sensor_laws.Gain(name), CHANNEL_GAIN)
         yield Parameter(
-            f"sensor.{name}.lag", sensor_laws.Lag(name), lag_sd(network), low=-channel.sensor.time_constant_s
+            f"sensor.{name}.lag", sensor_laws.Lag(name), _lag_sd(network), low=-channel.sensor.time_constant_s
         )
     for name, sd in {m.name: m.what.gain_sd for test in tests for m in test.meters if m.what.gain_sd}.items():
         yield Parameter(f"meter.{name}.gain", sensor_laws.Gain(name), sd)

@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 
 from replay.show.plots.plots import WIDTH
 from replay.show.reports import steps
+from replay.show.reports.gain_plot import cell
 from replay.show.reports.verdict import figures
 from replay.show.words import words
 from replay.show.words.figure import KEY_ABOVE, FigureTable, Plot, inline_svg, style
@@ -84,10 +85,6 @@ def _table(chain: Sequence[ChainStep]) -> FigureTable:
     for step in chain:
         evidence = "–" if step.log_bayes_factor is None else figures(step.log_bayes_factor)
         better = f"{step.sessions_better} of {step.sessions}" if step.step >= 0 else "–"
-        kept = [_cell(step.kept_mae_K.get(n)) for n in nodes if any(n in other.kept_mae_K for other in chain)]
-        rows.append((_label(step), evidence, better, *(_cell(step.left_out_mae_K.get(n)) for n in nodes), *kept))
+        kept = [cell(step.kept_mae_K.get(n)) for n in nodes if any(n in other.kept_mae_K for other in chain)]
+        rows.append((_label(step), evidence, better, *(cell(step.left_out_mae_K.get(n)) for n in nodes), *kept))
     return FigureTable(head, tuple(rows))
-
-
-def _cell(error_K: float | None) -> str:
-    return "–" if error_K is None else f"{error_K:.2f}"

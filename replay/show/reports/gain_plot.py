@@ -96,8 +96,8 @@ def _table(gains: Sequence[KeptGain], named: bool) -> FigureTable:
     rows = [
         (
             words.name(g.node),
-            *(_cell(g.mae_recorded_K.get(stage)) for stage in of),
-            *(_cell(fitted(g)[stage]) for stage in of),
+            *(cell(g.mae_recorded_K.get(stage)) for stage in of),
+            *(cell(fitted(g)[stage]) for stage in of),
             f"{g.reading_moved_K:+.2f}".replace("-", "−"),
             _fall(g.rms_inside_K, named),
             _fall(g.rms_outside_K, named),
@@ -107,7 +107,8 @@ def _table(gains: Sequence[KeptGain], named: bool) -> FigureTable:
     return FigureTable(head, tuple(rows))
 
 
-def _cell(error_K: float | None) -> str:
+def cell(error_K: float | None) -> str:
+    """An error in a table; a dash where there is none."""
     return "–" if error_K is None else f"{error_K:.2f}"
 
 

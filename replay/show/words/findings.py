@@ -86,23 +86,20 @@ def _others(node: str, ranking: Mapping[str, float], wrong: Sequence[ChannelErro
 def power_balance(summaries: Sequence[Summary]) -> list[str]:
     """Electrical minus mechanical power against the network's heat, where power was recorded: a paragraph a verdict,
     the first few sessions by name."""
-    paragraphs: dict[str, list[Summary]] = {}
+    paragraphs: dict[str, list[str]] = {}
     for summary in summaries:
-        if (loss := summary.electrical_minus_mechanical_W) is not None:
-            paragraphs.setdefault(_verdict(loss, summary.network_heat_W), []).append(summary)
+        loss, heat = summary.electrical_minus_mechanical_W, summary.network_heat_W
+        if loss is not None:
+            ratio = f" ({loss / heat:.1f} times)" if loss > 0 and heat > 0 else ""
+            says = f"{summary.session_name} {loss:,.0f} W against {heat:,.0f} W{ratio}"
+            paragraphs.setdefault(_verdict(loss, heat), []).append(says)
     lead = "Electrical minus mechanical power against the network's heat, on average"
-    return [f"{lead}: {_balances(of)}. {verdict}" for verdict, of in paragraphs.items()]
+    return [f"{lead}: {_first(parts)}. {verdict}" for verdict, parts in paragraphs.items()]
 
 
-def _balances(summaries: Sequence[Summary]) -> str:
-    """ "id_0 692 W against 231 W (3.0 times), id_1 ... and 8 more"."""
-    told = []
-    for summary in summaries[:BALANCES]:
-        loss, heat = summary.electrical_minus_mechanical_W or 0.0, summary.network_heat_W
-        ratio = f" ({loss / heat:.1f} times)" if loss > 0 and heat > 0 else ""
-        told.append(f"{summary.session_name} {loss:,.0f} W against {heat:,.0f} W{ratio}")
-    more = len(summaries) - len(told)
-    return ", ".join(told) + f" and {more} more" * bool(more)
+def _first(parts: Sequence[str]) -> str:
+    more = len(parts) - BALANCES
+    return ", ".join(parts[:BALANCES]) + (f" and {more} more" if more > 0 else "")
 
 
 def _verdict(loss_W: float, heat_W: float) -> str:

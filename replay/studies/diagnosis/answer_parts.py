@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import assert_never
 
 import numpy as np
 
@@ -13,11 +14,10 @@ from replay.studies.diagnosis.answer import EvidenceParts, Named, Rival, Shown, 
 from replay.studies.diagnosis.formulas import formula
 from replay.studies.diagnosis.kept_sessions import Measured
 from twin.calibration.learned import size, term_of
-from twin.diagnosis.evidence import TOLD_APART
 from twin.diagnosis.free_heats import Unknown
 from twin.diagnosis.in_words import Plain
 from twin.diagnosis.naming import ENOUGH_SESSIONS, MOST_TERMS, Naming
-from twin.diagnosis.rounds import THRESHOLD, Refit, Round
+from twin.diagnosis.rounds import THRESHOLD, Against, Refit, Round
 from twin.diagnosis.told_apart import separating_test, telling_test, told_apart
 from twin.differences.candidates import Candidate
 from twin.fitting.actions import Added
@@ -216,16 +216,22 @@ def _why_not(naming: Naming, one: Round, refit: Refit) -> str:
 def _said_by_sessions(one: Round, refit: Refit) -> str:
     """Why sessions left out did not let a candidate in."""
     assert one.left_out is not None and refit.left_out is not None, "sessions left out judged it"
-    said, errors = one.gained(refit), (one.left_out.mean_K(), refit.left_out.mean_K())
-    if said.min() < -TOLD_APART:
-        return f"a session left out speaks against it, by {-said.min():.1f} in ln density"
-    if errors[1] >= errors[0]:
-        ruler = ", against readings as recorded" * isinstance(refit.parameter.action, Misreading)
-        return f"sessions left out are no nearer with it ({errors[0]:.2f} -> {errors[1]:.2f} K{ruler})"
-    if one.holds(refit) and one.best is not None:
-        ahead = one.gained(one.best).sum() - said.sum()
-        return f"sessions left out ask for it less than for the one that was let in, by {ahead:.1f} in ln density"
-    return f"sessions left out ask for it by {said.sum():.1f} in ln density, and {THRESHOLD:.0f} is needed"
+    said = one.gained(refit)
+    match one.against(refit):
+        case Against.ONE:
+            return f"a session left out speaks against it, by {-said.min():.1f} in ln density"
+        case Against.NO_NEARER:
+            errors = f"{one.left_out.mean_K():.2f} -> {refit.left_out.mean_K():.2f} K"
+            ruler = ", against readings as recorded" * isinstance(refit.parameter.action, Misreading)
+            return f"sessions left out are no nearer with it ({errors}{ruler})"
+        case Against.TOO_LITTLE:
+            return f"sessions left out ask for it by {said.sum():.1f} in ln density, and {THRESHOLD:.0f} is needed"
+        case None:
+            assert one.best is not None, "this one holds"
+            ahead = one.gained(one.best).sum() - said.sum()
+            return f"sessions left out ask for it less than for the one that was let in, by {ahead:.1f} in ln density"
+        case other:
+            assert_never(other)
 
 
 def judged_by(naming: Naming) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from twin.diagnosis.reml import ObservedSeries, as_fast_as_slow, floor, is_wrong_in_form, log_evidence, reml
+from twin.diagnosis.reml import ObservedSeries, as_fast_as_slow, floor, log_evidence, reml, says_wrong_form
 from twin.errors import EvidenceError
 from twin.fitting.noise import Array, ChannelNoise, Series, floor_variance, log_det, whiten
 
@@ -186,6 +186,6 @@ def test_a_wrong_form_is_as_wrong_fast_as_it_is_slow() -> None:
 def test_the_form_is_wrong_where_one_channel_is_beyond_twice_its_floor() -> None:
     slow = floor(100.0)[1]
     calm, wild = (ChannelNoise(0.05, 20.0, times * slow, 600.0) for times in (1.9, 2.1))
-    assert not is_wrong_in_form({"A": calm, "B": calm}, {"A": 100.0, "B": 100.0})
-    assert is_wrong_in_form({"A": calm, "B": wild}, {"A": 100.0, "B": 100.0})
-    assert not is_wrong_in_form({"A": calm, "P": wild}, {"A": 100.0, "without samples": 100.0})
+    assert not says_wrong_form({"A": calm, "B": calm}, {"A": 100.0, "B": 100.0})
+    assert says_wrong_form({"A": calm, "B": wild}, {"A": 100.0, "B": 100.0})
+    assert not says_wrong_form({"A": calm, "P": wild}, {"A": 100.0, "without samples": 100.0})

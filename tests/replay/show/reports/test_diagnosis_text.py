@@ -40,6 +40,7 @@ from replay.show.reports.two_models import paragraphs
 from replay.show.reports.verdict import Ending, active, ending, figures, probability, size, watts
 from replay.show.words.terminal import WIDTH
 from replay.studies.diagnosis.answer import Contradicting, Diagnosis
+from twin.diagnosis.naming import ENOUGH_SESSIONS
 from twin.motor.causes import parse, says
 
 
@@ -490,4 +491,4 @@ def test_several_terms_are_told_step_by_step() -> None:
 def test_what_let_terms_in_is_said_where_it_was_not_evidence_alone(judge: str) -> None:
     told = flat(diagnosis_text(replace(SEVERAL, causes=[EDDY], chain=SEVERAL.chain[:3], judged_by=judge)))
     assert "Step by step what is left is far above a lumped model's own error, so the file's form is wrong" in told
-    assert ("fewer than 4 sessions" in told) == (judge == "few sessions")
+    assert (f"fewer than {ENOUGH_SESSIONS} sessions" in told) == (judge == "few sessions")
