@@ -30,11 +30,11 @@ from threadpoolctl import threadpool_limits
 
 from benchmarks import asked
 from benchmarks.integrator import Physics, frame, initial_of, motor, wltp_like
-from made.filter_steps import Steps
 from made.paper_steps import at_the_start, heats_of, predict, transition
 from replay.engine.results.kernel_cache import load
 from twin.compiled.integrators import SDIRK2
 from twin.compiled.kernel import compile_indexed
+from twin.filters.by_filterpy import Steps
 from twin.filters.ekf import filter_unknowns
 from twin.filters.inputs import FilterStart, Inputs, Reading, inputs_of
 from twin.filters.unknowns import Unknown, UnknownFactor, UnknownHeat

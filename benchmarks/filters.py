@@ -37,7 +37,6 @@ from benchmarks.integrator import frame, initial_of, motor, wltp_like
 from benchmarks.shared import stored
 from ingest.catalogue.channels import load as load_channels
 from ingest.facts import facts
-from made.filter_steps import Steps
 from made.paper_steps import at_the_start, predict, transition
 from plant import Effect, Plant, Recording, drives, sessions, write_campaign
 from plant.drives import Drive
@@ -53,6 +52,7 @@ from replay.engine.results.open_loop import initial_temperatures, modelled
 from replay.studies.motors.scale import sliced_file
 from twin.compiled.kernel import compile_indexed
 from twin.filters import ukf
+from twin.filters.by_filterpy import Steps
 from twin.filters.ekf import at_their_pace, filter_unknowns
 from twin.filters.inputs import FilterStart, Inputs, Reading, inputs_of
 from twin.filters.smoother import smoothed

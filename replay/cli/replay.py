@@ -3,9 +3,15 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import asdict
+from typing import TYPE_CHECKING
 
 from replay.cli.answer import Answer, provenance, store_folder
 from replay.cli.asked import ask_level, ask_model
+
+if TYPE_CHECKING:
+    from ingest.facts.events import ReplayCompleted
+    from twin.filters.by_filterpy import Apart
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -20,6 +26,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--unknown", metavar="CAUSE", action="append", default=[], help=says)
     says = "bdf2 is the paper's; its distance from sdirk2 is printed (default sdirk2)"
     parser.add_argument("--integrator", choices=("sdirk2", "bdf2"), default="sdirk2", help=says)
+    says = "run filterpy's filter beside the filter of each session, and say how far the two are apart"
+    parser.add_argument("--check-filter", action="store_true", help=says)
     says = "processes (default 1); digests do not depend on it"
     parser.add_argument("--workers", type=_count, default=1, metavar="N", help=says)
 
@@ -45,7 +53,7 @@ def run(args: argparse.Namespace) -> Answer:
         sessions = [known.session(text) for text in args.sessions] or list(known.sessions)
         model = model_named(store, args.model)
         outcomes = replay_sessions(
-            store, sessions, model, args.level, args.workers, tell, args.integrator, args.unknown
+            store, sessions, model, args.level, args.workers, tell, args.integrator, args.unknown, args.check_filter
         )
         runs = [outcome.run for outcome in outcomes if outcome.run]
         summaries = [read(event.summary) for event in runs]
@@ -53,7 +61,7 @@ def run(args: argparse.Namespace) -> Answer:
         settings = {"level": args.level, "model": args.model, **({"unknown": args.unknown} if args.unknown else {})}
         data = {
             "schema": "whyhot.replay/1",
-            "runs": [{**event.summary, "run": event.run} for event in runs],
+            "runs": [_run(outcome.run, outcome.apart) for outcome in outcomes if outcome.run],
             "refused": refusals,
             "notes": [f"{one.session_name}: {why}" for one in summaries for why in left_out(one)],
             "provenance": provenance(store, **settings),
@@ -61,5 +69,11 @@ def run(args: argparse.Namespace) -> Answer:
     if not runs:
         why = refusals[0] if refusals else "no sessions"
         return Answer({**data, "error": why}, "", 2, refusals or ["no sessions to replay"])
-    text = replay_text(summaries, f"whyhot report {summaries[0].session_name}")
+    checks = {outcome.session.name: outcome.apart for outcome in outcomes if outcome.run} if args.check_filter else {}
+    text = replay_text(summaries, f"whyhot report {summaries[0].session_name}", checks)
     return Answer(data, text, 1 if refusals else 0, refusals)
+
+
+def _run(event: ReplayCompleted, checked: Apart | None) -> dict[str, object]:
+    """A run as JSON: its summary and id, and how far filterpy's filter is from its own where that was asked for."""
+    return {**event.summary, "run": event.run, **({"filter_check": asdict(checked)} if checked else {})}

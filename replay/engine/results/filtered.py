@@ -16,8 +16,8 @@ from replay.engine.results.kernel_cache import load_kernel
 from replay.engine.results.open_loop import initial_temperatures, modelled, referenced
 from replay.engine.results.run import Filtered, Smoothed
 from replay.engine.results.summary import EstimatedHeat, FilterSummary, FoundUnknown, HeatAtNode, SmoothedSpot
-from twin.filters.ekf import at_their_pace
-from twin.filters.inputs import AnyReading, FilterStart, HeatReading, Reading
+from twin.filters.ekf import Estimate, at_their_pace
+from twin.filters.inputs import AnyReading, FilterStart, HeatReading, Inputs, Reading, inputs_of
 from twin.filters.smoother import smoothed
 from twin.filters.unknowns import Unknown, UnknownBias, UnknownFactor, UnknownHeat
 from twin.motor.causes import parse
@@ -36,10 +36,13 @@ MOST_FACTOR_SD = 0.7  # of the logarithm of what multiplies a loss: a factor of 
 NOTHING_ASKED: Mapping[str, Unknown] = {}
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Estimated(Filtered):
-    """What a filter has just found: also the smoother's hot spots, and each cause that was asked for."""
+    """What a filter has just found: also what it was `given` and the `estimate` as it came, the smoother's hot spots,
+    and each cause that was asked for."""
 
+    given: Inputs
+    estimate: Estimate
     spots: dict[str, SmoothedSpot] = field(default_factory=dict)
     asked: list[FoundUnknown] = field(default_factory=list)
 
@@ -88,7 +91,8 @@ def filter_session(
     assert not isinstance(paced, UnknownBias)  # a loss is first
     heats = _heats(chosen, network, frame, inputs, temperatures, node)
     every: list[AnyReading] = [*readings, *(reading for reading, _ in heats)]
-    smooth = smoothed(network, inputs, start, [*unknowns, *(error for _, error in heats)], every)
+    sought = [*unknowns, *(error for _, error in heats)]
+    smooth = smoothed(network, inputs, start, sought, every)
     estimate = smooth.filtered
     at_node = [i for i, source in enumerate(network.sources) if source.node == node]
 
@@ -105,6 +109,8 @@ def filter_session(
     _, smooth_W, smooth_sd_W = loss(smooth.temperatures, smooth.found[:-1, 0], smooth.found_sd[:-1, 0])
     found = zip(asked.items(), range(len(own) - len(asked), len(own)), strict=True)
     return Estimated(
+        given=inputs_of(network, inputs, start, sought, every),
+        estimate=estimate,
         node=node,
         measured=tuple(r.channel for r in every),
         temperatures=estimate.temperatures,

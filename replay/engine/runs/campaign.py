@@ -17,15 +17,18 @@ from replay.engine.runs.runs import Completed, replay
 from replay.errors import ReplayDataError, ReplayError
 from twin.compiled.integrators import DEFAULT
 from twin.errors import TwinError
+from twin.filters.by_filterpy import Apart
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """One session's replay: a run, a divergence, or the one line that says why there is none."""
+    """One session's replay: a run, a divergence, or the one line that says why there is none; how far filterpy's filter
+    is from the run's own (`apart`), where that was asked for and a filter ran."""
 
     session: SessionRecorded
     run: ReplayCompleted | None
     refusal: str | None
+    apart: Apart | None = None
 
 
 @dataclass(frozen=True)
@@ -39,6 +42,7 @@ class Job:
     integrator: str
     work: Path
     unknown: tuple[str, ...]
+    check_filter: bool
 
 
 def replay_sessions(
@@ -50,10 +54,11 @@ def replay_sessions(
     tell: Callable[[str], None] = lambda _: None,
     integrator: str = DEFAULT.name,
     unknown: Sequence[str] = (),
+    check_filter: bool = False,
 ) -> list[Outcome]:
     """Replay each session with `model` (None: the one its bench file names) and append the runs that are new. One that
     cannot be replayed does not stop the others. `unknown`: ids of the causes that the filter is to find, none for its
-    own choice."""
+    own choice; `check_filter`: whether filterpy's filter runs beside each."""
     facts = ledger_facts.at(store.ledger)
     work = store.work()
     outcomes: list[Outcome] = []
@@ -61,7 +66,8 @@ def replay_sessions(
     for session in sessions:
         try:
             named = model or model_of(facts, session)
-            jobs.append((session, Job(store.folder, session.session, named, level, integrator, work, tuple(unknown))))
+            asked = (named, level, integrator, work, tuple(unknown), check_filter)
+            jobs.append((session, Job(store.folder, session.session, *asked)))
         except ReplayDataError as error:
             outcomes.append(Outcome(session, None, str(error)))
     for (session, _), done in zip(jobs, _each([job for _, job in jobs], workers), strict=True):
@@ -85,7 +91,8 @@ def _work(job: Job) -> Completed | str:
         with Store.open(job.store) as store:
             facts = ledger_facts.at(store.ledger)
             session = facts.session(job.session)
-            return replay(store, facts, session, job.model, job.level, job.integrator, job.work, job.unknown)
+            asked = (job.model, job.level, job.integrator, job.work, job.unknown, job.check_filter)
+            return replay(store, facts, session, *asked)
     except (ReplayError, IngestError, TwinError) as error:
         return str(error)
 
@@ -106,4 +113,4 @@ def _append(store: Store, session: SessionRecorded, done: Completed | str, work:
             "run whyhot verify --read, then report this with whyhot doctor."
         )
         return Outcome(session, None, why)
-    return Outcome(session, done.event, None)
+    return Outcome(session, done.event, None, done.apart)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -37,14 +37,17 @@ from replay.engine.runs.open_loop_run import OpenLoop, run_of
 from replay.engine.runs.sources import code_of
 from replay.engine.runs.summed_up import summary_of
 from replay.engine.specimen.aged import of_specimen
+from twin.filters.by_filterpy import Apart, apart
 
 
 @dataclass(frozen=True)
 class Completed:
-    """The fact of a run; `known` where the ledger has it already."""
+    """The fact of a run; `known` where the ledger has it already; how far filterpy's filter is from its own (`apart`),
+    where that was asked for and a filter ran."""
 
     event: ReplayCompleted | ReplayDiverged
     known: bool
+    apart: Apart | None = None
 
 
 def replay(
@@ -56,6 +59,7 @@ def replay(
     integrator: str,
     work: Path,
     unknown: Sequence[str] = (),
+    check_filter: bool = False,
 ) -> Completed:
     """Open-loop replay of one session with a model (SHA-256 of a motor file in the archive), and the filter beside it.
 
@@ -63,8 +67,8 @@ def replay(
     SHA-256, for the one writer to seal. The digest is that of the open loop, in which the filter changes nothing.
     `integrator`: one of `twin.compiled.integrators.INTEGRATORS`; of another than the default the summary says how far
     off it is, and the heat account is the default's. `unknown`: ids of causes that the filter is to find
-    (`replay.engine.results.asked_unknowns`). Raises ReplayDataError where the session lacks an input or the model runs
-    away.
+    (`replay.engine.results.asked_unknowns`); `check_filter`: whether filterpy's filter runs beside ours. Raises
+    ReplayDataError where the session lacks an input or the model runs away.
     """
     specimen = of_specimen(store, facts, session, network_of(store, facts, session, model))
     facts = with_bench_of(facts, model)
@@ -93,7 +97,9 @@ def replay(
         artefacts=artefacts,
         summary=document(summary_of(store, facts, made, digest, filtered)),
     )
-    return _against_the_ledger(store, facts, event, tables["temperatures"])
+    found = _against_the_ledger(store, facts, event, tables["temperatures"])
+    checked = apart(filtered.given, filtered.estimate) if check_filter and filtered is not None else None
+    return replace(found, apart=checked)
 
 
 def _tables(made: OpenLoop) -> dict[str, pa.Table]:

@@ -7,8 +7,10 @@ from collections.abc import Iterator, Mapping
 from replay.engine.results.hot_spot_bands import TOO_LARGE
 from replay.engine.results.summary import ChannelErrors, FoundUnknown, SmoothedSpot, Summary
 from replay.show.words import heat_words, words
+from twin.filters.by_filterpy import Apart
 
 CHANNELS = 3  # withheld ones, told at most
+ROUNDING_K = 1e-6  # two filters that are the same are no further apart
 
 
 def filter_says(summary: Summary) -> Iterator[str]:
@@ -38,6 +40,22 @@ def left_out(summary: Summary) -> list[str]:
     elif unfiltered and spots:
         told.append("no filter: the motor has no magnet and no rotor whose loss it could find")
     return told
+
+
+def checked(checks: Mapping[str, Apart | None]) -> str:
+    """How far filterpy's filter is from the runs' own: session name -> that, None where no filter ran."""
+    ran = {name: apart for name, apart in checks.items() if apart}
+    none = [name for name, apart in checks.items() if not apart]
+    told = [f"no filter ran over {words.joined(none)}"] if none else []
+    if ran:
+        name = max(ran, key=lambda name: max(ran[name].temperature_K, ran[name].sd_K))
+        worst = max(ran[name].temperature_K, ran[name].sd_K)
+        most = max(apart.temperature_K for apart in ran.values()), max(apart.sd_K for apart in ran.values())
+        says = f"filterpy's filter is at most {most[0]:.1g} K from ours, in standard deviations {most[1]:.1g} K"
+        of = f" (furthest in {name}, of {len(ran)} sessions)" if len(ran) > 1 else ""
+        wrong = "" if worst < ROUNDING_K else "; that is no rounding: report it with whyhot doctor"
+        told.insert(0, says + of + wrong)
+    return "; ".join(told)
 
 
 def compared(summary: Summary) -> list[str]:

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import re
 import textwrap
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from types import MappingProxyType
 
 from replay.engine.results.summary import ChannelErrors, Summary
 from replay.show.words import heat_words, words
-from replay.show.words.filter_words import filter_says
+from replay.show.words.filter_words import checked, filter_says
 from replay.show.words.findings import answer, direction, power_balance, worst_first
+from twin.filters.by_filterpy import Apart
 
 WIDTH = 100
 INDENT = 18
@@ -18,13 +20,18 @@ NUMBER_AND_UNIT = re.compile(
 )
 
 
-def replay_text(summaries: Sequence[Summary], next_command: str) -> str:
-    """What `whyhot replay` prints: answer, a few lines a session, the next command. No colours, no trailing newline."""
+def replay_text(
+    summaries: Sequence[Summary], next_command: str, checks: Mapping[str, Apart | None] = MappingProxyType({})
+) -> str:
+    """What `whyhot replay` prints: answer, a few lines a session, the next command. No colours, no trailing newline.
+    `checks`: session name -> how far filterpy's filter is from its own, None where no filter ran."""
     lines = labelled("What is wrong", answer(summaries))
     for summary in summaries:
         lines += ["", *_session(summary)]
     for text in power_balance(summaries):
         lines += ["", *labelled("Power balance", text)]
+    if checks:
+        lines += ["", *labelled("Filter check", checked(checks))]
     return "\n".join([*lines, "", *labelled("Next", next_command)])
 
 

@@ -9,16 +9,16 @@ from typing import Any
 
 import numpy as np
 import pytest
-from filterpy.kalman import ExtendedKalmanFilter, KalmanFilter
+from filterpy.kalman import KalmanFilter
 
 from benchmarks.integrator import frame, motor, s2
-from made.filter_steps import Steps
 from made.laws import law_frame, with_laws
 from replay.engine.results.kernel_cache import load
 from twin.compiled.kernel import Compiled, compile_indexed
 from twin.errors import CauseError, FrameError
+from twin.filters.by_filterpy import Steps, apart, by_filterpy
 from twin.filters.ekf import Estimate, at_their_pace, courses, filter_unknowns, run_of, through
-from twin.filters.inputs import FilterStart, HeatReading, Inputs, Reading, inputs_of, with_walks
+from twin.filters.inputs import AnyReading, FilterStart, HeatReading, Reading, inputs_of, with_walks
 from twin.filters.smoother import smoothed
 from twin.filters.ukf import filter_unscented
 from twin.filters.unknowns import Unknown, UnknownBias, UnknownFactor, UnknownHeat
@@ -92,25 +92,6 @@ def one_step(compiled: Compiled, inputs: Frame, k: int, start: Floats) -> Floats
     return np.asarray(edges[1])
 
 
-def by_filterpy(inputs: Inputs, count: int, check: Any) -> None:
-    """filterpy's filter on the same state: `check(k, x, P)` after each step."""
-    steps = Steps(inputs)
-    size = steps.size + steps.channels
-    places, variances = (np.broadcast_to(rows, inputs.values.shape) for rows in (inputs.places, inputs.variances))
-    peer = ExtendedKalmanFilter(dim_x=size, dim_z=inputs.values.shape[1])
-    x, P = steps.start
-    for k in range(count):
-        peer.x, F = steps.extended(k, x)
-        peer.P = F @ P @ F.T
-        peer.P[: steps.size, : steps.size] += steps.process
-        seen = np.flatnonzero(np.isfinite(inputs.values[k]))
-        H = np.array([steps.row(int(j), places[k, j]) for j in seen]).reshape(len(seen), size)
-        R = np.diag(variances[k, seen])
-        peer.update(inputs.values[k, seen], lambda _, H=H: H, lambda x, H=H: H @ x, R=R)
-        x, P = peer.x[: steps.size], peer.P[: steps.size, : steps.size]
-        check(k, x, P)
-
-
 MIXED = (
     UnknownFactor("conductance.rotor_surface-magnet.scale", 0.2, 1e-3),
     UnknownHeat(NODE, 50.0, 3.0),
@@ -129,21 +110,44 @@ def test_it_agrees_with_filterpy_to_rounding(unknowns: tuple[Unknown, ...], netw
     channels = readings(network, inputs, hot)
     ours = filter_unknowns(network, inputs, start(network), unknowns, channels)
     of = inputs_of(network, inputs, start(network), unknowns, channels)
-    n, worst = len(network.nodes), np.zeros(3)
-    inverse = np.argsort(of.order)
+    n = len(network.nodes)
+    unknown = [n + i for i in np.argsort(of.order)]
+    for k, (x, P) in enumerate(by_filterpy(of), 1):
+        assert np.abs(x[unknown] - ours.found[k]).max() < 1e-7, "unknowns [W or 1]"
+        assert np.abs(np.sqrt(np.diag(P))[unknown] - ours.found_sd[k]).max() < 1e-7
+    assert np.abs(P - ours.covariance).max() < 1e-7
+    far = apart(of, ours)
+    assert far.temperature_K < 1e-9
+    assert far.sd_K < 1e-7
 
-    def check(k: int, x: Floats, P: Floats) -> None:
-        found, sd = x[n : n + len(unknowns)][inverse], np.sqrt(np.diag(P))[n : n + len(unknowns)][inverse]
-        worst[0] = max(worst[0], np.abs(x[:n] - ours.temperatures[k + 1]).max())
-        worst[1] = max(worst[1], np.abs(found - ours.found[k + 1]).max())
-        worst[2] = max(worst[2], np.abs(sd - ours.found_sd[k + 1]).max())
-        if k == steps - 1:
-            assert np.abs(P - ours.covariance).max() < 1e-7
 
-    by_filterpy(of, steps, check)
-    assert worst[0] < 1e-9, "temperatures [K]"
-    assert worst[1] < 1e-7, "unknowns [W or 1]"
-    assert worst[2] < 1e-7, "their standard deviations"
+def test_with_a_meter_of_losses_beside_it_agrees_with_filterpy_to_rounding(network: Network, inputs: Frame) -> None:
+    steps = 200
+    inputs = Frame(inputs.step_s, inputs.features[:steps], inputs.boundaries[:steps])
+    truth = with_heat(network, HEAT_W)
+    hot = simulate(indexed(truth), inputs, start(network).temperatures)
+    watts = source_heat(truth, inputs, hot).sum(axis=1)
+    watts[::7] = np.nan
+    channels: list[AnyReading] = [
+        HeatReading("losses", watts, np.full(steps, 3600.0)),
+        *readings(network, inputs, hot)[:2],
+    ]
+    unknowns: list[Unknown] = [heat(0.3), UnknownBias("losses", 5.0)]
+    of = inputs_of(network, inputs, start(network), unknowns, channels)
+    far = apart(of, filter_unknowns(network, inputs, start(network), unknowns, channels))
+    assert far.temperature_K < 1e-8
+    assert far.sd_K < 1e-7
+
+
+def test_a_filter_with_another_gain_is_told_apart_from_filterpys(network: Network, inputs: Frame) -> None:
+    inputs = Frame(inputs.step_s, inputs.features[:50], inputs.boundaries[:50])
+    hot = simulate(indexed(network), inputs, start(network).temperatures)
+    channels = readings(network, inputs, hot)
+    of = inputs_of(network, inputs, start(network), [heat(3.0)], channels)
+    noisier = [replace(r, variance=4 * r.variance) for r in channels]
+    far = apart(of, filter_unknowns(network, inputs, start(network), [heat(3.0)], noisier))
+    assert far.temperature_K > 1e-3
+    assert far.sd_K > 1e-3
 
 
 def test_a_step_is_that_of_the_open_loop_with_the_heats_beside(

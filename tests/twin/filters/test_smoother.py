@@ -10,10 +10,10 @@ import pytest
 from filterpy.kalman import rts_smoother
 
 from benchmarks.integrator import frame, motor, s2
-from made.filter_steps import Steps
 from replay.engine.results.kernel_cache import load
 from twin.compiled.kernel import compile_indexed
 from twin.filters import smoother
+from twin.filters.by_filterpy import Steps
 from twin.filters.ekf import filter_unknowns
 from twin.filters.inputs import AnyReading, FilterStart, HeatReading, Inputs, Reading, inputs_of
 from twin.filters.smoother import SmootherEstimate, smoothed

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from filterpy.kalman import MerweScaledSigmaPoints, UnscentedKalmanFilter
 
-from made.filter_steps import Steps
 from replay.engine.results.kernel_cache import load
 from twin.compiled.kernel import compile_indexed
 from twin.filters import ukf
+from twin.filters.by_filterpy import Steps
 from twin.filters.ekf import filter_unknowns
 from twin.filters.inputs import AnyReading, FilterStart, HeatReading, Reading, inputs_of
 from twin.filters.ukf import filter_unscented

@@ -40,6 +40,7 @@ from replay.engine.runs.identity import digest_of
 from replay.show.plots.filter_plots import courses, estimated_loss, filter_over_time
 from replay.show.reports import layers
 from replay.show.reports.report import ReportContext, write_report
+from replay.show.words.filter_words import checked
 from twin.filters.unknowns import Unknown
 from twin.motor.network import Copper, Network
 from twin.motor.observables import Measurand, Thermometric, copper_slope
@@ -133,6 +134,24 @@ def test_the_filter_changes_nothing_in_the_open_loop(hidden: Replayed, monkeypat
         without = runs.replay(store, known, session, model_of(known, session), "testing", "sdirk2", work)
     assert without.known
     assert (without.event.run, without.event.digest) == (hidden.event.run, hidden.event.digest)
+
+
+def test_filterpys_filter_beside_it_agrees_to_rounding_and_that_is_said(hidden: Replayed) -> None:
+    with Store.open(hidden.folder, write=True) as store:
+        session = facts.at(store.ledger).session(hidden.event.session)
+        (done,) = replay_sessions(store, [session], None, "testing", 1, check_filter=True)
+        (plain,) = replay_sessions(store, [session], None, "testing", 1)
+    assert plain.apart is None
+    assert done.apart is not None
+    assert done.apart.temperature_K < 1e-9
+    assert done.apart.sd_K < 1e-9
+    assert done.run is not None
+    assert done.run.digest == hidden.event.digest
+    assert checked({"a": done.apart}).startswith("filterpy's filter is at most ")
+    wrong = checked({"a": replace(done.apart, sd_K=0.1), "b": done.apart, "c": None})
+    assert wrong.endswith(
+        "(furthest in a, of 2 sessions); that is no rounding: report it with whyhot doctor; no filter ran over c"
+    )
 
 
 def test_a_sealed_estimate_is_read_back_as_it_was(hidden: Replayed) -> None:

@@ -1,18 +1,69 @@
-"""The filters' step and readings one at a time, as vectors and matrices: what peers are given and derivatives are
-taken of."""
+"""filterpy's extended Kalman filter over the same inputs: the independent reference for the filter's own algebra.
+
+It is given the motor's step with its derivative and what each channel reads (`Steps`), and does everything else its own
+way: covariances, gains and updates, with dense matrices. (R. R. Labbe, filterpy, github.com/rlabbe/filterpy.)
+"""
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
+from filterpy.kalman import ExtendedKalmanFilter
+from numpy.typing import NDArray
 
-from twin.filters.ekf import FilterRun, run_of
+from twin.filters.ekf import Estimate, FilterRun, run_of
 from twin.filters.inputs import Inputs
 from twin.filters.readings import meter
 from twin.filters.step import derive, move
 
-Floats = np.ndarray[Any, Any]
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Apart:
+    """How far filterpy's filter is from ours over all steps, at most: in temperatures [K] and in their standard
+    deviations [K]."""
+
+    temperature_K: float
+    sd_K: float
+
+
+def apart(inputs: Inputs, ours: Estimate) -> Apart:
+    """Of `ours`, the estimate from these inputs."""
+    n, temperature_K, sd_K = len(inputs.network.nodes), 0.0, 0.0
+    for k, (x, P) in enumerate(by_filterpy(inputs), 1):
+        temperature_K = max(temperature_K, float(np.abs(x[:n] - ours.temperatures[k]).max()))
+        sd_K = max(sd_K, float(np.abs(np.sqrt(np.diag(P)[:n]) - ours.temperatures_sd[k]).max()))
+    return Apart(temperature_K, sd_K)
+
+
+def by_filterpy(inputs: Inputs) -> Iterator[tuple[Floats, Floats]]:
+    """State (S,) and covariance (S, S) after each step: temperatures, unknowns in the order of `inputs.order`, lagging
+    readings."""
+    steps = Steps(inputs)
+    size, thermometers = steps.size + steps.channels, steps.channels
+    places, variances = (np.broadcast_to(rows, inputs.values.shape) for rows in (inputs.places, inputs.variances))
+    x, P = steps.start
+    for k, values in enumerate(inputs.values):
+        seen = np.flatnonzero(np.isfinite(values))
+        peer = ExtendedKalmanFilter(dim_x=size, dim_z=max(len(seen), 1))
+        peer.x, F = steps.extended(k, x)
+        peer.P = F @ P @ F.T
+        peer.P[: steps.size, : steps.size] += steps.process
+        if len(seen):
+            H, read = np.zeros((len(seen), size)), np.zeros(len(seen))
+            for i, j in enumerate(seen.tolist()):
+                if j < thermometers:
+                    H[i] = steps.row(j, places[k, j])
+                    read[i] = H[i] @ peer.x
+                else:
+                    read[i], H[i, : steps.size] = steps.meter(j - thermometers, k, peer.x[: steps.size])
+            R = np.diag(variances[k, seen])
+            peer.update(values[seen], lambda _, H=H: H, lambda _, read=read: read, R=R)
+        x, P = peer.x[: steps.size].copy(), peer.P[: steps.size, : steps.size].copy()
+        yield x, P
 
 
 class Steps:
