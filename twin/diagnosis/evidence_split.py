@@ -18,7 +18,8 @@ from twin.fitting.model import Floats
 class EvidenceSplit:
     """ln BF = `fit` + the sum of `relieved` + `rest`. `fit`: half of what the weighted squared residuals fall by;
     `relieved` (p,): half of what each other parameter's (beta / sd)^2 falls by, in the order of the model without the
-    term; `rest`: the term's own prior, and how much narrower or wider all numbers have become."""
+    term; `rest`: the term's own prior, how much narrower or wider all numbers have become, and what a search without
+    the term that was cut short may still gain."""
 
     fit: float
     relieved: Floats

@@ -23,7 +23,16 @@ from twin.diagnosis.free_heats import free_heats
 from twin.diagnosis.patchwork import is_patchwork
 from twin.diagnosis.posterior_mode import is_wrong_in_form
 from twin.diagnosis.refined import Tell, refined
-from twin.diagnosis.rounds import THRESHOLD, Refit, Round, compared, scored, uncalibrated, with_refits
+from twin.diagnosis.rounds import (
+    REFIT_LINEARISATIONS,
+    THRESHOLD,
+    Refit,
+    Round,
+    compared,
+    scored,
+    uncalibrated,
+    with_refits,
+)
 from twin.diagnosis.unknown import FreeHeat
 from twin.differences.candidates import Candidate
 from twin.errors import DivergedError
@@ -110,7 +119,7 @@ def without_term(current: Fit, place: int, calm: Floats) -> Fit:
     """The fit without one term, from where the others are, or, where that runs away, from the first fit `calm`."""
     model = current.model.without(place)
     try:
-        return fit(model, np.delete(current.beta, place), enough=NEAR_ENOUGH)
+        return fit(model, np.delete(current.beta, place), NEAR_ENOUGH, REFIT_LINEARISATIONS)
     except DivergedError:
         return fit(model, np.append(calm, np.zeros(len(model.parameters) - len(calm))), enough=NEAR_ENOUGH)
 

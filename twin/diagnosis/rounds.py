@@ -244,11 +244,11 @@ def refitted(current: Fit, candidate: Candidate, parameter: Parameter, start: Fl
     """The first linearisations of the fit with one more term, from the vector `start` (p + 1,), its amplitude last, or
     else from where the term does what healthy differences did in its place (`twin.diagnosis.taking_over`). None where
     it runs away."""
-    if start is None:
-        beta, amplitude = taken_over(current, candidate, parameter)
-        inside = 1e-3 * parameter.sd if parameter.low == 0.0 else 0.0
-        start = np.append(beta, amplitude or inside)
     try:
+        if start is None:
+            beta, amplitude = taken_over(current, candidate, parameter)
+            inside = 1e-3 * parameter.sd if parameter.low == 0.0 else 0.0
+            start = np.append(beta, amplitude or inside)
         found = fit(current.model.plus([parameter]), start, NEAR_ENOUGH, FIRST_LINEARISATIONS)
     except (DivergedError, np.linalg.LinAlgError):
         return None
@@ -265,10 +265,11 @@ def _went_on(current: Fit, begun: Refit) -> Refit:
 
 
 def compared(found: Fit, without: Fit, candidate: Candidate, parameter: Parameter, place: int) -> Refit:
-    """The refit of a term: ln BF by Laplace's approximation of both fits, a half-normal prior where it has a sign."""
+    """The refit of a term: ln BF by Laplace's approximation of both fits, a half-normal prior where it has a sign. What
+    a search without it may still gain that was cut short speaks against it."""
     sd = float(np.sqrt(np.linalg.inv(found.hessian)[place, place]))
     amplitude = float(found.beta[place])
-    gain = found.log_evidence - without.log_evidence
+    gain = found.log_evidence - without.log_evidence - without.to_gain
     if parameter.low == 0.0 or parameter.high == 0.0:
         gain += float(np.log(2) + log_ndtr(abs(amplitude) / sd))
     return Refit(candidate, parameter, found, gain, amplitude, sd, split(gain, found, without, place))

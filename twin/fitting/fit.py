@@ -1,17 +1,21 @@
 """The mode of a model's posterior: Levenberg-Marquardt on whitened block means, bounds held and the rest solved again.
 
 K. Levenberg, Quart. Appl. Math. 2 (1944); D. W. Marquardt, J. SIAM 11 (1963), doi:10.1137/0111030; damping in the
-metric of J. J. More, LNM 630 (1978), doi:10.1007/BFb0067700; the curvature along a step is followed (geodesic
-acceleration: M. K. Transtrum, J. P. Sethna, arXiv:1201.5885). Columns are dear and runs are cheap, so a linearisation
+metric of J. J. More, LNM 630 (1978), doi:10.1007/BFb0067700. Columns are dear and runs are cheap, so a linearisation
 serves several steps (Shamanskii's method: C. T. Kelley, Iterative Methods for Linear and Nonlinear Equations, SIAM
 1995, 5.4.3).
+
+A motor that is far from its file lies at the end of a bent valley, where straight steps swing from side to side. So a
+step is a piece of a parabola (geodesic acceleration: M. K. Transtrum, J. P. Sethna, arXiv:1201.5885): with v the damped
+step and a what the curvature of the readings along it adds, the search moves to beta + t v + t^2 a, as far (t up to 1)
+as a stays a correction of v.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import groupby
 
 import numpy as np
@@ -23,15 +27,17 @@ from twin.fitting.model import Columns, Model
 from twin.fitting.noise import log_det
 
 Floats = NDArray[np.float64]
-Tried = tuple[float, list[Floats]]  # cost and whitened residuals
 
 NEAR_ENOUGH = 0.5  # of ln posterior, where evidences are compared
 ENOUGH = 0.05  # what is left to gain in ln posterior, by the quadratic model, when the search ends
-LINEARISATIONS = 25
+LINEARISATIONS = 40
 STEPS = 4  # with one linearisation
 PROBE = 0.1  # of a step, for the curvature along it
-MOST_BEND = 0.5  # of the step, in the metric of the Hessian
-SHORTEST, WORTH_SHORTENING = 0.05, 0.8  # of a step
+MOST_BEND = 0.8  # of the step, in the metric of the damped Hessian
+FARTHER = 2.0  # than the last point on the parabola of a step
+STRAIGHT = 0.9  # share of a step: after one that the bend made shorter another linearisation is due
+FIRST_DAMPING, LEAST_DAMPING, MOST_DAMPING = 1e-4, 1e-9, 1e6
+TOO_LITTLE, MUCH = 0.05, 0.5  # of what the quadratic model promises: no step is made, the damping falls
 WORTH = 0.5  # of the last step's gain: below, a new linearisation is due
 
 
@@ -58,6 +64,11 @@ class Fit:
         return -(self.cost + (float(volume) + float(log_r)) / 2)
 
     @property
+    def to_gain(self) -> float:
+        """What a search that was cut short may still gain in ln posterior, by the quadratic model."""
+        return 0.0 if self.converged else self.left
+
+    @property
     def free(self) -> NDArray[np.bool_]:
         """Which entries of the vector are not at a bound."""
         return (self.beta > self.model.low) & (self.beta < self.model.high)
@@ -69,103 +80,139 @@ class Fit:
 
 def fit(model: Model, start: Floats, enough: float = ENOUGH, linearisations: int = LINEARISATIONS) -> Fit:
     """Search from `start`. Raises `DivergedError` where the run from there leaves the finite numbers."""
-    beta = start.copy()
-    damping, left, used = 1e-4, math.inf, 0
-    parts = model.linearise(beta)
-    cost, hessian, slope, white, residual = _quadratic(model, parts, beta)
-    used = 1
+    here, used, damping = _about(model, start.copy()), 1, FIRST_DAMPING
     while True:
-        full = _step(hessian, slope, 0.0, beta, model)
-        left = float(slope @ full - full @ hessian @ full / 2)
-        if left < enough or used >= linearisations or damping > 1e6:
-            break
-        moved, gained_before = False, math.inf
-        for _ in range(STEPS):
-            step = _step(hessian, slope, damping, beta, model)
-            trial = np.clip(
-                beta + step + _bend(model, parts, white, hessian, damping, beta, residual, step), model.low, model.high
-            )
-            found = _try(model, trial)
-            if found is not None:
-                trial, found = _along(model, beta, cost, slope, trial, found)
-            if found is None or found[0] >= cost:
-                damping = damping * 10
-                if moved or damping > 1e6:
-                    break
-                continue
-            gained = cost - found[0]
-            beta, cost, moved = trial, found[0], True
-            damping = max(damping / 10, 1e-9)
-            if gained < max(WORTH * gained_before, enough / 4) or gained < enough:
+        left = here.promised(here.step(0.0))
+        if left < enough or used >= linearisations or damping > MOST_DAMPING:
+            return Fit(model, here.beta, here.cost, here.hessian, here.parts, left, left < enough, used)
+        there, damping = _stepped(here, damping, enough)
+        if there is not here:
+            here, used = _about(model, there.beta), used + 1
+
+
+def _stepped(start: _About, damping: float, enough: float) -> tuple[_About, float]:
+    """Where the steps lead that are worth making with one linearisation, and the damping of the next."""
+    here, gained_before = start, math.inf
+    for _ in range(STEPS):
+        step = here.step(damping)
+        share, found = _along(here, step, here.bend(step, damping), damping)
+        promised = here.promised(share * step)
+        if found is None or here.cost - found.cost < TOO_LITTLE * promised:
+            damping = max(damping * 10, FIRST_DAMPING)
+            if here is not start or damping > MOST_DAMPING:
                 break
-            gained_before = gained
-            residual = found[1]
-            slope = _slope(model, parts, white, residual, beta)
-        if not moved:
             continue
-        parts = model.linearise(beta)
-        cost, hessian, slope, white, residual = _quadratic(model, parts, beta)
-        used += 1
-    return Fit(model, beta, cost, hessian, parts, left, left < enough, used)
+        gained, here = here.cost - found.cost, found
+        if share > STRAIGHT and gained > MUCH * promised:
+            damping = max(damping / 10, LEAST_DAMPING)
+        if share < STRAIGHT or gained < max(WORTH * gained_before, enough):
+            break
+        gained_before = gained
+    return here, damping
 
 
-def _bend(
-    model: Model,
-    parts: Sequence[Columns],
-    white: Sequence[Floats],
-    hessian: Floats,
-    damping: float,
-    beta: Floats,
-    residual: Sequence[Floats],
-    step: Floats,
-) -> Floats:
-    """What the curvature along a step adds to it; nothing where it is no correction any more."""
-    try:
-        ahead = model.residuals(beta + PROBE * step)
-    except DivergedError:
-        return np.zeros_like(step)
-    right = np.zeros_like(step)
-    for part, own, before, series in zip(parts, white, residual, ahead, strict=True):
-        after = model.whitened(series, series.y[:, None])[:, 0]
-        curved = 2 / PROBE * ((after - before) / PROBE + own @ step[part.at])
-        right[part.at] += own.T @ curved
-    damped = hessian + damping * np.diag(np.diag(hessian))
-    bend: Floats = cho_solve(cho_factor(damped), right) / 2
-    size, most = (float(np.sqrt(x @ damped @ x)) for x in (bend, step))
-    return bend if size < MOST_BEND * most else np.zeros_like(step)
+def _along(here: _About, step: Floats, bend: Floats | None, damping: float) -> tuple[float, _About | None]:
+    """The share of a step, and the lowest point tried there: on its parabola, as far as the bend stays a correction and
+    on while it pays; and where that is not the whole step, the straight one. None where all run away."""
+    tried: list[tuple[float, _About | None]] = []
+    if bend is not None:
+        share = here.straight(step, bend, damping)
+        tried.append((share, here.moved(here.beta + share * step + share**2 * bend)))
+        while share < 1.0 and _cost(tried[-1]) == min(map(_cost, tried)) < here.cost:
+            share = min(1.0, FARTHER * share)
+            tried.append((share, here.moved(here.beta + share * step + share**2 * bend)))
+    if not tried or tried[0][0] < STRAIGHT:
+        tried.append((1.0, here.moved(here.beta + step)))
+    return min(tried, key=_cost)
 
 
-def _try(model: Model, beta: Floats) -> Tried | None:
-    try:
-        series = model.residuals(beta)
-    except DivergedError:
-        return None
-    white = [model.whitened(s, s.y[:, None])[:, 0] for s in series]
-    return float(sum(w @ w for w in white) + np.sum((beta / model.sd) ** 2)) / 2, white
+def _cost(tried: tuple[float, _About | None]) -> float:
+    return math.inf if tried[1] is None else tried[1].cost
 
 
-def _along(model: Model, beta: Floats, cost: float, slope: Floats, trial: Floats, found: Tried) -> tuple[Floats, Tried]:
-    """The step, or a shorter one to the lowest point of the parabola through its ends where that is lower: a model that
-    misfits bends more than its Gauss-Newton Hessian says, and full steps only swing from side to side of a valley."""
-    downhill = float(slope @ (trial - beta))
-    bent = found[0] - cost + downhill
-    share = downhill / (2 * bent) if bent > 0 else 1.0
-    if not SHORTEST < share < WORTH_SHORTENING:
-        return trial, found
-    shorter = beta + share * (trial - beta)
-    again = _try(model, shorter)
-    return (shorter, again) if again is not None and again[0] < found[0] else (trial, found)
+@dataclass(frozen=True)
+class _About:
+    """- ln posterior about a vector `beta` (p,): its value `cost`, the downhill `slope` (p,) and the whitened residuals
+    there, a channel of a test each; Gauss-Newton `hessian` (p, p), `parts` and `white`ned columns where it was last
+    linearised."""
+
+    model: Model
+    beta: Floats
+    cost: float
+    slope: Floats
+    residuals: Sequence[Floats]
+    hessian: Floats
+    parts: Sequence[Columns]
+    white: Sequence[Floats]
+
+    def promised(self, step: Floats) -> float:
+        """What a step gains in ln posterior, by the quadratic model."""
+        return float(self.slope @ step - step @ self.hessian @ step / 2)
+
+    def damped(self, damping: float) -> Floats:
+        damped: Floats = self.hessian + damping * np.diag(np.diag(self.hessian))
+        return damped
+
+    def step(self, damping: float) -> Floats:
+        """The damped step; entries that would leave their bounds are held there and the others solved again."""
+        model, beta, damped = self.model, self.beta, self.damped(damping)
+        step = np.zeros(beta.size)
+        held = np.zeros(beta.size, dtype=np.bool_)
+        while True:
+            free = ~held
+            right = self.slope[free] - damped[np.ix_(free, held)] @ step[held]
+            step[free] = cho_solve(cho_factor(damped[np.ix_(free, free)]), right)
+            over, under = free & (beta + step > model.high), free & (beta + step < model.low)
+            if not (over.any() or under.any()):
+                return step
+            step[over] = model.high[over] - beta[over]
+            step[under] = model.low[under] - beta[under]
+            held |= over | under
+
+    def bend(self, step: Floats, damping: float) -> Floats | None:
+        """What the curvature of the readings along a step adds to it; None where a small part of the step already
+        leaves the finite numbers."""
+        try:
+            ahead = self.model.residuals(self.beta + PROBE * step)
+        except DivergedError:
+            return None
+        right = np.zeros_like(step)
+        for part, own, before, series in zip(self.parts, self.white, self.residuals, ahead, strict=True):
+            after = self.model.whitened(series, series.y[:, None])[:, 0]
+            right[part.at] += own.T @ (2 / PROBE * ((after - before) / PROBE + own @ step[part.at]))
+        bend: Floats = cho_solve(cho_factor(self.damped(damping)), right) / 2
+        return bend
+
+    def straight(self, step: Floats, bend: Floats, damping: float) -> float:
+        """The share of a step up to which the bend stays a correction of it."""
+        damped = self.damped(damping)
+        size, most = (float(np.sqrt(x @ damped @ x)) for x in (bend, step))
+        return min(1.0, MOST_BEND * most / size) if size > 0.0 else 1.0
+
+    def moved(self, beta: Floats) -> _About | None:
+        """The same linearisation about another vector, brought within the bounds; None where the run leaves the finite
+        numbers there."""
+        beta = np.clip(beta, self.model.low, self.model.high)
+        try:
+            series = self.model.residuals(beta)
+        except DivergedError:
+            return None
+        residuals = [self.model.whitened(s, s.y[:, None])[:, 0] for s in series]
+        sd = self.model.sd
+        cost = float(sum(r @ r for r in residuals) + np.sum((beta / sd) ** 2)) / 2
+        slope = -beta / sd**2
+        for part, own, residual in zip(self.parts, self.white, residuals, strict=True):
+            slope[part.at] += own.T @ residual
+        return replace(self, beta=beta, cost=cost, slope=slope, residuals=residuals)
 
 
-def _quadratic(
-    model: Model, parts: Sequence[Columns], beta: Floats
-) -> tuple[float, Floats, Floats, list[Floats], list[Floats]]:
-    """- ln posterior, its Gauss-Newton Hessian, the downhill slope, and the whitened columns and residuals."""
+def _about(model: Model, beta: Floats) -> _About:
     sd = model.sd
     hessian = np.diag(1.0 / sd**2)
     slope = -beta / sd**2
     cost = float(np.sum((beta / sd) ** 2)) / 2
-    kept, left = [], []
+    parts = model.linearise(beta)
+    columns, residuals = [], []
     for _, group in groupby(parts, key=lambda part: part.series.session):  # of one test: the same places, one product
         of_test = list(group)
         at = of_test[0].at
@@ -175,32 +222,6 @@ def _quadratic(
         hessian[np.ix_(at, at)] += own.T @ own
         slope[at] += own.T @ residual
         cost += float(residual @ residual) / 2
-        kept += [w[:, 1:] for w in white]
-        left += [w[:, 0] for w in white]
-    return cost, hessian, slope, kept, left
-
-
-def _slope(
-    model: Model, parts: Sequence[Columns], white: Sequence[Floats], residual: Sequence[Floats], beta: Floats
-) -> Floats:
-    slope: Floats = -beta / model.sd**2
-    for part, own, left in zip(parts, white, residual, strict=True):
-        slope[part.at] += own.T @ left
-    return slope
-
-
-def _step(hessian: Floats, slope: Floats, damping: float, beta: Floats, model: Model) -> Floats:
-    """The damped step; entries that would leave their bounds are held there and the others solved again."""
-    damped = hessian + damping * np.diag(np.diag(hessian))
-    step = np.zeros(beta.size)
-    held = np.zeros(beta.size, dtype=np.bool_)
-    while True:
-        free = ~held
-        right = slope[free] - damped[np.ix_(free, held)] @ step[held]
-        step[free] = cho_solve(cho_factor(damped[np.ix_(free, free)]), right)
-        over, under = free & (beta + step > model.high), free & (beta + step < model.low)
-        if not (over.any() or under.any()):
-            return step
-        step[over] = model.high[over] - beta[over]
-        step[under] = model.low[under] - beta[under]
-        held |= over | under
+        columns += [w[:, 1:] for w in white]
+        residuals += [w[:, 0] for w in white]
+    return _About(model, beta, cost, slope, residuals, hessian, parts, columns)
