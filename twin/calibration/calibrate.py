@@ -142,8 +142,8 @@ def widened_noise(found: Fit) -> dict[str, ChannelNoise]:
     nearly all of that slow, trust the fast part too much, and predict kept sessions of a real motor worse.
     """
     left: defaultdict[str, list[Floats]] = defaultdict(list)
-    for part in found.parts:
-        left[part.series.channel].append(found.model.whitened(part.series, part.series.y[:, None])[:, 0])
+    for series in found.series:
+        left[series.channel].append(found.model.whitened(series, series.y[:, None])[:, 0])
     noise = {}
     for channel, parts in left.items():
         residual = np.concatenate(parts)

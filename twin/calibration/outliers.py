@@ -31,8 +31,7 @@ def outliers(found: Fit) -> dict[tuple[int, str], Bools]:
     Temperatures only."""
     marked = {}
     names = {channel.name for test in found.model.tests for channel in test.channels}
-    for part in found.parts:
-        series = part.series
+    for series in found.series:
         if series.channel in names and series.y.size >= AROUND:
             jumps = jumping(series.y, np.sqrt(series.white_variance))
             if jumps.any():

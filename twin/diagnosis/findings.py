@@ -67,7 +67,7 @@ def _wide(current: Fit, stated: Sequence[Parameter], threshold: float) -> tuple[
         own = family(parameter, kind, region)
         if own is not None and learnt[i] > parameter.sd and not isinstance(parameter.action, actions.Start):
             families.setdefault(own, []).append(i)
-    projector, _, e0 = stacked(current, current.parts)
+    projector, _, e0 = stacked(current, current.linearised())
     gram, right = projector.columns.T @ projector.columns, projector.columns.T @ e0
     with_all = log_evidence(gram, right, learnt[free])
     found = []

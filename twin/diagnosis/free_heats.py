@@ -46,7 +46,7 @@ class Unknown:
 
 def free_heats(current: Fit) -> tuple[FreeHeat, ...]:
     """The free heat of every node about a fit, highest ln BF first (`twin.diagnosis.unknown`)."""
-    projector, _, e0 = stacked(current, current.parts)
+    projector, _, e0 = stacked(current, current.linearised())
     network = current.model.network
     total_W = mean_loss_W(network, current.model.tests)
     responses = _responses(current)
@@ -55,7 +55,7 @@ def free_heats(current: Fit) -> tuple[FreeHeat, ...]:
 
 
 def _responses(current: Fit) -> list[list[Response]]:
-    """Node by node its responses in every test, rows in the order of `Fit.parts`."""
+    """Node by node its responses in every test, rows in the order of `Fit.series`."""
     found: list[list[Response]] = [[] for _ in current.model.network.nodes]
     start = 0
     for number, test in enumerate(current.model.tests):

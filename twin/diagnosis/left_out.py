@@ -61,11 +61,12 @@ def left_out(found: Fit, reading: int | None = None) -> LeftOut:
     """Every session of a fit, predicted from the others. `reading`: the place in the vector of what a sensor is said to
     get wrong; errors are then of its readings as they were recorded, for a ruler that is moved proves nothing."""
     sessions = len(found.model.tests)
-    channels = dict.fromkeys(part.series.channel for part in found.parts)
+    parts = found.linearised()
+    channels = dict.fromkeys(series.channel for series in found.series)
     errors = {channel: np.full(sessions, np.nan) for channel in channels}
     scores = np.full(sessions, -np.inf)
     for session in range(sessions):
-        own = [part for part in found.parts if part.series.session == session]
+        own = [part for part in parts if part.series.session == session]
         try:
             scores[session], of_session = _predicted(found, session, own, reading)
         except (DivergedError, np.linalg.LinAlgError):

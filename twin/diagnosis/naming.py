@@ -104,6 +104,7 @@ def search(
         if best is None or best.log_bayes_factor <= max(threshold, rounds[-1].null) or len(accepted) == most:
             break
         accepted.append((best.candidate, best.parameter))
+        rounds[-1].forget()
         current = refined(best.fit, candidates, model.parameters, tell)
         tell("scoring")
         left = [c for c in candidates if c not in [a for a, _ in accepted]]

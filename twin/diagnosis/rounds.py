@@ -123,6 +123,12 @@ class Round:
             return Against.NO_NEARER
         return None if said.sum() > THRESHOLD else Against.TOO_LITTLE
 
+    def forget(self) -> None:
+        """Let the columns of all fits but the best go: nothing follows from those."""
+        best = self.best
+        for fitted in (self.base, *(r.fit for r in self.refits if r is not best)):
+            fitted.model.forget()
+
     def order(self) -> list[int]:
         """Candidates, best linear score first."""
         return _order(self.scores)

@@ -168,5 +168,5 @@ def _replayed(fit: Fit, tests: Sequence[Test]) -> tuple[Model, Floats]:
 
 def _floor(fit: Fit, channel: str, bias_sd: float) -> float:
     """What no reading of a channel could be better than in a test [K]: noise of a block, and the offset."""
-    variance = [floor_variance(p.series, fit.model.noise_of(channel)) for p in fit.parts if p.series.channel == channel]
+    variance = [floor_variance(s, fit.model.noise_of(channel)) for s in fit.series if s.channel == channel]
     return float(np.hypot(np.sqrt(np.mean(variance)), bias_sd))

@@ -24,7 +24,7 @@ from scipy.linalg import cho_factor, cho_solve
 
 from twin.errors import DivergedError
 from twin.fitting.model import Columns, Model
-from twin.fitting.noise import log_det
+from twin.fitting.noise import Series, log_det
 
 Floats = NDArray[np.float64]
 
@@ -44,14 +44,15 @@ WORTH = 0.5  # of the last step's gain: below, a new linearisation is due
 @dataclass(frozen=True)
 class Fit:
     """`beta` the mode (or where the search ended), `hessian` of - ln posterior there (Gauss-Newton), `cost` = - ln
-    posterior up to a constant of the noise; `parts`: residuals and columns there, not whitened; `left`: what the
-    quadratic model still promises in ln posterior, under what was enough where the search converged."""
+    posterior up to a constant of the noise; `series`: residuals there, not whitened, without the columns, which are a
+    hundred times as large; `left`: what the quadratic model still promises in ln posterior, under what was enough where
+    the search converged."""
 
     model: Model
     beta: Floats
     cost: float
     hessian: Floats
-    parts: Sequence[Columns]
+    series: Sequence[Series]
     left: float
     converged: bool
     linearisations: int
@@ -59,9 +60,13 @@ class Fit:
     @property
     def log_evidence(self) -> float:
         """ln p(data) by Laplace's approximation, without -N ln(2 pi) / 2."""
-        log_r = sum(log_det(p.series, self.model.noise_of(p.series.channel)) for p in self.parts)
+        log_r = sum(log_det(series, self.model.noise_of(series.channel)) for series in self.series)
         volume = np.linalg.slogdet(self.hessian)[1] + 2 * np.log(self.model.sd).sum()
         return -(self.cost + (float(volume) + float(log_r)) / 2)
+
+    def linearised(self) -> Sequence[Columns]:
+        """Residuals and columns, not whitened: worked out anew."""
+        return self.model.linearise(self.beta)
 
     @property
     def to_gain(self) -> float:
@@ -84,7 +89,8 @@ def fit(model: Model, start: Floats, enough: float = ENOUGH, linearisations: int
     while True:
         left = here.promised(here.step(0.0))
         if left < enough or used >= linearisations or damping > MOST_DAMPING:
-            return Fit(model, here.beta, here.cost, here.hessian, here.parts, left, left < enough, used)
+            series = [part.series for part in here.parts]
+            return Fit(model, here.beta, here.cost, here.hessian, series, left, left < enough, used)
         there, damping = _stepped(here, damping, enough)
         if there is not here:
             here, used = _about(model, there.beta), used + 1

@@ -131,6 +131,10 @@ class Model:
         self._known = beta.copy(), [replace(part, extra=part.extra[:, :0]) for part in parts]
         return parts
 
+    def forget(self) -> None:
+        """Let the columns of the last linearisation go: they are most of what a model keeps."""
+        self._known = None
+
     def _already(self, beta: Floats) -> Known | None:
         """The last linearisation, if it was here with parameters since added at zero."""
         if self._known is None:

@@ -155,8 +155,8 @@ def _of_check(network: Network, test: Test, k: int) -> Iterator[Parameter]:
 
 def _whitened(found: Fit) -> tuple[Floats, Floats]:
     """The residuals of all channels, under the noise and as they are."""
-    white = [found.model.whitened(part.series, part.series.y[:, None])[:, 0] for part in found.parts]
-    return np.concatenate(white), np.concatenate([part.series.y for part in found.parts])
+    white = [found.model.whitened(series, series.y[:, None])[:, 0] for series in found.series]
+    return np.concatenate(white), np.concatenate([series.y for series in found.series])
 
 
 def _span_K(test: Test) -> float:
