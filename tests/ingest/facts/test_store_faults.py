@@ -64,7 +64,7 @@ for batch in range(count):
         acknowledged += pipe.read().split()
     if (folder / "store.json").exists():
         found += findings()
-        lost += [name for name in acknowledged if name not in names()]
+        lost += set(acknowledged) - set(names())
 with Store.open(folder, create=True) as store:
     put(store, "last")
 there = names()
