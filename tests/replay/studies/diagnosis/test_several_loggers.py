@@ -14,17 +14,19 @@ import numpy as np
 import pytest
 
 from ingest.bench.bench_file import read_bench
+from ingest.errors import BenchFileError
 from ingest.facts import facts as ledger_facts
 from ingest.facts.facts import Facts
 from ingest.facts.store import Store
 from made import can_bench
 from replay.cli import main
-from replay.studies.diagnosis import diagnose
+from replay.studies.diagnosis import diagnose, offered
 from twin.errors import DivergedError
 
 Capture = pytest.CaptureFixture[str]
 
 SESSIONS = {"1_a": (1000, 1), "2_b": (1000, 2), "3_c": (4000, 3)}
+ASKED = ("diagnose", "--on", "1_a", "2_b", "--hold-out", "3_c")
 PLAIN = ("TC_winding", "TC_yoke", "TC_magnet")
 OURS = ("T_Wickl", "T_Rücken", "T_Magnet")
 NODES = ("winding", "yoke", "magnet")
@@ -76,8 +78,7 @@ def ingested(folder: Path, logs: Mapping[str, Mapping[str, str]]) -> Path:
 
 def asked(store: Path, capsys: Capture, code: int = 0) -> dict[str, Any]:
     capsys.readouterr()
-    words = ["diagnose", "--on", "1_a", "2_b", "--hold-out", "3_c", "--json", "--store", str(store)]
-    assert main(words) == code, capsys.readouterr().err
+    assert main([*ASKED, "--json", "--store", str(store)]) == code, capsys.readouterr().err
     answer: dict[str, Any] = json.loads(capsys.readouterr().out)
     return answer
 
@@ -146,6 +147,36 @@ def test_a_diagnosis_without_an_answer_spends_no_kept_session(
     assert not facts_of(store).opened
     assert asked(store, capsys)["opened_before"] is False
     assert list(facts_of(store).opened) == asked(store, capsys)["held_out"]
+
+
+@pytest.mark.parametrize(
+    ("step", "error", "why", "replayed"),
+    [
+        ("version", BenchFileError("bench.toml: no place"), "bench.toml: no place", {"published"}),
+        ("as_recorded", DivergedError("temperatures run away"), "in a replay temperatures run away", set()),
+    ],
+)
+def test_what_no_file_can_say_does_not_lose_the_answer(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: Capture,
+    step: str,
+    error: Exception,
+    why: str,
+    replayed: set[str],
+) -> None:
+    def refused(*_: object) -> None:
+        raise error
+
+    store = ingested(tmp_path, dict.fromkeys(SESSIONS, columns()))
+    monkeypatch.setattr(offered, step, refused)
+    answer = asked(store, capsys)
+    assert answer["why_no_files"] == why
+    assert answer["recalibrated_model"] is None and answer["extended_model"] is None
+    assert [(cause["id"], cause["improved"]) for cause in answer["causes"]] == [("sensor.winding.bias", False)]
+    assert [gain["mae_recorded_K"].keys() for gain in answer["gain"]] == [replayed] * len(NODES)
+    assert main([*ASKED, "--store", str(store)]) == 0
+    assert why in " ".join(capsys.readouterr().out.split())
 
 
 def test_a_correction_is_written_to_every_bench_file_that_has_its_signal(tmp_path: Path, capsys: Capture) -> None:
