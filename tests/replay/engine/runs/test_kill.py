@@ -18,7 +18,7 @@ from ingest.facts.store_check import damage
 from made import can_bench
 from replay.cli import main
 
-KILLS = 8
+KILLS = 6
 CODE = "import sys; from replay.cli import main; sys.exit(main(sys.argv[1:]))"
 
 
