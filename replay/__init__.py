@@ -1,5 +1,6 @@
 """Where logs, twin and SQL meet: replays, reports and the command line.
 
-Rooms from the bottom up; each imports from those before it only: `engine`, `studies`, `show`, `demo`, `cli`.
+Rooms from the bottom up; each imports from those before it only: `engine`, `studies`, `show`, `exports`,
+`demo`, `cli`.
 `errors` is everyone's; `shipped` finds the examples that come with the program.
 """

@@ -15,3 +15,7 @@ class ReplayDataError(ReplayError):
 
 class ViewerError(ReplayError):
     """The rerun viewer or SDK is not installed, or did not start."""
+
+
+class ExportError(ReplayError):
+    """A session or file that cannot be written out as asked, or would go over a file that is there."""

@@ -27,6 +27,7 @@ VERBS: dict[str, str] = {
     "attach": "seal a photograph, thermogram or any file with what was found on a specimen",
     "sessions": "the catalogue of recorded sessions",
     "show": "one session: channels, gaps, quality, power balance, operating points",
+    "export": "the samples of a session as CSV, Excel, Parquet, MCAP or MF4",
     "motor": "motor files: check, new, scale, slice, plot, reduce",
     "calibrate": "coefficients from recorded sessions, as a new model",
     "protocol": "influence on drive cycles, fit to S1 and S2 points, check and filter on the drive cycles",
