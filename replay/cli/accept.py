@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 from replay.cli.answer import Answer, provenance, store_folder
+
+if TYPE_CHECKING:
+    from ingest.facts.store import Store
+
+MOST_CHANGES, WIDTH = 40, 100  # lines that are shown of a file, and their length
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -30,6 +35,8 @@ def run(args: argparse.Namespace) -> Answer:
             "parent_bench": event.parent_bench,
             "bench": event.bench,
             "benches": {one.parent_bench: one.bench for one in (event, *done.further) if one.bench},
+            "changes": _changes(store, [(one.parent, one.model) for one in (event, *done.further)])
+            | _changes(store, [(one.parent_bench, one.bench) for one in (event, *done.further)]),
             "written": not done.known,
             "provenance": provenance(store),
         }
@@ -38,6 +45,14 @@ def run(args: argparse.Namespace) -> Answer:
         for name, model in done.elsewhere.items()
     ]
     return Answer(data, _text(data), notes=notes)
+
+
+def _changes(store: Store, replaced: Sequence[tuple[str | None, str | None]]) -> dict[str, list[str]]:
+    """New file -> what differs from the one before."""
+    from replay.engine.files.changes import changes
+
+    read = store.archive.read
+    return {new: changes(read(old), read(new)) for old, new in replaced if old and new}
 
 
 def _text(data: Mapping[str, Any]) -> str:
@@ -51,4 +66,12 @@ def _text(data: Mapping[str, Any]) -> str:
     lines = labelled("Accepted" if data["written"] else "Nothing new", f"d-{short(data['diagnosis'])} {told}")
     lines += labelled("Causes", joined(data["causes"]))
     lines += labelled("Current", joined(now))
+    for what, (_, new) in pairs:
+        lines += ["", *_shown(f"{what} {short(new)}", data["changes"][new])]
     return "\n".join([*lines, "", *labelled("Next", "whyhot replay, then whyhot report")])
+
+
+def _shown(what: str, changes: Sequence[str]) -> list[str]:
+    more = len(changes) - MOST_CHANGES
+    lines = [f"  {line if len(line) < WIDTH - 2 else line[: WIDTH - 3] + '…'}" for line in changes[:MOST_CHANGES]]
+    return [f"Changes of {what}", *lines, *([f"  and {more:,} more lines: --json has all"] if more > 0 else [])]

@@ -1,4 +1,4 @@
-"""`whyhot motor check FILE`, and what else there is to do with a motor file: new, scale, slice, plot, reduce."""
+"""`whyhot motor check FILE`, and what else there is to do with one: new, scale, slice, plot, reduce, export."""
 
 from __future__ import annotations
 
@@ -20,6 +20,7 @@ ACTIONS: dict[str, tuple[str, tuple[str, ...], tuple[str, ...]]] = {
     "slice": ("cut along the stack, for a profile", ("file", "into", "stack_mm", "nodes", "out"), ()),
     "plot": ("a picture of the network", ("file", "out"), ("at",)),
     "reduce": ("fewer nodes, by their error on sessions", ("file", "on", "out"), ("to", "hold_out", "curve")),
+    "export": ("a motor of the store as a file, as it is current", ("file", "out"), ()),
 }
 
 
@@ -28,7 +29,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
     says = "; ".join(f"{action}: {what}" for action, (what, _, _) in ACTIONS.items())
     parser.add_argument("action", choices=tuple(ACTIONS), help=says)
-    parser.add_argument("file", metavar="FILE", nargs="?", type=Path, help="a motor file (all but new)")
+    says = "a motor file (all but new); of export the name of a motor, or a model's id"
+    parser.add_argument("file", metavar="FILE", nargs="?", type=Path, help=says)
     says = "the file to write: a motor file, of plot an .svg"
     parser.add_argument("-o", "--out", metavar="OUT", type=Path, help=says)
     topologies = "; ".join(f"{name}: {what}" for name, what in TOPOLOGIES.items())
@@ -56,7 +58,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> Answer:
     _check_flags(args)
     verbs = {"check": _check, "new": _new, "scale": _scale, "slice": _slice, "plot": _plot, "reduce": _reduce}
-    return verbs[args.action](args)
+    return (verbs | {"export": _export})[args.action](args)
 
 
 def _check_flags(args: argparse.Namespace) -> None:
@@ -161,6 +163,20 @@ def _reduce(args: argparse.Namespace) -> Answer:
     if args.curve is not None:
         draw_curve(data, args.curve)
     return Answer(data, reduction_text(data))
+
+
+def _export(args: argparse.Namespace) -> Answer:
+    from ingest.facts import facts
+    from ingest.facts.store import Store
+    from replay.engine.files.models import current_model
+
+    with Store.open(store_folder(args)) as store:
+        known = facts.at(store.ledger)
+        model = current_model(known, str(args.file))
+        _write(args.out, store.archive.read(model))
+        motor = known.models[model].motor
+        data = _data("export", provenance(store), file=str(args.out), motor=motor, model=model)
+    return Answer(data, f"{args.out}   {motor}, model {model[:12]}")
 
 
 def _network(args: argparse.Namespace) -> Network:

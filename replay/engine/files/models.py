@@ -44,8 +44,9 @@ def publish_model(store: Store, path: Path) -> str:
     return model
 
 
-def find_model(facts: Facts, text: str) -> str:
-    """A model by id, unique beginning of an id, or motor name (its latest). Raises ReplayDataError, which lists all."""
+def find_model(facts: Facts, text: str, or_file: bool = True) -> str:
+    """A model by id, unique beginning of an id, or motor name (its latest). Raises ReplayDataError, which lists all;
+    `or_file`: a motor file may be given as well."""
     named = [event.model for event in facts.models.values() if event.motor == text]
     if named:
         return named[-1]
@@ -54,7 +55,15 @@ def find_model(facts: Facts, text: str) -> str:
         return found[0]
     known = ", ".join(f"{event.motor} {model[:12]}" for model, event in facts.models.items()) or "none"
     why = "is not one model" if found else "is no model"
-    raise ReplayDataError(f'model "{text}" {why} of this store. Known: {known}. Or give a motor file (ends in .toml).')
+    more = " Or give a motor file (ends in .toml)." if or_file else ""
+    raise ReplayDataError(f'model "{text}" {why} of this store. Known: {known}.{more}')
+
+
+def current_model(facts: Facts, text: str) -> str:
+    """As `find_model`; a motor's name stands for its latest file that was not made from another, or for what was
+    accepted in its place."""
+    named = [event.model for event in facts.models.values() if event.motor == text and event.parent is None]
+    return facts.current(named[-1]) if named else find_model(facts, text, or_file=False)
 
 
 def known_model(facts: Facts, text: str) -> str:

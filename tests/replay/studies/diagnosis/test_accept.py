@@ -340,3 +340,34 @@ def test_an_unknown_or_ambiguous_diagnosis_is_refused_with_what_there_is(
     assert accept(store_folder, capsys, "d-4f0", code=2)["error"] == (
         'diagnosis "d-4f0" is the beginning of more than one: it holds d-4f0c00000000, d-4f0d00000000.'
     )
+
+
+def test_what_accepting_changes_is_shown_and_the_current_files_come_out_by_their_names(
+    store_folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def out(*words: str, code: int = 0) -> bytes:
+        path = tmp_path / f"{len(list(tmp_path.iterdir()))}.toml"
+        assert main([*words, "-o", str(path), "--store", str(store_folder)]) == code
+        return path.read_bytes() if path.exists() else b""
+
+    made = diagnosed(store_folder, "4f0cbeef00000001", CAUSES)
+    motor, bench = out("motor", "export", "servo-5kW"), out("bench", "export", "bench.toml")
+    assert (motor.decode(), bench.decode()) == (can_bench.MOTOR, can_bench.BENCH), "as ingested, until one is accepted"
+    capsys.readouterr()
+    assert main(["accept", "d-4f0c", "--store", str(store_folder)]) == 0
+    said = capsys.readouterr().out.splitlines()
+    at = said.index(f"Changes of model {str(made['model'])[:8]}")
+    assert said[at + 1 : at + 3] == ["  + # extended by 4f0cbeef00000001", ""]
+    assert '  + cause = "sensor.magnet.bias"' in said[said.index(f"Changes of bench file {str(made['bench'])[:8]}") :]
+    assert out("motor", "export", "servo-5kW") == motor + b"# extended by 4f0cbeef00000001\n"
+    assert out("motor", "export", str(made["parent"])[:12]) == motor
+    assert out("bench", "export", "bench.toml") == out("bench", "export", "1_learn") != bench
+    assert out("bench", "export", str(made["parent_bench"])[:12]) == bench
+    capsys.readouterr()
+    assert out("bench", "export", "nobody", code=2) == out("motor", "export", "nobody", code=2) == b""
+    of_bench, of_model = capsys.readouterr().err.splitlines()
+    assert of_bench.startswith(
+        'bench file "nobody" is no bench file, nor a session that has one, of this store. Known: '
+    )
+    assert of_model.startswith('model "nobody" is no model of this store. Known: servo-5kW ')
+    assert "ends in .toml" not in of_model, "a file is what is asked for"

@@ -1,0 +1,38 @@
+"""`whyhot bench export NAME -o OUT`: a bench file of the store, as it is current."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from replay.cli.answer import Answer, provenance, store_folder
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("action", choices=("export",), help="a bench file of the store as a file, as it is current")
+    parser.add_argument("bench", metavar="BENCH", help="a bench file's name or id, or a session that has it")
+    says = "the file to write; never over one that is there"
+    parser.add_argument("-o", "--out", metavar="OUT", type=Path, required=True, help=says)
+
+
+def run(args: argparse.Namespace) -> Answer:
+    from ingest.facts import facts
+    from ingest.facts.store import Store
+    from replay.engine.files.benches import current_bench
+    from replay.exports.export import whole
+
+    with Store.open(store_folder(args)) as store:
+        bench = current_bench(facts.at(store.ledger), args.bench)
+        with whole(args.out) as path:
+            path.write_bytes(store.archive.read(bench.sha256))
+        data = {
+            "schema": "whyhot.bench_export/1",
+            "file": str(args.out),
+            "bench": bench.sha256,
+            "name": bench.name,
+            "motor": bench.motor,
+            "provenance": provenance(store),
+        }
+    lines = [f"{args.out}   {bench.name} {bench.sha256[:12]}"]
+    lines += [f"next: whyhot motor export {bench.motor} -o OUT, its motor file"] if bench.motor else []
+    return Answer(data, "\n".join(lines))

@@ -1,0 +1,27 @@
+"""Bench files in a store, found by what people call them."""
+
+from __future__ import annotations
+
+from ingest.errors import UnknownSessionError
+from ingest.facts.events import BenchRegistered
+from ingest.facts.facts import Facts
+from replay.errors import ReplayDataError
+
+
+def current_bench(facts: Facts, text: str) -> BenchRegistered:
+    """The bench file of a session (name or id), by its own name, or by the beginning of its id; by the first two as
+    accepted since. Raises ReplayDataError, which lists all."""
+    used = {session.bench for session in facts.sessions if session.bench}
+    named = {facts.current(sha256) for sha256 in used if facts.benches[sha256].name == text}
+    found = sorted(named or {sha256 for sha256 in facts.benches if sha256.startswith(text)})
+    if not found:
+        try:
+            bench = facts.bench_of(facts.session(text))
+        except UnknownSessionError:
+            bench = None
+        found = [bench.sha256] if bench else []
+    if len(found) == 1:
+        return facts.benches[found[0]]
+    known = ", ".join(f"{one.name} {sha256[:12]}" for sha256, one in facts.benches.items()) or "none"
+    why = "is not one bench file" if found else "is no bench file, nor a session that has one,"
+    raise ReplayDataError(f'bench file "{text}" {why} of this store. Known: {known}. Or name a session.')
