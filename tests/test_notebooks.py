@@ -7,6 +7,7 @@ import gzip
 import importlib.util
 import json
 import os
+import runpy
 import subprocess
 import sys
 from dataclasses import dataclass
@@ -59,6 +60,20 @@ def ask(store: Path, sql: str, capsys: pytest.CaptureFixture[str]) -> list[dict[
 def run_script(notebook: str, *words: str) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-W", "error", str(NOTEBOOKS / f"{notebook}.py"), *words]
     return subprocess.run(command, env=os.environ, capture_output=True, text=True, check=False)
+
+
+def said_by_script(notebook: str, store: Path, capsys: pytest.CaptureFixture[str]) -> tuple[int, str, str]:
+    """Exit code, output and complaints of a notebook as a script, in this process: what it needs is imported
+    already."""
+    code = 0
+    capsys.readouterr()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sys, "argv", [f"{notebook}.py", "--store", str(store)])
+        try:
+            runpy.run_path(str(NOTEBOOKS / f"{notebook}.py"), run_name="__main__")
+        except SystemExit as end:
+            code = int(end.code or 0)
+    return code, *capsys.readouterr()
 
 
 def defined_by(notebook: Path) -> dict[str, Any]:
@@ -177,12 +192,11 @@ def test_the_overview_counts_every_record_and_names_the_hottest_place(replayed: 
         assert heat[name, "endwind_2"]["rise_K"] == pytest.approx(max(values) - values[0], abs=1e-3)
 
 
-def test_an_overview_of_nothing_says_what_to_do(tmp_path: Path) -> None:
+def test_an_overview_of_nothing_says_what_to_do(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "broken.blf").write_bytes(b"LOGG")
     assert main(["ingest", str(tmp_path / "broken.blf"), "--store", str(tmp_path / "store")]) == 1
-    done = run_script("campaign", "--store", str(tmp_path / "store"))
-    assert (done.returncode, done.stderr) == (0, "")
-    assert done.stdout == "No session in this store yet: whyhot ingest FILE... --bench BENCH.toml takes logs in.\n"
+    says = "No session in this store yet: whyhot ingest FILE... --bench BENCH.toml takes logs in.\n"
+    assert said_by_script("campaign", tmp_path / "store", capsys) == (0, says, "")
 
 
 def test_the_overview_shows_what_is_wrong_with_the_data(aged: Aged) -> None:
@@ -301,11 +315,12 @@ def test_as_a_script_a_notebook_prints_its_answer_alone(
 
 
 @pytest.mark.parametrize("notebook", OF_A_STORE)
-def test_without_a_store_it_says_in_one_line_what_to_do(notebook: str, tmp_path: Path) -> None:
-    done = run_script(notebook, "--store", str(tmp_path / "none"))
-    assert (done.returncode, done.stdout) == (2, "")
+def test_without_a_store_it_says_in_one_line_what_to_do(
+    notebook: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     advice = "`whyhot ingest FILE...` makes one, --store DIR or WHYHOT_STORE names another"
-    assert done.stderr == f"{tmp_path / 'none'}: there is no store here: {advice}\n"
+    says = f"{tmp_path / 'none'}: there is no store here: {advice}\n"
+    assert said_by_script(notebook, tmp_path / "none", capsys) == (2, "", says)
 
 
 @pytest.mark.parametrize(
@@ -316,10 +331,10 @@ def test_without_a_store_it_says_in_one_line_what_to_do(notebook: str, tmp_path:
         ("twin", "No replay in this store yet: whyhot replay --store {} makes one of each session that has a model."),
     ],
 )
-def test_a_store_with_nothing_of_the_kind_says_so_in_one_line(notebook: str, says: str, rows: Path) -> None:
-    done = run_script(notebook, "--store", str(rows))
-    assert (done.returncode, done.stderr) == (0, "")
-    assert done.stdout == says.format(rows) + "\n"
+def test_a_store_with_nothing_of_the_kind_says_so_in_one_line(
+    notebook: str, says: str, rows: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert said_by_script(notebook, rows, capsys) == (0, says.format(rows) + "\n", "")
 
 
 @pytest.fixture(scope="module")
