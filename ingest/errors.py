@@ -51,6 +51,10 @@ class UnknownSessionError(IngestError):
     """A session named by id, prefix or name is not in the store, or is not the only one."""
 
 
+class CorrectionError(IngestError):
+    """What is to be corrected or taken back is not there, is so already, or is nothing that can be."""
+
+
 def not_installed(what: str) -> str:
     """The line for a part of whyhot that is an extra and is not there."""
     return f"{what} is not installed: in a clone of whyhot, {WITH_EXTRAS} (or pipx install --force with the same)"

@@ -1,7 +1,8 @@
 """Events in a hash-chained ledger, sealed bytes under their SHA-256, and what both say is true now.
 
 `store` is the folder, `ledger` its facts (`events`, each in a `ledger_row`, chained by `chain`), `archive` its sealed
-bytes. `facts` folds the events into what is true now or was at a time; `sessions` groups files. Each row is checked
-against all before it (`ledger_history`) whenever it is read; `ledger_audit` and `store_check` list all damage, and
-`cited` says what stands on it. `alias` names a folder as other libraries take it.
+bytes. `facts` folds the events into what is true now or was at a time, without what was taken back (`standing`);
+`sessions` groups files, `named` finds what people call by name. Each row is checked against all before it
+(`ledger_history`) whenever it is read; `ledger_audit` and `store_check` list all damage, and `cited` says what stands
+on it. `alias` names a folder as other libraries take it.
 """

@@ -270,6 +270,36 @@ class AgeingAssessed(Event):
     digest: str
 
 
+class FactRetracted(Event):
+    """The stream of what it takes back (a log, session, diagnosis or inspection): from here on that does not count.
+
+    Nothing is deleted. `rows`: [{raw, first_record, last_record}], what of which logs goes with it; `models`: those
+    that it had published.
+    """
+
+    fact: str  # the stream
+    name: str  # as people call it: 3_wltp.blf, d-4f0c12ab34cd
+    why: str
+    rows: list[dict[str, Any]] = field(default_factory=list)
+    models: list[str] = field(default_factory=list)  # SHA-256 of motor files
+
+
+class FactReinstated(Event):
+    """The stream of what was taken back: from here on it counts again, as if that had not been."""
+
+    fact: str  # the stream
+    why: str
+
+
+class LogCorrected(Event):
+    """`file-<sha256>`: what was said of a log was wrong. `said`: {bench, motor, databases, specimen, batch or kind:
+    [before, now]}, files by their SHA-256."""
+
+    raw: str
+    said: dict[str, list[Any]]
+    why: str
+
+
 class LedgerSealed(Event):
     """`ledger-0`: Merkle root over every stored column of all events up to `position`, the one before this."""
 

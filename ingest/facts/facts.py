@@ -27,6 +27,7 @@ from ingest.facts.events import (
 )
 from ingest.facts.ledger_row import Recorded
 from ingest.facts.sessions import order
+from ingest.facts.standing import Retraction, RowsOfLog, holds, rows_of, standing
 from ingest.texts.nearest import nearest
 
 if TYPE_CHECKING:
@@ -55,6 +56,8 @@ class Facts:
     successors: Mapping[str, str]  # model or bench file -> the version that was accepted in its place
     inspections: Mapping[str, InspectionRecorded]  # by inspection id, with the session that its own became part of
     assessments: Mapping[str, AgeingAssessed]  # by assessment id, the latest last
+    retractions: Mapping[str, Retraction]  # what was taken back, by its stream
+    gone_sessions: Mapping[str, SessionRecorded]  # by id, those that went with it, as they were last
 
     def bench_of(self, session: SessionRecorded) -> BenchRegistered | None:
         """The bench file of a session, or the version accepted in its place, with the motor file that lay beside it
@@ -63,9 +66,18 @@ class Facts:
         named = self.models.get(session.model) if session.model else None
         return replace(bench, motor=named.motor, model=named.model) if bench and named else bench
 
+    @property
+    def gone(self) -> Sequence[RowsOfLog]:
+        """Records of logs that were taken back: no session holds them."""
+        return rows_of(self.retractions.values())
+
     def current(self, sha256: str) -> str:
         """A model or bench file, or what was accepted in its place (and in place of that)."""
         return _end(self.successors, sha256)
+
+    def became(self, session: str) -> str:
+        """The id that a session of this id is part of by now, its own where it is of none."""
+        return _end(self.joined, session)
 
     def session(self, text: str) -> SessionRecorded:
         """The current session with this id (old ones too), beginning of one, or name. Raises UnknownSessionError."""
@@ -80,7 +92,16 @@ class Facts:
             return current[found[0]]
         if len(found) > 1:
             raise UnknownSessionError(f"session {text!r}: {len(found)} are called so: give the id: {', '.join(found)}")
+        if line := self.taken_back(text):
+            raise UnknownSessionError(line)
         raise UnknownSessionError(f"session {text!r}: is not in this store. {self._what_there_is(text)}")
+
+    def taken_back(self, text: str) -> str | None:
+        """The line of a session that went with what was taken back, None where there is none of this id or name."""
+        for one in self.gone_sessions.values():
+            if text == one.name or (text and one.session.startswith(text.lower())):
+                return next(back.line for back in self.retractions.values() if holds(one, rows_of([back])))
+        return None
 
     def _what_there_is(self, text: str) -> str:
         if not self.sessions:
@@ -90,8 +111,9 @@ class Facts:
 
 
 def fold(recorded: Iterable[Recorded]) -> Facts:
-    """The facts that follow from events in the order of the ledger."""
-    events = list(recorded)
+    """The facts that follow from events in the order of the ledger, but for what was taken back."""
+    stands = standing(recorded)
+    events = stands.events
     sessions, joined = _sessions(events)
     flags: dict[str, list[QualityFlagged]] = {}
     for one in events:
@@ -101,7 +123,7 @@ def fold(recorded: Iterable[Recorded]) -> Facts:
         files=_latest(events, RawFileSealed, lambda event: event.sha256),
         databases=_latest(events, SignalDatabaseRegistered, lambda event: event.sha256),
         benches=_latest(events, BenchRegistered, lambda event: event.sha256),
-        models=_latest(events, ModelPublished, lambda event: event.model),
+        models=_models(events, stands.retractions),
         decodes=_latest(events, DecodeCompleted, lambda event: event.decode),
         sessions=sorted(sessions.values(), key=order),
         joined=joined,
@@ -114,6 +136,8 @@ def fold(recorded: Iterable[Recorded]) -> Facts:
         successors=_successors(events),
         inspections=_inspections(events, joined),
         assessments=_latest(events, AgeingAssessed, lambda event: event.assessment),
+        retractions=stands.retractions,
+        gone_sessions=stands.sessions,
     )
 
 
@@ -130,6 +154,13 @@ def _latest(events: Iterable[Recorded], kind: type[E], key: Callable[[E], str]) 
             latest.pop(key(one.event), None)
             latest[key(one.event)] = one.event
     return latest
+
+
+def _models(events: Iterable[Recorded], retractions: Mapping[str, Retraction]) -> dict[str, ModelPublished]:
+    """By SHA-256, those of what was taken back first: the latest of a motor is the last that counts."""
+    found = _latest(events, ModelPublished, lambda event: event.model)
+    gone = {model for one in retractions.values() for model in one.event.models if model in found}
+    return {model: found[model] for model in sorted(found, key=lambda model: model not in gone)}
 
 
 def _sessions(events: Iterable[Recorded]) -> tuple[dict[str, SessionRecorded], dict[str, str]]:

@@ -78,17 +78,14 @@ class Ledger:
         """Add all events of `batch`, or none. Raises LedgerError (refused, nothing stored) and DamageError."""
         if self._lock is None:
             raise LedgerError(f"{self.path}: was opened for reading: open the store for writing")
-        rows: list[StoredEvent] = []
-        last = self._last()
-        recorded = last.recorded if last else ""
-        tails: dict[str, Recorded | None] = {}
-        for stream, event in batch:
-            tail = tails[stream] if stream in tails else self._tail(stream)
-            recorded = _stamp(after=recorded)
-            row = encode(event, stream, tail, recorded, happened, caused_by)
-            tails[stream] = decode(row, 0)
-            rows.append(row)
+        rows = self._rows(batch, caused_by, happened)
         return [decode(row, position) for row, position in zip(rows, self._insert(rows), strict=True)]
+
+    def proposed(self, batch: Sequence[tuple[str, Event]]) -> list[Recorded]:
+        """All events, and those of `batch` behind them as if they were recorded. Raises as `append_all`."""
+        rows = self._rows(batch, None, None)
+        events = self.events()
+        return [*events, *(decode(row, place) for place, row in enumerate(rows, len(events) + 1))]
 
     def events(self, *types: type[Event], stream: str | None = None, as_of: str | int | None = None) -> list[Recorded]:
         """The events in order: of `types` (all where none is given), of `stream`, as they were at `as_of`.
@@ -140,6 +137,22 @@ class Ledger:
         if self._lock is not None:
             self._lock.close()
             self._lock = None
+
+    def _rows(
+        self, batch: Sequence[tuple[str, Event]], caused_by: str | None, happened: str | None
+    ) -> list[StoredEvent]:
+        """The rows of `batch` behind what there is."""
+        rows: list[StoredEvent] = []
+        last = self._last()
+        recorded = last.recorded if last else ""
+        tails: dict[str, Recorded | None] = {}
+        for stream, event in batch:
+            tail = tails[stream] if stream in tails else self._tail(stream)
+            recorded = _stamp(after=recorded)
+            row = encode(event, stream, tail, recorded, happened, caused_by)
+            tails[stream] = decode(row, 0)
+            rows.append(row)
+        return rows
 
     def _read(self, stop: int | None = None) -> None:
         """See the rows up to `stop` that were not seen yet."""

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from ingest.bench.bench_file import Bench
 from ingest.facts.events import DecodeCompleted, SessionRecorded, SessionRegrouped
+from ingest.facts.standing import RowsOfLog
 
 ID_LENGTH = 16  # hexadecimal characters, 64 bits: two of a million sessions share one with a chance of 3e-8
 SECOND_NS = 1_000_000_000
@@ -106,16 +107,19 @@ def group(
     benches: Mapping[str, Bench],
     names: Mapping[str, str],
     overrides: Mapping[str, Override] | None = None,
+    gone: Sequence[RowsOfLog] = (),
 ) -> list[SessionRecorded]:
     """All sessions of these decodes, in the order of `order`.
 
     `decodes` are in the order in which they were given: of several versions of bench and motor file the last is the
     current one. `benches`: SHA-256 -> bench file; `names`: raw SHA-256 -> file name; `overrides`: raw SHA-256 -> what
-    was said for that file. `kind` is "" where neither says one: the data is to tell.
+    was said for that file; `gone`: records that were taken back. `kind` is "" where neither says one: the data is to
+    tell.
     """
     overrides = overrides or {}
     versions, place = _versions(decodes), {decode.decode: k for k, decode in enumerate(decodes)}
-    whole = [part for raw in versions for part in _parts(versions[raw], benches, overrides.get(raw, Override()))]
+    every = [part for raw in versions for part in _parts(versions[raw], benches, overrides.get(raw, Override()))]
+    whole = [one for one in every if not any(rows.hold(one.raw, one.first, one.last) for rows in gone)]
     sets = _join(whole, versions, benches)
     sessions = [_session(members, versions, place, benches, names, overrides) for members in sets]
     return sorted(sessions, key=order)
@@ -139,8 +143,9 @@ def regroup(old: Sequence[SessionRecorded], new: Sequence[SessionRecorded]) -> l
 
 
 def overrides_of(sessions: Iterable[SessionRecorded], benches: Mapping[str, Bench]) -> dict[str, Override]:
-    """What was said on the command line for these sessions' files: what differs from their bench file."""
-    found = {}
+    """What was said on the command line for these sessions' files: what differs from their bench file. Of a file that
+    was in several, the last tells."""
+    found: dict[str, Override] = {}
     for session in sessions:
         bench = benches.get(session.bench or "", Bench(sha256="", name=""))
         said = Override(
@@ -148,9 +153,8 @@ def overrides_of(sessions: Iterable[SessionRecorded], benches: Mapping[str, Benc
             batch=None if bench.batch_column or session.batch == bench.batch else session.batch,
             kind=session.kind if session.kind_why == BY_FLAG else None,
         )
-        if said != Override():
-            found.update({file["raw"]: said for file in session.files})
-    return found
+        found.update({file["raw"]: said for file in session.files})
+    return {raw: said for raw, said in found.items() if said != Override()}
 
 
 def _versions(decodes: Sequence[DecodeCompleted]) -> dict[str, list[DecodeCompleted]]:

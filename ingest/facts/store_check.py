@@ -104,7 +104,8 @@ def _check_files(found: StoreCheck, folder: Path, archive: Archive, seen: Ledger
     _check_sealed(found, archive, files, read, partial(sessions_on, facts))
     _check_products(found, folder, list(facts.decodes.values()), read, partial(sessions_on, facts))
     if not seen.findings:
-        found.hints += _strays(folder, archive, files, set(facts.decodes))
+        decodes = {one.event.decode for one in seen.recorded if isinstance(one.event, DecodeCompleted)}
+        found.hints += _strays(folder, archive, files, decodes)
     found.hints += _sqlite()
     affected = {name for one in found.damages for name in one.affects}
     found.sessions = [session.name for session in facts.sessions if session.name not in affected]

@@ -51,8 +51,8 @@ def attach(store: Store, paths: Sequence[Path], finding: Finding) -> list[Attach
     refuse_missing(paths)
     if empty := next((path for path in paths if not path.stat().st_size), None):
         raise IngestError(f"{empty}: is empty (0 bytes): it shows nothing. Copy the file again.")
-    specimen = _said(finding.specimen, "--specimen", "stator-07")
-    says = _said(finding.says, "--finding", '"resin cracked at slot 3"')
+    specimen = in_words(finding.specimen, "--specimen", "stator-07")
+    says = in_words(finding.says, "--finding", '"resin cracked at slot 3"')
     session = _session(facts, finding.session, specimen) if finding.session else None
     happened = _utc(finding.happened) if finding.happened else None
     before = {_key(one): one for one in facts.inspections.values()}
@@ -87,14 +87,15 @@ def unknown_specimen(facts: Facts, specimen: str) -> str | None:
     return f'specimen "{specimen}": no session of it is in this store yet.{hint(specimen, sorted(known))}'
 
 
-def _key(event: InspectionRecorded) -> Key:
-    return event.sha256, event.specimen, event.happened, event.session, event.finding
-
-
-def _said(text: str, flag: str, example: str) -> str:
+def in_words(text: str, flag: str, example: str) -> str:
+    """What a flag says, without spaces around it. Raises IngestError where it says nothing."""
     if not text.strip():
         raise IngestError(f"{flag}: says nothing: write it in words, as {flag} {example}")
     return text.strip()
+
+
+def _key(event: InspectionRecorded) -> Key:
+    return event.sha256, event.specimen, event.happened, event.session, event.finding
 
 
 def _session(facts: Facts, text: str, specimen: str) -> str:

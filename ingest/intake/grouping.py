@@ -29,16 +29,21 @@ class Grouped:
     left: list[str] = field(default_factory=list)
 
 
-def group_files(store: Store, said: Mapping[str, Override]) -> Grouped:
-    """Group all files into sessions and append what is new; one whose samples cannot be read stops no other."""
-    known = ledger_facts.at(store.ledger)
+def group_files(store: Store, said: Mapping[str, Override], first: Sequence[tuple[str, Event]] = ()) -> Grouped:
+    """Group all files into sessions and append what is new, behind the facts `first` that it follows from, all or none;
+    a session whose samples cannot be read stops no other."""
+    recorded = store.ledger.proposed(first)
+    known = ledger_facts.fold(recorded)
+    before = ledger_facts.at(store.ledger) if first else known
+    old = {one.session: one for one in (*before.sessions, *known.sessions)}
     benches = {sha: read_bench(store.archive.read(sha), one.name) for sha, one in known.benches.items()}
     names = {sha: one.name for sha, one in known.files.items()}
-    overrides = {**sessions.overrides_of(known.sessions, benches), **said}
-    new = sessions.group(list(known.decodes.values()), benches, names, overrides)
+    every = [one.event for one in recorded if isinstance(one.event, SessionRecorded)]
+    overrides = {**sessions.overrides_of(every, benches), **said}
+    new = sessions.group(list(known.decodes.values()), benches, names, overrides, known.gone)
     grouped = Grouped()
-    events: list[tuple[str, Event]] = []
-    changes = sessions.regroup(known.sessions, new)
+    events: list[tuple[str, Event]] = [*first]
+    changes = sessions.regroup([*old.values()], new)
     read = [one for one in changes if isinstance(one, SessionRecorded) and _is_read(one)]
     looked_at = _looked(store, known, read)
     unread: set[str] = set()

@@ -7,7 +7,7 @@ name them. So an intake that is stopped at any moment leaves whole facts, and ru
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -80,9 +80,14 @@ class _Read:
 
 
 def take_in(
-    store: Store, paths: Sequence[Path], setup: Setup, said: Override, tell: Callable[[str], None] = lambda _: None
+    store: Store,
+    paths: Sequence[Path],
+    setup: Setup,
+    said: Override,
+    tell: Callable[[str], None] = lambda _: None,
+    first: Sequence[tuple[str, Event]] = (),
 ) -> Intake:
-    """Take log files into the store; `tell` hears what is being done.
+    """Take log files into the store; `tell` hears what is being done. `first`: facts that the sessions follow from.
 
     Raises IngestError before anything is kept; a file that cannot be read is quarantined and does not stop the others.
     """
@@ -115,7 +120,7 @@ def take_in(
     files = [replace(one, decode=decodes.get(one.raw)) for one in files]  # of a copy: that of the first
     kept = set(decodes)
     flags = [(one.name, flag) for one in files for flag in one.flags]
-    grouped = group_files(store, dict.fromkeys(kept, said) if said != Override() else {})
+    grouped = group_files(store, dict.fromkeys(kept, said) if said != Override() else {}, first)
     now = ledger_facts.at(store.ledger)
     touched = tuple(session for session in now.sessions if kept & {file["raw"] for file in session.files})
     new = {file["raw"] for session in touched if session not in known.sessions for file in session.files}
@@ -123,8 +128,14 @@ def take_in(
         tuple(replace(one, anew=one.known and one.raw in new) for one in files),
         touched,
         (*flags, *grouped.flags),
-        tuple(grouped.left),
+        (*grouped.left, *_taken_back(now, kept)),
     )
+
+
+def _taken_back(now: Facts, kept: Collection[str]) -> list[str]:
+    """A line for each session of these logs that a person took back."""
+    gone = [one for one in now.retractions.values() if any(row["raw"] in kept for row in one.event.rows)]
+    return [one.line for one in gone]
 
 
 def _again(known: Facts, found: Sequence[Taken | _Read]) -> dict[str, DecodeCompleted]:
@@ -168,6 +179,8 @@ def _read(reader: Reader, known: Facts, path: Path, setup: Setup, work: Path, be
     except UnreadableLogError as error:
         return Taken(kept_name(path), size, None, "", None, known=False, refusal=str(error))
     raw = sha256_of(path)
+    if back := known.retractions.get(f"file-{raw}"):
+        return Taken(kept_name(path), size, form.holds, raw, None, known=False, refusal=back.line)
     decode = known.decodes.get(_identity(raw, form, setup)["decode"])
     if raw in before or (decode and decode.outcome != "quarantined"):
         return Taken(kept_name(path), size, form.holds, raw, decode, known=True, refusal=None)

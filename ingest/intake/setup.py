@@ -189,7 +189,8 @@ def keep_setup(store: Store, known: Facts, setup: Setup) -> None:
         events.append((f"motor-{motor.motor}", published))
     bench = setup.bench
     if bench:
-        name = motor.motor if motor else None
+        known_motor = known.models.get(setup.model or "")
+        name = motor.motor if motor else known_motor.motor if known_motor else None
         now = BenchRegistered(sha256=bench.sha256, name=bench.name, motor=name, model=setup.model)
         if known.benches.get(bench.sha256) != now:
             store.archive.seal(setup.bench_data)

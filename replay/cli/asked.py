@@ -85,6 +85,22 @@ def ask_logs(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("files", metavar="FILE", nargs="+", type=Path, help=says)
 
 
+KINDS = ("wltp", "s1", "s2", "ageing", "dc_check", "insulation_check", "drive", "other")
+
+
+def ask_said(parser: argparse.ArgumentParser) -> None:
+    """What a log is read with and said to be of."""
+    parser.add_argument("--bench", metavar="B", type=Path, help="bench file: what each signal means")
+    parser.add_argument("--specimen", metavar="S", help="which motor or part; beats the bench file")
+    parser.add_argument("--batch", metavar="B", help="its batch; beats the bench file")
+    parser.add_argument("--kind", choices=KINDS, help="what test it is; beats the bench file and recognition")
+
+
+def ask_reason(parser: argparse.ArgumentParser) -> None:
+    says = 'why, in words that are kept, as "the wrong motor was mounted"'
+    parser.add_argument("--reason", metavar="TEXT", required=True, help=says)
+
+
 def ask_databases(parser: argparse.ArgumentParser) -> None:
     says = "signal database; may be repeated"
     parser.add_argument("--dbc", metavar="D", type=Path, action="append", default=[], help=says)

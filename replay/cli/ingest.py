@@ -3,21 +3,15 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 
 from replay.cli.answer import Answer, provenance, store_folder
-from replay.cli.asked import ask_databases, ask_logs
-
-KINDS = ("wltp", "s1", "s2", "ageing", "dc_check", "insulation_check", "drive", "other")
+from replay.cli.asked import ask_databases, ask_logs, ask_said
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     ask_logs(parser)
-    parser.add_argument("--bench", metavar="B", type=Path, help="bench file: what each signal means")
+    ask_said(parser)
     ask_databases(parser)
-    parser.add_argument("--specimen", metavar="S", help="which motor or part; beats the bench file")
-    parser.add_argument("--batch", metavar="B", help="its batch; beats the bench file")
-    parser.add_argument("--kind", choices=KINDS, help="what test it is; beats the bench file and recognition")
 
 
 def run(args: argparse.Namespace) -> Answer:

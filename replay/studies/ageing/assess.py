@@ -77,6 +77,12 @@ def assess(store: Store, facts: Facts, motor: str | None, as_of: str | None, tel
     return found
 
 
+def is_of_now(facts: Facts, event: AgeingAssessed) -> bool:
+    """Whether an assessment is of the sessions that there are now, as they are now."""
+    now = _key(facts, of_ageing(facts), event.key.get("motor"))
+    return all(event.key.get(what) == now[what] for what in ("sessions", "models"))
+
+
 def _key(facts: Facts, sessions: Sequence[SessionRecorded], motor: str | None) -> dict[str, Any]:
     """Everything that the answer may depend on, but for the environment."""
     return {

@@ -1,0 +1,113 @@
+"""What a person can take back, found by name or id."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import NamedTuple
+
+from ingest.errors import CorrectionError, UnknownSessionError
+from ingest.facts.facts import Facts
+from ingest.facts.standing import KINDS
+from ingest.texts.nearest import hint
+
+LEAST = 4  # characters of an id
+SHORT = 12
+
+
+class NamedFact(NamedTuple):
+    """A fact by its stream ("file-12ab..."), and as people call it."""
+
+    stream: str
+    name: str
+
+    @property
+    def kind(self) -> str:
+        return KINDS[self.stream.partition("-")[0]]
+
+    @property
+    def key(self) -> str:
+        return self.stream.partition("-")[2]
+
+    @property
+    def called(self) -> str:
+        return f"{self.kind} {self.name}"
+
+
+def retractable(facts: Facts) -> list[NamedFact]:
+    """All logs, sessions, diagnoses and inspections that stand."""
+    return [
+        *(NamedFact(f"file-{sha256}", one.name) for sha256, one in facts.files.items()),
+        *(NamedFact(f"session-{one.session}", one.name) for one in facts.sessions),
+        *(NamedFact(f"diagnosis-{one}", f"d-{one[:SHORT]}") for one in facts.diagnoses),
+        *(NamedFact(f"inspection-{key}", one.name) for key, one in facts.inspections.items()),
+    ]
+
+
+def find(facts: Facts, text: str) -> NamedFact:
+    """What stands under this name, id or beginning of an id. Raises CorrectionError where it is not one thing."""
+    there = retractable(facts)
+    if one := _only(there, text):
+        return one
+    if session := _session(facts, text):
+        return session
+    gone = [line for line in (_gone(facts, text), facts.taken_back(text), _other(facts, text)) if line]
+    near = hint(text, [one.name for one in there])
+    raise CorrectionError(gone[0] if gone else f"{text}: is not in this store.{near}")
+
+
+def find_retracted(facts: Facts, text: str) -> NamedFact:
+    """What was taken back under this name or id. Raises CorrectionError."""
+    there = [NamedFact(stream, one.event.name) for stream, one in facts.retractions.items()]
+    if one := _only(there, text):
+        return one
+    standing = _only(retractable(facts), text)
+    why = f"{standing.called} stands: there is nothing to undo" if standing else f"{text}: was not taken back"
+    raise CorrectionError(f"{why}. Taken back: {', '.join(one.called for one in there) or 'nothing'}")
+
+
+def _only(there: Iterable[NamedFact], text: str) -> NamedFact | None:
+    """The one of this name, else of this id, None where there is none. Raises CorrectionError for several."""
+    there, key = list(there), text.lower().removeprefix("d-")
+    by_id = [one for one in there if len(key) >= LEAST and one.key.startswith(key)]
+    found = [one for one in there if one.name == text] or by_id
+    if len(found) > 1:
+        which = ", ".join(f"{one.kind} {one.key[:SHORT]}" for one in found)
+        raise CorrectionError(f"{text}: is more than one: {which}: give its id")
+    return found[0] if found else None
+
+
+def _session(facts: Facts, text: str) -> NamedFact | None:
+    """The session that an old id or name leads to."""
+    try:
+        session = facts.session(text)
+    except UnknownSessionError:
+        return None
+    return NamedFact(f"session-{session.session}", session.name)
+
+
+def _gone(facts: Facts, text: str) -> str | None:
+    back = _only((NamedFact(stream, one.event.name) for stream, one in facts.retractions.items()), text)
+    return facts.retractions[back.stream].line if back else None
+
+
+def _other(facts: Facts, text: str) -> str | None:
+    """A line for what others need: it is not taken back but replaced."""
+    benches = {one.name: sha256 for sha256, one in facts.benches.items()}
+    databases = {one.name: sha256 for sha256, one in facts.databases.items()}
+    for what, flag, known in (("bench file", "--bench", benches), ("signal database", "--dbc", databases)):
+        for name, sha256 in known.items():
+            if _is(text, name, sha256):
+                return (
+                    f"{text}: is a {what} that logs are read with: `whyhot correct LOG {flag} FILE` gives them another"
+                )
+    for model, published in facts.models.items():
+        if _is(text, published.file, model) or text == published.motor:
+            return f"{text}: is a motor file: take back the diagnosis that made it, or replay with another (--model)"
+    if run := next((run for run in facts.runs if _is(text, run, run)), None):
+        session = facts.runs[run].session
+        return f"{text}: is a replay: it follows from its session ({session[:SHORT]}) and its model: take back these"
+    return None
+
+
+def _is(text: str, name: str, key: str) -> bool:
+    return text == name or (len(text) >= LEAST and key.startswith(text.lower()))

@@ -1,0 +1,128 @@
+"""Which facts stand: all but what was taken back, and what was made of it. Nothing is deleted."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+from ingest.facts.events import (
+    AgeingAssessed,
+    Event,
+    FactReinstated,
+    FactRetracted,
+    HeldOutOpened,
+    ReplayCompleted,
+    SessionRecorded,
+)
+from ingest.facts.ledger_row import Recorded
+
+KINDS = {"file": "log", "session": "session", "diagnosis": "diagnosis", "inspection": "inspection"}  # by stream
+ALWAYS = (FactRetracted, FactReinstated, HeldOutOpened)  # who has seen kept sessions has seen them
+END = 2**63 - 1  # behind every record
+
+
+class RowsOfLog(NamedTuple):
+    """Records of a log, both ends included."""
+
+    raw: str
+    first: int = 0
+    last: int = END
+
+    def hold(self, raw: str, first: int, last: int) -> bool:
+        return raw == self.raw and self.first <= first and last <= self.last
+
+
+@dataclass(frozen=True)
+class Retraction:
+    """What was taken back, and when."""
+
+    event: FactRetracted
+    recorded: str  # ISO 8601 UTC
+    position: int
+
+    @property
+    def called(self) -> str:
+        """ "log 3_wltp.blf"."""
+        return f"{KINDS[self.event.fact.partition('-')[0]]} {self.event.name}"
+
+    @property
+    def line(self) -> str:
+        """What became of it, for whoever asks for it."""
+        return (
+            f"{self.called} was taken back on {self.recorded[:10]} ({self.event.why}): "
+            f"`whyhot retract {self.event.name} --undo --reason TEXT` brings it back"
+        )
+
+
+@dataclass(frozen=True)
+class Standing:
+    """`events`: those that count, in order. `retractions`: by stream, those that hold; `sessions`: by id, as they were
+    last, those that went with them."""
+
+    events: Sequence[Recorded]
+    retractions: Mapping[str, Retraction]
+    sessions: Mapping[str, SessionRecorded]
+
+
+def standing(recorded: Iterable[Recorded]) -> Standing:
+    """What counts of events in the order of the ledger."""
+    events = list(recorded)
+    held = _retractions(events)
+    if not held:
+        return Standing(events, held, {})
+    gone = rows_of(held.values())
+    with_it = [one for one in events if isinstance(one.event, SessionRecorded) and holds(one.event, gone)]
+    sessions = {one.event.session: one.event for one in with_it if isinstance(one.event, SessionRecorded)}
+    left = [
+        one
+        for one in events
+        if isinstance(one.event, ALWAYS)
+        or not (one.stream in held or _is_of(one.event, sessions) or _counted(one, with_it, held.values()))
+    ]
+    return Standing(left, held, sessions)
+
+
+def rows_of(retractions: Iterable[Retraction]) -> list[RowsOfLog]:
+    """The records that went with what was taken back."""
+    return [
+        RowsOfLog(row["raw"], row["first_record"], row["last_record"]) for one in retractions for row in one.event.rows
+    ]
+
+
+def whole(raw: str) -> dict[str, Any]:
+    """All of a log, as an entry of `FactRetracted.rows`."""
+    return {"raw": raw, "first_record": 0, "last_record": END}
+
+
+def holds(session: SessionRecorded, gone: Iterable[RowsOfLog]) -> bool:
+    """Whether a session holds rows that were taken back."""
+    return any(
+        rows.hold(file["raw"], file["first_record"], file["last_record"]) for rows in gone for file in session.files
+    )
+
+
+def _retractions(events: Iterable[Recorded]) -> dict[str, Retraction]:
+    held: dict[str, Retraction] = {}
+    for one in events:
+        match one.event:
+            case FactRetracted() as event:
+                held[event.fact] = Retraction(event, one.recorded, one.position)
+            case FactReinstated() as event:
+                held.pop(event.fact, None)
+    return held
+
+
+def _is_of(event: Event, sessions: Mapping[str, SessionRecorded]) -> bool:
+    """Whether an event is one of these sessions, or a replay of one."""
+    return isinstance(event, SessionRecorded | ReplayCompleted) and event.session in sessions
+
+
+def _counted(one: Recorded, sessions: Iterable[Recorded], held: Iterable[Retraction]) -> bool:
+    """Whether an assessment of all specimens counted one of these `sessions`, before it was taken back."""
+    return isinstance(one.event, AgeingAssessed) and any(
+        session.position < one.position < back.position and holds(session.event, rows_of([back]))
+        for back in held
+        for session in sessions
+        if isinstance(session.event, SessionRecorded) and session.event.specimen
+    )

@@ -1,0 +1,111 @@
+"""What `whyhot retract`, `correct` and `stale` answer: what was put right, what went with it, and what is stale now."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from replay.show.words.terminal import labelled
+from replay.show.words.words import counted, joined, short
+
+if TYPE_CHECKING:
+    from ingest.facts.facts import Facts
+    from ingest.intake.retractions import PutRight
+    from replay.studies.again.redo import Redone
+    from replay.studies.again.stale import Stale
+
+REDO = "whyhot stale --redo"
+
+
+def put_right_json(done: PutRight, reason: str, stale: Sequence[Stale]) -> dict[str, Any]:
+    """Ids are whole; `stale` holds all that is stale now."""
+    return {
+        "facts": [{"fact": one.stream, "kind": one.kind, "name": one.name} for one in done.named],
+        "reason": reason,
+        "changes": done.said,
+        "sessions_gone": [one.session for one in _gone(done)],
+        "sessions_came": [one.session for one in done.after.sessions if one not in done.before.sessions],
+        "runs_gone": sorted(done.before.runs.keys() - done.after.runs.keys()),
+        "stale": stale_json(stale),
+    }
+
+
+def put_right_text(label: str, done: PutRight, reason: str, stale: Sequence[Stale]) -> str:
+    """`label`: "Taken back", "Brought back" or "Corrected"."""
+    lines: list[str] = []
+    for i, one in enumerate(done.named):
+        lines += labelled(label if i == 0 else "", one.called + _changes(done, done.said.get(one.key, {})))
+    lines += labelled("Reason", reason.strip())
+    if gone := _what_is_gone(done):
+        lines += labelled("Gone", gone)
+    before = {session.session: session for session in done.before.sessions}
+    for session in done.after.sessions:
+        if (old := before.get(session.session)) != session:
+            said = {"specimen": session.specimen, "batch": session.batch, "kind": session.kind}
+            of = ", ".join(f"{what} {value}" for what, value in said.items() if value)
+            now = "is another now" if old else "is there now"
+            lines += labelled("Session", f"{session.name} ({short(session.session)}) {now}: {of}")
+    return "\n".join([*lines, *_stale_lines(stale), "", *labelled("Next", REDO if stale else "whyhot sessions")])
+
+
+def stale_json(stale: Sequence[Stale]) -> list[dict[str, Any]]:
+    return [
+        {"kind": one.kind, "name": one.name, "why": one.why, "sessions": list(one.sessions), "accepted": one.accepted}
+        for one in stale
+    ]
+
+
+def stale_text(stale: Sequence[Stale]) -> str:
+    if not stale:
+        return "Nothing is stale: all answers are of what stands now."
+    return "\n".join([*_stale_lines(stale), "", *labelled("Next", REDO)])
+
+
+def redone_text(done: Sequence[Redone]) -> str:
+    lines: list[str] = []
+    for one in done:
+        if one.new:
+            accepted = "; its model is in use until `whyhot accept` takes another" * one.old.accepted
+            lines += labelled("Again", f"{one.old.name} ({one.old.why}): {_called(one)}{accepted}")
+    return "\n".join(lines) or "Nothing is stale: all answers are of what stands now."
+
+
+def _called(one: Redone) -> str:
+    return f"diagnosis d-{str(one.new)[:12]}" if one.old.kind == "diagnosis" else f"{one.old.kind} {str(one.new)[:12]}"
+
+
+def _stale_lines(stale: Sequence[Stale]) -> Iterator[str]:
+    for i, one in enumerate(stale):
+        accepted = "; it was accepted, and what it made is in use" * one.accepted
+        yield from labelled("Stale" if i == 0 else "", f"{one.name}: {one.why}{accepted}")
+
+
+def _gone(done: PutRight) -> list[Any]:
+    now = {one.session for one in done.after.sessions}
+    return [one for one in done.before.sessions if done.after.became(one.session) not in now]
+
+
+def _what_is_gone(done: PutRight) -> str:
+    runs = len(done.before.runs.keys() - done.after.runs.keys())
+    parts = [f"session {one.name} ({short(one.session)})" for one in _gone(done)]
+    parts += [counted(runs, "replay")] * bool(runs)
+    parts += ["the assessment of the ageing"] * (len(done.after.assessments) < len(done.before.assessments))
+    return joined(parts)
+
+
+def _changes(done: PutRight, said: Mapping[str, Sequence[Any]]) -> str:
+    """ ": specimen S2 in place of S1"."""
+    told = [
+        f"{what} {_value(done.after, new)} in place of {_value(done.after, old)}" for what, (old, new) in said.items()
+    ]
+    return f": {joined(told)}" if told else ""
+
+
+def _value(facts: Facts, value: Any) -> str:
+    """A file by its name and the beginning of its SHA-256."""
+    if isinstance(value, list):
+        return joined([_value(facts, one) for one in value]) or "none"
+    file = facts.benches.get(value) or facts.databases.get(value)
+    model = facts.models.get(value)
+    name = file.name if file else model.file if model else None
+    return f"{name} {short(value)}" if name else str(value) if value is not None else "none"

@@ -1,0 +1,190 @@
+"""What was computed from facts that are others by now: taken back, corrected, or joined by a late log.
+
+An answer is stale where its sessions, their logs, or what these are read with are not those that it was computed from,
+or where it began from a model that is stale itself. Once the same was asked again it is history, and no more stale.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+from ingest.facts.events import (
+    AgeingAssessed,
+    CalibrationCompleted,
+    CauseAccepted,
+    DiagnosisCompleted,
+    ModelExtended,
+    ReplayCompleted,
+    SessionRecorded,
+)
+from ingest.facts.facts import Facts
+from ingest.facts.ledger_row import Recorded
+from replay.engine.files.bench_versions import MADE
+from replay.studies.ageing.assess import is_of_now
+
+SHORT = 12
+Answer = ReplayCompleted | CalibrationCompleted | DiagnosisCompleted | AgeingAssessed
+KINDS = {
+    ReplayCompleted: "replay",
+    CalibrationCompleted: "calibration",
+    DiagnosisCompleted: "diagnosis",
+    AgeingAssessed: "ageing",
+}
+
+
+@dataclass(frozen=True)
+class Stale:
+    """An answer that is not of what stands now. `name` of it; `why`: what is other; `sessions`, `kept`: ids of those
+    that it is of now; `model`: the one to begin from, None for the one that the bench file names now; `accepted`: its
+    model or bench file is in use."""
+
+    event: Answer
+    name: str
+    why: str
+    sessions: tuple[str, ...]
+    kept: tuple[str, ...]
+    model: str | None
+    accepted: bool = False
+
+    @property
+    def kind(self) -> str:
+        return KINDS[type(self.event)]
+
+
+class _Asked(NamedTuple):
+    """What an answer was asked for: `key` as it was stored, but of an assessment, which is of all sessions; the `model`
+    that it began from."""
+
+    name: str
+    key: Mapping[str, Any]
+    model: str
+    sessions: Sequence[str]
+    kept: Sequence[str] = ()
+
+
+def stale(recorded: Iterable[Recorded], facts: Facts) -> list[Stale]:
+    """All that is stale, in the order in which it was computed; `facts` follow from `recorded`."""
+    events = list(recorded)
+    look = _Look(facts, events)
+    found: dict[Any, Stale] = {}
+    for one in events:
+        if one.stream not in facts.retractions and isinstance(one.event, Answer):
+            look.at(one.event, found)
+    return list(found.values())
+
+
+class _Look:
+    """The answers of a ledger looked at in turn: `models` are those that are stale by then, and why."""
+
+    def __init__(self, facts: Facts, events: Sequence[Recorded]) -> None:
+        self.facts = facts
+        self.current = {session.session: session for session in facts.sessions}
+        self.names = {one.event.session: one.event.name for one in events if isinstance(one.event, SessionRecorded)}
+        self.first = _first_versions(facts)
+        self.extended = [one.event for one in events if isinstance(one.event, ModelExtended)]
+        standing = (one.event for one in events if one.stream not in facts.retractions)
+        self.accepted = {event.diagnosis for event in standing if isinstance(event, CauseAccepted)}
+        back = (model for one in facts.retractions.values() for model in one.event.models)
+        self.models = {model: f"model {model[:SHORT]} was taken back" for model in back}
+
+    def at(self, event: Answer, found: dict[Any, Stale]) -> None:
+        """Add `event` to `found` if it is stale; what it answers anew is found no more."""
+        asked = self._asked(event)
+        now, kept = self._now(asked.sessions), self._now(asked.kept)
+        question = (type(event), now, kept, asked.key.get("level")) if asked.key else type(event)
+        found.pop(question, None)
+        why = self._why([*asked.sessions, *asked.kept], asked.key) or self.models.get(asked.model)
+        if isinstance(event, AgeingAssessed) and not is_of_now(self.facts, event):
+            why = why or "sessions came, or are others by now"
+        if why is None:
+            return
+        self.models |= dict.fromkeys(self._made(event), f"{asked.name} is stale")
+        if now or not isinstance(event, ReplayCompleted):  # a replay of what is gone is gone
+            accepted = isinstance(event, DiagnosisCompleted) and event.diagnosis in self.accepted
+            found[question] = Stale(event, asked.name, why, now, kept, self._begins(asked), accepted)
+
+    def _asked(self, event: Answer) -> _Asked:
+        match event:
+            case ReplayCompleted():
+                return _Asked(f"replay of {self._name(event.session)}", event.key, event.model, [event.session])
+            case CalibrationCompleted():
+                return _Asked(f"calibration {event.calibration[:SHORT]}", event.key, event.parent, event.sessions)
+            case DiagnosisCompleted():
+                key = event.key
+                name, sessions = f"diagnosis d-{event.diagnosis[:SHORT]}", key.get("train", [])
+                return _Asked(name, key, key.get("model", ""), sessions, key.get("kept", []))
+            case AgeingAssessed():
+                return _Asked("assessment of the ageing", {}, event.key.get("motor") or "", event.sessions)
+
+    def _name(self, session: str) -> str:
+        return self.names.get(session, session[:SHORT])
+
+    def _now(self, sessions: Iterable[str]) -> tuple[str, ...]:
+        """What sessions became, those that are gone left out."""
+        became = dict.fromkeys(self.facts.became(session) for session in sessions)
+        return tuple(session for session in became if session in self.current)
+
+    def _why(self, sessions: Sequence[str], key: Mapping[str, Any]) -> str | None:
+        """What is other than it was computed from, None where nothing is."""
+        is_run = "bench" in key  # it depends on what its session holds, not on which it is
+        for session in sessions:
+            now = self.facts.became(session)
+            if now not in self.current:
+                return f"{self._name(session)} was taken back"
+            if now != session and not is_run:
+                return f"{self._name(session)} is now session {now[:SHORT]}"
+        its = [self.current[self.facts.became(session)] for session in sessions]
+        decodes = [self.facts.decodes[file["decode"]] for session in its for file in session.files]
+        databases = {sha256 for one in decodes for sha256 in one.databases}
+        benches = {self._first(one.bench) for one in its if one.bench}
+        for what, old, new in (
+            ("holds other logs", {*key.get("raw", ())}, {one.raw for one in decodes}),
+            ("is read with another bench file", {self._first(one) for one in _benches(key)}, benches),
+            ("is read with other signal databases", {*key.get("databases", ())}, databases),
+            ("was decoded by another version", {*key.get("decoder", ())}, {one.decoder for one in decodes}),
+        ):
+            if key and old != new:
+                return f"{', '.join(one.name for one in its)} {what} now"
+        return None
+
+    def _first(self, bench: str) -> str:
+        """The bench file that this one is a version of."""
+        seen = {bench}
+        while bench in self.first and self.first[bench] not in seen:
+            bench = self.first[bench]
+            seen.add(bench)
+        return bench
+
+    def _begins(self, asked: _Asked) -> str | None:
+        """None where the model is stale, or was only what the bench file named."""
+        named = [self.facts.benches.get(self._first(one)) for one in _benches(asked.key)]
+        given = {one.model for one in named if one and one.model}
+        usual = {*self.models, *given, *map(self.facts.current, given)}
+        return None if asked.model in usual else asked.model or None
+
+    def _made(self, event: Answer) -> Iterator[str]:
+        """The models that an answer published."""
+        match event:
+            case CalibrationCompleted():
+                yield event.model
+            case DiagnosisCompleted():
+                yield from event.summary.get(MADE, {}).get("of_model", {}).keys() - {event.key.get("model")}
+                yield from (one.model for one in self.extended if one.diagnosis == event.diagnosis and one.model)
+
+
+def _benches(key: Mapping[str, Any]) -> list[str]:
+    """The bench files of a key: a run has one."""
+    found = key.get("benches", [key.get("bench")])
+    return [one for one in found if one]
+
+
+def _first_versions(facts: Facts) -> dict[str, str]:
+    """Version of a bench file -> the one that it was made from, by all diagnoses that stand."""
+    made = {new: old for old, new in facts.successors.items() if old in facts.benches}
+    for completed in facts.diagnoses.values():
+        for versions in completed.summary.get(MADE, {}).get("of_model", {}).values():
+            if isinstance(versions, dict):
+                made |= {new: old for old, new in versions.items() if new != old}
+    return made
