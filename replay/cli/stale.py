@@ -26,7 +26,8 @@ def run(args: argparse.Namespace) -> Answer:
             "schema": "whyhot.stale/1",
             "redone": [{"name": one.old.name, "why": one.old.why, "new": one.new} for one in done if one.new],
             "stale": stale_json(left),
+            "stale_in_use": list(left.in_use),
             "provenance": provenance(store),
         }
     refusals = [one.refusal for one in done if one.refusal]
-    return Answer(data, redone_text(done) if args.redo else stale_text(left), 1 if refusals else 0, refusals)
+    return Answer(data, redone_text(done, left) if args.redo else stale_text(left), 1 if refusals else 0, refusals)

@@ -12,12 +12,12 @@ if TYPE_CHECKING:
     from ingest.facts.facts import Facts
     from ingest.intake.retractions import PutRight
     from replay.studies.again.redo import Redone
-    from replay.studies.again.stale import Stale
+    from replay.studies.again.stale import StaleAnswers
 
 REDO = "whyhot stale --redo"
 
 
-def put_right_json(done: PutRight, reason: str, stale: Sequence[Stale]) -> dict[str, Any]:
+def put_right_json(done: PutRight, reason: str, stale: StaleAnswers) -> dict[str, Any]:
     """Ids are whole; `stale` holds all that is stale now."""
     return {
         "facts": [{"fact": one.stream, "kind": one.kind, "name": one.name} for one in done.named],
@@ -27,10 +27,11 @@ def put_right_json(done: PutRight, reason: str, stale: Sequence[Stale]) -> dict[
         "sessions_came": [one.session for one in done.after.sessions if one not in done.before.sessions],
         "runs_gone": sorted(done.before.runs.keys() - done.after.runs.keys()),
         "stale": stale_json(stale),
+        "stale_in_use": list(stale.in_use),
     }
 
 
-def put_right_text(label: str, done: PutRight, reason: str, stale: Sequence[Stale]) -> str:
+def put_right_text(label: str, done: PutRight, reason: str, stale: StaleAnswers) -> str:
     """`label`: "Taken back", "Brought back" or "Corrected"."""
     lines: list[str] = []
     for i, one in enumerate(done.named):
@@ -43,41 +44,47 @@ def put_right_text(label: str, done: PutRight, reason: str, stale: Sequence[Stal
         if (old := before.get(session.session)) != session:
             said = {"specimen": session.specimen, "batch": session.batch, "kind": session.kind}
             of = ", ".join(f"{what} {value}" for what, value in said.items() if value)
-            now = "is another now" if old else "is there now"
-            lines += labelled("Session", f"{session.name} ({short(session.session)}) {now}: {of}")
-    return "\n".join([*lines, *_stale_lines(stale), "", *labelled("Next", REDO if stale else "whyhot sessions")])
+            there = "is another now" if old else "is there now"
+            lines += labelled("Session", f"{session.name} ({short(session.session)}) {there}: {of}")
+    for parent in {**done.before.successors, **done.after.successors}:
+        was, now = (facts.current(parent) for facts in (done.before, done.after))
+        if was != now:
+            lines += labelled("Current", f"{_value(done.after, now)} in place of {_value(done.after, was)}")
+    return "\n".join([*lines, *_stale_lines(stale), *(_next(stale) or ["", *labelled("Next", "whyhot sessions")])])
 
 
-def stale_json(stale: Sequence[Stale]) -> list[dict[str, Any]]:
-    return [
-        {"kind": one.kind, "name": one.name, "why": one.why, "sessions": list(one.sessions), "accepted": one.accepted}
-        for one in stale
-    ]
+def stale_json(stale: StaleAnswers) -> list[dict[str, Any]]:
+    return [{"kind": one.kind, "name": one.name, "why": one.why, "sessions": [*one.sessions]} for one in stale.answers]
 
 
-def stale_text(stale: Sequence[Stale]) -> str:
-    if not stale:
-        return "Nothing is stale: all answers are of what stands now."
-    return "\n".join([*_stale_lines(stale), "", *labelled("Next", REDO)])
+def stale_text(stale: StaleAnswers) -> str:
+    if lines := [*_stale_lines(stale)]:
+        return "\n".join([*lines, *_next(stale)])
+    return "Nothing is stale: all answers are of what stands now."
 
 
-def redone_text(done: Sequence[Redone]) -> str:
+def redone_text(done: Sequence[Redone], left: StaleAnswers) -> str:
     lines: list[str] = []
     for one in done:
         if one.new:
-            accepted = "; its model is in use until `whyhot accept` takes another" * one.old.accepted
-            lines += labelled("Again", f"{one.old.name} ({one.old.why}): {_called(one)}{accepted}")
-    return "\n".join(lines) or "Nothing is stale: all answers are of what stands now."
+            lines += labelled("Again", f"{one.old.name} ({one.old.why}): {_called(one)}")
+    return "\n".join([*lines, *_stale_lines(left), *_next(left)]) if lines else stale_text(left)
 
 
 def _called(one: Redone) -> str:
     return f"diagnosis d-{str(one.new)[:12]}" if one.old.kind == "diagnosis" else f"{one.old.kind} {str(one.new)[:12]}"
 
 
-def _stale_lines(stale: Sequence[Stale]) -> Iterator[str]:
-    for i, one in enumerate(stale):
-        accepted = "; it was accepted, and what it made is in use" * one.accepted
-        yield from labelled("Stale" if i == 0 else "", f"{one.name}: {one.why}{accepted}")
+def _stale_lines(stale: StaleAnswers) -> Iterator[str]:
+    for i, one in enumerate(stale.answers):
+        yield from labelled("Stale" if i == 0 else "", f"{one.name}: {one.why}")
+    for line in stale.in_use:
+        yield from labelled("In use", f"{line}. Accept another, or take it back")
+
+
+def _next(stale: StaleAnswers) -> list[str]:
+    """What to do now where something is stale."""
+    return ["", *labelled("Next", REDO)] if stale.answers else []
 
 
 def _gone(done: PutRight) -> list[Any]:

@@ -33,7 +33,7 @@ def redo(store: Store, tell: Callable[[str], None] = lambda _: None) -> list[Red
     One that is refused does not stop the others. Each new answer is a fact of its own, so a redo that was stopped goes
     on where it was."""
     done: list[Redone] = []
-    for old in stale(store.ledger.events(), ledger_facts.at(store.ledger)):
+    for old in stale(store.ledger.events(), ledger_facts.at(store.ledger)).answers:
         tell(f"again: {old.name}")
         try:
             done.append(Redone(old, _again(store, old, tell), None))

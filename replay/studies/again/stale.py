@@ -37,8 +37,7 @@ KINDS = {
 @dataclass(frozen=True)
 class Stale:
     """An answer that is not of what stands now. `name` of it; `why`: what is other; `sessions`, `kept`: ids of those
-    that it is of now; `model`: the one to begin from, None for the one that the bench file names now; `accepted`: its
-    model or bench file is in use."""
+    that it is of now; `model`: the one to begin from, None for the one that the bench file names now."""
 
     event: Answer
     name: str
@@ -46,11 +45,18 @@ class Stale:
     sessions: tuple[str, ...]
     kept: tuple[str, ...]
     model: str | None
-    accepted: bool = False
 
     @property
     def kind(self) -> str:
         return KINDS[type(self.event)]
+
+
+class StaleAnswers(NamedTuple):
+    """`answers`: in the order in which they were computed; `in_use`: a line for each accepted diagnosis whose files are
+    current though it is stale, asked again or not."""
+
+    answers: Sequence[Stale]
+    in_use: Sequence[str]
 
 
 class _Asked(NamedTuple):
@@ -64,15 +70,19 @@ class _Asked(NamedTuple):
     kept: Sequence[str] = ()
 
 
-def stale(recorded: Iterable[Recorded], facts: Facts) -> list[Stale]:
-    """All that is stale, in the order in which it was computed; `facts` follow from `recorded`."""
+def stale(recorded: Iterable[Recorded], facts: Facts) -> StaleAnswers:
+    """All that is stale; `facts` follow from `recorded`."""
     events = list(recorded)
     look = _Look(facts, events)
     found: dict[Any, Stale] = {}
-    for one in events:
-        if one.stream not in facts.retractions and isinstance(one.event, Answer):
-            look.at(one.event, found)
-    return list(found.values())
+    standing = [one.event for one in events if one.stream not in facts.retractions]
+    for event in standing:
+        if isinstance(event, Answer):
+            look.at(event, found)
+    current = {*facts.successors.values()}
+    accepted = [one for one in standing if isinstance(one, CauseAccepted) and {one.model, one.bench} & current]
+    in_use = [look.in_use(one) for one in accepted if one.diagnosis in look.whys]
+    return StaleAnswers([*found.values()], list(dict.fromkeys(in_use)))
 
 
 class _Look:
@@ -84,8 +94,7 @@ class _Look:
         self.names = {one.event.session: one.event.name for one in events if isinstance(one.event, SessionRecorded)}
         self.first = _first_versions(facts)
         self.extended = [one.event for one in events if isinstance(one.event, ModelExtended)]
-        standing = (one.event for one in events if one.stream not in facts.retractions)
-        self.accepted = {event.diagnosis for event in standing if isinstance(event, CauseAccepted)}
+        self.whys: dict[str, str] = {}  # stale diagnosis -> why
         back = (model for one in facts.retractions.values() for model in one.event.models)
         self.models = {model: f"model {model[:SHORT]} was taken back" for model in back}
 
@@ -101,9 +110,17 @@ class _Look:
         if why is None:
             return
         self.models |= dict.fromkeys(self._made(event), f"{asked.name} is stale")
+        if isinstance(event, DiagnosisCompleted):
+            self.whys[event.diagnosis] = why
         if now or not isinstance(event, ReplayCompleted):  # a replay of what is gone is gone
-            accepted = isinstance(event, DiagnosisCompleted) and event.diagnosis in self.accepted
-            found[question] = Stale(event, asked.name, why, now, kept, self._begins(asked), accepted)
+            found[question] = Stale(event, asked.name, why, now, kept, self._begins(asked))
+
+    def in_use(self, accepted: CauseAccepted) -> str:
+        files = [
+            f"{what} {one[:SHORT]}" for what, one in (("model", accepted.model), ("bench file", accepted.bench)) if one
+        ]
+        name = f"d-{accepted.diagnosis[:SHORT]}"
+        return f"{' and '.join(files)}, accepted from {name}: {self.whys[accepted.diagnosis]}"
 
     def _asked(self, event: Answer) -> _Asked:
         match event:
@@ -158,11 +175,14 @@ class _Look:
         return bench
 
     def _begins(self, asked: _Asked) -> str | None:
-        """None where the model is stale, or was only what the bench file named."""
+        """None where the model was only what the bench file named; the last before the stale ones where that, as it was
+        accepted since, is stale."""
         named = [self.facts.benches.get(self._first(one)) for one in _benches(asked.key)]
-        given = {one.model for one in named if one and one.model}
-        usual = {*self.models, *given, *map(self.facts.current, given)}
-        return None if asked.model in usual else asked.model or None
+        given = [one.model for one in named if one and one.model]
+        usual = [*given, *map(self.facts.current, given)]
+        if {*usual}.isdisjoint(self.models) and asked.model in (*usual, *self.models):
+            return None
+        return next((one for one in (asked.model, *given) if one and one not in self.models), None)
 
     def _made(self, event: Answer) -> Iterator[str]:
         """The models that an answer published."""

@@ -38,6 +38,9 @@ def find_diagnosis(facts: Facts, text: str) -> DiagnosisCompleted:
     found = [one for one in facts.diagnoses if wanted and one.startswith(wanted)]
     if len(found) == 1:
         return facts.diagnoses[found[0]]
+    back = [one.line for stream, one in facts.retractions.items() if stream.startswith(f"diagnosis-{wanted}")]
+    if wanted and back and not found:
+        raise ReplayDataError(back[0])
     why = "is the beginning of more than one" if found else "is not in this store"
     known = ", ".join(f"d-{one[:SHORT]}" for one in found or facts.diagnoses)
     raise ReplayDataError(

@@ -26,13 +26,13 @@ from ingest.facts.store import Store
 from made import can_bench
 from made.events import decode, raw, session
 from replay.cli import main
-from replay.studies.again.stale import Stale, stale
+from replay.studies.again.stale import StaleAnswers, stale
 
 LOGS = {name: raw(f"{name}.blf") for name in ("1_s1", "2_s2", "3_wltp")}
 BENCH = BenchRegistered(sha256="b0", name="bench.toml", motor="servo", model="m0")
 
 
-def look(*more: tuple[str, Event]) -> list[Stale]:
+def look(*more: tuple[str, Event]) -> StaleAnswers:
     """What is stale of three sessions, each of one log, and `more`."""
     events: list[tuple[str, Event]] = [("bench-b0", BENCH)]
     for name, log in LOGS.items():
@@ -85,12 +85,12 @@ def gone(name: str) -> tuple[str, Event]:
     return stream, FactRetracted(fact=stream, name=log.name, why="a mistake", rows=[whole(log.sha256)])
 
 
-def told(found: list[Stale]) -> list[tuple[str, str]]:
-    return [(one.name, one.why) for one in found]
+def told(found: StaleAnswers) -> list[tuple[str, str]]:
+    return [(one.name, one.why) for one in found.answers]
 
 
 def test_what_is_of_the_facts_as_they_stand_is_not_stale() -> None:
-    assert look(run("1_s1"), *diagnosis("7", "1_s1", "2_s2", kept=("3_wltp",)), run("1_s1", "m7")) == []
+    assert look(run("1_s1"), *diagnosis("7", "1_s1", "2_s2", kept=("3_wltp",)), run("1_s1", "m7")).answers == []
 
 
 def test_what_learnt_from_a_log_that_was_taken_back_is_stale_and_so_is_all_that_follows() -> None:
@@ -102,16 +102,25 @@ def test_what_learnt_from_a_log_that_was_taken_back_is_stale_and_so_is_all_that_
         ("diagnosis d-8", "diagnosis d-7 is stale"),
         ("replay of 1_s1", "diagnosis d-8 is stale"),
     ]
-    assert [one.accepted for one in found] == [True, False, False]
-    assert [(one.sessions, one.model) for one in found] == [
-        (("id_1_s1",), None),
-        (("id_1_s1", "id_3_wltp"), None),
-        (("id_1_s1",), None),
-    ]
+    assert found.in_use == ["model m7, accepted from d-7: 2_s2 was taken back"]
+    assert [(one.sessions, one.model) for one in found.answers] == [
+        (("id_1_s1",), "m0"),
+        (("id_1_s1", "id_3_wltp"), "m0"),
+        (("id_1_s1",), "m0"),
+    ], "from the last model that is not stale"
+
+
+def test_what_was_accepted_stays_named_until_another_is() -> None:
+    accepted = CauseAccepted(diagnosis="7", causes=[], parent="m0", model="m7", parent_bench=None, bench=None)
+    again = [*diagnosis("7", "1_s1", "2_s2"), ("diagnosis-7", accepted), gone("2_s2"), *diagnosis("8", "1_s1")]
+    found = look(*again)
+    assert (found.answers, len(found.in_use)) == ([], 1)
+    better = replace(accepted, diagnosis="8", model="m8")
+    assert look(*again, ("diagnosis-8", better)) == ([], [])
 
 
 def test_a_kept_session_that_was_taken_back_makes_a_diagnosis_stale() -> None:
-    (found,) = look(*diagnosis("7", "1_s1", kept=("3_wltp",)), gone("3_wltp"))
+    ((found,), _) = look(*diagnosis("7", "1_s1", kept=("3_wltp",)), gone("3_wltp"))
     assert (found.why, found.sessions, found.kept) == ("3_wltp was taken back", ("id_1_s1",), ())
 
 
@@ -122,9 +131,9 @@ def test_what_began_from_a_diagnosis_that_was_taken_back_is_stale_and_that_itsel
 
 
 def test_a_replay_of_what_is_gone_is_gone_and_asked_again_nothing_is_stale() -> None:
-    assert look(run("2_s2"), gone("2_s2")) == []
+    assert look(run("2_s2"), gone("2_s2")).answers == []
     old, new = diagnosis("7", "1_s1", "2_s2"), diagnosis("8", "1_s1")
-    assert look(*old, gone("2_s2"), *new) == []
+    assert look(*old, gone("2_s2"), *new).answers == []
 
 
 @pytest.mark.parametrize(
@@ -138,7 +147,7 @@ def test_a_replay_of_what_is_gone_is_gone_and_asked_again_nothing_is_stale() -> 
 )
 def test_a_replay_says_what_is_other_now(other: dict[str, Any], why: str) -> None:
     assert told(look(run("1_s1", **other))) == [("replay of 1_s1", why)]
-    assert look(run("1_s1", **other), run("1_s1")) == []
+    assert look(run("1_s1", **other), run("1_s1")).answers == []
 
 
 def test_a_version_of_the_bench_file_that_a_diagnosis_made_is_no_other_bench_file() -> None:
@@ -146,7 +155,7 @@ def test_a_version_of_the_bench_file_that_a_diagnosis_made_is_no_other_bench_fil
     assert isinstance(done, DiagnosisCompleted)
     versions = {"causes": [], "benches": {"of_model": {"m7": {"b0": "b7"}}}}
     with_bench = [(stream, made), (stream, replace(done, summary=versions)), run("1_s1", "m7", bench="b7")]
-    assert look(*with_bench) == []
+    assert look(*with_bench).answers == []
     assert told(look(*with_bench[2:])) == [("replay of 1_s1", "1_s1 is read with another bench file now")]
 
 
@@ -160,7 +169,7 @@ def test_a_calibration_is_stale_by_its_sessions() -> None:
         motor="servo",
         **{"level": "testing", "key": key("1_s1", "2_s2"), "log_posterior": 0.0, **empty},
     )
-    (found,) = look(("calibration-c", made), gone("2_s2"))
+    ((found,), _) = look(("calibration-c", made), gone("2_s2"))
     assert (found.name, found.sessions, found.model) == ("calibration c", ("id_1_s1",), "m5")
 
 

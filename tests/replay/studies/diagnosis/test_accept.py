@@ -17,7 +17,7 @@ from ingest.facts.store import Store
 from made import can_bench
 from replay.cli import main
 from replay.engine.files.bench_text import corrected
-from replay.engine.files.models import model_of
+from replay.engine.files.models import find_model, model_of
 from replay.studies.diagnosis.answer import ChainStep, Diagnosis, Named, document
 
 CAUSES = {"loss.magnet.speed2": True, "sensor.magnet.bias": True, "input.current.gain": False}
@@ -197,6 +197,23 @@ def test_model_and_bench_file_become_current(store_folder: Path, capsys: pytest.
     assert answer["provenance"]["store_head"]["position"] == before + 1
     assert current(store_folder) == (made["model"], made["bench"])
     assert current(store_folder, as_of=str(before)) == (made["parent"], made["parent_bench"])
+
+
+def test_a_diagnosis_taken_back_leaves_the_files_before_it_current(
+    store_folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    made = diagnosed(store_folder, "4f0cbeef00000001", CAUSES)
+    accept(store_folder, capsys, "d-4f0c")
+    words = ["--reason", "the sensor was wrong", "--store", str(store_folder)]
+    assert main(["retract", "d-4f0c", *words]) == 0
+    assert "Current           motor.toml " in capsys.readouterr().out
+    assert current(store_folder) == (made["parent"], made["parent_bench"])
+    with Store.open(store_folder) as store:
+        assert find_model(ledger_facts.at(store.ledger), "servo-5kW") == made["parent"], "the last that counts"
+    assert main(["accept", "d-4f0c", "--store", str(store_folder)]) == 2
+    assert capsys.readouterr().err.startswith("diagnosis d-4f0cbeef0000 was taken back on ")
+    assert main(["retract", "d-4f0c", "--undo", *words]) == 0
+    assert current(store_folder) == (made["model"], made["bench"])
 
 
 def test_a_replay_after_it_is_another_run_of_the_same_session(
