@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import os
 import sqlite3
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -86,6 +86,10 @@ class Ledger:
         rows = self._rows(batch, None, None)
         events = self.events()
         return [*events, *(decode(row, place) for place, row in enumerate(rows, len(events) + 1))]
+
+    def take_over(self, rows: Iterable[StoredEvent]) -> None:
+        """Store the rows of another ledger, in an empty one, as they are. Raises LedgerError."""
+        self._insert([*rows])
 
     def events(self, *types: type[Event], stream: str | None = None, as_of: str | int | None = None) -> list[Recorded]:
         """The events in order: of `types` (all where none is given), of `stream`, as they were at `as_of`.

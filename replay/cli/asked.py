@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -25,14 +25,23 @@ class Asked(NamedTuple):
     sessions: Sequence[SessionRecorded]
 
 
+def opened(args: argparse.Namespace, write: bool = True) -> AbstractContextManager[Store]:
+    """The store; with --as-of as it was then, where what is written goes with it."""
+    from ingest.facts.as_of import store_as_of
+    from ingest.facts.store import Store
+
+    as_of: str | None = getattr(args, "as_of", None)
+    folder = store_folder(args)
+    return Store.open(folder, write=write) if as_of is None else store_as_of(folder, as_of)
+
+
 @contextmanager
 def asked(args: argparse.Namespace, write: bool = True) -> Iterator[Asked]:
     """What `--model` and `--on` name, as long as the store is open; a motor file of `--model` is published in it."""
     from ingest.facts import facts
-    from ingest.facts.store import Store
     from replay.engine.files.models import model_named
 
-    with Store.open(store_folder(args), write=write) as store:
+    with opened(args, write) as store:
         model = model_named(store, args.model)
         known = facts.at(store.ledger)
         yield Asked(store, known, model, sessions_of(known, args.on))
@@ -66,7 +75,12 @@ def ask_level(parser: argparse.ArgumentParser, says: str = "channels that may be
 
 
 def ask_as_of(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--as-of", metavar="POINT", help="as known at a ledger position or an ISO time")
+    says = "with the ledger as it was at an event (its number) or a time (ISO 8601, UTC); nothing is written then"
+    parser.add_argument("--as-of", metavar="POINT", help=says)
+
+
+def as_of_note(as_of: str | None) -> list[str]:
+    return [] if as_of is None else [f"as of {as_of}: what was computed is not kept: without --as-of it is"]
 
 
 def ask_picture(parser: argparse.ArgumentParser) -> None:

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from replay.cli.answer import Answer, provenance
-from replay.cli.asked import ask_level, ask_model, ask_sessions, asked, left_out, sessions_of
+from replay.cli.asked import as_of_note, ask_as_of, ask_level, ask_model, ask_sessions, asked, left_out, sessions_of
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -16,6 +16,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     ask_model(parser)
     ask_level(parser)
     parser.add_argument("--report", metavar="F.html", type=Path, help="write the report of the diagnosis to this file")
+    ask_as_of(parser)
 
 
 def run(args: argparse.Namespace) -> Answer:
@@ -33,6 +34,9 @@ def run(args: argparse.Namespace) -> Answer:
             command += " --hold-out " + " ".join(args.hold_out) if args.hold_out else ""
             write_diagnosis(store, found, args.report, command, tell)
         left = left_out(store, known, [*train, *kept], found.model)
-        data = {**document(found, provenance(store, level=args.level, model=args.model)), "notes": left}
+        data = {
+            **document(found, provenance(store, level=args.level, model=args.model, as_of=args.as_of)),
+            "notes": left,
+        }
     written = [f"{args.report}   opens offline in any browser"] if args.report else []
-    return Answer(data, diagnosis_text(found), notes=[*left, *written])
+    return Answer(data, diagnosis_text(found), notes=[*left, *written, *as_of_note(args.as_of)])

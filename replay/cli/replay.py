@@ -6,8 +6,8 @@ import argparse
 from dataclasses import asdict
 from typing import TYPE_CHECKING
 
-from replay.cli.answer import Answer, provenance, store_folder
-from replay.cli.asked import ask_level, ask_model
+from replay.cli.answer import Answer, provenance
+from replay.cli.asked import as_of_note, ask_as_of, ask_level, ask_model, opened
 
 if TYPE_CHECKING:
     from ingest.facts.events import ReplayCompleted
@@ -30,6 +30,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--check-filter", action="store_true", help=says)
     says = "processes (default 1); digests do not depend on it"
     parser.add_argument("--workers", type=_count, default=1, metavar="N", help=says)
+    ask_as_of(parser)
 
 
 def _count(text: str) -> int:
@@ -40,7 +41,6 @@ def _count(text: str) -> int:
 
 def run(args: argparse.Namespace) -> Answer:
     from ingest.facts import facts
-    from ingest.facts.store import Store
     from replay.cli.progress import tell
     from replay.engine.files.models import model_named
     from replay.engine.results.summary import read
@@ -48,7 +48,7 @@ def run(args: argparse.Namespace) -> Answer:
     from replay.show.words.filter_words import left_out
     from replay.show.words.terminal import replay_text
 
-    with Store.open(store_folder(args), write=True) as store:
+    with opened(args) as store:
         known = facts.at(store.ledger)
         sessions = [known.session(text) for text in args.sessions] or list(known.sessions)
         model = model_named(store, args.model)
@@ -58,7 +58,8 @@ def run(args: argparse.Namespace) -> Answer:
         runs = [outcome.run for outcome in outcomes if outcome.run]
         summaries = [read(event.summary) for event in runs]
         refusals = [outcome.refusal for outcome in outcomes if outcome.refusal]
-        settings = {"level": args.level, "model": args.model, **({"unknown": args.unknown} if args.unknown else {})}
+        settings = {"level": args.level, "model": args.model, "as_of": args.as_of}
+        settings |= {"unknown": args.unknown} if args.unknown else {}
         data = {
             "schema": "whyhot.replay/1",
             "runs": [_run(outcome.run, outcome.apart) for outcome in outcomes if outcome.run],
@@ -70,8 +71,14 @@ def run(args: argparse.Namespace) -> Answer:
         why = refusals[0] if refusals else "no sessions"
         return Answer({**data, "error": why}, "", 2, refusals or ["no sessions to replay"])
     checks = {outcome.session.name: outcome.apart for outcome in outcomes if outcome.run} if args.check_filter else {}
-    text = replay_text(summaries, f"whyhot report {summaries[0].session_name}", checks)
-    return Answer(data, text, 1 if refusals else 0, refusals)
+    name = summaries[0].session_name
+    onward = f"whyhot report {name}" if args.as_of is None else f"whyhot replay {name}"
+    return Answer(
+        data,
+        replay_text(summaries, onward, checks),
+        1 if refusals else 0,
+        [*refusals, *as_of_note(args.as_of)],
+    )
 
 
 def _run(event: ReplayCompleted, checked: Apart | None) -> dict[str, object]:

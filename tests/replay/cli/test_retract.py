@@ -101,6 +101,9 @@ def test_a_log_taken_back_is_gone_from_every_answer_and_all_bytes_stay(capsys: C
     assert rows(capsys, "SELECT max(t_s) AS n FROM samples WHERE session_name = 'a'") == [{"n": 590.0}]
     assert rows(capsys, "SELECT count(*) AS n FROM events WHERE topic LIKE '%FactRetracted'") == [{"n": 1}]
     assert main(["verify", "--read"]) == 0
+    (position,) = rows(capsys, "SELECT position FROM events WHERE topic LIKE '%FactRetracted'")
+    as_it_was = answered(capsys, "sessions", "--as-of", str(position["position"] - 1))["sessions"]
+    assert as_it_was[0]["sources"] == ["a.csv", "b.csv"]
     assert main(["ingest", "b.csv", "--bench", "bench.toml"]) == 1
     assert "log b.csv was taken back on " in capsys.readouterr().err
     assert main(["retract", "b.csv", "--undo", "--reason", "it was the right one"]) == 0

@@ -197,4 +197,16 @@ def test_one_command_replays_what_a_correction_made_stale(
         runs = list(ledger_facts.at(store.ledger).runs)
     assert ([one["new"] for one in redone["redone"]], redone["stale"]) == (runs[1:], [])
     assert main(["stale"]) == 0
-    assert capsys.readouterr().out == "Nothing is stale: all answers are of what stands now.\n"
+    said = capsys.readouterr().out
+    with Store.open(tmp_path / "store") as store:
+        before, first = store.ledger.head(), ledger_facts.at(store.ledger).runs[runs[0]]
+        then = next(one.position for one in store.ledger.events(ReplayCompleted)) - 1
+    assert main(["replay", "1_s1", "--as-of", str(then), "--json", "then.json"]) == 0
+    asked = json.loads((tmp_path / "then.json").read_text())
+    assert (asked["runs"][0]["run"], asked["runs"][0]["digest"]) == (first.run, first.digest), "as it came out then"
+    assert capsys.readouterr().err == f"as of {then}: what was computed is not kept: without --as-of it is\n"
+    assert main(["diagnose", "--on", "1_s1", "--as-of", "1"]) == 2
+    assert "is not in this store" in capsys.readouterr().err
+    with Store.open(tmp_path / "store") as store:
+        assert store.ledger.head() == before
+    assert said == "Nothing is stale: all answers are of what stands now.\n"
