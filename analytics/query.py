@@ -78,6 +78,14 @@ def run(
     )
 
 
+def first_row(connection: duckdb.DuckDBPyConnection, sql: str, seconds: float | None = None) -> dict[str, Any]:
+    """The first row of an answer, by column. Raises as `run`, QueryError where there is none."""
+    found = run(connection, sql, 1, seconds)
+    if not found.rows:
+        raise QueryError("SQL: gives no row: there is nothing to trace")
+    return dict(zip(found.columns, found.rows[0], strict=True))
+
+
 @contextmanager
 def _within(connection: duckdb.DuckDBPyConnection, seconds: float | None) -> Iterator[float | None]:
     """Interrupt what runs in here after `seconds`; gives the time at which that is."""

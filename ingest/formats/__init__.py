@@ -14,7 +14,7 @@ import re
 import weakref
 import zlib
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
@@ -190,10 +190,17 @@ class Log(ABC):
     found: int = 0  # records in the file, counted apart from what became of them
     rejected: Rejections = field(default_factory=Rejections)
     cut: str | None = None  # the file ends before its end: one clause, where, how much is missing, and what to do
+    sought: Sequence[int] = ()  # records whose place in the file is asked for
+    places: dict[int, str] = field(default_factory=dict)  # of these, as `Rejected.where`, where the format can tell
 
     @abstractmethod
     def batches(self) -> Iterator[Frames] | Iterator[Rows]:
         """Every readable record, in file order, about 100,000 at once. Raises UnreadableLogError where none is."""
+
+    def note_places(self, record: NDArray[np.int64], where: Callable[[int], str]) -> None:
+        """Keep the places of those of these records that are sought; `where` of the i-th record."""
+        for i in np.flatnonzero(np.isin(record, self.sought)).tolist() if self.sought else ():
+            self.places[int(record[i])] = where(i)
 
     def mark_cut(self, how: str, kept: str) -> None:
         """Say in `cut` how the file ends before its end ("ends at byte 316,402") and what was read ("12 frames")."""

@@ -179,11 +179,17 @@ FIELDS = np.dtype(
 
 
 def read_frames(
-    stream: bytes, objects: Objects, start_ns: int, first_record: int, where: Callable[[int], str]
+    stream: bytes,
+    objects: Objects,
+    start_ns: int,
+    first_record: int,
+    where: Callable[[int], str],
+    note: Callable[[Ints, Callable[[int], str]], None] = lambda *_: None,
 ) -> tuple[Frames, list[Rejected]]:
     """The frames among `objects`, and what had to be rejected: error frames, damage, impossible values.
 
     Stamps count from `start_ns` [ns], records from `first_record` in the order of the stream; `where` says a byte.
+    `note` hears the records with the place of each.
     """
     ours = np.isin(objects.head["type"], (*FRAME_TYPES, *ERROR_TYPES))
     at, head = objects.at[ours], objects.head[ours]
@@ -192,6 +198,7 @@ def read_frames(
     fields["why"][np.isin(head["type"], ERROR_TYPES)] = ERROR_FRAME
     damaged_at = np.array([byte for byte, _ in objects.damage], np.int64)
     record = first_record + np.arange(len(at)) + np.searchsorted(damaged_at, at)
+    note(record, lambda i: where(int(at[i])))
     rejected = [
         Rejected(
             int(record[i]), where(int(at[i])), WHY[fields["why"][i]], stream[at[i] : at[i] + head["size"][i]][:SHOWN]

@@ -113,6 +113,8 @@ class FrameLines(Log):
             if isinstance(parsed, OneFrame):
                 frames.append(parsed)
                 record.append(self.found)
+                if self.found in self.sought:
+                    self.places[self.found] = f"line {self._lines + number:,}"
             elif parsed is not None:
                 where = f"line {self._lines + number:,}"
                 self.rejected.append(Rejected(self.found, where, parsed, raw.encode("latin-1")[:SHOWN]))

@@ -120,7 +120,7 @@ class BlfLog(Log):
     def _batch(self, stream: _Stream) -> Iterator[Frames]:
         data = bytes(stream.data) + bytes(MARGIN)
         objects = split(data, aligned=stream.aligned)
-        frames, rejected = read_frames(data, objects, self._start_ns, self.found, stream.where)
+        frames, rejected = read_frames(data, objects, self._start_ns, self.found, stream.where, self.note_places)
         self.found += len(frames.record) + len(rejected)
         self.rejected.extend(rejected)
         kinds, counts = np.unique(objects.head["type"], return_counts=True)

@@ -149,6 +149,8 @@ class CsvLog(Log):
         written = np.array([_is_row(line) for line in lines], bool)
         record = self.found + np.cumsum(written) - 1
         self.found += int(written.sum())
+        at = np.flatnonzero(written)
+        self.note_places(record[at], lambda i: f"{self.line} {self._lines + int(at[i]) + 1:,}")
         bad: dict[int, tuple[str, str]] = {}
         if cut and lines and _is_row(lines[-1]):
             bad[len(lines) - 1] = ("", "the file ends inside it")

@@ -41,6 +41,7 @@ VERBS: dict[str, str] = {
     "report": "one HTML file of replays or of a diagnosis, readable offline",
     "view": "measured and modelled temperatures in the rerun viewer",
     "sql": "ask the warehouse in SQL, read-only",
+    "lineage": "from a number back to the frames, files, code and command that it came from",
     "retract": "take back a log, session, diagnosis or inspection, with a reason; nothing is deleted",
     "correct": "say anew what a log is of and read with, with a reason",
     "stale": "answers computed from what is other by now, and the same asked again",

@@ -1,0 +1,46 @@
+"""`whyhot lineage X`: from a number back to the frames, files, code and command that it came from."""
+
+from __future__ import annotations
+
+import argparse
+import re
+
+from replay.cli.answer import Answer, provenance
+from replay.cli.asked import ask_as_of, opened
+
+QUERY = re.compile(r"\s*(select|from|with)\s", re.IGNORECASE)
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    says = (
+        "a session, log, replay, diagnosis, calibration, model or inspection by name or id; RUN@TIME/CHANNEL, a point "
+        "of a replay (TIME in seconds or as 1:02:03; without it the mean over the run, as a report gives it); "
+        "LOG:RECORD or LOG:FIRST-LAST; or a SELECT, of which the first row counts"
+    )
+    parser.add_argument("what", metavar="X", help=says)
+    ask_as_of(parser)
+
+
+def run(args: argparse.Namespace) -> Answer:
+    from ingest.facts import facts
+    from replay.show.verbs.lineage import lineage_json, lineage_text
+    from replay.studies.lineage.trace import trace, trace_row
+
+    with opened(args, write=False) as store:
+        recorded = store.ledger.events()
+        known = facts.fold(recorded)
+        if QUERY.match(args.what):
+            from analytics import query, warehouse
+
+            with warehouse.refresh(store) as asked:
+                row = query.first_row(asked.connection, args.what, query.SECONDS)
+            found = trace_row(store, recorded, known, row)
+        else:
+            found = trace(store, recorded, known, args.what)
+        data = {
+            "schema": "whyhot.lineage/1",
+            "what": args.what,
+            **lineage_json(found),
+            "provenance": provenance(store, as_of=args.as_of),
+        }
+    return Answer(data, lineage_text(found))

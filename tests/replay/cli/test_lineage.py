@@ -1,0 +1,99 @@
+"""`whyhot lineage`: from a number to the bytes of the log, through every fact between."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from made import can_bench
+from replay.cli import main
+
+Capture = pytest.CaptureFixture[str]
+
+
+@pytest.fixture(scope="module")
+def store(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("lineage")
+    can_bench.write_files(folder)
+    can_bench.write_log(folder / "1_s1.blf", seconds=60, seed=1)
+    words = ["ingest", str(folder / "1_s1.blf"), "--bench", str(folder / "bench.toml")]
+    assert main([*words, "--dbc", str(folder / "bench.dbc"), "--store", str(folder / "store")]) == 0
+    assert main(["replay", "1_s1", "--store", str(folder / "store")]) == 0
+    return folder / "store"
+
+
+def ask(store: Path, capsys: Capture, *words: str) -> Any:
+    capsys.readouterr()
+    assert main([*words, "--store", str(store), "--json"]) == 0
+    return json.loads(capsys.readouterr().out)
+
+
+def test_a_row_of_residuals_leads_to_the_frame_that_holds_its_sample(store: Path, capsys: Capture) -> None:
+    sql = "SELECT * FROM residuals WHERE channel = 'TC_magnet' AND t_s > 30 ORDER BY t_s LIMIT 1"
+    (row,) = ask(store, capsys, "sql", sql)["rows"]
+    found = ask(store, capsys, "lineage", sql)
+    assert found == {**ask(store, capsys, "lineage", f"{row['run']}@{row['t_s']}/TC_magnet"), "what": sql}
+    (point,) = found["points"]
+    assert (point["residual_K"], point["first"], point["last"]) == (
+        row["residual_K"],
+        row["first_record"],
+        row["last_record"],
+    )
+    kinds = [link["kind"] for link in found["links"]]
+    assert kinds == ["replay", "motor file", "session", "bench file", "log", "decode", "signal database"]
+    assert all(link["event"] and link["code"].startswith("whyhot ") for link in found["links"])
+    assert found["links"][4]["id"] == row["file_id"]
+    assert found["links"][4]["command"] == "whyhot ingest 1_s1.blf --bench bench.toml --dbc bench.dbc"
+    assert found["links"][0]["command"].startswith(f"whyhot replay {row['session'][:12]} --model ")
+    records = {one["record"]: one for one in found["records"]}
+    assert set(records) == {row["first_record"], row["last_record"]}
+    holds = [one["holds"] for one in records.values()]
+    magnet = [int.from_bytes(bytes.fromhex(one.split(": ")[1])[4:6], "little") / 100 for one in holds]
+    assert min(magnet) - 0.5 < row["measured_degC"] < max(magnet) + 0.5, "the DBC's bytes 4 and 5, in 0.01 degC"
+    assert all(one["where"].startswith("byte ") for one in records.values())
+
+
+def test_the_mean_error_of_a_report_is_that_of_the_steps_behind_it(store: Path, capsys: Capture) -> None:
+    (run,) = ask(store, capsys, "sql", "SELECT run, summary->'mae_K'->>'magnet' AS mae FROM runs")["rows"]
+    (point,) = ask(store, capsys, "lineage", f"{run['run'][:8]}/magnet")["points"]
+    assert point["residual_K"] == pytest.approx(float(run["mae"]), rel=1e-9)
+    assert point["steps"] > 50 and point["channel"] == "TC_magnet"
+
+
+def test_a_sample_a_session_a_log_and_a_model_lead_to_what_they_came_from(store: Path, capsys: Capture) -> None:
+    sample = ask(store, capsys, "lineage", "FROM samples WHERE channel = 'TC_yoke' LIMIT 1")
+    assert [link["kind"] for link in sample["links"]] == ["log", "decode", "bench file", "signal database"]
+    assert len(sample["records"]) == 1
+    session = ask(store, capsys, "lineage", "1_s1")
+    assert [link["kind"] for link in session["links"]][:2] == ["session", "bench file"]
+    assert ask(store, capsys, "lineage", "1_s1.blf")["links"] == sample["links"]
+    assert [one["record"] for one in ask(store, capsys, "lineage", "1_s1.blf:3-5")["records"]] == [3, 5]
+    (model,) = ask(store, capsys, "lineage", "servo-5kW")["links"]
+    assert model["kind"] == "motor file" and model["says"] == "motor.toml of servo-5kW"
+
+
+def test_it_is_told_in_lines_that_a_person_reads(store: Path, capsys: Capture) -> None:
+    assert main(["lineage", "1_s1.blf:3", "--store", str(store)]) == 0
+    said = capsys.readouterr().out.splitlines()
+    assert said[0].startswith("Log               1_s1.blf, ")
+    assert any(line.startswith("Record 3          1_s1.blf, byte ") for line in said)
+
+
+@pytest.mark.parametrize(
+    ("what", "line"),
+    [
+        ("1_s1.blf:99999999", "1_s1.blf: has no record 99,999,999: it holds "),
+        ("2_s1", "2_s1: is not in this store. Nearest: 1_s1"),
+        ("SELECT 1 AS x", "the row has no column that says where it came from: select run"),
+        ("SELECT * FROM runs WHERE run = 'no'", "SQL: gives no row: there is nothing to trace"),
+    ],
+)
+def test_what_leads_nowhere_is_one_line(store: Path, capsys: Capture, what: str, line: str) -> None:
+    capsys.readouterr()
+    assert main(["lineage", what, "--store", str(store)]) == 2
+    said = capsys.readouterr()
+    assert (said.out, said.err.count("\n")) == ("", 1)
+    assert said.err.startswith(line)
