@@ -47,12 +47,16 @@ def correct(
     tell: Callable[[str], None] = lambda _: None,
 ) -> PutRight:
     """Say anew what logs are of (`said`) or what they are read with (`files`: bench file and signal databases, None and
-    empty where these stay); a session stands for all its logs. The sealed bytes are read again where that is needed.
+    empty where these stay); a session stands for all its logs, and a bench file is that of a session. The sealed bytes
+    are read again where that is needed.
 
     Raises CorrectionError where a log is not there or everything is so already, and what `prepare` and `take_in` raise.
     """
     why, before = in_words(why, "--reason", REASON), ledger_facts.at(store.ledger)
-    plans = [_plan(store, before, raw, said, files, motor_file) for raw in _logs(before, texts)]
+    logs = _logs(before, texts)
+    if files[0] is not None:  # a session has one bench file
+        logs = _beside(before, logs)
+    plans = [_plan(store, before, raw, said, files, motor_file) for raw in logs]
     plans = [one for one in plans if one.changes]
     if not plans:
         raise CorrectionError(f"{', '.join(texts)}: is so already: there is nothing to correct")
@@ -77,6 +81,12 @@ def _logs(facts: Facts, texts: Sequence[str]) -> list[str]:
             raise CorrectionError(f"{text}: is no log or session: `whyhot retract {text} --reason TEXT` takes it back")
         logs += [one.key] if one.kind == "log" else [file["raw"] for file in facts.session(one.key).files]
     return list(dict.fromkeys(logs))
+
+
+def _beside(facts: Facts, logs: Sequence[str]) -> list[str]:
+    """These logs and those that are of one session with them."""
+    held = [[file["raw"] for file in session.files] for session in facts.sessions]
+    return list(dict.fromkeys([*logs, *(raw for raws in held if set(raws) & set(logs) for raw in raws)]))
 
 
 def _plan(

@@ -20,12 +20,15 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> Answer:
+    from ingest.facts import facts
     from ingest.facts.store import Store
+    from replay.studies.again.stale import stale
     from replay.studies.diagnosis.accept import accept
 
     with Store.open(store_folder(args), write=True) as store:
         done = accept(store, args.diagnosis, args.steps)
-        event = done.event
+        event, recorded = done.event, store.ledger.events()
+        in_use = stale(recorded, facts.fold(recorded)).in_use
         data = {
             "schema": "whyhot.acceptance/1",
             "diagnosis": event.diagnosis,
@@ -44,6 +47,7 @@ def run(args: argparse.Namespace) -> Answer:
         f"session {name}: goes on with model {model[:8]}: say --model {str(event.model)[:8]} to replay it."
         for name, model in done.elsewhere.items()
     ]
+    notes += [f"{one}: whyhot stale --redo asks it again" for one in in_use if f"d-{event.diagnosis[:12]}" in one]
     return Answer(data, _text(data), notes=notes)
 
 

@@ -32,4 +32,4 @@ def run(args: argparse.Namespace) -> Answer:
             "provenance": provenance(store),
         }
     label = "Brought back" if args.undo else "Taken back"
-    return Answer(data, put_right_text(label, done, args.reason, found), notes=done.left)
+    return Answer(data, put_right_text(label, done, args.reason, found), 1 if done.left else 0, done.left)

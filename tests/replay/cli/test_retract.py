@@ -193,7 +193,7 @@ def test_a_log_is_read_again_with_another_bench_file_from_its_sealed_bytes(capsy
     old = now().session("a")
     Path("a.csv").unlink()
     Path("b.csv").unlink()
-    assert main(["correct", "a", "--bench", "other.toml", *WHY]) == 0
+    assert main(["correct", "b.csv", "--bench", "other.toml", *WHY]) == 0
     assert "log a.csv: bench other.toml " in capsys.readouterr().out
     new = now().session("a")
     assert new.session == old.session and new.bench != old.bench
