@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -90,19 +90,19 @@ class Chains:
         words += ["--hold-out", *map(self._name, kept)] if kept else []
         causes, code = ", ".join(event.summary.get("causes", ())), str(event.key.get("code", ""))[:SHORT]
         link = self._link("diagnosis", DiagnosisCompleted, diagnosis, f"{causes or 'no cause'}, code {code}", words)
-        return [link, *(self.of_model(model) if model else []), *self._of_sessions([*train, *kept])]
+        return [link, *(self.of_model(model) if model else []), *self._of_sessions([*train, *kept], event.key)]
 
     def of_calibration(self, calibration: str) -> list[FactLink]:
         event = next(one for one in self.facts.calibrations.values() if one.calibration == calibration)
         words = ["whyhot", "calibrate", "--on", *map(self._name, event.sessions), "--model", event.parent[:SHORT]]
         says = f"made model {event.model[:SHORT]} of {event.motor}"
         link = self._link("calibration", CalibrationCompleted, calibration, says, words)
-        return [link, *self.of_model(event.parent), *self._of_sessions(event.sessions)]
+        return [link, *self.of_model(event.parent), *self._of_sessions(event.sessions, event.key)]
 
     def of_ageing(self, assessment: str) -> list[FactLink]:
         event = self.facts.assessments[assessment]
         says, words = f"from {len(event.sessions)} sessions with checks", ["whyhot", "ageing"]
-        return [self._link("ageing", AgeingAssessed, assessment, says, words), *self._of_sessions(event.sessions)]
+        return [self._link("ageing", AgeingAssessed, assessment, says, words), *self._of_sessions(event.sessions, {})]
 
     def of_model(self, model: str) -> list[FactLink]:
         """The motor file, and those that it was made from."""
@@ -153,8 +153,10 @@ class Chains:
         says = f"{event.name} of {event.specimen}: {event.finding}"
         return [self._link("inspection", InspectionRecorded, inspection, says)]
 
-    def _of_sessions(self, sessions: Iterable[str]) -> list[FactLink]:
-        return [link for session in sessions for link in self.of_session(session)]
+    def _of_sessions(self, sessions: Iterable[str], key: Mapping[str, Any]) -> list[FactLink]:
+        """Sessions of an answer, each with its bench file as it stands in the answer's key."""
+        given = {one.session: one.bench for one in self.facts.sessions if one.bench in key.get("benches", ())}
+        return [link for session in sessions for link in self.of_session(session, given.get(session))]
 
     def _bench(self, bench: str | None) -> Iterator[FactLink]:
         if bench in self.facts.benches and bench is not None:

@@ -6,6 +6,7 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
+from ingest.errors import UnknownSessionError
 from ingest.facts import facts as ledger_facts
 from ingest.facts.events import CauseAccepted, DiagnosisCompleted, ModelExtended
 from ingest.facts.facts import Facts
@@ -58,6 +59,7 @@ def accept(store: Store, text: str, steps: int | None = None) -> Acceptance:
     facts = ledger_facts.at(store.ledger)
     completed = find_diagnosis(facts, text)
     found = read(json.loads(store.archive.read(completed.artefact)))
+    _refuse_gone(facts, found)
     benches: Mapping[str, str]
     if steps is None:
         event, benches = _event(store, completed.diagnosis, found), found.extended_benches
@@ -73,6 +75,16 @@ def accept(store: Store, text: str, steps: int | None = None) -> Acceptance:
         store.ledger.append_all([(f"diagnosis-{event.diagnosis}", one) for one in (event, *further)])
         facts = ledger_facts.at(store.ledger)
     return Acceptance(event, further, known, _elsewhere(facts, found, event.model) if event.model else {})
+
+
+def _refuse_gone(facts: Facts, found: Diagnosis) -> None:
+    """Raises ReplayDataError where a session of the diagnosis was taken back."""
+    for session in (*found.train, *found.held_out):
+        try:
+            facts.session(session)
+        except UnknownSessionError as error:
+            name = f"d-{found.diagnosis[:SHORT]}"
+            raise ReplayDataError(f"diagnosis {name}: {error}; `whyhot stale --redo` asks without it") from None
 
 
 def _first(diagnosis: str, found: Diagnosis, steps: int) -> tuple[CauseAccepted, Mapping[str, str]]:

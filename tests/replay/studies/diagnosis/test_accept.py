@@ -216,6 +216,19 @@ def test_a_diagnosis_taken_back_leaves_the_files_before_it_current(
     assert current(store_folder) == (made["model"], made["bench"])
 
 
+def test_what_learnt_from_a_session_that_was_taken_back_is_not_accepted(
+    store_folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    diagnosed(store_folder, "4f0cbeef00000001", CAUSES)
+    assert main(["retract", "1_learn", "--reason", "a mistake", "--store", str(store_folder)]) == 0
+    before = head(store_folder)
+    capsys.readouterr()
+    assert main(["accept", "d-4f0c", "--store", str(store_folder)]) == 2
+    line = "diagnosis d-4f0cbeef0000: session 1_learn was taken back on "
+    assert capsys.readouterr().err.startswith(line)
+    assert head(store_folder) == before
+
+
 def test_a_replay_after_it_is_another_run_of_the_same_session(
     store_folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
