@@ -59,7 +59,7 @@ class ChannelData:
         weights = " + ".join(f"{share:g} {node}" for node, share in self.spec.weights.items())
         return self.spec.node or weights or None
 
-    def samples(self, which: slice) -> ChannelData:
+    def samples(self, which: slice | NDArray[np.int64]) -> ChannelData:
         """The channel with some of its samples."""
         names = ("t_ns", "value", "record", "raw", *(() if self.read is None else ("read",)))
         return replace(self, **{name: getattr(self, name)[which] for name in names})
@@ -196,7 +196,7 @@ def each_second(channels: Sequence[ChannelData], block_s: int = 1) -> tuple[list
     """
     span = (min(int(channel.t_ns[0]) for channel in channels), max(int(channel.t_ns[-1]) for channel in channels))
     means = [block_means(channel.t_ns, channel.value, span, block_s) for channel in channels]
-    measured = [_measured(channel, span[0], len(means[0]), block_s) for channel in channels]
+    measured = [measured_blocks(channel, span[0], len(means[0]), block_s) for channel in channels]
     return means, np.all(measured, axis=0)
 
 
@@ -215,7 +215,7 @@ def block_means(t_ns: NDArray[np.int64], value: Array, span: tuple[int, int], bl
     return held
 
 
-def _measured(channel: ChannelData, start_ns: int, count: int, block_s: int) -> NDArray[np.bool_]:
+def measured_blocks(channel: ChannelData, start_ns: int, count: int, block_s: int) -> NDArray[np.bool_]:
     """Which of `count` blocks from `start_ns` are neither in a gap of the channel nor before or after it."""
     second = (channel.t_ns - start_ns) // (block_s * 1_000_000_000)
     gap = np.diff(channel.t_ns) > max(STALE_MEDIANS * channel.median_ns, GAP_NS)

@@ -30,6 +30,7 @@ VERBS: dict[str, str] = {
     "export": "the samples of a session as CSV, Excel, Parquet, MCAP or MF4",
     "motor": "motor files: check, new, scale, slice, plot, reduce, export",
     "bench": "bench files: export",
+    "repeat": "the same test again: what two sessions read differently where they were driven alike, and since when",
     "calibrate": "coefficients from recorded sessions, as a new model",
     "protocol": "influence on drive cycles, fit to S1 and S2 points, check and filter on the drive cycles",
     "diagnose": "show what the model gets wrong, name the cause, extend the model, measure the gain",

@@ -1,0 +1,123 @@
+"""What `whyhot repeat` says: how far two runs were driven alike, what differs beyond its floor, and since when."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from ingest.catalogue.page import table
+from ingest.morning.changes import Change
+from ingest.morning.differences import CellDifference, ChannelDifference
+from ingest.morning.repeat import Comparison, Repeat
+from replay.show.words import words
+from replay.show.words.terminal import WIDTH, labelled
+
+AXES = {"speed": "rpm", "torque": "Nm", "current": "A", "oven": "°C"}
+SHOWN = 12  # channels; the JSON has all
+
+
+def repeat_text(found: Repeat) -> str:
+    """The answer first, then how it was compared, every channel, and what the ledger knows to have changed."""
+    first, second = found.first.name, found.second.name
+    lines = labelled("Answer", answer(found))
+    lines += labelled("Driven alike", alike(found.beside, first, second))
+    lines += labelled("Floor", floor(found))
+    lines += ["", *channel_lines(found.beside, first, second)]
+    lines += ["", *_change_lines(found.changes, first, second)]
+    return "\n".join([*lines, "", f"next: whyhot show {second}"])
+
+
+def answer(found: Repeat) -> str:
+    """What exceeds its floor, and since when."""
+    second, beside = found.second.name, found.beside
+    if not beside.exceeding:
+        return f"{second} reads as {found.first.name} where both were driven alike: nothing exceeds its floor."
+    told = [difference_says(one) + _since(found, one) for one in beside.exceeding[:3]]
+    more = len(beside.exceeding) - len(told)
+    rest = f" And {words.counted(more, 'more channel')}." if more else ""
+    return f"In {second}, against {found.first.name}: {'; '.join(told)}.{rest}"
+
+
+def difference_says(one: ChannelDifference) -> str:
+    """ "T_1 reads 4.2 K more at about 6,000 rpm and 100 A (start and drive explain 0.0 to 0.5 K, floor 1.4 K)"."""
+    off = one.worst.difference
+    low, high = one.worst.explained
+    of = f"start and drive explain {figure(low)} to {amount(high, one)}, " if (low, high) != (0.0, 0.0) else ""
+    more = "more" if off > 0 else "less"
+    where = where_says(one.worst)
+    return f"{one.channel} reads {amount(abs(off), one)} {more}{where} ({of}floor {amount(one.floor, one)})"
+
+
+def where_says(place: CellDifference) -> str:
+    """ " at about 6,000 rpm and 100 A": the middle of the cell."""
+    sides = [f"{words.number((a + b) / 2)} {AXES[name]}" for name, (a, b) in place.cell.items()]
+    return f" at about {words.joined(sides)}" if sides else ""
+
+
+def alike(beside: Comparison, first: str, second: str) -> str:
+    """How long, and by what they were laid beside each other."""
+    shares = [f"{100 * share:.0f} % of {name}" for share, name in zip(beside.shares, (first, second), strict=True)]
+    how = f"by {words.joined([*beside.by])}, in {words.counted(beside.stretches, 'stretch').replace('chs', 'ches')}"
+    return f"{words.duration(beside.matched_s)} {how}: {words.joined(shares)}."
+
+
+def floor(found: Repeat) -> str:
+    """What a difference is weighed against."""
+    sensors = "two standard deviations of two sessions' sensor errors (meters 2 %)"
+    if not found.earlier:
+        return f"{sensors}; no earlier run of this test tells how well it repeats."
+    runs = words.counted(len(found.earlier), "earlier run")
+    return f"{sensors}, or what {runs} of this test ({', '.join(found.earlier)}) differed by where that is more."
+
+
+def channel_lines(beside: Comparison, first: str, second: str) -> list[str]:
+    """Every channel in both runs, one line each."""
+    head = ("channel", "unit", first, second, "differs", "explained", "floor", "", "most")
+    rows = [_row(one) for one in beside.channels[:SHOWN]]
+    more = len(beside.channels) - len(rows)
+    lines = table(head, rows, WIDTH, right=(2, 3, 4, 6))
+    return lines + ([f"and {words.counted(more, 'more channel')} (--json has all)"] if more else [])
+
+
+def _row(one: ChannelDifference) -> tuple[str, ...]:
+    low, high = one.worst.explained
+    explained = "" if (low, high) == (0.0, 0.0) else f"{figure(low)} to {figure(high)}"
+    figures = (figure(one.first), figure(one.second), _signed(one.worst.difference))
+    place = where_says(one.worst).removeprefix(" at about ").replace(" and ", ", ")
+    return one.channel, one.unit or "", *figures, explained, figure(one.floor), one.verdict, place
+
+
+def _since(found: Repeat, one: ChannelDifference) -> str:
+    if not found.between:
+        return ""
+    return f", since {found.since[one.channel]}"
+
+
+def _change_lines(found: Sequence[Change], first: str, second: str) -> list[str]:
+    if not found:
+        return labelled("Changed", f"the ledger knows of nothing that changed between {first} and {second}.")
+    told = [f"#{one.position} {(one.recorded or '')[:16].replace('T', ' ')}: {one.says}" for one in found]
+    return [line for i, says in enumerate(told) for line in labelled("Changed" if i == 0 else "", says)]
+
+
+def amount(value: float, one: ChannelDifference) -> str:
+    """A number with the unit of a channel's differences."""
+    unit = "K" if one.quantity == "temperature" else one.unit or ""
+    return f"{figure(value)} {unit}".strip()
+
+
+def _signed(value: float) -> str:
+    return f"{'+' * (value > 0)}{figure(value)}"
+
+
+def figure(value: float) -> str:
+    """What tells of a number: "4.2", "0.13", "1,200"; what is less than 0.1 with one digit."""
+    if abs(value) >= 1000:
+        return f"{value:,.0f}".replace("-", "−")
+    text = (
+        f"{value:.1f}"
+        if abs(value) >= 1 or abs(value) < 1e-9
+        else f"{value:.2g}"
+        if abs(value) >= 0.1
+        else f"{value:.1g}"
+    )
+    return text.replace("-", "−")

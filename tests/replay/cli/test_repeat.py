@@ -1,0 +1,106 @@
+"""`whyhot repeat`: two runs of a store, what differs, since when, and what the ledger says changed between them."""
+
+from __future__ import annotations
+
+import json
+import re
+from datetime import UTC, datetime
+from pathlib import Path
+
+import pytest
+
+from made.places import ROOT
+from made.repeated import run
+from replay.cli import main
+
+Capture = pytest.CaptureFixture[str]
+START = datetime(2025, 10, 6, 18, tzinfo=UTC).timestamp()
+BENCH = """\
+schema = "whyhot.bench/1"
+specimen = "M-07"
+kind = "drive"
+[[channel]]
+signal = "n"
+quantity = "speed"
+unit = "rpm"
+[[channel]]
+signal = "M"
+quantity = "torque"
+unit = "Nm"
+[[channel]]
+signal = "T_winding"
+quantity = "temperature"
+unit = "degC"
+node = "winding"
+sensor = "TC-1"
+[[channel]]
+signal = "T_yoke"
+quantity = "temperature"
+unit = "degC"
+node = "yoke"
+[[channel]]
+signal = "T_coolant"
+quantity = "temperature"
+unit = "degC"
+node = "coolant"
+"""
+
+
+def write_table(path: Path, day: int, **more: float) -> None:
+    """A run of the test as a table at 1 Hz, begun at 18:00 of a day."""
+    channels = run(noise_seed=day, **more)  # type: ignore[arg-type]
+    rows = [",".join(["time", *(one.spec.name for one in channels)])]
+    for k, values in enumerate(zip(*(one.value for one in channels), strict=True)):
+        stamp = datetime.fromtimestamp(START + 86_400 * day + k, UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
+        rows.append(",".join([stamp, *(f"{value:.2f}" for value in values)]))
+    path.write_text("\n".join(rows) + "\n", encoding="utf-8")
+
+
+@pytest.fixture(scope="module")
+def store(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Four evenings of one test; before the third the winding's sensor was changed, and it reads 3 K too much."""
+    folder = tmp_path_factory.mktemp("repeat")
+    (folder / "old.toml").write_text(BENCH, encoding="utf-8")
+    (folder / "new.toml").write_text(BENCH.replace("TC-1", "TC-7"), encoding="utf-8")
+    for day in range(4):
+        write_table(folder / f"evening_{day}.csv", day, winding_K=3.0 * (day > 1))
+    for name, days in (("old", (0, 1)), ("new", (2, 3))):
+        logs = [str(folder / f"evening_{day}.csv") for day in days]
+        assert main(["ingest", *logs, "--bench", str(folder / f"{name}.toml"), "--store", str(folder / "s")]) == 0
+    return folder / "s"
+
+
+def test_it_says_what_differs_since_which_run_and_what_changed(store: Path, capsys: Capture, tmp_path: Path) -> None:
+    target = tmp_path / "repeat.json"
+    assert main(["repeat", "evening_0", "evening_3", "--store", str(store), "--json", str(target)]) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert "In evening_3, against evening_0: T_winding reads 3" in said
+    assert ", since evening_2." in said
+    assert "bench file new.toml: T_winding: sensor TC-7 (was TC-1)" in said
+    data = json.loads(target.read_text(encoding="utf-8"))
+    assert data["schema"] == "whyhot.repeat/1"
+    assert [one["channel"] for one in data["channels"] if one["verdict"] == "exceeds"] == ["T_winding"]
+    assert data["since"] == {"T_winding": "evening_2"}
+    assert [one["event"] for one in data["changes"]] == ["BenchRegistered"]
+    assert data["provenance"]["store_head"]
+
+
+def test_the_page_shows_what_is_printed(store: Path, capsys: Capture) -> None:
+    page = (ROOT / "docs" / "morning.md").read_text(encoding="utf-8")
+    assert main(["repeat", "evening_0", "evening_3", "--store", str(store)]) == 0
+    printed = re.sub(r"20\d\d-\d\d-\d\d \d\d:\d\d:", "2025-10-08 06:12:", capsys.readouterr().out)
+    assert f"```console\n$ whyhot repeat evening_0 evening_3\n{printed}```" in page
+
+
+def test_runs_that_repeat_say_so_and_how_well_they_did_before(store: Path, capsys: Capture) -> None:
+    assert main(["repeat", "evening_1", "evening_0", "--store", str(store)]) == 0
+    said = capsys.readouterr().out
+    assert said.startswith("Answer            evening_0 reads as evening_1 where both were driven alike")
+    assert "the ledger knows of nothing that changed" in said
+
+
+def test_earlier_runs_are_a_floor(store: Path, capsys: Capture) -> None:
+    assert main(["repeat", "evening_2", "evening_3", "--store", str(store), "--json"]) == 0
+    data = json.loads(capsys.readouterr().out)
+    assert data["earlier"] == ["evening_1", "evening_0"]
+    assert {one["verdict"] for one in data["channels"]} == {"within"}
