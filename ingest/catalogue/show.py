@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from ingest.catalogue import operating_points, power, quality
 from ingest.catalogue.channels import ChannelData
 from ingest.catalogue.description import ChannelDescription, Repeats, SessionDescription, SourceDescription
-from ingest.catalogue.looked import look
+from ingest.catalogue.looked import Looked, look
 from ingest.catalogue.quality import ChannelQuality
 from ingest.facts.events import COUNTS, SessionRecorded
 from ingest.facts.facts import Facts
@@ -20,7 +20,11 @@ if TYPE_CHECKING:
 
 def describe(store: Store, facts: Facts, session: SessionRecorded) -> SessionDescription:
     """Look through the samples of a session. Raises DamageError where they are damaged or missing."""
-    samples = look(store, facts, session)
+    return described(facts, session, look(store, facts, session))
+
+
+def described(facts: Facts, session: SessionRecorded, samples: Looked) -> SessionDescription:
+    """What there is to say of a session that was looked through."""
     channels, qualities = samples.channels, samples.qualities
     balance = power.balance(channels)
     bench = facts.bench_of(session)

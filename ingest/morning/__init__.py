@@ -1,5 +1,6 @@
-"""The same test again: two runs laid beside each other, what differs, and since when.
+"""The morning after: what a day's logs hold, what is wrong with them, and the same test before beside them.
 
-`matching` pairs what was driven alike, `differences` says what reads differently and what explains it, `changes` what
-the ledger knows to have changed; `repeat` is `whyhot repeat`.
+`morning` is `whyhot morning`: `found_setup` looks for what explains the logs, `ending` and `sensors` judge a session.
+`repeat` is `whyhot repeat`: `matching` pairs what two runs drove alike, `differences` says what reads differently and
+what explains it, `changes` what the ledger knows to have changed.
 """

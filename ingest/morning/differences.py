@@ -22,12 +22,21 @@ from ingest.morning.matching import LEAST_s, Matched, RunBlocks
 
 SIGMAS = 2.0  # of the sensors' own uncertainty that a floor stands for
 BIAS_K = 0.5  # one sigma, constant within a session: of a temperature of which no bench file says more
+ANSWERS = (
+    "torque",
+    "power",
+    "heat",
+    *(f"{kind}{of}" for kind in ("current", "voltage") for of in ("", "_d", "_q", "_dc")),
+)
+"""Quantities that follow speed and load: where these differ within what counts as alike, so do they."""
 ROOM_degC = 20.0  # what a motor rises over where nothing around it is recorded
 FORGETS_s = 3600.0  # the time constant with which the slowest parts, rotor and housing, forget how warm they began
 FOLLOWS: Mapping[str, float] = {"speed": 2.0, "torque": 2.0, "current": 2.0, "voltage_dc": 2.0, "flow": -1.0}
 """Quantity -> the steepest power of it that a temperature rise goes with: joule heat with the square of the current,
 eddy currents with that of speed and voltage; a film becomes no better than in proportion to its flow."""
 
+LEAST_RANGE = 10.0  # over which a channel must have moved for its offset to be called the same everywhere
+SAME = 0.3  # of an offset, that it may differ by between cold and warm
 VERDICTS = ("exceeds", "explained", "within")
 
 Array = NDArray[np.float64]
@@ -68,6 +77,8 @@ class ChannelDifference:
     floor: float
     repeats: int
     verdict: str  # one of VERDICTS
+    around: bool  # a temperature of what surrounds the motor
+    constant: bool  # whether it is off by the same where it is cold and where it is warm
 
     @property
     def off(self) -> float:
@@ -124,7 +135,9 @@ def _difference(
         return
     observed = one.spec.quantity == "temperature" and not is_around(one)
     low, high = causes.bounds(a) if observed else (np.zeros(len(a)), np.zeros(len(a)))
-    floor = max(_floor(one, other, float(np.abs(a[known]).max())), max(earlier, default=0.0))
+    if one.spec.quantity in ANSWERS and one.spec.quantity not in matched.by:
+        low, high = -causes.slack * np.abs(a), causes.slack * np.abs(a)
+    floor = max(_floor(one, other, float(np.nanmax(np.abs(runs[0].means[name])))), max(earlier, default=0.0))
     places = list(_places(runs[0], matched, known, b - a, low, high))
     worst, verdict = max(places, key=lambda place: abs(place.beyond)), "exceeds"
     if abs(worst.beyond) <= floor:
@@ -142,7 +155,17 @@ def _difference(
         floor=floor,
         repeats=len(earlier),
         verdict=verdict,
+        around=is_around(one),
+        constant=_constant(a[known], (b - a)[known]),
     )
+
+
+def _constant(value: Array, off: Array) -> bool:
+    """Whether the coldest and the warmest quarter of `value` (P,) are off by the same, as a sensor is and no motor."""
+    if np.ptp(value) < LEAST_RANGE:
+        return False
+    cold, warm = (off[side].mean() for side in (value <= np.quantile(value, 0.25), value >= np.quantile(value, 0.75)))
+    return bool(abs(warm - cold) < SAME * abs(warm + cold) / 2)
 
 
 def _floor(one: ChannelData, other: ChannelData, largest: float) -> float:
@@ -190,6 +213,7 @@ class _Causes:
     around: tuple[Array, Array]  # least and greatest difference of what surrounds the motor, 0 among them [K]
     coolest: Array  # of what surrounds it, in the first run [degC]; NaN where it is not known
     powers: tuple[Array, Array]  # by which factor less 1 a rise may be smaller and larger
+    slack: Array  # share by which what follows speed and load may differ with them
     starts: tuple[Array, Array]  # what is left of the least and greatest difference in which a stretch began [K]
 
     @classmethod
@@ -217,6 +241,7 @@ class _Causes:
             _hull(changes, size),
             np.fmin.reduce([off[name][0] for name in around]) if around else np.full(size, np.nan),
             (np.minimum(powers, 0.0).sum(axis=0), np.maximum(powers, 0.0).sum(axis=0)),
+            np.nan_to_num(np.sum([_slack(runs, matched, name) for name in matched.by], axis=0)),
             (least * left, most * left),
         )
 
@@ -243,6 +268,12 @@ def _begun(matched: Matched, off: Array) -> Array:
     count = np.bincount(matched.stretch, early)
     total = np.bincount(matched.stretch, np.where(early, off, 0.0))
     return np.asarray(np.divide(total, count, out=np.full(len(count), np.nan), where=count > 0)[matched.stretch])
+
+
+def _slack(runs: tuple[RunBlocks, RunBlocks], matched: Matched, name: str) -> Array:
+    """Twice the share by which a quantity of the drive differs (P,): power goes with both, and heat with a square."""
+    a, b = _both(runs, matched, name)
+    return np.asarray(2.0 * np.abs(b - a) / np.maximum(np.abs(a), 0.05 * np.nanmax(np.abs(a), initial=1e-9)))
 
 
 def _power(runs: tuple[RunBlocks, RunBlocks], matched: Matched, one: ChannelData) -> Array:

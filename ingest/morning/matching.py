@@ -48,6 +48,16 @@ class Matched:
     since_s: Array
     block_s: int
 
+    def shares(self, runs: tuple[RunBlocks, RunBlocks], least: float) -> tuple[float, float]:
+        """Which share of each run was driven alike, of the time with more than `least` of the largest speed or load; 0
+        where there is none."""
+        tops = {name: max(float(np.nanmax(np.abs(run.means[name]), initial=0.0)) for run in runs) for name in self.by}
+        own = []
+        for run, at in zip(runs, (self.first, self.second), strict=True):
+            drives = np.any([np.abs(run.means[name]) > least * tops[name] for name in self.by], axis=0)
+            own.append(float(drives[at].sum() / max(drives.sum(), 1)))
+        return own[0], own[1]
+
     @property
     def matched_s(self) -> float:
         """How long both were driven alike [s]."""

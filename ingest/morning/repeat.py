@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ingest.catalogue.channels import ChannelData
+from ingest.catalogue.kinds import LOADED
 from ingest.catalogue.looked import Looked, look
 from ingest.catalogue.show import iso
 from ingest.errors import IngestError
@@ -32,6 +33,7 @@ class Comparison:
     by: tuple[str, ...]  # quantities that the two are laid beside each other by
     matched_s: float
     shares: tuple[float, float]  # of the first and of the second run
+    driven: tuple[float, float]  # the same of the time in which it was driven
     stretches: int
     channels: tuple[ChannelDifference, ...]
 
@@ -81,6 +83,7 @@ def comparison_json(beside: Comparison) -> dict[str, Any]:
         "aligned_by": list(beside.by),
         "matched_s": beside.matched_s,
         "matched_share": list(beside.shares),
+        "driven_share": list(beside.driven),
         "stretches": beside.stretches,
         "channels": channels,
     }
@@ -130,7 +133,8 @@ def lay(
         )
     shares = [len(matched.first) / len(run.means[by[0]]) for run in runs]
     found = differences(first, second, runs, matched, earlier)
-    return Comparison(by, matched.matched_s, (shares[0], shares[1]), _stretches(matched), tuple(found))
+    driven = matched.shares(runs, LOADED)
+    return Comparison(by, matched.matched_s, (shares[0], shares[1]), driven, _stretches(matched), tuple(found))
 
 
 def usable(seen: Looked) -> list[ChannelData]:
@@ -144,22 +148,27 @@ def usable(seen: Looked) -> list[ChannelData]:
 
 def runs_before(facts: Facts, session: SessionRecorded) -> list[SessionRecorded]:
     """The sessions of the same kind, specimen and rig that began before this one, the latest first."""
+    if not session.absolute:
+        return []
     return [
         one
         for one in reversed(facts.sessions)
-        if _same_test(one, session) and one.specimen == session.specimen and one.start_ns < session.start_ns
+        if same_test(one, session) and one.specimen == session.specimen and one.start_ns < session.start_ns
     ]
 
 
-def _same_test(one: SessionRecorded, other: SessionRecorded) -> bool:
-    alike = (one.kind, one.configuration) == (other.kind, other.configuration)
-    return alike and one.absolute and other.absolute and one.session != other.session
+def same_test(one: SessionRecorded, other: SessionRecorded) -> bool:
+    """Whether two sessions are of one kind and rig, and of both or of none it is known when they ran."""
+    alike = (one.kind, one.configuration, one.absolute) == (other.kind, other.configuration, other.absolute)
+    return alike and one.session != other.session
 
 
 def _between(facts: Facts, first: SessionRecorded, second: SessionRecorded) -> list[SessionRecorded]:
     """The last runs of the test that began between the two, in the order of time."""
+    if not (first.absolute and second.absolute):
+        return []
     begun = sorted((first.start_ns, second.start_ns))
-    found = [one for one in facts.sessions if _same_test(one, first) and begun[0] < one.start_ns < begun[1]]
+    found = [one for one in facts.sessions if same_test(one, first) and begun[0] < one.start_ns < begun[1]]
     return [one for one in found if one.session != second.session][-BETWEEN:]
 
 

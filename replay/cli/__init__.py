@@ -22,6 +22,7 @@ from replay.cli.status import status
 
 VERBS: dict[str, str] = {
     "demo": "the whole way on shipped recordings of a real motor, offline",
+    "morning": "what a day's logs hold, what is wrong with them, and the last run of each test beside them",
     "inspect": "what is inside log files, before anything is stored; drafts a bench file",
     "ingest": "seal, record and decode log files, and account for every record",
     "attach": "seal a photograph, thermogram or any file with what was found on a specimen",

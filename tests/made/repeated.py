@@ -2,12 +2,45 @@
 
 from __future__ import annotations
 
+from datetime import UTC, datetime
+from pathlib import Path
+
 import numpy as np
 
 from ingest.catalogue.channels import ChannelData
 from made.channels import channel
 
 SECONDS = 3000
+START = datetime(2025, 10, 6, 18, tzinfo=UTC).timestamp()
+BENCH = """\
+schema = "whyhot.bench/1"
+specimen = "M-07"
+kind = "drive"
+[[channel]]
+signal = "n"
+quantity = "speed"
+unit = "rpm"
+[[channel]]
+signal = "M"
+quantity = "torque"
+unit = "Nm"
+[[channel]]
+signal = "T_winding"
+quantity = "temperature"
+unit = "degC"
+node = "winding"
+sensor = "TC-1"
+[[channel]]
+signal = "T_yoke"
+quantity = "temperature"
+unit = "degC"
+node = "yoke"
+[[channel]]
+signal = "T_coolant"
+quantity = "temperature"
+unit = "degC"
+node = "coolant"
+"""
 
 
 def run(
@@ -48,3 +81,13 @@ def run(
         channel("M", "torque", load * torque + noise[4]),
         *temperatures,
     ]
+
+
+def write_table(path: Path, day: int, **more: float) -> None:
+    """A run of the test as a table at 1 Hz, begun at 18:00 of a day."""
+    channels = run(noise_seed=day, **more)  # type: ignore[arg-type]
+    rows = [",".join(["time", *(one.spec.name for one in channels)])]
+    for k, values in enumerate(zip(*(one.value for one in channels), strict=True)):
+        stamp = datetime.fromtimestamp(START + 86_400 * day + k, UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
+        rows.append(",".join([stamp, *(f"{value:.2f}" for value in values)]))
+    path.write_text("\n".join(rows) + "\n", encoding="utf-8")

@@ -4,56 +4,15 @@ from __future__ import annotations
 
 import json
 import re
-from datetime import UTC, datetime
 from pathlib import Path
 
 import pytest
 
 from made.places import ROOT
-from made.repeated import run
+from made.repeated import BENCH, write_table
 from replay.cli import main
 
 Capture = pytest.CaptureFixture[str]
-START = datetime(2025, 10, 6, 18, tzinfo=UTC).timestamp()
-BENCH = """\
-schema = "whyhot.bench/1"
-specimen = "M-07"
-kind = "drive"
-[[channel]]
-signal = "n"
-quantity = "speed"
-unit = "rpm"
-[[channel]]
-signal = "M"
-quantity = "torque"
-unit = "Nm"
-[[channel]]
-signal = "T_winding"
-quantity = "temperature"
-unit = "degC"
-node = "winding"
-sensor = "TC-1"
-[[channel]]
-signal = "T_yoke"
-quantity = "temperature"
-unit = "degC"
-node = "yoke"
-[[channel]]
-signal = "T_coolant"
-quantity = "temperature"
-unit = "degC"
-node = "coolant"
-"""
-
-
-def write_table(path: Path, day: int, **more: float) -> None:
-    """A run of the test as a table at 1 Hz, begun at 18:00 of a day."""
-    channels = run(noise_seed=day, **more)  # type: ignore[arg-type]
-    rows = [",".join(["time", *(one.spec.name for one in channels)])]
-    for k, values in enumerate(zip(*(one.value for one in channels), strict=True)):
-        stamp = datetime.fromtimestamp(START + 86_400 * day + k, UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
-        rows.append(",".join([stamp, *(f"{value:.2f}" for value in values)]))
-    path.write_text("\n".join(rows) + "\n", encoding="utf-8")
 
 
 @pytest.fixture(scope="module")

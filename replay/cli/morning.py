@@ -1,0 +1,72 @@
+"""`whyhot morning DIR`: what a day's logs hold, what is wrong with them, and the last run of each test beside them."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from replay.cli.answer import Answer, provenance, store_folder
+from replay.cli.asked import ask_databases, ask_logs
+
+if TYPE_CHECKING:
+    from ingest.facts.facts import Facts
+    from ingest.facts.store import Store
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    ask_logs(parser)
+    says = "bench file: what each signal means (default: the one in the folder, else the last of the store)"
+    parser.add_argument("--bench", metavar="B", type=Path, help=says)
+    ask_databases(parser)
+    says = "take the logs into the store as `whyhot ingest` does; without, nothing is stored"
+    parser.add_argument("--ingest", action="store_true", help=says)
+
+
+def run(args: argparse.Namespace) -> Answer:
+    from ingest.facts.sessions import Override
+    from ingest.intake.given import opened
+    from ingest.intake.intake import take_in
+    from ingest.morning.found_setup import found_setup
+    from ingest.morning.morning import morning
+    from replay.cli.progress import tell
+    from replay.engine.files.models import for_intake
+    from replay.show.verbs.morning import morning_json, morning_text
+
+    with opened(args.files) as given, _stores(store_folder(args), args.ingest) as (store, past):
+        found = found_setup(args.files, [*given.logs], args.bench, args.dbc, for_intake, past)
+        intake = take_in(store, [*given.logs], found.setup, Override(), tell)
+        tell("looking")
+        answer = morning(store, intake, past, found.source, args.ingest)
+        store.ledger.seal()
+        said = provenance(past[0] if past else None, setup=found.source, kept=args.ingest)
+    skipped = [line for line in given.skipped if not found.explains(line)]
+    lists = {"skipped": skipped, "refused": given.refused}
+    data = {**morning_json(answer), **lists, "provenance": said}
+    refusals = [*given.refused, *intake.refusals]
+    nothing = not any(one.decode for one in intake.files)
+    text = "" if nothing else morning_text(answer, [str(path) for path in args.files])
+    return Answer(data, text, 1 if refusals else 0, [*skipped, *refusals])
+
+
+@contextmanager
+def _stores(folder: Path, kept: bool) -> Iterator[tuple[Store, tuple[Store, Facts] | None]]:
+    """The store that the logs go into, and the one that was there before with its facts: the same where they are kept,
+    else one that is thrown away."""
+    import tempfile
+
+    from ingest.facts import facts
+    from ingest.facts.store import MARK, Store
+
+    if kept:
+        with Store.open(folder, create=True, write=True) as store:
+            yield store, (store, facts.at(store.ledger))
+        return
+    with tempfile.TemporaryDirectory(prefix="whyhot-") as away, Store.open(Path(away) / "s", create=True) as store:
+        if not (folder / MARK).is_file():
+            yield store, None
+            return
+        with Store.open(folder) as past:
+            yield store, (past, facts.at(past.ledger))

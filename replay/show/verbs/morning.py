@@ -1,0 +1,172 @@
+"""What `whyhot morning` says: the answer, the balance, then each session in a few lines."""
+
+from __future__ import annotations
+
+import shlex
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
+from typing import Any
+
+from ingest.catalogue.operating_points import OperatingPoints
+from ingest.catalogue.quality import seconds
+from ingest.facts.events import COUNTS
+from ingest.morning.morning import Before, Morning, Night
+from replay.show.verbs.intake import intake_json
+from replay.show.verbs.repeat import AXES, difference_says
+from replay.show.words import words
+from replay.show.words.terminal import labelled
+
+CELLS = 3  # in which a session stayed longest
+DIFFERENCES = 3  # of a run before; `whyhot repeat` has all
+
+
+def morning_json(found: Morning) -> dict[str, Any]:
+    """The answer "whyhot.morning/1": files with their balance as `ingest` has them, and each session."""
+    intake = intake_json(found.intake)
+    return {
+        "schema": "whyhot.morning/1",
+        "setup": found.source,
+        "kept": found.kept,
+        "files": intake["files"],
+        "flags": intake["flags"],
+        "sessions": found.sessions_json(),
+    }
+
+
+def morning_text(found: Morning, given: Sequence[str]) -> str:
+    """At most 100 columns: what to look at first, the next command last."""
+    lines = labelled("Answer", answer(found))
+    lines += labelled("Balance", balance(found))
+    lines += labelled("Meaning", f"{found.source}." if found.source != "no bench file" else NO_BENCH)
+    for night in found.nights:
+        lines += ["", *_night_lines(night)]
+    return "\n".join([*lines, "", f"next: {_next(found, given)}"])
+
+
+NO_BENCH = "no bench file says what the signals mean: they are guessed by name and unit (whyhot inspect --bench-draft)."
+
+
+def answer(found: Morning) -> str:
+    """How much there is, and how many things a person should look at."""
+    nights = found.nights
+    total = sum(night.description.duration_s for night in nights)
+    kinds = Counter(night.description.kind for night in nights)
+    told = ", ".join(f"{count} {kind}" for kind, count in kinds.items())
+    wrong = Counter(name for night in nights for name in look_at(night))
+    looks = words.joined([words.counted(count, name) for name, count in wrong.items()])
+    what = (
+        f"{words.counted(len(nights), 'session')} ({told}), {words.duration(total)} in all" if nights else "no session"
+    )
+    return f"{what}. " + (f"To look at: {looks}." if looks else "Nothing stands out.")
+
+
+def look_at(night: Night) -> Iterator[str]:
+    """A word for each thing of a session that a person should look at."""
+    yield from ["sensor"] * len({fault.channel for fault in night.sensors})
+    if night.description.power and not night.description.power.possible:
+        yield "power balance"
+    if night.ended.reason == "aborted":
+        yield "broken-off run"
+    if night.before:
+        yield from ["difference"] * len(night.before.comparison.exceeding)
+    yield from ["stamp fault"] * len(stamps(night))
+
+
+def stamps(night: Night) -> list[str]:
+    """What is wrong with stamps and files of a session, as facts say it."""
+    known = {fault.says for fault in night.sensors}
+    power = night.description.power
+    return [
+        says
+        for says in night.description.findings
+        if says not in known and " has no samples for " not in says and not (power and says == power.says)
+    ]
+
+
+def balance(found: Morning) -> str:
+    """What became of every record of all logs."""
+    decodes = [one.decode for one in found.intake.files if one.decode and one.decode.outcome != "quarantined"]
+    counts = {key: sum(one.balance.get(key, 0) for one in decodes) for key in ("found", *COUNTS)}
+    parts = " + ".join(f"{counts[key]:,} {key.replace('_', ' ')}" for key in COUNTS if counts[key] or key == "decoded")
+    lost = len(found.intake.files) - len(decodes)
+    unread = f" {words.counted(lost, 'file')} could not be read." if lost else ""
+    read = words.counted(len(decodes), "log")
+    return f"{read}, {counts['found']:,} records = {parts}: the balance holds.{unread}"
+
+
+def _night_lines(night: Night) -> list[str]:
+    one = night.description
+    when = one.start.replace("T", " ")[:16] + " UTC" if one.start else "no absolute time"
+    lines = [f"{one.name}   {one.kind}, {words.duration(one.duration_s)}, {when}"]
+    told = [("kind", one.kind_why)]
+    told += [("ended", ended_says(night))] if (night.ended.reason, one.kind) != ("unknown", "other") else []
+    told += [*(("sensor", fault.says) for fault in night.sensors)]
+    told += [("stamps", says) for says in stamps(night)]
+    told += [("gaps", says) for says in gaps(night)]
+    told += [("power", one.power.says)] if one.power else []
+    told += [("driven", driven(one.operating_points))] if one.operating_points else []
+    told += [("before", says) for says in ([before(night.before)] if night.before else [])]
+    last = ""
+    for label, says in told:
+        lines += labelled(f"  {label}" if label != last else "", says)
+        last = label
+    return lines
+
+
+def ended_says(night: Night) -> str:
+    """ "steady: no temperature changed ..."."""
+    return f"{night.ended.reason}: {night.ended.says}"
+
+
+def gaps(night: Night) -> list[str]:
+    """How many channels have gaps, and the longest; none where there is no gap."""
+    found = [
+        (gap.longest_s, one.name) for one in night.description.channels for gap in one.repeats if gap.kind == "gap"
+    ]
+    if not found:
+        return []
+    longest, name = max(found)
+    return [f"{words.counted(len(found), 'channel')}, the longest {seconds(longest)} ({name})"]
+
+
+def driven(points: OperatingPoints) -> str:
+    """The operating points at which a session stayed longest, by the middles of their cells."""
+    units = [AXES[name.split("_")[0]] for name in (points.x, points.y)]
+    middles = [[(a + b) / 2 for a, b in pairwise(edges)] for edges in (points.x_edges, points.y_edges)]
+    cells = [
+        (minutes, x, y)
+        for y, row in zip(middles[1], points.minutes, strict=True)
+        for x, minutes in zip(middles[0], row, strict=True)
+        if minutes > 0
+    ]
+    longest = sorted(cells, reverse=True)[:CELLS]
+    places = [
+        f"{words.number(x)} {units[0]} {words.number(y)} {units[1]}" if x or y else "at rest" for _, x, y in longest
+    ]
+    told = [f"{place} for {words.duration(60 * cell[0])}" for place, cell in zip(places, longest, strict=True)]
+    return f"{'; '.join(told)}; {words.counted(len(cells), 'cell')} in all"
+
+
+def _place(x: float, y: float, units: Sequence[str]) -> str:
+    return f"{words.number(x)} {units[0]} {words.number(y)} {units[1]}" if x or y else "at rest"
+
+
+def before(found: Before) -> str:
+    """What differs from the last run of the same test."""
+    comparison, one = found.comparison, found.name
+    alike = f"{words.duration(comparison.matched_s)} alike, {100 * comparison.shares[1]:.0f} % of this run"
+    if not comparison.exceeding:
+        return f"as {one} ({alike}): nothing exceeds its floor"
+    told = "; ".join(difference_says(each) for each in comparison.exceeding[:DIFFERENCES])
+    more = len(comparison.exceeding) - DIFFERENCES
+    return f"against {one} ({alike}): {told}" + (f"; and {words.counted(more, 'more channel')}" if more > 0 else "")
+
+
+def _next(found: Morning, given: Sequence[str]) -> str:
+    pairs = [(night.before.name, night.description.name) for night in found.nights if night.before]
+    if not found.kept:
+        return f"whyhot morning {shlex.join(given)} --ingest: takes them into the store"
+    if pairs:
+        return f"whyhot repeat {pairs[0][0]} {pairs[0][1]}"
+    return f"whyhot show {found.nights[0].description.name}" if found.nights else "whyhot sessions"

@@ -1,0 +1,87 @@
+"""`whyhot morning`: a folder of logs looked through, with nothing stored, beside the last run of the test."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+
+from made.places import EXAMPLES, ROOT
+from made.repeated import BENCH, write_table
+from replay.cli import main
+
+Capture = pytest.CaptureFixture[str]
+
+
+@pytest.fixture(scope="module")
+def lab(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Monday's run in a store, and a folder with Tuesday's, which was broken off with a sensor 6 K off, and a note."""
+    folder = tmp_path_factory.mktemp("morning")
+    (folder / "bench.toml").write_text(BENCH, encoding="utf-8")
+    write_table(folder / "monday.csv", 0)
+    ingest = ["ingest", str(folder / "monday.csv"), "--bench", str(folder / "bench.toml")]
+    assert main([*ingest, "--store", str(folder / "store")]) == 0
+    (folder / "night").mkdir()
+    write_table(folder / "whole.csv", 1, winding_K=6.0)
+    lines = (folder / "whole.csv").read_text(encoding="utf-8").splitlines(keepends=True)
+    (folder / "night" / "tuesday.csv").write_text("".join(lines[:2001]), encoding="utf-8")
+    (folder / "night" / "notes.txt").write_text("the pump was loud\n", encoding="utf-8")
+    return folder
+
+
+def test_the_page_shows_what_is_printed(lab: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture) -> None:
+    monkeypatch.chdir(lab)
+    before = (lab / "store" / "ledger.sqlite").read_bytes()
+    assert main(["morning", "night", "--store", "store"]) == 0
+    printed = capsys.readouterr()
+    assert printed.err == "notes.txt: is a text that holds no table. Skipped.\n"
+    page = (ROOT / "docs" / "morning.md").read_text(encoding="utf-8")
+    assert f"```console\n$ whyhot morning night\n{printed.out}```" in page
+    assert (lab / "store" / "ledger.sqlite").read_bytes() == before, "nothing is stored unless it is asked for"
+
+
+def test_it_works_without_a_store_and_without_a_bench_file(lab: Path, tmp_path: Path, capsys: Capture) -> None:
+    target = tmp_path / "answer.json"
+    words = ["morning", str(lab / "night" / "tuesday.csv"), "--store", str(tmp_path / "none"), "--json", str(target)]
+    assert main(words) == 0
+    assert "no bench file says what the signals mean" in capsys.readouterr().out
+    data = json.loads(target.read_text(encoding="utf-8"))
+    assert (data["schema"], data["setup"], data["kept"]) == ("whyhot.morning/1", "no bench file", False)
+    (session,) = data["sessions"]
+    assert session["before"] is None
+    assert {"kind", "ended", "sensors", "channels", "sources", "power", "operating_points"} <= set(session)
+    assert data["provenance"]["store_head"] is None
+    assert not (tmp_path / "none").exists()
+
+
+def test_with_ingest_the_logs_are_kept_and_compared_with_what_was_there(lab: Path, tmp_path: Path) -> None:
+    shutil.copytree(lab / "store", tmp_path / "store")
+    target, store = tmp_path / "answer.json", ("--store", str(tmp_path / "store"))
+    assert main(["morning", str(lab / "night"), "--ingest", *store, "--json", str(target)]) == 0
+    (session,) = json.loads(target.read_text(encoding="utf-8"))["sessions"]
+    assert session["before"]["name"] == "monday"
+    assert session["ended"]["reason"] == "aborted"
+    assert main(["repeat", "monday", "tuesday", *store]) == 0
+
+
+def test_the_bench_file_and_databases_of_a_folder_are_taken(tmp_path: Path, capsys: Capture) -> None:
+    for name in ("4_s1.blf", "bench.toml", "bench.dbc", "motor.toml"):
+        shutil.copy(EXAMPLES / "hidden_effect" / name, tmp_path)
+    assert main(["morning", str(tmp_path), "--store", str(tmp_path / "none"), "--json"]) == 0
+    printed = capsys.readouterr()
+    assert printed.err == ""
+    data = json.loads(printed.out)
+    assert data["setup"] == "bench.toml, bench.dbc"
+    assert [one["kind"] for one in data["sessions"]] == ["s1"]
+
+
+def test_a_file_that_cannot_be_read_is_said_and_stops_no_other(lab: Path, tmp_path: Path, capsys: Capture) -> None:
+    night = tmp_path / "night"
+    shutil.copytree(lab / "night", night)
+    (night / "cut.blf").write_bytes(b"LOGG" + bytes(200))
+    assert main(["morning", str(night), "--store", str(tmp_path / "none")]) == 1
+    printed = capsys.readouterr()
+    assert "cut.blf: " in printed.err
+    assert "1 file could not be read" in " ".join(printed.out.split())
