@@ -31,6 +31,7 @@ def described(facts: Facts, session: SessionRecorded, samples: Looked) -> Sessio
     flagged = [flag.says for file in session.files for flag in facts.flags.get(f"file-{file['raw']}", ())]
     found = [flag.says for flag in quality.findings(qualities)]
     seen = [f"{one.name}: {one.finding}" for one in facts.inspections.values() if one.session == session.session]
+    late = [one.says for one in facts.clocks.values() if one.session == session.session]
     impossible = [balance.says] if balance and not balance.possible else []
     return SessionDescription(
         session=session.session,
@@ -49,7 +50,7 @@ def described(facts: Facts, session: SessionRecorded, samples: Looked) -> Sessio
         channels=tuple(_channel(*pair) for pair in zip(channels, qualities, strict=True)),
         power=balance,
         operating_points=operating_points.cells(channels),
-        findings=tuple(dict.fromkeys([*flagged, *found, *impossible, *seen])),
+        findings=tuple(dict.fromkeys([*flagged, *found, *late, *impossible, *seen])),
     )
 
 

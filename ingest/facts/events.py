@@ -129,6 +129,24 @@ class QualityFlagged(Event):
     detail: dict[str, Any] = field(default_factory=dict)
 
 
+class ClockAligned(Event):
+    """`session-<id>`: the stamps of `clock` (a bus, or the stem of a table's name) are late by `offset_s` against those
+    of `reference` at `at_ns`, and by `drift_ppm` more as time goes by; `by`: the channels that tell it, of the
+    reference first. Said, not applied: a `[[correction]]` of a bench file moves stamps."""
+
+    session: str
+    clock: str
+    reference: str
+    by: list[str]
+    at_ns: int
+    offset_s: float
+    offset_sd_s: float
+    drift_ppm: float
+    drift_sd_ppm: float
+    correlation: float
+    says: str
+
+
 class ReplayCompleted(Event):
     """`run-<id>`: a sealed run. `artefacts`: {frame, temperatures, heat, residuals, meters, filtered} -> SHA-256 of
     Parquet; `filtered` where a filter ran. `summary`: its entry of `replay --json`, mae_K, max_K and bias_K by node and

@@ -12,6 +12,7 @@ from ingest.facts.events import (
     BenchRegistered,
     CalibrationCompleted,
     CauseAccepted,
+    ClockAligned,
     DecodeCompleted,
     DiagnosisCompleted,
     Event,
@@ -50,6 +51,7 @@ class Facts:
     old_names: Mapping[str, str]  # name that a session no longer has -> its id then
     runs: Mapping[str, ReplayCompleted]  # by run id
     flags: Mapping[str, Sequence[QualityFlagged]]  # by stream: session-<id> or file-<sha256>
+    clocks: Mapping[str, ClockAligned]  # by session, clock and reference as "id/can2/can1", the latest last
     calibrations: Mapping[str, CalibrationCompleted]  # by the model that each published
     diagnoses: Mapping[str, DiagnosisCompleted]  # by diagnosis id, the latest last
     opened: Mapping[str, Sequence[str]]  # current session -> the diagnoses that opened it as a kept one
@@ -130,6 +132,7 @@ def fold(recorded: Iterable[Recorded]) -> Facts:
         old_names={one.event.name: one.event.session for one in events if isinstance(one.event, SessionRecorded)},
         runs=_latest(events, ReplayCompleted, lambda event: event.run),
         flags=flags,
+        clocks=_latest(events, ClockAligned, lambda event: f"{event.session}/{event.clock}/{event.reference}"),
         calibrations=_latest(events, CalibrationCompleted, lambda event: event.model),
         diagnoses=_latest(events, DiagnosisCompleted, lambda event: event.diagnosis),
         opened=_opened(events, joined),

@@ -23,6 +23,7 @@ from ingest.facts.events import SessionRecorded
 from ingest.facts.facts import Facts
 from ingest.intake.intake import Intake
 from ingest.morning.ending import SessionEnd, broken_off, ended
+from ingest.morning.loggers import LoggerClock, compared
 from ingest.morning.repeat import Comparison, comparison_json, lay, same_test, usable
 from ingest.morning.sensors import SensorFault, alone, since_before
 
@@ -61,8 +62,23 @@ class Morning:
 
     intake: Intake
     nights: tuple[Night, ...]
+    clocks: tuple[LoggerClock, ...]
     source: str
     kept: bool
+
+    def clocks_json(self) -> list[dict[str, Any]]:
+        """Each clock that ran beside another, with its offset or why it cannot be told."""
+        return [
+            {
+                "session": one.session,
+                "clock": one.clock,
+                "reference": one.reference,
+                "offset": asdict(one.offset) if one.offset else None,
+                "agrees": one.agrees,
+                "says": one.says,
+            }
+            for one in self.clocks
+        ]
 
     def sessions_json(self) -> list[dict[str, Any]]:
         """Each session as `whyhot.show/1` has it, with what the morning adds."""
@@ -83,10 +99,15 @@ def _before_json(before: Before) -> dict[str, Any]:
 
 def morning(store: Store, intake: Intake, past: Held | None, source: str, kept: bool) -> Morning:
     """Look through the sessions of an intake into `store`; `past`: the store that was there before, with its facts
-    then, which may be the same one. Raises DamageError."""
+    then, which may be the same one. Offsets of clocks are facts of a store that keeps the logs. Raises DamageError."""
     facts = ledger_facts.at(store.ledger)
     nights = tuple(_night(store, facts, session, past) for session in intake.sessions)
-    return Morning(intake, nights, source, kept)
+    clocks = compared([(session, night.channels) for session, night in zip(intake.sessions, nights, strict=True)])
+    if kept:
+        events = [(f"session-{one.session}", one.event()) for one in clocks if one.offset]
+        known = list(facts.clocks.values())
+        store.ledger.append_all([(stream, event) for stream, event in events if event not in known])
+    return Morning(intake, nights, tuple(clocks), source, kept)
 
 
 def _night(store: Store, facts: Facts, session: SessionRecorded, past: Held | None) -> Night:

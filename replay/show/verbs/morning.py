@@ -30,6 +30,7 @@ def morning_json(found: Morning) -> dict[str, Any]:
         "kept": found.kept,
         "files": intake["files"],
         "flags": intake["flags"],
+        "clocks": found.clocks_json(),
         "sessions": found.sessions_json(),
     }
 
@@ -39,6 +40,8 @@ def morning_text(found: Morning, given: Sequence[str]) -> str:
     lines = labelled("Answer", answer(found))
     lines += labelled("Balance", balance(found))
     lines += labelled("Meaning", f"{found.source}." if found.source != "no bench file" else NO_BENCH)
+    for i, clock in enumerate(found.clocks):
+        lines += labelled("" if i else "Clocks", clock.says)
     for night in found.nights:
         lines += ["", *_night_lines(night)]
     return "\n".join([*lines, "", f"next: {_next(found, given)}"])
@@ -54,7 +57,8 @@ def answer(found: Morning) -> str:
     kinds = Counter(night.description.kind for night in nights)
     told = ", ".join(f"{count} {kind}" for kind, count in kinds.items())
     wrong = Counter(name for night in nights for name in look_at(night))
-    looks = words.joined([words.counted(count, name) for name, count in wrong.items()])
+    wrong["clock"] = sum(one.offset is not None and not one.agrees for one in found.clocks)
+    looks = words.joined([words.counted(count, name) for name, count in wrong.items() if count])
     what = (
         f"{words.counted(len(nights), 'session')} ({told}), {words.duration(total)} in all" if nights else "no session"
     )

@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import json
 import shutil
+from datetime import UTC, datetime
 from pathlib import Path
 
 import pytest
 
+from ingest.catalogue.kinds import wltc
+from ingest.facts.events import ClockAligned
+from ingest.facts.store import Store
 from made.places import EXAMPLES, ROOT
 from made.repeated import BENCH, write_table
 from replay.cli import main
@@ -85,3 +89,23 @@ def test_a_file_that_cannot_be_read_is_said_and_stops_no_other(lab: Path, tmp_pa
     printed = capsys.readouterr()
     assert "cut.blf: " in printed.err
     assert "1 file could not be read" in " ".join(printed.out.split())
+
+
+def test_the_clock_of_a_second_logger_is_a_fact_of_a_store_that_keeps_its_log(tmp_path: Path, capsys: Capture) -> None:
+    """The bench's own table, and an analyser's whose clock is 7 s late."""
+    drive, bench = wltc() * 40.0, 'schema = "whyhot.bench/1"\n'
+    for name, late_s in (("bench", 0), ("analyser", 7)):
+        stamps = [datetime.fromtimestamp(1.76e9 + late_s + k, UTC).strftime("%Y-%m-%dT%H:%M:%SZ") for k in range(1801)]
+        rows = [f"{stamp},{speed:.0f}" for stamp, speed in zip(stamps, drive, strict=True)]
+        (tmp_path / f"{name}.csv").write_text("\n".join([f"time,n_{name}", *rows]) + "\n", encoding="utf-8")
+        bench += f'[[channel]]\nsignal = "n_{name}"\nquantity = "speed"\nunit = "rpm"\n'
+    (tmp_path / "bench.toml").write_text(bench, encoding="utf-8")
+    store = ("--store", str(tmp_path / "store"))
+    assert main(["morning", str(tmp_path), "--ingest", *store, "--json"]) == 0
+    (clock,) = json.loads(capsys.readouterr().out)["clocks"]
+    assert clock["offset"]["offset_s"] == pytest.approx(7.0 if clock["clock"] == "analyser" else -7.0, abs=0.1)
+    assert main(["show", "bench", *store]) == 0
+    assert clock["says"][:30] in capsys.readouterr().out
+    assert main(["morning", str(tmp_path), "--ingest", *store]) == 0
+    with Store.open(tmp_path / "store") as kept:
+        assert len(kept.ledger.events(ClockAligned)) == 1
