@@ -17,13 +17,25 @@ from ingest.facts.events import SessionRecorded
 from ingest.facts.facts import Facts
 from ingest.morning.changes import Change, changes
 from ingest.morning.differences import ChannelDifference, beyond_of, differences
-from ingest.morning.matching import Matched, block_length, blocks, driven_by, match
+from ingest.morning.matching import Array, Matched, RunBlocks, block_length, blocks, driven_by, match
 
 if TYPE_CHECKING:
     from ingest.facts.store import Store
 
 EARLIER = 3  # runs of the test before the first one, that tell how well it repeats
+COURSES = 4  # temperatures whose courses are kept for a picture
 BETWEEN = 4  # runs between the two, that tell since when
+
+
+@dataclass(frozen=True, eq=False)
+class CourseBeside:
+    """A channel of two runs where they were driven alike, by the time since the second one's begin: (P,) each."""
+
+    channel: str
+    unit: str
+    t_s: Array
+    first: Array
+    second: Array
 
 
 @dataclass(frozen=True)
@@ -36,6 +48,7 @@ class Comparison:
     driven: tuple[float, float]  # the same of the time in which it was driven
     stretches: int
     channels: tuple[ChannelDifference, ...]
+    courses: tuple[CourseBeside, ...]  # of the temperatures that are furthest off, COURSES at most
 
     @property
     def exceeding(self) -> list[ChannelDifference]:
@@ -134,7 +147,18 @@ def lay(
     shares = [len(matched.first) / len(run.means[by[0]]) for run in runs]
     found = differences(first, second, runs, matched, earlier)
     driven = matched.shares(runs, LOADED)
-    return Comparison(by, matched.matched_s, (shares[0], shares[1]), driven, _stretches(matched), tuple(found))
+    courses = tuple(_courses(found, runs, matched))
+    stretches = int(matched.stretch[-1]) + 1
+    return Comparison(by, matched.matched_s, (shares[0], shares[1]), driven, stretches, tuple(found), courses)
+
+
+def _courses(
+    found: Sequence[ChannelDifference], runs: tuple[RunBlocks, RunBlocks], matched: Matched
+) -> Iterator[CourseBeside]:
+    for one in [one for one in found if one.quantity == "temperature"][:COURSES]:
+        first, second = runs[0].means[one.channel], runs[1].means[one.channel]
+        t_s = np.asarray(matched.second * float(matched.block_s), np.float64)
+        yield CourseBeside(one.channel, one.unit or "", t_s, first[matched.first], second[matched.second])
 
 
 def usable(seen: Looked) -> list[ChannelData]:
@@ -192,10 +216,6 @@ def _since(one: ChannelDifference, runs: Sequence[tuple[str, Comparison]]) -> st
             break
         since = name
     return since
-
-
-def _stretches(matched: Matched) -> int:
-    return int(matched.stretch[-1]) + 1
 
 
 def _named(session: SessionRecorded) -> dict[str, Any]:

@@ -14,6 +14,7 @@ from replay.cli.asked import ask_databases, ask_logs
 if TYPE_CHECKING:
     from ingest.facts.facts import Facts
     from ingest.facts.store import Store
+    from ingest.morning.morning import Morning
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -22,6 +23,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--bench", metavar="B", type=Path, help=says)
     ask_databases(parser)
     says = "take the logs into the store as `whyhot ingest` does; without, nothing is stored"
+    parser.add_argument("--report", metavar="F.html", type=Path, help="write one HTML file with pictures")
     parser.add_argument("--ingest", action="store_true", help=says)
 
 
@@ -42,13 +44,29 @@ def run(args: argparse.Namespace) -> Answer:
         answer = morning(store, intake, past, found.source, args.ingest)
         store.ledger.seal()
         said = provenance(past[0] if past else None, setup=found.source, kept=args.ingest)
+        if args.report:
+            tell("drawing")
+            _write_report(answer, past[0] if past else None, args)
     skipped = [line for line in given.skipped if not found.explains(line)]
     lists = {"skipped": skipped, "refused": given.refused}
     data = {**morning_json(answer), **lists, "provenance": said}
     refusals = [*given.refused, *intake.refusals]
     nothing = not any(one.decode for one in intake.files)
     text = "" if nothing else morning_text(answer, [str(path) for path in args.files])
+    if args.report:
+        data["report"] = str(args.report)
+        text += f"\n{args.report}   opens offline in any browser"
     return Answer(data, text, 1 if refusals else 0, [*skipped, *refusals])
+
+
+def _write_report(found: Morning, store: Store | None, args: argparse.Namespace) -> None:
+    import shlex
+
+    from replay.show.reports.documents import context
+    from replay.show.reports.morning_report import write_morning_report
+
+    command = shlex.join(["whyhot", "morning", *map(str, args.files), *(["--ingest"] if args.ingest else [])])
+    write_morning_report(found, args.report, context(store, command))
 
 
 @contextmanager

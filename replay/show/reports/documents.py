@@ -117,11 +117,11 @@ def _difference(store: Store, diagnosis: Diagnosis) -> str:
     return "\n".join(text_diff(store.archive.read(old), store.archive.read(new)) for old, new in parts)
 
 
-def context(store: Store, command: str) -> ReportContext:
-    head = store.ledger.head()
+def context(store: Store | None, command: str) -> ReportContext:
+    """What a report of this command was computed from; `store` is None where there is none."""
     return ReportContext(
         command=command.strip(),
-        store_head=str(head),
+        store_head=str(store.ledger.head()) if store else "no store",
         versions={name: version(name) for name in NAMED},
     )
 

@@ -39,15 +39,34 @@ def morning_text(found: Morning, given: Sequence[str]) -> str:
     """At most 100 columns: what to look at first, the next command last."""
     lines = labelled("Answer", answer(found))
     lines += labelled("Balance", balance(found))
-    lines += labelled("Meaning", f"{found.source}." if found.source != "no bench file" else NO_BENCH)
-    for i, clock in enumerate(found.clocks):
-        lines += labelled("" if i else "Clocks", clock.says)
+    lines += labelled("Meaning", meaning(found))
+    for i, says in enumerate(clock_lines(found)):
+        lines += labelled("" if i else "Clocks", says)
     for night in found.nights:
         lines += ["", *_night_lines(night)]
     return "\n".join([*lines, "", f"next: {_next(found, given)}"])
 
 
 NO_BENCH = "no bench file says what the signals mean: they are guessed by name and unit (whyhot inspect --bench-draft)."
+
+
+def meaning(found: Morning) -> str:
+    """What says what the signals mean."""
+    return f"{found.source}." if found.source != "no bench file" else NO_BENCH
+
+
+def clock_lines(found: Morning) -> list[str]:
+    """What is said of clocks, once where it is the same of several sessions."""
+    names = {night.description.session: night.description.name for night in found.nights}
+    of: dict[str, list[str]] = {}
+    for clock in found.clocks:
+        of.setdefault(clock.says, []).append(names[clock.session])
+    several = len(names) > 1
+    return [f"{says} ({_few(sessions)})" if several else says for says, sessions in of.items()]
+
+
+def _few(names: Sequence[str]) -> str:
+    return words.joined(names) if len(names) <= CELLS else words.counted(len(names), "session")
 
 
 def answer(found: Morning) -> str:
@@ -103,19 +122,28 @@ def _night_lines(night: Night) -> list[str]:
     one = night.description
     when = one.start.replace("T", " ")[:16] + " UTC" if one.start else "no absolute time"
     lines = [f"{one.name}   {one.kind}, {words.duration(one.duration_s)}, {when}"]
-    told = [("kind", one.kind_why)]
-    told += [("ended", ended_says(night))] if (night.ended.reason, one.kind) != ("unknown", "other") else []
-    told += [*(("sensor", fault.says) for fault in night.sensors)]
-    told += [("stamps", says) for says in stamps(night)]
-    told += [("gaps", says) for says in gaps(night)]
-    told += [("power", one.power.says)] if one.power else []
-    told += [("driven", driven(one.operating_points))] if one.operating_points else []
-    told += [("before", says) for says in ([before(night.before)] if night.before else [])]
     last = ""
-    for label, says in told:
+    for label, says in told(night):
         lines += labelled(f"  {label}" if label != last else "", says)
         last = label
     return lines
+
+
+def told(night: Night) -> Iterator[tuple[str, str]]:
+    """What there is to say of a session: (what it is of, a line)."""
+    one = night.description
+    yield "kind", one.kind_why
+    if (night.ended.reason, one.kind) != ("unknown", "other"):
+        yield "ended", ended_says(night)
+    yield from (("sensor", fault.says) for fault in night.sensors)
+    yield from (("stamps", says) for says in stamps(night))
+    yield from (("gaps", says) for says in gaps(night))
+    if one.power:
+        yield "power", one.power.says
+    if one.operating_points:
+        yield "driven", driven(one.operating_points)
+    if night.before:
+        yield "before", before(night.before)
 
 
 def ended_says(night: Night) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 from datetime import UTC, datetime
 from pathlib import Path
@@ -58,6 +59,20 @@ def test_it_works_without_a_store_and_without_a_bench_file(lab: Path, tmp_path: 
     assert {"kind", "ended", "sensors", "channels", "sources", "power", "operating_points"} <= set(session)
     assert data["provenance"]["store_head"] is None
     assert not (tmp_path / "none").exists()
+
+
+def test_the_report_is_one_file_with_pictures_and_the_same_bytes_again(lab: Path, tmp_path: Path) -> None:
+    pages = []
+    for name in ("a.html", "b.html"):
+        words = ["morning", str(lab / "night"), "--store", str(lab / "store"), "--report", str(tmp_path / "new" / name)]
+        assert main(words) == 0
+        pages.append((tmp_path / "new" / name).read_bytes())
+    assert pages[0] == pages[1]
+    page = pages[0].decode().replace("\N{NO-BREAK SPACE}", " ")
+    assert page.count("<svg") == 3, "the session's course, where it was driven, and the run before"
+    assert "Off monday by more than its floor: T_winding" in page
+    assert "aborted: driven as monday for 33 min" in page
+    assert not re.search(r"(?:src|href)=\"[^#]", page), "it needs no other file"
 
 
 def test_with_ingest_the_logs_are_kept_and_compared_with_what_was_there(lab: Path, tmp_path: Path) -> None:
