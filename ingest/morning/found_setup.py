@@ -10,12 +10,15 @@ from typing import TYPE_CHECKING
 from ingest.bench.bench_file import SCHEMA, read_bench
 from ingest.errors import IngestError
 from ingest.facts.facts import Facts
+from ingest.intake.intake import Intake
 from ingest.intake.setup import MotorFile, Setup, prepare, sealed_setup
+from ingest.log.databases import load
 from ingest.texts.toml_file import LARGEST
 
 if TYPE_CHECKING:
     from ingest.facts.store import Store
 
+NO_BENCH = "no bench file"
 DATABASES = (".dbc", ".kcd", ".sym", ".arxml")
 
 
@@ -25,6 +28,7 @@ class FoundSetup:
 
     setup: Setup
     source: str
+    named: bool = False  # by the one who asks: where it does not fit, that is refused
 
     def explains(self, skipped: str) -> bool:
         """Whether a file that is no log, named at the beginning of a line, is one of the setup."""
@@ -44,16 +48,33 @@ def found_setup(
     """The bench file and databases that are named; else those in the folders given, where there is one bench file;
     else those of the last session of the store. Raises as `prepare` for what is named."""
     if bench or databases:
-        return FoundSetup(prepare(logs, bench, databases, motor_file), "as named")
+        return FoundSetup(prepare(logs, bench, databases, motor_file), "as named", named=True)
     benches, there = _lying(arguments)
-    if len(benches) == 1:
-        files = [benches[0], *there]
-        return FoundSetup(prepare(logs, benches[0], there, motor_file), ", ".join(path.name for path in files))
-    if past and not benches and (last := _last_setup(*past, motor_file)):
-        return last
-    beside = prepare(logs, None, there, motor_file)
-    says = "no bench file" if not benches else f"no bench file: {len(benches)} lie there, name one with --bench"
-    return FoundSetup(beside, says)
+    if len(benches) > 1:
+        return _without(there, f"no bench file: {len(benches)} lie there, name one with --bench")
+    if benches:
+        try:
+            setup = prepare(logs, benches[0], there, motor_file)
+        except IngestError as error:
+            return _without(there, f"no bench file: {error}")
+        return FoundSetup(setup, ", ".join(path.name for path in (benches[0], *there)))
+    return (_last_setup(*past, motor_file) if past else None) or _without(there, NO_BENCH)
+
+
+def taken_as_found(found: FoundSetup, take: Callable[[Setup], Intake]) -> tuple[FoundSetup, Intake]:
+    """The logs taken in with what was found, or, where nobody named it and it does not fit them, without its bench
+    file. Raises as `take`."""
+    try:
+        return found, take(found.setup)
+    except IngestError as error:
+        if found.named or found.setup.bench is None:
+            raise
+        setup = replace(found.setup, bench=None, bench_data=b"", motor=None, model=None)
+        return FoundSetup(setup, f"no bench file, as {found.setup.bench.name} does not fit: {error}"), take(setup)
+
+
+def _without(databases: Sequence[Path], source: str) -> FoundSetup:
+    return FoundSetup(Setup(None, b"", tuple(load(path.read_bytes(), path.name) for path in databases), None), source)
 
 
 def _lying(arguments: Sequence[Path]) -> tuple[list[Path], list[Path]]:

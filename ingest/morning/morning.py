@@ -162,7 +162,7 @@ def _earlier(session: SessionRecorded, own: Held, past: Held | None) -> list[tup
         if same_test(one, session) and mine.isdisjoint(file["raw"] for file in one.files)
     ]
     if session.absolute:
-        runs = [pair for pair in runs if pair[1].start_ns < session.start_ns]
+        runs = [pair for pair in runs if pair[1].end_ns <= session.start_ns]
         return sorted(runs, key=lambda pair: pair[1].start_ns, reverse=True)
     names = [one.session for one in own[1].sessions]
     behind = set(names[names.index(session.session) :])

@@ -49,6 +49,7 @@ class Comparison:
     stretches: int
     channels: tuple[ChannelDifference, ...]
     courses: tuple[CourseBeside, ...]  # of the temperatures that are furthest off, COURSES at most
+    only: tuple[tuple[str, ...], tuple[str, ...]]  # channels that only the first, and only the second run has
 
     @property
     def exceeding(self) -> list[ChannelDifference]:
@@ -99,6 +100,7 @@ def comparison_json(beside: Comparison) -> dict[str, Any]:
         "driven_share": list(beside.driven),
         "stretches": beside.stretches,
         "channels": channels,
+        "only": [list(names) for names in beside.only],
     }
 
 
@@ -149,7 +151,14 @@ def lay(
     driven = matched.shares(runs, LOADED)
     courses = tuple(_courses(found, runs, matched))
     stretches = int(matched.stretch[-1]) + 1
-    return Comparison(by, matched.matched_s, (shares[0], shares[1]), driven, stretches, tuple(found), courses)
+    return Comparison(
+        by, matched.matched_s, (shares[0], shares[1]), driven, stretches, tuple(found), courses, _only(first, second)
+    )
+
+
+def _only(first: Sequence[ChannelData], second: Sequence[ChannelData]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    one, other = ([each.spec.name for each in run if each.spec.role != "ignored"] for run in (first, second))
+    return tuple(name for name in one if name not in other), tuple(name for name in other if name not in one)
 
 
 def _courses(
@@ -171,13 +180,13 @@ def usable(seen: Looked) -> list[ChannelData]:
 
 
 def runs_before(facts: Facts, session: SessionRecorded) -> list[SessionRecorded]:
-    """The sessions of the same kind, specimen and rig that began before this one, the latest first."""
+    """The sessions of the same kind, specimen and rig that ended before this one began, the latest first."""
     if not session.absolute:
         return []
     return [
         one
         for one in reversed(facts.sessions)
-        if same_test(one, session) and one.specimen == session.specimen and one.start_ns < session.start_ns
+        if same_test(one, session) and one.specimen == session.specimen and one.end_ns <= session.start_ns
     ]
 
 

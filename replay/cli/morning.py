@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -31,7 +31,7 @@ def run(args: argparse.Namespace) -> Answer:
     from ingest.facts.sessions import Override
     from ingest.intake.given import opened
     from ingest.intake.intake import take_in
-    from ingest.morning.found_setup import found_setup
+    from ingest.morning.found_setup import found_setup, taken_as_found
     from ingest.morning.morning import morning
     from replay.cli.progress import tell
     from replay.engine.files.models import for_intake
@@ -39,18 +39,18 @@ def run(args: argparse.Namespace) -> Answer:
 
     with opened(args.files) as given, _stores(store_folder(args), args.ingest) as (store, past):
         found = found_setup(args.files, [*given.logs], args.bench, args.dbc, for_intake, past)
-        intake = take_in(store, [*given.logs], found.setup, Override(), tell)
+        found, intake = taken_as_found(found, lambda setup: take_in(store, [*given.logs], setup, Override(), tell))
         tell("looking")
         answer = morning(store, intake, past, found.source, args.ingest)
         store.ledger.seal()
         said = provenance(past[0] if past else None, setup=found.source, kept=args.ingest)
+        skipped = [line for line in given.skipped if not found.explains(line)]
+        refusals = [*given.refused, *intake.refusals]
         if args.report:
             tell("drawing")
-            _write_report(answer, past[0] if past else None, args)
-    skipped = [line for line in given.skipped if not found.explains(line)]
+            _write_report(answer, [*skipped, *refusals], past[0] if past else None, args)
     lists = {"skipped": skipped, "refused": given.refused}
     data = {**morning_json(answer), **lists, "provenance": said}
-    refusals = [*given.refused, *intake.refusals]
     nothing = not any(one.decode for one in intake.files)
     text = "" if nothing else morning_text(answer, [str(path) for path in args.files])
     if args.report:
@@ -59,14 +59,14 @@ def run(args: argparse.Namespace) -> Answer:
     return Answer(data, text, 1 if refusals else 0, [*skipped, *refusals])
 
 
-def _write_report(found: Morning, store: Store | None, args: argparse.Namespace) -> None:
+def _write_report(found: Morning, notes: Sequence[str], store: Store | None, args: argparse.Namespace) -> None:
     import shlex
 
     from replay.show.reports.documents import context
     from replay.show.reports.morning_report import write_morning_report
 
     command = shlex.join(["whyhot", "morning", *map(str, args.files), *(["--ingest"] if args.ingest else [])])
-    write_morning_report(found, args.report, context(store, command))
+    write_morning_report(found, notes, args.report, context(store, command))
 
 
 @contextmanager

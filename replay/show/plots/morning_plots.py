@@ -27,7 +27,8 @@ def course(night: Night, columns: int) -> Plot | None:
     """Speed, load and temperatures of a session over time; None where it holds none of these."""
     channels = [one for one in night.channels if len(one.t_ns) > 1 and one.spec.role != "ignored"]
     drives = [one for one in (find(channels, "speed"), find(channels, "torque") or current(channels)) if one]
-    warm = [one for one in channels if one.spec.quantity == "temperature"]
+    dead = {fault.channel for fault in night.sensors if fault.fault == "dead"}
+    warm = [one for one in channels if one.spec.quantity == "temperature" and one.spec.name not in dead]
     shown = warm[: MOST_LINES * MOST_PANELS]
     size = -(-len(shown) // max(1, -(-len(shown) // MOST_LINES)))  # as many in each panel
     groups = [shown[i : i + size] for i in range(0, len(shown), max(size, 1))]
@@ -49,8 +50,8 @@ def course(night: Night, columns: int) -> Plot | None:
             name_lines(ax, [(float(one.value[-1]), one.spec.name, c) for one, c in zip(group, COLOURS, strict=False)])
         axes[-1].set_xlabel(time.label)
         svg = inline_svg(figure, title)
-    more = len(warm) - len(shown)
-    note = f"{words.counted(more, 'more temperature')} not drawn" if more else ""
+    left = [*sorted(dead), *(one.spec.name for one in warm[len(shown) :])]
+    note = f"not drawn: {words.joined(left)}" if left else ""
     return Plot(title, svg, note, _table(time, [*drives, *shown]))
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -30,13 +31,15 @@ class Told:
     plots: tuple[Plot, ...]
 
 
-def write_morning_report(found: Morning, target: Path, context: ReportContext) -> None:
-    """Write the report to `target`. The same morning gives the same bytes."""
+def write_morning_report(found: Morning, notes: Sequence[str], target: Path, context: ReportContext) -> None:
+    """Write the report to `target`; `notes`: a line for each file that was skipped or refused. The same morning gives
+    the same bytes."""
     page = template("morning.html.j2").render(
         answer=answer(found),
         balance=balance(found),
         meaning=meaning(found),
         logs=[_log(one) for one in found.intake.files],
+        notes=notes,
         counts=[name.replace("_", " ") for name in COUNTS],
         clocks=clock_lines(found),
         nights=_nights(found),

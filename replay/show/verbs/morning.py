@@ -11,6 +11,7 @@ from typing import Any
 from ingest.catalogue.operating_points import OperatingPoints
 from ingest.catalogue.quality import seconds
 from ingest.facts.events import COUNTS
+from ingest.morning.found_setup import NO_BENCH
 from ingest.morning.morning import Before, Morning, Night
 from replay.show.verbs.intake import intake_json
 from replay.show.verbs.repeat import AXES, difference_says
@@ -47,12 +48,14 @@ def morning_text(found: Morning, given: Sequence[str]) -> str:
     return "\n".join([*lines, "", f"next: {_next(found, given)}"])
 
 
-NO_BENCH = "no bench file says what the signals mean: they are guessed by name and unit (whyhot inspect --bench-draft)."
+UNEXPLAINED = (
+    "no bench file says what the signals mean: they are guessed by name and unit (whyhot inspect --bench-draft)."
+)
 
 
 def meaning(found: Morning) -> str:
     """What says what the signals mean."""
-    return f"{found.source}." if found.source != "no bench file" else NO_BENCH
+    return f"{found.source.rstrip('.')}." if found.source != NO_BENCH else UNEXPLAINED
 
 
 def clock_lines(found: Morning) -> list[str]:
@@ -97,14 +100,11 @@ def look_at(night: Night) -> Iterator[str]:
 
 
 def stamps(night: Night) -> list[str]:
-    """What is wrong with stamps and files of a session, as facts say it."""
-    known = {fault.says for fault in night.sensors}
-    power = night.description.power
-    return [
-        says
-        for says in night.description.findings
-        if says not in known and " has no samples for " not in says and not (power and says == power.says)
-    ]
+    """What is wrong with stamps and files of a session, as facts say it: all findings that are of no channel."""
+    one = night.description
+    mine = [f"{channel.name} " for channel in one.channels]
+    others = [says for says in one.findings if not any(says.startswith(name) for name in mine)]
+    return [says for says in others if not (one.power and says == one.power.says)]
 
 
 def balance(found: Morning) -> str:
@@ -181,7 +181,8 @@ def driven(points: OperatingPoints) -> str:
 
 
 def _place(x: float, y: float, units: Sequence[str]) -> str:
-    return f"{words.number(x)} {units[0]} {words.number(y)} {units[1]}" if x or y else "at rest"
+    place = f"{words.number(x)} {units[0]} {words.number(y)} {units[1]}"
+    return place.replace("-", "−") if x or y else "at rest"
 
 
 def before(found: Before) -> str:

@@ -22,6 +22,8 @@ def repeat_text(found: Repeat) -> str:
     lines += labelled("Driven alike", alike(found.beside, first, second))
     lines += labelled("Floor", floor(found))
     lines += ["", *channel_lines(found.beside, first, second)]
+    for names, run in zip(found.beside.only, (first, second), strict=True):
+        lines += ["", *labelled("Not compared", f"only in {run}: {words.joined(names)}.")] if names else []
     lines += ["", *_change_lines(found.changes, first, second)]
     return "\n".join([*lines, "", f"next: whyhot show {second}"])
 

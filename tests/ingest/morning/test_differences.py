@@ -61,3 +61,8 @@ def test_without_anything_that_drives_nothing_says_where_it_was_driven(left: Seq
     some = [one for one in run() if one.spec.name in left]
     with pytest.raises(IngestError, match="say in a bench file what the signals mean"):
         lay(some, some)
+
+
+def test_channels_that_one_run_lacks_are_named() -> None:
+    first = run()
+    assert lay(first, [one for one in first if one.spec.name != "T_yoke"]).only == (("T_yoke",), ())

@@ -72,6 +72,7 @@ def test_the_report_is_one_file_with_pictures_and_the_same_bytes_again(lab: Path
     assert page.count("<svg") == 3, "the session's course, where it was driven, and the run before"
     assert "Off monday by more than its floor: T_winding" in page
     assert "aborted: driven as monday for 33 min" in page
+    assert "notes.txt: is a text that holds no table. Skipped." in page
     assert not re.search(r"(?:src|href)=\"[^#]", page), "it needs no other file"
 
 
@@ -124,3 +125,13 @@ def test_the_clock_of_a_second_logger_is_a_fact_of_a_store_that_keeps_its_log(tm
     assert main(["morning", str(tmp_path), "--ingest", *store]) == 0
     with Store.open(tmp_path / "store") as kept:
         assert len(kept.ledger.events(ClockAligned)) == 1
+
+
+def test_a_bench_file_of_the_store_that_fits_no_log_is_left_out_and_one_that_is_named_is_refused(
+    lab: Path, tmp_path: Path, capsys: Capture
+) -> None:
+    (tmp_path / "other.csv").write_text("time,T_oven\n0,20.0\n60,21.0\n120,22.0\n", encoding="utf-8")
+    store = ("--store", str(lab / "store"))
+    assert main(["morning", str(tmp_path), *store]) == 0
+    assert "no bench file, as bench.toml does not fit" in " ".join(capsys.readouterr().out.split())
+    assert main(["morning", str(tmp_path), "--bench", str(lab / "bench.toml"), *store]) == 2
