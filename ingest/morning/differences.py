@@ -36,7 +36,7 @@ FOLLOWS: Mapping[str, float] = {"speed": 2.0, "torque": 2.0, "current": 2.0, "vo
 eddy currents with that of speed and voltage; a film becomes no better than in proportion to its flow."""
 
 LEAST_RANGE = 10.0  # over which a channel must have moved for its offset to be called the same everywhere
-SAME = 0.3  # of an offset, that it may differ by between cold and warm
+SAME = 0.3  # of an offset, that it may differ by between cold, warm and the beginning
 VERDICTS = ("exceeds", "explained", "within")
 
 Array = NDArray[np.float64]
@@ -78,7 +78,7 @@ class ChannelDifference:
     repeats: int
     verdict: str  # one of VERDICTS
     around: bool  # a temperature of what surrounds the motor
-    constant: bool  # whether it is off by the same where it is cold and where it is warm
+    constant: bool  # whether it is off by the same where it is cold, where it is warm, and from the beginning on
 
     @property
     def off(self) -> float:
@@ -156,16 +156,18 @@ def _difference(
         repeats=len(earlier),
         verdict=verdict,
         around=is_around(one),
-        constant=_constant(a[known], (b - a)[known]),
+        constant=_constant(a[known], (b - a)[known], int(LEAST_s / matched.block_s)),
     )
 
 
-def _constant(value: Array, off: Array) -> bool:
-    """Whether the coldest and the warmest quarter of `value` (P,) are off by the same, as a sensor is and no motor."""
+def _constant(value: Array, off: Array, early: int) -> bool:
+    """Whether the coldest and the warmest quarter of `value` (P,) and the `early` first are off by the same, as a
+    sensor is and no motor."""
     if np.ptp(value) < LEAST_RANGE:
         return False
-    cold, warm = (off[side].mean() for side in (value <= np.quantile(value, 0.25), value >= np.quantile(value, 0.75)))
-    return bool(abs(warm - cold) < SAME * abs(warm + cold) / 2)
+    cold, warm = value <= np.quantile(value, 0.25), value >= np.quantile(value, 0.75)
+    means = [float(part.mean()) for part in (off[cold], off[warm], off[:early])]
+    return max(means) - min(means) < SAME * abs(float(np.mean(means)))
 
 
 def _floor(one: ChannelData, other: ChannelData, largest: float) -> float:
