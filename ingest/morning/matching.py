@@ -124,15 +124,17 @@ def _longest_common(x: Array, y: Array) -> tuple[Ints, Ints]:
     From the end on, `most[j]` is how many pairs the rest of both can have; the way is then walked from the beginning.
     """
     n, m = len(x), len(y)
-    alike = np.zeros((n, m), np.bool_)
-    behind = np.zeros(m + 1, np.int32)
+    alike = np.ones((n, m), np.bool_)
+    for one, other in zip(x.T, y.T, strict=True):
+        for i, value in enumerate(one):
+            alike[i] &= (other >= value - 1.0) & (other <= value + 1.0)
+    behind, most = np.zeros(m + 1, np.int32), np.zeros(m + 1, np.int32)
     more = np.zeros((n, m), np.bool_)  # whether leaving out row i of x leaves as many pairs as leaving out row j of y
     for i in range(n - 1, -1, -1):
-        alike[i] = (np.abs(y - x[i]) <= 1.0).all(axis=1)
         here = np.maximum(behind[:-1], behind[1:] + alike[i])
-        most = np.append(np.maximum.accumulate(here[::-1])[::-1], 0).astype(np.int32)
-        more[i] = behind[:-1] >= most[1:]
-        behind = most
+        np.maximum.accumulate(here[::-1], out=most[-2::-1])
+        np.greater_equal(behind[:-1], most[1:], out=more[i])
+        behind, most = most, behind
     pairs: list[tuple[int, int]] = []
     i = j = 0
     while i < n and j < m:

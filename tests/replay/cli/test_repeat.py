@@ -29,10 +29,15 @@ def store(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / "s"
 
 
-def test_it_says_what_differs_since_which_run_and_what_changed(store: Path, capsys: Capture, tmp_path: Path) -> None:
+def test_it_says_what_differs_since_which_run_and_what_changed_as_the_page_shows(
+    store: Path, capsys: Capture, tmp_path: Path
+) -> None:
     target = tmp_path / "repeat.json"
     assert main(["repeat", "evening_0", "evening_3", "--store", str(store), "--json", str(target)]) == 0
-    said = " ".join(capsys.readouterr().out.split())
+    printed = re.sub(r"20\d\d-\d\d-\d\d \d\d:\d\d:", "2025-10-08 06:12:", capsys.readouterr().out)
+    page = (ROOT / "docs" / "morning.md").read_text(encoding="utf-8")
+    assert f"```console\n$ whyhot repeat evening_0 evening_3\n{printed}```" in page
+    said = " ".join(printed.split())
     assert "In evening_3, against evening_0: T_winding reads 3" in said
     assert ", since evening_2." in said
     assert "bench file new.toml: T_winding: sensor TC-7 (was TC-1)" in said
@@ -42,13 +47,6 @@ def test_it_says_what_differs_since_which_run_and_what_changed(store: Path, caps
     assert data["since"] == {"T_winding": "evening_2"}
     assert [one["event"] for one in data["changes"]] == ["BenchRegistered"]
     assert data["provenance"]["store_head"]
-
-
-def test_the_page_shows_what_is_printed(store: Path, capsys: Capture) -> None:
-    page = (ROOT / "docs" / "morning.md").read_text(encoding="utf-8")
-    assert main(["repeat", "evening_0", "evening_3", "--store", str(store)]) == 0
-    printed = re.sub(r"20\d\d-\d\d-\d\d \d\d:\d\d:", "2025-10-08 06:12:", capsys.readouterr().out)
-    assert f"```console\n$ whyhot repeat evening_0 evening_3\n{printed}```" in page
 
 
 def test_runs_that_repeat_say_so_and_how_well_they_did_before(store: Path, capsys: Capture) -> None:
