@@ -125,20 +125,24 @@ def _at_standstill(channels: Sequence[ChannelData], why: str) -> tuple[str, str]
 
 
 def _wltp(trace: _Trace) -> tuple[str, str] | None:
-    """Passes of the WLTC, whole but for its tail: normalised cross-correlation of speed and trace, at every second."""
+    passes, share = wltc_passes(trace.speed)
+    times = f"{passes} times" if passes > 1 else "once"
+    return ("wltp", f"speed follows {100 * share:.0f} % of the WLTC class 3b trace, {times}") if passes else None
+
+
+def wltc_passes(speed: Array) -> tuple[int, float]:
+    """How many passes of the WLTC, whole but for its tail, a speed (N,) each second makes, and which share of the
+    trace's seconds it follows in them: normalised cross-correlation of speed and trace, at every second."""
     cycle = wltc()
-    if len(trace.speed) < len(cycle) - WLTC_TAIL_s:
-        return None
-    match = _correlation(trace.speed, cycle[:-WLTC_TAIL_s])
+    if len(speed) < len(cycle) - WLTC_TAIL_s:
+        return 0, 0.0
+    match = _correlation(speed, cycle[:-WLTC_TAIL_s])
     passes = []
     while (best := int(match.argmax())) >= 0 and match[best] >= WLTC_MATCH:
         passes.append(best)
         match[max(best - len(cycle) + 60, 0) : best + len(cycle) - 60] = -1.0
-    if not passes:
-        return None
-    share = np.mean([_followed(trace.speed[start : start + len(cycle)], cycle) for start in passes])
-    times = f"{len(passes)} times" if len(passes) > 1 else "once"
-    return "wltp", f"speed follows {100 * share:.0f} % of the WLTC class 3b trace, {times}"
+    shares = [_followed(speed[start : start + len(cycle)], cycle) for start in passes]
+    return len(passes), float(np.mean(shares)) if shares else 0.0
 
 
 def _correlation(speed: Array, cycle: Array) -> Array:

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ingest.bench.derating import DeratingRule
-from ingest.catalogue.channels import ChannelData, current, find
-from ingest.catalogue.kinds import LOADED
+from ingest.catalogue.channels import ChannelData, current, each_second, find, step_of
+from ingest.catalogue.kinds import LOADED, wltc_passes
 from ingest.catalogue.quality import seconds
 from ingest.morning.differences import is_around
 from ingest.morning.repeat import Comparison
@@ -20,6 +20,7 @@ LOOKED_s = 600.0  # before the load went off, over which temperatures are looked
 TAIL_s = 5.0  # of the log: load that is on within it was on when the log ended
 ALIKE_K = 2.0  # within which the peaks of pulses are one limit
 PULSES = 3
+FOLLOWED = 0.95  # share of the WLTC's trace: a log may lack its tail
 LIMIT_K = 1.0  # below a limit
 AS_BEFORE, BROKEN_OFF = 0.9, 0.85  # shares: so much of a run as the one before, and so little of that one at most
 
@@ -34,7 +35,7 @@ class SessionEnd:
     says: str
 
 
-def ended(channels: Sequence[ChannelData], kind: str, kind_why: str, limits: Sequence[DeratingRule] = ()) -> SessionEnd:
+def ended(channels: Sequence[ChannelData], kind: str, limits: Sequence[DeratingRule] = ()) -> SessionEnd:
     """How a session of this kind ended. `limits`: those that its bench file names.
 
     A load is on where it is over a fifth of its largest. Whoever recorded a log alone knows why it was stopped: what
@@ -52,7 +53,7 @@ def ended(channels: Sequence[ChannelData], kind: str, kind_why: str, limits: Seq
         return SessionEnd("unknown", "nothing was loaded")
     off_ns, end_ns = int(load.t_ns[on[-1]]), int(load.t_ns[-1])
     if kind == "wltp":
-        return _of_cycle(kind_why)
+        return _of_cycle(channels)
     if reached := _limit(warm, limits, off_ns):
         return reached
     if kind == "s2" and (alike := _pulses(warm, load, amount > 0.5 * top)):
@@ -71,11 +72,14 @@ def broken_off(before: str, comparison: Comparison) -> SessionEnd | None:
     )
 
 
-def _of_cycle(kind_why: str) -> SessionEnd:
-    followed = float(kind_why.split(" % ")[0].split()[-1]) if " % of the WLTC" in kind_why else 100.0
-    if followed >= 95.0:
+def _of_cycle(channels: Sequence[ChannelData]) -> SessionEnd:
+    speed = find(channels, "speed")
+    passes, share = wltc_passes(np.abs(each_second([speed])[0][0])) if speed else (0, 0.0)
+    if not passes:
+        return SessionEnd("unknown", "no pass of the WLTC class 3b trace is found in its speed")
+    if share >= FOLLOWED:
         return SessionEnd("whole", "the whole trace was driven")
-    return SessionEnd("aborted", f"only {followed:.0f} % of the trace was followed")
+    return SessionEnd("aborted", f"only {100 * share:.0f} % of the trace was followed")
 
 
 def _limit(warm: Sequence[ChannelData], limits: Sequence[DeratingRule], off_ns: int) -> SessionEnd | None:
@@ -125,7 +129,10 @@ def _of_load(warm: Sequence[ChannelData], off_ns: int, end_ns: int, kind: str) -
 
 
 def _rate(one: ChannelData, off_ns: int) -> tuple[float, float] | None:
-    """Slope up to the end of the load and its sd [K/h], of means of a tenth of LOOKED_s; None with too little."""
+    """Slope up to the end of the load and its sd [K/h], of means of a tenth of LOOKED_s; None with too little.
+
+    A reading that stays on one step of its resolution may have moved by that step unseen.
+    """
     inside = (one.t_ns <= off_ns) & (one.t_ns > off_ns - LOOKED_s * 1e9)
     t, value = (one.t_ns[inside] - off_ns) / 3.6e12, one.value[inside]
     number = np.floor(t * 3600 / (LOOKED_s / 10)).astype(np.int64)
@@ -133,6 +140,10 @@ def _rate(one: ChannelData, off_ns: int) -> tuple[float, float] | None:
     if len(parts) < 8:
         return None
     x, y = (np.array([values[number == part].mean() for part in parts]) for values in (t, value))
-    (slope, _), residual, *_ = np.polyfit(x, y, 1, full=True)
-    spread = float(np.sqrt((residual[0] if len(residual) else 0.0) / (len(x) - 2)))
-    return float(slope), spread / float(np.sqrt(((x - x.mean()) ** 2).sum()))
+    slope, start = np.polyfit(x, y, 1)
+    spread = float(np.sqrt(((y - start - slope * x) ** 2).sum() / (len(x) - 2)))
+    sd = spread / float(np.sqrt(((x - x.mean()) ** 2).sum()))
+    step = one.spec.resolution or step_of(one.recorded) or 0.0
+    if float(np.std(value - start - slope * t)) < step / 2:
+        sd = float(np.hypot(sd, step / (LOOKED_s / 3600) / np.sqrt(3.0)))
+    return float(slope), sd

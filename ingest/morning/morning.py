@@ -118,7 +118,7 @@ def _night(store: Store, facts: Facts, session: SessionRecorded, past: Held | No
     if before:
         faults += since_before(before.comparison.channels, before.name)
     end = broken_off(before.name, before.comparison) if before else None
-    end = end or ended(channels, session.kind, session.kind_why, _limits(store, facts, session))
+    end = end or ended(channels, session.kind, _limits(store, facts, session))
     return Night(described(facts, session, seen), end, tuple(faults), before, channels)
 
 

@@ -7,6 +7,7 @@ import pytest
 
 from ingest.bench.derating import DeratingRule
 from ingest.catalogue.channels import ChannelData
+from ingest.catalogue.kinds import wltc
 from ingest.morning.ending import ended
 from made.channels import channel
 
@@ -32,31 +33,39 @@ def _session(on_s: int, after_s: int, tau_s: float, rise: float = 80.0) -> list[
     ],
 )
 def test_the_end_of_a_hold(on_s: int, after_s: int, tau_s: float, kind: str, reason: str) -> None:
-    assert ended(_session(on_s, after_s, tau_s), kind, "").reason == reason
+    assert ended(_session(on_s, after_s, tau_s), kind).reason == reason
+
+
+def test_whether_it_is_steady_a_coarse_reading_does_not_tell() -> None:
+    load, warm = _session(5000, 600, 600.0)
+    coarse = channel("T", "temperature", np.round(warm.value), role="observed")
+    assert ended([load, coarse], "s1").reason == "unknown"
 
 
 def test_a_limit_of_the_bench_file_is_told() -> None:
     channels = _session(1500, 600, 600.0)
-    found = ended(channels, "s1", "", [DeratingRule("T", 93.0, 100.0)])
+    found = ended(channels, "s1", [DeratingRule("T", 93.0, 100.0)])
     assert (found.reason, found.says[:10]) == ("limit", "T was at 9")
-    assert ended(channels, "s1", "", [DeratingRule("T", 120.0, 130.0)]).reason == "not steady"
+    assert ended(channels, "s1", [DeratingRule("T", 120.0, 130.0)]).reason == "not steady"
 
 
 def test_pulses_that_end_at_one_temperature_ended_at_a_limit() -> None:
     high = np.tile(np.r_[np.ones(40), np.zeros(200)], 5)
     saw = np.tile(np.r_[np.linspace(60, 150, 40), np.linspace(150, 60, 200)], 5) + NOISE[:1200]
     torque = channel("M", "torque", 200 * high)
-    found = ended([torque, channel("T", "temperature", saw, role="observed")], "s2", "")
+    found = ended([torque, channel("T", "temperature", saw, role="observed")], "s2")
     assert (found.reason, found.says) == ("limit", "5 pulses ended with T at 150 °C (within 0.1 K)")
     rising = saw + np.linspace(0, 30, 1200)
-    assert ended([torque, channel("T", "temperature", rising, role="observed")], "s2", "").reason == "unknown"
+    assert ended([torque, channel("T", "temperature", rising, role="observed")], "s2").reason == "unknown"
 
 
-def test_a_cycle_is_whole_or_was_broken_off() -> None:
-    channels = _session(1500, 0, 600.0)
-    assert ended(channels, "wltp", "speed follows 99 % of the WLTC class 3b trace, once").reason == "whole"
-    assert ended(channels, "wltp", "speed follows 93 % of the WLTC class 3b trace, once").reason == "aborted"
+@pytest.mark.parametrize(
+    ("until_s", "reason"), [(1801, "whole"), (1701, "aborted"), (900, "unknown")], ids=["whole", "cut", "half"]
+)
+def test_a_cycle_is_whole_or_was_broken_off(until_s: int, reason: str) -> None:
+    speed = 45.0 * wltc()[:until_s]
+    assert ended([channel("n", "speed", speed), channel("M", "torque", 0.01 * speed)], "wltp").reason == reason
 
 
 def test_without_a_load_nobody_knows() -> None:
-    assert ended([channel("T", "temperature", [20.0, 21.0])], "ageing", "").reason == "unknown"
+    assert ended([channel("T", "temperature", [20.0, 21.0])], "ageing").reason == "unknown"
