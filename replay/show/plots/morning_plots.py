@@ -122,7 +122,7 @@ def beside(before: Before, key: str, columns: int) -> Plot | None:
     if not courses:
         return None
     exceeding = [one.channel for one in before.comparison.exceeding if one.channel in {c.channel for c in courses}]
-    title = f"As {before.name}, where both were driven alike"
+    title = f"No temperature is off {before.name} by more than start, drive and floor explain"
     if exceeding:
         title = f"Off {before.name} by more than its floor: {words.joined(exceeding)}"
     end = max(float(one.t_s[-1]) for one in courses)

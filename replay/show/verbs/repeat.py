@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 from ingest.catalogue.page import table
-from ingest.morning.changes import Change
 from ingest.morning.differences import CellDifference, ChannelDifference
 from ingest.morning.repeat import Comparison, Repeat
 from replay.show.words import words
@@ -22,9 +19,11 @@ def repeat_text(found: Repeat) -> str:
     lines += labelled("Driven alike", alike(found.beside, first, second))
     lines += labelled("Floor", floor(found))
     lines += ["", *channel_lines(found.beside, first, second)]
-    for names, run in zip(found.beside.only, (first, second), strict=True):
-        lines += ["", *labelled("Not compared", f"only in {run}: {words.joined(names)}.")] if names else []
-    lines += ["", *_change_lines(found.changes, first, second)]
+    lines += [line for says in not_compared(found) for line in ("", *labelled("Not compared", says))]
+    lines += [
+        "",
+        *(line for i, says in enumerate(change_says(found)) for line in labelled("" if i else "Changed", says)),
+    ]
     return "\n".join([*lines, "", f"next: whyhot show {second}"])
 
 
@@ -73,14 +72,19 @@ def floor(found: Repeat) -> str:
 
 def channel_lines(beside: Comparison, first: str, second: str) -> list[str]:
     """Every channel in both runs, one line each."""
-    head = ("channel", "unit", first, second, "differs", "explained", "floor", "", "most")
-    rows = [_row(one) for one in beside.channels[:SHOWN]]
+    rows = [channel_row(one) for one in beside.channels[:SHOWN]]
     more = len(beside.channels) - len(rows)
-    lines = table(head, rows, WIDTH, right=(2, 3, 4, 6))
+    lines = table(channel_head(first, second), rows, WIDTH, right=(2, 3, 4, 6))
     return lines + ([f"and {words.counted(more, 'more channel')} (--json has all)"] if more else [])
 
 
-def _row(one: ChannelDifference) -> tuple[str, ...]:
+def channel_head(first: str, second: str) -> tuple[str, ...]:
+    """What stands above the cells of `channel_row`."""
+    return "channel", "unit", first, second, "differs", "explained", "floor", "", "most"
+
+
+def channel_row(one: ChannelDifference) -> tuple[str, ...]:
+    """A channel in both runs, as cells."""
     low, high = one.worst.explained
     explained = "" if (low, high) == (0.0, 0.0) else f"{figure(low)} to {figure(high)}"
     figures = (figure(one.first), figure(one.second), _signed(one.worst.difference))
@@ -94,11 +98,17 @@ def _since(found: Repeat, one: ChannelDifference) -> str:
     return f", since {found.since[one.channel]}"
 
 
-def _change_lines(found: Sequence[Change], first: str, second: str) -> list[str]:
-    if not found:
-        return labelled("Changed", f"the ledger knows of nothing that changed between {first} and {second}.")
-    told = [f"#{one.position} {(one.recorded or '')[:16].replace('T', ' ')}: {one.says}" for one in found]
-    return [line for i, says in enumerate(told) for line in labelled("Changed" if i == 0 else "", says)]
+def not_compared(found: Repeat) -> list[str]:
+    """The channels that only one of both runs has, a line for each run."""
+    runs = zip(found.beside.only, (found.first.name, found.second.name), strict=True)
+    return [f"only in {run}: {words.joined(names)}." for names, run in runs if names]
+
+
+def change_says(found: Repeat) -> list[str]:
+    """What the ledger knows to have changed, a line each with its event."""
+    told = [f"#{one.position} {(one.recorded or '')[:16].replace('T', ' ')}: {one.says}" for one in found.changes]
+    first, second = found.first.name, found.second.name
+    return told or [f"the ledger knows of nothing that changed between {first} and {second}."]
 
 
 def amount(value: float, one: ChannelDifference) -> str:

@@ -49,8 +49,13 @@ def test_it_says_what_differs_since_which_run_and_what_changed_as_the_page_shows
     assert data["provenance"]["store_head"]
 
 
-def test_runs_that_repeat_say_so_and_how_well_they_did_before(store: Path, capsys: Capture) -> None:
-    assert main(["repeat", "evening_1", "evening_0", "--store", str(store)]) == 0
+def test_runs_that_repeat_say_so_in_the_report_too(store: Path, tmp_path: Path, capsys: Capture) -> None:
+    report = tmp_path / "repeat.html"
+    assert main(["repeat", "evening_1", "evening_0", "--store", str(store), "--report", str(report)]) == 0
+    page = report.read_text(encoding="utf-8").replace("\N{NO-BREAK SPACE}", " ")
+    assert page.count("<svg") == 1
+    assert "evening_0 reads as evening_1 where both were driven alike" in page
+    assert "the ledger knows of nothing that changed" in page
     said = capsys.readouterr().out
     assert said.startswith("Answer            evening_0 reads as evening_1 where both were driven alike")
     assert "the ledger knows of nothing that changed" in said
