@@ -182,7 +182,7 @@ def _places(
     run: RunBlocks, matched: Matched, known: NDArray[np.bool_], off: Array, low: Array, high: Array
 ) -> Iterator[CellDifference]:
     """The cells of operating points with LEAST_s of matched blocks, and all of them as one cell where none has."""
-    axes = [run.means[name][matched.first] for name in matched.by]
+    axes = [run.drive[name][matched.first] for name in matched.by]
     edges = [round_edges(axis, most) for axis, most in zip(axes, (COLUMNS, ROWS), strict=False)]
     number = np.zeros(len(off), np.int64)
     for axis, edge in zip(axes, edges, strict=True):
@@ -274,7 +274,7 @@ def _begun(matched: Matched, off: Array) -> Array:
 
 def _slack(runs: tuple[RunBlocks, RunBlocks], matched: Matched, name: str) -> Array:
     """Twice the share by which a quantity of the drive differs (P,): power goes with both, and heat with a square."""
-    a, b = _both(runs, matched, name)
+    a, b = runs[0].drive[name][matched.first], runs[1].drive[name][matched.second]
     return np.asarray(2.0 * np.abs(b - a) / np.maximum(np.abs(a), 0.05 * np.nanmax(np.abs(a), initial=1e-9)))
 
 

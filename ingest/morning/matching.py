@@ -28,10 +28,12 @@ Ints = NDArray[np.int64]
 
 @dataclass(frozen=True, eq=False)
 class RunBlocks:
-    """A run as means over blocks of `block_s` [s]: name of a channel -> (N,), NaN where it was not measured."""
+    """A run as means over blocks of `block_s` [s]: name of a channel -> (N,), NaN where it was not measured; `drive`:
+    the same of what drove it, by quantity."""
 
     block_s: int
     means: dict[str, Array]
+    drive: dict[str, Array]
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,10 +53,10 @@ class Matched:
     def shares(self, runs: tuple[RunBlocks, RunBlocks], least: float) -> tuple[float, float]:
         """Which share of each run was driven alike, of the time with more than `least` of the largest speed or load; 0
         where there is none."""
-        tops = {name: max(float(np.nanmax(np.abs(run.means[name]), initial=0.0)) for run in runs) for name in self.by}
+        tops = {name: max(float(np.nanmax(np.abs(run.drive[name]), initial=0.0)) for run in runs) for name in self.by}
         own = []
         for run, at in zip(runs, (self.first, self.second), strict=True):
-            drives = np.any([np.abs(run.means[name]) > least * tops[name] for name in self.by], axis=0)
+            drives = np.any([np.abs(run.drive[name]) > least * tops[name] for name in self.by], axis=0)
             own.append(float(drives[at].sum() / max(drives.sum(), 1)))
         return own[0], own[1]
 
@@ -88,12 +90,12 @@ def block_length(runs: Sequence[Sequence[ChannelData]]) -> int:
 
 
 def blocks(channels: Sequence[ChannelData], block_s: int, by: Sequence[str]) -> RunBlocks:
-    """A run in blocks from where it begins to be driven: channels by name, what drives it by quantity too."""
+    """A run in blocks, from where what drives it (quantities `by`) begins up to where it ends."""
     drive = {name: channel for name, channel in operating(channels).items() if name in by}
     begin = max(int(channel.t_ns[0]) for channel in drive.values())
     end = max(begin, min(int(channel.t_ns[-1]) for channel in drive.values()))
-    named = {channel.spec.name: channel for channel in channels} | drive
-    return RunBlocks(block_s, {name: _in_blocks(channel, begin, end, block_s) for name, channel in named.items()})
+    means = {channel.spec.name: _in_blocks(channel, begin, end, block_s) for channel in channels}
+    return RunBlocks(block_s, means, {name: _in_blocks(one, begin, end, block_s) for name, one in drive.items()})
 
 
 def _in_blocks(channel: ChannelData, begin: int, end: int, block_s: int) -> Array:
@@ -111,9 +113,9 @@ def match(first: RunBlocks, second: RunBlocks, by: Sequence[str]) -> Matched:
     shares = {"speed": SPEED_ALIKE, "oven": OVEN_ALIKE}
     scaled = []
     for one in (first, second):
-        tops = [max(float(np.nanmax(np.abs(run.means[name]), initial=0.0)) for run in (first, second)) for name in by]
+        tops = [max(float(np.nanmax(np.abs(run.drive[name]), initial=0.0)) for run in (first, second)) for name in by]
         widths = [max(top, 1e-9) * shares.get(name, LOAD_ALIKE) for top, name in zip(tops, by, strict=True)]
-        scaled.append(np.column_stack([one.means[name] / width for name, width in zip(by, widths, strict=True)]))
+        scaled.append(np.column_stack([one.drive[name] / width for name, width in zip(by, widths, strict=True)]))
     a, b = _longest_common(scaled[0], scaled[1])
     return _in_stretches(a, b, tuple(by), first.block_s)
 

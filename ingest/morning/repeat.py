@@ -146,7 +146,7 @@ def lay(
             f"{names}: have no minute in common: {' and '.join(by)} are nowhere alike for so long. "
             "Compare runs of one test."
         )
-    shares = [len(matched.first) / len(run.means[by[0]]) for run in runs]
+    shares = [len(matched.first) / len(run.drive[by[0]]) for run in runs]
     found = differences(first, second, runs, matched, earlier)
     driven = matched.shares(runs, LOADED)
     courses = tuple(_courses(found, runs, matched))

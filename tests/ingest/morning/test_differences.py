@@ -66,3 +66,9 @@ def test_without_anything_that_drives_nothing_says_where_it_was_driven(left: Seq
 def test_channels_that_one_run_lacks_are_named() -> None:
     first = run()
     assert lay(first, [one for one in first if one.spec.name != "T_yoke"]).only == (("T_yoke",), ())
+
+
+def test_a_channel_that_is_called_like_a_quantity_is_compared_as_itself() -> None:
+    named = channel("speed", "flow", [5.0] * 3000)
+    (one,) = [one for one in lay([*run(), named], [*run(noise_seed=2), named]).channels if one.channel == "speed"]
+    assert (one.first, one.second) == (5.0, 5.0)
