@@ -11,6 +11,7 @@ from benchmarks.trial import lost
 from benchmarks.trial.audit import spreads
 from benchmarks.trial.campaigns import Course
 from benchmarks.trial.inside import inside
+from benchmarks.trial.one import as_the_file_says
 from benchmarks.trial.visibility import seen
 from made.motor import CHANNELS, SINGLE, every_law, pulses, recorded, truth
 from plant import Effect
@@ -155,3 +156,16 @@ def test_nodes_without_a_sensor_are_held_against_their_true_temperatures(mode: F
     assert right["published"] == pytest.approx(0.0, abs=0.05)
     assert wrong["published"] == pytest.approx(1.5, abs=0.05)
     assert right["recalibrated"] == right["extended"]
+
+
+def test_more_of_the_only_law_of_a_place_is_what_the_file_calls_scale() -> None:
+    network = every_law()
+    node = network.sources[0].node
+    only = replace(
+        network, sources=(replace(network.sources[0], terms=(Term(5.0, {"current": 2.0}),)), *network.sources[1:])
+    )
+    more = Effect(f"loss.{node}.current2", 3.0)
+    assert as_the_file_says(more, only) == replace(more, cause=f"loss.{node}.scale")
+    for other in (f"loss.{node}.speed2", "unknown.spray", "sensor.yoke.lag", "capacity.yoke.attached"):
+        assert as_the_file_says(replace(more, cause=other), only).cause == other
+    assert as_the_file_says(more, network) == more, "one law of several"

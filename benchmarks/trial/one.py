@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from benchmarks.trial.answers import ENDS, Result, tried
@@ -11,6 +12,9 @@ from benchmarks.trial.cases import Case, scaled
 from benchmarks.trial.visibility import Seen, healthy_mode, seen
 from plant import Effect
 from replay.studies.diagnosis.question import Campaign
+from twin.motor.features import product, terms
+from twin.motor.network import Network
+from twin.motor.paths import terms_at
 
 HALVINGS = 4
 
@@ -22,13 +26,25 @@ class RunsAway(ValueError):
 def trial(case: Case, effects: Sequence[Effect], folder: Path) -> Result:
     """One trial, its logs made or found. What ends its diagnosis is counted as no answer."""
     behind = kept_as(folder / "behind.pickle", lambda: _driven(case, effects, folder))
+    campaign, healthy = read(folder), read(folder / "healthy") if behind.effects else None
+    behind = replace(behind, effects=tuple(as_the_file_says(one, campaign.network) for one in behind.effects))
     hidden = tuple(Seen(effect.cause, effect.size) for effect in behind.effects)
-    campaign, healthy = read(folder), read(folder / "healthy") if hidden else None
     try:
         hidden = _visible(behind, healthy) if healthy else hidden
         return tried(case, campaign, behind, hidden)
     except ENDS as error:
         return Result(case, hidden, failed=f"{type(error).__name__}: {error}")
+
+
+def as_the_file_says(effect: Effect, network: Network) -> Effect:
+    """The effect by the cause that a motor file gives it: more of a law that is the only one at its node or link is
+    `scale` there, and no other candidate."""
+    kind, place, law = [*effect.cause.split(".", 2), "", ""][:3]
+    if kind not in ("loss", "conductance"):
+        return effect
+    own = [list(terms(network))[i] for i in terms_at(network, tuple(place.split("-")))]
+    alone = len(own) == 1 and product(own[0]).name == law
+    return replace(effect, cause=f"{kind}.{place}.scale") if alone else effect
 
 
 def _visible(behind: Behind, healthy: Campaign) -> tuple[Seen, ...]:
