@@ -4,6 +4,6 @@
 bytes. `facts` folds the events into what is true now or was at a time, without what was taken back (`standing`);
 `sessions` groups files, `named` finds what people call by name. Each row is checked against all before it
 (`ledger_history`) whenever it is read; `ledger_audit` and `store_check` list all damage, and `cited` says what stands
-on it. `as_of` opens the store as it was, `lineage` says what a fact follows from. `alias` names a folder as other
-libraries take it.
+on it. `as_of` opens the store as it was, `backup` makes a second one of it, `lineage` says what a fact follows from.
+`alias` names a folder as other libraries take it.
 """

@@ -7,7 +7,9 @@ import logging
 import os
 import re
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from typing import BinaryIO
 
 from ingest.errors import ChangingFileError, DamageError, StoreError
 from ingest.facts.durable import sync_folder, write_file
@@ -42,8 +44,8 @@ class Archive:
             if re.fullmatch(r"[0-9a-f]{64}", path.name) and path.parent.name == path.name[:2]:
                 yield path.name
 
-    def seal(self, data: bytes | Path) -> str:
-        """Keep `data`, or the bytes of the file it names, for ever. Returns their SHA-256.
+    def seal(self, data: bytes | Path | Iterator[bytes]) -> str:
+        """Keep `data`, the bytes of the file that it names, or all that it yields, for ever. Returns their SHA-256.
 
         What is there already and whole is kept; what is there and damaged is replaced, with a warning. Raises
         ChangingFileError where the file changes while it is read, StoreError where the store was opened for reading,
@@ -76,20 +78,40 @@ class Archive:
             raise DamageError(_damaged(self.path(sha256), len(data)))
         return data
 
+    def chunks(self, sha256: str) -> Iterator[bytes]:
+        """The sealed bytes, part by part. Raises DamageError where they are missing or cannot be read, and at the end
+        where they are not what was sealed."""
+        digest, size = hashlib.sha256(), 0
+        with self._opened(sha256) as file:
+            while chunk := file.read(CHUNK):
+                digest.update(chunk)
+                size += len(chunk)
+                yield chunk
+        if digest.hexdigest() != sha256:
+            raise DamageError(_damaged(self.path(sha256), size))
+
     def damage(self, sha256: str, read: bool = True) -> str | None:
         """What is wrong with a sealed file, in one line; None where it is whole (without `read`: where it is there)."""
         try:
-            path = self.path(sha256)
-            with path.open("rb") as file:
-                if not read or hashlib.file_digest(file, "sha256").hexdigest() == sha256:
-                    return None
-                return _damaged(path, os.fstat(file.fileno()).st_size)
+            with self._opened(sha256):
+                pass
+            for _ in self.chunks(sha256) if read else ():
+                pass
         except DamageError as error:
             return str(error)
+        return None
+
+    @contextmanager
+    def _opened(self, sha256: str) -> Iterator[BinaryIO]:
+        """A sealed file to read. Raises DamageError where it is missing or cannot be read."""
+        path = self.path(sha256)
+        try:
+            with path.open("rb") as file:
+                yield file
         except FileNotFoundError:
-            return f"{path}: is missing: {ADVICE}"
+            raise DamageError(f"{path}: is missing: {ADVICE}") from None
         except OSError as error:
-            return f"{path}: cannot be read ({error.strerror}): {ADVICE}"
+            raise DamageError(f"{path}: cannot be read ({error.strerror}): {ADVICE}") from None
 
     def _is_whole(self, sha256: str) -> bool:
         if not self.has(sha256):
@@ -104,9 +126,9 @@ def _damaged(path: Path, size: int) -> str:
     return f"{path}: is damaged, its {size:,} bytes are not those that were sealed: {ADVICE}"
 
 
-def _hashed(data: bytes | Path, digest: hashlib._Hash) -> Iterator[bytes]:
+def _hashed(data: bytes | Path | Iterator[bytes], digest: hashlib._Hash) -> Iterator[bytes]:
     """The chunks of `data`; `digest` has seen all that were taken."""
-    for chunk in [data] if isinstance(data, bytes) else _chunks(data):
+    for chunk in [data] if isinstance(data, bytes) else _chunks(data) if isinstance(data, Path) else data:
         digest.update(chunk)
         yield chunk
 

@@ -88,7 +88,10 @@ class Ledger:
         return [*events, *(decode(row, place) for place, row in enumerate(rows, len(events) + 1))]
 
     def take_over(self, rows: Iterable[StoredEvent]) -> None:
-        """Store the rows of another ledger, in an empty one, as they are. Raises LedgerError."""
+        """Store rows of another ledger, as they are, behind those that it has in common with this one. All or none.
+
+        Raises LedgerError.
+        """
         self._insert([*rows])
 
     def events(self, *types: type[Event], stream: str | None = None, as_of: str | int | None = None) -> list[Recorded]:

@@ -8,6 +8,7 @@ from typing import Any
 from ingest.catalogue.quality import seconds
 from ingest.facts.events import DecodeCompleted, QualityFlagged, SessionRecorded
 from ingest.intake.intake import Intake, Taken
+from replay.show.words.words import size
 
 Home = tuple[str, str | None]  # of a channel: its file, its bus
 Member = tuple[QualityFlagged, Home]
@@ -59,13 +60,13 @@ def _lines(intake: Intake, taken: Taken, decode: DecodeCompleted) -> list[str]:
     if taken.known:
         state = f"already in the store, {'its session anew' if taken.anew else 'nothing new'}"
     if decode.outcome == "quarantined":
-        return [f"{taken.name}   {_size(taken.size)}   quarantined   {state}"]
+        return [f"{taken.name}   {size(taken.size)}   quarantined   {state}"]
     mine = [s for s in intake.sessions if any(f["raw"] == taken.raw for f in s.files)]
     where = "".join(f"   session {s.name} ({s.kind}: {s.kind_why})" for s in mine[:1])
     more = f" and {len(mine) - 1} more sessions" if len(mine) > 1 else ""
     of = "read" if decode.outcome == "salvaged" else "in the file"
     return [
-        f"{taken.name}   {_size(taken.size)}   {balance['found']:,} {taken.holds}   {state}",
+        f"{taken.name}   {size(taken.size)}   {balance['found']:,} {taken.holds}   {state}",
         *([f" {where}{more}"] if mine else []),
         (
             f"  decoded {balance['decoded']:,} · unknown id {balance['unknown_id']:,} · wrong length "
@@ -86,10 +87,6 @@ def _version_lines(intake: Intake) -> list[str]:
         if session.bench
         and any(given.get(file["raw"], version) not in (version, (None, None)) for file in session.files)
     ]
-
-
-def _size(size: int) -> str:
-    return f"{size / 1e6:.1f} MB" if size >= 1e6 else f"{max(size / 1e3, 0.1):.1f} kB"
 
 
 def _flag_lines(intake: Intake) -> list[str]:

@@ -1,0 +1,56 @@
+"""What `whyhot backup` and `restore` answer: what was copied, what was there already, and the head that is held now."""
+
+from __future__ import annotations
+
+import shlex
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from replay.show.words.terminal import labelled
+from replay.show.words.words import counted, size
+
+if TYPE_CHECKING:
+    from ingest.facts.backup import Amount, Copied
+    from ingest.facts.store_check import StoreCheck
+
+
+def copied_json(done: Copied) -> dict[str, Any]:
+    """`head`: what the copy holds now; `left`: a line for each sealed file that could not be copied."""
+    return {
+        "copied": done.copied._asdict(),
+        "there": done.there._asdict(),
+        "head": vars(done.head),
+        "left": list(done.left),
+    }
+
+
+def backed_up_text(done: Copied, folder: Path) -> str:
+    """The answer, and how the backup is checked; where something was left, how that is mended first."""
+    lines = labelled("Backed up", _amount(done.copied)) + labelled("There already", _amount(done.there))
+    lines += [*labelled("Head", str(done.head)), *_left(done), ""]
+    step = "whyhot verify --read" if done.left else f"whyhot verify --read --store {shlex.quote(str(folder))}"
+    return "\n".join(lines + labelled("Next", step))
+
+
+def restored_text(done: Copied, found: StoreCheck, folder: Path) -> str:
+    """The answer; samples and warehouse, which no backup holds, are made again next."""
+    good, of = found.whole["sealed files"]
+    lines = labelled("Restored", _amount(done.copied))
+    if done.there.files:  # of a restore that was stopped
+        lines += labelled("There already", _amount(done.there))
+    lines += labelled("Head", str(done.head))
+    lines += labelled("Checked", f"every event, and every byte of {good:,} of {of:,} sealed files")
+    lines += [*_left(done), "", *labelled("Next", f"whyhot rebuild --store {shlex.quote(str(folder))}")]
+    return "\n".join(lines)
+
+
+def _amount(much: Amount) -> str:
+    if much.events == much.files == 0:
+        return "nothing"
+    return f"{counted(much.events, 'event')} and {counted(much.files, 'sealed file')} of {size(much.bytes)}"
+
+
+def _left(done: Copied) -> list[str]:
+    if not done.left:
+        return []
+    return labelled("Not copied", f"{counted(len(done.left), 'sealed file')}, in the lines above; all else was")
