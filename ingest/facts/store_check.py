@@ -23,7 +23,7 @@ from ingest.facts.store import Store
 
 AGAIN = "`whyhot rebuild` makes it again"
 READ_WRONG = "was read wrong at first and right after: check the memory and disk of this machine"
-LEDGER = "put ledger.sqlite back from a backup, or ingest the original logs into a new store (--store NEW)"
+LEDGER = "`whyhot restore BACKUP --store NEW`, or ingest the original logs into a new store (--store NEW)"
 
 
 @dataclass(frozen=True)
@@ -135,8 +135,10 @@ def _check_products(
     read: bool,
     affects: Callable[[str], tuple[str, ...]],
 ) -> None:
-    """A product that is missing is a hint: it is made again; one that is not what the decode gave is damage."""
+    """A product that is missing is a hint: it is made again; one that is not what the decode gave is damage. Where
+    all are missing, that is one hint."""
     count = bad = 0
+    missing: list[str] = []
     for decode in decodes:
         for name, sha256 in decode.products.items():
             path = folder / "decoded" / decode.decode / Path(name).name
@@ -146,10 +148,13 @@ def _check_products(
                 found.damages.append(Damage(str(says), affects(decode.decode), BACKUP))
             elif not path.is_file():
                 says = f"{path}: is missing: {AGAIN}"
-                found.hints.append(says)
+                missing.append(says)
             elif says := found.twice(path, partial(_changed, path, sha256, read)):
                 found.damages.append(Damage(says, affects(decode.decode), "whyhot rebuild"))
             bad += says is not None
+    if 1 < len(missing) == count:
+        missing = [f"{folder / 'decoded'}: holds none of {count:,} decoded files, as in a backup: {AGAIN}"]
+    found.hints += missing
     found.whole["decoded files"] = count - bad, count
 
 

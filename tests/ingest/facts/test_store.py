@@ -298,6 +298,16 @@ def test_a_product_that_changed_is_damage_and_one_that_is_missing_a_hint(folder:
     assert hints(folder) == [f"{path}: is missing: `whyhot rebuild` makes it again"]
 
 
+def test_where_all_products_are_missing_that_is_one_hint(folder: Path) -> None:
+    with Store.open(folder, write=True) as store:
+        products = {"a.parquet": sha(b"a"), "b.parquet": sha(b"b")}
+        store.ledger.append("file-1", decode("d2", sha(BLF), products=products))
+    assert len(hints(folder)) == 2
+    (folder / "decoded" / "d1" / "recording.mcap").unlink()
+    (line,) = [one for one in hints(folder) if "decoded" in one]
+    assert line.endswith("decoded: holds none of 3 decoded files, as in a backup: `whyhot rebuild` makes it again")
+
+
 def test_what_no_event_cites_is_a_hint_but_damage_where_it_is_broken(folder: Path) -> None:
     with Store.open(folder, write=True) as store:
         store.archive.seal(b"orphan")
