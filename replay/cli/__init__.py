@@ -50,7 +50,7 @@ VERBS: dict[str, str] = {
     "rebuild": "make samples and warehouse again from sealed facts",
     "verify": "check every fact and every sealed byte",
     "head": "the ledger's head: position and Merkle root",
-    "backup": "a second copy of the store in another folder: what is missing there, also while another command writes",
+    "backup": "a second copy of the store in another folder: only what is new is copied; others may write meanwhile",
     "restore": "a new store from a backup, checked to the last byte",
     "doctor": "versions, SQLite safety, store and disk: what a problem report needs",
 }

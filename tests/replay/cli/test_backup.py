@@ -69,7 +69,6 @@ def test_restore_makes_a_store_and_checks_it(head: str, capsys: Capture) -> None
         "\n"
         "Next              whyhot rebuild --store new\n"
     )
-    assert main(["rebuild", "--store", "new"]) == 0
     assert main(["restore", "backup", "--json"]) == 2
     line = "store: is a store already, with 3 events: nothing was written; give a new folder with --store\n"
     assert capsys.readouterr().err == line
