@@ -140,12 +140,28 @@ def test_a_folder_that_is_no_place_for_a_backup_is_refused(folder: Path, tmp_pat
         backup(folder, tmp_path / "full")
 
 
-def test_a_damaged_ledger_makes_no_backup_and_is_named(folder: Path, target: Path) -> None:
+def spoil_ledger(folder: Path) -> None:
     ledger = folder / "ledger.sqlite"
     ledger.write_bytes(ledger.read_bytes().replace(b"b.dbc", b"B.dbc"))
+
+
+def test_a_damaged_ledger_makes_no_backup_and_is_named(folder: Path, target: Path) -> None:
+    spoil_ledger(folder)
     with pytest.raises(DamageError, match=f"^{folder}: event 2 .*is not what was written"):
         backup(folder, target)
     assert not target.exists()
+
+
+def test_a_backup_with_a_damaged_ledger_is_not_gone_on_with_nor_restored(
+    folder: Path, target: Path, tmp_path: Path
+) -> None:
+    backup(folder, target)
+    spoil_ledger(target)
+    for copied in (lambda: backup(folder, target), lambda: restore(target, tmp_path / "new")):
+        with pytest.raises(DamageError, match=f"^{target}: event 2 .*is not what was written"):
+            copied()
+    assert not (tmp_path / "new").exists()
+    assert findings(folder) == []
 
 
 def test_a_ledger_in_a_database_server_is_left_to_the_server(

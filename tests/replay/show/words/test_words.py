@@ -1,0 +1,12 @@
+from __future__ import annotations
+
+import pytest
+
+from replay.show.words import words
+
+
+@pytest.mark.parametrize(
+    ("count", "says"), [(0, "0.1 kB"), (300, "0.3 kB"), (6_200_000, "6.2 MB"), (1_440_000_000, "1.4 GB")]
+)
+def test_bytes_are_said_in_the_unit_that_people_read(count: int, says: str) -> None:
+    assert words.size(count) == says
