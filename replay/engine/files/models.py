@@ -10,6 +10,7 @@ from ingest.facts.events import ModelPublished, MotorRegistered, SessionRecorded
 from ingest.facts.facts import Facts
 from ingest.facts.store import Store
 from ingest.intake.setup import MotorFile
+from ingest.texts.nearest import hint
 from replay.engine.files.motor_file import read_motor
 from replay.engine.files.motor_maps import whole
 from replay.errors import ReplayDataError
@@ -54,9 +55,10 @@ def find_model(facts: Facts, text: str, or_file: bool = True) -> str:
     if len(found) == 1:
         return found[0]
     known = ", ".join(f"{event.motor} {model[:12]}" for model, event in facts.models.items()) or "none"
+    near = hint(text, {event.motor for event in facts.models.values()}) if not found else ""
     why = "is not one model" if found else "is no model"
     more = " Or give a motor file (ends in .toml)." if or_file else ""
-    raise ReplayDataError(f'model "{text}" {why} of this store. Known: {known}.{more}')
+    raise ReplayDataError(f'model "{text}" {why} of this store.{near} Known: {known}.{more}')
 
 
 def current_model(facts: Facts, text: str) -> str:

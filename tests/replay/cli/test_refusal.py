@@ -12,6 +12,7 @@ import duckdb
 import pyarrow as pa
 import pytest
 
+from ingest.facts.events import ModelPublished
 from ingest.facts.store import Store
 from replay.cli import main
 
@@ -88,3 +89,17 @@ def test_an_answer_that_a_limit_cuts_says_so(store: Path, capsys: Capture, monke
         assert ("the first 5 rows, there are more: allow more with --rows" in capsys.readouterr().err) == (
             words != ["--rows", "7"]
         )
+
+
+def test_a_mistyped_verb_names_the_nearest(capsys: Capture) -> None:
+    assert main(["replya", "1_s1"]) == 2
+    assert capsys.readouterr().err == "whyhot: replya is no verb. Nearest: replay. whyhot --help lists all\n"
+    assert main(["xyzzy"]) == 2
+    assert capsys.readouterr().err == "whyhot: xyzzy is no verb. whyhot --help lists all\n"
+
+
+def test_a_mistyped_motor_names_the_nearest(store: Path, capsys: Capture) -> None:
+    with Store.open(store, write=True) as opened:
+        opened.ledger.append("motor-servo", ModelPublished(model="4f0c", motor="servo-5kW", file="m.toml", parent=None))
+    assert main(["motor", "export", "servo-5W", "-o", "m.toml"]) == 2
+    assert "is no model of this store. Nearest: servo-5kW. Known: servo-5kW 4f0c." in capsys.readouterr().err
