@@ -47,13 +47,19 @@ def moved(gain: KeptGain) -> str:
 def errors(gain: KeptGain, of: Sequence[str], *more: str) -> str:
     """ "8.1 -> 1.4 K (fitted 7.0 -> 0.4 K)" at the stages `of`; "–" where no file says a stage. `more`: what else is to
     be said of the fitted ones."""
-    beside = ", ".join(filter(None, [f"fitted {_chain(fitted(gain), of)}", *more]))
+    beside = ", ".join(filter(None, [f"fitted {chain(fitted(gain), of)}", *more]))
     known = any(stage in gain.mae_recorded_K for stage in of)
-    return f"{_chain(gain.mae_recorded_K, of)} ({beside})" if known else beside
+    return f"{chain(gain.mae_recorded_K, of)} ({beside})" if known else beside
 
 
-def _chain(errors_K: Mapping[str, float], of: Sequence[str]) -> str:
-    return f"{' -> '.join(f'{errors_K[stage]:.1f}' if stage in errors_K else '–' for stage in of)} K"
+def chain(errors_K: Mapping[str, float], of: Sequence[str]) -> str:
+    """ "8.1 -> 1.4 K", "–" where a stage is not known."""
+    return f"{' -> '.join(_figure(errors_K[stage]) if stage in errors_K else '–' for stage in of)} K"
+
+
+def _figure(error_K: float) -> str:
+    """ "1.4"; what would be 0.0 by its first digit, as "0.03", so that a change of it is seen."""
+    return f"{error_K:.1f}" if error_K >= 0.05 else f"{error_K:.1g}"
 
 
 def furthest_first(gains: Sequence[KeptGain]) -> list[KeptGain]:
@@ -118,4 +124,4 @@ def beside(diagnosis: Diagnosis) -> str:
     if not replayed(most):
         return ""
     reading = f", its {moved(most)} by learnt corrections" if moved(most) else ""
-    return f"With {FITTED}, the {words.name(most.node)}'s error is {_chain(fitted(most), stages(named))}{reading}."
+    return f"With {FITTED}, the {words.name(most.node)}'s error is {chain(fitted(most), stages(named))}{reading}."

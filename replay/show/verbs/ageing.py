@@ -28,7 +28,7 @@ def ageing_text(found: Assessment) -> str:
     if len(found.batches) > 1:
         lines += ["", *_batches(found)]
     lines += ["", *labelled("R", f"thermal resistance of the insulation; repeatability {found.repeatability_from}")]
-    rules = f"{words.joined(found.rules)}; each number is by one rule, from the least to the most of them"
+    rules = f"{words.joined(found.rules)}; a range goes from the rule that gives least to the one that gives most"
     lines += labelled("Rules", rules)
     if found.law:
         lines += labelled("Law", _law(found.law))

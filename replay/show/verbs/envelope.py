@@ -100,15 +100,17 @@ def _table(found: Envelope) -> Iterator[str]:
     unit = LOAD_NAMES[found.load_column][1]
     yield f"{unit + ' borne at':<12}" + "".join(f"{duration(s):>21}" for s in DURATIONS_S)
     for speed, of_speed in zip(found.speeds_rpm, found.borders, strict=True):
-        yield f"{f'{speed:,.0f} rpm':<12}" + "".join(f"{_cell(one):>21}" for one in of_speed)
+        yield f"{f'{speed:,.0f} rpm':<12}" + "".join(f"{load_says(one):>21}" for one in of_speed)
     if any(one.node is None for of_speed in found.borders for one in of_speed):
-        yield ">= : no limit is reached within the loads that were recorded at that speed"
+        yield "at least: the most load that was recorded at that speed; no limit is reached there"
     nodes = {one.node for of_speed in found.borders for one in of_speed if one.node}
     yield f"limited by {words.joined(sorted(map(words.name, nodes)))}" if nodes else "no node reaches its limit"
 
 
-def _cell(one: Border) -> str:
-    return f"{'>= ' if one.node is None else ''}{one.load:.0f} ({one.low:.0f} to {one.high:.0f})"
+def load_says(one: Border) -> str:
+    """ "17 (15 to 19)", or "at least 17" where no limit was reached; the band stands where it is one."""
+    load, low, high = (f"{value:.0f}" for value in (one.load, one.low, one.high))
+    return f"{'at least ' if one.node is None else ''}{load}" + (f" ({low} to {high})" if low != high else "")
 
 
 def _held(found: Envelope) -> str:

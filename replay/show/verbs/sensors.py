@@ -82,8 +82,8 @@ def band_notes(found: Worth) -> Iterator[str]:
     if alone:
         whose = "" if len(alone) == len(found.withheld) else f" for {words.joined(alone)}"
         yield (
-            f"the filter's own{whose}, which know noise and random walks alone: those that hold what the model is off "
-            f"by are made from the errors in other sessions, and need {LEAST_OTHERS + 1} sessions with the channel"
+            f"the filter's own{whose}: they hold noise, and not what the model gets wrong, so they may be too narrow; "
+            f"wider ones come from the errors in other sessions, and need {LEAST_OTHERS + 1} sessions with the channel"
         )
 
 

@@ -59,8 +59,8 @@ def check(train: Sequence[SessionRecorded], kept: Sequence[SessionRecorded]) -> 
     if length_s < LEAST_S:
         minutes, left_s = divmod(int(length_s), 60)  # rounded down: 899.9 s are not the 15 min that are needed
         raise ReplayDataError(
-            f"too little to tell: {minutes} min {left_s} s to learn from, at least {LEAST_S / 60:.0f} min are needed. "
-            "Add an S1 or S2 point or a drive cycle with --on."
+            f"the sessions of --on last {minutes} min {left_s} s together, too short to find a cause: at least "
+            f"{LEAST_S / 60:.0f} min are needed. Add an S1 or S2 point or a drive cycle with --on."
         )
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,9 @@ import pytest
 
 from made import can_bench
 from replay.cli import main
+from replay.show.verbs.envelope import load_says
 from replay.studies.characterise.envelope import DURATIONS_S
+from twin.run.envelope import Border
 
 LIMIT = "limit_degC = "
 
@@ -108,3 +111,9 @@ def test_a_motor_without_limits_is_refused(bench: Path, tmp_path: Path, capsys: 
     words = ["--on", "1_point", "--model", str(bare), "--store", str(bench / "store")]
     assert main(["envelope", *words]) == 2
     assert "has a limit: say limit_degC = 180.0" in capsys.readouterr().err
+
+
+def test_a_load_beyond_what_was_recorded_is_said_in_words() -> None:
+    unlimited = Border(17.2, 17.0, 17.4, None, 3.0)
+    assert load_says(unlimited) == "at least 17"
+    assert load_says(replace(unlimited, node="winding", low=15.1)) == "17 (15 to 17)"

@@ -54,8 +54,8 @@ def small(tmp_path_factory: pytest.TempPathFactory) -> Path:
         (
             ["--on", "2_short"],
             (
-                f"too little to tell: 0 min 59 s to learn from, at least {LEAST_S / 60:.0f} min are needed. "
-                "Add an S1 or S2 point or a drive cycle with --on."
+                "the sessions of --on last 0 min 59 s together, too short to find a cause: at least "
+                f"{LEAST_S / 60:.0f} min are needed. Add an S1 or S2 point or a drive cycle with --on."
             ),
         ),
         (
