@@ -11,7 +11,7 @@ from replay.cli.answer import Answer, provenance, store_folder
 if TYPE_CHECKING:
     from ingest.facts.store import Store
 
-MOST_CHANGES, WIDTH = 40, 100  # lines that are shown of a file, and their length
+MOST_CHANGES = 40  # lines that are shown of a file
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -76,6 +76,8 @@ def _text(data: Mapping[str, Any]) -> str:
 
 
 def _shown(what: str, changes: Sequence[str]) -> list[str]:
-    more = len(changes) - MOST_CHANGES
-    lines = [f"  {line if len(line) < WIDTH - 2 else line[: WIDTH - 3] + '…'}" for line in changes[:MOST_CHANGES]]
+    from replay.show.words.width import width
+
+    more, most = len(changes) - MOST_CHANGES, width() - 2
+    lines = [f"  {line if len(line) < most else line[: most - 1] + '…'}" for line in changes[:MOST_CHANGES]]
     return [f"Changes of {what}", *lines, *([f"  and {more:,} more lines: --json has all"] if more > 0 else [])]

@@ -8,6 +8,7 @@ from io import TextIOWrapper
 from typing import TextIO
 
 from ingest.texts.plain import plain
+from replay.cli.colour import coloured
 
 INSTEAD = {
     "−": "-",
@@ -39,7 +40,8 @@ def fit_output() -> None:
 
 def say(text: str, stream: TextIO | None = None) -> None:
     """Print `text` to standard output, or to `stream`: the one door to the terminal, which no name can steer."""
-    print(plain(text), file=stream or sys.stdout)
+    stream = stream or sys.stdout
+    print(coloured(plain(text), stream), file=stream)
 
 
 def takes_all() -> bool:

@@ -17,9 +17,10 @@ def run(args: argparse.Namespace) -> Answer:
     from ingest.catalogue.show import sessions_json
     from ingest.facts import facts
     from ingest.facts.store import Store
+    from replay.show.words.width import width
 
     with Store.open(store_folder(args)) as store:
         known = facts.at(store.ledger, args.as_of)
         answer = sessions_json(known)
         data = {**answer, "provenance": provenance(store, as_of=args.as_of)}
-        return Answer(data, page.sessions(answer, as_of=args.as_of))
+        return Answer(data, page.sessions(answer, width(), args.as_of))

@@ -18,9 +18,10 @@ def run(args: argparse.Namespace) -> Answer:
     from ingest.catalogue.show import describe
     from ingest.facts import facts
     from ingest.facts.store import Store
+    from replay.show.words.width import width
 
     with Store.open(store_folder(args)) as store:
         known = facts.at(store.ledger, args.as_of)
         description = describe(store, known, known.session(args.session))
         data = {**description.to_json(), "provenance": provenance(store, as_of=args.as_of)}
-        return Answer(data, render(description))
+        return Answer(data, render(description, width()))

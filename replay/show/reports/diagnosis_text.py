@@ -1,4 +1,4 @@
-"""A diagnosis as text, 100 columns wide, and as Markdown for the viewer: the answer first, the next command last."""
+"""A diagnosis as text for the terminal and as Markdown for the viewer: the answer first, the next command last."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""What each verb prints, as text 100 columns wide, as JSON and as a picture."""
+"""What each verb prints, as text as wide as the terminal, as JSON and as a picture."""

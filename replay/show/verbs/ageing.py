@@ -1,4 +1,4 @@
-"""What heat has done to the insulation, as text 100 columns wide."""
+"""What heat has done to the insulation, as text as wide as the terminal."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A calibration as text, 100 columns wide: how much better, what moved, what the data leave free, the next command."""
+"""A calibration as text: how much better, what moved, what the data leave free, the next command."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a motor bears, as JSON, as text 100 columns wide, and as a picture."""
+"""What a motor bears, as JSON, as text as wide as the terminal, and as a picture."""
 
 from __future__ import annotations
 

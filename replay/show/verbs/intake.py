@@ -45,7 +45,7 @@ def _file(taken: Taken) -> dict[str, Any]:
 
 
 def intake_text(intake: Intake) -> str:
-    """A few lines a file, width 100, and the next command."""
+    """A few lines a file, and the next command."""
     lines = [line for taken in intake.files if taken.decode for line in _lines(intake, taken, taken.decode)]
     lines += [*_version_lines(intake), *_flag_lines(intake)]
     if intake.sessions:

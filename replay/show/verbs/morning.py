@@ -37,7 +37,7 @@ def morning_json(found: Morning) -> dict[str, Any]:
 
 
 def morning_text(found: Morning, given: Sequence[str]) -> str:
-    """At most 100 columns: what to look at first, the next command last."""
+    """As wide as the terminal: what to look at first, the next command last."""
     lines = labelled("Answer", answer(found))
     lines += labelled("Balance", balance(found))
     lines += labelled("Meaning", meaning(found))

@@ -1,4 +1,4 @@
-"""The protocol's outcome as JSON and as text, 100 columns wide."""
+"""The protocol's outcome as JSON and as text as wide as the terminal."""
 
 from __future__ import annotations
 

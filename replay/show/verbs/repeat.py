@@ -6,7 +6,8 @@ from ingest.catalogue.page import table
 from ingest.morning.differences import CellDifference, ChannelDifference
 from ingest.morning.repeat import Comparison, Repeat
 from replay.show.words import words
-from replay.show.words.terminal import WIDTH, labelled
+from replay.show.words.terminal import labelled
+from replay.show.words.width import width
 
 AXES = {"speed": "rpm", "torque": "Nm", "current": "A", "oven": "°C"}
 SHOWN = 12  # channels; the JSON has all
@@ -74,7 +75,7 @@ def channel_lines(beside: Comparison, first: str, second: str) -> list[str]:
     """Every channel in both runs, one line each."""
     rows = [channel_row(one) for one in beside.channels[:SHOWN]]
     more = len(beside.channels) - len(rows)
-    lines = table(channel_head(first, second), rows, WIDTH, right=(2, 3, 4, 6))
+    lines = table(channel_head(first, second), rows, width(), right=(2, 3, 4, 6))
     return lines + ([f"and {words.counted(more, 'more channel')} (--json has all)"] if more else [])
 
 

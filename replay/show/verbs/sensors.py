@@ -1,4 +1,4 @@
-"""What each sensor is worth, as JSON and as text 100 columns wide."""
+"""What each sensor is worth, as JSON and as text as wide as the terminal."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The replay as text, 100 columns wide: the answer first, the next command last."""
+"""The replay as text as wide as the terminal: the answer first, the next command last."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from replay.engine.results.summary import ChannelErrors, Summary
 from replay.show.words import heat_words, words
 from replay.show.words.filter_words import checked, filter_says
 from replay.show.words.findings import answer, direction, power_balance, worst_first
+from replay.show.words.width import width
 from twin.filters.by_filterpy import Apart
 
-WIDTH = 100
 INDENT = 18
 NUMBER_AND_UNIT = re.compile(
     r"(?<=\d) (?=(?:K|°C|degC|W|kW|W/K|J/K|A|Nm|rpm|l/min|%|s|min|h)(?!\w))|(?<=\d) (?=-> \d)|(?<=\d ->) (?=\d)"
@@ -38,7 +38,7 @@ def replay_text(
 def labelled(label: str, text: str) -> list[str]:
     """A paragraph beside its label, wrapped; a number and its unit, and "6.1 -> 0.9 K", stay on one line."""
     bound = NUMBER_AND_UNIT.sub("\N{NO-BREAK SPACE}", text)
-    wrapped = textwrap.wrap(bound, WIDTH - INDENT, break_long_words=False, break_on_hyphens=False) or [""]
+    wrapped = textwrap.wrap(bound, width() - INDENT, break_long_words=False, break_on_hyphens=False) or [""]
     lines = [f"{label if i == 0 else '':<{INDENT}}{line}".rstrip() for i, line in enumerate(wrapped)]
     return [line.replace("\N{NO-BREAK SPACE}", " ") for line in lines]
 
@@ -46,7 +46,7 @@ def labelled(label: str, text: str) -> list[str]:
 def _session(summary: Summary) -> Iterator[str]:
     model = f"model {summary.motor} {words.short(summary.model)}"
     head = f"{summary.kind}, {words.duration(summary.duration_s)}, {model}, digest {words.short(summary.digest)}"
-    yield from textwrap.wrap(f"{summary.session_name}   {head}", WIDTH, subsequent_indent="  ")
+    yield from textwrap.wrap(f"{summary.session_name}   {head}", width(), subsequent_indent="  ")
     if (other := summary.integrator) is not None:
         place = f"at the {words.name(other.node)} at {words.clock(other.at_s)}"
         yield f"  {other.name}: up to {other.error_K:.2f} K from {other.against}, {place}"
@@ -56,12 +56,12 @@ def _session(summary: Summary) -> Iterator[str]:
         yield from _beside(summary)
         return
     labels = [_label(error, errors) for error in errors]
-    width = max(map(len, labels))
-    yield f"  {'':<{width}}   {'mean':>7}  {'worst':>7}  {'bias':>7}   measured minus model"
+    wide = max(map(len, labels))
+    yield f"  {'':<{wide}}   {'mean':>7}  {'worst':>7}  {'bias':>7}   measured minus model"
     for label, error in zip(labels, errors, strict=True):
         figures = (words.kelvin(error.mae_K), words.kelvin(error.max_K), words.signed_kelvin(error.bias_K))
         mean, worst, bias = (f"{figure:>7}" for figure in figures)
-        yield from _row(f"  {label:<{width}}   {mean}  {worst}  {bias}   ", _verdict(error))
+        yield from _row(f"  {label:<{wide}}   {mean}  {worst}  {bias}   ", _verdict(error))
     yield from _beside(summary)
 
 
@@ -94,5 +94,5 @@ def _verdict(error: ChannelErrors) -> str:
 
 
 def _row(start: str, text: str) -> list[str]:
-    lines = textwrap.wrap(text, max(WIDTH - len(start), 30), break_long_words=False, break_on_hyphens=False)
+    lines = textwrap.wrap(text, max(width() - len(start), 30), break_long_words=False, break_on_hyphens=False)
     return [f"{start if i == 0 else ' ' * len(start)}{line}" for i, line in enumerate(lines)]

@@ -38,7 +38,7 @@ from replay.show.reports.kept_errors import change
 from replay.show.reports.sentences import answer, headline
 from replay.show.reports.two_models import paragraphs
 from replay.show.reports.verdict import Ending, active, ending, figures, probability, size, watts
-from replay.show.words.terminal import WIDTH
+from replay.show.words.width import ELSEWHERE
 from replay.studies.diagnosis.answer import Contradicting, Diagnosis
 from twin.diagnosis.naming import ENOUGH_SESSIONS
 from twin.motor.causes import parse, says
@@ -55,7 +55,7 @@ def test_every_page_begins_with_the_answer_ends_with_the_next_command_and_is_100
     assert lines[0].startswith("Answer            ")
     assert [line[:18].rstrip() for line in lines if line[0] != " "][1] == "What is wrong"
     assert lines[-1].startswith("Next              whyhot ")
-    assert max(map(len, lines)) <= WIDTH
+    assert max(map(len, lines)) <= ELSEWHERE
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,8 @@ from replay.engine.results.run import Run
 from replay.show.reports.report import LINES, ReportContext, write_report
 from replay.show.words import words
 from replay.show.words.findings import answer, finding, power_balance, worst_first
-from replay.show.words.terminal import WIDTH, labelled, replay_text
+from replay.show.words.terminal import labelled, replay_text
+from replay.show.words.width import ELSEWHERE
 
 CONTEXT = ReportContext(command="whyhot replay 1_s1", store_head="4f0c91", versions={"whyhot": "0.1.0"})
 
@@ -131,7 +132,7 @@ def test_the_terminal_text_puts_the_answer_first_and_the_next_command_last_withi
     lines = replay_text([made_run().summary, long.summary], "whyhot report 1_s1").splitlines()
     assert lines[0].startswith("What is wrong     The model is furthest off at the rotor surface")
     assert lines[-1] == "Next              whyhot report 1_s1"
-    assert max(map(len, lines)) <= WIDTH
+    assert max(map(len, lines)) <= ELSEWHERE
 
 
 def test_a_number_and_its_unit_are_not_parted_by_a_line() -> None:

@@ -9,7 +9,8 @@ import pytest
 from made.runs import made_summary
 from replay.engine.results.summary import Summary
 from replay.show.words.filter_words import compared, filter_says, left_out, loss, worst_compared
-from replay.show.words.terminal import WIDTH, replay_text
+from replay.show.words.terminal import replay_text
+from replay.show.words.width import ELSEWHERE
 
 COURSE = {"mean_W": 161.2, "sd_W": 17.0, "max_W": 193.3, "max_sd_W": 16.1, "max_at_s": 280.5}
 SPOT: dict[str, Any] = {"max_degC": 120.0, "at_s": 1190.0, "limit_degC": 150.0, "margin_K": 30.0}
@@ -125,4 +126,4 @@ def test_the_terminal_says_it_within_its_width() -> None:
     text = " ".join(" ".join(lines).split())
     for said in filter_says(whole):
         assert said in text
-    assert max(map(len, lines)) <= WIDTH
+    assert max(map(len, lines)) <= ELSEWHERE

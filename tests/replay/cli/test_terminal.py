@@ -1,0 +1,84 @@
+"""What is printed on a terminal and what elsewhere: its width, its colours."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import pty
+import struct
+import sys
+import termios
+from collections.abc import Iterator
+from contextlib import contextmanager
+from io import StringIO
+from typing import TextIO
+
+import pytest
+
+from replay.cli import main
+from replay.cli.colour import coloured
+from replay.show.words.terminal import labelled
+from replay.show.words.width import width
+
+WRONG = "\n".join([*labelled("Answer", "none"), *labelled("What is wrong", "magnet " * 20), "", "magnet   7.0 K"])
+
+
+@contextmanager
+def terminal(columns: int) -> Iterator[tuple[TextIO, int]]:
+    """A terminal of so many columns to print on, and where what was printed is read."""
+    reads, writes = pty.openpty()
+    fcntl.ioctl(writes, termios.TIOCSWINSZ, struct.pack("HHHH", 30, columns, 0, 0))
+    try:
+        with os.fdopen(writes, "w", encoding="utf-8") as stream:
+            yield stream, reads
+    finally:
+        os.close(reads)
+
+
+@pytest.mark.parametrize(("columns", "text"), [(80, 80), (20, 60), (300, 140), (0, 100)])
+def test_text_is_as_wide_as_the_terminal_within_reason(
+    columns: int, text: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with terminal(columns) as (stream, _), monkeypatch.context() as patched:
+        patched.setattr(sys, "stdout", stream)
+        lines = labelled("Answer", "word " * 100)
+        found = width()
+    assert found == text
+    assert text - 5 < max(map(len, lines)) <= text
+
+
+def test_elsewhere_text_is_100_columns_wide() -> None:
+    assert width(StringIO()) == 100
+
+
+def test_what_is_wrong_stands_out_on_a_terminal_line_by_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("NO_COLOR", raising=False)
+    monkeypatch.setenv("TERM", "xterm")
+    with terminal(100) as (stream, _):
+        answer, *wrong, empty, row = coloured(WRONG, stream).split("\n")
+    assert answer.startswith("\033[1mAnswer") and answer.endswith("none\033[0m")
+    assert len(wrong) == 2 and all(line.startswith("\033[1;33m") and line.endswith("\033[0m") for line in wrong)
+    assert (empty, row) == ("", "magnet   7.0 K")
+
+
+@pytest.mark.parametrize("said", [{"NO_COLOR": "1"}, {"TERM": "dumb"}])
+def test_no_colour_where_it_is_not_wanted(said: dict[str, str], monkeypatch: pytest.MonkeyPatch) -> None:
+    for name, value in ({"TERM": "xterm", "NO_COLOR": ""} | said).items():
+        monkeypatch.setenv(name, value)
+    with terminal(100) as (stream, _):
+        assert coloured(WRONG, stream) == WRONG
+
+
+def test_no_colour_in_a_pipe() -> None:
+    assert coloured(WRONG, StringIO()) == WRONG
+
+
+def test_a_refusal_is_red_on_a_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("NO_COLOR", raising=False)
+    monkeypatch.setenv("TERM", "xterm")
+    with terminal(100) as (stream, reads), monkeypatch.context() as patched:
+        patched.setattr(sys, "stderr", stream)
+        assert main(["replya"]) == 2
+        stream.flush()
+        printed = os.read(reads, 1000).decode()
+    assert printed.strip() == "\033[1;31mwhyhot: replya is no verb. Nearest: replay. whyhot --help lists all\033[0m"
