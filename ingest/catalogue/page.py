@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import textwrap
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
@@ -32,7 +33,7 @@ def sessions(answer: Mapping[str, Any], width: int = 100, as_of: str | None = No
     lines += table(head, rows, width, right=(3, 6, 7)) if rows else []
     for one in answer["quarantined_files"]:
         lines += _wrap(f"quarantined: {one['why'] or one['file']}", width)
-    return "\n".join([*lines, "", f"next: whyhot show {_called(answer['sessions'])}"] if rows else lines)
+    return "\n".join([*lines, "", f"next: whyhot show {shlex.quote(_called(answer['sessions']))}"] if rows else lines)
 
 
 def _called(sessions: Sequence[Mapping[str, Any]]) -> str:
@@ -105,13 +106,12 @@ def _sources(one: SessionDescription) -> list[str]:
 
 def _next(one: SessionDescription) -> str:
     """The command that follows, or what a replay of this session lacks."""
+    name = shlex.quote(one.name)
     if one.bench is None:
-        return "whyhot ingest FILE... --bench bench.toml: no bench file says yet what these signals mean"
+        return "no bench file says yet what these signals mean: whyhot ingest FILE... --bench bench.toml"
     if one.motor is None:
-        return (
-            f'add motor = "motor.toml" to {one.bench} and ingest again, or whyhot replay {one.name} --model motor.toml'
-        )
-    return f"whyhot replay {one.name}"
+        return f'add motor = "motor.toml" to {one.bench} and ingest again, or whyhot replay {name} --model motor.toml'
+    return f"whyhot replay {name}"
 
 
 def _channels(one: SessionDescription, width: int) -> list[str]:

@@ -72,7 +72,7 @@ def _text(data: Mapping[str, Any]) -> str:
     lines += labelled("Current", joined(now))
     for what, (_, new) in pairs:
         lines += ["", *_shown(f"{what} {short(new)}", data["changes"][new])]
-    return "\n".join([*lines, "", *labelled("Next", "whyhot replay, then whyhot report")])
+    return "\n".join([*lines, "", *labelled("Next", "whyhot replay · whyhot report")])
 
 
 def _shown(what: str, changes: Sequence[str]) -> list[str]:

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 from ingest.texts.plain import plain_line
 from replay.cli.encoding import say, takes_all
 from replay.cli.progress import tell
+from replay.show.words.onward import DEFAULT_STORE, onward
 
 if TYPE_CHECKING:
     from ingest.facts.store import Store
@@ -31,7 +32,7 @@ class Answer:
 
 def store_folder(args: argparse.Namespace) -> Path:
     """--store, else WHYHOT_STORE, else ./whyhot-store."""
-    return Path(args.store or os.environ.get("WHYHOT_STORE") or "whyhot-store")
+    return Path(args.store or os.environ.get("WHYHOT_STORE") or DEFAULT_STORE)
 
 
 def provenance(store: Store | None, **settings: Any) -> dict[str, Any]:
@@ -55,7 +56,7 @@ def deliver(args: argparse.Namespace, answer: Answer) -> int:
     if args.json is not None:
         _write_json(args.json, answer.data)
     if args.json != "-" and answer.text:
-        say(answer.text)
+        say(onward(answer.text, store_folder(args)))
     return answer.code
 
 

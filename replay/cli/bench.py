@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import shlex
 from pathlib import Path
 
 from replay.cli.answer import Answer, provenance, store_folder
@@ -34,5 +35,6 @@ def run(args: argparse.Namespace) -> Answer:
             "provenance": provenance(store),
         }
     lines = [f"{args.out}   {bench.name} {bench.sha256[:12]}"]
-    lines += [f"next: whyhot motor export {bench.motor} -o OUT, its motor file"] if bench.motor else []
+    if bench.motor:
+        lines.append(f"next: {shlex.join(['whyhot', 'motor', 'export', bench.motor, '-o', f'{bench.motor}.toml'])}")
     return Answer(data, "\n".join(lines))

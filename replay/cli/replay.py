@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import shlex
 from dataclasses import asdict
 from typing import TYPE_CHECKING
 
@@ -71,7 +72,7 @@ def run(args: argparse.Namespace) -> Answer:
         why = refusals[0] if refusals else "no sessions"
         return Answer({**data, "error": why}, "", 2, refusals or ["no sessions to replay"])
     checks = {outcome.session.name: outcome.apart for outcome in outcomes if outcome.run} if args.check_filter else {}
-    name = summaries[0].session_name
+    name = shlex.quote(summaries[0].session_name)
     onward = f"whyhot report {name}" if args.as_of is None else f"whyhot replay {name}"
     return Answer(
         data,

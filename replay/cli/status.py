@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 
 
@@ -23,7 +24,8 @@ def status(folder: Path) -> str | None:
     if not known.sessions:
         command = "whyhot ingest FILE... --bench bench.toml"
     else:
-        command = f"whyhot replay {waiting[0].name}" if waiting and motors else f"whyhot show {known.sessions[-1].name}"
+        verb, session = ("replay", waiting[0]) if waiting and motors else ("show", known.sessions[-1])
+        command = f"whyhot {verb} {shlex.quote(session.name)}"
     held = f"{counted(len(known.sessions), 'session')}, {counted(motors, 'motor')}, {size / 1e6:.1f} MB"
     lines = [
         f"whyhot {__version__} · store {folder} · {held} · head {head.position}:{head.root[:12]}",
@@ -33,4 +35,4 @@ def status(folder: Path) -> str | None:
         last = list(known.diagnoses.values())[-1]
         found = ", ".join(last.summary["causes"]) or "no cause named"
         lines.append(f"last diagnosis: d-{last.diagnosis[:8]} of {last.summary['motor']}: {found}")
-    return "\n".join([*lines, f"next: {command}   (whyhot --help lists all verbs)"])
+    return "\n".join([*lines, f"next: {command} · whyhot --help"])

@@ -28,6 +28,7 @@ from replay.show.verbs.ageing import ageing_text
 from replay.show.verbs.intake import intake_json
 from replay.show.verbs.overview import overview
 from replay.show.words.findings import power_balance
+from replay.show.words.onward import onward
 from replay.show.words.terminal import labelled
 from replay.studies.ageing import assessment
 from replay.studies.diagnosis.answer import Diagnosis, document, read
@@ -72,10 +73,12 @@ def run_demo(folder: Path, store_folder: Path) -> Demo:
         "",
         HIDDEN,
         "",
-        diagnosis_text(read(found)),
+        onward(diagnosis_text(read(found)), folder / "hidden_effect"),
         *labelled("Report", f"{folder / 'why.html'}   (a kept session as a picture: {folder / 'why.png'})"),
     ]
-    stators, fleet = (ageing_text(assessment.read(one)) for one in stators_and_fleet)
+    stores = (folder / "stators", folder / "fleet")
+    texts = (ageing_text(assessment.read(one)) for one in stators_and_fleet)
+    stators, fleet = (onward(text, store) for text, store in zip(texts, stores, strict=True))
     second += ["", AGEING, "", stators, "", fleet, *labelled("Picture", f"{folder / 'ageing.png'}")]
     data = {**real.data, "diagnoses": [*real.data["diagnoses"], found], "ageing": stators_and_fleet}
     return Demo("\n".join([real.text, *second]), data, real.notes)
@@ -109,7 +112,7 @@ def _real_motor(folder: Path, store_folder: Path) -> Demo:
     if layers:
         says = f"{layers[0].parent}/*.rrd   (whyhot view {worst} --store {store_folder})"
         lines += labelled("Layers for rerun", says)
-    lines += ["", WHY, "", diagnosis_text(diagnosis)]
+    lines += ["", WHY, "", onward(diagnosis_text(diagnosis), store_folder)]
     data = {
         "schema": "whyhot.demo/1",
         "ingest": intake_json(intake),

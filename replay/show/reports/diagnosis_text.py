@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Iterator, Sequence
 
 from replay.show.reports import beyond_usual, doubts, kept_errors, sentences, steps, two_models, verdict
@@ -48,7 +49,7 @@ def next_commands(diagnosis: Diagnosis) -> list[str]:
     """What to type next; the id as a person would type it."""
     name = diagnosis_name(diagnosis)
     seen = [*diagnosis.held_out_names, *diagnosis.train_names][:1]
-    return [f"whyhot accept {name}"] * diagnosis.offers + [f"whyhot view {session}" for session in seen]
+    return [f"whyhot accept {name}"] * diagnosis.offers + [f"whyhot view {shlex.quote(session)}" for session in seen]
 
 
 def diagnosis_name(diagnosis: Diagnosis) -> str:

@@ -37,7 +37,7 @@ def ageing_text(found: Assessment) -> str:
     for text in _stress(found):
         lines += labelled("Stress", text)
     lines += labelled("Life used", f"hours at {found.threshold_degC:g} °C that the dose is worth, of 20,000 h")
-    lines += labelled("Next", 'whyhot sql "FROM conductivity_by_cycle"   or   "FROM fleet_health"')
+    lines += labelled("Next", 'whyhot sql "FROM conductivity_by_cycle" · whyhot sql "FROM fleet_health"')
     return "\n".join(lines)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -50,7 +51,8 @@ def intake_text(intake: Intake) -> str:
     lines += [*_version_lines(intake), *_flag_lines(intake)]
     if intake.sessions:
         first, names = intake.sessions[0], [session.name for session in intake.sessions]
-        lines.append(f"next: whyhot show {first.name if names.count(first.name) == 1 else first.session}")
+        called = first.name if names.count(first.name) == 1 else first.session
+        lines.append(f"next: whyhot show {shlex.quote(called)}")
     return "\n".join(lines)
 
 

@@ -199,7 +199,7 @@ def before(found: Before) -> str:
 def _next(found: Morning, given: Sequence[str]) -> str:
     pairs = [(night.before.name, night.description.name) for night in found.nights if night.before]
     if not found.kept:
-        return f"whyhot morning {shlex.join(given)} --ingest: takes them into the store"
+        return f"to take them into the store: whyhot morning {shlex.join(given)} --ingest"
     if pairs:
-        return f"whyhot repeat {pairs[0][0]} {pairs[0][1]}"
-    return f"whyhot show {found.nights[0].description.name}" if found.nights else "whyhot sessions"
+        return f"whyhot repeat {shlex.join(pairs[0])}"
+    return f"whyhot show {shlex.quote(found.nights[0].description.name)}" if found.nights else "whyhot sessions"

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import shlex
+
 from ingest.catalogue.page import table
 from ingest.morning.differences import CellDifference, ChannelDifference
 from ingest.morning.repeat import Comparison, Repeat
@@ -25,7 +27,7 @@ def repeat_text(found: Repeat) -> str:
         "",
         *(line for i, says in enumerate(change_says(found)) for line in labelled("" if i else "Changed", says)),
     ]
-    return "\n".join([*lines, "", f"next: whyhot show {second}"])
+    return "\n".join([*lines, "", f"next: whyhot show {shlex.quote(second)}"])
 
 
 def answer(found: Repeat) -> str:

@@ -249,7 +249,7 @@ def test_what_a_replay_lacks_is_the_next_step(store: Store) -> None:
     )
     without_bench = page.render(replace(found, bench=None, motor=None), width=200).splitlines()[-1]
     assert without_bench == (
-        "next: whyhot ingest FILE... --bench bench.toml: no bench file says yet what these signals mean"
+        "next: no bench file says yet what these signals mean: whyhot ingest FILE... --bench bench.toml"
     )
 
 

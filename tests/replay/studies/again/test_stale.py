@@ -186,7 +186,7 @@ def test_one_command_replays_what_a_correction_made_stale(
     assert main(["correct", "1_s1", "--bench", "other.toml", "--reason", "the bias was wrong"]) == 0
     said = capsys.readouterr().out
     assert "Stale             replay of 1_s1: 1_s1 is read with another bench file now" in said
-    assert said.endswith("Next              whyhot stale --redo\n")
+    assert said.endswith("Next              whyhot stale --store store --redo\n")
     assert main(["stale", "--redo", "--json", "redone.json"]) == 0
     assert (
         "Again             replay of 1_s1 (1_s1 is read with another bench file now): replay "

@@ -1,0 +1,28 @@
+"""The next commands that a text ends with: each runs as it is printed, on the store that was asked."""
+
+from __future__ import annotations
+
+import re
+import shlex
+from pathlib import Path
+
+from replay.show.words.width import width
+
+DEFAULT_STORE = Path("whyhot-store")
+BETWEEN = " · "  # several commands of one line; what is to be done by hand stands before the command
+NEXT = re.compile(r"^(next: |(?:Next|Then) {2,})(.*(?:\n {2,}\S.*)*)$", re.MULTILINE)
+VERB = re.compile(r"\bwhyhot ([a-z]+)(?! --store)(?= |$)")
+
+
+def onward(text: str, store: Path = DEFAULT_STORE) -> str:
+    """`text` with a line for each of its next commands where one line is too short for all, on `store` where that is
+    not the default one."""
+    return NEXT.sub(lambda found: found[1] + _laid_out(found[2], len(found[1]), store), text)
+
+
+def _laid_out(commands: str, indent: int, store: Path) -> str:
+    line = re.sub(r"\n +", " ", commands)
+    if store != DEFAULT_STORE:
+        line = VERB.sub(lambda found: f"whyhot {found[1]} --store {shlex.quote(str(store))}", line)
+    fits = indent + len(line) <= width()
+    return line if fits else line.replace(BETWEEN, f"\n{' ' * indent}")

@@ -1,0 +1,85 @@
+"""The next commands that verbs print run as they are printed."""
+
+from __future__ import annotations
+
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+
+from made import can_bench
+from replay.cli import main
+from replay.show.words.onward import BETWEEN, onward
+from replay.show.words.terminal import labelled
+
+PLACE_TO_FILL = re.compile(r"\bFILE\b")
+
+
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("my bench")
+    can_bench.write_files(folder)
+    can_bench.write_log(folder / "1 s1.blf", seconds=90, seed=1)
+    can_bench.write_log(folder / "2_s1.blf", seconds=90, seed=1, start=can_bench.START + 86_400)
+    return folder
+
+
+def _commands(printed: str) -> list[str]:
+    """The commands of the last line: each from `whyhot` to its end, less what is to be done by hand before it."""
+    last = printed.rstrip("\n").split("\n")[-1]
+    assert re.match("next: |Next  | {18}", last), last
+    return [f"whyhot {one.partition('whyhot ')[2]}" for one in last.split(BETWEEN)]
+
+
+def test_every_next_command_runs_as_it_is_printed(
+    bench: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """From the first look at logs on, what is printed is followed, and what that prints, until all is done."""
+    monkeypatch.chdir(bench)
+    logs = ["1 s1.blf", "2_s1.blf", "--dbc", "bench.dbc"]
+    store = ["--store", "the store"]
+    monkeypatch.setenv("WHYHOT_STORE", "the store")
+    begin = [
+        ["inspect", *logs, "--bench", "bench.toml"],
+        ["morning", *logs, "--bench", "bench.toml", *store],
+        ["ingest", *logs, "--bench", "bench.toml", *store],
+        ["sessions", *store],
+        [],
+        ["repeat", "1 s1", "2_s1", *store],
+        ["replay", "2_s1", *store],
+        ["attach", "motor.toml", "--specimen", "servo-01", "--finding", "none", *store],
+        ["bench", "export", "bench.toml", "-o", "again.toml", *store],
+    ]
+    left, done = [shlex.join(["whyhot", *words]) for words in begin], set[str]()
+    while left:
+        command = left.pop(0)
+        done.add(command)
+        assert main(shlex.split(command)[1:]) == 0, command
+        printed = capsys.readouterr().out
+        if re.search("^(next: |Next  )", printed, re.MULTILINE):
+            new = [one for one in _commands(printed) if one not in done and one not in left]
+            left += [one for one in new if one != "whyhot --help" and not PLACE_TO_FILL.search(one)]
+    verbs = {one.split()[1] for one in done if " " in one}
+    assert verbs >= {"show", "replay", "report", "ingest", "sql", "motor"}, verbs
+    assert any(one.startswith("whyhot show --store 'the store' '") for one in done)
+
+
+def test_the_default_store_is_not_said() -> None:
+    text = "\n".join(labelled("Next", "whyhot sessions"))
+    assert onward(text) == text
+    assert onward(text, Path("other")) == "Next              whyhot sessions --store other"
+
+
+def test_a_store_is_said_once() -> None:
+    once = onward("next: whyhot show a · whyhot --help", Path("other"))
+    assert once == "next: whyhot show --store other a · whyhot --help"
+    assert onward(once, Path("third")) == once
+
+
+def test_commands_too_long_for_one_line_have_one_each() -> None:
+    commands = [f"whyhot {verb} {'x' * 40}" for verb in ("accept", "view", "report")]
+    text = onward("\n".join(["Answer            none", *labelled("Next", BETWEEN.join(commands))]))
+    first, *further = text.split("\n")[1:]
+    assert [first.removeprefix("Next").strip(), *map(str.strip, further)] == commands
+    assert all(line.startswith(" " * 18 + "whyhot") for line in further)
