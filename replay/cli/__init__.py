@@ -14,7 +14,6 @@ from contextlib import suppress
 from importlib import import_module
 from typing import NoReturn, TextIO
 
-from ingest.texts.nearest import hint
 from ingest.texts.plain import plain_line
 from replay.cli.answer import Answer, deliver, deliver_error, store_folder
 from replay.cli.encoding import fit_output, say
@@ -85,6 +84,8 @@ def _answer(words: list[str]) -> int:
     """What the words ask for, delivered. Raises OSError where it cannot be written."""
     verb = next((word for word in words if not word.startswith("-")), None)
     if verb is not None and words[0] == verb and verb not in VERBS:
+        from ingest.texts.nearest import hint
+
         say(plain_line(f"whyhot: {verb} is no verb.{hint(verb, VERBS)} whyhot --help lists all"), sys.stderr)
         return 2
     try:
