@@ -87,7 +87,8 @@ def test_show_needs_no_motor_file(bench: Path, capsys: pytest.CaptureFixture[str
     assert main(["show", "1_s1", "--store", str(bench / "store")]) == 0
     page = capsys.readouterr().out
     assert "TC_magnet" in page
-    assert max(len(line) for line in page.splitlines()) <= 100
+    *lines, _ = page.splitlines()  # the last is a command, as long as its store is
+    assert max(map(len, lines)) <= 100
 
 
 def test_a_residual_is_followed_back_to_its_frame(bench: Path, capsys: pytest.CaptureFixture[str]) -> None:

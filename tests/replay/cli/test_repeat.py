@@ -35,6 +35,7 @@ def test_it_says_what_differs_since_which_run_and_what_changed_as_the_page_shows
     target = tmp_path / "repeat.json"
     assert main(["repeat", "evening_0", "evening_3", "--store", str(store), "--json", str(target)]) == 0
     printed = re.sub(r"20\d\d-\d\d-\d\d \d\d:\d\d:", "2025-10-08 06:12:", capsys.readouterr().out)
+    printed = printed.replace(f"whyhot show --store {store} ", "whyhot show ")
     page = (ROOT / "docs" / "morning.md").read_text(encoding="utf-8")
     assert f"```console\n$ whyhot repeat evening_0 evening_3\n{printed}```" in page
     said = " ".join(printed.split())
