@@ -38,11 +38,12 @@ NOTHING_ASKED: Mapping[str, Unknown] = {}
 
 @dataclass(frozen=True, kw_only=True)
 class Estimated(Filtered):
-    """What a filter has just found: also what it was `given` and the `estimate` as it came, the smoother's hot spots,
-    and each cause that was asked for."""
+    """What a filter has just found: also what it was `given` and the `estimate` as it came, the standard deviation of
+    the smoother's temperatures (N + 1, n) [K], its hot spots, and each cause that was asked for."""
 
     given: Inputs
     estimate: Estimate
+    smoothed_sd_K: Floats
     spots: dict[str, SmoothedSpot] = field(default_factory=dict)
     asked: list[FoundUnknown] = field(default_factory=list)
 
@@ -111,6 +112,7 @@ def filter_session(
     return Estimated(
         given=inputs_of(network, inputs, start, sought, every),
         estimate=estimate,
+        smoothed_sd_K=smooth.temperatures_sd,
         node=node,
         measured=tuple(r.channel for r in every),
         temperatures=estimate.temperatures,

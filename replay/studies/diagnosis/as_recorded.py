@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ingest.facts.events import SessionRecorded
+from ingest.facts.facts import Facts
 from replay.engine.files.motor_file import read_motor
 from replay.studies.diagnosis.extension import Version
 from replay.studies.diagnosis.kept_sessions import Measured, node_of
@@ -43,10 +44,7 @@ def as_recorded(
 ) -> AsRecorded:
     """Sessions under a version's motor and bench file; `tests`: them as the bench file says that they were decoded
     with. Raises `DivergedError` where the motor runs away."""
-    facts = question.facts
-    made = {new: replace(question.benches[old], sha256=new) for old, new in version.benches.items()}
-    successors = {**facts.successors, **version.benches}
-    facts = replace(facts, benches={**facts.benches, **made}, successors=successors)
+    facts = under(question, version)
     motor = read_motor(question.store.archive.read(version.motor), facts.models[question.model].file)
     network = configured(motor, None)
     corrected = [test_of(question.store, facts, session, network, (), question.level) for session in sessions]
@@ -63,6 +61,14 @@ def as_recorded(
             residual[series.channel].append(series.y)
     seen = {name: np.concatenate(parts) for name, parts in residual.items() if any(part.size for part in parts)}
     return AsRecorded(seen, {name: float(np.concatenate(moved[name]).mean()) for name in seen})
+
+
+def under(question: Question, version: Version) -> Facts:
+    """The facts as if the bench files of a version were current."""
+    facts = question.facts
+    made = {new: replace(question.benches[old], sha256=new) for old, new in version.benches.items()}
+    successors = {**facts.successors, **version.benches}
+    return replace(facts, benches={**facts.benches, **made}, successors=successors)
 
 
 def _reading(corrected: RecordedChannel, recorded: RecordedChannel) -> RecordedChannel:

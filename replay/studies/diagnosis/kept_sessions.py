@@ -115,7 +115,7 @@ def _gain(
         channel = next((c for c in kept[trio[0].test].channels if c.name == trio[0].channel), None)
         if channel is not None:  # no meter, whose rows are no temperatures
             nodes[node_of(channel)].append(trio)
-    outside = _outside_trained(train, kept)
+    outside = outside_trained(train, kept)
     over = len(kept) >= OVER_SESSIONS
     gains = []
     for node, trios in nodes.items():
@@ -170,7 +170,7 @@ def _rms_where(trios: Sequence[Trio], kept: Sequence[Test], wanted: Sequence[NDA
     return [float(np.sqrt(np.mean(residual**2))) for residual in left]
 
 
-def _outside_trained(train: Sequence[Test], kept: Sequence[Test]) -> list[NDArray[np.bool_]]:
+def outside_trained(train: Sequence[Test], kept: Sequence[Test]) -> list[NDArray[np.bool_]]:
     """Of each kept test, the steps in cells of speed and current that training never visited."""
     names = [name for name in ("speed", "current", "torque") if all(name in t.inputs for t in (*train, *kept))][:2]
     if not names:
