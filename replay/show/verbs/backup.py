@@ -28,7 +28,7 @@ def backed_up_text(done: Copied, folder: Path) -> str:
     """The answer, and how the backup is checked; where something was left, how that is mended first."""
     lines = labelled("Backed up", _amount(done.copied)) + labelled("There already", _amount(done.there))
     lines += [*labelled("Head", str(done.head)), *_left(done), ""]
-    step = "whyhot verify --read" if done.left else f"whyhot verify --read --store {shlex.quote(str(folder))}"
+    step = "whyhot verify --read" if done.left else f"whyhot verify --store {shlex.quote(str(folder))} --read"
     return "\n".join(lines + labelled("Next", step))
 
 

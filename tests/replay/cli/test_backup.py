@@ -46,7 +46,7 @@ def test_backup_says_what_it_copied_what_was_there_and_the_head(head: str, capsy
         "There already     nothing\n"
         f"Head              {head}\n"
         "\n"
-        "Next              whyhot verify --read --store 'my backup'\n"
+        "Next              whyhot verify --store 'my backup' --read\n"
     )
     assert main(["verify", "--read", "--store", "my backup"]) == 0
     assert f"head {head}" in capsys.readouterr().out
@@ -84,7 +84,7 @@ def test_a_damaged_file_of_the_store_is_one_line_and_exit_code_1(capsys: Capture
     assert told.err.startswith(f"{path}: is damaged, its 1 bytes are not those that were sealed: ")
     assert told.err.count("\n") == 1
     assert "Not copied        1 sealed file, in the lines above; all else was\n" in told.out
-    assert told.out.endswith("Next              whyhot verify --read\n")
+    assert told.out.endswith("Next              whyhot verify --store store --read\n")
     assert main(["restore", "backup", "--store", "new", "--json"]) == 1
     answer = json.loads(capsys.readouterr().out)
     assert (answer["copied"]["files"], len(answer["left"]), len(answer["damages"])) == (1, 1, 1)
