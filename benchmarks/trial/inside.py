@@ -31,13 +31,14 @@ def inside(found: Found, network: Network, kept: Sequence[Test], nodes: Sequence
 
     The models run as in a replay: nothing is fitted on the kept session."""
     return {
-        "published": _error(None, network, kept, nodes),
-        "recalibrated": _error(found.base, network, kept, nodes),
-        "extended": _error(found.naming.final, network, kept, nodes),
+        "published": error_K(None, network, kept, nodes),
+        "recalibrated": error_K(found.base, network, kept, nodes),
+        "extended": error_K(found.naming.final, network, kept, nodes),
     }
 
 
-def _error(fitted: Fit | None, network: Network, kept: Sequence[Test], nodes: Sequence[Course]) -> float | None:
+def error_K(fitted: Fit | None, network: Network, kept: Sequence[Test], nodes: Sequence[Course]) -> float | None:
+    """Of the file as published where nothing is fitted; None where the model runs away."""
     pairs = list(zip(fitted.model.parameters, fitted.beta, strict=True)) if fitted else []
     shared = [(p, b) for p, b in pairs if p.test is None]
     model, beta = Model(network, kept, [p for p, _ in shared]), np.array([b for _, b in shared])

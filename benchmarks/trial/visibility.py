@@ -33,6 +33,7 @@ from twin.differences.everyday import everyday
 from twin.differences.proposals import Proposals
 from twin.fitting.fit import NEAR_ENOUGH, Fit, fit
 from twin.fitting.model import Columns, Model
+from twin.fitting.supposed import supposing
 
 Floats = NDArray[np.float64]
 
@@ -57,10 +58,16 @@ class Seen:
 
 
 def healthy_mode(healthy: Campaign) -> Fit:
-    """The fit of a campaign without effects, under the noise and the widths that it sets, as every diagnosis begins."""
-    model = Model(healthy.network, healthy.tests, everyday(healthy.network, healthy.tests))
+    """The fit of a campaign without effects, as every diagnosis begins."""
+    return mode_of(
+        supposing(Model(healthy.network, healthy.tests, everyday(healthy.network, healthy.tests))), healthy.candidates
+    )
+
+
+def mode_of(model: Model, candidates: Sequence[Candidate]) -> Fit:
+    """The fit of a model under the noise and the widths that its campaign sets."""
     begun = fit(model, np.zeros(len(model.parameters)), NEAR_ENOUGH)
-    return refined(begun, healthy.candidates, model.parameters, lambda _: None)
+    return refined(begun, candidates, model.parameters, lambda _: None)
 
 
 def seen(mode: Fit, candidates: Sequence[Candidate], effect: Effect, moved: Sequence[Course]) -> Seen:
@@ -86,7 +93,9 @@ def seen(mode: Fit, candidates: Sequence[Candidate], effect: Effect, moved: Sequ
 
 
 def _moved(model: Model, part: Columns, moved: Sequence[Course]) -> Floats:
-    """What an effect does to the rows of a channel, whitened."""
+    """What an effect does to the rows of a channel, whitened; to what the file says of a node, nothing."""
+    if not part.series.measured:
+        return np.zeros(len(part.series.y))
     test = model.tests[part.series.session]
     channel = next(c for c in test.channels if c.name == part.series.channel)
     course = moved[part.series.session][channel.name]

@@ -1,5 +1,6 @@
 """What is unusual in a calibrated motor, before any cause: families of numbers that are further from the file than
-usual, single ones that had to go far, and those that ended at a bound."""
+usual, single ones that had to go far, those that ended at a bound, and nodes without a sensor that are far from what
+the file says."""
 
 from __future__ import annotations
 
@@ -14,7 +15,7 @@ from twin.diagnosis.posterior_mode import stacked
 from twin.fitting import actions
 from twin.fitting.actions import Parameter
 from twin.fitting.fit import Fit
-from twin.fitting.model import Floats
+from twin.fitting.model import Columns, Floats
 
 FAR = 2.0  # stated sd: a number within them is as the file says, in 19 of 20 motors
 HELD = 0.01  # of its standard deviation: a number that near its bound is at it
@@ -42,12 +43,25 @@ class Moved:
 
 
 @dataclass(frozen=True)
+class Elsewhere:
+    """A `node` that no sensor follows, at the hottest moment that the file has of it, in test `test`: `hotter_K` than
+    there, known to `sd` [K], which is `usual` times what the file is known to (`twin.fitting.supposed`)."""
+
+    node: str
+    test: int
+    hotter_K: float
+    sd: float
+    usual: float
+
+
+@dataclass(frozen=True)
 class Findings:
     """What is unusual in a fit, the strongest first."""
 
     fit: Fit
     wide: tuple[Wide, ...]
     moved: tuple[Moved, ...]
+    elsewhere: tuple[Elsewhere, ...]
 
 
 def findings(current: Fit, stated: Sequence[Parameter], threshold: float) -> Findings:
@@ -56,10 +70,12 @@ def findings(current: Fit, stated: Sequence[Parameter], threshold: float) -> Fin
 
     Temperatures at the start are no findings: they are the test's, not the motor's.
     """
-    return Findings(current, _wide(current, stated, threshold), _moved(current, stated))
+    parts = current.linearised()
+    wide = _wide(current, parts, stated, threshold)
+    return Findings(current, wide, _moved(current, stated), _elsewhere(current, parts))
 
 
-def _wide(current: Fit, stated: Sequence[Parameter], threshold: float) -> tuple[Wide, ...]:
+def _wide(current: Fit, parts: Sequence[Columns], stated: Sequence[Parameter], threshold: float) -> tuple[Wide, ...]:
     network, learnt, free = current.model.network, current.model.sd, current.free
     kind, region = kinds(network), regions(network)
     families: dict[Family, list[int]] = {}
@@ -67,7 +83,7 @@ def _wide(current: Fit, stated: Sequence[Parameter], threshold: float) -> tuple[
         own = family(parameter, kind, region)
         if own is not None and learnt[i] > parameter.sd and not isinstance(parameter.action, actions.Start):
             families.setdefault(own, []).append(i)
-    projector, _, e0 = stacked(current, current.linearised())
+    projector, _, e0 = stacked(current, parts)
     gram, right = projector.columns.T @ projector.columns, projector.columns.T @ e0
     with_all = log_evidence(gram, right, learnt[free])
     found = []
@@ -98,4 +114,17 @@ def _moved(current: Fit, stated: Sequence[Parameter]) -> tuple[Moved, ...]:
         far = abs(value) > FAR * max(parameter.sd, float(sd[i]))  # and its own band leaves out what the file says
         if (far or held) and not isinstance(parameter.action, actions.Start):
             found.append(Moved(i, float(value / parameter.sd), float(sd[i]), held))
+    return tuple(sorted(found, key=lambda one: -abs(one.usual)))
+
+
+def _elsewhere(current: Fit, parts: Sequence[Columns]) -> tuple[Elsewhere, ...]:
+    covariance = np.linalg.inv(current.hessian)
+    supposed = {(s, one.name): one for s, test in enumerate(current.model.tests) for one in test.supposed}
+    found = []
+    for part in (part for part in parts if not part.series.measured):
+        test, own = part.series.session, supposed[part.series.session, part.series.channel]
+        hotter_K, column = -float(part.series.y[0]), part.columns[0]
+        sd = float(np.sqrt(column @ covariance[np.ix_(part.at, part.at)] @ column))
+        if abs(hotter_K) > FAR * max(own.sensor.noise, sd):
+            found.append(Elsewhere(own.sensor.node, test, hotter_K, sd, hotter_K / own.sensor.noise))
     return tuple(sorted(found, key=lambda one: -abs(one.usual)))

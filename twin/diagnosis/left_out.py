@@ -62,7 +62,7 @@ def left_out(found: Fit, reading: int | None = None) -> LeftOut:
     get wrong; errors are then of its readings as they were recorded, for a ruler that is moved proves nothing."""
     sessions = len(found.model.tests)
     parts = found.linearised()
-    channels = dict.fromkeys(series.channel for series in found.series)
+    channels = dict.fromkeys(series.channel for series in found.series if series.measured)
     errors = {channel: np.full(sessions, np.nan) for channel in channels}
     scores = np.full(sessions, -np.inf)
     for session in range(sessions):
@@ -100,7 +100,7 @@ def _predicted(found: Fit, session: int, own: Sequence[Columns], reading: int | 
     if reading is not None:
         without[reading] = 0.0
         ran = model.residuals_of(session, without)
-    return score - volume / 2, {s.channel: float(np.abs(s.y).mean()) for s in ran}
+    return score - volume / 2, {s.channel: float(np.abs(s.y).mean()) for s in ran if s.measured}
 
 
 def _log_density(error: Floats, columns: Floats, covariance: Floats) -> float:

@@ -20,7 +20,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from twin.diagnosis.free_heats import free_heats
-from twin.diagnosis.patchwork import is_patchwork
+from twin.diagnosis.patchwork import Survivor, is_patchwork
 from twin.diagnosis.posterior_mode import is_wrong_in_form
 from twin.diagnosis.refined import Tell, refined
 from twin.diagnosis.rounds import (
@@ -39,6 +39,7 @@ from twin.errors import DivergedError
 from twin.fitting.actions import Parameter
 from twin.fitting.fit import NEAR_ENOUGH, Fit, fit
 from twin.fitting.model import Floats, Model
+from twin.fitting.supposed import supposing
 
 MOST_TERMS = 5  # by evidence alone
 ENOUGH_SESSIONS = 4  # of a file whose form is wrong: fewer do not say what holds on a session left out
@@ -87,6 +88,7 @@ def search(
 ) -> Naming:
     """Find the terms. Raises `DivergedError` where the model itself runs away."""
     tell("calibrating")
+    model = supposing(model)
     current = refined(fit(model, np.zeros(len(model.parameters)), NEAR_ENOUGH), candidates, model.parameters, tell)
     tell("scoring")
     first = scored(current, candidates)
@@ -97,7 +99,8 @@ def search(
         return found
     judging = found.judged
     most = 1 if found.few_sessions else len(candidates) if judging else MOST_TERMS
-    rounds = [with_refits(first, tell, uncalibrated(current, len(model.parameters)), judging)]
+    first = with_refits(first, tell, uncalibrated(current, len(model.parameters)), judging)
+    rounds = [first]
     accepted: list[tuple[Candidate, Parameter]] = []
     while True:
         best = rounds[-1].best
@@ -111,7 +114,8 @@ def search(
         rounds.append(with_refits(scored(current, left), tell, judging=judging))
     tell("leaving out")
     found = _eliminated(replace(found, rounds=tuple(rounds), final=current), accepted, model)
-    if not judging and is_patchwork([(r.candidate, r.log_bayes_factor) for r in found.accepted], model.network):
+    survivors = [Survivor(r.candidate, r.log_bayes_factor, first.alone(r.candidate)) for r in found.accepted]
+    if not judging and is_patchwork(survivors, model.network):
         return replace(found, accepted=(), patchwork=found.accepted, final=first.base)
     return found
 

@@ -1,13 +1,16 @@
 """Patchwork: terms that only together stand in for a law that no candidate has.
 
 The candidate whose form is nearest fits such a cause, a second one beside it fits what the first leaves, and each seems
-to be needed. Where a candidate has the right form, nothing near its place asks for as much again.
+to be needed. Where a candidate has the right form, nothing near its place asks for as much again. Two causes side by
+side look otherwise: each is asked for alone, and no less once the other is there.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
+from twin.diagnosis.evidence import TOLD_APART
 from twin.differences.candidates import Candidate
 from twin.motor.causes import OF_THE_MOTOR
 from twin.motor.network import Network
@@ -15,14 +18,29 @@ from twin.motor.network import Network
 NEEDS = 0.5  # ln BF of all other terms near the first, as a share of the first one's: from here on it is patchwork
 
 
-def is_patchwork(terms: Sequence[tuple[Candidate, float]], network: Network) -> bool:
-    """Whether the terms near the strongest one are needed half as much as it is, by the ln BF of leaving each out."""
+@dataclass(frozen=True)
+class Survivor:
+    """A term that survived: ln BF of leaving it out (`needed`), and of letting it in first (`alone`)."""
+
+    candidate: Candidate
+    needed: float
+    alone: float
+
+    @property
+    def by_itself(self) -> bool:
+        """Whether it is asked for alone, and no less beside the others."""
+        return self.alone > TOLD_APART and self.needed > self.alone - TOLD_APART
+
+
+def is_patchwork(terms: Sequence[Survivor], network: Network) -> bool:
+    """Whether the terms near the strongest one that do not stand by themselves are needed half as much as it is."""
     if len(terms) < 2:
         return False
-    first, *others = sorted(terms, key=lambda term: -term[1])
-    own = nodes_of(first[0], network)
+    first, *others = sorted(terms, key=lambda term: -term.needed)
+    own = nodes_of(first.candidate, network)
     near = own.union(*({link.a, link.b} for link in network.links if {link.a, link.b} & own))
-    return sum(value for candidate, value in others if near & nodes_of(candidate, network)) >= NEEDS * first[1]
+    leaning = [one for one in others if near & nodes_of(one.candidate, network) and not one.by_itself]
+    return sum(one.needed for one in leaning) >= NEEDS * first.needed
 
 
 def nodes_of(candidate: Candidate, network: Network) -> frozenset[str]:

@@ -71,6 +71,8 @@ def _fitted_noise(design: _Design) -> Mapping[str, ChannelNoise]:
     current, free = design.current, design.free
     observed = []
     for part in design.parts:
+        if not part.series.measured:
+            continue
         columns = np.zeros((part.series.y.size, current.beta.size))
         columns[:, part.at] = part.columns
         own = np.column_stack([columns[:, free], part.extra])

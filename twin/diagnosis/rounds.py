@@ -129,6 +129,13 @@ class Round:
         for fitted in (self.base, *(r.fit for r in self.refits if r is not best)):
             fitted.model.forget()
 
+    def alone(self, candidate: Candidate) -> float:
+        """ln BF of a candidate as the only term more: of its refit, or the linear one where it was not refitted; 0
+        where it has no column."""
+        scores = {c.cause: float(x) for c, x in zip(self.candidates, self.scores.log_bayes_factor, strict=True)}
+        scores |= {r.candidate.cause: r.log_bayes_factor for r in self.refits}
+        return scores.get(candidate.cause, 0.0)
+
     def order(self) -> list[int]:
         """Candidates, best linear score first."""
         return _order(self.scores)

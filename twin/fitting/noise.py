@@ -30,7 +30,7 @@ class Series:
     """Block means of one channel in one session; blocks with under half of their samples are not there.
 
     `t_s` (B,) [s] the blocks' centres, rising; `y` (B,) [K or degC]; `samples` (B,) how many each block holds;
-    `white_sd` and `resolution` [K] of one sample.
+    `white_sd` and `resolution` [K] of one sample; whether it was `measured` or is supposed (`twin.fitting.supposed`).
     """
 
     session: int
@@ -40,6 +40,7 @@ class Series:
     samples: Array
     white_sd: float
     resolution: float
+    measured: bool = True
 
     @property
     def white_variance(self) -> Array:

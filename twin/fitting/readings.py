@@ -33,7 +33,7 @@ class Sensing:
 
     def __init__(self, circuit: Circuit, number: int) -> None:
         self.circuit, self.test, self.number = circuit, circuit.test, number
-        channels, sensors, step_s = self.test.channels, self.test.sensors, circuit.step_s
+        channels, sensors, step_s = self.test.thermometers, self.test.sensors, circuit.step_s
         around = [boundary.name for boundary in circuit.network.boundaries]
         self.ambient = around.index(AMBIENT) if AMBIENT in around else None
         self.blocks = [one.blocks(step_s) for one in sensors]
@@ -49,7 +49,7 @@ class Sensing:
     def read_by(self, action: Action) -> list[int]:
         """The channels, then the meters, that an action makes read otherwise than the temperatures say. What is pulled
         towards the ambient reads its boundary; a meter reads heats, which anything may change."""
-        count = len(self.test.channels)
+        count = len(self.test.thermometers)
         meters = list(range(count, count + len(self.test.meters)))
         if isinstance(action, actions.BoundaryBias) and action.boundary == self.ambient:
             return [*(k for k in range(count) if self.pulled(k)), *meters]
@@ -90,11 +90,11 @@ class Readings:
     """What channel k shows in one run; behind the channels stand the meters."""
 
     def __new__(cls, sensing: Sensing, run: CircuitRun, k: int) -> Readings:  # noqa: PYI034 -- k says which of the two
-        return super().__new__(cls if k < len(sensing.test.channels) else _MeterReadings)
+        return super().__new__(cls if k < len(sensing.test.thermometers) else _MeterReadings)
 
     def __init__(self, sensing: Sensing, run: CircuitRun, k: int) -> None:
         self.sensing, self.run, self.k = sensing, run, k
-        self.channel = sensing.test.channels[k]
+        self.channel = sensing.test.thermometers[k]
         self.step_s = sensing.circuit.step_s
         self.weights = sensing.weights[k]
         for p, action in sensing.of(k, actions.Beside):
@@ -164,6 +164,7 @@ class Readings:
             samples=self.sensing.blocks[self.k].samples,
             white_sd=self.channel.sensor.noise,
             resolution=self.channel.sensor.resolution,
+            measured=self.k < len(self.sensing.test.channels),
         )
 
     def columns(self, wanted: Sequence[tuple[int, Action]]) -> Iterator[tuple[int, Floats]]:
@@ -208,7 +209,7 @@ class _MeterReadings(Readings):
 
     def __init__(self, sensing: Sensing, run: CircuitRun, k: int) -> None:
         self.sensing, self.run, self.k = sensing, run, k
-        self.at = k - len(sensing.test.channels)
+        self.at = k - len(sensing.test.thermometers)
         self.meter = sensing.test.meters[self.at]
         self.factor = 1.0 + self._sum(Gain)
         self.truth_means = sensing.metering.reading(run, self.at)

@@ -67,7 +67,8 @@ class Test:
     """One recorded test in steps of `frame.step_s`, whole blocks only. `inputs`: feature -> (N,) dimensionless, step
     means; `features`: name of a product -> (N,) step means of it; `initial`, `initial_sd` (n,); `course`: what `Course`
     multiplies with; `start_ns` of the first step; `begins`: channel -> what 1 K of its reading adds to `initial` (n,)
-    [K/K], where the start was measured with it."""
+    [K/K], where the start was measured with it; `supposed`: nodes that no sensor follows, each as if it had been read
+    once (`twin.fitting.supposed`)."""
 
     __test__ = False
 
@@ -83,11 +84,17 @@ class Test:
     start_ns: int = 0
     meters: tuple[RecordedMeter, ...] = ()
     begins: Mapping[str, Floats] = field(default_factory=dict)
+    supposed: tuple[RecordedChannel, ...] = ()
+
+    @property
+    def thermometers(self) -> tuple[RecordedChannel, ...]:
+        """The channels, then the supposed ones."""
+        return (*self.channels, *self.supposed)
 
     @property
     def sensors(self) -> tuple[RecordedChannel, ...]:
-        """Channels, then meters: the order of a model's rows."""
-        return (*self.channels, *self.meters)
+        """Thermometers, then meters: the order of a model's rows."""
+        return (*self.thermometers, *self.meters)
 
     def is_common(self, action: actions.Action) -> bool:
         """Whether the stamps of every channel are late alike: then the drive is delayed instead, which is exact for

@@ -34,7 +34,8 @@ class Unusual:
     """What a healthy motor's freedom had to do beyond usual. `about`: "family" (a family of numbers is further from the
     file than usual), "moved" (one number had to go far) or "bound" (one ended at its `bound`).
     `when`: "before", recalibrated without a cause, or "after", with the causes. `kind` and `place` as in cause ids
-    (place None for a family), `says` what it is in words, `session` whose it is (None: of all).
+    (place None for a family), or `kind` "temperature" of a node where no sensor sits, against what the file has at its
+    hottest moment; `says` what it is in words, `session` whose it is (None: of all).
 
     `times_usual`: width of a family over the stated one; of one number its size over the stated sd, signed.
     `log_evidence`: ln of how much more likely the sessions are with the family's width. `estimate` and `ci95` (of one

@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from replay.studies.diagnosis.answer import Unusual
-from twin.diagnosis.findings import Findings, Moved, Wide, findings
+from twin.diagnosis.findings import Elsewhere, Findings, Moved, Wide, findings
 from twin.diagnosis.in_words import Plain
 from twin.diagnosis.naming import Naming
 from twin.differences.everyday import everyday
 from twin.fitting.fit import Fit
+from twin.motor.causes import place_words
 
 
 def beyond_usual(naming: Naming, train: Sequence[str]) -> list[Unusual]:
@@ -20,11 +21,12 @@ def beyond_usual(naming: Naming, train: Sequence[str]) -> list[Unusual]:
 
 
 def _of(fit: Fit, when: str, train: Sequence[str], threshold: float) -> Iterator[Unusual]:
-    """Families first, then single numbers, in each the strongest first."""
+    """Families first, then single numbers, then temperatures where no sensor sits, in each the strongest first."""
     found = findings(fit, everyday(fit.model.network, fit.model.tests), threshold)
     plain = Plain(fit.model.network)
     yield from (_wide(found, one, when, plain) for one in found.wide)
     yield from (_moved(found, one, when, plain, train) for one in found.moved)
+    yield from (_elsewhere(one, when, train) for one in found.elsewhere)
 
 
 def _wide(found: Findings, one: Wide, when: str, plain: Plain) -> Unusual:
@@ -65,4 +67,22 @@ def _moved(found: Findings, one: Moved, when: str, plain: Plain, train: Sequence
         unit=unit,
         bound=plain.bound(parameter) if one.held else None,
         sharper=plain.sharper(parameter),
+    )
+
+
+def _elsewhere(one: Elsewhere, when: str, train: Sequence[str]) -> Unusual:
+    return Unusual(
+        about="moved",
+        when=when,
+        kind="temperature",
+        place=one.node,
+        says=f"the temperature of {place_words(one.node)}, where no sensor sits",
+        session=train[one.test],
+        times_usual=one.usual,
+        log_evidence=None,
+        estimate=one.hotter_K,
+        ci95=[one.hotter_K + times * one.sd for times in (-1.96, 1.96)],
+        unit="K",
+        bound=None,
+        sharper="a sensor there",
     )

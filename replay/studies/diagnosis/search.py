@@ -20,6 +20,7 @@ from twin.differences.everyday import everyday
 from twin.errors import DivergedError
 from twin.fitting.fit import NEAR_ENOUGH, Fit, fit
 from twin.fitting.model import Model, Test
+from twin.fitting.supposed import supposing
 
 
 @dataclass(frozen=True)
@@ -59,7 +60,7 @@ def find(campaign: Campaign, model: Model, swaps: list[Swap], kept: list[Test], 
         naming = replace(naming, accepted=tuple(r for r in naming.accepted if r is not weakest), final=final)
     unknown = _unknown(naming)
     if kept and swaps:
-        crossed = Model(campaign.network, campaign.tests, model.parameters, naming.final.model.noise)
+        crossed = supposing(Model(campaign.network, campaign.tests, model.parameters, naming.final.model.noise))
         base = fit(crossed, np.zeros(len(model.parameters)), enough=NEAR_ENOUGH)
         result = measured(base, naming.final, campaign.tests, kept, True, straight_kept)
     return Found(naming, refused, swaps, unknown, result, base)

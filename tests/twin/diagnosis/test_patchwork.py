@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from made.motor import CHANNELS, SINGLE, every_law
-from twin.diagnosis.patchwork import is_patchwork, nodes_of
+from twin.diagnosis.patchwork import Survivor, is_patchwork, nodes_of
 from twin.differences.candidates import InputChannel, generate
 from twin.motor.sensor import Sensor
 
@@ -20,8 +20,9 @@ CANDIDATES = {
 MAGNET, YOKE, CASE = "loss.magnet.scale", "loss.yoke.speed2", "loss.case.constant"  # in a row, one link apart
 
 
-def _is(*terms: tuple[str, float]) -> bool:
-    return is_patchwork([(CANDIDATES[name], value) for name, value in terms], every_law())
+def _is(*terms: tuple[str, float], alone: float = 30.0) -> bool:
+    """Terms and what they are needed; each asked for as much as the others' law too while it was `alone`."""
+    return is_patchwork([Survivor(CANDIDATES[name], value, alone) for name, value in terms], every_law())
 
 
 def test_one_term_is_a_name() -> None:
@@ -36,6 +37,13 @@ def test_a_strong_term_stays_a_name_beside_a_weak_one() -> None:
 @pytest.mark.parametrize("order", [1, -1])
 def test_neighbours_that_need_each_other_are_patchwork(order: int) -> None:
     assert _is(*((MAGNET, 15.0), (YOKE, 9.0))[::order])
+
+
+def test_neighbours_that_are_asked_for_alone_and_no_less_together_are_two_names() -> None:
+    assert not _is((MAGNET, 18.5), (YOKE, 17.6), alone=17.0)
+    assert not _is((MAGNET, 18.5), (YOKE, 17.6), alone=20.0)
+    assert _is((MAGNET, 18.5), (YOKE, 17.6), alone=21.0), "the other took ln 20 of it"
+    assert _is((MAGNET, 18.5), (YOKE, 17.6), alone=2.0), "nobody asked for it before the other was there"
 
 
 def test_several_weak_neighbours_count_together() -> None:
