@@ -216,6 +216,19 @@ def recorded(
     )
 
 
+def rotor_unread(test: Test) -> Test:
+    """The test as a bench without the rotor's telemetry records it: no sensor follows magnet or case."""
+    return replace(test, channels=tuple(c for c in test.channels if c.sensor.node in ("winding", "yoke")))
+
+
+def with_copper_loss(network: Network, factor: float) -> Network:
+    """The winding's loss by direct current times a factor."""
+    winding, *others = network.sources
+    first, *rest = winding.terms
+    stronger = Source(winding.node, (replace(first, coefficient=factor * first.coefficient), *rest))
+    return replace(network, sources=(stronger, *others))
+
+
 def law(**exponents: float) -> Monomial:
     """A product of features."""
     return product(Term(1.0, exponents))

@@ -10,14 +10,17 @@ import pytest
 from scipy.stats import multivariate_normal
 from threadpoolctl import threadpool_limits
 
-from made.motor import every_law, pulses, recorded
+from made.motor import every_law, pulses, recorded, rotor_unread, with_copper_loss
 from twin.diagnosis.findings import FAR, Findings, findings, log_evidence
 from twin.diagnosis.in_words import Plain
 from twin.diagnosis.refined import refined
 from twin.diagnosis.rounds import THRESHOLD
 from twin.differences.everyday import everyday
+from twin.fitting import actions
+from twin.fitting.actions import Parameter
 from twin.fitting.fit import NEAR_ENOUGH, fit
 from twin.fitting.model import Model
+from twin.fitting.supposed import supposing
 from twin.motor.network import Network, Shape
 
 INITIAL = np.array([45.0, 42.0, 41.0, 35.0])
@@ -140,3 +143,23 @@ def test_the_evidence_of_a_width_is_that_of_the_gaussian_written_out() -> None:
 
     linear = [log_evidence(a.T @ a, a.T @ e0, sd) for sd in (wide, usual)]
     assert linear[0] - linear[1] == pytest.approx(whole(wide) - whole(usual), abs=1e-9)
+
+
+def test_a_node_without_a_sensor_that_is_far_from_what_the_file_says_is_found() -> None:
+    """All that a fit may do to the winding, which has a third more loss, is to heat the magnet, which no sensor
+    follows."""
+    network = every_law()
+    for factor, hotter in ((1.0, False), (1.3, True)):
+        true = with_copper_loss(network, factor)
+        tests = [rotor_unread(recorded(network, pulses(800.0, s), INITIAL, true=true, seed=s)) for s in range(2)]
+        stated = (Parameter("loss of the magnet", actions.Scale((12,)), 3.0),)
+        current = fit(supposing(Model(network, tests, stated)), np.zeros(1))
+        found = findings(current, stated, THRESHOLD).elsewhere
+        assert [one.node for one in found] == (["magnet"] if hotter else [])
+        for one in found:
+            supposed = next(c for c in current.model.tests[one.test].supposed if c.sensor.node == one.node)
+            step = int(supposed.samples.argmax())
+            shown = current.model.course(one.test, current.beta)[1][step, 2]
+            assert one.hotter_K == pytest.approx(shown - supposed.measured[step], abs=0.01)
+            assert one.usual == pytest.approx(one.hotter_K / supposed.sensor.noise) and one.usual > FAR
+            assert 0.0 < one.sd < supposed.sensor.noise

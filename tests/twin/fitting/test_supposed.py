@@ -7,36 +7,24 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from made.motor import CASE, MAGNET, every_law, pulses, recorded, smooth
+from made.motor import CASE, MAGNET, every_law, pulses, recorded, rotor_unread, smooth, with_copper_loss
 from twin.fitting import actions
 from twin.fitting.actions import Parameter
 from twin.fitting.fit import fit
 from twin.fitting.model import Model, Test
 from twin.fitting.supposed import LEAST_SHARE, TIMES, supposing, wrong_share
 from twin.motor import sensor_laws
-from twin.motor.network import Network, Source
+from twin.motor.network import Network
 
 INITIAL = np.array([45.0, 42.0, 41.0, 35.0])
 STEP = 1e-4
-
-
-def _without_rotor_sensor(test: Test) -> Test:
-    """Magnet and case have no sensor."""
-    return replace(test, channels=tuple(c for c in test.channels if c.sensor.node in ("winding", "yoke")))
 
 
 def _tests(network: Network, true: Network | None = None) -> list[Test]:
     """A calm test and a hot one."""
     calm = {name: 0.5 * values for name, values in smooth(400.0).items()} | {"flow": smooth(400.0)["flow"]}
     drives = (calm, pulses(800.0, 1))
-    return [_without_rotor_sensor(recorded(network, d, INITIAL, true=true, seed=s)) for s, d in enumerate(drives)]
-
-
-def _more_copper_loss(network: Network, times: float) -> Network:
-    winding, *others = network.sources
-    first, *rest = winding.terms
-    stronger = Source(winding.node, (replace(first, coefficient=times * first.coefficient), *rest))
-    return replace(network, sources=(stronger, *others))
+    return [rotor_unread(recorded(network, d, INITIAL, true=true, seed=s)) for s, d in enumerate(drives)]
 
 
 def test_a_node_without_a_sensor_is_read_once_where_the_file_has_it_hottest() -> None:
@@ -58,7 +46,7 @@ def test_the_file_is_as_right_there_as_at_its_sensors() -> None:
     network = every_law()
     coldest = 25.0
     for times, least in ((1.0, True), (2.0, False)):
-        tests = _tests(network, _more_copper_loss(network, times))
+        tests = _tests(network, with_copper_loss(network, times))
         as_file = Model(network, tests, ())
         runs = [as_file.course(s, np.zeros(0))[1] for s in range(2)]
         off = wrong_share(tests, [node.name for node in network.nodes], runs)
@@ -112,7 +100,7 @@ def test_a_fit_does_not_pay_for_its_sensors_with_a_node_that_none_follows() -> N
     """The winding has a loss that no number of the fit stands for; what holds magnet and case may differ by any
     factor."""
     network = every_law()
-    tests = _tests(network, _more_copper_loss(network, 1.05))
+    tests = _tests(network, with_copper_loss(network, 1.05))
     free = [Parameter(f"{own}", actions.Scale(own), 2.0) for own in ((12,), (3, 4), (5,), (6,), (7,))]
     plain = Model(network, tests, free)
     file = plain.course(1, np.zeros(5))[1].max(axis=0)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from threadpoolctl import threadpool_limits
 
-from made.motor import SINGLE, every_law, pulses, recorded
+from made.motor import SINGLE, every_law, pulses, recorded, rotor_unread
 from replay.engine.results.as_json import from_json, to_json
 from replay.studies.diagnosis.answer import EvidenceParts, Unusual
 from replay.studies.diagnosis.answer_parts import OTHER_CAUSES, evidence_parts
@@ -22,6 +22,7 @@ from twin.differences.everyday import everyday
 from twin.differences.proposals import Proposals
 from twin.fitting.fit import NEAR_ENOUGH, Fit, fit
 from twin.fitting.model import Model
+from twin.fitting.supposed import supposing
 from twin.motor.network import Network
 
 INITIAL = np.array([45.0, 42.0, 41.0, 35.0])
@@ -126,3 +127,16 @@ def test_both_are_read_back_from_json_as_they_were(naming: Naming, film: Refit) 
         assert from_json(Unusual, to_json(one)) == one
     parts = evidence_parts(naming, film)
     assert from_json(EvidenceParts, to_json(parts)) == parts
+
+
+def test_a_node_without_a_sensor_stands_with_how_much_hotter_it_is_than_by_the_file() -> None:
+    network = every_law()
+    tests = [rotor_unread(recorded(network, pulses(800.0, seed=i), INITIAL, seed=i)) for i in range(2)]
+    stated = everyday(network, tests)
+    hot = np.array([1.5 if p.name == "term12" else 0.0 for p in stated])  # the magnet's loss
+    current = fit(supposing(Model(network, tests, stated)), hot, linearisations=1)
+    naming = Naming((scored(current, [CANDIDATES[FILM]]),), (), (), current, (), 6.0)
+    (one,) = [one for one in beyond_usual(naming, SESSIONS) if one.kind == "temperature"]
+    assert (one.about, one.place, one.unit, one.sharper) == ("moved", "magnet", "K", "a sensor there")
+    assert one.says == "the temperature of magnet, where no sensor sits" and one.session in SESSIONS
+    assert one.estimate is not None and one.ci95[0] < one.estimate < one.ci95[1] and one.times_usual > 2.0
