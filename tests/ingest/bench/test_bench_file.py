@@ -15,6 +15,7 @@ import pytest
 
 import ingest
 from ingest.bench import bench_file as bench_module
+from ingest.bench import channel_tables
 from ingest.bench.bench_file import Bench, read_bench
 from ingest.bench.channel import Channel
 from ingest.bench.derating import DERATING_KEYS, DeratingRule
@@ -198,7 +199,7 @@ def observed(quantity: str, more: str) -> str:
     return f'[[channel]]\nsignal = "Speed"\nquantity = "{quantity}"\nunit = "{unit}"\nrole = "observed"\n{more}'
 
 
-@pytest.mark.parametrize("quantity", sorted(bench_module.OBSERVABLE))
+@pytest.mark.parametrize("quantity", sorted(channel_tables.OBSERVABLE))
 def test_what_can_be_observed_may_say_so(quantity: str) -> None:
     text = observed(quantity, OBSERVED[quantity])
     assert resolved(text).role == "observed"
@@ -665,8 +666,8 @@ def test_the_schema_lists_exactly_the_keys_that_are_read() -> None:
     properties = SCHEMA["properties"]
     assert keys(SCHEMA) == {"schema", *bench_module.ROOT_KEYS}
     assert keys(properties["time"]) == {*bench_module.TIME_KEYS, "join_gap_s", *bench_module.OF_FORMAT}
-    assert keys(properties["channel"]["items"]) == set(bench_module.CHANNEL_KEYS)
-    assert keys(properties["derived"]["items"]) == set(bench_module.DERIVED_KEYS)
+    assert keys(properties["channel"]["items"]) == set(channel_tables.CHANNEL_KEYS)
+    assert keys(properties["derived"]["items"]) == set(channel_tables.DERIVED_KEYS)
     assert keys(properties["derating"]["items"]) == set(DERATING_KEYS)
 
 
@@ -676,10 +677,10 @@ def test_the_schema_lists_exactly_the_choices_that_are_read() -> None:
     }
     assert found == {
         "quantity": tuple(STORED_UNIT),
-        "region": bench_module.REGIONS,
-        "level": bench_module.LEVELS,
+        "region": channel_tables.REGIONS,
+        "level": channel_tables.LEVELS,
         "convention": CONVENTIONS,
-        "role": bench_module.ROLES,
+        "role": channel_tables.ROLES,
     }
     assert tuple(SCHEMA["properties"]["kind"]["enum"]) == bench_module.KINDS
     assert tuple(SCHEMA["properties"]["time"]["properties"]["unit"]["enum"]) == bench_module.TIME_UNITS
