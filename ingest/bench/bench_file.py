@@ -7,21 +7,21 @@ channels = resolve(bench, signals)  # of one log
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from datetime import datetime
 from functools import lru_cache
 from zoneinfo import ZoneInfo, available_timezones
 
+from ingest.bench.changes import BenchChange, moment_ns, read_changes, told
 from ingest.bench.channel import Channel
 from ingest.bench.channel_tables import exclusive, read_channel, read_derived, refusal
-from ingest.bench.corrections import Correction, read_corrections
+from ingest.bench.corrections import Correction, check_corrections, read_corrections
 from ingest.bench.derating import DeratingRule, read_deratings
 from ingest.errors import BenchFileError
-from ingest.formats import FORMATS, YEARS, TimeSpec, utc_ns
+from ingest.formats import FORMATS, TimeSpec
 from ingest.texts.nearest import hint
 from ingest.texts.toml_file import (
-    MOMENT,
     NAMED_TEXTS,
     NOT_NEGATIVE,
     POSITIVE,
@@ -37,7 +37,7 @@ TIME_UNITS = ("s", "ms", "us", "ns", "min", "h")
 
 ROOT_KEYS = (
     *("motor", "specimen", "specimen_column", "batch", "batch_column", "kind", "configuration", "attributes"),
-    *("time", "channel", "derived", "correction", "derating"),
+    *("time", "channel", "derived", "change", "correction", "derating"),
 )
 TIME_KEYS = ("column", "format", "unit", "zone", "rate_hz", "start", "skip_rows", "sheet")
 OF_FORMAT = tuple(form.name for form in FORMATS)  # [time.csv]: of logs of that format
@@ -66,6 +66,40 @@ class Bench:
     channels: tuple[Channel, ...] = ()
     corrections: tuple[Correction, ...] = ()
     deratings: tuple[DeratingRule, ...] = ()
+    changes: tuple[BenchChange, ...] = ()  # in the order of time
+
+    def at(self, t_ns: int | None) -> Bench:
+        """The bench file as it holds for a log that begins at `t_ns` [ns UTC], None without a date: then as it was
+        before all dates. What it says of other times is left out."""
+        begin = self._moments[0] - 1 if t_ns is None and self._moments else t_ns or 0
+        channels = list(self.channels)
+        for one in self.changes_at(begin):
+            channels[one.at] = one.after
+        renamed = {one.was: str(one.signal) for one in channels if one.was}
+        channels = [replace(one, renamed=renamed) if one.expression and renamed else one for one in channels]
+        held = tuple(one for one in self.corrections if one.holds_at(begin))
+        return replace(self, channels=tuple(channels), corrections=held, changes=())
+
+    def changes_at(self, t_ns: int) -> tuple[BenchChange, ...]:
+        """The changes that hold at a moment [ns UTC]."""
+        return tuple(one for one in self.changes if one.from_ns <= t_ns)
+
+    def unchanged(self, t_ns: int | None) -> tuple[int | None, int | None]:
+        """From when until when [ns UTC] its channels read what they read at a moment, by the same sensors; None where
+        they always did, or always will."""
+        dates = [one.from_ns for one in self.changes if one.other]
+        before = [one for one in dates if t_ns is not None and one <= t_ns]
+        return max(before, default=None), min((one for one in dates if one not in before), default=None)
+
+    def states(self) -> Iterator[tuple[int, Bench]]:
+        """Each state of the file with the moment that it holds from [ns UTC], the one before all dates first."""
+        for t_ns in (min(self._moments, default=0) - 1, *self._moments):
+            yield t_ns, self.at(t_ns)
+
+    @property
+    def _moments(self) -> list[int]:
+        dates = [t_ns for one in self.corrections for t_ns in (one.from_ns, one.until_ns) if t_ns is not None]
+        return sorted({one.from_ns for one in self.changes} | set(dates))
 
 
 @lru_cache(maxsize=32)  # a campaign asks again for each of its sessions
@@ -78,13 +112,14 @@ def read_bench(data: bytes, name: str) -> Bench:
     root.only(ROOT_KEYS, _UNDER_TIME)
     for key in ("specimen", "batch"):
         exclusive(root, key, f"{key}_column")
+    entries = [*root.tables("channel"), *root.tables("derived")]
     channels = [read_channel(table, _ABOVE) for table in root.tables("channel")]
     channels += [read_derived(table, _ABOVE) for table in root.tables("derived")]
-    _refuse_twice(name, channels)
     stamps = root.table("time")
+    zone = ZoneInfo(_zone(stamps) if stamps else TimeSpec.zone)
     untimed = "specimen_column" in root and any(channel.quantity in EVALUATED for channel in channels)
     gap = stamps.get("join_gap_s", NOT_NEGATIVE) if stamps else None
-    return Bench(
+    bench = Bench(
         sha256=hashlib.sha256(data).hexdigest(),
         name=name,
         motor=root.get("motor", TEXT),
@@ -99,12 +134,27 @@ def read_bench(data: bytes, name: str) -> Bench:
         time_of={name: _time(own, (), untimed) for name in OF_FORMAT if stamps and (own := stamps.table(name))},
         join_gap_s=Bench.join_gap_s if gap is None else gap,
         channels=tuple(channels),
-        corrections=read_corrections(root.tables("correction"), channels),
+        corrections=read_corrections(root.tables("correction"), zone),
         deratings=read_deratings(root.tables("derating"), channels),
+        changes=read_changes(root.tables("change"), entries, channels, zone),
     )
+    _check_states(bench)
+    return bench
 
 
-def _refuse_twice(name: str, channels: list[Channel]) -> None:
+def _check_states(bench: Bench) -> None:
+    """Raises BenchFileError where the file contradicts itself, at whatever time."""
+    for number, (since, state) in enumerate(bench.states()):
+        try:
+            _refuse_twice(bench.name, state.channels)
+            check_corrections(bench.name, state.channels, state.corrections)
+        except BenchFileError as error:
+            if not number:
+                raise
+            raise BenchFileError(f"{error} So it is from {told(since)} on.") from None
+
+
+def _refuse_twice(name: str, channels: Sequence[Channel]) -> None:
     seen: dict[str, Channel] = {}
     for channel in channels:
         first = seen.setdefault(channel.signal or channel.name, channel)
@@ -129,7 +179,7 @@ def _time(table: TomlTable | None, beside: Sequence[str], untimed: bool) -> Time
         unit=table.one_of("unit", TIME_UNITS),
         zone=zone,
         rate_hz=table.get("rate_hz", POSITIVE),
-        start_ns=_start_ns(table, ZoneInfo(zone)),
+        start_ns=moment_ns(table, "start", ZoneInfo(zone)),
         untimed=untimed,
         skip_rows=_skip_rows(table),
         sheet=table.get("sheet", TEXT),
@@ -166,14 +216,3 @@ def _format(table: TomlTable) -> str | None:
     if not holds:
         raise refusal(table, "format", f'format "{text}" is no strptime format. Write it as "%d.%m.%Y %H:%M:%S".')
     return text
-
-
-def _start_ns(table: TomlTable, zone: ZoneInfo) -> int | None:
-    """`start` in nanoseconds UTC; without an offset it is local time of `zone`."""
-    start = table.get("start", MOMENT)
-    if start is None:
-        return None
-    if not YEARS[0] <= start.year <= YEARS[1]:
-        says = f"start {start} is out of range: it must lie between {YEARS[0]} and {YEARS[1]}."
-        raise refusal(table, "start", says)
-    return utc_ns(start if start.tzinfo else start.replace(tzinfo=zone))

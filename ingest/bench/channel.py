@@ -40,6 +40,8 @@ class Channel:
     reference_degC: float = 20.0
     slope_per_K: float | None = None  # of the reading over the reference
     bin_degC: tuple[float, float] | None = None  # of a dose: between which temperatures a counter counts its hours
+    was: str | None = None  # the signal that it had first, where a change renamed it
+    renamed: Mapping[str, str] = field(default_factory=dict)  # signals of the expression -> what they are called now
     line: int = 0  # of the bench file, for messages
     lines: Mapping[str, int] = field(default_factory=dict, compare=False, repr=False)  # of its keys
 
@@ -49,10 +51,11 @@ class Channel:
 
     @property
     def needs(self) -> tuple[str, ...]:
-        """The signals that it is made of, as the bench file calls them."""
+        """The signals that it is made of, as the log calls them; of an expression in the order of its names."""
         if self.value is not None:
             return ()
-        return parse(self.expression).names if self.expression else (str(self.signal),)
+        names = parse(self.expression).names if self.expression else (str(self.signal),)
+        return tuple(self.renamed.get(name, name) for name in names)
 
     @property
     def called(self) -> str:

@@ -11,14 +11,17 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from zoneinfo import ZoneInfo
 
+from ingest.bench.changes import moment_ns
 from ingest.bench.channel import Channel
+from ingest.bench.channel_tables import refusal
 from ingest.bench.laws import LAWS, SWAP, THERE_OR_NOT, Array, CorrectionLaw, Surroundings, Times
 from ingest.errors import BenchFileError
 from ingest.texts.nearest import hint
 from ingest.texts.toml_file import NUMBER, TEXT, TomlTable
 
-KEYS = ("cause", "amount")
+KEYS = ("cause", "amount", "from", "until")
 AMBIENT = "ambient"  # node whose temperature pulls at a sensor's stem
 OF_THE_MOTOR = ("loss", "conductance", "capacity", "ageing")
 
@@ -29,7 +32,13 @@ class Correction:
 
     cause: str
     amount: float
+    from_ns: int | None = None  # what it holds from [ns UTC], None from the first log on
+    until_ns: int | None = None  # before which it holds, None to the last log
     line: int = field(default=0, compare=False)  # of the bench file; 0 where it is not in it yet
+
+    def holds_at(self, t_ns: int) -> bool:
+        """Whether it is to be taken off what begins at a moment [ns UTC]."""
+        return (self.from_ns is None or self.from_ns <= t_ns) and (self.until_ns is None or t_ns < self.until_ns)
 
     @property
     def kind(self) -> str:
@@ -55,6 +64,7 @@ class Target:
 
     law: str  # of a clock with its bus
     channels: frozenset[int]  # positions in the bench file
+    held: tuple[int | None, int | None] = (None, None)  # from when, until when [ns UTC]
 
 
 @dataclass(frozen=True)
@@ -71,21 +81,22 @@ def spelt(name: str) -> str:
     return re.sub(r"\W", "_", name)
 
 
-def read_corrections(tables: Sequence[TomlTable], channels: Sequence[Channel]) -> tuple[Correction, ...]:
-    """The corrections of a bench file with these channels.
+def read_corrections(tables: Sequence[TomlTable], zone: ZoneInfo) -> tuple[Correction, ...]:
+    """The corrections of a bench file, dates without an offset in `zone`.
 
-    Raises TomlError for a table of another shape, BenchFileError for a cause that is none of a bench, a place that this
-    one does not have, an amount that cannot be, and what stands here twice; each with the line.
+    Raises TomlError for a table of another shape, BenchFileError for dates that leave no time between them.
     """
-    corrections = tuple(_read(table) for table in tables)
-    if not corrections:
-        return ()
-    targets = correct(tables[0].file, channels, corrections).targets
+    return tuple(_read(table, zone) for table in tables)
+
+
+def check_corrections(file: str, channels: Sequence[Channel], corrections: Sequence[Correction]) -> None:
+    """Raises BenchFileError for a cause that is none of a bench, a place that one with these channels does not have, an
+    amount that cannot be, and what stands here twice; each with the line."""
+    targets = correct(file, channels, corrections).targets
     for i, target in enumerate(targets):
         if target in targets[:i]:
             first = corrections[targets.index(target)]
-            raise _refusal(tables[0].file, corrections[i], f"is the correction of line {first.line}: keep one.")
-    return corrections
+            raise _refusal(file, corrections[i], f"is the correction of line {first.line}: keep one.")
 
 
 def correct(file: str, channels: Sequence[Channel], corrections: Iterable[Correction]) -> Corrected:
@@ -105,7 +116,7 @@ def correct(file: str, channels: Sequence[Channel], corrections: Iterable[Correc
             for i in at:
                 steps[i] = (*steps[i], one)
         law = SWAP if one.law.startswith(SWAP) else f"{one.place}.{one.law}" if one.kind == "clock" else one.law
-        targets.append(Target(law, frozenset(at)))
+        targets.append(Target(law, frozenset(at), (one.from_ns, one.until_ns)))
     return Corrected(tuple(now), tuple(steps), tuple(targets))
 
 
@@ -141,9 +152,13 @@ def _refusal(file: str, one: Correction, says: str) -> BenchFileError:
     return BenchFileError(f'{file}{line}: correction "{one.cause}" {says}')
 
 
-def _read(table: TomlTable) -> Correction:
+def _read(table: TomlTable, zone: ZoneInfo) -> Correction:
     table.only(KEYS)
-    return Correction(table.need("cause", TEXT), table.need("amount", NUMBER), table.line("cause"))
+    from_ns, until_ns = moment_ns(table, "from", zone), moment_ns(table, "until", zone)
+    if from_ns is not None and until_ns is not None and until_ns <= from_ns:
+        raise refusal(table, "until", "until is not after from: then it never holds.")
+    cause, amount = table.need("cause", TEXT), table.need("amount", NUMBER)
+    return Correction(cause, amount, from_ns, until_ns, table.line("cause"))
 
 
 def _check(file: str, one: Correction) -> None:

@@ -11,7 +11,7 @@ from functools import cached_property
 
 from ingest.bench.bench_file import Bench
 from ingest.bench.channel import Channel
-from ingest.bench.signals import Directory, Signal
+from ingest.bench.signals import TABLE, Directory, Signal
 from ingest.errors import BenchFileError
 from ingest.texts.expressions import Expression, parse
 from ingest.texts.nearest import hint
@@ -90,7 +90,7 @@ def resolve(
         _refuse_name(bench, channel, directory)
         _refuse_unit_row(bench, channel, directory)
         bare = _bare(channel, of_log)
-        name = bare if names[bare] == 1 else str(channel.signal)
+        name = bare if names[bare] == 1 else channel.was or str(channel.signal)
         resolved.append(_filled(channel, of_log, name, boundaries, regions))
     return resolved
 
@@ -136,7 +136,9 @@ def _places(channel: Channel) -> list[str]:
 
 
 def _bare(channel: Channel, of_log: Sequence[Signal]) -> str:
-    return channel.name if channel.expression else of_log[0].name
+    if channel.was and of_log[0].message is None:
+        return channel.was.removeprefix(f"{TABLE}.")
+    return channel.name if channel.expression or channel.was else of_log[0].name
 
 
 def _signals_of(channel: Channel, bench: Bench, directory: Directory) -> tuple[Signal, ...]:

@@ -105,7 +105,8 @@ class DecodedFile:
 def decoded_file(store: Store, facts: Facts, decode: DecodeCompleted) -> DecodedFile:
     """A decode, its channels by the version of its bench file that is current. Raises DamageError."""
     sha = facts.current(decode.bench) if decode.bench else None
-    bench = read_bench(store.archive.read(sha), facts.benches[sha].name) if sha else None
+    begin = decode.start_ns if decode.absolute else None
+    bench = read_bench(store.archive.read(sha), facts.benches[sha].name).at(begin) if sha else None
     sources = _of_bench(bench, decode) if bench else [ChannelSource(entry, _guess(entry)) for entry in decode.channels]
     stem = facts.files[decode.raw].name.split(".")[0]
     return DecodedFile(decode, store.decoded(decode.decode), stem, bench, sources)

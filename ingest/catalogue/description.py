@@ -71,6 +71,7 @@ class SessionDescription:
     bench: str | None  # file name
     configuration: str | None
     attributes: Mapping[str, str]
+    changes: tuple[str, ...]  # what the bench file says is other about channels by then, and since when
     sources: tuple[SourceDescription, ...]
     channels: tuple[ChannelDescription, ...]
     power: PowerBalance | None

@@ -83,7 +83,8 @@ def _heading(one: SessionDescription) -> list[str]:
     about = [f"{key} {value}" for key, value in {**facts, "configuration": one.configuration}.items() if value]
     said = [f"{key} = {value}" for key, value in one.attributes.items()]
     lines = [f"{one.name}   {one.kind}: {one.kind_why}", f"{when}, {_clock(one.duration_s)}, session {one.session}"]
-    return lines + [" · ".join(words) for words in (about, said) if words]
+    lines += [" · ".join(words) for words in (about, said) if words]
+    return lines + [f"since {change}" for change in one.changes]
 
 
 def _sources(one: SessionDescription) -> list[str]:

@@ -28,6 +28,7 @@ def described(facts: Facts, session: SessionRecorded, samples: Looked) -> Sessio
     channels, qualities = samples.channels, samples.qualities
     balance = power.balance(channels)
     bench = facts.bench_of(session)
+    decodes = [facts.decodes[file["decode"]] for file in session.files]
     flagged = [flag.says for file in session.files for flag in facts.flags.get(f"file-{file['raw']}", ())]
     found = [flag.says for flag in quality.findings(qualities)]
     seen = [f"{one.name}: {one.finding}" for one in facts.inspections.values() if one.session == session.session]
@@ -46,6 +47,7 @@ def described(facts: Facts, session: SessionRecorded, samples: Looked) -> Sessio
         bench=bench.name if bench else None,
         configuration=session.configuration,
         attributes=session.attributes,
+        changes=tuple(dict.fromkeys(one for decode in decodes for one in decode.settings.get("changes", ()))),
         sources=tuple(_source(facts, file) for file in session.files),
         channels=tuple(_channel(*pair) for pair in zip(channels, qualities, strict=True)),
         power=balance,

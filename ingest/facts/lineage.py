@@ -142,7 +142,8 @@ class Chains:
             event = correction.event
             why = event.why if isinstance(event, LogCorrected) else ""
             links.append(self._link("correction", LogCorrected, sealed.sha256, why))
-        links.append(self._link("decode", DecodeCompleted, decode.decode, f"{decode.outcome} by {decode.decoder}"))
+        how = "; since ".join([f"{decode.outcome} by {decode.decoder}", *decode.settings.get("changes", ())])
+        links.append(self._link("decode", DecodeCompleted, decode.decode, how))
         links += self._bench(decode.bench)
         for one in databases:
             links.append(self._link("signal database", SignalDatabaseRegistered, one.sha256, one.name))

@@ -195,7 +195,8 @@ def _parts(versions: list[DecodeCompleted], benches: Mapping[str, Bench], said: 
 def _join(
     whole: list[_Part], versions: Mapping[str, list[DecodeCompleted]], benches: Mapping[str, Bench]
 ) -> list[list[_Part]]:
-    """Connected parts. Two that are one session under any bench file stay one: a new version never parts them."""
+    """Connected parts, none from before and after a change of the bench. Two that are one session under any bench file
+    stay one: a new version never parts them."""
     head = {part: part for part in whole}
 
     def root(part: _Part) -> _Part:
@@ -203,12 +204,13 @@ def _join(
             part = head[part]
         return part
 
-    lines: dict[tuple[str, str | None], list[_Part]] = defaultdict(list)
+    lines: dict[tuple[str, str | None, int], list[_Part]] = defaultdict(list)
     for part in whole:
         if part.absolute:
             for sha in {decode.bench for decode in versions[part.raw] if decode.bench in benches}:
-                lines[str(sha), part.specimen].append(part)
-    for (sha, _), line in lines.items():
+                changes = benches[str(sha)].changes_at(part.start_ns)
+                lines[str(sha), part.specimen, len(changes)].append(part)
+    for (sha, *_), line in lines.items():
         latest: _Part | None = None
         for part in sorted(line, key=lambda one: one.place):
             if latest and part.start_ns - latest.end_ns < benches[sha].join_gap_s * SECOND_NS:

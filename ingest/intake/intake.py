@@ -108,12 +108,17 @@ def take_in(
         for one in fresh:
             if one.reading and one.reading.holds == "rows":
                 Specimens(setup.bench, one.reading.columns)  # a column that is not there is refused here
-        channels = resolved(setup, [one.reading for one in fresh if one.reading], known)
+        read = [(one.raw, one.reading, kept_name(one.path)) for one in fresh if one.reading]
+        specs = resolved(setup, [reading for _, reading, _ in read], [name for *_, name in read], known)
+        channels = dict(zip([raw for raw, *_ in read], specs, strict=True))
         again = _again(known, found)
         if fresh or again:
             keep_setup(store, known, setup)
         store.ledger.append_all([(f"file-{raw}", decode) for raw, decode in again.items()])
-        files = [_keep(store, known, one, setup, channels) if isinstance(one, _Read) else one for one in found]
+        files = [
+            _keep(store, known, one, setup, channels.get(one.raw, ())) if isinstance(one, _Read) else one
+            for one in found
+        ]
     finally:
         shutil.rmtree(work, ignore_errors=True)
     decodes = {one.raw: one.decode for one in files if one.decode}
@@ -166,7 +171,8 @@ def _redecode(reader: Reader, store: Store, known: Facts, decode: DecodeComplete
         one = _record(reader, named, decode.raw, recognise(named), setup, work)
         if one.reading is None:
             raise IngestError(f"{sealed.name}: could be read when it was ingested, and cannot now: {one.why}")
-        _decode(store, one, one.reading, setup, resolved(setup, [one.reading], known))
+        [channels] = resolved(setup, [one.reading], [sealed.name], known)
+        _decode(store, one, one.reading, setup, channels)
     finally:
         shutil.rmtree(work, ignore_errors=True)
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from ingest.bench.bench_file import Bench, read_bench
+from ingest.bench.changes import refuse_within
 from ingest.bench.resolving import ResolvedChannel, check_nodes, resolve
 from ingest.bench.signals import Directory, Signal
 from ingest.errors import BenchFileError, IngestError
@@ -106,7 +107,8 @@ def prepare(
                 f'{bench.name}: motor = "{read.motor}" is not there ({path}): correct the path, or leave `motor` out.'
             )
         motor = motor_file(path)
-        check_nodes(read, motor.regions, motor.boundaries)
+        for _, state in read.states():
+            check_nodes(state, motor.regions, motor.boundaries)
         motor = _configured(read, motor)
     return Setup(read, data, loaded, motor, motor.model if motor else None)
 
@@ -120,7 +122,7 @@ def _configured(bench: Bench, motor: MotorFile) -> MotorFile:
         known = hint(name, motor.configurations) or f" It has: {', '.join(motor.configurations) or 'none'}."
         raise BenchFileError(f'{bench.name}: configuration = "{name}" is not in {motor.file}.{known}')
     there = motor.configurations[name]
-    for channel in bench.channels:
+    for channel in (one for _, state in bench.states() for one in state.channels):
         gone = [place for place in (channel.node, *channel.weights) if place and place not in there]
         if gone and channel.role != "ignored":
             raise BenchFileError(
@@ -134,27 +136,58 @@ def _configured(bench: Bench, motor: MotorFile) -> MotorFile:
     )
 
 
-def resolved(setup: Setup, readings: Sequence[LogReading], known: Facts) -> Sequence[ResolvedChannel]:
-    """The bench file's channels against the signals of all these logs together. Raises BenchFileError."""
-    if setup.bench is None or not readings:
-        return ()
+def resolved(
+    setup: Setup, readings: Sequence[LogReading], names: Sequence[str], known: Facts
+) -> list[Sequence[ResolvedChannel]]:
+    """The bench file's channels for each of these logs (`names`, as in messages), against the signals of all that it
+    means the same in, together. Raises BenchFileError."""
+    bench = setup.bench
+    if bench is None or not readings:
+        return [() for _ in readings]
     if not setup.databases and any(one.holds == "frames" for one in readings):
         raise IngestError(
-            f"{setup.bench.name}: names signals, and no signal database tells where they lie in the frames: "
+            f"{bench.name}: names signals, and no signal database tells where they lie in the frames: "
             "add --dbc FILE.dbc"
         )
-    here = signals_in(setup.databases, readings)
-    signals = [*here, *_elsewhere(setup.bench, here, known)]
+    for one, name in zip(readings, names, strict=True):
+        _refuse_no_date(bench, one, name)
+    alike = [len(bench.changes_at(one.start_ns)) if one.start_ns is not None else 0 for one in readings]
+    found: dict[int, Sequence[ResolvedChannel]] = {}
+    for one, state in zip(readings, alike, strict=True):
+        if state not in found:
+            together = [other for other, its in zip(readings, alike, strict=True) if its == state]
+            now = bench.at(one.start_ns if one.absolute else None)
+            found[state] = _resolved(setup, now, together, readings, known)
+    return [found[state] for state in alike]
+
+
+def _refuse_no_date(bench: Bench, reading: LogReading, name: str) -> None:
+    """Raises BenchFileError where nothing tells which state of the bench file is that of a log."""
+    if bench.changes and reading.start_ns is not None and reading.end_ns is not None:
+        if not reading.absolute:
+            raise BenchFileError(
+                f"{bench.name}:{bench.changes[0].line}: {name} has no date, so nothing tells whether it is from before "
+                f"{bench.changes[0].since}: say its start under [time], or give it a bench file without [[change]]."
+            )
+        refuse_within(bench.changes, bench.name, name, (reading.start_ns, reading.end_ns))
+
+
+def _resolved(
+    setup: Setup, state: Bench, together: Sequence[LogReading], every: Sequence[LogReading], known: Facts
+) -> Sequence[ResolvedChannel]:
+    here = signals_in(setup.databases, together)
+    signals = [*here, *_elsewhere(state, here, signals_in(setup.databases, every), known)]
     if setup.motor is None:
-        return resolve(setup.bench, signals)
-    return resolve(setup.bench, signals, setup.motor.boundaries, setup.motor.regions)
+        return resolve(state, signals)
+    return resolve(state, signals, setup.motor.boundaries, setup.motor.regions)
 
 
-def _elsewhere(bench: Bench, here: Sequence[Signal], known: Facts) -> list[Signal]:
-    """Signals of the bench file that only logs taken in earlier hold: a late file of a session may come alone."""
+def _elsewhere(bench: Bench, here: Sequence[Signal], given: Sequence[Signal], known: Facts) -> list[Signal]:
+    """Signals of the bench file that only other logs hold: those given, or taken in earlier (a late file of a session
+    may come alone)."""
     now = Directory(here)
     decodes = sorted(known.decodes.values(), key=lambda decode: decode.bench != bench.sha256)
-    before = Directory([Signal(**c["signal"]) for decode in decodes for c in decode.channels if c["signal"]])
+    before = Directory([*given, *(Signal(**c["signal"]) for decode in decodes for c in decode.channels if c["signal"])])
     names = {name for channel in bench.channels for name in channel.needs}
     return [before.find(name)[0] for name in sorted(names) if not now.find(name) and before.find(name)]
 

@@ -70,7 +70,7 @@ def decode_file(
     batches, texts = _texts(recording.read(path))
     means = explained(messages, {can_id for _, can_id in identifiers(reading)})
     groups = groups_of(reading, means)
-    said = {"databases": notes, "missing": plan(groups, channels, bench, texts)}
+    said = {"databases": notes, "missing": plan(groups, channels, bench, texts), "changes": _changes(bench, reading)}
     specimens = Specimens(bench, reading.columns)
     work = _Work(groups, held.collect(path, groups, means), raw, folder, means)
     faults = stamps.look(path) if _is_long(reading) else None  # only in such a log can a stamp be far off
@@ -97,6 +97,13 @@ def identity(raw: str, databases: Sequence[Database], bench: Bench | None, model
     shas, sha = [database.sha256 for database in databases], bench.sha256 if bench else None
     decode = decode_id(raw, shas, sha, model)
     return {"decode": decode, "decoder": DECODER, "raw": raw, "databases": shas, "bench": sha, "model": model}
+
+
+def _changes(bench: Bench | None, reading: LogReading) -> list[str]:
+    """What the bench file says is other about channels by the time of a log: "2025-02-11: T3: node yoke (was
+    winding)"."""
+    here = bench.changes_at(reading.start_ns) if bench and reading.absolute and reading.start_ns is not None else ()
+    return [f"{one.since}: {one.says}{f' ({one.reason})' if one.reason else ''}" for one in here]
 
 
 def _is_long(reading: LogReading) -> bool:

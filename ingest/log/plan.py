@@ -41,7 +41,7 @@ class OutputColumn:
             return inputs[0]
         if self.spec.formula is None:
             return self.spec.conversion(inputs[0])
-        named = dict(zip(self.spec.needs, inputs, strict=True))
+        named = dict(zip(self.spec.formula.names, inputs, strict=True))
         return self.spec.conversion(self.spec.formula.evaluate(named))
 
 

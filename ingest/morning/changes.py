@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from ingest.bench.bench_file import Bench, read_bench
-from ingest.bench.channel import Channel
+from ingest.bench.changes import differing
 from ingest.facts.events import BenchRegistered, CauseAccepted, InspectionRecorded, ModelPublished, SessionRecorded
 from ingest.facts.facts import Facts
 from ingest.facts.ledger_row import Recorded
@@ -68,14 +68,22 @@ def _bench(
     store: Store, facts: Facts, recorded: Sequence[Recorded], first: SessionRecorded, second: SessionRecorded
 ) -> Iterator[Change]:
     before, after = (facts.current(one.bench) if one.bench else None for one in (first, second))
-    if before == after or after is None:
+    if after is None:
         return
     name = facts.benches[after].name
     says = f"bench file {name}: the first session has none"
     if before:
-        old, new = (read_bench(store.archive.read(sha), facts.benches[sha].name) for sha in (before, after))
+        old, new = (_then(store, facts, sha, one) for sha, one in ((before, first), (after, second)))
+        if old == new:
+            return
         says = f"bench file {name}: {'; '.join(_entries(old, new)) or 'other bytes, and the same channels'}"
     yield _change(says, _last(recorded, BenchRegistered, sha256=after))
+
+
+def _then(store: Store, facts: Facts, sha: str, session: SessionRecorded) -> Bench:
+    """A bench file as it held for a session."""
+    bench = read_bench(store.archive.read(sha), facts.benches[sha].name)
+    return bench.at(session.start_ns if session.absolute else None)
 
 
 def _entries(old: Bench, new: Bench) -> list[str]:
@@ -83,28 +91,13 @@ def _entries(old: Bench, new: Bench) -> list[str]:
     before, after = ({one.name: one for one in bench.channels} for bench in (old, new))
     told = [f"{name} is new" for name in after if name not in before]
     told += [f"{name} is gone" for name in before if name not in after]
-    told += [f"{name}: {says}" for name in after if name in before and (says := _keys(before[name], after[name]))]
+    told += [f"{name}: {says}" for name in after if name in before and (says := differing(before[name], after[name]))]
     told += ["other corrections"] if _plain(old.corrections) != _plain(new.corrections) else []
     return told if len(told) <= SHOWN else [*told[:SHOWN], f"and {len(told) - SHOWN} more"]
 
 
 def _plain(corrections: Sequence[object]) -> list[str]:
     return [str(one) for one in corrections]
-
-
-def _keys(old: Channel, new: Channel) -> str:
-    """ "unit degC (was degF), sensor TC-7 (was TC-1)"."""
-    return ", ".join(
-        f"{key.name} {_written(getattr(new, key.name))} (was {_written(getattr(old, key.name))})"
-        for key in fields(Channel)
-        if key.compare and key.name != "line" and getattr(old, key.name) != getattr(new, key.name)
-    )
-
-
-def _written(value: object) -> str:
-    if isinstance(value, Mapping):
-        return " + ".join(f"{share:g} {name}" for name, share in value.items()) or "not given"
-    return "not given" if value in (None, "") else f"{value:g}" if isinstance(value, float) else str(value)
 
 
 def _motor(

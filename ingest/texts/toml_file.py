@@ -86,6 +86,10 @@ MOMENT: Kind[datetime] = Kind(
     "a date and time without quotes, such as 2024-03-01T08:00:00Z",
     lambda value: _check(value, isinstance(value, datetime)),
 )
+DAY: Kind[date] = Kind(  # a datetime is one
+    "a date, or a date and time, without quotes, such as 2024-03-01 or 2024-03-01T08:00:00Z",
+    lambda value: _check(value, isinstance(value, date)),
+)
 TEXTS: Kind[list[str]] = Kind(
     'a list of texts, such as ["a", "b"]',
     lambda value: [_text(x) for x in _check(value, isinstance(value, list))],

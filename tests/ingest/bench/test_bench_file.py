@@ -17,6 +17,7 @@ import ingest
 from ingest.bench import bench_file as bench_module
 from ingest.bench import channel_tables
 from ingest.bench.bench_file import Bench, read_bench
+from ingest.bench.changes import CHANGE_KEYS
 from ingest.bench.channel import Channel
 from ingest.bench.derating import DERATING_KEYS, DeratingRule
 from ingest.bench.resolving import ResolvedChannel, check_nodes, resolve
@@ -547,12 +548,13 @@ def test_a_start_without_offset_is_local_time_of_the_zone(time: str, start: str)
     assert read(f"[time]\n{time}").time.start_ns == utc_ns(datetime.fromisoformat(start))
 
 
-@pytest.mark.parametrize("heading", ["### What may be observed", "## `[[derating]]`"])
+@pytest.mark.parametrize("heading", ["### What may be observed", "## `[[change]]`", "## `[[derating]]`"])
 def test_the_entries_on_the_page_are_read(heading: str) -> None:
     page = (PACKAGE.parent / "docs" / "bench_file.md").read_text(encoding="utf-8")
     block = page.partition(f"{heading}\n")[2].partition("```toml\n")[2].partition("```")[0]
     assert block.startswith("[[")
-    read('[[channel]]\nsignal = "NTC"\n' + TEMPERATURE + 'node = "winding"\n' + block)
+    tables = [f'[[channel]]\nsignal = "{name}"\n{TEMPERATURE}node = "winding"\n' for name in ("NTC", "T3", "Tmag")]
+    read("".join(tables) + block)
 
 
 WATCHED = f'[[channel]]\nsignal = "TempB.MAG_1"\n{TEMPERATURE}node = "magnet"\n'
@@ -668,6 +670,7 @@ def test_the_schema_lists_exactly_the_keys_that_are_read() -> None:
     assert keys(properties["time"]) == {*bench_module.TIME_KEYS, "join_gap_s", *bench_module.OF_FORMAT}
     assert keys(properties["channel"]["items"]) == set(channel_tables.CHANNEL_KEYS)
     assert keys(properties["derived"]["items"]) == set(channel_tables.DERIVED_KEYS)
+    assert keys(properties["change"]["items"]) == set(CHANGE_KEYS)
     assert keys(properties["derating"]["items"]) == set(DERATING_KEYS)
 
 

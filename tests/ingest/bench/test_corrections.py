@@ -310,7 +310,8 @@ def test_the_page_of_the_bench_file_has_a_row_for_every_law() -> None:
 def test_the_schema_takes_what_is_read() -> None:
     path = Path(ingest.__file__).parent / "schema" / "bench.schema.json"
     items = json.loads(path.read_text(encoding="utf-8"))["properties"]["correction"]["items"]
-    assert set(items["properties"]) == set(items["required"]) == set(corrections_module.KEYS)
+    assert set(items["properties"]) == set(corrections_module.KEYS)
+    assert items["required"] == ["cause", "amount"]
     pattern = items["properties"]["cause"]["pattern"]
     assert all(re.search(pattern, f"{kind}.magnet@MAG_1.bias") for kind in LAWS)
     assert not re.search(pattern, "loss.magnet.speed2")
