@@ -5,6 +5,7 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from datetime import timedelta
 from typing import Any
 
 from ingest.bench.bench_file import Bench, read_bench
@@ -12,31 +13,40 @@ from ingest.bench.channel import Channel
 from ingest.bench.corrections import Correction, correct
 from ingest.bench.laws import SWAP
 from ingest.errors import BenchFileError, TomlError
+from ingest.formats import EPOCH
 from replay.engine.files.toml_edit import edited
 
 Weights = Mapping[str, Mapping[str, float]]  # name of a channel -> node -> share
 
 
 def corrected(
-    data: bytes, name: str, corrections: Mapping[str, float], says: str, weights: Weights | None = None
+    data: bytes,
+    name: str,
+    corrections: Mapping[str, float],
+    says: str,
+    weights: Weights | None = None,
+    at_ns: int | None = None,
 ) -> bytes:
     """The bench file `data` (`name` as in messages) with `corrections` (cause id -> amount) beside its own, and with
     `weights` in the place of the node of their channel: shares that add up to 1.
 
     A correction that the file has already takes the amount that is as good as both, one after the other
     (`ingest.bench.laws`: the sum; of gains (1 + a) (1 + b) - 1); one that is new is appended under the comment `says`.
+    In a file with changes the new ones hold as long as the channels mean what they mean at `at_ns` [ns UTC].
     Amounts and shares have 7 digits; all else stays as written. Raises BenchFileError for a cause that this bench
-    cannot have, an exchange of sensors that are exchanged already, and a file whose tables cannot be added to.
+    cannot have, an exchange of sensors that are exchanged already, shares of a sensor that a change concerns, and a
+    file whose tables cannot be added to.
     """
     before, weights = read_bench(data, name), weights or {}
+    _refuse_moved(before, weights)
     text = _with_weights(data.decode("utf-8-sig"), before, weights, says)
     own = read_bench(text.encode(), name)
-    wanted = _together(own, corrections)
+    wanted = _together(own, corrections, at_ns)
     old, new = ([{"amount": one.amount} for one in some] for some in (own.corrections, wanted))
     text = edited(text, {"correction": old}, {"correction": new[: len(old)]}, says)
     if len(wanted) > len(old):
         text = text.rstrip("\r\n") + "\n\n" + _added(wanted[len(old) :], says)
-    _compare(text.encode(), before, wanted, weights)
+    _compare(text.encode(), before, wanted, weights, at_ns)
     return text.encode()
 
 
@@ -56,31 +66,52 @@ def _following(entry: dict[str, Any], shares: Mapping[str, float] | None) -> dic
     return entry if shares is None else {**entry, "weights" if "weights" in entry else "node": dict(shares)}
 
 
-def _together(bench: Bench, corrections: Mapping[str, float]) -> list[Correction]:
+def _refuse_moved(bench: Bench, weights: Weights) -> None:
+    for one in bench.changes:
+        if one.other and one.after.name in weights:
+            raise BenchFileError(
+                f"{bench.name}:{one.line}: what {one.after.name} follows was learnt anew, and a change says other "
+                "things of this channel: write its shares yourself."
+            )
+
+
+def _together(bench: Bench, corrections: Mapping[str, float], at_ns: int | None) -> list[Correction]:
     """The file's own corrections with what is to be added to them, then the new ones."""
-    wanted = list(bench.corrections)
+    wanted, now, span = list(bench.corrections), bench.at(at_ns), bench.unchanged(at_ns)
+    held = [i for i, one in enumerate(bench.corrections) if one in now.corrections]  # places of those that hold then
     for cause, amount in corrections.items():
-        new = Correction(cause, amount)
-        *before, target = correct(bench.name, bench.channels, [*wanted, new]).targets
+        new = Correction(cause, amount, *span)
+        *before, target = correct(bench.name, now.channels, [*(wanted[i] for i in held), new]).targets
         if target not in before:
+            held.append(len(wanted))
             wanted.append(new)
-        elif target.law == SWAP:
+            continue
+        at = held[before.index(target)]
+        if target.law == SWAP:
             raise BenchFileError(
                 f'{bench.name}: correction "{cause}": these two sensors are exchanged already, in line '
-                f"{wanted[before.index(target)].line}: take that [[correction]] out instead."
+                f"{wanted[at].line}: take that [[correction]] out instead."
             )
-        else:
-            at = before.index(target)
-            wanted[at] = replace(wanted[at], amount=new.rule.both(wanted[at].amount, amount))
+        wanted[at] = replace(wanted[at], amount=new.rule.both(wanted[at].amount, amount))
     return wanted
 
 
 def _added(new: Sequence[Correction], says: str) -> str:
     comment = "".join(f"# {part}\n" for part in says.splitlines())
-    return comment + "\n".join(f'[[correction]]\ncause = "{one.cause}"\namount = {one.amount:.7g}\n' for one in new)
+    return comment + "\n".join(_table(one) for one in new)
 
 
-def _compare(result: bytes, before: Bench, wanted: Sequence[Correction], weights: Weights) -> None:
+def _table(one: Correction) -> str:
+    dates = {"from": one.from_ns, "until": one.until_ns}
+    lines = [f"{key} = {_moment(t_ns)}\n" for key, t_ns in dates.items() if t_ns is not None]
+    return f'[[correction]]\ncause = "{one.cause}"\namount = {one.amount:.7g}\n' + "".join(lines)
+
+
+def _moment(t_ns: int) -> str:
+    return (EPOCH + timedelta(microseconds=t_ns // 1000)).isoformat().replace("+00:00", "Z")
+
+
+def _compare(result: bytes, before: Bench, wanted: Sequence[Correction], weights: Weights, at_ns: int | None) -> None:
     """Raises BenchFileError where the written file does not say what it should."""
     try:
         found = read_bench(result, before.name)
@@ -90,7 +121,7 @@ def _compare(result: bytes, before: Bench, wanted: Sequence[Correction], weights
     amounts = causes and all(
         abs(a.amount - b.amount) <= 1e-6 * abs(b.amount) for a, b in zip(found.corrections, wanted, strict=True)
     )
-    old, new = (correct(b.name, b.channels, b.corrections).targets for b in (before, found))
+    old, new = (correct(b.name, b.channels, b.corrections).targets for b in (before.at(at_ns), found.at(at_ns)))
     channels = [_plain(one, weights) for one in before.channels] == [_plain(one, {}) for one in found.channels]
     if not amounts or not channels or new[: len(old)] != old:
         raise BenchFileError(

@@ -9,6 +9,7 @@ from typing import assert_never
 from ingest.bench.bench_file import Bench, read_bench
 from ingest.bench.channel import Channel
 from ingest.bench.corrections import in_order, spelt
+from ingest.errors import BenchFileError
 from replay.engine.files.bench_text import corrected
 from replay.engine.files.motor_text import written
 from replay.studies.diagnosis.answer_parts import place_of
@@ -63,12 +64,29 @@ def version(
     benches = {}
     for sha256, parent in question.benches.items():
         before = store.archive.read(sha256)
-        said = _Said(read_bench(before, parent.name), learnt, swaps, network, campaign.observed)
+        at_ns = _when(question, read_bench(before, parent.name))
+        said = _Said(read_bench(before, parent.name).at(at_ns), learnt, swaps, network, campaign.observed)
         weights = {c: shares for c, shares in own.weights.items() if said.has(c)}
-        after = corrected(before, parent.name, in_order(said.corrections(amounts)), note, weights)
+        after = corrected(before, parent.name, in_order(said.corrections(amounts)), note, weights, at_ns)
         if after != before:
             benches[sha256] = store.archive.seal(after)
     return Version(motor, next(iter(benches.values()), None), benches)
+
+
+def _when(question: Question, bench: Bench) -> int | None:
+    """When the sessions were that were learnt from, where the bench file says that channels changed their meaning.
+
+    Raises BenchFileError where they are from before and after a change: a correction would be of either.
+    """
+    benches = [(one, question.facts.bench_of(one)) for one in question.train]
+    own = [one for one, found in benches if found is not None and found.sha256 == bench.sha256]
+    starts = [one.start_ns if one.absolute else None for one in own]
+    if len({bench.unchanged(one) for one in starts}) > 1:
+        raise BenchFileError(
+            f"{bench.name}: sessions from before and after a change of the bench were learnt from, so no correction "
+            "can be written: learn from those of one side."
+        )
+    return starts[0] if starts else None
 
 
 @dataclass(frozen=True)

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from datetime import UTC, datetime
+
 import pytest
 
 from ingest.bench.bench_file import read_bench
 from ingest.errors import BenchFileError
+from ingest.formats import utc_ns
 from made import can_bench
 from replay.engine.files.bench_text import corrected
 
@@ -139,3 +142,24 @@ def test_shares_that_would_make_a_correction_speak_of_another_sensor_are_refused
     text = written(can_bench.BENCH + other, sensor__magnet__bias=3.0)
     with pytest.raises(BenchFileError, match="call a sensor that shares its node node@signal"):
         corrected(text.encode(), "bench.toml", {}, SAYS, {"TC_magnet": {"magnet": 0.7, "yoke": 0.3}})
+
+
+MOVED = '[[change]]\nfrom = 2025-02-11\nchannel = "TC_yoke"\nsensor = "TC-7"\n'
+BEFORE, AFTER = (utc_ns(datetime(2025, month, 20, tzinfo=UTC)) for month in (1, 2))
+
+
+@pytest.mark.parametrize(("at_ns", "date"), [(BEFORE, "until"), (AFTER, "from")])
+def test_what_was_learnt_of_a_sensor_ends_where_another_takes_its_place(at_ns: int, date: str) -> None:
+    text = can_bench.BENCH + MOVED
+    once = corrected(text.encode(), "bench.toml", {"sensor.yoke.bias": 2.0}, SAYS, at_ns=at_ns)
+    assert once.decode().endswith(
+        f'[[correction]]\ncause = "sensor.yoke.bias"\namount = 2\n{date} = 2025-02-11T00:00:00Z\n'
+    )
+    again = corrected(once, "bench.toml", {"sensor.yoke.bias": 0.5}, SAYS, at_ns=at_ns)
+    assert [one.amount for one in read_bench(again, "bench.toml").corrections] == [2.5]
+
+
+def test_shares_of_a_sensor_that_a_change_concerns_are_not_written() -> None:
+    text, shares = (can_bench.BENCH + MOVED).encode(), {"TC_yoke": {"yoke": 0.8, "winding": 0.2}}
+    with pytest.raises(BenchFileError, match="what TC_yoke follows was learnt anew, and a change says other things"):
+        corrected(text, "bench.toml", {}, SAYS, shares)

@@ -125,6 +125,34 @@ def test_a_kept_session_with_other_channels_is_compared_by_those_that_were_learn
     assert {"winding", "magnet"} <= {gain["node"] for gain in answer["gain"]}
 
 
+def change(channel: str, key: str, value: str) -> str:
+    """From between `1_a` and `2_b` on."""
+    return f'[[change]]\nfrom = 2025-10-11\nchannel = "{channel}"\n{key} = "{value}"\n'
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "why"),
+    [("signal", "T_Wickl", None), ("sensor", "TC-9", "from before and after a change of the bench were learnt from")],
+)
+def test_a_signal_that_was_renamed_is_one_channel_and_another_sensor_is_not(
+    tmp_path: Path, capsys: Capture, key: str, value: str, why: str | None
+) -> None:
+    renamed = columns(but={"winding": "T_Wickl"}) if key == "signal" else columns()
+    logs = {"1_a": columns(), "2_b": renamed, "3_c": renamed}
+    (tmp_path / "motor.toml").write_text(can_bench.MOTOR, encoding="utf-8")
+    (tmp_path / "bench.toml").write_text(bench(columns()) + change("TC_winding", key, value), encoding="utf-8")
+    words = [str(write_log(tmp_path, name, own)) for name, own in logs.items()]
+    store = tmp_path / "store"
+    assert main(["ingest", *words, "--bench", str(tmp_path / "bench.toml"), "--store", str(store)]) == 0
+    answer = asked(store, capsys)
+    assert [cause["id"] for cause in answer["causes"]] == ["sensor.winding.bias"]
+    if why is None:
+        assert answer["why_no_files"] is None
+        assert set(corrections(store, answer["extended_bench"])) >= {"sensor.winding.bias"}
+    else:
+        assert answer["extended_bench"] is None and why in json.dumps(answer)
+
+
 def test_a_kept_session_of_which_nothing_was_learnt_is_no_kept_session(tmp_path: Path, capsys: Capture) -> None:
     store = ingested(tmp_path, {"1_a": columns(), "2_b": columns(), "3_c": columns(OURS)})
     answer = asked(store, capsys)
