@@ -339,7 +339,7 @@ def rows_of(folder: Path) -> list[Row]:
         try:
             form = path.suffix.lower()[1:].upper() if is_database else recognise(path).name
             if form == ANY_TEXT.name and not is_table(path):
-                raise UnreadableLogError("is a text that holds no table")
+                raise UnreadableLogError("is a text without a table")
         except UnreadableLogError as error:
             row = found.setdefault("no log", Row("no log"))
             row.files, row.refused = row.files + 1, row.refused + 1

@@ -170,7 +170,8 @@ class MdfBlocks:
             links = block.links[4 : 4 + names]
             named = [self._named(link, depth + 1) for link in links] if kind in (TEXTS, RANGE_TEXTS) else []
             formula = self.text(links[0]) if kind == FORMULA and links else ""
-            self._conversions[at] = conversion(kind, values, named, formula), self.text(link(block, 1))
+            unit = "" if named else self.text(link(block, 1))  # some writers give a text there that stands for a number
+            self._conversions[at] = conversion(kind, values, named, formula), unit
         return self._conversions[at]
 
     def _named(self, at: int, depth: int) -> Named:

@@ -138,9 +138,10 @@ class BlfLog(Log):
             self._problems[-1] += f" of {self._declared_size:,}"
         says = "; ".join(self._problems[:SHOWN_PROBLEMS])
         if not self.found:
+            todo = "Copy the file again" if says else "Its recorder logged no CAN channel: switch one on"
             raise UnreadableLogError(
                 f"{self.path.name}: {says or 'is whole'}: no CAN frame is in it ({self._other.total():,} other "
-                "objects). Copy the file again, or record CAN frames into it."
+                f"objects). {todo}."
             )
         if self._problems:
             more = len(self._problems) - SHOWN_PROBLEMS

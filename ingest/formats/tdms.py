@@ -2,9 +2,9 @@
 
 A row is what channels of one time base say of one moment: channels with the same start and increment
 (`wf_start_time`, `wf_increment`, in any group), or those of a group with a channel of stamps, or of numbers that is
-called time. The rows of one base follow those of another; a column is empty in the rows of others. Columns are named
-as the channels, with the group before (`Oven/T1`) where two channels are called alike. Scalings are applied. A row
-without a time is rejected.
+called time. Of several bases a row is what all of them say at one time, in the order of time; a column is empty where
+its base has no value then. Columns are named as the channels, with the group before (`Oven/T1`) where two channels are
+called alike. Scalings are applied. A row without a time is rejected.
 """
 
 from __future__ import annotations
@@ -20,9 +20,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ingest.errors import UnreadableLogError
-from ingest.formats import EARLIEST_NS, EPOCH, LATE_NS, Log, Rejected, Rows, utc_ns
+from ingest.formats import EARLIEST_NS, EPOCH, LATE_NS, Rejected, Rows, utc_ns
 from ingest.formats._csv_clocks import LATEST_NS, UNITS_NS
 from ingest.formats._csv_time import base_and_unit, is_time_name, rises
+from ingest.formats._joined_tables import JoinedTables, OwnTimes
 from ingest.formats._tdms_file import (
     TdmsFile,
     is_number,
@@ -112,22 +113,22 @@ _Base = _Waveform | _Stamps | _Untimed
 
 
 @dataclass
-class TdmsLog(Log):
-    """A TDMS file, read base by base in bounded memory."""
+class TdmsLog(JoinedTables):
+    """A TDMS file, read in bounded memory where it has one base; of several all stamps are held."""
 
     _names: dict[int, str] = field(default_factory=dict)  # id of a channel -> its column
     _damaged: dict[str, None] = field(default_factory=dict)  # columns with values that cannot be read
 
     def batches(self) -> Iterator[Rows]:
-        """Rows base by base. Raises UnreadableLogError where nothing can be read, or no row has a time."""
+        """Rows in the order of time. Raises UnreadableLogError where nothing can be read, or no row has a time."""
         with closing(open_tdms(self.path)) as file:
-            yield from self._rows(file)
+            yield from self._of_bases(file)
         ended = file.ended
         if ended is None and self._damaged:
             ended = f"holds values that cannot be read ({', '.join(self._damaged)})"
         self.end_rows(ended, self.rejected[0].why if self.rejected else "its channels hold no value")
 
-    def _rows(self, file: TdmsFile) -> Iterator[Rows]:
+    def _of_bases(self, file: TdmsFile) -> Iterator[Rows]:
         kept = [channel for channel in file.channels if is_number(channel) or is_text(channel) or is_time(channel)]
         self._names = _names(kept)
         bases = self._bases(kept)
@@ -140,8 +141,33 @@ class TdmsLog(Log):
             self.settings["unscaled"] = raw
         if left := [f"{one.group_name}/{one.name}" for one in file.channels if one not in kept]:
             self.settings["left_out"] = left
-        for base, channels in bases.items():
-            yield from self._base_rows(base, [one for one in channels if id(one) not in stamps], columns)
+        own = {base: [one for one in channels if id(one) not in stamps] for base, channels in bases.items()}
+        if len(own) > 1:
+            yield from self._joined([self._table(base, channels) for base, channels in own.items() if channels])
+        for base, channels in own.items() if len(own) == 1 else ():
+            yield from self._base_rows(base, channels, columns)
+
+    def _table(self, base: _Base, channels: Sequence[Any]) -> OwnTimes:
+        """One base of several."""
+        length = max(len(channel) for channel in channels)
+        parts = [base.t_ns(start, min(ROWS, length - start))[:2] for start in range(0, length, ROWS)]
+        t_ns = np.concatenate([np.empty(0, np.int64), *(stamps for stamps, _ in parts)])
+        bad = np.concatenate([np.empty(0, bool), *(wrong for _, wrong in parts)])
+
+        def raw(i: int) -> bytes:
+            shown = base.t_ns(i, 1)[2]
+            return shown[0][:SHOWN] if shown else b"\0"
+
+        return OwnTimes(
+            name=channels[0].group_name,
+            columns=tuple(self._names[id(one)] for one in channels),
+            units=("",) * len(channels),
+            t_ns=t_ns,
+            bad=bad,
+            cells=lambda place, start, stop: self._column(channels[place], True, start, stop - start),
+            raw=raw,
+            why=lambda _: _why(base),
+        )
 
     def _base_rows(self, base: _Base, channels: Sequence[Any], columns: Sequence[Any]) -> Iterator[Rows]:
         """The rows of one base. `columns`: all channels of the file that hold values."""

@@ -19,6 +19,7 @@ from ingest.facts.store import MARK
 from ingest.formats import ANY_TEXT, is_table, recognise
 from ingest.intake.archives import is_archive, unpacked
 from ingest.intake.setup import kept_name
+from ingest.log.database_files import is_database
 
 
 @dataclass
@@ -91,7 +92,10 @@ def _no_log(path: Path) -> str | None:
         if is_archive(path):
             return f"{kept_name(path)}: is an archive in an archive. Unpack it first."
         if recognise(path) == ANY_TEXT and not is_table(path):
-            return f"{kept_name(path)}: is a text that holds no table."
+            what = (
+                "describes signals of a bus: give it with --dbc" if is_database(path) else "is a text without a table"
+            )
+            return f"{kept_name(path)}: {what}."
     except UnreadableLogError as error:
         return str(error)
     except OSError as error:

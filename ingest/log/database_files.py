@@ -9,6 +9,7 @@ import codecs
 import re
 from collections.abc import Mapping
 from importlib import import_module
+from pathlib import Path
 from typing import Any, NamedTuple
 from xml.etree.ElementTree import ParseError
 
@@ -20,6 +21,7 @@ LOOKS: Mapping[str, str] = {  # kind -> what is found in such a file, up to LOOK
     ARXML: r"<[\w:-]*AUTOSAR",
     SYM: r"(?m)^\s*FormatVersion\s*=",
 }
+DBC_LOOKS = r'(?m)\A\s*VERSION\s+"|^\s*(NS_\s*:|BU_\s*:|BO_\s+\d+\s)'
 DECLARES = r"<!DOCTYPE|<!ENTITY"  # what makes a small XML file a large one
 OTHERS: Mapping[str, str] = {  # what is found in files that are no such database -> what these are
     r"<CANDELA\b": "is a CDD: it describes diagnostics, not frames",
@@ -43,6 +45,13 @@ class DatabaseFile(NamedTuple):
     kind: str
     messages: list[Any]
     is_j1939: bool
+
+
+def is_database(path: Path) -> bool:
+    """Whether a text begins as one of these does, as far as its first bytes tell."""
+    with path.open("rb") as file:
+        text = _text(file.read(LOOKED))
+    return any(re.search(looks, text) for looks in (*LOOKS.values(), DBC_LOOKS))
 
 
 def read_database(data: bytes, name: str, notes: list[str]) -> DatabaseFile:

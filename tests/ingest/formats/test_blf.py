@@ -303,7 +303,7 @@ def test_an_unknown_compression_is_named(tmp_path: Path) -> None:
 def test_a_file_without_frames_is_refused(tmp_path: Path) -> None:
     path = blf(tmp_path / "lin.blf", container(item(11, bytes(20))))
     with pytest.raises(
-        UnreadableLogError, match=r"^lin\.blf: is whole: no CAN frame is in it \(1 other objects\)\. Copy"
+        UnreadableLogError, match=r"^lin\.blf: is whole: no CAN frame is in it \(1 other objects\)\. Its recorder"
     ):
         read(path)
 

@@ -44,9 +44,9 @@ def test_a_folder_is_all_logs_in_it_by_what_they_hold(night: Path) -> None:
         assert [path.name for path in given.logs] == ["2_s2.csv", "10_s1.csv", "S4.csv in more.zip", "S3"]
         assert set(given.logs.values()) == {night} and given.refused == []
         assert given.skipped == [
-            "README in more.zip: is a text that holds no table. Skipped.",
+            "README in more.zip: is a text without a table. Skipped.",
             "inner.zip in more.zip: is an archive in an archive. Unpack it first. Skipped.",
-            "notes.csv: is a text that holds no table. Skipped.",
+            "notes.csv: is a text without a table. Skipped.",
             given.skipped[3],
         ]
         assert given.skipped[3].startswith("photo.jpg: is none of the known log formats (")
@@ -132,3 +132,19 @@ def test_logs_of_an_archive_are_facts_of_their_own_and_are_made_again_from_them(
     with Store.open(tmp_path / "store", write=True) as store:
         redecode(store, facts.at(store.ledger))
     assert list((tmp_path / "store" / "decoded").glob("*/recording.mcap"))
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("bus.dbc", 'VERSION ""\nNS_ :\nBU_: ECU\n'),
+        ("bare.dbc", "BO_ 256 Drive: 8 ECU\n"),
+        ("bus.kcd", '<?xml version="1.0"?>\n<NetworkDefinition xmlns="http://kayak.2codeornot2code.org/1.0">\n'),
+        ("bus.sym", 'FormatVersion=6.0 // Do not edit this line!\nTitle="bus"\n'),
+    ],
+)
+def test_a_database_in_a_folder_is_named_as_one(tmp_path: Path, name: str, text: str) -> None:
+    (tmp_path / name).write_text(text, encoding="utf-8")
+    (tmp_path / "1.csv").write_text(TABLE, encoding="utf-8")
+    with opened([tmp_path]) as given:
+        assert given.skipped == [f"{name}: describes signals of a bus: give it with --dbc. Skipped."]

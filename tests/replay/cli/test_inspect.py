@@ -88,7 +88,7 @@ def test_a_folder_is_read_and_what_is_no_log_in_it_is_named(verb: str, logs: Pat
     (folder / "notes.txt").write_text("all well\n", encoding="utf-8")
     assert main([verb, "monday", "--json", "answer.json"]) == 0
     printed = capsys.readouterr()
-    assert printed.err == "notes.txt: is a text that holds no table. Skipped.\n"
+    assert printed.err == "notes.txt: is a text without a table. Skipped.\n"
     answer = json.loads(Path("answer.json").read_text(encoding="utf-8"))
     assert [one["name"] for one in answer["files"]] == ["tc.csv"]
     assert (answer["skipped"], answer["refused"]) == ([printed.err.strip()], [])

@@ -45,7 +45,7 @@ def test_the_page_shows_what_is_printed(lab: Path, monkeypatch: pytest.MonkeyPat
     before = (lab / "store" / "ledger.sqlite").read_bytes()
     assert main([*ASKED, "--store", "store"]) == 0
     printed = capsys.readouterr()
-    assert printed.err == "notes.txt: is a text that holds no table. Skipped.\n"
+    assert printed.err == "notes.txt: is a text without a table. Skipped.\n"
     page = (ROOT / "docs" / "morning.md").read_text(encoding="utf-8")
     shown = printed.out.replace("whyhot morning --store store night", "whyhot morning night")
     assert f"```console\n$ whyhot {' '.join(ASKED)}\n{shown}```" in page
@@ -63,7 +63,7 @@ def test_the_report_is_one_file_with_pictures_and_the_same_bytes_again(
     assert page.count("<svg") == 3, "the session's course, where it was driven, and the run before"
     assert "Off monday by more than its floor: T_winding" in page
     assert "aborted: driven as monday for 33 min" in page
-    assert "notes.txt: is a text that holds no table. Skipped." in page
+    assert "notes.txt: is a text without a table. Skipped." in page
     assert not re.search(r"(?:src|href)=\"[^#]", page), "it needs no other file"
 
 
