@@ -1,4 +1,4 @@
-"""MCAP of other recorders: the numbers in messages of JSON, of ROS 1 and of ROS 2 (CDR), by the schemas in the file.
+"""MCAP of other recorders: the numbers in messages of JSON, protobuf, ROS 1 and ROS 2 (CDR), by the file's schemas.
 
 A topic is a table with the time at which its messages were logged; a row is what all topics say at one time. A column
 is `topic.field` (`/motor.winding.T`, `/cells.voltage[3]`). Texts, long lists and topics without numbers are left out
@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from ingest.errors import UnreadableLogError
 from ingest.formats import EARLIEST_NS, LATE_NS, Rows
 from ingest.formats import _cdr as cdr
+from ingest.formats import _protobuf as protobuf
 from ingest.formats._flattened import NotRead, Numbers, decoded_json
 from ingest.formats._joined_tables import JoinedTables, OwnTimes, counted
 
@@ -31,7 +32,6 @@ OURS = "arrow"  # encoding of the recordings that whyhot writes
 MOST_COLUMNS = 5000
 SHOWN = 64  # first bytes of a message that is rejected
 WAYS_OUT = {
-    "protobuf": "protobuf is not read. Export it as JSON in Foxglove, or as CSV",
     "flatbuffer": "flatbuffer is not read. Export it as JSON in Foxglove, or as CSV",
 }
 
@@ -99,7 +99,7 @@ class McapLog(JoinedTables):
         topic = self._topics.setdefault(channel.topic, _Topic(channel.topic))
         place = len(topic.t_ns)
         topic.t_ns.append(message.log_time)
-        told = (schema.encoding, schema.data) if schema else ("", b"")
+        told = (schema.encoding, schema.name, schema.data) if schema else ("", "", b"")
         try:
             numbers = _decoder(channel.message_encoding, *told)(message.data)
         except NotRead as error:
@@ -132,7 +132,7 @@ class _Rest:
 
 
 @cache
-def _decoder(encoding: str, schema_encoding: str, schema: bytes) -> Decoder:
+def _decoder(encoding: str, schema_encoding: str, name: str, schema: bytes) -> Decoder:
     """What reads messages of an encoding and a schema. Raises NotRead where nothing does."""
     if encoding == "json":
         return decoded_json
@@ -140,6 +140,9 @@ def _decoder(encoding: str, schema_encoding: str, schema: bytes) -> Decoder:
     if ros1 or (encoding == "cdr" and schema_encoding == "ros2msg"):
         known = cdr.definitions(schema.decode("utf-8", errors="replace"))
         return lambda data: cdr.decoded(known, data, ros1=ros1)
+    if encoding == schema_encoding == "protobuf":
+        messages = protobuf.definitions(schema)
+        return lambda data: protobuf.decoded(messages, name, data)
     told = f"{encoding} with a schema of {schema_encoding}" if encoding == "cdr" else encoding[:60] or "no encoding"
     raise NotRead(WAYS_OUT.get(encoding, f"its encoding is not read ({told}). Export it as JSON"))
 

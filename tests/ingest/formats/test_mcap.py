@@ -21,12 +21,15 @@ Message = tuple[str, float, bytes]  # topic, seconds, payload
 NAN = float("nan")
 
 
-def write(path: Path, some: Sequence[Message], encoding: str = "json", schema: tuple[str, str] = ("", "")) -> Path:
+def write(
+    path: Path, some: Sequence[Message], encoding: str = "json", schema: tuple[str, str | bytes] = ("", "")
+) -> Path:
     """A file with these messages; `schema`: its encoding and text."""
     with path.open("wb") as file:
         writer = Writer(file, chunk_size=200, compression=CompressionType.ZSTD)
         writer.start("test", "test")
-        told = writer.register_schema("Told", schema[0], schema[1].encode()) if schema[0] else 0
+        text = schema[1] if isinstance(schema[1], bytes) else schema[1].encode()
+        told = writer.register_schema("Told", schema[0], text) if schema[0] else 0
         channels: dict[str, int] = {}
         for topic, t, data in some:
             if topic not in channels:
@@ -167,7 +170,8 @@ def test_a_message_that_does_not_fit_its_schema_is_rejected(data: bytes, schema:
 @pytest.mark.parametrize(
     ("encoding", "says"),
     [
-        ("protobuf", r"protobuf is not read\. Export it as JSON in Foxglove, or as CSV"),
+        ("flatbuffer", r"flatbuffer is not read\. Export it as JSON in Foxglove, or as CSV"),
+        ("protobuf", r"its encoding is not read \(protobuf\)\. Export it as JSON"),
         ("cdr", r"its encoding is not read \(cdr with a schema of ros2idl\)\. Export it as JSON"),
         ("arrow", r"is a recording that whyhot wrote\. Name the log that it was made of"),
     ],
