@@ -56,7 +56,7 @@ def inspection_text(found: Inspection) -> str:
     if len(found.signals) > SHOWN:
         lines.append(f"  and {len(found.signals) - SHOWN} more signals (--json has all)")
     for key, count in list(found.unknown_ids.items())[:10]:
-        lines.append(f"  {key}: {count:,} frames that no database explains")
+        lines.append(f"  {key}: {count:,} frame{'s' * (count != 1)} that no database explains")
     return "\n".join(lines)
 
 

@@ -14,7 +14,19 @@ import numpy as np
 import pytest
 
 from ingest.errors import UnreadableLogError
-from ingest.formats import FORMATS, OTHERS, Format, Frames, Log, Rejected, Rejections, Rows, open_log, recognise
+from ingest.formats import (
+    FORMATS,
+    OTHER_TEXTS,
+    OTHERS,
+    Format,
+    Frames,
+    Log,
+    Rejected,
+    Rejections,
+    Rows,
+    open_log,
+    recognise,
+)
 from made.places import LOGS
 
 PATIENCE_S = 5.0  # for one damaged sample
@@ -179,7 +191,7 @@ def test_a_file_of_no_known_format_is_refused_with_those_that_are(tmp_path: Path
         recognise(path)
 
 
-@pytest.mark.parametrize("magic", OTHERS)
+@pytest.mark.parametrize("magic", [*OTHERS, *(b"<?xml version='1.0'?>\n" + mark for mark in OTHER_TEXTS)])
 def test_a_file_that_is_known_and_no_log_is_refused_with_what_to_do(magic: bytes, tmp_path: Path) -> None:
     path = tmp_path / "log.csv"
     path.write_bytes(magic + b"\0" * 100)
