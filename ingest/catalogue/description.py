@@ -53,6 +53,7 @@ class SourceDescription:
     unknown_ids: Mapping[str, int]
     rejections: Sequence[Mapping[str, Any]]
     holds: bool  # the balance
+    times: str | None  # what its stamps are: UTC, whose wall clock taken as which zone, or counted from a start
 
 
 @dataclass(frozen=True)

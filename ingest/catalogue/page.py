@@ -98,6 +98,7 @@ def _sources(one: SessionDescription) -> list[str]:
             f"{source.file}   {source.balance.get('found', 0):,} records{rows}   sealed {source.sha256[:SHORT]}"
         )
         lines.append(f"  {counts}   {holds}")
+        lines += [f"  times: {source.times}"] if source.times else []
         lines += [f"  {source.outcome}: {source.why}"] if source.why else []
         lines += [f"  rejected at {bad.get('where')}: {bad.get('why')}" for bad in source.rejections[:3]]
         unknown = sorted(source.unknown_ids.items(), key=lambda pair: -pair[1])[:5]

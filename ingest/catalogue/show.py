@@ -119,6 +119,7 @@ def _source(facts: Facts, file: Mapping[str, Any]) -> SourceDescription:
         unknown_ids=decode.unknown_ids,
         rejections=decode.rejections,
         holds=decode.balance.get("found", 0) == sum(decode.balance.get(key, 0) for key in COUNTS),
+        times=next(iter(decode.settings.get("times", ())), None),
     )
 
 

@@ -15,8 +15,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ingest.bench.bench_file import Bench
 from ingest.facts.events import QualityFlagged
-from ingest.formats import Frames, Rows
+from ingest.formats import Frames, Rows, TimeSpec
+from ingest.log.reading import LogReading
 
 Ints = NDArray[np.int64]
 Stream = tuple[int, int] | None  # bus and identifier, None of a table
@@ -25,6 +27,24 @@ SECOND_NS = 1_000_000_000
 DAY_NS = 86_400 * SECOND_NS
 JUMP_NS = 7 * DAY_NS  # shorter ones are gaps: a log that pauses over the weekend
 STRAY = "its stamp is more than 30 days off those before and after it"
+
+
+WALL_CLOCKS = ("blf", "asc", "trc", "lvm")  # formats whose date is that of the recording computer, without a zone
+
+
+def times_of(reading: LogReading, bench: Bench | None) -> str:
+    """What the stamps of a log are, in words: counted from its start, a wall clock taken as some zone, or UTC."""
+    spec = (bench.time_of.get(reading.format, bench.time) if bench else None) or TimeSpec()
+    if not reading.absolute:
+        return "counted from the log's own start"
+    if spec.start_ns is not None:
+        return "counted from the start that the bench file says"
+    if reading.format in WALL_CLOCKS:
+        zone = spec.zone if spec.column is None else TimeSpec.zone
+        advice = "; say `zone` under [time] if it is another" if zone == TimeSpec.zone else ""
+        return f"the recorder's wall clock, taken as {zone}{advice}"
+    said = reading.settings.get("time")
+    return said if isinstance(said, str) and " in " in said else "UTC, as the log says"
 
 
 @dataclass

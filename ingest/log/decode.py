@@ -22,7 +22,7 @@ from ingest.facts.events import DecodeCompleted
 from ingest.formats import Frames, Rejected, Rows
 from ingest.log import clock, held, recording, samples, stamps
 from ingest.log.balance import Account, outcome
-from ingest.log.clock import JUMP_NS
+from ingest.log.clock import JUMP_NS, times_of
 from ingest.log.databases import Database, merged
 from ingest.log.frames import FrameBatch
 from ingest.log.j1939 import Explained, explained
@@ -71,6 +71,7 @@ def decode_file(
     means = explained(messages, {can_id for _, can_id in identifiers(reading)})
     groups = groups_of(reading, means)
     said = {"databases": notes, "missing": plan(groups, channels, bench, texts), "changes": _changes(bench, reading)}
+    said["times"] = [times_of(reading, bench)]
     specimens = Specimens(bench, reading.columns)
     work = _Work(groups, held.collect(path, groups, means), raw, folder, means)
     faults = stamps.look(path) if _is_long(reading) else None  # only in such a log can a stamp be far off

@@ -1,0 +1,57 @@
+"""What `show` says of a log's stamps: whose clock they are, and in which zone."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from made.places import LOGS
+from replay.cli import main
+
+Capture = pytest.CaptureFixture[str]
+HEAD = 'schema = "whyhot.bench/1"\n'
+
+
+def said(folder: Path, capsys: Capture, log: Path, bench: str | None = None) -> str:
+    words = ["--store", str(folder / "store")]
+    given = []
+    if bench is not None:
+        (folder / "bench.toml").write_text(HEAD + bench, encoding="utf-8")
+        (folder / "bus.dbc").write_text('VERSION ""\nBU_: A\nBO_ 1 M: 8 A\n SG_ s : 0|8@1+ (1,0) [0|0] "" A\n')
+        given = ["--bench", str(folder / "bench.toml"), "--dbc", str(folder / "bus.dbc")]
+    main(["ingest", str(log), *given, *words])
+    capsys.readouterr()
+    assert main(["show", log.name.split(".")[0], "--json", *words]) == 0
+    (source,) = json.loads(capsys.readouterr().out)["sources"]
+    return str(source["times"])
+
+
+@pytest.mark.parametrize(
+    ("bench", "says"),
+    [
+        (None, "the recorder's wall clock, taken as UTC; say `zone` under [time] if it is another"),
+        ('[time]\nzone = "Europe/Rome"\n', "the recorder's wall clock, taken as Europe/Rome"),
+        ("[time]\nstart = 2025-01-01T00:00:00Z\n", "counted from the start that the bench file says"),
+    ],
+)
+def test_the_date_of_a_bus_log_is_the_wall_clock_of_its_recorder(
+    tmp_path: Path, capsys: Capture, bench: str | None, says: str
+) -> None:
+    assert said(tmp_path, capsys, LOGS / "sample.asc", bench) == says
+
+
+@pytest.mark.parametrize(
+    ("column", "says"),
+    [
+        ("time\n0\n1\n2", "counted from the log's own start"),
+        ("time\n2025-01-01T00:00:00\n2025-01-01T00:00:01", "ISO 8601 in UTC"),
+        ("epoch_s\n1760000000\n1760000001", "UTC, as the log says"),
+    ],
+)
+def test_a_table_has_the_time_that_its_column_says(tmp_path: Path, capsys: Capture, column: str, says: str) -> None:
+    head, *rows = column.split("\n")
+    log = tmp_path / "log.csv"
+    log.write_text(f"{head},T\n" + "".join(f"{one},20.5\n" for one in rows), encoding="utf-8")
+    assert said(tmp_path, capsys, log) == says
