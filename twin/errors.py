@@ -82,3 +82,7 @@ class CauseError(TwinError):
 
 class EvidenceError(TwinError):
     """Columns, residuals or priors that do not fit one another, or are not finite."""
+
+
+class PlanError(TwinError):
+    """No test can be planned from what was recorded."""

@@ -13,6 +13,7 @@ from twin.fitting.recorded import Floats, RecordedChannel, Test
 from twin.motor import features
 from twin.motor.causes import Cause
 from twin.motor.network import Network
+from twin.motor.sensor_laws import AMBIENT
 from twin.run.simulate import Frame
 
 LOADS = {"current": "A", "torque": "Nm"}  # what a test sets besides the speed: the first that is known, and its unit
@@ -24,12 +25,14 @@ LEAST_FLOW_SHARE = 0.5  # of the usual flow, in the flow step
 
 @dataclass(frozen=True)
 class Proposed:
-    """A test in `words`, and its inputs (N,) by steps: `speed` and `load` dimensionless, `flow` over the usual one."""
+    """A test in `words`, and its inputs (N,) by steps: `speed` and `load` dimensionless, `flow` over the usual one,
+    `coolant_K` above the mean of what was recorded."""
 
     words: str
     speed: Floats
     load: Floats
     flow: Floats
+    coolant_K: Floats | float = 0.0
 
 
 def menu(network: Network, tests: Sequence[Test]) -> tuple[Proposed, ...]:
@@ -84,7 +87,9 @@ def as_test(network: Network, tests: Sequence[Test], proposed: Proposed) -> Test
     coldest = min(tests, key=lambda t: float(t.initial.mean()))
     around = np.concatenate([t.frame.boundaries for t in tests]).mean(axis=0)
     own = features.monomials(network)
-    frame = Frame(tests[0].frame.step_s, features.evaluate(own, inputs, length), np.tile(around, (length, 1)))
+    cooled = np.array([boundary.name != AMBIENT for boundary in network.boundaries])
+    boundaries = around + np.outer(proposed.coolant_K * np.ones(length), cooled)
+    frame = Frame(tests[0].frame.step_s, features.evaluate(own, inputs, length), boundaries)
     products = {m.name: frame.features[:, j] for j, m in enumerate(own)}
     for name in tests[0].features:
         if name not in products and (found := _product(name, inputs, length)) is not None:

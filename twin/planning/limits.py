@@ -1,0 +1,89 @@
+"""How hot a planned course becomes, with a band, and which node is at its limit first."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.linalg import cholesky, solve_triangular
+
+from twin.diagnosis.next_tests import read_throughout
+from twin.errors import DivergedError
+from twin.fitting.model import Floats, Model, Test
+from twin.fitting.recorded import RecordedChannel
+from twin.motor.network import Network
+from twin.motor.sensor import Sensor
+from twin.planning.gathered import Ground
+
+Z95 = 1.96
+HOTTER_K = 20.0  # than it ever was no node of a motor file without limits may become
+
+
+@dataclass(frozen=True)
+class NodeLimits:
+    """What may become how hot: `nodes` with their limits (n,) [degC]. `stated`: by the motor file; else each as hot as
+    it ever was, and `HOTTER_K` more."""
+
+    nodes: tuple[str, ...]
+    degC: Floats
+    stated: bool
+
+    @classmethod
+    def of(cls, network: Network, model: Model, beta: Floats) -> NodeLimits:
+        limited = [(node.name, node.limit_degC) for node in network.nodes if node.limit_degC is not None]
+        if limited:
+            return cls(tuple(name for name, _ in limited), np.array([degC for _, degC in limited]), True)
+        hottest = np.max([model.course(s, beta)[1].max(axis=0) for s in range(len(model.tests))], axis=0)
+        return cls(tuple(node.name for node in network.nodes), hottest + HOTTER_K, False)
+
+
+@dataclass(frozen=True)
+class Heated:
+    """How hot limited nodes become (B, n) by blocks [degC], and the standard deviation of that [K]."""
+
+    limits: NodeLimits
+    degC: Floats
+    sd_K: Floats
+
+    @property
+    def high(self) -> Floats:
+        """The upper end of the 95 % band (B, n)."""
+        upper: Floats = self.degC + Z95 * self.sd_K
+        return upper
+
+    def first_over(self) -> tuple[int, int] | None:
+        """The first block in which a node may be above its limit, and the node's place; None where none is."""
+        over = self.high > self.limits.degC
+        if not over.any():
+            return None
+        block = int(over.any(axis=1).argmax())
+        return block, int((self.high - self.limits.degC)[block].argmax())
+
+
+def heated(ground: Ground, limits: NodeLimits, test: Test) -> Heated | None:
+    """How hot the limited nodes become in a new test by the fitted model, and how sure that is by what its tests leave
+    unknown of it; None where the model runs away."""
+    model, beta = ground.model(replace(test, channels=watched(limits.nodes, len(test.frame.features)), meters=()))
+    try:
+        parts = model.linearise(beta)
+    except DivergedError:
+        return None
+    size = len(ground.shared)
+    lower = cholesky(ground.known.gram, lower=True)
+    sd, at = [], []
+    for part in parts:
+        columns = np.zeros((len(part.series.y), len(beta)))
+        columns[:, part.at] = part.columns
+        of_shared = solve_triangular(lower, columns[:, :size].T, lower=True)
+        own = columns[:, size:] * model.sd[size:]
+        sd.append(np.sqrt(np.einsum("ij,ij->j", of_shared, of_shared) + np.einsum("ij,ij->i", own, own)))
+        at.append(-part.series.y)
+    return Heated(limits, np.column_stack(at), np.column_stack(sd))
+
+
+def watched(nodes: Sequence[str], length: int) -> tuple[RecordedChannel, ...]:
+    """A perfect sensor at each node, read throughout so many steps, showing 0."""
+    nothing = np.zeros(length)
+    sensors = [Sensor(f"inside {node}", {node: 1.0}) for node in nodes]
+    return read_throughout([RecordedChannel(sensor, nothing, nothing, nothing) for sensor in sensors], length)
