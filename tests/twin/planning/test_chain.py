@@ -1,0 +1,122 @@
+"""The next bench day: within limits and hours, by what it adds, and refused in words where no bench could run it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from twin.diagnosis.told_apart import STANDS_OUT
+from twin.errors import PlanError
+from twin.motor.outputs import BLOCK_S
+from twin.planning import chain
+from twin.planning.chain import Day, DayStep, Wanted, plan_day
+from twin.planning.courses import BenchRange, blocks, courses, cut
+from twin.planning.detectable import Prospect
+
+HOURS = 2.0
+WANTED = "loss.magnet.speed3"
+
+
+def _quiet(_: str) -> None: ...
+
+
+@pytest.fixture(scope="module")
+def day(found: Prospect) -> Day:
+    return plan_day(found, HOURS, (), _quiet)
+
+
+def test_the_menu_stays_within_what_was_recorded(found: Prospect) -> None:
+    base = found.ground.fit.model
+    bench = BenchRange.of(base.network, base.tests)
+    menu = list(courses(bench))
+    assert len({one.words for one in menu}) == len(menu) > 20
+    for start in ("S1 at", "S2 pulses", "spin-downs", "DC at standstill", "flow halved", "coolant 20 K colder"):
+        assert any(one.words.startswith(start) for one in menu), start
+    for one in menu:
+        assert one.speed.max() <= bench.top
+        assert one.load.max() <= bench.loads.max()
+        assert one.speed[0] == one.load[0] == 0.0
+
+
+def test_a_day_has_its_hours_and_crosses_no_limit(day: Day) -> None:
+    assert 0 < sum(step.hours for step in day.steps) <= HOURS
+    rests = len(day.steps) * blocks(day.rest_min)
+    assert len(day.course.speed) == sum(len(step.proposed.speed) for step in day.steps) + rests
+    assert (day.heated.high <= day.heated.limits.degC).all()
+    assert (day.heated.sd_K > 0.0).all()
+    assert day.heated.limits.nodes == ("winding",)
+    assert len(day.heated.degC) * BLOCK_S == len(day.course.speed) * BLOCK_S
+
+
+def test_what_each_step_adds_adds_up_and_first_comes_what_adds_most_an_hour(found: Prospect, day: Day) -> None:
+    wanted = Wanted.of(found, ())
+    base = found.ground.fit.model
+    bench, known = BenchRange.of(base.network, base.tests), found.ground.known
+    before = wanted.told(known)
+    for step in day.steps:
+        (told,) = found.ground.would_tell(bench.test(step.proposed), [len(step.proposed.speed)])
+        known += told
+    assert sum(step.gain_nat for step in day.steps) == pytest.approx(wanted.told(known) - before, rel=1e-6)
+    rates = [step.gain_nat / step.hours for step in day.steps]
+    assert rates[0] == max(rates)
+
+
+def test_a_day_promises_no_less_than_there_was(day: Day) -> None:
+    assert (day.promise.after >= day.promise.before * (1 - 1e-9)).all()
+    assert (day.promise.after >= STANDS_OUT).sum() > (day.promise.before >= STANDS_OUT).sum()
+
+
+def test_a_sensor_is_proposed_where_there_is_none(found: Prospect, day: Day) -> None:
+    seen = {c.sensor.node for t in found.ground.fit.model.tests for c in t.channels}
+    assert day.sensors
+    assert not seen & {step.node for step in day.sensors}
+    assert all(step.gain_nat > 0 for step in day.sensors)
+
+
+def test_a_day_for_one_cause_begins_with_what_tells_most_of_it(found: Prospect, day: Day) -> None:
+    own, wanted, base = plan_day(found, HOURS, [WANTED], _quiet), Wanted.of(found, [WANTED]), found.ground.fit.model
+    test = BenchRange.of(base.network, base.tests).test(day.steps[0].proposed)
+    (told,) = found.ground.would_tell(test, [len(day.steps[0].proposed.speed)])
+    of_the_other = wanted.told(found.ground.known + told) - wanted.told(found.ground.known)
+    assert own.steps[0].gain_nat / own.steps[0].hours >= of_the_other / day.steps[0].hours
+    assert own.steps[0].proposed.words != day.steps[0].proposed.words
+
+
+def _at(limit_degC: float) -> Callable[[Prospect], Prospect]:
+    return lambda found: replace(found, limits=replace(found.limits, degC=np.array([limit_degC])))
+
+
+def test_where_no_test_stays_below_the_limits_it_is_said_which_and_what_would_relax_it(found: Prospect) -> None:
+    with pytest.raises(PlanError, match=r"winding may be above its 50 degC after 0 min.*colder coolant"):
+        plan_day(_at(50.0)(found), HOURS, (), _quiet)
+
+
+def test_a_day_too_short_for_any_test_is_refused(found: Prospect) -> None:
+    with pytest.raises(PlanError, match=r"0\.2 h are too few"):
+        plan_day(found, 0.2, (), _quiet)
+
+
+def test_a_cause_that_is_none_is_refused(found: Prospect) -> None:
+    with pytest.raises(PlanError, match=r"loss\.magnet\.speed9: no candidate"):
+        plan_day(found, HOURS, ["loss.magnet.speed9"], _quiet)
+
+
+def test_rests_grow_until_the_whole_day_stays_below_its_limits(
+    found: Prospect, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Twice a test that heats, and a limit just below what the second becomes after the shortest rest."""
+    base = found.ground.fit.model
+    bench = BenchRange.of(base.network, base.tests)
+    hot_test = next(one for one in courses(bench) if one.words.startswith("S1") and one.load.max() == bench.loads.max())
+    steps = [DayStep(cut(hot_test, blocks(15)), 0.0, 0.0)] * 2
+    monkeypatch.setattr(chain, "RESTS_MIN", (1,))
+    hot = chain._within_limits(_at(500.0)(found), bench, steps)[2].high.max()
+    monkeypatch.setattr(chain, "RESTS_MIN", (1, 120))
+    cool = chain._within_limits(_at(hot - 1e-6)(found), bench, steps)
+    assert cool[1] == 120
+    monkeypatch.setattr(chain, "RESTS_MIN", (1,))
+    with pytest.raises(PlanError, match="even with rests of 1 min"):
+        chain._within_limits(_at(hot - 1e-6)(found), bench, steps)

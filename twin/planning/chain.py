@@ -1,0 +1,240 @@
+"""The next bench day: the test that tells most an hour, then given that the next, and the sensors that tell most then.
+
+What a set of tests tells is the expected information on the candidates' sizes: sum of w ln(1 + J sigma^2) / 2 [nat],
+with the prior masses w of `twin.diagnosis.evidence` and v'P v = J of all tests together. The chain is greedy, among the
+tests that tell most an hour by themselves.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from twin.diagnosis.evidence import prior_masses
+from twin.diagnosis.next_tests import Proposed
+from twin.errors import PlanError
+from twin.fitting.model import Floats, Test
+from twin.motor.outputs import BLOCK_S
+from twin.planning.courses import MINUTES, REST_MIN, BenchRange, blocks, courses, cut, joined, rest
+from twin.planning.detectable import Prospect
+from twin.planning.gathered import Gathered, sensor_parameters
+from twin.planning.limits import Heated, heated
+
+Tell = Callable[[str], None]
+
+RESTS_MIN = (REST_MIN, 40, 60, 120)  # between tests: the first with which no limit is crossed
+WORTH_nat = 0.01  # what tells less is not proposed
+LEADING = 40  # tests that the chain is made of
+SENSORS = 5
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """What is asked for: prior sd (m,) of the candidates and their weights (m,), sum 1."""
+
+    sigma: Floats
+    weight: Floats
+
+    @classmethod
+    def of(cls, found: Prospect, only: Collection[str]) -> Wanted:
+        """`only`: ids of the candidates that count; all where it is empty. Raises `PlanError` where one is none."""
+        ids = [str(candidate.cause) for candidate in found.candidates]
+        if strange := sorted(set(only) - set(ids)):
+            raise PlanError(f"{strange[0]}: no candidate of this motor and bench that moves a reading")
+        masses = prior_masses([candidate.cause for candidate in found.candidates])
+        weight = np.where([not only or one in only for one in ids], masses, 0.0)
+        sigma = np.array([parameter.sd for parameter in found.ground.candidates])
+        return cls(sigma, weight / weight.sum())
+
+    def told(self, gathered: Gathered) -> float:
+        """What is told of them [nat]."""
+        return float(self.weight @ np.log1p(gathered.information() * self.sigma**2)) / 2
+
+
+@dataclass(frozen=True)
+class DayStep:
+    """A test of the day: what it adds to all before it [nat], and in how many hours with the rest before it."""
+
+    proposed: Proposed
+    gain_nat: float
+    hours: float
+
+
+@dataclass(frozen=True)
+class SensorStep:
+    """One more sensor at `node` over the whole day: what it adds to all before it [nat]."""
+
+    node: str
+    gain_nat: float
+
+
+@dataclass(frozen=True)
+class Promise:
+    """Of each candidate (m,): `d` of its prior size before and after the day."""
+
+    before: Floats
+    after: Floats
+
+
+@dataclass(frozen=True)
+class Day:
+    """The next bench day: its tests, one `course` of all with `rest_min` between them, how hot that becomes, what it
+    promises, and the sensors that would add most to it. `weighed`: how many tests were compared; `refused`: what
+    cannot be run, and for which node's limit."""
+
+    steps: tuple[DayStep, ...]
+    course: Proposed
+    rest_min: int
+    heated: Heated
+    promise: Promise
+    sensors: tuple[SensorStep, ...]
+    weighed: int
+    refused: tuple[tuple[str, str], ...]
+
+
+def plan_day(found: Prospect, hours: float, only: Collection[str], tell: Tell) -> Day:
+    """The tests that tell most an hour, in the order in which they do, within so many hours. Raises `PlanError` where
+    no test can be run or none tells anything."""
+    base = found.ground.fit.model
+    wanted, bench = Wanted.of(found, only), BenchRange.of(base.network, base.tests)
+    tell("weighing tests")
+    if hours < _hours(blocks(MINUTES[0])):
+        raise PlanError(f"{hours:g} h are too few for a test of {MINUTES[0]} min and its rest: give more hours")
+    weighing = _Weighing(found, wanted, bench, hours)
+    if not weighing.count:
+        raise PlanError(_why_none(weighing.refused))
+    steps = weighing.chain()
+    if not steps:
+        raise PlanError(f"no test of the menu tells anything new in {hours:g} h: give more hours, or more sensors")
+    tell("running the whole day")
+    course, rest_min, hot = _within_limits(found, bench, steps)
+    test, known = bench.test(course), found.ground.known
+    (told,) = found.ground.would_tell(test, [len(course.speed)])
+    before, after = (np.sqrt(one.information()) * wanted.sigma for one in (known, known + told))
+    tell("weighing sensors")
+    sensors = _sensors(found, wanted, test, told)
+    return Day(steps, course, rest_min, hot, Promise(before, after), sensors, weighing.count, weighing.refused)
+
+
+@dataclass(frozen=True)
+class _Runnable:
+    """A course of the menu and the lengths [blocks] at which it crosses no limit and fits the day; `why_not` where a
+    limit leaves none."""
+
+    course: Proposed
+    lengths: tuple[int, ...]
+    why_not: str = ""
+
+
+class _Weighing:
+    """What each test of the menu tells an hour beside the recorded ones, at the length at which that is most."""
+
+    def __init__(self, found: Prospect, wanted: Wanted, bench: BenchRange, hours: float) -> None:
+        self.found, self.wanted, self.bench, self.hours = found, wanted, bench, hours
+        self.known = found.ground.known
+        self.told = wanted.told(self.known)
+        with ThreadPoolExecutor(2) as pool:
+            every = list(pool.map(self._runnable, courses(bench)))
+            self.refused = tuple((one.course.words, one.why_not) for one in every if one.why_not)
+            weighed = list(pool.map(self._weigh, (one for one in every if one.lengths)))
+            self.count = sum(len(one.lengths) for one in every)
+            self.leading = [cut(course, n) for _, course, n in sorted(weighed, key=lambda one: -one[0])[:LEADING]]
+            self.gathered = list(pool.map(self._gathered, self.leading))
+
+    def _runnable(self, course: Proposed) -> _Runnable:
+        hot = heated(self.found.ground, self.found.limits, self.bench.test(course))
+        if hot is None:
+            return _Runnable(course, (), "the model runs away")
+        over = hot.first_over()
+        lengths = [n for n in map(blocks, MINUTES) if over is None or n <= over[0]]
+        why_not = "" if lengths or over is None else _over(self.found, *over)
+        return _Runnable(course, tuple(n for n in lengths if _hours(n) <= self.hours), why_not)
+
+    def _weigh(self, one: _Runnable) -> tuple[float, Proposed, int]:
+        """What a course tells an hour [nat/h], and the length at which."""
+        test = self.bench.test(cut(one.course, one.lengths[-1]))
+        told = [self._more(more) for more in self.found.ground.would_tell(test, one.lengths)]
+        rates = [gain / _hours(length) for gain, length in zip(told, one.lengths, strict=True)]
+        best = int(np.argmax(rates))
+        return rates[best], one.course, one.lengths[best]
+
+    def _gathered(self, proposed: Proposed) -> Gathered:
+        return self.found.ground.would_tell(self.bench.test(proposed), [len(proposed.speed)])[0]
+
+    def _more(self, more: Gathered) -> float:
+        """What is told besides what is known so far [nat]."""
+        return self.wanted.told(self.known + more) - self.told
+
+    def chain(self) -> tuple[DayStep, ...]:
+        """Of the leading tests the best, given that the next best, and so on; one may be run again."""
+        steps: list[DayStep] = []
+        while True:
+            left = self.hours - sum(step.hours for step in steps)
+            fitting = [i for i, one in enumerate(self.leading) if _hours(len(one.speed)) <= left]
+            gains = {i: self._more(self.gathered[i]) for i in fitting}
+            best = max(gains, key=lambda i: gains[i] / _hours(len(self.leading[i].speed)), default=None)
+            if best is None or gains[best] < WORTH_nat:
+                return tuple(steps)
+            self.known, self.told = self.known + self.gathered[best], self.told + gains[best]
+            steps.append(DayStep(self.leading[best], gains[best], _hours(len(self.leading[best].speed))))
+
+
+def _hours(length: int) -> float:
+    """Bench time of a test of so many blocks, with the rest after it."""
+    return length * BLOCK_S / 3600 + REST_MIN / 60
+
+
+def _over(found: Prospect, block: int, node: int) -> str:
+    """Which limit is crossed when."""
+    limit, minutes = found.limits.degC[node], block * BLOCK_S / 60
+    return f"{found.limits.nodes[node]} may be above its {limit:.0f} degC after {minutes:.0f} min"
+
+
+def _why_none(refused: Sequence[tuple[str, str]]) -> str:
+    words, why = refused[0]
+    return (
+        f"no test of {MINUTES[0]} min stays below the limits: {words}: {why}. A higher limit_degC, colder coolant, or "
+        "recorded sessions at smaller loads would relax it"
+    )
+
+
+def _within_limits(found: Prospect, bench: BenchRange, steps: Sequence[DayStep]) -> tuple[Proposed, int, Heated]:
+    """The whole day with the shortest rests at which no limit is crossed."""
+    why = ""
+    for minutes in RESTS_MIN:
+        course = joined([part for step in steps for part in (step.proposed, rest(minutes))])
+        hot = heated(found.ground, found.limits, bench.test(course))
+        over = None if hot is None else hot.first_over()
+        if hot is not None and over is None:
+            return course, minutes, hot
+        why = "the model runs away" if over is None else _over(found, *over)
+    raise PlanError(
+        f"{why} even with rests of {RESTS_MIN[-1]} min: fewer hours, colder coolant or a higher limit_degC "
+        "would relax it"
+    )
+
+
+def _sensors(found: Prospect, wanted: Wanted, test: Test, told: Gathered) -> tuple[SensorStep, ...]:
+    """The nodes without a sensor at which one more would tell most in a test, one after the other. A new sensor is as
+    good as the best that there is, under the noise that a channel has before any data."""
+    seen = {channel.sensor.node for channel in test.channels}
+    best = min((c.sensor for c in test.channels), key=lambda s: (s.bias_sd, s.noise, s.time_constant_s))
+    nodes = {f"a sensor at {n.name}": n.name for n in found.ground.fit.model.network.nodes if n.name not in seen}
+    more = tuple(
+        replace(test.channels[0], sensor=replace(best, name=name, weights={node: 1.0})) for name, node in nodes.items()
+    )
+    with_them = replace(test, channels=more)
+    left = found.ground.each_would_tell(with_them, sensor_parameters(found.ground.fit.model, with_them)) if more else {}
+    steps: list[SensorStep] = []
+    known, so_far = found.ground.known + told, wanted.told(found.ground.known + told)
+    while left and len(steps) < SENSORS:
+        gains = {name: wanted.told(known + one) - so_far for name, one in left.items()}
+        name = max(gains, key=lambda one: gains[one])
+        if gains[name] < WORTH_nat:
+            break
+        known, so_far = known + left.pop(name), so_far + gains[name]
+        steps.append(SensorStep(nodes[name], gains[name]))
+    return tuple(steps)
