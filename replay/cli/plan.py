@@ -1,0 +1,55 @@
+"""`whyhot plan --sessions S...`: what these sessions could find, and the bench day that would show most besides."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from replay.cli.answer import Answer, provenance
+from replay.cli.asked import ask_level, asked, left_out
+
+A_DAY_H = 6.0
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    says = "ids or names of recorded sessions: what they show, and what they leave silent"
+    parser.add_argument("--sessions", metavar="S", nargs="+", required=True, dest="on", help=says)
+    says = "model id, motor name or motor file (default: what the bench file names)"
+    parser.add_argument("--motor", metavar="M", dest="model", help=says)
+    ask_level(parser)
+    says = f"bench hours that there are, rests included (default {A_DAY_H:g})"
+    parser.add_argument("--hours", type=_hours, default=A_DAY_H, help=says)
+    says = "plan for these causes alone (ids; default: for all candidates)"
+    parser.add_argument("--cause", metavar="C", nargs="+", default=[], help=says)
+    says = "write the day for the bench to this file: a row a second, a column a set value"
+    parser.add_argument("--out", metavar="FILE.csv", type=Path, help=says)
+    parser.set_defaults(refuse=parser.error)
+
+
+def _hours(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = 0.0
+    if not 0.0 < value <= 24.0:
+        raise argparse.ArgumentTypeError(f"{text} is no time on a bench: give hours above 0 and at most 24, such as 6")
+    return value
+
+
+def run(args: argparse.Namespace) -> Answer:
+    from replay.cli.progress import tell
+    from replay.show.verbs.plan import document, plan_text
+    from replay.studies.planning.plan import plan
+    from replay.studies.planning.written import write_plan
+
+    if args.out and args.out.suffix != ".csv":
+        args.refuse(f"--out writes a CSV: end {args.out} in .csv")
+    with asked(args, write=args.model is not None) as (store, known, model, sessions):
+        found = plan(store, known, sessions, model, args.level, args.hours, args.cause, tell)
+        left = left_out(store, known, sessions, found.model)
+        settings = {"level": args.level, "motor": args.model, "hours": args.hours, "cause": args.cause}
+        data = {**document(found), "notes": left, "provenance": provenance(store, **settings)}
+    if args.out:
+        write_plan(found, args.out)
+    written = [f"{args.out}   the day, a row a second"] if args.out else []
+    return Answer(data, plan_text(found), notes=[*left, *written])

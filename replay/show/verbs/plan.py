@@ -1,0 +1,148 @@
+"""What a campaign could find and the next bench day, as JSON and as text as wide as the terminal."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Iterator
+from typing import Any
+
+from replay.show.words import words
+from replay.show.words.terminal import labelled
+from replay.show.words.width import width
+from replay.studies.planning.plan import Planned
+from twin.diagnosis.told_apart import STANDS_OUT
+from twin.motor.outputs import BLOCK_S
+from twin.planning.detectable import Detectable
+from twin.planning.limits import HOTTER_K
+
+HIDDEN = 10  # causes that are printed; all are in the JSON
+
+
+def document(found: Planned) -> dict[str, Any]:
+    """`whyhot.plan/1`."""
+    day, ids = found.day, [str(candidate.cause) for candidate in found.prospect.candidates]
+    before = dict(zip(ids, day.promise.before.tolist(), strict=True))
+    after = dict(zip(ids, day.promise.after.tolist(), strict=True))
+    node, hottest, high = _hottest(found)
+    return {
+        "schema": "whyhot.plan/1",
+        "motor": found.network.name,
+        "model": found.model,
+        "sessions": [session.session for session in found.sessions],
+        "stands_out_d": STANDS_OUT,
+        "candidates": [
+            {
+                "id": str(one.candidate.cause),
+                "smallest": one.smallest,
+                "unit": one.unit,
+                "times_usual": one.times if one.smallest is not None else None,
+                "hot_spot_K": one.hot_spot_K,
+                "indistinguishable_from": list(one.alike),
+                "usual_d": before[str(one.candidate.cause)],
+                "usual_d_after": after[str(one.candidate.cause)],
+            }
+            for one in found.prospect.detectable
+        ],
+        "chain": [
+            {"step": number, "test": step.proposed.words, "hours": step.hours, "gain_nat": step.gain_nat}
+            for number, step in enumerate(day.steps, 1)
+        ],
+        "sensors": [{"node": step.node, "gain_nat": step.gain_nat} for step in day.sensors],
+        "day": {
+            "hours": _hours(found),
+            "rest_min": day.rest_min,
+            "hottest_node": node,
+            "hottest_degC": hottest,
+            "hottest_high_degC": high,
+            "limits": "motor file" if found.prospect.limits.stated else "as hot as recorded",
+        },
+        "tests_weighed": day.weighed,
+        "cannot_be_run": [{"test": test, "why": why} for test, why in day.refused],
+    }
+
+
+def plan_text(found: Planned) -> str:
+    """What `whyhot plan` prints. No colours, no trailing newline."""
+    lines = labelled("Answer", answer(found))
+    lines += ["", *_hidden(found), "", *_chain(found)]
+    lines += ["", *labelled("Heat", _heat(found))]
+    if found.day.sensors:
+        told = [f"{words.name(step.node)} ({step.gain_nat:.3f})" for step in found.day.sensors]
+        lines += labelled("Sensors", f"that would add most to this day, one after the other: {words.joined(told)}")
+    if found.day.refused:
+        count, (test, why) = len(found.day.refused), found.day.refused[0]
+        lines += labelled("Cannot be run", f"{words.counted(count, 'test')} of the menu, as {test}: {why}")
+    return "\n".join(lines)
+
+
+def answer(found: Planned) -> str:
+    """How many causes would show at their usual size now and after the day, and the first test of it."""
+    promise, total = found.day.promise, len(found.prospect.candidates)
+    now, then = (int((d >= STANDS_OUT).sum()) for d in (promise.before, promise.after))
+    return (
+        f"Of {total} candidate causes {now} would show at their usual size in {_these(found)}, {then} after a bench "
+        f"day of {_hours(found):.1f} h. First: {found.day.steps[0].proposed.words}."
+    )
+
+
+def _these(found: Planned) -> str:
+    count = len(found.sessions)
+    return "this session" if count == 1 else f"these {count} sessions"
+
+
+def _hours(found: Planned) -> float:
+    return len(found.day.course.speed) * BLOCK_S / 3600
+
+
+def _hidden(found: Planned) -> Iterator[str]:
+    """The causes that would stay silent at their usual size and heat most then, one of each that look alike."""
+    silent = [one for one in found.prospect.detectable if not one.usual_shows and one.hot_spot_K is not None]
+    silent.sort(key=lambda one: -_usual_K(one))
+    shown: list[Detectable] = []
+    for one in silent:
+        if not any(str(one.candidate.cause) in other.alike for other in shown):
+            shown.append(one)
+    shown = shown[:HIDDEN]
+    if not shown:
+        yield "No cause of its usual size stays silent."
+        return
+    wide = max(len(str(one.candidate.cause)) for one in shown)
+    yield f"{'May hide: cause':<{wide}}  {'hot spot, usual':>15}  {'shows from':>14}  {'then hot spot':>13}"
+    for one in shown:
+        smallest = f"{words.number(one.smallest or 0.0)} {one.unit}"
+        yield (
+            f"{one.candidate.cause!s:<{wide}}  {words.kelvin(_usual_K(one)):>15}  {smallest:>14}  "
+            f"{words.kelvin(one.hot_spot_K or 0.0):>13}"
+        )
+        if one.alike:
+            also = f"also looks like {words.joined(one.alike[:2])}"
+            yield from textwrap.wrap(also, width(), initial_indent="  ", subsequent_indent="  ")
+
+
+def _usual_K(one: Detectable) -> float:
+    """What the usual size of a cause heats the hot spot by [K]."""
+    return (one.hot_spot_K or 0.0) / one.times
+
+
+def _chain(found: Planned) -> Iterator[str]:
+    yield f"The next bench day, {words.counted(found.day.weighed, 'test')} weighed; adds: expected information [nat]"
+    for number, step in enumerate(found.day.steps, 1):
+        head = f"{number}  {step.gain_nat:.3f}  {step.hours:.1f} h  {step.proposed.words}"
+        yield from textwrap.wrap(head, width(), subsequent_indent=" " * 15)
+
+
+def _heat(found: Planned) -> str:
+    node, hottest, high = _hottest(found)
+    of = "its limit" if found.prospect.limits.stated else f"its hottest so far plus {HOTTER_K:.0f} K"
+    return (
+        f"nearest to {of} comes the {words.name(node)}: {hottest:.0f} °C, at most {high:.0f} °C (95 %), with "
+        f"{found.day.rest_min} min of rest after each test; the plan believes its motor file"
+    )
+
+
+def _hottest(found: Planned) -> tuple[str, float, float]:
+    """The node that comes nearest to its limit, how hot it is then, and the upper end of the band [degC]."""
+    hot = found.day.heated
+    room = hot.high - hot.limits.degC
+    block, place = divmod(int(room.argmax()), room.shape[1])
+    return hot.limits.nodes[place], float(hot.degC[block, place]), float(hot.high[block, place])

@@ -1,0 +1,69 @@
+"""What stored sessions could show of every candidate cause, and the bench day that would show most besides."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ingest.facts.events import SessionRecorded
+from ingest.facts.facts import Facts
+from ingest.facts.store import Store
+from replay.engine.files.bench_versions import with_bench_of
+from replay.studies.characterise.calibrate import common_model
+from replay.studies.diagnosis.question import Question, campaign_of, check
+from replay.studies.sessions.fitting import fitting
+from twin.diagnosis.refined import Tell, refined
+from twin.differences.everyday import everyday
+from twin.fitting.fit import NEAR_ENOUGH, fit
+from twin.fitting.model import Model
+from twin.motor.network import Network
+from twin.planning.chain import Day, plan_day
+from twin.planning.courses import BenchRange
+from twin.planning.detectable import Prospect, prospect
+
+
+@dataclass(frozen=True)
+class Planned:
+    """What the sessions could show (`prospect`) and the next `day`; the motor's `network`, the `model` by its id, and
+    the `bench` as far as the sessions show it."""
+
+    network: Network
+    model: str
+    sessions: tuple[SessionRecorded, ...]
+    bench: BenchRange
+    prospect: Prospect
+    day: Day
+
+
+def plan(
+    store: Store,
+    facts: Facts,
+    sessions: Sequence[SessionRecorded],
+    model: str | None,
+    level: str,
+    hours: float,
+    only: Sequence[str],
+    tell: Tell,
+) -> Planned:
+    """The next bench day of at most so many hours for the causes `only` (ids; all where it is empty), after a fit of
+    the sessions as a diagnosis begins with, under the noise that they show.
+
+    Raises ReplayDataError where sessions are too short or of different motors, lack what the model needs, or where no
+    test can be planned from them.
+    """
+    check(sessions, [])
+    model = model or common_model(facts, sessions)
+    with fitting(f"plan with model {model[:12]}"):
+        tell("reading the sessions")
+        campaign = campaign_of(Question(store, with_bench_of(facts, model), sessions, [], model, level))
+        healthy = Model(campaign.network, campaign.tests, everyday(campaign.network, campaign.tests))
+        tell("fitting everything healthy")
+        begun = fit(healthy, np.zeros(len(healthy.parameters)), NEAR_ENOUGH)
+        mode = refined(begun, campaign.candidates, healthy.parameters, tell)
+        tell("weighing what the sessions show")
+        found = prospect(mode, campaign.candidates)
+        day = plan_day(found, hours, only, tell)
+        bench = BenchRange.of(campaign.network, campaign.tests)
+    return Planned(campaign.network, model, tuple(sessions), bench, found, day)

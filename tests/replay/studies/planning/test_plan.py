@@ -1,0 +1,130 @@
+"""`whyhot plan` on two logs of a small bench: its answer, and the day as a file that the bench reads back."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from made import can_bench
+from replay.cli import main
+
+LIMIT_DEGC = 70.0
+BENCH = """schema = "whyhot.bench/1"
+motor = "motor.toml"
+[time]
+column = "time_s"
+"""
+CHANNELS = {"speed_rpm": "speed", "current_A": "current", "torque_Nm": "torque", "flow_lpm": "flow"}
+UNITS = {"speed": "rpm", "current": "A", "torque": "Nm", "flow": "l/min"}
+
+
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("plan")
+    can_bench.write_files(folder)
+    motor = folder / "motor.toml"
+    text = motor.read_text(encoding="utf-8")
+    limited = text.replace('name = "winding"\n', f'name = "winding"\nlimit_degC = {LIMIT_DEGC}\n')
+    assert limited != text
+    motor.write_text(limited, encoding="utf-8")
+    for name, kind, seed in (("1_point", "s1", 1), ("2_drive", "wltp", 2)):
+        can_bench.write_log(folder / f"{name}.blf", 900, seed, can_bench.START + seed * 86_400, magnet_loss=90.0)
+        words = ["--bench", str(folder / "bench.toml"), "--dbc", str(folder / "bench.dbc"), "--kind", kind]
+        assert main(["ingest", str(folder / f"{name}.blf"), *words, "--store", str(folder / "store")]) == 0
+    return folder
+
+
+@pytest.fixture(scope="module")
+def answer(bench: Path) -> Mapping[str, Any]:
+    words = ["--sessions", "1_point", "2_drive", "--hours", "2", "--out", str(bench / "day.csv")]
+    assert main(["plan", *words, "--store", str(bench / "store"), "--json", str(bench / "plan.json")]) == 0
+    found: dict[str, Any] = json.loads((bench / "plan.json").read_text(encoding="utf-8"))
+    return found
+
+
+def test_every_candidate_says_from_where_it_shows_and_what_it_looks_like(answer: Mapping[str, Any]) -> None:
+    assert answer["schema"] == "whyhot.plan/1"
+    ids = [one["id"] for one in answer["candidates"]]
+    assert len(ids) == len(set(ids)) > 20
+    for one in answer["candidates"]:
+        assert set(one["indistinguishable_from"]) <= set(ids) - {one["id"]}
+        assert one["smallest"] is None or one["smallest"] > 0
+        assert one["usual_d_after"] >= one["usual_d"] * (1 - 1e-6)
+        if one["smallest"] is not None:
+            assert one["usual_d"] == pytest.approx(answer["stands_out_d"] / one["times_usual"], rel=1e-6)
+
+
+def test_the_day_keeps_to_its_hours_and_below_the_limit(answer: Mapping[str, Any]) -> None:
+    assert 0 < sum(step["hours"] for step in answer["chain"]) <= 2.0
+    day = answer["day"]
+    assert day["limits"] == "motor file"
+    assert day["hottest_node"] == "winding"
+    assert day["hottest_degC"] < day["hottest_high_degC"] <= LIMIT_DEGC
+    assert answer["tests_weighed"] > 100
+
+
+def test_the_file_is_as_long_as_the_day_and_says_which_step_it_is_in(bench: Path, answer: Mapping[str, Any]) -> None:
+    table = np.genfromtxt(bench / "day.csv", delimiter=",", names=True)
+    assert table["time_s"][-1] + 1.0 == pytest.approx(3600 * answer["day"]["hours"])
+    steps = set(table["step"].tolist())
+    assert steps == {0.0, *(float(step["step"]) for step in answer["chain"])}
+    at_rest = table["step"] == 0
+    middle_of_rest = at_rest & np.roll(at_rest, 10) & np.roll(at_rest, -10)
+    assert (table["speed_rpm"][middle_of_rest] == 0).all()
+    assert table["speed_rpm"].max() > 0
+    assert np.abs(np.diff(table["speed_rpm"])).max() <= table["speed_rpm"].max() / 10 + 1
+
+
+def test_the_file_is_taken_in_with_a_bench_file(bench: Path, answer: Mapping[str, Any]) -> None:
+    assert answer["chain"]
+    columns = (bench / "day.csv").read_text(encoding="utf-8").splitlines()[0].split(",")
+    text = BENCH
+    for column in columns[1:-1]:
+        quantity = CHANNELS.get(column, "temperature")
+        unit = UNITS.get(quantity, "degC")
+        node = f'node = "{column.removesuffix("_degC")}"\n' if quantity == "temperature" else ""
+        text += f'[[channel]]\nsignal = "{column}"\nquantity = "{quantity}"\nunit = "{unit}"\n{node}'
+    (bench / "set_values.toml").write_text(text, encoding="utf-8")
+    store, target = ["--store", str(bench / "back")], bench / "back.json"
+    assert main(["ingest", str(bench / "day.csv"), "--bench", str(bench / "set_values.toml"), *store]) == 0
+    assert main(["sessions", *store, "--json", str(target)]) == 0
+    sessions = json.loads(target.read_text(encoding="utf-8"))["sessions"]
+    assert [one["duration_s"] for one in sessions] == pytest.approx([3600 * answer["day"]["hours"]], abs=2.0)
+
+
+def test_the_text_says_what_may_hide_and_what_to_run(
+    bench: Path, answer: Mapping[str, Any], capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["--sessions", "1_point", "2_drive", "--hours", "1", "--cause", answer["candidates"][0]["id"]]
+    assert main(["plan", *words, "--store", str(bench / "store")]) == 0
+    text = capsys.readouterr().out
+    for part in ("Answer", "candidate causes", "The next bench day", "Heat", "of rest after each test"):
+        assert part in text
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (("--cause", "loss.nowhere.speed"), "loss.nowhere.speed: no candidate"),
+        (("--hours", "0.1"), "0.1 h are too few"),
+    ],
+)
+def test_what_cannot_be_planned_is_one_line(
+    bench: Path, capsys: pytest.CaptureFixture[str], words: tuple[str, ...], says: str
+) -> None:
+    asked = ["plan", "--sessions", "1_point", "2_drive", *words, "--store", str(bench / "store")]
+    assert main(asked) == 2
+    error = capsys.readouterr().err
+    assert says in error
+
+
+@pytest.mark.parametrize("words", [("--hours", "0"), ("--hours", "x"), ("--out", "day.xlsx")])
+def test_wrong_words_are_refused(bench: Path, words: tuple[str, ...]) -> None:
+    with pytest.raises(SystemExit) as stopped:
+        main(["plan", "--sessions", "1_point", *words, "--store", str(bench / "store")])
+    assert stopped.value.code == 2
