@@ -29,13 +29,14 @@ from benchmarks import asked
 from benchmarks.trial.campaigns import Course, driven, middles, read
 from benchmarks.trial.cases import Case, cases
 from benchmarks.trial.inside import error_K
-from benchmarks.trial.visibility import mode_of
 from plant.forms import FORMS
 from plant.rules import RULES
+from twin.diagnosis.refined import calibrated, refined
 from twin.differences.everyday import everyday
+from twin.fitting.fit import NEAR_ENOUGH, fit
 from twin.fitting.model import Model
 from twin.fitting.recorded import Test
-from twin.fitting.supposed import LEAST_RISE_K, supposing, wrong_share
+from twin.fitting.supposed import LEAST_RISE_K, wrong_share
 from twin.motor.network import Network
 
 QUICK_S = 180.0  # of each session
@@ -82,9 +83,15 @@ def measured(case: Case, longest_s: float) -> Motor:
     as_file = Model(network, learnt, ())
     at_sensors = wrong_share(learnt, names, [as_file.course(s, np.zeros(0))[1] for s in range(len(learnt))])
     model = Model(network, learnt, everyday(network, learnt))
-    fits = (None, *(mode_of(one, campaign.candidates) for one in (model, supposing(model))))
+    begun = fit(model, np.zeros(len(model.parameters)), NEAR_ENOUGH)
+    alone = refined(begun, campaign.candidates, model.parameters, quiet)
+    fits = (None, alone, calibrated(model, campaign.candidates, quiet))
     errors = [error_K(one, network, kept, behind.nodes) for one in fits]
     return Motor(case.name, at_sensors, wrong_elsewhere(network, kept, behind.nodes), *errors)
+
+
+def quiet(_: str) -> None:
+    """Nobody waits for a fit to say where it is."""
 
 
 def wrong_elsewhere(network: Network, kept: Sequence[Test], nodes: Sequence[Course]) -> float:

@@ -27,13 +27,12 @@ from plant import Effect
 from replay.studies.diagnosis.question import Campaign
 from twin.diagnosis.evidence import log_bayes_factor
 from twin.diagnosis.posterior_mode import stacked
-from twin.diagnosis.refined import refined
+from twin.diagnosis.refined import calibrated
 from twin.differences.candidates import Candidate
 from twin.differences.everyday import everyday
 from twin.differences.proposals import Proposals
-from twin.fitting.fit import NEAR_ENOUGH, Fit, fit
+from twin.fitting.fit import Fit
 from twin.fitting.model import Columns, Model
-from twin.fitting.supposed import supposing
 
 Floats = NDArray[np.float64]
 
@@ -59,15 +58,8 @@ class Seen:
 
 def healthy_mode(healthy: Campaign) -> Fit:
     """The fit of a campaign without effects, as every diagnosis begins."""
-    return mode_of(
-        supposing(Model(healthy.network, healthy.tests, everyday(healthy.network, healthy.tests))), healthy.candidates
-    )
-
-
-def mode_of(model: Model, candidates: Sequence[Candidate]) -> Fit:
-    """The fit of a model under the noise and the widths that its campaign sets."""
-    begun = fit(model, np.zeros(len(model.parameters)), NEAR_ENOUGH)
-    return refined(begun, candidates, model.parameters, lambda _: None)
+    model = Model(healthy.network, healthy.tests, everyday(healthy.network, healthy.tests))
+    return calibrated(model, healthy.candidates, lambda _: None)
 
 
 def seen(mode: Fit, candidates: Sequence[Candidate], effect: Effect, moved: Sequence[Course]) -> Seen:

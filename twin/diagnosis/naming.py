@@ -22,7 +22,7 @@ import numpy as np
 from twin.diagnosis.free_heats import free_heats
 from twin.diagnosis.patchwork import Survivor, is_patchwork
 from twin.diagnosis.posterior_mode import is_wrong_in_form
-from twin.diagnosis.refined import Tell, refined
+from twin.diagnosis.refined import Tell, calibrated, refined
 from twin.diagnosis.rounds import (
     REFIT_LINEARISATIONS,
     THRESHOLD,
@@ -39,7 +39,6 @@ from twin.errors import DivergedError
 from twin.fitting.actions import Parameter
 from twin.fitting.fit import NEAR_ENOUGH, Fit, fit
 from twin.fitting.model import Floats, Model
-from twin.fitting.supposed import supposing
 
 MOST_TERMS = 5  # by evidence alone
 ENOUGH_SESSIONS = 4  # of a file whose form is wrong: fewer do not say what holds on a session left out
@@ -88,8 +87,7 @@ def search(
 ) -> Naming:
     """Find the terms. Raises `DivergedError` where the model itself runs away."""
     tell("calibrating")
-    model = supposing(model)
-    current = refined(fit(model, np.zeros(len(model.parameters)), NEAR_ENOUGH), candidates, model.parameters, tell)
+    current = calibrated(model, candidates, tell)
     tell("scoring")
     first = scored(current, candidates)
     tell("looking for heat that no candidate explains")

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
 from ingest.facts.events import SessionRecorded
 from ingest.facts.facts import Facts
 from ingest.facts.store import Store
@@ -14,9 +12,8 @@ from replay.engine.files.bench_versions import with_bench_of
 from replay.studies.characterise.calibrate import common_model
 from replay.studies.diagnosis.question import Question, campaign_of, check
 from replay.studies.sessions.fitting import fitting
-from twin.diagnosis.refined import Tell, refined
+from twin.diagnosis.refined import Tell, calibrated
 from twin.differences.everyday import everyday
-from twin.fitting.fit import NEAR_ENOUGH, fit
 from twin.fitting.model import Model
 from twin.motor.network import Network
 from twin.planning.chain import Day, plan_day
@@ -60,8 +57,7 @@ def plan(
         campaign = campaign_of(Question(store, with_bench_of(facts, model), sessions, [], model, level))
         healthy = Model(campaign.network, campaign.tests, everyday(campaign.network, campaign.tests))
         tell("fitting everything healthy")
-        begun = fit(healthy, np.zeros(len(healthy.parameters)), NEAR_ENOUGH)
-        mode = refined(begun, campaign.candidates, healthy.parameters, tell)
+        mode = calibrated(healthy, campaign.candidates, tell)
         tell("weighing what the sessions show")
         found = prospect(mode, campaign.candidates)
         day = plan_day(found, hours, only, tell)
