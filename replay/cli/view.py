@@ -12,18 +12,32 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("sessions", metavar="S", nargs="+", help="sessions; their latest replays come along as layers")
     says = "where the .rrd files go (default: layers)"
     parser.add_argument("--out", metavar="DIR", type=Path, default=Path("layers"), help=says)
-    parser.add_argument("--write-only", action="store_true", help="write the layers and do not open the viewer")
+    says = "sessions over one another, from their starts or laid where they were driven alike"
+    parser.add_argument("--align", choices=("start", "test"), help=says)
+    where = parser.add_mutually_exclusive_group()
+    where.add_argument("--write-only", action="store_true", help="write the layers and do not open the viewer")
+    where.add_argument("--web", action="store_true", help="serve the viewer to a browser, on this machine alone")
 
 
 def run(args: argparse.Namespace) -> Answer:
     from ingest.facts import facts
     from ingest.facts.store import Store
-    from replay.show.reports.documents import write_layers
-    from replay.show.reports.layers import view
+    from replay.show.reports.documents import seen
+    from replay.show.viewer import program
+    from replay.show.viewer.aligned import write_aligned
+    from replay.show.viewer.layers import write_layers
 
     with Store.open(store_folder(args)) as store:
-        paths = write_layers(store, facts.at(store.ledger), args.sessions, args.out)
+        known = facts.at(store.ledger)
+        shown = [seen(store, known, known.session(name)) for name in args.sessions]
+        if args.align:
+            paths = [write_aligned(shown, args.align, args.out)]
+        else:
+            paths = [path for one in shown for path in write_layers(one, args.out)]
         data = {"schema": "whyhot.view/1", "files": [str(p) for p in paths], "provenance": provenance(store)}
-    if not args.write_only:
-        view(paths)
-    return Answer(data, "\n".join(str(path) for path in paths))
+    lines = [str(path) for path in paths]
+    if args.web:
+        lines.append(program.serve(paths))
+    elif not args.write_only:
+        program.view(paths)
+    return Answer(data, "\n".join(lines), notes=[one.missing for one in shown if one.missing])

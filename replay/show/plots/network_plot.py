@@ -85,8 +85,7 @@ def draw_network(network: Network, point: Mapping[str, float], target: Path) -> 
     sizes = _sizes(network, point)
     boxed = len(network.nodes) <= BOXED
     with style(network.name):
-        box = np.array([_box(name, sizes) if boxed else (DOT, DOT) for name in network.names])
-        place = places_of_boxes(network, sizes.links, box) if boxed else places_of_dots(network)
+        place, box = _laid_out(network, sizes)
         low, high = (place - box / 2).min(axis=0) - MARGIN, (place + box / 2).max(axis=0) + MARGIN
         head, foot = 0.45, 0.55
         width, height = max(high[0] - low[0], 6.5), high[1] - low[1]
@@ -107,6 +106,19 @@ def draw_network(network: Network, point: Mapping[str, float], target: Path) -> 
         figure.text(MARGIN / width, 1 - 0.3 / (height + head + foot), _title(network, sizes, point), fontsize=10)
         _draw_legend(figure, network, sizes)
         save_svg(figure, target)
+
+
+def places(network: Network) -> Floats:
+    """Where nodes and boundaries stand in the picture (n + b, 2) [inches, upwards], at half of the motor's scale."""
+    with style(network.name):
+        return _laid_out(network, _sizes(network, operating_point(network, ())))[0]
+
+
+def _laid_out(network: Network, sizes: _Sizes) -> tuple[Floats, Floats]:
+    """Centres and sizes (n + b, 2) of nodes and boundaries: boxes with names, or dots where there are many."""
+    boxed = len(network.nodes) <= BOXED
+    box = np.array([_box(name, sizes) if boxed else (DOT, DOT) for name in network.names])
+    return places_of_boxes(network, sizes.links, box) if boxed else places_of_dots(network), box
 
 
 def _sizes(network: Network, point: Mapping[str, float]) -> _Sizes:

@@ -59,20 +59,20 @@ def diagnosis_name(diagnosis: Diagnosis) -> str:
 
 def answer_markdown(diagnosis: Diagnosis) -> str:
     """The answer for the viewer's text panel: what, how much, what else it could be, what it gains, where to look."""
-    lines = [f"# {sentences.answer(diagnosis)}", ""]
+    lines = [f"**{sentences.answer(diagnosis)}**", ""]
     unusual = list(beyond_usual.told(diagnosis))
-    lines += ["## Beyond usual", *(f"- {line}" for line in unusual), ""] if unusual else []
+    lines += ["**Beyond usual**", *(f"- {line}" for line in unusual), ""] if unusual else []
     for cause in diagnosis.causes:
-        lines += [f"## `{cause.id}`", f"{words.capital(cause.says)}.", ""]
+        lines += [f"`{cause.id}`: {words.capital(cause.says)}.", ""]
         lines += [f"- {_evidence(diagnosis, cause)}", f"- {verdict.effect(diagnosis, cause)}"]
         lines += [f"- `{cause.formula}`", f"- {verdict.whether_improved(diagnosis, cause)}"]
         lines += [f"- not told apart from `{other}`: {says}" for other, says in verdict.rivals_left(cause)]
         lines += [f"- test that would: {cause.separating_test}"] if cause.separating_test else []
         lines += [""]
     gain = list(_gain(diagnosis))
-    lines += ["## Gain on kept sessions", *(f"- {line}" for line in gain), ""] if gain else []
+    lines += ["**Gain on kept sessions**", *(f"- {line}" for line in gain), ""] if gain else []
     apart = two_models.paragraphs(diagnosis)
-    lines += ["## Recalibrated or with the cause", *(f"- {line}" for line in apart), ""] if apart else []
+    lines += ["**Recalibrated or with the cause**", *(f"- {line}" for line in apart), ""] if apart else []
     lines += [f"Most telling test: {diagnosis.next_test}", ""] if diagnosis.next_test is not None else []
     return "\n".join([*lines, f"Diagnosis {diagnosis_name(diagnosis)}: {looked_at(diagnosis)}.", ""])
 

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
 
@@ -12,16 +11,18 @@ from ingest.catalogue.channels import load
 from ingest.facts.events import ReplayCompleted, SessionRecorded
 from ingest.facts.facts import Facts, at
 from ingest.facts.store import Store
+from replay.engine.files.configurations import network_of
 from replay.engine.results.run import Run
 from replay.engine.results.sealed import load_run
 from replay.engine.runs.campaign import replay_sessions
 from replay.errors import ReplayDataError
 from replay.show.plots.compare import MODELS
 from replay.show.reports.diagnosis_report import write_diagnosis_report
-from replay.show.reports.diagnosis_text import answer_markdown
-from replay.show.reports.layers import write_filtered, write_measured, write_open_loop
+from replay.show.reports.diagnosis_text import answer_markdown, diagnosis_name
 from replay.show.reports.report import ReportContext, write_report
-from replay.show.words.words import short
+from replay.show.viewer import layers
+from replay.show.viewer.seen import SessionSeen
+from replay.show.words.words import joined, short
 from replay.studies.diagnosis.answer import Diagnosis, read
 from replay.studies.diagnosis.formulas import text_diff
 
@@ -43,49 +44,54 @@ def write_replay_report(
 
 
 def write_layers(store: Store, facts: Facts, sessions: Sequence[str], folder: Path) -> list[Path]:
-    """One .rrd for each layer of a session: `<session>.measured.rrd`, `.open_loop.rrd` where it was replayed,
-    `.filtered.rrd` where a filter ran, `.extended.rrd` where a diagnosis extended the model and its report was made.
-    Raises ViewerError where rerun is not installed."""
-    folder.mkdir(parents=True, exist_ok=True)
-    paths = []
-    for session in (facts.session(text) for text in sessions):
-        extension = _extension(store, facts, session)
-        event = extension.published if extension else latest_run(facts, session)
-        run = load_run(store, facts, event) if event else None
-        paths.append(folder / f"{session.name}.measured.rrd")
-        write_measured(session, load(store, facts, session), paths[-1], run)
-        if run:
-            paths.append(folder / f"{session.name}.open_loop.rrd")
-            write_open_loop(run, paths[-1])
-            if run.filtered:
-                paths.append(folder / f"{session.name}.filtered.rrd")
-                write_filtered(run, paths[-1])
-            if extension:  # last: its layout shows both
-                paths.append(folder / f"{session.name}.extended.rrd")
-                extended = load_run(store, facts, extension.extended)
-                says = answer_markdown(extension.diagnosis)
-                write_open_loop(extended, paths[-1], "extended", run, says)
-    return paths
+    """The layers of sessions for the viewer, as `replay.show.viewer.layers` writes them. Raises ViewerError where rerun
+    is not installed."""
+    return [path for name in sessions for path in layers.write_layers(seen(store, facts, facts.session(name)), folder)]
 
 
-@dataclass(frozen=True)
-class _Extension:
-    """The last diagnosis that extended a model over a session, with the session's runs before and after."""
+def seen(store: Store, facts: Facts, session: SessionRecorded) -> SessionSeen:
+    """What the viewer shows of a session: the models of the last diagnosis about it as far as they were replayed over
+    it, with its answer; else its last replay."""
+    events, found = _replays(store, facts, session)
+    runs = {role: load_run(store, facts, event) for role, event in events.items()}
+    return SessionSeen(
+        session,
+        load(store, facts, session),
+        runs,
+        network_of(store, facts, session, list(events.values())[-1].model) if events else None,
+        answer_markdown(found) if found else "",
+        _missing(found, runs),
+    )
 
-    diagnosis: Diagnosis
-    published: ReplayCompleted
-    extended: ReplayCompleted
 
-
-def _extension(store: Store, facts: Facts, session: SessionRecorded) -> _Extension | None:
-    """None where no diagnosis did, or where its report, which replays the session, was not made yet."""
+def _replays(
+    store: Store, facts: Facts, session: SessionRecorded
+) -> tuple[dict[str, ReplayCompleted], Diagnosis | None]:
+    """Key of MODELS -> the session's last replay with that model, in their order; and the diagnosis that made them."""
     runs = {event.model: event for event in facts.runs.values() if event.session == session.session}
     for completed in reversed(list(facts.diagnoses.values())):
         if session.session in (*completed.key["train"], *completed.key["kept"]):
             found = read(json.loads(store.archive.read(completed.artefact)))
-            if found.extended_model in runs and found.model in runs:
-                return _Extension(found, runs[found.model], runs[found.extended_model])
-    return None
+            if found.model in runs:
+                models = zip(MODELS, _models(found), strict=True)
+                return {role: runs[model] for role, model in models if model in runs}, found
+    last = latest_run(facts, session)
+    return {"published": last} if last else {}, None
+
+
+def _missing(found: Diagnosis | None, runs: Mapping[str, Run]) -> str:
+    """Which models of a diagnosis were not replayed over the session yet, and how they come to be; "" for none."""
+    made = zip(MODELS, _models(found), strict=True) if found else ()
+    lacking = [MODELS[role].label for role, model in made if model and role not in runs]
+    if found is None or not lacking:
+        return ""
+    name = diagnosis_name(found)
+    return f"{name}: not replayed yet {joined(lacking)}: whyhot report {name} does it, then view again"
+
+
+def _models(diagnosis: Diagnosis) -> tuple[str | None, str | None, str | None]:
+    """In the order of MODELS."""
+    return diagnosis.model, diagnosis.recalibrated_model, diagnosis.extended_model
 
 
 def write_diagnosis(
@@ -94,10 +100,9 @@ def write_diagnosis(
     """The report of a diagnosis; returns its runs, session -> model as the report calls it -> run. Its sessions are
     replayed first under its models, where the ledger does not have these runs."""
     names = [*diagnosis.train, *diagnosis.held_out]
-    models = (diagnosis.model, diagnosis.recalibrated_model, diagnosis.extended_model)
     sessions = [at(store.ledger).session(name) for name in names]
     runs: dict[str, dict[str, Run]] = {name: {} for name in names}
-    for label, model in zip(MODELS, models, strict=True):
+    for label, model in zip(MODELS, _models(diagnosis), strict=True):
         outcomes = replay_sessions(store, sessions, model, diagnosis.level, 1, tell) if model else []
         facts = at(store.ledger)
         for outcome in outcomes:

@@ -425,8 +425,8 @@ def test_the_worst_of_several_channels_of_a_node_gives_its_place() -> None:
 
 def test_the_viewer_s_panel_begins_with_the_answer_and_lists_causes_and_gain() -> None:
     text = answer_markdown(TOLD_APART)
-    assert text.startswith(f"# {answer(TOLD_APART)}\n")
-    assert "## `loss.magnet.speed2_current2`" in text and "`loss of magnet [W] += 96" in text
+    assert text.startswith(f"**{answer(TOLD_APART)}**\n")
+    assert "\n`loss.magnet.speed2_current2`: " in text and "`loss of magnet [W] += 96" in text
     assert (
         "- not told apart from `loss.magnet.speed_current2`" in text and "- test that would: S2 at 12,000 rpm" in text
     )
@@ -473,7 +473,7 @@ def test_a_ln_bf_is_printed_as_fit_and_priors_relieved() -> None:
 
 
 def test_the_viewer_tells_what_is_beyond_usual_too() -> None:
-    assert "## Beyond usual\n- Form of the losses in iron" in answer_markdown(STRANGE)
+    assert "**Beyond usual**\n- Form of the losses in iron" in answer_markdown(STRANGE)
 
 
 def test_several_terms_are_told_step_by_step() -> None:

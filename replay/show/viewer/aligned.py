@@ -1,0 +1,110 @@
+"""Sessions over one another on one axis: from their starts, or from where the motor was driven alike."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ingest.catalogue.channels import ChannelData
+from ingest.morning.matching import block_length, blocks, driven_by, match, operating
+from ingest.texts.quantities import STORED_UNIT
+from replay.errors import ViewerError
+from replay.show.viewer.blueprint import FIRST, key, page, series
+from replay.show.viewer.layer_file import LayerFile
+from replay.show.viewer.seen import SessionSeen, path, unit
+from replay.show.words import words
+from replay.show.words.palette import SERIES
+
+MEASURED_WIDTH, MODEL_WIDTH = 2.4, 1.0
+COLOURS = [dark for _, dark in SERIES.values()]
+SECOND_NS = 1_000_000_000
+
+
+def write_aligned(sessions: Sequence[SessionSeen], way: str, folder: Path) -> Path:
+    """One .rrd with the courses of `sessions` by time since their starts (`way` "start") or since the first one's,
+    each shifted to where it was driven alike for longest ("test"): a colour a session, a panel a node, measured thick,
+    the last model thin. Raises ViewerError where there are more than 7 sessions, or no such stretch."""
+    if len(sessions) > len(COLOURS):
+        raise ViewerError(f"--align shows {len(COLOURS)} sessions at most: leave {len(sessions) - len(COLOURS)} out.")
+    zeros = [one.session.start_ns for one in sessions]
+    if way == "test":
+        zeros = [zeros[0], *(zeros[0] + _later(sessions[0], other) for other in sessions[1:])]
+    names = [one.session.name for one in sessions]
+    folder.mkdir(parents=True, exist_ok=True)
+    target = folder / f"{'+'.join(names)}.rrd"
+    id_ = "+".join(one.session.session for one in sessions)
+    with LayerFile.open(id_, " over ".join(names), target, _layout(sessions), absolute=False) as to:
+        to.key("lines", dict(zip(names, COLOURS, strict=False)))
+        says = "from their starts" if way == "start" else "laid where they were driven alike for longest"
+        rows = [f"- {one.session.name}: {one.session.kind}" for one in sessions]
+        to.text("answer", f"**{words.joined(names)}, {says}.**\n\nMeasured thick, model thin.\n\n" + "\n".join(rows))
+        for one, zero, colour in zip(sessions, zeros, COLOURS, strict=False):
+            _session(to, one, zero, colour)
+    return target
+
+
+def _later(first: SessionSeen, other: SessionSeen) -> int:
+    """How much later [ns] by its stamps the other was driven as the first, in the longest such stretch."""
+    by = driven_by(first.channels, other.channels)
+    names = f"{first.session.name} and {other.session.name}"
+    again = "--align start lays their starts over one another."
+    if not by:
+        raise ViewerError(f"--align test: {names} have no speed or load in common: {again}")
+    runs = [first.channels, other.channels]
+    length = block_length(runs)
+    found = match(blocks(runs[0], length, by), blocks(runs[1], length, by), by)
+    if not found.stretch.size:
+        raise ViewerError(f"--align test: {names} were nowhere driven alike for a minute: {again}")
+    at = int(np.flatnonzero(found.stretch == np.bincount(found.stretch).argmax())[0])
+    begins = [max(int(one.t_ns[0]) for name, one in operating(run).items() if name in by) for run in runs]
+    indices = (int(found.first[at]), int(found.second[at]))
+    stamps = [begin + index * length * SECOND_NS for begin, index in zip(begins, indices, strict=True)]
+    return stamps[1] - stamps[0]
+
+
+def _session(to: LayerFile, seen: SessionSeen, zero: int, colour: str) -> None:
+    name = seen.session.name
+    for channel in (channel for channel in seen.channels if channel.t_ns.size):
+        says = f"{name}: {channel.spec.name} [{unit(channel.spec)}]"
+        if where := _where(channel):
+            place, t_ns = path(*where, name, channel.spec.name), channel.t_ns - zero
+            to.line(place, says, colour, MEASURED_WIDTH, t_ns, channel.value)
+    if not seen.last:
+        return
+    role, run = seen.last
+    for i, node in enumerate(run.nodes):
+        says, where_ = f"{name}: {words.name(node)} {seen.label(role)}", path("node", node, name, "model")
+        to.line(where_, says, colour, MODEL_WIDTH, run.t_ns - zero, run.temperatures[:, i])
+    for o in run.observed:
+        residual = np.where(o.used, seen.recorded(o).residual, np.nan)
+        to.line(path("residual", o.node, name, o.channel), f"{name} [K]", colour, MODEL_WIDTH, o.t_ns - zero, residual)
+
+
+def _where(channel: ChannelData) -> tuple[str, str] | None:
+    """The panel that a channel is in; None of those that are in none."""
+    spec = channel.spec
+    if spec.role == "observed" and spec.quantity == "temperature":
+        return "node", spec.node or spec.name
+    return ("inputs", spec.quantity) if spec.role == "input" and spec.quantity != "state" else None
+
+
+def _layout(sessions: Sequence[SessionSeen]) -> Any:
+    import rerun.blueprint as rrb
+
+    nodes = list(dict.fromkeys(node for one in sessions for node in one.observed))[: 2 * FIRST]
+    columns = []
+    for node in nodes:
+        above = series(f"{words.capital(words.name(node))} [°C]", [f"+ /{path('node', node)}/**"])
+        below = series("measured − model [K]", [f"+ /{path('residual', node)}/**"])
+        columns.append(rrb.Vertical(above, below, row_shares=[3, 2]))
+    driven = {channel.spec.quantity for one in sessions for channel in operating(one.channels).values()}
+    drive = [
+        series(f"{quantity} [{STORED_UNIT[quantity]}]", [f"+ /{path('inputs', quantity)}/**"])
+        for quantity in sorted(driven)
+    ]
+    grid = rrb.Grid(*columns, grid_columns=min(FIRST, max(1, len(columns))))
+    tab = rrb.Vertical(key("lines"), grid, rrb.Horizontal(*drive), row_shares=[0.8, 6, 1.7], name="temperatures")
+    return page([tab], [rrb.TextDocumentView(name="answer", origin="/answer")])
