@@ -162,7 +162,7 @@ def error_along(runs: Sequence[Run]) -> Plot | None:
     title = _along_title(by_temperature, hot)
     with style("error along"):
         figure = Figure(figsize=(WIDTH, 2.6))
-        place = {"left": 0.085, "right": 0.84, "bottom": 0.18, "top": 0.95, "wspace": 0.1}
+        place = {"left": 0.085, "right": 0.82, "bottom": 0.18, "top": 0.95, "wspace": 0.1}
         axes = figure.subplots(1, len(shown), sharey=True, squeeze=False, gridspec_kw=place)[0]
         for ax, (lines, edges, label) in zip(axes, shown, strict=True):
             _draw_along(ax, lines, edges)

@@ -13,7 +13,7 @@ from replay.engine.results.run import Run
 from replay.engine.results.summary import HeatBalance, HeatPart, StoredHeat
 from replay.show.plots.plots import WIDTH, over_session, time_axis
 from replay.show.words import heat_words, words
-from replay.show.words.figure import FigureTable, Plot, inline_svg, name_lines, style
+from replay.show.words.figure import RIGHT, FigureTable, Plot, inline_svg, name_lines, style
 from replay.show.words.palette import COLOURS, DASHES, INK, SOFT
 from replay.show.words.thin import thin
 
@@ -35,7 +35,7 @@ def heat_balance(run: Run, columns: int) -> Plot | None:
     title = _title(made, gone)
     with style(f"{run.session} heat"):
         figure = Figure(figsize=(WIDTH, HEIGHT))
-        place = {"left": 0.1, "right": 0.86, "bottom": 0.14, "top": 0.97, "hspace": 0.42}
+        place = {"left": 0.1, "right": RIGHT, "bottom": 0.14, "top": 0.97, "hspace": 0.42}
         grid = figure.add_gridspec(2, 1, height_ratios=(1.0, 1.5), **place)
         _draw_bars(figure.add_subplot(grid[0]), made, gone, _colours(losses))
         _draw_course(figure.add_subplot(grid[1]), run, columns)
@@ -89,7 +89,7 @@ def _draw_bars(axes: Axes, made: Parts, gone: Parts, colours: Mapping[str, str])
     axes.grid(False)
     axes.spines["left"].set_visible(False)
     axes.xaxis.set_major_formatter(lambda value, _: words.number(value))
-    axes.text(1.01, -0.12, "W", transform=axes.transAxes, va="top")
+    axes.text(1.035, -0.12, "W", transform=axes.transAxes, va="top")
 
 
 def _name_part(axes: Axes, name: str, watts: float, middle: float, row: int, total: float) -> None:

@@ -52,7 +52,9 @@ STYLE: Any = {
 }
 KEY_ABOVE: Any = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0), "frameon": False, "borderpad": 0}  # of a key
 BAND: Any = {"color": SOFT[0], "alpha": 0.22, "linewidth": 0}  # within which nothing can be told
-LEFT, BOTTOM = 0.1, 0.42  # share of the width, inches: for the axes' titles
+LEFT, BOTTOM = 0.112, 0.42  # share of the width, inches: for the axes' titles
+RIGHT = 0.835  # share of the width at which the axes end: names stand behind it
+LONGEST = 18  # letters of a name there; a longer one loses its middle
 LINE = 11 / 72  # inches: height of a name at the end of a line
 
 
@@ -85,13 +87,13 @@ def style(key: str) -> Iterator[None]:
 def panels(width: float, heights: Sequence[float], top: float = 0.28) -> tuple[Figure, list[Axes]]:
     """Panels over one another with one time axis [inches; `top` for key and title], and room for names at the right."""
     figure = Figure()
-    grid: dict[str, Any] = {"height_ratios": list(heights), "left": LEFT, "right": 0.86, "hspace": 0.14}
+    grid: dict[str, Any] = {"height_ratios": list(heights), "left": LEFT, "right": RIGHT, "hspace": 0.14}
     total = sum(heights) + top + BOTTOM
     grid |= {"top": 1 - top / total, "bottom": BOTTOM / total}
     figure.set_size_inches(width, total)
     axes = figure.subplots(len(heights), 1, sharex=True, squeeze=False, gridspec_kw=grid)
     for ax in axes[:, 0]:
-        ax.yaxis.set_label_coords(-0.085, 0.5)
+        ax.yaxis.set_label_coords(-0.094, 0.5)
     return figure, list(axes[:, 0])
 
 
@@ -139,4 +141,12 @@ def name_lines(axes: Axes, names: Sequence[tuple[float, str, str]]) -> None:
     spread = LINE / height * np.arange(len(ranked))
     wanted = np.clip([(y - low) / (high - low) for y, _, _ in ranked], 0.0, 1.0)
     for place, (_, text, colour) in zip(isotonic_regression(wanted - spread).x + spread, ranked, strict=True):
-        axes.annotate(text, (1.01, place), xycoords="axes fraction", va="center", color=colour, annotation_clip=False)
+        axes.annotate(
+            _short(text), (1.01, place), xycoords="axes fraction", va="center", color=colour, annotation_clip=False
+        )
+
+
+def _short(name: str) -> str:
+    """A name that fits beside the axes: both ends tell it from its neighbours."""
+    half = LONGEST // 2
+    return name if len(name) <= LONGEST else f"{name[: half - 1]}…{name[-half:]}"

@@ -28,8 +28,9 @@ def finding(error: ChannelErrors) -> str:
     """ "Rotor: model 4.4 K too cold on average, worst at 3,000 to 4,000 rpm"."""
     subject = words.capital(words.name(error.node))
     if error.within_floor:
-        own = f"{words.kelvin(error.mae_K)} of {words.kelvin(error.floor_K)}"
-        return f"{subject}: model within the sensor's own uncertainty ({own})"
+        mean, most = words.kelvin(error.mae_K), words.kelvin(error.max_K)
+        own = words.kelvin(error.floor_K)
+        return f"{subject}: {mean} off on average, {most} at worst; the sensor itself leaves {own} open"
     place = words.where(error.where, told=1)
     worst = f"worst {place}" if place else f"{words.kelvin(error.max_K)} at worst"
     return f"{subject}: model {words.kelvin(error.mae_K)} {direction(error)} on average, {worst}"
@@ -45,7 +46,7 @@ def answer(summaries: Sequence[Summary]) -> str:
     these = "this recording" if len(summaries) == 1 else f"these {len(summaries)} recordings"
     if not wrong:
         floor = words.kelvin(max(error.floor_K for error in errors))
-        return f"The model agrees with {these} within the sensors' own uncertainty ({floor})."
+        return f"The model agrees with {these} on average within the sensors' own uncertainty ({floor})."
     ranking = _ranking(found)
     node = max((error.node for error in wrong), key=lambda n: ranking[n])
     at_node = [(summary, error) for summary, error in found if error.node == node and not error.within_floor]

@@ -430,7 +430,7 @@ def test_the_viewer_s_panel_begins_with_the_answer_and_lists_causes_and_gain() -
     assert (
         "- not told apart from `loss.magnet.speed_current2`" in text and "- test that would: S2 at 12,000 rpm" in text
     )
-    assert "## Gain on kept sessions" in text and "d-7f31beef" in text
+    assert "**Gain on kept sessions**" in text and "d-7f31beef" in text
     assert "## " not in answer_markdown(UNKNOWN)
 
 

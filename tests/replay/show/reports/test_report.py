@@ -68,7 +68,7 @@ def test_the_answer_over_several_sessions_gives_the_mean_and_the_worst_session()
 
 def test_a_model_within_the_floor_is_said_to_agree() -> None:
     assert answer([made_run(masked=(1200, 2400)).summary]) == (
-        "The model agrees with this recording within the sensors' own uncertainty (0.5 K)."
+        "The model agrees with this recording on average within the sensors' own uncertainty (0.5 K)."
     )
 
 
@@ -79,7 +79,7 @@ def test_recordings_without_a_usable_channel_get_an_honest_answer() -> None:
 
 def test_a_finding_within_the_floor_compares_with_the_floor() -> None:
     winding = worst_first(made_run().summary)[1]
-    assert finding(winding) == "Winding: model within the sensor's own uncertainty (0.2 K of 0.5 K)"
+    assert finding(winding) == "Winding: 0.2 K off on average, 0.2 K at worst; the sensor itself leaves 0.5 K open"
 
 
 @pytest.mark.parametrize(

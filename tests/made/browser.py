@@ -1,0 +1,55 @@
+"""A page in Chromium: laid out, with what a script then finds on it."""
+
+from __future__ import annotations
+
+import html
+import json
+import re
+import shutil
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+POLICY = re.compile(r'<meta http-equiv="Content-Security-Policy"[^>]*>')
+LABELS = """
+const found = [];
+document.querySelectorAll("svg").forEach(svg => {
+  const box = svg.getBoundingClientRect(), title = svg.getAttribute("aria-label");
+  const texts = [...svg.querySelectorAll("text")].filter(t => t.textContent.trim())
+    .map(t => [t.textContent.trim(), t.getBoundingClientRect()]);
+  texts.forEach(([text, a], i) => {
+    if (a.left < box.left - 1 || a.right > box.right + 1 || a.top < box.top - 2 || a.bottom > box.bottom + 2)
+      found.push(`${title}: "${text}" is cut`);
+    texts.slice(i + 1).forEach(([other, b]) => {
+      const wide = Math.min(a.right, b.right) - Math.max(a.left, b.left);
+      const high = Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top);
+      if (wide > 1 && high > 0.35 * Math.min(a.height, b.height))
+        found.push(`${title}: "${text}" lies over "${other}"`);
+    });
+  });
+});
+return found;
+"""
+
+
+def in_browser(page: Path, script: str, width: int = 1000) -> Any:
+    """What `script` (the body of a function) returns on a page `width` points wide. The test is skipped where Chromium
+    is not installed."""
+    program = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+    if program is None:
+        pytest.skip("Chromium is not installed: apt install chromium")
+    text = page.read_text(encoding="utf-8")
+    assert text.count("</body>") == 1
+    ask = (
+        f"<script>const p = document.createElement('pre'); p.id = 'found'; document.body.append(p); "
+        f"p.textContent = JSON.stringify((() => {{ {script} }})())</script></body>"
+    )
+    asked = page.with_name("asked.html")
+    asked.write_text(POLICY.sub("", text).replace("</body>", ask), encoding="utf-8")
+    flags = ("--headless", "--no-sandbox", "--disable-gpu", f"--window-size={width},900", "--dump-dom")
+    done = subprocess.run([program, *flags, asked.as_uri()], capture_output=True, text=True, timeout=120, check=False)
+    told = re.search(r'<pre id="found">(.*?)</pre>', done.stdout, re.DOTALL)
+    assert told is not None, done.stderr[-2000:]
+    return json.loads(html.unescape(told[1]))
