@@ -17,9 +17,12 @@ from numpy.typing import NDArray
 
 from replay.engine.results.run import Observed, Run
 from replay.show.plots.plots import (
+    STRIP,
     WIDTH,
     around_zero,
     draw,
+    draw_driving,
+    driving,
     groups,
     instants,
     nearest,
@@ -121,10 +124,12 @@ def _region(models: Mapping[str, Run], group: Sequence[Observed], columns: int) 
     several = [_overlaid(models, channel) for channel in channels]
     title = _title(several[0])
     with style(f"{first.session} {channels[0]} models"):
-        figure, (upper, *lower) = panels(WIDTH, (1.5, *[0.8] * len(channels)))
+        strip = [STRIP] * bool(driving(first))
+        figure, (upper, *lower) = panels(WIDTH, (1.5, *[0.8] * len(channels), *strip))
         _draw_temperatures(upper, first, several[0], columns)
-        for axes, overlaid in zip(lower, several, strict=True):
+        for axes, overlaid in zip(lower, several, strict=False):
             _draw_residuals(axes, first, overlaid, columns)
+        draw_driving(lower[len(several) :], first, columns)
         over_session(lower[-1], first)
         svg = inline_svg(figure, title)
     return Plot(title, svg, _note(several), _table(first, several))

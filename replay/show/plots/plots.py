@@ -26,7 +26,7 @@ from replay.show.words.figure import (
     style,
 )
 from replay.show.words.findings import finding, worst_first
-from replay.show.words.palette import COLOURS, DASHES, INK, PAPER, SOFT
+from replay.show.words.palette import COLOURS, DASHES, INK, PAPER, SERIES, SOFT
 from replay.show.words.thin import thin, with_gaps
 
 Floats = NDArray[np.float64]
@@ -34,6 +34,7 @@ Floats = NDArray[np.float64]
 TOGETHER = 4  # channels in one panel
 ROWS = 40  # of the table behind a plot
 NEAR_LIMIT = 0.5  # of the temperatures' range: a limit that is further away is not drawn
+STRIP = 0.42  # inches: height of the inputs under a plot
 WIDTH = 7.6  # inches: the text width of an A4 page
 AXES: Mapping[str, tuple[str, str]] = {  # unit at the end of an input's name -> (title of its panel, unit)
     "rpm": ("speed", "rpm"),
@@ -116,11 +117,39 @@ def over_time(run: Run, group: Sequence[Observed], columns: int) -> Plot:
     worst = next(error for error in worst_first(run.summary) if error.channel in mine)
     title = finding(worst)
     with style(f"{run.session} {group[0].channel}"):
-        figure, (upper, lower) = panels(WIDTH, (1.6, 0.95))
+        strip = [STRIP] * bool(driving(run))
+        figure, (upper, lower, *below) = panels(WIDTH, (1.6, 0.95, *strip))
         draw_temperatures(upper, run, group, columns)
         draw_residuals(lower, run, group, columns)
+        draw_driving(below, run, columns)
+        over_session((lower, *below)[-1], run)
         svg = inline_svg(figure, title)
     return Plot(title, svg, "", _table(run, group))
+
+
+def driving(run: Run) -> list[str]:
+    """The columns of speed and one load, as far as they are known."""
+    known = [name for name, values in run.inputs.items() if np.isfinite(values).any()]
+    load = next((name for name in ("current_A", "torque_Nm") if name in known), None)
+    return [name for name in ("speed_rpm", load) if name in known]
+
+
+def draw_driving(below: Sequence[Axes], run: Run, columns: int) -> None:
+    """What drove the motor as a strip under a plot, each as a share of its largest, which is told beside. `below`: one
+    panel, or none where nothing is known."""
+    time = time_axis(run)
+    middle = time.of((run.t_ns[:-1] + run.t_ns[1:]) // 2)
+    for axes in below:
+        ends = []
+        for name, colour, end in zip(driving(run), (INK[0], SERIES["orange"][0]), (0.8, 0.1), strict=False):
+            largest = float(np.nanmax(np.abs(run.inputs[name])))
+            axes.plot(*thin(middle, run.inputs[name] / max(largest, 1e-9), columns), color=colour, linewidth=0.8)
+            ends.append((end, f"to {words.number(largest)} {AXES[name.rpartition('_')[2]][1]}", colour))
+        low = min(0.0, axes.get_ylim()[0])
+        axes.set_ylim(low, 1.08)
+        axes.set_yticks([])
+        axes.set_ylabel("speed,\nload")
+        name_lines(axes, [(low + share * (1.08 - low), text, colour) for share, text, colour in ends])
 
 
 def draw_temperatures(axes: Axes, run: Run, group: Sequence[Observed], columns: int) -> None:
@@ -164,7 +193,6 @@ def draw_residuals(axes: Axes, run: Run, group: Sequence[Observed], columns: int
         draw(axes, time, observed.t_ns, residual, columns, observed.used, color=colour, linestyle=dashes, linewidth=1.1)
         ends.append((float(residual[observed.usable][-1]), name, colour))
     axes.set_ylabel("measured −\nmodel [K]")
-    over_session(axes, run)
     if len(group) > 1:
         name_lines(axes, ends)
 
@@ -247,6 +275,7 @@ def picture(runs: Sequence[Run], target: Path) -> None:
         figure.set_facecolor(PAPER[0])
         draw_temperatures(upper, run, group, 900)
         draw_residuals(lower, run, group, 900)
+        over_session(lower, run)
         figure.text(LEFT, 0.96, finding(worst), fontsize=11, fontweight="bold", va="center")
         says = f"session {run.session_name}, model {run.motor}, open loop"
         upper.set_title(says, fontsize=8.5, color=SOFT[0], loc="right")

@@ -17,6 +17,7 @@ from replay.show.reports.diagnosis_text import diagnosis_name, gain_notes, looke
 from replay.show.reports.gain_plot import gain_bars
 from replay.show.reports.ranking import ranking
 from replay.show.reports.report import COLUMNS, LINES, ReportContext, started
+from replay.show.words import words
 from replay.show.words.figure import Plot
 from replay.show.words.page import template
 from replay.studies.diagnosis.answer import Diagnosis
@@ -66,11 +67,18 @@ def write_diagnosis_report(
         map=error_map([models["published"] for models in shown.values() if "published" in models]) if shown else None,
         ranking=ranking(diagnosis),
         filtered=list(_filtered(diagnosis, shown)),
+        changed=_changed(diff),
         diff=[(_diff_class(line), line) for line in diff.splitlines()],
         replays=[(MODELS[key].label, models[key]) for models in shown.values() for key in MODELS if key in models],
         context=context,
     )
     target.write_text(page, encoding="utf-8")
+
+
+def _changed(diff: str) -> str:
+    """ "3 lines added, 2 taken out"."""
+    kinds = [_diff_class(line) for line in diff.splitlines()]
+    return f"{words.counted(kinds.count('added'), 'line')} added, {kinds.count('removed')} taken out"
 
 
 def _diff_class(line: str) -> str:

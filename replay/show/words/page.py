@@ -33,6 +33,7 @@ def template(name: str) -> Template:
         duration=words.duration,
         quantity=heat_words.quantity,
         clock=words.clock,
+        contents=_contents,
         svg=Markup,  # drawn by us, with every name escaped
     )
     return environment.get_template(name)
@@ -46,3 +47,14 @@ def _plain(value: object) -> object:
 def _unbroken(text: str) -> str:
     """A number and its unit, and "6.1 → 0.9 K", stay on one line."""
     return re.sub(r"(?<=\d) (?=[°%→A-Za-z])|(?<=→) ", "\N{NO-BREAK SPACE}", text.replace("->", "→"))
+
+
+def _contents(body: str) -> Markup:
+    """The sections of a page with links to each of them above; a page of one section needs none."""
+    sections = re.findall(r"<h2>(.*?)</h2>", body)
+    if len(sections) < 2:
+        return Markup(body)  # written by a template, with every name escaped
+    links = "".join(f'<a href="#section-{i}">{title}</a> ' for i, title in enumerate(sections, 1))
+    numbers = iter(range(1, len(sections) + 1))
+    marked = re.sub(r"<h2>", lambda _: f'<h2 id="section-{next(numbers)}">', body)
+    return Markup(f'<nav aria-label="Contents">{links}</nav>\n{marked}')

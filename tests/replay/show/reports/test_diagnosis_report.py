@@ -90,11 +90,11 @@ def test_the_report_tells_in_order_answer_gain_error_evidence_change_and_source(
         "What could not be told apart from",
         "The cause, and what it changes",
         "loss of magnet [W] += 96 (n/16000 rpm)^2 (I/450 A)^2",
-        "The change of the file",
-        "Gain on kept sessions",
+        "Mean absolute error over",
+        "1 line added, 1 taken out",
         "What this was computed from",
     )
-    text = Tags(html).text
+    text = Tags(re.sub(r"<nav.*?</nav>", "", html)).text
     places = [text.index(part) for part in order]
     assert places == sorted(places)
 
