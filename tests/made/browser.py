@@ -37,9 +37,6 @@ return found;
 def in_browser(page: Path, script: str, width: int = 1000) -> Any:
     """What `script` (the body of a function) returns on a page `width` points wide. The test is skipped where Chromium
     is not installed."""
-    program = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
-    if program is None:
-        pytest.skip("Chromium is not installed: apt install chromium")
     text = page.read_text(encoding="utf-8")
     assert text.count("</body>") == 1
     ask = (
@@ -48,8 +45,20 @@ def in_browser(page: Path, script: str, width: int = 1000) -> Any:
     )
     asked = page.with_name("asked.html")
     asked.write_text(POLICY.sub("", text).replace("</body>", ask), encoding="utf-8")
-    flags = ("--headless", "--no-sandbox", "--disable-gpu", f"--window-size={width},900", "--dump-dom")
-    done = subprocess.run([program, *flags, asked.as_uri()], capture_output=True, text=True, timeout=120, check=False)
+    done = _dom(asked, width)
     told = re.search(r'<pre id="found">(.*?)</pre>', done.stdout, re.DOTALL)
     assert told is not None, done.stderr[-2000:]
     return json.loads(html.unescape(told[1]))
+
+
+def as_it_stands(page: Path) -> str:
+    """The page as a browser has it after its own script ran under the page's own policy."""
+    return _dom(page, 1000).stdout
+
+
+def _dom(page: Path, width: int) -> subprocess.CompletedProcess[str]:
+    program = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+    if program is None:
+        pytest.skip("Chromium is not installed: apt install chromium")
+    flags = ("--headless", "--no-sandbox", "--disable-gpu", f"--window-size={width},900", "--dump-dom")
+    return subprocess.run([program, *flags, page.as_uri()], capture_output=True, text=True, timeout=120, check=False)

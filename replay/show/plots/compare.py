@@ -31,7 +31,18 @@ from replay.show.plots.plots import (
     time_axis,
 )
 from replay.show.words import words
-from replay.show.words.figure import KEY_ABOVE, LEFT, FigureTable, Plot, inline_svg, name_lines, panels, save, style
+from replay.show.words.figure import (
+    KEY_ABOVE,
+    LEFT,
+    FigureTable,
+    Plot,
+    inline_svg,
+    name_lines,
+    named,
+    panels,
+    save,
+    style,
+)
 from replay.show.words.palette import DASHES, INK, PAPER, SERIES, SOFT
 
 Floats = NDArray[np.float64]
@@ -182,13 +193,18 @@ def _title(overlaid: Overlaid) -> str:
 def _draw_temperatures(axes: Axes, run: Run, overlaid: Overlaid, columns: int) -> None:
     """The reading as recorded, the corrected one where that differs, and what each model says."""
     time, one = time_axis(run), overlaid.first
+    node = words.name(one.node)
     label = "as recorded" if overlaid.moved else "measured"
-    draw(axes, time, one.t_ns, one.measured, columns, one.used, color=INK[0], linewidth=1.5, label=label)
+    own: Any = {"color": INK[0], "linewidth": 1.5, "label": label, "gid": named(f"{node} {label} [°C]")}
+    draw(axes, time, one.t_ns, one.measured, columns, one.used, **own)
     if overlaid.moved:
         other, label = overlaid.corrected, f"corrected ({words.signed_kelvin(overlaid.moved_K)})"
-        draw(axes, time, other.t_ns, other.measured, columns, other.used, color=SOFT[0], linewidth=1.0, label=label)
+        own = {"color": SOFT[0], "linewidth": 1.0, "label": label, "gid": named(f"{node} {label} [°C]")}
+        draw(axes, time, other.t_ns, other.measured, columns, other.used, **own)
     for key, observed in overlaid.models.items():
-        draw(axes, time, observed.t_ns, observed.modelled, columns, **MODELS[key].line, label=MODELS[key].label)
+        label = MODELS[key].label
+        own = {**MODELS[key].line, "label": label, "gid": named(f"{node} {label} [°C]")}
+        draw(axes, time, observed.t_ns, observed.modelled, columns, **own)
     axes.set_ylabel("temperature [°C]")
     axes.legend(**KEY_ABOVE, ncols=5, handlelength=2.2, columnspacing=1.0)
     name_lines(axes, [(float(one.measured[-1]), words.name(one.node), INK[0])])
@@ -197,9 +213,11 @@ def _draw_temperatures(axes: Axes, run: Run, overlaid: Overlaid, columns: int) -
 def _draw_residuals(axes: Axes, run: Run, overlaid: Overlaid, columns: int) -> None:
     """Reading as recorded minus model [K] of each model."""
     time, one = time_axis(run), overlaid.first
+    node = words.name(one.node)
     around_zero(axes, one.floor_K)
     for key, observed in overlaid.models.items():
-        draw(axes, time, observed.t_ns, observed.residual, columns, observed.used, **MODELS[key].line)
+        gid = named(f"{node} residual {MODELS[key].label} [K]")
+        draw(axes, time, observed.t_ns, observed.residual, columns, observed.used, **MODELS[key].line, gid=gid)
     axes.set_ylabel(f"{overlaid.reading} −\nmodel [K]")
     name_lines(axes, [(0.0, words.name(one.node), INK[0])])
 

@@ -21,6 +21,7 @@ from replay.show.words.figure import (
     Plot,
     inline_svg,
     name_lines,
+    named,
     panels,
     save,
     style,
@@ -143,8 +144,11 @@ def draw_driving(below: Sequence[Axes], run: Run, columns: int) -> None:
         ends = []
         for name, colour, end in zip(driving(run), (INK[0], SERIES["orange"][0]), (0.8, 0.1), strict=False):
             largest = float(np.nanmax(np.abs(run.inputs[name])))
-            axes.plot(*thin(middle, run.inputs[name] / max(largest, 1e-9), columns), color=colour, linewidth=0.8)
-            ends.append((end, f"to {words.number(largest)} {AXES[name.rpartition('_')[2]][1]}", colour))
+            quantity, _, unit = name.rpartition("_")
+            most = f"{words.number(largest)} {AXES[unit][1]}"
+            own: Any = {"color": colour, "linewidth": 0.8, "gid": named(f"{quantity} [of {most}]")}
+            axes.plot(*thin(middle, run.inputs[name] / max(largest, 1e-9), columns), **own)
+            ends.append((end, f"to {most}", colour))
         low = min(0.0, axes.get_ylim()[0])
         axes.set_ylim(low, 1.08)
         axes.set_yticks([])
@@ -156,8 +160,10 @@ def draw_temperatures(axes: Axes, run: Run, group: Sequence[Observed], columns: 
     """Measured solid, model dashed, one colour a channel, names at the right."""
     time, ends = time_axis(run), []
     for observed, name, colour, dashes in zip(group, _names(group), COLOURS, DASHES, strict=False):
-        draw(axes, time, observed.t_ns, observed.measured, columns, observed.used, color=colour, linewidth=1.4)
-        draw(axes, time, observed.t_ns, observed.modelled, columns, color=colour, linestyle=dashes, linewidth=1.1)
+        own: Any = {"color": colour, "linewidth": 1.4, "gid": named(f"{name} measured [°C]")}
+        draw(axes, time, observed.t_ns, observed.measured, columns, observed.used, **own)
+        own = {"color": colour, "linewidth": 1.1, "linestyle": dashes, "gid": named(f"{name} model [°C]")}
+        draw(axes, time, observed.t_ns, observed.modelled, columns, **own)
         ends.append((float(observed.measured[-1]), name, colour))
     axes.set_ylabel("temperature [°C]")
     _draw_limits(axes, run, group)
@@ -190,7 +196,8 @@ def draw_residuals(axes: Axes, run: Run, group: Sequence[Observed], columns: int
     around_zero(axes, *sorted({round(observed.floor_K, 3) for observed in group}))
     for observed, name, colour, dashes in zip(group, _names(group), COLOURS, ("-", *DASHES[1:]), strict=False):
         residual = observed.residual
-        draw(axes, time, observed.t_ns, residual, columns, observed.used, color=colour, linestyle=dashes, linewidth=1.1)
+        own: Any = {"color": colour, "linestyle": dashes, "linewidth": 1.1, "gid": named(f"{name} residual [K]")}
+        draw(axes, time, observed.t_ns, residual, columns, observed.used, **own)
         ends.append((float(residual[observed.usable][-1]), name, colour))
     axes.set_ylabel("measured −\nmodel [K]")
     if len(group) > 1:
@@ -225,7 +232,8 @@ def inputs_over_time(run: Run, columns: int) -> Plot | None:
 def _draw_inputs(axes: Axes, unit: str, series: Mapping[str, tuple[Floats, Floats]]) -> None:
     ends, alone = [], len(series) == 1
     for (name, (t, y)), colour, dashes in zip(series.items(), COLOURS, ("-", *DASHES), strict=False):
-        axes.plot(t, y, color=INK[0] if alone else colour, linestyle=dashes, linewidth=0.8)
+        gid = named(f"{words.name(name.rpartition('_')[0])} [{AXES[unit][1]}]")
+        axes.plot(t, y, color=INK[0] if alone else colour, linestyle=dashes, linewidth=0.8, gid=gid)
         end = float(y[np.isfinite(y)][-1]) if np.isfinite(y).any() else 0.0
         ends.append((end, words.name(name.rpartition("_")[0]), colour))
     axes.set_ylabel("\n".join((AXES[unit][0], f"[{AXES[unit][1]}]")))

@@ -52,6 +52,7 @@ STYLE: Any = {
 }
 KEY_ABOVE: Any = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0), "frameon": False, "borderpad": 0}  # of a key
 BAND: Any = {"color": SOFT[0], "alpha": 0.22, "linewidth": 0}  # within which nothing can be told
+LINE_ID, AXES_ID = "line: ", "axes: "  # how ids begin that tell the page's script what a line and its axes are
 LEFT, BOTTOM = 0.112, 0.42  # share of the width, inches: for the axes' titles
 RIGHT = 0.835  # share of the width at which the axes end: names stand behind it
 LONGEST = 18  # letters of a name there; a longer one loses its middle
@@ -118,10 +119,16 @@ def save_svg(figure: Figure, target: Path) -> None:
 def inline_svg(figure: Figure, label: str) -> str:
     """The figure as an `<svg>` element for a page, in its font and colours: no prolog, two decimals, no ids but those
     it refers to."""
+    for axes in figure.axes:
+        if any((line.get_gid() or "").startswith(LINE_ID) for line in axes.lines):
+            edges = (*axes.get_xlim(), *axes.get_ylim())
+            axes.set_gid(AXES_ID + " ".join(f"{edge:.9g}" for edge in edges))
     text = _svg(figure, {"Date": None, "Creator": None, "Type": None, "Format": None})
     text = text[text.index("<svg") :]
     referred = set(re.findall(r"#\w+", text))
     text = re.sub(r"\s*<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
+    for told, attribute in ((LINE_ID, "data-line"), (AXES_ID, "data-axes"), ("xtick_", "data-tick")):
+        text = text.replace(f' id="{told}', f' {attribute}="')
     text = re.sub(r" id=\"([^\"]*)\"", lambda m: m[0] if f"#{m[1]}" in referred else "", text)
     text = re.sub(r" d=\"[^\"]*\"", lambda m: re.sub(r"(\.\d\d)\d+", r"\1", m[0]), text)
     text = text.replace("xlink:href", "href").replace("'DejaVu Sans'", "system-ui").replace("\n", " ")
@@ -129,6 +136,11 @@ def inline_svg(figure: Figure, label: str) -> str:
     assert box is not None, "matplotlib writes a viewBox"
     opening = f'<svg {box[0]} role="img" aria-label="{html.escape(plain(label))}">'
     return with_variables(opening + re.sub(r" {2,}", " ", text[text.index(">") + 1 :]))
+
+
+def named(name: str) -> str:
+    """The `gid` of a line that a reader of the page can read values off, hide and take out as CSV under this name."""
+    return f"{LINE_ID}{name}"
 
 
 def name_lines(axes: Axes, names: Sequence[tuple[float, str, str]]) -> None:

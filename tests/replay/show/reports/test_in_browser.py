@@ -5,9 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from made.browser import LABELS, in_browser
+from made.browser import LABELS, as_it_stands, in_browser
 from made.diagnoses import NAMED, runs
 from made.runs import made_run
 from replay.engine.results.run import Run
@@ -64,3 +65,68 @@ def test_contents_lead_to_every_section(page: Path) -> None:
     sections = in_browser(page, script)
     assert len(sections) > 3
     assert all(title == link for title, link in sections)
+
+
+POINT = """
+const at = (plot, type, share) => {
+  const box = plot.panels[0].box, corner = plot.svg.getScreenCTM();
+  const place = new DOMPoint(box.left + share * (box.right - box.left), box.top + 2).matrixTransform(corner);
+  plot.svg.dispatchEvent(new PointerEvent(type, {clientX: place.x, clientY: place.y, bubbles: true}));
+};
+"""
+
+
+def test_the_script_runs_under_the_pages_own_policy(page: Path) -> None:
+    assert "script-src 'sha256-" in page.read_text(encoding="utf-8")
+    assert 'aria-pressed="true"' in as_it_stands(page)
+
+
+@pytest.fixture(scope="module")
+def one(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The report of one run, 40 min long."""
+    target = tmp_path_factory.mktemp("one") / "page.html"
+    write_report([made_run()], target, CONTEXT)
+    return target
+
+
+def test_the_cursor_tells_the_values_that_are_drawn_in_every_plot_of_the_session(one: Path) -> None:
+    told = in_browser(
+        one, POINT + "at(plots[0], 'pointermove', 0.75); return plots.map(plot => plot.told.textContent);"
+    )
+    run = made_run()
+    winding, stator, rotor = (float(o.modelled[1800]) for o in run.observed)
+    assert all(text.startswith("30.000 min: ") for text in told)
+    for name, value in {"winding": winding, "stator": stator, "rotor surface": rotor}.items():
+        (says,) = {part for text in told for part in text.split(": ", 1)[1].split(" · ") if f"{name} model" in part}
+        assert float(says.rsplit(" ", 1)[1]) == pytest.approx(value, abs=0.1)
+    assert any("speed [rpm] 3500" in text for text in told)
+
+
+def test_a_brush_shows_the_same_time_in_every_plot_of_the_session_and_the_csv_holds_what_is_seen(one: Path) -> None:
+    script = """
+    at(plots[0], "pointerdown", 0.25);
+    at(plots[0], "pointerup", 0.5);
+    const ticks = plots[1].ticks.filter(tick => tick.says).map(tick => Number(tick.text.textContent));
+    return [plots.map(plot => plot.seen), csv(plots[0]), ticks];
+    """
+    seen, text, ticks = in_browser(one, POINT + script)
+    assert all(range_ == pytest.approx([10.0, 20.0], abs=0.01) for range_ in seen)
+    head, *rows = [[cell.strip('"') for cell in line.split('","')] for line in text.splitlines()]
+    assert head == ["line", "min", "value"]
+    times = [float(row[1]) for row in rows]
+    assert (min(times), max(times)) == pytest.approx((10.0, 20.0), abs=0.01)
+    lines = {f"winding {what}" for what in ("measured [°C]", "model [°C]", "residual [K]")}
+    assert {row[0] for row in rows} == lines | {"speed [of 3,500 rpm]", "current [of 120 A]"}
+    model = [(float(time), float(value)) for name, time, value in rows if name == "winding model [°C]"]
+    drawn = np.interp([time for time, _ in model], (np.arange(2400) + 0.5) / 60, made_run().observed[0].modelled)
+    assert [value for _, value in model] == pytest.approx(drawn.tolist(), abs=0.1)
+    assert ticks and all(9.9 <= tick <= 20.1 for tick in ticks)
+
+
+def test_a_click_on_a_name_hides_its_line_and_takes_it_out_of_the_csv(one: Path) -> None:
+    script = """
+    const [line] = plots[0].panels[0].lines;
+    [...plots[0].svg.closest("figure").querySelectorAll("button")].find(made => made.textContent === line.name).click();
+    return [line.line.style.display, csv(plots[0]).includes(line.name), line.name];
+    """
+    assert in_browser(one, script) == ["none", False, "winding measured [°C]"]

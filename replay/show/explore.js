@@ -1,0 +1,149 @@
+// What a reader can do with the plots over time of a report. Without it, and in print, the page is whole.
+// A line of a plot is its path as drawn; axes say what their edges are worth, so that values are read off the drawing.
+"use strict";
+const plots = [];
+
+function points(d) {  // path text -> strokes of [x, y], apart where a line has a gap
+  return d.split("M").slice(1).map(part => {
+    const numbers = part.match(/-?[\d.]+(?:e-?\d+)?/g).map(Number);
+    return Array.from({length: numbers.length / 2}, (_, i) => [numbers[2 * i], numbers[2 * i + 1]]);
+  });
+}
+
+function panel(group) {  // axes with the box that they fill, what its edges are worth, and their lines
+  const [x0, x1, y0, y1] = group.dataset.axes.split(" ").map(Number);
+  const corners = points(group.querySelector("path").getAttribute("d"))[0];
+  const xs = corners.map(c => c[0]), ys = corners.map(c => c[1]);
+  const box = {left: Math.min(...xs), right: Math.max(...xs), top: Math.min(...ys), bottom: Math.max(...ys)};
+  const lines = [...group.querySelectorAll("[data-line]")].map(line => {
+    const path = line.querySelector("path");
+    return {name: line.dataset.line, line, path, strokes: points(path.getAttribute("d")), shown: true};
+  });
+  const x = px => x0 + (px - box.left) / (box.right - box.left) * (x1 - x0);
+  const y = py => y1 - (py - box.top) / (box.bottom - box.top) * (y1 - y0);
+  const px = value => box.left + (value - x0) / (x1 - x0) * (box.right - box.left);
+  return {group, box, lines, x, y, px};
+}
+
+function valueAt(panel, line, time) {  // the drawn value at a time, null in a gap
+  const at = panel.px(time);
+  for (const stroke of line.strokes)
+    for (let i = 1; i < stroke.length; i++) {
+      const [a, b] = [stroke[i - 1], stroke[i]];
+      if (a[0] <= at && at <= b[0])
+        return panel.y(b[0] > a[0] ? a[1] + (b[1] - a[1]) * (at - a[0]) / (b[0] - a[0]) : a[1]);
+    }
+  return null;
+}
+
+function redraw(plot) {  // lines and times of the ticks for the part of the time that is seen
+  const [from, to] = plot.seen;
+  for (const panel of plot.panels) {
+    const {left, right} = panel.box, a = panel.px(from), scale = (right - left) / (panel.px(to) - a);
+    for (const line of panel.lines)
+      line.path.setAttribute("d", line.strokes.map(stroke => "M" + stroke.map(([x, y]) =>
+        `${(left + (x - a) * scale).toFixed(2)} ${y}`).join("L")).join(""));
+  }
+  const digits = Math.max(0, 2 - Math.floor(Math.log10(to - from)));
+  for (const tick of plot.ticks)
+    tick.text.textContent = plot.zoomed() ? plot.timeAt(tick.at).toFixed(digits) : tick.says;
+}
+
+function linked(plot) {
+  return plots.filter(other => other.session === plot.session);
+}
+
+function zoom(plot, range) {  // all plots of a session show the same time
+  for (const other of linked(plot)) {
+    other.seen = range || other.whole;
+    redraw(other);
+  }
+}
+
+function csv(plot) {  // the corners of the lines that are seen, and where these enter and leave
+  const rows = [["line", plot.unit, "value"]], [from, to] = plot.seen;
+  for (const panel of plot.panels)
+    for (const line of panel.lines.filter(line => line.shown)) {
+      const corners = line.strokes.flat().map(([x, y]) => [panel.x(x), panel.y(y)]);
+      const ends = [from, to].map(time => [time, valueAt(panel, line, time)]).filter(([, value]) => value !== null);
+      const seen = [...ends, ...corners.filter(([time]) => time > from && time < to)].sort((a, b) => a[0] - b[0]);
+      rows.push(...seen.map(([time, value]) => [line.name, time.toPrecision(7), value.toPrecision(5)]));
+    }
+  return rows.map(row => row.map(cell => `"${cell.replaceAll('"', '""')}"`).join(",")).join("\n");
+}
+
+function button(text, pressed, act) {
+  const made = document.createElement("button");
+  made.type = "button";
+  made.textContent = text;
+  if (pressed !== null) made.setAttribute("aria-pressed", pressed);
+  made.addEventListener("click", () => act(made));
+  return made;
+}
+
+function controls(plot) {
+  const bar = document.createElement("div");
+  bar.className = "controls";
+  for (const line of plot.panels.flatMap(panel => panel.lines))
+    bar.append(button(line.name, true, made => {
+      line.shown = !line.shown;
+      line.line.style.display = line.shown ? "" : "none";
+      made.setAttribute("aria-pressed", line.shown);
+    }));
+  bar.append(button("whole time", null, () => zoom(plot, null)));
+  bar.append(button("CSV of what is seen", null, () => {
+    const link = document.createElement("a");
+    link.href = URL.createObjectURL(new Blob([csv(plot)], {type: "text/csv"}));
+    link.download = "seen.csv";
+    link.click();
+  }));
+  plot.told = document.createElement("output");
+  plot.svg.parentNode.after(plot.told, bar);
+}
+
+function cursor(plot, time) {  // a line at one time in every panel of a session, and the values there
+  for (const other of linked(plot)) {
+    const {left, right} = other.panels[0].box, [from, to] = other.seen;
+    const at = left + (time - from) / (to - from) * (right - left);
+    other.mark.setAttribute("d", other.panels.map(({box}) => `M${at} ${box.top}V${box.bottom}`).join(""));
+    const told = other.panels.flatMap(panel => panel.lines.filter(line => line.shown).map(line => {
+      const value = valueAt(panel, line, time);
+      return value === null ? "" : `${line.name} ${value.toPrecision(4)}`;
+    }));
+    other.told.textContent = `${time.toFixed(3)} ${other.unit}: ${told.filter(Boolean).join(" · ")}`;
+  }
+}
+
+function explore(svg, session) {
+  const panels = [...svg.querySelectorAll("[data-axes]")].map(panel).filter(panel => panel.lines.length);
+  if (!panels.length) return;
+  const first = panels[0], {left, right} = first.box, whole = [first.x(left), first.x(right)];
+  const texts = [...svg.querySelectorAll("[data-tick] text")];
+  const axis = [...svg.querySelectorAll("text")].map(text => text.textContent).find(says => /^time .*\[/.test(says));
+  const plot = {svg, session, panels, whole, seen: whole, unit: axis ? axis.match(/\[(.*)\]/)[1] : ""};
+  plot.zoomed = () => plot.seen !== plot.whole;
+  plot.timeAt = px => plot.seen[0] + (px - left) / (right - left) * (plot.seen[1] - plot.seen[0]);
+  plot.ticks = texts.map(text => ({text, at: Number(text.getAttribute("x")), says: text.textContent}));
+  plot.mark = document.createElementNS(svg.namespaceURI, "path");
+  plot.mark.setAttribute("class", "mark");
+  svg.append(plot.mark);
+  plots.push(plot);
+  controls(plot);
+  const timeOf = event => {
+    const place = new DOMPoint(event.clientX, event.clientY).matrixTransform(svg.getScreenCTM().inverse());
+    return plot.timeAt(Math.min(Math.max(place.x, left), right));
+  };
+  let begun = null;
+  svg.addEventListener("pointerdown", event => { begun = timeOf(event); });
+  svg.addEventListener("pointermove", event => cursor(plot, timeOf(event)));
+  svg.addEventListener("pointerup", event => {
+    const range = [begun, timeOf(event)].sort((a, b) => a - b);
+    if (begun !== null && range[1] - range[0] > 0.01 * (plot.seen[1] - plot.seen[0])) zoom(plot, range);
+    begun = null;
+  });
+}
+
+let session = "";
+for (const found of document.querySelectorAll("h3, figure svg"))
+  if (found.tagName === "H3") session = found.textContent;
+  else explore(found, session);
