@@ -17,6 +17,7 @@ from typing import NoReturn, TextIO
 from ingest.texts.plain import plain_line
 from replay.cli.answer import Answer, deliver, deliver_error, store_folder
 from replay.cli.encoding import fit_output, say
+from replay.cli.interrupt import DUCKDB, stopping
 from replay.cli.refusal import of_machine, refusal
 from replay.cli.status import status
 
@@ -62,7 +63,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Entry point of the `whyhot` command; returns the exit code."""
     fit_output()
     try:
-        code = _answer(_json_words(list(sys.argv[1:] if argv is None else argv)))
+        with stopping():
+            code = _answer(_json_words(list(sys.argv[1:] if argv is None else argv)))
         sys.stdout.flush()
         return code
     except BrokenPipeError:  # `whyhot ... | head`: nobody reads on
@@ -103,6 +105,8 @@ def _answer(words: list[str]) -> int:
     except BrokenPipeError:
         raise
     except Exception as error:
+        if str(error) == DUCKDB:
+            raise KeyboardInterrupt from None
         line = refusal(error, args)
         if line is None:
             raise

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import ctypes
 import errno
 import os
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import duckdb
@@ -103,3 +105,34 @@ def test_a_mistyped_motor_names_the_nearest(store: Path, capsys: Capture) -> Non
         opened.ledger.append("motor-servo", ModelPublished(model="4f0c", motor="servo-5kW", file="m.toml", parent=None))
     assert main(["motor", "export", "servo-5W", "-o", "m.toml"]) == 2
     assert "is no model of this store. Nearest: servo-5kW. Known: servo-5kW 4f0c." in capsys.readouterr().err
+
+
+def test_an_interrupt_while_the_warehouse_computes_is_an_interrupt(
+    store: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_: object) -> None:
+        raise RuntimeError("Query interrupted")
+
+    monkeypatch.setattr("ingest.facts.facts.at", fail)
+    assert main(["sessions"]) == 130
+    assert capsys.readouterr().err.startswith("interrupted: what was finished is kept")
+
+
+def test_an_interrupt_that_a_callback_swallows_comes_again(
+    store: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def stopped() -> None:
+        raise KeyboardInterrupt
+
+    callback = ctypes.CFUNCTYPE(None)(stopped)
+
+    def swallows(*_: object) -> None:
+        callback()
+        for _ in range(500):
+            time.sleep(0.01)
+
+    monkeypatch.setattr("ingest.facts.facts.at", swallows)
+    began = time.monotonic()
+    assert main(["sessions"]) == 130
+    assert time.monotonic() - began < 4.0
+    assert capsys.readouterr().err.count("\n") == 1
