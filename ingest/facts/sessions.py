@@ -142,19 +142,32 @@ def regroup(old: Sequence[SessionRecorded], new: Sequence[SessionRecorded]) -> l
     return events
 
 
-def overrides_of(sessions: Iterable[SessionRecorded], benches: Mapping[str, Bench]) -> dict[str, Override]:
-    """What was said on the command line for these sessions' files: what differs from their bench file. Of a file that
-    was in several, the last tells."""
+def overrides_of(
+    sessions: Iterable[SessionRecorded], benches: Mapping[str, Bench], decodes: Mapping[str, DecodeCompleted]
+) -> dict[str, Override]:
+    """What was said on the command line for these sessions' files: what differs from their bench file, and from the
+    columns of the file that it names. Of a file that was in several, the last tells."""
     found: dict[str, Override] = {}
     for session in sessions:
         bench = benches.get(session.bench or "", Bench(sha256="", name=""))
-        said = Override(
-            specimen=None if bench.specimen_column or session.specimen == bench.specimen else session.specimen,
-            batch=None if bench.batch_column or session.batch == bench.batch else session.batch,
-            kind=session.kind if session.kind_why == BY_FLAG else None,
-        )
-        found.update({file["raw"]: said for file in session.files})
+        for file in session.files:
+            rows = [row for row in _rows_of(decodes.get(file["decode"])) if _holds(file, row)]
+            specimens = {row["specimen"] for row in rows} if bench.specimen_column else {bench.specimen}
+            batches = {row["batch"] for row in rows} if bench.batch_column else {bench.batch}
+            found[file["raw"]] = Override(
+                specimen=None if specimens == {session.specimen} else session.specimen,
+                batch=None if batches == {session.batch} else session.batch,
+                kind=session.kind if session.kind_why == BY_FLAG else None,
+            )
     return {raw: said for raw, said in found.items() if said != Override()}
+
+
+def _rows_of(decode: DecodeCompleted | None) -> list[dict[str, Any]]:
+    return decode.parts if decode else []
+
+
+def _holds(file: Mapping[str, Any], row: Mapping[str, Any]) -> bool:
+    return bool(file["first_record"] <= row["first_record"] and row["last_record"] <= file["last_record"])
 
 
 def _versions(decodes: Sequence[DecodeCompleted]) -> dict[str, list[DecodeCompleted]]:

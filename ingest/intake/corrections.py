@@ -27,7 +27,7 @@ FILES = {"bench", "motor", "databases"}  # what makes a log read otherwise
 
 
 @dataclass(frozen=True)
-class _Plan:
+class LogPlan:
     """What is to become of one log. `said`: all that flags said of it, then and now; `changes` as in `LogCorrected`."""
 
     raw: str
@@ -56,17 +56,17 @@ def correct(
     logs = _logs(before, texts)
     if files[0] is not None:  # a session has one bench file
         logs = _beside(before, logs)
-    plans = [_plan(store, before, raw, said, files, motor_file) for raw in logs]
+    plans = [plan_of(store, before, raw, said, files, motor_file) for raw in logs]
     plans = [one for one in plans if one.changes]
     if not plans:
         raise CorrectionError(f"{', '.join(texts)}: is so already: there is nothing to correct")
     left: list[str] = []
-    for alike in _alike(plans):
-        batch: Batch = [(f"file-{one.raw}", LogCorrected(raw=one.raw, said=one.changes, why=why)) for one in alike]
-        if FILES & {what for one in alike for what in one.changes}:
-            left += _read_again(store, before, alike, tell, batch)
+    for same in alike(plans):
+        batch: Batch = [(f"file-{one.raw}", LogCorrected(raw=one.raw, said=one.changes, why=why)) for one in same]
+        if FILES & {what for one in same for what in one.changes}:
+            left += read_again(store, before, same, tell, batch)
         else:
-            left += group_files(store, {one.raw: one.said for one in alike}, batch).left
+            left += group_files(store, {one.raw: one.said for one in same}, batch).left
     named = [NamedFact(f"file-{one.raw}", before.files[one.raw].name) for one in plans]
     changes = {one.raw: one.changes for one in plans}
     return PutRight(named, before, ledger_facts.at(store.ledger), changes, left)
@@ -89,14 +89,14 @@ def _beside(facts: Facts, logs: Sequence[str]) -> list[str]:
     return list(dict.fromkeys([*logs, *(raw for raws in held if set(raws) & set(logs) for raw in raws)]))
 
 
-def _plan(
+def plan_of(
     store: Store,
     facts: Facts,
     raw: str,
     said: Override,
     files: tuple[Path | None, Sequence[Path]],
     motor_file: Callable[[Path], MotorFile],
-) -> _Plan:
+) -> LogPlan:
     its = [one for one in facts.sessions if any(file["raw"] == raw for file in one.files)]
     used = {file["decode"] for one in its for file in one.files if file["raw"] == raw}
     decodes = [one for one in facts.decodes.values() if one.raw == raw]
@@ -115,9 +115,9 @@ def _plan(
         if value is not None and (old != value or not its):
             changes[what] = [old if its else None, value]
     benches = {sha256: read_bench(store.archive.read(sha256), one.name) for sha256, one in facts.benches.items()}
-    before = sessions.overrides_of(its, benches).get(raw, Override())
+    before = sessions.overrides_of(its, benches, facts.decodes).get(raw, Override())
     given = {what: value for what, value in vars(said).items() if value is not None}
-    return _Plan(raw, decode, setup, replace(before, **given), changes)
+    return LogPlan(raw, decode, setup, replace(before, **given), changes)
 
 
 def _setup(
@@ -135,9 +135,9 @@ def _setup(
     return replace(setup, databases=given.databases) if databases else setup
 
 
-def _alike(plans: Sequence[_Plan]) -> list[list[_Plan]]:
+def alike(plans: Sequence[LogPlan]) -> list[list[LogPlan]]:
     """The plans that one intake carries out."""
-    found: dict[Any, list[_Plan]] = {}
+    found: dict[Any, list[LogPlan]] = {}
     for one in plans:
         bench = one.setup.bench.sha256 if one.setup.bench else None
         version = bench, one.setup.model, tuple(database.sha256 for database in one.setup.databases)
@@ -145,8 +145,8 @@ def _alike(plans: Sequence[_Plan]) -> list[list[_Plan]]:
     return [*found.values()]
 
 
-def _read_again(
-    store: Store, facts: Facts, plans: Sequence[_Plan], tell: Callable[[str], None], batch: Batch
+def read_again(
+    store: Store, facts: Facts, plans: Sequence[LogPlan], tell: Callable[[str], None], batch: Batch
 ) -> list[str]:
     """Take in the sealed bytes of logs again, under their names."""
     work = store.work()

@@ -39,7 +39,7 @@ def group_files(store: Store, said: Mapping[str, Override], first: Sequence[tupl
     benches = {sha: read_bench(store.archive.read(sha), one.name) for sha, one in known.benches.items()}
     names = {sha: one.name for sha, one in known.files.items()}
     every = [one.event for one in recorded if isinstance(one.event, SessionRecorded)]
-    overrides = {**sessions.overrides_of(every, benches), **said}
+    overrides = {**sessions.overrides_of(every, benches, known.decodes), **said}
     new = sessions.group(list(known.decodes.values()), benches, names, overrides, known.gone)
     grouped = Grouped()
     events: list[tuple[str, Event]] = [*first]

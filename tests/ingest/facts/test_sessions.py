@@ -124,7 +124,7 @@ def test_what_was_said_on_the_command_line_is_read_back_from_the_sessions() -> N
     benches = {"b1": replace(BENCH, specimen="from-bench")}
     said = {"a": Override(specimen="stator-07", kind="s2"), "b": Override(batch="B3")}
     sessions = grouped(log("a", 0, 9), log("b", 500, 509), log("c", 900, 909), benches=benches, overrides=said)
-    assert overrides_of(sessions, benches) == said
+    assert overrides_of(sessions, benches, {}) == said
     assert grouped(log("a", 0, 9), benches=benches, overrides=said)[0].specimen == "stator-07"
 
 
@@ -142,6 +142,16 @@ def test_a_table_of_many_specimens_holds_a_session_for_each_run_of_rows() -> Non
         ("s1", 4, 4),
     ]
     assert len({session.session for session in sessions}) == 3
+
+
+def test_a_specimen_given_for_a_table_of_many_is_read_back_and_its_columns_are_not() -> None:
+    rows = parts(np.arange(4), np.arange(4) * S, ["s1", "s1", "s2", "s2"], [None] * 4)
+    many = log("a", 0, 4, absolute=False, parts=rows, balance={"found": 4})
+    benches = {"b1": replace(BENCH, specimen_column="serial")}
+    for said in ({"a": Override(specimen="s9")}, {"a": Override(specimen="s1")}, {}):
+        sessions = grouped(many, benches=benches, overrides=said)
+        assert overrides_of(sessions, benches, {many.decode: many}) == said
+        assert len(sessions) == (1 if said else 2)
 
 
 def test_a_table_of_one_specimen_has_the_identity_of_the_whole_file() -> None:
