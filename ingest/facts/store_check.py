@@ -39,13 +39,14 @@ class Damage:
 class StoreCheck:
     """What a check found. `hints`: what is no damage but good to know, one line each. `whole`: what ("sealed files")
     -> how many are as they were written, and of how many; `sessions`: names of those that no damage affects. `head`:
-    None where the ledger is damaged."""
+    None where the ledger is damaged. `is_backup`: it holds no decoded file, as a backup does."""
 
     damages: list[Damage] = field(default_factory=list)
     hints: list[str] = field(default_factory=list)
     whole: dict[str, tuple[int, int]] = field(default_factory=dict)
     sessions: list[str] = field(default_factory=list)
     head: Head | None = None
+    is_backup: bool = False
 
     def twice(self, path: Path, look: Callable[[], str | None]) -> str | None:
         """What `look` finds at `path`, where it finds something a second time too; else that is a hint."""
@@ -152,6 +153,7 @@ def _check_products(
             elif says := found.twice(path, partial(_changed, path, sha256, read)):
                 found.damages.append(Damage(says, affects(decode.decode), "whyhot rebuild"))
             bad += says is not None
+    found.is_backup = 0 < len(missing) == count
     if 1 < len(missing) == count:
         missing = [f"{folder / 'decoded'}: holds none of {count:,} decoded files, as in a backup: {AGAIN}"]
     found.hints += missing

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import argparse
 import re
+import shlex
 from typing import TYPE_CHECKING
 
 from replay.cli.answer import Answer, provenance, store_folder
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from ingest.facts.chain import Head
     from ingest.facts.store_check import Damage, StoreCheck
 
@@ -39,12 +42,12 @@ def run(args: argparse.Namespace) -> Answer:
         "damages": [vars(one) for one in found.damages],
         "whole": {what: {"whole": good, "of": of} for what, (good, of) in found.whole.items()},
         "sessions_whole": found.sessions,
-        "next": _next(found),
+        "next": _next(found, folder),
         "hints": found.hints,
         "provenance": {**provenance(None, read=args.read, since=args.since), "store_head": head},
     }
     if found.damages:
-        return Answer(data, _text(found), code=1, notes=[*map(_line, found.damages), *found.hints])
+        return Answer(data, _text(found, folder), code=1, notes=[*map(_line, found.damages), *found.hints])
     depth = "every event and every sealed byte" if args.read else "every event (sealed bytes too with --read)"
     return Answer(data, f"intact: {depth}; head {found.head}", notes=found.hints)
 
@@ -53,7 +56,7 @@ def _line(one: Damage) -> str:
     return one.says + (f"; affects {', '.join(one.affects)}" if one.affects else "")
 
 
-def _text(found: StoreCheck) -> str:
+def _text(found: StoreCheck, folder: Path) -> str:
     """How much is damaged, what it affects, what is good and what to do now."""
     from replay.show.words.terminal import labelled
     from replay.show.words.words import counted, joined
@@ -64,14 +67,20 @@ def _text(found: StoreCheck) -> str:
     lines = [f"{counted(len(found.damages), 'finding')}, each read twice, in the lines above", ""]
     lines += labelled("Affected", ", ".join(affected) or "no session by name")
     lines += labelled("Whole", whole)
-    for i, step in enumerate(_next(found)):
+    for i, step in enumerate(_next(found, folder)):
         lines += labelled("Then" if i else "Next", step)
     return "\n".join(lines)
 
 
-def _next(found: StoreCheck) -> list[str]:
-    """What mends the damage, each step once, in the order in which it is to be done."""
+def _next(found: StoreCheck, folder: Path) -> list[str]:
+    """What mends the damage, each step once, in the order in which it is to be done. A backup is mended from the store
+    that it is of, if there is one."""
     steps = list(dict.fromkeys(one.mend for one in found.damages))
+    if steps and found.is_backup:
+        again = (
+            f"whyhot backup --store STORE {shlex.quote(str(folder))} --read, if it is the backup of STORE; else"
+        )
+        steps = [f"{again} {steps[0]}", *steps[1:]]
     return [*steps, "whyhot verify --read"] if steps else []
 
 

@@ -199,3 +199,15 @@ def test_a_store_works_under_any_path(bench: Path, capsys: Capture, name: str) -
     ):
         assert main([*words, *store]) == 0, (words, capsys.readouterr().err)
     assert [path.name for path in Path("odd").iterdir()] == [name]
+
+
+def test_a_damaged_backup_is_mended_from_its_store(bench: Path, capsys: Capture) -> None:
+    assert main(["backup", "copy"]) == 0
+    log = Path("copy/archive") / _sealed("1_s1.blf").relative_to("store/archive")
+    _spoil(log)
+    capsys.readouterr()
+    assert main(["verify", "--read", "--store", "copy"]) == 1
+    said = " ".join(capsys.readouterr().out.split())
+    assert "Next whyhot backup --store STORE copy --read, if it is the backup of STORE; else" in said
+    assert main(["backup", "copy", "--read"]) == 0
+    assert main(["verify", "--read", "--store", "copy"]) == 0
