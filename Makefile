@@ -21,7 +21,7 @@ quick: .venv/ready check
 
 QUICK := test_house.py test_make.py ingest twin analytics/insulation replay/engine/files replay/show/plots replay/show/words
 SLOW := ingest/catalogue/test_looked.py ingest/intake \
-	ingest/facts/test_store_faults.py ingest/log/test_reading.py ingest/log/test_clock.py \
+	ingest/log/test_reading.py ingest/log/test_clock.py \
 	ingest/facts/test_ledger.py twin/compiled/test_kernel.py twin/run/test_side_by_side.py analytics/insulation/courses/test_forms.py \
 	twin/diagnosis twin/insulation twin/fitting/test_noise.py twin/compiled/test_integrators.py twin/compiled/test_new_law.py \
 	twin/calibration/test_united.py twin/run/test_reduction.py \

@@ -14,8 +14,8 @@ from analytics import warehouse
 from analytics.errors import AnalyticsError, QueryError, RefusedQueryError
 from analytics.query import LONGEST, run
 from ingest.facts.store import Store
+from made.escapes import ESCAPES, SECRET
 
-SECRET = "no query may show this"
 NAMES = ", ".join(warehouse.VIEWS)
 ADVICE = "whyhot sql only reads: SELECT, FROM, WITH, VALUES, DESCRIBE, SHOW TABLES, SUMMARIZE, EXPLAIN"
 
@@ -66,95 +66,6 @@ def test_every_way_to_read_is_open(connection: duckdb.DuckDBPyConnection, sql: s
 )
 def test_the_views_explain_themselves(connection: duckdb.DuckDBPyConnection, sql: str, shows: str) -> None:
     assert shows in str(run(connection, sql).rows)
-
-
-# {outside}: a file beside the store; {inside}: the folder of a decode, {raw}: a Parquet file in it; {db}: another
-# database.
-ESCAPES = [
-    "SELECT * FROM read_csv('/etc/passwd')",
-    "SELECT * FROM read_csv_auto('/etc/passwd', header = false)",
-    "SELECT content FROM read_text('{outside}')",
-    "SELECT content FROM read_blob('{outside}')",
-    "SELECT * FROM read_json('{outside}')",
-    "SELECT * FROM sniff_csv('{outside}')",
-    "SELECT * FROM glob('/etc/*')",
-    "SELECT * FROM '{outside}'",
-    'SELECT * FROM "{outside}"',
-    "SELECT * FROM '{db}'",
-    "SELECT * FROM read_duckdb('{db}', table_name = 's')",
-    "SELECT * FROM read_parquet('{outside}')",
-    "SELECT * FROM read_parquet('{inside}/*.parquet')",
-    "SELECT * FROM read_parquet('{inside}/../../../../../../../../../../../..{outside}')",
-    "SELECT * FROM parquet_metadata('{raw}')",
-    "SELECT * FROM parquet_kv_metadata('{outside}')",
-    "SELECT (SELECT content FROM read_text('{outside}')) FROM sessions",
-    "SELECT * FROM sessions, LATERAL (SELECT * FROM read_text('{outside}'))",
-    "WITH a AS (SELECT * FROM read_text('{outside}')) SELECT * FROM a",
-    "DESCRIBE SELECT * FROM read_csv('{outside}')",
-    "SUMMARIZE FROM read_csv('{outside}')",
-    "EXPLAIN ANALYZE SELECT * FROM read_text('{outside}')",
-    "SELECT * FROM system.main.read_text('{outside}')",
-    "SELECT * FROM query('SELECT * FROM read_text(''{outside}'')')",
-    "SELECT * FROM query_table('{outside}')",
-    "SELECT * FROM read_csv('https://example.org/x.csv')",
-    "SELECT * FROM 's3://bucket/x.parquet'",
-    "COPY (SELECT 1) TO '{inside}/stolen.csv'",
-    "COPY sessions TO '{outside}'",
-    "COPY (SELECT 1) TO '{raw}' (FORMAT parquet, USE_TMP_FILE false)",
-    "WITH a AS (COPY (SELECT 1) TO '{inside}/stolen.csv') SELECT * FROM a",
-    "WITH a AS (COPY (SELECT 1 AS x) TO '{raw}' (FORMAT parquet, USE_TMP_FILE false)) SELECT * FROM a",
-    "EXPLAIN ANALYZE COPY (SELECT 1) TO '{inside}/stolen.csv'",
-    "EXPORT DATABASE '{inside}/stolen'",
-    "PRAGMA import_database('{inside}')",
-    "IMPORT DATABASE '{inside}'",
-    "ATTACH '{db}' AS other",
-    "ATTACH ':memory:' AS other",
-    "DETACH warehouse",
-    "USE memory",
-    "INSTALL httpfs",
-    "LOAD httpfs",
-    "LOAD '{outside}'",
-    "SET enable_external_access = true",
-    "SET memory_limit = '100GB'",
-    "RESET lock_configuration",
-    "PRAGMA threads = 64",
-    "PRAGMA enable_profiling = 'json'",
-    "PRAGMA profiling_output = '{inside}/stolen.json'",
-    "SELECT * FROM enable_profiling(format = 'json', save_location = '{inside}/stolen.json')",
-    "SELECT * FROM enable_logging(storage = 'file', storage_path = '{inside}/stolen')",
-    "CALL enable_logging()",
-    "SELECT * FROM arrow_scan(1::POINTER, 1::POINTER, 1::POINTER)",
-    "SELECT * FROM pandas_scan(1::POINTER)",
-    "SELECT * FROM duckdb_secrets()",
-    "SELECT * FROM duckdb_settings()",
-    "SELECT * FROM which_secret('x', 's3')",
-    "SELECT getenv('HOME')",
-    "SELECT current_setting('allowed_paths')",
-    "SELECT write_log('x')",
-    "SELECT * FROM checkpoint()",
-    "CHECKPOINT",
-    "CREATE TABLE memory.main.t AS SELECT 1",
-    "CREATE TEMP TABLE t AS SELECT 1",
-    "CREATE SECRET s (TYPE s3)",
-    "CREATE MACRO m() AS TABLE SELECT * FROM read_text('{outside}')",
-    "INSERT INTO base.events (position) VALUES (99)",
-    "WITH a AS (INSERT INTO base.events (position) VALUES (99) RETURNING position) SELECT * FROM a",
-    "WITH a AS (DELETE FROM base.events RETURNING position) SELECT * FROM a",
-    "UPDATE base.sessions SET name = 'x'",
-    "DELETE FROM base.events",
-    "DROP VIEW sessions",
-    "ALTER TABLE base.events RENAME TO gone",
-    "COMMENT ON VIEW sessions IS 'x'",
-    "PREPARE p AS SELECT 1",
-    "BEGIN TRANSACTION",
-    "VACUUM",
-    "SELECT 1; SELECT 2",
-    "SELECT 1; DROP VIEW sessions",
-    "",
-    "-- nothing",
-    "SELECT * FROM a_python_variable",
-    "PRAGMA table_info('sessions'); DROP VIEW sessions",
-]
 
 
 @pytest.mark.parametrize("sql", ESCAPES)

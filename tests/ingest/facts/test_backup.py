@@ -312,36 +312,6 @@ found += [f"the store: {state(folder)}"] * (state(folder) != whole)
 print(json.dumps({"kills": kills, "tries": len(heads), "found": found, "heads": heads, "whole": whole[1]}))
 """
 
-WHILE_ONE_WRITES = """
-def write():
-    for number in range(10_000):
-        with Store.open(folder, write=True) as store:
-            for part in range(3):
-                put(store, f"log {number} {part}")
-
-with Store.open(folder, create=True) as store:
-    put(store, "first")
-writer, rng, positions, found = started(write), random.Random(1), [], []
-target = here / "backup"
-try:
-    for _ in range(8):
-        copier = started(lambda: backup(folder, target))
-        time.sleep(rng.uniform(0, 0.03))
-        os.kill(copier, signal.SIGKILL)
-        ended(copier)
-        found += state(target)[0]
-        done = backup(folder, target)
-        damages, position = state(target)
-        found += damages + [*done.left]
-        positions.append(position)
-finally:
-    os.kill(writer, signal.SIGKILL)
-    ended(writer)
-found += state(folder)[0]
-backup(folder, target)
-print(json.dumps({"positions": positions, "found": found, "equal": state(folder) == state(target)}))
-"""
-
 
 def attack(script: str, folder: Path) -> dict[str, Any]:
     command = [sys.executable, "-c", COMMON + script, str(folder)]
@@ -362,12 +332,3 @@ def test_killed_before_each_change_of_the_disk_the_copy_is_whole_and_the_next_fi
         ("restore", 0),
         ("restore", result["whole"]),
     }, "all events or those of before"
-
-
-@pytest.mark.skipif(sys.platform == "win32", reason="needs fork and kill -9")
-def test_backups_while_another_process_writes_are_whole_though_every_other_one_is_killed(tmp_path: Path) -> None:
-    result = attack(WHILE_ONE_WRITES, tmp_path)
-    assert result["found"] == []
-    assert result["equal"]
-    assert len(set(result["positions"])) > 3, "the writer hardly wrote meanwhile"
-    assert result["positions"] == sorted(result["positions"])

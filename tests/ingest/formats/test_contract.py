@@ -3,9 +3,7 @@
 import gzip
 import json
 import random
-import time
 import tracemalloc
-from collections.abc import Iterable
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -20,16 +18,13 @@ from ingest.formats import (
     OTHERS,
     Format,
     Frames,
-    Log,
     Rejected,
     Rejections,
-    Rows,
     open_log,
     recognise,
 )
+from made.damaged import check_account, read, read_damaged, sample
 from made.places import LOGS
-
-PATIENCE_S = 5.0  # for one damaged sample
 
 LIBRARIES = {"tdms": "nptdms", "xlsx": "python_calamine"}  # of formats that are an extra
 
@@ -41,35 +36,6 @@ def with_its_library(entry: Format) -> Any:
 
 
 each_format = pytest.mark.parametrize("entry", [with_its_library(entry) for entry in FORMATS])
-
-
-def sample(entry: Format) -> Path:
-    return LOGS / f"sample.{entry.name}"
-
-
-def read(path: Path) -> tuple[Log, list[Frames | Rows]]:
-    log = open_log(path)
-    return log, list(log.batches())
-
-
-def check_account(log: Log, batches: Iterable[Frames | Rows]) -> None:
-    """Every record once: in a batch, or rejected."""
-    in_batches = [int(number) for batch in batches for number in batch.record]
-    assert in_batches == sorted(in_batches)
-    rejected = [entry.record for entry in log.rejected]
-    assert rejected == sorted(rejected)
-    assert sorted(in_batches + rejected) == list(range(log.found))
-
-
-def read_damaged(path: Path) -> None:
-    """Anything may be wrong with `path`: it is read in time and keeps the account, or refused in one line."""
-    began = time.monotonic()
-    try:
-        check_account(*read(path))
-    except UnreadableLogError as error:
-        assert str(error).startswith(f"{path.name}: ")
-        assert "\n" not in str(error)
-    assert time.monotonic() - began < PATIENCE_S
 
 
 @each_format

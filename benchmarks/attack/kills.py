@@ -1,0 +1,136 @@
+"""Commands that are stopped: killed at a random moment, killed before each change of a disk, interrupted by Ctrl-C.
+
+After each the store must verify with nothing of before changed, and the same command again must leave what one that
+was not stopped leaves.
+"""
+
+from __future__ import annotations
+
+import json
+import signal
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from benchmarks.attack import children, subjects
+from benchmarks.attack.children import Verb
+from benchmarks.attack.outcome import Arena, Attack, Outcome
+from ingest.facts.chain import Head
+
+STORES = ("store", "copy", "new")
+
+
+@dataclass(frozen=True)
+class Whole:
+    """A command that nothing stops: the head of its store before, what its folder's stores say after it, how long it
+    takes, and how many changes of a disk it makes."""
+
+    verb: str
+    bench: Path
+    head: Head
+    means: dict[str, list[str]]
+    seconds: float
+    changes: int
+
+    def fresh(self, folder: Path) -> Verb:
+        """The same command in a new folder."""
+        return Verb(subjects.WRITING[self.verb], subjects.copied(self.bench, folder / self.verb))
+
+    def wrong(self, stopped: Verb, how: str) -> str:
+        """What is wrong after the command was stopped, and after the same again; empty where nothing is."""
+        for store in STORES:
+            since = self.head if store == "store" else None
+            if found := subjects.damages(stopped.folder / store, since):
+                return f"{how}: {store}: {found[0]}"
+        code, said = stopped.ended()
+        means = _means(stopped.folder)
+        if means != self.means:
+            other = {line for all_of in (means, self.means) for lines in all_of.values() for line in lines}
+            other -= {line for store in STORES for line in {*means.get(store, [])} & {*self.means.get(store, [])}}
+            return f"{how}, then again (exit code {code}), differs: {sorted(other)[:3]}: {said[-300:]}"
+        return "Traceback" if "Traceback" in said else ""
+
+
+def wholes(arena: Arena) -> list[Whole]:
+    """Each verb that writes, done once, by whichever attack asks first. Raises RuntimeError where one fails."""
+    kept, head = arena.bench.with_name("wholes.json"), subjects.head(arena.bench / "store")
+    if not kept.exists():
+        kept.write_text(json.dumps([_whole(arena, verb) for verb in subjects.WRITING]))
+    return [Whole(bench=arena.bench, head=head, **one) for one in json.loads(kept.read_text())]
+
+
+def _whole(arena: Arena, verb: str) -> dict[str, Any]:
+    once = Verb(subjects.WRITING[verb], subjects.copied(arena.bench, arena.folder / "once"))
+    changes = arena.folder / "changes.txt"
+    with changes.open("wb", buffering=0) as counter:
+        began = time.monotonic()
+        code, said = once.ended(lambda: children.at_change(0, lambda name: counter.write(b"."), on=True))
+    if code:
+        raise RuntimeError(f"{verb}: {code}: {said}")
+    seconds = time.monotonic() - began
+    return {"verb": verb, "means": _means(once.folder), "seconds": seconds, "changes": changes.stat().st_size}
+
+
+def _means(folder: Path) -> dict[str, list[str]]:
+    return {name: subjects.meaning(folder / name) for name in STORES if (folder / name / "store.json").exists()}
+
+
+def at_random(arena: Arena) -> Outcome:
+    """T1."""
+    chance, outcome, died = arena.chance, Outcome(), 0
+    subject = wholes(arena)
+    for number in range(arena.tries):
+        whole = subject[number % len(subject)]
+        delay = chance.uniform(0.0, 1.1 * whole.seconds)
+        verb = whole.fresh(arena.folder)
+        died += children.killed_within(verb.start(), delay) == children.KILLED
+        outcome.count(*filter(None, [whole.wrong(verb, f"{whole.verb} killed after {delay:.3f} s")]))
+    outcome.note = f"{len(subject)} verbs; {died} were still running"
+    return outcome
+
+
+def at_each_change(arena: Arena) -> Outcome:
+    """T2: all of them where `tries` allows, else the same share of each verb."""
+    outcome, points = Outcome(), []
+    for whole in wholes(arena):
+        points.append(f"{whole.verb} {whole.changes}")
+        step = max(1, len(subjects.WRITING) * whole.changes // arena.tries)
+        for number in range(arena.chance.randrange(step), whole.changes, step):
+            verb = whole.fresh(arena.folder)
+            code, said = verb.ended(_dies_at(number))
+            how = f"{whole.verb} killed before change {number}"
+            lost = [] if code == children.KILLED else [f"{how}: it ended with {code}: {said[-200:]}"]
+            outcome.count(*lost, *filter(None, [whole.wrong(verb, how)]))
+    outcome.note = f"changes of a disk: {', '.join(points)}"
+    return outcome
+
+
+def _dies_at(number: int) -> Callable[[], None]:
+    return lambda: children.at_change(number, children.die)
+
+
+def interrupted(arena: Arena) -> Outcome:
+    """T18: Ctrl-C ends with exit code 130 and without a traceback, where it came in time."""
+    chance, outcome, came = arena.chance, Outcome(), 0
+    subject = wholes(arena)
+    for number in range(arena.tries):
+        whole = subject[number % len(subject)]
+        delay = chance.uniform(0.0, whole.seconds)
+        verb = whole.fresh(arena.folder)
+        code = children.killed_within(verb.start(), delay, signal.SIGINT)
+        said, how = verb.said.read_text(errors="replace"), f"{whole.verb} interrupted after {delay:.3f} s"
+        came += code == 130
+        trace = said.find("Traceback")
+        bad = [f"{how}: exit code {code}: {said[max(trace - 300, 0) :][:1200]}"] * (code not in (0, 130) or trace >= 0)
+        outcome.count(*bad, *filter(None, [whole.wrong(verb, how)]))
+    outcome.note = f"{came} came before the end"
+    return outcome
+
+
+ATTACKS = (
+    Attack("T1", "kill -9 at a random time", "nothing lost; the same command finishes it", 2000, 4, at_random),
+    Attack("T2", "kill -9 before a change of a disk", "as T1", 4000, 8, at_each_change),
+    Attack("T18", "Ctrl-C", "exit code 130, no traceback, the same command finishes it", 200, 4, interrupted),
+)
