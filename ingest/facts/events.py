@@ -6,6 +6,7 @@ begins with its stream, named `kind-key`.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, dataclass_transform
 
@@ -14,10 +15,15 @@ COUNTS = ("decoded", "unknown_id", "wrong_length", "rejected")  # what becomes o
 
 @dataclass_transform(frozen_default=True, kw_only_default=True, field_specifiers=(field,))
 class Event:
-    """Base of all facts, frozen dataclasses. `TOPIC`: the stored name, of the class's; `VERSION`: of its fields."""
+    """Base of all facts, frozen dataclasses. `TOPIC`: the stored name, of the class's; `VERSION`: of its fields.
+
+    A field that is added has a default. Any other change of the fields is a new version, and `EARLIER` says for each
+    version before it what it is in the next one. What is stored stays as it is.
+    """
 
     TOPIC: ClassVar[str]
     VERSION: ClassVar[int] = 1
+    EARLIER: ClassVar[Mapping[int, Callable[[dict[str, Any]], dict[str, Any]]]] = {}
 
     def __init_subclass__(cls) -> None:
         cls.TOPIC = f"whyhot:{cls.__name__}"

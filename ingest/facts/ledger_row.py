@@ -115,11 +115,14 @@ def _event(topic: str, envelope: dict[str, Any], where: str) -> Event:
     kind = EVENTS.get(topic)
     if kind is None:
         raise LedgerError(f"{where}: {topic!r} is not an event of this whyhot: it was forged, or a newer one wrote it")
+    version, body = envelope["v"], envelope["body"]
     try:
-        if envelope["v"] != kind.VERSION or not _fits(envelope["body"], kind):
+        while version in kind.EARLIER:
+            version, body = version + 1, kind.EARLIER[version](body)
+        if version != kind.VERSION or not _fits(body, kind):
             raise TypeError
-        return kind(**envelope["body"])
-    except TypeError:
+        return kind(**body)
+    except (TypeError, LookupError):
         raise LedgerError(
             f"{where}: {topic} version {envelope['v']!r} does not fit this whyhot (it knows {kind.VERSION}): "
             "update whyhot"

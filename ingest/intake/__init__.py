@@ -2,6 +2,6 @@
 
 `intake` is `whyhot ingest`: `setup` checks bench file, databases and motor file before anything is kept, `grouping`
 puts files into sessions. `inspection` looks without storing, `attachments` seals photographs with what was found.
-`retractions` and `corrections` put right by a person's word what was taken in, `located` finds records again in sealed
-bytes.
+`retractions` and `corrections` put right by a person's word what was taken in, `upgrade` decodes anew what an earlier
+version took in, `located` finds records again in sealed bytes.
 """

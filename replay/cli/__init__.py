@@ -49,6 +49,7 @@ VERBS: dict[str, str] = {
     "retract": "take back a log, session, diagnosis or inspection, with a reason; nothing is deleted",
     "correct": "say anew what a log is of and read with, with a reason",
     "stale": "answers computed from what is other by now, and the same asked again",
+    "upgrade": "what an earlier version made of a store's logs, decoded anew; facts stay as they are",
     "rebuild": "make samples and warehouse again from sealed facts",
     "verify": "check every fact and every sealed byte",
     "head": "the ledger's head: position and Merkle root",

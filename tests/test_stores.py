@@ -1,0 +1,140 @@
+"""Stores that earlier versions wrote: read for ever, and never written anew."""
+
+from __future__ import annotations
+
+import json
+import tarfile
+from pathlib import Path
+from typing import Any, ClassVar
+
+import pytest
+
+from ingest.facts import events, facts
+from ingest.facts.events import Event, RawFileSealed
+from ingest.facts.store import Store
+from ingest.intake import upgrade
+from ingest.log import decode
+from made import can_bench
+from made.events import raw
+from made.forged import change, resealed, stored
+from made.places import ROOT
+from replay.cli import main
+
+Capture = pytest.CaptureFixture[str]
+STORES = sorted((ROOT / "tests" / "stores").glob("*.tar.xz"))
+
+
+def unpacked(version: Path, to: Path) -> Path:
+    """A store of that version, to be used."""
+    with tarfile.open(version) as file:
+        file.extractall(to, filter="data")
+    return to / "store"
+
+
+def said(folder: Path) -> dict[str, Any]:
+    """What a store says: its head, and each fact that counts."""
+    with Store.open(folder) as store:
+        known, head = facts.at(store.ledger), store.ledger.head()
+    return {
+        "head": str(head),
+        "logs": {sha256: one.name for sha256, one in known.files.items()},
+        "products": {one.decode: dict(one.products) for one in known.decodes.values()},
+        "sessions": [[one.session, one.name, one.kind, one.specimen] for one in known.sessions],
+        "runs": {one.run: one.digest for one in known.runs.values()},
+        "taken back": sorted(known.retractions),
+        "inspections": sorted(known.inspections),
+    }
+
+
+@pytest.mark.parametrize("version", STORES, ids=lambda path: path.name)
+def test_a_store_of_an_earlier_version_is_read_as_it_was_written(
+    version: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture
+) -> None:
+    folder = unpacked(version, tmp_path)
+    monkeypatch.setenv("WHYHOT_STORE", str(folder))
+    rows = stored(folder)
+    expected = json.loads(version.with_name(version.name.replace("tar.xz", "json")).read_text(encoding="utf-8"))
+    assert said(folder) == expected
+    assert main(["verify", "--read", "--since", expected["head"]]) == 0
+    capsys.readouterr()
+    assert main(["sql", "SELECT count(*) FROM samples", "--csv"]) == 0
+    assert int(capsys.readouterr().out.split()[1]) > 1000
+    assert main(["upgrade", "--dry-run"]) == 0
+    can_bench.write_files(tmp_path)
+    can_bench.write_log(tmp_path / "new.blf", seconds=20)
+    words = ["--bench", str(tmp_path / "bench.toml"), "--dbc", str(tmp_path / "bench.dbc")]
+    assert main(["ingest", str(tmp_path / "new.blf"), *words]) == 0
+    assert stored(folder)[: len(rows)] == rows, "written anew"
+
+
+@pytest.fixture
+def store(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    folder = unpacked(STORES[-1], tmp_path)
+    monkeypatch.setenv("WHYHOT_STORE", str(folder))
+    return folder
+
+
+def test_a_store_of_a_newer_version_is_refused_in_one_line(store: Path, capsys: Capture) -> None:
+    (store / "store.json").write_text('{"schema": "whyhot.store/2"}\n', encoding="utf-8")
+    for words in (["sessions"], ["sql", "FROM sessions"], ["replay"], ["upgrade", "--dry-run"]):
+        assert main(words) == 2
+        (line,) = capsys.readouterr().err.splitlines()
+        assert "schema 'whyhot.store/2' is not known here (this is whyhot.store/1): update whyhot" in line
+
+
+def test_an_event_of_a_newer_version_is_refused_in_one_line(store: Path, capsys: Capture) -> None:
+    position, stream, version, topic, state = stored(store)[0]
+    envelope = resealed(stream, version, topic, json.loads(state) | {"v": 2})
+    change(store, "UPDATE stored_events SET state=? WHERE rowid=?", json.dumps(envelope).encode(), position)
+    envelope["digest"] = resealed(stream, version, topic, envelope)["digest"]
+    assert main(["sessions"]) == 2
+    assert len(capsys.readouterr().err.splitlines()) == 1
+
+
+def test_an_event_of_an_earlier_version_is_read_as_it_would_be_written_today(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with Store.open(tmp_path / "store", create=True) as opened:
+        opened.ledger.append("file-a", raw("a.blf"))
+    before = stored(tmp_path / "store")
+
+    class Newer(Event):
+        sha256: str
+        called: str
+        size: int
+        format: str | None
+        VERSION: ClassVar[int] = 3
+        EARLIER: ClassVar = {
+            1: lambda body: {**body, "named": body["name"]},
+            2: lambda body: {"called": body["named"]} | {key: body[key] for key in ("sha256", "size", "format")},
+        }
+
+    Newer.TOPIC = RawFileSealed.TOPIC
+    monkeypatch.setitem(events.EVENTS, RawFileSealed.TOPIC, Newer)
+    with Store.open(tmp_path / "store", write=True) as opened:
+        (one,) = opened.ledger.events(Newer)
+        assert isinstance(one.event, Newer) and one.event.called == "a.blf"
+        opened.ledger.append("file-b", Newer(sha256="b", called="b.blf", size=1, format=None))
+    assert stored(tmp_path / "store")[: len(before)] == before
+    with Store.open(tmp_path / "store") as opened:
+        assert [vars(one.event)["called"] for one in opened.ledger.events(Newer)] == ["a.blf", "b.blf"]
+
+
+def test_an_upgrade_decodes_anew_what_another_decoder_made(
+    store: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture
+) -> None:
+    rows, before = stored(store), said(store)
+    monkeypatch.setattr(decode, "DECODER", "whyhot-decoder/999")
+    assert main(["upgrade", "--dry-run"]) == 0
+    assert "to be decoded again, made by an earlier version: 1_s1.blf" in " ".join(capsys.readouterr().out.split())
+    assert stored(store) == rows
+    assert main(["upgrade"]) == 0
+    after = said(store)
+    assert [one[:2] for one in after["sessions"]] == [one[:2] for one in before["sessions"]]
+    assert len(after["products"]) == len(before["products"]) + 1
+    capsys.readouterr()
+    assert main(["upgrade"]) == 0
+    assert "all made by this version: nothing to do" in " ".join(capsys.readouterr().out.split())
+    with Store.open(store) as opened:
+        assert upgrade.needed(opened.ledger.events(), facts.at(opened.ledger)).logs == {}
+    assert main(["verify", "--read"]) == 0
