@@ -183,16 +183,16 @@ def _text(text: str) -> Callable[[Path], None]:
 
 
 BOMBS: Mapping[str, tuple[str, Callable[[Path], None]]] = {
+    "arrays in a TOML": ("motor.toml", _text("a = " + "[" * 100_000)),
+    "tables in a TOML": ("motor.toml", _text("[" + ".".join("a" * 50_000) + "]\n")),
+    "a text in a TOML": ("motor.toml", _text('a = """' + "x" * (5 << 20))),
+    "a long line of a TOML": ("motor.toml", _text("a = " + "'" * 3_000_000)),
     "containers of a BLF": ("bomb.blf", _blf),
     "rows of a CSV": ("bomb.csv.gz", _gz(b"time,T\n", b"1,2\n" * (1 << 18))),
     "one line of a CSV": ("bomb.csv.gz", _gz(b"time,T\n", b"1" * (1 << 20))),
     "one line of an ASC": ("bomb.asc.gz", _gz(b"base hex timestamps absolute\n", b" " * (1 << 20))),
     "a log in a ZIP": ("bomb.zip", _zip),
     "a sheet of an XLSX": ("bomb.xlsx", _xlsx),
-    "arrays in a TOML": ("motor.toml", _text("a = " + "[" * 100_000)),
-    "tables in a TOML": ("motor.toml", _text("[" + ".".join("a" * 50_000) + "]\n")),
-    "a text in a TOML": ("motor.toml", _text('a = """' + "x" * (5 << 20))),
-    "a long line of a TOML": ("motor.toml", _text("a = " + "'" * 3_000_000)),
 }
 BOMB_BYTES = 1 << 30
 STARTING_S = 30.0  # beyond what reading a log of its size may take

@@ -190,5 +190,5 @@ def _found(fault: Fault, arena: Arena) -> bool:
 
 
 ATTACKS = (
-    Attack("T10", "faults planted in our own checks", "each makes another attack fail", len(FAULTS), 3, planted),
+    Attack("T10", "faults planted in our own checks", "each makes another attack fail", len(FAULTS), 1, planted),
 )

@@ -77,9 +77,7 @@ def _next(found: StoreCheck, folder: Path) -> list[str]:
     that it is of, if there is one."""
     steps = list(dict.fromkeys(one.mend for one in found.damages))
     if steps and found.is_backup:
-        again = (
-            f"whyhot backup --store STORE {shlex.quote(str(folder))} --read, if it is the backup of STORE; else"
-        )
+        again = f"whyhot backup --store STORE {shlex.quote(str(folder))} --read, if it is the backup of STORE; else"
         steps = [f"{again} {steps[0]}", *steps[1:]]
     return [*steps, "whyhot verify --read"] if steps else []
 
