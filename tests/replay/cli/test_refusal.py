@@ -128,7 +128,7 @@ def test_an_interrupt_that_a_callback_swallows_comes_again(
 
     def swallows(*_: object) -> None:
         callback()
-        for _ in range(500):
+        for _number in range(500):
             time.sleep(0.01)
 
     monkeypatch.setattr("ingest.facts.facts.at", swallows)
