@@ -38,8 +38,8 @@ from replay.engine.runs import runs
 from replay.engine.runs.campaign import replay_sessions
 from replay.engine.runs.identity import digest_of
 from replay.show.plots.filter_plots import courses, estimated_loss, filter_over_time
-from replay.show.reports import layers
 from replay.show.reports.report import ReportContext, write_report
+from replay.show.viewer import layers
 from replay.show.words.filter_words import checked
 from twin.filters.unknowns import Unknown
 from twin.motor.network import Copper, Network
