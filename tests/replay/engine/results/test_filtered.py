@@ -20,6 +20,7 @@ from ingest.facts.store import Store
 from ingest.intake.intake import take_in
 from ingest.intake.setup import prepare
 from made.runs import made_run
+from made.seen import seen_session
 from plant import Effect, Plant, drives, sessions, write_campaign
 from replay.engine.files.models import for_intake, model_of
 from replay.engine.files.motor_file import read_motor
@@ -39,7 +40,8 @@ from replay.engine.runs.campaign import replay_sessions
 from replay.engine.runs.identity import digest_of
 from replay.show.plots.filter_plots import courses, estimated_loss, filter_over_time
 from replay.show.reports.report import ReportContext, write_report
-from replay.show.viewer import layers
+from replay.show.viewer.layers import write_layers
+from replay.show.viewer.seen import SessionSeen
 from replay.show.words.filter_words import checked
 from twin.filters.unknowns import Unknown
 from twin.motor.network import Copper, Network
@@ -205,8 +207,9 @@ def test_picture_table_and_layer_show_the_smoother(hidden: Replayed, tmp_path: P
     assert "does not lag" in plot.note
     assert plot.table.head[-3:] == ("smoothed [W]", "standard deviation smoothed [W]", "smoothed [°C]")
     assert all(len(row) == len(plot.table.head) for row in plot.table.rows)
-    layers.write_filtered(hidden.run, tmp_path / "filtered.rrd")
-    batches = [batch.to_record_batch() for batch in chunk.RrdReader(tmp_path / "filtered.rrd").stream()]
+    files = write_layers(SessionSeen(seen_session(), [], {"published": hidden.run}), tmp_path)
+    layer = next(file for file in files if file.name.endswith(".filtered.rrd"))
+    batches = [batch.to_record_batch() for batch in chunk.RrdReader(layer).stream()]
     paths = {batch.schema.metadata[b"rerun:entity_path"].decode().split("/", 3)[-1] for batch in batches}
     assert {"magnet/smoothed", "magnet/smoothed_from", "magnet/smoothed_to"} <= {p for p in paths if "magnet" in p}
 
