@@ -62,10 +62,16 @@ def _node(seen: SessionSeen, node: str) -> Any:
 
 
 def temperatures(seen: SessionSeen, title: str, nodes: Sequence[str]) -> Any:
-    """What was measured at nodes, and what each model says."""
-    layers = [("measured",), *(of_model(role, run) for role, run in seen.runs.items())]
-    layers += [("corrected", words.short(run.model)) for run in seen.runs.values()]
-    return series(f"{title} [°C]", [f"+ /{path(*parts, node)}/**" for node in nodes for parts in layers])
+    """What was measured at nodes and what each model has the channels there read, so that the lines are as far apart
+    as the residual says; of nodes without a channel their temperatures."""
+    contents = []
+    for node in nodes:
+        layers: list[tuple[str, ...]] = [("measured",)]
+        for role, run in seen.runs.items():
+            model = words.short(run.model)
+            layers += [("reads", model), ("corrected", model)] if node in seen.observed else [of_model(role, run)]
+        contents += [f"+ /{path(*parts, node)}/**" for parts in layers]
+    return series(f"{title} [°C]", contents)
 
 
 def _rest(seen: SessionSeen) -> list[Any]:

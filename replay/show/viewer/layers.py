@@ -3,9 +3,10 @@ their recording, each has entity paths of its own, and all carry one layout, whi
 
 Paths: `measured/<node>/<channel>`, `inputs/<quantity>/<channel>`, `ignored/<quantity>/<channel>`,
 `phase/<channel>`; `open_loop/<model>/<node>` (`extended/...` of a model with a cause),
-`residual/<model>/<node>/<channel>`, `masked/<model>/<channel>`, `heat/<model>`; `band/<node>/<channel>/zero`, `from`
-and `to`; `filtered/<model>/<node>`, `loss/<model>/<node>/estimated`, `from`, `to` and `modelled`; `event` and
-`answer` for text, `key/...` for what colours mean. All raise ViewerError where rerun is not installed.
+`reads/<model>/<node>/<channel>` (what the model has a channel read), `residual/<model>/<node>/<channel>`,
+`masked/<model>/<channel>`, `heat/<model>`; `band/<node>/<channel>/zero`, `from` and `to`; `filtered/<model>/<node>`,
+`loss/<model>/<node>/estimated`, `from`, `to` and `modelled`; `event` and `answer` for text, `key/...` for what colours
+mean. All raise ViewerError where rerun is not installed.
 """
 
 from __future__ import annotations
@@ -107,14 +108,14 @@ def _turning(to: LayerFile, speed: ChannelData) -> None:
 
 
 def _model(to: LayerFile, seen: SessionSeen, role: str, run: Run) -> None:
-    """What a model says: every node's temperature, each channel's residual against the reading as recorded, the
-    network's heat; of the first also the sensors' bands, the masked stretches and what happened when."""
+    """What a model says: every node's temperature, what each channel would read, its residual against the reading as
+    recorded, the network's heat; of the first also the sensors' bands, the masked stretches and what happened when."""
     layer, label, colour = of_model(role, run), seen.label(role), COLOUR[role]
     for i, node in enumerate(run.nodes):
         to.line(path(*layer, node), f"{words.name(node)} {label}", colour, MIDDLE, run.t_ns, run.temperatures[:, i])
     for o in run.observed:
-        if o.node not in run.nodes:  # a sensor between nodes: what it would read
-            to.line(path(*layer, o.node, o.channel), f"{o.channel} {label}", colour, MIDDLE, o.t_ns, o.modelled)
+        reads = path("reads", layer[1], o.node, o.channel)
+        to.line(reads, f"{o.channel} {label}", colour, MIDDLE, o.t_ns, o.modelled)
         residual = np.where(o.used, seen.recorded(o).residual, np.nan)
         to.line(path("residual", layer[1], o.node, o.channel), f"{label} [K]", colour, MIDDLE, o.t_ns, residual)
         if seen.moved(o):

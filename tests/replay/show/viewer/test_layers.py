@@ -116,6 +116,20 @@ def test_residuals_of_every_model_are_of_the_reading_as_recorded_with_masked_ste
     assert last == pytest.approx(residual)
 
 
+@pytest.mark.parametrize(
+    ("layer", "model"), [("open_loop", PUBLISHED), ("recalibrated", RECALIBRATED), ("extended", EXTENDED)]
+)
+def test_the_lines_above_are_as_far_apart_as_the_residual_below_says(
+    written: dict[str, Path], layer: str, model: str
+) -> None:
+    for o in made_run().observed:
+        _, reads = values(written[layer], f"reads/{model}/{o.node}/{o.channel}", "Scalars:scalars")
+        _, left = values(written[layer], f"residual/{model}/{o.node}/{o.channel}", "Scalars:scalars")
+        apart = o.measured - reads
+        there = np.isfinite(left)
+        assert there.sum() > len(left) / 2 and apart[there] == pytest.approx(left[there])
+
+
 def test_the_corrected_reading_is_drawn_beside_the_recorded_one(written: dict[str, Path]) -> None:
     _, value = values(written["extended"], f"corrected/{EXTENDED}/winding/T_1", "Scalars:scalars")
     assert value == pytest.approx(made_run().observed[0].measured - 1.7)
@@ -208,10 +222,20 @@ def test_a_panel_is_a_node_with_every_model_and_no_legend_lies_over_it() -> None
     layout = blueprint.of(seen())
     views = shown(layout)
     rotor = views["Rotor surface [°C]"]
-    for layer in ("measured", f"open_loop/{PUBLISHED}", f"open_loop/{RECALIBRATED}", f"extended/{EXTENDED}"):
+    for layer in ("measured", *(f"reads/{model}" for model in (PUBLISHED, RECALIBRATED, EXTENDED))):
         assert f"+ /{layer}/rotor_surface/**" in rotor
     assert {"network, with the cause", "motor cut open, with the cause", "loss of the rotor surface [W]"} <= set(views)
     assert not series_with_a_legend(layout)
+
+
+def test_a_node_without_a_channel_is_shown_by_its_temperature() -> None:
+    pytest.importorskip("rerun")
+    one = seen()
+    few = {role: replace(run, observed=run.observed[:1]) for role, run in one.runs.items()}
+    views = shown(blueprint.of(replace(one, runs=few)))
+    contents = {content for view in views.values() for content in view}
+    for layer in (f"open_loop/{PUBLISHED}", f"open_loop/{RECALIBRATED}", f"extended/{EXTENDED}"):
+        assert f"+ /{layer}/rotor_surface/**" in contents
 
 
 def series_with_a_legend(layout: Any) -> list[str]:

@@ -96,7 +96,8 @@ def layers(tmp_path: Path) -> list[Path]:
     pytest.importorskip("rerun")
     one = seen()
     runs = {
-        role: replace(run, temperatures=run.temperatures + 8 * k) for k, (role, run) in enumerate(one.runs.items(), 1)
+        role: replace(run, observed=tuple(replace(o, modelled=o.modelled - 8 * k) for o in run.observed))
+        for k, (role, run) in enumerate(one.runs.items(), 1)
     }
     return write_layers(replace(one, runs=runs), tmp_path)
 
