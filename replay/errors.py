@@ -13,6 +13,10 @@ class ReplayDataError(ReplayError):
     """A session does not hold what a replay with this motor needs."""
 
 
+class PlanFileError(ReplayError):
+    """A file that is no plan, or one that a diagnosis cannot be held against."""
+
+
 class ViewerError(ReplayError):
     """The rerun viewer or SDK is not installed, or did not start."""
 

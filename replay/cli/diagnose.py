@@ -16,6 +16,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     ask_model(parser)
     ask_level(parser)
     parser.add_argument("--report", metavar="F.html", type=Path, help="write the report of the diagnosis to this file")
+    says = "hold the answer against this plan, a file that `whyhot plan --json P` wrote: what it promised, what came"
+    parser.add_argument("--planned", metavar="P", type=Path, help=says)
     ask_as_of(parser)
 
 
@@ -23,11 +25,16 @@ def run(args: argparse.Namespace) -> Answer:
     from replay.cli.progress import tell
     from replay.show.reports.diagnosis_text import diagnosis_text
     from replay.show.reports.documents import write_diagnosis
+    from replay.show.verbs import planned
     from replay.studies.diagnosis.answer import document
     from replay.studies.diagnosis.diagnose import diagnose
+    from replay.studies.planning.promised import read_plan
 
+    plan = read_plan(args.planned) if args.planned else None
     with asked(args) as (store, known, model, train):
         kept = sessions_of(known, args.hold_out)
+        if plan:
+            plan.refuse_other(known, [*train, *kept], model)
         found = diagnose(store, known, train, kept, model, args.level, tell).diagnosis
         if args.report:
             command = "whyhot diagnose --on " + " ".join(args.on)
@@ -38,5 +45,7 @@ def run(args: argparse.Namespace) -> Answer:
             **document(found, provenance(store, level=args.level, model=args.model, as_of=args.as_of)),
             "notes": left,
         }
+    data |= {"planned": planned.document(plan, found)} if plan else {}
+    text = diagnosis_text(found, list(planned.paragraphs(plan, found)) if plan else ())
     written = [f"{args.report}   opens offline in any browser"] if args.report else []
-    return Answer(data, diagnosis_text(found), notes=[*left, *written, *as_of_note(args.as_of)])
+    return Answer(data, text, notes=[*left, *written, *as_of_note(args.as_of)])

@@ -78,6 +78,12 @@ class Proposals:
         return replace(tilt, references=tuple(references)), 1.0 / max(float(np.mean(sizes)), 1e-12)
 
 
+def at_one(parameter: Parameter) -> float:
+    """What a parameter is for a unit of its amplitude at features of 1: a heat or path that is added counts at its root
+    mean square over the tests, which no other tests share."""
+    return parameter.action.rms if isinstance(parameter.action, actions.Added) else 1.0
+
+
 def courses(model: Model, beta: Floats) -> tuple[Floats, Floats]:
     """Over the steps of all tests: the temperature of every node and boundary (N, n + b) [degC], and what every term
     carries (N, terms) [W or W/K]."""

@@ -14,8 +14,8 @@ from replay.studies.diagnosis.answer import Diagnosis, KeptGain, Named
 RIVALS = 5  # told at most
 
 
-def diagnosis_text(diagnosis: Diagnosis) -> str:
-    """What `whyhot diagnose` prints. No colours, no trailing newline."""
+def diagnosis_text(diagnosis: Diagnosis, planned: Sequence[str] = ()) -> str:
+    """What `whyhot diagnose` prints, with paragraphs on what a plan promised. No colours, no trailing newline."""
     lines = labelled("Answer", sentences.headline(diagnosis))
     lines += labelled("What is wrong", verdict.what_is_wrong(diagnosis))
     lines += _paragraphs("Left out", [f"{m.session_name}: {m.says}" for m in diagnosis.masked])
@@ -27,6 +27,7 @@ def diagnosis_text(diagnosis: Diagnosis) -> str:
     lines += _paragraphs("Step by step", list(steps.told(diagnosis)))
     lines += _paragraphs("Gain, kept", list(_gain(diagnosis)))
     lines += _paragraphs("Two models", [*two_models.notes(diagnosis), *two_models.paragraphs(diagnosis)])
+    lines += _paragraphs("Planned", planned)
     lines += _paragraphs("Files", list(filter(None, [sentences.no_files(diagnosis)])))
     lines += labelled("Looked at", looked_at(diagnosis))
     if diagnosis.next_test is not None:

@@ -11,6 +11,7 @@ from replay.show.words.terminal import labelled
 from replay.show.words.width import width
 from replay.studies.planning.plan import Planned
 from twin.diagnosis.told_apart import STANDS_OUT
+from twin.differences.proposals import at_one
 from twin.motor.outputs import BLOCK_S
 from twin.planning.detectable import Detectable
 from twin.planning.limits import HOTTER_K
@@ -23,6 +24,7 @@ def document(found: Planned) -> dict[str, Any]:
     day, ids = found.day, [str(candidate.cause) for candidate in found.prospect.candidates]
     before = dict(zip(ids, day.promise.before.tolist(), strict=True))
     after = dict(zip(ids, day.promise.after.tolist(), strict=True))
+    usual = {one.name: one.sd / at_one(one) for one in found.prospect.ground.candidates}
     node, hottest, high = _hottest(found)
     return {
         "schema": "whyhot.plan/1",
@@ -38,6 +40,7 @@ def document(found: Planned) -> dict[str, Any]:
                 "times_usual": one.times if one.smallest is not None else None,
                 "hot_spot_K": one.hot_spot_K,
                 "indistinguishable_from": list(one.alike),
+                "usual_amplitude": usual[str(one.candidate.cause)],
                 "usual_d": before[str(one.candidate.cause)],
                 "usual_d_after": after[str(one.candidate.cause)],
             }

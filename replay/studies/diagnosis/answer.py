@@ -69,6 +69,15 @@ class EvidenceParts:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Stands:
+    """What a candidate is in the readings: its `amplitude`, in its unit at features of 1 (of a factor its logarithm),
+    and how far that stands above what noise and calibration leave of it, `d` (size over sd by the readings alone)."""
+
+    amplitude: float
+    d: float
+
+
+@dataclass(frozen=True, kw_only=True)
 class Named:
     """A cause that entered by evidence and survived being left out. `estimate`, `ci95` in `unit`; `typical_W` at the
     mean of the training sessions (None where the cause is no heat); `largest_effect_K` on the modelled
@@ -100,6 +109,7 @@ class Named:
     why_not_improved: str | None
     times_usual: float = 1.0
     evidence: EvidenceParts | None = field(default=None, metadata=IF_SAID)
+    stands: Stands | None = field(default=None, metadata=IF_SAID)
     sayable: bool = True
 
 
@@ -112,6 +122,7 @@ class Rival:
     log_bayes_factor: float
     why_not: str
     evidence: EvidenceParts | None = field(default=None, metadata=IF_SAID)
+    stands: Stands | None = field(default=None, metadata=IF_SAID)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -10,7 +10,7 @@ import numpy as np
 from ingest.facts.events import SessionRecorded
 from ingest.texts.quantities import column_suffix
 from replay.engine.results.residuals import where
-from replay.studies.diagnosis.answer import EvidenceParts, Named, Rival, Shown, UnnamedHeat
+from replay.studies.diagnosis.answer import EvidenceParts, Named, Rival, Shown, Stands, UnnamedHeat
 from replay.studies.diagnosis.formulas import formula
 from replay.studies.diagnosis.kept_sessions import Measured
 from twin.calibration.learned import size, term_of
@@ -20,6 +20,7 @@ from twin.diagnosis.naming import ENOUGH_SESSIONS, MOST_TERMS, Naming
 from twin.diagnosis.rounds import THRESHOLD, Against, Refit, Round
 from twin.diagnosis.told_apart import separating_test, telling_test, told_apart
 from twin.differences.candidates import Candidate
+from twin.differences.proposals import at_one
 from twin.fitting.actions import Added
 from twin.fitting.fit import Fit
 from twin.fitting.model import Floats, Model
@@ -113,6 +114,7 @@ def named(naming: Naming, refit: Refit, train: Sequence[SessionRecorded], kept: 
         times_usual=abs(refit.amplitude) / refit.parameter.sd,
         sayable=not refit.candidate.repeated,
         evidence=evidence_parts(naming, refit),
+        stands=_stands(refit),
     )
 
 
@@ -130,6 +132,14 @@ def evidence_parts(naming: Naming, refit: Refit) -> EvidenceParts:
         priors_relieved=split.priors_relieved,
         rest=split.rest,
         relieved={name: value for name, value in told if abs(value) >= WORTH_TELLING},
+    )
+
+
+def _stands(refit: Refit) -> Stands:
+    """Its size in the readings: what these tell of it is its posterior precision less that of its prior."""
+    information = max(0.0, refit.sd**-2 - refit.parameter.sd**-2)
+    return Stands(
+        amplitude=refit.amplitude / at_one(refit.parameter), d=abs(refit.amplitude) * float(np.sqrt(information))
     )
 
 
@@ -177,9 +187,13 @@ def rivals(naming: Naming, refused: Sequence[tuple[Refit, str]]) -> list[Rival]:
     def add(candidate: Candidate, value: float, why: str, refit: Refit | None = None) -> None:
         name = str(candidate.cause)
         if name not in chosen and name not in found:
-            evidence = evidence_parts(naming, refit) if refit else None
             found[name] = Rival(
-                id=name, says=says(candidate.cause), log_bayes_factor=value, why_not=why, evidence=evidence
+                id=name,
+                says=says(candidate.cause),
+                log_bayes_factor=value,
+                why_not=why,
+                evidence=evidence_parts(naming, refit) if refit else None,
+                stands=_stands(refit) if refit else None,
             )
 
     for refit, reason in refused:
