@@ -7,18 +7,18 @@ from typing import Any
 
 from replay.engine.results.as_json import to_json
 from replay.studies.diagnosis.answer import Diagnosis
-from replay.studies.planning.promised import Outcome, PlanFile, outcomes, unlike_the_plan
+from replay.studies.planning.promised import Came, PlanFile, came, unlike_the_plan
 
 
 def document(plan: PlanFile, diagnosis: Diagnosis) -> dict[str, Any]:
     """`planned` of `whyhot.diagnosis/1`."""
     note = unlike_the_plan(plan, diagnosis)
-    return {"sessions": list(plan.sessions), "causes": to_json(outcomes(plan, diagnosis)), "note": note}
+    return {"sessions": list(plan.sessions), "causes": to_json(came(plan, diagnosis)), "note": note}
 
 
 def paragraphs(plan: PlanFile, diagnosis: Diagnosis) -> Iterator[str]:
     """A line for each cause and rival, and what was not as planned."""
-    told = outcomes(plan, diagnosis)
+    told = came(plan, diagnosis)
     yield (
         "d of the size that was found: promised before the day and with it, and what came" if told else "no size found"
     )
@@ -27,7 +27,7 @@ def paragraphs(plan: PlanFile, diagnosis: Diagnosis) -> Iterator[str]:
         yield note
 
 
-def _line(one: Outcome) -> str:
+def _line(one: Came) -> str:
     """ "loss.magnet.speed2: promised 2.1, with the day 7.5; came 6.8 (named, ln BF 18.2)"."""
     as_what = f"{'named' if one.named else 'rival'}, ln BF {one.log_bayes_factor:.1f}"
     if one.promised_d is None or one.promised_d_before is None:

@@ -78,7 +78,7 @@ def _per_amplitude(one: Mapping[str, Any]) -> tuple[str, PerAmplitude]:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Outcome:
+class Came:
     """A cause, named or a rival, at the `amplitude` that was found: d that the plan promised of it, of its sessions
     alone and with its day (None: no candidate of the plan), and the d that came."""
 
@@ -91,18 +91,18 @@ class Outcome:
     log_bayes_factor: float
 
 
-def outcomes(plan: PlanFile, diagnosis: Diagnosis) -> list[Outcome]:
+def came(plan: PlanFile, diagnosis: Diagnosis) -> list[Came]:
     """The named causes, then the rivals, both as the answer has them; those without a size in the readings are left
     out."""
-    return [*_outcomes(plan, diagnosis.causes, True), *_outcomes(plan, diagnosis.rivals, False)]
+    return [*_came(plan, diagnosis.causes, True), *_came(plan, diagnosis.rivals, False)]
 
 
-def _outcomes(plan: PlanFile, told: Sequence[Named | Rival], named: bool) -> Iterator[Outcome]:
+def _came(plan: PlanFile, told: Sequence[Named | Rival], named: bool) -> Iterator[Came]:
     for one in told:
         if one.stands is None:
             continue
         per, size = plan.promised.get(one.id), abs(one.stands.amplitude)
-        yield Outcome(
+        yield Came(
             id=one.id,
             named=named,
             amplitude=one.stands.amplitude,

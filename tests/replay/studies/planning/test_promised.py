@@ -15,7 +15,7 @@ from made import diagnoses
 from replay.cli import main
 from replay.show.verbs import planned
 from replay.studies.diagnosis.answer import Diagnosis, Stands
-from replay.studies.planning.promised import outcomes, read_plan
+from replay.studies.planning.promised import came, read_plan
 
 SESSIONS = ("--on", "1_point", "2_drive")
 
@@ -39,7 +39,7 @@ def _named(*, amplitude: float, d: float) -> Diagnosis:
 
 def test_what_was_promised_is_of_the_size_that_was_found(plan_file: Path) -> None:
     found = _named(amplitude=-0.75, d=6.0)
-    cause, rival = outcomes(read_plan(plan_file), found)
+    cause, rival = came(read_plan(plan_file), found)
     assert (cause.id, cause.named, cause.came_d) == (diagnoses.EDDY.id, True, 6.0)
     assert (cause.promised_d_before, cause.promised_d) == (1.5, 7.5)
     assert (rival.named, rival.promised_d) == (False, None)
