@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -12,6 +12,7 @@ from twin.diagnosis.told_apart import STANDS_OUT
 from twin.errors import PlanError
 from twin.motor.outputs import BLOCK_S
 from twin.planning import chain
+from twin.planning import courses as planned_courses
 from twin.planning.chain import Day, DayStep, Wanted, plan_day
 from twin.planning.courses import BenchRange, blocks, courses, cut
 from twin.planning.detectable import Prospect
@@ -21,6 +22,16 @@ WANTED = "loss.magnet.speed3"
 
 
 def _quiet(_: str) -> None: ...
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _short_menu() -> Iterator[None]:
+    """Three speeds and two lengths: every kind of test is there, in a quarter of the time."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(planned_courses, "SPEEDS", (0.25, 0.5, 1.0))
+        for module in (planned_courses, chain):
+            patch.setattr(module, "MINUTES", (15, 30))
+        yield
 
 
 @pytest.fixture(scope="module")
