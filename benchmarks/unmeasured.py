@@ -15,7 +15,7 @@ import math
 import sys
 import tempfile
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 HERE = Path(__file__).parent
@@ -75,7 +75,7 @@ def measured(case: Case, longest_s: float) -> Motor:
     """One healthy motor, driven, read and fitted."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        behind = driven(Case(**{**asdict(case), "longest_s": longest_s}), (), folder)
+        behind = driven(replace(case, longest_s=longest_s), (), folder)
         campaign = read(folder)
     learnt, kept = campaign.tests[: behind.learnt], campaign.tests[behind.learnt :]
     network = campaign.network
@@ -101,12 +101,11 @@ def wrong_elsewhere(network: Network, kept: Sequence[Test], nodes: Sequence[Cour
         run = model.course(number, np.zeros(0))[1]
         followed = {node for channel in test.channels for node in channel.sensor.weights}
         t = middles(len(run) * test.frame.step_s, test.frame.step_s)
-        coldest = float(test.frame.boundaries.mean(axis=0).min())
         for node, shown in zip(network.nodes, run.T, strict=True):
             if node.name not in followed:
                 k = int(shown.argmax())
                 true = np.interp(t[k], middles(len(truth[node.name])), truth[node.name])
-                shares.append((shown[k] - true) / max(LEAST_RISE_K, shown[k] - coldest))
+                shares.append((shown[k] - true) / max(LEAST_RISE_K, shown[k] - test.coldest_degC))
     return float(np.sqrt(np.mean(np.square(shares))))
 
 

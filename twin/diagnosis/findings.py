@@ -118,13 +118,15 @@ def _moved(current: Fit, stated: Sequence[Parameter]) -> tuple[Moved, ...]:
 
 
 def _elsewhere(current: Fit, parts: Sequence[Columns]) -> tuple[Elsewhere, ...]:
-    covariance = np.linalg.inv(current.hessian)
     supposed = {(s, one.name): one for s, test in enumerate(current.model.tests) for one in test.supposed}
     found = []
     for part in (part for part in parts if not part.series.measured):
         test, own = part.series.session, supposed[part.series.session, part.series.channel]
-        hotter_K, column = -float(part.series.y[0]), part.columns[0]
-        sd = float(np.sqrt(column @ covariance[np.ix_(part.at, part.at)] @ column))
-        if abs(hotter_K) > FAR * max(own.sensor.noise, sd):
+        hotter_K, column = -float(part.series.y[0]), np.zeros(current.beta.size)
+        if abs(hotter_K) <= FAR * own.sensor.noise:
+            continue
+        column[part.at] = part.columns[0]
+        sd = float(np.sqrt(column @ np.linalg.solve(current.hessian, column)))
+        if abs(hotter_K) > FAR * sd:
             found.append(Elsewhere(own.sensor.node, test, hotter_K, sd, hotter_K / own.sensor.noise))
     return tuple(sorted(found, key=lambda one: -abs(one.usual)))

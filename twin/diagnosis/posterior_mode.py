@@ -76,8 +76,7 @@ def channel_rises(model: Model) -> dict[str, float]:
     """As `rises`, of thermometers alone."""
     rise: dict[str, float] = {}
     for test in model.tests:
-        coldest = float(test.frame.boundaries.mean(axis=0).min())
         for channel in test.channels:
-            hottest = channel.measured[channel.samples > 0].max(initial=coldest)
-            rise[channel.name] = max(rise.get(channel.name, 1.0), float(hottest) - coldest)
+            hottest = channel.measured[channel.samples > 0].max(initial=test.coldest_degC)
+            rise[channel.name] = max(rise.get(channel.name, 1.0), float(hottest) - test.coldest_degC)
     return rise

@@ -87,6 +87,11 @@ class Test:
     supposed: tuple[RecordedChannel, ...] = ()
 
     @property
+    def coldest_degC(self) -> float:
+        """The mean of its coldest boundary, which rises are counted from."""
+        return float(self.frame.boundaries.mean(axis=0).min())
+
+    @property
     def thermometers(self) -> tuple[RecordedChannel, ...]:
         """The channels, then the supposed ones."""
         return (*self.channels, *self.supposed)

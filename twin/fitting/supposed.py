@@ -40,7 +40,7 @@ def supposing(model: Model) -> Model:
     share = max(LEAST_SHARE, TIMES * wrong_share(tests, [node.name for node in nodes], runs))
     supposed: list[list[RecordedChannel]] = [[] for _ in tests]
     for i in unknown:
-        rises = [_rises(test, run[:, i]) for test, run in zip(tests, runs, strict=True)]
+        rises = [run[:, i] - test.coldest_degC for test, run in zip(tests, runs, strict=True)]
         hottest = max(range(len(tests)), key=lambda number: float(rises[number].max()))
         step = int(rises[hottest].argmax())
         sd = share * max(LEAST_RISE_K, float(rises[hottest][step]))
@@ -60,14 +60,8 @@ def wrong_share(tests: Sequence[Test], names: Sequence[str], runs: Sequence[Floa
             if np.isfinite(read[step]):
                 shown = run @ channel.sensor.over(names)
                 off = float(shown[step] - read[step])
-                shares.append(off / max(LEAST_RISE_K, float(_rises(test, shown)[step])))
+                shares.append(off / max(LEAST_RISE_K, float(shown[step]) - test.coldest_degC))
     return float(np.sqrt(np.mean(np.square(shares)))) if shares else 0.0
-
-
-def _rises(test: Test, shown: Floats) -> Floats:
-    """Temperatures (N,) over the coldest boundary of a test [K]."""
-    rises: Floats = shown - float(test.frame.boundaries.mean(axis=0).min())
-    return rises
 
 
 def _read_once(node: str, shown: Floats, step: int, sd: float) -> RecordedChannel:
