@@ -6,6 +6,7 @@ import csv
 import errno
 import json
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import closing
 from datetime import UTC, datetime
 from itertools import chain
 from pathlib import Path
@@ -96,7 +97,8 @@ def by_german_excel(path: Path) -> Read:
 
 
 def by_openpyxl(path: Path) -> Read:
-    sheets = [list(sheet.iter_rows(values_only=True)) for sheet in load_workbook(path, read_only=True)]
+    with closing(load_workbook(path, read_only=True)) as book:
+        sheets = [list(sheet.iter_rows(values_only=True)) for sheet in book]
     return _of_cells([list(line) for line in sheets[0][:1] + list(chain.from_iterable(sheet[1:] for sheet in sheets))])
 
 
