@@ -5,8 +5,10 @@ run on them, and the diagnosis with it.
 
 A trial is a specimen with one hidden cause, three sessions (S1, S2, WLTP) as BLF, ingested and diagnosed; the day that
 `whyhot plan` proposes from them, not knowing the cause; that day run on the plant and logged; and the diagnosis of all
-four. The promised d is that of the plan for the size that is truly there; what came is d as the diagnosis has it, where
-it names the cause or tells it among the rivals. Causes and sizes go in turn, as shares of the plant's catalogue.
+four. Causes of the plant's catalogue go in turn, each of a size for which the plan of a healthy specimen promises d of
+3, 5, 8 or 12 with the day. The promised d of a trial is that of its own plan for the size that is truly there; what
+came is d as the diagnosis has it, where it names the cause or tells it among the rivals. A cause is named where it is
+first or not told apart from what is; a place, where what is named is of its kind and at its place.
 """
 
 from __future__ import annotations
@@ -14,6 +16,7 @@ from __future__ import annotations
 import contextlib
 import io
 import json
+import math
 import sys
 import tempfile
 from argparse import Namespace
@@ -39,27 +42,48 @@ from twin.planning import courses
 
 CAUSES = (
     "loss.magnet.speed2",
-    "conductance.rotor_surface-teeth.speed1.5",
+    "conductance.endwinding_a_inner-air_a.speed1.5",
+    "capacity.endwinding_a_inner.attached",
+    "sensor.magnet.drift",
+    "loss.yoke.scale",
+    "conductance.shaft-coolant.constant",
+    "boundary.coolant.bias",
     "loss.endwinding_a_inner.speed2_current2",
-    "loss.bearing_a.speed",
+    "conductance.rotor_surface-teeth.speed1.5",
+    "capacity.magnet.scale",
+    "sensor.endwinding_b_inner.stem",
+    "loss.magnet.scale",
     "conductance.endwinding_a_outer-jacket.constant",
+    "clock.can2.offset",
+    "loss.bearing_a.speed",
+    "conductance.shaft-ambient.constant",
+    "sensor.magnet.bias",
+    "loss.magnet.speed2_current2",
+    "conductance.jacket-coolant.scale",
+    "loss.rotor_surface.speed3",
 )
-SHARES = (4.0, 8.0, 2.0)  # of the size in the catalogue
-AT = (3.0, 5.0, 8.0, 12.0)  # promised d that rates are given at: each trial counts at the nearest
+AT = (3.0, 5.0, 8.0, 12.0)  # promised d that sizes are made for; each trial counts at the nearest
+WAYS = (("first", "class"), ("place",), ("wrong",))
 QUICK_S, QUICK_SPEEDS = 310.0, (0.5,)  # of each session; of the menu
 
 
 @dataclass(frozen=True)
 class Trial:
     """A hidden cause with its `size`: `promised` d before the day and with it, `came` where the diagnosis tells it, and
-    whether it was `named`, before the day and after."""
+    what the diagnosis `said` before the day and after: "first", "class", "place", "wrong" or "silent"."""
 
     seed: int
     cause: str
     size: float
     promised: tuple[float, float]
     came: float | None
-    named: tuple[bool, bool]
+    said: tuple[str, str]
+
+    @property
+    def named(self) -> tuple[bool, bool]:
+        """Before the day, and after."""
+        before, after = (said in ("first", "class") for said in self.said)
+        return before, after
 
 
 def main() -> None:
@@ -69,44 +93,63 @@ def main() -> None:
     args = parser.parse_args()
     if args.quick:
         courses.SPEEDS = QUICK_SPEEDS
+    promises = healthy_promises(args)
     trials = []
     for i in range(args.motors):
         with tempfile.TemporaryDirectory() as folder:
-            trials.append(trial(args.first + i, hidden(i), args, Path(folder)))
+            trials.append(trial(args.first + i, hidden(i, promises), args, Path(folder)))
         print(line(trials[-1]), flush=True)
     print("\n".join(table(trials)))
     asked.keep([asdict(one) for one in trials], args.json)
 
 
-def hidden(i: int) -> Effect:
-    """What the so manyth motor hides."""
-    effect = typical(CAUSES[i % len(CAUSES)])
-    return Effect(effect.cause, effect.size * SHARES[(i + i // len(CAUSES)) % len(SHARES)])
+def healthy_promises(args: Namespace) -> Mapping[str, float]:
+    """Cause -> d for a unit of its amplitude that a plan for a healthy motor promises with its day."""
+    with tempfile.TemporaryDirectory() as folder:
+        plan = _planned(Path(folder), _recorded(Path(folder), Plant(args.first), args), args)
+    return {cause: _per_amplitude(plan, cause)[1] for cause in CAUSES}
+
+
+def hidden(i: int, promises: Mapping[str, float]) -> Effect:
+    """What the so manyth motor hides: the causes in turn, each round at the next promised d."""
+    cause, d = CAUSES[i % len(CAUSES)], AT[(i + i // len(CAUSES)) % len(AT)]
+    amplitude = math.copysign(d / promises[cause], _amplitude(typical(cause)))
+    return Effect(cause, math.exp(amplitude) if cause.endswith(".scale") else amplitude)
 
 
 def trial(seed: int, effect: Effect, args: Namespace, folder: Path) -> Trial:
     """The story of one motor: diagnosed, planned, run, diagnosed again."""
     plant = Plant(seed, effect)
-    drives = [drive_of(plant, one, n).first(QUICK_S if args.quick else np.inf) for n, one in enumerate(LEARNT[:3])]
-    logs = write_campaign(folder / "before", plant, sessions(plant, drives))
-    _ingest(folder, logs)
-    names = [log.stem for log in logs]
+    names = _recorded(folder, plant, args)
     before = _asked(folder, "diagnose", "--on", *names)
-    words = ("--hours", str(args.hours), "--out", str(folder / "day.csv"))
-    plan = _asked(folder, "plan", "--sessions", *names, *words)
+    plan = _planned(folder, names, args)
     day = bench.run(folder / "day.csv", plant, folder / "day", len(names))
     _ingest(folder, [day])
     (folder / "plan.json").write_text(json.dumps(plan), encoding="utf-8")
     after = _asked(folder, "diagnose", "--on", *names, day.stem, "--planned", str(folder / "plan.json"))
     came = [one["came_d"] for one in after["planned"]["causes"] if _same(one["id"], effect.cause)]
+    before_day, with_day = (per * abs(_amplitude(effect)) for per in _per_amplitude(plan, effect.cause))
     return Trial(
         seed,
         effect.cause,
         effect.size,
-        _promised(plan, effect),
+        (before_day, with_day),
         came[0] if came else None,
-        (_named(before, effect.cause), _named(after, effect.cause)),
+        (_said(before, effect.cause), _said(after, effect.cause)),
     )
+
+
+def _recorded(folder: Path, plant: Plant, args: Namespace) -> list[str]:
+    """The names of three sessions, run, logged and ingested."""
+    drives = [drive_of(plant, one, n).first(QUICK_S if args.quick else np.inf) for n, one in enumerate(LEARNT[:3])]
+    logs = write_campaign(folder / "before", plant, sessions(plant, drives))
+    _ingest(folder, logs)
+    return [log.stem for log in logs]
+
+
+def _planned(folder: Path, names: Sequence[str], args: Namespace) -> dict[str, Any]:
+    words = ("--hours", str(args.hours), "--out", str(folder / "day.csv"))
+    return _asked(folder, "plan", "--sessions", *names, *words)
 
 
 def _ingest(folder: Path, logs: Sequence[Path]) -> None:
@@ -126,41 +169,48 @@ def _asked(folder: Path, *words: str) -> dict[str, Any]:
     return found
 
 
-def _promised(plan: Mapping[str, Any], effect: Effect) -> tuple[float, float]:
-    """d of the size that is truly there, before the day and with it."""
-    one = next(one for one in plan["candidates"] if _same(one["id"], effect.cause))
-    times = effect.size / one["usual_amplitude"]
-    return times * one["usual_d"], times * one["usual_d_after"]
+def _per_amplitude(plan: Mapping[str, Any], cause: str) -> tuple[float, float]:
+    """d of a unit of its amplitude, before the day and with it."""
+    one = next(one for one in plan["candidates"] if _same(one["id"], cause))
+    return one["usual_d"] / one["usual_amplitude"], one["usual_d_after"] / one["usual_amplitude"]
+
+
+def _amplitude(effect: Effect) -> float:
+    """Its size as a candidate's amplitude: of a factor the logarithm."""
+    return math.log(effect.size) if effect.law == "scale" else effect.size
 
 
 def _same(one: str, other: str) -> bool:
     return either_way(one) == either_way(other)
 
 
-def _named(answer: Mapping[str, Any], cause: str) -> bool:
-    """Whether it is named, or not told apart from what is."""
-    of = [judged(one["id"], tuple(one["indistinguishable_from"]), cause) for one in answer["causes"]]
-    return bool({"first", "class"} & set(of))
+def _said(answer: Mapping[str, Any], cause: str) -> str:
+    """What the best of the names is of the cause: `first`, `class`, `place`, `wrong`; `silent` where there is none."""
+    of = {judged(one["id"], tuple(one["indistinguishable_from"]), cause) for one in answer["causes"]}
+    of |= {"wrong"} if answer["unknown"] else set()
+    return next((said for said in ("first", "class", "place", "wrong") if said in of), "silent")
 
 
 def line(one: Trial) -> str:
     """A trial in one line."""
     came = "not told" if one.came is None else f"{one.came:.1f}"
-    said = " -> ".join("named" if named else "silent or other" for named in one.named)
     before, after = one.promised
-    return f"{one.seed} {one.cause} {one.size:g}: promised {before:.1f}, with the day {after:.1f}; came {came}; {said}"
+    promised = f"promised {before:.1f}, with the day {after:.1f}"
+    return f"{one.seed} {one.cause} {one.size:.3g}: {promised}; came {came}; {' -> '.join(one.said)}"
 
 
 def table(trials: Sequence[Trial]) -> list[str]:
     """By promised d: how many, what came over what was promised, how many were named."""
-    rows = [f"{'promised d':>10} {'motors':>6} {'came over promised':>18} {'share named':>11}"]
+    rows = [
+        f"{'promised d':>10} {'motors':>6} {'came over promised':>18} {'share named':>11} {'place':>6} {'wrong':>6}"
+    ]
     nearest = [int(np.abs(np.log(np.array(AT) / max(one.promised[1], 1e-9))).argmin()) for one in trials]
     for k, d in enumerate(AT):
         own = [one for one, place in zip(trials, nearest, strict=True) if place == k]
         ratios = [one.came / one.promised[1] for one in own if one.came is not None]
         ratio = f"{np.median(ratios):.2f}" if ratios else "-"
-        share = f"{np.mean([one.named[1] for one in own]):.0%}" if own else "-"
-        rows.append(f"{d:>10g} {len(own):>6} {ratio:>18} {share:>11}")
+        shares = [f"{np.mean([one.said[1] in ways for one in own]):.0%}" if own else "-" for ways in WAYS]
+        rows.append(f"{d:>10g} {len(own):>6} {ratio:>18} {shares[0]:>11} {shares[1]:>5} {shares[2]:>5}")
     silent = [one for one in trials if not one.named[0]]
     rows.append(f"silent before the day: {len(silent)}; of those named with it: {sum(one.named[1] for one in silent)}")
     return rows
