@@ -74,7 +74,6 @@ HEAT, LOG_SCALE, OWN_LINK, MISSING_LINK, CAPACITY, SESSION = 0.05, float(np.log(
 INPUT_GAIN, FLOW_GAIN, INPUT_BIAS, BOUNDARY_BIAS_K = 0.05, 0.3, 0.02, 3.0
 CLOCK_S, CLOCK_PPM = 5.0, 100.0
 INPUT_UNITS = {"speed": "rpm", "torque": "Nm", "voltage": "V", "flux": "Wb", "flow": "lpm", "current": "A"}
-ATTACHED_LAG_S = 300.0
 
 _BOTH = ("speed_current", "speed_current2", "speed2_current", "speed2_current2")
 _ROTATING = ("constant", "speed", "speed2", "speed3", "current2", *_BOTH)
@@ -287,7 +286,7 @@ def _capacities(network: Network) -> Iterator[Candidate]:
         nodes, shown = tuple(map(network.names.index, members)), _shown(tuple((node,) for node in members))
         yield Candidate(Cause("capacity", name, "scale"), "1", Sigma(CAPACITY), 0, actions.Capacity(nodes), shown)
         size = Sigma(CAPACITY * float(np.mean([capacity[node] for node in members])))
-        mass = actions.Attached(nodes, ATTACHED_LAG_S)
+        mass = actions.Attached(nodes)
         yield Candidate(Cause("capacity", name, "attached"), "J/K", size, 1, mass, shown)
 
 

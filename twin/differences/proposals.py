@@ -17,6 +17,8 @@ from twin.motor.network import NOBODY, Network
 from twin.motor.paths import Place, terms_at
 from twin.motor.sensor_laws import Exchange
 
+ATTACHED_LAGS_S = tuple(8.0 * 2.0 ** (k / 2) for k in range(12))  # 8 s to 6 min: any lag between is within 19 % of one
+
 
 class Proposals:
     """Turns candidates into parameters of `model`, sized by what its tests do about the vector `beta`."""
@@ -25,6 +27,13 @@ class Proposals:
         self.model, self.network, self.tests = model, model.network, model.tests
         self.scales = scales(self.network, self.tests)
         self._temperatures, self._values = courses(model, beta)
+
+    def parameters(self, candidate: Candidate) -> list[Parameter]:
+        """The candidate as a parameter; of a mass that follows, one for every lag that it may have."""
+        if not isinstance(candidate.action, actions.Attached):
+            return [self.parameter(candidate)]
+        lags = [replace(candidate.action, lag_s=lag_s) for lag_s in ATTACHED_LAGS_S]
+        return [self.parameter(replace(candidate, action=action)) for action in lags]
 
     def parameter(self, candidate: Candidate) -> Parameter:
         """The candidate as a parameter that is 0, with the sd of its prior. It is held to its sign where it has one; a

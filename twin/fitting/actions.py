@@ -95,10 +95,10 @@ class Capacity:
 
 @dataclass(frozen=True)
 class Attached:
-    """A mass of p [J/K] behind each node, following it with a time constant."""
+    """A mass of p [J/K] behind each node, following it with a time constant; of a candidate that is open, 0."""
 
     nodes: tuple[int, ...]
-    lag_s: float
+    lag_s: float = 0.0
 
 
 @dataclass(frozen=True)
