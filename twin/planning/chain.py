@@ -1,4 +1,4 @@
-"""The next bench day: the test that tells most an hour, then given that the next, and the sensors that tell most then.
+"""The next bench day: the test that tells most an hour, then given that the next, and what to observe besides then.
 
 What a set of tests tells is the expected information on the candidates' sizes: sum of w ln(1 + J sigma^2) / 2 [nat],
 with the prior masses w of `twin.diagnosis.evidence` and v'P v = J of all tests together. The chain is greedy, among the
@@ -7,9 +7,9 @@ tests that tell most an hour by themselves.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -22,13 +22,14 @@ from twin.planning.courses import MINUTES, REST_MIN, BenchRange, blocks, courses
 from twin.planning.detectable import Prospect
 from twin.planning.gathered import Gathered, sensor_parameters
 from twin.planning.limits import Heated, heated
+from twin.planning.observed import observing
 
 Tell = Callable[[str], None]
 
 RESTS_MIN = (REST_MIN, 40, 60, 120)  # between tests: the first with which no limit is crossed
 WORTH_nat = 0.01  # what tells less is not proposed
 LEADING = 40  # tests that the chain is made of
-SENSORS = 5
+OBSERVED = 5
 
 
 @dataclass(frozen=True)
@@ -49,9 +50,18 @@ class Wanted:
         sigma = np.array([parameter.sd for parameter in found.ground.candidates])
         return cls(sigma, weight / weight.sum())
 
+    def d(self, gathered: Gathered) -> Floats:
+        """d (m,) of their prior sizes."""
+        found: Floats = np.sqrt(gathered.information()) * self.sigma
+        return found
+
+    def worth(self, d: Floats) -> float:
+        """What is told of them [nat] where their prior sizes have d (m,)."""
+        return float(self.weight @ np.log1p(d**2)) / 2
+
     def told(self, gathered: Gathered) -> float:
         """What is told of them [nat]."""
-        return float(self.weight @ np.log1p(gathered.information() * self.sigma**2)) / 2
+        return self.worth(self.d(gathered))
 
 
 @dataclass(frozen=True)
@@ -64,25 +74,45 @@ class DayStep:
 
 
 @dataclass(frozen=True)
-class SensorStep:
-    """One more sensor at `node` over the whole day: what it adds to all before it [nat]."""
+class ObservedStep:
+    """One thing more to observe over the whole day, as a sensor at a `node`: what it adds to all before it [nat]."""
 
-    node: str
+    what: str
+    node: str | None
     gain_nat: float
 
 
 @dataclass(frozen=True)
+class Best:
+    """Of each candidate (m,): `what` raises d of its prior size most, and that `d`."""
+
+    what: tuple[str, ...]
+    d: Floats
+
+    @classmethod
+    def of(cls, each: Mapping[str, Floats], at_least: Floats) -> Best:
+        """Of what raises d to what; "" where nothing raises it above `at_least`."""
+        names = ["", *each]
+        ds = np.array([at_least * (1 + 1e-6), *each.values()])
+        place = ds.argmax(axis=0)
+        return cls(tuple(names[i] for i in place), ds.max(axis=0))
+
+
+@dataclass(frozen=True)
 class Promise:
-    """Of each candidate (m,): `d` of its prior size before and after the day."""
+    """Of each candidate (m,): d of its prior size `before` the day and `after` it; with the one test that shows it
+    best, beside the recorded ones, and with the one thing more to observe that shows it best, beside the day."""
 
     before: Floats
     after: Floats
+    best_test: Best
+    best_observed: Best
 
 
 @dataclass(frozen=True)
 class Day:
     """The next bench day: its tests, one `course` of all with `rest_min` between them, how hot that becomes, what it
-    promises, and the sensors that would add most to it. `weighed`: how many tests were compared; `refused`: what
+    promises, and what to observe besides would add most to it. `weighed`: how many tests were compared; `refused`: what
     cannot be run, and for which node's limit."""
 
     steps: tuple[DayStep, ...]
@@ -90,7 +120,7 @@ class Day:
     rest_min: int
     heated: Heated
     promise: Promise
-    sensors: tuple[SensorStep, ...]
+    observed: tuple[ObservedStep, ...]
     weighed: int
     refused: tuple[tuple[str, str], ...]
 
@@ -113,10 +143,11 @@ def plan_day(found: Prospect, hours: float, only: Collection[str], tell: Tell) -
     course, rest_min, hot = _within_limits(found, bench, steps)
     test, known = bench.test(course), found.ground.known
     (told,) = found.ground.would_tell(test, [len(course.speed)])
-    before, after = (np.sqrt(one.information()) * wanted.sigma for one in (known, known + told))
-    tell("weighing sensors")
-    sensors = _sensors(found, wanted, test, told)
-    return Day(steps, course, rest_min, hot, Promise(before, after), sensors, weighing.count, weighing.refused)
+    before, after = wanted.d(known), wanted.d(known + told)
+    tell("weighing what else could be observed")
+    observing = _Observing(found, wanted, test, told)
+    promise = Promise(before, after, Best.of(weighing.alone, before), Best.of(observing.alone, after))
+    return Day(steps, course, rest_min, hot, promise, observing.steps(), weighing.count, weighing.refused)
 
 
 @dataclass(frozen=True)
@@ -143,6 +174,8 @@ class _Weighing:
             self.count = sum(len(one.lengths) for one in every)
             self.leading = [cut(course, n) for _, course, n in sorted(weighed, key=lambda one: -one[0])[:LEADING]]
             self.gathered = list(pool.map(self._gathered, self.leading))
+            ds = pool.map(lambda one: wanted.d(self.known + one), self.gathered)
+            self.alone = dict(zip((one.words for one in self.leading), ds, strict=True))
 
     def _runnable(self, course: Proposed) -> _Runnable:
         hot = heated(self.found.ground, self.found.limits, self.bench.test(course))
@@ -217,24 +250,28 @@ def _within_limits(found: Prospect, bench: BenchRange, steps: Sequence[DayStep])
     )
 
 
-def _sensors(found: Prospect, wanted: Wanted, test: Test, told: Gathered) -> tuple[SensorStep, ...]:
-    """The nodes without a sensor at which one more would tell most in a test, one after the other. A new sensor is as
-    good as the best that there is, under the noise that a channel has before any data."""
-    seen = {channel.sensor.node for channel in test.channels}
-    best = min((c.sensor for c in test.channels), key=lambda s: (s.bias_sd, s.noise, s.time_constant_s))
-    nodes = {f"a sensor at {n.name}": n.name for n in found.ground.fit.model.network.nodes if n.name not in seen}
-    more = tuple(
-        replace(test.channels[0], sensor=replace(best, name=name, weights={node: 1.0})) for name, node in nodes.items()
-    )
-    with_them = replace(test, channels=more)
-    left = found.ground.each_would_tell(with_them, sensor_parameters(found.ground.fit.model, with_them)) if more else {}
-    steps: list[SensorStep] = []
-    known, so_far = found.ground.known + told, wanted.told(found.ground.known + told)
-    while left and len(steps) < SENSORS:
-        gains = {name: wanted.told(known + one) - so_far for name, one in left.items()}
-        name = max(gains, key=lambda one: gains[one])
-        if gains[name] < WORTH_nat:
-            break
-        known, so_far = known + left.pop(name), so_far + gains[name]
-        steps.append(SensorStep(nodes[name], gains[name]))
-    return tuple(steps)
+class _Observing:
+    """What each thing more to observe over the whole day tells, beside the recorded tests and the day."""
+
+    def __init__(self, found: Prospect, wanted: Wanted, test: Test, told: Gathered) -> None:
+        base = found.ground.fit.model
+        more = observing(base.network, test, base.tests)
+        self.wanted, self.known = wanted, found.ground.known + told
+        self.nodes = {channel.name: channel.sensor.node for channel in more.channels}
+        self.left = found.ground.each_would_tell(more, sensor_parameters(base, more))
+        self.alone = {what: wanted.d(self.known + one) for what, one in self.left.items()}
+
+    def steps(self) -> tuple[ObservedStep, ...]:
+        """What tells most, given that what tells most besides, and so on."""
+        steps: list[ObservedStep] = []
+        known, left, ds = self.known, dict(self.left), dict(self.alone)
+        so_far = self.wanted.told(known)
+        while left and len(steps) < OBSERVED:
+            gains = {what: self.wanted.worth(d) - so_far for what, d in ds.items()}
+            what = max(gains, key=lambda one: gains[one])
+            if gains[what] < WORTH_nat:
+                break
+            known, so_far = known + left.pop(what), so_far + gains[what]
+            steps.append(ObservedStep(what, self.nodes.get(what), gains[what]))
+            ds = {other: self.wanted.d(known + one) for other, one in left.items()}
+        return tuple(steps)

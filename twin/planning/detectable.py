@@ -64,7 +64,7 @@ def prospect(fit: Fit, candidates: Sequence[Candidate]) -> Prospect:
     chosen, parameters, parts, _ = linearised(fit, candidates)
     projector, v, _ = stacked(fit, parts)
     gram = projector.inner(v, v)
-    best = best_of_each(chosen, np.diag(gram))
+    best = best_of_each(chosen, -np.diag(gram))  # a mass at the lag at which it hides best
     chosen, parameters = [chosen[i] for i in best], [parameters[i] for i in best]
     parts = [replace(part, extra=part.extra[:, best]) for part in parts]
     gram = gram[np.ix_(best, best)]

@@ -100,8 +100,8 @@ class Ground:
 
 
 def sensor_parameters(model: Model, test: Test) -> list[Parameter]:
-    """What the channels of a test may have wrong besides an offset."""
-    names = tuple(f"sensor.{channel.name}." for channel in test.channels)
+    """What the channels and meters of a test may have wrong besides an offset."""
+    names = (*(f"sensor.{c.name}." for c in test.channels), *(f"meter.{m.name}." for m in test.meters))
     return [p for p in everyday(model.network, [test]) if p.name.startswith(names) and p.test is None]
 
 

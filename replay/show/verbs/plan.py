@@ -13,6 +13,7 @@ from replay.studies.planning.plan import Planned
 from twin.diagnosis.told_apart import STANDS_OUT
 from twin.differences.proposals import at_one
 from twin.motor.outputs import BLOCK_S
+from twin.planning.chain import Best
 from twin.planning.detectable import Detectable
 from twin.planning.limits import HOTTER_K
 
@@ -22,8 +23,9 @@ HIDDEN = 10  # causes that are printed; all are in the JSON
 def document(found: Planned) -> dict[str, Any]:
     """`whyhot.plan/1`."""
     day, ids = found.day, [str(candidate.cause) for candidate in found.prospect.candidates]
-    before = dict(zip(ids, day.promise.before.tolist(), strict=True))
-    after = dict(zip(ids, day.promise.after.tolist(), strict=True))
+    promise = day.promise
+    before, after = (dict(zip(ids, d.tolist(), strict=True)) for d in (promise.before, promise.after))
+    tests, observed = (dict(zip(ids, _best(best), strict=True)) for best in (promise.best_test, promise.best_observed))
     usual = {one.name: one.sd / at_one(one) for one in found.prospect.ground.candidates}
     node, hottest, high = _hottest(found)
     return {
@@ -43,6 +45,8 @@ def document(found: Planned) -> dict[str, Any]:
                 "usual_amplitude": usual[str(one.candidate.cause)],
                 "usual_d": before[str(one.candidate.cause)],
                 "usual_d_after": after[str(one.candidate.cause)],
+                "best_test": tests[str(one.candidate.cause)],
+                "best_observation": observed[str(one.candidate.cause)],
             }
             for one in found.prospect.detectable
         ],
@@ -50,7 +54,7 @@ def document(found: Planned) -> dict[str, Any]:
             {"step": number, "test": step.proposed.words, "hours": step.hours, "gain_nat": step.gain_nat}
             for number, step in enumerate(day.steps, 1)
         ],
-        "sensors": [{"node": step.node, "gain_nat": step.gain_nat} for step in day.sensors],
+        "observe": [{"what": step.what, "node": step.node, "gain_nat": step.gain_nat} for step in day.observed],
         "day": {
             "hours": _hours(found),
             "rest_min": day.rest_min,
@@ -64,14 +68,20 @@ def document(found: Planned) -> dict[str, Any]:
     }
 
 
+def _best(best: Best) -> list[dict[str, Any] | None]:
+    """What shows each candidate best, and d of its usual size then; None where nothing shows it better."""
+    pairs = zip(best.what, best.d.tolist(), strict=True)
+    return [{"what": what, "usual_d": d} if what else None for what, d in pairs]
+
+
 def plan_text(found: Planned) -> str:
     """What `whyhot plan` prints. No colours, no trailing newline."""
     lines = labelled("Answer", answer(found))
     lines += ["", *_hidden(found), "", *_chain(found)]
     lines += ["", *labelled("Heat", _heat(found))]
-    if found.day.sensors:
-        told = [f"{words.name(step.node)} ({step.gain_nat:.3f})" for step in found.day.sensors]
-        lines += labelled("Sensors", f"that would add most to this day, one after the other: {words.joined(told)}")
+    if found.day.observed:
+        told = [f"{words.name(step.what)} ({step.gain_nat:.3f})" for step in found.day.observed]
+        lines += labelled("Observe", f"what would add most to this day, one after the other: {words.joined(told)}")
     if found.day.refused:
         count, (test, why) = len(found.day.refused), found.day.refused[0]
         lines += labelled("Cannot be run", f"{words.counted(count, 'test')} of the menu, as {test}: {why}")

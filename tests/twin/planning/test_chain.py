@@ -80,11 +80,19 @@ def test_a_day_promises_no_less_than_there_was(day: Day) -> None:
     assert (day.promise.after >= STANDS_OUT).sum() > (day.promise.before >= STANDS_OUT).sum()
 
 
-def test_a_sensor_is_proposed_where_there_is_none(found: Prospect, day: Day) -> None:
+def test_what_is_not_observed_yet_is_proposed(found: Prospect, day: Day) -> None:
     seen = {c.sensor.node for t in found.ground.fit.model.tests for c in t.channels}
-    assert day.sensors
-    assert not seen & {step.node for step in day.sensors}
-    assert all(step.gain_nat > 0 for step in day.sensors)
+    assert day.observed
+    assert not seen & {step.node for step in day.observed}
+    assert all(step.gain_nat > 0 for step in day.observed)
+
+
+def test_the_best_test_and_the_best_observation_of_a_cause_show_it_better(day: Day) -> None:
+    for best, without in ((day.promise.best_test, day.promise.before), (day.promise.best_observed, day.promise.after)):
+        raised = np.array([bool(what) for what in best.what])
+        assert raised.any()
+        assert (best.d[raised] > without[raised]).all()
+        assert best.d[~raised] == pytest.approx(without[~raised], rel=1e-5)
 
 
 def test_a_day_for_one_cause_begins_with_what_tells_most_of_it(found: Prospect, day: Day) -> None:
