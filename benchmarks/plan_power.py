@@ -106,29 +106,29 @@ def main() -> None:
 def healthy_promises(args: Namespace) -> Mapping[str, float]:
     """Cause -> d for a unit of its amplitude that a plan for a healthy motor promises with its day."""
     with tempfile.TemporaryDirectory() as folder:
-        plan = _planned(Path(folder), _recorded(Path(folder), Plant(args.first), args), args)
+        plan = planned(Path(folder), recorded(Path(folder), Plant(args.first), args), args)
     return {cause: _per_amplitude(plan, cause)[1] for cause in CAUSES}
 
 
 def hidden(i: int, promises: Mapping[str, float]) -> Effect:
     """What the so manyth motor hides: the causes in turn, each round at the next promised d."""
     cause, d = CAUSES[i % len(CAUSES)], AT[(i + i // len(CAUSES)) % len(AT)]
-    amplitude = math.copysign(d / promises[cause], _amplitude(typical(cause)))
-    return Effect(cause, math.exp(amplitude) if cause.endswith(".scale") else amplitude)
+    size = math.copysign(d / promises[cause], amplitude(typical(cause)))
+    return Effect(cause, math.exp(size) if cause.endswith(".scale") else size)
 
 
 def trial(seed: int, effect: Effect, args: Namespace, folder: Path) -> Trial:
     """The story of one motor: diagnosed, planned, run, diagnosed again."""
     plant = Plant(seed, effect)
-    names = _recorded(folder, plant, args)
+    names = recorded(folder, plant, args)
     before = _asked(folder, "diagnose", "--on", *names)
-    plan = _planned(folder, names, args)
+    plan = planned(folder, names, args)
     day = bench.run(folder / "day.csv", plant, folder / "day", len(names))
     _ingest(folder, [day])
     (folder / "plan.json").write_text(json.dumps(plan), encoding="utf-8")
     after = _asked(folder, "diagnose", "--on", *names, day.stem, "--planned", str(folder / "plan.json"))
-    came = [one["came_d"] for one in after["planned"]["causes"] if _same(one["id"], effect.cause)]
-    before_day, with_day = (per * abs(_amplitude(effect)) for per in _per_amplitude(plan, effect.cause))
+    came = [one["came_d"] for one in after["planned"]["causes"] if same(one["id"], effect.cause)]
+    before_day, with_day = (per * abs(amplitude(effect)) for per in _per_amplitude(plan, effect.cause))
     return Trial(
         seed,
         effect.cause,
@@ -139,7 +139,7 @@ def trial(seed: int, effect: Effect, args: Namespace, folder: Path) -> Trial:
     )
 
 
-def _recorded(folder: Path, plant: Plant, args: Namespace) -> list[str]:
+def recorded(folder: Path, plant: Plant, args: Namespace) -> list[str]:
     """The names of three sessions, run, logged and ingested."""
     drives = [drive_of(plant, one, n).first(QUICK_S if args.quick else np.inf) for n, one in enumerate(LEARNT[:3])]
     logs = write_campaign(folder / "before", plant, sessions(plant, drives))
@@ -147,7 +147,7 @@ def _recorded(folder: Path, plant: Plant, args: Namespace) -> list[str]:
     return [log.stem for log in logs]
 
 
-def _planned(folder: Path, names: Sequence[str], args: Namespace) -> dict[str, Any]:
+def planned(folder: Path, names: Sequence[str], args: Namespace) -> dict[str, Any]:
     words = ("--hours", str(args.hours), "--out", str(folder / "day.csv"))
     return _asked(folder, "plan", "--sessions", *names, *words)
 
@@ -171,16 +171,16 @@ def _asked(folder: Path, *words: str) -> dict[str, Any]:
 
 def _per_amplitude(plan: Mapping[str, Any], cause: str) -> tuple[float, float]:
     """d of a unit of its amplitude, before the day and with it."""
-    one = next(one for one in plan["candidates"] if _same(one["id"], cause))
+    one = next(one for one in plan["candidates"] if same(one["id"], cause))
     return one["usual_d"] / one["usual_amplitude"], one["usual_d_after"] / one["usual_amplitude"]
 
 
-def _amplitude(effect: Effect) -> float:
+def amplitude(effect: Effect) -> float:
     """Its size as a candidate's amplitude: of a factor the logarithm."""
     return math.log(effect.size) if effect.law == "scale" else effect.size
 
 
-def _same(one: str, other: str) -> bool:
+def same(one: str, other: str) -> bool:
     return either_way(one) == either_way(other)
 
 

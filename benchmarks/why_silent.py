@@ -1,0 +1,114 @@
+"""Why a cause stays silent: the catalogue of `tests/plant` in three sessions, and what would show it better.
+
+    python benchmarks/why_silent.py [--motors N] [--first SEED] [--hours H] [--quick] [--json FILE]
+
+Healthy motors are run through three sessions (S1, S2, WLTP), and `whyhot plan` says of each effect of the catalogue how
+far it stands out at its first size: d now, with the day that is proposed, with the one test that shows it best, and
+with the one thing more to observe that shows it best beside the day: a thermocouple, power, the coolant's heat, the
+winding's resistance at rest, the flux without load. Medians over the motors; of tests and observations, the most
+frequent.
+"""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+HERE = Path(__file__).parent
+sys.path[:] = [place for place in sys.path if Path(place) != HERE]  # else ingest.py beside this file hides the package
+sys.path[:0] = [str(HERE.parent / "tests"), str(HERE.parent)]
+
+from benchmarks import asked
+from benchmarks.plan_power import QUICK_SPEEDS, amplitude, planned, recorded, same
+from plant import Effect, Plant
+from plant.effects import CATALOGUE
+from twin.planning import courses
+
+SILENT, SHOWS = 3.0, 5.0  # d
+
+
+@dataclass(frozen=True)
+class Row:
+    """An effect: d now, with the day, and with the best test and observation; "" where nothing helps."""
+
+    cause: str
+    size: float
+    now: float
+    day: float
+    test: str
+    with_test: float
+    observed: str
+    with_observed: float
+
+
+def main() -> None:
+    """Plan for the motors; print and write the table."""
+    parser = asked.parser(__doc__, motors=(5, 1), first=(4100, 4100))
+    parser.add_argument("--hours", metavar="H", type=float, default=0.6 if "--quick" in sys.argv else 4.0)
+    args = parser.parse_args()
+    if args.quick:
+        courses.SPEEDS = QUICK_SPEEDS
+    plans = []
+    for seed in range(args.first, args.first + args.motors):
+        with tempfile.TemporaryDirectory() as folder:
+            plans.append(planned(Path(folder), recorded(Path(folder), Plant(seed), args), args))
+    rows = [row for hidden in CATALOGUE if (row := of(hidden.effects()[0], plans)) is not None]
+    print("\n".join(table(rows)))
+    asked.keep([asdict(row) for row in rows], args.json)
+
+
+def of(effect: Effect, plans: Sequence[Mapping[str, Any]]) -> Row | None:
+    """An effect over the plans; None where it is no candidate of theirs."""
+    own = [one for plan in plans for one in plan["candidates"] if same(one["id"], effect.cause)]
+    if not own:
+        return None
+    size = abs(amplitude(effect))
+
+    def median(values: Sequence[tuple[Mapping[str, Any], float]]) -> float:
+        return float(np.median([size * d / one["usual_amplitude"] for one, d in values]))
+
+    now = median([(one, one["usual_d"]) for one in own])
+    day = median([(one, one["usual_d_after"]) for one in own])
+    best = [(one, one["best_test"] or {"what": "", "usual_d": one["usual_d"]}) for one in own]
+    seen = [(one, one["best_observation"] or {"what": "", "usual_d": one["usual_d_after"]}) for one in own]
+    return Row(
+        effect.cause,
+        effect.size,
+        now,
+        day,
+        _most([what["what"] for _, what in best]),
+        median([(one, what["usual_d"]) for one, what in best]),
+        _most([what["what"] for _, what in seen]),
+        median([(one, what["usual_d"]) for one, what in seen]),
+    )
+
+
+def _most(words: Sequence[str]) -> str:
+    return Counter(word.split(" at ")[0] if word.startswith("S") else word for word in words).most_common(1)[0][0]
+
+
+def table(rows: Sequence[Row]) -> list[str]:
+    """The effects that are silent now, those that nothing shows last."""
+    lines = [
+        f"{'effect':<44} {'size':>7} {'now':>5} {'day':>5} {'test':>5} {'observed':>8}  what to observe; which test"
+    ]
+    silent = sorted((row for row in rows if row.now < SILENT), key=lambda row: -max(row.day, row.with_observed))
+    for row in silent:
+        lines.append(
+            f"{row.cause:<44} {row.size:>7g} {row.now:>5.1f} {row.day:>5.1f} {row.with_test:>5.1f} "
+            f"{row.with_observed:>8.1f}  {row.observed or '-'}; {row.test or '-'}"
+        )
+    shown = sum(max(row.day, row.with_observed) >= SHOWS for row in silent)
+    lines.append(f"silent now: {len(silent)} of {len(rows)}; shown by the day or one observation: {shown}")
+    return lines
+
+
+if __name__ == "__main__":
+    main()
