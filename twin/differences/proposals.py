@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from twin.differences.candidates import Candidate
+from twin.differences.candidates import ATTACHED_LAGS_S, Candidate
 from twin.differences.everyday import mean_conductances, mean_loss_W
 from twin.differences.sizes import Scales
 from twin.fitting import actions
@@ -16,8 +16,6 @@ from twin.fitting.model import Floats, Model, Test
 from twin.motor.network import NOBODY, Network
 from twin.motor.paths import Place, terms_at
 from twin.motor.sensor_laws import Exchange
-
-ATTACHED_LAGS_S = tuple(8.0 * 2.0 ** (k / 2) for k in range(12))  # 8 s to 6 min: any lag between is within 19 % of one
 
 
 class Proposals:

@@ -10,9 +10,8 @@ from threadpoolctl import threadpool_limits
 
 from made.motor import CHANNELS, SINGLE, every_law, pulses, recorded
 from twin.diagnosis.rounds import Round, scored, with_refits
-from twin.differences.candidates import InputChannel, generate
+from twin.differences.candidates import ATTACHED_LAGS_S, InputChannel, generate
 from twin.differences.everyday import everyday
-from twin.differences.proposals import ATTACHED_LAGS_S
 from twin.fitting import actions
 from twin.fitting.fit import fit
 from twin.fitting.model import Model
