@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import reduce
 
 import numpy as np
 
@@ -101,12 +102,14 @@ class Best:
 @dataclass(frozen=True)
 class Promise:
     """Of each candidate (m,): d of its prior size `before` the day and `after` it; with the one test that shows it
-    best, beside the recorded ones, and with the one thing more to observe that shows it best, beside the day."""
+    best, beside the recorded ones, with the one thing more to observe that shows it best, beside the day, and where all
+    of them are observed."""
 
     before: Floats
     after: Floats
     best_test: Best
     best_observed: Best
+    all_observed: Floats
 
 
 @dataclass(frozen=True)
@@ -146,7 +149,9 @@ def plan_day(found: Prospect, hours: float, only: Collection[str], tell: Tell) -
     before, after = wanted.d(known), wanted.d(known + told)
     tell("weighing what else could be observed")
     observing = _Observing(found, wanted, test, told)
-    promise = Promise(before, after, Best.of(weighing.alone, before), Best.of(observing.alone, after))
+    promise = Promise(
+        before, after, Best.of(weighing.alone, before), Best.of(observing.alone, after), observing.together
+    )
     return Day(steps, course, rest_min, hot, promise, observing.steps(), weighing.count, weighing.refused)
 
 
@@ -260,6 +265,7 @@ class _Observing:
         self.nodes = {channel.name: channel.sensor.node for channel in more.channels}
         self.left = found.ground.each_would_tell(more, sensor_parameters(base, more))
         self.alone = {what: wanted.d(self.known + one) for what, one in self.left.items()}
+        self.together = wanted.d(reduce(Gathered.__add__, self.left.values(), self.known))
 
     def steps(self) -> tuple[ObservedStep, ...]:
         """What tells most, given that what tells most besides, and so on."""

@@ -24,7 +24,8 @@ def document(found: Planned) -> dict[str, Any]:
     """`whyhot.plan/1`."""
     day, ids = found.day, [str(candidate.cause) for candidate in found.prospect.candidates]
     promise = day.promise
-    before, after = (dict(zip(ids, d.tolist(), strict=True)) for d in (promise.before, promise.after))
+    each = (promise.before, promise.after, promise.all_observed)
+    before, after, everything = (dict(zip(ids, d.tolist(), strict=True)) for d in each)
     tests, observed = (dict(zip(ids, _best(best), strict=True)) for best in (promise.best_test, promise.best_observed))
     usual = {one.name: one.sd / at_one(one) for one in found.prospect.ground.candidates}
     node, hottest, high = _hottest(found)
@@ -47,6 +48,7 @@ def document(found: Planned) -> dict[str, Any]:
                 "usual_d_after": after[str(one.candidate.cause)],
                 "best_test": tests[str(one.candidate.cause)],
                 "best_observation": observed[str(one.candidate.cause)],
+                "usual_d_all_observed": everything[str(one.candidate.cause)],
             }
             for one in found.prospect.detectable
         ],

@@ -95,6 +95,10 @@ def test_the_best_test_and_the_best_observation_of_a_cause_show_it_better(day: D
         assert best.d[~raised] == pytest.approx(without[~raised], rel=1e-5)
 
 
+def test_all_observations_together_show_no_less_than_the_best_of_them(day: Day) -> None:
+    assert (day.promise.all_observed >= day.promise.best_observed.d * (1 - 1e-5)).all()
+
+
 def test_a_day_for_one_cause_begins_with_what_tells_most_of_it(found: Prospect, day: Day) -> None:
     own, wanted, base = plan_day(found, HOURS, [WANTED], _quiet), Wanted.of(found, [WANTED]), found.ground.fit.model
     test = BenchRange.of(base.network, base.tests).test(day.steps[0].proposed)
