@@ -42,7 +42,23 @@ SLOW_SD = 0.005  # of ln R, from the first check to the last
 COARSE_TURNS, FINE_TURNS = 5, 63
 DRAWS, SWEEPS = 1000, 8
 FINE = np.linspace(0.0, 1.0, 101)
+COURSE_STEP = 4  # of FINE, from one place of a fitted course to the next
 LEAST_DOSES = 3
+
+
+@dataclass(frozen=True)
+class FittedCourse:
+    """R by a form over the dose: `dose_h` (m,) [h]; `ln_middle`, `ln_low`, `ln_high` (m,) of ln R in K/W, the last two
+    the ends of 95 %, of the course and not of a single check."""
+
+    dose_h: tuple[float, ...]
+    ln_middle: tuple[float, ...]
+    ln_low: tuple[float, ...]
+    ln_high: tuple[float, ...]
+
+    @classmethod
+    def of(cls, dose_h: Floats, middle: Floats, low: Floats, high: Floats) -> FittedCourse:
+        return cls(*(tuple(values.tolist()) for values in (dose_h, middle, low, high)))
 
 
 @dataclass(frozen=True)
@@ -69,6 +85,7 @@ class Form:
     level_from_dose_h: float | None = None
     level_probability: float = 0.0
     why: str = ""
+    course: FittedCourse | None = None
 
     @property
     def probability(self) -> float:
@@ -125,18 +142,23 @@ def _unknown(why: str) -> Form:
 class _Errors:
     """Errors of checks at `x` (n,), 0 at the first and 1 at the last, with standard deviations `sd` (n,). `root` (n,
     n) makes them independent with variance 1 (it whitens a series), with the start's flat prior integrated out: root'
-    root is the precision that is left."""
+    root is the precision that is left. `start` (n,) takes the start out of a series, with the standard deviation
+    `start_sd`."""
 
     x: Floats
     sd: Floats
     root: Floats
+    start: Floats
+    start_sd: float
 
     @classmethod
     def of(cls, x: Floats, sd: Floats) -> _Errors:
         covariance = np.diag(sd**2) + SLOW_SD**2 * np.minimum(x[:, None], x)
         white = np.linalg.inv(np.linalg.cholesky(covariance))
-        start = white.sum(axis=1)
-        return cls(x, sd, np.asarray(white - np.outer(start, start @ white) / (start @ start), np.float64))
+        ones = white.sum(axis=1)
+        start = np.asarray(ones @ white / (ones @ ones), np.float64)
+        root = np.asarray(white - np.outer(ones, start), np.float64)
+        return cls(x, sd, root, start, float(1.0 / np.linalg.norm(ones)))
 
     def whitened(self, given: Courses) -> Floats:
         """The courses at the checks, whitened, in units of their amplitudes' priors: (2, a, n)."""
@@ -315,12 +337,13 @@ class _Evidence:
 @dataclass(frozen=True)
 class _Drawn:
     """Courses drawn from the posterior (m,), in x: where each turns, its mean slope after that, and where its rise
-    ends."""
+    ends; `ln_resistance` (m, COURSE places) of each."""
 
     turn: Floats
     slope: Floats
     end: Floats
     level_probability: float
+    ln_resistance: Floats
 
 
 def _draw(
@@ -335,14 +358,19 @@ def _draw(
     end = np.where(np.isfinite(few.level), few.level, 1.0)
     level_probability = float(shares[np.isfinite(given.level)].sum())
     blur = few.cell * (random.random(DRAWS) - 0.5)
+    whole = np.einsum("afi,ai->af", few.columns, amplitudes)
+    at_checks, curve = whole[:, : len(y)], whole[:, len(y) :]
+    start = (y - at_checks) @ errors.start + errors.start_sd * random.standard_normal(DRAWS)
+    ln_resistance = start[:, None] + curve[:, ::COURSE_STEP]
     if name == CHANGEPOINT:
         slope = few.columns[:, -1, 0] * amplitudes[:, 0] / (1.0 - few.turn)
-        return _Drawn(few.turn + blur, slope, end, level_probability)
-    curve = np.einsum("afi,ai->af", few.columns[:, len(y) :], amplitudes)
+        return _Drawn(few.turn + blur, slope, end, level_probability, ln_resistance)
     low = np.argmin(curve, axis=1) if name == DIP_THEN_RISE else np.zeros(DRAWS, np.int64)
     low = np.minimum(low, len(FINE) - 2)
     rise = curve[:, -1] - np.take_along_axis(curve, low[:, None], axis=1)[:, 0]
-    return _Drawn(FINE[low] + blur, rise / (np.maximum(end, FINE[low + 1]) - FINE[low]), end, level_probability)
+    return _Drawn(
+        FINE[low] + blur, rise / (np.maximum(end, FINE[low + 1]) - FINE[low]), end, level_probability, ln_resistance
+    )
 
 
 def _positive_pairs(given: _Amplitudes, random: np.random.Generator) -> Floats:
@@ -378,7 +406,13 @@ def _changing(
         branch_dose_h=(turn if turns else first_h, first_h + span_h if level is None else level),
         level_from_dose_h=level,
         level_probability=drawn.level_probability,
+        course=_course(first_h, span_h, drawn.ln_resistance),
     )
+
+
+def _course(first_h: float, span_h: float, ln_resistance: Floats) -> FittedCourse:
+    low, middle, high = np.quantile(ln_resistance, [0.025, 0.5, 0.975], axis=0)
+    return FittedCourse.of(first_h + span_h * FINE[::COURSE_STEP], middle, low, high)
 
 
 def _middle_and_band(drawn: Floats) -> tuple[float, tuple[float, float]]:
@@ -392,6 +426,7 @@ def _constant(probabilities: Mapping[str, float], p_value: float, dose: Floats, 
     information = float(white[:, 0] @ white[:, 0])
     slope = PERCENT_PER_100_H * float(white[:, 0] @ white[:, 1]) / information
     reach = 1.96 * PERCENT_PER_100_H / math.sqrt(information)
+    level, off = errors.start @ y, 1.96 * errors.start_sd
     return Form(
         name=NONE,
         probabilities=probabilities,
@@ -399,4 +434,5 @@ def _constant(probabilities: Mapping[str, float], p_value: float, dose: Floats, 
         slope_percent_per_100h=slope,
         ci95=(slope - reach, slope + reach),
         branch_dose_h=(float(dose[0]), float(dose[-1])),
+        course=FittedCourse.of(dose[[0, -1]], *(np.full(2, level + reached) for reached in (0.0, -off, off))),
     )

@@ -44,6 +44,7 @@ from twin.motor.ageing_law import Ageing
 
 if TYPE_CHECKING:
     from analytics.insulation.campaign import Assessed
+    from analytics.insulation.courses.forms import FittedCourse
     from analytics.insulation.fleet.outlying import SpecimenHealth
 
 Floats = NDArray[np.float64]
@@ -248,7 +249,15 @@ def _specimen(
         score=compared.score if compared else None,
         outlying=bool(compared and compared.outlying),
         why=form.why or (compared.why if compared else "") or None,
+        fitted=_fitted(form.course) if form.course else None,
     )
+
+
+def _fitted(course: FittedCourse) -> dict[str, list[float]]:
+    """Four figures tell a course from its band."""
+    ln = {"resistance_K_per_W": course.ln_middle, "low": course.ln_low, "high": course.ln_high}
+    said = {"dose_h": course.dose_h, **{name: [math.exp(one) for one in of] for name, of in ln.items()}}
+    return {name: [float(f"{value:.4g}") for value in values] for name, values in said.items()}
 
 
 def _as_filtered(point: Point, sd: float | None) -> Seen | None:

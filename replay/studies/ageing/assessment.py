@@ -84,7 +84,8 @@ class Specimen:
     `level_from_dose_h`: from where on a rise has become level; `slope_percent_per_100h` of its last branch, R growing
     is positive; `fleet_slope...`: the slope that specimen and fleet together say, with its sd; `remaining_h`: dose
     until the criterion, [least, most] of 95 %, None where there is no end; `score`: how far the slope is from its
-    fleet's."""
+    fleet's; `fitted`: R by the form over the dose, with the ends of 95 % (`dose_h`, `resistance_K_per_W`, `low`,
+    `high`), None where no form was assessed."""
 
     specimen: str
     batch: str | None
@@ -107,6 +108,7 @@ class Specimen:
     score: float | None
     outlying: bool
     why: str | None
+    fitted: dict[str, list[float]] | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

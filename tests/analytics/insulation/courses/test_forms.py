@@ -53,6 +53,26 @@ def test_forms_are_told_from_seventeen_checks(name: str, course: Callable[[Float
     assert sum(found.probabilities.values()) == pytest.approx(1.0)
 
 
+@pytest.mark.parametrize("name", ["none", "monotone", "changepoint"])
+def test_the_fitted_course_holds_the_true_one_in_its_band(name: str) -> None:
+    truth: Callable[[Floats], Floats] = {
+        "none": lambda d: 0.0 * d,
+        "monotone": lambda d: 0.2 * d / 192.0,
+        "changepoint": lambda d: 0.25 * np.maximum(d - 90.0, 0.0) / 102.0,
+    }[name]
+    held, of = 0, 0
+    for seed in range(4):
+        found = _assess(truth, seed)
+        assert found.name == name and found.course is not None
+        course = found.course
+        true = -3.85 + truth(np.array(course.dose_h))
+        assert (course.dose_h[0], course.dose_h[-1]) == (0.0, 192.0)
+        assert course.ln_middle == pytest.approx(true, abs=4 * SD)
+        held += int(((course.ln_low <= true) & (true <= course.ln_high)).sum())
+        of += len(true)
+    assert held > 0.8 * of
+
+
 def test_slope_and_change_are_found_with_intervals_that_hold_them() -> None:
     rate, held_slope, held_change = 0.25 / 102.0, 0, 0
     found = [_assess(lambda d: rate * np.maximum(d - 90.0, 0.0), seed) for seed in range(20)]
