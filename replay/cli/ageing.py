@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
 
 from replay.cli.answer import Answer, provenance, store_folder
 from replay.cli.asked import ask_as_of, ask_picture, picture_note
@@ -16,6 +17,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--motor", metavar="M", help=says)
     ask_as_of(parser)
     ask_picture(parser)
+    parser.add_argument("--report", metavar="F.html", type=Path, help="write one HTML file with pictures")
 
 
 def run(args: argparse.Namespace) -> Answer:
@@ -32,7 +34,15 @@ def run(args: argparse.Namespace) -> Answer:
         known = facts.at(store.ledger, args.as_of)
         found = assess(store, known, model, args.as_of, tell)
         data = document(found, provenance(store, motor=args.motor, as_of=args.as_of))
+        if args.report:
+            from replay.show.reports.ageing_report import write_ageing_report
+            from replay.show.reports.documents import context
+
+            write_ageing_report(found, args.report, context(store, "whyhot ageing"))
+            data |= {"report": str(args.report)}
     notes = list(found.notes)
+    if args.report:
+        notes.append(f"{args.report}   opens offline in any browser")
     if args.out:
         from replay.show.verbs.ageing_plot import picture  # matplotlib takes half a second to load
 

@@ -34,6 +34,9 @@ return found;
 """
 
 
+NARROWEST = 500  # of Chromium's own window; what is narrower stands in a frame of it
+
+
 def in_browser(page: Path, script: str, width: int = 1000) -> Any:
     """What `script` (the body of a function) returns on a page `width` points wide. The test is skipped where Chromium
     is not installed."""
@@ -44,11 +47,22 @@ def in_browser(page: Path, script: str, width: int = 1000) -> Any:
         f"p.textContent = JSON.stringify((() => {{ {script} }})())</script></body>"
     )
     asked = page.with_name("asked.html")
-    asked.write_text(POLICY.sub("", text).replace("</body>", ask), encoding="utf-8")
+    whole = POLICY.sub("", text).replace("</body>", ask)
+    asked.write_text(whole if width >= NARROWEST else _framed(whole, width), encoding="utf-8")
     done = _dom(asked, width)
     told = re.search(r'<pre id="found">(.*?)</pre>', done.stdout, re.DOTALL)
     assert told is not None, done.stderr[-2000:]
     return json.loads(html.unescape(told[1]))
+
+
+def _framed(page: str, width: int) -> str:
+    """A page that holds another as wide as that, and takes what was found there."""
+    return (
+        f'<body><iframe style="width: {width}px; height: 900px; border: 0" srcdoc="{html.escape(page)}"></iframe>'
+        "<script>const frame = document.querySelector('iframe');"
+        "frame.onload = () => document.body.append(frame.contentDocument.getElementById('found').cloneNode(true));"
+        "</script></body>"
+    )
 
 
 def as_it_stands(page: Path) -> str:

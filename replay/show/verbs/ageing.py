@@ -27,18 +27,24 @@ def ageing_text(found: Assessment) -> str:
     lines += ["", *_table(found)]
     if len(found.batches) > 1:
         lines += ["", *_batches(found)]
-    lines += ["", *labelled("R", f"thermal resistance of the insulation; repeatability {found.repeatability_from}")]
-    rules = f"{words.joined(found.rules)}; a range goes from the rule that gives least to the one that gives most"
-    lines += labelled("Rules", rules)
-    if found.law:
-        lines += labelled("Law", _law(found.law))
-    if found.life.law:
-        lines += labelled("Life", _lives(found.life.law, found.criterion))
-    for text in _stress(found):
-        lines += labelled("Stress", text)
-    lines += labelled("Life used", f"hours at {found.threshold_degC:g} °C that the dose is worth, of 20,000 h")
+    lines.append("")
+    for name, text in says(found):
+        lines += labelled(name, text)
     lines += labelled("Next", 'whyhot sql "FROM conductivity_by_cycle" · whyhot sql "FROM fleet_health"')
     return "\n".join(lines)
+
+
+def says(found: Assessment) -> list[tuple[str, str]]:
+    """Name and text of all that the answer rests on: repeatability, rules, law, lives, other stresses."""
+    rules = f"{words.joined(found.rules)}; a range goes from the rule that gives least to the one that gives most"
+    parts = [
+        ("R", f"thermal resistance of the insulation; repeatability {found.repeatability_from}"),
+        ("Rules", rules),
+    ]
+    parts += [("Law", _law(found.law))] if found.law else []
+    parts += [("Life", _lives(found.life.law, found.criterion))] if found.life.law else []
+    parts += [("Stress", text) for text in _stress(found)]
+    return [*parts, ("Life used", f"hours at {found.threshold_degC:g} °C that the dose is worth, of 20,000 h")]
 
 
 def answer(found: Assessment) -> str:
@@ -107,9 +113,9 @@ def _table(found: Assessment) -> Iterator[str]:
     for one in shown:
         last = next((check for check in reversed(one.checks) if check.conductivity_percent is not None), None)
         yield (
-            f"{one.specimen:<{wide}}  {one.batch or '-':<6}  {len(one.checks):>6}  {_hours(one.dose_h):>6}  "
+            f"{one.specimen:<{wide}}  {one.batch or '-':<6}  {len(one.checks):>6}  {hours(one.dose_h):>6}  "
             f"{one.form.replace('_', ' '):<14}{100 * one.form_probability:>3.0f} %  {_slope(one):>12}  "
-            f"{_percent(last.conductivity_percent if last else None):>8}  {_life(one)}{_apart(one)}"
+            f"{_percent(last.conductivity_percent if last else None):>8}  {life_used(one)}{_apart(one)}"
         )
     if len(found.specimens) > len(shown):
         yield f"and {len(found.specimens) - len(shown)} more"
@@ -167,7 +173,7 @@ def _effect(one: StressEffect) -> str:
     return f"R {one.percent:+.1f} % ± {one.sd_percent:.1f} % each {one.unit}".replace("-", "−").replace("degC", "°C")
 
 
-def _hours(value: float | None) -> str:
+def hours(value: float | None) -> str:
     return "-" if value is None else f"{value:,.0f} h"
 
 
@@ -185,7 +191,7 @@ def _percent(value: float | None) -> str:
     return "-" if value is None else f"{value:.0f} %"
 
 
-def _life(one: Specimen) -> str:
+def life_used(one: Specimen) -> str:
     if one.life_used is None:
         return "-"
     return f"{100 * one.life_used[0]:.0f} to {100 * one.life_used[1]:.0f} %"

@@ -7,10 +7,11 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
+from replay.show.plots.ageing_plots import points
 from replay.show.verbs.ageing import answer, score
 from replay.show.words.figure import KEY_ABOVE, save, style
 from replay.show.words.palette import COLOURS, DASHES, INK, PAPER, SOFT
-from replay.studies.ageing.assessment import Assessment, Specimen
+from replay.studies.ageing.assessment import Assessment
 
 
 def picture(found: Assessment, target: Path) -> None:
@@ -18,14 +19,14 @@ def picture(found: Assessment, target: Path) -> None:
     with style("ageing"):
         figure = Figure(figsize=(9.0, 5.0), facecolor=PAPER[0])
         axes = figure.add_axes((0.08, 0.13, 0.89, 0.70))
-        drawn = [one for one in found.specimens if _points(one)]
+        drawn = [one for one in found.specimens if points(one)]
         coloured = sorted(drawn, key=lambda one: (not one.outlying, not one.significant, score(one)))[: len(COLOURS)]
         for one in drawn:
             if one not in coloured:
-                dose, percent, _ = zip(*_points(one), strict=True)
+                dose, percent, _ = zip(*points(one), strict=True)
                 axes.plot(dose, percent, color=SOFT[0], alpha=0.25, linewidth=0.6)
         for one, colour, dashes in zip(coloured, COLOURS, DASHES, strict=False):
-            dose, percent, sd = zip(*_points(one), strict=True)
+            dose, percent, sd = zip(*points(one), strict=True)
             axes.errorbar(
                 dose, percent, yerr=[2 * s for s in sd], color=colour, linestyle=dashes, marker="o", markersize=3,
                 elinewidth=0.7, capsize=2, label=f"{one.specimen}{'' if one.batch is None else f' ({one.batch})'}",
@@ -42,10 +43,3 @@ def picture(found: Assessment, target: Path) -> None:
         note = "bars: two standard deviations, repeatability included; vertical lines: where a course changes"
         figure.text(0.08, 0.015, note, fontsize=6.5, color=SOFT[0])
         save(figure, target)
-
-
-def _points(one: Specimen) -> list[tuple[float, float, float]]:
-    """(dose [h], R in % of the first, its sd) of each check that has both."""
-    found = [(check.dose_h, check.resistance_K_per_W, check.sd_percent) for check in one.checks]
-    known = [(dose, r, sd) for dose, r, sd in found if dose is not None and r is not None and sd is not None]
-    return [(dose, 100 * r / known[0][1], sd * r / known[0][1]) for dose, r, sd in known]

@@ -7,94 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from made.ageing import STILL, WORSE, assessment
 from replay.engine.specimen.heat_history import HoursByTemperature
 from replay.show.verbs.ageing import ageing_text, answer
-from replay.studies.ageing.assessment import (
-    AssessedLives,
-    Assessment,
-    Batch,
-    DcCheck,
-    HotHours,
-    Specimen,
-    StressEffect,
-    document,
-    read,
-    tables,
-)
-
-CHECK = DcCheck(
-    session="s",
-    session_name="dc_01",
-    start_ns=None,
-    number=0,
-    dose_h=0.0,
-    equivalent_h=[0.0, 0.0],
-    resistance_K_per_W=0.02,
-    sd=0.0001,
-    source="iron sensor",
-    state="steady",
-    why=None,
-    conductivity_percent=100.0,
-    hottest_channel="3v",
-    hottest_degC=130.0,
-)
-LATER = replace(
-    CHECK, number=1, dose_h=120.0, equivalent_h=[1200.0, 3900.0], resistance_K_per_W=0.025, conductivity_percent=80.0
-)
-WORSE = Specimen(
-    specimen="S01",
-    batch="B1",
-    cycles=[],
-    checks=[CHECK, LATER],
-    dose_h=120.0,
-    equivalent_h=[1200.0, 3900.0],
-    form="monotone",
-    form_probability=0.93,
-    change_at_dose_h=None,
-    level_from_dose_h=None,
-    slope_percent_per_100h=20.4,
-    ci95=[17.0, 23.0],
-    repeatability_percent=0.8,
-    significant=True,
-    life_used=[0.06, 0.195],
-    fleet_slope_percent_per_100h=None,
-    fleet_slope_sd=None,
-    remaining_h=None,
-    score=4.2,
-    outlying=True,
-    why=None,
-)
-STILL = replace(
-    WORSE,
-    specimen="S02",
-    form="none",
-    slope_percent_per_100h=-0.3,
-    ci95=[-1.0, 0.4],
-    significant=False,
-    score=-0.2,
-    outlying=False,
-)
-
-
-def assessment(*specimens: Specimen, batches: list[Batch] | None = None) -> Assessment:
-    return Assessment(
-        assessment="a" * 16,
-        motor=None,
-        threshold_degC=180.0,
-        criterion="conductivity -50 %",
-        activation_energy_eV={"value": 1.0, "ci95": [0.9, 1.1], "from": "assumed"},
-        rules=["0.9 eV", "1.1 eV", "10 K rule"],
-        repeatability_from="0.8 %, from repeats",
-        specimens=list(specimens),
-        law=None,
-        life=AssessedLives(
-            criterion="conductivity -50 %", lives=[], law=None, why="no specimen has reached the criterion yet"
-        ),
-        batches=batches or [],
-        stress=[],
-        false_discovery_rate=0.05,
-        notes=[],
-    )
+from replay.studies.ageing.assessment import Batch, HotHours, StressEffect, document, read, tables
 
 
 def test_what_changed_is_said_with_its_size_and_what_did_not_by_name() -> None:

@@ -1,0 +1,41 @@
+"""The report of ageing: one HTML file that needs no other, reads in light and dark and prints on A4."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from replay.show.plots.ageing_plots import courses, forest
+from replay.show.plots.lives_plots import arrhenius, survival
+from replay.show.reports.report import ReportContext
+from replay.show.verbs import ageing
+from replay.show.words.page import template
+from replay.studies.ageing.assessment import Assessment
+
+
+def write_ageing_report(found: Assessment, target: Path, context: ReportContext) -> None:
+    """Write the report of an assessment to `target`. The same assessment gives the same bytes."""
+    pictures = {
+        "Courses": [courses(found, courses_title(found))],
+        "Specimens and batches": [forest(found)],
+        "Lives": [arrhenius(found.life, found.assessment), survival(found.life, found.assessment)],
+    }
+    page = template("ageing.html.j2").render(
+        answer=ageing.answer(found),
+        found=found,
+        ageing=ageing,
+        pictures={name: shown for name, plots in pictures.items() if (shown := [one for one in plots if one])},
+        says=ageing.says(found),
+        context=context,
+    )
+    target.parent.mkdir(parents=True, exist_ok=True)
+    target.write_text(page, encoding="utf-8")
+
+
+def courses_title(found: Assessment) -> str:
+    """How many courses go beyond repeatability, and which is steepest."""
+    changed = [one for one in found.specimens if one.significant and one.slope_percent_per_100h is not None]
+    if not changed:
+        return "No specimen changes beyond repeatability"
+    worst = max(changed, key=lambda one: one.slope_percent_per_100h or 0.0)
+    steepest = f"{worst.slope_percent_per_100h:+.1f} % per 100 h".replace("-", "−")
+    return f"{len(changed)} of {len(found.specimens)} change beyond repeatability: {worst.specimen} most, R {steepest}"
