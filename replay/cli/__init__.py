@@ -43,6 +43,7 @@ VERBS: dict[str, str] = {
     "envelope": "torque over speed that the motor bears for ever and for 10, 30 and 60 s",
     "ageing": "insulation across cycles and across the fleet: doses, resistances, courses, who stands out",
     "report": "one HTML file of replays or of a diagnosis, readable offline",
+    "index": "pages over the whole store for a share: sessions, diagnoses, stators; only what changed is written again",
     "view": "measured and modelled temperatures in the rerun viewer",
     "sql": "ask the warehouse in SQL, read-only",
     "lineage": "from a number back to the frames, files, code and command that it came from",

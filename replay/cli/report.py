@@ -39,22 +39,18 @@ def run(args: argparse.Namespace) -> Answer:
 
 
 def _of_diagnosis(args: argparse.Namespace) -> Answer:
-    import json
-
     from ingest.facts import facts
     from ingest.facts.store import Store
     from replay.cli.progress import tell
     from replay.errors import ReplayDataError
-    from replay.show.reports.documents import write_diagnosis
+    from replay.show.reports.documents import sealed_diagnosis, write_diagnosis
     from replay.studies.diagnosis.accept import find_diagnosis
-    from replay.studies.diagnosis.answer import read
 
     (name,) = args.sessions
     if args.model is not None:
         raise ReplayDataError(f"--model {args.model}: {name} shows the models of its own: leave --model out.")
     with Store.open(store_folder(args), write=True) as store:
-        completed = find_diagnosis(facts.at(store.ledger), name)
-        diagnosis = read(json.loads(store.archive.read(completed.artefact)))
+        diagnosis = sealed_diagnosis(store, find_diagnosis(facts.at(store.ledger), name))
         write_diagnosis(store, diagnosis, args.out, f"whyhot report {name}", tell)
         data = {
             "schema": "whyhot.report/1",

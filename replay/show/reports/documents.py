@@ -8,7 +8,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 from ingest.catalogue.channels import load
-from ingest.facts.events import ReplayCompleted, SessionRecorded
+from ingest.facts.events import DiagnosisCompleted, ReplayCompleted, SessionRecorded
 from ingest.facts.facts import Facts, at
 from ingest.facts.store import Store
 from replay.engine.files.configurations import network_of
@@ -23,6 +23,8 @@ from replay.show.reports.report import ReportContext, write_report
 from replay.show.viewer import layers
 from replay.show.viewer.seen import SessionSeen
 from replay.show.words.words import joined, short
+from replay.studies.ageing import assessment
+from replay.studies.ageing.assessment import Assessment
 from replay.studies.diagnosis.answer import Diagnosis, read
 from replay.studies.diagnosis.formulas import text_diff
 
@@ -71,7 +73,7 @@ def _replays(
     runs = {event.model: event for event in facts.runs.values() if event.session == session.session}
     for completed in reversed(list(facts.diagnoses.values())):
         if session.session in (*completed.key["train"], *completed.key["kept"]):
-            found = read(json.loads(store.archive.read(completed.artefact)))
+            found = sealed_diagnosis(store, completed)
             if found.model in runs:
                 models = zip(MODELS, _models(found), strict=True)
                 return {role: runs[model] for role, model in models if model in runs}, found
@@ -111,6 +113,32 @@ def write_diagnosis(
     target.parent.mkdir(parents=True, exist_ok=True)
     write_diagnosis_report(diagnosis, runs, _difference(store, diagnosis), target, context(store, command))
     return runs
+
+
+def write_sealed_diagnosis(store: Store, facts: Facts, diagnosis: Diagnosis, target: Path, command: str) -> None:
+    """The same with the runs that there are: nothing is replayed, and nothing written into the store."""
+    sealed = {(event.session, event.model): event for event in facts.runs.values() if event.level == diagnosis.level}
+    models = dict(zip(MODELS, _models(diagnosis), strict=True))
+    runs = {
+        name: {
+            label: load_run(store, facts, sealed[name, model])
+            for label, model in models.items()
+            if model and (name, model) in sealed
+        }
+        for name in (*diagnosis.train, *diagnosis.held_out)
+    }
+    write_diagnosis_report(diagnosis, runs, _difference(store, diagnosis), target, context(store, command))
+
+
+def sealed_diagnosis(store: Store, event: DiagnosisCompleted) -> Diagnosis:
+    """The answer that a diagnosis was sealed with."""
+    return read(json.loads(store.archive.read(event.artefact)))
+
+
+def last_assessment(store: Store, facts: Facts) -> Assessment | None:
+    """The last assessment of ageing, None where there is none."""
+    events = list(facts.assessments.values())
+    return assessment.read(json.loads(store.archive.read(events[-1].answer))) if events else None
 
 
 def _difference(store: Store, diagnosis: Diagnosis) -> str:

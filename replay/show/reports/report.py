@@ -83,6 +83,9 @@ def _plots(run: Run, of_run: Sequence[Sequence[Observed]], columns: int) -> list
 
 def started(run: Run) -> str:
     """When a session began, to the second."""
-    if not run.absolute:
-        return "no absolute time"
-    return f"{datetime.fromtimestamp(int(run.t_ns[0]) // 10**9, UTC):%Y-%m-%d %H:%M:%S} UTC"
+    return moment(int(run.t_ns[0]), run.absolute)
+
+
+def moment(t_ns: int, absolute: bool) -> str:
+    """ "2025-10-09 08:53:20 UTC"."""
+    return f"{datetime.fromtimestamp(t_ns // 10**9, UTC):%Y-%m-%d %H:%M:%S} UTC" if absolute else "no absolute time"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -62,6 +63,8 @@ def test_names_are_shown_escaped_on_the_terminal_and_in_the_report(
         (0, ["attach", "motor.toml", "--specimen", NASTY, "--finding", NASTY]),
         (0, ["replay", name]),
         (0, ["report", name]),
+        (0, ["index", "--out", "site"]),
+        (0, ["index", "--out", "site"]),
         (0, ["sql", "SELECT * FROM channels"]),
         (0, ["sql", "SELECT * FROM channels", "--csv"]),
         (2, ["show", f"nothing{NASTY}"]),
@@ -73,9 +76,15 @@ def test_names_are_shown_escaped_on_the_terminal_and_in_the_report(
         assert not STEERING.search(out + err), (words, STEERING.search(out + err))
         said += out + err
     assert "\\u001b[2J" in said
-    page = (bench / "report.html").read_text(encoding="utf-8")
-    assert not STEERING.search(page)
-    assert "\\u001b[2J" in page
+    assert "0 files written, 3 left as they were" in said
+    links = re.findall(
+        r'<td class="name"><a href="(.*?)">', (bench / "site" / "index.html").read_text(encoding="utf-8")
+    )
+    assert len(links) == 1
+    for path in ("report.html", "site/index.html", f"site/{links[0]}"):
+        page = (bench / path).read_text(encoding="utf-8")
+        assert not STEERING.search(page)
+        assert "\\u001b[2J" in page
 
 
 def test_what_the_command_line_and_a_motor_file_hold_is_escaped_in_their_refusals(

@@ -8,10 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from made.ageing import aged
 from made.browser import LABELS, as_it_stands, in_browser
 from made.diagnoses import NAMED, runs
 from made.runs import made_run
 from replay.engine.results.run import Run
+from replay.show.reports.ageing_report import write_ageing_report
 from replay.show.reports.diagnosis_report import write_diagnosis_report
 from replay.show.reports.report import ReportContext, write_report
 
@@ -30,11 +32,13 @@ def with_a_long_name() -> Run:
     return replace(run, nodes=nodes, regions=regions, observed=observed, summary=summary)
 
 
-@pytest.fixture(scope="module", params=["report", "diagnosis"])
+@pytest.fixture(scope="module", params=["report", "diagnosis", "ageing"])
 def page(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
     target = tmp_path_factory.mktemp(request.param) / "page.html"
     if request.param == "report":
         write_report([with_a_long_name(), made_run("2_s2")], target, CONTEXT)
+    elif request.param == "ageing":
+        write_ageing_report(aged(), target, CONTEXT)
     else:
         write_diagnosis_report(NAMED, runs(), "", target, CONTEXT)
     return target
@@ -50,7 +54,7 @@ def test_on_a_telephone_pictures_stay_readable_and_the_page_is_no_wider_than_the
     const whole = document.documentElement;
     return [whole.scrollWidth - whole.clientWidth, Math.min(...heights.filter(height => height > 0))];
     """
-    beyond, smallest = in_browser(page, script, width=500)  # Chromium's window gets no narrower
+    beyond, smallest = in_browser(page, script, width=390)
     assert beyond <= 0
     assert smallest >= 9
 
@@ -76,9 +80,9 @@ const at = (plot, type, share) => {
 """
 
 
-def test_the_script_runs_under_the_pages_own_policy(page: Path) -> None:
-    assert "script-src 'sha256-" in page.read_text(encoding="utf-8")
-    assert 'aria-pressed="true"' in as_it_stands(page)
+def test_the_script_runs_under_the_pages_own_policy(one: Path) -> None:
+    assert "script-src 'sha256-" in one.read_text(encoding="utf-8")
+    assert 'aria-pressed="true"' in as_it_stands(one)
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,104 @@
+"""Which pages there are over a store: a report of the last replay of each session, of each diagnosis, and of ageing."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from functools import cache, partial
+from hashlib import sha256
+from importlib.resources import files
+from pathlib import Path
+
+import numpy as np
+
+from ingest.facts.events import DiagnosisCompleted, ReplayCompleted
+from ingest.facts.facts import Facts
+from ingest.facts.store import Store
+from replay.engine.results.run import Run
+from replay.engine.results.sealed import load_run
+from replay.engine.runs.sources import code_of
+from replay.show.reports.ageing_report import write_ageing_report
+from replay.show.reports.documents import context, last_assessment, latest_run, sealed_diagnosis, write_sealed_diagnosis
+from replay.show.reports.report import write_report
+from replay.show.reports.site import Course, PageWanted
+from replay.studies.diagnosis.accept import SHORT
+
+AGEING = "ageing.html"
+COMMAND = "whyhot index"
+COLUMNS = 80  # of a course in the index
+
+
+def session_path(session: str) -> str:
+    """Of the report of a session's last replay."""
+    return f"sessions/{session}.html"
+
+
+def diagnosis_path(diagnosis: str) -> str:
+    """Of the report of a diagnosis."""
+    return f"diagnoses/d-{diagnosis[:SHORT]}.html"
+
+
+def wanted(store: Store, facts: Facts) -> dict[str, PageWanted]:
+    """All pages but the index, by path."""
+    return dict(_pages(store, facts))
+
+
+def _pages(store: Store, facts: Facts) -> Iterator[tuple[str, PageWanted]]:
+    for session in facts.sessions:
+        if last := latest_run(facts, session):
+            write = partial(_replay, store, facts, last)
+            yield session_path(session.session), PageWanted(_key(last.run, session.name, session.kind), write)
+    for event in facts.diagnoses.values():
+        runs = [run.run for run in facts.runs.values() if run.session in (*event.key["train"], *event.key["kept"])]
+        write = partial(_diagnosis, store, facts, event)
+        yield diagnosis_path(event.diagnosis), PageWanted(_key(event.diagnosis, *runs), write)
+    for assessed in list(facts.assessments.values())[-1:]:
+        yield AGEING, PageWanted(_key(assessed.assessment), partial(_insulation, store, facts))
+
+
+def _key(*made_of: str) -> str:
+    """A page is another where what it is made of, or what draws it, is another."""
+    return sha256(json.dumps([_drawn_by(), *made_of]).encode()).hexdigest()
+
+
+@cache
+def _drawn_by() -> str:
+    """The code of all pages and the templates that it fills."""
+    sha = sha256(code_of(__name__).encode())
+    for template in sorted(files("replay.show").iterdir(), key=lambda one: one.name):
+        if template.name.endswith((".j2", ".js")):
+            sha.update(template.read_bytes())
+    return sha.hexdigest()
+
+
+def _replay(store: Store, facts: Facts, event: ReplayCompleted, target: Path) -> Course:
+    run = load_run(store, facts, event)
+    write_report([run], target, context(store, COMMAND))
+    return residual_course(run)
+
+
+def _diagnosis(store: Store, facts: Facts, event: DiagnosisCompleted, target: Path) -> Course:
+    write_sealed_diagnosis(store, facts, sealed_diagnosis(store, event), target, COMMAND)
+    return ()
+
+
+def _insulation(store: Store, facts: Facts, target: Path) -> Course:
+    found = last_assessment(store, facts)
+    assert found is not None, "a page is wanted where there is one"
+    write_ageing_report(found, target, context(store, COMMAND))
+    return ()
+
+
+def residual_course(run: Run) -> Course:
+    """The residual [K] of the channel that is furthest off, as means over equal parts of the session; empty where no
+    node is observed."""
+    errors = {one.channel: one.mae_K for one in run.summary.channels}
+    if not errors:
+        return ()
+    worst = max((one for one in run.observed if one.channel in errors), key=lambda one: errors[one.channel])
+    usable = worst.usable
+    share = (worst.t_ns[usable] - run.t_ns[0]) / (run.t_ns[-1] - run.t_ns[0])
+    column = np.clip((share * COLUMNS).astype(np.int64), 0, COLUMNS - 1)
+    count = np.bincount(column, minlength=COLUMNS)
+    total = np.bincount(column, worst.residual[usable], minlength=COLUMNS)
+    return [round(float(sum_ / n), 2) if n else None for sum_, n in zip(total, count, strict=True)]
