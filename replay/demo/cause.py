@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -12,9 +13,10 @@ from ingest.facts.store import Store
 from ingest.intake.intake import take_in
 from ingest.intake.setup import prepare
 from replay.engine.files.models import for_intake
+from replay.errors import ViewerError
 from replay.shipped import example
 from replay.show.plots.compare import picture
-from replay.show.reports.documents import write_diagnosis
+from replay.show.reports.documents import write_diagnosis, write_layers
 from replay.studies.diagnosis.answer import document
 from replay.studies.diagnosis.diagnose import diagnose
 
@@ -22,7 +24,7 @@ LEARN, KEEP = ("1_s1", "2_s2", "3_wltp"), ("4_s1", "5_wltp")
 
 
 def hidden_effect(folder: Path) -> dict[str, Any]:
-    """Store, report and picture of the campaign afresh under `folder`; its diagnosis as a document. Raises
+    """Store, report, picture and layers of the campaign afresh under `folder`; its diagnosis as a document. Raises
     ReplayDataError where the example did not come with the installation."""
     campaign = example("hidden_effect")
     store_folder = folder / "hidden_effect"
@@ -38,4 +40,6 @@ def hidden_effect(folder: Path) -> dict[str, Any]:
         command = f"whyhot diagnose --on {' '.join(LEARN)} --hold-out {' '.join(KEEP)} --store {store_folder}"
         runs = write_diagnosis(store, diagnosis, folder / "why.html", command)
         picture(runs[kept[0].session], folder / "why")
+        with suppress(ViewerError):  # rerun is not installed: the demo's first half says so
+            write_layers(store, facts.at(store.ledger), [*LEARN, *KEEP], folder / "layers")
     return document(diagnosis, {})

@@ -79,7 +79,8 @@ def run_demo(folder: Path, store_folder: Path) -> Demo:
     stores = (folder / "stators", folder / "fleet")
     texts = (ageing_text(assessment.read(one)) for one in stators_and_fleet)
     stators, fleet = (onward(text, store) for text, store in zip(texts, stores, strict=True))
-    second += ["", AGEING, "", stators, "", fleet, *labelled("Picture", f"{folder / 'ageing.png'}")]
+    reports = f"{folder / 'ageing.html'}, {folder / 'fleet.html'}   (the stators as a picture: {folder / 'ageing.png'})"
+    second += ["", AGEING, "", stators, "", fleet, *labelled("Reports", reports)]
     data = {**real.data, "diagnoses": [*real.data["diagnoses"], found], "ageing": stators_and_fleet}
     return Demo("\n".join([real.text, *second]), data, real.notes)
 
@@ -100,8 +101,8 @@ def _real_motor(folder: Path, store_folder: Path) -> Demo:
         report = folder / "report.html"
         runs = write_replay_report(store, known, names, report, "whyhot demo")
         picture(runs, folder / "picture")
-        layers, note = _layers(store, known, names, folder / "layers")
         diagnosis = _why(store, known, folder)
+        layers, note = _layers(store, facts.at(store.ledger), names, folder / "layers")
     summaries = [run.summary for run in runs]
     worst = max(summaries, key=lambda summary: max(summary.mae_K.values())).session_name
     lines = [INTRO, "", *_ingested(intake)]
@@ -110,7 +111,7 @@ def _real_motor(folder: Path, store_folder: Path) -> Demo:
     lines += [*overview(summaries), ""]
     lines += labelled("Report", f"{report}   (the worst recording as a picture: {folder / 'picture.png'})")
     if layers:
-        says = f"{layers[0].parent}/*.rrd   (whyhot view {worst} --store {store_folder})"
+        says = f"{layers[0].parent}/*.rrd, of both motors   (whyhot view {worst} --store {store_folder})"
         lines += labelled("Layers for rerun", says)
     lines += ["", WHY, "", onward(diagnosis_text(diagnosis), store_folder)]
     data = {
