@@ -12,6 +12,8 @@ from typing import Any
 
 import pytest
 
+from made.places import ROOT
+
 POLICY = re.compile(r'<meta http-equiv="Content-Security-Policy"[^>]*>')
 LABELS = """
 const found = [];
@@ -37,14 +39,26 @@ return found;
 NARROWEST = 500  # of Chromium's own window; what is narrower stands in a frame of it
 
 
+def axe() -> str:
+    """The script that finds what keeps people from using a page, with what it found as its result. The test is skipped
+    where axe-core is not there."""
+    path = ROOT / "node_modules" / "axe-core" / "axe.min.js"
+    if not path.is_file():
+        pytest.skip("axe-core is not here: npm install --no-save axe-core@4.14.1")
+    found = "found.violations.map(one => [one.id, one.nodes.map(node => node.html.slice(0, 200))])"
+    source = path.read_text(encoding="utf-8").replace("</script", "<\\/script")
+    return f"{source}; return axe.run(document, {{resultTypes: ['violations']}}).then(found => {found});"
+
+
 def in_browser(page: Path, script: str, width: int = 1000) -> Any:
-    """What `script` (the body of a function) returns on a page `width` points wide. The test is skipped where Chromium
-    is not installed."""
+    """What `script` (the body of a function) returns, or promises, on a page `width` points wide. The test is skipped
+    where Chromium is not installed."""
     text = page.read_text(encoding="utf-8")
     assert text.count("</body>") == 1
     ask = (
         f"<script>const p = document.createElement('pre'); p.id = 'found'; document.body.append(p); "
-        f"p.textContent = JSON.stringify((() => {{ {script} }})())</script></body>"
+        f"Promise.resolve((() => {{ {script} }})()).then(found => {{ p.textContent = JSON.stringify(found); }})"
+        "</script></body>"
     )
     asked = page.with_name("asked.html")
     whole = POLICY.sub("", text).replace("</body>", ask)
@@ -60,7 +74,7 @@ def _framed(page: str, width: int) -> str:
     return (
         f'<body><iframe style="width: {width}px; height: 900px; border: 0" srcdoc="{html.escape(page)}"></iframe>'
         "<script>const frame = document.querySelector('iframe');"
-        "frame.onload = () => document.body.append(frame.contentDocument.getElementById('found').cloneNode(true));"
+        "frame.onload = () => document.body.append(frame.contentDocument.getElementById('found'));"
         "</script></body>"
     )
 
@@ -74,5 +88,12 @@ def _dom(page: Path, width: int) -> subprocess.CompletedProcess[str]:
     program = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
     if program is None:
         pytest.skip("Chromium is not installed: apt install chromium")
-    flags = ("--headless", "--no-sandbox", "--disable-gpu", f"--window-size={width},900", "--dump-dom")
+    flags = (
+        "--headless",
+        "--no-sandbox",
+        "--disable-gpu",
+        "--virtual-time-budget=60000",
+        f"--window-size={width},900",
+        "--dump-dom",
+    )
     return subprocess.run([program, *flags, page.as_uri()], capture_output=True, text=True, timeout=120, check=False)

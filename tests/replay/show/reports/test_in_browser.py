@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from made.ageing import aged
-from made.browser import LABELS, as_it_stands, in_browser
+from made.browser import LABELS, as_it_stands, axe, in_browser
 from made.diagnoses import NAMED, runs
 from made.runs import made_run
 from replay.engine.results.run import Run
@@ -57,6 +57,10 @@ def test_on_a_telephone_pictures_stay_readable_and_the_page_is_no_wider_than_the
     beyond, smallest = in_browser(page, script, width=390)
     assert beyond <= 0
     assert smallest >= 9
+
+
+def test_nothing_keeps_people_who_see_little_or_use_no_mouse_from_a_page(page: Path) -> None:
+    assert in_browser(page, axe(), width=390) == []
 
 
 def test_contents_lead_to_every_section(page: Path) -> None:
