@@ -43,6 +43,7 @@ from replay.show.words.figure import (
     save,
     style,
 )
+from replay.show.words.findings import MOVED_K
 from replay.show.words.palette import DASHES, INK, PAPER, SERIES, SOFT
 
 Floats = NDArray[np.float64]
@@ -66,9 +67,6 @@ MODELS: Mapping[str, Drawn] = {
     "recalibrated": Drawn("recalibrated", SERIES["blue"][0], DASHES[2]),
     "extended": Drawn("with the cause", SERIES["green"][0], DASHES[0]),
 }
-
-
-MOVED_K = 0.05  # a corrected reading that differs by less in the mean is not drawn
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from replay.show.words import words
+from replay.show.words.findings import MOVED_K
 from replay.studies.diagnosis.answer import Diagnosis, KeptGain, calibration_is_worse
 
 STAGES: Mapping[str, str] = {"published": "as published", "before": "recalibrated", "after": "with the cause"}
@@ -13,7 +14,6 @@ FITTED = "start, coolant and readings fitted on the first tenth of each kept ses
 HOW = (
     f"replayed, against readings as recorded; fitted: with {FITTED}; reading moved: by learnt corrections, in the mean"
 )
-MOVED_K = 0.05  # a reading that is moved by less is told as recorded
 WORSE_K = 0.1  # an error that rose by less stayed
 
 

@@ -16,7 +16,7 @@ from replay.show.reports.site import Course
 from replay.show.reports.site_pages import AGEING, COMMAND, diagnosis_path, session_path
 from replay.show.verbs import ageing
 from replay.show.words import words
-from replay.show.words.findings import direction, worst_first
+from replay.show.words.findings import direction, mean_error, worst_first
 from replay.show.words.page import template
 from replay.studies.ageing.assess import is_of_now
 from replay.studies.ageing.assessment import Assessment
@@ -104,7 +104,7 @@ def _worst(summary: Summary) -> str:
     if not errors:
         return "no node is observed"
     off = "within its sensor's uncertainty" if errors[0].within_floor else direction(errors[0])
-    return f"{words.name(errors[0].node)} {words.kelvin(errors[0].mae_K)}, {off}"
+    return f"{words.name(errors[0].node)} {mean_error(errors[0])}, {off}"
 
 
 def course_svg(course: Course, scale: float) -> str:

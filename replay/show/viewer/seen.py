@@ -15,8 +15,9 @@ from ingest.errors import not_installed
 from ingest.facts.events import SessionRecorded
 from replay.engine.results.run import Observed, Run
 from replay.errors import ViewerError
-from replay.show.plots.compare import MODELS, MOVED_K, as_recorded
+from replay.show.plots.compare import MODELS, as_recorded
 from replay.show.words import words
+from replay.show.words.findings import MOVED_K
 from replay.show.words.palette import SERIES
 from twin.motor.network import Network
 

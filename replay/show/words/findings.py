@@ -9,6 +9,7 @@ from replay.show.words import words
 
 ONE_SIDED = 0.7  # share of the mean error that the bias must reach to be called one-sided
 BALANCES = 3  # sessions of which a power balance is told
+MOVED_K = 0.05  # a reading that is corrected by less is told as recorded
 AGREE = 0.15  # lost power and the network's heat agree within this share
 
 
@@ -24,16 +25,28 @@ def direction(error: ChannelErrors) -> str:
     return "too cold" if error.bias_K > 0 else "too hot"
 
 
+def mean_error(error: ChannelErrors) -> str:
+    """ "4.4 K"; of a reading that the bench file corrects "4.4 K (reading corrected by −1.7 K; as recorded 6.0 K)"."""
+    if not _is_moved(error):
+        return words.kelvin(error.mae_K)
+    moved, recorded = words.signed_kelvin(error.reading_moved_K or 0.0), words.kelvin(error.mae_recorded_K or 0.0)
+    return f"{words.kelvin(error.mae_K)} (reading corrected by {moved}; as recorded {recorded})"
+
+
+def _is_moved(error: ChannelErrors) -> bool:
+    return error.reading_moved_K is not None and abs(error.reading_moved_K) >= MOVED_K
+
+
 def finding(error: ChannelErrors) -> str:
     """ "Rotor: model 4.4 K too cold on average, worst at 3,000 to 4,000 rpm"."""
     subject = words.capital(words.name(error.node))
     if error.within_floor:
-        mean, most = words.kelvin(error.mae_K), words.kelvin(error.max_K)
+        mean, most = mean_error(error), words.kelvin(error.max_K)
         own = words.kelvin(error.floor_K)
         return f"{subject}: {mean} off on average, {most} at worst; the sensor itself leaves {own} open"
     place = words.where(error.where, told=1)
     worst = f"worst {place}" if place else f"{words.kelvin(error.max_K)} at worst"
-    return f"{subject}: model {words.kelvin(error.mae_K)} {direction(error)} on average, {worst}"
+    return f"{subject}: model {mean_error(error)} {direction(error)} on average, {worst}"
 
 
 def answer(summaries: Sequence[Summary]) -> str:
@@ -46,7 +59,9 @@ def answer(summaries: Sequence[Summary]) -> str:
     these = "this recording" if len(summaries) == 1 else f"these {len(summaries)} recordings"
     if not wrong:
         floor = words.kelvin(max(error.floor_K for error in errors))
-        return f"The model agrees with {these} on average within the sensors' own uncertainty ({floor})."
+        moved = sum(_is_moved(error) for error in errors)
+        beside = f", {words.counted(moved, 'reading')} as the bench file corrects it" if moved else ""
+        return f"The model agrees with {these} on average within the sensors' own uncertainty ({floor}){beside}."
     ranking = _ranking(found)
     node = max((error.node for error in wrong), key=lambda n: ranking[n])
     at_node = [(summary, error) for summary, error in found if error.node == node and not error.within_floor]
@@ -68,7 +83,7 @@ def _worst(session: Summary, worst: ChannelErrors, mean_K: float, sessions: int)
     most = f", most {place}" if place else ""
     verdict = "off both ways" if direction(worst) == "off both ways" else f"mostly {direction(worst)}"
     lead = f"The model is furthest off at the {words.name(worst.node)}: "
-    error = words.kelvin(worst.mae_K)
+    error = mean_error(worst)
     if sessions == 1:
         return f"{lead}{error} on average and {words.kelvin(worst.max_K)} at worst, {verdict}{most}."
     mean = f"{words.kelvin(mean_K)} on average over {sessions} recordings"

@@ -11,7 +11,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined, Template
 from markupsafe import Markup
 
 from ingest.texts.plain import plain
-from replay.show.words import heat_words, words
+from replay.show.words import findings, heat_words, words
 from replay.show.words.palette import variables
 
 
@@ -32,6 +32,7 @@ def template(name: str) -> Template:
     environment.filters.update(
         kelvin=words.kelvin,
         unbroken=_unbroken,
+        meanerror=findings.mean_error,
         signed_kelvin=words.signed_kelvin,
         where=words.where,
         nodename=words.name,

@@ -10,7 +10,7 @@ from types import MappingProxyType
 from replay.engine.results.summary import ChannelErrors, Summary
 from replay.show.words import heat_words, words
 from replay.show.words.filter_words import checked, filter_says
-from replay.show.words.findings import answer, direction, power_balance, worst_first
+from replay.show.words.findings import answer, direction, mean_error, power_balance, worst_first
 from replay.show.words.width import width
 from twin.filters.by_filterpy import Apart
 
@@ -90,7 +90,8 @@ def _verdict(error: ChannelErrors) -> str:
     verdict = f"model {direction(error)}, {most}"
     if error.within_floor:
         verdict = f"within its floor ({words.kelvin(error.floor_K)})"
-    return verdict + (f"; {error.masked:,} steps masked" if error.masked else "")
+    beside = f"; mean {told}" if (told := mean_error(error)) != words.kelvin(error.mae_K) else ""
+    return verdict + beside + (f"; {error.masked:,} steps masked" if error.masked else "")
 
 
 def _row(start: str, text: str) -> list[str]:

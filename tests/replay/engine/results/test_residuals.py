@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from made.channels import channel
+from made.runs import made_summary
+from replay.engine.results.as_json import to_json
+from replay.engine.results.as_read import with_errors_as_recorded
 from replay.engine.results.residuals import channel_errors, largest_by_node, mean_by_node, where
 from replay.engine.results.run import Observed
+from replay.show.words.findings import answer, mean_error
 
 
 def _observed(residual: NDArray[np.float64], used: NDArray[np.bool_] | None = None) -> Observed:
@@ -64,3 +71,20 @@ def test_channels_of_one_node_are_joined_by_their_samples() -> None:
     both = [one for one in errors if one is not None]
     assert mean_by_node(both, lambda one: one.mae_K) == {"magnet": pytest.approx((30 * 1.0 + 10 * 3.1) / 40)}
     assert largest_by_node(both) == {"magnet": 4.0}
+
+
+def test_a_corrected_reading_has_its_error_as_recorded_beside_it() -> None:
+    """The reading is 3.0 K too high and corrected by that; the model is 1 K too cold of the truth."""
+    observed = _observed(np.ones(20))
+    t_ns = np.arange(-1, 21, dtype=np.int64) * 10**9
+    made = channel("MAG", "temperature", np.full(22, 51.0), t_s=t_ns / 1e9)
+    corrected = replace(made, read=np.full(22, 54.0))
+    other = channel("TEETH", "temperature", np.full(22, 51.0), t_s=t_ns / 1e9)
+    errors = channel_errors(observed, {}, 0)
+    assert errors is not None
+    (one,) = with_errors_as_recorded([errors], [observed], [corrected, other])
+    assert (one.mae_K, one.mae_recorded_K, one.reading_moved_K) == pytest.approx((1.0, 4.0, -3.0))
+    assert mean_error(one) == "1.0 K (reading corrected by −3.0 K; as recorded 4.0 K)"
+    assert mean_error(errors) == "1.0 K"
+    within = made_summary(channels=[to_json(replace(one, mae_K=0.2))])
+    assert answer([within]).endswith("(0.5 K), 1 reading as the bench file corrects it.")
