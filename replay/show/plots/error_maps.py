@@ -95,7 +95,7 @@ def _draw_maps(maps: Mapping[str, Cells], load: str) -> Figure:
     place |= {"bottom": 1.0 / height, "top": 1 - 0.25 / height}
     axes = figure.subplots(rows, ACROSS, sharex=True, sharey=True, squeeze=False, gridspec_kw=place)
     largest = max(1.0, *(float(np.nanmax(np.abs(cells.mean))) for cells in maps.values()))
-    colours = ScalarMappable(Normalize(-largest, largest), LinearSegmentedColormap.from_list("error", DIVERGING, N=41))
+    colours = residual_colours(largest)
     for ax, (node, cells) in zip(axes.flat, maps.items(), strict=False):
         _draw_map(ax, node, cells, colours)
     for ax in axes.flat[len(maps) :]:
@@ -110,6 +110,11 @@ def _draw_maps(maps: Mapping[str, Cells], load: str) -> Figure:
     scale.set_label("measured − model [K]")
     scale.outline.set_visible(False)
     return figure
+
+
+def residual_colours(largest: float) -> ScalarMappable:
+    """Blue over white to orange, up to `largest` [K]: so few that their key is no bitmap, which pages do not load."""
+    return ScalarMappable(Normalize(-largest, largest), LinearSegmentedColormap.from_list("error", DIVERGING, N=41))
 
 
 def _draw_map(axes: Axes, node: str, cells: Cells, colours: ScalarMappable) -> None:

@@ -14,6 +14,7 @@ from replay.show.plots.filter_plots import filter_over_time
 from replay.show.plots.heat_plots import heat_balance
 from replay.show.plots.meter_plots import meter_over_time
 from replay.show.plots.plots import groups, inputs_over_time, over_time
+from replay.show.plots.residual_strip import residual_strip
 from replay.show.words import words
 from replay.show.words.figure import Plot
 from replay.show.words.findings import answer, power_balance, worst_first
@@ -73,7 +74,9 @@ def _plots(run: Run, of_run: Sequence[Sequence[Observed]], columns: int) -> list
     inputs = inputs_over_time(run, columns)
     deratings = (derating_over_time(run, course, columns) for course in run.summary.derating)
     filtered = filter_over_time(run, columns)
+    strip = residual_strip(run, columns)
     return [
+        *([strip] if strip is not None else []),
         *(over_time(run, group, columns) for group in of_run),
         *([filtered] if filtered is not None else []),
         *(meter_over_time(run, metered, columns) for metered in run.meters),

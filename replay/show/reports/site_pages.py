@@ -17,6 +17,7 @@ from ingest.facts.store import Store
 from replay.engine.results.run import Run
 from replay.engine.results.sealed import load_run
 from replay.engine.runs.sources import code_of
+from replay.show.plots.residual_strip import column_means
 from replay.show.reports.ageing_report import write_ageing_report
 from replay.show.reports.documents import context, last_assessment, latest_run, sealed_diagnosis, write_sealed_diagnosis
 from replay.show.reports.report import write_report
@@ -96,9 +97,5 @@ def residual_course(run: Run) -> Course:
     if not errors:
         return ()
     worst = max((one for one in run.observed if one.channel in errors), key=lambda one: errors[one.channel])
-    usable = worst.usable
-    share = (worst.t_ns[usable] - run.t_ns[0]) / (run.t_ns[-1] - run.t_ns[0])
-    column = np.clip((share * COLUMNS).astype(np.int64), 0, COLUMNS - 1)
-    count = np.bincount(column, minlength=COLUMNS)
-    total = np.bincount(column, worst.residual[usable], minlength=COLUMNS)
-    return [round(float(sum_ / n), 2) if n else None for sum_, n in zip(total, count, strict=True)]
+    means = column_means(run, worst, COLUMNS)
+    return [None if np.isnan(value) else round(float(value), 2) for value in means]
