@@ -57,6 +57,52 @@ function zoom(plot, range) {  // all plots of a session show the same time
   for (const other of linked(plot)) {
     other.seen = range || other.whole;
     redraw(other);
+    overSpeed(other);
+  }
+}
+
+function drawn(tag, attributes, says = "") {  // an element of SVG
+  const made = document.createElementNS(plots[0].svg.namespaceURI, tag);
+  for (const [name, value] of Object.entries(attributes)) made.setAttribute(name, value);
+  made.textContent = says;
+  return made;
+}
+
+function round(low, high) {  // about five round values between two
+  const rough = (high - low) / 6, ten = 10 ** Math.floor(Math.log10(rough));
+  const step = [1, 2, 2.5, 5, 10].map(times => times * ten).find(size => size >= rough);
+  return Array.from({length: 9}, (_, i) => (Math.ceil(low / step) + i) * step).filter(value => value <= high);
+}
+
+function overSpeed(plot) {  // the lines of the first panel that are shown, over speed, where it was asked for
+  plot.xy?.replaceChildren();
+  if (!plot.xy?.isConnected) return;
+  const [from, to] = plot.seen, times = Array.from({length: 500}, (_, i) => from + (i + 0.5) / 500 * (to - from));
+  const most = Number(plot.speed.line.name.match(/of ([\d,.]+)/)[1].replaceAll(",", ""));
+  const speeds = times.map(time => valueAt(plot.speed.panel, plot.speed.line, time));
+  const series = plot.panels[0].lines.filter(line => line.shown).map(line => ({line, points: times
+    .map((time, i) => [speeds[i] === null ? null : speeds[i] * most, valueAt(plot.panels[0], line, time)])
+    .filter(([x, y]) => x !== null && y !== null)}));
+  const all = series.flatMap(one => one.points);
+  if (!all.length) return;
+  const ends = axis => [Math.min(...all.map(point => point[axis])), Math.max(...all.map(point => point[axis]))];
+  const [a0, a1] = ends(0);
+  const [[x0, x1], [y0, y1]] = [[Math.min(a0, 0), a1], ends(1)].map(([a, b]) => b > a ? [a, b] : [a - 1, b + 1]);
+  const px = x => 50 + (x - x0) / (x1 - x0) * 420, py = y => 205 - (y - y0) / (y1 - y0) * 190;
+  const text = {fill: "var(--ink)", "font-size": 9}, rule = {stroke: "var(--soft)", "stroke-width": 0.25};
+  for (const x of round(x0, x1))
+    plot.xy.append(drawn("path", {d: `M${px(x)} 15V208`, ...rule}),
+      drawn("text", {...text, x: px(x), y: 220, "text-anchor": "middle"}, x.toLocaleString("en")));
+  for (const y of round(y0, y1))
+    plot.xy.append(drawn("path", {d: `M47 ${py(y)}H470`, ...rule}),
+      drawn("text", {...text, x: 44, y: py(y) + 3, "text-anchor": "end"}, Number(y.toPrecision(6))));
+  plot.xy.append(drawn("text", {...text, x: 260, y: 233, "text-anchor": "middle"}, "speed [rpm]"),
+    drawn("text", {...text, x: 50, y: 10}, "temperature [°C]; filled: measured, hollow: model"));
+  for (const {line, points} of series) {
+    const colour = getComputedStyle(line.path).stroke, model = !/measured|recorded|corrected/.test(line.name);
+    for (const [x, y] of points)
+      plot.xy.append(drawn("circle", {cx: px(x).toFixed(1), cy: py(y).toFixed(1), r: 1.1, stroke: colour, "stroke-width": 0.5,
+        fill: model ? "none" : colour}));
   }
 }
 
@@ -89,7 +135,18 @@ function controls(plot) {
       line.shown = !line.shown;
       line.line.style.display = line.shown ? "" : "none";
       made.setAttribute("aria-pressed", line.shown);
+      overSpeed(plot);
     }));
+  const panel = plot.panels.find(panel => panel.lines.some(line => line.name.startsWith("speed [of ")));
+  if (panel && plot.panels[0].lines.some(line => line.name.endsWith("[°C]"))) {
+    plot.speed = {panel, line: panel.lines.find(line => line.name.startsWith("speed [of "))};
+    plot.xy = drawn("svg", {viewBox: "0 0 500 240", role: "img", "aria-label": "temperatures over speed"});
+    bar.append(button("over speed", false, made => {
+      if (plot.xy.isConnected) plot.xy.remove(); else bar.after(plot.xy);
+      made.setAttribute("aria-pressed", plot.xy.isConnected);
+      overSpeed(plot);
+    }));
+  }
   bar.append(button("whole time", null, () => zoom(plot, null)));
   bar.append(button("CSV of what is seen", null, () => {
     const link = document.createElement("a");

@@ -131,6 +131,24 @@ def test_a_brush_shows_the_same_time_in_every_plot_of_the_session_and_the_csv_ho
     assert ticks and all(9.9 <= tick <= 20.1 for tick in ticks)
 
 
+def test_temperatures_stand_over_speed_where_that_is_asked_for(one: Path) -> None:
+    script = """
+    const press = [...document.querySelectorAll("button")].find(made => made.textContent === "over speed");
+    press.click();
+    const xy = press.closest("figure").querySelector("svg[aria-label='temperatures over speed']");
+    const dots = xy.querySelectorAll("circle").length, says = [...xy.querySelectorAll("text")].map(t => t.textContent);
+    zoom(plots[0], [0, 10]);
+    const few = [...xy.querySelectorAll("text")].map(t => t.textContent);
+    press.click();
+    return [dots, says, few, xy.isConnected];
+    """
+    dots, says, few, shown = in_browser(one, script)
+    assert dots == 2 * 500, "of what is measured and of the model"
+    assert {"2,000", "3,000", "speed [rpm]"} <= set(says)
+    assert "3,000" not in few, "what is seen is at 1,500 rpm"
+    assert not shown
+
+
 def test_a_click_on_a_name_hides_its_line_and_takes_it_out_of_the_csv(one: Path) -> None:
     script = """
     const [line] = plots[0].panels[0].lines;
