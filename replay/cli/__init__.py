@@ -36,6 +36,8 @@ VERBS: dict[str, str] = {
     "calibrate": "coefficients from recorded sessions, as a new model",
     "protocol": "influence on drive cycles, fit to S1 and S2 points, check and filter on the drive cycles",
     "diagnose": "show what the model gets wrong, name the cause, extend the model, measure the gain",
+    "seen": "in which other sessions of the store a diagnosed cause acts, and since when",
+    "bisect": "since when a channel reads otherwise than the model: session, bench or motor file, and what changed",
     "plan": "what recorded sessions could find, and the bench day that would show most besides",
     "accept": "the extended model or bench version of a diagnosis becomes current",
     "replay": "rerun the twin over sessions and say what it gets wrong",
