@@ -40,6 +40,7 @@ VERBS: dict[str, str] = {
     "bisect": "since when a channel reads otherwise than the model: session, bench or motor file, and what changed",
     "plan": "what recorded sessions could find, and the bench day that would show most besides",
     "accept": "the extended model or bench version of a diagnosis becomes current",
+    "review": "what accepting a diagnosis changes, as a page that a colleague can sign",
     "replay": "rerun the twin over sessions and say what it gets wrong",
     "sensors": "what each sensor is worth, and the margin from a vehicle's sensors to the hot spot",
     "envelope": "torque over speed that the motor bears for ever and for 10, 30 and 60 s",

@@ -68,11 +68,16 @@ def write_diagnosis_report(
         ranking=ranking(diagnosis),
         filtered=list(_filtered(diagnosis, shown)),
         changed=_changed(diff),
-        diff=[(_diff_class(line), line) for line in diff.splitlines()],
+        diff=marked(diff),
         replays=[(MODELS[key].label, models[key]) for models in shown.values() for key in MODELS if key in models],
         context=context,
     )
     target.write_text(page, encoding="utf-8")
+
+
+def marked(diff: str) -> list[tuple[str, str]]:
+    """The lines of a unified diff, each behind its class."""
+    return [(_diff_class(line), line) for line in diff.splitlines()]
 
 
 def _changed(diff: str) -> str:

@@ -60,21 +60,25 @@ def accept(store: Store, text: str, steps: int | None = None) -> Acceptance:
     completed = find_diagnosis(facts, text)
     found = read(json.loads(store.archive.read(completed.artefact)))
     _refuse_gone(facts, found)
-    benches: Mapping[str, str]
-    if steps is None:
-        event, benches = _event(store, completed.diagnosis, found), found.extended_benches
-    else:
-        event, benches = _first(completed.diagnosis, found, steps)
-    more = benches.items()
-    further = [
-        replace(event, parent=None, model=None, parent_bench=old, bench=new) for old, new in more if new != event.bench
-    ]
+    event, *further = would_accept(store, completed.diagnosis, found, steps)
     replaced = [(event.parent, event.model), *((one.parent_bench, one.bench) for one in (event, *further))]
     known = all(facts.successors.get(parent) == child for parent, child in replaced if parent and child)
     if not known:
         store.ledger.append_all([(f"diagnosis-{event.diagnosis}", one) for one in (event, *further)])
         facts = ledger_facts.at(store.ledger)
     return Acceptance(event, further, known, _elsewhere(facts, found, event.model) if event.model else {})
+
+
+def would_accept(store: Store, diagnosis: str, found: Diagnosis, steps: int | None = None) -> list[CauseAccepted]:
+    """What accepting says: of the motor file with the first bench file, then of each further bench file. Raises
+    ReplayDataError where there is nothing to accept."""
+    benches: Mapping[str, str]
+    if steps is None:
+        event, benches = _event(store, diagnosis, found), found.extended_benches
+    else:
+        event, benches = _first(diagnosis, found, steps)
+    others = {old: new for old, new in benches.items() if new != event.bench}
+    return [event, *(replace(event, parent=None, model=None, parent_bench=a, bench=b) for a, b in others.items())]
 
 
 def _refuse_gone(facts: Facts, found: Diagnosis) -> None:

@@ -1,0 +1,59 @@
+"""`whyhot review`: what a diagnosis changes, as a page to sign, each number as the ledger has it."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+
+from made.fleet import Fleet
+from replay.cli import main
+
+Capture = pytest.CaptureFixture[str]
+
+
+def test_a_change_is_a_page_with_every_number_down_to_its_records(
+    fleet: Fleet, tmp_path: Path, capsys: Capture
+) -> None:
+    shutil.copytree(fleet.store, tmp_path / "store")
+    store, page, target = ["--store", str(tmp_path / "store")], tmp_path / "review.html", tmp_path / "review.json"
+    words = ["review", fleet.diagnosis, *store, "--out", str(page), "--json", str(target)]
+    assert main(words) == 0
+    offered = json.loads(target.read_text(encoding="utf-8"))
+    assert (offered["schema"], offered["accepted"]) == ("whyhot.review/1", None)
+    assert f"whyhot accept {store[0]} {store[1]} d-{fleet.diagnosis[:8]}" in capsys.readouterr().out
+    assert main(["accept", fleet.diagnosis, *store]) == 0
+    assert main(words) == 0
+    found = json.loads(target.read_text(encoding="utf-8"))
+    assert found["accepted"] > 0
+    assert found["causes"] == ["loss.magnet.scale"]
+    assert found["readings"] == offered["readings"]
+    assert found["replaced"][0]["what"] == "motor file"
+    assert found["built_on"][0] == "2 replays"
+    magnet = next(one for one in found["by_kind"] if one["node"] == "magnet")
+    assert magnet["kind"] == "wltp"
+    assert magnet["sessions"] == 2
+    assert magnet["before_K"] > 10 * magnet["after_K"]
+
+    text = page.read_text(encoding="utf-8").replace("\N{NO-BREAK SPACE}", " ")
+    for part in ("May this be what the motor is?", found["replaced"][0]["new"], "Looked at by", "whyhot retract"):
+        assert part in text
+    one = next(one for one in found["readings"] if one["channel"] == "TC_magnet")
+    lineage = f"{one['runs'][0]}/TC_magnet"
+    assert f"whyhot lineage {lineage}" in text
+    assert main(["lineage", lineage, *store, "--json", str(target)]) == 0
+    (point,) = json.loads(target.read_text(encoding="utf-8"))["points"]
+    assert point["residual_K"] == pytest.approx(one["before_K"], abs=1e-9)
+    assert (point["steps"], point["first"], point["last"]) == (one["steps"], one["first"], one["last"])
+
+
+def test_a_diagnosis_that_changes_nothing_has_nothing_to_sign(fleet: Fleet, tmp_path: Path, capsys: Capture) -> None:
+    shutil.copytree(fleet.store, tmp_path / "store")
+    store = ["--store", str(tmp_path / "store")]
+    assert main(["diagnose", "--on", "c_1", "c_2", *store, "--json", str(tmp_path / "why.json")]) == 0
+    name = json.loads((tmp_path / "why.json").read_text(encoding="utf-8"))["diagnosis"]
+    assert main(["review", name, *store, "--out", str(tmp_path / "review.html")]) == 2
+    assert "there is nothing to accept: it named no cause" in capsys.readouterr().err
+    assert not (tmp_path / "review.html").exists()
