@@ -55,7 +55,7 @@ def one_motor(seed: int, folder: Path, longest_s: float) -> tuple[Errors, Errors
 
 def _errors(store: Store, model: str | None) -> Errors:
     known = facts.at(store.ledger)
-    outcomes = replay_sessions(store, [known.session(name) for name in KEPT], model, "testing", 1)
+    outcomes = replay_sessions(store, [known.session(name) for name in KEPT], model, "testing")
     return {
         (outcome.session.name, node): mae
         for outcome in outcomes

@@ -55,7 +55,7 @@ def cases(seed: int, effects: tuple[Effect, ...], longest_s: float) -> Iterator[
         folder = Path(name)
         logs = write_campaign(folder, plant, recordings, layout="ten")
         with stored(folder, logs) as store:
-            outcomes = replay_sessions(store, facts.at(store.ledger).sessions, None, "testing", 1)
+            outcomes = replay_sessions(store, facts.at(store.ledger).sessions, None, "testing")
     for recording, outcome in zip(recordings, outcomes, strict=True):
         assert outcome.run, outcome.refusal
         summary = outcome.run.summary

@@ -13,6 +13,10 @@ class ReplayDataError(ReplayError):
     """A session does not hold what a replay with this motor needs."""
 
 
+class ClusterError(ReplayError):
+    """A cluster of workers is not there, went away, or has another version than this one."""
+
+
 class PlanFileError(ReplayError):
     """A file that is no plan, or one that a diagnosis cannot be held against."""
 

@@ -24,9 +24,9 @@ OURS |= {f"ledger.sqlite-{beside}" for beside in ("shm", "wal", "journal")}  # w
 class Store:
     """An open store; use it in a `with` statement. At its end a writer seals what it appended."""
 
-    def __init__(self, folder: Path, ledger: Ledger, *, write: bool, new: bool = False) -> None:
+    def __init__(self, folder: Path, ledger: Ledger | None, *, write: bool, new: bool = False) -> None:
         self.folder = folder
-        self.ledger = ledger
+        self._ledger = ledger
         self._write = write
         self._new = new
         self._tmp = folder / "tmp"
@@ -62,6 +62,19 @@ class Store:
                 "give a folder that you may read and write, with --store"
             ) from None
 
+    @classmethod
+    def files(cls, folder: Path) -> Self:
+        """The sealed and decoded files alone, for a worker that is given the facts: its machine may see the folder over
+        a network, where a ledger that is being written cannot be read."""
+        return cls(folder, None, write=False)
+
+    @property
+    def ledger(self) -> Ledger:
+        """The facts. Raises StoreError where the store was opened without them."""
+        if self._ledger is None:
+            raise StoreError(f"{self.folder}: was opened without its ledger: a worker is given the facts")
+        return self._ledger
+
     def __enter__(self) -> Self:
         return self
 
@@ -82,7 +95,8 @@ class Store:
         if self._write:
             _empty(self._tmp)
             self._write = False
-        self.ledger.close()
+        if self._ledger is not None:
+            self._ledger.close()
 
     def work(self) -> Path:
         """A new folder for work in progress, removed at the end with all in it. Raises StoreError for a reader."""

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from ingest.facts.events import SessionRecorded
     from ingest.facts.facts import Facts
     from ingest.facts.store import Store
+    from ingest.units.each import Workers
 
 
 class Asked(NamedTuple):
@@ -81,6 +82,29 @@ def ask_as_of(parser: argparse.ArgumentParser) -> None:
 
 def as_of_note(as_of: str | None) -> list[str]:
     return [] if as_of is None else [f"as of {as_of}: what was computed is not kept: without --as-of it is"]
+
+
+def ask_workers(parser: argparse.ArgumentParser) -> None:
+    """Where the work is done."""
+    where = parser.add_mutually_exclusive_group()
+    says = "processes (default 1); digests do not depend on it"
+    where.add_argument("--workers", type=_count, default=1, metavar="N", help=says)
+    says = "the dask scheduler of a cluster, as tcp://HOST:8786, whose workers do the work; see docs/scale.md"
+    where.add_argument("--scheduler", metavar="URL", help=says)
+
+
+def _count(text: str) -> int:
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"{text} is no number of processes: give 1 or more")
+    return int(text)
+
+
+def workers_of(args: argparse.Namespace) -> Workers | None:
+    """What `ask_workers` asked for; None for this process alone. Raises ClusterError."""
+    from ingest.units.each import processes
+    from replay.engine.runs.cluster import cluster
+
+    return cluster(args.scheduler) if args.scheduler else processes(args.workers)
 
 
 def ask_picture(parser: argparse.ArgumentParser) -> None:

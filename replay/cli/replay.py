@@ -8,7 +8,7 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 from replay.cli.answer import Answer, provenance
-from replay.cli.asked import as_of_note, ask_as_of, ask_level, ask_model, opened
+from replay.cli.asked import as_of_note, ask_as_of, ask_level, ask_model, ask_workers, opened, workers_of
 
 if TYPE_CHECKING:
     from ingest.facts.events import ReplayCompleted
@@ -29,15 +29,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--integrator", choices=("sdirk2", "bdf2"), default="sdirk2", help=says)
     says = "run filterpy's filter beside the filter of each session, and say how far the two are apart"
     parser.add_argument("--check-filter", action="store_true", help=says)
-    says = "processes (default 1); digests do not depend on it"
-    parser.add_argument("--workers", type=_count, default=1, metavar="N", help=says)
+    ask_workers(parser)
     ask_as_of(parser)
-
-
-def _count(text: str) -> int:
-    if not text.isdecimal() or int(text) < 1:
-        raise argparse.ArgumentTypeError(f"{text} is no number of processes: give 1 or more")
-    return int(text)
 
 
 def run(args: argparse.Namespace) -> Answer:
@@ -54,7 +47,7 @@ def run(args: argparse.Namespace) -> Answer:
         sessions = [known.session(text) for text in args.sessions] or list(known.sessions)
         model = model_named(store, args.model)
         outcomes = replay_sessions(
-            store, sessions, model, args.level, args.workers, tell, args.integrator, args.unknown, args.check_filter
+            store, sessions, model, args.level, workers_of(args), tell, args.integrator, args.unknown, args.check_filter
         )
         runs = [outcome.run for outcome in outcomes if outcome.run]
         summaries = [read(event.summary) for event in runs]

@@ -94,7 +94,7 @@ def _real_motor(folder: Path, store_folder: Path) -> Demo:
     setup = prepare(logs, motor / "bench.toml", [], for_intake)
     with Store.open(store_folder, create=True, write=True) as store:
         intake = take_in(store, logs, setup, Override())
-        outcomes = replay_sessions(store, intake.sessions, None, "testing", 1)
+        outcomes = replay_sessions(store, intake.sessions, None, "testing")
         store.ledger.seal()
         known = facts.at(store.ledger)
         names = [session.name for session in intake.sessions]

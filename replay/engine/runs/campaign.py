@@ -1,17 +1,18 @@
-"""Many sessions replayed: in this process or in several, with one writer of facts and the same digests either way."""
+"""Many sessions replayed: in this process, in several or on a cluster, one writer of facts, the same digests."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from multiprocessing import get_context
 from pathlib import Path
 
 from ingest.errors import IngestError
 from ingest.facts import facts as ledger_facts
 from ingest.facts.events import ReplayCompleted, ReplayDiverged, SessionRecorded
+from ingest.facts.facts import Facts
 from ingest.facts.store import Store
+from ingest.units.each import Lost, Workers, each
+from ingest.units.shared import Shared, share
 from replay.engine.files.models import model_of
 from replay.engine.runs.runs import Completed, replay
 from replay.errors import ReplayDataError, ReplayError
@@ -33,9 +34,10 @@ class Outcome:
 
 @dataclass(frozen=True)
 class Job:
-    """What a worker needs: names and hashes, never arrays."""
+    """What a worker needs: names and hashes, never arrays, and the facts as they were when the campaign began."""
 
     store: Path
+    facts: Shared[Facts]
     session: str
     model: str
     level: str
@@ -50,49 +52,44 @@ def replay_sessions(
     sessions: Sequence[SessionRecorded],
     model: str | None,
     level: str,
-    workers: int,
+    workers: Workers | None = None,
     tell: Callable[[str], None] = lambda _: None,
     integrator: str = DEFAULT.name,
     unknown: Sequence[str] = (),
     check_filter: bool = False,
 ) -> list[Outcome]:
-    """Replay each session with `model` (None: the one its bench file names) and append the runs that are new. One that
-    cannot be replayed does not stop the others. `unknown`: ids of the causes that the filter is to find, none for its
-    own choice; `check_filter`: whether filterpy's filter runs beside each."""
+    """Replay each session with `model` (None: the one its bench file names) and append the runs that are new, each as
+    soon as it is there. One that cannot be replayed does not stop the others. `workers`: where they run (None: in this
+    process); `unknown`: ids of the causes that the filter is to find, none for its own choice; `check_filter`: whether
+    filterpy's filter runs beside each. Returns the outcomes in the order of `sessions`."""
     facts = ledger_facts.at(store.ledger)
     work = store.work()
     outcomes: list[Outcome] = []
-    jobs: list[tuple[SessionRecorded, Job]] = []
+    jobs: list[Job] = []
+    folder, shared = store.folder.absolute(), share(facts, work)
     for session in sessions:
         try:
             named = model or model_of(facts, session)
-            asked = (named, level, integrator, work, tuple(unknown), check_filter)
-            jobs.append((session, Job(store.folder, session.session, *asked)))
+            asked = (named, level, integrator, work.absolute(), tuple(unknown), check_filter)
+            jobs.append(Job(folder, shared, session.session, *asked))
         except ReplayDataError as error:
             outcomes.append(Outcome(session, None, str(error)))
-    for (session, _), done in zip(jobs, _each([job for _, job in jobs], workers), strict=True):
-        outcomes.append(_append(store, session, done, work))
-        tell(f"replayed {len(outcomes)} of {len(sessions)}: {session.name}")
     order = {session.session: i for i, session in enumerate(sessions)}
+    for job, done in each(_work, jobs, workers):
+        session = sessions[order[job.session]]
+        said = f"session {session.name}: {done.why}" if isinstance(done, Lost) else done
+        outcomes.append(_append(store, session, said, work))
+        tell(f"replayed {len(outcomes)} of {len(sessions)}: {session.name}")
     return sorted(outcomes, key=lambda outcome: order[outcome.session.session])
 
 
-def _each(jobs: Sequence[Job], workers: int) -> Iterator[Completed | str]:
-    if workers <= 1 or len(jobs) < 2:
-        yield from map(_work, jobs)
-        return
-    with ProcessPoolExecutor(min(workers, len(jobs)), mp_context=get_context("spawn")) as pool:
-        yield from pool.map(_work, jobs)
-
-
 def _work(job: Job) -> Completed | str:
-    """One session, in whatever process: everything is read from the store, and only facts travel back."""
+    """One session, in whatever process: everything is read from the store's files, and only facts travel back."""
+    facts = job.facts.value()
     try:
-        with Store.open(job.store) as store:
-            facts = ledger_facts.at(store.ledger)
-            session = facts.session(job.session)
-            asked = (job.model, job.level, job.integrator, job.work, job.unknown, job.check_filter)
-            return replay(store, facts, session, *asked)
+        session = facts.session(job.session)
+        asked = (job.model, job.level, job.integrator, job.work, job.unknown, job.check_filter)
+        return replay(Store.files(job.store), facts, session, *asked)
     except (ReplayError, IngestError, TwinError) as error:
         return str(error)
 

@@ -6,6 +6,7 @@ import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from uuid import uuid4
 
 import numpy as np
 import pyarrow as pa
@@ -137,5 +138,7 @@ def _first_difference(before: pa.Table, now: pa.Table) -> tuple[float | None, st
 
 def _written(data: bytes, work: Path) -> str:
     sha256 = hashlib.sha256(data).hexdigest()
-    (work / sha256).write_bytes(data)
+    made = work / f"{sha256}.{uuid4().hex}"
+    made.write_bytes(data)
+    made.replace(work / sha256)  # at once: two workers may make the same run, where one was given up too early
     return sha256

@@ -105,7 +105,7 @@ def write_diagnosis(
     sessions = [at(store.ledger).session(name) for name in names]
     runs: dict[str, dict[str, Run]] = {name: {} for name in names}
     for label, model in zip(MODELS, _models(diagnosis), strict=True):
-        outcomes = replay_sessions(store, sessions, model, diagnosis.level, 1, tell) if model else []
+        outcomes = replay_sessions(store, sessions, model, diagnosis.level, tell=tell) if model else []
         facts = at(store.ledger)
         for outcome in outcomes:
             if outcome.run:

@@ -51,7 +51,7 @@ def _again(store: Store, old: Stale, tell: Callable[[str], None]) -> str:
         case ReplayCompleted():
             method = event.key.get("settings", {}).get("integrator", DEFAULT.name)
             unknown: Sequence[str] = event.key.get("unknown", ())
-            (done,) = replay_sessions(store, sessions, old.model, event.level, 1, tell, method, unknown)
+            (done,) = replay_sessions(store, sessions, old.model, event.level, None, tell, method, unknown)
             if done.run is None:
                 raise ReplayDataError(str(done.refusal))
             return done.run.run

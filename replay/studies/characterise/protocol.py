@@ -185,7 +185,7 @@ def _proposals(
 def _replayed(
     store: Store, drives: Sequence[SessionRecorded], model: str, level: str, tell: Tell
 ) -> tuple[Summary, ...]:
-    outcomes = replay_sessions(store, drives, model, level, 1, tell)
+    outcomes = replay_sessions(store, drives, model, level, tell=tell)
     if refusals := [outcome.refusal for outcome in outcomes if outcome.refusal]:
         raise ReplayDataError(refusals[0])
     return tuple(read(outcome.run.summary) for outcome in outcomes if outcome.run)

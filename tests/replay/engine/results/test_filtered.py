@@ -76,7 +76,7 @@ def replayed(folder: Path, *effects: Effect) -> Replayed:
     with Store.open(folder / "store", create=True) as store:
         take_in(store, logs, setup, Override())
         (session,) = facts.at(store.ledger).sessions
-        (outcome,) = replay_sessions(store, [session], None, "testing", 1)
+        (outcome,) = replay_sessions(store, [session], None, "testing")
         assert outcome.run, outcome.refusal
         known = facts.at(store.ledger)
         network = read_motor(store.archive.read(outcome.run.model), "motor.toml")
@@ -141,8 +141,8 @@ def test_the_filter_changes_nothing_in_the_open_loop(hidden: Replayed, monkeypat
 def test_filterpys_filter_beside_it_agrees_to_rounding_and_that_is_said(hidden: Replayed) -> None:
     with Store.open(hidden.folder, write=True) as store:
         session = facts.at(store.ledger).session(hidden.event.session)
-        (done,) = replay_sessions(store, [session], None, "testing", 1, check_filter=True)
-        (plain,) = replay_sessions(store, [session], None, "testing", 1)
+        (done,) = replay_sessions(store, [session], None, "testing", check_filter=True)
+        (plain,) = replay_sessions(store, [session], None, "testing")
     assert plain.apart is None
     assert done.apart is not None
     assert done.apart.temperature_K < 1e-9

@@ -339,7 +339,7 @@ def runs(campaign: Campaign, folder: Path) -> Mapping[str, Mapping[str, Run]]:
         facts = ledger_facts.at(store.ledger)
         sessions = [facts.session(one) for one in answer["held_out"]]
         for label in ("model", "recalibrated_model", "extended_model"):
-            for outcome in replay_sessions(store, sessions, answer[label], "testing", 1):
+            for outcome in replay_sessions(store, sessions, answer[label], "testing"):
                 assert outcome.run is not None, outcome.refusal
                 run = load_run(store, ledger_facts.at(store.ledger), outcome.run)
                 found.setdefault(label, {})[outcome.session.name] = run
