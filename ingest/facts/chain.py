@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -53,8 +54,13 @@ class Head:
 class Tree:
     """A Merkle tree that only grows; keeps one hash for each whole subtree (log2 of the number of entries)."""
 
-    def __init__(self) -> None:
-        self._whole: list[tuple[int, bytes]] = []  # (height, hash), left to right, heights falling
+    def __init__(self, whole: Iterable[tuple[int, str]] = ()) -> None:
+        self._whole = [(height, bytes.fromhex(node)) for height, node in whole]  # left to right, heights falling
+
+    @property
+    def whole(self) -> tuple[tuple[int, str], ...]:
+        """(height, hash) of each whole subtree: a tree made of these grows as this one does."""
+        return tuple((height, node.hex()) for height, node in self._whole)
 
     def add(self, entry: bytes) -> None:
         """Add `entry` on the right."""

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import TYPE_CHECKING, TypeVar
 
 from ingest.errors import UnknownSessionError
@@ -26,7 +27,9 @@ from ingest.facts.events import (
     SessionRegrouped,
     SignalDatabaseRegistered,
 )
+from ingest.facts.ledger_index import BEGINS
 from ingest.facts.ledger_row import Recorded
+from ingest.facts.lookups import Lookup, Sessions, View
 from ingest.facts.sessions import order
 from ingest.facts.standing import Retraction, RowsOfLog, holds, rows_of, standing
 from ingest.texts.nearest import nearest
@@ -81,6 +84,26 @@ class Facts:
         """The id that a session of this id is part of by now, its own where it is of none."""
         return _end(self.joined, session)
 
+    def called(self, name: str) -> list[RawFileSealed]:
+        """The logs of this name."""
+        return [one for one in self.files.values() if one.name == name]
+
+    def decodes_of(self, raw: str) -> list[DecodeCompleted]:
+        """The decodes of a log, the latest last."""
+        return [one for one in self.decodes.values() if one.raw == raw]
+
+    def clocks_of(self, session: SessionRecorded) -> list[ClockAligned]:
+        """What is known of the clocks of a session's loggers."""
+        return [one for one in self.clocks.values() if one.session == session.session]
+
+    def runs_of(self, session: SessionRecorded) -> list[ReplayCompleted]:
+        """The replays of a session, the latest last."""
+        return [one for one in self.runs.values() if one.session == session.session]
+
+    def holding(self, raws: Collection[str]) -> list[SessionRecorded]:
+        """The sessions with records of these logs, in order."""
+        return [one for one in self.sessions if any(file["raw"] in raws for file in one.files)]
+
     def session(self, text: str) -> SessionRecorded:
         """The current session with this id (old ones too), beginning of one, or name. Raises UnknownSessionError."""
         current = {session.session: session for session in self.sessions}
@@ -132,7 +155,7 @@ def fold(recorded: Iterable[Recorded]) -> Facts:
         old_names={one.event.name: one.event.session for one in events if isinstance(one.event, SessionRecorded)},
         runs=_latest(events, ReplayCompleted, lambda event: event.run),
         flags=flags,
-        clocks=_latest(events, ClockAligned, lambda event: f"{event.session}/{event.clock}/{event.reference}"),
+        clocks=_latest(events, ClockAligned, _clock),
         calibrations=_latest(events, CalibrationCompleted, lambda event: event.model),
         diagnoses=_latest(events, DiagnosisCompleted, lambda event: event.diagnosis),
         opened=_opened(events, joined),
@@ -146,7 +169,90 @@ def fold(recorded: Iterable[Recorded]) -> Facts:
 
 def at(ledger: Ledger, as_of: str | None = None) -> Facts:
     """The facts of `ledger` now, or at an event's number or an ISO 8601 time. Raises as `Ledger.events`."""
-    return fold(ledger.events(as_of=as_of))
+    index = ledger.index() if as_of is None else None
+    return fold(ledger.events(as_of=as_of)) if index is None else _looked_up(View(ledger, index))
+
+
+@dataclass(frozen=True)
+class _LookedUp(Facts):
+    """Facts of now. Those of which there are many are read when they are asked for."""
+
+    view: View
+
+    def called(self, name: str) -> list[RawFileSealed]:
+        found = _events(self.view, f"called {name}", RawFileSealed, lambda event: event.sha256)
+        return [event for event in found if self.files[event.sha256] == event]
+
+    def decodes_of(self, raw: str) -> list[DecodeCompleted]:
+        return _events(self.view, f"file-{raw}", DecodeCompleted, lambda event: event.decode)
+
+    def clocks_of(self, session: SessionRecorded) -> list[ClockAligned]:
+        return _events(self.view, f"session-{session.session}", ClockAligned, _clock)
+
+    def runs_of(self, session: SessionRecorded) -> list[ReplayCompleted]:
+        return _events(self.view, f"replays {session.session}", ReplayCompleted, lambda event: event.run)
+
+    def holding(self, raws: Collection[str]) -> list[SessionRecorded]:
+        held = (one.event for one in self.view.about(*(f"holds {raw}" for raw in raws)))
+        now = {event.session: self.view.session(event.session) for event in held if isinstance(event, SessionRecorded)}
+        there = [one for one in now.values() if isinstance(one, SessionRecorded)]
+        return sorted((one for one in there if any(file["raw"] in raws for file in one.files)), key=order)
+
+    def session(self, text: str) -> SessionRecorded:
+        like = fold(self.view.sessions_like(text))
+        if like.sessions and (len(text) >= BEGINS or any(one.name == text for one in like.sessions)):
+            try:
+                return like.session(text)
+            except UnknownSessionError:
+                pass  # said of all that there are
+        return fold(self.view.every()).session(text)
+
+
+def _looked_up(view: View) -> Facts:
+    few = view.few()
+    known = fold(few)
+    if known.retractions:  # what went with it is told by all other events
+        return fold(view.every())
+    whole = cache(lambda: fold(view.every()))
+
+    def joined(session: str) -> str | None:
+        now = view.session(session)
+        return now.into if isinstance(now, SessionRegrouped) else None
+
+    def old_name(name: str) -> str | None:
+        named = view.last(f"name {name}", SessionRecorded)
+        return named.session if named else None
+
+    def flags(stream: str) -> Sequence[QualityFlagged] | None:
+        return [one.event for one in view.about(stream) if isinstance(one.event, QualityFlagged)] or None
+
+    def clock(key: str) -> ClockAligned | None:
+        found = _events(view, f"session-{key.partition('/')[0]}", ClockAligned, _clock)
+        return next((event for event in found if _clock(event) == key), None)
+
+    became = Lookup(joined, lambda: whole().joined)
+    there = vars(known) | {
+        "files": Lookup(lambda key: view.last(f"file-{key}", RawFileSealed), lambda: whole().files),
+        "decodes": Lookup(lambda key: view.last(f"decode {key}", DecodeCompleted), lambda: whole().decodes),
+        "sessions": Sessions(view, lambda: whole().sessions),
+        "joined": became,
+        "old_names": Lookup(old_name, lambda: whole().old_names),
+        "runs": Lookup(lambda key: view.last(f"run-{key}", ReplayCompleted), lambda: whole().runs),
+        "flags": Lookup(flags, lambda: whole().flags),
+        "clocks": Lookup(clock, lambda: whole().clocks),
+        "opened": _opened(few, became),
+        "inspections": _inspections(few, became),
+    }
+    return _LookedUp(**there, view=view)
+
+
+def _events(view: View, key: str, kind: type[E], one_of: Callable[[E], str]) -> list[E]:
+    """The events of `kind` about `key`; where one was recorded again, the latest counts."""
+    return list(_latest(view.about(key), kind, one_of).values())
+
+
+def _clock(event: ClockAligned) -> str:
+    return f"{event.session}/{event.clock}/{event.reference}"
 
 
 def _latest(events: Iterable[Recorded], kind: type[E], key: Callable[[E], str]) -> dict[str, E]:

@@ -12,6 +12,7 @@ import sqlite3
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from datetime import UTC, datetime, timedelta
+from functools import partial
 from pathlib import Path
 
 from eventsourcing.domain import EventSourcingError
@@ -24,13 +25,15 @@ from eventsourcing.persistence import (
     TrackingRecorder,
 )
 
-from ingest.errors import DamageError, LedgerError
-from ingest.facts.chain import Head
+from ingest.errors import DamageError, IngestError, LedgerError
+from ingest.facts.chain import Head, Tree
 from ingest.facts.events import Event, LedgerSealed
-from ingest.facts.ledger_history import LedgerHistory
+from ingest.facts.ledger_history import LedgerHistory, Tail
+from ingest.facts.ledger_index import Known, LedgerIndex, Stamp
 from ingest.facts.ledger_lock import WriterLock, reading_uri
 from ingest.facts.ledger_row import Recorded, decode, encode, utc_text
 
+INDEX = "ledger.index"  # beside the ledger, derived from it
 SEALS = "ledger-0"  # the stream of the seals
 Factory = InfrastructureFactory[TrackingRecorder]
 Connection = tuple[Factory, ApplicationRecorder]
@@ -52,6 +55,9 @@ class Ledger:
         self._lock = WriterLock(folder / "ledger.lock") if write else None
         self._env = _environment(self.path, write, create)
         self._seen = LedgerHistory(self.is_file)
+        self._index: LedgerIndex | None = None
+        self._index_path = folder.absolute() / INDEX
+        self._left = Stamp.of(self.path)  # as the last command left it
         self._connection: Connection | None = None
         try:
             with self._plain_words():
@@ -102,6 +108,8 @@ class Ledger:
         neither.
         """
         stop, moment = self._as_of(as_of)
+        if self._seen.resumed:
+            self._seen = LedgerHistory(self.is_file)
         self._read(stop)
         return [
             one
@@ -125,8 +133,29 @@ class Ledger:
                 return
             start = page[-1].id + 1
 
+    def index(self) -> LedgerIndex | None:
+        """Where facts lie in the events up to now; None where the ledger is no file. Raises as `events`.
+
+        Only events that came since the last command are read; all of them where something else touched the ledger.
+        """
+        if not self.is_file:
+            return None
+        if self._index is None:
+            self._index = self._kept_index() or LedgerIndex()
+        self._read()
+        self._index.add(self._seen.behind(self._index.position))
+        return self._index
+
+    def event(self, position: int) -> Recorded:
+        """The event at `position`, checked against its own digest. Raises DamageError, and as `rows`."""
+        row = next(self.rows(position, position, 1), None)
+        if row is None:
+            raise DamageError(f"event {position}: is missing; `whyhot verify` lists all damage")
+        return decode(row, position)
+
     def head(self) -> Head:
         """Position of the last event and Merkle root over all rows up to it. Raises DamageError, and as `rows`."""
+        self.index()
         self._read()
         return self._seen.head
 
@@ -139,8 +168,9 @@ class Ledger:
         return self.append(SEALS, LedgerSealed(position=head.position, root=head.root))
 
     def close(self) -> None:
-        """End all connections and let the next writer in."""
+        """End all connections, keep the index, and let the next writer in."""
         self._disconnect()
+        self._keep_index()
         if self._lock is not None:
             self._lock.close()
             self._lock = None
@@ -160,6 +190,35 @@ class Ledger:
             tails[stream] = decode(row, 0)
             rows.append(row)
         return rows
+
+    def _kept_index(self) -> LedgerIndex | None:
+        """The index that the last command left, where the last event that it knows is the one that stands there."""
+        kept = LedgerIndex.load(self._index_path, self._left)
+        try:
+            if kept is None or self.event(kept.position).digest != kept.known.digest:
+                return None
+        except IngestError:
+            return None
+        if self._seen.position == 0:
+            known = kept.known
+            tail_of = partial(self._tail_up_to, kept, kept.position)
+            self._seen = LedgerHistory(True, [], [], known.position, Tree(known.tree), known.recorded, tail_of, True)
+        return kept
+
+    def _tail_up_to(self, index: LedgerIndex, position: int, stream: str) -> Tail:
+        """The last version of `stream` up to `position`, and its digest."""
+        events = map(self.event, index.places(stream, position))
+        return next(((one.version, one.digest) for one in events if one.stream == stream), (0, None))
+
+    def _keep_index(self) -> None:
+        """Keep the index for the next command: what a writer leaves, or a reader had to make."""
+        index, seen = self._index, self._seen
+        if index is None or seen.findings or seen.position != index.position or index.position == 0:
+            return
+        if self._lock is None and index.known.position:
+            return
+        stamp = Stamp.of(self.path) if self._lock else self._left
+        index.save(self._index_path, Known(seen.position, index.digest, seen.moment, seen.tree.whole, stamp))
 
     def _read(self, stop: int | None = None) -> None:
         """See the rows up to `stop` that were not seen yet."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from bisect import bisect_right
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -11,6 +13,8 @@ from ingest.errors import IngestError
 from ingest.facts.chain import Head, Tree, entry
 from ingest.facts.events import LedgerSealed
 from ingest.facts.ledger_row import Recorded, decode
+
+Tail = tuple[int, str | None]  # of a stream: its last version, and the digest where that is known
 
 
 class Flaw(NamedTuple):
@@ -22,20 +26,27 @@ class Flaw(NamedTuple):
 
 @dataclass
 class LedgerHistory:
-    """`recorded`: the events that are whole. `findings`: what is wrong with the others, in the order of the ledger."""
+    """`recorded`: the events that are whole, from the first row that was added. `findings`: what is wrong with the
+    others, in the order of the ledger."""
 
     gapless: bool  # positions count 1, 2, 3 ... (a database server may leave numbers out)
     recorded: list[Recorded] = field(default_factory=list)
     findings: list[Flaw] = field(default_factory=list)
     position: int = 0  # of the last row
-    _tree: Tree = field(default_factory=Tree)
-    _moment: str = ""
-    _tails: dict[str, tuple[int, str | None]] = field(default_factory=dict)  # stream -> version, digest where known
+    tree: Tree = field(default_factory=Tree)
+    moment: str = ""  # when the last row was recorded
+    tail_of: Callable[[str], Tail] = lambda stream: (0, None)  # of a stream in the rows before the first
+    resumed: bool = False  # behind rows that were added before: `recorded` lacks these
+    _tails: dict[str, Tail] = field(default_factory=dict)
 
     @property
     def head(self) -> Head:
         """Position of the last row and Merkle root over all rows up to it."""
-        return Head(self.position, self._tree.root)
+        return Head(self.position, self.tree.root)
+
+    def behind(self, position: int) -> list[Recorded]:
+        """The events after `position`."""
+        return self.recorded[bisect_right(self.recorded, position, key=lambda one: one.position) :]
 
     def add(self, row: Notification) -> None:
         """Check the next row against itself and all rows before it."""
@@ -61,18 +72,18 @@ class LedgerHistory:
             self.findings.append(Flaw(f"events {self.position + 1} to {position - 1} are missing"))
 
     def _chain(self, one: Recorded, where: str) -> None:
-        version, digest = self._tails.get(one.stream, (0, None))
+        version, digest = self._tails.get(one.stream) or self.tail_of(one.stream)
         if one.version != version + 1:
             says = f"{where}: follows version {version} of its stream: events are missing or in another order"
             self.findings.append(Flaw(says, one.stream))
         elif one.previous != digest and (digest or version == 0):
             says = f"{where}: does not follow the event before it in its stream, which is another one now"
             self.findings.append(Flaw(says, one.stream))
-        if one.recorded <= self._moment:
+        if one.recorded <= self.moment:
             says = f"{where}: was recorded before the event in front of it: the order was changed"
             self.findings.append(Flaw(says, one.stream))
         self._tails[one.stream] = (one.version, one.digest)
-        self._moment = one.recorded
+        self.moment = one.recorded
 
     def _seal(self, one: Recorded, where: str) -> None:
         sealed = one.event
@@ -82,7 +93,7 @@ class LedgerHistory:
 
     def _grow(self, row: Notification) -> None:
         try:
-            self._tree.add(entry(row.id, str(row.originator_id), row.originator_version, row.topic, row.state))
+            self.tree.add(entry(row.id, str(row.originator_id), row.originator_version, row.topic, row.state))
         except (IngestError, TypeError):
-            self._tree.add(b"")  # a column of another type, already found; no root fits any more
+            self.tree.add(b"")  # a column of another type, already found; no root fits any more
         self.position = max(self.position, row.id)

@@ -17,7 +17,7 @@ from ingest.facts.ledger import Ledger
 
 SCHEMA = "whyhot.store/1"
 MARK = "store.json"
-OURS = {MARK, "archive", "decoded", "tmp", "ledger.lock", "ledger.sqlite"}
+OURS = {MARK, "archive", "decoded", "tmp", "ledger.lock", "ledger.sqlite", "ledger.index", "ledger.index-new"}
 OURS |= {f"ledger.sqlite-{beside}" for beside in ("shm", "wal", "journal")}  # what SQLite leaves where it was stopped
 
 

@@ -1,0 +1,192 @@
+"""Where in the ledger the facts of a file, a session or a run lie, so that a command reads those events and no others.
+
+The index holds no fact: it says at which positions to look, and what is read there is checked as ever. It is a small
+database in memory, kept beside the ledger as `ledger.index` with its SHA-256 in front, and may be deleted at any time.
+It is believed only while the ledger's file is as the last command left it (size and time of change) and the last event
+that it knows is the one that stands there; else every event is read and checked, and the index is made again.
+"""
+
+from __future__ import annotations
+
+import json
+import sqlite3
+from collections.abc import Iterable, Iterator
+from contextlib import suppress
+from dataclasses import asdict, dataclass
+from hashlib import blake2b, sha256
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from ingest.facts.events import (
+    ClockAligned,
+    DecodeCompleted,
+    LedgerSealed,
+    QualityFlagged,
+    RawFileSealed,
+    ReplayCompleted,
+    ReplayDiverged,
+    SessionRecorded,
+    SessionRegrouped,
+)
+from ingest.facts.ledger_row import Recorded
+
+FORMAT = 1  # of the file; another one is made anew
+DIGEST = 32  # bytes
+BEGINS = 4  # characters of an id by which sessions are found
+# Events of which there are more with each log; of all others there are few, and they are read whole.
+MANY = (
+    *(RawFileSealed, DecodeCompleted, SessionRecorded, SessionRegrouped, QualityFlagged, ClockAligned),
+    *(ReplayCompleted, ReplayDiverged, LedgerSealed),
+)
+TABLES = """
+CREATE TABLE known (state TEXT);
+CREATE TABLE place (key INTEGER, position INTEGER, PRIMARY KEY (key, position)) WITHOUT ROWID;
+CREATE TABLE few (position INTEGER PRIMARY KEY);
+CREATE TABLE session (position INTEGER PRIMARY KEY, specimen TEXT, start_ns INTEGER, end_ns INTEGER);
+CREATE TABLE loose (decode TEXT PRIMARY KEY, raw TEXT);
+CREATE INDEX by_time ON session (specimen, start_ns);
+"""
+
+
+class Stamp(NamedTuple):
+    """The ledger's file as it was left: bytes, and time of its last change [ns]."""
+
+    size: int
+    changed_ns: int
+
+    @classmethod
+    def of(cls, path: Path) -> Stamp | None:
+        try:
+            found = path.stat()
+        except OSError:
+            return None
+        return cls(found.st_size, found.st_mtime_ns)
+
+
+@dataclass(frozen=True)
+class Known:
+    """How far an index knows the ledger: the last event's `position` and `digest`, when it was `recorded`, the Merkle
+    tree up to it as (height, hash), and the ledger's file then (`stamp`: bytes, time of change)."""
+
+    position: int = 0
+    digest: str = ""
+    recorded: str = ""
+    tree: tuple[tuple[int, str], ...] = ()
+    stamp: Stamp | None = None
+    form: int = FORMAT
+
+
+class LedgerIndex:
+    """Positions of events by what they are about. `known`: what it knew when it was kept; `position`, `digest`: of the
+    last event that it knows now."""
+
+    def __init__(self, connection: sqlite3.Connection | None = None, known: Known = Known()) -> None:
+        self._connection = connection or _empty()
+        self.known = known
+        self.position, self.digest = known.position, known.digest
+
+    @classmethod
+    def load(cls, path: Path, stamp: Stamp | None) -> LedgerIndex | None:
+        """The index at `path`, None where there is none for a ledger's file that is as `stamp` says."""
+        try:
+            data = path.read_bytes()
+            if sha256(data[DIGEST:]).digest() != data[:DIGEST]:
+                return None
+            connection = _database()
+            connection.deserialize(data[DIGEST:])
+            ((state,),) = connection.execute("SELECT state FROM known").fetchall()
+            known = _known(json.loads(state))
+        except (OSError, sqlite3.Error, ValueError, TypeError):
+            return None
+        return cls(connection, known) if stamp and known.stamp == stamp and known.form == FORMAT else None
+
+    def save(self, path: Path, known: Known) -> None:
+        """Keep it at `path`, whole or not at all; where it cannot be written, the next command reads all events."""
+        self._connection.execute("DELETE FROM known")
+        self._connection.execute("INSERT INTO known VALUES (?)", [json.dumps(asdict(known))])
+        data = self._connection.serialize()
+        made = path.with_name(f"{path.name}-new")
+        with suppress(OSError):
+            made.write_bytes(sha256(data).digest() + data)
+            made.replace(path)
+
+    def add(self, events: Iterable[Recorded]) -> None:
+        """Take in the next events of the ledger."""
+        self._connection.execute("BEGIN")
+        for one in events:
+            self._connection.executemany(
+                "INSERT OR IGNORE INTO place VALUES (?, ?)", [(_hash(key), one.position) for key in keys_of(one)]
+            )
+            match one.event:
+                case DecodeCompleted() as event if event.outcome != "quarantined":
+                    self._connection.execute("INSERT OR REPLACE INTO loose VALUES (?, ?)", [event.decode, event.raw])
+                case SessionRecorded() as event:
+                    self._add_session(one.position, event)
+                case event if not isinstance(event, MANY):
+                    self._connection.execute("INSERT INTO few VALUES (?)", [one.position])
+            self.position, self.digest = one.position, one.digest
+        self._connection.execute("COMMIT")
+
+    def _add_session(self, position: int, event: SessionRecorded) -> None:
+        if event.absolute:
+            row = (position, event.specimen, event.start_ns, event.end_ns)
+            self._connection.execute("INSERT INTO session VALUES (?, ?, ?, ?)", row)
+        decodes = [(file["decode"],) for file in event.files]
+        self._connection.executemany("DELETE FROM loose WHERE decode = ?", decodes)
+
+    def places(self, key: str, until: int) -> Iterator[int]:
+        """Positions of the events about `key` up to `until`, the last first; a few others may be among them."""
+        asked = "SELECT position FROM place WHERE key = ? AND position <= ? ORDER BY position DESC"
+        return self._positions(asked, _hash(key), until)
+
+    def few(self, until: int) -> Iterator[int]:
+        """Positions of all events of which there are few, rising."""
+        return self._positions("SELECT position FROM few WHERE position <= ? ORDER BY position", until)
+
+    def sessions_in(self, specimen: str | None, from_ns: int, to_ns: int) -> Iterator[int]:
+        """Positions of the specimen's sessions that lie at least partly in this time."""
+        asked = "SELECT position FROM session WHERE specimen IS ? AND start_ns <= ? AND end_ns >= ?"
+        return self._positions(asked, specimen, to_ns, from_ns)
+
+    def loose(self) -> list[str]:
+        """SHA-256 of the logs with a decode that no session names: an ingest was stopped, or left them for the next."""
+        return [raw for (raw,) in self._connection.execute("SELECT DISTINCT raw FROM loose")]
+
+    def _positions(self, statement: str, *values: Any) -> Iterator[int]:
+        return (position for (position,) in self._connection.execute(statement, values))
+
+
+def _database() -> sqlite3.Connection:
+    return sqlite3.connect(":memory:", isolation_level=None)
+
+
+def _empty() -> sqlite3.Connection:
+    made = _database()
+    made.executescript(TABLES)
+    return made
+
+
+def keys_of(one: Recorded) -> set[str]:
+    """What an event is about: its stream, and by what else its kind is looked for."""
+    match one.event:
+        case RawFileSealed() as event:
+            return {one.stream, f"called {event.name}"}
+        case DecodeCompleted() as event:
+            return {one.stream, f"decode {event.decode}"}
+        case SessionRecorded() as event:
+            begin = f"begins {event.session[:BEGINS]}"
+            return {one.stream, f"name {event.name}", begin, *(f"holds {file['raw']}" for file in event.files)}
+        case ReplayCompleted() as event:
+            return {one.stream, f"replays {event.session}"}
+    return {one.stream}
+
+
+def _hash(key: str) -> int:
+    """A key as 64 bits: two that share one cost a look at an event that is about something else."""
+    return int.from_bytes(blake2b(key.encode(), digest_size=8).digest(), "big", signed=True)
+
+
+def _known(state: dict[str, Any]) -> Known:
+    tree = tuple((int(height), str(node)) for height, node in state.pop("tree"))
+    stamp = state.pop("stamp")
+    return Known(**state, tree=tree, stamp=Stamp(*stamp) if stamp else None)
