@@ -32,7 +32,7 @@ def described(facts: Facts, session: SessionRecorded, samples: Looked) -> Sessio
     flagged = [flag.says for file in session.files for flag in facts.flags.get(f"file-{file['raw']}", ())]
     found = [flag.says for flag in quality.findings(qualities)]
     seen = [f"{one.name}: {one.finding}" for one in facts.inspections.values() if one.session == session.session]
-    late = [one.says for one in facts.clocks.values() if one.session == session.session]
+    late = [one.says for one in facts.clocks_of(session)]
     impossible = [balance.says] if balance and not balance.possible else []
     return SessionDescription(
         session=session.session,

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
 from typing import TYPE_CHECKING, TypeVar
 
 from ingest.errors import UnknownSessionError
@@ -29,7 +28,7 @@ from ingest.facts.events import (
 )
 from ingest.facts.ledger_index import BEGINS
 from ingest.facts.ledger_row import Recorded
-from ingest.facts.lookups import Lookup, Sessions, View
+from ingest.facts.lookups import Lookup, Sessions, View, Whole
 from ingest.facts.sessions import order
 from ingest.facts.standing import Retraction, RowsOfLog, holds, rows_of, standing
 from ingest.texts.nearest import nearest
@@ -149,7 +148,7 @@ def fold(recorded: Iterable[Recorded]) -> Facts:
         databases=_latest(events, SignalDatabaseRegistered, lambda event: event.sha256),
         benches=_latest(events, BenchRegistered, lambda event: event.sha256),
         models=_models(events, stands.retractions),
-        decodes=_latest(events, DecodeCompleted, lambda event: event.decode),
+        decodes=_latest(events, DecodeCompleted, _decode),
         sessions=sorted(sessions.values(), key=order),
         joined=joined,
         old_names={one.event.name: one.event.session for one in events if isinstance(one.event, SessionRecorded)},
@@ -174,8 +173,8 @@ def at(ledger: Ledger, as_of: str | None = None) -> Facts:
 
 
 @dataclass(frozen=True)
-class _LookedUp(Facts):
-    """Facts of now. Those of which there are many are read when they are asked for."""
+class LookedUp(Facts):
+    """Facts of now, with nothing taken back. Those of which there are many are read when they are asked for."""
 
     view: View
 
@@ -184,7 +183,7 @@ class _LookedUp(Facts):
         return [event for event in found if self.files[event.sha256] == event]
 
     def decodes_of(self, raw: str) -> list[DecodeCompleted]:
-        return _events(self.view, f"file-{raw}", DecodeCompleted, lambda event: event.decode)
+        return _events(self.view, f"file-{raw}", DecodeCompleted, _decode)
 
     def clocks_of(self, session: SessionRecorded) -> list[ClockAligned]:
         return _events(self.view, f"session-{session.session}", ClockAligned, _clock)
@@ -193,10 +192,22 @@ class _LookedUp(Facts):
         return _events(self.view, f"replays {session.session}", ReplayCompleted, lambda event: event.run)
 
     def holding(self, raws: Collection[str]) -> list[SessionRecorded]:
+        there = self._now(self.ever_holding(raws))
+        return [one for one in there if any(file["raw"] in raws for file in one.files)]
+
+    def decodes_in_order(self, raws: Collection[str]) -> list[DecodeCompleted]:
+        """The decodes of these logs, the latest of all last."""
+        return list(_latest(self.view.about(*(f"file-{raw}" for raw in raws)), DecodeCompleted, _decode).values())
+
+    def ever_holding(self, raws: Collection[str]) -> list[SessionRecorded]:
+        """All that was recorded of sessions with records of these logs, in the order of the ledger."""
         held = (one.event for one in self.view.about(*(f"holds {raw}" for raw in raws)))
-        now = {event.session: self.view.session(event.session) for event in held if isinstance(event, SessionRecorded)}
-        there = [one for one in now.values() if isinstance(one, SessionRecorded)]
-        return sorted((one for one in there if any(file["raw"] in raws for file in one.files)), key=order)
+        return [event for event in held if isinstance(event, SessionRecorded)]
+
+    def near(self, session: SessionRecorded, gap_ns: int) -> list[SessionRecorded]:
+        """The sessions of its specimen, with absolute time, that begin or end less than `gap_ns` from this one."""
+        times = (session.start_ns - gap_ns, session.end_ns + gap_ns)
+        return self._now(self.view.sessions_in(session.specimen, *times)) if session.absolute else []
 
     def session(self, text: str) -> SessionRecorded:
         like = fold(self.view.sessions_like(text))
@@ -207,13 +218,18 @@ class _LookedUp(Facts):
                 pass  # said of all that there are
         return fold(self.view.every()).session(text)
 
+    def _now(self, recorded: Iterable[SessionRecorded]) -> list[SessionRecorded]:
+        """What is current of these sessions, as it is now, in order."""
+        now = map(self.view.session, dict.fromkeys(one.session for one in recorded))
+        return sorted((one for one in now if isinstance(one, SessionRecorded)), key=order)
+
 
 def _looked_up(view: View) -> Facts:
     few = view.few()
     known = fold(few)
     if known.retractions:  # what went with it is told by all other events
         return fold(view.every())
-    whole = cache(lambda: fold(view.every()))
+    whole = Whole(lambda: fold(view.every()))
 
     def joined(session: str) -> str | None:
         now = view.session(session)
@@ -230,25 +246,29 @@ def _looked_up(view: View) -> Facts:
         found = _events(view, f"session-{key.partition('/')[0]}", ClockAligned, _clock)
         return next((event for event in found if _clock(event) == key), None)
 
-    became = Lookup(joined, lambda: whole().joined)
+    became = Lookup(whole, "joined", joined)
     there = vars(known) | {
-        "files": Lookup(lambda key: view.last(f"file-{key}", RawFileSealed), lambda: whole().files),
-        "decodes": Lookup(lambda key: view.last(f"decode {key}", DecodeCompleted), lambda: whole().decodes),
-        "sessions": Sessions(view, lambda: whole().sessions),
+        "files": Lookup(whole, "files", lambda key: view.last(f"file-{key}", RawFileSealed)),
+        "decodes": Lookup(whole, "decodes", lambda key: view.last(f"decode {key}", DecodeCompleted)),
+        "sessions": Sessions(whole, view.session),
         "joined": became,
-        "old_names": Lookup(old_name, lambda: whole().old_names),
-        "runs": Lookup(lambda key: view.last(f"run-{key}", ReplayCompleted), lambda: whole().runs),
-        "flags": Lookup(flags, lambda: whole().flags),
-        "clocks": Lookup(clock, lambda: whole().clocks),
+        "old_names": Lookup(whole, "old_names", old_name),
+        "runs": Lookup(whole, "runs", lambda key: view.last(f"run-{key}", ReplayCompleted)),
+        "flags": Lookup(whole, "flags", flags),
+        "clocks": Lookup(whole, "clocks", clock),
         "opened": _opened(few, became),
         "inspections": _inspections(few, became),
     }
-    return _LookedUp(**there, view=view)
+    return LookedUp(**there, view=view)
 
 
 def _events(view: View, key: str, kind: type[E], one_of: Callable[[E], str]) -> list[E]:
     """The events of `kind` about `key`; where one was recorded again, the latest counts."""
     return list(_latest(view.about(key), kind, one_of).values())
+
+
+def _decode(event: DecodeCompleted) -> str:
+    return event.decode
 
 
 def _clock(event: ClockAligned) -> str:

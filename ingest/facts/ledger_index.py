@@ -44,7 +44,7 @@ CREATE TABLE place (key INTEGER, position INTEGER, PRIMARY KEY (key, position)) 
 CREATE TABLE few (position INTEGER PRIMARY KEY);
 CREATE TABLE session (position INTEGER PRIMARY KEY, specimen TEXT, start_ns INTEGER, end_ns INTEGER);
 CREATE TABLE loose (decode TEXT PRIMARY KEY, raw TEXT);
-CREATE INDEX by_time ON session (specimen, start_ns);
+CREATE INDEX by_time ON session (specimen, start_ns, end_ns);
 """
 
 
@@ -143,13 +143,13 @@ class LedgerIndex:
         """Positions of all events of which there are few, rising."""
         return self._positions("SELECT position FROM few WHERE position <= ? ORDER BY position", until)
 
-    def sessions_in(self, specimen: str | None, from_ns: int, to_ns: int) -> Iterator[int]:
+    def sessions_in(self, specimen: str | None, from_ns: int, to_ns: int, until: int) -> Iterator[int]:
         """Positions of the specimen's sessions that lie at least partly in this time."""
-        asked = "SELECT position FROM session WHERE specimen IS ? AND start_ns <= ? AND end_ns >= ?"
-        return self._positions(asked, specimen, to_ns, from_ns)
+        asked = "SELECT position FROM session WHERE specimen IS ? AND start_ns <= ? AND end_ns >= ? AND position <= ?"
+        return self._positions(asked, specimen, to_ns, from_ns, until)
 
     def loose(self) -> list[str]:
-        """SHA-256 of the logs with a decode that no session names: an ingest was stopped, or left them for the next."""
+        """SHA-256 of the logs with a decode that no session names."""
         return [raw for (raw,) in self._connection.execute("SELECT DISTINCT raw FROM loose")]
 
     def _positions(self, statement: str, *values: Any) -> Iterator[int]:

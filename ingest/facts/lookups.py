@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import TypeVar, overload
+from typing import Any, Generic, TypeVar, overload
 
 from ingest.facts.events import Event, SessionRecorded, SessionRegrouped
 from ingest.facts.ledger import Ledger
@@ -12,6 +12,7 @@ from ingest.facts.ledger_row import Recorded
 
 E = TypeVar("E", bound=Event)
 V = TypeVar("V")
+T = TypeVar("T")
 
 
 class View:
@@ -57,6 +58,15 @@ class View:
             keys |= {f"session-{one.event.into}" for one in new if isinstance(one.event, SessionRegrouped)}
         return [found[position] for position in sorted(found)]
 
+    def sessions_in(self, specimen: str | None, from_ns: int, to_ns: int) -> list[SessionRecorded]:
+        """What was recorded of the specimen's sessions that lie at least partly in this time."""
+        read = self._at(self._index.sessions_in(specimen, from_ns, to_ns, self._until))
+        return [one.event for one in read if isinstance(one.event, SessionRecorded)]
+
+    def loose(self) -> set[str]:
+        """SHA-256 of logs with a decode that no session names: an ingest was stopped, or left them for the next."""
+        return set(self._index.loose())
+
     def _at(self, positions: Iterator[int] | list[int]) -> list[Recorded]:
         return [self._event(position) for position in positions]
 
@@ -66,45 +76,70 @@ class View:
         return self._read[position]
 
 
-class Lookup(Mapping[str, V]):
-    """What `find` gives for a key (None: nothing). Whoever goes through all of it reads every event (`whole`)."""
+class Whole(Generic[T]):
+    """All facts, folded from every event when they are first asked for."""
 
-    def __init__(self, find: Callable[[str], V | None], whole: Callable[[], Mapping[str, V]]) -> None:
-        self._find = find
+    def __init__(self, fold: Callable[[], T]) -> None:
+        self._fold = fold
+        self.made: T | None = None
+
+    def __call__(self) -> T:
+        if self.made is None:
+            self.made = self._fold()
+        return self.made
+
+
+class Lookup(Mapping[str, V]):
+    """What `find` gives for a key (None: nothing). Whoever goes through all of it reads every event: `name` of `whole`,
+    where it is looked up from then on."""
+
+    def __init__(self, whole: Whole[Any], name: str, find: Callable[[str], V | None]) -> None:
         self._whole = whole
+        self._name = name
+        self._find = find
 
     def __getitem__(self, key: str) -> V:
+        if self._whole.made is not None:
+            return self._all()[key]
         found = self._find(key)
         if found is None:
             raise KeyError(key)
         return found
 
     def __iter__(self) -> Iterator[str]:
-        return iter(self._whole())
+        return iter(self._all())
 
     def __len__(self) -> int:
-        return len(self._whole())
+        return len(self._all())
+
+    def _all(self) -> Mapping[str, V]:
+        found: Mapping[str, V] = getattr(self._whole(), self._name)
+        return found
 
 
 class Sessions(Sequence[SessionRecorded]):
-    """The current sessions. Whoever goes through them reads every event (`whole`)."""
+    """The current sessions in order. Whoever goes through them reads every event."""
 
-    def __init__(self, view: View, whole: Callable[[], Sequence[SessionRecorded]]) -> None:
-        self._view = view
+    def __init__(self, whole: Whole[Any], find: Callable[[str], Event | None]) -> None:
         self._whole = whole
+        self._find = find
 
     def __contains__(self, session: object) -> bool:
-        return isinstance(session, SessionRecorded) and self._view.session(session.session) == session
+        return isinstance(session, SessionRecorded) and self._find(session.session) == session
 
     @overload
     def __getitem__(self, place: int) -> SessionRecorded: ...
     @overload
     def __getitem__(self, place: slice) -> Sequence[SessionRecorded]: ...
     def __getitem__(self, place: int | slice) -> SessionRecorded | Sequence[SessionRecorded]:
-        return self._whole()[place]
+        return self._all()[place]
 
     def __iter__(self) -> Iterator[SessionRecorded]:
-        return iter(self._whole())
+        return iter(self._all())
 
     def __len__(self) -> int:
-        return len(self._whole())
+        return len(self._all())
+
+    def _all(self) -> Sequence[SessionRecorded]:
+        found: Sequence[SessionRecorded] = self._whole().sessions
+        return found

@@ -66,7 +66,7 @@ def correct(
         if FILES & {what for one in same for what in one.changes}:
             left += read_again(store, before, same, tell, batch)
         else:
-            left += group_files(store, {one.raw: one.said for one in same}, batch).left
+            left += group_files(store, (), {one.raw: one.said for one in same}, batch).left
     named = [NamedFact(f"file-{one.raw}", before.files[one.raw].name) for one in plans]
     changes = {one.raw: one.changes for one in plans}
     return PutRight(named, before, ledger_facts.at(store.ledger), changes, left)

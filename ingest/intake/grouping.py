@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations
 
-from ingest.bench.bench_file import read_bench
+from ingest.bench.bench_file import Bench, read_bench
 from ingest.catalogue import kinds, quality
 from ingest.catalogue.channels import load_each
 from ingest.catalogue.looked import Looked, is_long, look, looked
@@ -14,10 +14,11 @@ from ingest.errors import IngestError
 from ingest.facts import facts as ledger_facts
 from ingest.facts import sessions
 from ingest.facts.events import Event, QualityFlagged, SessionRecorded, SessionRegrouped
-from ingest.facts.facts import Facts
+from ingest.facts.facts import Facts, LookedUp
 from ingest.facts.sessions import Override
 from ingest.facts.store import Store
 
+Change = SessionRecorded | SessionRegrouped
 FEW_RECORDS = 3  # quality has no finding in so few: a gap takes four samples, a stretch seven
 
 
@@ -29,21 +30,19 @@ class Grouped:
     left: list[str] = field(default_factory=list)
 
 
-def group_files(store: Store, said: Mapping[str, Override], first: Sequence[tuple[str, Event]] = ()) -> Grouped:
-    """Group all files into sessions and append what is new, behind the facts `first` that it follows from, all or none;
-    a session whose samples cannot be read stops no other."""
-    recorded = store.ledger.proposed(first)
-    known = ledger_facts.fold(recorded)
-    before = ledger_facts.at(store.ledger) if first else known
-    old = {one.session: one for one in (*before.sessions, *known.sessions)}
-    benches = {sha: read_bench(store.archive.read(sha), one.name) for sha, one in known.benches.items()}
-    names = {sha: one.name for sha, one in known.files.items()}
-    every = [one.event for one in recorded if isinstance(one.event, SessionRecorded)]
-    overrides = {**sessions.overrides_of(every, benches, known.decodes), **said}
-    new = sessions.group(list(known.decodes.values()), benches, names, overrides, known.gone)
+def group_files(
+    store: Store, raws: Collection[str], said: Mapping[str, Override], first: Sequence[tuple[str, Event]] = ()
+) -> Grouped:
+    """Group files into sessions and append what is new, behind the facts `first` that it follows from, all or none; a
+    session whose samples cannot be read stops no other. `raws`: SHA-256 of the logs that are new; with `first` any
+    session may be another one afterwards."""
+    known = ledger_facts.at(store.ledger)
+    if isinstance(known, LookedUp) and not first:
+        changes = _changes_near(known, raws, _benches(store, known), said)
+    else:
+        known, changes = _changes(store, said, known, first)
     grouped = Grouped()
     events: list[tuple[str, Event]] = [*first]
-    changes = sessions.regroup([*old.values()], new)
     read = [one for one in changes if isinstance(one, SessionRecorded) and _is_read(one)]
     looked_at = _looked(store, known, read)
     unread: set[str] = set()
@@ -68,6 +67,44 @@ def group_files(store: Store, said: Mapping[str, Override], first: Sequence[tupl
         grouped.flags += [(event.name, flag) for flag in found]
     store.ledger.append_all(events)  # all or none: one wait for the disk, however many sessions a table holds
     return grouped
+
+
+def _changes(
+    store: Store, said: Mapping[str, Override], before: Facts, first: Sequence[tuple[str, Event]]
+) -> tuple[Facts, Sequence[Change]]:
+    """The facts with `first` behind them, and what then changes in all sessions."""
+    recorded = store.ledger.proposed(first)
+    known = ledger_facts.fold(recorded)
+    old = {one.session: one for one in (*before.sessions, *known.sessions)}
+    benches = _benches(store, known)
+    names = {sha: one.name for sha, one in known.files.items()}
+    every = [one.event for one in recorded if isinstance(one.event, SessionRecorded)]
+    overrides = {**sessions.overrides_of(every, benches, known.decodes), **said}
+    new = sessions.group(list(known.decodes.values()), benches, names, overrides, known.gone)
+    return known, sessions.regroup([*old.values()], new)
+
+
+def _changes_near(
+    known: LookedUp, raws: Collection[str], benches: Mapping[str, Bench], said: Mapping[str, Override]
+) -> Sequence[Change]:
+    """What new logs change. Only sessions that hold them, or lie so near to these in time that they may be one, are
+    put together again; others near to those then too."""
+    gap_ns = int(max((one.join_gap_s for one in benches.values()), default=0.0) * sessions.SECOND_NS)
+    inside = {*raws, *known.view.loose()}
+    while True:
+        overrides = sessions.overrides_of(known.ever_holding(inside), benches, known.decodes)
+        names = {raw: known.files[raw].name for raw in inside}
+        new = sessions.group(known.decodes_in_order(inside), benches, names, {**overrides, **said})
+        old = known.holding(inside)
+        reached = [*old, *(near for one in new for near in known.near(one, gap_ns))]
+        more = {file["raw"] for one in reached for file in one.files} - inside
+        if not more:
+            return sessions.regroup(old, new)
+        inside |= more
+
+
+def _benches(store: Store, known: Facts) -> dict[str, Bench]:
+    return {sha: read_bench(store.archive.read(sha), one.name) for sha, one in known.benches.items()}
 
 
 def _looked(store: Store, known: Facts, read: Sequence[SessionRecorded]) -> Iterator[Looked | IngestError]:

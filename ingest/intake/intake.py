@@ -125,9 +125,9 @@ def take_in(
     files = [replace(one, decode=decodes.get(one.raw)) for one in files]  # of a copy: that of the first
     kept = set(decodes)
     flags = [(one.name, flag) for one in files for flag in one.flags]
-    grouped = group_files(store, dict.fromkeys(kept, said) if said != Override() else {}, first)
+    grouped = group_files(store, kept, dict.fromkeys(kept, said) if said != Override() else {}, first)
     now = ledger_facts.at(store.ledger)
-    touched = tuple(session for session in now.sessions if kept & {file["raw"] for file in session.files})
+    touched = tuple(now.holding(kept))
     new = {file["raw"] for session in touched if session not in known.sessions for file in session.files}
     return Intake(
         tuple(replace(one, anew=one.known and one.raw in new) for one in files),
@@ -146,7 +146,8 @@ def _taken_back(now: Facts, kept: Collection[str]) -> list[str]:
 def _again(known: Facts, found: Sequence[Taken | _Read]) -> dict[str, DecodeCompleted]:
     """Raw file -> the known decode to go back to: another bench or motor file had followed it."""
     given = {one.raw: one.decode for one in found if isinstance(one, Taken) and one.decode and one.decode.bench}
-    latest = {one.raw: one for one in known.decodes.values() if one.bench and one.outcome != "quarantined"}
+    decodes = [one for raw in given for one in known.decodes_of(raw)]
+    latest = {one.raw: one for one in decodes if one.bench and one.outcome != "quarantined"}
     return {raw: decode for raw, decode in given.items() if latest.get(raw, decode) != decode}
 
 
@@ -217,8 +218,8 @@ def _keep(store: Store, known: Facts, one: _Read, setup: Setup, channels: Sequen
     )
     if before is None or before.why != decode.why:
         events += [decode, *flags]
-    for twin in known.files.values():
-        if twin.name == name and twin.sha256 != one.raw and one.raw not in known.files:
+    for twin in known.called(name):
+        if one.raw not in known.files:
             says = f"{name}: another file of this name was ingested before, with other bytes ({twin.sha256[:12]})"
             events.append(QualityFlagged(flag="same_name_other_bytes", says=says, detail={"other": twin.sha256}))
     store.ledger.append_all([(f"file-{one.raw}", event) for event in events])

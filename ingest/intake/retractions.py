@@ -77,7 +77,7 @@ def _grouped(store: Store, before: Facts, named: Sequence[NamedFact], batch: Bat
     """Append the batch, with what it makes of the sessions."""
     left: Sequence[str] = ()
     if any(one.kind in ("log", "session") for one in named):
-        left = group_files(store, {}, batch).left
+        left = group_files(store, (), {}, batch).left
     else:
         store.ledger.append_all(batch)
     return PutRight(named, before, ledger_facts.at(store.ledger), {}, left)

@@ -186,10 +186,12 @@ def _elsewhere(bench: Bench, here: Sequence[Signal], given: Sequence[Signal], kn
     """Signals of the bench file that only other logs hold: those given, or taken in earlier (a late file of a session
     may come alone)."""
     now = Directory(here)
+    names = [name for name in sorted({name for one in bench.channels for name in one.needs}) if not now.find(name)]
+    if not names:
+        return []
     decodes = sorted(known.decodes.values(), key=lambda decode: decode.bench != bench.sha256)
     before = Directory([*given, *(Signal(**c["signal"]) for decode in decodes for c in decode.channels if c["signal"])])
-    names = {name for channel in bench.channels for name in channel.needs}
-    return [before.find(name)[0] for name in sorted(names) if not now.find(name) and before.find(name)]
+    return [before.find(name)[0] for name in names if before.find(name)]
 
 
 def signals_in(databases: Sequence[Database], readings: Sequence[LogReading]) -> list[Signal]:

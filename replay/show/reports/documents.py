@@ -70,7 +70,7 @@ def _replays(
     store: Store, facts: Facts, session: SessionRecorded
 ) -> tuple[dict[str, ReplayCompleted], Diagnosis | None]:
     """Key of MODELS -> the session's last replay with that model, in their order; and the diagnosis that made them."""
-    runs = {event.model: event for event in facts.runs.values() if event.session == session.session}
+    runs = {event.model: event for event in facts.runs_of(session)}
     for completed in reversed(list(facts.diagnoses.values())):
         if session.session in (*completed.key["train"], *completed.key["kept"]):
             found = sealed_diagnosis(store, completed)
@@ -161,8 +161,7 @@ def context(store: Store | None, command: str) -> ReportContext:
 
 def latest_run(facts: Facts, session: SessionRecorded, model: str | None = None) -> ReplayCompleted | None:
     """The run of a session (with this model, where one is given) that was recorded last, or None."""
-    runs = [event for event in facts.runs.values() if event.session == session.session]
-    return next((event for event in reversed(runs) if model in (None, event.model)), None)
+    return next((event for event in reversed(facts.runs_of(session)) if model in (None, event.model)), None)
 
 
 def _run_of(facts: Facts, session: SessionRecorded, model: str | None) -> ReplayCompleted:
