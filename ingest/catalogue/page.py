@@ -18,10 +18,11 @@ NONE = "–"
 SHORT = 12  # characters of a hash that are shown
 
 
-def sessions(answer: Mapping[str, Any], width: int = 100, as_of: str | None = None) -> str:
+def sessions(answer: Mapping[str, Any], width: int = 100, as_of: str | None = None, of: int = 0) -> str:
     """The answer of `sessions --json` as a table of at most `width` columns, with what could not be read below it.
 
-    `as_of`: the ledger position or time of which the answer speaks, None for now.
+    `as_of`: the ledger position or time of which the answer speaks, None for now; `of`: how many sessions there are,
+    where the answer holds only the last ones.
     """
     if not answer["sessions"] and not answer["quarantined_files"]:
         if as_of is not None:
@@ -30,16 +31,20 @@ def sessions(answer: Mapping[str, Any], width: int = 100, as_of: str | None = No
     rows = [_session_row(one) for one in answer["sessions"]]
     head = ("session", "kind", "start (UTC)", "length", "motor", "specimen", "channels", "quarantined", "id")
     lines = [f"{len(rows)} session{'s' * (len(rows) != 1)}"]
+    if of > len(rows):
+        lines = [f"{of:,} sessions, the last {len(rows):,}: --last N shows more"]
     lines += table(head, rows, width, right=(3, 6, 7)) if rows else []
     for one in answer["quarantined_files"]:
         lines += _wrap(f"quarantined: {one['why'] or one['file']}", width)
-    return "\n".join([*lines, "", f"next: whyhot show {shlex.quote(_called(answer['sessions']))}"] if rows else lines)
+    return "\n".join(
+        [*lines, "", f"next: whyhot show {shlex.quote(_called(answer['sessions'], of))}"] if rows else lines
+    )
 
 
-def _called(sessions: Sequence[Mapping[str, Any]]) -> str:
-    """The last session by its name, or by its id where another has that name."""
+def _called(sessions: Sequence[Mapping[str, Any]], of: int) -> str:
+    """The last session by its name, or by its id where another has that name, or one that is not shown may have it."""
     names, last = [one["name"] for one in sessions], sessions[-1]
-    return str(last["name"] if names.count(last["name"]) == 1 else last["session"])
+    return str(last["name"] if names.count(last["name"]) == 1 and of <= len(names) else last["session"])
 
 
 def render(description: SessionDescription, width: int = 100) -> str:

@@ -56,15 +56,15 @@ def described(facts: Facts, session: SessionRecorded, samples: Looked) -> Sessio
     )
 
 
-def sessions_json(facts: Facts) -> dict[str, Any]:
-    """The answer of `sessions --json` (schema `whyhot.sessions/1`).
+def sessions_json(facts: Facts, sessions: Sequence[SessionRecorded] | None = None) -> dict[str, Any]:
+    """The answer of `sessions --json` (schema `whyhot.sessions/1`), of these sessions (None: of all).
 
     `quarantined` counts the records of a session's files that were kept but not decoded: rejected, or shorter than
     their message. `quarantined_files` are those in which nothing could be read; they belong to no session.
     """
     return {
         "schema": "whyhot.sessions/1",
-        "sessions": [_summary(facts, session) for session in facts.sessions],
+        "sessions": [_summary(facts, session) for session in (facts.sessions if sessions is None else sessions)],
         "quarantined_files": _quarantined(facts),
     }
 
@@ -100,9 +100,7 @@ def _summary(facts: Facts, session: SessionRecorded) -> dict[str, Any]:
 
 
 def _quarantined(facts: Facts) -> list[dict[str, Any]]:
-    read = {decode.raw for decode in facts.decodes.values() if decode.outcome != "quarantined"}
-    lost = {decode.raw: decode.why for decode in facts.decodes.values() if decode.raw not in read}
-    return [{"file": facts.files[raw].name, "sha256": raw, "why": why} for raw, why in lost.items()]
+    return [{"file": facts.files[raw].name, "sha256": raw, "why": why} for raw, why in facts.unread().items()]
 
 
 def _source(facts: Facts, file: Mapping[str, Any]) -> SourceDescription:

@@ -83,6 +83,14 @@ class Facts:
         """The id that a session of this id is part of by now, its own where it is of none."""
         return _end(self.joined, session)
 
+    def last_sessions(self, count: int) -> tuple[Sequence[SessionRecorded], int]:
+        """The last `count` sessions, and how many there are."""
+        return self.sessions[-count:], len(self.sessions)
+
+    def unread(self) -> dict[str, str | None]:
+        """SHA-256 of each log in which nothing could be read, and why."""
+        return _unread(self.decodes.values())
+
     def called(self, name: str) -> list[RawFileSealed]:
         """The logs of this name."""
         return [one for one in self.files.values() if one.name == name]
@@ -205,9 +213,20 @@ class LookedUp(Facts):
         return [event for event in held if isinstance(event, SessionRecorded)]
 
     def near(self, session: SessionRecorded, gap_ns: int) -> list[SessionRecorded]:
-        """The sessions of its specimen, with absolute time, that begin or end less than `gap_ns` from this one."""
+        """The sessions of its specimen, with absolute time, that begin or end at most `gap_ns` from this one."""
         times = (session.start_ns - gap_ns, session.end_ns + gap_ns)
-        return self._now(self.view.sessions_in(session.specimen, *times)) if session.absolute else []
+        return self.view.sessions(self.view.index.sessions_in(session.specimen, *times)) if session.absolute else []
+
+    def loose(self) -> set[str]:
+        """SHA-256 of logs with a decode that no session names: an ingest was stopped, or left them for the next."""
+        return set(self.view.index.loose())
+
+    def last_sessions(self, count: int) -> tuple[Sequence[SessionRecorded], int]:
+        last = sorted(self.view.sessions(self.view.index.last_sessions(count)), key=order)
+        return last[-count:], self.view.index.count
+
+    def unread(self) -> dict[str, str | None]:
+        return _unread(self.decodes_in_order(self.view.index.quarantined()))
 
     def session(self, text: str) -> SessionRecorded:
         like = fold(self.view.sessions_like(text))
@@ -265,6 +284,12 @@ def _looked_up(view: View) -> Facts:
 def _events(view: View, key: str, kind: type[E], one_of: Callable[[E], str]) -> list[E]:
     """The events of `kind` about `key`; where one was recorded again, the latest counts."""
     return list(_latest(view.about(key), kind, one_of).values())
+
+
+def _unread(decodes: Iterable[DecodeCompleted]) -> dict[str, str | None]:
+    every = list(decodes)
+    read = {decode.raw for decode in every if decode.outcome != "quarantined"}
+    return {decode.raw: decode.why for decode in every if decode.raw not in read}
 
 
 def _decode(event: DecodeCompleted) -> str:

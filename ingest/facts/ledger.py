@@ -11,6 +11,7 @@ import os
 import sqlite3
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from functools import partial
 from pathlib import Path
@@ -84,14 +85,15 @@ class Ledger:
         """Add all events of `batch`, or none. Raises LedgerError (refused, nothing stored) and DamageError."""
         if self._lock is None:
             raise LedgerError(f"{self.path}: was opened for reading: open the store for writing")
-        rows = self._rows(batch, caused_by, happened)
-        return [decode(row, position) for row, position in zip(rows, self._insert(rows), strict=True)]
+        encoded = self._encoded(batch, caused_by, happened)
+        places = self._insert([row for row, _ in encoded])
+        return [replace(one, position=place) for (_, one), place in zip(encoded, places, strict=True)]
 
     def proposed(self, batch: Sequence[tuple[str, Event]]) -> list[Recorded]:
         """All events, and those of `batch` behind them as if they were recorded. Raises as `append_all`."""
-        rows = self._rows(batch, None, None)
+        encoded = self._encoded(batch, None, None)
         events = self.events()
-        return [*events, *(decode(row, place) for place, row in enumerate(rows, len(events) + 1))]
+        return [*events, *(replace(one, position=place) for place, (_, one) in enumerate(encoded, len(events) + 1))]
 
     def take_over(self, rows: Iterable[StoredEvent]) -> None:
         """Store rows of another ledger, as they are, behind those that it has in common with this one. All or none.
@@ -148,6 +150,9 @@ class Ledger:
 
     def event(self, position: int) -> Recorded:
         """The event at `position`, checked against its own digest. Raises DamageError, and as `rows`."""
+        found = self._seen.behind(position - 1)
+        if found and found[0].position == position:
+            return found[0]
         row = next(self.rows(position, position, 1), None)
         if row is None:
             raise DamageError(f"event {position}: is missing; `whyhot verify` lists all damage")
@@ -161,10 +166,9 @@ class Ledger:
 
     def seal(self) -> Recorded | None:
         """Record the head as an event, so that what is before cannot change unseen. None where nothing is new."""
-        last = self._last()
-        if last is None or isinstance(last.event, LedgerSealed):
-            return None
         head = self.head()
+        if head.position == 0 or isinstance(self.event(head.position).event, LedgerSealed):
+            return None
         return self.append(SEALS, LedgerSealed(position=head.position, root=head.root))
 
     def close(self) -> None:
@@ -175,21 +179,21 @@ class Ledger:
             self._lock.close()
             self._lock = None
 
-    def _rows(
+    def _encoded(
         self, batch: Sequence[tuple[str, Event]], caused_by: str | None, happened: str | None
-    ) -> list[StoredEvent]:
-        """The rows of `batch` behind what there is."""
-        rows: list[StoredEvent] = []
+    ) -> list[tuple[StoredEvent, Recorded]]:
+        """The rows of `batch` behind what there is, and what each will read as."""
+        encoded: list[tuple[StoredEvent, Recorded]] = []
         last = self._last()
         recorded = last.recorded if last else ""
         tails: dict[str, Recorded | None] = {}
         for stream, event in batch:
             tail = tails[stream] if stream in tails else self._tail(stream)
             recorded = _stamp(after=recorded)
-            row = encode(event, stream, tail, recorded, happened, caused_by)
-            tails[stream] = decode(row, 0)
-            rows.append(row)
-        return rows
+            row, one = encode(event, stream, tail, recorded, happened, caused_by)
+            tails[stream] = one
+            encoded.append((row, one))
+        return encoded
 
     def _kept_index(self) -> LedgerIndex | None:
         """The index that the last command left, where the last event that it knows is the one that stands there."""

@@ -42,9 +42,11 @@ TABLES = """
 CREATE TABLE known (state TEXT);
 CREATE TABLE place (key INTEGER, position INTEGER, PRIMARY KEY (key, position)) WITHOUT ROWID;
 CREATE TABLE few (position INTEGER PRIMARY KEY);
-CREATE TABLE session (position INTEGER PRIMARY KEY, specimen TEXT, start_ns INTEGER, end_ns INTEGER);
+CREATE TABLE session (id TEXT PRIMARY KEY, position INTEGER, specimen TEXT, start_ns INTEGER, end_ns INTEGER);
+CREATE INDEX by_specimen ON session (specimen, start_ns, end_ns, position);
+CREATE INDEX by_start ON session (start_ns, position);
 CREATE TABLE loose (decode TEXT PRIMARY KEY, raw TEXT);
-CREATE INDEX by_time ON session (specimen, start_ns, end_ns);
+CREATE TABLE quarantined (raw TEXT PRIMARY KEY);
 """
 
 
@@ -118,19 +120,23 @@ class LedgerIndex:
                 "INSERT OR IGNORE INTO place VALUES (?, ?)", [(_hash(key), one.position) for key in keys_of(one)]
             )
             match one.event:
-                case DecodeCompleted() as event if event.outcome != "quarantined":
+                case DecodeCompleted(outcome="quarantined") as event:
+                    self._connection.execute("INSERT OR IGNORE INTO quarantined VALUES (?)", [event.raw])
+                case DecodeCompleted() as event:
                     self._connection.execute("INSERT OR REPLACE INTO loose VALUES (?, ?)", [event.decode, event.raw])
                 case SessionRecorded() as event:
                     self._add_session(one.position, event)
+                case SessionRegrouped() as event:
+                    self._connection.execute("DELETE FROM session WHERE id = ?", [event.session])
                 case event if not isinstance(event, MANY):
                     self._connection.execute("INSERT INTO few VALUES (?)", [one.position])
             self.position, self.digest = one.position, one.digest
         self._connection.execute("COMMIT")
 
     def _add_session(self, position: int, event: SessionRecorded) -> None:
-        if event.absolute:
-            row = (position, event.specimen, event.start_ns, event.end_ns)
-            self._connection.execute("INSERT INTO session VALUES (?, ?, ?, ?)", row)
+        times = (event.start_ns, event.end_ns) if event.absolute else (None, None)
+        row = (event.session, position, event.specimen, *times)
+        self._connection.execute("INSERT OR REPLACE INTO session VALUES (?, ?, ?, ?, ?)", row)
         decodes = [(file["decode"],) for file in event.files]
         self._connection.executemany("DELETE FROM loose WHERE decode = ?", decodes)
 
@@ -143,10 +149,26 @@ class LedgerIndex:
         """Positions of all events of which there are few, rising."""
         return self._positions("SELECT position FROM few WHERE position <= ? ORDER BY position", until)
 
-    def sessions_in(self, specimen: str | None, from_ns: int, to_ns: int, until: int) -> Iterator[int]:
-        """Positions of the specimen's sessions that lie at least partly in this time."""
-        asked = "SELECT position FROM session WHERE specimen IS ? AND start_ns <= ? AND end_ns >= ? AND position <= ?"
-        return self._positions(asked, specimen, to_ns, from_ns, until)
+    def sessions_in(self, specimen: str | None, from_ns: int, to_ns: int) -> Iterator[int]:
+        """Positions of the specimen's current sessions that lie at least partly in this time."""
+        asked = "SELECT position FROM session WHERE specimen IS ? AND start_ns <= ? AND end_ns >= ?"
+        return self._positions(asked, specimen, to_ns, from_ns)
+
+    def last_sessions(self, count: int) -> list[int]:
+        """Positions of the current sessions that began last, at least `count` of them, and of all without a date."""
+        dated = "SELECT position FROM session WHERE start_ns IS NOT NULL ORDER BY start_ns DESC LIMIT ?"
+        undated = "SELECT position FROM session WHERE start_ns IS NULL"
+        return [*self._positions(dated, count), *self._positions(undated)]
+
+    @property
+    def count(self) -> int:
+        """Of the current sessions."""
+        ((count,),) = self._connection.execute("SELECT count(*) FROM session")
+        return int(count)
+
+    def quarantined(self) -> list[str]:
+        """SHA-256 of the logs that could not be read once."""
+        return [raw for (raw,) in self._connection.execute("SELECT raw FROM quarantined")]
 
     def loose(self) -> list[str]:
         """SHA-256 of the logs with a decode that no session names."""

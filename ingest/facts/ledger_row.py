@@ -40,8 +40,11 @@ class Recorded:
 
 def encode(
     event: Event, stream: str, tail: Recorded | None, recorded: str, happened: str | None, caused_by: str | None
-) -> StoredEvent:
-    """The row of `event` behind `tail`, its stream's last. Raises LedgerError where it would not come back equal."""
+) -> tuple[StoredEvent, Recorded]:
+    """The row of `event` behind `tail`, its stream's last, and what it reads as at no position yet (0).
+
+    Raises LedgerError where it would not come back equal.
+    """
     if EVENTS.get(event.TOPIC) is not type(event):
         raise LedgerError(f"{event.TOPIC}: is not an event of the ledger: declare it in ingest/facts/events.py")
     number = tail.version + 1 if tail else 1
@@ -56,11 +59,12 @@ def encode(
     }
     proof = digest(stream, number, event.TOPIC, canonical(envelope))
     row = StoredEvent(stream, number, event.TOPIC, canonical(envelope | {"digest": proof}))
-    if decode(row, 0).event != event:
+    one = decode(row, 0)
+    if one.event != event:
         raise LedgerError(
             f"{event.TOPIC}: holds what JSON does not give back (a tuple, a number as key): use lists and text"
         )
-    return row
+    return row, one
 
 
 def utc_text(moment: datetime) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any, Generic, TypeVar, overload
 
 from ingest.facts.events import Event, SessionRecorded, SessionRegrouped
@@ -58,16 +58,17 @@ class View:
             keys |= {f"session-{one.event.into}" for one in new if isinstance(one.event, SessionRegrouped)}
         return [found[position] for position in sorted(found)]
 
-    def sessions_in(self, specimen: str | None, from_ns: int, to_ns: int) -> list[SessionRecorded]:
-        """What was recorded of the specimen's sessions that lie at least partly in this time."""
-        read = self._at(self._index.sessions_in(specimen, from_ns, to_ns, self._until))
-        return [one.event for one in read if isinstance(one.event, SessionRecorded)]
+    @property
+    def index(self) -> LedgerIndex:
+        """What it says of the current sessions, as long as nothing came since."""
+        assert self._index.position == self._until, "these facts are not those of now"
+        return self._index
 
-    def loose(self) -> set[str]:
-        """SHA-256 of logs with a decode that no session names: an ingest was stopped, or left them for the next."""
-        return set(self._index.loose())
+    def sessions(self, positions: Iterable[int]) -> list[SessionRecorded]:
+        """What was recorded of sessions at these positions."""
+        return [one.event for one in self._at(positions) if isinstance(one.event, SessionRecorded)]
 
-    def _at(self, positions: Iterator[int] | list[int]) -> list[Recorded]:
+    def _at(self, positions: Iterable[int]) -> list[Recorded]:
         return [self._event(position) for position in positions]
 
     def _event(self, position: int) -> Recorded:

@@ -90,7 +90,7 @@ def _changes_near(
     """What new logs change. Only sessions that hold them, or lie so near to these in time that they may be one, are
     put together again; others near to those then too."""
     gap_ns = int(max((one.join_gap_s for one in benches.values()), default=0.0) * sessions.SECOND_NS)
-    inside = {*raws, *known.view.loose()}
+    inside = {*raws, *known.loose()}
     while True:
         overrides = sessions.overrides_of(known.ever_holding(inside), benches, known.decodes)
         names = {raw: known.files[raw].name for raw in inside}

@@ -80,6 +80,13 @@ def ask_as_of(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--as-of", metavar="POINT", help=says)
 
 
+def count(text: str) -> int:
+    """A whole number of a flag, 1 or more."""
+    if not text.isdecimal() or not 1 <= int(text[:13]) <= 10**12:
+        raise argparse.ArgumentTypeError(f"{text[:20]} is none: give a whole number of 1 or more")
+    return int(text[:13])
+
+
 def as_of_note(as_of: str | None) -> list[str]:
     return [] if as_of is None else [f"as of {as_of}: what was computed is not kept: without --as-of it is"]
 

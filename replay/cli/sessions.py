@@ -5,10 +5,14 @@ from __future__ import annotations
 import argparse
 
 from replay.cli.answer import Answer, provenance, store_folder
-from replay.cli.asked import ask_as_of
+from replay.cli.asked import ask_as_of, count
+
+LAST = 100  # sessions that fit a terminal with its scroll-back
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
+    says = f"the last N sessions (default: {LAST} as text, all of them as JSON)"
+    parser.add_argument("--last", metavar="N", type=count, help=says)
     ask_as_of(parser)
 
 
@@ -21,6 +25,8 @@ def run(args: argparse.Namespace) -> Answer:
 
     with Store.open(store_folder(args)) as store:
         known = facts.at(store.ledger, args.as_of)
-        answer = sessions_json(known)
+        last = args.last or (LAST if args.json is None else None)
+        shown, of = known.last_sessions(last) if last else (None, 0)
+        answer = sessions_json(known, shown)
         data = {**answer, "provenance": provenance(store, as_of=args.as_of)}
-        return Answer(data, page.sessions(answer, width(), args.as_of))
+        return Answer(data, page.sessions(answer, width(), args.as_of, of))

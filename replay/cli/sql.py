@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 from replay.cli.answer import Answer, provenance, store_folder
-from replay.cli.asked import ask_as_of
+from replay.cli.asked import ask_as_of, count
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -13,16 +13,10 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("query", metavar="SQL", help=says)
     parser.add_argument("--csv", action="store_true", help="comma-separated instead of a table")
     says = "give at most so many rows (default 1,000,000)"
-    parser.add_argument("--rows", metavar="N", type=_count, help=says)
+    parser.add_argument("--rows", metavar="N", type=count, help=says)
     says = "stop after so many seconds (default 60)"
-    parser.add_argument("--seconds", metavar="S", type=_count, help=says)
+    parser.add_argument("--seconds", metavar="S", type=count, help=says)
     ask_as_of(parser)
-
-
-def _count(text: str) -> int:
-    if not text.isdecimal() or not 1 <= int(text[:13]) <= 10**12:
-        raise argparse.ArgumentTypeError(f"{text[:20]} is none: give a whole number of 1 or more")
-    return int(text[:13])
 
 
 def run(args: argparse.Namespace) -> Answer:
