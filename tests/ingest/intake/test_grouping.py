@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import random
 from collections.abc import Iterator, Sequence
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -12,13 +14,14 @@ from eventsourcing.persistence import StoredEvent
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from ingest.bench.bench_file import Bench
 from ingest.catalogue import quality
 from ingest.catalogue.channels import ChannelData, load, load_each
 from ingest.facts import facts
-from ingest.facts.events import SessionRecorded
-from ingest.facts.facts import Facts
+from ingest.facts.events import DecodeCompleted, Event, SessionRecorded, SessionRegrouped
+from ingest.facts.facts import Facts, LookedUp
 from ingest.facts.ledger import Ledger
-from ingest.facts.sessions import Override
+from ingest.facts.sessions import Override, group, overrides_of, regroup
 from ingest.facts.store import Store
 from ingest.facts.store_check import damage
 from ingest.intake import grouping
@@ -26,6 +29,7 @@ from ingest.intake.intake import Intake, take_in
 from ingest.intake.setup import MotorFile, prepare
 from ingest.log import samples
 from made.channels import channel
+from made.events import decode, raw
 
 BENCH = """\
 schema = "whyhot.bench/1"
@@ -189,3 +193,45 @@ def test_so_few_records_hold_no_finding(one: list[tuple[float, int]], other: lis
         for name, some in (("a", one), ("b", other))
     ]
     assert quality.findings(quality.assess(channels)) == []
+
+
+SECOND = 1_000_000_000
+BENCHES = {sha: Bench(sha256=sha, name=f"{sha}.toml", join_gap_s=gap_s) for sha, gap_s in (("b1", 10.0), ("b2", 30.0))}
+
+
+def arrival(chance: random.Random, k: int) -> tuple[list[tuple[str, Event]], dict[str, Override]]:
+    """A log, or an earlier one once more under another bench file; with a specimen said or none."""
+    number = chance.choice([k, chance.randrange(k + 1)])
+    log = raw(f"{number}.csv")
+    begun = random.Random(number).randrange(150) * SECOND
+    bench = chance.choice([None, "b1", "b2"])
+    outcome = "quarantined" if random.Random(number).random() < 0.1 else "decoded"
+    absolute = random.Random(number).random() < 0.8
+    times = {"start_ns": begun, "end_ns": begun + 5 * SECOND, "absolute": absolute, "outcome": outcome}
+    events: list[tuple[str, Event]] = [(f"file-{log.sha256}", log)]
+    events.append((f"file-{log.sha256}", decode(f"{number}{bench}", log.sha256, bench, **times)))
+    said = Override(specimen=chance.choice(["S1", "S2"])) if chance.random() < 0.5 else None
+    return events, {log.sha256: said} if said else {}
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_sessions_near_to_new_logs_are_put_together_as_if_all_were(tmp_path: Path, seed: int) -> None:
+    chance = random.Random(seed)
+    with closing(Ledger(tmp_path, write=True, create=True)) as ledger:
+        for k in range(40):
+            events, said = arrival(chance, k)
+            ledger.append_all(events)
+            if chance.random() < 0.1:  # stopped before it was grouped: the next takes it up
+                continue
+            known, recorded = facts.at(ledger), ledger.events()
+            raws = {event.raw for _, event in events if isinstance(event, DecodeCompleted)}
+            assert isinstance(known, LookedUp)
+            changes = grouping._changes_near(known, raws, BENCHES, said)
+            whole = facts.fold(recorded)
+            every = [one.event for one in recorded if isinstance(one.event, SessionRecorded)]
+            overrides = {**overrides_of(every, BENCHES, whole.decodes), **said}
+            names = {sha: one.name for sha, one in whole.files.items()}
+            expected = regroup(whole.sessions, group(list(whole.decodes.values()), BENCHES, names, overrides))
+            assert sorted(changes, key=str) == sorted(expected, key=str)
+            ledger.append_all([(f"session-{one.session}", one) for one in changes])
+        assert len(ledger.events(SessionRegrouped)) > 5
