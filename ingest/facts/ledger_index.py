@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import json
 import sqlite3
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass
 from hashlib import blake2b, sha256
@@ -30,7 +30,7 @@ from ingest.facts.events import (
 )
 from ingest.facts.ledger_row import Recorded
 
-FORMAT = 1  # of the file; another one is made anew
+MADE_BY = sha256(Path(__file__).read_bytes()).hexdigest()  # an index that another version made is made anew
 DIGEST = 32  # bytes
 BEGINS = 4  # characters of an id by which sessions are found
 # Events of which there are more with each log; of all others there are few, and they are read whole.
@@ -75,7 +75,7 @@ class Known:
     recorded: str = ""
     tree: tuple[tuple[int, str], ...] = ()
     stamp: Stamp | None = None
-    form: int = FORMAT
+    made_by: str = MADE_BY
 
 
 class LedgerIndex:
@@ -100,7 +100,7 @@ class LedgerIndex:
             known = _known(json.loads(state))
         except (OSError, sqlite3.Error, ValueError, TypeError):
             return None
-        return cls(connection, known) if stamp and known.stamp == stamp and known.form == FORMAT else None
+        return cls(connection, known) if stamp and known.stamp == stamp and known.made_by == MADE_BY else None
 
     def save(self, path: Path, known: Known) -> None:
         """Keep it at `path`, whole or not at all; where it cannot be written, the next command reads all events."""
@@ -173,6 +173,16 @@ class LedgerIndex:
     def loose(self) -> list[str]:
         """SHA-256 of the logs with a decode that no session names."""
         return [raw for (raw,) in self._connection.execute("SELECT DISTINCT raw FROM loose")]
+
+    def says_as(self, events: Sequence[Recorded]) -> bool:
+        """Whether it says what an index made of these events says, as far as it knows them."""
+        made = LedgerIndex()
+        made.add(one for one in events if one.position <= self.position)
+        return (made.position, made.digest, made._rows()) == (self.position, self.digest, self._rows())
+
+    def _rows(self) -> list[set[tuple[Any, ...]]]:
+        tables = ("place", "few", "session", "loose", "quarantined")
+        return [set(self._connection.execute(f"SELECT * FROM {table}")) for table in tables]
 
     def _positions(self, statement: str, *values: Any) -> Iterator[int]:
         return (position for (position,) in self._connection.execute(statement, values))

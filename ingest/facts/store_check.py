@@ -16,8 +16,10 @@ from ingest.facts.cited import BACKUP, Cited, cited, sessions_on
 from ingest.facts.durable import sha256_of
 from ingest.facts.events import DecodeCompleted
 from ingest.facts.facts import fold
+from ingest.facts.ledger import INDEX
 from ingest.facts.ledger_audit import audit
 from ingest.facts.ledger_history import Flaw, LedgerHistory
+from ingest.facts.ledger_index import LedgerIndex, Stamp
 from ingest.facts.ledger_lock import has_wal_reset_bug
 from ingest.facts.store import Store
 
@@ -75,6 +77,11 @@ def check(store: Store, read: bool = True, since: Head | None = None) -> StoreCh
                 f"{store.ledger.path}: was read wrong at first and right after: {first.findings[0].says}"
             )
     _check_files(found, store.folder, store.archive, seen, read)
+    index = store.folder.absolute() / INDEX
+    kept = LedgerIndex.load(index, Stamp.of(store.ledger.path))
+    if kept and not seen.findings and not kept.says_as(seen.recorded):
+        says = f"{index}: does not say where the events lie: delete it, the next command makes it again"
+        found.damages.append(Damage(says, (), "delete it"))
     found.head = None if seen.findings else seen.head
     return found
 

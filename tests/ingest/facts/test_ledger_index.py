@@ -28,6 +28,9 @@ from ingest.facts.events import (
 from ingest.facts.facts import Facts, LookedUp
 from ingest.facts.ledger import INDEX, Ledger
 from ingest.facts.ledger_audit import audit
+from ingest.facts.ledger_index import LedgerIndex, Stamp
+from ingest.facts.store import Store
+from ingest.facts.store_check import damage
 from made.events import decode, raw, session
 
 MAPPINGS = ("files", "decodes", "joined", "old_names", "runs", "flags", "clocks", "opened", "inspections", "benches")
@@ -240,6 +243,28 @@ def test_the_index_of_another_ledger_or_of_an_older_one_is_not_believed(written:
     assert name_of(written, "s20") == "s20"
     with closing(Ledger(written)) as ledger:
         assert ledger.head() == head
+
+
+def test_an_index_that_was_made_to_hide_a_session_is_found_by_verify(tmp_path: Path) -> None:
+    with Store.open(tmp_path / "s", create=True) as store:
+        store.ledger.append_all([(f"session-{k:04x}", session(f"{k:04x}", f"s{k}", start_ns=k)) for k in range(9)])
+    with Store.open(tmp_path / "s") as store:
+        assert damage(store) == []
+    path = tmp_path / "s" / INDEX
+    index = LedgerIndex.load(path, Stamp.of(tmp_path / "s" / "ledger.sqlite"))
+    assert index is not None
+    index._connection.execute("DELETE FROM place WHERE position = 3")
+    index.save(path, index.known)
+    with Store.open(tmp_path / "s") as store:
+        (line,) = damage(store)
+        assert line.endswith(
+            "ledger.index: does not say where the events lie: delete it, the next command makes it again"
+        )
+        assert facts_module.at(store.ledger).session("s2").name == "s2"  # what is not found is looked for in all events
+    path.unlink()
+    assert name_of(tmp_path / "s", "s2") == "s2"
+    with Store.open(tmp_path / "s") as store:
+        assert damage(store) == []
 
 
 def test_without_an_index_or_a_place_for_it_all_is_read(written: Path, monkeypatch: pytest.MonkeyPatch) -> None:
