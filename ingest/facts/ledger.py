@@ -60,6 +60,7 @@ class Ledger:
         self._index_path = folder.absolute() / INDEX
         self._left = Stamp.of(self.path)  # as the last command left it
         self._connection: Connection | None = None
+        self._closed = False
         try:
             with self._plain_words():
                 self._recorder()
@@ -128,8 +129,8 @@ class Ledger:
         Raises LedgerError.
         """
         while True:
-            with self._plain_words():
-                page = self._recorder().select_notifications(start, at_once, stop)
+            with self._reading() as recorder:
+                page = recorder.select_notifications(start, at_once, stop)
             yield from page
             if len(page) < at_once:
                 return
@@ -172,9 +173,11 @@ class Ledger:
         return self.append(SEALS, LedgerSealed(position=head.position, root=head.root))
 
     def close(self) -> None:
-        """End all connections, keep the index, and let the next writer in."""
+        """End all connections, keep the index, and let the next writer in. Facts that are asked for later are read."""
         self._disconnect()
         self._keep_index()
+        self._closed = True
+        self._env["SQLITE_DBNAME"] = reading_uri(self.path)
         if self._lock is not None:
             self._lock.close()
             self._lock = None
@@ -258,14 +261,14 @@ class Ledger:
             self._connection = None
 
     def _last(self) -> Recorded | None:
-        with self._plain_words():
-            position = self._recorder().max_notification_id()
-            rows = self._recorder().select_notifications(position, 1) if position else []
+        with self._reading() as recorder:
+            position = recorder.max_notification_id()
+            rows = recorder.select_notifications(position, 1) if position else []
         return decode(rows[0], rows[0].id) if rows else None
 
     def _tail(self, stream: str) -> Recorded | None:
-        with self._plain_words():
-            rows = self._recorder().select_events(stream, desc=True, limit=1)
+        with self._reading() as recorder:
+            rows = recorder.select_events(stream, desc=True, limit=1)
         return decode(rows[0], 0) if rows else None
 
     def _insert(self, rows: Sequence[StoredEvent]) -> Sequence[int]:
@@ -297,6 +300,14 @@ class Ledger:
             raise LedgerError(
                 f"as of {as_of!r}: is neither the number of an event (up to {end}) nor a time like 2026-11-21T08:00:00Z"
             ) from None
+
+    @contextmanager
+    def _reading(self) -> Iterator[ApplicationRecorder]:
+        """The rows, for one reading; of a closed ledger no connection stays."""
+        with self._plain_words():
+            yield self._recorder()
+        if self._closed:
+            self._disconnect()
 
     @contextmanager
     def _plain_words(self) -> Iterator[None]:

@@ -1,7 +1,7 @@
 """Where in the ledger the facts of a file, a session or a run lie, so that a command reads those events and no others.
 
 The index holds no fact: it says at which positions to look, and what is read there is checked as ever. It is a small
-database in memory, kept beside the ledger as `ledger.index` with its SHA-256 in front, and may be deleted at any time.
+database in memory, kept beside the ledger as `ledger.index` with a SHA-256 in front, and may be deleted at any time.
 It is believed only while the ledger's file is as the last command left it (size and time of change) and the last event
 that it knows is the one that stands there; else every event is read and checked, and the index is made again.
 """
@@ -39,7 +39,6 @@ MANY = (
     *(ReplayCompleted, ReplayDiverged, LedgerSealed),
 )
 TABLES = """
-CREATE TABLE known (state TEXT);
 CREATE TABLE place (key INTEGER, position INTEGER, PRIMARY KEY (key, position)) WITHOUT ROWID;
 CREATE TABLE few (position INTEGER PRIMARY KEY);
 CREATE TABLE session (id TEXT PRIMARY KEY, position INTEGER, specimen TEXT, start_ns INTEGER, end_ns INTEGER);
@@ -82,10 +81,17 @@ class LedgerIndex:
     """Positions of events by what they are about. `known`: what it knew when it was kept; `position`, `digest`: of the
     last event that it knows now."""
 
-    def __init__(self, connection: sqlite3.Connection | None = None, known: Known = Known()) -> None:
-        self._connection = connection or _empty()
+    def __init__(self, known: Known = Known(), database: bytes = b"") -> None:
+        self._connection = sqlite3.connect(":memory:", isolation_level=None)
+        if database:
+            self._connection.deserialize(database)
+        else:
+            self._connection.executescript(TABLES)
         self.known = known
         self.position, self.digest = known.position, known.digest
+
+    def __del__(self) -> None:
+        self._connection.close()
 
     @classmethod
     def load(cls, path: Path, stamp: Stamp | None) -> LedgerIndex | None:
@@ -94,19 +100,15 @@ class LedgerIndex:
             data = path.read_bytes()
             if sha256(data[DIGEST:]).digest() != data[:DIGEST]:
                 return None
-            connection = _database()
-            connection.deserialize(data[DIGEST:])
-            ((state,),) = connection.execute("SELECT state FROM known").fetchall()
+            state, _, database = data[DIGEST:].partition(b"\n")
             known = _known(json.loads(state))
-        except (OSError, sqlite3.Error, ValueError, TypeError):
+        except (OSError, ValueError, TypeError, LookupError):
             return None
-        return cls(connection, known) if stamp and known.stamp == stamp and known.made_by == MADE_BY else None
+        return cls(known, database) if stamp and known.stamp == stamp and known.made_by == MADE_BY else None
 
     def save(self, path: Path, known: Known) -> None:
         """Keep it at `path`, whole or not at all; where it cannot be written, the next command reads all events."""
-        self._connection.execute("DELETE FROM known")
-        self._connection.execute("INSERT INTO known VALUES (?)", [json.dumps(asdict(known))])
-        data = self._connection.serialize()
+        data = json.dumps(asdict(known)).encode() + b"\n" + self._connection.serialize()
         made = path.with_name(f"{path.name}-new")
         with suppress(OSError):
             made.write_bytes(sha256(data).digest() + data)
@@ -186,16 +188,6 @@ class LedgerIndex:
 
     def _positions(self, statement: str, *values: Any) -> Iterator[int]:
         return (position for (position,) in self._connection.execute(statement, values))
-
-
-def _database() -> sqlite3.Connection:
-    return sqlite3.connect(":memory:", isolation_level=None)
-
-
-def _empty() -> sqlite3.Connection:
-    made = _database()
-    made.executescript(TABLES)
-    return made
 
 
 def keys_of(one: Recorded) -> set[str]:

@@ -219,13 +219,18 @@ def flip(data: bytes) -> bytes:
     return data[:place] + bytes([data[place] ^ 1]) + data[place + 1 :]
 
 
-@pytest.mark.parametrize("harm", [cut, flip, lambda data: b"", lambda data: b"no index" * 100], ids=str)
+def strange(data: bytes) -> bytes:
+    return b"no index" * len(data)
+
+
+@pytest.mark.parametrize("harm", [cut, flip, strange], ids=lambda harm: harm.__name__)
 def test_a_harmed_index_is_made_again_and_says_nothing_wrong(written: Path, harm: Callable[[bytes], bytes]) -> None:
     path = written / INDEX
-    whole = path.read_bytes()
-    path.write_bytes(harm(whole))
+    path.write_bytes(harm(path.read_bytes()))
+    stamp = Stamp.of(written / "ledger.sqlite")
+    assert LedgerIndex.load(path, stamp) is None
     assert name_of(written, "s7") == "s7"
-    assert len(path.read_bytes()) == len(whole)
+    assert LedgerIndex.load(path, stamp) is not None
 
 
 def test_the_index_of_another_ledger_or_of_an_older_one_is_not_believed(written: Path, tmp_path: Path) -> None:
@@ -281,3 +286,11 @@ def test_what_a_killed_writer_appended_is_seen(written: Path) -> None:
         reader = name_of(written, "s20")
     (written / INDEX).write_bytes(kept)  # it was killed before it could keep its own
     assert reader == name_of(written, "s20") == "s20"
+
+
+def test_facts_of_a_closed_ledger_are_still_read_and_leave_no_connection(written: Path) -> None:
+    with closing(Ledger(written, write=True)) as ledger:
+        known = facts_module.at(ledger)
+    assert known.session("s7").name == "s7"
+    assert len(known.sessions) == 20
+    assert ledger._connection is None
