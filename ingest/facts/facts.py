@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, TypeVar
 
 from ingest.errors import UnknownSessionError
@@ -184,7 +184,7 @@ def at(ledger: Ledger, as_of: str | None = None) -> Facts:
 class LookedUp(Facts):
     """Facts of now, with nothing taken back. Those of which there are many are read when they are asked for."""
 
-    view: View
+    view: View = field(compare=False)
 
     def called(self, name: str) -> list[RawFileSealed]:
         found = _events(self.view, f"called {name}", RawFileSealed, lambda event: event.sha256)

@@ -46,6 +46,16 @@ def test_sessions_are_listed_in_the_order_of_their_start(bench: Path, capsys: py
     assert first["quarantined"] == 0
 
 
+def test_the_last_sessions_are_shown_with_how_many_there_are(bench: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    every = _json(bench, capsys, "sessions")["sessions"]
+    assert _json(bench, capsys, "sessions", "--last", "2")["sessions"] == every[-2:]
+    assert main(["sessions", "--last", "1", "--store", str(bench / "store")]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0] == "3 sessions, the last 1: --last N shows more"
+    assert (len(lines), lines[2].split()[0]) == (5, "3_hot")
+    assert lines[-1] == f"next: whyhot show --store {bench / 'store'} {every[-1]['session']}"
+
+
 def test_a_replay_agrees_with_a_truth_of_other_origin(bench: Path, capsys: pytest.CaptureFixture[str]) -> None:
     answer = _json(bench, capsys, "replay", "1_s1", "2_drive")
     for run in answer["runs"]:
