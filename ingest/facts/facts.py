@@ -83,6 +83,10 @@ class Facts:
         """The id that a session of this id is part of by now, its own where it is of none."""
         return _end(self.joined, session)
 
+    def whole(self) -> Facts:
+        """The same with nothing left to be read, for another process."""
+        return self
+
     def last_sessions(self, count: int) -> tuple[Sequence[SessionRecorded], int]:
         """The last `count` sessions, and how many there are."""
         return self.sessions[-count:], len(self.sessions)
@@ -185,6 +189,9 @@ class LookedUp(Facts):
     """Facts of now, with nothing taken back. Those of which there are many are read when they are asked for."""
 
     view: View = field(compare=False)
+
+    def whole(self) -> Facts:
+        return fold(self.view.every())
 
     def called(self, name: str) -> list[RawFileSealed]:
         found = _events(self.view, f"called {name}", RawFileSealed, lambda event: event.sha256)

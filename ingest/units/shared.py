@@ -26,6 +26,16 @@ class Shared(Generic[T]):
         return cast("T", _read(self.path))
 
 
+@dataclass(frozen=True)
+class Held(Generic[T]):
+    """The same for jobs that run in this process: the value itself, as it is."""
+
+    held: T
+
+    def value(self) -> T:
+        return self.held
+
+
 def share(value: T, work: Path) -> Shared[T]:
     """Write `value` into the folder `work` of a store."""
     data = pickle.dumps(value)

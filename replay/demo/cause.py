@@ -41,5 +41,5 @@ def hidden_effect(folder: Path) -> dict[str, Any]:
         runs = write_diagnosis(store, diagnosis, folder / "why.html", command)
         picture(runs[kept[0].session], folder / "why")
         with suppress(ViewerError):  # rerun is not installed: the demo's first half says so
-            write_layers(store, facts.at(store.ledger), [*LEARN, *KEEP], folder / "layers")
+            write_layers(store, facts.at(store.ledger), KEEP, folder / "layers")
     return document(diagnosis, {})

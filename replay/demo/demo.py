@@ -102,9 +102,10 @@ def _real_motor(folder: Path, store_folder: Path) -> Demo:
         runs = write_replay_report(store, known, names, report, "whyhot demo")
         picture(runs, folder / "picture")
         diagnosis = _why(store, known, folder)
-        layers, note = _layers(store, facts.at(store.ledger), names, folder / "layers")
-    summaries = [run.summary for run in runs]
-    worst = max(summaries, key=lambda summary: max(summary.mae_K.values())).session_name
+        summaries = [run.summary for run in runs]
+        worst = max(summaries, key=lambda summary: max(summary.mae_K.values())).session_name
+        shown = [*KEEP, *(name for name in (worst,) if name not in KEEP)]
+        layers, note = _layers(store, facts.at(store.ledger), shown, folder / "layers")
     lines = [INTRO, "", *_ingested(intake)]
     for text in power_balance(summaries):
         lines += labelled("Power balance", text)

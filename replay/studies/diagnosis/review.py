@@ -121,7 +121,7 @@ def _events(store: Store, found: Diagnosis) -> tuple[list[CauseAccepted], Record
 
 def _runs(store: Store, sessions: Sequence[SessionRecorded], model: str, level: str, tell: Tell) -> dict[str, Run]:
     """Session -> its run with a model."""
-    outcomes = replay_sessions(store, sessions, model, level, 1, tell)
+    outcomes = replay_sessions(store, sessions, model, level, None, tell)
     facts = at(store.ledger)
     return {one.session.session: load_run(store, facts, one.run) for one in outcomes if one.run}
 
