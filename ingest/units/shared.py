@@ -27,7 +27,7 @@ class Shared(Generic[T]):
 
 
 @dataclass(frozen=True)
-class Held(Generic[T]):
+class InProcess(Generic[T]):
     """The same for jobs that run in this process: the value itself, as it is."""
 
     held: T

@@ -12,7 +12,7 @@ from ingest.facts.events import ReplayCompleted, ReplayDiverged, SessionRecorded
 from ingest.facts.facts import Facts
 from ingest.facts.store import Store
 from ingest.units.each import Lost, Workers, each
-from ingest.units.shared import Held, Shared, share
+from ingest.units.shared import InProcess, Shared, share
 from replay.engine.files.models import model_of
 from replay.engine.runs.runs import Completed, replay
 from replay.errors import ReplayDataError, ReplayError
@@ -37,7 +37,7 @@ class Job:
     """What a worker needs: names and hashes, never arrays, and the facts as they were when the campaign began."""
 
     store: Path
-    facts: Shared[Facts] | Held[Facts]
+    facts: Shared[Facts] | InProcess[Facts]
     session: str
     model: str
     level: str
@@ -67,7 +67,7 @@ def replay_sessions(
     outcomes: list[Outcome] = []
     jobs: list[Job] = []
     folder = store.folder.absolute()
-    shared = Held(facts) if workers is None else share(facts.whole(), work)
+    shared = InProcess(facts) if workers is None else share(facts.whole(), work)
     for session in sessions:
         try:
             named = model or model_of(facts, session)
