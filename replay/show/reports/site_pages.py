@@ -1,4 +1,4 @@
-"""Which pages there are over a store: a report of the last replay of each session, of each diagnosis, and of ageing."""
+"""Which pages there are over a store: of each session with its current motor file, of each diagnosis, and of ageing."""
 
 from __future__ import annotations
 
@@ -19,7 +19,13 @@ from replay.engine.results.sealed import load_run
 from replay.engine.runs.sources import code_of
 from replay.show.plots.residual_strip import column_means
 from replay.show.reports.ageing_report import write_ageing_report
-from replay.show.reports.documents import context, last_assessment, latest_run, sealed_diagnosis, write_sealed_diagnosis
+from replay.show.reports.documents import (
+    context,
+    current_run,
+    last_assessment,
+    sealed_diagnosis,
+    write_sealed_diagnosis,
+)
 from replay.show.reports.report import write_report
 from replay.show.reports.site import Course, PageWanted
 from replay.studies.diagnosis.accept import SHORT
@@ -30,7 +36,7 @@ COLUMNS = 80  # of a course in the index
 
 
 def session_path(session: str) -> str:
-    """Of the report of a session's last replay."""
+    """Of the report of a session's replay with its current motor file."""
     return f"sessions/{session}.html"
 
 
@@ -46,7 +52,7 @@ def wanted(store: Store, facts: Facts) -> dict[str, PageWanted]:
 
 def _pages(store: Store, facts: Facts) -> Iterator[tuple[str, PageWanted]]:
     for session in facts.sessions:
-        if last := latest_run(facts, session):
+        if last := current_run(facts, session):
             write = partial(_replay, store, facts, last)
             yield session_path(session.session), PageWanted(_key(last.run, session.name, session.kind), write)
     for event in facts.diagnoses.values():
