@@ -38,7 +38,7 @@ ROOT = HERE.parent
 
 
 def main() -> None:
-    args = asked.parser(__doc__, sessions=(16, 4), seconds=(600, 60), kills=(50, 3)).parse_args()
+    args = asked.parser(__doc__, sessions=(16, 4), seconds=(600, 60), kills=(50, 1)).parse_args()
     with TemporaryDirectory() as made:
         store = _campaign(Path(made), args.sessions, args.seconds)
         alone, alone_s = _timed(store, None)
