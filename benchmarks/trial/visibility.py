@@ -66,7 +66,7 @@ def seen(mode: Fit, candidates: Sequence[Candidate], effect: Effect, moved: Sequ
     """How well an effect can be seen at a healthy mode, `moved` what it does to the readings of each session."""
     own = [c for c in candidates if either_way(str(c.cause)) == either_way(effect.cause)][:1]
     proposals = Proposals(mode.model, mode.beta)
-    parameters = [p for c in own if not c.discrete for p in proposals.parameters(c)]
+    parameters = [proposals.parameter(c) for c in own if not c.discrete]
     parts = mode.model.linearise(mode.beta, parameters)
     projector, v, _ = stacked(mode, parts)
     sigma, sign = (parameters[0].sd, own[0].sign) if parameters else (1.0, 0)
@@ -76,14 +76,12 @@ def seen(mode: Fit, candidates: Sequence[Candidate], effect: Effect, moved: Sequ
         x = effect.size * v[:, 0]
     else:
         x = np.concatenate([_moved(mode.model, part, moved) for part in parts])
-    best = Seen(effect.cause, effect.size, 0.0, 0.0)
-    for column in v.T if parameters else [x]:
-        j, s = float(projector.inner(column, column)), float(projector.inner(column, x))
-        if j > 0.0:
-            expected = log_bayes_factor(*(np.array([value]) for value in (s, j, sigma, sign)))
-            own_best = Seen(effect.cause, effect.size, abs(s) / j**0.5, float(expected[0]))
-            best = max(best, own_best, key=lambda one: one.log_bf or 0.0)
-    return best
+    column = v[:, 0] if parameters else x
+    j, s = float(projector.inner(column, column)), float(projector.inner(column, x))
+    if j <= 0.0:
+        return Seen(effect.cause, effect.size, 0.0, 0.0)
+    expected = log_bayes_factor(*(np.array([value]) for value in (s, j, sigma, sign)))
+    return Seen(effect.cause, effect.size, abs(s) / j**0.5, float(expected[0]))
 
 
 def _moved(model: Model, part: Columns, moved: Sequence[Course]) -> Floats:

@@ -82,7 +82,7 @@ class LedgerIndex:
     last event that it knows now."""
 
     def __init__(self, known: Known = Known(), database: bytes = b"") -> None:
-        self._connection = sqlite3.connect(":memory:", isolation_level=None)
+        self._connection = sqlite3.connect(":memory:", isolation_level=None, check_same_thread=False)  # any may end it
         if database:
             self._connection.deserialize(database)
         else:

@@ -176,8 +176,7 @@ def recorded(
     course: Mapping[str, float] = MappingProxyType({"session": 1.0}),
 ) -> Test:
     """A test of `true` (else of `network`) as `network`'s model takes it: means over steps of 2 s of what 0.5 s steps
-    gave, white noise where there is a seed; `samples` (N,) of a channel's steps, `off_K` its bias. `initial`: of the
-    nodes of `true`, first those of `network`."""
+    gave, white noise where there is a seed; `samples` (N,) of a channel's steps, `off_K` its bias."""
     rng = None if seed is None else np.random.default_rng(seed)
     own = monomials(network)
     every = tuple(dict.fromkeys([*own, *(Monomial(((f, 1.0),)) for f in SINGLE), *more]))
@@ -188,7 +187,7 @@ def recorded(
     channels = []
     for channel, (weights, tau_s) in CHANNELS.items():
         held = np.ones(steps) if samples is None else samples.get(channel, np.ones(steps))
-        shown = lagged(edges @ [weights.get(n.name, 0.0) for n in (true or network).nodes], tau_s, FINE_S)
+        shown = lagged(edges @ [weights.get(n.name, 0.0) for n in network.nodes], tau_s, FINE_S)
         measured = _step_means((shown[:-1] + shown[1:]) / 2) + (off_K or {}).get(channel, 0.0)
         if rng is not None:
             measured = measured + rng.normal(0, white_sd / 2, steps)
@@ -210,8 +209,8 @@ def recorded(
         ),
         inputs={f: named[f] for f in SINGLE},
         features=named,
-        initial=initial[: len(network.nodes)].copy(),
-        initial_sd=np.full(len(network.nodes), 0.3),
+        initial=initial.copy(),
+        initial_sd=np.full(len(initial), 0.3),
         channels=tuple(channels),
         course=course,
     )

@@ -78,11 +78,6 @@ class Scores:
     sign: Array
     log_bayes_factor: Array
 
-    def of(self, places: NDArray[np.intp]) -> Scores:
-        """Those of some of the candidates."""
-        each = (self.s, self.J, self.sigma, self.sign, self.log_bayes_factor)
-        return Scores(*(values[places] for values in each))
-
     @property
     def amplitude(self) -> Array:
         """Posterior mean, in the amplitude's unit (of the two-sided prior, also where the sign is known)."""

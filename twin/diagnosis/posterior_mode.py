@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twin.diagnosis.evidence import Projector
 from twin.diagnosis.reml import says_wrong_form
@@ -15,36 +14,23 @@ from twin.fitting.actions import Parameter
 from twin.fitting.fit import Fit
 from twin.fitting.model import Columns, Floats, Model, Test
 from twin.fitting.recorded import METER_SHARE
-from twin.motor.causes import Cause
 
 
 def linearised(
     current: Fit, candidates: Sequence[Candidate]
 ) -> tuple[list[Candidate], list[Parameter], Sequence[Columns], list[str]]:
     """The candidates that move a reading, their parameters, the series with their columns (`extra`) at a fit, and the
-    ids of candidates whose columns are not finite. One that has several parameters (`Proposals.parameters`) stands
-    there as often."""
+    ids of candidates whose columns are not finite."""
     proposals = Proposals(current.model, current.beta)
     chosen = [c for c in candidates if not c.discrete and (not c.repeated or _is_repeated(c, current.model.tests))]
-    asked = [(c, p) for c in chosen for p in proposals.parameters(c)]
-    chosen, parameters = [c for c, _ in asked], [p for _, p in asked]
+    parameters = [proposals.parameter(c) for c in chosen]
     parts = current.model.linearise(current.beta, parameters)
     stack = np.concatenate([p.extra for p in parts])
     finite = np.isfinite(stack).all(axis=0)
-    dropped = list(dict.fromkeys(str(c.cause) for c, ok in zip(chosen, finite, strict=True) if not ok))
+    dropped = [str(c.cause) for c, ok in zip(chosen, finite, strict=True) if not ok]
     kept = np.flatnonzero(finite & (np.abs(stack).max(axis=0) > 1e-9))
     parts = [Columns(p.series, p.at, p.columns, p.extra[:, kept]) for p in parts]
     return [chosen[i] for i in kept], [parameters[i] for i in kept], parts, dropped
-
-
-def best_of_each(candidates: Sequence[Candidate], merit: Floats) -> NDArray[np.intp]:
-    """The places of the candidates, in their order: of one that stands there several times, where its merit (m,) is
-    largest."""
-    best: dict[Cause, int] = {}
-    for i, candidate in enumerate(candidates):
-        j = best.setdefault(candidate.cause, i)
-        best[candidate.cause] = i if merit[i] > merit[j] else j
-    return np.array(sorted(best.values()), dtype=np.intp)
 
 
 def _is_repeated(candidate: Candidate, tests: Sequence[Test]) -> bool:

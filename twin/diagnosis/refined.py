@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from twin.diagnosis.evidence import score
 from twin.diagnosis.pooling import pooled_scales
-from twin.diagnosis.posterior_mode import best_of_each, channel_rises, linearised, rises, slowest_mode_s, stacked
+from twin.diagnosis.posterior_mode import channel_rises, linearised, rises, slowest_mode_s, stacked
 from twin.diagnosis.reml import ObservedSeries, as_fast_as_slow, reml
 from twin.differences.candidates import Candidate
 from twin.fitting.actions import Parameter
@@ -66,12 +66,11 @@ class _Design:
 
 
 def _design(current: Fit, candidates: Sequence[Candidate]) -> _Design:
-    chosen, parameters, parts, _ = linearised(current, candidates)
+    _, parameters, parts, _ = linearised(current, candidates)
     projector, v, e0 = stacked(current, parts)
     sigma = np.array([p.sd for p in parameters])
     scores = score(v, e0, projector, sigma, np.zeros(len(sigma)))
-    best = best_of_each(chosen, scores.log_bayes_factor)
-    leading = best[np.argsort(-scores.log_bayes_factor[best], kind="stable")[:IN_DESIGN]]
+    leading = np.argsort(-scores.log_bayes_factor, kind="stable")[:IN_DESIGN]
     kept = [Columns(p.series, p.at, p.columns, p.extra[:, leading]) for p in parts]
     return _Design(current, current.free, projector.columns, v[:, leading], sigma[leading], e0, kept)
 

@@ -16,7 +16,7 @@ from scipy.special import log_ndtr
 from twin.diagnosis.evidence import TOLD_APART, Projector, Scores, null_quantile, score
 from twin.diagnosis.evidence_split import EvidenceSplit, split
 from twin.diagnosis.left_out import LeftOut, left_out
-from twin.diagnosis.posterior_mode import best_of_each, linearised, stacked
+from twin.diagnosis.posterior_mode import linearised, stacked
 from twin.diagnosis.refined import Tell
 from twin.diagnosis.taking_over import taken_over
 from twin.differences.candidates import Candidate
@@ -181,17 +181,7 @@ def weighed(current: Fit, candidates: Sequence[Candidate]) -> Weighed:
     sigma = np.array([p.sd for p in parameters])
     sign = np.array([c.sign for c in chosen], dtype=np.float64)
     scores = score(columns, e0, projector, sigma, sign)
-    scores = replace(scores, log_bayes_factor=scores.log_bayes_factor - np.log([c.ways for c in chosen]))
-    best = best_of_each(chosen, scores.log_bayes_factor)
-    kept = tuple((chosen[i], parameters[i]) for i in best)
-    return Weighed(
-        tuple(candidate for candidate, _ in kept),
-        tuple(parameter for _, parameter in kept),
-        scores.of(best),
-        projector,
-        columns[:, best],
-        tuple(dropped),
-    )
+    return Weighed(tuple(chosen), tuple(parameters), scores, projector, columns, tuple(dropped))
 
 
 def uncalibrated(current: Fit, healthy: int) -> Floats:
@@ -292,7 +282,7 @@ def compared(found: Fit, without: Fit, candidate: Candidate, parameter: Paramete
     a search without it may still gain that was cut short speaks against it."""
     sd = float(np.sqrt(np.linalg.inv(found.hessian)[place, place]))
     amplitude = float(found.beta[place])
-    gain = found.log_evidence - without.log_evidence - without.to_gain - float(np.log(candidate.ways))
+    gain = found.log_evidence - without.log_evidence - without.to_gain
     if parameter.low == 0.0 or parameter.high == 0.0:
         gain += float(np.log(2) + log_ndtr(abs(amplitude) / sd))
     return Refit(candidate, parameter, found, gain, amplitude, sd, split(gain, found, without, place))

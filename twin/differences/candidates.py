@@ -63,11 +63,6 @@ class Candidate:
         return isinstance(self.action, actions.Course)
 
     @property
-    def ways(self) -> int:
-        """How many parameters it may be, of which a search takes the best; each has its share of the prior."""
-        return len(ATTACHED_LAGS_S) if isinstance(self.action, actions.Attached) else 1
-
-    @property
     def places(self) -> Places:
         """Where a cause of the motor acts: nodes, or both ends of links."""
         return tuple(tuple(name.split("-")) for name in self.members or (self.cause.place,))
@@ -79,10 +74,7 @@ HEAT, LOG_SCALE, OWN_LINK, MISSING_LINK, CAPACITY, SESSION = 0.05, float(np.log(
 INPUT_GAIN, FLOW_GAIN, INPUT_BIAS, BOUNDARY_BIAS_K = 0.05, 0.3, 0.02, 3.0
 CLOCK_S, CLOCK_PPM = 5.0, 100.0
 INPUT_UNITS = {"speed": "rpm", "torque": "Nm", "voltage": "V", "flux": "Wb", "flow": "lpm", "current": "A"}
-
-# Behind a contact seconds, behind a gap minutes. What follows within one or two minutes is a lump that is no point, as
-# healthy teeth are.
-ATTACHED_LAGS_S = (8.0, 11.0, 16.0, 23.0, 300.0)
+ATTACHED_LAG_S = 300.0
 
 _BOTH = ("speed_current", "speed_current2", "speed2_current", "speed2_current2")
 _ROTATING = ("constant", "speed", "speed2", "speed3", "current2", *_BOTH)
@@ -295,7 +287,7 @@ def _capacities(network: Network) -> Iterator[Candidate]:
         nodes, shown = tuple(map(network.names.index, members)), _shown(tuple((node,) for node in members))
         yield Candidate(Cause("capacity", name, "scale"), "1", Sigma(CAPACITY), 0, actions.Capacity(nodes), shown)
         size = Sigma(CAPACITY * float(np.mean([capacity[node] for node in members])))
-        mass = actions.Attached(nodes)
+        mass = actions.Attached(nodes, ATTACHED_LAG_S)
         yield Candidate(Cause("capacity", name, "attached"), "J/K", size, 1, mass, shown)
 
 

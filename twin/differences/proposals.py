@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from twin.differences.candidates import ATTACHED_LAGS_S, Candidate
+from twin.differences.candidates import Candidate
 from twin.differences.everyday import mean_conductances, mean_loss_W
 from twin.differences.sizes import Scales
 from twin.fitting import actions
@@ -25,13 +25,6 @@ class Proposals:
         self.model, self.network, self.tests = model, model.network, model.tests
         self.scales = scales(self.network, self.tests)
         self._temperatures, self._values = courses(model, beta)
-
-    def parameters(self, candidate: Candidate) -> list[Parameter]:
-        """The candidate as a parameter; of a mass that follows, one for every lag that it may have."""
-        if not isinstance(candidate.action, actions.Attached):
-            return [self.parameter(candidate)]
-        lags = [replace(candidate.action, lag_s=lag_s) for lag_s in ATTACHED_LAGS_S]
-        return [self.parameter(replace(candidate, action=action)) for action in lags]
 
     def parameter(self, candidate: Candidate) -> Parameter:
         """The candidate as a parameter that is 0, with the sd of its prior. It is held to its sign where it has one; a

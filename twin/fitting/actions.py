@@ -95,10 +95,10 @@ class Capacity:
 
 @dataclass(frozen=True)
 class Attached:
-    """A mass of p [J/K] behind each node, following it with a time constant; of a candidate that is open, 0."""
+    """A mass of p [J/K] behind each node, following it with a time constant."""
 
     nodes: tuple[int, ...]
-    lag_s: float = 0.0
+    lag_s: float
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from twin.diagnosis.evidence import TOLD_APART, separation
-from twin.diagnosis.posterior_mode import best_of_each, linearised, stacked
+from twin.diagnosis.posterior_mode import linearised, stacked
 from twin.diagnosis.told_apart import STANDS_OUT
 from twin.differences.candidates import Candidate
 from twin.differences.proposals import courses, scales
@@ -62,13 +62,9 @@ def prospect(fit: Fit, candidates: Sequence[Candidate]) -> Prospect:
     """What the tests of a fit could show, those first that show at the smallest share of their prior size."""
     model = fit.model
     chosen, parameters, parts, _ = linearised(fit, candidates)
+    ground = Ground.of(fit, parameters, parts)
     projector, v, _ = stacked(fit, parts)
     gram = projector.inner(v, v)
-    best = best_of_each(chosen, -np.diag(gram))  # a mass at the lag at which it hides best
-    chosen, parameters = [chosen[i] for i in best], [parameters[i] for i in best]
-    parts = [replace(part, extra=part.extra[:, best]) for part in parts]
-    gram = gram[np.ix_(best, best)]
-    ground = Ground.of(fit, parameters, parts)
     limits = NodeLimits.of(model.network, model, fit.beta)
     smallest = np.full(len(chosen), np.inf)
     np.divide(STANDS_OUT, np.sqrt(np.diag(gram)), out=smallest, where=np.diag(gram) > 0)

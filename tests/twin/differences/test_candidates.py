@@ -143,7 +143,7 @@ def test_actions_say_what_is_wrong(candidates: tuple[Candidate, ...]) -> None:
     air = tuple(network.names.index(name) for name in ("air_a", "air_b"))
     around = [boundary.name for boundary in network.boundaries]
     assert ids["loss.teeth.scale"].action == actions.Scale(terms_at(network, ("teeth",)))
-    assert ids["capacity.air.attached"].action == actions.Attached(air)
+    assert ids["capacity.air.attached"].action == actions.Attached(air, 300.0)
     assert ids["sensor.teeth.swap_yoke"].action == Exchange("TC_teeth", "TC_yoke")
     assert ids["sensor.magnet@MAG_2.lag"].action == Lag("MAG-2")
     assert ids["clock.can1.drift"].action == actions.Late(("MAG-2",), True)

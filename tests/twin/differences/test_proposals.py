@@ -51,13 +51,12 @@ def _rms(tests: list[Test], feature: str) -> float:
 
 @pytest.mark.parametrize("candidate", CANDIDATES.values(), ids=list(CANDIDATES))
 def test_every_candidate_is_a_parameter_whose_column_is_a_number(candidate: Candidate, proposals: Proposals) -> None:
-    parameters = proposals.parameters(candidate)
-    for parameter in parameters:
-        assert parameter.name == str(candidate.cause)
-        assert np.isfinite(parameter.sd)
-        assert parameter.sd > 0
-        assert parameter.test is None
-    extra = np.concatenate([part.extra for part in proposals.model.linearise(np.zeros(0), parameters)])
+    parameter = proposals.parameter(candidate)
+    assert parameter.name == str(candidate.cause)
+    assert np.isfinite(parameter.sd)
+    assert parameter.sd > 0
+    assert parameter.test is None
+    extra = np.concatenate([part.extra for part in proposals.model.linearise(np.zeros(0), [parameter])])
     assert np.isfinite(extra).all()
 
 
