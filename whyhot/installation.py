@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import base64
+import csv
 import hashlib
-from importlib.metadata import Distribution, PackageNotFoundError, PackagePath, distribution, packages_distributions
+from importlib.metadata import Distribution, PackageNotFoundError, distribution, packages_distributions
 from importlib.util import find_spec
+from pathlib import Path
 
 from whyhot import PACKAGES
 
@@ -36,18 +38,21 @@ def _changed_files() -> list[str]:
         ours = distribution("whyhot")
     except PackageNotFoundError:  # a checkout that is not installed
         return []
-    changed = [str(path) for path in ours.files or () if path.parts[0] in PACKAGES and not _is_as_installed(ours, path)]
+    rows = csv.reader((ours.read_text("RECORD") or "").splitlines())  # `ours.files` leaves out what is missing
+    changed = [
+        path for path, sha, *_ in rows if path.split("/")[0] in PACKAGES and not _is_as_installed(ours, path, sha)
+    ]
     if not changed:
         return []
     others = f" and {len(changed) - 1} more" if len(changed) > 1 else ""
     return [f"{changed[0]}{others} of whyhot: missing, or not as installed: {ADVICE}."]
 
 
-def _is_as_installed(ours: Distribution, path: PackagePath) -> bool:
-    if path.hash is None:  # compiled by Python afterwards
+def _is_as_installed(ours: Distribution, path: str, sha: str) -> bool:
+    if not sha:  # compiled by Python afterwards
         return True
     try:
-        data = ours.locate_file(path).read_bytes()  # type: ignore[attr-defined]
+        data = Path(str(ours.locate_file(path))).read_bytes()
     except OSError:
         return False
-    return base64.urlsafe_b64encode(hashlib.sha256(data).digest()).rstrip(b"=").decode() == path.hash.value
+    return sha == "sha256=" + base64.urlsafe_b64encode(hashlib.sha256(data).digest()).rstrip(b"=").decode()
