@@ -88,11 +88,7 @@ class Trial:
 
 def main() -> None:
     """Run the trials; print and write what was promised and what came."""
-    parser = asked.parser(__doc__, motors=(20, 1), first=(4000, 4000))
-    parser.add_argument("--hours", metavar="H", type=float, default=0.6 if "--quick" in sys.argv else 4.0)
-    args = parser.parse_args()
-    if args.quick:
-        courses.SPEEDS = QUICK_SPEEDS
+    args = arguments(__doc__, motors=(20, 1), first=(4000, 4000))
     promises = healthy_promises(args)
     trials = []
     for i in range(args.motors):
@@ -101,6 +97,16 @@ def main() -> None:
         print(line(trials[-1]), flush=True)
     print("\n".join(table(trials)))
     asked.keep([asdict(one) for one in trials], args.json)
+
+
+def arguments(doc: str | None, **sizes: tuple[int, int]) -> Namespace:
+    """What a benchmark of plans is asked for; with `--quick` the menu of tests is short."""
+    parser = asked.parser(doc, **sizes)
+    parser.add_argument("--hours", metavar="H", type=float, default=0.6 if "--quick" in sys.argv else 4.0)
+    args = parser.parse_args()
+    if args.quick:
+        courses.SPEEDS = QUICK_SPEEDS
+    return args
 
 
 def healthy_promises(args: Namespace) -> Mapping[str, float]:

@@ -26,10 +26,9 @@ sys.path[:] = [place for place in sys.path if Path(place) != HERE]  # else inges
 sys.path[:0] = [str(HERE.parent / "tests"), str(HERE.parent)]
 
 from benchmarks import asked
-from benchmarks.plan_power import QUICK_SPEEDS, amplitude, planned, recorded, same
+from benchmarks.plan_power import amplitude, arguments, planned, recorded, same
 from plant import Effect, Plant
 from plant.effects import CATALOGUE
-from twin.planning import courses
 
 SILENT, SHOWS = 3.0, 5.0  # d
 
@@ -51,11 +50,7 @@ class Row:
 
 def main() -> None:
     """Plan for the motors; print and write the table."""
-    parser = asked.parser(__doc__, motors=(5, 1), first=(4100, 4100))
-    parser.add_argument("--hours", metavar="H", type=float, default=0.6 if "--quick" in sys.argv else 4.0)
-    args = parser.parse_args()
-    if args.quick:
-        courses.SPEEDS = QUICK_SPEEDS
+    args = arguments(__doc__, motors=(5, 1), first=(4100, 4100))
     plans = []
     for seed in range(args.first, args.first + args.motors):
         with tempfile.TemporaryDirectory() as folder:

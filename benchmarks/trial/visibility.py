@@ -24,12 +24,11 @@ from numpy.typing import NDArray
 from benchmarks.trial.campaigns import Course, middles
 from benchmarks.trial.cases import READ_WRONG, either_way
 from plant import Effect
+from replay.studies.diagnosis.healthy_fit import healthy_fit
 from replay.studies.diagnosis.question import Campaign
 from twin.diagnosis.evidence import log_bayes_factor
 from twin.diagnosis.posterior_mode import stacked
-from twin.diagnosis.refined import calibrated
 from twin.differences.candidates import Candidate
-from twin.differences.everyday import everyday
 from twin.differences.proposals import Proposals
 from twin.fitting.fit import Fit
 from twin.fitting.model import Columns, Model
@@ -58,8 +57,7 @@ class Seen:
 
 def healthy_mode(healthy: Campaign) -> Fit:
     """The fit of a campaign without effects, as every diagnosis begins."""
-    model = Model(healthy.network, healthy.tests, everyday(healthy.network, healthy.tests))
-    return calibrated(model, healthy.candidates, lambda _: None)
+    return healthy_fit(healthy, lambda _: None)
 
 
 def seen(mode: Fit, candidates: Sequence[Candidate], effect: Effect, moved: Sequence[Course]) -> Seen:

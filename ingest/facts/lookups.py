@@ -128,8 +128,6 @@ class Sessions(Sequence[SessionRecorded]):
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Sequence) and list(self) == list(other)
 
-    __hash__ = None  # type: ignore[assignment]  # as a list has none
-
     def __contains__(self, session: object) -> bool:
         return isinstance(session, SessionRecorded) and self._find(session.session) == session
 

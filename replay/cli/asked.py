@@ -95,15 +95,9 @@ def ask_workers(parser: argparse.ArgumentParser) -> None:
     """Where the work is done."""
     where = parser.add_mutually_exclusive_group()
     says = "processes (default 1); digests do not depend on it"
-    where.add_argument("--workers", type=_count, default=1, metavar="N", help=says)
+    where.add_argument("--workers", type=count, default=1, metavar="N", help=says)
     says = "the dask scheduler of a cluster, as tcp://HOST:8786, whose workers do the work; see docs/scale.md"
     where.add_argument("--scheduler", metavar="URL", help=says)
-
-
-def _count(text: str) -> int:
-    if not text.isdecimal() or int(text) < 1:
-        raise argparse.ArgumentTypeError(f"{text} is no number of processes: give 1 or more")
-    return int(text)
 
 
 def workers_of(args: argparse.Namespace) -> Workers | None:

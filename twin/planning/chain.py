@@ -150,7 +150,7 @@ def plan_day(found: Prospect, hours: float, only: Collection[str], tell: Tell) -
     tell("weighing what else could be observed")
     observing = _Observing(found, wanted, test, told)
     promise = Promise(
-        before, after, Best.of(weighing.alone, before), Best.of(observing.alone, after), observing.together
+        before, after, Best.of(weighing.alone(), before), Best.of(observing.alone, after), observing.together
     )
     return Day(steps, course, rest_min, hot, promise, observing.steps(), weighing.count, weighing.refused)
 
@@ -179,8 +179,7 @@ class _Weighing:
             self.count = sum(len(one.lengths) for one in every)
             self.leading = [cut(course, n) for _, course, n in sorted(weighed, key=lambda one: -one[0])[:LEADING]]
             self.gathered = list(pool.map(self._gathered, self.leading))
-            ds = pool.map(lambda one: wanted.d(self.known + one), self.gathered)
-            self.alone = dict(zip((one.words for one in self.leading), ds, strict=True))
+            self.ds = list(pool.map(lambda one: wanted.d(self.known + one), self.gathered))  # of each alone
 
     def _runnable(self, course: Proposed) -> _Runnable:
         hot = heated(self.found.ground, self.found.limits, self.bench.test(course))
@@ -206,18 +205,24 @@ class _Weighing:
         """What is told besides what is known so far [nat]."""
         return self.wanted.told(self.known + more) - self.told
 
+    def alone(self) -> Mapping[str, Floats]:
+        """Each leading test in words -> d (m,) with it beside the recorded ones."""
+        return {one.words: d for one, d in zip(self.leading, self.ds, strict=True)}
+
     def chain(self) -> tuple[DayStep, ...]:
         """Of the leading tests the best, given that the next best, and so on; one may be run again."""
         steps: list[DayStep] = []
+        known, told, ds = self.known, self.told, dict(enumerate(self.ds))
+        hours = [_hours(len(one.speed)) for one in self.leading]
         while True:
             left = self.hours - sum(step.hours for step in steps)
-            fitting = [i for i, one in enumerate(self.leading) if _hours(len(one.speed)) <= left]
-            gains = {i: self._more(self.gathered[i]) for i in fitting}
-            best = max(gains, key=lambda i: gains[i] / _hours(len(self.leading[i].speed)), default=None)
+            gains = {i: self.wanted.worth(d) - told for i, d in ds.items() if hours[i] <= left}
+            best = max(gains, key=lambda i: gains[i] / hours[i], default=None)
             if best is None or gains[best] < WORTH_nat:
                 return tuple(steps)
-            self.known, self.told = self.known + self.gathered[best], self.told + gains[best]
-            steps.append(DayStep(self.leading[best], gains[best], _hours(len(self.leading[best].speed))))
+            known, told = known + self.gathered[best], told + gains[best]
+            steps.append(DayStep(self.leading[best], gains[best], hours[best]))
+            ds = {i: self.wanted.d(known + self.gathered[i]) for i in gains if hours[i] <= left - hours[best]}
 
 
 def _hours(length: int) -> float:

@@ -10,11 +10,10 @@ from ingest.facts.facts import Facts
 from ingest.facts.store import Store
 from replay.engine.files.bench_versions import with_bench_of
 from replay.studies.characterise.calibrate import common_model
+from replay.studies.diagnosis.healthy_fit import healthy_fit
 from replay.studies.diagnosis.question import Question, campaign_of, check
 from replay.studies.sessions.fitting import fitting
-from twin.diagnosis.refined import Tell, calibrated
-from twin.differences.everyday import everyday
-from twin.fitting.model import Model
+from twin.diagnosis.refined import Tell
 from twin.motor.network import Network
 from twin.planning.chain import Day, plan_day
 from twin.planning.courses import BenchRange
@@ -55,9 +54,8 @@ def plan(
     with fitting(f"plan with model {model[:12]}"):
         tell("reading the sessions")
         campaign = campaign_of(Question(store, with_bench_of(facts, model), sessions, [], model, level))
-        healthy = Model(campaign.network, campaign.tests, everyday(campaign.network, campaign.tests))
         tell("fitting everything healthy")
-        mode = calibrated(healthy, campaign.candidates, tell)
+        mode = healthy_fit(campaign, tell)
         tell("weighing what the sessions show")
         found = prospect(mode, campaign.candidates)
         day = plan_day(found, hours, only, tell)

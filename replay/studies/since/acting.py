@@ -13,13 +13,12 @@ from ingest.facts.store import Store
 from replay.engine.files.bench_versions import with_bench_of
 from replay.engine.files.models import model_of
 from replay.errors import ReplayDataError
+from replay.studies.diagnosis.healthy_fit import healthy_fit
 from replay.studies.diagnosis.question import LEAST_S, Campaign, Question, campaign_of
 from replay.studies.sessions.fitting import fitting
 from twin.diagnosis.onset import Sets, from_each_on
-from twin.diagnosis.refined import Tell, calibrated
-from twin.differences.everyday import everyday
+from twin.diagnosis.refined import Tell
 from twin.fitting.fit import Fit
-from twin.fitting.model import Model
 
 NO_DRIVE = ("dc_check", "insulation_check", "ageing")  # kinds of session that do not run the whole motor
 NOT_GIVEN = "not given"
@@ -57,8 +56,7 @@ def fitted(
     _refuse_short(sessions)
     with fitting(f"{sessions[0].name} with model {model[:12]}"):
         campaign = campaign_of(Question(store, with_bench_of(facts, model), sessions, [], model, level))
-        healthy = Model(campaign.network, campaign.tests, everyday(campaign.network, campaign.tests))
-        return Fitted(sessions, campaign, calibrated(healthy, campaign.candidates, tell))
+        return Fitted(sessions, campaign, healthy_fit(campaign, tell))
 
 
 def _refuse_short(sessions: Sequence[SessionRecorded]) -> None:
