@@ -20,7 +20,10 @@ BALANCE = ("found", "decoded", "unknown_id", "wrong_length", "rejected")
 
 
 def rows(store: Store, facts: Facts, recorded: Sequence[Recorded]) -> dict[str, Rows]:
-    """The rows of every base table but `built_from`, by table. `recorded`: the events that `facts` follow from."""
+    """The rows of every base table but `built_from`, by table. `recorded`: the events that `facts` follow from.
+
+    What was forgotten since then has no samples any more."""
+    gone = store.forgotten
     used = {file["decode"] for session in facts.sessions for file in session.files}
     return {
         "events": [_event(one) for one in recorded],
@@ -33,12 +36,13 @@ def rows(store: Store, facts: Facts, recorded: Sequence[Recorded]) -> dict[str, 
             for session in facts.sessions
             for file in session.files
         ],
-        "groups": _groups(store, facts, used),
+        "groups": _groups(store, facts, used - gone.decodes.keys()),
         "channels": _channels(facts, used),
         "runs": _runs(facts, recorded),
         "artefacts": [
             {"run": run, "kind": kind, "file": str(store.archive.path(sha256).absolute())}
             for run, kind, sha256 in _artefacts(facts)
+            if sha256 not in gone.files
         ],
         "inspections": _inspections(facts, recorded),
     }

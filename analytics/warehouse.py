@@ -100,7 +100,7 @@ def refresh(store: Store, as_of: str | None = None) -> Warehouse:
     moved aside, made again and told in `notes`. Raises WarehouseError as `build`, LedgerError for a bad `as_of`.
     """
     if as_of is not None or is_misread(store.folder.resolve()):
-        return Warehouse(_in_memory(store, as_of))
+        return _in_memory(store, as_of)
     path = store.folder.absolute() / FILE
     source = _source(store)
     notes: tuple[str, ...] = ()
@@ -195,13 +195,15 @@ def _sweep(folder: Path) -> None:
             shutil.rmtree(old, ignore_errors=True)
 
 
-def _in_memory(store: Store, as_of: str | None) -> duckdb.DuckDBPyConnection:
+def _in_memory(store: Store, as_of: str | None) -> Warehouse:
+    facts = fold_at(store.ledger, as_of)
     with contextlib.ExitStack() as unless_done:
         connection = unless_done.enter_context(duckdb.connect(":memory:"))
-        fill(connection, tables.rows(store, fold_at(store.ledger, as_of), store.ledger.events(as_of=as_of)))
+        fill(connection, tables.rows(store, facts, store.ledger.events(as_of=as_of)))
         confine(connection)
         unless_done.pop_all()
-    return connection
+    gone = [f"{why}: its samples are in no answer" for raw, why in store.forgotten.logs.items() if raw in facts.files]
+    return Warehouse(connection, tuple(gone))
 
 
 def _open(path: Path, source: Mapping[str, str] | None = None) -> duckdb.DuckDBPyConnection:

@@ -104,12 +104,19 @@ class DecodedFile:
 
 def decoded_file(store: Store, facts: Facts, decode: DecodeCompleted) -> DecodedFile:
     """A decode, its channels by the version of its bench file that is current. Raises DamageError."""
+    refuse_forgotten(store, decode.decode)
     sha = facts.current(decode.bench) if decode.bench else None
     begin = decode.start_ns if decode.absolute else None
     bench = read_bench(store.archive.read(sha), facts.benches[sha].name).at(begin) if sha else None
     sources = _of_bench(bench, decode) if bench else [ChannelSource(entry, _guess(entry)) for entry in decode.channels]
     stem = facts.files[decode.raw].name.split(".")[0]
     return DecodedFile(decode, store.decoded(decode.decode), stem, bench, sources)
+
+
+def refuse_forgotten(store: Store, decode: str) -> None:
+    """Raises DamageError where the samples of a decode (id) had to go, as they may as of an earlier time."""
+    if not store.decoded(decode).exists() and (why := store.forgotten.decodes.get(decode)):
+        raise DamageError(f"{why}: its samples are gone")
 
 
 def _of_bench(bench: Bench, decode: DecodeCompleted) -> list[ChannelSource]:

@@ -4,7 +4,7 @@
 bytes. `facts` folds the events into what is true now or was at a time, without what was taken back (`standing`);
 `ledger_index` knows where each fact lies, so that `lookups` read what is asked for and no more; who reads all has each
 row checked against all before it (`ledger_history`). `sessions` groups files, `named` finds what people call by name.
-`ledger_audit` and `store_check` list all damage, and `cited` says what stands on it. `as_of` opens the store as it was,
-`backup` makes a second one of it, `lineage` says what a fact follows from. `alias` names a folder as other libraries
-take it.
+`ledger_audit` and `store_check` list all damage, and `cited` says what stands on it. `sweeping` removes the bytes of
+what was forgotten. `as_of` opens the store as it was, `backup` makes a second one of it, `lineage` says what a fact
+follows from. `alias` names a folder as other libraries take it.
 """

@@ -6,7 +6,7 @@ import hashlib
 import logging
 import os
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO
@@ -20,11 +20,13 @@ _log = logging.getLogger(__name__)
 
 
 class Archive:
-    """The sealed files under `folder`; `work` is where they are made, None where nothing may be sealed."""
+    """The sealed files under `folder`; `work` is where they are made, None where nothing may be sealed. `gone`: why
+    bytes that are not there had to go, by their SHA-256; None where nobody knows."""
 
-    def __init__(self, folder: Path, work: Path | None) -> None:
+    def __init__(self, folder: Path, work: Path | None, gone: Callable[[str], str | None] = lambda _: None) -> None:
         self.folder = folder
         self._work = work
+        self._gone = gone
 
     def path(self, sha256: str) -> Path:
         """Where the bytes lie, or would. Raises DamageError where `sha256` is none."""
@@ -73,7 +75,7 @@ class Archive:
         try:
             data = self.path(sha256).read_bytes()
         except FileNotFoundError:
-            raise DamageError(f"{self.path(sha256)}: is missing: {ADVICE}") from None
+            raise DamageError(self._missing(sha256)) from None
         if hashlib.sha256(data).hexdigest() != sha256:
             raise DamageError(_damaged(self.path(sha256), len(data)))
         return data
@@ -109,9 +111,13 @@ class Archive:
             with path.open("rb") as file:
                 yield file
         except FileNotFoundError:
-            raise DamageError(f"{path}: is missing: {ADVICE}") from None
+            raise DamageError(self._missing(sha256)) from None
         except OSError as error:
             raise DamageError(f"{path}: cannot be read ({error.strerror}): {ADVICE}") from None
+
+    def _missing(self, sha256: str) -> str:
+        why = self._gone(sha256)
+        return f"{why}: its bytes are gone" if why else f"{self.path(sha256)}: is missing: {ADVICE}"
 
     def _is_whole(self, sha256: str) -> bool:
         if not self.has(sha256):

@@ -27,8 +27,10 @@ def store_as_of(folder: Path, point: str) -> Iterator[Store]:
                 raise LedgerError(f"--as-of {point}: the ledger is no file: this verb knows only the facts of now")
             recorded = store.ledger.events(as_of=point)
             rows = [*store.ledger.rows(stop=recorded[-1].position)] if recorded else []
+            gone = store.forgotten
         with Store.open(Path(made) / "store", create=True) as then:
             then.ledger.take_over(rows)
+            then.forgotten = gone  # there is no way back to bytes
             _link(store, then, recorded)
             yield then
 

@@ -2,8 +2,8 @@
 
 The copy is a store like any other. Sealed bytes go first, each under its name only when it is whole and on disk; the
 events that cite them go last, all at once. So a copy that is stopped at any moment holds what it held before, and the
-next goes on from there. Another process may write to the source meanwhile: its ledger only grows, its sealed bytes
-never change, and they are there before the events that cite them.
+next goes on from there. Only behind the events that say so the bytes of forgotten logs are removed. Another process may
+write to the source meanwhile: its ledger only grows, and sealed bytes are there before the events that cite them.
 """
 
 from __future__ import annotations
@@ -17,10 +17,11 @@ from typing import NamedTuple
 
 from ingest.errors import DamageError, LedgerError, StoreError
 from ingest.facts.chain import Head
-from ingest.facts.cited import cited
+from ingest.facts.cited import cited, forgotten
 from ingest.facts.ledger_row import Recorded
 from ingest.facts.store import MARK, Store
 from ingest.facts.store_check import StoreCheck, check
+from ingest.facts.sweeping import Swept, sweep
 
 
 class Amount(NamedTuple):
@@ -34,12 +35,14 @@ class Amount(NamedTuple):
 @dataclass(frozen=True)
 class Copied:
     """`copied` now and `there` already; `head`: what the copy holds now; `left`: a line for each sealed file that could
-    not be copied, because the source has it damaged or not at all."""
+    not be copied, because the source has it damaged or not at all; `swept`: what was removed from the copy, of
+    logs that were forgotten."""
 
     copied: Amount
     there: Amount
     head: Head
     left: Sequence[str]
+    swept: Swept
 
 
 def backup(folder: Path, target: Path, read: bool = False, tell: Callable[[str], None] = lambda line: None) -> Copied:
@@ -117,6 +120,7 @@ def _copy(source: Store, target: Store, read: bool, tell: Callable[[str], None])
         Amount(held, len(there), sum(there)),
         target.ledger.head(),
         left,
+        sweep(target.folder, target.archive, forgotten(recorded)),
     )
 
 

@@ -1,14 +1,17 @@
-"""What the facts cite of sealed bytes: who cites them, which sessions stand on them, and what brings them back."""
+"""What the facts cite of sealed bytes: who cites them, which sessions stand on them, what brings them back; and which
+had to go for good, with the logs that were forgotten."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from ingest.facts.events import (
     AgeingAssessed,
     BenchRegistered,
     CalibrationCompleted,
+    DecodeCompleted,
     DiagnosisCompleted,
     Event,
     InspectionRecorded,
@@ -16,10 +19,12 @@ from ingest.facts.events import (
     ModelPublished,
     RawFileSealed,
     ReplayCompleted,
+    SessionRecorded,
     SignalDatabaseRegistered,
 )
 from ingest.facts.facts import Facts
 from ingest.facts.ledger_row import Recorded
+from ingest.facts.standing import without_forgotten
 
 BACKUP = "put it back from a backup of the store"
 
@@ -33,13 +38,43 @@ class Cited(NamedTuple):
     run: str | None = None
 
 
+@dataclass(frozen=True)
+class Forgotten:
+    """What went for good, each with which log was forgotten, when and why: `logs` by SHA-256; `decodes` of them by id;
+    `files`, sealed bytes by SHA-256: the logs themselves, and what only their replays and assessments cite."""
+
+    logs: Mapping[str, str] = field(default_factory=dict)
+    decodes: Mapping[str, str] = field(default_factory=dict)
+    files: Mapping[str, str] = field(default_factory=dict)
+
+
 def cited(recorded: Iterable[Recorded]) -> dict[str, Cited]:
-    """SHA-256 of each sealed file that an event cites -> which event and what it is."""
+    """SHA-256 of each sealed file that an event cites, and that was not forgotten -> which event and what it is."""
+    events = list(recorded)
     found: dict[str, Cited] = {}
-    for one in recorded:
+    for one in events:
         for file in _cites(one.event):
             found[file.sha256] = file._replace(what=f"event {one.position}: {file.what}")
-    return found
+    gone = forgotten(events).files
+    return {sha256: file for sha256, file in found.items() if sha256 not in gone}
+
+
+def forgotten(recorded: Iterable[Recorded]) -> Forgotten:
+    """What went for good, by all events of a ledger."""
+    events = list(recorded)
+    left = without_forgotten(events)
+    logs = {stream.partition("-")[2]: one.says for stream, one in left.retractions.items()}
+    if not logs:
+        return Forgotten()
+    stands = {one.position for one in left.events}
+    gone = [one.event for one in events if one.position not in stands]
+    held = {file.sha256 for one in left.events for file in _cites(one.event)}
+    lines = {file.sha256: _line(event, logs, left.sessions) for event in gone for file in _cites(event)}
+    return Forgotten(
+        logs,
+        {event.decode: logs[event.raw] for event in gone if isinstance(event, DecodeCompleted)},
+        {sha256: line for sha256, line in lines.items() if sha256 not in held} | logs,
+    )
 
 
 def sessions_on(facts: Facts, key: str) -> tuple[str, ...]:
@@ -53,6 +88,13 @@ def sessions_on(facts: Facts, key: str) -> tuple[str, ...]:
         or (run and run.session == session.session)
         or any(key in file.values() or file.get("decode") in decodes for file in session.files)
     )
+
+
+def _line(event: Event, logs: Mapping[str, str], sessions: Mapping[str, SessionRecorded]) -> str:
+    """Why what an event cites is gone: the first of the logs that it was made from that is."""
+    of = [event.session] if isinstance(event, ReplayCompleted) else getattr(event, "sessions", [])
+    raws = [file["raw"] for session in of if session in sessions for file in sessions[session].files]
+    return next((logs[raw] for raw in raws if raw in logs), next(iter(logs.values())))
 
 
 def _cites(event: Event) -> Iterator[Cited]:

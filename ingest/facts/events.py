@@ -297,7 +297,7 @@ class AgeingAssessed(Event):
 class FactRetracted(Event):
     """The stream of what it takes back (a log, session, diagnosis or inspection): from here on that does not count.
 
-    Nothing is deleted. `rows`: [{raw, first_record, last_record}], what of which logs goes with it; `models`: those
+    `rows`: [{raw, first_record, last_record}], what of which logs goes with it; `models`: those
     that it had published.
     """
 
@@ -312,6 +312,16 @@ class FactReinstated(Event):
     """The stream of what was taken back: from here on it counts again, as if that had not been."""
 
     fact: str  # the stream
+    why: str
+
+
+class LogForgotten(Event):
+    """`file-<sha256>`: a log that was taken back had to go for good. Its bytes and what was made of them are removed
+    after this; the facts of it remain, and the same bytes are never taken in again."""
+
+    raw: str
+    name: str
+    size: int  # bytes
     why: str
 
 

@@ -55,14 +55,40 @@ def find(facts: Facts, text: str) -> NamedFact:
     raise CorrectionError(gone[0] if gone else f"{text}: is not in this store.{near}")
 
 
+def find_log(facts: Facts, text: str) -> NamedFact:
+    """The log of this name or id, whether it stands, was taken back or was forgotten. Raises CorrectionError."""
+    logs = [one for one in (*retractable(facts), *_retracted(facts)) if one.kind == "log"]
+    if one := _only(logs, text):
+        return one
+    other = find(facts, text)
+    says = f"{text}: is no log but {other.called}: only whole logs are forgotten"
+    if other.kind != "session":
+        raise CorrectionError(f"{says}: `whyhot retract {text} --reason TEXT` takes it back")
+    its = dict.fromkeys(facts.files[file["raw"]].name for file in facts.session(other.key).files)
+    raise CorrectionError(f"{says}: name those that it is of: {', '.join(its)}")
+
+
 def find_retracted(facts: Facts, text: str) -> NamedFact:
-    """What was taken back under this name or id. Raises CorrectionError."""
-    there = [NamedFact(stream, one.event.name) for stream, one in facts.retractions.items()]
+    """What was taken back under this name or id. Raises CorrectionError, for what was forgotten too."""
+    there = _retracted(facts)
     if one := _only(there, text):
+        if forgotten := _forgotten(facts, one):
+            raise CorrectionError(forgotten)
         return one
     standing = _only(retractable(facts), text)
     why = f"{standing.called} stands: there is nothing to undo" if standing else f"{text}: was not taken back"
     raise CorrectionError(f"{why}. Taken back: {', '.join(one.called for one in there) or 'nothing'}")
+
+
+def _retracted(facts: Facts) -> list[NamedFact]:
+    return [NamedFact(stream, one.event.name) for stream, one in facts.retractions.items()]
+
+
+def _forgotten(facts: Facts, one: NamedFact) -> str | None:
+    """The line of the log that something stood on and that was forgotten, None where anything of it is left."""
+    logs = [facts.retractions.get(f"file-{row['raw']}") for row in facts.retractions[one.stream].event.rows]
+    lines = [log.line for log in logs if log and log.forgotten]
+    return lines[0] if lines and len(lines) == len(logs) else None
 
 
 def _only(there: Iterable[NamedFact], text: str) -> NamedFact | None:
@@ -86,7 +112,7 @@ def _session(facts: Facts, text: str) -> NamedFact | None:
 
 
 def _gone(facts: Facts, text: str) -> str | None:
-    back = _only((NamedFact(stream, one.event.name) for stream, one in facts.retractions.items()), text)
+    back = _only(_retracted(facts), text)
     return facts.retractions[back.stream].line if back else None
 
 

@@ -1,9 +1,9 @@
-"""Which facts stand: all but what was taken back, and what was made of it. Nothing is deleted."""
+"""Which facts stand: all but what was taken back, and what was made of it. Facts are never deleted."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 from ingest.facts.events import (
@@ -12,6 +12,7 @@ from ingest.facts.events import (
     FactReinstated,
     FactRetracted,
     HeldOutOpened,
+    LogForgotten,
     ReplayCompleted,
     SessionRecorded,
 )
@@ -35,11 +36,12 @@ class RowsOfLog(NamedTuple):
 
 @dataclass(frozen=True)
 class Retraction:
-    """What was taken back, and when."""
+    """What was taken back, and when; `forgotten` where it is a log that had to go for good, with the time of that."""
 
     event: FactRetracted
     recorded: str  # ISO 8601 UTC
     position: int
+    forgotten: LogForgotten | None = None
 
     @property
     def called(self) -> str:
@@ -47,12 +49,17 @@ class Retraction:
         return f"{KINDS[self.event.fact.partition('-')[0]]} {self.event.name}"
 
     @property
+    def says(self) -> str:
+        """What became of it, when and why."""
+        became = "forgotten" if self.forgotten else "taken back"
+        return f"{self.called} was {became} on {self.recorded[:10]} ({(self.forgotten or self.event).why})"
+
+    @property
     def line(self) -> str:
-        """What became of it, for whoever asks for it."""
-        return (
-            f"{self.called} was taken back on {self.recorded[:10]} ({self.event.why}): "
-            f"`whyhot retract {self.event.name} --undo --reason TEXT` brings it back"
-        )
+        """The same for whoever asks for it, with what to do."""
+        if self.forgotten:
+            return f"{self.says}: its bytes are gone for good, and this store takes them in no more"
+        return f"{self.says}: `whyhot retract {self.event.name} --undo --reason TEXT` brings it back"
 
 
 @dataclass(frozen=True)
@@ -68,7 +75,17 @@ class Standing:
 def standing(recorded: Iterable[Recorded]) -> Standing:
     """What counts of events in the order of the ledger."""
     events = list(recorded)
-    held = _retractions(events)
+    return _without(events, _retractions(events))
+
+
+def without_forgotten(recorded: Iterable[Recorded]) -> Standing:
+    """What would count had nothing been taken back but the logs that were forgotten: what is left out never counts
+    again."""
+    events = list(recorded)
+    return _without(events, {stream: one for stream, one in _retractions(events).items() if one.forgotten})
+
+
+def _without(events: Sequence[Recorded], held: Mapping[str, Retraction]) -> Standing:
     if not held:
         return Standing(events, held, {})
     gone = rows_of(held.values())
@@ -108,8 +125,10 @@ def _retractions(events: Iterable[Recorded]) -> dict[str, Retraction]:
         match one.event:
             case FactRetracted() as event:
                 held[event.fact] = Retraction(event, one.recorded, one.position)
-            case FactReinstated() as event:
+            case FactReinstated() as event if not (event.fact in held and held[event.fact].forgotten):
                 held.pop(event.fact, None)
+            case LogForgotten() as event if one.stream in held:
+                held[one.stream] = replace(held[one.stream], recorded=one.recorded, forgotten=event)
     return held
 
 

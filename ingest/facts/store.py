@@ -4,16 +4,20 @@ from __future__ import annotations
 
 import json
 import shutil
+from functools import cached_property
 from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import TYPE_CHECKING, Self
 from uuid import uuid4
 
-from ingest.errors import StoreError
+from ingest.errors import IngestError, StoreError
 from ingest.facts.alias import reachable
 from ingest.facts.archive import Archive
 from ingest.facts.durable import sync_folder, sync_tree, write_file
 from ingest.facts.ledger import Ledger
+
+if TYPE_CHECKING:
+    from ingest.facts.cited import Forgotten
 
 SCHEMA = "whyhot.store/1"
 MARK = "store.json"
@@ -30,7 +34,7 @@ class Store:
         self._write = write
         self._new = new
         self._tmp = folder / "tmp"
-        self.archive = Archive(folder / "archive", self._tmp if write else None)
+        self.archive = Archive(folder / "archive", self._tmp if write else None, self._gone)
 
     @classmethod
     def open(cls, folder: Path, *, create: bool = False, write: bool = False) -> Self:
@@ -74,6 +78,13 @@ class Store:
         if self._ledger is None:
             raise StoreError(f"{self.folder}: was opened without its ledger: a worker is given the facts")
         return self._ledger
+
+    @cached_property
+    def forgotten(self) -> Forgotten:
+        """What had to go for good by now, nothing for a worker. Raises as `Ledger.events`."""
+        from ingest.facts.cited import Forgotten, forgotten  # what few commands need
+
+        return Forgotten() if self._ledger is None else forgotten(self._ledger.events())
 
     def __enter__(self) -> Self:
         return self
@@ -124,6 +135,13 @@ class Store:
         made.replace(target)
         sync_folder(target.parent)
         return target
+
+    def _gone(self, sha256: str) -> str | None:
+        """Why sealed bytes that are not there had to go, None where they had not, or the ledger cannot be read."""
+        try:
+            return self.forgotten.files.get(sha256)
+        except IngestError:
+            return None
 
     def _make_ready(self) -> None:
         """Make what is missing of the layout, the mark last: a creation that was stopped is taken up by the next."""

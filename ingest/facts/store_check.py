@@ -12,7 +12,7 @@ from pathlib import Path
 
 from ingest.facts.archive import Archive
 from ingest.facts.chain import Head
-from ingest.facts.cited import BACKUP, Cited, cited, sessions_on
+from ingest.facts.cited import BACKUP, Cited, cited, forgotten, sessions_on
 from ingest.facts.durable import sha256_of
 from ingest.facts.events import DecodeCompleted
 from ingest.facts.facts import fold
@@ -22,9 +22,11 @@ from ingest.facts.ledger_history import Flaw, LedgerHistory
 from ingest.facts.ledger_index import LedgerIndex, Stamp
 from ingest.facts.ledger_lock import has_wal_reset_bug
 from ingest.facts.store import Store
+from ingest.facts.sweeping import remains
 
 AGAIN = "`whyhot rebuild` makes it again"
 READ_WRONG = "was read wrong at first and right after: check the memory and disk of this machine"
+FORGET = "the same `whyhot forget` again removes it"
 LEDGER = "`whyhot restore BACKUP --store NEW`, or ingest the original logs into a new store (--store NEW)"
 
 
@@ -112,8 +114,11 @@ def _check_files(found: StoreCheck, folder: Path, archive: Archive, seen: Ledger
     _check_sealed(found, archive, files, read, partial(sessions_on, facts))
     _check_products(found, folder, list(facts.decodes.values()), read, partial(sessions_on, facts))
     if not seen.findings:
+        gone = forgotten(seen.recorded)
         decodes = {one.event.decode for one in seen.recorded if isinstance(one.event, DecodeCompleted)}
-        found.hints += _strays(folder, archive, files, decodes)
+        found.hints += _strays(folder, archive, {*files, *gone.files}, decodes)
+        found.hints += gone.logs.values()
+        found.hints += (f"{path}: is still here, and {why}: {FORGET}" for path, why in remains(folder, archive, gone))
     found.hints += _sqlite()
     affected = {name for one in found.damages for name in one.affects}
     found.sessions = [session.name for session in facts.sessions if session.name not in affected]
@@ -182,7 +187,7 @@ def _from_disk(path: Path) -> None:
         os.posix_fadvise(file.fileno(), 0, 0, os.POSIX_FADV_DONTNEED)
 
 
-def _strays(folder: Path, archive: Archive, files: Mapping[str, Cited], decodes: set[str]) -> Iterator[str]:
+def _strays(folder: Path, archive: Archive, files: set[str], decodes: set[str]) -> Iterator[str]:
     """What a command that was stopped leaves behind: bytes without an event. They do no harm."""
     for sha256 in archive:
         if sha256 not in files:

@@ -12,6 +12,7 @@ from pathlib import Path
 
 from ingest.errors import IngestError, UnknownSessionError
 from ingest.facts import facts as ledger_facts
+from ingest.facts.durable import sha256_of
 from ingest.facts.events import InspectionRecorded
 from ingest.facts.facts import Facts
 from ingest.facts.ledger_row import utc_text
@@ -44,11 +45,12 @@ class AttachedFile:
 def attach(store: Store, paths: Sequence[Path], finding: Finding) -> list[AttachedFile]:
     """Seal files with a finding; the same bytes with the same finding once only. Needs a store that may be written.
 
-    Raises IngestError for a file that is missing or empty, a specimen or finding without text, and a time that is none;
-    UnknownSessionError for a session that is not there, or is of another specimen; nothing is kept then.
+    Raises IngestError for a file that is missing or empty or a forgotten log, a specimen or finding without text, and a
+    time that is none, UnknownSessionError for a session that is not there or is of another specimen: nothing is kept.
     """
     facts = ledger_facts.at(store.ledger)
     refuse_missing(paths)
+    _refuse_forgotten(facts, paths)
     if empty := next((path for path in paths if not path.stat().st_size), None):
         raise IngestError(f"{empty}: is empty (0 bytes): it shows nothing. Copy the file again.")
     specimen = in_words(finding.specimen, "--specimen", "stator-07")
@@ -77,6 +79,14 @@ def attach(store: Store, paths: Sequence[Path], finding: Finding) -> list[Attach
     if new:
         store.ledger.append_all(new, happened=happened)
     return list(found.values())
+
+
+def _refuse_forgotten(facts: Facts, paths: Sequence[Path]) -> None:
+    """Raises IngestError for the bytes of a log that had to go for good."""
+    gone = {stream: one for stream, one in facts.retractions.items() if one.forgotten}
+    for path in paths if gone else ():
+        if back := gone.get(f"file-{sha256_of(path)}"):
+            raise IngestError(f"{path.name}: {back.line}")
 
 
 def unknown_specimen(facts: Facts, specimen: str) -> str | None:

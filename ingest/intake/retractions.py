@@ -1,4 +1,7 @@
-"""Facts taken back by a person's word, and brought back, each with a reason. Nothing is deleted from the archive."""
+"""Facts taken back by a person's word, and brought back, each with a reason; and logs that must go for good.
+
+Nothing is deleted from the archive but the bytes of a log that was forgotten.
+"""
 
 from __future__ import annotations
 
@@ -8,11 +11,13 @@ from dataclasses import dataclass
 from typing import Any
 
 from ingest.facts import facts as ledger_facts
-from ingest.facts.events import Event, FactReinstated, FactRetracted
+from ingest.facts.cited import forgotten
+from ingest.facts.events import Event, FactReinstated, FactRetracted, LogForgotten, RawFileSealed
 from ingest.facts.facts import Facts
-from ingest.facts.named import NamedFact, find, find_retracted
+from ingest.facts.named import NamedFact, find, find_log, find_retracted
 from ingest.facts.standing import whole
 from ingest.facts.store import Store
+from ingest.facts.sweeping import Swept, sweep
 from ingest.intake.attachments import in_words
 from ingest.intake.grouping import group_files
 
@@ -31,6 +36,16 @@ class PutRight:
     left: Sequence[str] = ()
 
 
+@dataclass(frozen=True)
+class ForgottenLogs:
+    """Logs that went for good: what was put right, for those that were there; `before`: what became of those that were
+    forgotten already, a line each; how much was removed now."""
+
+    done: PutRight
+    before: Sequence[str]
+    swept: Swept
+
+
 def retract(store: Store, texts: Sequence[str], why: str) -> PutRight:
     """Take back logs, sessions, diagnoses or inspections, named by name or id, all or none.
 
@@ -46,6 +61,32 @@ def reinstate(store: Store, texts: Sequence[str], why: str) -> PutRight:
     why, facts = in_words(why, "--reason", REASON), ledger_facts.at(store.ledger)
     named = list(dict.fromkeys(find_retracted(facts, text) for text in texts))
     return _grouped(store, facts, named, [(one.stream, FactReinstated(fact=one.stream, why=why)) for one in named])
+
+
+def forget(store: Store, texts: Sequence[str], why: str) -> ForgottenLogs:
+    """Take logs back for good, all or none, and remove their bytes and what was made of them, with what a forget that
+    was stopped left of any.
+
+    Raises CorrectionError where one is no log, OSError where bytes cannot be removed: the same again goes on.
+    """
+    why, facts = in_words(why, "--reason", REASON), ledger_facts.at(store.ledger)
+    backs = {one: facts.retractions.get(one.stream) for one in (find_log(facts, text) for text in texts)}
+    before = [back.says for back in backs.values() if back and back.forgotten]
+    batch: Batch = []
+    for one, back in backs.items():
+        if back is None:
+            batch.append((one.stream, _retraction(store, facts, one, why)))
+        if back is None or not back.forgotten:
+            batch.append((one.stream, LogForgotten(raw=one.key, name=one.name, size=_size(store, one), why=why)))
+    named = [one for one in backs if any(stream == one.stream for stream, _ in batch)]
+    done = _grouped(store, facts, named, batch)
+    return ForgottenLogs(done, before, sweep(store.folder, store.archive, forgotten(store.ledger.events())))
+
+
+def _size(store: Store, log: NamedFact) -> int:
+    """The bytes of a log, taken back or not, as they were sealed."""
+    sealed = [one.event for one in store.ledger.events(stream=log.stream)]
+    return next(event.size for event in sealed if isinstance(event, RawFileSealed))
 
 
 def _retraction(store: Store, facts: Facts, one: NamedFact, why: str) -> FactRetracted:

@@ -6,7 +6,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from ingest.errors import IngestError
+from ingest.catalogue.decoded import refuse_forgotten
+from ingest.errors import DamageError, IngestError
 from ingest.facts import facts as ledger_facts
 from ingest.facts.events import ReplayCompleted, ReplayDiverged, SessionRecorded
 from ingest.facts.facts import Facts
@@ -70,10 +71,12 @@ def replay_sessions(
     shared = InProcess(facts) if workers is None else share(facts.whole(), work)
     for session in sessions:
         try:
+            for file in session.files:
+                refuse_forgotten(store, file["decode"])  # a worker has no ledger
             named = model or model_of(facts, session)
             asked = (named, level, integrator, work.absolute(), tuple(unknown), check_filter)
             jobs.append(Job(folder, shared, session.session, *asked))
-        except ReplayDataError as error:
+        except (ReplayDataError, DamageError) as error:
             outcomes.append(Outcome(session, None, str(error)))
     order = {session.session: i for i, session in enumerate(sessions)}
     for job, done in each(_work, jobs, workers):

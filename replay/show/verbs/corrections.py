@@ -1,20 +1,22 @@
-"""What `whyhot retract`, `correct` and `stale` answer: what was put right, what went with it, and what is stale now."""
+"""What `retract`, `forget`, `correct` and `stale` answer: what was put right, what went with it, and what is stale."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from replay.show.verbs.backup import removed
 from replay.show.words.terminal import labelled
 from replay.show.words.words import counted, joined, short
 
 if TYPE_CHECKING:
     from ingest.facts.facts import Facts
-    from ingest.intake.retractions import PutRight
+    from ingest.intake.retractions import ForgottenLogs, PutRight
     from replay.studies.again.redo import Redone
     from replay.studies.again.stale import StaleAnswers
 
 REDO = "whyhot stale --redo"
+BACKUPS = "whyhot backup DIR, of each backup that there is: it holds these bytes until then"
 
 
 def put_right_json(done: PutRight, reason: str, stale: StaleAnswers) -> dict[str, Any]:
@@ -33,6 +35,25 @@ def put_right_json(done: PutRight, reason: str, stale: StaleAnswers) -> dict[str
 
 def put_right_text(label: str, done: PutRight, reason: str, stale: StaleAnswers) -> str:
     """`label`: "Taken back", "Brought back" or "Corrected"."""
+    next_step = _next(stale) or ["", *labelled("Next", "whyhot sessions")]
+    return "\n".join([*_put_right(label, done, reason), *_stale_lines(stale), *next_step])
+
+
+def forgotten_json(found: ForgottenLogs, reason: str, stale: StaleAnswers) -> dict[str, Any]:
+    """As of what was taken back; `removed`: what is gone now, `before`: of logs that were forgotten already."""
+    put_right = put_right_json(found.done, reason, stale)
+    return {**put_right, "removed": found.swept._asdict(), "before": list(found.before)}
+
+
+def forgotten_text(found: ForgottenLogs, reason: str, stale: StaleAnswers) -> str:
+    lines = [line for says in found.before for line in labelled("Already", says)]
+    lines += _put_right("Forgotten", found.done, reason) if found.done.named else []
+    lines += [*removed(found.swept), *_stale_lines(stale)]
+    steps = labelled("Then", BACKUPS) if stale.answers else ["", *labelled("Next", BACKUPS)]
+    return "\n".join([*lines, *_next(stale), *steps])
+
+
+def _put_right(label: str, done: PutRight, reason: str) -> list[str]:
     lines: list[str] = []
     for i, one in enumerate(done.named):
         lines += labelled(label if i == 0 else "", one.called + _changes(done, done.said.get(one.key, {})))
@@ -50,7 +71,7 @@ def put_right_text(label: str, done: PutRight, reason: str, stale: StaleAnswers)
         was, now = (facts.current(parent) for facts in (done.before, done.after))
         if was != now:
             lines += labelled("Current", f"{_value(done.after, now)} in place of {_value(done.after, was)}")
-    return "\n".join([*lines, *_stale_lines(stale), *(_next(stale) or ["", *labelled("Next", "whyhot sessions")])])
+    return lines
 
 
 def stale_json(stale: StaleAnswers) -> list[dict[str, Any]]:

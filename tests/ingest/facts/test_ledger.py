@@ -155,7 +155,7 @@ def test_the_names_of_events_are_those_that_ledgers_hold() -> None:
     names = """RawFileSealed SignalDatabaseRegistered BenchRegistered MotorRegistered ModelPublished DecodeCompleted
         SessionRecorded SessionRegrouped QualityFlagged ReplayCompleted ReplayDiverged CalibrationCompleted
         HeldOutOpened CauseNamed ModelExtended GainMeasured DiagnosisCompleted CauseAccepted InspectionRecorded
-        AgeingAssessed FactRetracted FactReinstated LogCorrected LedgerSealed ClockAligned"""
+        AgeingAssessed FactRetracted FactReinstated LogForgotten LogCorrected LedgerSealed ClockAligned"""
     assert set(EVENTS) == {f"whyhot:{name}" for name in names.split()}
 
 

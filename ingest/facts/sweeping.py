@@ -1,0 +1,51 @@
+"""The bytes of logs that were forgotten, removed from a store.
+
+The event that says so comes first and the bytes go after. So a removal that is stopped leaves bytes that no fact counts
+on: `verify` names them, and the next `whyhot forget` or `backup` takes them away.
+"""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+from ingest.facts.archive import Archive
+from ingest.facts.cited import Forgotten
+from ingest.facts.durable import sync_folder
+
+WAREHOUSE = "warehouse*"  # the tables for SQL, old ones and unfinished ones too: they are made again from what is left
+
+
+class Swept(NamedTuple):
+    """How many files were removed, and their bytes."""
+
+    files: int = 0
+    bytes: int = 0
+
+
+def remains(folder: Path, archive: Archive, gone: Forgotten) -> Iterator[tuple[Path, str]]:
+    """Sealed files and folders of decodes that should be gone and are there, each with what says why."""
+    yield from ((archive.path(sha256), why) for sha256, why in gone.files.items() if archive.has(sha256))
+    decodes = {folder / "decoded" / name: why for name, why in gone.decodes.items() if name.isalnum()}
+    yield from ((path, why) for path, why in decodes.items() if path.exists())
+
+
+def sweep(folder: Path, archive: Archive, gone: Forgotten) -> Swept:
+    """Remove what should be gone from the store in `folder`, to which nobody else writes. Raises OSError where a file
+    cannot be removed; the next sweep goes on from there."""
+    there = [path for path, _ in remains(folder, archive, gone)]
+    if there:  # first the tables, which nothing but the bytes behind them tells to be old
+        there = [*folder.glob(WAREHOUSE), *there]
+    done = Swept()
+    for path in there:
+        files = [one for one in (path, *path.rglob("*")) if one.is_file()]
+        done = Swept(done.files + len(files), done.bytes + sum(one.stat().st_size for one in files))
+        if path.is_dir():
+            shutil.rmtree(path)
+        else:
+            path.chmod(0o600)  # Windows removes no file that is read-only
+            path.unlink()
+        sync_folder(path.parent)
+    return done
