@@ -197,10 +197,11 @@ class Log(ABC):
     def batches(self) -> Iterator[Frames] | Iterator[Rows]:
         """Every readable record, in file order, about 100,000 at once. Raises UnreadableLogError where none is."""
 
-    def note_places(self, record: NDArray[np.int64], where: Callable[[int], str]) -> None:
-        """Keep the places of those of these records that are sought; `where` of the i-th record."""
+    def note_places(self, record: NDArray[np.int64], where: Callable[[int], str | None]) -> None:
+        """Keep the places of those of these records that are sought; `where` of the i-th record, if that is told."""
         for i in np.flatnonzero(np.isin(record, self.sought)).tolist() if self.sought else ():
-            self.places[int(record[i])] = where(i)
+            if (place := where(i)) is not None:
+                self.places[int(record[i])] = place
 
     def mark_cut(self, how: str, kept: str) -> None:
         """Say in `cut` how the file ends before its end ("ends at byte 316,402") and what was read ("12 frames")."""

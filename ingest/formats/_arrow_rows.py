@@ -74,6 +74,10 @@ class ArrowLog(Log):
     def _tables(self) -> Iterator[pa.RecordBatch]:
         """The table from its first row on, in batches. Says in `_ended` where it ends before its end."""
 
+    def _place(self, record: int) -> str | None:
+        """Where a row stands in the file, None where the format does not tell."""
+        return None
+
     def batches(self) -> Iterator[Rows]:
         """Rows in file order. Raises UnreadableLogError where none can be read, or their time not be recognised."""
         for table in self._tables():
@@ -141,6 +145,7 @@ class ArrowLog(Log):
             raw = " ".join(str(column[i]) for column in columns.values()).encode(errors="replace")[:SHOWN]
             self.rejected.append(Rejected(int(record[i]), where, self._why(cells[i]), raw))
         fine = np.flatnonzero(~bad)
+        self.note_places(record[fine], lambda i: self._place(int(record[fine[i]])))
         if len(fine):
             before = self._last_ns if self._last_ns is not None else int(t_ns[fine[0]])
             self._back += int((np.diff(t_ns[fine], prepend=before) < 0).sum())

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from abc import abstractmethod
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from decimal import Decimal
 from typing import ClassVar, NamedTuple
 
@@ -81,7 +81,9 @@ class FrameLines(Log):
     tells_length: ClassVar[bool] = True  # a line says how many bytes its frame holds: one that is cut shows
 
     _start_ns: int | None = None  # that stamps without a date count from
+    _text: TextFile = field(init=False)
     _lines: int = 0  # that were read
+    _bytes: int = 0  # of these
     _other: int = 0
     _frames: int = 0
     _errors: int = 0  # error frames
@@ -93,7 +95,7 @@ class FrameLines(Log):
     def batches(self) -> Iterator[Frames]:
         """Frames in file order. Raises UnreadableLogError where the file holds no frame at all."""
         self._start_ns = self.time.start_ns
-        text = TextFile(self.path)
+        text = self._text = TextFile(self.path)
         for block in text.blocks():
             yield from self._batch(block, cut=text.open_line and not self.tells_length)
             if not self._frames + self._errors:
@@ -114,7 +116,8 @@ class FrameLines(Log):
                 frames.append(parsed)
                 record.append(self.found)
                 if self.found in self.sought:
-                    self.places[self.found] = f"line {self._lines + number:,}"
+                    before = sum(len(line) + 1 for line in lines[: number - 1])
+                    self.places[self.found] = self._text.place(self._lines + number, self._bytes + before)
             elif parsed is not None:
                 where = f"line {self._lines + number:,}"
                 self.rejected.append(Rejected(self.found, where, parsed, raw.encode("latin-1")[:SHOWN]))
@@ -122,6 +125,7 @@ class FrameLines(Log):
             self.found += parsed is not None
             self._other += parsed is None and bool(line)
         self._lines += len(lines)
+        self._bytes += len(block)
         self._frames += len(frames)
         if frames:
             yield as_arrays(frames, record)

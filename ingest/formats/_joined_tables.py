@@ -25,7 +25,7 @@ Ints = NDArray[np.int64]
 @dataclass
 class OwnTimes:
     """One table of N records. `cells(k, start, stop)`: of its column k, numbers or texts; `bad`: records without a time
-    or that cannot be read (N,), with `why` and the first bytes of each."""
+    or that cannot be read (N,), with `why` and the first bytes of each; `where` each stands in the file."""
 
     name: str
     columns: tuple[str, ...]
@@ -35,6 +35,7 @@ class OwnTimes:
     cells: Callable[[int, int, int], NDArray[Any]]
     raw: Callable[[int], bytes]
     why: Callable[[int], str]
+    where: Callable[[int], str]
     row: Ints = field(default_factory=lambda: np.empty(0, np.int64))  # of each record among all rows, rising
 
 
@@ -79,10 +80,17 @@ class JoinedTables(Log):
                 column = np.full(end - first, "" if cells.dtype == object else np.nan, cells.dtype)
                 column[at] = cells
                 columns[next(name)] = column
+        self.note_places(np.arange(first, end), lambda i: _where(tables, first + i))
         self.rejected.extend(sorted(rejected, key=lambda one: one.record))
         kept = np.flatnonzero(fine)
         if len(kept):
             yield Rows(t_ns[kept], {name: cells[kept] for name, cells in columns.items()}, first + kept)
+
+
+def _where(tables: Sequence[OwnTimes], row: int) -> str:
+    """Where the records of a row stand in the file, each with its table where there are several."""
+    there = [(table, int(i)) for table in tables for i in np.flatnonzero(table.row == row)]
+    return "; ".join(f"{table.name}: {table.where(i)}" if len(tables) > 1 else table.where(i) for table, i in there)
 
 
 def _place(tables: Sequence[OwnTimes]) -> int:

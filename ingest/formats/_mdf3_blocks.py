@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 import struct
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime
 from typing import IO, Any
 
@@ -31,7 +31,7 @@ from ingest.formats._mdf_conversions import (
     as_stored,
     conversion,
 )
-from ingest.formats._mdf_records import Records, unsorted_records
+from ingest.formats._mdf_records import Piece, Records, unsorted_records
 
 HEADER_AT = 64
 ORDER_AT = 24  # of the file: 0 where numbers begin with their lowest byte
@@ -96,12 +96,12 @@ class Mdf3:
         data = self._read(at, wanted) if at else b""
         ended = f"ends at byte {self._size:,} of {at + wanted:,}" if len(data) < wanted else None
         if ids:
-            return unsorted_records(groups, data, 1, ended)
+            return replace(unsorted_records(groups, data, 1, ended), pieces=[Piece(0, at)])
         of = {}
         for group in groups:
             count = min(group.declared, len(data) // group.size) if group.size else 0
             of[group.at] = np.frombuffer(data, np.uint8, count * group.size).reshape(count, group.size)
-        return Records(groups, of, {}, ended)
+        return Records(groups, of, {}, ended, [Piece(0, at)])
 
     def _group(self, block: OldBlock, id_behind: bool) -> MdfGroup:
         _, first, comment, number, _, size, count = self._unpack(CHANNEL_GROUP, block)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import struct
 import zlib
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
-from typing import IO
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import IO, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,14 +24,33 @@ PLAIN_MARKS = (b"##DT", b"##SD")
 Bytes = NDArray[np.uint8]
 
 
+class Piece(NamedTuple):
+    """Some of the bytes of a data group: they begin at `begin` of all, and at byte `at` of the file (`packed`: in the
+    block there)."""
+
+    begin: int
+    at: int
+    packed: bool = False
+
+
 @dataclass(frozen=True)
 class Records:
-    """Records of a data group: `of` by the place of their group, each (N, size); `ended`: why they are not whole."""
+    """Records of a data group: `of` by the place of their group, each (N, size); `ended`: why they are not whole.
+    `begins` of each record (N,) among all bytes, by the place of its group, where there are several kinds."""
 
     groups: tuple[MdfGroup, ...]
     of: Mapping[int, Bytes]
     values: Mapping[int, bytes]  # of variable length, by the place of their group
     ended: str | None
+    pieces: Sequence[Piece] = ()
+    begins: Mapping[int, NDArray[np.int64]] = field(default_factory=dict)
+
+    def where(self, group: MdfGroup, i: int) -> str:
+        """Where record `i` of a group begins in the file."""
+        begin = int(self.begins[group.at][i]) if group.at in self.begins else i * group.size
+        piece = next(one for one in reversed(self.pieces) if one.begin <= begin)
+        inside = begin - piece.begin
+        return f"byte {piece.at:,}, unpacked +{inside:,}" if piece.packed else f"byte {piece.at + inside:,}"
 
 
 class Mdf(MdfBlocks):
@@ -49,8 +68,9 @@ class Mdf(MdfBlocks):
             raise BrokenBlock(f"is damaged at byte {data_group.at:,}")
         if not any(group.channels for group in groups):
             return Records(groups, {}, {}, None)
-        data, ended = self.values(link(data_group, 2)) if link(data_group, 2) else (b"", None)
+        data, ended, pieces = self.values(link(data_group, 2)) if link(data_group, 2) else (b"", None, [])
         found = unsorted_records(groups, data, id_size, ended) if id_size else self._sorted(groups, data, ended)
+        found = replace(found, pieces=pieces)
         lacking = sum(max(0, group.declared - len(found.of[group.at])) for group in groups if group.channels)
         if lacking and not self.open_parts and found.ended is None:
             return replace(found, ended=f"holds {lacking:,} records fewer than it says")
@@ -67,17 +87,19 @@ class Mdf(MdfBlocks):
         table = np.frombuffer(data, np.uint8, count * group.size).reshape(count, group.size)
         return Records(groups, {group.at: table}, {}, ended)
 
-    def values(self, at: int) -> tuple[bytes, str | None]:
-        """The bytes in the data blocks that begin at `at`, and why they are not whole."""
-        found, ended = bytearray(), None
+    def values(self, at: int) -> tuple[bytes, str | None, list[Piece]]:
+        """The bytes in the data blocks that begin at `at`, why they are not whole, and where they stand."""
+        found, ended, pieces = bytearray(), None, list[Piece]()
         try:
-            for piece in self._pieces(at):
-                found += piece
+            for place, packed, data in self._pieces(at):
+                pieces.append(Piece(len(found), place, packed))
+                found += data
         except BrokenBlock as broken:
             ended = str(broken)
-        return bytes(found), ended
+        return bytes(found), ended, pieces
 
-    def _pieces(self, at: int) -> Iterator[bytes]:
+    def _pieces(self, at: int) -> Iterator[tuple[int, bool, bytes]]:
+        """(byte of the file, whether a packed block stands there, bytes) of each block."""
         mark, length, _ = self.head(at)
         if mark == b"##HL":
             at = link(self.block(at, mark), 0)
@@ -89,16 +111,16 @@ class Mdf(MdfBlocks):
         else:
             yield from self._piece(at, mark, length)
 
-    def _piece(self, at: int, mark: bytes, length: int) -> Iterator[bytes]:
+    def _piece(self, at: int, mark: bytes, length: int) -> Iterator[tuple[int, bool, bytes]]:
         if mark == b"##DZ":
-            yield self._unpacked(at, length)
+            yield at, True, self._unpacked(at, length)
             return
         if mark not in PLAIN_MARKS or length < HEAD.size:
             raise BrokenBlock(f"is damaged at byte {at:,}")
         end = at + length
         if self.open_parts & OPEN_LENGTH and mark == b"##DT" and self.read(end, 2) != b"##":
             end = self._size
-        yield self.read(at + HEAD.size, min(end, self._size) - at - HEAD.size)
+        yield at + HEAD.size, False, self.read(at + HEAD.size, min(end, self._size) - at - HEAD.size)
         if end > self._size:
             raise BrokenBlock(f"ends at byte {self._size:,} of {end:,}")
 
@@ -155,13 +177,13 @@ def unsorted_records(groups: tuple[MdfGroup, ...], data: bytes, id_size: int, en
     if at > end:
         ended = ended or "ends inside a record"
     octets = np.frombuffer(data, np.uint8)
-    of, values = dict[int, Bytes](), dict[int, bytes]()
+    of, values, begins = dict[int, Bytes](), dict[int, bytes](), dict[int, NDArray[np.int64]]()
     for group in groups:
         own = np.array(starts[group.record_id], np.int64)
-        own = own[own + group.size <= end]
+        begins[group.at] = own = own[own + group.size <= end]
         of[group.at] = octets[own[:, None] + np.arange(group.size)]
         values[group.at] = b"".join(pieces[group.record_id])
-    return Records(groups, of, values, ended)
+    return Records(groups, of, values, ended, begins=begins)
 
 
 def _upright(data: bytes, columns: int) -> bytes:

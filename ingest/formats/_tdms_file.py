@@ -11,6 +11,9 @@ from __future__ import annotations
 import io
 import logging
 import struct
+from bisect import bisect_right
+from collections.abc import Sequence
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any
@@ -35,11 +38,29 @@ Ints = NDArray[np.int64]
 
 @dataclass
 class TdmsFile:
-    """An open file, to be closed. `channels`: nptdms', in the order of the file; `ended`: how it ends early."""
+    """An open file, to be closed. `channels`: nptdms', in the order of the file; `ended`: how it ends early; `edges`:
+    bytes where each segment begins, and where the last ends."""
 
     channels: list[Any]
     ended: str | None
     _file: IO[bytes]
+    _path: Path
+    edges: Sequence[int] = ()
+
+    def where(self, channel: Any, number: int) -> str:
+        """The segment in which value `number` (from 0) of a channel stands, and its number there: how its bytes lie in
+        it nptdms does not tell."""
+        edge = bisect_right(self.edges, number, 1, key=lambda end: self._held(channel, end))
+        before = self._held(channel, self.edges[edge - 1])
+        return f'byte {self.edges[edge - 1]:,}, value {number - before + 1:,} of "{channel.name}" in the segment there'
+
+    def _held(self, channel: Any, end: int) -> int:
+        """How many values of a channel stand in the first `end` bytes."""
+        found = _opened(_library(self._path.name), self._path, end) if end else None
+        if found is None:
+            return 0
+        with closing(found):
+            return next((len(one) for one in found.channels if one.path == channel.path), 0)
 
     def close(self) -> None:
         self._file.close()
@@ -61,6 +82,7 @@ def open_tdms(path: Path) -> TdmsFile:
         raise UnreadableLogError(
             f"{path.name}: is no whole TDMS file: its first segment cannot be read. Copy the file again."
         )
+    found.edges = edges[: readable + 1]
     found.ended = ended if readable == len(edges) - 1 else f"is damaged at byte {edges[readable]:,}"
     return found
 
@@ -74,7 +96,7 @@ def _opened(nptdms: Any, path: Path, end: int) -> TdmsFile | None:
         scalings = [one.properties.get("NI_Number_Of_Scales", 0) for one in (whole, *whole.groups(), *channels)]
         believable = all(len(channel) <= end for channel in channels)  # each value takes a byte at least
         if believable and all(int(count) <= MOST_SCALINGS for count in scalings):
-            return TdmsFile(channels, None, file)
+            return TdmsFile(channels, None, file, path)
     except DAMAGE:
         file.close()
         return None

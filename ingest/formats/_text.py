@@ -28,6 +28,13 @@ class TextFile:
     open_line: bool = False
     packed: bool = False
     utf_16: bool = False
+    _mark: int = 0  # bytes before the text
+
+    def place(self, line: int, byte: int) -> str:
+        """Where a line (from 1) stands that begins at so many bytes of what `blocks` gives."""
+        if self.utf_16:
+            return f"line {line:,}"
+        return f"line {line:,}, {'unpacked +' if self.packed else 'byte '}{self._mark + byte:,}"
 
     def blocks(self) -> Iterator[bytes]:
         """Whole lines with their line feeds; only the last line of the file may lack it."""
@@ -49,7 +56,9 @@ class TextFile:
     def _plain(self) -> Iterator[bytes]:
         """The pieces of the file; of one in UTF-16 as UTF-8."""
         pieces = self._pieces()
-        first = next(pieces, b"").removeprefix(codecs.BOM_UTF8)
+        first = next(pieces, b"")
+        if first.startswith(codecs.BOM_UTF8):
+            first, self._mark = first.removeprefix(codecs.BOM_UTF8), len(codecs.BOM_UTF8)
         self.utf_16 = first.startswith(UTF_16)
         if not self.utf_16:
             yield from chain([first] if first else [], pieces)

@@ -7,6 +7,7 @@ and named (`settings["left_out"]`). A message that cannot be read is rejected. F
 
 from __future__ import annotations
 
+import io
 import struct
 from array import array
 from collections.abc import Callable, Iterator
@@ -16,8 +17,12 @@ from typing import IO, Any, cast
 
 import numpy as np
 import zstandard
+from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
+from mcap.opcode import Opcode
 from mcap.reader import NonSeekingReader
+from mcap.records import Chunk
+from mcap.stream_reader import MAGIC_SIZE, get_chunk_data_stream
 from numpy.typing import NDArray
 
 from ingest.errors import UnreadableLogError
@@ -30,6 +35,7 @@ from ingest.formats._joined_tables import JoinedTables, OwnTimes, counted
 DAMAGE = (McapError, ValueError, KeyError, AssertionError, EOFError, struct.error, RuntimeError, zstandard.ZstdError)
 OURS = "arrow"  # encoding of the recordings that whyhot writes
 MOST_COLUMNS = 5000
+RECORD = struct.Struct("<BQ")  # kind and length of what follows
 SHOWN = 64  # first bytes of a message that is rejected
 WAYS_OUT = {
     "flatbuffer": "flatbuffer is not read. Export it as JSON in Foxglove, or as CSV",
@@ -47,6 +53,7 @@ class _Topic:
     why: dict[int, tuple[str, bytes]] = field(default_factory=dict)  # of those that cannot be read, first bytes beside
     columns: dict[str, tuple[array[int], array[float]]] = field(default_factory=dict)
     no_numbers: dict[str, int] = field(default_factory=dict)  # fields that are something else -> how often
+    number: array[int] = field(default_factory=lambda: array("q"))  # of each among all messages of the file
 
 
 @dataclass
@@ -69,7 +76,7 @@ class McapLog(JoinedTables):
         stamps = [min(one.t_ns) for one in topics]
         dated = all(EARLIEST_NS <= one < LATE_NS for one in stamps)
         self.absolute = dated or self.time.start_ns is not None
-        tables = [_table(one, 0 if dated else self.time.start_ns or 0) for one in topics]
+        tables = [self._table(one, 0 if dated else self.time.start_ns or 0) for one in topics]
         self.settings["groups"] = counted(tables)
         yield from self._joined(tables)
         why = self.rejected[0].why if self.rejected else ended or "it holds no message with a number"
@@ -88,17 +95,19 @@ class McapLog(JoinedTables):
                         raise UnreadableLogError(
                             f"{self.path.name}: is a recording that whyhot wrote. Name the log that it was made of."
                         )
-                    self._take(schema, channel, message)
+                    self._take(schema, channel, message, count)
                     count += 1
             except DAMAGE as error:
                 says = " ".join(str(error).split())[:120] or type(error).__name__
                 return f"is cut or damaged behind message {count:,} ({says})"
         return None
 
-    def _take(self, schema: Any, channel: Any, message: Any) -> None:
+    def _take(self, schema: Any, channel: Any, message: Any, number: int) -> None:
         topic = self._topics.setdefault(channel.topic, _Topic(channel.topic))
         place = len(topic.t_ns)
         topic.t_ns.append(message.log_time)
+        if self.sought:
+            topic.number.append(number)
         told = (schema.encoding, schema.name, schema.data) if schema else ("", "", b"")
         try:
             numbers = _decoder(channel.message_encoding, *told)(message.data)
@@ -113,11 +122,44 @@ class McapLog(JoinedTables):
                 places.append(place)
                 values.append(value)
 
+    def _table(self, topic: _Topic, origin_ns: int) -> OwnTimes:
+        return _table(topic, origin_ns, lambda i: self._place(topic.number[i]))
+
+    def _place(self, number: int) -> str:
+        """Where the message of this number stands in the file, or in what a chunk of it unpacks to."""
+        with self.path.open("rb") as file:
+            file.seek(MAGIC_SIZE)
+            for kind, at, length in _records_of(file, self.path.stat().st_size):
+                if kind == Opcode.CHUNK:
+                    chunk = Chunk.read(ReadDataStream(io.BytesIO(file.read(length))))
+                    data = get_chunk_data_stream(chunk)[0].read(chunk.uncompressed_size)
+                    inner = [
+                        inside for one, inside, _ in _records_of(io.BytesIO(data), len(data)) if one == Opcode.MESSAGE
+                    ]
+                    if number < len(inner):
+                        return f"byte {at:,}, unpacked +{inner[number]:,}"
+                    number -= len(inner)
+                elif kind == Opcode.MESSAGE:
+                    if number == 0:
+                        return f"byte {at:,}"
+                    number -= 1
+        raise IndexError(number)
+
     def _is_room(self, column: str) -> bool:
         if sum(len(topic.columns) for topic in self._topics.values()) < MOST_COLUMNS:
             return True
         self._beyond.add(column)
         return False
+
+
+def _records_of(file: IO[bytes], end: int) -> Iterator[tuple[int, int, int]]:
+    """(kind, byte where it begins, length of its contents) of each record up to `end`; these may be read then."""
+    at = file.tell()
+    while at + RECORD.size <= end:
+        file.seek(at)
+        kind, length = RECORD.unpack(file.read(RECORD.size))
+        yield kind, at, length
+        at += RECORD.size + length
 
 
 @dataclass(frozen=True)
@@ -147,7 +189,7 @@ def _decoder(encoding: str, schema_encoding: str, name: str, schema: bytes) -> D
     raise NotRead(WAYS_OUT.get(encoding, f"its encoding is not read ({told}). Export it as JSON"))
 
 
-def _table(topic: _Topic, origin_ns: int) -> OwnTimes:
+def _table(topic: _Topic, origin_ns: int, where: Callable[[int], str]) -> OwnTimes:
     stamps = np.array([min(one, LATE_NS) for one in topic.t_ns], np.int64)
     bad = stamps + origin_ns >= LATE_NS
     bad[list(topic.why)] = True
@@ -172,6 +214,7 @@ def _table(topic: _Topic, origin_ns: int) -> OwnTimes:
         cells=cells,
         raw=lambda i: why(i)[1],
         why=lambda i: why(i)[0],
+        where=where,
     )
 
 

@@ -11,8 +11,9 @@ conversion is not read (`settings["unconverted"]`). A record without a time is r
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -20,8 +21,9 @@ from numpy.typing import NDArray
 
 from ingest.formats import LATE_NS, Rows
 from ingest.formats._joined_tables import JoinedTables, OwnTimes, counted
-from ingest.formats._mdf_blocks import BrokenBlock, MdfChannel, MdfGroup
+from ingest.formats._mdf_blocks import BrokenBlock, MdfChannel
 from ingest.formats._mdf_log import MdfLog
+from ingest.formats._mdf_records import Records
 from ingest.formats._mdf_values import TEXTS, TIMES, VIRTUAL, invalid, stored, values
 
 TIME = 1  # what a master stands for
@@ -47,7 +49,7 @@ class MdfTables(MdfLog, JoinedTables):
     def batches(self) -> Iterator[Rows]:
         """Rows in the order of time. Raises UnreadableLogError where no row can be read."""
         with self.path.open("rb") as file:
-            tables = [table for _, records in self._records(file) for table in self._tables(records.groups, records.of)]
+            tables = [table for _, records in self._records(file) for table in self._tables(records)]
         self.settings["groups"] = counted(tables)
         if self._left:
             self.settings["left_out"] = self._left
@@ -60,17 +62,17 @@ class MdfTables(MdfLog, JoinedTables):
             "; ".join(self._problems[:3]) or None, self._problems[0] if not self.found and self._problems else why
         )
 
-    def _tables(self, groups: Sequence[MdfGroup], of: Any) -> Iterator[OwnTimes]:
+    def _tables(self, found: Records) -> Iterator[OwnTimes]:
         """The groups of a data group that hold numbers."""
-        for number, group in enumerate(groups):
-            records = of.get(group.at)
+        for number, group in enumerate(found.groups):
+            records = found.of.get(group.at)
             if not group.channels or records is None or not len(records):
                 continue
             name = group.name or f"group {number + 1} at byte {group.at:,}"
             clock = next((one for one in group.channels if one.kind in TIMES and one.sync == TIME), None)
             kept = tuple(one for one in group.channels if one is not clock and self._keep(one, name, records))
             if kept:
-                yield self._table(name, kept, records, clock)
+                yield self._table(name, kept, records, clock, partial(found.where, group))
 
     def _keep(self, channel: MdfChannel, group: str, records: NDArray[np.uint8]) -> bool:
         """Whether a channel is a column; else it is named with why not."""
@@ -89,7 +91,12 @@ class MdfTables(MdfLog, JoinedTables):
         return True
 
     def _table(
-        self, name: str, kept: tuple[MdfChannel, ...], records: NDArray[np.uint8], clock: MdfChannel | None
+        self,
+        name: str,
+        kept: tuple[MdfChannel, ...],
+        records: NDArray[np.uint8],
+        clock: MdfChannel | None,
+        where: Callable[[int], str],
     ) -> OwnTimes:
         seconds = np.full(len(records), np.nan)
         if clock is not None:
@@ -111,6 +118,7 @@ class MdfTables(MdfLog, JoinedTables):
             cells=cells,
             raw=lambda i: records[i, :SHOWN].tobytes(),
             why=lambda i: NO_TIME if clock is None else BAD_TIME,
+            where=where,
         )
 
     def _stamps(self, seconds: NDArray[np.float64]) -> tuple[Ints, Flags]:

@@ -10,9 +10,10 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from functools import partial
 from itertools import islice
 from pathlib import Path
 
@@ -71,6 +72,7 @@ class _Part:
     why: Ints  # place in WHY + 1 of a record that is no frame, else 0
     data: NDArray[np.uint8]
     table: NDArray[np.uint8]  # (N, size of a record)
+    where: Callable[[int], str]  # record i stands in the file
 
 
 @dataclass
@@ -134,7 +136,7 @@ class Mf4Log(MdfLog):
         )
         why = np.select(wrong, range(1, len(wrong) + 1), 0)
         can_id = number | np.where(extended, int(EXTENDED), 0)
-        return _Part(kind, t_ns, bus, can_id, flags, source, length, why, data, table)
+        return _Part(kind, t_ns, bus, can_id, flags, source, length, why, data, table, partial(records.where, group))
 
     def _times(self, table: NDArray[np.uint8], channel: MdfChannel | None) -> tuple[Ints, NDArray[np.bool_]]:
         """(t_ns, whether there is none) of each record (N,)."""
@@ -152,9 +154,9 @@ class Mf4Log(MdfLog):
         for first in range(0, self.found, BATCH):
             at = order[first : first + BATCH]
             bad = whole.why[at] != 0
+            self.note_places(np.arange(first, first + len(at)), partial(_where, parts, begins, at))
             for place in np.flatnonzero(bad).tolist():
-                number = int(np.searchsorted(begins, at[place], "right")) - 1
-                part, index = parts[number], int(at[place] - begins[number])
+                part, index = _part_of(parts, begins, int(at[place]))
                 where, raw = f"{part.called} {index + 1:,}", part.table[index, :SHOWN].tobytes()
                 self.rejected.append(Rejected(first + place, where, WHY[part.why[index] - 1], raw))
             if not bad.all():
@@ -169,7 +171,18 @@ def _joined(parts: list[_Part]) -> _Part:
     begins = np.cumsum([0, *(len(part.data) for part in parts[:-1])])
     placed = [replace(part, source=part.source + begin) for part, begin in zip(parts, begins, strict=True)]
     arrays = {name: np.concatenate([getattr(part, name) for part in placed]) for name in names}
-    return _Part("", **arrays, table=np.empty((0, 0), np.uint8))
+    return _Part("", **arrays, table=np.empty((0, 0), np.uint8), where=str)
+
+
+def _part_of(parts: Sequence[_Part], begins: Ints, at: int) -> tuple[_Part, int]:
+    """The part that record `at` of all is of, and its number there."""
+    number = int(np.searchsorted(begins, at, "right")) - 1
+    return parts[number], int(at - begins[number])
+
+
+def _where(parts: Sequence[_Part], begins: Ints, at: Ints, i: int) -> str:
+    part, index = _part_of(parts, begins, int(at[i]))
+    return part.where(index)
 
 
 def _frames(whole: _Part, at: Ints, record: Ints) -> Frames:

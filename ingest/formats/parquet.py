@@ -20,6 +20,18 @@ MAGIC = b"PAR1"
 class ParquetLog(ArrowLog):
     """A Parquet file, read in bounded memory, one group of rows after another."""
 
+    def _place(self, record: int) -> str:
+        """The group of rows, which begins with its first column, and the row in it: columns are packed apart."""
+        index = pa.parquet.read_metadata(self.path)
+        for number in range(index.num_row_groups):
+            group = index.row_group(number)
+            if record < group.num_rows:
+                columns = [group.column(i) for i in range(group.num_columns)]
+                at = min(place for one in columns for place in _begins(one))
+                return f"byte {at:,}, row {record + 1:,} of the row group {number + 1:,} there"
+            record -= group.num_rows
+        raise IndexError(record)
+
     def _tables(self) -> Iterator[pa.RecordBatch]:
         with self.path.open("rb") as stream:
             stream.seek(-len(MAGIC), 2)
@@ -45,6 +57,11 @@ class ParquetLog(ArrowLog):
     def _damaged(self, error: BaseException) -> UnreadableLogError:
         says = " ".join(str(error).split())[:200]
         return UnreadableLogError(f"{self.path.name}: is damaged ({says}): nothing of it is used. Copy the file again.")
+
+
+def _begins(column: pa.parquet.ColumnChunkMetaData) -> list[int]:
+    pages = (column.dictionary_page_offset, column.data_page_offset)
+    return [at for at in pages if at]
 
 
 reader = ParquetLog

@@ -13,6 +13,7 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field
+from functools import partial
 from itertools import groupby
 from typing import Any
 
@@ -143,11 +144,11 @@ class TdmsLog(JoinedTables):
             self.settings["left_out"] = left
         own = {base: [one for one in channels if id(one) not in stamps] for base, channels in bases.items()}
         if len(own) > 1:
-            yield from self._joined([self._table(base, channels) for base, channels in own.items() if channels])
+            yield from self._joined([self._table(file, base, channels) for base, channels in own.items() if channels])
         for base, channels in own.items() if len(own) == 1 else ():
-            yield from self._base_rows(base, channels, columns)
+            yield from self._base_rows(file, base, channels, columns)
 
-    def _table(self, base: _Base, channels: Sequence[Any]) -> OwnTimes:
+    def _table(self, file: TdmsFile, base: _Base, channels: Sequence[Any]) -> OwnTimes:
         """One base of several."""
         length = max(len(channel) for channel in channels)
         parts = [base.t_ns(start, min(ROWS, length - start))[:2] for start in range(0, length, ROWS)]
@@ -167,9 +168,12 @@ class TdmsLog(JoinedTables):
             cells=lambda place, start, stop: self._column(channels[place], True, start, stop - start),
             raw=raw,
             why=lambda _: _why(base),
+            where=partial(_where, file, channels, np.arange(length)),
         )
 
-    def _base_rows(self, base: _Base, channels: Sequence[Any], columns: Sequence[Any]) -> Iterator[Rows]:
+    def _base_rows(
+        self, file: TdmsFile, base: _Base, channels: Sequence[Any], columns: Sequence[Any]
+    ) -> Iterator[Rows]:
         """The rows of one base. `columns`: all channels of the file that hold values."""
         length = max((len(channel) for channel in channels), default=0)
         for start in range(0, length, step := max(1, min(ROWS, VALUES // max(1, len(columns))))):
@@ -183,6 +187,7 @@ class TdmsLog(JoinedTables):
                 where = f'group "{channels[0].group_name}", value {start + i + 1:,}'
                 self.rejected.append(Rejected(int(record[i]), where, _why(base), shown[:SHOWN]))
             fine = np.flatnonzero(~bad)
+            self.note_places(record[fine], partial(_where, file, channels, start + fine))
             if len(fine):
                 yield Rows(t_ns[fine], {name: cells[fine] for name, cells in table.items()}, record[fine])
 
@@ -287,6 +292,12 @@ def _number(channel: Any, name: str) -> float | None:
     except (KeyError, TypeError, ValueError):
         return None
     return found if np.isfinite(found) else None
+
+
+def _where(file: TdmsFile, channels: Sequence[Any], numbers: Ints, i: int) -> str:
+    """Where row `i` stands, value `numbers[i]` of its channels: that of the first one that goes so far."""
+    number = int(numbers[i])
+    return file.where(next(one for one in channels if number < len(one)), number)
 
 
 def _why(base: _Base) -> str:

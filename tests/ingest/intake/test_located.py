@@ -2,11 +2,23 @@
 
 from __future__ import annotations
 
+import gzip
+import io
 import re
+import struct
 import zlib
+from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
+from mcap.data_stream import ReadDataStream
+from mcap.opcode import Opcode
+from mcap.records import Chunk
+from mcap.stream_reader import get_chunk_data_stream
+from mcap.writer import CompressionType, Writer
 
 from ingest.errors import DamageError
 from ingest.facts import facts
@@ -16,6 +28,9 @@ from ingest.formats import Frames, Log, open_log
 from ingest.intake.intake import take_in
 from ingest.intake.located import Located, locate
 from ingest.intake.setup import MotorFile, prepare
+from made.mdf import FLOAT, SECONDS, Channel, Mdf4
+from made.mdf3 import DOUBLE, Channel3, Mdf3File
+from made.mdf3 import SECONDS as SECONDS3
 from made.places import LOGS
 
 ALL = range(100)
@@ -50,13 +65,188 @@ def test_at_the_byte_that_is_told_of_a_packed_log_stands_the_frame() -> None:
     assert whole > 2
 
 
-def test_the_line_that_is_told_of_a_text_holds_the_frame() -> None:
-    log, payloads = read("candump")
-    lines = log.path.read_text().splitlines()
+LINE = re.compile(r"line ([0-9,]+)(?:, (byte |unpacked \+)([0-9,]+))?")
+BYTE = re.compile(r"(?:(\w[^:]*): )?byte ([0-9,]+)(?:, unpacked \+([0-9,]+))?")
+
+
+def number(text: str) -> int:
+    return int(text.replace(",", ""))
+
+
+@pytest.mark.parametrize("name", ["asc", "candump", "trc", "gvret", "can_csv", "css_csv"])
+def test_the_line_and_the_byte_that_are_told_of_a_text_hold_the_frame(name: str) -> None:
+    log, payloads = read(name)
+    data = log.path.read_bytes()
     for record, payload in payloads.items():
-        number = int(log.places[record].removeprefix("line "))
-        assert payload.upper() in lines[number - 1].upper().replace(" ", "")
+        place = LINE.fullmatch(log.places[record])
+        assert place and place[2] == "byte "
+        line = data[number(place[3]) :].splitlines()[0]
+        assert line == data.splitlines()[number(place[1]) - 1]
+        if name != "can_csv":  # which holds its bytes in base64
+            assert payload.upper() in line.decode("latin-1").upper().replace(" ", "").replace(",", "")
     assert len(payloads) > 2
+
+
+def test_the_byte_of_a_line_counts_in_the_file_or_in_what_it_unpacks_to(tmp_path: Path) -> None:
+    data = (LOGS / "sample.asc").read_bytes()
+    path, plain = tmp_path / "a.asc", dict(read("asc")[0].places)
+    for packed, before in (
+        (b"\xef\xbb\xbf" + data, 3),
+        (gzip.compress(data), 0),
+        (data.decode().encode("utf-16"), None),
+    ):
+        path.write_bytes(packed)
+        log = open_log(path)
+        log.sought = ALL
+        assert sum(len(batch.record) for batch in log.batches()) == len(plain)
+        for record, place in log.places.items():
+            line, was = LINE.fullmatch(place), LINE.fullmatch(plain[record])
+            assert line and was and line[1] == was[1]
+            assert line[3] is None if before is None else number(line[3]) == number(was[3]) + before
+            assert line[2] == ("unpacked +" if packed.startswith(b"\x1f\x8b") else None if before is None else "byte ")
+
+
+def unpacked_mdf(data: bytes, at: int) -> bytes:
+    """What the packed block of an MDF file at this byte holds."""
+    assert data[at : at + 4] == b"##DZ"
+    method, columns, packed = data[at + 26], *struct.unpack_from("<I8xQ", data, at + 28)
+    plain = zlib.decompress(data[at + 48 : at + 48 + packed])
+    lines = len(plain) // columns if method else 0
+    turned = np.frombuffer(plain, np.uint8, lines * columns).reshape(columns, lines).T.tobytes() if method else b""
+    return turned + plain[len(turned) :]
+
+
+def mdf_bytes(path: Path, place: str) -> bytes:
+    """The bytes of an MDF file that begin at a place."""
+    found, data = BYTE.fullmatch(place), path.read_bytes()
+    assert found
+    return unpacked_mdf(data, number(found[2]))[number(found[3]) :] if found[3] else data[number(found[2]) :]
+
+
+VALUES = [(0.0, 20.123), (0.5, 21.456), (1.0, -3.789), (1.5, 1e6 / 7)]
+T = Channel("T", FLOAT, 8, 64)
+T3 = Channel3("T", DOUBLE, 64, 64)
+
+
+def in_pieces(path: Path, columns: int | None) -> Path:
+    """Records in two blocks of a list; packed, by columns or not, where `columns` says so."""
+    file = Mdf4()
+    halves = [b"".join(struct.pack("<dd", *row) for row in some) for some in (VALUES[:2], VALUES[2:])]
+    blocks = [file.block(b"DT", (), one) if columns is None else file.packed(one, columns) for one in halves]
+    pieces = file.block(b"DL", (0, *blocks), struct.pack("<B3xIQQ", 0, 2, 0, 32))
+    group = file.measured("fast", [SECONDS, T], 4, 16)
+    return file.save(path, file.data_group(group, pieces))
+
+
+def of_two_kinds(path: Path, columns: int | None) -> Path:
+    """Records of two groups, one among the other."""
+    file = Mdf4()
+    one = file.measured("odd", [SECONDS, T], 2, 16, number=1)
+    file.follows(one, file.measured("even", [SECONDS, T], 2, 16, number=2))
+    content = b"".join(struct.pack("<Bdd", 1 + k % 2, *row) for k, row in enumerate(VALUES))
+    at = file.block(b"DT", (), content) if columns is None else file.packed(content, columns)
+    return file.save(path, file.data_group(one, at, id_size=1))
+
+
+def of_version_3(path: Path, columns: int | None) -> Path:
+    file = Mdf3File()
+    ids = columns is not None
+    group = file.group("fast", [SECONDS3, T3], 4, 16, number=1)
+    content = b"".join(ids * b"\1" + struct.pack("<dd", *row) for row in VALUES)
+    return file.save(path, file.data_group(group, content, int(ids)))
+
+
+@pytest.mark.parametrize("columns", [None, 0, 16])
+@pytest.mark.parametrize("make", [in_pieces, of_two_kinds, of_version_3], ids=lambda make: make.__name__)
+def test_at_the_byte_that_is_told_of_an_mdf_record_stands_its_value(
+    make: Callable[[Path, int | None], Path], columns: int | None, tmp_path: Path
+) -> None:
+    path = make(tmp_path / "a.mf4", columns)
+    log = open_log(path)
+    log.sought = [1, 3]
+    assert sum(len(batch.record) for batch in log.batches()) == 4
+    assert sorted(log.places) == [1, 3]
+    for record in (1, 3):
+        assert struct.pack("<dd", *VALUES[record]) == mdf_bytes(path, log.places[record])[:16]
+    assert ("unpacked" in log.places[1]) == (columns is not None and make is not of_version_3)
+
+
+def test_at_the_byte_that_is_told_of_a_frame_in_mf4_stands_its_record() -> None:
+    log, payloads = read("mf4")
+    places = {record: mdf_bytes(log.path, log.places[record]) for record in payloads}
+    assert all(bytes.fromhex(payload) in places[record][:84] for record, payload in payloads.items())
+    assert len({place[:84] for place in places.values()}) == len(payloads) > 2
+
+
+def test_the_row_group_that_is_told_of_a_parquet_row_begins_there_and_holds_it(tmp_path: Path) -> None:
+    values = np.array([20.123, 21.456, -3.789, 1e6 / 7, 42.5])
+    stamps = pa.array(range(1_700_000_000, 1_700_000_005), pa.timestamp("s"))
+    path = tmp_path / "a.parquet"
+    table = pa.table({"T": values, "time": stamps})
+    pq.write_table(table, path, row_group_size=3, compression="NONE", use_dictionary=False)
+    log = open_log(path)
+    log.sought = ALL
+    assert sum(len(batch.record) for batch in log.batches()) == 5
+    data = path.read_bytes()
+    for record, value in enumerate(values):
+        place = re.fullmatch(r"byte ([0-9,]+), row (\d) of the row group (\d) there", log.places[record])
+        assert place
+        group = (values[:3], values[3:])[int(place[3]) - 1]
+        assert group[int(place[2]) - 1] == value
+        stored = group.tobytes()
+        assert stored in data[number(place[1]) : number(place[1]) + len(stored) + 128], "behind the head of its page"
+
+
+def test_the_segment_that_is_told_of_a_tdms_row_begins_there_and_holds_it(tmp_path: Path) -> None:
+    nptdms = pytest.importorskip("nptdms")
+    parts = [np.array([20.123, 21.456]), np.array([-3.789, 1e6 / 7, 42.5]), np.array([1.25])]
+    path = tmp_path / "a.tdms"
+    with nptdms.TdmsWriter(path) as writer:
+        for part in parts:
+            writer.write_segment([nptdms.ChannelObject("Oven", "T", part, {"wf_increment": 0.5})])
+    log = open_log(path)
+    log.sought = ALL
+    assert sum(len(batch.record) for batch in log.batches()) == 6
+    data = path.read_bytes()
+    for record, value in enumerate(np.concatenate(parts)):
+        place = re.fullmatch(r'byte ([0-9,]+), value (\d) of "T" in the segment there', log.places[record])
+        assert place
+        at = number(place[1])
+        assert data[at : at + 4] == b"TDSm"
+        (begin,) = struct.unpack_from("<Q", data, at + 20)
+        assert struct.unpack_from("<d", data, at + 28 + begin + 8 * (int(place[2]) - 1)) == (value,)
+
+
+@pytest.mark.parametrize("packed", [CompressionType.ZSTD, CompressionType.LZ4, CompressionType.NONE])
+@pytest.mark.parametrize("chunks", [True, False])
+def test_at_the_byte_that_is_told_of_an_mcap_message_it_stands(
+    packed: CompressionType, chunks: bool, tmp_path: Path
+) -> None:
+    path = tmp_path / "a.mcap"
+    with path.open("wb") as file:
+        writer = Writer(file, chunk_size=100, compression=packed, use_chunking=chunks)
+        writer.start()
+        channel = writer.register_channel("/motor", "json", 0)
+        for k in range(9):
+            writer.add_message(channel, k, f'{{"T": {20.125 + k}}}'.encode(), k)
+        writer.finish()  # type: ignore[no-untyped-call]
+    log = open_log(path)
+    log.sought = [0, 8]
+    assert sum(len(batch.record) for batch in log.batches()) == 9
+    for record in (0, 8):
+        found, data = BYTE.fullmatch(log.places[record]), path.read_bytes()
+        assert found and bool(found[3]) == chunks
+        at = number(found[2])
+        if chunks:
+            (length,) = struct.unpack_from("<Q", data, at + 1)
+            assert data[at] == Opcode.CHUNK
+            chunk = Chunk.read(ReadDataStream(io.BytesIO(data[at + 9 : at + 9 + length])))
+            data, at = get_chunk_data_stream(chunk)[0].read(chunk.uncompressed_size), number(found[3])
+        (length,) = struct.unpack_from("<Q", data, at + 1)
+        assert (data[at], data[at + 9 + 22 : at + 9 + length]) == (
+            Opcode.MESSAGE,
+            f'{{"T": {20.125 + record}}}'.encode(),
+        )
 
 
 def test_the_line_that_is_told_of_a_table_is_the_row() -> None:
